@@ -1,0 +1,109 @@
+"""Benchmarks of gearlib on this machine: ``make bench``.
+
+Times are medians of repeats after a warm-up, single-threaded unless stated. They inform; no test
+depends on them. Cost per mesh period is the slope between a short and a long run, so that the
+recorded revolution and the start of a run do not count.
+"""
+
+import os
+import platform
+import statistics
+import subprocess
+import sys
+import time
+
+import numba
+import numpy as np
+
+from gearlib import GearPair, simulate, sweep
+
+REPEATS = 7
+DAMPED = GearPair.from_ratios(
+    contact_ratio=1.569, stiffness_ratio=0.5879, damping=0.0617, backlash_damping=0.0617, backlash=4
+)
+
+
+def seconds(call):
+    """Return the median time of `call` over the repeats, after one call not counted."""
+    call()
+    times = []
+    for _ in range(REPEATS):
+        start = time.perf_counter()
+        call()
+        times.append(time.perf_counter() - start)
+    return statistics.median(times)
+
+
+def per_period(tuning, tunings=64, short=200, long=20_200):
+    """Return nanoseconds per mesh period of a cold sweep of equal tunings around `tuning`."""
+    grid = tuning * (1.0 + 1e-9 * np.arange(tunings))
+
+    def run(periods):
+        sweep(DAMPED, grid, periods=periods, record_periods=1, threads=1)
+
+    return (
+        (seconds(lambda: run(long)) - seconds(lambda: run(short))) / (long - short) / tunings * 1e9
+    )
+
+
+def machine():
+    """Return one line about processor, cores and versions."""
+    model = platform.processor() or platform.machine()
+    try:
+        with open("/proc/cpuinfo") as file:
+            model = next(line.split(":")[1].strip() for line in file if "model name" in line)
+    except (OSError, StopIteration):
+        pass
+    return (
+        f"{model}, {os.cpu_count()} cores; Python {platform.python_version()}, "
+        f"numpy {np.__version__}, numba {numba.__version__}"
+    )
+
+
+def child(code):
+    """Return the median time of a fresh Python process that runs `code`."""
+    return seconds(lambda: subprocess.run([sys.executable, "-c", code], check=True))
+
+
+def main():
+    """Print a table of figures, one per line."""
+    print(machine())
+    grid = np.linspace(0.5, 1.4, 901)
+    one = {"periods": 120, "record_periods": 24}
+    chaotic = DAMPED.replace(material_damping=0.0, backlash_damping=0.0)
+    first_point = (
+        "from gearlib import GearPair, simulate;"
+        "simulate(GearPair.from_ratios(contact_ratio=1.5, stiffness_ratio=.6), .8, periods=9)"
+    )
+    rows = [
+        ("cold sweep, nu = 0.9, a bounce in every period", per_period(0.9), "ns per mesh period"),
+        ("cold sweep, nu = 0.7, no bounce", per_period(0.7), "ns per mesh period"),
+        (
+            "simulate, 120 periods, 24 recorded, 256 samples each",
+            seconds(lambda: simulate(DAMPED, 0.9, **one)) * 1e3,
+            "ms",
+        ),
+        (
+            "resonance characteristic, damped, 901 tunings x 120 periods, 1 thread",
+            seconds(lambda: sweep(DAMPED, grid, threads=1, **one)) * 1e3,
+            "ms",
+        ),
+        (
+            "the same, all threads",
+            seconds(lambda: sweep(DAMPED, grid, **one)) * 1e3,
+            "ms",
+        ),
+        (
+            "resonance characteristic, conservative, 1 thread",
+            seconds(lambda: sweep(chaotic, grid, threads=1, **one)) * 1e3,
+            "ms",
+        ),
+        ("fresh process: import gearlib", child("import gearlib"), "s"),
+        ("fresh process, compiled kernels: first simulated point", child(first_point), "s"),
+    ]
+    for name, value, unit in rows:
+        print(f"{name:70s} {value:10.3g} {unit}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,48 @@
+"""gearlib: an open laboratory for the nonlinear dynamics of gear meshes.
+
+======================  ===========================================================
+module                  responsibility
+======================  ===========================================================
+``pair``                parameters of a gear pair; the border between SI and ratios
+``stiffness``           mesh stiffness over one mesh period, Eq. (1) and (2)
+``contact``             flank lines, phases of contact, mesh force
+``core``                compiled kernels: closed forms, crossings, march
+``simulation``          `simulate`: one tuning, time course, events, orbit summary
+``sweeping``            `sweep`: many tunings, orbit summaries
+``kernels``             from a checked gear pair to the arguments of the kernels
+``summary``             from the summary table of the kernels to named variables
+``variables``           names, units and descriptions of every variable
+``status``              how a run ended, and what to do when it could not go on
+``provenance``          what a dataset says of its own making
+``storage``             datasets to and from netCDF
+``checks``              checks of single values, with their messages
+``config``              the typed model of ``config.yaml``
+``gathering``           shards of the workflow into one dataset per experiment
+``claims``              the paper's statements, checked against computed data
+``figures``             one file per figure, functions that return a `Figure`
+======================  ===========================================================
+
+The names below are loaded on first use, so that reading a configuration does
+not pay for the numerical stack.
+"""
+
+from importlib import import_module
+
+_PUBLIC = {
+    "GearPair": "pair",
+    "simulate": "simulation",
+    "sweep": "sweeping",
+}
+
+__all__ = ["GearPair", "simulate", "sweep"]
+__version__ = "0.1.0"
+
+
+def __getattr__(name):
+    if name in _PUBLIC:
+        return getattr(import_module(f"{__name__}.{_PUBLIC[name]}"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__():
+    return sorted([*globals(), *_PUBLIC])

@@ -1,0 +1,74 @@
+"""Checks of single values: one clear sentence naming the key, the value and the range."""
+
+import math
+from numbers import Integral, Real
+
+
+def number(name, value, allowed, accept):
+    """Return `value` as float if it is a real number that `accept` admits.
+
+    Parameters
+    ----------
+    name : str
+        Name of the parameter, for the message.
+    value : object
+        The value to check.
+    allowed : str
+        The allowed range in words, for the message.
+    accept : callable
+        ``accept(float) -> bool``; never called with NaN.
+
+    Raises
+    ------
+    ValueError
+        If `value` is not a real number, is NaN or is refused by `accept`.
+    """
+    # numpy's scalars register as Real; bool does too, but True is no stiffness.
+    if isinstance(value, Real) and not isinstance(value, bool):
+        result = float(value)
+        if not math.isnan(result) and accept(result):
+            return result
+    raise ValueError(f"{name} = {value!r} is not allowed: it must be {allowed}")
+
+
+def finite_positive(name, value):
+    """Return `value` as float if it is finite and > 0, else raise ValueError."""
+    return number(name, value, "a finite number > 0", lambda v: 0.0 < v < math.inf)
+
+
+def finite_nonnegative(name, value):
+    """Return `value` as float if it is finite and >= 0, else raise ValueError."""
+    return number(name, value, "a finite number >= 0", lambda v: 0.0 <= v < math.inf)
+
+
+def integer(name, value, low, high=None):
+    """Return `value` as int if it is an integer in ``low ... high``, else raise ValueError."""
+    if isinstance(value, Integral) and not isinstance(value, bool):
+        if value >= low and (high is None or value <= high):
+            return int(value)
+    allowed = f"an integer >= {low}" if high is None else f"an integer from {low} to {high}"
+    raise ValueError(f"{name} = {value!r} is not allowed: it must be {allowed}")
+
+
+def one_of(name, value, choices):
+    """Return `value` if it is one of `choices`, else raise ValueError."""
+    if value not in choices:
+        raise ValueError(
+            f"{name} = {value!r} is not allowed: it must be one of {', '.join(map(repr, choices))}"
+        )
+    return value
+
+
+def state(name, value):
+    """Return an initial state as two finite floats (displacement, dx/dtau), else raise ValueError."""
+    try:
+        displacement, velocity = value
+        return (
+            number(name, displacement, "finite", math.isfinite),
+            number(name, velocity, "finite", math.isfinite),
+        )
+    except (TypeError, ValueError):
+        raise ValueError(
+            f"{name} = {value!r} is not allowed: it must be two finite numbers "
+            "(displacement in static deflections, dx/dtau)"
+        ) from None

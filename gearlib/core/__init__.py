@@ -1,0 +1,39 @@
+"""Compiled kernels of the one-degree-of-freedom gear mesh: floats and arrays only.
+
+====================  =============================================================
+module                responsibility
+====================  =============================================================
+``jit``               how every kernel is compiled and where its machine code is kept
+``oscillator``        contact: closed form of the damped linear oscillator
+``flight``            backlash: closed form of the free flight under load and oil drag
+``crossing``          first crossing of a flank line, proven to be the first
+``mesh``              all constants of one mesh at one tuning
+``march``             the plain march: arc by arc through a stretch of constant stiffness
+``transit``           the fast march through periods nobody looks at
+``orbit``             what is recorded of an orbit: extrema, fractions, samples, events
+``run``               a whole run, and runs over many tunings
+====================  =============================================================
+
+Units: displacement in static deflections, time as mesh phase tau (2 pi per mesh period).
+Kernels check nothing; the calls above them do.
+"""
+
+
+def warm_up():
+    """Compile every kernel that the public calls use, or load it; return the source hash.
+
+    Parallel jobs that start without machine code would each compile the same kernels.
+    """
+    import numpy as np
+
+    from gearlib.core.jit import source_hash
+    from gearlib.core.mesh import mesh
+    from gearlib.core.orbit import EVENT_COLUMNS, SAMPLE_COLUMNS, SUMMARY_COLUMNS
+    from gearlib.core.run import run, run_many
+
+    ratios = np.array([1.2, 0.7, 1.8, 2.7, 0.06, 0.06, 4.0])
+    rows = np.empty((1, SUMMARY_COLUMNS)), np.empty((1, 2)), np.empty((1, 2), dtype=np.int64)
+    run_many(ratios, np.array([0.9]), np.argsort([0.9]), np.zeros(2), False, 2, 1, 100, *rows)
+    samples, events = np.empty((4, SAMPLE_COLUMNS)), np.empty((4, EVENT_COLUMNS))
+    run(mesh(ratios, 0.9), 0.0, 0.0, 2, 1, samples, events, 100, rows[0][0])
+    return source_hash()

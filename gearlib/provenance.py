@@ -1,0 +1,38 @@
+"""What a dataset says of its own making: canonical, without times, machines or commits.
+
+Two runs of the same calculation must give the same bytes, so whatever changes between them
+stays out of the files.
+"""
+
+import json
+import math
+
+from gearlib import __version__
+
+
+def canonical_json(value):
+    """Return JSON with sorted keys and plain numbers, the same text for the same content."""
+    return json.dumps(_plain(value), sort_keys=True, separators=(",", ":"), allow_nan=False)
+
+
+def _plain(value):
+    if isinstance(value, dict):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
+    if isinstance(value, float) and math.isinf(value):
+        # JSON knows no infinity; an infinite backlash is written as text.
+        return "inf" if value > 0 else "-inf"
+    return value
+
+
+def attributes(title, pair, *, method, **parameters):
+    """Return the global attributes of a dataset, in a fixed order."""
+    return {
+        "Conventions": "CF-1.11",
+        "title": title,
+        "source": f"gearlib {__version__}, method {method}",
+        "references": "Hortel, Skuderova: Engineering Mechanics 14 (2007) 91-104",
+        "gear_pair": canonical_json(pair.as_dict()),
+        "parameters": canonical_json(parameters),
+    }

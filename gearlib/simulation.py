@@ -1,0 +1,151 @@
+"""`simulate`: one gear pair at one tuning, its time course, events and orbit summary."""
+
+import math
+
+import numpy as np
+import xarray as xr
+
+from gearlib import checks, contact, provenance, status, summary
+from gearlib.core import orbit
+from gearlib.core.mesh import mesh
+from gearlib.core.run import run
+from gearlib.kernels import MAX_EVENTS, check_run, check_tuning, ratios
+from gearlib.variables import describe, scales, speed_scales
+
+_FIRST_EVENTS = 64
+
+
+def simulate(
+    pair,
+    tuning,
+    *,
+    periods,
+    record_periods=1,
+    samples_per_period=256,
+    initial_state=(0.0, 0.0),
+    method="exact",
+    max_events=MAX_EVENTS,
+):
+    """Run a gear pair at one tuning and record the end of the run.
+
+    The model is x'' + (2 beta / nu) x' + (c(tau) / nu^2) g(x) = 1 / nu^2 in static deflections
+    and mesh phase, with beta_m instead of beta in the backlash; tau = 0 is the middle of the
+    stretch of maximum stiffness. Every phase is propagated in closed form: there is no step size.
+
+    Parameters
+    ----------
+    pair : GearPair
+    tuning : float
+        nu = mesh frequency / mean eigenfrequency; finite, > 0.
+    periods : int
+        Mesh periods from tau = 0.
+    record_periods : int, default 1
+        How many of them, at the end, are recorded.
+    samples_per_period : int, default 256
+        Equal steps of phase per recorded period; the end of a period is the start of the next
+        and is not repeated.
+    initial_state : tuple of float, default (0, 0)
+        Displacement in static deflections and dx/dtau at tau = 0. The default: flanks just touch.
+    method : {"exact"}
+    max_events : int
+        Most phases of contact and flights in one mesh period before the run gives up.
+
+    Returns
+    -------
+    xarray.Dataset
+        Over ``phase`` (rad, from tau = 0): displacement, velocity, acceleration, stiffness,
+        modified_stiffness, dynamic_force, contact (1 normal, 0 backlash, -1 inverse); at an
+        event or a stiffness switch the value just after it. Over ``event``: event_phase,
+        event_from, event_to, event_velocity, all crossings of flank lines in the recorded
+        periods. Scalars: final_state (component), the orbit summary described at
+        `gearlib.sweep`, the scales to SI, and status. When status is not 0, the run could not go
+        on: all results are NaN and ``status.attrs["message"]`` says what to do.
+
+    Raises
+    ------
+    ValueError
+        Naming the argument, its value and the allowed range.
+
+    References
+    ----------
+    Hortel, Skuderova: Engineering Mechanics 14 (2007) 91-104, Eq. (1)-(3).
+    """
+    tuning = check_tuning("tuning", tuning)
+    samples_per_period = checks.integer("samples_per_period", samples_per_period, 1)
+    periods, record_periods, initial_state, method, max_events = check_run(
+        periods, record_periods, initial_state, method, max_events
+    )
+    samples = np.empty((record_periods * samples_per_period, orbit.SAMPLE_COLUMNS))
+    table = np.empty(orbit.SUMMARY_COLUMNS)
+    x, v, period, events, found, code = run(
+        mesh(ratios(pair), tuning),
+        *initial_state,
+        periods,
+        record_periods,
+        samples,
+        np.empty((_FIRST_EVENTS, orbit.EVENT_COLUMNS)),
+        max_events,
+        table,
+    )
+    end = np.array([x, v])
+    if code != status.OK:
+        for array in (samples, table, end):
+            array[...] = math.nan
+        found = 0
+    step = 2.0 * math.pi / samples_per_period
+    first = (periods - record_periods) * samples_per_period
+    data = {
+        **_time_course(samples, pair.backlash_ratio, code),
+        **_event_table(events[:found]),
+        **summary.variables((), table, end, np.array([period, code]), record_periods),
+        **scales(pair),
+        **speed_scales(pair, tuning),
+        "tuning": tuning,
+    }
+    coords = {
+        "phase": (first + np.arange(len(samples))) * step,
+        "component": list(summary.COMPONENTS),
+    }
+    dataset = describe(xr.Dataset(data, coords))
+    dataset["status"].attrs["message"] = status.MESSAGES[code]
+    dataset.attrs = provenance.attributes(
+        "Time course of a gear mesh",
+        pair,
+        method=method,
+        tuning=tuning,
+        periods=periods,
+        record_periods=record_periods,
+        initial_state=initial_state,
+    )
+    return dataset
+
+
+def _time_course(samples, backlash, code):
+    """Return the variables over ``phase`` from the sample table, shape (n, 5)."""
+    if code == status.OK:
+        touching = samples[:, orbit.SAMPLE_CONTACT].astype(np.int8)
+    else:
+        touching = np.zeros(len(samples), np.int8)
+    x, stiffness = samples[:, orbit.SAMPLE_X], samples[:, orbit.SAMPLE_STIFFNESS]
+    columns = {
+        "displacement": x,
+        "velocity": samples[:, orbit.SAMPLE_V],
+        "acceleration": samples[:, orbit.SAMPLE_A],
+        "stiffness": stiffness,
+        "modified_stiffness": np.where(touching == contact.BACKLASH, 0.0 * stiffness, stiffness),
+        "dynamic_force": stiffness * contact.deflection(x, touching, backlash),
+        "contact": touching,
+    }
+    return {name: (("phase",), values) for name, values in columns.items()}
+
+
+def _event_table(events):
+    """Return the variables over ``event`` from the event table, shape (n, 5)."""
+    phase = 2.0 * math.pi * events[:, orbit.EVENT_PERIOD] + events[:, orbit.EVENT_PHASE]
+    columns = {
+        "event_phase": phase,
+        "event_from": events[:, orbit.EVENT_FROM].astype(np.int8),
+        "event_to": events[:, orbit.EVENT_TO].astype(np.int8),
+        "event_velocity": events[:, orbit.EVENT_VELOCITY].copy(),
+    }
+    return {name: (("event",), values) for name, values in columns.items()}

@@ -1,0 +1,98 @@
+"""Names, units and descriptions of every variable that a dataset may hold.
+
+All displacements are in static deflections F / C_s, all times are mesh phase (rad), so that
+velocities are dx/dtau; the scale variables lead to SI.
+"""
+
+from gearlib import contact, status
+
+#: name -> (CF units, long_name)
+DESCRIPTIONS = {
+    # coordinates
+    "phase": ("rad", "mesh phase, 2 pi per mesh period"),
+    "tuning": ("1", "tuning nu, mesh frequency over mean eigenfrequency"),
+    "component": ("1", "component of the state"),
+    "event": ("1", "number of the event"),
+    # time courses
+    "displacement": ("1", "relative mesh displacement in static deflections"),
+    "velocity": ("1", "relative mesh velocity dx/dtau in static deflections"),
+    "acceleration": ("1", "relative mesh acceleration d2x/dtau2 in static deflections"),
+    "stiffness": ("1", "mesh stiffness over mean mesh stiffness"),
+    "modified_stiffness": ("1", "modified stiffness function C (H1 + H2) over mean mesh stiffness"),
+    "dynamic_force": ("1", "dynamic mesh force over load"),
+    "contact": ("1", "phase of contact"),
+    # events
+    "event_phase": ("rad", "mesh phase of the crossing of a flank line"),
+    "event_from": ("1", "phase of contact before the event"),
+    "event_to": ("1", "phase of contact after the event"),
+    "event_velocity": ("1", "relative mesh velocity dx/dtau at the event"),
+    # summary of the recorded orbit
+    "displacement_max": ("1", "largest displacement in static deflections"),
+    "displacement_min": ("1", "smallest displacement in static deflections"),
+    "dynamic_force_max": ("1", "largest dynamic mesh force over load"),
+    "dynamic_force_min": ("1", "smallest dynamic mesh force over load"),
+    "fraction_normal": ("1", "fraction of time in normal mesh"),
+    "fraction_backlash": ("1", "fraction of time in the backlash"),
+    "fraction_inverse": ("1", "fraction of time in inverse mesh"),
+    "fraction_min_stiffness": ("1", "fraction of time in mesh at the lower stiffness"),
+    "bounces": ("1", "losses of normal contact per mesh period"),
+    "period": ("1", "period of the orbit in mesh periods, 0 if none up to 16 was found"),
+    "final_state": ("1", "displacement and dx/dtau at the end of the run, in static deflections"),
+    "status": ("1", "how the run ended"),
+    # scales to SI
+    "static_deflection": ("m", "static deflection, scale of displacements"),
+    "mesh_frequency": ("rad s-1", "angular mesh frequency, phase over time"),
+    "velocity_scale": ("m s-1", "scale of velocities"),
+    "acceleration_scale": ("m s-2", "scale of accelerations"),
+    "force_scale": ("N", "load, scale of forces"),
+    "stiffness_scale": ("N m-1", "mean mesh stiffness, scale of stiffnesses"),
+    "backlash_ratio": ("1", "backlash in static deflections"),
+    "tuning_factor_max": ("1", "tuning towards the maximum stiffness over tuning"),
+    "tuning_factor_min": ("1", "tuning towards the minimum stiffness over tuning"),
+}
+
+_FLAGS = {
+    "contact": contact.FLAGS,
+    "event_from": contact.FLAGS,
+    "event_to": contact.FLAGS,
+    "status": status.FLAGS,
+}
+
+
+def describe(dataset):
+    """Give every variable of `dataset` its units, long_name and flags; return the dataset.
+
+    Raises
+    ------
+    KeyError
+        If a variable has no entry here: nothing leaves without units.
+    """
+    for name, variable in dataset.variables.items():
+        units, long_name = DESCRIPTIONS[name]
+        if variable.dtype.kind not in "OUST":
+            variable.attrs["units"] = units
+        variable.attrs["long_name"] = long_name
+        variable.attrs.update(_FLAGS.get(name, {}))
+    return dataset
+
+
+def scales(pair):
+    """Return the scalar variables that depend on the pair alone, as name -> value."""
+    return {
+        "static_deflection": pair.static_deflection,
+        "force_scale": pair.load,
+        "stiffness_scale": pair.mean_stiffness,
+        "backlash_ratio": pair.backlash_ratio,
+        "tuning_factor_max": pair.tuning_factor_max,
+        "tuning_factor_min": pair.tuning_factor_min,
+    }
+
+
+def speed_scales(pair, tuning):
+    """Return mesh frequency, velocity and acceleration scale at a tuning (float or array)."""
+    frequency = pair.mesh_frequency(tuning)
+    return {
+        "mesh_frequency": frequency,
+        "velocity_scale": pair.static_deflection * frequency,
+        "acceleration_scale": pair.static_deflection * frequency**2,
+    }

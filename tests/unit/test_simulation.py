@@ -1,0 +1,173 @@
+"""The public calls: shape of the datasets, consistency among their parts, refusals, failures."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from gearlib import GearPair, simulate, storage, sweep
+
+PAIR = GearPair.from_ratios(
+    contact_ratio=1.569, stiffness_ratio=0.5879, damping=0.0617, backlash_damping=0.0617, backlash=4
+)
+CHAOTIC = PAIR.replace(material_damping=0.0, backlash_damping=0.0)
+RUN = {"periods": 60, "record_periods": 4}
+
+
+@pytest.fixture(scope="module")
+def bouncing():
+    return simulate(PAIR, 0.9, samples_per_period=512, **RUN)
+
+
+def test_phase_is_counted_from_the_start(bouncing):
+    assert bouncing.sizes["phase"] == 4 * 512
+    assert bouncing.phase[0] == pytest.approx(2 * math.pi * 56, rel=1e-15)
+    np.testing.assert_allclose(np.diff(bouncing.phase), 2 * math.pi / 512, rtol=1e-9)
+
+
+def test_time_course_agrees_with_the_summary(bouncing):
+    # The exact extrema lie beyond the samples by at most acc (d tau / 2)^2 / 2 < 1e-4.
+    high, low = bouncing.displacement.max(), bouncing.displacement.min()
+    assert 0 <= bouncing.displacement_max - high < 1e-4
+    assert 0 <= low - bouncing.displacement_min < 1e-4
+    force = bouncing.dynamic_force
+    assert 0 <= bouncing.dynamic_force_max - force.max() < 1e-4
+    # A fraction counted on samples misses at most one sample per event.
+    share = float((bouncing.contact == 0).mean())
+    assert float(bouncing.fraction_backlash) == pytest.approx(share, abs=4 / 512)
+    in_mesh_low = (bouncing.contact != 0) & (bouncing.stiffness < 1.0)
+    assert float(bouncing.fraction_min_stiffness) == pytest.approx(in_mesh_low.mean(), abs=4 / 512)
+    total = bouncing.fraction_normal + bouncing.fraction_backlash + bouncing.fraction_inverse
+    assert float(total) == pytest.approx(1.0, abs=1e-13)
+
+
+def test_equation_of_motion_holds_at_every_sample(bouncing):
+    d = bouncing
+    damping = np.where(d.contact == 0, PAIR.backlash_damping_ratio, PAIR.damping_ratio)
+    residual = d.acceleration + 2 * damping / 0.9 * d.velocity + (d.dynamic_force - 1) / 0.81
+    # Rounding of a sum of terms of order one.
+    assert float(abs(residual).max()) < 1e-13
+    assert np.array_equal(d.modified_stiffness, d.stiffness * (d.contact != 0))
+
+
+def test_events_alternate_and_agree_with_contact(bouncing):
+    d = bouncing
+    assert d.sizes["event"] == 8 and float(d.bounces) == 1.0 and int(d.period) == 1
+    assert d.event_from.values.tolist() == [1, 0] * 4
+    assert d.event_to.values.tolist() == [0, 1] * 4
+    assert np.all(np.sign(d.event_velocity) == np.where(d.event_to == 0, -1, 1))
+    for phase, before, after in zip(d.event_phase, d.event_from, d.event_to, strict=True):
+        assert d.contact.sel(phase=phase, method="ffill") == before
+        assert d.contact.sel(phase=phase, method="bfill") == after
+
+
+def test_run_can_be_continued(bouncing):
+    first = simulate(PAIR, 0.9, periods=23)
+    second = simulate(PAIR, 0.9, periods=37, initial_state=tuple(first.final_state.values))
+    # The stretch in the middle is the same arc, cut elsewhere: rounding only, damped away.
+    np.testing.assert_allclose(second.final_state, bouncing.final_state, atol=1e-13)
+
+
+def test_every_variable_has_units_and_name(bouncing):
+    for name, variable in bouncing.variables.items():
+        assert variable.attrs["long_name"], name
+        assert "units" in variable.attrs or name == "component"
+    assert json.loads(bouncing.attrs["gear_pair"])["contact_ratio"] == 1.569
+
+
+def test_netcdf_round_trip_and_same_bytes(bouncing, tmp_path):
+    storage.write(bouncing, tmp_path / "a" / "one.nc")
+    storage.write(simulate(PAIR, 0.9, samples_per_period=512, **RUN), tmp_path / "two.nc")
+    xr.testing.assert_identical(storage.read(tmp_path / "two.nc"), bouncing)
+    assert (tmp_path / "a" / "one.nc").read_bytes() == (tmp_path / "two.nc").read_bytes()
+    assert [path.name for path in (tmp_path / "a").iterdir()] == ["one.nc"]
+
+
+@pytest.mark.parametrize("pair", [PAIR, CHAOTIC])
+def test_sweep_equals_single_runs(pair):
+    grid = [0.9, 0.7, 1.2]
+    result = sweep(pair, grid, **RUN)
+    assert result.tuning.values.tolist() == grid
+    for tuning in grid:
+        one, many = simulate(pair, tuning, **RUN), result.sel(tuning=tuning)
+        for name in many.data_vars:
+            np.testing.assert_array_equal(one[name].values, many[name].values, err_msg=name)
+
+
+def test_result_does_not_depend_on_threads():
+    grid = np.linspace(0.5, 1.4, 200)
+    one = sweep(CHAOTIC, grid, threads=1, **RUN)
+    xr.testing.assert_identical(one, sweep(CHAOTIC, grid, threads=7, **RUN))
+
+
+@pytest.mark.parametrize(("direction", "order"), [("up", 1), ("down", -1)])
+def test_carried_sweep_is_a_chain_of_runs(direction, order):
+    grid = np.linspace(0.78, 0.86, 9)
+    result = sweep(PAIR, grid[::-1], direction=direction, **RUN)
+    state = (0.0, 0.0)
+    for tuning in grid[::order]:
+        one = simulate(PAIR, tuning, initial_state=state, **RUN)
+        state = tuple(one.final_state.values)
+        np.testing.assert_array_equal(result.final_state.sel(tuning=tuning), state)
+
+
+def test_hysteresis_between_up_and_down():
+    # Around the fold near nu = 0.81 both a smooth and a bouncing orbit exist (paper, Fig. 3).
+    grid = np.arange(0.76, 0.90, 0.002)
+    settle = {"periods": 300, "record_periods": 10}
+    up = sweep(PAIR, grid, direction="up", **settle)
+    down = sweep(PAIR, grid, direction="down", **settle)
+    assert float(abs(up.displacement_max - down.displacement_max).max()) > 0.5
+
+
+def test_constant_stiffness_comes_to_rest():
+    pair = GearPair.from_ratios(contact_ratio=1.4, stiffness_ratio=1.0, damping=0.1)
+    end = simulate(pair, 0.8, periods=200)
+    # x = 1 is the static deflection; the transient has decayed to below rounding.
+    np.testing.assert_allclose(end.final_state, [1.0, 0.0], atol=1e-15)
+    assert int(end.period) == 1
+
+
+def test_event_limit_is_a_status_not_a_number():
+    stuck = simulate(CHAOTIC, 0.05, periods=3, max_events=5)
+    assert int(stuck.status) == 1 and "raise max_events" in stuck.status.attrs["message"]
+    assert stuck.displacement.isnull().all() and stuck.final_state.isnull().all()
+    assert stuck.sizes["event"] == 0
+    table = sweep(CHAOTIC, [0.05], periods=300, record_periods=1, max_events=5)
+    assert table.status.values.tolist() == [1] and table.displacement_max.isnull().all()
+
+
+def test_overflow_is_a_status_not_a_number():
+    # No backlash, no damping, inside the principal tongue nu = 2: the motion grows for ever.
+    pair = GearPair.from_ratios(contact_ratio=1.5, stiffness_ratio=0.3, backlash=0.0)
+    blown = simulate(pair, 2.0, periods=5000)
+    assert int(blown.status) == 2 and "damping" in blown.status.attrs["message"]
+    assert blown.displacement.isnull().all()
+
+
+@pytest.mark.parametrize(
+    ("call", "part"),
+    [
+        (lambda: simulate(PAIR, 0.0, periods=1), "tuning = 0.0"),
+        (lambda: simulate(PAIR, math.nan, periods=1), "tuning = nan"),
+        (lambda: simulate(PAIR, 0.8, periods=0), "periods = 0"),
+        (lambda: simulate(PAIR, 0.8, periods=2.5), "periods = 2.5"),
+        (lambda: simulate(PAIR, 0.8, periods=2, record_periods=3), "record_periods = 3"),
+        (lambda: simulate(PAIR, 0.8, periods=2, samples_per_period=0), "samples_per_period = 0"),
+        (lambda: simulate(PAIR, 0.8, periods=2, initial_state=(0.0,)), "initial_state = (0.0,)"),
+        (lambda: simulate(PAIR, 0.8, periods=2, initial_state=(math.inf, 0.0)), "initial_state"),
+        (lambda: simulate(PAIR, 0.8, periods=2, method="ode45"), "'exact'"),
+        (lambda: sweep(PAIR, [], periods=2, record_periods=1), "tunings = []"),
+        (lambda: sweep(PAIR, [0.8, -1.0], periods=2, record_periods=1), "tunings[1] = -1.0"),
+        (lambda: sweep(PAIR, [0.8, 0.8], periods=2, record_periods=1), "0.8 twice"),
+        (lambda: sweep(PAIR, ["a"], periods=2, record_periods=1), "tunings[0] = 'a'"),
+        (lambda: sweep(PAIR, [0.8], periods=2, record_periods=1, direction="left"), "'left'"),
+        (lambda: sweep(PAIR, [0.8], periods=2, record_periods=1, threads=0), "threads = 0"),
+    ],
+)
+def test_wrong_input_names_key_and_value(call, part):
+    with pytest.raises(ValueError) as error:
+        call()
+    assert part in str(error.value) and "must be" in str(error.value)
