@@ -21,8 +21,3 @@ FLAGS = {
     "flag_meanings": "inverse_mesh backlash normal_mesh",
 }
 
-
-def deflection(displacement, contact, backlash):
-    """Return g(x) of arrays of displacement and contact code; `backlash` may be infinite."""
-    far = np.where(contact == INVERSE, displacement + backlash, 0.0)
-    return np.where(contact == NORMAL, displacement, far)

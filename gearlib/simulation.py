@@ -95,7 +95,7 @@ def simulate(
     step = 2.0 * math.pi / samples_per_period
     first = (periods - record_periods) * samples_per_period
     data = {
-        **_time_course(samples, pair.backlash_ratio, code),
+        **_time_course(samples, code),
         **_event_table(events[:found]),
         **summary.variables((), table, end, np.array([period, code]), record_periods),
         **scales(pair),
@@ -120,20 +120,20 @@ def simulate(
     return dataset
 
 
-def _time_course(samples, backlash, code):
-    """Return the variables over ``phase`` from the sample table, shape (n, 5)."""
+def _time_course(samples, code):
+    """Return the variables over ``phase`` from the sample table, shape (n, 6)."""
     if code == status.OK:
         touching = samples[:, orbit.SAMPLE_CONTACT].astype(np.int8)
     else:
         touching = np.zeros(len(samples), np.int8)
-    x, stiffness = samples[:, orbit.SAMPLE_X], samples[:, orbit.SAMPLE_STIFFNESS]
+    stiffness = samples[:, orbit.SAMPLE_STIFFNESS]
     columns = {
-        "displacement": x,
+        "displacement": samples[:, orbit.SAMPLE_X],
         "velocity": samples[:, orbit.SAMPLE_V],
         "acceleration": samples[:, orbit.SAMPLE_A],
         "stiffness": stiffness,
         "modified_stiffness": np.where(touching == contact.BACKLASH, 0.0 * stiffness, stiffness),
-        "dynamic_force": stiffness * contact.deflection(x, touching, backlash),
+        "dynamic_force": samples[:, orbit.SAMPLE_FORCE],
         "contact": touching,
     }
     return {name: (("phase",), values) for name, values in columns.items()}

@@ -18,7 +18,7 @@ from numba import njit
 def source_hash():
     """Return the hash (16 hex digits) of all kernel sources."""
     digest = hashlib.sha256()
-    for path in sorted(Path(__file__).parent.glob("*.py")):
+    for path in sorted(Path(__file__).parent.rglob("*.py")):
         digest.update(path.name.encode())
         digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
@@ -41,17 +41,28 @@ def _cache_directory():
 _DIRECTORY = _cache_directory()
 
 
+def _compile(function, **options):
+    # numba reads the directory when it decorates; it is put back so that the
+    # caller's own kernels stay where the caller wants them.
+    before = numba.config.CACHE_DIR
+    numba.config.CACHE_DIR = _DIRECTORY
+    try:
+        return njit(cache=True, fastmath=False, error_model="numpy", nogil=True, **options)(
+            function
+        )
+    finally:
+        numba.config.CACHE_DIR = before
+
+
 def kernel(function):
     """Compile `function` with the settings that all kernels share.
 
     ``fastmath=False``: the order of events hangs on the last digits. ``error_model="numpy"``: a
     division by zero gives infinity, which the kernels rely on. ``nogil``: sweeps run in threads.
     """
-    # numba reads the directory when it decorates; it is put back so that the
-    # caller's own kernels stay where the caller wants them.
-    before = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = _DIRECTORY
-    try:
-        return njit(cache=True, fastmath=False, error_model="numpy", nogil=True)(function)
-    finally:
-        numba.config.CACHE_DIR = before
+    return _compile(function)
+
+
+def inlined(function):
+    """Compile `function` into its callers: for steps whose arguments cost more than their work."""
+    return _compile(function, forceinline=True)

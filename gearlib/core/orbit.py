@@ -25,13 +25,15 @@ from gearlib.core.oscillator import UNDERDAMPED, evolve, turning_time
 SUMMARY_COLUMNS = 9
 
 # Columns of the sample table and of the event table.
-SAMPLE_X, SAMPLE_V, SAMPLE_A, SAMPLE_CONTACT, SAMPLE_STIFFNESS = range(5)
-SAMPLE_COLUMNS = 5
+SAMPLE_X, SAMPLE_V, SAMPLE_A, SAMPLE_CONTACT, SAMPLE_STIFFNESS, SAMPLE_FORCE = range(6)
+SAMPLE_COLUMNS = 6
 EVENT_PERIOD, EVENT_PHASE, EVENT_FROM, EVENT_TO, EVENT_VELOCITY = range(5)
 EVENT_COLUMNS = 5
 
 #: Longest orbit that is looked for, in mesh periods.
 MAX_PERIOD = 16
+#: Mesh periods before the end whose states are kept, to compare two spans of the longest orbit.
+STROBE_PERIODS = 2 * MAX_PERIOD - 1
 #: Stroboscopic states this close, in units of the orbit's height (or of the static deflection if
 #: that is larger), are the same: far above the rounding of a run, far below a visible difference.
 SAME_STATE = 1e-6
@@ -101,6 +103,21 @@ def add_arcs(m, arcs, count, summary):
 
 
 @kernel
+def add_event(events, found, period, phase, before, after, velocity):
+    """Append one event to the table, enlarged as needed; return (events, rows in use)."""
+    if found == events.shape[0]:
+        larger = np.empty((2 * found + 16, EVENT_COLUMNS))
+        larger[:found] = events
+        events = larger
+    events[found, EVENT_PERIOD] = period
+    events[found, EVENT_PHASE] = phase
+    events[found, EVENT_FROM] = before
+    events[found, EVENT_TO] = after
+    events[found, EVENT_VELOCITY] = velocity
+    return events, found + 1
+
+
+@kernel
 def add_events(arcs, count, previous, period, events, found):
     """Append the changes of contact between successive arcs to the event table.
 
@@ -110,16 +127,9 @@ def add_events(arcs, count, previous, period, events, found):
     for i in range(count):
         contact = arcs[i, CONTACT]
         if contact != previous:
-            if found == events.shape[0]:
-                larger = np.empty((2 * found + 16, EVENT_COLUMNS))
-                larger[:found] = events
-                events = larger
-            events[found, EVENT_PERIOD] = period
-            events[found, EVENT_PHASE] = arcs[i, START]
-            events[found, EVENT_FROM] = previous
-            events[found, EVENT_TO] = contact
-            events[found, EVENT_VELOCITY] = arcs[i, VELOCITY]
-            found += 1
+            events, found = add_event(
+                events, found, period, arcs[i, START], previous, contact, arcs[i, VELOCITY]
+            )
             previous = contact
     return events, found, previous
 
@@ -138,7 +148,7 @@ def count_bounces(arcs, count, previous):
 
 @kernel
 def sample_arcs(m, arcs, count, samples):
-    """Fill `samples`, shape (n, 5), with the states at n equal steps of one mesh period.
+    """Fill `samples`, shape (n, 6), with the states at n equal steps of one mesh period.
 
     At an event or a stiffness switch the state just after it is taken.
     """
@@ -153,17 +163,19 @@ def sample_arcs(m, arcs, count, samples):
         x, v, t = arcs[i, DISPLACEMENT], arcs[i, VELOCITY], t - arcs[i, START]
         if contact == BACKLASH:
             x, v = fly(m.drag, m.pull, x, v, t)
-            acceleration = m.pull - 2.0 * m.drag * v
+            acceleration, force = m.pull - 2.0 * m.drag * v, 0.0
         else:
             shift = lev.rest if contact == NORMAL else lev.rest - m.gap
             u, v = evolve(lev, x - shift, v, t)
             acceleration = -2.0 * lev.a * v - lev.square * u
+            force = lev.stiffness * (u + lev.rest)
             x = u + shift
         samples[k, SAMPLE_X] = x
         samples[k, SAMPLE_V] = v
         samples[k, SAMPLE_A] = acceleration
         samples[k, SAMPLE_CONTACT] = contact
         samples[k, SAMPLE_STIFFNESS] = lev.stiffness
+        samples[k, SAMPLE_FORCE] = force
 
 
 @kernel

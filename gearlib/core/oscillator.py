@@ -16,7 +16,7 @@ with w^2 = |W^2 - a^2|.
 import math
 from typing import NamedTuple
 
-from gearlib.core.jit import kernel
+from gearlib.core.jit import inlined, kernel
 
 UNDERDAMPED, CRITICAL, OVERDAMPED = 1, 0, -1
 
@@ -43,7 +43,7 @@ def level(stiffness, damping, tuning):
     return Level(a, natural * natural, math.sqrt(abs(difference)), kind, 1.0 / stiffness, stiffness)
 
 
-@kernel
+@inlined
 def propagators(lev, t):
     """Return (C(t), S(t))."""
     if lev.kind == UNDERDAMPED:
@@ -58,7 +58,7 @@ def propagators(lev, t):
     return decay * (2.0 + fast), -decay * fast / lev.w
 
 
-@kernel
+@inlined
 def evolve(lev, u, v, t):
     """Return (u(t), u'(t)) from (u, v) at 0."""
     c, s = propagators(lev, t)

@@ -12,8 +12,6 @@ from gearlib.core.transit import transit
 
 OK, EVENT_LIMIT, OVERFLOW = 0, 1, 2
 
-#: Stroboscopic states wanted before the end, to compare two spans of the longest orbit.
-_STROBE_PERIODS = 2 * orbit.MAX_PERIOD - 1
 _FIRST_ARCS = 32
 
 
@@ -44,7 +42,7 @@ def run(m, x, v, periods, record_periods, samples, events, limit, summary):
         Displacement in static deflections and dx/dtau at tau = 0.
     periods, record_periods : int
         Mesh periods of the run; of its end that is recorded.
-    samples : ndarray, shape (record_periods * n, 5)
+    samples : ndarray, shape (record_periods * n, 6)
         Filled with n equal steps per recorded period; n = 0 for none.
     events : ndarray, shape (k, 5)
         Buffer of the event table, enlarged as needed; k = 0 for no table.
@@ -67,8 +65,8 @@ def run(m, x, v, periods, record_periods, samples, events, limit, summary):
         OK, EVENT_LIMIT or OVERFLOW.
     """
     orbit.clear_summary(summary)
-    strobe_periods = min(periods, max(record_periods, _STROBE_PERIODS))
-    kept = min(strobe_periods, _STROBE_PERIODS)
+    strobe_periods = min(periods, max(record_periods, orbit.STROBE_PERIODS))
+    kept = min(strobe_periods, orbit.STROBE_PERIODS)
     strobes = np.empty((kept + 1, 2))
     want_events = events.shape[0] > 0
     per_period = samples.shape[0] // record_periods

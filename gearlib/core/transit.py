@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 from gearlib.core.crossing import descent_time
 from gearlib.core.flight import climb_time, fly, lowest_time, phi
-from gearlib.core.jit import kernel
+from gearlib.core.jit import inlined, kernel
 from gearlib.core.march import march, within_range
 from gearlib.core.mesh import BACKLASH, INVERSE, NORMAL
 from gearlib.core.oscillator import UNDERDAMPED, evolve, propagators
@@ -68,7 +68,7 @@ def stretch_map(lev, length):
     )
 
 
-@kernel
+@inlined
 def pass_stretch(along, x, v):
     """Return (x, v, safe) at the end of a stretch; `safe` if it is proven to stay in contact."""
     end_x = along.xx * x + along.xv * v + along.x0
@@ -80,7 +80,7 @@ def pass_stretch(along, x, v):
     return end_x, end_v, form < along.bound
 
 
-@kernel
+@inlined
 def warm_exit(lev, u, v, guess, horizon):
     """Return (t, speed): leaving of the normal flank near `guess`, proven first; else t = -1."""
     p = v + lev.a * u
@@ -106,7 +106,7 @@ def warm_exit(lev, u, v, guess, horizon):
     return -1.0, 0.0
 
 
-@kernel
+@inlined
 def return_flight(m, v, guess):
     """Return (duration, landing speed) of a flight from x = 0 that cannot reach the far flank."""
     b, f = m.drag, m.pull
