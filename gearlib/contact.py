@@ -20,4 +20,3 @@ FLAGS = {
     "flag_values": np.array([INVERSE, BACKLASH, NORMAL], dtype=np.int8),
     "flag_meanings": "inverse_mesh backlash normal_mesh",
 }
-

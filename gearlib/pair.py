@@ -123,16 +123,19 @@ class GearPair:
         """
         damping = checks.finite_nonnegative("damping", damping)
         backlash_damping = checks.finite_nonnegative("backlash_damping", backlash_damping)
-        mean = mean_over_max(_contact_ratio(contact_ratio), _stiffness_ratio(stiffness_ratio))
+        over_max = mean_over_max(_contact_ratio(contact_ratio), _stiffness_ratio(stiffness_ratio))
+        # The mean stiffness is 1 up to rounding. Mass and load are the very same number, so that
+        # static deflection and eigenfrequency are exactly 1 and ratios keep their last digit.
+        unit = 1.0 / over_max * over_max
         return cls(
-            max_stiffness=1.0 / mean,
+            max_stiffness=1.0 / over_max,
             stiffness_ratio=stiffness_ratio,
             contact_ratio=contact_ratio,
-            reduced_mass=1.0,
-            load=1.0,
+            reduced_mass=unit,
+            load=unit,
             backlash=backlash,
-            material_damping=2.0 * damping,
-            backlash_damping=2.0 * backlash_damping,
+            material_damping=2.0 * damping * unit,
+            backlash_damping=2.0 * backlash_damping * unit,
             teeth=teeth,
         )
 

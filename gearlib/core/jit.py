@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numba
 from numba import njit
+from numba.core.caching import UserProvidedCacheLocator
 
 
 def source_hash():
@@ -41,17 +42,31 @@ def _cache_directory():
 _DIRECTORY = _cache_directory()
 
 
+class SharedLocator(UserProvidedCacheLocator):
+    """numba's folder given by the user, without its subfolder for the path of the checkout.
+
+    The name of the folder says which sources it belongs to, so that every checkout of the same
+    sources shares their machine code.
+    """
+
+    @classmethod
+    def get_suitable_cache_subpath(cls, py_file):
+        """Return the subfolder for a source file: that of its package."""
+        return Path(py_file).parent.name
+
+
 def _compile(function, **options):
     # numba reads the directory when it decorates; it is put back so that the
     # caller's own kernels stay where the caller wants them.
-    before = numba.config.CACHE_DIR
+    before = numba.config.CACHE_DIR, numba.config.CACHE_LOCATOR_CLASSES
     numba.config.CACHE_DIR = _DIRECTORY
+    numba.config.CACHE_LOCATOR_CLASSES = f"{__name__}.{SharedLocator.__name__}"
     try:
         return njit(cache=True, fastmath=False, error_model="numpy", nogil=True, **options)(
             function
         )
     finally:
-        numba.config.CACHE_DIR = before
+        numba.config.CACHE_DIR, numba.config.CACHE_LOCATOR_CLASSES = before
 
 
 def kernel(function):

@@ -39,7 +39,9 @@ def test_ratios_come_back():
     # Unit scales: only the rounding of the mean stiffness, one part in 2^52, may show.
     assert pair.damping_ratio == pytest.approx(0.0624, rel=1e-15)
     assert pair.backlash_damping_ratio == pytest.approx(0.01, rel=1e-15)
-    assert pair.backlash_ratio == pytest.approx(4.0, rel=1e-15)
+    # Exactly: a state on the far flank must lie on it.
+    assert pair.backlash_ratio == 4.0 and pair.static_deflection == 1.0
+    assert pair.mean_eigenfrequency == 1.0
     assert pair.mean_stiffness == pytest.approx(1.0, rel=1e-15)
     assert pair.teeth == 31
 

@@ -1,0 +1,40 @@
+# make         set up .venv with the pinned packages and compute everything, results/
+# make test    the same set-up and all checks: style, imports, tests (a small workflow included)
+# make bench   speed of the library on this machine
+# make report  results/report.html, all figures and claims on one page
+# make clean   remove the results; `make distclean` the environment as well
+
+PYTHON ?= python3
+JOBS ?= 2
+BIN := .venv/bin
+INSTALLED := .venv/installed.stamp
+
+.PHONY: all test bench report clean distclean
+
+all: $(INSTALLED)
+	$(BIN)/snakemake -j$(JOBS)
+
+test: $(INSTALLED)
+	$(BIN)/ruff check .
+	$(BIN)/lint-imports
+	$(BIN)/python -m pytest
+
+bench: $(INSTALLED)
+	$(BIN)/python benchmarks/run.py
+
+report: all
+	$(BIN)/snakemake --report results/report.html
+
+$(INSTALLED): pyproject.toml requirements/constraints.txt
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+	    { echo "Python 3.11 or newer is needed: make PYTHON=python3.12" >&2; exit 1; }
+	test -x $(BIN)/python || $(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --constraint requirements/constraints.txt \
+	    --editable '.[workflow,test]'
+	touch $@
+
+clean:
+	rm -rf results .snakemake
+
+distclean: clean
+	rm -rf .venv

@@ -1,0 +1,80 @@
+"""Fig. 5: phase planes of the recorded revolution, a row per tuning, a column per damping."""
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from gearlib.figures import style
+
+_CELL_HEIGHT, _HEAD = 1.25, 0.7
+
+#: Room around the orbits of a row, in shares of their extent.
+_MARGIN = 0.06
+
+
+@style.styled()
+def draw(phase_planes, *, colours=None):
+    """Draw a grid of phase planes {y'; y}.
+
+    Parameters
+    ----------
+    phase_planes : xarray.Dataset
+        As gathered: displacement and velocity over (damping, tuning, phase), period over
+        (damping, tuning), the scalar backlash_ratio.
+    colours : dict of str to str, optional
+        Colours of the dampings by name.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Axes are common to a row. Each cell says whether the orbit is steady, that is repeats
+        after n mesh periods. A run that could not go on (NaN) says so.
+    """
+    tunings = phase_planes.tuning.values
+    looks = style.looks([str(name) for name in phase_planes.damping.values], colours)
+    figure = Figure((style.PAGE_WIDTH, _HEAD + _CELL_HEIGHT * tunings.size), layout="constrained")
+    grid = figure.subplots(tunings.size, len(looks), squeeze=False, sharex="row", sharey="row")
+    for axes, name in zip(grid[0], looks, strict=True):
+        axes.set_title(style.damping_label(name))
+    for axes in grid[-1]:
+        axes.set_xlabel("$y$ (static defl.)")
+    for row, tuning in zip(grid, tunings, strict=True):
+        runs = phase_planes.sel(tuning=tuning)
+        row[0].set_xlim(*_limits(runs.displacement.values))
+        row[0].set_ylim(*_limits(runs.velocity.values))
+        row[0].set_ylabel(f"$\\nu_s$ = {tuning:.2f}\n$dy/d\\tau$")
+        for axes, (name, look) in zip(row, looks.items(), strict=True):
+            _draw_cell(axes, runs.sel(damping=name), look.colour)
+    return figure
+
+
+def _limits(values):
+    """Return limits around the finite values, zero included."""
+    finite = values[np.isfinite(values)]
+    low, high = min(finite.min(initial=0.0), 0.0), max(finite.max(initial=0.0), 0.0)
+    margin = _MARGIN * (high - low) or 1.0
+    return low - margin, high + margin
+
+
+def _draw_cell(axes, run, colour):
+    """Draw one phase plane with its areas and its label."""
+    style.shade_areas(axes, float(run.backlash_ratio), "x")
+    x, v = run.displacement.values, run.velocity.values
+    period = int(run.period)
+    if not np.isfinite(x).all():
+        label = "no result"
+    elif period:
+        label = f"steady, {period} mesh period{'s' if period > 1 else ''}"
+        # The record holds whole orbits: its end is its start.
+        x, v = np.append(x, x[0]), np.append(v, v[0])
+    else:
+        label = "unsteady"
+    axes.plot(x, v, color=colour, linewidth=0.8 if period else 0.3)
+    axes.annotate(
+        label,
+        (0.03, 0.97),
+        xycoords="axes fraction",
+        ha="left",
+        va="top",
+        fontsize=6,
+        bbox={"boxstyle": "round,pad=0.15", "facecolor": "white", "alpha": 0.8, "lw": 0},
+    )

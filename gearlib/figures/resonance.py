@@ -1,0 +1,217 @@
+"""Fig. 3: resonance characteristics, the largest and smallest displacement over the tuning.
+
+Above, the paper's picture with its three scales of tuning. Below, one panel for each damping: the
+sweeps up and down over the cold one, so that the hysteresis shows.
+"""
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from gearlib.figures import style
+
+#: The picture holds all steady orbits and this share of the others; chaotic orbits of an undamped
+#: mesh are now and then ten times larger than the rest, and would flatten it.
+SHOWN_SHARE = 0.95
+
+#: Symbols along a line: enough to recognise it, few enough to see through.
+SYMBOLS = 14
+
+_EXTREMA = ("displacement_max", "displacement_min")
+_MAIN_HEIGHT, _PANEL_HEIGHT, _COLUMNS = 4.2, 1.8, 2
+_Y_LABEL = r"$y_\mathrm{max}$, $y_\mathrm{min}$ (static deflections)"
+_SHORT_Y_LABEL = "$y$ (static defl.)"
+
+#: How sweeps that carry their state are told apart, and from the cold one below them.
+_CARRIED = {"up": ("-", ">"), "down": ((0, (3, 1)), "<")}
+_COLD_COLOUR = "#8C8C8C"
+
+
+@style.styled()
+def draw(resonance, *, colours=None):
+    """Draw resonance characteristics.
+
+    Parameters
+    ----------
+    resonance : xarray.Dataset
+        As gathered: displacement_max and displacement_min in static deflections, period, all over
+        (damping, direction, tuning); the scalars static_deflection (m), backlash_ratio,
+        tuning_factor_max and tuning_factor_min.
+    colours : dict of str to str, optional
+        Colours of the dampings by name.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Lines are orbits that repeat, symbols are orbits that do not. What lies beyond the picture
+        is marked by a caret on its rim. Runs that could not go on (NaN) are left out.
+    """
+    resonance = resonance.sortby("tuning")
+    looks = style.looks([str(name) for name in resonance.damping.values], colours)
+    directions = [str(name) for name in resonance.direction.values]
+    main_direction = "cold" if "cold" in directions else directions[0]
+    carried = [name for name in directions if name != main_direction]
+    rows = -(-len(looks) // _COLUMNS) if carried else 0
+    limits = _limits(resonance.sel(direction=main_direction))
+
+    figure = Figure((style.PAGE_WIDTH, _MAIN_HEIGHT + rows * _PANEL_HEIGHT), layout="constrained")
+    grid = figure.add_gridspec(
+        1 + rows, _COLUMNS, height_ratios=[_MAIN_HEIGHT] + rows * [_PANEL_HEIGHT]
+    )
+    axes = figure.add_subplot(grid[0, :])
+    _prepare(axes, resonance, limits, named=True)
+    _draw_all(axes, resonance.sel(direction=main_direction), looks)
+    _add_scales(axes, resonance)
+    axes.set_ylabel(_Y_LABEL)
+    if carried:
+        panels = grid[1:, :].subgridspec(rows, _COLUMNS).subplots(sharex=True, sharey=True)
+        for panel in panels.flat[len(looks) :]:
+            panel.remove()
+        for panel, (name, look) in zip(panels.flat, looks.items(), strict=False):
+            _prepare(panel, resonance, limits)
+            _draw_hysteresis(panel, resonance.sel(damping=name), look, main_direction, carried)
+            panel.set_title(style.damping_label(name))
+        for panel in panels[-1]:
+            panel.set_xlabel("tuning $\\nu_s$")
+        for panel in panels[:, 0]:
+            panel.set_ylabel(_SHORT_Y_LABEL)
+    return figure
+
+
+def _limits(curves):
+    """Return the limits (low, high) of displacement for the curves of one direction."""
+    shown = [0.0]
+    for name in _EXTREMA:
+        values = curves[name].values
+        finite = np.isfinite(values)
+        steady = finite & (curves.period.values > 0)
+        shown += [*values[steady]]
+        if finite.any():
+            rest = (1.0 - SHOWN_SHARE) / 2.0
+            shown += [*np.quantile(values[finite], [rest, 1.0 - rest])]
+    low, high = min(shown), max(shown)
+    backlash = float(curves.backlash_ratio)
+    # The far flank is worth showing if it does not make the picture much higher.
+    if backlash < 2.0 * (high - low):
+        low = min(low, -1.25 * backlash)
+    margin = 0.05 * (high - low) or 1.0
+    return low - margin, high + margin
+
+
+def _prepare(axes, resonance, limits, named=False):
+    """Give an axes its limits, its areas and, if wanted, their names."""
+    tuning = resonance.tuning.values
+    margin = 0.01 * (tuning[-1] - tuning[0]) or 0.05
+    axes.set_xlim(tuning[0] - margin, tuning[-1] + margin)
+    axes.set_ylim(*limits)
+    areas = style.shade_areas(axes, float(resonance.backlash_ratio), "y")
+    if named:
+        for name, (low, high) in areas.items():
+            axes.annotate(
+                name,
+                (0.99, 0.5 * (low + high)),
+                xycoords=("axes fraction", "data"),
+                ha="right",
+                va="center",
+                style="italic",
+                bbox={"boxstyle": "round,pad=0.2", "facecolor": "white", "alpha": 0.8, "lw": 0},
+                zorder=5,
+            )
+
+
+def _draw_all(axes, curves, looks):
+    """Draw the curves of all dampings, with their legend."""
+    handles = []
+    for number, (name, look) in enumerate(looks.items()):
+        curve = curves.sel(damping=name)
+        _draw_curve(axes, curve, look.colour, look.line, look.marker, number / len(looks))
+        handles.append(
+            Line2D(
+                [],
+                [],
+                color=look.colour,
+                linestyle=look.line,
+                marker=look.marker,
+                markersize=4,
+                label=style.damping_label(name),
+            )
+        )
+    axes.legend(handles=handles, loc="upper right", ncols=2)
+
+
+def _draw_hysteresis(axes, curves, look, main_direction, carried):
+    """Draw the sweeps of one damping: those that carry their state over the main one."""
+    main = curves.sel(direction=main_direction)
+    _draw_curve(axes, main, _COLD_COLOUR, "-", ".", 0.0, width=3.0)
+    for number, name in enumerate(carried):
+        line, marker = _CARRIED[name]
+        _draw_curve(axes, curves.sel(direction=name), look.colour, line, marker, number / 2)
+
+
+def _draw_curve(axes, curve, colour, line, marker, offset, width=1.0):
+    """Draw the largest and smallest displacement of one sweep over its tunings.
+
+    `offset`, from 0 to 1, shifts the symbols, so that curves on top of each other alternate.
+    """
+    tuning = curve.tuning.values
+    low, high = axes.get_ylim()
+    every = max(1, tuning.size // SYMBOLS)
+    for name in _EXTREMA:
+        values = curve[name].values
+        with np.errstate(invalid="ignore"):
+            inside = (values >= low) & (values <= high)
+        linked = _linked(inside & (curve.period.values > 0))
+        axes.plot(
+            tuning,
+            np.where(linked, values, np.nan),
+            color=colour,
+            linestyle=line,
+            linewidth=width,
+            marker=marker,
+            markersize=3.5,
+            markevery=(int(offset * every), every),
+        )
+        single = inside & ~linked
+        axes.plot(
+            tuning[single],
+            values[single],
+            color=colour,
+            linestyle="none",
+            marker=marker,
+            markersize=2,
+            markeredgewidth=0.4,
+        )
+        for rim, beyond, caret in ((low, values < low, "v"), (high, values > high, "^")):
+            axes.plot(
+                tuning[beyond],
+                np.full(beyond.sum(), rim),
+                color=colour,
+                linestyle="none",
+                marker=caret,
+                markersize=2.5,
+                markeredgewidth=0,
+            )
+
+
+def _linked(good):
+    """Return where a point has a good neighbour and is good itself: what a line can show."""
+    padded = np.pad(good, 1)
+    return good & (padded[:-2] | padded[2:])
+
+
+def _add_scales(axes, resonance):
+    """Add the tunings towards C_max and C_min above, and displacements in SI on the right."""
+    axes.set_xlabel("tuning $\\nu_s$")
+    for index, position in (("max", 1.0), ("min", 1.11)):
+        factor = float(resonance[f"tuning_factor_{index}"])
+        scale = axes.secondary_xaxis(position, functions=_scaling(factor))
+        scale.set_xlabel(f"tuning $\\nu_\\mathrm{{{index}}}$")
+    deflection = float(resonance.static_deflection)
+    unit, name = style.length_unit(deflection)
+    scale = axes.secondary_yaxis("right", functions=_scaling(deflection / unit))
+    scale.set_ylabel(_Y_LABEL.replace("static deflections", name))
+
+
+def _scaling(factor):
+    """Return the functions that multiply and divide by `factor`."""
+    return (lambda value: value * factor), (lambda value: value / factor)

@@ -1,0 +1,171 @@
+"""The look of all figures, and how they become files: the same bytes for the same data.
+
+Colours are those of Okabe and Ito, which stay apart without red-green vision. Nothing rests on
+colour alone: every curve also has its marker and line style, for print in grey.
+"""
+
+import os
+import re
+from dataclasses import dataclass
+from itertools import cycle
+from pathlib import Path
+
+import matplotlib.style
+
+#: Width of a figure, inches: the type area of a page.
+PAGE_WIDTH = 7.2
+
+#: Greys of the areas; the normal mesh stays white.
+AREA_COLOURS = {"backlash": "#EBEBEB", "inverse mesh": "#CFCFCF"}
+
+#: For dampings without a colour of their own.
+PALETTE = ("#0072B2", "#E69F00", "#009E73", "#4D4D4D", "#D55E00", "#CC79A7", "#56B4E9")
+
+# Square, dot, cross and open circle are the paper's, in its order of the damping combinations.
+_MARKERS = (("s", True), ("o", True), ("x", True), ("o", False), ("^", True), ("D", False))
+_LINES = ("-", (0, (5, 1.5)), (0, (1.5, 1.2)), (0, (6, 1.5, 1.5, 1.5)))
+
+_RC = {
+    "axes.labelsize": 8,
+    "axes.linewidth": 0.6,
+    "axes.titlesize": 8,
+    "figure.dpi": 200,
+    "font.size": 8,
+    "legend.fontsize": 7.5,
+    "legend.framealpha": 0.9,
+    "lines.linewidth": 1.0,
+    "pdf.fonttype": 42,
+    "svg.hashsalt": "gearlib",
+    "xtick.direction": "in",
+    "xtick.labelsize": 7,
+    "xtick.major.width": 0.6,
+    "ytick.direction": "in",
+    "ytick.labelsize": 7,
+    "ytick.major.width": 0.6,
+}
+
+# Whatever would differ between two runs, or two versions of matplotlib, for no reason of the data.
+_METADATA = {
+    "png": {"Software": None},
+    "pdf": {"CreationDate": None, "Creator": None, "Producer": None},
+    "svg": {"Date": None, "Creator": None},
+}
+
+_PREFIXES = ((1.0, "m"), (1e-3, "mm"), (1e-6, "µm"), (1e-9, "nm"))
+
+
+@dataclass(frozen=True)
+class Look:
+    """Colour, line style and marker of one curve."""
+
+    colour: str
+    line: str | tuple
+    marker: str
+    filled: bool = True
+
+    def plot_options(self):
+        """Return the options of ``Axes.plot`` and `Line2D` that give this look."""
+        return {
+            "color": self.colour,
+            "linestyle": self.line,
+            "marker": self.marker,
+            "markerfacecolor": self.colour if self.filled else "white",
+        }
+
+
+def styled():
+    """Return the context, or decorator, in which figures are made: independent of user settings."""
+    return matplotlib.style.context(["default", _RC])
+
+
+def looks(names, colours=None):
+    """Return the looks of the dampings.
+
+    Parameters
+    ----------
+    names : iterable of str
+        Names of the dampings, in the order of the data.
+    colours : dict of str to str, optional
+        Colours by name; a name without one takes the next of the palette.
+
+    Returns
+    -------
+    dict of str to Look
+    """
+    chosen = colours or {}
+    return {
+        name: Look(chosen.get(name, colour), line, *marker)
+        for name, colour, line, marker in zip(
+            names, cycle(PALETTE), cycle(_LINES), cycle(_MARKERS), strict=False
+        )
+    }
+
+
+def damping_label(name):
+    """Return the name of a damping as it is printed: k1 and k1m as symbols with an index."""
+    return re.sub(r"\bk1(m?)\b", lambda found: f"$k_{{1{found[1]}}}$", name).replace("+", " + ")
+
+
+def length_unit(length):
+    """Return (metres, name) of the unit in which a length (m) is best read."""
+    return next(((unit, name) for unit, name in _PREFIXES if length >= unit), _PREFIXES[-1])
+
+
+def shade_areas(axes, backlash, direction):
+    """Shade backlash and inverse mesh across an axes whose limits are set.
+
+    Parameters
+    ----------
+    axes : matplotlib.axes.Axes
+    backlash : float
+        In static deflections; may be infinite.
+    direction : {"x", "y"}
+        The axis of the displacement.
+
+    Returns
+    -------
+    dict of str to tuple of float
+        The visible stretch (low, high) of every area that is in the picture.
+    """
+    low, high = sorted(axes.get_ylim() if direction == "y" else axes.get_xlim())
+    stretches = {
+        "normal mesh": (0.0, high),
+        "backlash": (max(-backlash, low), 0.0),
+        "inverse mesh": (low, -backlash),
+    }
+    visible = {
+        name: (max(first, low), min(last, high))
+        for name, (first, last) in stretches.items()
+        if max(first, low) < min(last, high)
+    }
+    span = axes.axhspan if direction == "y" else axes.axvspan
+    for name in visible.keys() & AREA_COLOURS.keys():
+        span(*visible[name], color=AREA_COLOURS[name], linewidth=0, zorder=0)
+    return visible
+
+
+def save(figure, path):
+    """Write a figure as PNG, PDF or SVG, by the suffix of `path`, replacing it in one step.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+    path : str or os.PathLike
+
+    Raises
+    ------
+    ValueError
+        If the suffix is none of .png, .pdf, .svg.
+    """
+    path = Path(path)
+    form = path.suffix.removeprefix(".")
+    if form not in _METADATA:
+        raise ValueError(f"path = {str(path)!r} is not allowed: it must end in .png, .pdf or .svg")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        with styled():
+            figure.savefig(temporary, format=form, dpi=figure.dpi, metadata=_METADATA[form])
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)

@@ -1,0 +1,121 @@
+"""Problems of a configuration in words: one sentence naming the key, the value, the range.
+
+The allowed range is read from the JSON schema, so that message, schema and check agree.
+"""
+
+_BOUNDS = {
+    "exclusiveMinimum": "> {}",
+    "minimum": ">= {}",
+    "exclusiveMaximum": "< {}",
+    "maximum": "<= {}",
+}
+_LONGEST_VALUE = 60
+
+
+def sentences(errors, schema):
+    """Return one sentence per problem.
+
+    Parameters
+    ----------
+    errors : list of dict
+        ``pydantic.ValidationError.errors()``.
+    schema : dict
+        JSON schema of the model that was checked.
+
+    Returns
+    -------
+    list of str
+    """
+    return [_sentence(error, schema) for error in errors]
+
+
+def _sentence(error, schema):
+    kind, value = error["type"], error["input"]
+    # Pydantic marks a complaint about the key itself, not its value, by a last "[key]".
+    path = [part for part in error["loc"] if part != "[key]"]
+    key = _key(path)
+    if kind == "value_error":
+        return str(error["ctx"]["error"])
+    if kind == "duplicate":
+        twice = show(error["ctx"]["value"])
+        return f"{key} lists {twice} twice: its entries must be all different"
+    if kind == "extra_forbidden":
+        section = _node(path[:-1], schema)
+        return (
+            f"{key} = {show(value)} is not a known key: {_key(path[:-1])} must be "
+            f"{allowed(section, schema)}"
+        )
+    if error["loc"][-1:] == ("[key]",):
+        pattern = next(iter(_node(path[:-1], schema)["patternProperties"]))
+        return f"{key} is not allowed as a name: it must be a text matching {pattern}"
+    if kind == "missing":
+        return f"{key} is missing: it must be {allowed(_node(path, schema), schema)}"
+    return (
+        f"{key} = {show(value)} is not allowed: it must be {allowed(_node(path, schema), schema)}"
+    )
+
+
+def show(value):
+    """Return a value as it would stand in YAML, shortened to one line."""
+    if value is None:
+        text = "null (empty)"
+    elif isinstance(value, bool):
+        text = str(value).lower()
+    else:
+        text = repr(value)
+    return text if len(text) <= _LONGEST_VALUE else f"{text[:_LONGEST_VALUE]}..."
+
+
+def allowed(node, schema):
+    """Return the allowed values of a node of the JSON schema `schema` in words."""
+    node = _resolve(node, schema)
+    if "enum" in node:
+        return f"one of {', '.join(node['enum'])}"
+    if "const" in node:
+        return str(node["const"])
+    kind = node["type"]
+    if kind in ("number", "integer"):
+        # The one number that may be infinite says so in its comment.
+        finite = "a finite number" if "$comment" not in node else "a number"
+        noun = "an integer" if kind == "integer" else finite
+        return " ".join(filter(None, [noun, _range(node), node.get("$comment")]))
+    if kind == "string":
+        return node["$comment"]
+    if kind == "array":
+        return f"a list of at least one entry, each {allowed(node['items'], schema)}"
+    if "properties" in node:
+        return f"a mapping with the keys {', '.join(node['properties'])}"
+    (entry,) = node["patternProperties"].values()
+    return f"a mapping of at least one name to {allowed(entry, schema)}"
+
+
+def _range(node):
+    if "minimum" in node and "maximum" in node:
+        return f"from {node['minimum']} to {node['maximum']}"
+    return " and ".join(text.format(node[name]) for name, text in _BOUNDS.items() if name in node)
+
+
+def _key(path):
+    key = ""
+    for part in path:
+        key += f"[{part}]" if isinstance(part, int) else f".{part}" if key else str(part)
+    return key or "the configuration"
+
+
+def _node(path, schema):
+    node = schema
+    for part in path:
+        node = _resolve(node, schema)
+        if isinstance(part, int):
+            node = node["items"]
+        elif "properties" in node:
+            node = node["properties"][part]
+        else:
+            (node,) = node["patternProperties"].values()
+    return _resolve(node, schema)
+
+
+def _resolve(node, schema):
+    if "$ref" in node:
+        return schema["$defs"][node["$ref"].removeprefix("#/$defs/")]
+    return node

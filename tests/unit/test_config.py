@@ -1,0 +1,179 @@
+"""The configuration: accepted as documented, refused in one sentence for each problem."""
+
+import copy
+import json
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+
+from gearlib import GearPair
+from gearlib.config import SCHEMA_PATH, ConfigError, load, schema, schema_text
+
+ROOT = Path(__file__).resolve().parents[2]
+PAPER = yaml.safe_load((ROOT / "config.yaml").read_text(encoding="utf-8"))
+MISSING = object()
+
+
+def changed(path, value):
+    settings = copy.deepcopy(PAPER)
+    *sections, key = path.split("/")
+    section = settings
+    for name in sections:
+        section = section[name]
+    if value is MISSING:
+        del section[key]
+    else:
+        section[key] = value
+    return settings
+
+
+# path, value, what the sentence must hold: the key and value, the allowed range
+REFUSED = [
+    ("gear_pair/contact_ratio", 2.5, "gear_pair.contact_ratio = 2.5", "from 1 to 2"),
+    ("gear_pair/contact_ratio", 0.9, "gear_pair.contact_ratio = 0.9", "from 1 to 2"),
+    ("gear_pair/stiffness_ratio", 0, "gear_pair.stiffness_ratio = 0", "> 0 and <= 1"),
+    ("gear_pair/max_stiffness", -4e8, "gear_pair.max_stiffness = -4", "finite number > 0"),
+    ("gear_pair/reduced_mass", "3.123 kg", "gear_pair.reduced_mass = '3.123 kg'", "> 0"),
+    ("gear_pair/reduced_mass", "3.123", "gear_pair.reduced_mass = '3.123'", "finite number"),
+    ("gear_pair/load", math.nan, "gear_pair.load = nan", "finite number > 0"),
+    ("gear_pair/load", math.inf, "gear_pair.load = inf", "finite number > 0"),
+    ("gear_pair/load", True, "gear_pair.load = true", "finite number > 0"),
+    ("gear_pair/load", None, "gear_pair.load = null", "finite number > 0"),
+    ("gear_pair/load", [1.0], "gear_pair.load = [1.0]", "finite number > 0"),
+    ("gear_pair/load", "1e400", "gear_pair.load = inf", "finite number > 0"),
+    ("gear_pair/load", MISSING, "gear_pair.load is missing", "finite number > 0"),
+    ("gear_pair/backlash", -1e-6, "gear_pair.backlash = -1e-06", ">= 0 or .inf"),
+    ("gear_pair/backlash", math.nan, "gear_pair.backlash = nan", ">= 0 or .inf"),
+    ("gear_pair/teeth", 24.5, "gear_pair.teeth = 24.5", "integer from 1 to 10000"),
+    ("gear_pair/teeth", 0, "gear_pair.teeth = 0", "integer from 1 to 10000"),
+    ("gear_pair/tooth", 24, "gear_pair.tooth = 24 is not a known key", "teeth"),
+    ("gear_pair", MISSING, "gear_pair is missing", "max_stiffness"),
+    ("gear_pair", 3, "gear_pair = 3", "mapping with the keys max_stiffness"),
+    ("geer_pair", {}, "geer_pair = {} is not a known key", "gear_pair"),
+    ("dampings", {}, "dampings = {}", "at least one name"),
+    ("dampings/k1", 3953.7, "dampings.k1 = 3953.7", "keys material, backlash"),
+    ("dampings/k1/material", -1, "dampings.k1.material = -1", "finite number >= 0"),
+    ("dampings/k 1", {"material": 0, "backlash": 0}, "dampings.k 1", "A-Za-z0-9+_-"),
+    ("dampings/new", {"material": 0, "backlash": 0}, "figures.colours.new is missing", "rrggbb"),
+    ("run/revolutions", 0, "run.revolutions = 0", "integer from 1 to 1000000"),
+    ("run/recorded_revolutions", 6, "run.recorded_revolutions = 6", "1 to run.revolutions = 5"),
+    ("run/samples_per_period", 10**9, "run.samples_per_period = 1000000000", "from 8 to 65536"),
+    ("run/initial_state/velocity", "fast", "run.initial_state.velocity = 'fast'", "finite number"),
+    ("resonance/start", 0, "resonance.start = 0", "> 0 and <= 100"),
+    ("resonance/stop", 0.4, "resonance.stop = 0.4", "greater than resonance.start = 0.5"),
+    ("resonance/stop", 1.4001, "resonance.stop = 1.4001", "multiple of resonance.step = 0.0005"),
+    ("resonance/step", 1e-9, "resonance.step = 1e-09", ">= 1.1e-06"),
+    ("resonance/step", 0, "resonance.step = 0", "> 0 and <= 10"),
+    ("resonance/window", 0.00075, "resonance.window = 0.00075", "multiple of resonance.step"),
+    ("resonance/directions", [], "resonance.directions = []", "at least one entry"),
+    ("resonance/directions", ["left"], "resonance.directions[0] = 'left'", "cold, up, down"),
+    ("resonance/directions", "cold", "resonance.directions = 'cold'", "a list"),
+    ("phase_planes/tunings", [], "phase_planes.tunings = []", "at least one entry"),
+    ("phase_planes/tunings", [0.66, 0.660], "phase_planes.tunings lists 0.66 twice", "different"),
+    ("phase_planes/tunings", [0.6, -0.66], "phase_planes.tunings[1] = -0.66", "> 0 and <= 100"),
+    ("phase_planes/tunings", [False], "phase_planes.tunings[0] = false", "> 0 and <= 100"),
+    ("figures/formats", ["jpeg"], "figures.formats[0] = 'jpeg'", "one of png, pdf, svg"),
+    ("figures/dpi", "high", "figures.dpi = 'high'", "integer from 50 to 1200"),
+    ("figures/colours/k1", "blue", "figures.colours.k1 = 'blue'", "'#rrggbb'"),
+    ("figures/colours/k2", "#000000", "figures.colours.k2 = '#000000'", "one of the dampings k1"),
+]
+
+
+@pytest.mark.parametrize(("path", "value", "fault", "allowed"), REFUSED)
+def test_a_wrong_value_is_refused_in_one_sentence(path, value, fault, allowed):
+    with pytest.raises(ConfigError) as refusal:
+        load(changed(path, value))
+    (sentence,) = str(refusal.value).splitlines()
+    assert sentence.startswith(fault)
+    assert allowed in sentence
+
+
+def test_too_many_samples_are_refused():
+    settings = changed("run/samples_per_period", 60_000)
+    settings["run"] |= {"revolutions": 100, "recorded_revolutions": 100}
+    with pytest.raises(ConfigError, match="must be <= 100,000,000"):
+        load(settings)
+
+
+def test_too_many_jobs_are_refused():
+    settings = changed("resonance/window", 1e-4)
+    settings["resonance"]["step"] = 1e-4
+    with pytest.raises(ConfigError, match=r"resonance.window = 0.0001 .* >= 0.00036"):
+        load(settings)
+    with pytest.raises(ConfigError, match=r"phase_planes.tunings has 2,501 entries"):
+        load(changed("phase_planes/tunings", [0.5 + 1e-4 * i for i in range(2501)]))
+
+
+def test_every_problem_gets_its_sentence():
+    settings = changed("gear_pair/load", -1)
+    settings["figures"]["dpi"] = 0
+    with pytest.raises(ConfigError) as refusal:
+        load(settings)
+    assert len(str(refusal.value).splitlines()) == 2
+
+
+@pytest.mark.parametrize("text", ["4e8", "4.0e8", "+4E+8", ".4e9", "4.e8"])
+def test_a_number_with_an_exponent_is_a_number(text):
+    assert load(changed("gear_pair/max_stiffness", text)).gear_pair.max_stiffness == 4e8
+
+
+def test_an_infinite_backlash_is_accepted():
+    assert load(changed("gear_pair/backlash", math.inf)).gear_pair.backlash == math.inf
+
+
+def test_integers_stand_for_numbers():
+    value = load(changed("gear_pair/load", 3000)).gear_pair.load
+    assert isinstance(value, float)
+
+
+def test_the_paper_is_configured():
+    config = load(PAPER)
+    assert (config.periods, config.record_periods) == (120, 24)
+    assert config.resonance.count() == 1801
+    pair = GearPair(**config.pair_parameters("k1+k1m"))
+    assert pair.static_deflection == pytest.approx(10e-6, rel=1e-6)
+    assert pair.backlash_ratio == pytest.approx(4.0, rel=1e-6)
+
+
+@pytest.mark.parametrize("name", ["contact_ratio", "stiffness_ratio", "max_stiffness", "backlash"])
+@pytest.mark.parametrize("value", [-1.0, 0.0, 0.5, 1.0, 1.5, 2.0, 2.5, math.inf, math.nan])
+def test_configuration_and_gear_pair_allow_the_same(name, value):
+    settings = changed(f"gear_pair/{name}", value)
+    try:
+        GearPair(**settings["gear_pair"])
+    except ValueError:
+        with pytest.raises(ConfigError):
+            load(settings)
+    else:
+        load(settings)
+
+
+def test_the_schema_is_up_to_date():
+    written = (ROOT / SCHEMA_PATH).read_text(encoding="utf-8")
+    assert written == schema_text(), "run: python -m gearlib.config --write-schema"
+
+
+def test_every_key_is_described():
+    for section in [schema(), *schema()["$defs"].values()]:
+        assert section["description"]
+        for key, node in section["properties"].items():
+            assert node.get("description") or "$ref" in node, key
+        assert section["additionalProperties"] is False
+
+
+def test_the_configuration_names_its_schema():
+    first = (ROOT / "config.yaml").read_text(encoding="utf-8").splitlines()[0]
+    assert first == f"# yaml-language-server: $schema={SCHEMA_PATH.as_posix()}"
+    json.loads((ROOT / SCHEMA_PATH).read_text(encoding="utf-8"))
+
+
+def test_reading_the_configuration_needs_no_numerical_stack():
+    code = "import sys, gearlib.config; print({'numpy', 'numba', 'xarray'} & set(sys.modules))"
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == "set()"

@@ -1,0 +1,98 @@
+"""Shards become one dataset, whatever the numbers in them."""
+
+import numpy as np
+import pytest
+
+from gearlib import GearPair, simulate, sweep
+from gearlib.gathering import gather_phase_planes, gather_resonance
+
+TUNINGS = [0.6, 0.7, 0.8, 0.9]
+DAMPINGS = {"k1": (0.06, 0.0), "conservative": (0.0, 0.0)}
+
+
+def pair(damping):
+    material, oil = DAMPINGS[damping]
+    return GearPair.from_ratios(
+        contact_ratio=1.569,
+        stiffness_ratio=0.5879,
+        damping=material,
+        backlash_damping=oil,
+        backlash=4.0,
+    )
+
+
+def window(damping, direction, tunings):
+    run = {"periods": 20, "record_periods": 4, "threads": 1}
+    shard = sweep(pair(damping), tunings, direction=direction, **run)
+    return shard.assign_coords(damping=damping, direction=direction)
+
+
+def plane(damping, tuning):
+    run = {"periods": 6, "record_periods": 2, "samples_per_period": 8}
+    return simulate(pair(damping), tuning, **run).assign_coords(damping=damping)
+
+
+@pytest.fixture(scope="module")
+def windows():
+    return [
+        window(damping, direction, part)
+        for damping in DAMPINGS
+        for direction in ("cold", "up")
+        for part in ([TUNINGS[:2], TUNINGS[2:]] if direction == "cold" else [TUNINGS])
+    ]
+
+
+@pytest.fixture(scope="module")
+def planes():
+    return [plane(damping, tuning) for damping in DAMPINGS for tuning in TUNINGS]
+
+
+def test_every_window_finds_its_place(windows):
+    whole = gather_resonance(windows)
+    assert whole.displacement_max.dims == ("damping", "direction", "tuning")
+    assert whole.damping.values.tolist() == list(DAMPINGS)
+    assert whole.direction.values.tolist() == ["cold", "up"]
+    assert whole.tuning.values.tolist() == TUNINGS
+    cold = sweep(pair("conservative"), TUNINGS, periods=20, record_periods=4)
+    found = whole.sel(damping="conservative", direction="cold")
+    for name in ("displacement_max", "final_state", "period", "mesh_frequency"):
+        np.testing.assert_array_equal(found[name], cold[name])
+
+
+def test_the_order_of_windows_does_not_matter(windows):
+    swapped = [windows[1], windows[0], *windows[2:]]
+    assert gather_resonance(swapped).identical(gather_resonance(windows))
+
+
+def test_scales_stay_as_they_are(windows, planes):
+    for whole in (gather_resonance(windows), gather_phase_planes(planes)):
+        assert whole.static_deflection.dims == ()
+        assert whole.mesh_frequency.dims == ("tuning",)
+        assert whole.status.dims[0] == "damping"
+
+
+def test_phase_planes_keep_their_course_from_the_start_of_the_record(planes):
+    whole = gather_phase_planes(planes)
+    assert whole.displacement.dims == ("damping", "tuning", "phase")
+    assert whole.displacement_max.dims == ("damping", "tuning")
+    np.testing.assert_allclose(whole.phase, np.arange(16) * np.pi / 4, atol=1e-12)
+    assert "event_phase" not in whole and "stiffness" not in whole
+    one = plane("k1", 0.8)
+    found = whole.sel(damping="k1", tuning=0.8)
+    np.testing.assert_array_equal(found.velocity, one.velocity)
+    assert found.status.attrs == one.status.attrs
+
+
+def test_one_shard_is_enough(windows, planes):
+    assert gather_resonance([windows[2]]).sizes["tuning"] == len(TUNINGS)
+    assert gather_phase_planes([planes[0]]).sizes["damping"] == 1
+
+
+def test_shards_that_do_not_match_are_refused(windows, planes):
+    with pytest.raises(ValueError):
+        gather_resonance(windows[1:])
+    with pytest.raises(ValueError):
+        gather_phase_planes(planes[1:])
+    heavier = [*planes[:-1], planes[-1].assign(force_scale=2.0)]
+    with pytest.raises(ValueError, match="differ in their scales"):
+        gather_phase_planes(heavier)

@@ -1,0 +1,161 @@
+"""What the workflow runs, and what it does not: the real Snakemake in a small configuration."""
+
+import os
+import shutil
+
+import pytest
+import yaml
+
+from tests.workflow.project import ROOT, job_counts, small_project
+
+pytestmark = pytest.mark.slow
+
+DAMPINGS = 4
+GATHERED = {"gather_resonance": 1, "gather_phase_planes": 1}
+DRAWN = {"draw_resonance": 1, "draw_phase_planes": 1}
+DRAWN_PLANES = {"gather_phase_planes": 1, "draw_phase_planes": 1, "claims": 1}
+# One window for each of three directions, one tuning.
+SWEEPS, PLANES = DAMPINGS * 3, DAMPINGS
+COMPUTED = {"compile_kernels": 1, "sweep_window": SWEEPS, "phase_plane": PLANES}
+EVERYTHING = {**COMPUTED, **GATHERED, **DRAWN, "claims": 1}
+
+
+def edit(path, text):
+    path.write_text(path.read_text(encoding="utf-8") + text, encoding="utf-8")
+
+
+def test_one_command_builds_everything(first_run):
+    project, output = first_run
+    assert job_counts(output) == EVERYTHING
+    for name in ("resonance.nc", "phase_planes.nc", "claims.csv", "claims.md"):
+        assert (project / "results" / name).stat().st_size > 0
+    for figure in ("fig3_resonance", "fig5_phase_planes"):
+        for suffix in ("png", "pdf"):
+            assert (project / f"results/figures/{figure}.{suffix}").stat().st_size > 1000
+
+
+def test_the_second_run_does_nothing(project):
+    assert project.jobs("-j2") == {}
+
+
+def test_a_touched_file_of_equal_content_reruns_nothing(project):
+    for path in project.folder.rglob("*"):
+        if ".snakemake" not in path.parts and "results" not in path.parts:
+            os.utime(path)
+    assert project.planned() == {}
+
+
+def test_order_and_spelling_in_the_configuration_rerun_nothing(project):
+    path = project / "config.yaml"
+    settings = yaml.safe_load(path.read_text(encoding="utf-8"))
+    settings["gear_pair"] = dict(reversed(settings["gear_pair"].items()))
+    text = yaml.safe_dump(dict(reversed(settings.items())), sort_keys=False)
+    assert "400000000.0" in text
+    path.write_text(text.replace("400000000.0", "4e8"), encoding="utf-8")
+    assert project.planned() == {}
+
+
+def test_a_new_tuning_runs_its_points_and_what_draws_them(project):
+    before = {path: (project / path).stat().st_mtime_ns for path in project.results()}
+    project.configure(lambda settings: settings["phase_planes"]["tunings"].append(0.7))
+    assert project.jobs("-j2") == {"phase_plane": DAMPINGS, **DRAWN_PLANES}
+    for path, time in before.items():
+        if path.startswith(("results/phase_planes/", "results/resonance/")):
+            assert (project / path).stat().st_mtime_ns == time, path
+    assert project.jobs("-j2") == {}
+
+
+def test_a_changed_colour_only_redraws(project):
+    before = project.results()
+    project.configure(lambda settings: settings["figures"]["colours"].update(k1="#123456"))
+    assert project.jobs("-j2") == DRAWN
+    after = project.results()
+    changed = {path for path in before if before[path] != after[path]}
+    assert {path.rsplit("/", 1)[0] for path in changed} == {"results/figures"}
+
+
+def test_a_new_format_only_redraws(project):
+    project.configure(lambda settings: settings["figures"]["formats"].append("svg"))
+    assert project.planned() == DRAWN
+
+
+def test_a_raised_stop_leaves_the_computed_windows(project):
+    project.configure(lambda settings: settings["resonance"].update(stop=2.3))
+    assert project.planned() == {
+        # One new cold window; up and down carry their state through the whole range.
+        "sweep_window": DAMPINGS * (1 + 1 + 1),
+        "gather_resonance": 1,
+        "draw_resonance": 1,
+        "claims": 1,
+    }
+
+
+def test_a_damping_value_reruns_its_combination(project):
+    project.configure(lambda settings: settings["dampings"]["k1"].update(material=4000))
+    assert project.planned() == {
+        "sweep_window": SWEEPS // DAMPINGS,
+        "phase_plane": PLANES // DAMPINGS,
+        **GATHERED,
+        **DRAWN,
+        "claims": 1,
+    }
+
+
+@pytest.mark.parametrize(
+    ("path", "jobs"),
+    [
+        ("gearlib/core/march.py", EVERYTHING),
+        ("gearlib/simulation.py", {"phase_plane": PLANES, **DRAWN_PLANES}),
+        ("gearlib/figures/resonance.py", {"draw_resonance": 1}),
+        ("gearlib/figures/style.py", DRAWN),
+        ("gearlib/claims.py", {"claims": 1}),
+        ("workflow/scripts/draw_phase_planes.py", {"draw_phase_planes": 1}),
+        ("gearlib/config.py", {}),
+    ],
+)
+def test_an_edited_source_reruns_what_depends_on_it(project, path, jobs):
+    edit(project / path, "\n# one more line\n")
+    assert project.planned() == jobs
+
+
+def test_a_configuration_file_on_the_command_line(project):
+    (project / "mine.yaml").write_text("phase_planes: {tunings: [0.9]}\n", encoding="utf-8")
+    assert project.planned("--configfile", "mine.yaml")["phase_plane"] == DAMPINGS
+
+
+def test_the_configuration_of_the_paper(tmp_path):
+    project = small_project(tmp_path / "project")
+    shutil.copy(ROOT / "config.yaml", project / "config.yaml")
+    assert project.planned()["phase_plane"] == 6 * 4
+
+
+def test_another_folder_gives_the_same_bytes(first_run, tmp_path):
+    other = small_project(tmp_path / "elsewhere")
+    other.snakemake("-j1")
+    expected, found = first_run[0].results(), other.results()
+    assert expected.keys() == found.keys()
+    assert [path for path in expected if expected[path] != found[path]] == []
+
+
+def test_a_failed_job_shows_its_log_and_leaves_no_output(project):
+    edit(project / "gearlib/claims.py", "\nraise RuntimeError('claims are broken')\n")
+    output = project.snakemake("-j2", succeed=False)
+    assert "claims are broken" in output
+    assert not (project / "results/claims.csv").exists()
+
+
+def test_lint_finds_nothing(project):
+    assert "good condition" in project.snakemake("--lint")
+
+
+def test_the_report_holds_figures_and_claims(project):
+    project.snakemake("--report", "report.html")
+    page = (project / "report.html").read_text(encoding="utf-8")
+    for name in ("fig3_resonance.png", "fig5_phase_planes.pdf", "claims.csv"):
+        assert name in page
+
+
+def test_the_library_beside_the_snakefile_is_used(project):
+    # Whatever else is installed: a job that gathers says where its library lies.
+    edit(project / "gearlib/gathering.py", "\nprint(__file__)\n")
+    assert str(project / "gearlib/gathering.py") in project.snakemake("-j2")

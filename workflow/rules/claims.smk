@@ -1,0 +1,28 @@
+"""Claims: the paper's statements against the computed data."""
+
+
+rule claims:
+    input:
+        resonance=rules.gather_resonance.output.dataset,
+        phase_planes=rules.gather_phase_planes.output.dataset,
+        sources=script_sources("claims"),
+    output:
+        csv=report(
+            "results/claims.csv",
+            caption="../report/claims.rst",
+            category="Claims",
+            labels={"table": "statements of the paper"},
+        ),
+        markdown="results/claims.md",
+    log:
+        "results/logs/claims.log",
+    benchmark:
+        "results/benchmarks/claims.tsv"
+    threads: 1
+    params:
+        pair=canonical(CONFIG.gear_pair.model_dump()),
+        dampings=canonical(CONFIG.model_dump()["dampings"]),
+    conda:
+        "../envs/gearlib.yaml"
+    script:
+        "../scripts/claims.py"

@@ -1,0 +1,95 @@
+"""What the rules share: the checked configuration, and names of files and parameters.
+
+Rules see the configuration through these functions only: a job's `params` hold exactly the
+values that it uses, as JSON texts with sorted keys, so that order and spelling of numbers in
+config.yaml (2 or 2.0) rerun nothing.
+"""
+
+import json
+import os
+from pathlib import Path
+
+from snakemake.exceptions import WorkflowError
+
+from gearlib import config as configuration
+from gearlib import tunings
+from workflow.sources import sources
+from workflow.yaml_keys import repeated_keys
+
+ROOT = Path(workflow.basedir)
+
+# Scripts import the library beside this Snakefile, whatever else is installed.
+os.environ.update(
+    PYTHONPATH=os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
+)
+
+repeated = [text for path in workflow.configfiles for text in repeated_keys(path)]
+try:
+    if repeated:
+        raise configuration.ConfigError("\n".join(repeated))
+    CONFIG = configuration.load(config)
+except configuration.ConfigError as error:
+    raise WorkflowError(f"The configuration is refused.\n{error}") from None
+
+
+wildcard_constraints:
+    damping=r"[A-Za-z0-9+_-]+",
+    direction="cold|up|down",
+    window=r"\d+\.\d+-\d+\.\d+",
+    tuning=r"\d+\.\d+",
+
+
+def script_sources(name):
+    """Return the source files on which the results of a script depend."""
+    files = sources(ROOT / "workflow" / "scripts" / f"{name}.py", ROOT)
+    return [os.path.relpath(path) for path in files]
+
+
+def figure_files(name):
+    """Return the files of one figure, one for each format."""
+    return expand("results/figures/{name}.{format}", name=name, format=CONFIG.figures.formats)
+
+
+def resonance_shards():
+    """Return the files of all windows of the resonance characteristic."""
+    return [
+        f"results/resonance/{damping}/{direction}/{tunings.label(first)}-{tunings.label(last)}.nc"
+        for damping in CONFIG.dampings
+        for direction in CONFIG.resonance.directions
+        for first, last in CONFIG.resonance.windows(direction)
+    ]
+
+
+def phase_plane_shards():
+    """Return the files of all phase planes."""
+    return [
+        f"results/phase_planes/{damping}/{tunings.label(tuning)}.nc"
+        for damping in CONFIG.dampings
+        for tuning in CONFIG.phase_planes.tunings
+    ]
+
+
+def canonical(value):
+    """Return a value as the JSON text that stands for it in `params`."""
+    return json.dumps(value, sort_keys=True)
+
+
+def pair_of(wildcards):
+    """Return the parameters of the gear pair with the damping of a job."""
+    return canonical(CONFIG.pair_parameters(wildcards.damping))
+
+
+def window_of(wildcards):
+    """Return first tuning, last tuning and step of a job."""
+    first, last = map(float, wildcards.window.split("-"))
+    return canonical([first, last, CONFIG.resonance.step])
+
+
+def run_length():
+    """Return the arguments that `sweep` and `simulate` share, as a dict."""
+    state = CONFIG.run.initial_state
+    return {
+        "periods": CONFIG.periods,
+        "record_periods": CONFIG.record_periods,
+        "initial_state": [state.displacement, state.velocity],
+    }

@@ -1,0 +1,51 @@
+"""Draw: one job for each figure, all formats at once."""
+
+
+rule draw_resonance:
+    input:
+        resonance=rules.gather_resonance.output.dataset,
+        sources=script_sources("draw_resonance"),
+    output:
+        report(
+            figure_files("fig3_resonance"),
+            caption="../report/fig3_resonance.rst",
+            category="Figures",
+            labels={"figure": "Fig. 3", "shows": "resonance characteristics"},
+        ),
+    log:
+        "results/logs/draw_resonance.log",
+    benchmark:
+        "results/benchmarks/draw_resonance.tsv"
+    threads: 1
+    params:
+        colours=canonical(CONFIG.figures.colours),
+        dpi=CONFIG.figures.dpi,
+    conda:
+        "../envs/gearlib.yaml"
+    script:
+        "../scripts/draw_resonance.py"
+
+
+rule draw_phase_planes:
+    input:
+        phase_planes=rules.gather_phase_planes.output.dataset,
+        sources=script_sources("draw_phase_planes"),
+    output:
+        report(
+            figure_files("fig5_phase_planes"),
+            caption="../report/fig5_phase_planes.rst",
+            category="Figures",
+            labels={"figure": "Fig. 5", "shows": "phase planes"},
+        ),
+    log:
+        "results/logs/draw_phase_planes.log",
+    benchmark:
+        "results/benchmarks/draw_phase_planes.tsv"
+    threads: 1
+    params:
+        colours=canonical(CONFIG.figures.colours),
+        dpi=CONFIG.figures.dpi,
+    conda:
+        "../envs/gearlib.yaml"
+    script:
+        "../scripts/draw_phase_planes.py"

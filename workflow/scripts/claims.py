@@ -1,0 +1,18 @@
+"""Check the paper's statements against the computed data."""
+
+import json
+
+from gearlib import claims, storage
+from gearlib.pair import GearPair
+from joblog import redirect_output
+
+if __name__ == "__main__":
+    redirect_output(snakemake.log[0])
+    table = claims.evaluate(
+        GearPair(**json.loads(snakemake.params.pair)),
+        json.loads(snakemake.params.dampings),
+        storage.read(snakemake.input.resonance),
+        storage.read(snakemake.input.phase_planes),
+    )
+    claims.write_csv(table, snakemake.output.csv)
+    claims.write_markdown(table, snakemake.output.markdown)

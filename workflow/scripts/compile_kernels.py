@@ -1,0 +1,10 @@
+"""Compile all kernels into the cache; the stamp says for which sources."""
+
+from pathlib import Path
+
+from gearlib import core
+from joblog import redirect_output
+
+if __name__ == "__main__":
+    redirect_output(snakemake.log[0])
+    Path(snakemake.output.stamp).write_text(f"{core.warm_up()}\n", encoding="utf-8")

@@ -1,0 +1,17 @@
+"""Draw the resonance characteristics (Fig. 3) in all formats."""
+
+import json
+
+from gearlib.figures import resonance, style
+
+from gearlib import storage
+from joblog import redirect_output
+
+if __name__ == "__main__":
+    redirect_output(snakemake.log[0])
+    figure = resonance.draw(
+        storage.read(snakemake.input.resonance), colours=json.loads(snakemake.params.colours)
+    )
+    figure.set_dpi(snakemake.params.dpi)
+    for path in snakemake.output:
+        style.save(figure, path)

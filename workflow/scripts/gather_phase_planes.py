@@ -1,0 +1,10 @@
+"""Gather the shards of the phase planes into one dataset."""
+
+from gearlib import storage
+from gearlib.gathering import gather_phase_planes
+from joblog import redirect_output
+
+if __name__ == "__main__":
+    redirect_output(snakemake.log[0])
+    dataset = gather_phase_planes([storage.read(path) for path in snakemake.input.shards])
+    storage.write(dataset, snakemake.output.dataset)

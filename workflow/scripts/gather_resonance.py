@@ -1,0 +1,10 @@
+"""Gather the shards of the resonance characteristic into one dataset."""
+
+from gearlib import storage
+from gearlib.gathering import gather_resonance
+from joblog import redirect_output
+
+if __name__ == "__main__":
+    redirect_output(snakemake.log[0])
+    dataset = gather_resonance([storage.read(path) for path in snakemake.input.shards])
+    storage.write(dataset, snakemake.output.dataset)

@@ -1,0 +1,24 @@
+"""Compute one phase plane: one damping, one tuning."""
+
+import json
+
+from gearlib import storage
+from gearlib.pair import GearPair
+from gearlib.simulation import simulate
+from joblog import redirect_output
+
+
+def compute(pair, tuning, run, *, damping):
+    """Return the recorded run, labelled with its damping."""
+    return simulate(GearPair(**pair), tuning, **run).assign_coords(damping=damping)
+
+
+if __name__ == "__main__":
+    redirect_output(snakemake.log[0])
+    dataset = compute(
+        json.loads(snakemake.params.pair),
+        float(snakemake.wildcards.tuning),
+        json.loads(snakemake.params.run),
+        damping=snakemake.wildcards.damping,
+    )
+    storage.write(dataset, snakemake.output.plane)

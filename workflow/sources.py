@@ -1,0 +1,79 @@
+"""The source files a script depends on: they are inputs of its rule.
+
+Snakemake sees neither edits of imported modules nor, with the triggers of this workflow, of the
+script itself. Listed as inputs they count by their content: an edit reruns the jobs whose results
+it can change and no others, a touched file reruns nothing.
+"""
+
+import ast
+from pathlib import Path
+
+PACKAGE = "gearlib"
+
+
+def sources(script, root):
+    """Return a script and every module of the package that it imports, directly or not.
+
+    ``gearlib/__init__.py`` counts for who imports its ``__version__`` only: the rest of it is a
+    table of lazy names. Scripts and modules therefore import submodules, by their full names.
+
+    Parameters
+    ----------
+    script : pathlib.Path
+        A Python file; modules beside it (not in the package) are followed as well.
+    root : pathlib.Path
+        The folder that holds the package.
+
+    Returns
+    -------
+    list of pathlib.Path
+        Sorted.
+
+    Raises
+    ------
+    ImportError
+        If a file imports from the package what is no module of it: the lazy names.
+    """
+    found, waiting = set(), [Path(script)]
+    while waiting:
+        path = waiting.pop()
+        if path not in found:
+            found.add(path)
+            waiting.extend(_imported_files(path, Path(root)))
+    return sorted(found)
+
+
+def _imported_files(path, root):
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"), filename=str(path))):
+        if isinstance(node, ast.Import):
+            for alias in node.names:
+                yield from _module_files(alias.name, path, root)
+        elif isinstance(node, ast.ImportFrom):
+            if node.level:
+                raise ImportError(f"{path}:{node.lineno}: import {PACKAGE} modules by full names")
+            yield from _module_files(node.module, path, root)
+            for alias in node.names:
+                name = f"{node.module}.{alias.name}"
+                yield from _module_files(name, path, root, optional=node.module != PACKAGE)
+
+
+def _module_files(name, importer, root, optional=False):
+    """Yield the files that ``import name`` runs, of the package or beside the importer."""
+    parts = name.split(".")
+    if parts[0] != PACKAGE:
+        beside = importer.parent / f"{name}.py"
+        if beside.is_file():
+            yield beside
+        return
+    if parts[1:] == ["__version__"]:
+        yield root / PACKAGE / "__init__.py"
+        return
+    for depth in range(2, len(parts) + 1):
+        folder = root.joinpath(*parts[:depth])
+        module, package = folder.with_suffix(".py"), folder / "__init__.py"
+        if module.is_file():
+            yield module
+        elif package.is_file():
+            yield package
+        elif not optional:
+            raise ImportError(f"{importer}: {name} is no module of {PACKAGE}; import by full names")
