@@ -60,7 +60,7 @@ def one_of(name, value, choices):
 
 
 def state(name, value):
-    """Return an initial state as two finite floats (displacement, dx/dtau), else raise ValueError."""
+    """Return an initial state as two finite floats, else raise ValueError."""
     try:
         displacement, velocity = value
         return (

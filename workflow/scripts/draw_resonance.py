@@ -2,9 +2,8 @@
 
 import json
 
-from gearlib.figures import resonance, style
-
 from gearlib import storage
+from gearlib.figures import resonance, style
 from joblog import redirect_output
 
 if __name__ == "__main__":
