@@ -139,8 +139,9 @@ def shade_areas(axes, backlash, direction):
         if max(first, low) < min(last, high)
     }
     span = axes.axhspan if direction == "y" else axes.axvspan
-    for name in visible.keys() & AREA_COLOURS.keys():
-        span(*visible[name], color=AREA_COLOURS[name], linewidth=0, zorder=0)
+    for name, colour in AREA_COLOURS.items():
+        if name in visible:
+            span(*visible[name], color=colour, linewidth=0, zorder=0)
     return visible
 
 
