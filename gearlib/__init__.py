@@ -9,12 +9,18 @@ module                  responsibility
 ``core``                compiled kernels: closed forms, crossings, march
 ``simulation``          `simulate`: one tuning, time course, events, orbit summary
 ``sweeping``            `sweep`: many tunings, orbit summaries
-``kernels``             from a checked gear pair to the arguments of the kernels
+``harmonics``           periodic functions of the mesh phase
+``profiles``            rectangular, Fourier and tabulated mesh stiffness
+``models``              one file per model: its equation, its symbols
+``methods``             one file per method behind ``method=``
+``arguments``           arguments that all runs share, checked
 ``summary``             from the summary table of the kernels to named variables
 ``variables``           names, units and descriptions of every variable
 ``status``              how a run ended, and what to do when it could not go on
 ``provenance``          what a dataset says of its own making
 ``storage``             datasets to and from netCDF
+``files``               whole files or none
+``version``             the version of the library
 ``checks``              checks of single values, with their messages
 ``config``              the typed model of ``config.yaml``
 ``gathering``           shards of the workflow into one dataset per experiment
@@ -29,13 +35,27 @@ not pay for the numerical stack.
 from importlib import import_module
 
 _PUBLIC = {
+    "__version__": "version",
+    "Fourier": "profiles",
     "GearPair": "pair",
+    "Harmonics": "harmonics",
+    "OneDegreePair": "models.one_degree",
+    "Rectangular": "profiles",
+    "Tabulated": "profiles",
     "simulate": "simulation",
     "sweep": "sweeping",
 }
 
-__all__ = ["GearPair", "simulate", "sweep"]
-__version__ = "0.1.0"
+__all__ = [
+    "Fourier",
+    "GearPair",
+    "Harmonics",
+    "OneDegreePair",
+    "Rectangular",
+    "Tabulated",
+    "simulate",
+    "sweep",
+]
 
 
 def __getattr__(name):

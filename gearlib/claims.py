@@ -7,11 +7,11 @@ evaluated". Statements P1 ... P10 are those of Hortel & Skuderova (2007) on line
 
 import csv
 import io
-import os
 from dataclasses import asdict, dataclass, fields
-from pathlib import Path
 
 import numpy as np
+
+from gearlib.files import replacing
 
 HOLDS, DIFFERS, OPEN = "holds", "differs", "not evaluated"
 
@@ -86,11 +86,8 @@ def write_markdown(claims, path):
 
 
 def _replace(path, text):
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    temporary.write_text(text, encoding="utf-8")
-    os.replace(temporary, path)
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
 
 
 class _Data:

@@ -7,7 +7,7 @@ stays out of the files.
 import json
 import math
 
-from gearlib import __version__
+from gearlib.version import __version__
 
 
 def canonical_json(value):

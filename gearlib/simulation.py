@@ -6,10 +6,8 @@ import numpy as np
 import xarray as xr
 
 from gearlib import checks, contact, provenance, status, summary
+from gearlib.arguments import MAX_EVENTS, check_run, check_tuning
 from gearlib.core import orbit
-from gearlib.core.mesh import mesh
-from gearlib.core.run import run
-from gearlib.kernels import MAX_EVENTS, check_run, check_tuning, ratios
 from gearlib.variables import describe, scales, speed_scales
 
 _FIRST_EVENTS = 64
@@ -23,7 +21,7 @@ def simulate(
     record_periods=1,
     samples_per_period=256,
     initial_state=(0.0, 0.0),
-    method="exact",
+    method=None,
     max_events=MAX_EVENTS,
 ):
     """Run a gear pair at one tuning and record the end of the run.
@@ -31,10 +29,11 @@ def simulate(
     The model is x'' + (2 beta / nu) x' + (c(tau) / nu^2) g(x) = 1 / nu^2 in static deflections
     and mesh phase, with beta_m instead of beta in the backlash; tau = 0 is the middle of the
     stretch of maximum stiffness. Every phase is propagated in closed form: there is no step size.
+    With a `OneDegreePair` it is that of `gearlib.models.one_degree`, in Taylor steps to rounding.
 
     Parameters
     ----------
-    pair : GearPair
+    pair : GearPair or OneDegreePair
     tuning : float
         nu = mesh frequency / mean eigenfrequency; finite, > 0.
     periods : int
@@ -46,7 +45,8 @@ def simulate(
         and is not repeated.
     initial_state : tuple of float, default (0, 0)
         Displacement in static deflections and dx/dtau at tau = 0. The default: flanks just touch.
-    method : {"exact"}
+    method : {"exact", "taylor"}, optional
+        See `gearlib.methods`; by default "exact" for a `GearPair`, else "taylor".
     max_events : int
         Most phases of contact and flights in one mesh period before the run gives up.
 
@@ -72,14 +72,15 @@ def simulate(
     """
     tuning = check_tuning("tuning", tuning)
     samples_per_period = checks.integer("samples_per_period", samples_per_period, 1)
-    periods, record_periods, initial_state, method, max_events = check_run(
-        periods, record_periods, initial_state, method, max_events
+    periods, record_periods, initial_state, method, module, max_events = check_run(
+        pair, periods, record_periods, initial_state, method, max_events
     )
     samples = np.empty((record_periods * samples_per_period, orbit.SAMPLE_COLUMNS))
     table = np.empty(orbit.SUMMARY_COLUMNS)
-    x, v, period, events, found, code = run(
-        mesh(ratios(pair), tuning),
-        *initial_state,
+    x, v, period, events, found, code = module.run(
+        pair,
+        tuning,
+        initial_state,
         periods,
         record_periods,
         samples,

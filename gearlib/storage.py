@@ -1,9 +1,8 @@
 """Datasets to and from netCDF: the same bytes for the same data, whole files or none."""
 
-import os
-from pathlib import Path
-
 import xarray as xr
+
+from gearlib.files import replacing
 
 
 def write(dataset, path):
@@ -17,19 +16,13 @@ def write(dataset, path):
     dataset : xarray.Dataset
     path : str or os.PathLike
     """
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
     # xarray would give NaN as fill value to every float, which CF forbids for coordinates.
     encoding = {name: {"_FillValue": None} for name in dataset.variables}
     for name, variable in dataset.variables.items():
         if variable.ndim and variable.dtype.kind in "if":
             encoding[name] |= {"zlib": True, "complevel": 4, "shuffle": True}
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
+    with replacing(path) as temporary:
         dataset.to_netcdf(temporary, engine="netcdf4", format="NETCDF4", encoding=encoding)
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 def read(path):

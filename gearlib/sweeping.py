@@ -7,9 +7,8 @@ import numpy as np
 import xarray as xr
 
 from gearlib import checks, provenance, summary
+from gearlib.arguments import MAX_EVENTS, check_run, check_tuning
 from gearlib.core import orbit
-from gearlib.core.run import run_many
-from gearlib.kernels import MAX_EVENTS, check_run, check_tuning, ratios
 from gearlib.variables import describe, scales, speed_scales
 
 DIRECTIONS = ("cold", "up", "down")
@@ -27,7 +26,7 @@ def sweep(
     record_periods,
     initial_state=(0.0, 0.0),
     direction="cold",
-    method="exact",
+    method=None,
     max_events=MAX_EVENTS,
     threads=None,
 ):
@@ -35,7 +34,7 @@ def sweep(
 
     Parameters
     ----------
-    pair : GearPair
+    pair : GearPair or OneDegreePair
     tunings : array_like of float, shape (n,)
         Each finite and > 0, all different.
     periods, record_periods : int
@@ -46,7 +45,8 @@ def sweep(
         "cold" starts every tuning from `initial_state`. "up" and "down" go through the tunings
         in ascending or descending order, each run starting from the final state of the one
         before it, which shows hysteresis; after a run that could not go on, from `initial_state`.
-    method : {"exact"}
+    method : {"exact", "taylor"}, optional
+        See `gearlib.methods`; by default "exact" for a `GearPair`, else "taylor".
     max_events : int
         Most phases of contact and flights in one mesh period before a run gives up.
     threads : int, optional
@@ -70,8 +70,8 @@ def sweep(
         Naming the argument, its value and the allowed range.
     """
     tunings = _check_tunings(tunings)
-    periods, record_periods, initial_state, method, max_events = check_run(
-        periods, record_periods, initial_state, method, max_events
+    periods, record_periods, initial_state, method, module, max_events = check_run(
+        pair, periods, record_periods, initial_state, method, max_events
     )
     checks.one_of("direction", direction, DIRECTIONS)
     threads = os.cpu_count() if threads is None else checks.integer("threads", threads, 1)
@@ -79,14 +79,14 @@ def sweep(
     table = np.empty((tunings.size, orbit.SUMMARY_COLUMNS))
     ends = np.empty((tunings.size, 2))
     codes = np.empty((tunings.size, 2), dtype=np.int64)
-    constants, state, carry = ratios(pair), np.array(initial_state), direction != "cold"
+    carry = direction != "cold"
 
     def go_through(order):
-        run_many(
-            constants,
+        module.run_many(
+            pair,
             tunings,
             order,
-            state,
+            initial_state,
             carry,
             periods,
             record_periods,

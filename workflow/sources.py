@@ -14,8 +14,8 @@ PACKAGE = "gearlib"
 def sources(script, root):
     """Return a script and every module of the package that it imports, directly or not.
 
-    ``gearlib/__init__.py`` counts for who imports its ``__version__`` only: the rest of it is a
-    table of lazy names. Scripts and modules therefore import submodules, by their full names.
+    ``gearlib/__init__.py`` does not count: it is a table of lazy names. Scripts and modules
+    therefore import submodules, by their full names.
 
     Parameters
     ----------
@@ -64,9 +64,6 @@ def _module_files(name, importer, root, optional=False):
         beside = importer.parent / f"{name}.py"
         if beside.is_file():
             yield beside
-        return
-    if parts[1:] == ["__version__"]:
-        yield root / PACKAGE / "__init__.py"
         return
     for depth in range(2, len(parts) + 1):
         folder = root.joinpath(*parts[:depth])

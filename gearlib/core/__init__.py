@@ -12,6 +12,9 @@ module                responsibility
 ``transit``           the fast march through periods nobody looks at
 ``orbit``             what is recorded of an orbit: extrema, fractions, samples, events
 ``run``               a whole run, and runs over many tunings
+``polynomial``        first crossing and largest value of a polynomial, isolated
+``series``            nonlinear mesh: Taylor series of its motion
+``nonlinear``         nonlinear mesh: the march in Taylor steps, a whole run
 ====================  =============================================================
 
 Units: displacement in static deflections, time as mesh phase tau (2 pi per mesh period).

@@ -4,13 +4,14 @@ Colours are those of Okabe and Ito, which stay apart without red-green vision. N
 colour alone: every curve also has its marker and line style, for print in grey.
 """
 
-import os
 import re
 from dataclasses import dataclass
 from itertools import cycle
 from pathlib import Path
 
 import matplotlib.style
+
+from gearlib.files import replacing
 
 #: Width of a figure, inches: the type area of a page.
 PAGE_WIDTH = 7.2
@@ -162,11 +163,5 @@ def save(figure, path):
     form = path.suffix.removeprefix(".")
     if form not in _METADATA:
         raise ValueError(f"path = {str(path)!r} is not allowed: it must end in .png, .pdf or .svg")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        with styled():
-            figure.savefig(temporary, format=form, dpi=figure.dpi, metadata=_METADATA[form])
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    with replacing(path) as temporary, styled():
+        figure.savefig(temporary, format=form, dpi=figure.dpi, metadata=_METADATA[form])

@@ -1,0 +1,181 @@
+"""First crossing of a polynomial on an interval, isolated in Bernstein form.
+
+A polynomial on [0, 1] lies between its smallest and its largest Bernstein coefficient. So an
+interval without a negative coefficient holds no crossing, one with falling coefficients and a
+negative end holds exactly one, and any other is halved (de Casteljau). Nothing is sampled: a dip
+below zero, however short, makes a coefficient negative.
+"""
+
+import math
+
+import numpy as np
+
+from gearlib.core.jit import kernel
+
+#: Halvings of the interval before what is left is called grazing.
+_MAX_DEPTH = 48
+_MAX_NEWTON = 60
+#: A dip smaller than this share of the coefficients cannot be told from their rounding.
+_ROUNDING = 4e-16
+
+
+def bernstein_matrix(degree):
+    """Return the matrix, shape (degree + 1, degree + 1), from power to Bernstein coefficients.
+
+    Row i holds what the i-th power coefficient adds to the Bernstein coefficients.
+    """
+    matrix = np.zeros((degree + 1, degree + 1))
+    for j in range(degree + 1):
+        for i in range(j + 1):
+            matrix[i, j] = math.comb(j, i) / math.comb(degree, i)
+    return matrix
+
+
+@kernel
+def horner(coefficients, s):
+    """Return the value and the derivative at s of the polynomial with power `coefficients`."""
+    value, slope = 0.0, 0.0
+    for k in range(coefficients.shape[0] - 1, -1, -1):
+        slope = slope * s + value
+        value = value * s + coefficients[k]
+    return value, slope
+
+
+@kernel
+def _to_bernstein(coefficients, matrix, out):
+    """Fill `out` with the Bernstein coefficients of a polynomial."""
+    out[: coefficients.shape[0]] = coefficients[0]
+    for i in range(1, coefficients.shape[0]):
+        c = coefficients[i]
+        for j in range(i, coefficients.shape[0]):
+            out[j] += matrix[i, j] * c
+
+
+@kernel
+def _bracketed_root(coefficients, low, high):
+    """Return the root on [low, high] of a polynomial that falls through zero once there."""
+    s = 0.5 * (low + high)
+    for _ in range(_MAX_NEWTON):
+        value, slope = horner(coefficients, s)
+        if value > 0.0:
+            low = s
+        else:
+            high = s
+        new = s - value / slope if slope < 0.0 else low
+        if not low < new < high:
+            new = 0.5 * (low + high)
+        moved = abs(new - s)
+        s = new
+        if moved <= 2e-16 * high:
+            break
+    return s
+
+
+@kernel
+def _lowest_of_parabola(a, b, c):
+    """Return the smallest value of a + b s + c s^2 on [0, 1]."""
+    lowest = min(a, a + b + c)
+    if c > 0.0 and 0.0 < -b < 2.0 * c:
+        lowest = a - 0.25 * b * b / c
+    return lowest
+
+
+@kernel
+def first_fall(coefficients, to_bernstein, work):
+    """Return the first s in [0, 1] where a polynomial falls through zero, 2 if there is none.
+
+    Parameters
+    ----------
+    coefficients : ndarray, shape (n + 1,)
+        Power coefficients, constant first. The polynomial starts at or above zero; from exactly
+        zero it counts as falling at once when its slope is negative.
+    to_bernstein : ndarray, shape (n + 1, n + 1)
+        `bernstein_matrix` of degree n.
+    work : ndarray, shape (50, n + 2)
+        Storage: a row per waiting interval, its Bernstein coefficients and its width.
+
+    Returns
+    -------
+    float
+    """
+    n = coefficients.shape[0] - 1
+    if coefficients[0] <= 0.0 and coefficients[1] < 0.0:
+        return 0.0
+    # Most steps are far from the line; from a start on it, a factor s is divided out.
+    first = 1 if coefficients[0] == 0.0 else 0
+    reach = 0.0
+    for k in range(first + 3, n + 1):
+        reach += abs(coefficients[k])
+    low = _lowest_of_parabola(coefficients[first], coefficients[first + 1], coefficients[first + 2])
+    if low > reach:
+        return 2.0
+    for k in range(1, first + 3):
+        reach += abs(coefficients[k])
+    noise = _ROUNDING * (abs(coefficients[0]) + reach)
+    _to_bernstein(coefficients, to_bernstein, work[0])
+    depth = 0  # rows 0 ... depth of `work` hold the intervals still to be looked at
+    low = 0.0
+    work[0, n + 1] = 1.0
+    while depth >= 0:
+        b = work[depth]
+        width = b[n + 1]
+        smallest, falling = b[0], True
+        for j in range(1, n + 1):
+            smallest = min(smallest, b[j])
+            if b[j] > b[j - 1]:
+                falling = False
+        if smallest >= -noise:
+            low += width
+            depth -= 1
+        elif falling and b[n] < -noise:
+            return _bracketed_root(coefficients, low, low + width)
+        elif depth == _MAX_DEPTH or width < 1e-15:
+            low += width
+            depth -= 1
+        else:
+            # The right half stays in this row, the left half goes on top.
+            left = work[depth + 1]
+            left[0] = b[0]
+            for j in range(1, n + 1):
+                for i in range(n + 1 - j):
+                    b[i] = 0.5 * (b[i] + b[i + 1])
+                left[j] = b[0]
+            b[n + 1] = 0.5 * width
+            left[n + 1] = 0.5 * width
+            depth += 1
+    return 2.0
+
+
+@kernel
+def highest(coefficients, to_bernstein, work, floor):
+    """Return the largest value of a polynomial on [0, 1], or `floor` if that is larger.
+
+    Branch and bound on the Bernstein coefficients: an interval is dropped when none of them lies
+    above the best value so far. Arguments as of `first_fall`.
+    """
+    n = coefficients.shape[0] - 1
+    reach = 0.0
+    for k in range(1, n + 1):
+        reach += abs(coefficients[k])
+    if coefficients[0] + reach <= floor:
+        return floor
+    _to_bernstein(coefficients, to_bernstein, work[0])
+    noise = _ROUNDING * (abs(coefficients[0]) + reach)
+    depth = 0
+    while depth >= 0:
+        b = work[depth]
+        floor = max(floor, b[0], b[n])
+        bound = b[0]
+        for j in range(1, n + 1):
+            bound = max(bound, b[j])
+        if bound <= floor + noise or depth == _MAX_DEPTH:
+            depth -= 1
+            continue
+        left = work[depth + 1]
+        left[0] = b[0]
+        for j in range(1, n + 1):
+            for i in range(n + 1 - j):
+                b[i] = 0.5 * (b[i] + b[i + 1])
+            left[j] = b[0]
+        depth += 1
+    return floor

@@ -1,0 +1,28 @@
+"""Whole files or none: what is written appears in one step."""
+
+import os
+from contextlib import contextmanager
+from pathlib import Path
+
+
+@contextmanager
+def replacing(path):
+    """Give a temporary path beside `path` to write to; on success it takes the place of `path`.
+
+    Parameters
+    ----------
+    path : str or os.PathLike
+        Its folder is made if need be. The temporary name keeps the suffix.
+
+    Yields
+    ------
+    pathlib.Path
+    """
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f".{os.getpid()}.{path.name}")
+    try:
+        yield temporary
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)

@@ -1,0 +1,82 @@
+"""Periodic functions of the mesh phase: harmonics, or a table turned into harmonics."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from gearlib import checks
+
+
+@dataclass(frozen=True)
+class Harmonics:
+    """sum over n >= 1 of cosines[n - 1] cos(n tau) + sines[n - 1] sin(n tau).
+
+    Parameters
+    ----------
+    cosines, sines : sequence of float
+        Amplitudes of orders 1, 2, ... per mesh period; the shorter one is filled with zeros.
+
+    Raises
+    ------
+    ValueError
+        If an amplitude is not a finite number.
+    """
+
+    cosines: tuple = ()
+    sines: tuple = ()
+
+    def __post_init__(self):
+        for name in ("cosines", "sines"):
+            values = tuple(
+                checks.number(f"{name}[{i}]", value, "finite", math.isfinite)
+                for i, value in enumerate(getattr(self, name))
+            )
+            object.__setattr__(self, name, values)
+
+    @classmethod
+    def from_table(cls, phase, values, count=None):
+        """Return the harmonics of a table over one mesh period, its mean left out.
+
+        Parameters
+        ----------
+        phase : array_like of float, shape (n,)
+            Equidistant mesh phases, rad, rising from some start by 2 pi / n.
+        values : array_like of float, shape (n,)
+            Finite values there; taken as periodic.
+        count : int, optional
+            Highest order kept; all that the table resolves by default, (n - 1) // 2.
+
+        Raises
+        ------
+        ValueError
+            If the phases are not equidistant over one period, or a value is not finite.
+        """
+        phase, values = np.asarray(phase, float), np.asarray(values, float)
+        n = phase.size
+        if phase.shape != values.shape or phase.ndim != 1 or n < 3:
+            raise ValueError(
+                f"table of shape {phase.shape} and {values.shape} is not allowed: it must be two "
+                "equally long sequences of at least 3 numbers"
+            )
+        if not np.allclose(np.diff(phase), 2.0 * math.pi / n, rtol=1e-6):
+            raise ValueError(
+                f"phase = {phase[0]!r} ... {phase[-1]!r} is not allowed: it must rise in equal "
+                f"steps of 2 pi / {n} over one mesh period, its end left out"
+            )
+        if not np.all(np.isfinite(values)):
+            raise ValueError(f"values = {values!r} is not allowed: it must be finite")
+        count = (n - 1) // 2 if count is None else checks.integer("count", count, 1, (n - 1) // 2)
+        orders = np.arange(1, count + 1)
+        spectrum = np.fft.rfft(values)[1 : count + 1] * 2.0 / n * np.exp(-1j * orders * phase[0])
+        return cls(tuple(spectrum.real.tolist()), tuple((-spectrum.imag).tolist()))
+
+    def table(self, scale=1.0):
+        """Return rows (order, cosine, sine) with amplitudes times `scale`, shape (n, 3)."""
+        n = max(len(self.cosines), len(self.sines))
+        rows = np.zeros((n, 3))
+        rows[:, 0] = np.arange(1, n + 1)
+        rows[: len(self.cosines), 1] = self.cosines
+        rows[: len(self.sines), 2] = self.sines
+        rows[:, 1:] *= scale
+        return rows
