@@ -33,7 +33,7 @@ def simulate(
 
     Parameters
     ----------
-    pair : GearPair or OneDegreePair
+    pair : GearPair, OneDegreePair or SixDegreePair
     tuning : float
         nu = mesh frequency / mean eigenfrequency; finite, > 0.
     periods : int
@@ -75,7 +75,8 @@ def simulate(
     periods, record_periods, initial_state, method, module, max_events = check_run(
         pair, periods, record_periods, initial_state, method, max_events
     )
-    samples = np.empty((record_periods * samples_per_period, orbit.SAMPLE_COLUMNS))
+    extra = getattr(pair, "extra_samples", ())
+    samples = np.empty((record_periods * samples_per_period, orbit.SAMPLE_COLUMNS + len(extra)))
     table = np.empty(orbit.SUMMARY_COLUMNS)
     x, v, period, events, found, code = module.run(
         pair,
@@ -96,7 +97,7 @@ def simulate(
     step = 2.0 * math.pi / samples_per_period
     first = (periods - record_periods) * samples_per_period
     data = {
-        **_time_course(samples, code),
+        **_time_course(samples, extra, code),
         **_event_table(events[:found]),
         **summary.variables((), table, end, np.array([period, code]), record_periods),
         **scales(pair),
@@ -121,8 +122,8 @@ def simulate(
     return dataset
 
 
-def _time_course(samples, code):
-    """Return the variables over ``phase`` from the sample table, shape (n, 6)."""
+def _time_course(samples, extra, code):
+    """Return the variables over ``phase`` from the sample table, shape (n, 6 + extra)."""
     if code == status.OK:
         touching = samples[:, orbit.SAMPLE_CONTACT].astype(np.int8)
     else:
@@ -137,6 +138,8 @@ def _time_course(samples, code):
         "dynamic_force": samples[:, orbit.SAMPLE_FORCE],
         "contact": touching,
     }
+    for i, name in enumerate(extra):
+        columns[name] = samples[:, orbit.SAMPLE_COLUMNS + i]
     return {name: (("phase",), values) for name, values in columns.items()}
 
 

@@ -34,7 +34,7 @@ def sweep(
 
     Parameters
     ----------
-    pair : GearPair or OneDegreePair
+    pair : GearPair, OneDegreePair or SixDegreePair
     tunings : array_like of float, shape (n,)
         Each finite and > 0, all different.
     periods, record_periods : int
@@ -46,7 +46,7 @@ def sweep(
         in ascending or descending order, each run starting from the final state of the one
         before it, which shows hysteresis; after a run that could not go on, from `initial_state`.
     method : {"exact", "taylor"}, optional
-        See `gearlib.methods`; by default "exact" for a `GearPair`, else "taylor".
+        See `gearlib.methods`; by default "exact" where it takes the model, else "taylor".
     max_events : int
         Most phases of contact and flights in one mesh period before a run gives up.
     threads : int, optional

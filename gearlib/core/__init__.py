@@ -14,6 +14,7 @@ module                responsibility
 ``run``               a whole run, and runs over many tunings
 ``polynomial``        first crossing and largest value of a polynomial, isolated
 ``series``            nonlinear mesh: Taylor series of its motion
+``linear``            many coordinates, linear between events: matrix exponentials
 ``nonlinear``         nonlinear mesh: the march in Taylor steps, a whole run
 ====================  =============================================================
 

@@ -15,8 +15,13 @@ from gearlib.core.jit import kernel
 #: Halvings of the interval before what is left is called grazing.
 _MAX_DEPTH = 48
 _MAX_NEWTON = 60
+#: Intervals looked at before what is left is called grazing: a polynomial that hugs the line
+#: within its rounding would have all its halves looked at.
+_MAX_INTERVALS = 1000
 #: A dip smaller than this share of the coefficients cannot be told from their rounding.
 _ROUNDING = 4e-16
+#: Largest values are sought to this share of the coefficients, a hundred roundings.
+_CLOSE = 4e-14
 
 
 def bernstein_matrix(degree):
@@ -99,24 +104,27 @@ def first_fall(coefficients, to_bernstein, work):
     float
     """
     n = coefficients.shape[0] - 1
-    if coefficients[0] <= 0.0 and coefficients[1] < 0.0:
-        return 0.0
     # Most steps are far from the line; from a start on it, a factor s is divided out.
     first = 1 if coefficients[0] == 0.0 else 0
-    reach = 0.0
+    tail = 0.0
     for k in range(first + 3, n + 1):
-        reach += abs(coefficients[k])
+        tail += abs(coefficients[k])
     low = _lowest_of_parabola(coefficients[first], coefficients[first + 1], coefficients[first + 2])
-    if low > reach:
+    if low > tail:
         return 2.0
+    noise = abs(coefficients[0]) + tail
     for k in range(1, first + 3):
-        reach += abs(coefficients[k])
-    noise = _ROUNDING * (abs(coefficients[0]) + reach)
+        noise += abs(coefficients[k])
+    noise *= _ROUNDING
+    if coefficients[0] <= 0.0 and coefficients[1] < -noise:
+        return 0.0
     _to_bernstein(coefficients, to_bernstein, work[0])
     depth = 0  # rows 0 ... depth of `work` hold the intervals still to be looked at
     low = 0.0
     work[0, n + 1] = 1.0
-    while depth >= 0:
+    for _ in range(_MAX_INTERVALS):
+        if depth < 0:
+            break
         b = work[depth]
         width = b[n + 1]
         smallest, falling = b[0], True
@@ -160,9 +168,11 @@ def highest(coefficients, to_bernstein, work, floor):
     if coefficients[0] + reach <= floor:
         return floor
     _to_bernstein(coefficients, to_bernstein, work[0])
-    noise = _ROUNDING * (abs(coefficients[0]) + reach)
+    noise = _CLOSE * (abs(coefficients[0]) + reach)
     depth = 0
-    while depth >= 0:
+    for _ in range(_MAX_INTERVALS):
+        if depth < 0:
+            break
         b = work[depth]
         floor = max(floor, b[0], b[n])
         bound = b[0]

@@ -3,7 +3,8 @@
 ============  ==========================================================================
 method        responsibility
 ============  ==========================================================================
-``exact``     closed forms between events: linear damping, rectangular stiffness
+``exact``     closed forms between events: linear damping, rectangular stiffness, one or
+              six degrees of freedom
 ``taylor``    Taylor steps of order 20 that end at events: any model of one degree
 ============  ==========================================================================
 
@@ -33,14 +34,14 @@ def choose(pair, method):
     able = [name for name, module in METHODS.items() if module.takes(pair)]
     if not able:
         raise ValueError(
-            f"pair = {pair!r} is not allowed: it must be a GearPair or a OneDegreePair"
+            f"pair = {pair!r} is not allowed: it must be a GearPair, OneDegreePair or SixDegreePair"
         )
     if method is None:
         return able[0], METHODS[able[0]]
     checks.one_of("method", method, tuple(METHODS))
     if method not in able:
         raise ValueError(
-            f"method = {method!r} is not allowed for this model, which has no closed form "
-            f"between events: it must be one of {', '.join(map(repr, able))}"
+            f"method = {method!r} is not allowed for a {type(pair).__name__}: it must be one of "
+            f"{', '.join(map(repr, able))}"
         )
     return method, METHODS[method]

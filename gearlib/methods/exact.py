@@ -1,16 +1,28 @@
-"""The exact propagator: closed forms between events."""
+"""The exact propagator: closed forms between events, for linear damping and rectangular stiffness.
+
+One degree of freedom goes by scalar closed forms (`gearlib.core.run`), six by matrix exponentials
+(`gearlib.core.linear`).
+"""
+
+import math
 
 import numpy as np
 
+from gearlib import status
+from gearlib.core import linear, orbit
 from gearlib.core import run as core_run
 from gearlib.core.mesh import mesh
+from gearlib.core.polynomial import bernstein_matrix
+from gearlib.models.six_degrees import SixDegreePair
 from gearlib.pair import GearPair
 from gearlib.stiffness import levels, stretches
 
+_TO_BERNSTEIN = bernstein_matrix(linear.ORDER)
+
 
 def takes(pair):
-    """Return whether the phases of a model have the closed forms."""
-    return isinstance(pair, GearPair)
+    """Return whether the phases of a model have closed forms."""
+    return isinstance(pair, (GearPair, SixDegreePair))
 
 
 def ratios(pair):
@@ -28,9 +40,46 @@ def ratios(pair):
 
 def run(pair, tuning, state, *arguments):
     """Run one tuning; see `gearlib.methods`."""
-    return core_run.run(mesh(ratios(pair), tuning), *state, *arguments)
+    if isinstance(pair, GearPair):
+        return core_run.run(mesh(ratios(pair), tuning), *state, *arguments)
+    system, outputs = pair.system(tuning)
+    return linear.run_linear(
+        system, outputs, _TO_BERNSTEIN, pair.initial(system, state), *arguments
+    )
 
 
 def run_many(pair, tunings, order, state, *arguments):
     """Run many tunings; see `gearlib.methods`."""
-    core_run.run_many(ratios(pair), tunings, order, np.array(state), *arguments)
+    if isinstance(pair, GearPair):
+        core_run.run_many(ratios(pair), tunings, order, np.array(state), *arguments)
+    else:
+        _run_many_linear(pair, tunings, order, state, *arguments)
+
+
+def _run_many_linear(
+    pair, tunings, order, state, carry, periods, record_periods, limit, summaries, ends, codes
+):
+    samples, events = np.empty((0, orbit.SAMPLE_COLUMNS)), np.empty((0, orbit.EVENT_COLUMNS))
+    carried = None
+    for i in order:
+        system, outputs = pair.system(float(tunings[i]))
+        z = pair.initial(system, state) if carried is None else carried
+        x, v, period, _, _, code = linear.run_linear(
+            system,
+            outputs,
+            _TO_BERNSTEIN,
+            z,
+            periods,
+            record_periods,
+            samples,
+            events,
+            limit,
+            summaries[i],
+        )
+        ok = code == status.OK
+        if not ok:
+            summaries[i] = math.nan
+        ends[i] = (x, v) if ok else math.nan
+        codes[i] = period, code
+        # All coordinates are carried along, not only the two of the final state.
+        carried = z if ok and carry else None

@@ -1,0 +1,363 @@
+"""Six degrees of freedom: rotations and bearing motions of both gears, Eq. (3), (4).
+
+    (J3 / Rb3^2) u3'' = M3 / Rb3 - P          m3 y3'' = -P - C3y y3 - k3y y3'
+    (J2 / Rb2^2) u2'' = M2 / Rb2 - P          m2 y2'' = +P - C2y y2 - k2y y2'
+                                              m3 z3'' = -F_T - C3z z3 - k3z z3'
+                                              m2 z2'' = +F_T - C2z z2 - k2z z2'
+
+with the rotations as arc lengths u_j = Rb_j phi_j, y along the line of action, z across it, the
+relative mesh displacement and the backlash line of Eq. (4)
+
+    y(tau) = u3 + u2 + y3 - y2 + e3 sin phi3 - e2 sin(Delta - phi2) + f(tau)
+    s(tau) = -s_k + y3 - y2 + e3 sin phi3 - e2 sin(Delta - phi2)
+
+and the mesh force P = C(tau) g + k y', g = y in normal mesh, y - s in inverse mesh, 0 in the
+backlash, where k is that of the oil. Friction F_T = mu sigma(tau) C g acts across the line of
+action; its direction sigma reverses at the pitch point and half a mesh period later.
+
+In the run-out the rotations are those of the steady speed, phi_j = tau / teeth_j: the vibration
+of an angle, 1e-5 rad, moves the run-out by 1e-5 of itself. So the system is linear between events.
+
+======================  =================  =======================================================
+name                    symbol             unit
+======================  =================  =======================================================
+pair                    --                 `GearPair`: C_max, kappa, epsilon, load, s_k, k, k_m
+base_radii              Rb3, Rb2           m
+inertias                J3, J2             kg m^2
+masses                  m3, m2             kg
+bearing_stiffness       C3y C3z C2y C2z    N/m, infinite: rigid
+bearing_damping         k3y k3z k2y k2z    N s/m
+eccentricities          e3, e2             m, run-out of the pitch circles
+run_out_phase           Delta              rad
+teeth                   --                 of gear 3 and gear 2
+torques                 M3, M2             N m; by default those of the load, F Rb_j
+deviation               f(tau)             m, `Harmonics`
+friction                mu (normal, inverse)  1
+pitch_phase             --                 rad, where sigma turns from -1 to 1
+======================  =================  =======================================================
+
+The paper prints none of the values beyond those of the pair; whoever sets them chooses.
+"""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from gearlib import checks
+from gearlib.core.linear import REACH, System
+from gearlib.harmonics import Harmonics
+from gearlib.pair import GearPair
+from gearlib.stiffness import levels, stretches
+
+_PAIRS = {"base_radii": True, "inertias": True, "masses": True, "bearing_damping": False}
+_BEARINGS = ("y3", "z3", "y2", "z2")
+#: How the bearing coordinates enter y; z does not.
+_IN_Y = {"y3": 1.0, "y2": -1.0, "z3": 0.0, "z2": 0.0}
+
+#: Names of the recorded functionals, after the columns of `gearlib.core.orbit`.
+OUTPUTS = (
+    "rotation_3",
+    "rotation_2",
+    "bearing_y3",
+    "bearing_z3",
+    "bearing_y2",
+    "bearing_z2",
+    "backlash",
+    "friction_force",
+    "bearing_force_y3",
+    "bearing_force_z3",
+    "bearing_force_y2",
+    "bearing_force_z2",
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SixDegreePair:
+    """A pair of gears on elastic bearings, in SI units; immutable.
+
+    Parameters and units: see the table of the module; pairs are (gear 3, gear 2), bearings
+    (y3, z3, y2, z2).
+
+    The reduced mass of `pair` is only the reference of the tuning: the inertias decide the
+    motion. `SixDegreePair.reduced_mass_torsional` and `.reduced_mass_free` give the two readings
+    of the paper.
+
+    Raises
+    ------
+    ValueError
+        If a value is impossible; the message names parameter, value and range.
+    """
+
+    pair: GearPair
+    base_radii: tuple
+    inertias: tuple
+    masses: tuple
+    bearing_stiffness: tuple
+    bearing_damping: tuple = (0.0, 0.0, 0.0, 0.0)
+    eccentricities: tuple = (0.0, 0.0)
+    run_out_phase: float = 0.0
+    teeth: tuple | None = None
+    torques: tuple | None = None
+    deviation: Harmonics = field(default_factory=Harmonics)
+    friction: tuple = (0.0, 0.0)
+    pitch_phase: float = 0.0
+
+    #: Recorded beyond what a model of one degree has.
+    extra_samples = OUTPUTS
+
+    def __post_init__(self):
+        if not isinstance(self.pair, GearPair):
+            raise ValueError(f"pair = {self.pair!r} is not allowed: it must be a GearPair")
+        if not isinstance(self.deviation, Harmonics):
+            raise ValueError(f"deviation = {self.deviation!r} is not allowed: it must be Harmonics")
+
+        def put(name, count, check):
+            values = getattr(self, name)
+            if not isinstance(values, (tuple, list)) or len(values) != count:
+                raise ValueError(f"{name} = {values!r} is not allowed: it must be {count} numbers")
+            checked = tuple(check(f"{name}[{i}]", value) for i, value in enumerate(values))
+            object.__setattr__(self, name, checked)
+
+        for name in ("base_radii", "inertias", "masses"):
+            put(name, 2, checks.finite_positive)
+        put("bearing_stiffness", 4, _stiffness)
+        put("bearing_damping", 4, checks.finite_nonnegative)
+        put("eccentricities", 2, checks.finite_nonnegative)
+        put("friction", 2, checks.finite_nonnegative)
+        if self.teeth is None:
+            object.__setattr__(self, "teeth", (self.pair.teeth, self.pair.teeth))
+        put("teeth", 2, lambda name, value: checks.integer(name, value, 1))
+        if self.torques is None:
+            load = self.pair.load
+            object.__setattr__(self, "torques", tuple(load * radius for radius in self.base_radii))
+        put("torques", 2, lambda name, value: checks.number(name, value, "finite", math.isfinite))
+        for name in ("run_out_phase", "pitch_phase"):
+            value = checks.number(name, getattr(self, name), "finite", math.isfinite)
+            object.__setattr__(self, name, value)
+
+    def __getattr__(self, name):
+        # Scales, ratios and stiffness of the pair are those of the model.
+        if name.startswith("_") or name == "pair":
+            raise AttributeError(name)
+        return getattr(self.pair, name)
+
+    @property
+    def reduced_mass_torsional(self):
+        """1 / (Rb3^2 / J3 + Rb2^2 / J2), kg: rigid bearings."""
+        return 1.0 / sum(r * r / j for r, j in zip(self.base_radii, self.inertias, strict=True))
+
+    @property
+    def reduced_mass_free(self):
+        """The same with 1 / m3 + 1 / m2 added, kg: bearings far softer than the mesh."""
+        return 1.0 / (1.0 / self.reduced_mass_torsional + sum(1.0 / m for m in self.masses))
+
+    def flexible(self):
+        """Return the indices of the bearing coordinates that can move."""
+        return [i for i, c in enumerate(self.bearing_stiffness) if math.isfinite(c)]
+
+    def _excitation(self):
+        """Return (frequencies, amplitudes of run-out, of deviation) as cosine-sine pairs.
+
+        Shapes (m,), (m, 2), (m, 2); amplitudes in static deflections.
+        """
+        unit = 1.0 / self.pair.static_deflection
+        e3, e2 = (e * unit for e in self.eccentricities)
+        z3, z2 = self.teeth
+        rows = {}
+
+        def add(frequency, which, cosine, sine):
+            entry = rows.setdefault(frequency, np.zeros((2, 2)))
+            entry[which] += (cosine, sine)
+
+        if e3:
+            add(1.0 / z3, 0, 0.0, e3)
+        if e2:
+            # -e2 sin(Delta - phi) = e2 (cos Delta sin phi - sin Delta cos phi)
+            delta = self.run_out_phase
+            add(1.0 / z2, 0, -e2 * math.sin(delta), e2 * math.cos(delta))
+        for order, cosine, sine in self.deviation.table(unit):
+            add(order, 1, cosine, sine)
+        frequencies = np.array(sorted(rows))
+        both = np.array([rows[f] for f in frequencies]).reshape(-1, 2, 2)
+        return frequencies, both[:, 0], both[:, 1]
+
+    def system(self, tuning):
+        """Return (`System`, outputs) at one tuning; outputs of shape (12, 3, p, n)."""
+        pair, unit = self.pair, 1.0 / tuning**2
+        moving = self.flexible()
+        m = 2 + len(moving)
+        frequencies, run_out, deviation = self._excitation()
+        n = 2 * m + 1 + 2 * frequencies.size
+        one, waves = 2 * m, 2 * m + 1
+        pulse = np.zeros((2, n))
+        pulse[0, waves:], pulse[1, waves:] = run_out.ravel(), deviation.ravel()
+        near, far = np.zeros(n), np.zeros(n)
+        near[:2] = far[:2] = 1.0
+        far[one] = pair.backlash_ratio if math.isfinite(pair.backlash_ratio) else 0.0
+        for k, i in enumerate(moving):
+            near[2 + k] = _IN_Y[_BEARINGS[i]]
+        near += pulse[0] + pulse[1]
+        far += pulse[1]
+
+        free = np.zeros((n, n))
+        free[:m, m : 2 * m] = np.eye(m)
+        for j, frequency in enumerate(frequencies):
+            c = waves + 2 * j
+            free[c, c + 1], free[c + 1, c] = -frequency, frequency
+        inertia = [
+            j / r**2 / pair.reduced_mass
+            for j, r in zip(self.inertias, self.base_radii, strict=True)
+        ]
+        mass = [self.masses[0 if _BEARINGS[i].endswith("3") else 1] for i in moving]
+        inertia = np.array(inertia + [value / pair.reduced_mass for value in mass])
+        for j in range(2):
+            free[m + j, one] = self.torques[j] / self.base_radii[j] / pair.load * unit / inertia[j]
+        for k, i in enumerate(moving):
+            row = m + 2 + k
+            share = unit / inertia[2 + k] / pair.mean_stiffness
+            free[row, 2 + k] -= self.bearing_stiffness[i] * share
+            speed = pair.mean_eigenfrequency * tuning
+            free[row, m + 2 + k] -= self.bearing_damping[i] * speed * share
+        # How P enters the accelerations, and how F_T does.
+        mesh = -near[:m] * unit / inertia
+        across = np.zeros(m)
+        for k, i in enumerate(moving):
+            if _BEARINGS[i] in ("z3", "z2"):
+                across[2 + k] = (-1.0 if _BEARINGS[i] == "z3" else 1.0) * unit / inertia[2 + k]
+        # y' = near . z' of the free motion; the accelerations have no part in it.
+        rate = near @ free
+        starts, stiffness, low, sense = self._stretches()
+        p = stiffness.size
+        a = np.empty((3, p, n, n))
+        outputs = np.zeros((len(OUTPUTS), 3, p, n))
+        for code in (-1, 0, 1):
+            damping = pair.backlash_damping_ratio if code == 0 else pair.damping_ratio
+            elastic = {1: near, 0: np.zeros(n), -1: far}[code]
+            grip = {1: self.friction[0], 0: 0.0, -1: self.friction[1]}[code]
+            for q in range(p):
+                a[code + 1, q] = free
+                force = stiffness[q] * elastic
+                total = force + 2.0 * damping * tuning * rate
+                a[code + 1, q][m : 2 * m] += np.outer(mesh, total)
+                friction = grip * sense[q] * force
+                a[code + 1, q][m : 2 * m] += np.outer(across, friction)
+                self._outputs(outputs[:, code + 1, q], moving, near - far, friction, m, tuning)
+        outputs[OUTPUTS.index("backlash"), :, :, one] = -pair.backlash_ratio
+        system = System(
+            a,
+            starts,
+            # In 1 / nu of phase the mesh turns by a radian: velocities weigh like displacements.
+            _knots(a, starts, m, one, 1.0 / tuning),
+            low,
+            stiffness,
+            near,
+            far if math.isfinite(pair.backlash_ratio) else _never(n, one),
+            0,
+            frequencies,
+            tuning,
+        )
+        return system, outputs
+
+    def _outputs(self, rows, moving, line, friction, m, tuning):
+        """Fill the functionals of OUTPUTS for one contact code and stretch, shape (12, n)."""
+        pair = self.pair
+        rows[0, 0] = rows[1, 1] = 1.0
+        # s = y - (y - s)
+        rows[6] = line
+        rows[7] = friction
+        for k, i in enumerate(moving):
+            rows[2 + i, 2 + k] = 1.0
+            rows[8 + i, 2 + k] = self.bearing_stiffness[i] / pair.mean_stiffness
+            speed = pair.mean_eigenfrequency * tuning
+            rows[8 + i, m + 2 + k] = self.bearing_damping[i] * speed / pair.mean_stiffness
+
+    def _stretches(self):
+        """Return (starts, stiffness, low, friction sense) of the stretches of one period."""
+        pair = self.pair
+        high, low = levels(pair.contact_ratio, pair.stiffness_ratio)
+        half_high, whole_low = stretches(pair.contact_ratio)
+        cuts = {0.0, half_high, half_high + whole_low}
+        if any(self.friction):
+            turn = self.pitch_phase % (2.0 * math.pi)
+            cuts |= {turn, (turn + math.pi) % (2.0 * math.pi)}
+        starts = np.array(sorted(c for c in cuts if c < 2.0 * math.pi) + [2.0 * math.pi])
+        starts = starts[np.concatenate([[True], np.diff(starts) > 1e-14])]
+        starts[-1] = 2.0 * math.pi
+        middle = (starts[:-1] + starts[1:]) / 2.0
+        is_low = (middle > half_high) & (middle < half_high + whole_low)
+        after = np.mod(middle - self.pitch_phase, 2.0 * math.pi)
+        sense = np.where(after < math.pi, 1.0, -1.0)
+        return starts, np.where(is_low, low, high), is_low, sense
+
+    def initial(self, system, state):
+        """Return the full state z at tau = 0 for a relative displacement and velocity.
+
+        Bearings at rest in their free position; the rotations share the motion as their inertias
+        do, so that the free rotation of the pair is not set off.
+        """
+        z = np.zeros(system.near.size)
+        if len(state) != 2:
+            z[: len(state)] = state
+            return z
+        m = 2 + len(self.flexible())
+        shares = np.array([r * r / j for r, j in zip(self.base_radii, self.inertias, strict=True)])
+        shares /= shares.sum()
+        z[2 * m] = 1.0
+        z[2 * m + 1 :: 2] = 1.0
+        z[:2] = shares * (state[0] - system.near @ z)
+        z[m : m + 2] = shares * (state[1] - system.near @ (system.a[1, 0] @ z))
+        # The shares round; the line is to be met exactly.
+        z[0] += state[0] - system.near @ z
+        return z
+
+    def as_dict(self):
+        """Return the parameters as plain values, in the order of the fields."""
+        names = (
+            "base_radii",
+            "inertias",
+            "masses",
+            "bearing_stiffness",
+            "bearing_damping",
+            "eccentricities",
+            "run_out_phase",
+            "teeth",
+            "torques",
+            "friction",
+            "pitch_phase",
+        )
+        values = {name: getattr(self, name) for name in names}
+        values["deviation"] = {"cosines": self.deviation.cosines, "sines": self.deviation.sines}
+        return {"pair": self.pair.as_dict(), **values}
+
+
+def _stiffness(name, value):
+    return checks.number(name, value, "> 0 (infinity: rigid)", lambda c: c > 0.0)
+
+
+def _never(n, one):
+    """Return the functional of a flank that is not there: the constant 1."""
+    functional = np.zeros(n)
+    functional[one] = 1.0
+    return functional
+
+
+def _knots(a, starts, m, one, frequency):
+    """Return the number of knots of every stretch, by the norm of its matrices.
+
+    The norm is that of scaled components: velocities over a natural frequency; constants and
+    harmonics, whose columns drive and never feed back, by their own frequencies.
+    """
+    n = a.shape[2]
+    scale = np.ones(n)
+    scale[m : 2 * m] = frequency
+    counts = []
+    for q in range(starts.size - 1):
+        norms = []
+        for matrix in a[:, q]:
+            scaled = matrix * scale[None, :] / scale[:, None]
+            driven = np.linalg.norm(scaled[: 2 * m, : 2 * m], 2)
+            waves = np.abs(matrix[one:, one:]).max(initial=0.0)
+            norms.append(max(driven, waves))
+        counts.append(max(1, math.ceil(max(norms) * (starts[q + 1] - starts[q]) / REACH)))
+    return np.array(counts)

@@ -1,0 +1,269 @@
+"""Six degrees of freedom against other ways to the same motion."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+
+from benchmarks.scipy_split import run as scipy_run
+from gearlib import GearPair, Harmonics, SixDegreePair, simulate, sweep
+from gearlib.core import linear
+from gearlib.methods.exact import _TO_BERNSTEIN
+
+RADIUS, BODY = 0.1, 17.27
+
+
+def pair(material=0.0, oil=0.0, backlash=40e-6):
+    return GearPair(
+        max_stiffness=4e8,
+        stiffness_ratio=0.5879,
+        contact_ratio=1.569,
+        reduced_mass=3.123,
+        load=3289.5396,
+        backlash=backlash,
+        material_damping=material,
+        backlash_damping=oil,
+    )
+
+
+def gears(bearing, material=0.0, oil=0.0, free=False, share=0.02, **more):
+    """Equal gears of the paper's reduced mass: torsional, or free with the bodies."""
+    torsional = 1.0 / (1.0 / 3.123 - 2.0 / BODY) if free else 3.123
+    damping = 0.0 if math.isinf(bearing) else 2.0 * share * math.sqrt(bearing * BODY)
+    inertia = 2.0 * torsional * RADIUS**2
+    backlash = more.pop("backlash", 40e-6)
+    return SixDegreePair(
+        pair=pair(material, oil, backlash),
+        base_radii=(RADIUS, RADIUS),
+        inertias=(inertia, inertia),
+        masses=(BODY, BODY),
+        bearing_stiffness=(bearing,) * 4,
+        bearing_damping=(damping,) * 4,
+        **more,
+    )
+
+
+EVERYTHING = {
+    "friction": (0.06, 0.04),
+    "pitch_phase": 0.7,
+    "eccentricities": (8e-6, 5e-6),
+    "run_out_phase": 0.9,
+    "teeth": (24, 31),
+    "deviation": Harmonics((1e-6, 0.5e-6), (0.3e-6,)),
+}
+
+
+@pytest.mark.parametrize(("damping", "periods"), [(3953.7, 100), (0.0, 8)])
+@pytest.mark.parametrize("nu", [0.5, 0.7, 0.82, 0.9])
+def test_rigid_bearings_are_the_model_of_one_degree(nu, damping, periods):
+    model = gears(math.inf, damping, damping)
+    options = {"periods": periods, "record_periods": 4}
+    six, one = simulate(model, nu, **options), simulate(model.pair, nu, **options)
+    assert np.array_equal(six.event_to, one.event_to)
+    for name in ("displacement", "velocity", "acceleration", "dynamic_force", "event_phase"):
+        np.testing.assert_allclose(six[name], one[name], rtol=0, atol=1e-9, err_msg=name)
+    for name in ("displacement_max", "displacement_min", "fraction_min_stiffness", "bounces"):
+        np.testing.assert_allclose(six[name], one[name], rtol=0, atol=1e-9, err_msg=name)
+
+
+def test_stiff_bearings_approach_rigid_ones_like_their_compliance():
+    options = {"periods": 60, "record_periods": 1}
+    rigid = simulate(gears(math.inf, 3953.7, 3953.7), 0.7, **options)
+    stiffness = np.array([1e12, 4e12, 16e12])
+    # Well damped bearings: what is left is their static give.
+    errors = [
+        float(
+            abs(
+                simulate(gears(c, 3953.7, 3953.7, share=0.5), 0.7, **options).displacement
+                - rigid.displacement
+            ).max()
+        )
+        for c in stiffness
+    ]
+    slopes = np.diff(np.log(errors)) / np.diff(np.log(stiffness))
+    np.testing.assert_allclose(slopes, -1.0, atol=0.1)
+
+
+@pytest.mark.parametrize("bearing", [3e7, 1e9])
+def test_eigenfrequencies(bearing):
+    model = gears(bearing, share=0.0)
+    system, _ = model.system(0.8)
+    # C_max in normal mesh, no damping: imaginary eigenvalues, in pairs; one free rotation.
+    found = np.linalg.eigvals(system.a[2, 0][:12, :12])
+    inertia = model.inertias[0] / RADIUS**2
+    mass = np.diag([inertia, inertia, BODY, BODY, BODY, BODY])
+    y = np.array([1.0, 1.0, 1.0, 0.0, -1.0, 0.0])
+    stiffness = 4e8 * np.outer(y, y) + np.diag([0, 0, *[bearing] * 4])
+    squares = eigh(stiffness, mass, eigvals_only=True)
+    expected = np.sqrt(np.abs(squares[1:])) / model.mesh_frequency(0.8)
+    got = np.sort(found.imag[found.imag > 1e-6])
+    np.testing.assert_allclose(got, np.sort(expected), rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("model", "nu", "state"),
+    [
+        (gears(3e7, free=True), 0.66, (0.0, 0.0)),
+        (gears(3e7, 3953.7, 500.0, free=True, **EVERYTHING), 0.9, (0.0, 0.0)),
+        (gears(1e8, 3953.7, 3953.7, **EVERYTHING, backlash=12e-6), 0.55, (1.0, -2.5)),
+        (gears(1e9, 1000.0, 0.0, **EVERYTHING), 0.8, (0.5, 1.0)),
+    ],
+)
+def test_against_scipy_split_at_events(model, nu, state):
+    periods = 8
+    x, v, events, _ = scipy_run(model, nu, periods, state, rtol=1e-13)
+    run = simulate(model, nu, periods=periods, record_periods=periods, initial_state=state)
+    assert run.event_to.values.tolist() == [event[2] for event in events]
+    np.testing.assert_allclose(run.event_phase, [event[0] for event in events], rtol=0, atol=1e-7)
+    np.testing.assert_allclose(run.final_state, [x, v], rtol=0, atol=1e-8)
+    fast = simulate(model, nu, periods=periods, initial_state=state)
+    np.testing.assert_allclose(fast.final_state, run.final_state, rtol=0, atol=1e-9)
+
+
+def energy_gap(model, nu, periods=6, state=(0.0, 0.0)):
+    """Return |stored - work| over the largest stored energy, from the recorded series.
+
+    In units of load times static deflection; the integrals are of polynomials, by Gauss's rule.
+    """
+    system, _ = model.system(nu)
+    z = model.initial(system, state)
+    n, m = z.size, 2 + len(model.flexible())
+    table, s = linear.tables(system), linear.scratch(n)
+    nodes, weights = np.polynomial.legendre.leggauss(24)
+    mass = np.array(model.inertias) / RADIUS**2
+    bodies = [model.masses[0], model.masses[0], model.masses[1], model.masses[1]]
+    mass = np.concatenate([mass, bodies])[:m] / model.reduced_mass * nu**2
+    bearings = np.zeros(m)
+    drag = np.zeros(m)
+    if m > 2:
+        bearings[2:] = np.array(model.bearing_stiffness) / model.mean_stiffness
+        speed = model.mean_eigenfrequency * nu
+        drag[2:] = np.array(model.bearing_damping) * speed / model.mean_stiffness
+    torque = np.array([*(t / RADIUS / model.load for t in model.torques), *np.zeros(m - 2)])
+    across = np.zeros(m)
+    if m > 2:
+        across[[3, 5]] = -1.0, 1.0
+    contact = linear.contact_at(system, z)
+    work, worst, last = 0.0, 0.0, None
+    for i in range(periods):
+        linear.set_harmonics(system, z, 2 * math.pi * i)
+        record = np.empty((64, 4 + (linear.ORDER + 1) * n))
+        contact, _, record, rows = linear.go(
+            system, table, _TO_BERNSTEIN, z, contact, s, record, 0, 10**6
+        )
+        for row in record[:rows]:
+            length, code, p = row[1], int(row[2]), int(row[3])
+            series = row[4:].reshape(-1, n)
+            elastic = {1: system.near, 0: np.zeros(n), -1: system.far}[code]
+            c = system.stiffness[p]
+            beta = model.damping_ratio if code else model.backlash_damping_ratio
+            sense = model._stretches()[3][p]
+            mu = {1: model.friction[0], 0: 0.0, -1: model.friction[1]}[code]
+
+            def stored(t, series=series, elastic=elastic, c=c):
+                at = sum(series[k] * t**k for k in range(len(series)))
+                kinetic = 0.5 * mass @ at[m : 2 * m] ** 2
+                return kinetic + 0.5 * bearings @ at[:m] ** 2 + 0.5 * c * (elastic @ at) ** 2
+
+            if last is not None:
+                # A switch of stiffness puts energy into the mesh, or takes it out.
+                work += stored(0.0) - last
+            last = stored(length)
+            initial = stored(0.0)
+            gained = 0.0
+            for node, weight in zip(nodes, weights, strict=True):
+                t = 0.5 * length * (node + 1.0)
+                at = sum(series[k] * t**k for k in range(len(series)))
+                rate = sum(k * series[k] * t ** (k - 1) for k in range(1, len(series)))
+                v = at[m : 2 * m]
+                force, y_rate = c * (elastic @ at), system.near @ rate
+                power = torque @ v - drag @ v**2 + mu * sense * force * (across @ v)
+                # The mesh damper, and what run-out, deviation and the moving backlash put in.
+                power -= 2.0 * beta * nu * y_rate * (system.near[:m] @ v)
+                power += force * (elastic @ rate - system.near[:m] @ v)
+                gained += 0.5 * length * weight * power
+            worst = max(worst, abs(last - initial - gained))
+            work += gained
+    return worst / max(1.0, abs(last))
+
+
+@pytest.mark.parametrize(
+    ("model", "nu"),
+    [
+        (gears(3e7, free=True), 0.66),
+        (gears(3e7, 3953.7, 500.0, free=True, **EVERYTHING), 0.9),
+        (gears(1e9, 3953.7, 3953.7, **EVERYTHING, backlash=12e-6), 0.82),
+        (gears(math.inf), 0.82),
+    ],
+)
+def test_energy_balance_closes(model, nu):
+    assert energy_gap(model, nu) < 1e-9
+
+
+def test_soft_and_rigid_bearings_bounce_near_two_thirds():
+    # As in the paper's Fig. 8: conservative mesh, rest start; bearing damping 2 % is a choice.
+    for model in (gears(math.inf), gears(3e7, free=True)):
+        curve = sweep(model, [0.62, 0.66, 0.70], periods=120, record_periods=24)
+        assert (curve.bounces.values > 0).tolist() == [False, True, False]
+
+
+def test_recorded_and_unrecorded_march_agree():
+    rng = np.random.default_rng(1)
+    compared = 0
+    for _ in range(60):
+        model = gears(
+            10 ** rng.uniform(7, 9.5),
+            rng.choice([0.0, 10 ** rng.uniform(2, 4)]),
+            rng.choice([0.0, 10 ** rng.uniform(2, 4)]),
+            backlash=10 ** rng.uniform(-6, -4),
+            friction=tuple(rng.uniform(0, 0.1, 2)),
+            eccentricities=tuple(rng.uniform(0, 1e-5, 2)),
+        )
+        nu, state = 10 ** rng.uniform(-0.5, 0.3), tuple(rng.uniform(-3, 3, 2))
+        whole = simulate(model, nu, periods=4, record_periods=4, initial_state=state)
+        fast = simulate(model, nu, periods=4, initial_state=state)
+        nudged = simulate(model, nu, periods=4, initial_state=(state[0], state[1] + 1e-12))
+        spread = float(abs(nudged.final_state - fast.final_state).max())
+        error = float(abs(whole.final_state - fast.final_state).max())
+        assert error <= 1e-10 + 10 * spread
+        compared += spread < 1e-8
+    assert compared > 40
+
+
+def test_courses_and_units():
+    run = simulate(gears(3e7, free=True, **EVERYTHING), 0.9, periods=3)
+    y = run.rotation_3 + run.rotation_2 + run.bearing_y3 - run.bearing_y2
+    s = run.backlash + 4.0 - (run.bearing_y3 - run.bearing_y2)
+    # What is left of y is run-out and deviation; of s the run-out alone.
+    deviation = run.displacement - y - s
+    tau = run.phase
+    expected = 0.1 * np.cos(tau) + 0.05 * np.cos(2 * tau) + 0.03 * np.sin(tau)
+    np.testing.assert_allclose(deviation, expected, atol=1e-12)
+    for name in ("friction_force", "bearing_force_y3", "bearing_force_z2"):
+        assert run[name].attrs["units"] == "1" and float(abs(run[name]).max()) > 0
+
+
+@pytest.mark.parametrize(
+    ("change", "part"),
+    [
+        ({"masses": (1.0,)}, "masses"),
+        ({"inertias": (1.0, -1.0)}, "inertias[1] = -1.0"),
+        ({"bearing_stiffness": (0.0, 1.0, 1.0, 1.0)}, "bearing_stiffness[0]"),
+        ({"friction": (0.1, math.nan)}, "friction[1]"),
+        ({"teeth": (0, 3)}, "teeth[0]"),
+        ({"pair": 3}, "pair = 3"),
+        ({"deviation": 1.0}, "deviation"),
+    ],
+)
+def test_wrong_input(change, part):
+    good = {
+        "pair": pair(),
+        "base_radii": (0.1, 0.1),
+        "inertias": (0.06, 0.06),
+        "masses": (10.0, 10.0),
+        "bearing_stiffness": (1e8,) * 4,
+    }
+    with pytest.raises(ValueError) as error:
+        SixDegreePair(**good | change)
+    assert part in str(error.value) and "must be" in str(error.value)
