@@ -21,6 +21,7 @@ rule all:
     input:
         figure_files("fig3_resonance"),
         figure_files("fig5_phase_planes"),
+        [figure_files(name) for name in CONFIG.scenes],
         "results/claims.csv",
         "results/claims.md",
 
@@ -28,4 +29,5 @@ rule all:
 include: "workflow/rules/compute.smk"
 include: "workflow/rules/gather.smk"
 include: "workflow/rules/draw.smk"
+include: "workflow/rules/scenes.smk"
 include: "workflow/rules/claims.smk"

@@ -40,8 +40,8 @@ class NoData(Exception):
     """The configuration holds no data for a statement; the message says which."""
 
 
-def evaluate(pair, dampings, resonance, phase_planes):
-    """Return the claims P1, P2, P4-P7, P9, P10.
+def evaluate(pair, dampings, resonance, phase_planes, scenes):
+    """Return the claims P1, P2, P4-P13.
 
     Parameters
     ----------
@@ -51,13 +51,16 @@ def evaluate(pair, dampings, resonance, phase_planes):
         The damping combinations, N s/m, by name.
     resonance, phase_planes : xarray.Dataset
         As gathered by `gearlib.gathering`.
+    scenes : dict of str to xarray.Dataset
+        As computed by `gearlib.scenes`, by name; P8 and P11-P13 look at those whose names begin
+        with fig4, fig6, fig7, fig8.
 
     Returns
     -------
     list of Claim
     """
     resonance = resonance.sortby("tuning")
-    data = _Data(pair, dampings, resonance, phase_planes)
+    data = _Data(pair, dampings, resonance, phase_planes, scenes)
     return [_evaluate(check, data) for check in _CHECKS]
 
 
@@ -93,7 +96,8 @@ def _replace(path, text):
 class _Data:
     """The data of one configuration, asked for by what a statement needs."""
 
-    def __init__(self, pair, dampings, resonance, phase_planes):
+    def __init__(self, pair, dampings, resonance, phase_planes, scenes):
+        self.scenes = scenes
         self.pair, self.resonance, self.phase_planes = pair, resonance, phase_planes
         self.dampings = {
             name: (values["material"] > 0.0, values["backlash"] > 0.0)
@@ -125,6 +129,15 @@ class _Data:
         if (curve.status != 0).any():
             raise NoData(f"some runs of {name} could not go on")
         return curve
+
+    def scene(self, figure, cases):
+        """Return the scene of a figure, which must have so many cases."""
+        found = [scene for name, scene in sorted(self.scenes.items()) if name.startswith(figure)]
+        if not found or found[0].sizes["case"] != cases:
+            raise NoData(f"no scene {figure} of {cases} cases is configured")
+        if (found[0].status != 0).any():
+            raise NoData("some of the runs could not go on")
+        return found[0]
 
     def planes(self, names, tunings):
         """Return the phase planes of some dampings at some tunings."""
@@ -280,6 +293,55 @@ def _drift(plane):
     return min(misses, default=np.nan) / np.ptp(x)
 
 
+def _contact_ratios(data):
+    scene = data.scene("fig4", 2)
+    low = scene.fraction_min_stiffness.values
+    high = (scene.fraction_normal + scene.fraction_inverse).values - low
+    words = "; ".join(
+        f"{title}: {100 * a:.0f} % in mesh at C_min, {100 * b:.0f} % at C_max"
+        for title, a, b in zip(scene.case.values, low, high, strict=True)
+    )
+    return bool(low[0] > 0.5 and high[1] > 0.5), words
+
+
+def _two_tunings(data):
+    scene = data.scene("fig6", 2)
+    depth = -scene.displacement_min.values
+    words = "; ".join(
+        f"{title}: y_min {-d:.4g}" for title, d in zip(scene.case.values, depth, strict=True)
+    )
+    # Small and large bounces: one several times as deep as the other.
+    small, large = sorted(depth)
+    return bool(small > 0.0 and large > 3.0 * small), words + _jumps(data)
+
+
+def _jumps(data):
+    """Return where the damped characteristics jump from rest, in words."""
+    words = []
+    for name in data.names(material=True):
+        curve = data.resonance.sel(damping=name, direction="cold")
+        steps = np.abs(np.diff(curve.displacement_min.values))
+        i = int(np.argmax(steps))
+        tuning = curve.tuning.values
+        words.append(f"{name} {tuning[i]:.4g} ... {tuning[i + 1]:.4g}")
+    return "; the largest step from rest lies at " + ", ".join(words)
+
+
+def _time_at_min_stiffness(data):
+    scene = data.scene("fig7", 3)
+    material, oil, both = scene.fraction_min_stiffness.values
+    words = f"k1,k1m {both:.4f}, k1 {material:.4f}, k1m {oil:.4f} of the time"
+    return bool(both > material > oil), words
+
+
+def _six_degrees(data):
+    run = data.scene("fig8", 1).isel(case=0)
+    period, bounces = int(run.period), float(run.bounces)
+    words = f"period {period or 'none found'}, {bounces:.3g} bounces per mesh period, "
+    words += f"y_min {float(run.displacement_min):.3g}"
+    return period == 0 and bounces > 0.0, words
+
+
 def _listed(values):
     return ", ".join(f"{value:.2f}" for value in values) or "none"
 
@@ -329,6 +391,13 @@ _CHECKS = (
         _only_oil_bounces_above,
     ),
     (
+        "P8",
+        "contact ratio 1.1: mesh mostly at C_min; 1.9: mostly at C_max",
+        "Fig. 4",
+        "Fig. 4",
+        _contact_ratios,
+    ),
+    (
         "P9",
         "conservative phase planes: all unsteady, bounces at 0.66, 0.80, 0.81, 0.82, inverse mesh "
         "at 0.81, 0.82 only",
@@ -342,5 +411,26 @@ _CHECKS = (
         "Fig. 5",
         "Fig. 5",
         _damped_planes,
+    ),
+    (
+        "P11",
+        "nu = 0.815 and 0.8151 give drastically different orbits: small and large bounces",
+        "Fig. 6",
+        "Fig. 6",
+        _two_tunings,
+    ),
+    (
+        "P12",
+        "time in mesh at C_min at nu = 0.82: t(k1,k1m) > t(k1,0) > t(0,k1m)",
+        "Fig. 7",
+        "Fig. 7",
+        _time_at_min_stiffness,
+    ),
+    (
+        "P13",
+        "conservative, nu = 0.66, six degrees of freedom: unsteady, contact bounces",
+        "Fig. 8",
+        "Fig. 8",
+        _six_degrees,
     ),
 )

@@ -30,6 +30,7 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 
 from gearlib import tunings
+from gearlib.pair import GearPair
 from gearlib.validation import sentences
 
 #: Where the generated schema lies, seen from the root of the project.
@@ -208,6 +209,73 @@ class PhasePlanes(Section):
     tunings: _listing(Tuning, "Tunings nu, one row of phase planes each.")
 
 
+def _numbers(item, count, description):
+    """Return the type of a list of `count` numbers, and its description."""
+    return Annotated[list[item], Field(min_length=count, max_length=count, description=description)]
+
+
+class SixDegrees(Section):
+    """What six degrees of freedom need beyond the gear pair, SI; gear 3 first, then gear 2."""
+
+    base_radii: _numbers(Positive, 2, "Rb3, Rb2, m.")
+    inertias: _numbers(Positive, 2, "J3, J2, kg m^2.")
+    masses: _numbers(Positive, 2, "m3, m2, kg.")
+    bearing_stiffness: _numbers(Positive, 4, "C3y, C3z, C2y, C2z, N/m.")
+    bearing_damping: _numbers(NonNegative, 4, "k3y, k3z, k2y, k2z, N s/m.")
+    eccentricities: _numbers(NonNegative, 2, "e3, e2, run-out of the pitch circles, m.")
+    run_out_phase: Finite = Field(description="Delta, relative phase of the run-out, rad.")
+    friction: _numbers(NonNegative, 2, "Coefficients of friction in normal and inverse mesh.")
+    pitch_phase: Finite = Field(description="Mesh phase of the pitch point, rad.")
+
+
+Course = Literal[
+    "displacement",
+    "velocity",
+    "acceleration",
+    "stiffness",
+    "modified_stiffness",
+    "dynamic_force",
+    "friction_force",
+    "bearing_y3",
+    "bearing_z3",
+    "bearing_y2",
+    "bearing_z2",
+]
+#: Courses that only six degrees of freedom have.
+SIX_ONLY = {"friction_force", "bearing_y3", "bearing_z3", "bearing_y2", "bearing_z2"}
+
+
+class Case(Section):
+    """One run of a scene: a column of its figure."""
+
+    title: str = Field(
+        min_length=1,
+        max_length=60,
+        description="Above the column; names the case in the data.",
+        json_schema_extra={"$comment": "a text of 1 to 60 characters"},
+    )
+    damping: Name = Field(
+        description="One of the dampings.", json_schema_extra={"$comment": "one of the dampings"}
+    )
+    tuning: Tuning = Field(description="Tuning nu.")
+    change: dict[Name, Finite] = Field(
+        default={}, description="Other values for keys of gear_pair, in this case only."
+    )
+
+
+class Scene(Section):
+    """Time courses and phase planes of a few runs, side by side."""
+
+    model: Literal["one_degree", "six_degrees"] = Field(
+        description="The smallest model that carries the scene."
+    )
+    cases: Annotated[
+        list[Case], Field(min_length=1, max_length=6, description="The runs, a column each.")
+    ]
+    courses: _listing(Course, "Time courses below the phase plane, from above.")
+    periods_shown: int = Field(ge=1, le=1000, description="Mesh periods shown, the last ones.")
+
+
 class Figures(Section):
     """How the figures are drawn; no computation depends on it."""
 
@@ -227,13 +295,53 @@ class Config(Section):
     run: Run
     resonance: Resonance
     phase_planes: PhasePlanes
+    six_degrees: SixDegrees
+    scenes: dict[Name, Scene] = Field(description="Scenes by name, one figure each; may be empty.")
     figures: Figures
 
     @model_validator(mode="after")
     def _check(self):
         self._check_colours()
         self._check_size()
+        for name, scene in self.scenes.items():
+            self._check_scene(f"scenes.{name}", scene)
         return self
+
+    def _check_scene(self, key, scene):
+        if scene.periods_shown > self.record_periods:
+            raise ValueError(
+                f"{key}.periods_shown = {scene.periods_shown} is not allowed: it must be an "
+                f"integer from 1 to the {self.record_periods} recorded mesh periods"
+            )
+        alien = SIX_ONLY.intersection(scene.courses)
+        if scene.model == "one_degree" and alien:
+            raise ValueError(
+                f"{key}.courses = {sorted(alien)[0]!r} is not allowed: it must be a course of the "
+                "model one_degree, or the model must be six_degrees"
+            )
+        titles = [case.title for case in scene.cases]
+        for i, case in enumerate(scene.cases):
+            if titles.count(case.title) > 1:
+                raise ValueError(
+                    f"{key}.cases[{i}].title = {case.title!r} is not allowed: titles must be all "
+                    "different"
+                )
+            if case.damping not in self.dampings:
+                raise ValueError(
+                    f"{key}.cases[{i}].damping = {case.damping!r} is not allowed: it must be one of "
+                    f"{', '.join(self.dampings)}"
+                )
+            known = GearPairSection.model_fields
+            for name in case.change:
+                if name not in known or name == "teeth":
+                    raise ValueError(
+                        f"{key}.cases[{i}].change.{name} is not a known key: it must be one of "
+                        f"{', '.join(k for k in known if k != 'teeth')}"
+                    )
+            try:
+                GearPair(**self.case_parameters(case))
+            except ValueError as error:
+                raise ValueError(f"{key}.cases[{i}].change: {error}") from None
 
     def _check_colours(self):
         for name in self.dampings:
@@ -293,6 +401,10 @@ class Config(Section):
             "material_damping": chosen.material,
             "backlash_damping": chosen.backlash,
         }
+
+    def case_parameters(self, case):
+        """Return the keyword arguments of `gearlib.GearPair` for one case of a scene."""
+        return self.pair_parameters(case.damping) | case.change
 
 
 def load(mapping):

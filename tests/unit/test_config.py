@@ -92,6 +92,43 @@ def test_a_wrong_value_is_refused_in_one_sentence(path, value, fault, allowed):
     assert allowed in sentence
 
 
+SCENE_REFUSED = [
+    ("model", "five_degrees", "scenes.fig7_damping.model = 'five_degrees'", "six_degrees"),
+    ("periods_shown", 25, "scenes.fig7_damping.periods_shown = 25", "from 1 to the 24"),
+    ("courses", ["bearing_y3"], "scenes.fig7_damping.courses = 'bearing_y3'", "six_degrees"),
+    ("courses", [], "scenes.fig7_damping.courses = []", "at least one"),
+    ("cases", [], "scenes.fig7_damping.cases = []", "at least one"),
+]
+
+
+@pytest.mark.parametrize(("key", "value", "fault", "allowed"), SCENE_REFUSED)
+def test_a_wrong_scene_is_refused_in_one_sentence(key, value, fault, allowed):
+    test_a_wrong_value_is_refused_in_one_sentence(
+        f"scenes/fig7_damping/{key}", value, fault, allowed
+    )
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "fault", "allowed"),
+    [
+        ("title", "oil", "scenes.fig7_damping.cases[0].title = 'oil'", "different"),
+        ("title", "", "scenes.fig7_damping.cases[0].title = ''", "1 to 60"),
+        ("damping", "k9", "scenes.fig7_damping.cases[0].damping = 'k9'", "one of k1, k1m"),
+        ("tuning", -0.5, "scenes.fig7_damping.cases[0].tuning = -0.5", "> 0"),
+        ("change", {"contact_ratio": 2.5}, "scenes.fig7_damping.cases[0].change:", "from 1 to 2"),
+        ("change", {"mass": 2.5}, "scenes.fig7_damping.cases[0].change.mass", "reduced_mass"),
+    ],
+)
+def test_a_wrong_case_is_refused_in_one_sentence(key, value, fault, allowed):
+    settings = changed("run/revolutions", 5)
+    settings["scenes"]["fig7_damping"]["cases"][0][key] = value
+    with pytest.raises(ConfigError) as refusal:
+        load(settings)
+    (sentence,) = str(refusal.value).splitlines()
+    assert sentence.startswith(fault)
+    assert allowed in sentence
+
+
 def test_too_many_samples_are_refused():
     settings = changed("run/samples_per_period", 60_000)
     settings["run"] |= {"revolutions": 100, "recorded_revolutions": 100}

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from gearlib import GearPair, simulate, sweep
-from gearlib.figures import phase_planes, resonance, style
+from gearlib import GearPair, scenes, simulate, sweep
+from gearlib.figures import phase_planes, resonance, style, time_courses
 from gearlib.gathering import gather_phase_planes, gather_resonance
 
 RUN = {"periods": 40, "record_periods": 8}
@@ -92,6 +92,28 @@ def test_phase_planes_are_a_labelled_grid():
         assert len({axes.get_ylim() for axes in row}) == 1
     assert grid[0, 0].texts[0].get_text() == "steady, 1 mesh period"
     assert grid[0, 2].texts[0].get_text() == "unsteady"
+
+
+def test_time_courses_have_a_column_for_each_case():
+    pair = {
+        "max_stiffness": 4e8,
+        "stiffness_ratio": 0.6,
+        "contact_ratio": 1.5,
+        "reduced_mass": 3.0,
+        "load": 3000.0,
+        "backlash": math.inf,
+    }
+    cases = [{"title": f"case {nu}", "tuning": nu, "pair": pair} for nu in (0.7, 0.9)]
+    scene = scenes.compute(cases, None, RUN | {"samples_per_period": 32})
+    courses = ["displacement", "modified_stiffness"]
+    figure = time_courses.draw(scene, courses=courses, periods_shown=2)
+    grid = np.reshape(figure.axes, (3, 2))
+    assert [axes.get_title() for axes in grid[0]] == ["case 0.7", "case 0.9"]
+    assert [axes.get_ylabel() for axes in grid[1:, 0]] == ["$y$", "$C(H_1+H_2)/C_s$"]
+    for axes in grid[1:].flat:
+        low, high = axes.get_xlim()
+        assert low == pytest.approx(6.0) and high == pytest.approx(8.0 - 1 / 32)
+    assert all(axes.get_xlabel() == "mesh periods" for axes in grid[-1])
 
 
 @pytest.mark.parametrize("suffix", ["png", "pdf", "svg"])

@@ -13,11 +13,13 @@ pytestmark = pytest.mark.slow
 DAMPINGS = 4
 GATHERED = {"gather_resonance": 1, "gather_phase_planes": 1}
 DRAWN = {"draw_resonance": 1, "draw_phase_planes": 1}
+SCENES = 4
+DRAWN_SCENES = {"draw_scene": SCENES}
 DRAWN_PLANES = {"gather_phase_planes": 1, "draw_phase_planes": 1, "claims": 1}
 # One window for each of three directions, one tuning.
 SWEEPS, PLANES = DAMPINGS * 3, DAMPINGS
-COMPUTED = {"compile_kernels": 1, "sweep_window": SWEEPS, "phase_plane": PLANES}
-EVERYTHING = {**COMPUTED, **GATHERED, **DRAWN, "claims": 1}
+COMPUTED = {"compile_kernels": 1, "sweep_window": SWEEPS, "phase_plane": PLANES, "scene": SCENES}
+EVERYTHING = {**COMPUTED, **GATHERED, **DRAWN, **DRAWN_SCENES, "claims": 1}
 
 
 def edit(path, text):
@@ -76,7 +78,7 @@ def test_a_changed_colour_only_redraws(project):
 
 def test_a_new_format_only_redraws(project):
     project.configure(lambda settings: settings["figures"]["formats"].append("svg"))
-    assert project.planned() == DRAWN
+    assert project.planned() == DRAWN | DRAWN_SCENES
 
 
 def test_a_raised_stop_leaves_the_computed_windows(project):
@@ -95,19 +97,46 @@ def test_a_damping_value_reruns_its_combination(project):
     assert project.planned() == {
         "sweep_window": SWEEPS // DAMPINGS,
         "phase_plane": PLANES // DAMPINGS,
+        # Two of the scenes have a case with this damping.
+        "scene": 2,
+        "draw_scene": 2,
         **GATHERED,
         **DRAWN,
         "claims": 1,
     }
 
 
+def test_a_scene_more_runs_that_scene(project):
+    def add(settings):
+        case = {"title": "mine", "damping": "k1", "tuning": 0.9, "change": {"contact_ratio": 1.3}}
+        settings["scenes"]["mine"] = {
+            "model": "six_degrees",
+            "cases": [case],
+            "courses": ["bearing_y2"],
+            "periods_shown": 2,
+        }
+
+    project.configure(add)
+    assert project.jobs("-j2") == {"scene": 1, "draw_scene": 1, "claims": 1}
+    assert (project / "results/figures/mine.png").stat().st_size > 1000
+
+
+def test_a_changed_picture_of_a_scene_redraws_it(project):
+    project.configure(lambda settings: settings["scenes"]["fig7_damping"].update(periods_shown=2))
+    assert project.planned() == {"draw_scene": 1}
+
+
 @pytest.mark.parametrize(
     ("path", "jobs"),
     [
         ("gearlib/core/march.py", EVERYTHING),
-        ("gearlib/simulation.py", {"phase_plane": PLANES, **DRAWN_PLANES}),
+        (
+            "gearlib/simulation.py",
+            {"phase_plane": PLANES, "scene": SCENES, **DRAWN_PLANES, **DRAWN_SCENES},
+        ),
         ("gearlib/figures/resonance.py", {"draw_resonance": 1}),
-        ("gearlib/figures/style.py", DRAWN),
+        ("gearlib/figures/style.py", DRAWN | DRAWN_SCENES),
+        ("gearlib/figures/time_courses.py", DRAWN_SCENES),
         ("gearlib/claims.py", {"claims": 1}),
         ("workflow/scripts/draw_phase_planes.py", {"draw_phase_planes": 1}),
         ("gearlib/config.py", {}),

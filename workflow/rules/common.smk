@@ -37,6 +37,7 @@ wildcard_constraints:
     direction="cold|up|down",
     window=r"\d+\.\d+-\d+\.\d+",
     tuning=r"\d+\.\d+",
+    scene=r"[A-Za-z0-9+_-]+",
 
 
 def script_sources(name):

@@ -1,6 +1,7 @@
 """Check the paper's statements against the computed data."""
 
 import json
+from pathlib import Path
 
 from gearlib import claims, storage
 from gearlib.pair import GearPair
@@ -13,6 +14,7 @@ if __name__ == "__main__":
         json.loads(snakemake.params.dampings),
         storage.read(snakemake.input.resonance),
         storage.read(snakemake.input.phase_planes),
+        {Path(path).stem: storage.read(path) for path in snakemake.input.scenes},
     )
     claims.write_csv(table, snakemake.output.csv)
     claims.write_markdown(table, snakemake.output.markdown)

@@ -1,0 +1,127 @@
+"""Fig. 4, 6, 7, 8: phase plane and time courses of a few runs, a column each."""
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from gearlib.figures import style
+
+_PLANE_HEIGHT, _ROW_HEIGHT, _HEAD = 2.2, 1.05, 0.6
+
+#: What stands at the vertical axes, in static deflections, loads and mean stiffness.
+_SYMBOLS = {
+    "displacement": "$y$",
+    "velocity": "$dy/d\\tau$",
+    "acceleration": "$d^2y/d\\tau^2$",
+    "stiffness": "$C/C_s$",
+    "modified_stiffness": "$C(H_1+H_2)/C_s$",
+    "dynamic_force": "$F_\\mathrm{dyn}/F$",
+    "friction_force": "$F_T/F$",
+    "bearing_y3": "$y_3$",
+    "bearing_z3": "$z_3$",
+    "bearing_y2": "$y_2$",
+    "bearing_z2": "$z_2$",
+}
+_MIN_STIFFNESS_COLOUR = "#D55E00"
+
+
+@style.styled()
+def draw(scene, *, courses, periods_shown):
+    """Draw a scene.
+
+    Parameters
+    ----------
+    scene : xarray.Dataset
+        As computed by `gearlib.scenes.compute`.
+    courses : list of str
+        Variables over (case, phase) that are drawn below the phase planes, from above.
+    periods_shown : int
+        Mesh periods drawn, the last ones of the record.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Times in the backlash are shaded; times in mesh at the lower stiffness are marked by a bar
+        above the modified stiffness, with their share of the record.
+    """
+    titles = [str(title) for title in scene.case.values]
+    phase = scene.phase.values
+    per_period = round(2.0 * np.pi / (phase[1] - phase[0]))
+    shown = scene.isel(phase=slice(phase.size - per_period * periods_shown, None))
+    heights = [_PLANE_HEIGHT] + [_ROW_HEIGHT] * len(courses)
+    figure = Figure((style.PAGE_WIDTH, _HEAD + sum(heights)), layout="constrained")
+    grid = figure.subplots(
+        1 + len(courses), len(titles), squeeze=False, sharey="row", height_ratios=heights
+    )
+    for axes in grid[0, 1:]:
+        axes.sharex(grid[0, 0])
+    for column, title in enumerate(titles):
+        run = shown.isel(case=column)
+        _draw_plane(grid[0, column], run, title)
+        for name, axes in zip(courses, grid[1:, column], strict=True):
+            _draw_course(axes, run, name)
+        grid[-1, column].set_xlabel("mesh periods")
+        for axes in grid[1:-1, column]:
+            axes.tick_params(labelbottom=False)
+    grid[0, 0].set_ylabel(_SYMBOLS["velocity"])
+    for name, axes in zip(courses, grid[1:, 0], strict=True):
+        axes.set_ylabel(_SYMBOLS[name])
+    return figure
+
+
+def _draw_plane(axes, run, title):
+    """Draw the phase plane {y'; y} of one case."""
+    axes.plot(run.displacement, run.velocity, color=style.PALETTE[0], linewidth=0.8)
+    low, high = np.nanmin([run.displacement.min(), 0.0]), np.nanmax([run.displacement.max(), 0.0])
+    margin = 0.06 * (high - low) or 1.0
+    left, right = axes.get_xlim() if axes.get_title() else (low - margin, high + margin)
+    others = [a for a in axes.get_shared_x_axes().get_siblings(axes) if a.get_title()]
+    if others:
+        # A common scale that holds the earlier columns too.
+        known = others[0].get_xlim()
+        left, right = min(known[0], left), max(known[1], right)
+    axes.set_xlim(left, right)
+    # With moving bearings the far flank is no line in this plane: only y < 0 is shaded then.
+    still = "backlash" not in run
+    style.shade_areas(axes, float(run.backlash_ratio) if still else np.inf, "x")
+    axes.set_xlabel("$y$ (static defl.)")
+    axes.set_title(title)
+
+
+def _draw_course(axes, run, name):
+    """Draw one variable over the mesh periods."""
+    periods = run.phase.values / (2.0 * np.pi)
+    flat = name.endswith("stiffness")
+    axes.plot(
+        periods,
+        run[name],
+        color=style.PALETTE[0],
+        linewidth=0.9,
+        drawstyle="steps-post" if flat else "default",
+    )
+    axes.set_xlim(periods[0], periods[-1])
+    axes.margins(y=0.12)
+    _shade_times(axes, periods, run.contact.values == 0, style.AREA_COLOURS["backlash"], 0.0, 1.0)
+    _shade_times(
+        axes, periods, run.contact.values == -1, style.AREA_COLOURS["inverse mesh"], 0.0, 1.0
+    )
+    if name == "modified_stiffness":
+        low = (run.contact.values != 0) & (run.stiffness.values < 1.0)
+        _shade_times(axes, periods, low, _MIN_STIFFNESS_COLOUR, 0.92, 1.0)
+        axes.annotate(
+            f"in mesh at $C_\\mathrm{{min}}$: {100 * float(run.fraction_min_stiffness):.1f} %",
+            (0.02, 0.45),
+            xycoords="axes fraction",
+            fontsize=6,
+            color=_MIN_STIFFNESS_COLOUR,
+            bbox={"boxstyle": "round,pad=0.15", "facecolor": "white", "alpha": 0.8, "lw": 0},
+        )
+
+
+def _shade_times(axes, periods, where, colour, low, high):
+    """Shade the stretches of time in which `where` holds."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], where.astype(np.int8), [0]])))
+    step = periods[1] - periods[0]
+    for first, last in zip(edges[::2], edges[1::2], strict=True):
+        axes.axvspan(
+            periods[first], periods[last - 1] + step, low, high, color=colour, linewidth=0, zorder=0
+        )

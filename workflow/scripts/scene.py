@@ -1,0 +1,15 @@
+"""Compute one scene."""
+
+import json
+
+from gearlib import scenes, storage
+from joblog import redirect_output
+
+if __name__ == "__main__":
+    redirect_output(snakemake.log[0])
+    dataset = scenes.compute(
+        json.loads(snakemake.params.cases),
+        json.loads(snakemake.params.six_degrees),
+        json.loads(snakemake.params.run),
+    )
+    storage.write(dataset, snakemake.output.dataset)
