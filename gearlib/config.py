@@ -328,8 +328,8 @@ class Config(Section):
                 )
             if case.damping not in self.dampings:
                 raise ValueError(
-                    f"{key}.cases[{i}].damping = {case.damping!r} is not allowed: it must be one of "
-                    f"{', '.join(self.dampings)}"
+                    f"{key}.cases[{i}].damping = {case.damping!r} is not allowed: it must be one "
+                    f"of {', '.join(self.dampings)}"
                 )
             known = GearPairSection.model_fields
             for name in case.change:
