@@ -19,6 +19,7 @@ report: "workflow/report/workflow.rst"
 
 rule all:
     input:
+        figure_files("fig2_phase_shift"),
         figure_files("fig3_resonance"),
         figure_files("fig5_phase_planes"),
         [figure_files(name) for name in CONFIG.scenes],
@@ -29,5 +30,6 @@ rule all:
 include: "workflow/rules/compute.smk"
 include: "workflow/rules/gather.smk"
 include: "workflow/rules/draw.smk"
+include: "workflow/rules/phase_lag.smk"
 include: "workflow/rules/scenes.smk"
 include: "workflow/rules/claims.smk"

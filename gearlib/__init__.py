@@ -24,6 +24,7 @@ module                  responsibility
 ``checks``              checks of single values, with their messages
 ``config``              the typed model of ``config.yaml``
 ``gathering``           shards of the workflow into one dataset per experiment
+``phase_lag``           lag of the motion behind the mesh stiffness
 ``scenes``              the time courses of a few runs, side by side
 ``claims``              the paper's statements, checked against computed data
 ``figures``             one file per figure, functions that return a `Figure`

@@ -24,6 +24,10 @@ SMALL_REGION = 0.02
 READING = 0.01
 
 
+#: Degrees; a shift smaller than that is within the line width of a printed time course.
+VISIBLE_SHIFT = 1.0
+
+
 @dataclass(frozen=True)
 class Claim:
     """One statement: what the paper says, what was computed, and the verdict."""
@@ -40,8 +44,8 @@ class NoData(Exception):
     """The configuration holds no data for a statement; the message says which."""
 
 
-def evaluate(pair, dampings, resonance, phase_planes, scenes):
-    """Return the claims P1, P2, P4-P13.
+def evaluate(pair, dampings, resonance, phase_planes, phase_lag, scenes):
+    """Return the claims P1-P13.
 
     Parameters
     ----------
@@ -51,6 +55,8 @@ def evaluate(pair, dampings, resonance, phase_planes, scenes):
         The damping combinations, N s/m, by name.
     resonance, phase_planes : xarray.Dataset
         As gathered by `gearlib.gathering`.
+    phase_lag : xarray.Dataset
+        As computed by `gearlib.phase_lag`.
     scenes : dict of str to xarray.Dataset
         As computed by `gearlib.scenes`, by name; P8 and P11-P13 look at those whose names begin
         with fig4, fig6, fig7, fig8.
@@ -60,7 +66,7 @@ def evaluate(pair, dampings, resonance, phase_planes, scenes):
     list of Claim
     """
     resonance = resonance.sortby("tuning")
-    data = _Data(pair, dampings, resonance, phase_planes, scenes)
+    data = _Data(pair, dampings, resonance, phase_planes, phase_lag, scenes)
     return [_evaluate(check, data) for check in _CHECKS]
 
 
@@ -96,8 +102,8 @@ def _replace(path, text):
 class _Data:
     """The data of one configuration, asked for by what a statement needs."""
 
-    def __init__(self, pair, dampings, resonance, phase_planes, scenes):
-        self.scenes = scenes
+    def __init__(self, pair, dampings, resonance, phase_planes, phase_lag, scenes):
+        self.phase_lag, self.scenes = phase_lag, scenes
         self.pair, self.resonance, self.phase_planes = pair, resonance, phase_planes
         self.dampings = {
             name: (values["material"] > 0.0, values["backlash"] > 0.0)
@@ -184,6 +190,19 @@ def _damping_ratios(data):
     got = {k: data.pair.replace(material_damping=k).damping_ratio for k in printed}
     holds = all(abs(got[k] - beta) <= digit for k, (beta, digit) in printed.items())
     return holds, "; ".join(f"{k:g} N s/m: {beta:.6g}" for k, beta in got.items())
+
+
+def _phase_shift(data):
+    lag = data.phase_lag.lag.isel(harmonic=0)
+    if lag.size < 2 or lag.isnull().any():
+        raise NoData("fewer than two dampings have an orbit of one mesh period")
+    words = ", ".join(
+        f"k1 {k:g} N s/m: {v:.3f}" for k, v in zip(lag.damping.values, lag.values, strict=True)
+    )
+    shift = float(lag.max() - lag.min())
+    return shift > VISIBLE_SHIFT, (
+        f"lag of the first harmonic, degrees: {words} at nu = {float(data.phase_lag.shown_tuning):g}"
+    )
 
 
 def _conservative_smooth(data):
@@ -360,6 +379,13 @@ _CHECKS = (
         "text, Fig. 2",
         "Fig. 3",
         _damping_ratios,
+    ),
+    (
+        "P3",
+        "the size of k1 shifts the phase of y(t) against C(t)",
+        "Fig. 2",
+        "Fig. 2",
+        _phase_shift,
     ),
     (
         "P4",

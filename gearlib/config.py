@@ -214,6 +214,33 @@ def _numbers(item, count, description):
     return Annotated[list[item], Field(min_length=count, max_length=count, description=description)]
 
 
+class PhaseLag(Section):
+    """The phase lag of the motion behind the mesh stiffness (Fig. 2)."""
+
+    material_dampings: _listing(NonNegative, "Material damping k_1 of each curve, N s/m.")
+    tuning: Tuning = Field(description="Tuning of the courses.")
+    start: Tuning = Field(description="First tuning of the lag over the tuning.")
+    stop: Tuning = Field(description="Last one; start + a whole multiple of step.")
+    step: _number(gt=0, le=10) = Field(description="Distance of the tunings.")
+    harmonics: int = Field(ge=1, le=20, description="Harmonics of the mesh period measured.")
+    periods: int = Field(ge=1, le=1_000_000, description="Mesh periods of a run, to settle.")
+
+    @model_validator(mode="after")
+    def _check(self):
+        if self.stop <= self.start or tunings.steps(self.start, self.stop, self.step) % 1:
+            raise ValueError(
+                f"phase_lag.stop = {self.stop!r} is not allowed: it must be phase_lag.start = "
+                f"{self.start!r} plus a whole multiple of phase_lag.step = {self.step!r}"
+            )
+        count = int(tunings.steps(self.start, self.stop, self.step)) + 1
+        if count > MAX_JOBS:
+            raise ValueError(
+                f"phase_lag.step = {self.step!r} is not allowed: it must be >= "
+                f"{(self.stop - self.start) / MAX_JOBS:.2g} to stay within {MAX_JOBS:,} tunings"
+            )
+        return self
+
+
 class SixDegrees(Section):
     """What six degrees of freedom need beyond the gear pair, SI; gear 3 first, then gear 2."""
 
@@ -295,6 +322,7 @@ class Config(Section):
     run: Run
     resonance: Resonance
     phase_planes: PhasePlanes
+    phase_lag: PhaseLag
     six_degrees: SixDegrees
     scenes: dict[Name, Scene] = Field(description="Scenes by name, one figure each; may be empty.")
     figures: Figures
@@ -375,6 +403,12 @@ class Config(Section):
             raise ValueError(
                 f"phase_planes.tunings has {len(self.phase_planes.tunings):,} entries: there must "
                 f"be from 1 to {MAX_JOBS // len(self.dampings):,} to stay within {MAX_JOBS:,} jobs"
+            )
+        # Two samples a period resolve a harmonic; its lag wants a few more.
+        if 8 * self.phase_lag.harmonics > run.samples_per_period:
+            raise ValueError(
+                f"phase_lag.harmonics = {self.phase_lag.harmonics} is not allowed: it must be an "
+                f"integer from 1 to run.samples_per_period / 8 = {run.samples_per_period // 8}"
             )
         samples = planes * self.record_periods * run.samples_per_period
         if samples > MAX_SAMPLES:

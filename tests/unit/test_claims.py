@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import yaml
 
-from gearlib import GearPair, claims, config, scenes, simulate, sweep
+from gearlib import GearPair, claims, config, phase_lag, scenes, simulate, sweep
 from gearlib.gathering import gather_phase_planes, gather_resonance
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -26,7 +26,7 @@ DAMPINGS = {
     "none": {"material": 0.0, "backlash": 0.0},
 }
 RUN = {"periods": 120, "record_periods": 24}
-IDS = ["P1", "P2", "P4", "P5", "P6", "P7", "P8", "P9", "P10", "P11", "P12", "P13"]
+IDS = ["P1", "P2", "P3", "P4", "P5", "P6", "P7", "P8", "P9", "P10", "P11", "P12", "P13"]
 
 
 def data(tunings, planes, dampings=DAMPINGS):
@@ -41,6 +41,12 @@ def data(tunings, planes, dampings=DAMPINGS):
             for nu in planes
         ]
     return gather_resonance(curves), gather_phase_planes(runs)
+
+
+def lags(dampings=(4000.0, 40.0)):
+    """Return the phase lag at one tuning."""
+    options = {"harmonics": 2, "periods": 6000, "samples_per_period": 64}
+    return phase_lag.compute(PAIR.as_dict(), list(dampings), 0.72, [0.7], **options)
 
 
 def configured_scenes():
@@ -60,7 +66,7 @@ def configured_scenes():
 @pytest.fixture(scope="module")
 def paper():
     tables = data(np.arange(0.5, 1.4001, 0.002), [0.60, 0.66, 0.78, 0.80, 0.81, 0.82])
-    return *tables, configured_scenes()
+    return *tables, lags(), configured_scenes()
 
 
 def verdicts(table):
@@ -78,15 +84,15 @@ def test_the_paper(paper):
 
 def test_verdicts_follow_the_data(paper):
     resonance, planes = paper[0].copy(deep=True), paper[1].copy(deep=True)
-    shown = {name: scene.copy(deep=True) for name, scene in paper[2].items()}
+    shown = {name: scene.copy(deep=True) for name, scene in paper[3].items()}
     shown["fig6_two_tunings"].displacement_min[:] = [-0.1, -1.9]
     shown["fig7_damping"].fraction_min_stiffness[0] = 0.0
     shown["fig8_six_degrees"].period[:] = 2
     resonance.displacement_min.loc[{"damping": "none", "tuning": slice(0.70, 0.72)}] = -1.0
     resonance.displacement_min.loc[{"damping": "k1", "tuning": slice(1.2, 1.3)}] = -1.0
     planes.period.loc[{"damping": "none", "tuning": 0.6}] = 1
-    table = verdicts(claims.evaluate(PAIR, DAMPINGS, resonance, planes, shown))
-    assert [table[key] for key in ("P4", "P6", "P7", "P9", "P12", "P13")] == ["differs"] * 6
+    table = verdicts(claims.evaluate(PAIR, DAMPINGS, resonance, planes, lags((40.0, 41.0)), shown))
+    assert [table[key] for key in ("P3", "P4", "P6", "P7", "P9", "P12", "P13")] == ["differs"] * 7
     assert table["P11"] == "holds"
 
 
@@ -98,7 +104,7 @@ def test_another_pair_differs_in_its_numbers(paper):
 
 def test_missing_data_are_named_not_guessed():
     few = data(np.arange(0.9, 1.0, 0.05), [0.7], {"k1": DAMPINGS["k1"]})
-    table = claims.evaluate(PAIR, {"k1": DAMPINGS["k1"]}, *few, {})
+    table = claims.evaluate(PAIR, {"k1": DAMPINGS["k1"]}, *few, lags((4000.0,)), {})
     assert verdicts(table) == {"P1": "holds", "P2": "holds"} | dict.fromkeys(
         IDS[2:], "not evaluated"
     )

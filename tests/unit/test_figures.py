@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from gearlib import GearPair, scenes, simulate, sweep
-from gearlib.figures import phase_planes, resonance, style, time_courses
+from gearlib import GearPair, phase_lag, scenes, simulate, sweep
+from gearlib.figures import phase_planes, phase_shift, resonance, style, time_courses
 from gearlib.gathering import gather_phase_planes, gather_resonance
 
 RUN = {"periods": 40, "record_periods": 8}
@@ -114,6 +114,33 @@ def test_time_courses_have_a_column_for_each_case():
         low, high = axes.get_xlim()
         assert low == pytest.approx(6.0) and high == pytest.approx(8.0 - 1 / 32)
     assert all(axes.get_xlabel() == "mesh periods" for axes in grid[-1])
+
+
+def test_phase_lag_of_a_mesh_without_resonance():
+    # Slowly, in contact and with small stiffness swings, y follows F / C at once: 180 degrees
+    # against the stiffness, and damping adds the lag of a first-order system.
+    pair = {
+        "max_stiffness": 4e8,
+        "stiffness_ratio": 0.99,
+        "contact_ratio": 1.5,
+        "reduced_mass": 3.0,
+        "load": 3000.0,
+        "backlash": math.inf,
+    }
+    options = {"harmonics": 1, "periods": 60, "samples_per_period": 4096}
+    damping = 2.0 * 0.5 * math.sqrt(3.0 * 3.98e8)
+    lags = phase_lag.compute(pair, [damping], 0.05, [0.05, 0.1], **options)
+    for nu, lag in zip((0.05, 0.1), lags.first_lag.values[0], strict=True):
+        # Transfer function of the mean oscillator, beta = 0.5; the swing is 1 % of it.
+        expected = 180.0 + math.degrees(math.atan2(nu, 1.0 - nu * nu))
+        assert lag == pytest.approx(expected, abs=0.1)
+    figure = phase_shift.draw(lags)
+    assert [axes.get_xlabel() for axes in figure.axes] == [
+        "",
+        "mesh periods",
+        "harmonic of the mesh period",
+        "tuning $\\nu_s$",
+    ]
 
 
 @pytest.mark.parametrize("suffix", ["png", "pdf", "svg"])

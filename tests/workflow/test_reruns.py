@@ -18,8 +18,15 @@ DRAWN_SCENES = {"draw_scene": SCENES}
 DRAWN_PLANES = {"gather_phase_planes": 1, "draw_phase_planes": 1, "claims": 1}
 # One window for each of three directions, one tuning.
 SWEEPS, PLANES = DAMPINGS * 3, DAMPINGS
-COMPUTED = {"compile_kernels": 1, "sweep_window": SWEEPS, "phase_plane": PLANES, "scene": SCENES}
-EVERYTHING = {**COMPUTED, **GATHERED, **DRAWN, **DRAWN_SCENES, "claims": 1}
+COMPUTED = {
+    "compile_kernels": 1,
+    "sweep_window": SWEEPS,
+    "phase_plane": PLANES,
+    "scene": SCENES,
+    "phase_lag": 1,
+}
+DRAWN_LAG = {"draw_phase_lag": 1}
+EVERYTHING = {**COMPUTED, **GATHERED, **DRAWN, **DRAWN_SCENES, **DRAWN_LAG, "claims": 1}
 
 
 def edit(path, text):
@@ -78,7 +85,7 @@ def test_a_changed_colour_only_redraws(project):
 
 def test_a_new_format_only_redraws(project):
     project.configure(lambda settings: settings["figures"]["formats"].append("svg"))
-    assert project.planned() == DRAWN | DRAWN_SCENES
+    assert project.planned() == DRAWN | DRAWN_SCENES | DRAWN_LAG
 
 
 def test_a_raised_stop_leaves_the_computed_windows(project):
@@ -132,10 +139,17 @@ def test_a_changed_picture_of_a_scene_redraws_it(project):
         ("gearlib/core/march.py", EVERYTHING),
         (
             "gearlib/simulation.py",
-            {"phase_plane": PLANES, "scene": SCENES, **DRAWN_PLANES, **DRAWN_SCENES},
+            {
+                "phase_plane": PLANES,
+                "scene": SCENES,
+                "phase_lag": 1,
+                **DRAWN_PLANES,
+                **DRAWN_SCENES,
+                **DRAWN_LAG,
+            },
         ),
         ("gearlib/figures/resonance.py", {"draw_resonance": 1}),
-        ("gearlib/figures/style.py", DRAWN | DRAWN_SCENES),
+        ("gearlib/figures/style.py", DRAWN | DRAWN_SCENES | DRAWN_LAG),
         ("gearlib/figures/time_courses.py", DRAWN_SCENES),
         ("gearlib/claims.py", {"claims": 1}),
         ("workflow/scripts/draw_phase_planes.py", {"draw_phase_planes": 1}),

@@ -5,6 +5,7 @@ rule claims:
     input:
         resonance=rules.gather_resonance.output.dataset,
         phase_planes=rules.gather_phase_planes.output.dataset,
+        phase_lag=rules.phase_lag.output.dataset,
         scenes=[f"results/scenes/{name}.nc" for name in CONFIG.scenes],
         sources=script_sources("claims"),
     output:

@@ -14,6 +14,7 @@ if __name__ == "__main__":
         json.loads(snakemake.params.dampings),
         storage.read(snakemake.input.resonance),
         storage.read(snakemake.input.phase_planes),
+        storage.read(snakemake.input.phase_lag),
         {Path(path).stem: storage.read(path) for path in snakemake.input.scenes},
     )
     claims.write_csv(table, snakemake.output.csv)

@@ -1,0 +1,46 @@
+"""Phase lag of the motion behind the mesh stiffness: computed and drawn (Fig. 2)."""
+
+
+rule phase_lag:
+    input:
+        kernels=rules.compile_kernels.output.stamp,
+        sources=script_sources("phase_lag"),
+    output:
+        dataset="results/phase_lag.nc",
+    log:
+        "results/logs/phase_lag.log",
+    benchmark:
+        "results/benchmarks/phase_lag.tsv"
+    threads: 1
+    params:
+        pair=canonical(CONFIG.gear_pair.model_dump()),
+        lag=canonical(CONFIG.phase_lag.model_dump()),
+        samples_per_period=CONFIG.run.samples_per_period,
+    conda:
+        "../envs/gearlib.yaml"
+    script:
+        "../scripts/phase_lag.py"
+
+
+rule draw_phase_lag:
+    input:
+        dataset=rules.phase_lag.output.dataset,
+        sources=script_sources("draw_phase_lag"),
+    output:
+        report(
+            figure_files("fig2_phase_shift"),
+            caption="../report/fig2_phase_shift.rst",
+            category="Figures",
+            labels={"figure": "Fig. 2", "shows": "phase lag"},
+        ),
+    log:
+        "results/logs/draw_phase_lag.log",
+    benchmark:
+        "results/benchmarks/draw_phase_lag.tsv"
+    threads: 1
+    params:
+        dpi=CONFIG.figures.dpi,
+    conda:
+        "../envs/gearlib.yaml"
+    script:
+        "../scripts/draw_phase_lag.py"

@@ -1,0 +1,12 @@
+"""Draw the phase lag (Fig. 2) in all formats."""
+
+from gearlib import storage
+from gearlib.figures import phase_shift, style
+from joblog import redirect_output
+
+if __name__ == "__main__":
+    redirect_output(snakemake.log[0])
+    figure = phase_shift.draw(storage.read(snakemake.input.dataset))
+    figure.set_dpi(snakemake.params.dpi)
+    for path in snakemake.output:
+        style.save(figure, path)

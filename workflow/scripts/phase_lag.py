@@ -1,0 +1,30 @@
+"""Compute the phase lag."""
+
+import json
+
+from gearlib import phase_lag, storage
+from gearlib.tunings import grid
+from joblog import redirect_output
+
+
+def compute(pair, lag, samples_per_period):
+    """Return the courses and lags that the configuration asks for."""
+    return phase_lag.compute(
+        pair,
+        lag["material_dampings"],
+        lag["tuning"],
+        grid(lag["start"], lag["stop"], lag["step"]),
+        harmonics=lag["harmonics"],
+        periods=lag["periods"],
+        samples_per_period=samples_per_period,
+    )
+
+
+if __name__ == "__main__":
+    redirect_output(snakemake.log[0])
+    dataset = compute(
+        json.loads(snakemake.params.pair),
+        json.loads(snakemake.params.lag),
+        snakemake.params.samples_per_period,
+    )
+    storage.write(dataset, snakemake.output.dataset)
