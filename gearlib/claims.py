@@ -196,13 +196,10 @@ def _phase_shift(data):
     lag = data.phase_lag.lag.isel(harmonic=0)
     if lag.size < 2 or lag.isnull().any():
         raise NoData("fewer than two dampings have an orbit of one mesh period")
-    words = ", ".join(
-        f"k1 {k:g} N s/m: {v:.3f}" for k, v in zip(lag.damping.values, lag.values, strict=True)
-    )
-    shift = float(lag.max() - lag.min())
-    return shift > VISIBLE_SHIFT, (
-        f"lag of the first harmonic, degrees: {words} at nu = {float(data.phase_lag.shown_tuning):g}"
-    )
+    pairs = zip(lag.damping.values, lag.values, strict=True)
+    words = ", ".join(f"k1 = {k:g} N s/m: {v:.3f}" for k, v in pairs)
+    tuning, shift = float(data.phase_lag.shown_tuning), float(lag.max() - lag.min())
+    return shift > VISIBLE_SHIFT, f"lag of the first harmonic at nu = {tuning:g}, degrees: {words}"
 
 
 def _conservative_smooth(data):
