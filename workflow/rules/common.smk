@@ -94,3 +94,25 @@ def run_length():
         "record_periods": CONFIG.record_periods,
         "initial_state": [state.displacement, state.velocity],
     }
+
+
+def cases_of(wildcards):
+    """Return the cases of a scene, with the parameters of their gear pairs."""
+    return canonical(
+        [
+            {"title": case.title, "tuning": case.tuning, "pair": CONFIG.case_parameters(case)}
+            for case in CONFIG.scenes[wildcards.scene].cases
+        ]
+    )
+
+
+def six_degrees_of(wildcards):
+    """Return what the model of a scene needs beyond the pair, null for one degree."""
+    six = CONFIG.scenes[wildcards.scene].model == "six_degrees"
+    return canonical(CONFIG.six_degrees.model_dump() if six else None)
+
+
+def look_of(wildcards):
+    """Return what the figure of a scene shows."""
+    scene = CONFIG.scenes[wildcards.scene]
+    return canonical({"courses": scene.courses, "periods_shown": scene.periods_shown})
