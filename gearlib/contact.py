@@ -13,7 +13,7 @@ the dynamic mesh force C(tau) g(x) and the modified stiffness function C(tau) (H
 
 import numpy as np
 
-NORMAL, BACKLASH, INVERSE = 1, 0, -1
+from gearlib.core.mesh import BACKLASH, INVERSE, NORMAL
 
 #: CF flag attributes of every variable that holds one of the codes above.
 FLAGS = {

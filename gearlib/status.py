@@ -2,7 +2,7 @@
 
 import numpy as np
 
-OK, EVENT_LIMIT, OVERFLOW = 0, 1, 2
+from gearlib.core.run import EVENT_LIMIT, OK, OVERFLOW
 
 MESSAGES = {
     OK: "the run is complete",
