@@ -16,7 +16,6 @@ from pathlib import Path
 
 import numpy as np
 import xarray as xr
-from scipy.optimize import brentq
 
 from gearlib import checks
 from gearlib.stiffness import levels, stretches
@@ -70,6 +69,9 @@ class Fourier:
 
     def pieces(self, pair):
         """Return the `Pieces` for a `GearPair`."""
+        # Imported here: it costs every job of the workflow 0.3 s, and only this profile needs it.
+        from scipy.optimize import brentq
+
         high, low = levels(pair.contact_ratio, pair.stiffness_ratio)
         n = np.arange(1, self.harmonics + 1)
         swing = (high - low) / 2.0 * 4.0 / (math.pi * n) * (-1.0) ** n
