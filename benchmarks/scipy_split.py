@@ -102,6 +102,7 @@ class _Six:
         if any(model.friction):
             self.kinks = [*self.kinks, model.pitch_phase, model.pitch_phase + math.pi]
         self.deviation = model.deviation.table()
+        self.inverse_deviation = model.inverse_deviation.table()
         j, r = np.array(model.inertias), np.array(model.base_radii)
         self.mass = np.array([*(j / r**2), *np.repeat(model.masses, 2)])
 
@@ -123,15 +124,18 @@ class _Six:
         unit = self.pair.static_deflection
         shares = 1.0 / self.mass[:2] / (1.0 / self.mass[:2]).sum()
         z = np.zeros(12)
+        if self.model.preload:
+            z[2] = -self.pair.load / self.model.bearing_stiffness[0]
+            z[4] = self.pair.load / self.model.bearing_stiffness[2]
         z[:2] = shares * (state[0] * unit - self.lines(0.0, z)[0])
         z[6:8] = shares * (state[1] * unit * self.speed - self.excited_rate(0.0))
         return z
 
     def lines(self, t, z):
         phase = self.speed * t
-        f = _wave(self.deviation, phase)
-        turn = z[0] + z[1] + f
-        return turn + z[2] - z[4] + self._run_out(phase)[0], turn + self.pair.backlash
+        turn = z[0] + z[1]
+        near = turn + z[2] - z[4] + self._run_out(phase)[0] + _wave(self.deviation, phase)
+        return near, turn + _wave(self.inverse_deviation, phase) + self.pair.backlash
 
     def derivative(self, t, z, contact, middle):
         m, phase = self.model, self.speed * t

@@ -12,7 +12,7 @@ module                  responsibility
 ``harmonics``           periodic functions of the mesh phase
 ``profiles``            rectangular, Fourier and tabulated mesh stiffness
 ``models``              one file per model: its equation, its symbols
-``methods``             one file per method behind ``method=``
+``integrators``         one file per method behind ``method=``
 ``arguments``           arguments that all runs share, checked
 ``summary``             from the summary table of the kernels to named variables
 ``variables``           names, units and descriptions of every variable
@@ -45,6 +45,7 @@ _PUBLIC = {
     "Rectangular": "profiles",
     "SixDegreePair": "models.six_degrees",
     "Tabulated": "profiles",
+    "methods": "integrators",
     "simulate": "simulation",
     "sweep": "sweeping",
 }
@@ -57,6 +58,7 @@ __all__ = [
     "Rectangular",
     "SixDegreePair",
     "Tabulated",
+    "methods",
     "simulate",
     "sweep",
 ]

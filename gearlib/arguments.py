@@ -1,6 +1,6 @@
 """Arguments that all runs share, checked."""
 
-from gearlib import checks, methods
+from gearlib import checks, integrators
 
 #: Most arcs (phases of contact and flights; Taylor steps) in one mesh period before a run gives up.
 MAX_EVENTS = 1_000_000
@@ -11,8 +11,8 @@ def check_tuning(name, value):
     return checks.finite_positive(name, value)
 
 
-def check_run(pair, periods, record_periods, initial_state, method, max_events):
-    """Return (periods, record_periods, state, method name, method module, max_events), checked.
+def check_run(pair, periods, record_periods, initial_state, method, options, max_events):
+    """Return periods, record_periods, state, method name, module and options, max_events, checked.
 
     Raises
     ------
@@ -24,6 +24,6 @@ def check_run(pair, periods, record_periods, initial_state, method, max_events):
         periods,
         checks.integer("record_periods", record_periods, 1, periods),
         checks.state("initial_state", initial_state),
-        *methods.choose(pair, method),
+        *integrators.choose(pair, method, options),
         checks.integer("max_events", max_events, 1),
     )

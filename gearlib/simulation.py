@@ -22,6 +22,7 @@ def simulate(
     samples_per_period=256,
     initial_state=(0.0, 0.0),
     method=None,
+    options=None,
     max_events=MAX_EVENTS,
 ):
     """Run a gear pair at one tuning and record the end of the run.
@@ -45,8 +46,10 @@ def simulate(
         and is not repeated.
     initial_state : tuple of float, default (0, 0)
         Displacement in static deflections and dx/dtau at tau = 0. The default: flanks just touch.
-    method : {"exact", "taylor"}, optional
-        See `gearlib.methods`; by default "exact" for a `GearPair`, else "taylor".
+    method : str, optional
+        A name of `gearlib.methods`; by default "exact" where it takes the model, else "taylor".
+    options : dict, optional
+        Options of the method, see `gearlib.methods`.
     max_events : int
         Most phases of contact and flights in one mesh period before the run gives up.
 
@@ -58,7 +61,8 @@ def simulate(
         event or a stiffness switch the value just after it. Over ``event``: event_phase,
         event_from, event_to, event_velocity, all crossings of flank lines in the recorded
         periods. Scalars: final_state (component), the orbit summary described at
-        `gearlib.sweep`, the scales to SI, and status. When status is not 0, the run could not go
+        `gearlib.sweep`, evaluations (of the right-hand side in the whole run), the scales to SI,
+        and status. When status is not 0, the run could not go
         on: all results are NaN and ``status.attrs["message"]`` says what to do.
 
     Raises
@@ -72,13 +76,13 @@ def simulate(
     """
     tuning = check_tuning("tuning", tuning)
     samples_per_period = checks.integer("samples_per_period", samples_per_period, 1)
-    periods, record_periods, initial_state, method, module, max_events = check_run(
-        pair, periods, record_periods, initial_state, method, max_events
+    periods, record_periods, initial_state, method, module, options, max_events = check_run(
+        pair, periods, record_periods, initial_state, method, options, max_events
     )
     extra = getattr(pair, "extra_samples", ())
     samples = np.empty((record_periods * samples_per_period, orbit.SAMPLE_COLUMNS + len(extra)))
     table = np.empty(orbit.SUMMARY_COLUMNS)
-    x, v, period, events, found, code = module.run(
+    x, v, period, events, found, code, evaluations = module.run(
         pair,
         tuning,
         initial_state,
@@ -88,6 +92,7 @@ def simulate(
         np.empty((_FIRST_EVENTS, orbit.EVENT_COLUMNS)),
         max_events,
         table,
+        **options,
     )
     end = np.array([x, v])
     if code != status.OK:
@@ -103,6 +108,7 @@ def simulate(
         **scales(pair),
         **speed_scales(pair, tuning),
         "tuning": tuning,
+        "evaluations": evaluations,
     }
     coords = {
         "phase": (first + np.arange(len(samples))) * step,
@@ -114,6 +120,7 @@ def simulate(
         "Time course of a gear mesh",
         pair,
         method=method,
+        options=options,
         tuning=tuning,
         periods=periods,
         record_periods=record_periods,

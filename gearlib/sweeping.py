@@ -27,6 +27,7 @@ def sweep(
     initial_state=(0.0, 0.0),
     direction="cold",
     method=None,
+    options=None,
     max_events=MAX_EVENTS,
     threads=None,
 ):
@@ -45,8 +46,10 @@ def sweep(
         "cold" starts every tuning from `initial_state`. "up" and "down" go through the tunings
         in ascending or descending order, each run starting from the final state of the one
         before it, which shows hysteresis; after a run that could not go on, from `initial_state`.
-    method : {"exact", "taylor"}, optional
-        See `gearlib.methods`; by default "exact" where it takes the model, else "taylor".
+    method : str, optional
+        A name of `gearlib.methods`; by default "exact" where it takes the model, else "taylor".
+    options : dict, optional
+        Options of the method, see `gearlib.methods`.
     max_events : int
         Most phases of contact and flights in one mesh period before a run gives up.
     threads : int, optional
@@ -70,8 +73,8 @@ def sweep(
         Naming the argument, its value and the allowed range.
     """
     tunings = _check_tunings(tunings)
-    periods, record_periods, initial_state, method, module, max_events = check_run(
-        pair, periods, record_periods, initial_state, method, max_events
+    periods, record_periods, initial_state, method, module, options, max_events = check_run(
+        pair, periods, record_periods, initial_state, method, options, max_events
     )
     checks.one_of("direction", direction, DIRECTIONS)
     threads = os.cpu_count() if threads is None else checks.integer("threads", threads, 1)
@@ -94,6 +97,7 @@ def sweep(
             table,
             ends,
             codes,
+            **options,
         )
 
     order = np.argsort(tunings)
@@ -119,6 +123,7 @@ def sweep(
         "Resonance characteristic of a gear mesh",
         pair,
         method=method,
+        options=options,
         direction=direction,
         periods=periods,
         record_periods=record_periods,

@@ -52,6 +52,7 @@ DESCRIPTIONS = {
     "period": ("1", "period of the orbit in mesh periods, 0 if none up to 16 was found"),
     "final_state": ("1", "displacement and dx/dtau at the end of the run, in static deflections"),
     "status": ("1", "how the run ended"),
+    "evaluations": ("1", "evaluations of the right-hand side in the whole run"),
     # scales to SI
     "static_deflection": ("m", "static deflection, scale of displacements"),
     "mesh_frequency": ("rad s-1", "angular mesh frequency, phase over time"),

@@ -1,4 +1,4 @@
-"""Compiled kernels of the one-degree-of-freedom gear mesh: floats and arrays only.
+"""Compiled kernels: floats and arrays only.
 
 ====================  =============================================================
 module                responsibility
@@ -14,7 +14,8 @@ module                responsibility
 ``run``               a whole run, and runs over many tunings
 ``polynomial``        first crossing and largest value of a polynomial, isolated
 ``series``            nonlinear mesh: Taylor series of its motion
-``linear``            many coordinates, linear between events: matrix exponentials
+``system``            many coordinates: matrices, tables and Taylor series
+``linear``            many coordinates: the march by matrix exponentials, a whole run
 ``nonlinear``         nonlinear mesh: the march in Taylor steps, a whole run
 ====================  =============================================================
 

@@ -1,11 +1,6 @@
 """Piecewise-linear systems with many coordinates: exact march between guaranteed events.
 
-While a contact code and a stretch of the mesh period last, the state obeys z' = A z. Constants and
-harmonics are components of z (of frequency zero and n), so that excitation needs nothing of its
-own. A stretch is cut into equal *knots*, so short that the Taylor polynomial of degree ORDER is
-the solution to rounding, by the bound |remainder| <= (|A| h)^(ORDER + 1) / (ORDER + 1)! e^(|A| h).
-
-* Across a knot the state goes by the precomputed exponential E = exp(A h).
+* Across a knot (see `gearlib.core.system`) the state goes by the precomputed exp(A h).
 * A flank line is a linear functional g z; along a knot it is a polynomial whose coefficients are
   precomputed rows times the state. Its first crossing is isolated in Bernstein form
   (`polynomial.first_fall`): nothing is sampled, no margin is guessed.
@@ -13,184 +8,52 @@ the solution to rounding, by the bound |remainder| <= (|A| h)^(ORDER + 1) / (ORD
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
 from gearlib.core import orbit
-from gearlib.core.jit import inlined, kernel
+from gearlib.core.jit import kernel
 from gearlib.core.mesh import BACKLASH, INVERSE, NORMAL
 from gearlib.core.polynomial import first_fall, highest, horner
 from gearlib.core.run import EVENT_LIMIT, OK, OVERFLOW
+from gearlib.core.system import (
+    ORDER,
+    apply,
+    dot,
+    evaluate,
+    expand,
+    functional_of,
+    prepare,
+    scratch,
+    tables,
+)
 
-ORDER = 20
-#: |A| h of a knot: (1.3)^21 / 21! e^1.3 = 2e-17.
-REACH = 1.3
 #: A sum this small, as a share of its parts, is the rounding of zero.
 _REST = 1e-14
 
 
-class System(NamedTuple):
-    """All matrices of one model at one tuning: n components, p stretches."""
-
-    a: np.ndarray  #: z' = a[contact + 1, stretch] z, shape (3, p, n, n)
-    starts: np.ndarray  #: phases that bound the stretches, shape (p + 1,), 0 to 2 pi
-    knots: np.ndarray  #: knots of every stretch, int, shape (p,)
-    low: np.ndarray  #: whether a stretch is one of C_min, shape (p,)
-    stiffness: np.ndarray  #: c of every stretch, shape (p,)
-    near: np.ndarray  #: functional y, displacement over the normal flank, shape (n,)
-    far: np.ndarray  #: functional y - s, displacement over the far flank, shape (n,)
-    fix: int  #: the component that is moved by rounding to put a state on a line
-    harmonics: np.ndarray  #: frequencies of the cosine-sine pairs at the end of z, shape (m,)
-    tuning: float
-
-
-class Tables(NamedTuple):
-    """What `System` needs precomputed; filled on first use, stretch by stretch."""
-
-    ready: np.ndarray  #: bool, shape (3, p)
-    step: np.ndarray  #: exp(A h), shape (3, p, n, n)
-    near: np.ndarray  #: rows of y along a knot, shape (3, p, ORDER + 1, n)
-    far: np.ndarray  #: rows of y - s
-    counts: np.ndarray  #: entries of every row of A, shape (3, p, n)
-    columns: np.ndarray  #: their columns, shape (3, p, n, n)
-
-
-class Scratch(NamedTuple):
-    """Arrays that a march writes to."""
-
-    z: np.ndarray  #: shape (n,)
-    other: np.ndarray  #: shape (n,)
-    series: np.ndarray  #: Taylor coefficients of the state, shape (ORDER + 1, n)
-    gap: np.ndarray  #: shape (ORDER + 1,)
-    scaled: np.ndarray  #: shape (ORDER + 1,)
-    work: np.ndarray  #: of `polynomial.first_fall`
-
-
 @kernel
-def tables(system):
-    """Return empty `Tables`."""
-    contacts, p, n, _ = system.a.shape
-    return Tables(
-        np.zeros((contacts, p), dtype=np.bool_),
-        np.empty((contacts, p, n, n)),
-        np.empty((contacts, p, ORDER + 1, n)),
-        np.empty((contacts, p, ORDER + 1, n)),
-        np.zeros((contacts, p, n), dtype=np.int64),
-        np.empty((contacts, p, n, n), dtype=np.int64),
-    )
-
-
-@kernel
-def scratch(n):
-    """Return `Scratch` for n components."""
-    return Scratch(
-        np.empty(n),
-        np.empty(n),
-        np.empty((ORDER + 1, n)),
-        np.empty(ORDER + 1),
-        np.empty(ORDER + 1),
-        np.empty((50, ORDER + 2)),
-    )
-
-
-@kernel
-def _prepare(system, table, i, p):
-    """Fill the tables of contact code i - 1 on stretch p."""
-    n = system.near.shape[0]
-    h = (system.starts[p + 1] - system.starts[p]) / system.knots[p]
-    a = system.a[i, p]
-    for r in range(n):
-        for c in range(n):
-            if a[r, c] != 0.0:
-                table.columns[i, p, r, table.counts[i, p, r]] = c
-                table.counts[i, p, r] += 1
-    # Rows g (A h)^k / k!, and the exponential as the sum of (A h)^k / k!.
-    for functional, rows in ((system.near, table.near[i, p]), (system.far, table.far[i, p])):
-        rows[0] = functional
-        for k in range(1, ORDER + 1):
-            rows[k] = 0.0
-            for r in range(n):
-                if rows[k - 1, r] != 0.0:
-                    rows[k] += rows[k - 1, r] * (h / k) * a[r]
-    total = np.eye(n)
-    term = np.eye(n)
-    for k in range(1, ORDER + 1):
-        new = np.zeros((n, n))
-        for r in range(n):
-            for c in range(n):
-                if a[r, c] != 0.0:
-                    new[r] += (a[r, c] * h / k) * term[c]
-        term = new
-        total += term
-    table.step[i, p] = total
-    table.ready[i, p] = True
-
-
-@inlined
-def _apply(matrix, z, out):
-    """out = matrix z."""
-    for r in range(z.shape[0]):
-        total = 0.0
-        for c in range(z.shape[0]):
-            total += matrix[r, c] * z[c]
-        out[r] = total
-
-
-@kernel
-def _expand(a, counts, columns, z, series):
-    """Fill the Taylor coefficients of the state from z; `a` has few entries in a row."""
-    n = z.shape[0]
-    series[0] = z
-    for k in range(1, ORDER + 1):
-        share = 1.0 / k
-        for r in range(n):
-            total = 0.0
-            for j in range(counts[r]):
-                c = columns[r, j]
-                total += a[r, c] * series[k - 1, c]
-            series[k, r] = total * share
-
-
-@kernel
-def _evaluate(series, t, out):
-    """Fill `out` with the state of a Taylor series at t."""
-    out[:] = series[ORDER]
-    for k in range(ORDER - 1, -1, -1):
-        for r in range(out.shape[0]):
-            out[r] = out[r] * t + series[k, r]
-
-
-@kernel
-def _functional(series, functional, h, out):
-    """Fill `out` with a functional of a Taylor series as a polynomial of t / h."""
-    power = 1.0
-    for k in range(ORDER + 1):
-        total = 0.0
-        for r in range(functional.shape[0]):
-            total += functional[r] * series[k, r]
-        out[k] = total * power
-        power *= h
-
-
-@kernel
-def _first_event(contact, on_line, near, far, to_bernstein, scaled, work):
+def _first_event(contact, on_line, at_rest, near, far, to_bernstein, scaled, work):
     """Return (share of the step, next contact code) of the first event; share 2: none.
 
     near, far: polynomials of y and y - s over the step. `on_line`: the step starts exactly on a
-    line (1 the normal, -1 the far one, 0 none).
+    line (1 the normal, -1 the far one, 0 none); `at_rest`: and at rest relative to it.
     """
     best, target = 2.0, contact
     if contact != INVERSE:
         scaled[:] = near if contact == NORMAL else -near
         if on_line == 1:
             scaled[0] = 0.0
+            if at_rest:
+                scaled[1] = 0.0
         best = first_fall(scaled, to_bernstein, work)
         target = BACKLASH if contact == NORMAL else NORMAL
     if contact != NORMAL:
         scaled[:] = -far if contact == INVERSE else far
         if on_line == -1:
             scaled[0] = 0.0
+            if at_rest:
+                scaled[1] = 0.0
         other = first_fall(scaled, to_bernstein, work)
         if other < best:
             best, target = other, (BACKLASH if contact == INVERSE else INVERSE)
@@ -198,19 +61,14 @@ def _first_event(contact, on_line, near, far, to_bernstein, scaled, work):
 
 
 @kernel
-def _dot(functional, z):
-    total = 0.0
-    for r in range(z.shape[0]):
-        total += functional[r] * z[r]
-    return total
-
-
-@kernel
-def go(system, table, to_bernstein, z, contact, s, record, recorded, limit):
+def go(system, table, to_bernstein, z, contact, on_line, at_rest, s, record, recorded, limit):
     """Go through one mesh period from its start; z is changed in place.
 
     Parameters
     ----------
+    on_line, at_rest : int, bool
+        Whether the period starts exactly on a line (1 the normal, -1 the far one, 0 none), and at
+        rest relative to it.
     record : ndarray, shape (k, 4 + (ORDER + 1) n)
         If k > 0, filled with one row per step: phase, length, contact, stretch, Taylor
         coefficients of the state; enlarged as needed.
@@ -229,7 +87,7 @@ def go(system, table, to_bernstein, z, contact, s, record, recorded, limit):
     n = z.shape[0]
     keep = record.shape[0] > 0
     near, far = np.empty(ORDER + 1), np.empty(ORDER + 1)
-    events, on_line = 0, 0
+    events = 0
     for p in range(system.knots.shape[0]):
         h = (system.starts[p + 1] - system.starts[p]) / system.knots[p]
         for knot in range(system.knots[p]):
@@ -239,32 +97,33 @@ def go(system, table, to_bernstein, z, contact, s, record, recorded, limit):
                 left = h - t
                 whole = t == 0.0 and not keep
                 if not table.ready[i, p]:
-                    _prepare(system, table, i, p)
+                    prepare(system, table, i, p)
                 if whole:
                     if contact != INVERSE:
                         rows = table.near[i, p]
                         for k in range(ORDER + 1):
-                            near[k] = _dot(rows[k], z)
+                            near[k] = dot(rows[k], z)
                     if contact != NORMAL:
                         rows = table.far[i, p]
                         for k in range(ORDER + 1):
-                            far[k] = _dot(rows[k], z)
+                            far[k] = dot(rows[k], z)
                 else:
-                    _expand(system.a[i, p], table.counts[i, p], table.columns[i, p], z, s.series)
+                    expand(system.a[i, p], table.counts[i, p], table.columns[i, p], z, s.series)
                     if contact != INVERSE:
-                        _functional(s.series, system.near, left, near)
+                        functional_of(s.series, system.near, left, near)
                     if contact != NORMAL:
-                        _functional(s.series, system.far, left, far)
+                        functional_of(s.series, system.far, left, far)
                 share, target = _first_event(
-                    contact, on_line, near, far, to_bernstein, s.scaled, s.work
+                    contact, on_line, at_rest, near, far, to_bernstein, s.scaled, s.work
                 )
+                at_rest = False
                 if share > 1.0 and whole:
-                    _apply(table.step[i, p], z, s.other)
+                    apply(table.step[i, p], z, s.other)
                     z[:] = s.other
                     on_line = 0
                     break
                 if whole:
-                    _expand(system.a[i, p], table.counts[i, p], table.columns[i, p], z, s.series)
+                    expand(system.a[i, p], table.counts[i, p], table.columns[i, p], z, s.series)
                 length = left if share > 1.0 else share * left
                 if keep:
                     if recorded == record.shape[0]:
@@ -277,7 +136,7 @@ def go(system, table, to_bernstein, z, contact, s, record, recorded, limit):
                     record[recorded, 3] = p
                     record[recorded, 4:] = s.series.reshape((ORDER + 1) * n)
                     recorded += 1
-                _evaluate(s.series, length, z)
+                evaluate(s.series, length, z)
                 on_line = 0
                 if share > 1.0:
                     break
@@ -287,7 +146,7 @@ def go(system, table, to_bernstein, z, contact, s, record, recorded, limit):
                 t += length
                 line = 1 if NORMAL in (contact, target) else -1
                 functional = system.near if line == 1 else system.far
-                z[system.fix] -= _dot(functional, z) / functional[system.fix]
+                z[system.fix] -= dot(functional, z) / functional[system.fix]
                 contact, on_line = target, line
     return contact, events, record, recorded
 
@@ -307,7 +166,7 @@ def _summarise(system, to_bernstein, row, n, s, summary):
     """Add one recorded step to the orbit summary."""
     length, contact, p = row[1], int(row[2]), int(row[3])
     series = row[4:].reshape((ORDER + 1, n))
-    _functional(series, system.near, length, s.gap)
+    functional_of(series, system.near, length, s.gap)
     summary[orbit.X_MAX] = highest(s.gap, to_bernstein, s.work, summary[orbit.X_MAX])
     s.scaled[:] = -s.gap
     summary[orbit.X_MIN] = -highest(s.scaled, to_bernstein, s.work, -summary[orbit.X_MIN])
@@ -320,7 +179,7 @@ def _summarise(system, to_bernstein, row, n, s, summary):
     if system.low[p]:
         summary[orbit.TIME_LOW] += length
     if contact == INVERSE:
-        _functional(series, system.far, length, s.gap)
+        functional_of(series, system.far, length, s.gap)
     s.gap[:] *= system.stiffness[p]
     summary[orbit.FORCE_MAX] = highest(s.gap, to_bernstein, s.work, summary[orbit.FORCE_MAX])
     s.scaled[:] = -s.gap
@@ -341,7 +200,7 @@ def _sample(system, record, recorded, n, outputs, samples, s):
             i += 1
         contact, p, t = int(record[i, 2]), int(record[i, 3]), phase - record[i, 0]
         series = record[i, 4:].reshape((ORDER + 1, n))
-        _functional(series, system.near, 1.0, s.gap)
+        functional_of(series, system.near, 1.0, s.gap)
         x, v = horner(s.gap, t)
         samples[k, orbit.SAMPLE_X], samples[k, orbit.SAMPLE_V] = x, v
         for j in range(1, ORDER + 1):
@@ -350,41 +209,44 @@ def _sample(system, record, recorded, n, outputs, samples, s):
         _, samples[k, orbit.SAMPLE_A] = horner(s.scaled, t)
         samples[k, orbit.SAMPLE_CONTACT] = contact
         samples[k, orbit.SAMPLE_STIFFNESS] = system.stiffness[p]
-        _evaluate(series, t, s.other)
+        evaluate(series, t, s.other)
         force = 0.0
         if contact == NORMAL:
             force = system.stiffness[p] * x
         elif contact == INVERSE:
-            force = system.stiffness[p] * _dot(system.far, s.other)
+            force = system.stiffness[p] * dot(system.far, s.other)
         samples[k, orbit.SAMPLE_FORCE] = force
         for j in range(outputs.shape[0]):
-            samples[k, orbit.SAMPLE_COLUMNS + j] = _dot(outputs[j, contact + 1, p], s.other)
+            samples[k, orbit.SAMPLE_COLUMNS + j] = dot(outputs[j, contact + 1, p], s.other)
 
 
 @kernel
 def _tendency(functional, free, z):
-    """Return the sign with which a functional of a state on its line sets out."""
+    """Return (sign with which a functional of a state on its line sets out, whether from rest)."""
     rate = free @ z
-    speed = _dot(functional, rate)
+    speed = dot(functional, rate)
     # A rate of rounding is rest: then the acceleration decides.
     if abs(speed) <= _REST * np.abs(functional * rate).sum():
-        return _dot(functional, free @ rate)
-    return speed
+        return dot(functional, free @ rate), True
+    return speed, False
 
 
 @kernel
 def contact_at(system, z):
-    """Return the contact code of a state; on a line, that of the motion just after."""
-    near, far, free = _dot(system.near, z), _dot(system.far, z), system.a[1, 0]
-    on_near = abs(near) <= _REST * np.abs(system.near * z).sum()
-    if on_near:
-        near = _tendency(system.near, free, z)
-    if near > 0.0 or (on_near and near == 0.0):
-        return NORMAL
-    on_far = abs(far) <= _REST * np.abs(system.far * z).sum()
-    if on_far:
-        far = _tendency(system.far, free, z)
-    return INVERSE if far < 0.0 else BACKLASH
+    """Return (contact code, on_line, at_rest) of a state, the last two as in `go`.
+
+    On a line the contact is that of the motion just after.
+    """
+    near, far, free = dot(system.near, z), dot(system.far, z), system.a[1, 0]
+    if abs(near) <= _REST * np.abs(system.near * z).sum():
+        near, at_rest = _tendency(system.near, free, z)
+        return (NORMAL if near >= 0.0 else BACKLASH), 1, at_rest
+    if near > 0.0:
+        return NORMAL, 0, False
+    if abs(far) <= _REST * np.abs(system.far * z).sum():
+        far, at_rest = _tendency(system.far, free, z)
+        return (INVERSE if far < 0.0 else BACKLASH), -1, at_rest
+    return (INVERSE if far < 0.0 else BACKLASH), 0, False
 
 
 @kernel
@@ -406,8 +268,8 @@ def run_linear(
     record = np.empty((64, 4 + (ORDER + 1) * n))
     nothing = record[:0]
     set_harmonics(system, z, 0.0)
-    contact = contact_at(system, z)
-    x, v = _dot(system.near, z), _dot(system.near, system.a[1, 0] @ z)
+    contact, on_line, at_rest = contact_at(system, z)
+    x, v = dot(system.near, z), dot(system.near, system.a[1, 0] @ z)
     previous = float(contact)
     for i in range(periods):
         # Harmonics are put to their values: their rounding must not grow with the run.
@@ -417,15 +279,18 @@ def run_linear(
             strobes[row, 0], strobes[row, 1] = x, v
         recorded = i - (periods - record_periods)
         if recorded < 0:
-            contact, count, _, _ = go(system, table, to_bernstein, z, contact, s, nothing, 0, limit)
+            contact, count, _, _ = go(
+                system, table, to_bernstein, z, contact, on_line, at_rest, s, nothing, 0, limit
+            )
             previous = float(contact)
         else:
             contact, count, record, rows = go(
-                system, table, to_bernstein, z, contact, s, record, 0, limit
+                system, table, to_bernstein, z, contact, on_line, at_rest, s, record, 0, limit
             )
+        on_line, at_rest = 0, False
         if count > limit:
             return x, v, 0, events, 0, EVENT_LIMIT
-        x, v = _dot(system.near, z), _dot(system.near, system.a[1, 0] @ z)
+        x, v = dot(system.near, z), dot(system.near, system.a[1, 0] @ z)
         if not (abs(x) < 1e150 and abs(v) < 1e150):
             return x, v, 0, events, 0, OVERFLOW
         if recorded < 0:
@@ -444,7 +309,7 @@ def run_linear(
                         record[j, 0],
                         previous,
                         record[j, 2],
-                        _dot(system.near, series[1]),
+                        dot(system.near, series[1]),
                     )
                 previous = record[j, 2]
         if per_period > 0:

@@ -33,7 +33,9 @@ import numpy as np
 
 from gearlib import checks
 from gearlib.core.series import Law
+from gearlib.core.system import System
 from gearlib.harmonics import Harmonics
+from gearlib.models import piecewise_linear
 from gearlib.pair import GearPair
 from gearlib.profiles import Fourier, Rectangular, Tabulated
 
@@ -111,10 +113,6 @@ class OneDegreePair:
         ]
         powers = [self.quadratic_stiffness * deflection, self.cubic_stiffness * deflection**2]
         pieces = self.profile.pieces(pair)
-        deviation = self.deviation.table(1.0 / deflection)
-        # f'' of a harmonic of order n is -n^2 times the harmonic.
-        deviation[:, 1:] *= -(deviation[:, :1] ** 2)
-        force = np.vstack([[0.0, unit, 0.0], self.excitation.table(unit / pair.load), deviation])
         return Law(
             tuning,
             pair.backlash_ratio,
@@ -125,9 +123,68 @@ class OneDegreePair:
             pieces.lines * unit,
             pieces.low,
             pieces.harmonics * np.array([1.0, unit, unit]),
-            force,
+            np.vstack([[0.0, unit, 0.0], self._excitation(unit)]),
             tolerance,
         )
+
+    def _excitation(self, unit):
+        """Return rows (order, cosine, sine) of excitation and deviation as forces, shape (n, 3)."""
+        deviation = self.deviation.table(1.0 / self.pair.static_deflection)
+        # f'' of a harmonic of order n is -n^2 times the harmonic.
+        deviation[:, 1:] *= -(deviation[:, :1] ** 2)
+        return np.vstack([self.excitation.table(unit / self.pair.load), deviation])
+
+    def is_piecewise_linear(self):
+        """Return whether the phases between events have closed forms."""
+        linear = not any(getattr(self, name) for name in _DAMPINGS + _STIFFNESSES)
+        return linear and isinstance(self.profile, Rectangular)
+
+    def system(self, tuning):
+        """Return (`System`, outputs) at one tuning of a piecewise-linear model.
+
+        Components y, y', 1 and a cosine and a sine of each order; no outputs, shape (0, 3, p, n).
+        """
+        pair, unit = self.pair, 1.0 / tuning**2
+        rows = self._excitation(unit)
+        orders = np.unique(rows[:, 0])
+        n = 3 + 2 * orders.size
+        near, far = np.zeros(n), np.zeros(n)
+        near[0] = far[0] = 1.0
+        far[2] = pair.backlash_ratio if np.isfinite(pair.backlash_ratio) else 0.0
+        free = piecewise_linear.waves(n, 3, orders)
+        free[0, 1] = 1.0
+        free[1, 2] = unit
+        for order, cosine, sine in rows:
+            column = 3 + 2 * int(np.searchsorted(orders, order))
+            free[1, column : column + 2] += cosine, sine
+        pieces = self.profile.pieces(pair)
+        stiffness = pieces.lines[:, 0]
+        a = np.empty((3, stiffness.size, n, n))
+        a[:] = free
+        for code, line in ((-1, far), (0, np.zeros(n)), (1, near)):
+            ratio = pair.damping_ratio if code else pair.backlash_damping_ratio
+            for q, c in enumerate(stiffness):
+                a[code + 1, q, 1] -= c * unit * line
+                a[code + 1, q, 1, 1] -= 2.0 * ratio / tuning
+        system = System(
+            a,
+            pieces.breaks,
+            piecewise_linear.knots(a, pieces.breaks, 1, 2, 1.0 / tuning),
+            pieces.low,
+            stiffness,
+            near,
+            far if np.isfinite(pair.backlash_ratio) else piecewise_linear.never(n, 2),
+            0,
+            orders,
+            tuning,
+        )
+        return system, np.zeros((0, 3, stiffness.size, n))
+
+    def initial(self, system, state):
+        """Return the full state z at tau = 0 for a displacement and velocity."""
+        z = np.zeros(system.near.size)
+        z[:2] = state
+        return z
 
     def as_dict(self):
         """Return the parameters as plain values, in the order of the fields."""

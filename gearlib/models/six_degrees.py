@@ -9,7 +9,7 @@ with the rotations as arc lengths u_j = Rb_j phi_j, y along the line of action, 
 relative mesh displacement and the backlash line of Eq. (4)
 
     y(tau) = u3 + u2 + y3 - y2 + e3 sin phi3 - e2 sin(Delta - phi2) + f(tau)
-    s(tau) = -s_k + y3 - y2 + e3 sin phi3 - e2 sin(Delta - phi2)
+    s(tau) = -s_k + y3 - y2 + e3 sin phi3 - e2 sin(Delta - phi2) + f(tau) - f_far(tau)
 
 and the mesh force P = C(tau) g + k y', g = y in normal mesh, y - s in inverse mesh, 0 in the
 backlash, where k is that of the oil. Friction F_T = mu sigma(tau) C g acts across the line of
@@ -31,9 +31,12 @@ eccentricities          e3, e2             m, run-out of the pitch circles
 run_out_phase           Delta              rad
 teeth                   --                 of gear 3 and gear 2
 torques                 M3, M2             N m; by default those of the load, F Rb_j
-deviation               f(tau)             m, `Harmonics`
+deviation               f(tau)             m, `Harmonics`, of the normal flanks
+inverse_deviation       f(tau)             m, `Harmonics`, of the far flanks; by default the same
 friction                mu (normal, inverse)  1
 pitch_phase             --                 rad, where sigma turns from -1 to 1
+preload                 --                 whether the bearings start in their deflection under
+                                           the load (else in their free position)
 ======================  =================  =======================================================
 
 The paper prints none of the values beyond those of the pair; whoever sets them chooses.
@@ -45,8 +48,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from gearlib import checks
-from gearlib.core.linear import REACH, System
+from gearlib.core.system import System
 from gearlib.harmonics import Harmonics
+from gearlib.models import piecewise_linear
 from gearlib.pair import GearPair
 from gearlib.stiffness import levels, stretches
 
@@ -100,8 +104,10 @@ class SixDegreePair:
     teeth: tuple | None = None
     torques: tuple | None = None
     deviation: Harmonics = field(default_factory=Harmonics)
+    inverse_deviation: Harmonics | None = None
     friction: tuple = (0.0, 0.0)
     pitch_phase: float = 0.0
+    preload: bool = True
 
     #: Recorded beyond what a model of one degree has.
     extra_samples = OUTPUTS
@@ -109,8 +115,12 @@ class SixDegreePair:
     def __post_init__(self):
         if not isinstance(self.pair, GearPair):
             raise ValueError(f"pair = {self.pair!r} is not allowed: it must be a GearPair")
-        if not isinstance(self.deviation, Harmonics):
-            raise ValueError(f"deviation = {self.deviation!r} is not allowed: it must be Harmonics")
+        if self.inverse_deviation is None:
+            object.__setattr__(self, "inverse_deviation", self.deviation)
+        for name in ("deviation", "inverse_deviation"):
+            value = getattr(self, name)
+            if not isinstance(value, Harmonics):
+                raise ValueError(f"{name} = {value!r} is not allowed: it must be Harmonics")
 
         def put(name, count, check):
             values = getattr(self, name)
@@ -135,6 +145,7 @@ class SixDegreePair:
         for name in ("run_out_phase", "pitch_phase"):
             value = checks.number(name, getattr(self, name), "finite", math.isfinite)
             object.__setattr__(self, name, value)
+        checks.one_of("preload", self.preload, (False, True))
 
     def __getattr__(self, name):
         # Scales, ratios and stiffness of the pair are those of the model.
@@ -157,9 +168,9 @@ class SixDegreePair:
         return [i for i, c in enumerate(self.bearing_stiffness) if math.isfinite(c)]
 
     def _excitation(self):
-        """Return (frequencies, amplitudes of run-out, of deviation) as cosine-sine pairs.
+        """Return (frequencies, amplitudes) of run-out and the two deviations as cosine-sine pairs.
 
-        Shapes (m,), (m, 2), (m, 2); amplitudes in static deflections.
+        Shapes (m,), (3, 2 m); amplitudes in static deflections.
         """
         unit = 1.0 / self.pair.static_deflection
         e3, e2 = (e * unit for e in self.eccentricities)
@@ -167,7 +178,7 @@ class SixDegreePair:
         rows = {}
 
         def add(frequency, which, cosine, sine):
-            entry = rows.setdefault(frequency, np.zeros((2, 2)))
+            entry = rows.setdefault(frequency, np.zeros((3, 2)))
             entry[which] += (cosine, sine)
 
         if e3:
@@ -176,35 +187,33 @@ class SixDegreePair:
             # -e2 sin(Delta - phi) = e2 (cos Delta sin phi - sin Delta cos phi)
             delta = self.run_out_phase
             add(1.0 / z2, 0, -e2 * math.sin(delta), e2 * math.cos(delta))
-        for order, cosine, sine in self.deviation.table(unit):
-            add(order, 1, cosine, sine)
+        for which, deviation in ((1, self.deviation), (2, self.inverse_deviation)):
+            for order, cosine, sine in deviation.table(unit):
+                add(order, which, cosine, sine)
         frequencies = np.array(sorted(rows))
-        both = np.array([rows[f] for f in frequencies]).reshape(-1, 2, 2)
-        return frequencies, both[:, 0], both[:, 1]
+        amplitudes = np.array([rows[f] for f in frequencies]).reshape(-1, 3, 2)
+        return frequencies, amplitudes.transpose(1, 0, 2).reshape(3, -1)
 
     def system(self, tuning):
         """Return (`System`, outputs) at one tuning; outputs of shape (12, 3, p, n)."""
         pair, unit = self.pair, 1.0 / tuning**2
         moving = self.flexible()
         m = 2 + len(moving)
-        frequencies, run_out, deviation = self._excitation()
+        frequencies, amplitudes = self._excitation()
         n = 2 * m + 1 + 2 * frequencies.size
         one, waves = 2 * m, 2 * m + 1
-        pulse = np.zeros((2, n))
-        pulse[0, waves:], pulse[1, waves:] = run_out.ravel(), deviation.ravel()
+        pulse = np.zeros((3, n))
+        pulse[:, waves:] = amplitudes
         near, far = np.zeros(n), np.zeros(n)
         near[:2] = far[:2] = 1.0
         far[one] = pair.backlash_ratio if math.isfinite(pair.backlash_ratio) else 0.0
         for k, i in enumerate(moving):
             near[2 + k] = _IN_Y[_BEARINGS[i]]
         near += pulse[0] + pulse[1]
-        far += pulse[1]
+        far += pulse[2]
 
-        free = np.zeros((n, n))
+        free = piecewise_linear.waves(n, waves, frequencies)
         free[:m, m : 2 * m] = np.eye(m)
-        for j, frequency in enumerate(frequencies):
-            c = waves + 2 * j
-            free[c, c + 1], free[c + 1, c] = -frequency, frequency
         inertia = [
             j / r**2 / pair.reduced_mass
             for j, r in zip(self.inertias, self.base_radii, strict=True)
@@ -248,11 +257,11 @@ class SixDegreePair:
             a,
             starts,
             # In 1 / nu of phase the mesh turns by a radian: velocities weigh like displacements.
-            _knots(a, starts, m, one, 1.0 / tuning),
+            piecewise_linear.knots(a, starts, m, one, 1.0 / tuning),
             low,
             stiffness,
             near,
-            far if math.isfinite(pair.backlash_ratio) else _never(n, one),
+            far if math.isfinite(pair.backlash_ratio) else piecewise_linear.never(n, one),
             0,
             frequencies,
             tuning,
@@ -293,14 +302,16 @@ class SixDegreePair:
     def initial(self, system, state):
         """Return the full state z at tau = 0 for a relative displacement and velocity.
 
-        Bearings at rest in their free position; the rotations share the motion as their inertias
-        do, so that the free rotation of the pair is not set off.
+        Bearings at rest, deflected by the load or free; the rotations share the motion as their
+        inertias do, so that the free rotation of the pair is not set off.
         """
         z = np.zeros(system.near.size)
-        if len(state) != 2:
-            z[: len(state)] = state
-            return z
-        m = 2 + len(self.flexible())
+        moving = self.flexible()
+        m = 2 + len(moving)
+        if self.preload:
+            for k, i in enumerate(moving):
+                share = self.pair.mean_stiffness / self.bearing_stiffness[i]
+                z[2 + k] = -_IN_Y[_BEARINGS[i]] * share
         shares = np.array([r * r / j for r, j in zip(self.base_radii, self.inertias, strict=True)])
         shares /= shares.sum()
         z[2 * m] = 1.0
@@ -325,39 +336,14 @@ class SixDegreePair:
             "torques",
             "friction",
             "pitch_phase",
+            "preload",
         )
         values = {name: getattr(self, name) for name in names}
-        values["deviation"] = {"cosines": self.deviation.cosines, "sines": self.deviation.sines}
+        for name in ("deviation", "inverse_deviation"):
+            harmonics = getattr(self, name)
+            values[name] = {"cosines": harmonics.cosines, "sines": harmonics.sines}
         return {"pair": self.pair.as_dict(), **values}
 
 
 def _stiffness(name, value):
     return checks.number(name, value, "> 0 (infinity: rigid)", lambda c: c > 0.0)
-
-
-def _never(n, one):
-    """Return the functional of a flank that is not there: the constant 1."""
-    functional = np.zeros(n)
-    functional[one] = 1.0
-    return functional
-
-
-def _knots(a, starts, m, one, frequency):
-    """Return the number of knots of every stretch, by the norm of its matrices.
-
-    The norm is that of scaled components: velocities over a natural frequency; constants and
-    harmonics, whose columns drive and never feed back, by their own frequencies.
-    """
-    n = a.shape[2]
-    scale = np.ones(n)
-    scale[m : 2 * m] = frequency
-    counts = []
-    for q in range(starts.size - 1):
-        norms = []
-        for matrix in a[:, q]:
-            scaled = matrix * scale[None, :] / scale[:, None]
-            driven = np.linalg.norm(scaled[: 2 * m, : 2 * m], 2)
-            waves = np.abs(matrix[one:, one:]).max(initial=0.0)
-            norms.append(max(driven, waves))
-        counts.append(max(1, math.ceil(max(norms) * (starts[q + 1] - starts[q]) / REACH)))
-    return np.array(counts)

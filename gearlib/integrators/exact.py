@@ -1,7 +1,7 @@
 """The exact propagator: closed forms between events, for linear damping and rectangular stiffness.
 
-One degree of freedom goes by scalar closed forms (`gearlib.core.run`), six by matrix exponentials
-(`gearlib.core.linear`).
+One degree of freedom goes by scalar closed forms (`gearlib.core.run`); with harmonic excitation,
+and six degrees of freedom, by matrix exponentials (`gearlib.core.linear`).
 """
 
 import math
@@ -13,15 +13,23 @@ from gearlib.core import linear, orbit
 from gearlib.core import run as core_run
 from gearlib.core.mesh import mesh
 from gearlib.core.polynomial import bernstein_matrix
+from gearlib.core.system import ORDER as _ORDER
+from gearlib.models.one_degree import OneDegreePair
 from gearlib.models.six_degrees import SixDegreePair
 from gearlib.pair import GearPair
 from gearlib.stiffness import levels, stretches
 
-_TO_BERNSTEIN = bernstein_matrix(linear.ORDER)
+ORDER = None
+EVENTS = "phases end at switches and crossings, which are isolated by proof"
+MODELS = "linear damping with rectangular stiffness, one or six degrees of freedom"
+OPTIONS = {}
+_TO_BERNSTEIN = bernstein_matrix(_ORDER)
 
 
 def takes(pair):
     """Return whether the phases of a model have closed forms."""
+    if isinstance(pair, OneDegreePair):
+        return pair.is_piecewise_linear()
     return isinstance(pair, (GearPair, SixDegreePair))
 
 
@@ -39,17 +47,17 @@ def ratios(pair):
 
 
 def run(pair, tuning, state, *arguments):
-    """Run one tuning; see `gearlib.methods`."""
+    """Run one tuning; see `gearlib.integrators`."""
+    # Closed forms evaluate no right-hand side: 0.
     if isinstance(pair, GearPair):
-        return core_run.run(mesh(ratios(pair), tuning), *state, *arguments)
+        return *core_run.run(mesh(ratios(pair), tuning), *state, *arguments), 0
     system, outputs = pair.system(tuning)
-    return linear.run_linear(
-        system, outputs, _TO_BERNSTEIN, pair.initial(system, state), *arguments
-    )
+    z = pair.initial(system, state)
+    return *linear.run_linear(system, outputs, _TO_BERNSTEIN, z, *arguments), 0
 
 
 def run_many(pair, tunings, order, state, *arguments):
-    """Run many tunings; see `gearlib.methods`."""
+    """Run many tunings; see `gearlib.integrators`."""
     if isinstance(pair, GearPair):
         core_run.run_many(ratios(pair), tunings, order, np.array(state), *arguments)
     else:

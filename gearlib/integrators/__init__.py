@@ -1,0 +1,92 @@
+"""Methods behind the one ``method=`` name: each says which models it takes, and runs them.
+
+============  ==========================================================================
+module        responsibility
+============  ==========================================================================
+``exact``     closed forms between events: linear damping, rectangular stiffness, one or
+              six degrees of freedom
+``taylor``    Taylor steps of order 20 that end at events: any model of one degree
+``option``    an option of a method: default, check, meaning
+``each``      many tunings for a method that runs one
+============  ==========================================================================
+
+A method is a module that offers
+
+``ORDER``, ``EVENTS``, ``MODELS``
+    order of its steps (None: closed forms), how it meets events, which models it takes, in words;
+``OPTIONS``
+    name -> `option.Option`;
+``takes(pair)``
+    whether it takes a model;
+``run(pair, tuning, state, periods, record_periods, samples, events, limit, summary, **options)``
+    one run; arguments as of `gearlib.core.run.run`, whose returns are followed by the number of
+    evaluations of the right-hand side;
+``run_many(pair, tunings, order, state, carry, periods, record_periods, limit, summaries, ends,
+codes, **options)``
+    many, as of `gearlib.core.run.run_many`.
+"""
+
+from typing import NamedTuple
+
+from gearlib import checks
+from gearlib.integrators import exact, taylor
+
+METHODS = {"exact": exact, "taylor": taylor}
+
+
+class Method(NamedTuple):
+    """What `methods` says of one method."""
+
+    name: str
+    order: int | None  #: of its steps; None: closed forms, no steps
+    events: str  #: how it meets stiffness switches and flank lines
+    models: str  #: what it takes
+    options: dict  #: name -> (default, meaning)
+
+
+def methods():
+    """Return the methods that ``method=`` knows, as a list of `Method`."""
+    return [
+        Method(
+            name,
+            module.ORDER,
+            module.EVENTS,
+            module.MODELS,
+            {key: (option.default, option.meaning) for key, option in module.OPTIONS.items()},
+        )
+        for name, module in METHODS.items()
+    ]
+
+
+def choose(pair, method, options):
+    """Return (name, module, options) for a pair: the method named, or the first that takes it.
+
+    Raises
+    ------
+    ValueError
+        If the method is unknown or does not take the model, or an option is unknown or has an
+        impossible value.
+    """
+    able = [name for name, module in METHODS.items() if module.takes(pair)]
+    if not able:
+        raise ValueError(
+            f"pair = {pair!r} is not allowed: it must be a GearPair, OneDegreePair or SixDegreePair"
+        )
+    if method is None:
+        method = able[0]
+    checks.one_of("method", method, tuple(METHODS))
+    if method not in able:
+        raise ValueError(
+            f"method = {method!r} is not allowed for this {type(pair).__name__}: it takes "
+            f"{METHODS[method].MODELS}; it must be one of {', '.join(map(repr, able))}"
+        )
+    known = METHODS[method].OPTIONS
+    chosen = {name: option.default for name, option in known.items()}
+    for name, value in dict(options or {}).items():
+        if name not in known:
+            raise ValueError(
+                f"options[{name!r}] = {value!r} is not allowed: method {method!r} knows "
+                f"{', '.join(map(repr, known)) or 'no options'}"
+            )
+        chosen[name] = known[name].check(f"options[{name!r}]", value)
+    return method, METHODS[method], chosen

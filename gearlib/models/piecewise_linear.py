@@ -1,0 +1,47 @@
+"""What the piecewise-linear models share: harmonics as components, an absent flank, knots.
+
+See `gearlib.core.system` for the form of these models.
+"""
+
+import math
+
+import numpy as np
+
+from gearlib.core.system import REACH
+
+
+def waves(n, first, frequencies):
+    """Return the matrix, shape (n, n), that turns cosine-sine pairs from component `first` on."""
+    a = np.zeros((n, n))
+    for j, frequency in enumerate(frequencies):
+        c = first + 2 * j
+        a[c, c + 1], a[c + 1, c] = -frequency, frequency
+    return a
+
+
+def never(n, one):
+    """Return the functional of a flank that is not there: the constant 1, component `one`."""
+    functional = np.zeros(n)
+    functional[one] = 1.0
+    return functional
+
+
+def knots(a, starts, m, one, frequency):
+    """Return the number of knots of every stretch, by the norm of its matrices.
+
+    The norm is that of scaled components: velocities over a natural frequency; constants and
+    harmonics, whose columns drive and never feed back, by their own frequencies.
+    """
+    n = a.shape[2]
+    scale = np.ones(n)
+    scale[m : 2 * m] = frequency
+    counts = []
+    for q in range(starts.size - 1):
+        norms = []
+        for matrix in a[:, q]:
+            scaled = matrix * scale[None, :] / scale[:, None]
+            driven = np.linalg.norm(scaled[: 2 * m, : 2 * m], 2)
+            waves = np.abs(matrix[one:, one:]).max(initial=0.0)
+            norms.append(max(driven, waves))
+        counts.append(max(1, math.ceil(max(norms) * (starts[q + 1] - starts[q]) / REACH)))
+    return np.array(counts)
