@@ -19,17 +19,15 @@ report: "workflow/report/workflow.rst"
 
 rule all:
     input:
-        figure_files("fig2_phase_shift"),
-        figure_files("fig3_resonance"),
-        figure_files("fig5_phase_planes"),
-        [figure_files(name) for name in CONFIG.scenes],
-        "results/claims.csv",
-        "results/claims.md",
+        target_files(),
 
 
 include: "workflow/rules/compute.smk"
 include: "workflow/rules/gather.smk"
 include: "workflow/rules/draw.smk"
 include: "workflow/rules/phase_lag.smk"
+include: "workflow/rules/models.smk"
 include: "workflow/rules/scenes.smk"
+include: "workflow/rules/jump.smk"
+include: "workflow/rules/nonlinear_damping.smk"
 include: "workflow/rules/claims.smk"

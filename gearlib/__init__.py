@@ -25,6 +25,9 @@ module                  responsibility
 ``config``              the typed model of ``config.yaml``
 ``gathering``           shards of the workflow into one dataset per experiment
 ``phase_lag``           lag of the motion behind the mesh stiffness
+``jump``                where the motion from rest jumps, and what moves the jump
+``nonlinear_damping``   equivalent linear, quadratic and cubic damping side by side
+``model_comparison``    what larger models would change in a scene, and what they cost
 ``scenes``              the time courses of a few runs, side by side
 ``claims``              the paper's statements, checked against computed data
 ``figures``             one file per figure, functions that return a `Figure`

@@ -2,20 +2,21 @@
 
 import xarray as xr
 
-from gearlib.models.six_degrees import SixDegreePair
-from gearlib.pair import GearPair
+from gearlib.model_comparison import build
 from gearlib.simulation import simulate
 
 
-def compute(cases, six_degrees, run):
+def compute(cases, model, six_degrees, run):
     """Return the recorded time courses and orbit summaries of some cases.
 
     Parameters
     ----------
     cases : list of dict
         Each with title, tuning and pair (keyword arguments of `GearPair`).
-    six_degrees : dict or None
-        What `SixDegreePair` needs beyond the pair; None: one degree of freedom.
+    model : str
+        A name in `gearlib.model_comparison.LADDER`.
+    six_degrees : dict
+        What `SixDegreePair` needs beyond the pair.
     run : dict
         Keyword arguments of `gearlib.simulate`, the same for all cases.
 
@@ -23,18 +24,17 @@ def compute(cases, six_degrees, run):
     -------
     xarray.Dataset
         The variables of `gearlib.simulate` over (case, phase) and (case), without the events;
-        the phase counts from the start of the record.
+        the phase counts from the start of the record; model.
     """
     runs = []
     for case in cases:
-        pair = GearPair(**case["pair"])
-        model = pair if six_degrees is None else SixDegreePair(pair=pair, **six_degrees)
-        dataset = simulate(model, case["tuning"], **run).drop_dims("event")
+        pair = build(model, case["pair"], six_degrees)
+        dataset = simulate(pair, case["tuning"], **run).drop_dims("event")
         phase = (dataset.phase - dataset.phase[0]).assign_attrs(dataset.phase.attrs)
         phase.attrs["long_name"] = "mesh phase from the start of the record"
         title = xr.Variable((), case["title"], {"long_name": "case of the scene"})
         runs.append(dataset.assign_coords(phase=phase, case=title))
-    return xr.concat(
+    scene = xr.concat(
         runs,
         dim="case",
         data_vars="all",
@@ -43,3 +43,5 @@ def compute(cases, six_degrees, run):
         join="exact",
         combine_attrs="drop_conflicts",
     )
+    name = xr.Variable((), model, {"long_name": "smallest model that carries the scene"})
+    return scene.assign(model=name)

@@ -6,6 +6,7 @@ rule claims:
         resonance=rules.gather_resonance.output.dataset,
         phase_planes=rules.gather_phase_planes.output.dataset,
         phase_lag=rules.phase_lag.output.dataset,
+        jump=rules.jump.output.dataset,
         scenes=[f"results/scenes/{name}.nc" for name in CONFIG.scenes],
         sources=script_sources("claims"),
     output:

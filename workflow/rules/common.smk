@@ -38,6 +38,8 @@ wildcard_constraints:
     window=r"\d+\.\d+-\d+\.\d+",
     tuning=r"\d+\.\d+",
     scene=r"[A-Za-z0-9+_-]+",
+    place="material|oil",
+    power="linear|quadratic|cubic",
 
 
 def script_sources(name):
@@ -59,6 +61,31 @@ def resonance_shards():
         for direction in CONFIG.resonance.directions
         for first, last in CONFIG.resonance.windows(direction)
     ]
+
+
+def nonlinear_damping_files():
+    """Return the files of all models of the study of nonlinear damping."""
+    return expand(
+        "results/nonlinear_damping/{place}_{power}.nc",
+        place=["material", "oil"],
+        power=["linear", "quadratic", "cubic"],
+    )
+
+
+def target_files():
+    """Return the files that the configuration asks for."""
+    scenes = [path for name in CONFIG.scenes for path in figure_files(name)]
+    files = {
+        "phase_lag": figure_files("fig2_phase_shift"),
+        "resonance": figure_files("fig3_resonance"),
+        "phase_planes": figure_files("fig5_phase_planes"),
+        "scenes": scenes,
+        "jump": figure_files("fig6_jump"),
+        "nonlinear_damping": figure_files("nonlinear_damping"),
+        "models": [*figure_files("models"), "results/models.csv"] if CONFIG.scenes else [],
+        "claims": ["results/claims.csv", "results/claims.md"],
+    }
+    return [path for target in CONFIG.targets for path in files[target]]
 
 
 def phase_plane_shards():
@@ -106,10 +133,16 @@ def cases_of(wildcards):
     )
 
 
-def six_degrees_of(wildcards):
-    """Return what the model of a scene needs beyond the pair, null for one degree."""
-    six = CONFIG.scenes[wildcards.scene].model == "six_degrees"
-    return canonical(CONFIG.six_degrees.model_dump() if six else None)
+def question_of(wildcards):
+    """Return what the comparison of models asks of a scene."""
+    scene = CONFIG.scenes[wildcards.scene]
+    return canonical(
+        {
+            "observables": scene.observables,
+            "tolerance": scene.tolerance,
+            "candidates": CONFIG.candidates(scene),
+        }
+    )
 
 
 def look_of(wildcards):

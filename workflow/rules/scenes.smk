@@ -4,6 +4,7 @@
 rule scene:
     input:
         kernels=rules.compile_kernels.output.stamp,
+        comparison="results/models/{scene}.nc",
         sources=script_sources("scene"),
     output:
         dataset="results/scenes/{scene}.nc",
@@ -14,7 +15,7 @@ rule scene:
     threads: 1
     params:
         cases=cases_of,
-        six_degrees=six_degrees_of,
+        six_degrees=canonical(CONFIG.six_degrees.model_dump()),
         run=canonical(run_length() | {"samples_per_period": CONFIG.run.samples_per_period}),
     conda:
         "../envs/gearlib.yaml"

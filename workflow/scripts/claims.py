@@ -15,6 +15,7 @@ if __name__ == "__main__":
         storage.read(snakemake.input.resonance),
         storage.read(snakemake.input.phase_planes),
         storage.read(snakemake.input.phase_lag),
+        storage.read(snakemake.input.jump),
         {Path(path).stem: storage.read(path) for path in snakemake.input.scenes},
     )
     claims.write_csv(table, snakemake.output.csv)

@@ -1,4 +1,4 @@
-"""Compute one scene."""
+"""Compute one scene with the model that its comparison chose."""
 
 import json
 
@@ -9,6 +9,7 @@ if __name__ == "__main__":
     redirect_output(snakemake.log[0])
     dataset = scenes.compute(
         json.loads(snakemake.params.cases),
+        storage.read(snakemake.input.comparison).chosen.item(),
         json.loads(snakemake.params.six_degrees),
         json.loads(snakemake.params.run),
     )

@@ -1,0 +1,104 @@
+"""The paper's statements, checked against computed data.
+
+Every verdict follows from numbers by a stated rule; nothing is typed in. A statement that
+differs stays in the table with its numbers; one for which the configuration has no data is "not
+evaluated". Statements P1 ... P13 are those of Hortel & Skuderova (2007).
+
+===================  ======================================================
+module               responsibility
+===================  ======================================================
+``data``             the data of one configuration
+``statements``       the statements and their rules
+``characteristics``  rules on scales, characteristics and phase planes
+``scenes``           rules on single runs
+===================  ======================================================
+"""
+
+import csv
+import io
+from dataclasses import asdict, dataclass, fields
+
+from gearlib.claims.data import Data, NoData
+from gearlib.claims.statements import CHECKS
+from gearlib.files import replacing
+
+HOLDS, DIFFERS, OPEN = "holds", "differs", "not evaluated"
+
+
+@dataclass(frozen=True)
+class Claim:
+    """One statement: what the paper says, what was computed, and the verdict."""
+
+    id: str
+    statement: str
+    where: str
+    computed: str
+    verdict: str
+    figure: str
+
+
+def evaluate(pair, dampings, resonance, phase_planes, phase_lag, jump, scenes):
+    """Return the claims P1-P13.
+
+    Parameters
+    ----------
+    pair : GearPair
+        The gear pair; its damping is not used.
+    dampings : dict of str to {"material": float, "backlash": float}
+        The damping combinations, N s/m, by name.
+    resonance, phase_planes : xarray.Dataset
+        As gathered by `gearlib.gathering`.
+    phase_lag : xarray.Dataset
+        As computed by `gearlib.phase_lag`.
+    jump : xarray.Dataset
+        As computed by `gearlib.jump`.
+    scenes : dict of str to xarray.Dataset
+        As computed by `gearlib.scenes`, by name; P8 and P11-P13 look at those whose names begin
+        with fig4, fig6, fig7, fig8.
+
+    Returns
+    -------
+    list of Claim
+    """
+    resonance = resonance.sortby("tuning")
+    data = Data(pair, dampings, resonance, phase_planes, phase_lag, jump, scenes)
+    return [_evaluate(check, data) for check in CHECKS]
+
+
+def _evaluate(check, data):
+    identifier, statement, where, figure, rule = check
+    try:
+        holds, computed = rule(data)
+        verdict = HOLDS if holds else DIFFERS
+    except NoData as reason:
+        verdict, computed = OPEN, str(reason)
+    return Claim(identifier, statement, where, computed, verdict, figure)
+
+
+def write_csv(claims, path):
+    """Write the claims as CSV, a row per statement, replacing the file in one step."""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, [f.name for f in fields(Claim)], lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(asdict(claim) for claim in claims)
+    _replace(path, text.getvalue())
+
+
+def write_markdown(claims, path):
+    """Write the claims as a Markdown table, replacing the file in one step."""
+    lines = [
+        "# Statements of the paper against computed data",
+        "",
+        "| id | the paper | computed | verdict | figure |",
+        "|---|---|---|---|---|",
+    ]
+    lines += [
+        f"| {c.id} | {c.statement} ({c.where}) | {c.computed} | **{c.verdict}** | {c.figure} |"
+        for c in claims
+    ]
+    _replace(path, "\n".join(lines) + "\n")
+
+
+def _replace(path, text):
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")

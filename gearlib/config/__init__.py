@@ -1,0 +1,247 @@
+"""The typed model of ``config.yaml``: every key, its meaning, its allowed range.
+
+================  ======================================================
+module            responsibility
+================  ======================================================
+``types``         what a number, a name, a list may be
+``mesh``          sections of the gears and the length of the runs
+``experiments``   sections of the experiments and of the figures
+================  ======================================================
+
+The JSON schema for editors is generated from the model::
+
+    python -m gearlib.config --write-schema
+
+This package stays free of the numerical stack, because every start of the workflow reads it.
+"""
+
+import json
+from pathlib import Path
+from typing import Literal
+
+from pydantic import Field, ValidationError, model_validator
+
+from gearlib.config.experiments import (
+    FRICTION_ONLY,
+    MAX_JOBS,
+    SIX_ONLY,
+    Figures,
+    Jump,
+    Models,
+    NonlinearDamping,
+    PhaseLag,
+    PhasePlanes,
+    Resonance,
+    Scene,
+)
+from gearlib.config.mesh import Damping, GearPairSection, Run, SixDegrees
+from gearlib.config.types import Name, Section, listing
+from gearlib.pair import GearPair
+from gearlib.validation import sentences
+
+#: Where the generated schema lies, seen from the root of the project.
+SCHEMA_PATH = Path("workflow/schemas/config.schema.json")
+
+#: Limits that catch a mistyped step or window before it fills a disk.
+MAX_TUNINGS = 10_000_000
+MAX_SAMPLES = 100_000_000
+
+
+class ConfigError(ValueError):
+    """The configuration is refused; the message has one sentence per problem."""
+
+
+Target = Literal[
+    "phase_lag",
+    "resonance",
+    "phase_planes",
+    "scenes",
+    "jump",
+    "nonlinear_damping",
+    "models",
+    "claims",
+]
+
+
+class Config(Section):
+    """The configuration of the workflow."""
+
+    # Each section is described by its own docstring.
+    targets: listing(Target, "What `snakemake` without a target computes and draws.")
+    gear_pair: GearPairSection
+    dampings: dict[Name, Damping] = Field(
+        min_length=1, description="The damping combinations, by name."
+    )
+    run: Run
+    resonance: Resonance
+    phase_planes: PhasePlanes
+    phase_lag: PhaseLag
+    jump: Jump
+    nonlinear_damping: NonlinearDamping
+    six_degrees: SixDegrees
+    models: Models
+    scenes: dict[Name, Scene] = Field(description="Scenes by name, one figure each; may be empty.")
+    figures: Figures
+
+    @model_validator(mode="after")
+    def _check(self):
+        self._check_colours()
+        self._check_size()
+        if self.jump.damping not in self.dampings:
+            raise ValueError(
+                f"jump.damping = {self.jump.damping!r} is not allowed: it must be one of "
+                f"{', '.join(self.dampings)}"
+            )
+        for name, scene in self.scenes.items():
+            self._check_scene(f"scenes.{name}", scene)
+        return self
+
+    def _check_scene(self, key, scene):
+        if scene.periods_shown > self.record_periods:
+            raise ValueError(
+                f"{key}.periods_shown = {scene.periods_shown} is not allowed: it must be an "
+                f"integer from 1 to the {self.record_periods} recorded mesh periods"
+            )
+        alien = SIX_ONLY.intersection(scene.courses)
+        if scene.model == "one_degree" and alien:
+            raise ValueError(
+                f"{key}.courses = {sorted(alien)[0]!r} is not allowed: it must be a course of the "
+                "model one_degree, or the model must be six_degrees"
+            )
+        alien = FRICTION_ONLY.intersection(scene.courses)
+        if scene.model == "six_degrees_plain" and alien:
+            raise ValueError(
+                f"{key}.courses = {sorted(alien)[0]!r} is not allowed: it must be a course of the "
+                "model six_degrees_plain, which has no friction, or the model must be six_degrees"
+            )
+        titles = [case.title for case in scene.cases]
+        for i, case in enumerate(scene.cases):
+            if titles.count(case.title) > 1:
+                raise ValueError(
+                    f"{key}.cases[{i}].title = {case.title!r} is not allowed: titles must be all "
+                    "different"
+                )
+            if case.damping not in self.dampings:
+                raise ValueError(
+                    f"{key}.cases[{i}].damping = {case.damping!r} is not allowed: it must be one "
+                    f"of {', '.join(self.dampings)}"
+                )
+            known = GearPairSection.model_fields
+            for name in case.change:
+                if name not in known or name == "teeth":
+                    raise ValueError(
+                        f"{key}.cases[{i}].change.{name} is not a known key: it must be one of "
+                        f"{', '.join(k for k in known if k != 'teeth')}"
+                    )
+            try:
+                GearPair(**self.case_parameters(case))
+            except ValueError as error:
+                raise ValueError(f"{key}.cases[{i}].change: {error}") from None
+
+    def _check_colours(self):
+        for name in self.dampings:
+            if name not in self.figures.colours:
+                raise ValueError(
+                    f"figures.colours.{name} is missing: every damping needs a colour '#rrggbb'"
+                )
+        for name, colour in self.figures.colours.items():
+            if name not in self.dampings:
+                raise ValueError(
+                    f"figures.colours.{name} = {colour!r} is not allowed: its name must be one of "
+                    f"the dampings {', '.join(self.dampings)}"
+                )
+
+    def _check_size(self):
+        resonance, run = self.resonance, self.run
+        span = resonance.stop - resonance.start
+        copies = len(self.dampings) * len(resonance.directions)
+        if copies * resonance.count() > MAX_TUNINGS:
+            raise ValueError(
+                f"resonance.step = {resonance.step!r} is not allowed: it must be >= "
+                f"{copies * span / MAX_TUNINGS:.2g} to stay within {MAX_TUNINGS:,} runs in all"
+            )
+        if len(self.dampings) * span / resonance.window > MAX_JOBS:
+            raise ValueError(
+                f"resonance.window = {resonance.window!r} is not allowed: it must be >= "
+                f"{len(self.dampings) * span / MAX_JOBS:.2g} to stay within {MAX_JOBS:,} jobs"
+            )
+        planes = len(self.dampings) * len(self.phase_planes.tunings)
+        if planes > MAX_JOBS:
+            raise ValueError(
+                f"phase_planes.tunings has {len(self.phase_planes.tunings):,} entries: there must "
+                f"be from 1 to {MAX_JOBS // len(self.dampings):,} to stay within {MAX_JOBS:,} jobs"
+            )
+        # Two samples a period resolve a harmonic; its lag wants a few more.
+        if 8 * self.phase_lag.harmonics > run.samples_per_period:
+            raise ValueError(
+                f"phase_lag.harmonics = {self.phase_lag.harmonics} is not allowed: it must be an "
+                f"integer from 1 to run.samples_per_period / 8 = {run.samples_per_period // 8}"
+            )
+        samples = planes * self.record_periods * run.samples_per_period
+        if samples > MAX_SAMPLES:
+            raise ValueError(
+                f"run.samples_per_period = {run.samples_per_period} with run.recorded_revolutions "
+                f"= {run.recorded_revolutions} is not allowed: the samples of all phase planes, "
+                f"{samples:,}, must be <= {MAX_SAMPLES:,}"
+            )
+
+    @property
+    def periods(self):
+        """Mesh periods of every run."""
+        return self.run.revolutions * self.gear_pair.teeth
+
+    @property
+    def record_periods(self):
+        """Recorded mesh periods, the last ones of every run."""
+        return self.run.recorded_revolutions * self.gear_pair.teeth
+
+    def pair_parameters(self, damping):
+        """Return the keyword arguments of `gearlib.GearPair` for one damping, by its name."""
+        chosen = self.dampings[damping]
+        return self.gear_pair.model_dump() | {
+            "material_damping": chosen.material,
+            "backlash_damping": chosen.backlash,
+        }
+
+    def candidates(self, scene):
+        """Return the models that can carry a scene, the smallest first."""
+        if scene.model != "smallest":
+            return [scene.model]
+        courses = set(scene.courses)
+        if courses & FRICTION_ONLY:
+            return ["six_degrees"]
+        six = ["six_degrees_plain", "six_degrees"]
+        return six if courses & SIX_ONLY else ["one_degree", *six]
+
+    def case_parameters(self, case):
+        """Return the keyword arguments of `gearlib.GearPair` for one case of a scene."""
+        return self.pair_parameters(case.damping) | case.change
+
+
+def load(mapping):
+    """Return the checked configuration.
+
+    Parameters
+    ----------
+    mapping : dict
+        What was read from YAML.
+
+    Raises
+    ------
+    ConfigError
+        With one sentence per problem, which names key, value and allowed range.
+    """
+    try:
+        return Config.model_validate(mapping)
+    except ValidationError as error:
+        raise ConfigError("\n".join(sentences(error.errors(), schema()))) from None
+
+
+def schema():
+    """Return the JSON schema of the configuration as a dict."""
+    return Config.model_json_schema()
+
+
+def schema_text():
+    """Return the JSON schema as the text of its file."""
+    return json.dumps(schema(), indent=2) + "\n"

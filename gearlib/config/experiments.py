@@ -1,0 +1,237 @@
+"""Sections that describe the experiments: what is computed, one section for each."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from gearlib import tunings
+from gearlib.config.types import (
+    Colour,
+    Finite,
+    Name,
+    NonNegative,
+    Positive,
+    Section,
+    Tuning,
+    listing,
+    number_within,
+)
+
+MAX_JOBS = 10_000
+
+Harmonic = Annotated[int, Field(ge=1, le=1000)]
+
+
+class Resonance(Section):
+    """The resonance characteristic (Fig. 3): a grid of tunings, computed in windows."""
+
+    start: Tuning = Field(description="First tuning nu.")
+    stop: Tuning = Field(description="Last tuning; start + a whole multiple of step.")
+    step: number_within(gt=0, le=10) = Field(description="Distance of the tunings.")
+    window: number_within(gt=0, le=100) = Field(
+        description="Tunings of one job of a cold sweep; a whole multiple of step."
+    )
+    directions: listing(
+        Literal["cold", "up", "down"],
+        "cold: every tuning from the initial state; up, down: the state is carried along.",
+    )
+
+    @model_validator(mode="after")
+    def _check(self):
+        if self.stop <= self.start:
+            raise ValueError(
+                f"resonance.stop = {self.stop!r} is not allowed: it must be greater than "
+                f"resonance.start = {self.start!r}"
+            )
+        if tunings.steps(self.start, self.stop, self.step) % 1:
+            raise ValueError(
+                f"resonance.stop = {self.stop!r} is not allowed: it must be resonance.start = "
+                f"{self.start!r} plus a whole multiple of resonance.step = {self.step!r}"
+            )
+        if tunings.steps(0.0, self.window, self.step) % 1:
+            raise ValueError(
+                f"resonance.window = {self.window!r} is not allowed: it must be a whole multiple "
+                f"of resonance.step = {self.step!r}"
+            )
+        return self
+
+    def count(self):
+        """Return the number of tunings of the grid."""
+        return int(tunings.steps(self.start, self.stop, self.step)) + 1
+
+    def windows(self, direction):
+        """Return the (first, last) tunings of the jobs of one direction.
+
+        Up and down sweeps carry the state from tuning to tuning: one window holds them all.
+        """
+        if direction == "cold":
+            return tunings.windows(self.start, self.stop, self.step, self.window)
+        return [(self.start, self.stop)]
+
+
+class PhasePlanes(Section):
+    """The phase planes (Fig. 5): one run for each tuning and damping."""
+
+    tunings: listing(Tuning, "Tunings nu, one row of phase planes each.")
+
+
+def _check_grid(key, section):
+    """Refuse a section whose stop is not start plus a whole multiple of step, or too fine."""
+    start, stop, step = section.start, section.stop, section.step
+    if stop <= start or tunings.steps(start, stop, step) % 1:
+        raise ValueError(
+            f"{key}.stop = {stop!r} is not allowed: it must be {key}.start = {start!r} plus a "
+            f"whole multiple of {key}.step = {step!r}"
+        )
+    if int(tunings.steps(start, stop, step)) + 1 > MAX_JOBS:
+        raise ValueError(
+            f"{key}.step = {step!r} is not allowed: it must be >= {(stop - start) / MAX_JOBS:.2g} "
+            f"to stay within {MAX_JOBS:,} tunings"
+        )
+
+
+class PhaseLag(Section):
+    """The phase lag of the motion behind the mesh stiffness (Fig. 2)."""
+
+    material_dampings: listing(NonNegative, "Material damping k_1 of each curve, N s/m.")
+    tuning: Tuning = Field(description="Tuning of the courses.")
+    start: Tuning = Field(description="First tuning of the lag over the tuning.")
+    stop: Tuning = Field(description="Last one; start + a whole multiple of step.")
+    step: number_within(gt=0, le=10) = Field(description="Distance of the tunings.")
+    harmonics: int = Field(ge=1, le=20, description="Harmonics of the mesh period measured.")
+    periods: int = Field(ge=1, le=1_000_000, description="Mesh periods of a run, to settle.")
+
+    @model_validator(mode="after")
+    def _check(self):
+        _check_grid("phase_lag", self)
+        return self
+
+
+class Jump(Section):
+    """Where the motion from rest jumps between two orbits, and what moves it (beside Fig. 6)."""
+
+    damping: Name = Field(
+        description="One of the dampings.", json_schema_extra={"$comment": "one of the dampings"}
+    )
+    start: Tuning = Field(description="First tuning of the scan.")
+    stop: Tuning = Field(description="Last one; start + a whole multiple of step.")
+    step: number_within(gt=0, le=10) = Field(description="Distance of the tunings.")
+    resolution: number_within(gt=0, le=0.1) = Field(
+        description="Width of the tuning interval to which the jump is bisected."
+    )
+    harmonics: listing(Harmonic, "Numbers of stiffness harmonics instead of the full rectangle.")
+    factors: listing(Positive, "Factors on the damping, and on the backlash.")
+    displacements: listing(Finite, "Other initial displacements, static deflections.")
+    velocities: listing(Finite, "Other initial velocities, static deflections per radian.")
+    tolerances: listing(
+        number_within(gt=0, le=0.1), "Relative tolerances of a 4(5) pair without event location."
+    )
+
+    @model_validator(mode="after")
+    def _check(self):
+        _check_grid("jump", self)
+        return self
+
+
+class NonlinearDamping(Section):
+    """Linear, quadratic and cubic damping that dissipate alike at one amplitude."""
+
+    damping: Positive = Field(description="Linear coefficient all are equivalent to, N s/m.")
+    amplitude: Positive = Field(
+        description="Amplitude of the harmonic motion at which they are, static deflections."
+    )
+    tuning: Tuning = Field(description="Tuning that gives the frequency of that motion.")
+    start: Tuning = Field(description="First tuning of the characteristics.")
+    stop: Tuning = Field(description="Last one; start + a whole multiple of step.")
+    step: number_within(gt=0, le=10) = Field(description="Distance of the tunings.")
+    shown: listing(Tuning, "Tunings of the phase planes.")
+
+    @model_validator(mode="after")
+    def _check(self):
+        _check_grid("nonlinear_damping", self)
+        return self
+
+
+class Models(Section):
+    """The comparison of models: what more than the smallest one would change in a scene."""
+
+    harmonics: Harmonic = Field(description="Harmonics of the truncated stiffness compared with.")
+
+
+Course = Literal[
+    "displacement",
+    "velocity",
+    "acceleration",
+    "stiffness",
+    "modified_stiffness",
+    "dynamic_force",
+    "friction_force",
+    "bearing_y3",
+    "bearing_z3",
+    "bearing_y2",
+    "bearing_z2",
+]
+#: Courses that only six degrees of freedom have, and those that only friction sets off.
+SIX_ONLY = {"friction_force", "bearing_y3", "bearing_z3", "bearing_y2", "bearing_z2"}
+FRICTION_ONLY = {"friction_force", "bearing_z3", "bearing_z2"}
+
+Observable = Literal[
+    "displacement_max",
+    "displacement_min",
+    "dynamic_force_max",
+    "dynamic_force_min",
+    "fraction_normal",
+    "fraction_backlash",
+    "fraction_inverse",
+    "fraction_min_stiffness",
+    "bounces",
+]
+
+
+class Case(Section):
+    """One run of a scene: a column of its figure."""
+
+    title: str = Field(
+        min_length=1,
+        max_length=60,
+        description="Above the column; names the case in the data.",
+        json_schema_extra={"$comment": "a text of 1 to 60 characters"},
+    )
+    damping: Name = Field(
+        description="One of the dampings.", json_schema_extra={"$comment": "one of the dampings"}
+    )
+    tuning: Tuning = Field(description="Tuning nu.")
+    change: dict[Name, Finite] = Field(
+        default={}, description="Other values for keys of gear_pair, in this case only."
+    )
+
+
+class Scene(Section):
+    """Time courses and phase planes of a few runs, side by side."""
+
+    model: Literal["smallest", "one_degree", "six_degrees_plain", "six_degrees"] = Field(
+        description=(
+            "smallest: the one whose observables no larger model changes by more than the "
+            "tolerance; six_degrees_plain leaves out run-out and friction."
+        )
+    )
+    observables: listing(Observable, "What the scene is about; compared between the models.")
+    tolerance: number_within(gt=0, le=10) = Field(
+        description=(
+            "Largest change that counts as none: displacements over the height of the orbit, "
+            "forces over the height of the force, fractions and bounces as they are."
+        )
+    )
+    cases: Annotated[
+        list[Case], Field(min_length=1, max_length=6, description="The runs, a column each.")
+    ]
+    courses: listing(Course, "Time courses below the phase plane, from above.")
+    periods_shown: int = Field(ge=1, le=1000, description="Mesh periods shown, the last ones.")
+
+
+class Figures(Section):
+    """How the figures are drawn; no computation depends on it."""
+
+    formats: listing(Literal["png", "pdf", "svg"], "File formats of every figure.")
+    dpi: int = Field(ge=50, le=1200, description="Resolution of pixel formats, dots per inch.")
+    colours: dict[Name, Colour] = Field(description="Colour of each damping, '#rrggbb'.")

@@ -1,0 +1,79 @@
+"""Sections that describe the gears and the length of the runs."""
+
+from pydantic import Field, model_validator
+
+from gearlib.config.types import (
+    Backlash,
+    Finite,
+    NonNegative,
+    Positive,
+    Section,
+    number_within,
+    numbers,
+)
+
+
+class GearPairSection(Section):
+    """The gear pair in SI units, without its damping."""
+
+    max_stiffness: Positive = Field(description="Maximum mesh stiffness C_max, N/m.")
+    stiffness_ratio: number_within(gt=0, le=1) = Field(description="kappa = C_min / C_max.")
+    contact_ratio: number_within(ge=1, le=2) = Field(
+        description="Contact ratio epsilon; both ends mean constant stiffness."
+    )
+    reduced_mass: Positive = Field(description="Reduced mass m_red, kg.")
+    load: Positive = Field(description="Mean force F along the line of action, N.")
+    backlash: Backlash = Field(
+        description="Backlash s_k, m; .inf for a pair without a second flank."
+    )
+    teeth: int = Field(ge=1, le=10_000, description="Teeth: mesh periods per revolution.")
+
+
+class Damping(Section):
+    """One combination of linear damping coefficients."""
+
+    material: NonNegative = Field(description="k_1 while the flanks touch, N s/m.")
+    backlash: NonNegative = Field(description="k_1m of the oil in the backlash, N s/m.")
+
+
+class State(Section):
+    """State at the start, tau = 0: the middle of the C_max stretch."""
+
+    displacement: Finite = Field(description="x, in static deflections.")
+    velocity: Finite = Field(description="dx/dtau, in static deflections per radian.")
+
+
+class Run(Section):
+    """Length and record of every run."""
+
+    revolutions: int = Field(ge=1, le=1_000_000, description="Revolutions of every run.")
+    recorded_revolutions: int = Field(
+        ge=1, description="The last ones, which are evaluated; at most `revolutions`."
+    )
+    samples_per_period: int = Field(
+        ge=8, le=65_536, description="Samples of a recorded mesh period in the phase planes."
+    )
+    initial_state: State = Field(description="State from which cold runs start.")
+
+    @model_validator(mode="after")
+    def _check(self):
+        if self.recorded_revolutions > self.revolutions:
+            raise ValueError(
+                f"run.recorded_revolutions = {self.recorded_revolutions} is not allowed: it must "
+                f"be an integer from 1 to run.revolutions = {self.revolutions}"
+            )
+        return self
+
+
+class SixDegrees(Section):
+    """What six degrees of freedom need beyond the gear pair, SI; gear 3 first, then gear 2."""
+
+    base_radii: numbers(Positive, 2, "Rb3, Rb2, m.")
+    inertias: numbers(Positive, 2, "J3, J2, kg m^2.")
+    masses: numbers(Positive, 2, "m3, m2, kg.")
+    bearing_stiffness: numbers(Positive, 4, "C3y, C3z, C2y, C2z, N/m.")
+    bearing_damping: numbers(NonNegative, 4, "k3y, k3z, k2y, k2z, N s/m.")
+    eccentricities: numbers(NonNegative, 2, "e3, e2, run-out of the pitch circles, m.")
+    run_out_phase: Finite = Field(description="Delta, relative phase of the run-out, rad.")
+    friction: numbers(NonNegative, 2, "Coefficients of friction in normal and inverse mesh.")
+    pitch_phase: Finite = Field(description="Mesh phase of the pitch point, rad.")

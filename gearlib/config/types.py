@@ -1,0 +1,76 @@
+"""Types of the configuration's values: what a number, a name, a list may be.
+
+Numbers: YAML 1.1, which Snakemake reads, takes ``4e8`` or ``4.0e8`` for a text (it wants
+``4.0e+8``). Such a text, a decimal number with an exponent, is accepted as the number that it
+plainly is. Every other text in place of a number (``"0.66"``, ``"4 kg"``) is refused, and so
+are ``true`` for 1, NaN and, except for a backlash, infinity.
+"""
+
+import re
+from typing import Annotated
+
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic_core import PydanticCustomError
+
+_EXPONENT_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+")
+
+
+def _read_exponent(value):
+    if isinstance(value, str) and _EXPONENT_NUMBER.fullmatch(value):
+        return float(value)
+    return value
+
+
+def _all_different(values):
+    seen = set()
+    for value in values:
+        if value in seen:
+            raise PydanticCustomError("duplicate", "{value}", {"value": value})
+        seen.add(value)
+    return values
+
+
+def number_within(**bounds):
+    """Return the type of a finite number within `bounds` (gt, ge, lt, le)."""
+    # Innermost first: bounds that pydantic cannot attach to the number itself would be missing
+    # in the schema.
+    return Annotated[float, Field(allow_inf_nan=False, **bounds), BeforeValidator(_read_exponent)]
+
+
+Finite = number_within()
+Positive = number_within(gt=0)
+NonNegative = number_within(ge=0)
+Tuning = number_within(gt=0, le=100)
+Backlash = Annotated[
+    float,
+    Field(ge=0, json_schema_extra={"$comment": "or .inf"}),
+    BeforeValidator(_read_exponent),
+]
+Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9+_-]+$")]
+Colour = Annotated[
+    str,
+    Field(
+        pattern=r"^#[0-9A-Fa-f]{6}$",
+        json_schema_extra={"$comment": "a colour '#rrggbb', in quotes"},
+    ),
+]
+
+
+def listing(item, description):
+    """Return the type of a non-empty list of different items, and its description."""
+    return Annotated[
+        list[item],
+        Field(min_length=1, description=description, json_schema_extra={"uniqueItems": True}),
+        AfterValidator(_all_different),
+    ]
+
+
+class Section(BaseModel):
+    """Base of all sections: no unknown keys, no silent conversions, immutable."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+
+
+def numbers(item, count, description):
+    """Return the type of a list of `count` numbers, and its description."""
+    return Annotated[list[item], Field(min_length=count, max_length=count, description=description)]

@@ -1,0 +1,62 @@
+"""Scenes and models: what a larger model would change, beside the tolerance and the cost."""
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from gearlib.figures import style
+
+_ROW_HEIGHT, _HEAD = 1.15, 0.6
+_WORDS = {
+    "one_degree": "1 degree",
+    "six_degrees_plain": "6 degrees, plain",
+    "six_degrees": "6 degrees, run-out, friction",
+    "one_degree_harmonics": "1 degree, {} harmonics",
+}
+#: Changes below this are drawn as this.
+_LEAST = 1e-6
+
+
+@style.styled()
+def draw(comparisons):
+    """Draw the change of every model as a bar, a row of bars per scene.
+
+    Parameters
+    ----------
+    comparisons : dict of str to xarray.Dataset
+        Results of `gearlib.model_comparison.compute` by scene.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The chosen model is filled; the number on a bar is its cost, components of the state
+        advanced per mesh period. The largest model has no change of its own.
+    """
+    figure = Figure(
+        (style.PAGE_WIDTH, _HEAD + _ROW_HEIGHT * len(comparisons)), layout="constrained"
+    )
+    rows = figure.subplots(len(comparisons), 1, squeeze=False, sharex=True)[:, 0]
+    for axes, (scene, data) in zip(rows, comparisons.items(), strict=True):
+        tolerance = float(data.tolerance)
+        for i, name in enumerate(data.model.values):
+            change, chosen = float(data.change[i]), name == data.chosen.item()
+            width = max(change, _LEAST) if np.isfinite(change) else _LEAST
+            axes.barh(
+                i,
+                width,
+                color=style.PALETTE[0] if chosen else "white",
+                edgecolor=style.PALETTE[0],
+                height=0.7,
+            )
+            words = f"{change:.2g}" if np.isfinite(change) else "largest"
+            axes.annotate(
+                f" {words}; cost {float(data.cost[i]):.3g}", (width, i), va="center", fontsize=6
+            )
+        axes.axvline(tolerance, color=style.PALETTE[4], linewidth=0.8, linestyle="--")
+        axes.set_xscale("log")
+        axes.set_xlim(_LEAST, 100.0)
+        names = [_WORDS[name].format(int(data.harmonics)) for name in data.model.values]
+        axes.set_yticks(range(len(names)), names, fontsize=6)
+        axes.invert_yaxis()
+        axes.set_title(f"{scene}: {', '.join(data.observable.values)}", fontsize=7, loc="left")
+    rows[-1].set_xlabel("largest change of an observable (dashed: tolerance of the scene)")
+    return figure

@@ -1,0 +1,47 @@
+"""Nonlinear damping: one job for each place and power, one figure."""
+
+
+rule nonlinear_damping:
+    input:
+        kernels=rules.compile_kernels.output.stamp,
+        sources=script_sources("nonlinear_damping"),
+    output:
+        dataset="results/nonlinear_damping/{place}_{power}.nc",
+    log:
+        "results/logs/nonlinear_damping/{place}_{power}.log",
+    benchmark:
+        "results/benchmarks/nonlinear_damping/{place}_{power}.tsv"
+    threads: 1
+    params:
+        pair=canonical(CONFIG.gear_pair.model_dump()),
+        settings=canonical(CONFIG.nonlinear_damping.model_dump()),
+        run=canonical(run_length()),
+        samples_per_period=CONFIG.run.samples_per_period,
+    conda:
+        "../envs/gearlib.yaml"
+    script:
+        "../scripts/nonlinear_damping.py"
+
+
+rule draw_nonlinear_damping:
+    input:
+        studies=nonlinear_damping_files(),
+        sources=script_sources("draw_nonlinear_damping"),
+    output:
+        report(
+            figure_files("nonlinear_damping"),
+            caption="../report/nonlinear_damping.rst",
+            category="Figures",
+            labels={"figure": "beyond the paper", "shows": "nonlinear damping"},
+        ),
+    log:
+        "results/logs/draw_nonlinear_damping.log",
+    benchmark:
+        "results/benchmarks/draw_nonlinear_damping.tsv"
+    threads: 1
+    params:
+        dpi=CONFIG.figures.dpi,
+    conda:
+        "../envs/gearlib.yaml"
+    script:
+        "../scripts/draw_nonlinear_damping.py"

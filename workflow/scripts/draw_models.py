@@ -1,0 +1,15 @@
+"""Draw the comparisons of all scenes in all formats."""
+
+from pathlib import Path
+
+from gearlib import storage
+from gearlib.figures import models, style
+from joblog import redirect_output
+
+if __name__ == "__main__":
+    redirect_output(snakemake.log[0])
+    comparisons = {Path(path).stem: storage.read(path) for path in snakemake.input.comparisons}
+    figure = models.draw(comparisons)
+    figure.set_dpi(snakemake.params.dpi)
+    for path in snakemake.output:
+        style.save(figure, path)

@@ -1,0 +1,18 @@
+"""Compute the jump of the motion from rest and its variations."""
+
+import json
+
+from gearlib import jump, storage
+from gearlib.tunings import grid
+from joblog import redirect_output
+
+if __name__ == "__main__":
+    redirect_output(snakemake.log[0])
+    settings = json.loads(snakemake.params.settings)
+    dataset = jump.compute(
+        json.loads(snakemake.params.pair),
+        grid(settings["start"], settings["stop"], settings["step"]),
+        settings,
+        json.loads(snakemake.params.run),
+    )
+    storage.write(dataset, snakemake.output.dataset)

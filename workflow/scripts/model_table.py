@@ -1,0 +1,11 @@
+"""Write the comparisons of all scenes as one table."""
+
+from pathlib import Path
+
+from gearlib import model_comparison, storage
+from joblog import redirect_output
+
+if __name__ == "__main__":
+    redirect_output(snakemake.log[0])
+    comparisons = {Path(path).stem: storage.read(path) for path in snakemake.input.comparisons}
+    model_comparison.write_csv(comparisons, snakemake.output.csv)

@@ -1,0 +1,21 @@
+"""Compute one model of the study of nonlinear damping."""
+
+import json
+
+from gearlib import nonlinear_damping, storage
+from gearlib.tunings import grid
+from joblog import redirect_output
+
+if __name__ == "__main__":
+    redirect_output(snakemake.log[0])
+    settings = json.loads(snakemake.params.settings)
+    dataset = nonlinear_damping.compute(
+        json.loads(snakemake.params.pair),
+        snakemake.wildcards.place,
+        snakemake.wildcards.power,
+        grid(settings["start"], settings["stop"], settings["step"]),
+        settings,
+        json.loads(snakemake.params.run),
+        snakemake.params.samples_per_period,
+    )
+    storage.write(dataset, snakemake.output.dataset)
