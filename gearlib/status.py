@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gearlib.core.run import EVENT_LIMIT, OK, OVERFLOW
+from gearlib.core.run import EVENT_LIMIT, NOT_CONVERGED, OK, OVERFLOW, STALLED
 
 MESSAGES = {
     OK: "the run is complete",
@@ -14,10 +14,18 @@ MESSAGES = {
         "the motion grew beyond the range of floating-point numbers: "
         "add damping, leave the parametric-resonance tongue or run fewer periods"
     ),
+    NOT_CONVERGED: (
+        "the iterations on the contact force did not come to rest within a step: "
+        'raise steps_per_period, or take method "exact" or "taylor"'
+    ),
+    STALLED: (
+        "the step control asked for steps below the spacing of floating-point numbers: "
+        'loosen the tolerances, or take method "exact" or "taylor"'
+    ),
 }
 
 #: CF flag attributes of every variable that holds a status.
 FLAGS = {
     "flag_values": np.array(list(MESSAGES), dtype=np.int8),
-    "flag_meanings": "ok event_limit overflow",
+    "flag_meanings": "ok event_limit overflow not_converged stalled",
 }

@@ -17,6 +17,10 @@ module                responsibility
 ``system``            many coordinates: matrices, tables and Taylor series
 ``linear``            many coordinates: the march by matrix exponentials, a whole run
 ``nonlinear``         nonlinear mesh: the march in Taylor steps, a whole run
+``field``             nonlinear mesh: its equation of motion at one phase and state
+``steps``             fixed steps over switches and contact, a whole run
+``embedded``          an embedded pair under step control, a whole run
+``recording``         what is recorded of a run in steps
 ====================  =============================================================
 
 Units: displacement in static deflections, time as mesh phase tau (2 pi per mesh period).

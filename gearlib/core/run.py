@@ -10,7 +10,7 @@ from gearlib.core.march import ARC_COLUMNS, march, march_period, within_range
 from gearlib.core.mesh import contact_of, mesh
 from gearlib.core.transit import transit
 
-OK, EVENT_LIMIT, OVERFLOW = 0, 1, 2
+OK, EVENT_LIMIT, OVERFLOW, NOT_CONVERGED, STALLED = range(5)
 
 _FIRST_ARCS = 32
 

@@ -29,9 +29,12 @@ codes, **options)``
 from typing import NamedTuple
 
 from gearlib import checks
-from gearlib.integrators import exact, taylor
+from gearlib.integrators import exact, rk4, rk45, taylor
 
-METHODS = {"exact": exact, "taylor": taylor}
+METHODS = {"exact": exact, "taylor": taylor, "rk4": rk4, "rk45": rk45}
+
+#: Methods that are chosen where none is named; the others are for comparison.
+_UNNAMED = ("exact", "taylor")
 
 
 class Method(NamedTuple):
@@ -59,7 +62,7 @@ def methods():
 
 
 def choose(pair, method, options):
-    """Return (name, module, options) for a pair: the method named, or the first that takes it.
+    """Return (name, module, options) for a pair: the method named, or "exact" or "taylor".
 
     Raises
     ------
@@ -73,7 +76,7 @@ def choose(pair, method, options):
             f"pair = {pair!r} is not allowed: it must be a GearPair, OneDegreePair or SixDegreePair"
         )
     if method is None:
-        method = able[0]
+        method = next(name for name in _UNNAMED if name in able)
     checks.one_of("method", method, tuple(METHODS))
     if method not in able:
         raise ValueError(
