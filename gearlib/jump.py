@@ -81,7 +81,7 @@ def find(pair, tunings, resolution, direction="cold", **run):
         if (direction == "up" and is_below) or (direction == "down" and not is_below):
             run["initial_state"] = tuple(one.final_state.values[0])
     if not abs(above - below) > SAME_HEIGHT:
-        return Jump(np.nan, float(below), float(above), switches)
+        return Jump(np.nan, float(below), float(above), 0)
     return Jump(0.5 * (low + high), float(below), float(above), switches)
 
 

@@ -9,12 +9,14 @@ with the same W at one amplitude are equivalent there; below it the higher power
 it more.
 """
 
+import csv
 import math
 
 import numpy as np
 import xarray as xr
 
 from gearlib import jump
+from gearlib.files import replacing
 from gearlib.models.one_degree import OneDegreePair
 from gearlib.pair import GearPair
 from gearlib.simulation import simulate
@@ -185,3 +187,27 @@ def _widest(where):
         return None, None
     k = int(np.argmax(ends - starts))
     return int(starts[k]), int(ends[k] - 1)
+
+
+def write_csv(studies, path):
+    """Write coefficients, jumps, peaks and bounce windows of all models as one table.
+
+    Parameters
+    ----------
+    studies : list of xarray.Dataset
+        Results of `compute`.
+    path : str or os.PathLike
+        Replaced in one step.
+    """
+    facts = ("jump", "jump_size", "peak", "peak_tuning", "lost_from", "lost_to")
+    with replacing(path) as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(["place", "power", "coefficient", "unit", "direction", *facts])
+        for study in studies:
+            coefficient = f"{float(study.coefficient):.6g}", study.coefficient.attrs["units"]
+            for direction in study.direction.values:
+                one = study.sel(direction=direction)
+                numbers = [f"{float(one[name]):.6g}" for name in facts]
+                writer.writerow(
+                    [study.place.item(), study.power.item(), *coefficient, direction, *numbers]
+                )

@@ -15,6 +15,8 @@ _KINDS = {
     "displacement": ("initial displacement (static defl.)", False),
     "velocity": ("initial velocity (static defl./rad)", False),
 }
+#: Shifts below this, in tuning, are drawn on a linear scale.
+_LINEAR = 1e-7
 #: The two tunings of the paper's Fig. 6.
 _PAPER = (0.815, 0.8151)
 
@@ -31,7 +33,9 @@ def draw(jumps):
     Returns
     -------
     matplotlib.figure.Figure
-        A variation without a jump in the scan is left out and named in its panel.
+        Shifts on a logarithm to both sides of zero; the orange band is where the jump would lie
+        between the paper's two tunings. A variation without a jump in the scan is named in its
+        panel.
     """
     figure = Figure((style.PAGE_WIDTH, _HEIGHT), layout="constrained")
     grid = figure.add_gridspec(4, 2, height_ratios=[1.2, 1, 1, 1])
@@ -55,22 +59,24 @@ def draw(jumps):
         rows = jumps.isel(variation=np.flatnonzero(jumps.kind.values == kind)).sortby("value")
         _draw_kind(axes, rows, base, *_KINDS[kind])
     for axes in panels[:, 0]:
-        axes.set_ylabel("jump at $\\nu_s$")
+        axes.set_ylabel("shift of the jump")
     return figure
 
 
 def _draw_kind(axes, rows, base, label, logarithmic):
     """Draw the jump over the values of one kind of variation."""
-    value, jump = rows.value.values, rows.jump.values
-    axes.axhspan(*_PAPER, color=style.PALETTE[4], alpha=0.5, linewidth=0)
-    axes.axhline(base, color="black", linewidth=0.6, linestyle=":")
+    value, jump = rows.value.values, rows["shift"].values
+    low, high = (nu - base for nu in _PAPER)
+    axes.axhspan(low, high, color=style.PALETTE[4], alpha=0.6, linewidth=0)
+    axes.axhline(0.0, color="black", linewidth=0.6, linestyle=":")
     many = rows.switches.values > 1
     axes.plot(value, jump, color=style.PALETTE[0], linewidth=0.6)
     axes.plot(value[~many], jump[~many], "o", color=style.PALETTE[0], markersize=3)
     axes.plot(value[many], jump[many], "x", color=style.PALETTE[0], markersize=4)
     if logarithmic:
         axes.set_xscale("log")
-    axes.ticklabel_format(axis="y", useOffset=False)
+    axes.set_yscale("symlog", linthresh=_LINEAR)
+    axes.set_yticks([-1e-2, -1e-4, -1e-6, 0.0, 1e-6, 1e-4, 1e-2])
     axes.set_xlabel(label)
     none = value[np.isnan(jump)]
     if none.size:

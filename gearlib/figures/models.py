@@ -47,9 +47,10 @@ def draw(comparisons):
                 edgecolor=style.PALETTE[0],
                 height=0.7,
             )
-            words = f"{change:.2g}" if np.isfinite(change) else "largest"
+            words = f"{change:.2g}" if np.isfinite(change) else "the largest model"
+            words += " (carries the scene)" if chosen else ""
             axes.annotate(
-                f" {words}; cost {float(data.cost[i]):.3g}", (width, i), va="center", fontsize=6
+                f"  {words}; cost {float(data.cost[i]):.3g}", (width, i), va="center", fontsize=6
             )
         axes.axvline(tolerance, color=style.PALETTE[4], linewidth=0.8, linestyle="--")
         axes.set_xscale("log")

@@ -18,15 +18,29 @@ DRAWN_SCENES = {"draw_scene": SCENES}
 DRAWN_PLANES = {"gather_phase_planes": 1, "draw_phase_planes": 1, "claims": 1}
 # One window for each of three directions, one tuning.
 SWEEPS, PLANES = DAMPINGS * 3, DAMPINGS
+DRAWN_LAG = {"draw_phase_lag": 1}
+DRAWN_JUMP = {"draw_jump": 1}
+COMPARED = {"compare_models": SCENES, "model_table": 1, "draw_models": 1}
+STUDIED = {"nonlinear_damping": 6, "nonlinear_damping_table": 1, "draw_nonlinear_damping": 1}
 COMPUTED = {
     "compile_kernels": 1,
     "sweep_window": SWEEPS,
     "phase_plane": PLANES,
     "scene": SCENES,
     "phase_lag": 1,
+    "jump": 1,
+    **COMPARED,
+    **STUDIED,
 }
-DRAWN_LAG = {"draw_phase_lag": 1}
-EVERYTHING = {**COMPUTED, **GATHERED, **DRAWN, **DRAWN_SCENES, **DRAWN_LAG, "claims": 1}
+ALL_DRAWN = {
+    **DRAWN,
+    **DRAWN_SCENES,
+    **DRAWN_LAG,
+    **DRAWN_JUMP,
+    "draw_models": 1,
+    "draw_nonlinear_damping": 1,
+}
+EVERYTHING = {**COMPUTED, **GATHERED, **ALL_DRAWN, "claims": 1}
 
 
 def edit(path, text):
@@ -85,7 +99,7 @@ def test_a_changed_colour_only_redraws(project):
 
 def test_a_new_format_only_redraws(project):
     project.configure(lambda settings: settings["figures"]["formats"].append("svg"))
-    assert project.planned() == DRAWN | DRAWN_SCENES | DRAWN_LAG
+    assert project.planned() == ALL_DRAWN
 
 
 def test_a_raised_stop_leaves_the_computed_windows(project):
@@ -104,9 +118,14 @@ def test_a_damping_value_reruns_its_combination(project):
     assert project.planned() == {
         "sweep_window": SWEEPS // DAMPINGS,
         "phase_plane": PLANES // DAMPINGS,
-        # Two of the scenes have a case with this damping.
+        # Two of the scenes have a case with this damping, and the jump is its.
+        "compare_models": 2,
+        "model_table": 1,
+        "draw_models": 1,
         "scene": 2,
         "draw_scene": 2,
+        "jump": 1,
+        "draw_jump": 1,
         **GATHERED,
         **DRAWN,
         "claims": 1,
@@ -118,13 +137,22 @@ def test_a_scene_more_runs_that_scene(project):
         case = {"title": "mine", "damping": "k1", "tuning": 0.9, "change": {"contact_ratio": 1.3}}
         settings["scenes"]["mine"] = {
             "model": "six_degrees",
+            "observables": ["bounces"],
+            "tolerance": 0.1,
             "cases": [case],
             "courses": ["bearing_y2"],
             "periods_shown": 2,
         }
 
     project.configure(add)
-    assert project.jobs("-j2") == {"scene": 1, "draw_scene": 1, "claims": 1}
+    assert project.jobs("-j2") == {
+        "compare_models": 1,
+        "model_table": 1,
+        "draw_models": 1,
+        "scene": 1,
+        "draw_scene": 1,
+        "claims": 1,
+    }
     assert (project / "results/figures/mine.png").stat().st_size > 1000
 
 
@@ -146,19 +174,28 @@ def test_a_changed_picture_of_a_scene_redraws_it(project):
                 **DRAWN_PLANES,
                 **DRAWN_SCENES,
                 **DRAWN_LAG,
+                **COMPARED,
+                **STUDIED,
             },
         ),
         ("gearlib/figures/resonance.py", {"draw_resonance": 1}),
-        ("gearlib/figures/style.py", DRAWN | DRAWN_SCENES | DRAWN_LAG),
+        ("gearlib/figures/style.py", ALL_DRAWN),
         ("gearlib/figures/time_courses.py", DRAWN_SCENES),
-        ("gearlib/claims.py", {"claims": 1}),
+        ("gearlib/claims/scenes.py", {"claims": 1}),
         ("workflow/scripts/draw_phase_planes.py", {"draw_phase_planes": 1}),
-        ("gearlib/config.py", {}),
+        ("gearlib/config/experiments.py", {}),
     ],
 )
 def test_an_edited_source_reruns_what_depends_on_it(project, path, jobs):
     edit(project / path, "\n# one more line\n")
     assert project.planned() == jobs
+
+
+def test_only_what_is_wanted(project):
+    project.configure(lambda settings: settings.update(targets=["resonance"]))
+    assert project.planned() == {}
+    (project / "results/resonance.nc").unlink()
+    assert project.planned() == {"gather_resonance": 1, "draw_resonance": 1}
 
 
 def test_a_configuration_file_on_the_command_line(project):
@@ -181,7 +218,7 @@ def test_another_folder_gives_the_same_bytes(first_run, tmp_path):
 
 
 def test_a_failed_job_shows_its_log_and_leaves_no_output(project):
-    edit(project / "gearlib/claims.py", "\nraise RuntimeError('claims are broken')\n")
+    edit(project / "gearlib/claims/scenes.py", "\nraise RuntimeError('claims are broken')\n")
     output = project.snakemake("-j2", succeed=False)
     assert "claims are broken" in output
     assert not (project / "results/claims.csv").exists()

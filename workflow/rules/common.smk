@@ -81,7 +81,10 @@ def target_files():
         "phase_planes": figure_files("fig5_phase_planes"),
         "scenes": scenes,
         "jump": figure_files("fig6_jump"),
-        "nonlinear_damping": figure_files("nonlinear_damping"),
+        "nonlinear_damping": [
+            *figure_files("nonlinear_damping"),
+            "results/nonlinear_damping.csv",
+        ],
         "models": [*figure_files("models"), "results/models.csv"] if CONFIG.scenes else [],
         "claims": ["results/claims.csv", "results/claims.md"],
     }

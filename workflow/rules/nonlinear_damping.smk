@@ -23,6 +23,28 @@ rule nonlinear_damping:
         "../scripts/nonlinear_damping.py"
 
 
+rule nonlinear_damping_table:
+    input:
+        studies=nonlinear_damping_files(),
+        sources=script_sources("nonlinear_damping_table"),
+    output:
+        csv=report(
+            "results/nonlinear_damping.csv",
+            caption="../report/nonlinear_damping_table.rst",
+            category="Nonlinear damping",
+            labels={"table": "jumps, peaks, bounce windows"},
+        ),
+    log:
+        "results/logs/nonlinear_damping_table.log",
+    benchmark:
+        "results/benchmarks/nonlinear_damping_table.tsv"
+    threads: 1
+    conda:
+        "../envs/gearlib.yaml"
+    script:
+        "../scripts/nonlinear_damping_table.py"
+
+
 rule draw_nonlinear_damping:
     input:
         studies=nonlinear_damping_files(),

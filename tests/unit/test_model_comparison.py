@@ -1,0 +1,82 @@
+"""The smallest model that carries a scene: chosen by its changes, not by its name."""
+
+import csv
+import math
+
+import numpy as np
+import pytest
+
+from gearlib import model_comparison as models
+from gearlib import scenes
+
+PAIR = {
+    "max_stiffness": 4e8,
+    "stiffness_ratio": 0.5879,
+    "contact_ratio": 1.569,
+    "reduced_mass": 3.123,
+    "load": 3289.5396,
+    "backlash": 40e-6,
+    "material_damping": 3953.7,
+    "backlash_damping": 3953.7,
+}
+SIX = {
+    "base_radii": [0.1, 0.1],
+    "inertias": [0.06246, 0.06246],
+    "masses": [17.27, 17.27],
+    "bearing_stiffness": [math.inf] * 4,
+    "bearing_damping": [0.0] * 4,
+    "eccentricities": [8e-6, 8e-6],
+    "friction": [0.05, 0.05],
+}
+CASES = [{"title": "one", "tuning": 0.82, "pair": PAIR}]
+RUN = {"periods": 40, "record_periods": 4, "samples_per_period": 16}
+NAMES = [*models.LADDER]
+
+
+def compare(six=SIX, tolerance=0.05, candidates=NAMES, observables=("displacement_max",)):
+    return models.compute(CASES, six, 10, list(observables), tolerance, candidates, RUN)
+
+
+def test_rigid_bearings_without_run_out_change_nothing():
+    found = compare(SIX | {"eccentricities": [0.0, 0.0]})
+    # The matrices of rigid bearings reproduce the closed forms to rounding.
+    assert found.change.sel(model="one_degree") < 1e-9
+    assert found.chosen.item() == "one_degree"
+    assert np.isnan(found.change.sel(model="six_degrees"))
+    assert float(found.cost[0]) < float(found.cost[1]) <= float(found.cost[2])
+
+
+def test_the_choice_follows_tolerance_and_candidates():
+    soft = SIX | {"bearing_stiffness": [1e8] * 4, "bearing_damping": [800.0] * 4}
+    change = compare(soft).change
+    assert change[0] > 0.05
+    assert compare(soft, tolerance=2 * float(change[0])).chosen.item() == "one_degree"
+    assert compare(soft, tolerance=1e-9).chosen.item() == "six_degrees"
+    assert compare(candidates=["six_degrees"]).chosen.item() == "six_degrees"
+    assert compare(candidates=["six_degrees_plain"], tolerance=1e-12).chosen.item() == (
+        "six_degrees_plain"
+    )
+
+
+def test_units_of_a_change():
+    found = compare(observables=("displacement_max", "dynamic_force_max", "bounces"))
+    x, other = found.value.sel(model=["one_degree", "one_degree_harmonics"])
+    run = scenes.compute(CASES, "one_degree", SIX, RUN).isel(case=0)
+    height = float(run.displacement_max - run.displacement_min)
+    force = float(run.dynamic_force_max - run.dynamic_force_min)
+    shifts = np.abs(x - other).values[0] / [height, force, 1.0]
+    assert float(found.change[-1]) == pytest.approx(shifts.max())
+
+
+def test_table(tmp_path):
+    models.write_csv({"mine": compare()}, tmp_path / "models.csv")
+    with open(tmp_path / "models.csv", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["model"] for row in rows] == [*NAMES, models.TRUNCATED]
+    assert [row["chosen"] for row in rows].count("yes") == 1
+
+
+def test_a_scene_says_which_model_carries_it():
+    scene = scenes.compute(CASES, "six_degrees_plain", SIX, RUN)
+    assert scene.model.item() == "six_degrees_plain" and "friction_force" in scene
+    assert float(abs(scene.friction_force).max()) == 0.0
