@@ -135,7 +135,10 @@ class _Six:
         phase = self.speed * t
         turn = z[0] + z[1]
         near = turn + z[2] - z[4] + self._run_out(phase)[0] + _wave(self.deviation, phase)
-        return near, turn + _wave(self.inverse_deviation, phase) + self.pair.backlash
+        far = turn + _wave(self.inverse_deviation, phase) + self.pair.backlash
+        if not self.model.moving_backlash:
+            far += z[2] - z[4] + self._run_out(phase)[0]
+        return near, far
 
     def derivative(self, t, z, contact, middle):
         m, phase = self.model, self.speed * t

@@ -77,3 +77,7 @@ class SixDegrees(Section):
     run_out_phase: Finite = Field(description="Delta, relative phase of the run-out, rad.")
     friction: numbers(NonNegative, 2, "Coefficients of friction in normal and inverse mesh.")
     pitch_phase: Finite = Field(description="Mesh phase of the pitch point, rad.")
+    moving_backlash: bool = Field(
+        description="true: the far flank moves as in Eq. (4); false: it stays s_k behind y = 0.",
+        json_schema_extra={"$comment": "true or false"},
+    )

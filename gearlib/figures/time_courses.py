@@ -21,6 +21,11 @@ _SYMBOLS = {
     "bearing_y2": "$y_2$",
     "bearing_z2": "$z_2$",
 }
+_MODELS = {
+    "one_degree": "1 degree of freedom, rectangular stiffness",
+    "six_degrees_plain": "6 degrees of freedom, rectangular stiffness",
+    "six_degrees": "6 degrees of freedom, rectangular stiffness, run-out, friction",
+}
 _MIN_STIFFNESS_COLOUR = "#D55E00"
 
 
@@ -63,6 +68,7 @@ def draw(scene, *, courses, periods_shown):
         for axes in grid[1:-1, column]:
             axes.tick_params(labelbottom=False)
     grid[0, 0].set_ylabel(_SYMBOLS["velocity"])
+    figure.supxlabel(f"model: {_MODELS[scene.model.item()]}", fontsize=6, x=0.99, ha="right")
     for name, axes in zip(courses, grid[1:, 0], strict=True):
         axes.set_ylabel(_SYMBOLS[name])
     return figure

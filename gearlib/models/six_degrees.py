@@ -35,6 +35,9 @@ deviation               f(tau)             m, `Harmonics`, of the normal flanks
 inverse_deviation       f(tau)             m, `Harmonics`, of the far flanks; by default the same
 friction                mu (normal, inverse)  1
 pitch_phase             --                 rad, where sigma turns from -1 to 1
+moving_backlash         --                 whether s(tau) moves as Eq. (4) has it, by which the
+                                           bearings do not close the backlash; if not, the far
+                                           flank stays s_k behind y = 0
 preload                 --                 whether the bearings start in their deflection under
                                            the load (else in their free position)
 ======================  =================  =======================================================
@@ -107,6 +110,7 @@ class SixDegreePair:
     inverse_deviation: Harmonics | None = None
     friction: tuple = (0.0, 0.0)
     pitch_phase: float = 0.0
+    moving_backlash: bool = True
     preload: bool = True
 
     #: Recorded beyond what a model of one degree has.
@@ -145,7 +149,8 @@ class SixDegreePair:
         for name in ("run_out_phase", "pitch_phase"):
             value = checks.number(name, getattr(self, name), "finite", math.isfinite)
             object.__setattr__(self, name, value)
-        checks.one_of("preload", self.preload, (False, True))
+        for name in ("moving_backlash", "preload"):
+            checks.one_of(name, getattr(self, name), (False, True))
 
     def __getattr__(self, name):
         # Scales, ratios and stiffness of the pair are those of the model.
@@ -209,6 +214,9 @@ class SixDegreePair:
         far[one] = pair.backlash_ratio if math.isfinite(pair.backlash_ratio) else 0.0
         for k, i in enumerate(moving):
             near[2 + k] = _IN_Y[_BEARINGS[i]]
+        if not self.moving_backlash:
+            far[2:m] = near[2:m]
+            far += pulse[0]
         near += pulse[0] + pulse[1]
         far += pulse[2]
 
@@ -336,6 +344,7 @@ class SixDegreePair:
             "torques",
             "friction",
             "pitch_phase",
+            "moving_backlash",
             "preload",
         )
         values = {name: getattr(self, name) for name in names}

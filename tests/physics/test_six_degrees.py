@@ -111,6 +111,7 @@ def test_eigenfrequencies(bearing):
         (gears(1e8, 3953.7, 3953.7, **EVERYTHING, backlash=12e-6), 0.55, (1.0, -2.5)),
         (gears(1e9, 1000.0, 0.0, **EVERYTHING), 0.8, (0.5, 1.0)),
         (gears(1e8, 3953.7, 500.0, preload=False), 0.8, (0.0, 0.0)),
+        (gears(1e8, 100.0, 0.0, **EVERYTHING, moving_backlash=False), 0.6, (1.0, -4.5)),
     ],
 )
 def test_against_scipy_split_at_events(model, nu, state):

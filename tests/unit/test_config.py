@@ -85,6 +85,7 @@ REFUSED = [
     ("jump/factors", [1.1, 0.0], "jump.factors[1] = 0.0", "finite number > 0"),
     ("jump/tolerances", [1.0], "jump.tolerances[0] = 1.0", "> 0 and <= 0.1"),
     ("nonlinear_damping/amplitude", 0, "nonlinear_damping.amplitude = 0", "finite number > 0"),
+    ("six_degrees/moving_backlash", 1, "six_degrees.moving_backlash = 1", "true or false"),
     ("models/harmonics", 0, "models.harmonics = 0", "integer from 1 to 1000"),
     ("scenes/fig7_damping/tolerance", 0, "scenes.fig7_damping.tolerance = 0", "> 0 and <= 10"),
     (

@@ -104,7 +104,7 @@ def test_time_courses_have_a_column_for_each_case():
         "backlash": math.inf,
     }
     cases = [{"title": f"case {nu}", "tuning": nu, "pair": pair} for nu in (0.7, 0.9)]
-    scene = scenes.compute(cases, None, RUN | {"samples_per_period": 32})
+    scene = scenes.compute(cases, "one_degree", {}, RUN | {"samples_per_period": 32})
     courses = ["displacement", "modified_stiffness"]
     figure = time_courses.draw(scene, courses=courses, periods_shown=2)
     grid = np.reshape(figure.axes, (3, 2))
