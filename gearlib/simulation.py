@@ -48,6 +48,8 @@ def simulate(
         Displacement in static deflections and dx/dtau at tau = 0. The default: flanks just touch.
     method : str, optional
         A name of `gearlib.methods`; by default "exact" where it takes the model, else "taylor".
+        The others, for comparison, show what a user of theirs sees: extrema over step ends and
+        samples, events between step ends.
     options : dict, optional
         Options of the method, see `gearlib.methods`.
     max_events : int

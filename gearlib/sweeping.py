@@ -48,6 +48,7 @@ def sweep(
         before it, which shows hysteresis; after a run that could not go on, from `initial_state`.
     method : str, optional
         A name of `gearlib.methods`; by default "exact" where it takes the model, else "taylor".
+        The others are for comparison; their extrema are those of their step ends.
     options : dict, optional
         Options of the method, see `gearlib.methods`.
     max_events : int

@@ -56,14 +56,14 @@ class Control(NamedTuple):
 
 
 @inlined
-def _rate(law, m, t, x, v):
-    phase = t - 2.0 * math.pi * math.floor(t / (2.0 * math.pi))
-    c = stiffness_at(law.breaks, law.pieces, law.stiffness, phase, SIDE)
-    return acceleration(m, c, waves_at(law.force, phase), x, v)
+def _rate(breaks, lines, waves, force, m, t, x, v):
+    phase = t - 2.0 * math.pi * math.floor(t * (0.5 / math.pi))
+    c = stiffness_at(breaks, lines, waves, phase, SIDE)
+    return acceleration(m, c, waves_at(force, phase), x, v)
 
 
-@kernel
-def take_step(law, m, t, h, x, v, stages):
+@inlined
+def take_step(breaks, lines, waves, force, m, t, h, x, v, stages):
     """Fill stages 2 to 7, rows (x', x''), from the first; return the state at the end."""
     new_x, new_v = x, v
     for i in range(1, 7):
@@ -73,7 +73,7 @@ def take_step(law, m, t, h, x, v, stages):
             dv += _WEIGHTS[i, j] * stages[j, 1]
         new_x, new_v = x + h * dx, v + h * dv
         stages[i, 0] = new_v
-        stages[i, 1] = _rate(law, m, t + _NODES[i] * h, new_x, new_v)
+        stages[i, 1] = _rate(breaks, lines, waves, force, m, t + _NODES[i] * h, new_x, new_v)
     return new_x, new_v
 
 
@@ -113,6 +113,8 @@ def run_embedded(
     """
     orbit.clear_summary(summary)
     m = contact_law(law, sharpness)
+    # Local names: every attribute access counts references.
+    breaks, lines, waves, force = law.breaks, law.pieces, law.stiffness, law.force
     kept = min(periods, orbit.STROBE_PERIODS)
     strobes = np.empty((kept + 1, 2))
     per_period = samples.shape[0] // record_periods
@@ -123,7 +125,7 @@ def run_embedded(
     end, t = turn * periods, 0.0
     if not within_range(x, v):
         return x, v, 0, events, 0, OVERFLOW, 0
-    stages[0, 0], stages[0, 1] = v, _rate(law, m, 0.0, x, v)
+    stages[0, 0], stages[0, 1] = v, _rate(breaks, lines, waves, force, m, 0.0, x, v)
     threshold, rtol = control.atol / control.rtol, control.rtol
     speed = max(
         abs(stages[0, 0]) / max(abs(x), threshold), abs(stages[0, 1]) / max(abs(v), threshold)
@@ -147,7 +149,7 @@ def run_embedded(
             if counted >= limit:
                 return x, v, 0, events, 0, EVENT_LIMIT, evaluations
             counted += 1
-            new_x, new_v = take_step(law, m, t, h, x, v, stages)
+            new_x, new_v = take_step(breaks, lines, waves, force, m, t, h, x, v, stages)
             evaluations += 6
             error = _error(control, h, x, v, new_x, new_v, stages)
             if not error > rtol:

@@ -27,7 +27,7 @@ from gearlib.core.recording import DENSE, Step, fill_hermite, record_step
 from gearlib.core.run import NOT_CONVERGED, OK, OVERFLOW
 
 #: Most iterations on the contact force in one step: a linear contact takes 2 or 3.
-MAX_ITERATIONS = 20
+MAX_ITERATIONS = 50
 #: A residual of this share of its terms is rounding.
 _REST = 1e-14
 
@@ -176,7 +176,7 @@ def run_steps(law, scheme, steps, x, v, periods, record_periods, samples, events
     first = periods - record_periods
     dense = np.empty((2, DENSE))
     h = 2.0 * math.pi / steps
-    a, found, taken, evaluations = math.nan, 0, 0, 0
+    a, converged, found, taken, evaluations = math.nan, True, 0, 0, 0
     if not within_range(x, v):
         return x, v, 0, events, 0, OVERFLOW, evaluations
     for n in range(periods):
@@ -197,10 +197,10 @@ def run_steps(law, scheme, steps, x, v, periods, record_periods, samples, events
                     evaluations += 1
                 x, v, a, count, converged = alpha_step(m, scheme, h, c[k, 1], f[k, 1], x, v, a)
                 evaluations += count
-                if not converged:
-                    return x, v, 0, events, 0, NOT_CONVERGED, evaluations
             if not within_range(x, v):
                 return x, v, 0, events, 0, OVERFLOW, evaluations
+            if not converged:
+                return x, v, 0, events, 0, NOT_CONVERGED, evaluations
             if n >= first:
                 a0 = acceleration(m, c[k, 0], f[k, 0], x0, v0)
                 a1 = acceleration(m, c[k, 2], f[k, 2], x, v)

@@ -1,19 +1,29 @@
 """Methods behind the one ``method=`` name: each says which models it takes, and runs them.
 
-============  ==========================================================================
-module        responsibility
-============  ==========================================================================
-``exact``     closed forms between events: linear damping, rectangular stiffness, one or
-              six degrees of freedom
-``taylor``    Taylor steps of order 20 that end at events: any model of one degree
-``option``    an option of a method: default, check, meaning
-``each``      many tunings for a method that runs one
-============  ==========================================================================
+=====================  =================================================================
+module                 responsibility
+=====================  =================================================================
+``exact``              closed forms between events: linear damping, rectangular
+                       stiffness, one or six degrees of freedom
+``taylor``             Taylor steps of order 20 that end at events: any model of one
+                       degree
+``rk4``                for comparison: classical Runge-Kutta in fixed steps
+``rk45``               for comparison: embedded pair under step control, as ode45
+``newmark``            for comparison: average acceleration in fixed steps
+``generalised_alpha``  for comparison: with numerical damping, in fixed steps
+``scipy_ivp``          for comparison ("scipy"): scipy's solvers, as they come or split
+``smoothed``           for comparison: contact smoothed by tanh
+``one_degree``         models and law of the methods with steps
+``problems``           models as right-hand sides for solvers in Python
+``option``             an option of a method: default, check, meaning
+``each``               many tunings for a method that runs one
+=====================  =================================================================
 
 A method is a module that offers
 
 ``ORDER``, ``EVENTS``, ``MODELS``
-    order of its steps (None: closed forms), how it meets events, which models it takes, in words;
+    order of its steps (None: closed forms, or several), how it meets events, which models it
+    takes, in words;
 ``OPTIONS``
     name -> `option.Option`;
 ``takes(pair)``
@@ -29,9 +39,27 @@ codes, **options)``
 from typing import NamedTuple
 
 from gearlib import checks
-from gearlib.integrators import exact, rk4, rk45, taylor
+from gearlib.integrators import (
+    exact,
+    generalised_alpha,
+    newmark,
+    rk4,
+    rk45,
+    scipy_ivp,
+    smoothed,
+    taylor,
+)
 
-METHODS = {"exact": exact, "taylor": taylor, "rk4": rk4, "rk45": rk45}
+METHODS = {
+    "exact": exact,
+    "taylor": taylor,
+    "rk4": rk4,
+    "rk45": rk45,
+    "newmark": newmark,
+    "generalised_alpha": generalised_alpha,
+    "scipy": scipy_ivp,
+    "smoothed": smoothed,
+}
 
 #: Methods that are chosen where none is named; the others are for comparison.
 _UNNAMED = ("exact", "taylor")
@@ -41,7 +69,7 @@ class Method(NamedTuple):
     """What `methods` says of one method."""
 
     name: str
-    order: int | None  #: of its steps; None: closed forms, no steps
+    order: int | None  #: of its steps; None: closed forms, or several solvers
     events: str  #: how it meets stiffness switches and flank lines
     models: str  #: what it takes
     options: dict  #: name -> (default, meaning)
