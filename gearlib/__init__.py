@@ -9,6 +9,7 @@ module                  responsibility
 ``core``                compiled kernels: closed forms, crossings, march
 ``simulation``          `simulate`: one tuning, time course, events, orbit summary
 ``sweeping``            `sweep`: many tunings, orbit summaries
+``variational``         maps of small deviations over mesh periods
 ``harmonics``           periodic functions of the mesh phase
 ``profiles``            rectangular, Fourier and tabulated mesh stiffness
 ``models``              one file per model: its equation, its symbols

@@ -17,6 +17,8 @@ module                responsibility
 ``system``            many coordinates: matrices, tables and Taylor series
 ``linear``            many coordinates: the march by matrix exponentials, a whole run
 ``nonlinear``         nonlinear mesh: the march in Taylor steps, a whole run
+``variation``         growth of small deviations, one degree of freedom
+``linear_variation``  growth of small deviations, many coordinates
 ``field``             nonlinear mesh: its equation of motion at one phase and state
 ``steps``             fixed steps over switches and contact, a whole run
 ``embedded``          an embedded pair under step control, a whole run

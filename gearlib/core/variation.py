@@ -1,0 +1,174 @@
+"""Variational equations of one degree of freedom: how small deviations grow along an orbit.
+
+Along a phase of contact a deviation w = (dx, dx') obeys the linearised equation of motion, in
+closed form where the phase itself has one. A stiffness switch happens at a fixed phase and leaves
+w as it is. A flank crossing multiplies it by the saltation matrix
+
+    S = I + (f_after - f_before) n^T / (n . f_before),   n = (1, 0),   f = (x', x''),
+
+and because the mesh force is zero on a flank line, x'' jumps by the damping alone, which is
+proportional to x': S = [[1, 0], [(x''_after - x''_before) / x', 1]] is finite even when the
+crossing is tangential. There it depends on the side from which the crossing is looked at.
+"""
+
+import math
+
+import numpy as np
+
+from gearlib.core.jit import inlined, kernel
+from gearlib.core.march import ARC_COLUMNS, CONTACT, DURATION, LEVEL, march_period, within_range
+from gearlib.core.mesh import BACKLASH, contact_of
+from gearlib.core.nonlinear import take_step
+from gearlib.core.oscillator import propagators
+from gearlib.core.run import EVENT_LIMIT, OK, OVERFLOW
+from gearlib.core.series import ORDER, storage
+
+
+@inlined
+def _multiply(a, b, c, d, matrix):
+    """matrix <- [[a, b], [c, d]] matrix."""
+    for j in range(2):
+        first, second = matrix[0, j], matrix[1, j]
+        matrix[0, j] = a * first + b * second
+        matrix[1, j] = c * first + d * second
+
+
+@kernel
+def follow_arcs(m, arcs, count, previous, matrix):
+    """Multiply `matrix`, shape (2, 2), by the maps of arcs 0 ... count - 1.
+
+    `previous` is the contact code before the first arc. Returns that of the last one.
+    """
+    for i in range(count):
+        contact = int(arcs[i, CONTACT])
+        lev = m.high if arcs[i, LEVEL] == 1.0 else m.low
+        if contact != previous:
+            before = m.drag if previous == BACKLASH else lev.a
+            after = m.drag if contact == BACKLASH else lev.a
+            _multiply(1.0, 0.0, -2.0 * (after - before), 1.0, matrix)
+            previous = contact
+        t = arcs[i, DURATION]
+        if contact == BACKLASH:
+            decay = math.exp(-2.0 * m.drag * t)
+            reach = -math.expm1(-2.0 * m.drag * t) / (2.0 * m.drag) if m.drag > 0.0 else t
+            _multiply(1.0, reach, 0.0, decay, matrix)
+        else:
+            c, s = propagators(lev, t)
+            _multiply(c + lev.a * s, s, -lev.square * s, c - lev.a * s, matrix)
+    return previous
+
+
+@kernel
+def vary(m, x, v, periods, limit, matrices):
+    """Go through mesh periods from (x, v) at tau = 0 and fill the map of each.
+
+    Parameters
+    ----------
+    m : Mesh
+    x, v : float
+    periods : int
+    limit : int
+        Most arcs in one mesh period.
+    matrices : ndarray, shape (periods, 2, 2)
+        Filled with the derivative of the state at the end of each period by that at its start.
+
+    Returns
+    -------
+    x, v : float
+    status : int
+    """
+    arcs = np.empty((64, ARC_COLUMNS))
+    contact = contact_of(m.gap, x, v)
+    previous = contact
+    for i in range(periods):
+        before = contact, x, v
+        contact, x, v, count = march_period(m, contact, x, v, arcs, limit)
+        if count > limit:
+            return x, v, EVENT_LIMIT
+        if count > arcs.shape[0]:
+            arcs = np.empty((2 * count, ARC_COLUMNS))
+            contact, x, v = before
+            contact, x, v, count = march_period(m, contact, x, v, arcs, limit)
+        if not within_range(x, v):
+            return x, v, OVERFLOW
+        matrices[i] = np.eye(2)
+        previous = follow_arcs(m, arcs, count, previous, matrices[i])
+    return x, v, OK
+
+
+@kernel
+def _follow_step(law, contact, sign, h, s, work, matrix):
+    """Multiply `matrix` by the map of one Taylor step, whose series are in `s`."""
+    drag, stiffness, a, b = work[0], work[1], work[2], work[3]
+    damping = law.oil if contact == BACKLASH else law.material
+    d1, d2, d3 = damping[0], sign * damping[1], damping[2]
+    side = 1.0 if contact > 0 else -1.0
+    p2, p3 = side * law.powers[0], law.powers[1]
+    for k in range(ORDER):
+        # Derivatives of the damping force by x' and of the mesh force by x, as series of time.
+        drag[k] = 2.0 * d2 * s.v[k]
+        slope = 2.0 * p2 * s.u[k] if contact != BACKLASH else 0.0
+        for i in range(k + 1):
+            drag[k] += 3.0 * d3 * s.v[i] * s.v[k - i]
+            if contact != BACKLASH:
+                slope += 3.0 * p3 * s.u[i] * s.u[k - i]
+        work[4, k] = slope
+    drag[0] += d1
+    work[4, 0] += 1.0
+    for k in range(ORDER):
+        stiffness[k] = 0.0
+        if contact != BACKLASH:
+            for i in range(k + 1):
+                stiffness[k] += s.c[i] * work[4, k - i]
+    image = work[5]
+    for j in range(2):
+        a[0], b[0] = (1.0, 0.0) if j == 0 else (0.0, 1.0)
+        for k in range(ORDER):
+            total = 0.0
+            for i in range(k + 1):
+                total += drag[i] * b[k - i] + stiffness[i] * a[k - i]
+            a[k + 1] = b[k] / (k + 1.0)
+            b[k + 1] = -total / (k + 1.0)
+        first, second = 0.0, 0.0
+        for k in range(ORDER, -1, -1):
+            first, second = first * h + a[k], second * h + b[k]
+        image[2 * j], image[2 * j + 1] = first, second
+    _multiply(image[0], image[2], image[1], image[3], matrix)
+
+
+@kernel
+def vary_nonlinear(law, to_bernstein, x, v, periods, limit, matrices):
+    """The same as `vary` for the nonlinear mesh, in Taylor steps."""
+    s = storage()
+    work = np.zeros((6, ORDER + 1))
+    contact, sign = contact_of(law.gap, x, v), math.copysign(1.0, v)
+    previous = contact
+    for n in range(periods):
+        matrix = matrices[n]
+        matrix[:] = np.eye(2)
+        steps = 0
+        for piece in range(law.pieces.shape[0]):
+            phase, end = law.breaks[piece], law.breaks[piece + 1]
+            while phase < end:
+                if steps >= limit:
+                    return x, v, EVENT_LIMIT
+                steps += 1
+                speed = v
+                old = sign
+                h, during, contact, sign, x, v = take_step(
+                    law, to_bernstein, piece, phase, end, contact, sign, x, v, s
+                )
+                # A step from rest sets out with the sign of its acceleration.
+                old = math.copysign(1.0, s.v[1]) if speed == 0.0 else old
+                if during != previous:
+                    before = law.oil if previous == BACKLASH else law.material
+                    after = law.oil if during == BACKLASH else law.material
+                    jump = after[0] - before[0] + (after[1] - before[1]) * abs(speed)
+                    jump += (after[2] - before[2]) * speed * speed
+                    _multiply(1.0, 0.0, -jump, 1.0, matrix)
+                    previous = during
+                _follow_step(law, during, old, h, s, work, matrix)
+                phase += h
+                if not within_range(x, v):
+                    return x, v, OVERFLOW
+    return x, v, OK

@@ -1,0 +1,79 @@
+"""Maps of small deviations over mesh periods, from the variational equations and the events.
+
+The derivative of the state at the end of a mesh period by that at its start: along the phases of
+contact that of the motion itself, at flank crossings the saltation matrix; see
+`gearlib.core.variation`. No finite differences.
+"""
+
+import numpy as np
+
+from gearlib import status
+from gearlib.core.linear_variation import vary_linear
+from gearlib.core.mesh import mesh
+from gearlib.core.polynomial import bernstein_matrix
+from gearlib.core.system import ORDER
+from gearlib.core.variation import vary, vary_nonlinear
+from gearlib.integrators import exact
+from gearlib.models.one_degree import OneDegreePair
+from gearlib.pair import GearPair
+
+_TO_BERNSTEIN = bernstein_matrix(ORDER)
+_TOLERANCE = 1e-16
+
+
+def moving_components(pair):
+    """Return the size of the state that varies: 2, or 4 and two for each flexible bearing."""
+    return 2 if isinstance(pair, (GearPair, OneDegreePair)) else 4 + 2 * len(pair.flexible())
+
+
+def full_state(pair, tuning, state):
+    """Return the state whose variations are followed, shape (n,), for (x, dx/dtau) at tau = 0.
+
+    For one degree of freedom the two numbers themselves; else all coordinates and their rates, in
+    static deflections and mesh phase.
+    """
+    if moving_components(pair) == 2:
+        return np.array(state, float)
+    system, _ = pair.system(tuning)
+    return pair.initial(system, state)[: moving_components(pair)]
+
+
+def period_maps(pair, tuning, state, periods, limit):
+    """Go through mesh periods from a state at tau = 0; return the map of each.
+
+    Parameters
+    ----------
+    pair : GearPair, OneDegreePair or SixDegreePair
+    tuning : float
+    state : ndarray, shape (n,)
+        As of `full_state`.
+    periods : int
+    limit : int
+        Most events in one mesh period.
+
+    Returns
+    -------
+    end : ndarray, shape (n,)
+    maps : ndarray, shape (periods, n, n)
+        Derivative of the state at the end of each period by that at its start.
+    code : int
+        `gearlib.status`; if not OK, the maps are NaN.
+    """
+    n = moving_components(pair)
+    maps = np.empty((periods, n, n))
+    if isinstance(pair, GearPair):
+        x, v, code = vary(mesh(exact.ratios(pair), tuning), *state, periods, limit, maps)
+        end = np.array([x, v])
+    elif isinstance(pair, OneDegreePair):
+        law = pair.law(tuning, _TOLERANCE)
+        x, v, code = vary_nonlinear(law, _TO_BERNSTEIN, *state, periods, limit, maps)
+        end = np.array([x, v])
+    else:
+        system, _ = pair.system(tuning)
+        z = np.zeros(system.near.size)
+        z[:n] = state
+        code = vary_linear(system, _TO_BERNSTEIN, z, n, periods, limit, maps)
+        end = z[:n].copy()
+    if code != status.OK:
+        maps[:] = np.nan
+    return end, maps, code
