@@ -24,10 +24,12 @@ rule all:
 
 include: "workflow/rules/compute.smk"
 include: "workflow/rules/gather.smk"
+include: "workflow/rules/labels.smk"
 include: "workflow/rules/draw.smk"
 include: "workflow/rules/phase_lag.smk"
 include: "workflow/rules/models.smk"
 include: "workflow/rules/scenes.smk"
 include: "workflow/rules/jump.smk"
 include: "workflow/rules/nonlinear_damping.smk"
+include: "workflow/rules/stability_chart.smk"
 include: "workflow/rules/claims.smk"

@@ -10,6 +10,8 @@ module                  responsibility
 ``simulation``          `simulate`: one tuning, time course, events, orbit summary
 ``sweeping``            `sweep`: many tunings, orbit summaries
 ``variational``         maps of small deviations over mesh periods
+``lyapunov``            largest Lyapunov exponent of a motion
+``labelling``           `trust`: chaos or artefact: one point run in several ways
 ``harmonics``           periodic functions of the mesh phase
 ``profiles``            rectangular, Fourier and tabulated mesh stiffness
 ``models``              one file per model: its equation, its symbols
@@ -31,6 +33,7 @@ module                  responsibility
 ``model_comparison``    what larger models would change in a scene, and what they cost
 ``scenes``              the time courses of a few runs, side by side
 ``claims``              the paper's statements, checked against computed data
+``trials``              which method is right, at what cost, and where each fails
 ``figures``             one file per figure, functions that return a `Figure`
 ======================  ===========================================================
 
@@ -52,6 +55,7 @@ _PUBLIC = {
     "methods": "integrators",
     "simulate": "simulation",
     "sweep": "sweeping",
+    "trust": "labelling",
 }
 
 __all__ = [
@@ -65,6 +69,7 @@ __all__ = [
     "methods",
     "simulate",
     "sweep",
+    "trust",
 ]
 
 

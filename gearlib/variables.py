@@ -63,6 +63,19 @@ DESCRIPTIONS = {
     "height_below": ("1", "height of the orbit just below the jump in static deflections"),
     "height_above": ("1", "height of the orbit just above the jump in static deflections"),
     "switches": ("1", "large changes of height between neighbouring tunings of the scan"),
+    # numerical stability
+    "method": ("1", "method"),
+    "steps": ("1", "steps per mesh period"),
+    "radius": ("1", "spectral radius of one mesh period of the method"),
+    "true_radius": ("1", "spectral radius of one mesh period of the mesh"),
+    "stiffness_max": ("1", "largest stiffness over mean mesh stiffness"),
+    # trust
+    "run": ("1", "how the point was run"),
+    "label": ("1", "what the motion is"),
+    "digits": ("1", "decimal digits to which all runs agree"),
+    "exponent": ("1", "largest Lyapunov exponent per mesh period"),
+    "uncertainty": ("1", "standard error of the exponent"),
+    "fine_tuning": ("1", "tuning of the true radius"),
     # nonlinear damping
     "direction": ("1", "direction of the sweep"),
     "place": ("1", "where the damping acts"),

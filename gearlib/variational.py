@@ -77,3 +77,19 @@ def period_maps(pair, tuning, state, periods, limit):
     if code != status.OK:
         maps[:] = np.nan
     return end, maps, code
+
+
+def without_rotation(pair, maps):
+    """Return the maps without the free rotation of both gears, shape (periods, n - 2, n - 2).
+
+    Only the sum of the two rotations enters the mesh; their difference turns freely and would add
+    two multipliers 1. Maps of one degree of freedom are returned as they are.
+    """
+    n = moving_components(pair)
+    if n == 2:
+        return maps
+    # Rows u3 + u2, bearings, and their rates; lifted back with all of the sum in u3.
+    lift = np.delete(np.eye(n), [1, n // 2 + 1], axis=1)
+    reduce = lift.T.copy()
+    reduce[0, 1] = reduce[n // 2 - 1, n // 2 + 1] = 1.0
+    return reduce @ maps @ lift

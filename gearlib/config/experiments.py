@@ -20,6 +20,7 @@ from gearlib.config.types import (
 MAX_JOBS = 10_000
 
 Harmonic = Annotated[int, Field(ge=1, le=1000)]
+Steps = Annotated[int, Field(ge=1, le=100_000)]
 
 
 class Resonance(Section):
@@ -149,6 +150,58 @@ class NonlinearDamping(Section):
     @model_validator(mode="after")
     def _check(self):
         _check_grid("nonlinear_damping", self)
+        return self
+
+
+class Labels(Section):
+    """Labels of the motion from rest, chaos or artefact, marked in Fig. 3."""
+
+    start: Tuning = Field(description="First tuning.")
+    stop: Tuning = Field(description="Last one; start + a whole multiple of step.")
+    step: number_within(gt=0, le=10) = Field(description="Distance of the tunings.")
+    periods: int = Field(ge=1, le=1_000_000, description="Mesh periods of a run, to settle.")
+    exponent_periods: int = Field(
+        ge=20, le=1_000_000, description="Mesh periods over which the exponent is averaged."
+    )
+    disturbance: Positive = Field(
+        description="Added to the initial displacement in the disturbed run, static deflections."
+    )
+
+    @model_validator(mode="after")
+    def _check(self):
+        _check_grid("labels", self)
+        return self
+
+
+class FixedStepMethod(Section):
+    """A fixed-step method of the stability chart."""
+
+    method: Literal["rk4", "newmark", "generalised_alpha"] = Field(description="Its name.")
+    options: dict[Name, Finite] = Field(
+        default={}, description="Its options, but the steps per period."
+    )
+
+
+class StabilityChart(Section):
+    """Spectral radii of fixed-step methods on the mesh that never loses contact."""
+
+    damping: Name = Field(
+        description="One of the dampings.", json_schema_extra={"$comment": "one of the dampings"}
+    )
+    start: Tuning = Field(description="First tuning.")
+    stop: Tuning = Field(description="Last one; start + a whole multiple of step.")
+    step: number_within(gt=0, le=10) = Field(description="Distance of the tunings.")
+    fine_step: number_within(gt=0, le=10) = Field(
+        description="Distance of the tunings of the true radius."
+    )
+    steps: listing(Steps, "Steps per mesh period.")
+    methods: dict[Name, FixedStepMethod] = Field(
+        min_length=1, description="The methods, by the name in the picture."
+    )
+
+    @model_validator(mode="after")
+    def _check(self):
+        _check_grid("stability_chart", self)
         return self
 
 

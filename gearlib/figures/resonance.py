@@ -7,6 +7,7 @@ sweeps up and down over the cold one, so that the hysteresis shows.
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
 from gearlib.figures import style
 
@@ -26,9 +27,17 @@ _SHORT_Y_LABEL = "$y$ (static defl.)"
 _CARRIED = {"up": ("-", ">"), "down": ((0, (3, 1)), "<")}
 _COLD_COLOUR = "#8C8C8C"
 
+#: In the order of the codes of `gearlib.labelling`.
+_LABEL_COLOURS = (
+    ("periodic", "#009E73"),
+    ("quasi-periodic", "#56B4E9"),
+    ("chaotic", "#D55E00"),
+    ("undecided", "#CC79A7"),
+)
+
 
 @style.styled()
-def draw(resonance, *, colours=None):
+def draw(resonance, *, colours=None, labels=None):
     """Draw resonance characteristics.
 
     Parameters
@@ -39,6 +48,9 @@ def draw(resonance, *, colours=None):
         tuning_factor_max and tuning_factor_min.
     colours : dict of str to str, optional
         Colours of the dampings by name.
+    labels : xarray.Dataset, optional
+        label over (damping, tuning) as of `gearlib.labelling.scan`, for cold runs: marks on the
+        lower rim of the panel of each damping.
 
     Returns
     -------
@@ -71,6 +83,11 @@ def draw(resonance, *, colours=None):
             _prepare(panel, resonance, limits)
             _draw_hysteresis(panel, resonance.sel(damping=name), look, main_direction, carried)
             panel.set_title(style.damping_label(name))
+            if labels is not None and name in labels.damping.values:
+                _mark_labels(panel, labels.sel(damping=name))
+        if labels is not None:
+            handles = [Patch(facecolor=c, label=f"from rest: {n}") for n, c in _LABEL_COLOURS]
+            figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
         for panel in panels[-1]:
             panel.set_xlabel("tuning $\\nu_s$")
         for panel in panels[:, 0]:
@@ -146,6 +163,15 @@ def _draw_hysteresis(axes, curves, look, main_direction, carried):
     for number, name in enumerate(carried):
         line, marker = _CARRIED[name]
         _draw_curve(axes, curves.sel(direction=name), look.colour, line, marker, number / 2)
+
+
+def _mark_labels(axes, labels):
+    """Draw a strip on the lower rim, in the colours of the labels."""
+    tuning, low = labels.tuning.values, axes.get_ylim()[0]
+    height = 0.04 * (axes.get_ylim()[1] - low)
+    step = np.diff(tuning).min() if tuning.size > 1 else 0.01
+    colours = [_LABEL_COLOURS[code][1] for code in labels.label.values]
+    axes.bar(tuning, height, step, low, color=colours, linewidth=0, zorder=4)
 
 
 def _draw_curve(axes, curve, colour, line, marker, offset, width=1.0):

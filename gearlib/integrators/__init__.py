@@ -62,7 +62,7 @@ METHODS = {
 }
 
 #: Methods that are chosen where none is named; the others are for comparison.
-_UNNAMED = ("exact", "taylor")
+AUTOMATIC = ("exact", "taylor")
 
 
 class Method(NamedTuple):
@@ -104,7 +104,7 @@ def choose(pair, method, options):
             f"pair = {pair!r} is not allowed: it must be a GearPair, OneDegreePair or SixDegreePair"
         )
     if method is None:
-        method = next(name for name in _UNNAMED if name in able)
+        method = next(name for name in AUTOMATIC if name in able)
     checks.one_of("method", method, tuple(METHODS))
     if method not in able:
         raise ValueError(

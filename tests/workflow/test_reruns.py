@@ -29,6 +29,8 @@ COMPUTED = {
     "scene": SCENES,
     "phase_lag": 1,
     "jump": 1,
+    "label": DAMPINGS,
+    "stability_chart": 1,
     **COMPARED,
     **STUDIED,
 }
@@ -37,6 +39,7 @@ ALL_DRAWN = {
     **DRAWN_SCENES,
     **DRAWN_LAG,
     **DRAWN_JUMP,
+    "draw_stability_chart": 1,
     "draw_models": 1,
     "draw_nonlinear_damping": 1,
 }
@@ -118,6 +121,7 @@ def test_a_damping_value_reruns_its_combination(project):
     assert project.planned() == {
         "sweep_window": SWEEPS // DAMPINGS,
         "phase_plane": PLANES // DAMPINGS,
+        "label": 1,
         # Two of the scenes have a case with this damping, and the jump is its.
         "compare_models": 2,
         "model_table": 1,
@@ -176,6 +180,8 @@ def test_a_changed_picture_of_a_scene_redraws_it(project):
                 **DRAWN_LAG,
                 **COMPARED,
                 **STUDIED,
+                "label": DAMPINGS,
+                "draw_resonance": 1,
             },
         ),
         ("gearlib/figures/resonance.py", {"draw_resonance": 1}),

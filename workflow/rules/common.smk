@@ -86,6 +86,7 @@ def target_files():
             "results/nonlinear_damping.csv",
         ],
         "models": [*figure_files("models"), "results/models.csv"] if CONFIG.scenes else [],
+        "stability_chart": figure_files("stability_chart"),
         "claims": ["results/claims.csv", "results/claims.md"],
     }
     return [path for target in CONFIG.targets for path in files[target]]

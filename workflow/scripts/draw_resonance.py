@@ -2,14 +2,19 @@
 
 import json
 
+import xarray as xr
+
 from gearlib import storage
 from gearlib.figures import resonance, style
 from joblog import redirect_output
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])
+    labels = [storage.read(path) for path in snakemake.input.labels]
     figure = resonance.draw(
-        storage.read(snakemake.input.resonance), colours=json.loads(snakemake.params.colours)
+        storage.read(snakemake.input.resonance),
+        colours=json.loads(snakemake.params.colours),
+        labels=xr.concat(labels, "damping", combine_attrs="drop_conflicts"),
     )
     figure.set_dpi(snakemake.params.dpi)
     for path in snakemake.output:

@@ -1,0 +1,76 @@
+"""Largest Lyapunov exponent of a motion, from its variational maps.
+
+A small deviation is carried along by the maps of `gearlib.variational`, scaled back to length one
+after each mesh period; the mean of the logarithms of its growth is the exponent, per mesh period.
+Lengths are those of (dx, nu dx'): displacements, and velocities over the mean eigenfrequency.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from gearlib import status
+from gearlib.variational import full_state, period_maps, without_rotation
+
+#: Maps held in memory at a time.
+_CHUNK = 512
+#: Batches of consecutive periods whose means give the uncertainty.
+BATCHES = 20
+
+
+class Exponent(NamedTuple):
+    """Largest Lyapunov exponent per mesh period."""
+
+    value: float  #: NaN: the run could not go on
+    uncertainty: float  #: standard error of the mean over batches
+    growth: float  #: logarithm of the whole growth, value times periods
+    periods: int
+
+
+def largest(pair, tuning, *, state=(0.0, 0.0), settle=1000, periods=4000, max_events=1_000_000):
+    """Return the largest Lyapunov exponent of the motion from a state.
+
+    Parameters
+    ----------
+    pair : GearPair, OneDegreePair or SixDegreePair
+        The free rotation of six degrees of freedom, which never grows nor decays, is left out.
+    tuning : float
+    state : tuple of float
+        Displacement in static deflections and dx/dtau at tau = 0.
+    settle, periods : int
+        Mesh periods before the count, and counted.
+    max_events : int
+        As of `gearlib.simulate`.
+
+    Returns
+    -------
+    Exponent
+    """
+    z = full_state(pair, tuning, state)
+    vector, logs = None, np.empty(periods)
+    done = -settle
+    while done < periods:
+        count = min(_CHUNK, periods - done) if done >= 0 else min(_CHUNK, -done)
+        z, maps, code = period_maps(pair, tuning, z, count, max_events)
+        if code != status.OK:
+            return Exponent(math.nan, math.nan, math.nan, periods)
+        maps = without_rotation(pair, maps)
+        if vector is None:
+            # Any direction will do: settling turns it into the growing one.
+            vector = np.ones(maps.shape[1])
+            weights = np.ones(maps.shape[1])
+            weights[maps.shape[1] // 2 :] = tuning
+        for i, matrix in enumerate(maps):
+            vector = matrix @ vector
+            length = float(np.linalg.norm(weights * vector))
+            if not length > 0.0:
+                # Over-damped to nothing: no deviation is left to grow.
+                return Exponent(-math.inf, 0.0, -math.inf, periods)
+            vector /= length
+            if done >= 0:
+                logs[done + i] = math.log(length)
+        done += count
+    batches = np.array([part.mean() for part in np.array_split(logs, min(BATCHES, periods))])
+    error = batches.std(ddof=1) / math.sqrt(batches.size) if batches.size > 1 else math.inf
+    return Exponent(float(logs.mean()), float(error), float(logs.sum()), periods)

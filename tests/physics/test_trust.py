@@ -1,0 +1,124 @@
+"""Exponents against closed forms, labels of known motions, and the rules behind the labels."""
+
+import math
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from gearlib import Fourier, GearPair, OneDegreePair, trust
+from gearlib.labelling import decide
+from gearlib.lyapunov import Exponent, largest
+from tests.physics.test_six_degrees import gears
+
+FREE = GearPair(
+    max_stiffness=4e8,
+    stiffness_ratio=0.5879,
+    contact_ratio=1.569,
+    reduced_mass=3.123,
+    load=3289.5396,
+    backlash=40e-6,
+)
+DAMPED = FREE.replace(material_damping=3953.7, backlash_damping=3953.7)
+CUBIC = OneDegreePair(pair=FREE, cubic_damping=4e5, backlash_cubic_damping=4e5)
+
+
+def test_exponent_of_constant_damping():
+    # Multipliers off the real axis have the modulus that Liouville gives: exp(-2 pi beta / nu).
+    found = largest(DAMPED, 0.9, settle=200, periods=2000)
+    expected = -2.0 * math.pi * DAMPED.damping_ratio / 0.9
+    # A vector that turns has the modulus in the mean, up to its ellipse over the count.
+    assert found.value == pytest.approx(expected, abs=2e-3)
+
+
+def test_exponents_of_the_models_agree():
+    one = largest(DAMPED, 0.9, settle=200, periods=500)
+    nonlinear = largest(OneDegreePair(pair=DAMPED), 0.9, settle=200, periods=500)
+    six = largest(gears(math.inf, 3953.7, 3953.7), 0.9, settle=200, periods=500)
+    assert nonlinear.value == pytest.approx(one.value, abs=1e-9)
+    assert six.value == pytest.approx(one.value, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("pair", "nu", "label"),
+    [
+        (DAMPED, 0.7, "periodic"),
+        (DAMPED, 0.9, "periodic"),
+        (DAMPED.replace(backlash_damping=0.0), 0.82, "periodic"),
+        (CUBIC, 0.9, "periodic"),
+        (OneDegreePair(pair=DAMPED, profile=Fourier(5)), 0.9, "undecided"),
+        (FREE, 0.7, "quasi-periodic"),
+        (FREE, 0.9, "chaotic"),
+        (FREE, 0.82, "chaotic"),
+    ],
+)
+def test_labels(pair, nu, label):
+    found = trust(pair, nu, periods=1500, exponent_periods=2000)
+    assert found.label == label, found.message
+    if label == "periodic":
+        assert found.period == 1 and found.digits > 6 and found.exponent < 0
+    if label == "chaotic":
+        assert found.exponent > 3 * found.uncertainty > 0
+
+
+def test_more_harmonics_are_another_orbit():
+    found = trust(OneDegreePair(pair=DAMPED, profile=Fourier(5)), 0.9, periods=500)
+    assert "10 harmonics" in found.runs.run.values and "digits" in found.message
+
+
+def test_two_attractors_are_named():
+    # Below the jump from rest two orbits attract; a large disturbance finds the other.
+    found = trust(DAMPED, 0.75, periods=500, disturbance=12.0)
+    small = trust(DAMPED, 0.75, periods=500)
+    assert small.label == "periodic"
+    if found.label != "periodic":
+        assert "more than one orbit" in found.message
+
+
+def test_six_degrees():
+    pair = gears(3e7, 3953.7, 3953.7, free=True, share=0.2)
+    found = trust(pair, 0.9, periods=600, exponent_periods=200)
+    assert found.label == "periodic", found.message
+
+
+def table(high, low, period, status=0):
+    n = len(high)
+    columns = {
+        "displacement_max": high,
+        "displacement_min": low,
+        "period": period,
+        "status": [status] * n,
+    }
+    data = {name: ("run", np.array(values)) for name, values in columns.items()}
+    return xr.Dataset(data, {"run": [f"run {i}" for i in range(n)]})
+
+
+@pytest.mark.parametrize(
+    ("runs", "exponent", "label", "words"),
+    [
+        (table([2.0, 2.0], [0.0, 0.0], [3, 3]), (-0.1, 0.01, -100.0), "periodic", "agree"),
+        (table([2.0, 2.1], [0.0, 0.0], [1, 1]), (-0.1, 0.01, -100.0), "undecided", "attracts"),
+        (table([2.0, 2.0], [0.0, 0.0], [1, 0]), (-0.1, 0.01, -100.0), "undecided", "settle"),
+        (table([2.0, 3.0], [0.0, 0.0], [0, 0]), (0.1, 0.01, 100.0), "chaotic", "factor e"),
+        (table([2.0, 3.0], [0.0, 0.0], [0, 0]), (0.1, 0.05, 100.0), "quasi-periodic", "neither"),
+        (table([2.0, 3.0], [0.0, 0.0], [0, 0]), (0.005, 1e-4, 5.0), "quasi-periodic", "neither"),
+        (table([2.0, 2.0], [0.0, 0.0], [1, 1]), (0.0, 0.01, 0.0), "undecided", "run more"),
+        (table([2.0, 2.0], [0.0, 0.0], [1, 1], 2), (-0.1, 0.1, -9.0), "undecided", "run 0"),
+    ],
+)
+def test_rules(runs, exponent, label, words):
+    found = decide(runs, Exponent(*exponent, 1000))
+    assert found.label == label and words in found.message
+
+
+@pytest.mark.parametrize(
+    ("changed", "part"),
+    [
+        ({"disturbance": 0.0}, "disturbance = 0.0"),
+        ({"exponent_periods": 3}, "exponent_periods = 3"),
+        ({"periods": 0}, "periods = 0"),
+    ],
+)
+def test_wrong_input(changed, part):
+    with pytest.raises(ValueError, match=part):
+        trust(DAMPED, 0.9, **changed)

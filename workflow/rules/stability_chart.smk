@@ -1,0 +1,45 @@
+"""Numerical stability of fixed-step methods: computed and drawn."""
+
+
+rule stability_chart:
+    input:
+        kernels=rules.compile_kernels.output.stamp,
+        sources=script_sources("stability_chart"),
+    output:
+        dataset="results/stability_chart.nc",
+    log:
+        "results/logs/stability_chart.log",
+    benchmark:
+        "results/benchmarks/stability_chart.tsv"
+    threads: 1
+    params:
+        pair=canonical(CONFIG.pair_parameters(CONFIG.stability_chart.damping)),
+        settings=canonical(CONFIG.stability_chart.model_dump()),
+    conda:
+        "../envs/gearlib.yaml"
+    script:
+        "../scripts/stability_chart.py"
+
+
+rule draw_stability_chart:
+    input:
+        dataset=rules.stability_chart.output.dataset,
+        sources=script_sources("draw_stability_chart"),
+    output:
+        report(
+            figure_files("stability_chart"),
+            caption="../report/stability_chart.rst",
+            category="Methods",
+            labels={"figure": "beyond the paper", "shows": "numerical stability"},
+        ),
+    log:
+        "results/logs/draw_stability_chart.log",
+    benchmark:
+        "results/benchmarks/draw_stability_chart.tsv"
+    threads: 1
+    params:
+        dpi=CONFIG.figures.dpi,
+    conda:
+        "../envs/gearlib.yaml"
+    script:
+        "../scripts/draw_stability_chart.py"

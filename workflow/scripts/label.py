@@ -1,0 +1,17 @@
+"""Label the motion from rest of one damping over the tuning."""
+
+import json
+
+from gearlib import labelling, storage
+from gearlib.pair import GearPair
+from gearlib.tunings import grid
+from joblog import redirect_output
+
+if __name__ == "__main__":
+    redirect_output(snakemake.log[0])
+    settings = json.loads(snakemake.params.settings)
+    tunings = grid(*(settings.pop(key) for key in ("start", "stop", "step")))
+    dataset = labelling.scan(GearPair(**json.loads(snakemake.params.pair)), tunings, **settings)
+    storage.write(
+        dataset.assign_coords(damping=snakemake.wildcards.damping), snakemake.output.dataset
+    )

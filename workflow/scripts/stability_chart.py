@@ -1,0 +1,20 @@
+"""Compute the chart of numerical stability."""
+
+import json
+
+from gearlib import storage
+from gearlib.trials import stability
+from gearlib.tunings import grid
+from joblog import redirect_output
+
+if __name__ == "__main__":
+    redirect_output(snakemake.log[0])
+    settings = json.loads(snakemake.params.settings)
+    dataset = stability.compute(
+        json.loads(snakemake.params.pair),
+        grid(settings["start"], settings["stop"], settings["step"]),
+        grid(settings["start"], settings["stop"], settings["fine_step"]),
+        settings["steps"],
+        settings["methods"],
+    )
+    storage.write(dataset, snakemake.output.dataset)
