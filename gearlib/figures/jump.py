@@ -1,11 +1,16 @@
 """Beside Fig. 6: where the motion from rest jumps, and how far each choice moves the jump."""
 
+import textwrap
+
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
 
 from gearlib.figures import style
 
-_HEIGHT = 6.6
+_TOP_HEIGHT, _ROW_HEIGHT = 2.1, 1.5
+#: Characters of the small print that fit above a panel.
+_LINE = 75
 #: Axis label of each kind of variation, and whether its values are best spread on a logarithm.
 _KINDS = {
     "harmonics": ("stiffness harmonics", True),
@@ -34,51 +39,77 @@ def draw(jumps):
     -------
     matplotlib.figure.Figure
         Shifts on a logarithm to both sides of zero; the orange band is where the jump would lie
-        between the paper's two tunings. A variation without a jump in the scan is named in its
-        panel.
+        between the paper's two tunings. A variation without a jump in the scan is named above
+        its panel.
     """
-    figure = Figure((style.PAGE_WIDTH, _HEIGHT), layout="constrained")
-    grid = figure.add_gridspec(4, 2, height_ratios=[1.2, 1, 1, 1])
-    top = figure.add_subplot(grid[0, :])
+    kinds = [kind for kind in _KINDS if kind in jumps.kind.values]
+    # Rounded up.
+    rows = -(-len(kinds) // 2)
+    heights = [_TOP_HEIGHT] + [_ROW_HEIGHT] * rows
+    figure = Figure((style.PAGE_WIDTH, sum(heights)), layout="constrained")
+    grid = figure.add_gridspec(1 + rows, 2, height_ratios=heights)
+    _draw_scan(figure.add_subplot(grid[0, :]), jumps)
+    first = None
+    for i, kind in enumerate(kinds):
+        axes = figure.add_subplot(grid[1 + i // 2, i % 2], sharey=first)
+        first = first or axes
+        shown = jumps.isel(variation=np.flatnonzero(jumps.kind.values == kind)).sortby("value")
+        _draw_kind(axes, shown, float(jumps.jump[0]), *_KINDS[kind])
+        if i % 2:
+            axes.tick_params(labelleft=False)
+        else:
+            axes.set_ylabel("shift of the jump\n(tuning)")
+    if kinds and (jumps.switches.values > 1).any():
+        figure.supxlabel("cross: several jumps in the scan", fontsize=6, x=0.99, ha="right")
+    return figure
+
+
+def _draw_scan(top, jumps):
+    """Draw the orbit's height over the tuning."""
     tuning, base = jumps.tuning.values, float(jumps.jump[0])
     top.plot(
         tuning, jumps.height.values, color=style.PALETTE[0], marker=".", markersize=2.5, lw=0.6
     )
-    for nu in _PAPER:
-        top.axvline(nu, color=style.PALETTE[4], linewidth=0.6, linestyle="--")
+    words = "from rest the orbit does not jump in this scan: there is no shift to draw"
     if np.isfinite(base):
-        top.set_title(f"from rest the orbit jumps at $\\nu_s$ = {base:.7f}")
+        words = f"from rest the orbit jumps at $\\nu_s$ = {base:.7f}"
+    paper = [nu for nu in _PAPER if tuning[0] <= nu <= tuning[-1]]
+    for nu in paper:
+        top.axvline(nu, color=style.PALETTE[4], linewidth=0.6, linestyle="--")
+    if paper:
+        words += f" (dashed: the paper's {' and '.join(f'{nu:.4f}' for nu in paper)})"
+    top.set_title(words)
     top.set_xlabel("tuning $\\nu_s$")
     top.set_ylabel("height of the orbit\n(static defl.)")
     top.set_xlim(tuning[0], tuning[-1])
-    kinds = [kind for kind in _KINDS if kind in jumps.kind.values]
-    panels = grid[1:, :].subgridspec(3, 2).subplots(sharey=True)
-    for axes in panels.flat[len(kinds) :]:
-        axes.remove()
-    for axes, kind in zip(panels.flat, kinds, strict=False):
-        rows = jumps.isel(variation=np.flatnonzero(jumps.kind.values == kind)).sortby("value")
-        _draw_kind(axes, rows, base, *_KINDS[kind])
-    for axes in panels[:, 0]:
-        axes.set_ylabel("shift of the jump")
-    return figure
 
 
 def _draw_kind(axes, rows, base, label, logarithmic):
     """Draw the jump over the values of one kind of variation."""
-    value, jump = rows.value.values, rows["shift"].values
-    low, high = (nu - base for nu in _PAPER)
-    axes.axhspan(low, high, color=style.PALETTE[4], alpha=0.6, linewidth=0)
+    value, shift = rows.value.values, rows["shift"].values
+    if np.isfinite(base):
+        low, high = (nu - base for nu in _PAPER)
+        axes.axhspan(low, high, color=style.PALETTE[4], alpha=0.6, linewidth=0)
     axes.axhline(0.0, color="black", linewidth=0.6, linestyle=":")
     many = rows.switches.values > 1
-    axes.plot(value, jump, color=style.PALETTE[0], linewidth=0.6)
-    axes.plot(value[~many], jump[~many], "o", color=style.PALETTE[0], markersize=3)
-    axes.plot(value[many], jump[many], "x", color=style.PALETTE[0], markersize=4)
+    # The panel also holds the values without a jump.
+    axes.update_datalim(np.column_stack([value, np.zeros(value.size)]))
+    # Stems, no line from value to value: what the jump does in between is not known.
+    axes.vlines(value, 0.0, shift, color=style.PALETTE[0], linewidth=0.6)
+    axes.plot(value[~many], shift[~many], "o", color=style.PALETTE[0], markersize=3)
+    axes.plot(value[many], shift[many], "x", color=style.PALETTE[0], markersize=4)
     if logarithmic:
         axes.set_xscale("log")
+        if value[-1] < 1000.0 * value[0]:
+            # Within a few decades 0.5, 1, 2 are read more easily than powers of ten.
+            axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+            axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+            axes.xaxis.set_minor_locator(NullLocator())
     axes.set_yscale("symlog", linthresh=_LINEAR)
     axes.set_yticks([-1e-2, -1e-4, -1e-6, 0.0, 1e-6, 1e-4, 1e-2])
     axes.set_xlabel(label)
-    none = value[np.isnan(jump)]
+    none = value[np.isnan(rows.jump.values)]
     if none.size:
+        # Above the frame, where no point can lie.
         words = "no jump in the scan: " + ", ".join(f"{v:g}" for v in none)
-        axes.annotate(words, (0.02, 0.05), xycoords="axes fraction", fontsize=6)
+        axes.set_title(textwrap.fill(words, _LINE), fontsize=6, loc="left", pad=2.0)

@@ -12,8 +12,8 @@ _WORDS = {
     "six_degrees": "6 degrees, run-out, friction",
     "one_degree_harmonics": "1 degree, {} harmonics",
 }
-#: Changes below this are drawn as this.
-_LEAST = 1e-6
+#: Changes below the one or above the other are drawn as these.
+_LEAST, _MOST = 1e-6, 100.0
 
 
 @style.styled()
@@ -49,15 +49,32 @@ def draw(comparisons):
             )
             words = f"{change:.2g}" if np.isfinite(change) else "the largest model"
             words += " (carries the scene)" if chosen else ""
+            # Beside the bar, or within it where the words would leave the panel.
+            inside = width > _MOST / 100.0
             axes.annotate(
-                f"  {words}; cost {float(data.cost[i]):.3g}", (width, i), va="center", fontsize=6
+                f"{words}; cost {float(data.cost[i]):.3g}",
+                (min(width, _MOST), i),
+                (-4 if inside else 4, 0),
+                textcoords="offset points",
+                ha="right" if inside else "left",
+                va="center",
+                fontsize=6,
+                # The dashed line would run through the words.
+                bbox={"boxstyle": "round,pad=0.1", "facecolor": "white", "lw": 0},
             )
         axes.axvline(tolerance, color=style.PALETTE[4], linewidth=0.8, linestyle="--")
         axes.set_xscale("log")
-        axes.set_xlim(_LEAST, 100.0)
+        axes.set_xlim(_LEAST, _MOST)
+        # Inward ticks would lie in the bars and before the words.
+        axes.tick_params(axis="y", length=0)
         names = [_WORDS[name].format(int(data.harmonics)) for name in data.model.values]
         axes.set_yticks(range(len(names)), names, fontsize=6)
         axes.invert_yaxis()
         axes.set_title(f"{scene}: {', '.join(data.observable.values)}", fontsize=7, loc="left")
-    rows[-1].set_xlabel("largest change of an observable (dashed: tolerance of the scene)")
+    rows[-1].set_xlabel(
+        "largest change of an observable (dashed: tolerance of the scene);\n"
+        "extrema: share of the height of the orbit, or of the force; fractions and bounces: 1\n"
+        "cost: components of the state advanced per mesh period",
+        fontsize=7,
+    )
     return figure

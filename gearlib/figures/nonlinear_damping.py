@@ -8,7 +8,9 @@ from gearlib.figures import style
 _PANEL_HEIGHT = 2.3
 _LOOKS = {"linear": "-", "quadratic": (0, (5, 1.5)), "cubic": (0, (1.5, 1.2))}
 #: Share of the orbits that the picture holds; see `gearlib.figures.resonance`.
-_SHOWN_SHARE = 0.98
+_SHOWN_SHARE = 0.998
+#: Rounds of an orbit that differ by less than this share of its size look the same.
+_SAME = 2e-3
 
 
 @style.styled()
@@ -34,39 +36,57 @@ def draw(studies):
         sharey="row",
         height_ratios=[1.4] + [1.0] * shown.size,
     )
+    limits = _limits(studies)
     for column, place in enumerate(places):
         chosen = [study for study in studies if study.place.item() == place]
-        _draw_characteristics(grid[0, column], chosen, place)
+        _draw_characteristics(grid[0, column], chosen, place, limits)
         for row, nu in enumerate(shown):
             _draw_planes(grid[1 + row, column], [study.sel(shown=nu) for study in chosen], nu)
     grid[0, 0].set_ylabel("$y_\\mathrm{max}$, $y_\\mathrm{min}$ (static defl.)")
     for axes in grid[1:, 0]:
-        axes.set_ylabel("$dy/d\\tau$")
-    grid[0, 0].legend(loc="upper left", fontsize=6)
+        axes.set_ylabel("$dy/d\\tau$ (static defl./rad)")
+    # Outside of the panels: curves reach every corner of the upper ones.
+    figure.legend(
+        *grid[0, 0].get_legend_handles_labels(),
+        loc="outside upper center",
+        ncols=len(_LOOKS),
+        title="damping (pale: sweep down)",
+        title_fontsize=7.5,
+    )
     return figure
 
 
-def _draw_characteristics(axes, studies, place):
+def _limits(studies):
+    """Return the limits of the displacement that all characteristics share."""
+    values = np.concatenate(
+        [
+            study[name].sel(direction=["up", "down"]).values.ravel()
+            for study in studies
+            for name in ("displacement_max", "displacement_min")
+        ]
+    )
+    finite = values[np.isfinite(values)]
+    if not finite.size:
+        return -1.0, 1.0
+    rest = (1.0 - _SHOWN_SHARE) / 2.0
+    low, high = np.quantile(finite, [rest, 1.0 - rest])
+    margin = 0.08 * (high - low) or 1.0
+    return min(low, 0.0) - margin, high + margin
+
+
+def _draw_characteristics(axes, studies, place, limits):
     """Draw the sweeps up (thin) and down (thick, pale) of the powers of one place."""
-    values = []
     for number, study in enumerate(studies):
         power = study.power.item()
         colour = style.PALETTE[number % len(style.PALETTE)]
         for name in ("displacement_max", "displacement_min"):
             up, down = study[name].sel(direction="up"), study[name].sel(direction="down")
-            values += [up.values, down.values]
             axes.plot(study.tuning, down, color=colour, linewidth=2.6, alpha=0.3)
-            label = f"{power} (pale: down)" if name == "displacement_max" else None
+            label = power if name == "displacement_max" else None
             axes.plot(
                 study.tuning, up, color=colour, linewidth=0.8, linestyle=_LOOKS[power], label=label
             )
-    finite = np.concatenate(values)
-    finite = finite[np.isfinite(finite)]
-    if finite.size:
-        rest = (1.0 - _SHOWN_SHARE) / 2.0
-        low, high = np.quantile(finite, [rest, 1.0 - rest])
-        margin = 0.08 * (high - low) or 1.0
-        axes.set_ylim(min(low, 0.0) - margin, high + margin)
+    axes.set_ylim(*limits)
     style.shade_areas(axes, float(studies[0].backlash_ratio), "y")
     axes.set_title(f"damping of the {place} only")
     axes.set_xlabel("tuning $\\nu_s$")
@@ -77,8 +97,7 @@ def _draw_planes(axes, studies, nu):
     """Draw the phase planes of the powers of one place at one tuning."""
     for number, study in enumerate(studies):
         axes.plot(
-            study.displacement,
-            study.velocity,
+            *_orbit(study),
             color=style.PALETTE[number % len(style.PALETTE)],
             linewidth=0.8,
             linestyle=_LOOKS[study.power.item()],
@@ -87,3 +106,17 @@ def _draw_planes(axes, studies, nu):
     style.shade_areas(axes, float(studies[0].backlash_ratio), "x")
     axes.set_title(f"$\\nu_s$ = {nu:g}, from rest")
     axes.set_xlabel("$y$ (static defl.)")
+
+
+def _orbit(study):
+    """Return displacement and velocity, of one mesh period only where the others repeat it.
+
+    Many equal rounds would fill the gaps of a dashed line.
+    """
+    orbit = np.array([study.displacement.values, study.velocity.values])
+    per_period = round(2.0 * np.pi / (study.phase.values[1] - study.phase.values[0]))
+    moved = np.abs(orbit[:, per_period:] - orbit[:, :-per_period])
+    if moved.size and np.all(moved < _SAME * np.ptp(orbit, axis=1, keepdims=True)):
+        # One sample more, which closes the round.
+        return orbit[:, -per_period - 1 :]
+    return orbit

@@ -80,9 +80,13 @@ def test_the_configuration_is_accepted_and_the_same_pair(example):
     (block,) = blocks("yaml")
     settings = yaml.safe_load((ROOT / "config.yaml").read_text(encoding="utf-8"))
     for section, values in copy.deepcopy(yaml.safe_load(block)).items():
-        assert values.keys() <= settings[section].keys()
-        settings[section].update(values)
+        if isinstance(values, dict):
+            assert values.keys() <= settings[section].keys()
+            settings[section].update(values)
+        else:
+            settings[section] = values
     config = load(settings)
+    assert config.targets == ["resonance", "phase_planes"]
     assert config.periods >= 300
     configured = GearPair(**config.pair_parameters("k1+k1m"))
     for name, value in names["pair"].as_dict().items():
