@@ -7,7 +7,8 @@ Three shortcuts over the plain march, each with a proof that it takes the same o
   length of the stretch leave room for no minimum in between.
 * The instant of leaving the flank is found by Newton's method from its value one period ago. A
   root within half a turn with falling displacement is the first crossing: the next way down
-  starts half a turn after the first minimum at the earliest.
+  starts half a turn after the first minimum at the earliest. From a start that does not fall the
+  same holds within a whole turn: the first way down ends, and the second starts, later.
 * The instant of landing likewise: a flight from x = 0 that cannot reach the far flank returns
   once.
 
@@ -18,6 +19,7 @@ import math
 from typing import NamedTuple
 
 from gearlib.core.crossing import descent_time
+from gearlib.core.elementary import cos_sin, decay
 from gearlib.core.flight import climb_time, fly, lowest_time, phi
 from gearlib.core.jit import inlined, kernel
 from gearlib.core.march import march, within_range
@@ -26,9 +28,9 @@ from gearlib.core.oscillator import UNDERDAMPED, evolve, propagators
 
 #: Room for rounding in the amplitude bound.
 _MARGIN = 1.0 - 1e-12
-#: Newton steps this small (in radians of the contact oscillator, in shares of the flight) leave an
-#: error of their square.
-_QUADRATIC = 1e-9
+#: Times (shares of the shortest natural time) over which three terms of a Taylor series are exact
+#: to rounding.
+SHORT = 1e-5
 _MAX_NEWTON = 6
 
 
@@ -41,7 +43,8 @@ class StretchMap(NamedTuple):
     v0: float  #: end velocity = v0 + vx x + vv v
     vx: float
     vv: float
-    single: bool  #: shorter than half a turn: at most one turning point lies within
+    half: bool  #: shorter than half a turn: at most one turning point lies within
+    whole: bool  #: shorter than a turn: at most two
     rest: float
     square: float
     twice_a: float
@@ -61,6 +64,7 @@ def stretch_map(lev, length):
         vx,
         vv,
         lev.kind != UNDERDAMPED or lev.w * length < math.pi,
+        lev.kind != UNDERDAMPED or lev.w * length < 2.0 * math.pi,
         lev.rest,
         lev.square,
         2.0 * lev.a,
@@ -69,65 +73,157 @@ def stretch_map(lev, length):
 
 
 @inlined
+def stays(half, whole, v, end_x, end_v):
+    """Return whether a motion in contact is proven to have no minimum below the flank line.
+
+    `half`, `whole`: shorter than half a turn, than a turn. A minimum needs a fall before it and
+    a rise after it; within a turn, a motion that rises first and falls last has a maximum only.
+    """
+    if not end_x >= 0.0:
+        return False
+    if half:
+        return v >= 0.0 or end_v < 0.0
+    return whole and v >= 0.0 and end_v < 0.0
+
+
+@inlined
 def pass_stretch(along, x, v):
     """Return (x, v, safe) at the end of a stretch; `safe` if it is proven to stay in contact."""
     end_x = along.xx * x + along.xv * v + along.x0
     end_v = along.vx * x + along.vv * v + along.v0
-    if along.single and end_x >= 0.0 and (v >= 0.0 or end_v < 0.0):
+    if stays(along.half, along.whole, v, end_x, end_v):
         return end_x, end_v, True
     u = x - along.rest
     form = along.square * u * u + v * (v + along.twice_a * u)
     return end_x, end_v, form < along.bound
 
 
+class Anchor(NamedTuple):
+    """Where the propagators of a level were last computed: next to it they need no exp or sine."""
+
+    t: float  #: negative when there is none
+    c: float
+    s: float
+
+
+class FlightAnchor(NamedTuple):
+    """The same for a flight: a time and `flight.phi` of it."""
+
+    t: float
+    decay: float
+    first: float
+    second: float
+
+
 @inlined
-def warm_exit(lev, u, v, guess, horizon):
-    """Return (t, speed): leaving of the normal flank near `guess`, proven first; else t = -1."""
+def anchor(lev, t):
+    """Return the `Anchor` at t >= 0; none unless it lies within a turn, under-damped."""
+    if lev.kind != UNDERDAMPED or not lev.w * t <= 2.0 * math.pi:
+        return Anchor(-1.0, 0.0, 0.0)
+    c, s = cos_sin(lev.w * t)
+    e = decay(lev.a * t)
+    return Anchor(t, e * c, e * s / lev.w)
+
+
+@inlined
+def flight_anchor(m, t):
+    """Return the `FlightAnchor` at t."""
+    gone, first, second = phi(2.0 * m.drag * t)
+    return FlightAnchor(t, gone, first, second)
+
+
+@inlined
+def step_to_line(height, speed, acceleration, jerk, rate):
+    """Return (step, short): the step in time to height 0, good to rounding if `short`.
+
+    `rate` bounds the natural rates of the motion. The series of the height is inverted up to the
+    third order; for a short step what is left out is less than rounding, and the root is there:
+    the speed hardly changes on the way (Newton-Kantorovich).
+    """
+    inverse = 1.0 / speed
+    r = -height * inverse
+    q = 0.5 * acceleration * inverse * r
+    correction = q * (2.0 * q - 1.0) - jerk * inverse * r * r / 6.0
+    bend = abs(q) + rate * abs(r)
+    return (r * (1.0 + correction) if bend < 0.2 else r), bend < SHORT
+
+
+@inlined
+def warm_exit(lev, u, v, near, horizon):
+    """Return (t, speed, anchor): leaving of the normal flank, proven first; else t = -1.
+
+    Newton's method from the anchor `near`, which the returned one replaces.
+    """
     p = v + lev.a * u
     q = lev.a * v + lev.square * u
-    t = guess
+    rate = 2.0 * lev.a + math.sqrt(lev.square)
+    turn = 2.0 * math.pi if v >= 0.0 else math.pi
     for _ in range(_MAX_NEWTON):
-        if not (0.0 < t <= horizon and lev.w * t <= math.pi):
+        if not 0.0 < near.t <= horizon:
             break
-        c, s = propagators(lev, t)
-        speed = v * c - q * s
+        above = u * near.c + p * near.s
+        speed = v * near.c - q * near.s
         if not speed < 0.0:
             break
-        height = lev.rest + u * c + p * s
-        step = height / speed
-        if lev.w * abs(step) < _QUADRATIC:
-            root = t - step
-            # The velocity follows to the corrected instant; its error is the square of the step.
-            speed += step * (2.0 * lev.a * speed + lev.square * (height - lev.rest))
-            if 0.0 < root <= horizon and speed < 0.0:
-                return root, speed
+        acceleration = -2.0 * lev.a * speed - lev.square * above
+        jerk = -2.0 * lev.a * acceleration - lev.square * speed
+        step, short = step_to_line(lev.rest + above, speed, acceleration, jerk, rate)
+        root = near.t + step
+        if short:
+            speed += step * (acceleration + 0.5 * step * jerk)
+            if 0.0 < root <= horizon and lev.w * root <= turn and speed < 0.0:
+                return root, speed, near
             break
-        t -= step
-    return -1.0, 0.0
+        near = anchor(lev, root)
+    return -1.0, 0.0, near
 
 
 @inlined
-def return_flight(m, v, guess):
-    """Return (duration, landing speed) of a flight from x = 0 that cannot reach the far flank."""
+def return_flight(m, v, near):
+    """Return (duration, landing speed, anchor): a flight from x = 0 clear of the far flank."""
     b, f = m.drag, m.pull
     if b == 0.0:
-        return -2.0 * v / f, -v
-    t = guess
+        return -2.0 * v / f, -v, near
     for _ in range(_MAX_NEWTON):
-        decay, first, second = phi(2.0 * b * t)
-        height = t * (v * first + f * t * second)
-        speed = v * decay + f * t * first
+        if not near.t > 0.0:
+            break
+        height = near.t * (v * near.first + f * near.t * near.second)
+        speed = v * near.decay + f * near.t * near.first
         if not speed > 0.0:
             break
-        step = height / speed
-        if abs(step) < _QUADRATIC * t:
-            return t - step, speed - step * (f - 2.0 * b * speed)
-        t -= step
+        acceleration = f - 2.0 * b * speed
+        step, short = step_to_line(height, speed, acceleration, -2.0 * b * acceleration, 2.0 * b)
+        if short:
+            speed += step * (acceleration - b * step * acceleration)
+            return near.t + step, speed, near
+        near = flight_anchor(m, near.t + step)
     t = lowest_time(b, f, v)
     lowest, _ = fly(b, f, 0.0, v, t)
     t += climb_time(b, f, -lowest, 0.0)
     _, speed = fly(b, f, 0.0, v, t)
-    return t, speed
+    return t, speed, flight_anchor(m, t)
+
+
+@inlined
+def to_the_end(lev, u, v, t, near):
+    """Return (u, v, anchor, known): the state after t in contact, by the anchor `near`.
+
+    Not known when an anchor within a turn is not to be had.
+    """
+    d = t - near.t
+    if not (near.t >= 0.0 and abs(d) * (2.0 * lev.a + math.sqrt(lev.square)) < SHORT):
+        near = anchor(lev, t)
+        d = 0.0
+    end_u = u * near.c + (v + lev.a * u) * near.s
+    end_v = v * near.c - (lev.a * v + lev.square * u) * near.s
+    acceleration = -2.0 * lev.a * end_v - lev.square * end_u
+    jerk = -2.0 * lev.a * acceleration - lev.square * end_v
+    return (
+        end_u + d * (end_v + d * (0.5 * acceleration + d * jerk / 6.0)),
+        end_v + d * (acceleration + 0.5 * d * jerk),
+        near,
+        near.t >= 0.0,
+    )
 
 
 @kernel
@@ -158,7 +254,8 @@ def transit(m, contact, x, v, stretches, limit, no_arcs):
     """
     low_map = stretch_map(m.low, m.whole_low)
     high_map = stretch_map(m.high, 2.0 * m.half_high)
-    exit_low, exit_high, airtime = -1.0, -1.0, 0.0
+    exit_low = exit_high = end_low = end_high = Anchor(-1.0, 0.0, 0.0)
+    flight = FlightAnchor(-1.0, 0.0, 0.0, 0.0)
     escape = 2.0 * m.pull * m.gap * _MARGIN
     k = 0
     while k < stretches:
@@ -207,15 +304,20 @@ def transit(m, contact, x, v, stretches, limit, no_arcs):
             u = x - lev.rest
             rest_of_stretch = length - t
             if t > 0.0:
-                end_x, end_v = evolve(lev, u, v, rest_of_stretch)
-                end_x += lev.rest
-                single = lev.kind != UNDERDAMPED or lev.w * rest_of_stretch < math.pi
-                if single and end_x >= 0.0 and (v >= 0.0 or end_v < 0.0):
+                last = end_high if high else end_low
+                end_u, end_v, last, known = to_the_end(lev, u, v, rest_of_stretch, last)
+                if high:
+                    end_high = last
+                else:
+                    end_low = last
+                end_x = end_u + lev.rest
+                half = lev.w * rest_of_stretch < math.pi
+                if known and stays(half, True, v, end_x, end_v):
                     x, v = end_x, end_v
                     k += 1
                     break
             last = exit_high if high else exit_low
-            leave, speed = warm_exit(lev, u, v, last - t, rest_of_stretch)
+            leave, speed, last = warm_exit(lev, u, v, last, rest_of_stretch)
             if leave < 0.0:
                 leave = descent_time(lev, u, v, -lev.rest, rest_of_stretch)
                 if leave <= rest_of_stretch:
@@ -225,10 +327,11 @@ def transit(m, contact, x, v, stretches, limit, no_arcs):
                     x += lev.rest
                     k += 1
                     break
+                last = anchor(lev, leave)
             if high:
-                exit_high = t + leave
+                exit_high = last
             else:
-                exit_low = t + leave
+                exit_low = last
             if speed * speed >= escape:
                 # The far flank may be met: the plain march takes the rest of the stretch.
                 flying = BACKLASH if m.gap > 0.0 else INVERSE
@@ -248,7 +351,7 @@ def transit(m, contact, x, v, stretches, limit, no_arcs):
                     return contact, x, v, k, count
                 k += 1
                 break
-            airtime, landing_speed = return_flight(m, speed, airtime)
+            airtime, landing_speed, flight = return_flight(m, speed, flight)
             t += leave + airtime
             while t >= length and k < stretches:
                 t -= length
