@@ -31,9 +31,10 @@ def warm_up():
     import numpy as np
 
     from gearlib.core.jit import source_hash
+    from gearlib.core.many import run_many
     from gearlib.core.mesh import mesh
     from gearlib.core.orbit import EVENT_COLUMNS, SAMPLE_COLUMNS, SUMMARY_COLUMNS
-    from gearlib.core.run import run, run_many
+    from gearlib.core.run import run
 
     ratios = np.array([1.2, 0.7, 1.8, 2.7, 0.06, 0.06, 4.0])
     rows = np.empty((1, SUMMARY_COLUMNS)), np.empty((1, 2)), np.empty((1, 2), dtype=np.int64)

@@ -27,11 +27,11 @@ from gearlib.core.mesh import BACKLASH, INVERSE, NORMAL
 from gearlib.core.oscillator import UNDERDAMPED, evolve, propagators
 
 #: Room for rounding in the amplitude bound.
-_MARGIN = 1.0 - 1e-12
+MARGIN = 1.0 - 1e-12
 #: Times (shares of the shortest natural time) over which three terms of a Taylor series are exact
 #: to rounding.
 SHORT = 1e-5
-_MAX_NEWTON = 6
+MAX_NEWTON = 6
 
 
 class StretchMap(NamedTuple):
@@ -68,7 +68,7 @@ def stretch_map(lev, length):
         lev.rest,
         lev.square,
         2.0 * lev.a,
-        lev.square * lev.rest * lev.rest * _MARGIN,
+        lev.square * lev.rest * lev.rest * MARGIN,
     )
 
 
@@ -158,7 +158,7 @@ def warm_exit(lev, u, v, near, horizon):
     q = lev.a * v + lev.square * u
     rate = 2.0 * lev.a + math.sqrt(lev.square)
     turn = 2.0 * math.pi if v >= 0.0 else math.pi
-    for _ in range(_MAX_NEWTON):
+    for _ in range(MAX_NEWTON):
         if not 0.0 < near.t <= horizon:
             break
         above = u * near.c + p * near.s
@@ -184,7 +184,7 @@ def return_flight(m, v, near):
     b, f = m.drag, m.pull
     if b == 0.0:
         return -2.0 * v / f, -v, near
-    for _ in range(_MAX_NEWTON):
+    for _ in range(MAX_NEWTON):
         if not near.t > 0.0:
             break
         height = near.t * (v * near.first + f * near.t * near.second)
@@ -256,7 +256,7 @@ def transit(m, contact, x, v, stretches, limit, no_arcs):
     high_map = stretch_map(m.high, 2.0 * m.half_high)
     exit_low = exit_high = end_low = end_high = Anchor(-1.0, 0.0, 0.0)
     flight = FlightAnchor(-1.0, 0.0, 0.0, 0.0)
-    escape = 2.0 * m.pull * m.gap * _MARGIN
+    escape = 2.0 * m.pull * m.gap * MARGIN
     k = 0
     while k < stretches:
         high = k & 1 == 1

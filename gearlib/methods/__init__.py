@@ -14,7 +14,7 @@ A method module offers ``takes(pair)`` and
     one run, arguments and returns as of `gearlib.core.run.run`;
 ``run_many(pair, tunings, order, state, carry, periods, record_periods, limit, summaries, ends,
 codes)``
-    many, as of `gearlib.core.run.run_many`.
+    many, as of `gearlib.core.many.run_many`.
 """
 
 from gearlib import checks
