@@ -17,9 +17,9 @@ import numpy as np
 
 from gearlib.core.elementary import cos_sin, decay
 from gearlib.core.flight import phi_below_two
-from gearlib.core.jit import kernel
+from gearlib.core.jit import inlined, kernel
 from gearlib.core.oscillator import UNDERDAMPED
-from gearlib.core.transit import MARGIN, MAX_NEWTON, SHORT, step_to_line, stretch_map
+from gearlib.core.transit import MARGIN, MAX_NEWTON, SHORT, SIXTH, step_to_line, stretch_map
 
 #: Lanes in lockstep: enough vectors to hide the latency of one behind the others.
 LANES = 16
@@ -83,8 +83,9 @@ LOST, SEARCHING, SETTLED = -1.0, 0.0, 1.0
     AIR_SECOND,
     # Within a step.
     REMAIN,
-    FRESH,
+    FRESH_T,
     PROVEN,
+    FIRST,
     LEVEL,
     BEGIN,
     U,
@@ -96,8 +97,21 @@ LOST, SEARCHING, SETTLED = -1.0, 0.0, 1.0
     STATE,
     LEAVING,
     LANDED,
-) = range(0, 62 * LANES, LANES)
-_ROWS = 62
+    # Three and six rows: what `COUNT` to `SPEED` and `EXIT0_T` to `EXIT1_S` are to become.
+    NEXT,
+) = range(0, 64 * LANES, LANES)
+NEXT_EXIT = NEXT + 3 * LANES
+_ROWS = 72
+
+
+@inlined
+def pick(first, a, b):
+    """Return a or b, both at hand.
+
+    A load under a condition keeps a loop from being vectorised. A store that may leave a value as
+    it was becomes a masked one, which is slow: such values go to another row and are copied.
+    """
+    return a if first else b
 
 
 @kernel
@@ -106,25 +120,24 @@ def _to_stretch_end(s):
     far = 0
     for i in range(LANES):
         low = s[PHASE + i] < s[LENGTH0 + i]
-        w = s[W0 + i] if low else s[W1 + i]
-        rate = s[RATE0 + i] if low else s[RATE1 + i]
-        remain = (s[LENGTH0 + i] if low else s[PERIOD + i]) - s[PHASE + i]
-        near = abs(remain - s[NEAR_T + i]) * rate < SHORT and s[NEAR_W + i] == w
+        w = pick(low, s[W0 + i], s[W1 + i])
+        rate = pick(low, s[RATE0 + i], s[RATE1 + i])
+        remain = pick(low, s[LENGTH0 + i], s[PERIOD + i]) - s[PHASE + i]
+        near = (abs(remain - s[NEAR_T + i]) * rate < SHORT) & (s[NEAR_W + i] == w)
         s[REMAIN + i] = remain
-        s[FRESH + i] = 0.0 if near else 1.0
+        s[FRESH_T + i] = pick(near, s[NEAR_T + i], remain)
         far += 0 if near else 1
     if far == 0:
         return
     for i in range(LANES):
-        fresh = s[FRESH + i] != 0.0
-        w = s[W0 + i] if s[PHASE + i] < s[LENGTH0 + i] else s[W1 + i]
-        t = s[REMAIN + i]
+        w = pick(s[PHASE + i] < s[LENGTH0 + i], s[W0 + i], s[W1 + i])
+        t = s[FRESH_T + i]
         c, sine = cos_sin(w * t)
         e = decay(s[DECAY + i] * t)
         s[NEAR_W + i] = w
-        s[NEAR_T + i] = t if fresh else s[NEAR_T + i]
-        s[NEAR_C + i] = e * c if fresh else s[NEAR_C + i]
-        s[NEAR_S + i] = e * sine / w if fresh else s[NEAR_S + i]
+        s[NEAR_T + i] = t
+        s[NEAR_C + i] = e * c
+        s[NEAR_S + i] = e * sine / w
 
 
 @kernel
@@ -133,55 +146,53 @@ def _to_exit_stretch(s):
     for i in range(LANES):
         a = s[DECAY + i]
         low = s[PHASE + i] < s[LENGTH0 + i]
-        w = s[W0 + i] if low else s[W1 + i]
-        square = s[SQUARE0 + i] if low else s[SQUARE1 + i]
-        rest = s[REST0 + i] if low else s[REST1 + i]
+        w = pick(low, s[W0 + i], s[W1 + i])
+        square = pick(low, s[SQUARE0 + i], s[SQUARE1 + i])
+        rest = pick(low, s[REST0 + i], s[REST1 + i])
         u, v, d = -rest, s[SPEED + i], s[REMAIN + i] - s[NEAR_T + i]
         c, sine = s[NEAR_C + i], s[NEAR_S + i]
         end_u = u * c + (v + a * u) * sine
         end_v = v * c - (a * v + square * u) * sine
         acceleration = -2.0 * a * end_v - square * end_u
         jerk = -2.0 * a * acceleration - square * end_v
-        x = rest + end_u + d * (end_v + d * (0.5 * acceleration + d * jerk / 6.0))
+        x = rest + end_u + d * (end_v + d * (0.5 * acceleration + d * jerk * SIXTH))
         v = end_v + d * (acceleration + 0.5 * d * jerk)
         turned = w * s[REMAIN + i]
         single = turned < math.pi
-        double = turned < 2.0 * math.pi and v < 0.0
-        proven = x >= 0.0 and (single or double)
+        double = (turned < 2.0 * math.pi) & (v < 0.0)
+        proven = (x >= 0.0) & (single | double)
         # The whole stretch that follows, if it is proven to stay in contact.
-        other_rest = s[REST1 + i] if low else s[REST0 + i]
+        other_rest = pick(low, s[REST1 + i], s[REST0 + i])
         next_x = (
-            (s[XX1 + i] if low else s[XX0 + i]) * x
-            + (s[XV1 + i] if low else s[XV0 + i]) * v
-            + (s[XC1 + i] if low else s[XC0 + i])
+            pick(low, s[XX1 + i], s[XX0 + i]) * x
+            + pick(low, s[XV1 + i], s[XV0 + i]) * v
+            + pick(low, s[XC1 + i], s[XC0 + i])
         )
         next_v = (
-            (s[VX1 + i] if low else s[VX0 + i]) * x
-            + (s[VV1 + i] if low else s[VV0 + i]) * v
-            + (s[VC1 + i] if low else s[VC0 + i])
+            pick(low, s[VX1 + i], s[VX0 + i]) * x
+            + pick(low, s[VV1 + i], s[VV0 + i]) * v
+            + pick(low, s[VC1 + i], s[VC0 + i])
         )
-        turned = s[TURNS1 + i] if low else s[TURNS0 + i]
+        turned = pick(low, s[TURNS1 + i], s[TURNS0 + i])
         up, down = v >= 0.0, next_v < 0.0
-        single = turned < math.pi and (up or down)
-        double = turned < 2.0 * math.pi and up and down
+        single = (turned < math.pi) & (up | down)
+        double = (turned < 2.0 * math.pi) & up & down
         other = x - other_rest
-        form = (s[SQUARE1 + i] if low else s[SQUARE0 + i]) * other * other + v * (
-            v + 2.0 * a * other
-        )
-        bounded = form < (s[BOUND1 + i] if low else s[BOUND0 + i])
-        passes = (next_x >= 0.0 and (single or double)) or bounded
-        exit_low = low if passes else not low
+        form = pick(low, s[SQUARE1 + i], s[SQUARE0 + i]) * other * other + v * (v + 2.0 * a * other)
+        bounded = form < pick(low, s[BOUND1 + i], s[BOUND0 + i])
+        passes = ((next_x >= 0.0) & (single | double)) | bounded
+        exit_low = low == passes
         x = next_x if passes else x
         s[V + i] = next_v if passes else v
-        s[U + i] = x - (s[REST0 + i] if exit_low else s[REST1 + i])
+        s[U + i] = x - pick(exit_low, s[REST0 + i], s[REST1 + i])
         s[LEVEL + i] = 0.0 if exit_low else 1.0
-        s[BEGIN + i] = (s[LENGTH0 + i] if low else s[PERIOD + i]) + (
-            (s[LENGTH1 + i] if low else s[LENGTH0 + i]) if passes else 0.0
+        s[BEGIN + i] = pick(low, s[LENGTH0 + i], s[PERIOD + i]) + (
+            pick(passes, pick(low, s[LENGTH1 + i], s[LENGTH0 + i]), 0.0)
         )
         s[PROVEN + i] = 1.0 if proven else 0.0
-        s[TRY_T + i] = s[EXIT0_T + i] if exit_low else s[EXIT1_T + i]
-        s[TRY_C + i] = s[EXIT0_C + i] if exit_low else s[EXIT1_C + i]
-        s[TRY_S + i] = s[EXIT0_S + i] if exit_low else s[EXIT1_S + i]
+        s[TRY_T + i] = pick(exit_low, s[EXIT0_T + i], s[EXIT1_T + i])
+        s[TRY_C + i] = pick(exit_low, s[EXIT0_C + i], s[EXIT1_C + i])
+        s[TRY_S + i] = pick(exit_low, s[EXIT0_S + i], s[EXIT1_S + i])
 
 
 @kernel
@@ -191,20 +202,20 @@ def _step_to_exit(s):
     for i in range(LANES):
         low = s[LEVEL + i] == 0.0
         a = s[DECAY + i]
-        square = s[SQUARE0 + i] if low else s[SQUARE1 + i]
-        rest = s[REST0 + i] if low else s[REST1 + i]
-        rate = s[RATE0 + i] if low else s[RATE1 + i]
+        square = pick(low, s[SQUARE0 + i], s[SQUARE1 + i])
+        rest = pick(low, s[REST0 + i], s[REST1 + i])
+        rate = pick(low, s[RATE0 + i], s[RATE1 + i])
         u, v, c, sine = s[U + i], s[V + i], s[TRY_C + i], s[TRY_S + i]
         above = u * c + (v + a * u) * sine
         speed = v * c - (a * v + square * u) * sine
         acceleration = -2.0 * a * speed - square * above
         jerk = -2.0 * a * acceleration - square * speed
         step, short = step_to_line(rest + above, speed, acceleration, jerk, rate)
-        going = speed < 0.0 and s[TRY_T + i] > 0.0
+        going = (speed < 0.0) & (s[TRY_T + i] > 0.0)
         s[STEP + i] = step
         s[LEAVING + i] = speed + step * (acceleration + 0.5 * step * jerk)
-        s[STATE + i] = (SETTLED if short else SEARCHING) if going else LOST
-        more += 1 if going and not short else 0
+        s[STATE + i] = pick(going, pick(short, SETTLED, SEARCHING), LOST)
+        more += 1 if going & (not short) else 0
     return more
 
 
@@ -212,16 +223,15 @@ def _step_to_exit(s):
 def _anchor_exit(s):
     """Propagators at the end of the last step, where it was not short."""
     for i in range(LANES):
-        keep = s[STATE + i] != SEARCHING
-        w = s[W0 + i] if s[LEVEL + i] == 0.0 else s[W1 + i]
-        t = s[TRY_T + i] + s[STEP + i]
+        w = pick(s[LEVEL + i] == 0.0, s[W0 + i], s[W1 + i])
+        t = s[TRY_T + i] + pick(s[STATE + i] == SEARCHING, s[STEP + i], 0.0)
         turned = w * t
-        inside = turned <= 2.0 * math.pi and t > 0.0
-        c, sine = cos_sin(turned if inside else 0.0)
-        e = decay(s[DECAY + i] * t if inside else 0.0)
-        s[TRY_T + i] = s[TRY_T + i] if keep else (t if inside else -1.0)
-        s[TRY_C + i] = s[TRY_C + i] if keep else e * c
-        s[TRY_S + i] = s[TRY_S + i] if keep else e * sine / w
+        inside = (turned <= 2.0 * math.pi) & (t > 0.0)
+        c, sine = cos_sin(pick(inside, turned, 0.0))
+        e = decay(pick(inside, s[DECAY + i] * t, 0.0))
+        s[TRY_T + i] = pick(inside, t, -1.0)
+        s[TRY_C + i] = e * c
+        s[TRY_S + i] = e * sine / w
 
 
 @kernel
@@ -229,22 +239,24 @@ def _prove_exit(s):
     """The exit as part of the orbit: proven first, clear of the far flank."""
     for i in range(LANES):
         low = s[LEVEL + i] == 0.0
-        w = s[W0 + i] if low else s[W1 + i]
-        length = s[LENGTH0 + i] if low else s[LENGTH1 + i]
+        w = pick(low, s[W0 + i], s[W1 + i])
+        length = pick(low, s[LENGTH0 + i], s[LENGTH1 + i])
         t, speed = s[TRY_T + i] + s[STEP + i], s[LEAVING + i]
-        turn = 2.0 * math.pi if s[V + i] >= 0.0 else math.pi
-        inside = t > 0.0 and t <= length and w * t <= turn
-        leaves = speed < 0.0 and speed * speed < s[ESCAPE + i]
-        found = s[STATE + i] == SETTLED and inside and leaves
-        s[PROVEN + i] = s[PROVEN + i] if found else 0.0
+        turn = pick(s[V + i] >= 0.0, 2.0 * math.pi, math.pi)
+        inside = (t > 0.0) & (t <= length) & (w * t <= turn)
+        leaves = (speed < 0.0) & (speed * speed < s[ESCAPE + i])
+        found = (s[STATE + i] == SETTLED) & inside & leaves
+        s[FIRST + i] = pick(found, 1.0, 0.0)
         s[BEGIN + i] += t
         # The new anchors; those of a failed lane are set anew at its next landing.
-        s[EXIT0_T + i] = s[TRY_T + i] if low else s[EXIT0_T + i]
-        s[EXIT0_C + i] = s[TRY_C + i] if low else s[EXIT0_C + i]
-        s[EXIT0_S + i] = s[TRY_S + i] if low else s[EXIT0_S + i]
-        s[EXIT1_T + i] = s[EXIT1_T + i] if low else s[TRY_T + i]
-        s[EXIT1_C + i] = s[EXIT1_C + i] if low else s[TRY_C + i]
-        s[EXIT1_S + i] = s[EXIT1_S + i] if low else s[TRY_S + i]
+        s[NEXT_EXIT + i] = pick(low, s[TRY_T + i], s[EXIT0_T + i])
+        s[NEXT_EXIT + LANES + i] = pick(low, s[TRY_C + i], s[EXIT0_C + i])
+        s[NEXT_EXIT + 2 * LANES + i] = pick(low, s[TRY_S + i], s[EXIT0_S + i])
+        s[NEXT_EXIT + 3 * LANES + i] = pick(low, s[EXIT1_T + i], s[TRY_T + i])
+        s[NEXT_EXIT + 4 * LANES + i] = pick(low, s[EXIT1_C + i], s[TRY_C + i])
+        s[NEXT_EXIT + 5 * LANES + i] = pick(low, s[EXIT1_S + i], s[TRY_S + i])
+    for i in range(6 * LANES):
+        s[EXIT0_T + i] = s[NEXT_EXIT + i]
 
 
 @kernel
@@ -258,11 +270,11 @@ def _step_to_landing(s):
         acceleration = f - 2.0 * b * speed
         jerk = -2.0 * b * acceleration
         step, short = step_to_line(height, speed, acceleration, jerk, 2.0 * b)
-        going = speed > 0.0 and t > 0.0 and 2.0 * b * (t + step) < 2.0
+        going = (speed > 0.0) & (t > 0.0) & (2.0 * b * (t + step) < 2.0)
         s[STEP + i] = step
         s[V + i] = speed + step * (acceleration + 0.5 * step * jerk)
-        s[STATE + i] = (SETTLED if short else SEARCHING) if going else LOST
-        more += 1 if going and not short else 0
+        s[STATE + i] = pick(going, pick(short, SETTLED, SEARCHING), LOST)
+        more += 1 if going & (not short) else 0
     return more
 
 
@@ -270,13 +282,12 @@ def _step_to_landing(s):
 def _anchor_flight(s):
     """Propagators of the flight at the end of the last step, where it was not short."""
     for i in range(LANES):
-        keep = s[STATE + i] != SEARCHING
-        t = s[AIR_T + i] + s[STEP + i]
+        t = s[AIR_T + i] + pick(s[STATE + i] == SEARCHING, s[STEP + i], 0.0)
         gone, first, second = phi_below_two(2.0 * s[DRAG + i] * t)
-        s[AIR_T + i] = s[AIR_T + i] if keep else t
-        s[AIR_DECAY + i] = s[AIR_DECAY + i] if keep else gone
-        s[AIR_FIRST + i] = s[AIR_FIRST + i] if keep else first
-        s[AIR_SECOND + i] = s[AIR_SECOND + i] if keep else second
+        s[AIR_T + i] = t
+        s[AIR_DECAY + i] = gone
+        s[AIR_FIRST + i] = first
+        s[AIR_SECOND + i] = second
 
 
 @kernel
@@ -286,16 +297,18 @@ def _land(s, last):
     for i in range(LANES):
         period = s[PERIOD + i]
         phase = s[BEGIN + i] + s[AIR_T + i] + s[STEP + i]
-        turns = (1.0 if phase >= period else 0.0) + (1.0 if phase >= 2.0 * period else 0.0)
+        turns = pick(phase >= period, 1.0, 0.0) + pick(phase >= 2.0 * period, 1.0, 0.0)
         phase -= turns * period
         count = s[COUNT + i] + turns
-        found = s[STATE + i] == SETTLED and s[PROVEN + i] != 0.0
-        lands = found and s[V + i] >= 0.0 and phase < period and count <= last
-        s[PHASE + i] = phase if lands else s[PHASE + i]
-        s[COUNT + i] = count if lands else s[COUNT + i]
-        s[SPEED + i] = s[V + i] if lands else s[SPEED + i]
-        s[LANDED + i] = 1.0 if lands else 0.0
+        found = (s[STATE + i] == SETTLED) & (s[PROVEN + i] + s[FIRST + i] == 2.0)
+        lands = found & (s[V + i] >= 0.0) & (phase < period) & (count <= last)
+        s[NEXT + i] = pick(lands, count, s[COUNT + i])
+        s[NEXT + LANES + i] = pick(lands, phase, s[PHASE + i])
+        s[NEXT + 2 * LANES + i] = pick(lands, s[V + i], s[SPEED + i])
+        s[LANDED + i] = pick(lands, 1.0, 0.0)
         failed += 0 if lands else 1
+    for i in range(3 * LANES):
+        s[COUNT + i] = s[NEXT + i]
     return failed
 
 
@@ -305,6 +318,12 @@ def new_lanes():
     s = np.full(_ROWS * LANES, -1.0)
     s[W0 : W1 + LANES] = 1.0
     return s
+
+
+@kernel
+def set_idle(s, i):
+    """Let lane i never land."""
+    s[EXIT0_T + i] = s[EXIT1_T + i] = s[AIR_T + i] = -1.0
 
 
 @kernel
@@ -328,7 +347,7 @@ def set_mesh(s, i, m):
         s[VX0 + k], s[VV0 + k], s[VC0 + k] = along.vx, along.vv, along.v0
         s[TURNS0 + k], s[BOUND0 + k] = lev.w * length, along.bound
     s[NEAR_W + i] = -1.0
-    s[EXIT0_T + i] = s[EXIT1_T + i] = s[AIR_T + i] = -1.0
+    set_idle(s, i)
 
 
 @kernel

@@ -19,6 +19,7 @@ from gearlib.core.lanes import (
     SPEED,
     bounce,
     new_lanes,
+    set_idle,
     set_mesh,
     set_orbit,
     suits,
@@ -35,9 +36,9 @@ _ARCS_IN_LANE = 8
 _SEARCH, _PATIENCE = 3, 16
 #: A landing by the plain march costs as much as this many bounces in a lane save.
 _WORTH = 4
-# Columns of the lanes' book: tuning, landings by the plain march, mesh period of the last entry,
-# and for how long `transit` takes the orbit next time.
-_TUNING, _HELPED, _SINCE, _WAIT = range(4)
+# Columns of the lanes' book: place of the orbit in the order, landings by the plain march since it
+# came into the lane, mesh period at which it came, for how long `transit` has it when it leaves.
+_PLACE, _HELPED, _SINCE, _WAIT = range(4)
 
 
 @kernel
@@ -62,96 +63,85 @@ def run_many(
     codes : ndarray of int, shape (n, 2)
         Period and status of every tuning.
     """
+    samples = np.empty((0, orbit.SAMPLE_COLUMNS))
+    events = np.empty((0, orbit.EVENT_COLUMNS))
+    starts = np.empty((order.shape[0], 3))
+    statuses = np.zeros(order.shape[0], np.int64)
     if not carry:
-        _run_in_lanes(
-            ratios, tunings, order, state, periods, record_periods, limit, summaries, ends, codes
-        )
-        return
-    samples = np.empty((0, orbit.SAMPLE_COLUMNS))
-    events = np.empty((0, orbit.EVENT_COLUMNS))
+        unrecorded = skipped(periods, record_periods)
+        skip_in_lanes(ratios, tunings, order, state, unrecorded, limit, starts, statuses)
     x, v = state[0], state[1]
-    for i in order:
+    for j in range(order.shape[0]):
+        i = order[j]
         m = mesh(ratios, tunings[i])
-        x, v, period, _, _, status = run(
-            m, x, v, periods, record_periods, samples, events, limit, summaries[i]
-        )
-        _note(i, x, v, period, status, summaries, ends, codes)
+        period, status = 0, statuses[j]
+        if carry:
+            x, v, period, _, _, status = run(
+                m, x, v, periods, record_periods, samples, events, limit, summaries[i]
+            )
+        elif status == OK:
+            contact, x, v = int(starts[j, 0]), starts[j, 1], starts[j, 2]
+            x, v, period, _, _, status = record(
+                m, contact, x, v, periods, record_periods, samples, events, limit, summaries[i]
+            )
         if status != OK:
+            summaries[i, :] = math.nan
+            ends[i, :] = math.nan
             x, v = state[0], state[1]
+        else:
+            ends[i, 0], ends[i, 1] = x, v
+        codes[i, 0], codes[i, 1] = period, status
 
 
 @kernel
-def _note(i, x, v, period, status, summaries, ends, codes):
-    if status != OK:
-        summaries[i, :] = math.nan
-        x = v = math.nan
-    ends[i, 0], ends[i, 1] = x, v
-    codes[i, 0], codes[i, 1] = period, status
+def skip_in_lanes(ratios, tunings, order, state, periods, limit, ends, statuses):
+    """Go through the first `periods` mesh periods at the tunings ``tunings[order]``, unrecorded.
 
-
-@kernel
-def _run_in_lanes(
-    ratios, tunings, order, state, periods, record_periods, limit, summaries, ends, codes
-):
-    samples = np.empty((0, orbit.SAMPLE_COLUMNS))
-    events = np.empty((0, orbit.EVENT_COLUMNS))
+    Parameters
+    ----------
+    ratios, tunings, order, state, limit
+        As of `run_many`.
+    periods : int
+        Mesh periods from tau = 0, >= 0.
+    ends : ndarray, shape (k, 3)
+        Contact code, displacement and velocity at the end.
+    statuses : ndarray of int, shape (k,)
+    """
     no_arcs = np.empty((0, ARC_COLUMNS))
     lanes, book = new_lanes(), np.full((LANES, 4), -1)
-    unrecorded = skipped(periods, record_periods)
     waiting = 0
     while True:
         busy = 0
         for lane in range(LANES):
-            if lanes[LANDED + lane] == 1.0:
+            j = book[lane, _PLACE]
+            rides = j >= 0 and lanes[LANDED + lane] == 1.0
+            if j >= 0 and not rides:
+                m = mesh(ratios, tunings[order[j]])
+                at = NORMAL, 0.0, lanes[SPEED + lane]
+                rides, contact, x, v, statuses[j] = _help(
+                    m, lanes, lane, book, at, lanes[PHASE + lane], periods, limit, no_arcs
+                )
+                if not rides:
+                    ends[j, 0], ends[j, 1], ends[j, 2] = contact, x, v
+            # A free lane takes the next orbit that rides; those that do not end here.
+            while not rides and waiting < order.shape[0]:
+                j = waiting
+                waiting += 1
+                m = mesh(ratios, tunings[order[j]])
+                rides, contact, x, v, statuses[j] = _enter(
+                    m, lanes, lane, book, state, periods, limit, no_arcs
+                )
+                if not rides:
+                    ends[j, 0], ends[j, 1], ends[j, 2] = contact, x, v
+            book[lane, _PLACE] = j if rides else -1
+            if rides:
                 busy += 1
-                continue
-            # An orbit in the lane that needs help, if any; then as many new ones as end at once.
-            i = book[lane, _TUNING]
-            while True:
-                if i >= 0:
-                    m = mesh(ratios, tunings[i])
-                    phase, v = lanes[PHASE + lane], lanes[SPEED + lane]
-                    at = NORMAL, 0.0, v
-                    rides, contact, x, v, status = _help(
-                        m, lanes, lane, book, at, phase, unrecorded, limit, no_arcs
-                    )
-                elif waiting == order.shape[0]:
-                    break
-                else:
-                    i = order[waiting]
-                    waiting += 1
-                    m = mesh(ratios, tunings[i])
-                    rides, contact, x, v, status = _enter(
-                        m, lanes, lane, book, state, unrecorded, limit, no_arcs
-                    )
-                if rides:
-                    book[lane, _TUNING] = i
-                    busy += 1
-                    break
-                period = 0
-                if status == OK:
-                    x, v, period, _, _, status = record(
-                        m,
-                        contact,
-                        x,
-                        v,
-                        periods,
-                        record_periods,
-                        samples,
-                        events,
-                        limit,
-                        summaries[i],
-                    )
-                _note(i, x, v, period, status, summaries, ends, codes)
-                i = -1
-            if i < 0:
-                book[lane, _TUNING] = -1
-                lanes[SPEED + lane] = -1.0
+            else:
+                set_idle(lanes, lane)
         if busy == 0:
             return
-        failed = 0
-        while failed <= LANES - busy:
-            failed = bounce(lanes, unrecorded - _SEARCH - 1)
+        while bounce(lanes, periods - _SEARCH - 1) == LANES - busy:
+            pass
 
 
 @kernel

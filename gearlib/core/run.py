@@ -1,6 +1,5 @@
 """A whole run: its periods gone through fast, those at its end recorded."""
 
-
 import numpy as np
 
 from gearlib.core import orbit

@@ -32,6 +32,7 @@ MARGIN = 1.0 - 1e-12
 #: to rounding.
 SHORT = 1e-5
 MAX_NEWTON = 6
+SIXTH = 1.0 / 6.0
 
 
 class StretchMap(NamedTuple):
@@ -143,7 +144,7 @@ def step_to_line(height, speed, acceleration, jerk, rate):
     inverse = 1.0 / speed
     r = -height * inverse
     q = 0.5 * acceleration * inverse * r
-    correction = q * (2.0 * q - 1.0) - jerk * inverse * r * r / 6.0
+    correction = q * (2.0 * q - 1.0) - SIXTH * jerk * inverse * r * r
     bend = abs(q) + rate * abs(r)
     return (r * (1.0 + correction) if bend < 0.2 else r), bend < SHORT
 
@@ -219,7 +220,7 @@ def to_the_end(lev, u, v, t, near):
     acceleration = -2.0 * lev.a * end_v - lev.square * end_u
     jerk = -2.0 * lev.a * acceleration - lev.square * end_v
     return (
-        end_u + d * (end_v + d * (0.5 * acceleration + d * jerk / 6.0)),
+        end_u + d * (end_v + d * (0.5 * acceleration + d * jerk * SIXTH)),
         end_v + d * (acceleration + 0.5 * d * jerk),
         near,
         near.t >= 0.0,
