@@ -11,7 +11,10 @@ module                responsibility
 ``march``             the plain march: arc by arc through a stretch of constant stiffness
 ``transit``           the fast march through periods nobody looks at
 ``orbit``             what is recorded of an orbit: extrema, fractions, samples, events
-``run``               a whole run, and runs over many tunings
+``run``               a whole run: its periods gone through fast, those at its end recorded
+``elementary``        exp, sine and cosine as plain arithmetic
+``lanes``             many bouncing orbits in lockstep
+``many``              runs over many tunings: one after the other, or in lanes
 ``polynomial``        first crossing and largest value of a polynomial, isolated
 ``series``            nonlinear mesh: Taylor series of its motion
 ``linear``            many coordinates, linear between events: matrix exponentials

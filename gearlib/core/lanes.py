@@ -19,7 +19,15 @@ from gearlib.core.elementary import cos_sin, decay
 from gearlib.core.flight import phi_below_two
 from gearlib.core.jit import inlined, kernel
 from gearlib.core.oscillator import UNDERDAMPED
-from gearlib.core.transit import MARGIN, MAX_NEWTON, SHORT, SIXTH, step_to_line, stretch_map
+from gearlib.core.transit import (
+    MARGIN,
+    MAX_NEWTON,
+    SHORT,
+    speed_in_flight,
+    step_to_line,
+    stretch_map,
+    taylor_step,
+)
 
 #: Lanes in lockstep: enough vectors to hide the latency of one behind the others.
 LANES = 16
@@ -153,10 +161,8 @@ def _to_exit_stretch(s):
         c, sine = s[NEAR_C + i], s[NEAR_S + i]
         end_u = u * c + (v + a * u) * sine
         end_v = v * c - (a * v + square * u) * sine
-        acceleration = -2.0 * a * end_v - square * end_u
-        jerk = -2.0 * a * acceleration - square * end_v
-        x = rest + end_u + d * (end_v + d * (0.5 * acceleration + d * jerk * SIXTH))
-        v = end_v + d * (acceleration + 0.5 * d * jerk)
+        end_u, v = taylor_step(end_u, end_v, 2.0 * a, square, d)
+        x = rest + end_u
         turned = w * s[REMAIN + i]
         single = turned < math.pi
         double = (turned < 2.0 * math.pi) & (v < 0.0)
@@ -213,7 +219,7 @@ def _step_to_exit(s):
         step, short = step_to_line(rest + above, speed, acceleration, jerk, rate)
         going = (speed < 0.0) & (s[TRY_T + i] > 0.0)
         s[STEP + i] = step
-        s[LEAVING + i] = speed + step * (acceleration + 0.5 * step * jerk)
+        _, s[LEAVING + i] = taylor_step(above, speed, 2.0 * a, square, step)
         s[STATE + i] = pick(going, pick(short, SETTLED, SEARCHING), LOST)
         more += 1 if going & (not short) else 0
     return more
@@ -272,7 +278,7 @@ def _step_to_landing(s):
         step, short = step_to_line(height, speed, acceleration, jerk, 2.0 * b)
         going = (speed > 0.0) & (t > 0.0) & (2.0 * b * (t + step) < 2.0)
         s[STEP + i] = step
-        s[V + i] = speed + step * (acceleration + 0.5 * step * jerk)
+        s[V + i] = speed_in_flight(b, speed, acceleration, step)
         s[STATE + i] = pick(going, pick(short, SETTLED, SEARCHING), LOST)
         more += 1 if going & (not short) else 0
     return more
@@ -328,8 +334,9 @@ def set_idle(s, i):
 
 @kernel
 def suits(m):
-    """Return whether an orbit of a mesh can go by lanes at all."""
-    return m.low.kind == UNDERDAMPED and m.high.kind == UNDERDAMPED and m.gap > 0.0
+    """Return whether an orbit of a mesh can go by lanes at all, and may settle down to do so."""
+    oscillates = m.low.kind == UNDERDAMPED and m.high.kind == UNDERDAMPED
+    return oscillates and m.gap > 0.0 and (m.low.a > 0.0 or m.drag > 0.0)
 
 
 @kernel

@@ -2,7 +2,7 @@
 
 A cold sweep keeps all lanes busy: an orbit that is through makes room for the next tuning. What a
 lane cannot prove, the plain march does up to the next landing; an orbit that does not bounce, or
-for which that happens often, goes by `transit` for a while, for twice as long each time.
+for which that happens often, goes by `transit` for a while, for four times as long each time.
 """
 
 import math
@@ -29,11 +29,13 @@ from gearlib.core.mesh import BACKLASH, NORMAL, contact_of, mesh
 from gearlib.core.run import EVENT_LIMIT, OK, OVERFLOW, record, run, skip, skipped
 from gearlib.core.transit import transit
 
+#: Fewer periods than this do not pay for getting into a lane and out of it.
+_SHORTEST = 64
 #: Arcs in one stretch that a lane may take without counting them.
 _ARCS_IN_LANE = 8
 #: Mesh periods within which the plain march looks for a landing, and for which an orbit is left to
 #: `transit` at first when there is none.
-_SEARCH, _PATIENCE = 3, 16
+_SEARCH, _PATIENCE = 2, 8
 #: A landing by the plain march costs as much as this many bounces in a lane save.
 _WORTH = 4
 # Columns of the lanes' book: place of the orbit in the order, landings by the plain march since it
@@ -67,15 +69,16 @@ def run_many(
     events = np.empty((0, orbit.EVENT_COLUMNS))
     starts = np.empty((order.shape[0], 3))
     statuses = np.zeros(order.shape[0], np.int64)
-    if not carry:
-        unrecorded = skipped(periods, record_periods)
+    unrecorded = skipped(periods, record_periods)
+    in_lanes = not carry and unrecorded >= _SHORTEST
+    if in_lanes:
         skip_in_lanes(ratios, tunings, order, state, unrecorded, limit, starts, statuses)
     x, v = state[0], state[1]
     for j in range(order.shape[0]):
         i = order[j]
         m = mesh(ratios, tunings[i])
         period, status = 0, statuses[j]
-        if carry:
+        if not in_lanes:
             x, v, period, _, _, status = run(
                 m, x, v, periods, record_periods, samples, events, limit, summaries[i]
             )
@@ -87,9 +90,10 @@ def run_many(
         if status != OK:
             summaries[i, :] = math.nan
             ends[i, :] = math.nan
-            x, v = state[0], state[1]
         else:
             ends[i, 0], ends[i, 1] = x, v
+        if status != OK or not carry:
+            x, v = state[0], state[1]
         codes[i, 0], codes[i, 1] = period, status
 
 
@@ -140,7 +144,7 @@ def skip_in_lanes(ratios, tunings, order, state, periods, limit, ends, statuses)
                 set_idle(lanes, lane)
         if busy == 0:
             return
-        while bounce(lanes, periods - _SEARCH - 1) == LANES - busy:
+        while bounce(lanes, periods - 2) == LANES - busy:
             pass
 
 
@@ -161,7 +165,8 @@ def _enter(m, lanes, lane, book, state, periods, limit, no_arcs):
         return False, contact, x, v, EVENT_LIMIT
     set_mesh(lanes, lane, m)
     lanes[COUNT + lane] = 0.0
-    book[lane, _HELPED], book[lane, _SINCE], book[lane, _WAIT] = 0, 0, _PATIENCE
+    # `transit` first: most transients begin with irregular bounces.
+    book[lane, _HELPED], book[lane, _SINCE], book[lane, _WAIT] = limit, 0, _PATIENCE
     return _help(m, lanes, lane, book, (contact, x, v), 0.0, periods, limit, no_arcs)
 
 
@@ -174,10 +179,10 @@ def _help(m, lanes, lane, book, at, phase, periods, limit, no_arcs):
     """
     contact, x, v = at
     count = int(lanes[COUNT + lane])
+    book[lane, _HELPED] += 1
+    calm = book[lane, _HELPED] * _WORTH <= count - book[lane, _SINCE] + 2 * _WORTH
     while True:
-        book[lane, _HELPED] += 1
-        often = book[lane, _HELPED] * _WORTH > count - book[lane, _SINCE] + 2 * _WORTH
-        if not often and count + _SEARCH < periods:
+        if calm and count + _SEARCH + 1 < periods:
             landed, count, phase, contact, x, v, last, status = next_landing(
                 m, count, phase, contact, x, v, count + _SEARCH, limit
             )
@@ -189,12 +194,15 @@ def _help(m, lanes, lane, book, at, phase, periods, limit, no_arcs):
                 return True, contact, x, v, OK
         wait = min(book[lane, _WAIT], periods - count)
         last = count + wait == periods
-        # The run ends in the middle of C_max, half a stretch after a whole one of C_min.
-        contact, x, v, status = _by_transit(m, contact, x, v, phase, wait, last, limit, no_arcs)
+        contact, x, v, status, bounces, cold = _by_transit(
+            m, contact, x, v, phase, wait, last, limit, no_arcs
+        )
         if status != OK or last:
             return False, contact, x, v, status
         phase, count = 0.0, count + wait
-        book[lane, _WAIT] *= 2
+        # What is rare there, or does not go there by the shortcuts, does not go in a lane.
+        calm = cold * _WORTH <= wait <= 2 * bounces
+        book[lane, _WAIT] *= 4
         book[lane, _HELPED], book[lane, _SINCE] = 0, count
 
 
@@ -202,14 +210,15 @@ def _help(m, lanes, lane, book, at, phase, periods, limit, no_arcs):
 def _by_transit(m, contact, x, v, phase, periods, last, limit, no_arcs):
     """Go on for `periods` > 0 periods from `phase`, the last of them only to its middle if `last`.
 
-    The middle is that of the stretch of C_max. Returns (contact, x, v, status).
+    The middle is that of the stretch of C_max. Returns (contact, x, v, status) and the
+    `bounces` and `cold` of `transit`.
     """
     low, high = m.whole_low, 2.0 * m.half_high
     left = 2 * periods - 1 if last else 2 * periods
     if phase > 0.0 and phase < low:
         contact, x, v, count = march(m, 0, 0.0, low - phase, contact, x, v, no_arcs, 0, limit)
         if count > limit:
-            return contact, x, v, EVENT_LIMIT
+            return contact, x, v, EVENT_LIMIT, 0, 0
         phase = low
         left -= 1
     elif phase > 0.0:
@@ -217,21 +226,21 @@ def _by_transit(m, contact, x, v, phase, periods, last, limit, no_arcs):
     if phase > 0.0:
         if left == 0:
             # A landing in C_max of the last period is never left to here.
-            return contact, x, v, OK
+            return contact, x, v, OK, 0, 0
         length = low + high - phase
         contact, x, v, count = march(m, 1, 0.0, length, contact, x, v, no_arcs, 0, limit)
         if count > limit:
-            return contact, x, v, EVENT_LIMIT
+            return contact, x, v, EVENT_LIMIT, 0, 0
         left -= 1
-    contact, x, v, done, count = transit(m, contact, x, v, left, limit, no_arcs)
+    contact, x, v, done, count, bounces, cold = transit(m, contact, x, v, left, limit, no_arcs)
     if count > limit:
-        return contact, x, v, EVENT_LIMIT
+        return contact, x, v, EVENT_LIMIT, 0, 0
     if done < left:
-        return contact, x, v, OVERFLOW
+        return contact, x, v, OVERFLOW, 0, 0
     if not last:
-        return contact, x, v, OK
+        return contact, x, v, OK, bounces, cold
     contact, x, v, count = march(m, 1, 0.0, m.half_high, contact, x, v, no_arcs, 0, limit)
-    return contact, x, v, (EVENT_LIMIT if count > limit else OK)
+    return contact, x, v, (EVENT_LIMIT if count > limit else OK), bounces, cold
 
 
 @kernel

@@ -26,7 +26,7 @@ def skip(m, contact, x, v, periods, limit, no_arcs):
     if count > limit:
         return contact, x, v, EVENT_LIMIT
     stretches = 2 * periods - 1
-    contact, x, v, done, count = transit(m, contact, x, v, stretches, limit, no_arcs)
+    contact, x, v, done, count, _, _ = transit(m, contact, x, v, stretches, limit, no_arcs)
     if count > limit:
         return contact, x, v, EVENT_LIMIT
     if done < stretches:

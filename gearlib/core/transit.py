@@ -28,9 +28,9 @@ from gearlib.core.oscillator import UNDERDAMPED, evolve, propagators
 
 #: Room for rounding in the amplitude bound.
 MARGIN = 1.0 - 1e-12
-#: Times (shares of the shortest natural time) over which three terms of a Taylor series are exact
-#: to rounding.
-SHORT = 1e-5
+#: Times (shares of the shortest natural time) over which `taylor_step` and `step_to_line` are exact
+#: to rounding: they leave out the fourth power of it, times a small factor.
+SHORT = 1e-4
 MAX_NEWTON = 6
 SIXTH = 1.0 / 6.0
 
@@ -150,6 +150,16 @@ def step_to_line(height, speed, acceleration, jerk, rate):
 
 
 @inlined
+def taylor_step(u, v, twice_a, square, step):
+    """Return (u, v) after a short step of the contact oscillator."""
+    acceleration = -twice_a * v - square * u
+    jerk = -twice_a * acceleration - square * v
+    snap = -twice_a * jerk - square * acceleration
+    rise = acceleration + step * (0.5 * jerk + SIXTH * step * snap)
+    return u + step * (v + step * (0.5 * acceleration + SIXTH * step * jerk)), v + step * rise
+
+
+@inlined
 def warm_exit(lev, u, v, near, horizon):
     """Return (t, speed, anchor): leaving of the normal flank, proven first; else t = -1.
 
@@ -171,12 +181,18 @@ def warm_exit(lev, u, v, near, horizon):
         step, short = step_to_line(lev.rest + above, speed, acceleration, jerk, rate)
         root = near.t + step
         if short:
-            speed += step * (acceleration + 0.5 * step * jerk)
+            _, speed = taylor_step(above, speed, 2.0 * lev.a, lev.square, step)
             if 0.0 < root <= horizon and lev.w * root <= turn and speed < 0.0:
                 return root, speed, near
             break
         near = anchor(lev, root)
     return -1.0, 0.0, near
+
+
+@inlined
+def speed_in_flight(b, speed, acceleration, step):
+    """Return the speed of a flight a short step later."""
+    return speed + step * acceleration * (1.0 - b * step * (1.0 - 2.0 / 3.0 * b * step))
 
 
 @inlined
@@ -195,7 +211,7 @@ def return_flight(m, v, near):
         acceleration = f - 2.0 * b * speed
         step, short = step_to_line(height, speed, acceleration, -2.0 * b * acceleration, 2.0 * b)
         if short:
-            speed += step * (acceleration - b * step * acceleration)
+            speed = speed_in_flight(b, speed, acceleration, step)
             return near.t + step, speed, near
         near = flight_anchor(m, near.t + step)
     t = lowest_time(b, f, v)
@@ -217,14 +233,8 @@ def to_the_end(lev, u, v, t, near):
         d = 0.0
     end_u = u * near.c + (v + lev.a * u) * near.s
     end_v = v * near.c - (lev.a * v + lev.square * u) * near.s
-    acceleration = -2.0 * lev.a * end_v - lev.square * end_u
-    jerk = -2.0 * lev.a * acceleration - lev.square * end_v
-    return (
-        end_u + d * (end_v + d * (0.5 * acceleration + d * jerk * SIXTH)),
-        end_v + d * (acceleration + 0.5 * d * jerk),
-        near,
-        near.t >= 0.0,
-    )
+    end_u, end_v = taylor_step(end_u, end_v, 2.0 * lev.a, lev.square, d)
+    return end_u, end_v, near, near.t >= 0.0
 
 
 @kernel
@@ -252,27 +262,30 @@ def transit(m, contact, x, v, stretches, limit, no_arcs):
         point numbers.
     count : int
         limit + 1 when `limit` did not suffice, else at most limit.
+    bounces, cold : int
+        Flights from flank to flank by the shortcuts, and how often these did not suffice.
     """
     low_map = stretch_map(m.low, m.whole_low)
     high_map = stretch_map(m.high, 2.0 * m.half_high)
     exit_low = exit_high = end_low = end_high = Anchor(-1.0, 0.0, 0.0)
     flight = FlightAnchor(-1.0, 0.0, 0.0, 0.0)
     escape = 2.0 * m.pull * m.gap * MARGIN
-    k = 0
+    k = bounces = cold = 0
     while k < stretches:
         high = k & 1 == 1
         if high:
             lev, length, along = m.high, 2.0 * m.half_high, high_map
             if not within_range(x, v):
-                return contact, x, v, k, 0
+                return contact, x, v, k, 0, bounces, cold
         else:
             lev, length, along = m.low, m.whole_low, low_map
         if contact != NORMAL:
+            cold += 1
             contact, x, v, count = march(
                 m, 1 if high else 0, 0.0, length, contact, x, v, no_arcs, 0, limit
             )
             if count > limit:
-                return contact, x, v, k, count
+                return contact, x, v, k, count, bounces, cold
             k += 1
             continue
 
@@ -301,7 +314,7 @@ def transit(m, contact, x, v, stretches, limit, no_arcs):
         while True:
             count += 1
             if count > limit:
-                return contact, x, v, k, count
+                return contact, x, v, k, count, bounces, cold
             u = x - lev.rest
             rest_of_stretch = length - t
             if t > 0.0:
@@ -320,6 +333,7 @@ def transit(m, contact, x, v, stretches, limit, no_arcs):
             last = exit_high if high else exit_low
             leave, speed, last = warm_exit(lev, u, v, last, rest_of_stretch)
             if leave < 0.0:
+                cold += 1
                 leave = descent_time(lev, u, v, -lev.rest, rest_of_stretch)
                 if leave <= rest_of_stretch:
                     _, speed = evolve(lev, u, v, leave)
@@ -335,6 +349,7 @@ def transit(m, contact, x, v, stretches, limit, no_arcs):
                 exit_low = last
             if speed * speed >= escape:
                 # The far flank may be met: the plain march takes the rest of the stretch.
+                cold += 1
                 flying = BACKLASH if m.gap > 0.0 else INVERSE
                 contact, x, v, count = march(
                     m,
@@ -349,11 +364,12 @@ def transit(m, contact, x, v, stretches, limit, no_arcs):
                     limit,
                 )
                 if count > limit:
-                    return contact, x, v, k, count
+                    return contact, x, v, k, count, bounces, cold
                 k += 1
                 break
             airtime, landing_speed, flight = return_flight(m, speed, flight)
             t += leave + airtime
+            bounces += 1
             while t >= length and k < stretches:
                 t -= length
                 k += 1
@@ -366,7 +382,7 @@ def transit(m, contact, x, v, stretches, limit, no_arcs):
                 # Still in the air at the very end (or just landed: t = 0).
                 if t > 0.0:
                     x, v = fly(m.drag, m.pull, 0.0, speed, airtime - t)
-                    return BACKLASH, x, v, k, count
-                return NORMAL, 0.0, landing_speed, k, count
+                    return BACKLASH, x, v, k, count, bounces, cold
+                return NORMAL, 0.0, landing_speed, k, count, bounces, cold
             x, v = 0.0, landing_speed
-    return contact, x, v, k, 0
+    return contact, x, v, k, 0, bounces, cold

@@ -8,7 +8,17 @@ import pytest
 from gearlib.core.elementary import cos_sin, decay
 from gearlib.core.flight import phi, phi_below_two
 from gearlib.core.jit import kernel
-from gearlib.core.lanes import COUNT, LANES, PHASE, SPEED, bounce, new_lanes, set_mesh, set_orbit
+from gearlib.core.lanes import (
+    COUNT,
+    LANDED,
+    LANES,
+    PHASE,
+    SPEED,
+    bounce,
+    new_lanes,
+    set_mesh,
+    set_orbit,
+)
 from gearlib.core.many import next_landing, skip_in_lanes
 from gearlib.core.march import ARC_COLUMNS, march_period
 from gearlib.core.mesh import contact_of, mesh
@@ -38,11 +48,13 @@ def compare(ratios, tunings, x, v, periods):
     assert not statuses.any()
     plain_march(ratios, tunings, x, v, periods, plain)
     # What rounding alone does to these orbits; see test_transit.
-    plain_march(ratios, tunings, x + 1e-13 * max(1.0, abs(x)), v, periods, moved)
-    spread = abs(moved[:, 1:] - plain[:, 1:]).sum(axis=1)
+    spread = np.zeros(n)
+    for dx, dv in ((1e-13, 0.0), (-1e-13, 0.0), (0.0, 1e-13)):
+        plain_march(ratios, tunings, x + dx * max(1.0, abs(x)), v + dv, periods, moved)
+        spread = np.maximum(spread, abs(moved[:, 1:] - plain[:, 1:]).sum(axis=1))
     scale = 1.0 + abs(plain[:, 1:]).sum(axis=1)
     error = abs(lanes[:, 1:] - plain[:, 1:]).sum(axis=1)
-    wrong = error > 1e-11 * scale + 3.0 * spread
+    wrong = error > 1e-11 * scale + 10.0 * spread
     assert not wrong.any(), (ratios, tunings[wrong], x, v, lanes[wrong], plain[wrong])
     calm = spread < 1e-12
     return (error / scale)[calm].max(initial=0.0)
@@ -60,7 +72,7 @@ def test_lanes_equal_plain_march(seed):
             tuning = rng.uniform(0.4, 1.3)
             x, v = rng.uniform(-1.0, 2.0), rng.uniform(-1.0, 1.0)
         tunings = tuning * (1.0 + np.sort(rng.uniform(0.0, 0.2, 2 * LANES + 3)))
-        compare(ratios, tunings, x, v, 12)
+        compare(ratios, tunings, x, v, 20)
 
 
 def ratios_of(contact_ratio, stiffness_ratio, damping, drag, gap):
@@ -77,7 +89,7 @@ def test_special_meshes(contact_ratio, damping, gap):
     for drag in (0.0, 0.0617, 3.0):
         ratios = ratios_of(contact_ratio, 0.5879, damping, drag, gap)
         for x, v in ((0.0, 0.0), (0.0, -0.5), (1.0, 1.0), (-0.2, 0.0)):
-            compare(ratios, tunings, x, v, 12)
+            compare(ratios, tunings, x, v, 20)
 
 
 def test_regular_orbits_to_twelve_digits():
@@ -131,21 +143,67 @@ def help_lane(lanes, i, m, start):
         lanes[SPEED + i] = -1.0
 
 
+def jump_of_the_next_landing(m, phase):
+    """Return the landing speeds, a rounding apart, between which the next landing jumps."""
+
+    def next_time(speed):
+        _, count, at, *_ = next_landing(m, 0, phase, 1, 0.0, speed, 50, LIMIT)
+        return 7.0 * count + at
+
+    speeds = np.linspace(0.05, 1.5, 300)
+    times = np.array([next_time(speed) for speed in speeds])
+    jumps = np.flatnonzero(abs(np.diff(times)) > 0.3)
+    if jumps.size == 0:
+        return None
+    low, high = speeds[jumps[0]], speeds[jumps[0] + 1]
+    first = times[jumps[0]]
+    while np.nextafter(low, high) < high:
+        middle = 0.5 * (low + high)
+        if not low < middle < high:
+            break
+        if abs(next_time(middle) - first) < 0.15:
+            low, first = middle, next_time(middle)
+        else:
+            high = middle
+    return low, high
+
+
 def test_grazing_the_flank_line():
-    # A minimum `miss` above or below the line within the first period, by a motion run backwards.
-    ratios = ratios_of(1.569, 0.5879, 0.0, 0.0, 4.0)
-    tunings = np.linspace(0.79, 0.81, 2 * LANES)
-    for tuning in tunings[::4]:
-        m = mesh(ratios, tuning)
-        for miss in 10.0 ** -np.arange(3, 15):
-            for side in (-1.0, 1.0):
-                u, w = side * miss - m.high.rest, m.high.w
-                x, v = u * math.cos(0.6 * w) + m.high.rest, -u * w * math.sin(-0.6 * w)
-                compare(ratios, tunings, x, -abs(v), 8)
+    # The next landing jumps where a minimum just touches the line. On both sides of it, as close
+    # as 1e-14, lanes with guesses from the one and from the other side find the right one or none.
+    rng = np.random.default_rng(7)
+    found = landed = 0
+    for _ in range(80):
+        ratios = ratios_of(rng.uniform(1.2, 1.8), rng.uniform(0.3, 0.9), 0.01, 0.01, math.inf)
+        m = mesh(ratios, rng.uniform(0.5, 1.2))
+        phase = rng.uniform(0.0, 6.2)
+        sides = jump_of_the_next_landing(m, phase)
+        if sides is None:
+            continue
+        found += 1
+        for guess in sides:
+            _, _, _, _, _, _, last, _ = next_landing(m, 0, phase, 1, 0.0, guess, 50, LIMIT)
+            lanes = new_lanes()
+            misses = 10.0 ** -np.linspace(3.0, 14.0, LANES // 2)
+            speeds = np.concatenate([sides[0] - misses, sides[1] + misses])
+            for i, speed in enumerate(speeds):
+                set_mesh(lanes, i, m)
+                set_orbit(lanes, i, 0, phase, speed, *last)
+            bounce(lanes, 10**9)
+            for i, speed in enumerate(speeds):
+                if lanes[LANDED + i] == 1.0:
+                    landed += 1
+                    _, count, at, _, _, v, _, _ = next_landing(
+                        m, 0, phase, 1, 0.0, speed, 50, LIMIT
+                    )
+                    assert lanes[COUNT + i] == count
+                    # A flank left at a graze feels rounding as its square root.
+                    assert abs(lanes[PHASE + i] - at) < 1e-7 and abs(lanes[SPEED + i] - v) < 1e-7
+    assert found > 40 and landed > 200
 
 
 def test_company_does_not_matter():
-    ratios = ratios_of(1.569, 0.5879, 0.0, 0.0, 4.0)
+    ratios = ratios_of(1.569, 0.5879, 0.001, 0.0, 4.0)
     tunings = np.linspace(0.5, 1.4, 100)
     state, statuses = np.zeros(2), np.zeros(100, dtype=np.int64)
     together, alone = np.empty((100, 3)), np.empty((100, 3))
