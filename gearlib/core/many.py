@@ -34,7 +34,7 @@ _SHORTEST = 64
 #: Arcs in one stretch that a lane may take without counting them.
 _ARCS_IN_LANE = 8
 #: Mesh periods within which the plain march looks for a landing, and for which an orbit is left to
-#: `transit` at first when there is none.
+#: `transit` at first.
 _SEARCH, _PATIENCE = 2, 8
 #: A landing by the plain march costs as much as this many bounces in a lane save.
 _WORTH = 4
@@ -166,7 +166,7 @@ def _enter(m, lanes, lane, book, state, periods, limit, no_arcs):
     set_mesh(lanes, lane, m)
     lanes[COUNT + lane] = 0.0
     # `transit` first: most transients begin with irregular bounces.
-    book[lane, _HELPED], book[lane, _SINCE], book[lane, _WAIT] = limit, 0, _PATIENCE
+    book[lane, _HELPED], book[lane, _SINCE], book[lane, _WAIT] = _PATIENCE, 0, _PATIENCE
     return _help(m, lanes, lane, book, (contact, x, v), 0.0, periods, limit, no_arcs)
 
 
@@ -200,7 +200,7 @@ def _help(m, lanes, lane, book, at, phase, periods, limit, no_arcs):
         if status != OK or last:
             return False, contact, x, v, status
         phase, count = 0.0, count + wait
-        # What is rare there, or does not go there by the shortcuts, does not go in a lane.
+        # An orbit that bounces too seldom, or not by the shortcuts there, is none for a lane.
         calm = cold * _WORTH <= wait <= 2 * bounces
         book[lane, _WAIT] *= 4
         book[lane, _HELPED], book[lane, _SINCE] = 0, count
