@@ -13,9 +13,9 @@ from gearlib.variables import describe, scales, speed_scales
 
 DIRECTIONS = ("cold", "up", "down")
 
-#: Tunings handed to a thread at a time: enough to keep the lanes of `gearlib.core.lanes` filled,
-#: few enough to share out the chaotic end of a sweep, where a period costs more.
-_FEWEST, _MOST = 16, 128
+#: Tunings handed to a thread at a time are a multiple of the lanes of `gearlib.core.lanes`: enough
+#: to hide the hand-over, few enough to share out the chaotic end of a sweep.
+_LANES, _MOST = 16, 8
 
 
 def sweep(
@@ -99,7 +99,7 @@ def sweep(
     order = np.argsort(tunings)
     if direction == "down":
         order = order[::-1].copy()
-    chunk = min(max(order.size // (4 * threads), _FEWEST), _MOST)
+    chunk = _LANES * min(max(order.size // (4 * threads * _LANES), 1), _MOST)
     chunks = [order[i : i + chunk] for i in range(0, order.size, chunk)]
     if carry or threads == 1 or len(chunks) < 2:
         go_through(order)

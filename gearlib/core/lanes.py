@@ -123,10 +123,10 @@ def pick(first, a, b):
 
 
 @kernel
-def _to_stretch_end(s):
+def _to_stretch_end(s, n):
     """Propagators over the rest of the landing stretch, anew only where the last are too far."""
     far = 0
-    for i in range(LANES):
+    for i in range(n):
         low = s[PHASE + i] < s[LENGTH0 + i]
         w = pick(low, s[W0 + i], s[W1 + i])
         rate = pick(low, s[RATE0 + i], s[RATE1 + i])
@@ -137,7 +137,7 @@ def _to_stretch_end(s):
         far += 0 if near else 1
     if far == 0:
         return
-    for i in range(LANES):
+    for i in range(n):
         w = pick(s[PHASE + i] < s[LENGTH0 + i], s[W0 + i], s[W1 + i])
         t = s[FRESH_T + i]
         c, sine = cos_sin(w * t)
@@ -149,9 +149,9 @@ def _to_stretch_end(s):
 
 
 @kernel
-def _to_exit_stretch(s):
+def _to_exit_stretch(s, n):
     """State at the start of the stretch in which the flank is left, and the first guess there."""
-    for i in range(LANES):
+    for i in range(n):
         a = s[DECAY + i]
         low = s[PHASE + i] < s[LENGTH0 + i]
         w = pick(low, s[W0 + i], s[W1 + i])
@@ -202,10 +202,10 @@ def _to_exit_stretch(s):
 
 
 @kernel
-def _step_to_exit(s):
+def _step_to_exit(s, n):
     """One step of Newton's method to the flank line; return how many lanes want another."""
     more = 0
-    for i in range(LANES):
+    for i in range(n):
         low = s[LEVEL + i] == 0.0
         a = s[DECAY + i]
         square = pick(low, s[SQUARE0 + i], s[SQUARE1 + i])
@@ -226,9 +226,9 @@ def _step_to_exit(s):
 
 
 @kernel
-def _anchor_exit(s):
+def _anchor_exit(s, n):
     """Propagators at the end of the last step, where it was not short."""
-    for i in range(LANES):
+    for i in range(n):
         w = pick(s[LEVEL + i] == 0.0, s[W0 + i], s[W1 + i])
         t = s[TRY_T + i] + pick(s[STATE + i] == SEARCHING, s[STEP + i], 0.0)
         turned = w * t
@@ -241,9 +241,9 @@ def _anchor_exit(s):
 
 
 @kernel
-def _prove_exit(s):
+def _prove_exit(s, n):
     """The exit as part of the orbit: proven first, clear of the far flank."""
-    for i in range(LANES):
+    for i in range(n):
         low = s[LEVEL + i] == 0.0
         w = pick(low, s[W0 + i], s[W1 + i])
         length = pick(low, s[LENGTH0 + i], s[LENGTH1 + i])
@@ -266,10 +266,10 @@ def _prove_exit(s):
 
 
 @kernel
-def _step_to_landing(s):
+def _step_to_landing(s, n):
     """One step of Newton's method to the landing; return how many lanes want another."""
     more = 0
-    for i in range(LANES):
+    for i in range(n):
         b, f, v, t = s[DRAG + i], s[PULL + i], s[LEAVING + i], s[AIR_T + i]
         height = t * (v * s[AIR_FIRST + i] + f * t * s[AIR_SECOND + i])
         speed = v * s[AIR_DECAY + i] + f * t * s[AIR_FIRST + i]
@@ -285,9 +285,9 @@ def _step_to_landing(s):
 
 
 @kernel
-def _anchor_flight(s):
+def _anchor_flight(s, n):
     """Propagators of the flight at the end of the last step, where it was not short."""
-    for i in range(LANES):
+    for i in range(n):
         t = s[AIR_T + i] + pick(s[STATE + i] == SEARCHING, s[STEP + i], 0.0)
         gone, first, second = phi_below_two(2.0 * s[DRAG + i] * t)
         s[AIR_T + i] = t
@@ -297,10 +297,10 @@ def _anchor_flight(s):
 
 
 @kernel
-def _land(s, last):
+def _land(s, n, last):
     """Move the proven lanes to their landings; return how many are not."""
     failed = 0
-    for i in range(LANES):
+    for i in range(n):
         period = s[PERIOD + i]
         phase = s[BEGIN + i] + s[AIR_T + i] + s[STEP + i]
         turns = pick(phase >= period, 1.0, 0.0) + pick(phase >= 2.0 * period, 1.0, 0.0)
@@ -378,23 +378,23 @@ def set_orbit(s, i, count, phase, speed, which, leaving, airtime):
 
 
 @kernel
-def bounce(s, last):
-    """Take every lane to its next landing, not beyond mesh period `last`.
+def bounce(s, n, last):
+    """Take the first n lanes, a multiple of 4, to their next landings, not beyond period `last`.
 
     Returns
     -------
     int
-        How many lanes have not moved, idle ones included; `LANDED` says which.
+        How many of them have not moved, idle ones included; `LANDED` says which.
     """
-    _to_stretch_end(s)
-    _to_exit_stretch(s)
+    _to_stretch_end(s, n)
+    _to_exit_stretch(s, n)
     for _ in range(MAX_NEWTON):
-        if _step_to_exit(s) == 0:
+        if _step_to_exit(s, n) == 0:
             break
-        _anchor_exit(s)
-    _prove_exit(s)
+        _anchor_exit(s, n)
+    _prove_exit(s, n)
     for _ in range(MAX_NEWTON):
-        if _step_to_landing(s) == 0:
+        if _step_to_landing(s, n) == 0:
             break
-        _anchor_flight(s)
-    return _land(s, last)
+        _anchor_flight(s, n)
+    return _land(s, n, last)

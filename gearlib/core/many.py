@@ -70,7 +70,7 @@ def run_many(
     starts = np.empty((order.shape[0], 3))
     statuses = np.zeros(order.shape[0], np.int64)
     unrecorded = skipped(periods, record_periods)
-    in_lanes = not carry and unrecorded >= _SHORTEST
+    in_lanes = not carry and unrecorded >= _SHORTEST and tunings.shape[0] > 1
     if in_lanes:
         skip_in_lanes(ratios, tunings, order, state, unrecorded, limit, starts, statuses)
     x, v = state[0], state[1]
@@ -115,7 +115,7 @@ def skip_in_lanes(ratios, tunings, order, state, periods, limit, ends, statuses)
     lanes, book = new_lanes(), np.full((LANES, 4), -1)
     waiting = 0
     while True:
-        busy = 0
+        busy = used = 0
         for lane in range(LANES):
             j = book[lane, _PLACE]
             rides = j >= 0 and lanes[LANDED + lane] == 1.0
@@ -140,11 +140,14 @@ def skip_in_lanes(ratios, tunings, order, state, periods, limit, ends, statuses)
             book[lane, _PLACE] = j if rides else -1
             if rides:
                 busy += 1
+                used = lane + 1
             else:
                 set_idle(lanes, lane)
         if busy == 0:
             return
-        while bounce(lanes, periods - 2) == LANES - busy:
+        # Whole vectors of lanes, so that a few orbits do not pay for all lanes.
+        used = (used + 3) // 4 * 4
+        while bounce(lanes, used, periods - 2) == used - busy:
             pass
 
 

@@ -113,7 +113,7 @@ def test_one_bounce_at_a_time():
             help_lane(lanes, i, m, (0, 0.3, 1, rng.uniform(-0.3, 1.0), rng.uniform(-1.0, 1.0)))
         for _ in range(40):
             before = lanes.copy()
-            bounce(lanes, 10**9)
+            bounce(lanes, LANES, 10**9)
             for i, m in enumerate(meshes):
                 start = int(before[COUNT + i]), before[PHASE + i], 1, 0.0, before[SPEED + i]
                 if before[SPEED + i] < 0.0:
@@ -189,7 +189,7 @@ def test_grazing_the_flank_line():
             for i, speed in enumerate(speeds):
                 set_mesh(lanes, i, m)
                 set_orbit(lanes, i, 0, phase, speed, *last)
-            bounce(lanes, 10**9)
+            bounce(lanes, LANES, 10**9)
             for i, speed in enumerate(speeds):
                 if lanes[LANDED + i] == 1.0:
                     landed += 1
