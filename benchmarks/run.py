@@ -39,16 +39,28 @@ def seconds(call):
     return statistics.median(times)
 
 
-def per_period(tuning, tunings=64, short=200, long=20_200):
-    """Return nanoseconds per mesh period of a cold sweep of equal tunings around `tuning`."""
-    grid = tuning * (1.0 + 1e-9 * np.arange(tunings))
+def per_period(pair, grid, short=200, long=20_200, **options):
+    """Return nanoseconds per mesh period and tuning of a sweep on one thread."""
 
     def run(periods):
-        sweep(DAMPED, grid, periods=periods, record_periods=1, threads=1)
+        sweep(pair, grid, periods=periods, record_periods=1, threads=1, **options)
 
-    return (
-        (seconds(lambda: run(long)) - seconds(lambda: run(short))) / (long - short) / tunings * 1e9
-    )
+    extra = seconds(lambda: run(long)) - seconds(lambda: run(short))
+    return extra / (long - short) / len(grid) * 1e9
+
+
+def speed_up(grid, periods=2_000):
+    """Return how much faster two threads are than one on a cold sweep."""
+
+    def run(threads):
+        sweep(DAMPED, grid, periods=periods, record_periods=1, threads=threads)
+
+    return seconds(lambda: run(1)) / seconds(lambda: run(2))
+
+
+def near(tuning, n):
+    """Return n tunings that differ by rounding only."""
+    return tuning * (1.0 + 1e-9 * np.arange(n))
 
 
 def machine():
@@ -137,7 +149,7 @@ def against_scipy():
 def main():
     """Print a table of figures, one per line."""
     print(machine())
-    grid = np.linspace(0.5, 1.4, 901)
+    grid, bouncing = np.linspace(0.5, 1.4, 901), np.linspace(0.85, 1.1, 4096)
     one = {"periods": 120, "record_periods": 24}
     chaotic = DAMPED.replace(material_damping=0.0, backlash_damping=0.0)
     first_point = (
@@ -145,8 +157,33 @@ def main():
         "simulate(GearPair.from_ratios(contact_ratio=1.5, stiffness_ratio=.6), .8, periods=9)"
     )
     rows = [
-        ("cold sweep, nu = 0.9, a bounce in every period", per_period(0.9), "ns per mesh period"),
-        ("cold sweep, nu = 0.7, no bounce", per_period(0.7), "ns per mesh period"),
+        # An upward sweep goes one orbit at a time, a cold one in lanes.
+        (
+            "one orbit, nu = 0.9, a bounce in every period",
+            per_period(DAMPED, near(0.9, 8), direction="up"),
+            "ns per mesh period",
+        ),
+        (
+            "one orbit, nu = 0.7, no bounce",
+            per_period(DAMPED, near(0.7, 8), direction="up"),
+            "ns per mesh period",
+        ),
+        (
+            "cold sweep, 4096 bouncing tunings, settled orbits",
+            per_period(DAMPED, bouncing, 300, 1_300),
+            "ns per mesh period",
+        ),
+        (
+            "cold sweep, 64 tunings by 0.7, no bounce",
+            per_period(DAMPED, near(0.7, 64)),
+            "ns per mesh period",
+        ),
+        (
+            "cold sweep, conservative, chaotic, 901 tunings",
+            per_period(chaotic, grid, 200, 700),
+            "ns per mesh period",
+        ),
+        ("cold sweep, 4096 bouncing tunings: two threads", speed_up(bouncing), "times one"),
         (
             "simulate, 120 periods, 24 recorded, 256 samples each",
             seconds(lambda: simulate(DAMPED, 0.9, **one)) * 1e3,

@@ -11,7 +11,10 @@ module                responsibility
 ``march``             the plain march: arc by arc through a stretch of constant stiffness
 ``transit``           the fast march through periods nobody looks at
 ``orbit``             what is recorded of an orbit: extrema, fractions, samples, events
-``run``               a whole run, and runs over many tunings
+``run``               a whole run: its periods gone through fast, those at its end recorded
+``elementary``        exp, sine and cosine as plain arithmetic
+``lanes``             many bouncing orbits in lockstep
+``many``              runs over many tunings: one after the other, or in lanes
 ``polynomial``        first crossing and largest value of a polynomial, isolated
 ``series``            nonlinear mesh: Taylor series of its motion
 ``system``            many coordinates: matrices, tables and Taylor series
@@ -38,9 +41,10 @@ def warm_up():
     import numpy as np
 
     from gearlib.core.jit import source_hash
+    from gearlib.core.many import run_many
     from gearlib.core.mesh import mesh
     from gearlib.core.orbit import EVENT_COLUMNS, SAMPLE_COLUMNS, SUMMARY_COLUMNS
-    from gearlib.core.run import run, run_many
+    from gearlib.core.run import run
 
     ratios = np.array([1.2, 0.7, 1.8, 2.7, 0.06, 0.06, 4.0])
     rows = np.empty((1, SUMMARY_COLUMNS)), np.empty((1, 2)), np.empty((1, 2), dtype=np.int64)

@@ -13,7 +13,7 @@ flight has one lowest point at most, and always ends.
 
 import math
 
-from gearlib.core.jit import kernel
+from gearlib.core.jit import inlined, kernel
 
 #: Below this z the power series of phi2 is used: the closed form would lose two digits there.
 _SERIES_BELOW = 0.5
@@ -22,29 +22,45 @@ _QUADRATIC = 1e-10
 _MAX_ITERATIONS = 60
 
 
+@inlined
+def _phi_series(z):
+    # Taylor series of phi2, (-z)^k / (k + 2)!, cut where z^13 / 15! < 1e-16.
+    r = 1.0 / 87178291200.0
+    r = 1.0 / 6227020800.0 - z * r
+    r = 1.0 / 479001600.0 - z * r
+    r = 1.0 / 39916800.0 - z * r
+    r = 1.0 / 3628800.0 - z * r
+    r = 1.0 / 362880.0 - z * r
+    r = 1.0 / 40320.0 - z * r
+    r = 1.0 / 5040.0 - z * r
+    r = 1.0 / 720.0 - z * r
+    r = 1.0 / 120.0 - z * r
+    r = 1.0 / 24.0 - z * r
+    r = 1.0 / 6.0 - z * r
+    second = 0.5 - z * r
+    return 1.0 - z * second, second
+
+
 @kernel
 def phi(z):
     """Return (exp(-z), phi1(z), phi2(z)) for z >= 0."""
     if z < _SERIES_BELOW:
-        # Taylor series of phi2, (-z)^k / (k + 2)!, cut where z^13 / 15! < 1e-16.
-        r = 1.0 / 87178291200.0
-        r = 1.0 / 6227020800.0 - z * r
-        r = 1.0 / 479001600.0 - z * r
-        r = 1.0 / 39916800.0 - z * r
-        r = 1.0 / 3628800.0 - z * r
-        r = 1.0 / 362880.0 - z * r
-        r = 1.0 / 40320.0 - z * r
-        r = 1.0 / 5040.0 - z * r
-        r = 1.0 / 720.0 - z * r
-        r = 1.0 / 120.0 - z * r
-        r = 1.0 / 24.0 - z * r
-        r = 1.0 / 6.0 - z * r
-        second = 0.5 - z * r
-        first = 1.0 - z * second
+        first, second = _phi_series(z)
         return 1.0 - z * first, first, second
     gone = -math.expm1(-z)
     first = gone / z
     return 1.0 - gone, first, (1.0 - first) / z
+
+
+@inlined
+def phi_below_two(z):
+    """Return `phi` for 0 <= z < 2, without a branch: for loops over lanes."""
+    h = 0.25 * z
+    first, second = _phi_series(h)
+    # Twice from h to 2 h: sums of positive terms.
+    second, first = 0.5 * second + 0.25 * first * first, first - 0.5 * h * first * first
+    second, first = 0.5 * second + 0.25 * first * first, first - h * first * first
+    return 1.0 - z * first, first, second
 
 
 @kernel

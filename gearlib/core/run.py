@@ -1,13 +1,11 @@
-"""A whole run, and runs over many tunings."""
-
-import math
+"""A whole run: its periods gone through fast, those at its end recorded."""
 
 import numpy as np
 
 from gearlib.core import orbit
 from gearlib.core.jit import kernel
 from gearlib.core.march import ARC_COLUMNS, march, march_period, within_range
-from gearlib.core.mesh import contact_of, mesh
+from gearlib.core.mesh import contact_of
 from gearlib.core.transit import transit
 
 OK, EVENT_LIMIT, OVERFLOW, NOT_CONVERGED, STALLED = range(5)
@@ -16,13 +14,19 @@ _FIRST_ARCS = 32
 
 
 @kernel
-def _skip_periods(m, contact, x, v, periods, limit, no_arcs):
+def skipped(periods, record_periods):
+    """Return how many periods of a run come before those whose states are kept."""
+    return max(0, periods - max(record_periods, orbit.STROBE_PERIODS))
+
+
+@kernel
+def skip(m, contact, x, v, periods, limit, no_arcs):
     """Go through `periods` > 0 mesh periods from the middle of a C_max stretch, unrecorded."""
     contact, x, v, count = march(m, 1, 0.0, m.half_high, contact, x, v, no_arcs, 0, limit)
     if count > limit:
         return contact, x, v, EVENT_LIMIT
     stretches = 2 * periods - 1
-    contact, x, v, done, count = transit(m, contact, x, v, stretches, limit, no_arcs)
+    contact, x, v, done, count, _, _ = transit(m, contact, x, v, stretches, limit, no_arcs)
     if count > limit:
         return contact, x, v, EVENT_LIMIT
     if done < stretches:
@@ -64,8 +68,23 @@ def run(m, x, v, periods, record_periods, samples, events, limit, summary):
     status : int
         OK, EVENT_LIMIT or OVERFLOW.
     """
+    contact = contact_of(m.gap, x, v)
+    if not within_range(x, v):
+        return x, v, 0, events, 0, OVERFLOW
+    unrecorded = skipped(periods, record_periods)
+    if unrecorded > 0:
+        no_arcs = np.empty((0, ARC_COLUMNS))
+        contact, x, v, status = skip(m, contact, x, v, unrecorded, limit, no_arcs)
+        if status != OK:
+            return x, v, 0, events, 0, status
+    return record(m, contact, x, v, periods, record_periods, samples, events, limit, summary)
+
+
+@kernel
+def record(m, contact, x, v, periods, record_periods, samples, events, limit, summary):
+    """Go through the periods that `skipped` leaves of a run; arguments and returns as of `run`."""
     orbit.clear_summary(summary)
-    strobe_periods = min(periods, max(record_periods, orbit.STROBE_PERIODS))
+    strobe_periods = periods - skipped(periods, record_periods)
     kept = min(strobe_periods, orbit.STROBE_PERIODS)
     strobes = np.empty((kept + 1, 2))
     want_events = events.shape[0] > 0
@@ -73,15 +92,6 @@ def run(m, x, v, periods, record_periods, samples, events, limit, summary):
     found = 0
     arcs = np.empty((_FIRST_ARCS, ARC_COLUMNS))
     no_arcs = arcs[:0]
-    contact = contact_of(m.gap, x, v)
-    if not within_range(x, v):
-        return x, v, 0, events, 0, OVERFLOW
-    if periods > strobe_periods:
-        contact, x, v, status = _skip_periods(
-            m, contact, x, v, periods - strobe_periods, limit, no_arcs
-        )
-        if status != OK:
-            return x, v, 0, events, 0, status
     previous = contact
     for i in range(strobe_periods):
         n = periods - strobe_periods + i
@@ -116,44 +126,3 @@ def run(m, x, v, periods, record_periods, samples, events, limit, summary):
     strobes[kept, 0], strobes[kept, 1] = x, v
     height = summary[orbit.X_MAX] - summary[orbit.X_MIN]
     return x, v, orbit.orbit_period(strobes, m.tuning, height), events, found, OK
-
-
-@kernel
-def run_many(
-    ratios, tunings, order, state, carry, periods, record_periods, limit, summaries, ends, codes
-):
-    """Run the tunings ``tunings[order]`` one after the other.
-
-    Parameters
-    ----------
-    ratios : ndarray, shape (7,)
-        See `gearlib.core.mesh.mesh`.
-    tunings : ndarray, shape (n,)
-    order : ndarray of int, shape (k,)
-        Which tunings, and in which order.
-    state : ndarray, shape (2,)
-        Initial displacement and velocity.
-    carry : bool
-        Whether a run starts from the end of the one before it (after a failed one: from `state`).
-    summaries, ends : ndarray, shapes (n, 9), (n, 2)
-        Summary and final state of every tuning.
-    codes : ndarray of int, shape (n, 2)
-        Period and status of every tuning.
-    """
-    samples = np.empty((0, orbit.SAMPLE_COLUMNS))
-    events = np.empty((0, orbit.EVENT_COLUMNS))
-    x, v = state[0], state[1]
-    for j in range(order.shape[0]):
-        i = order[j]
-        m = mesh(ratios, tunings[i])
-        x, v, period, _, _, status = run(
-            m, x, v, periods, record_periods, samples, events, limit, summaries[i]
-        )
-        if status != OK:
-            summaries[i, :] = math.nan
-            ends[i, :] = math.nan
-        else:
-            ends[i, 0], ends[i, 1] = x, v
-        codes[i, 0], codes[i, 1] = period, status
-        if status != OK or not carry:
-            x, v = state[0], state[1]

@@ -33,7 +33,7 @@ A method is a module that offers
     evaluations of the right-hand side;
 ``run_many(pair, tunings, order, state, carry, periods, record_periods, limit, summaries, ends,
 codes, **options)``
-    many, as of `gearlib.core.run.run_many`.
+    many, as of `gearlib.core.many.run_many`.
 """
 
 from typing import NamedTuple

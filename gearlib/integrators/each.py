@@ -14,7 +14,7 @@ def run_each(
     """Run the tunings ``tunings[order]`` one after the other.
 
     ``run(tuning, state, periods, record_periods, samples, events, limit, summary)`` is one run of
-    a method; the other arguments are those of `gearlib.core.run.run_many`.
+    a method; the other arguments are those of `gearlib.core.many.run_many`.
     """
     samples, events = np.empty((0, orbit.SAMPLE_COLUMNS)), np.empty((0, orbit.EVENT_COLUMNS))
     current = state

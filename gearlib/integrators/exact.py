@@ -9,7 +9,7 @@ import math
 import numpy as np
 
 from gearlib import status
-from gearlib.core import linear, orbit
+from gearlib.core import linear, many, orbit
 from gearlib.core import run as core_run
 from gearlib.core.mesh import mesh
 from gearlib.core.polynomial import bernstein_matrix
@@ -59,7 +59,7 @@ def run(pair, tuning, state, *arguments):
 def run_many(pair, tunings, order, state, *arguments):
     """Run many tunings; see `gearlib.integrators`."""
     if isinstance(pair, GearPair):
-        core_run.run_many(ratios(pair), tunings, order, np.array(state), *arguments)
+        many.run_many(ratios(pair), tunings, order, np.array(state), *arguments)
     else:
         _run_many_linear(pair, tunings, order, state, *arguments)
 

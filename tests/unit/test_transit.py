@@ -39,7 +39,7 @@ def fast_and_plain(m, x, v, periods):
     no_arcs = np.empty((0, ARC_COLUMNS))
     start = contact_of(m.gap, x, v)
     state = march(m, 1, 0.0, m.half_high, start, x, v, no_arcs, 0, LIMIT)[:3]
-    *state, done, _ = transit(m, *state, 2 * periods - 1, LIMIT, no_arcs)
+    *state, done, _, _, _ = transit(m, *state, 2 * periods - 1, LIMIT, no_arcs)
     assert done == 2 * periods - 1
     fast = march(m, 1, 0.0, m.half_high, *state, no_arcs, 0, LIMIT)[:3]
     plain = start, x, v
