@@ -51,8 +51,13 @@ def computed():
 def test_golden_numbers(name):
     golden, found = json.loads(PATH.read_text(encoding="utf-8"))[name], computed()[name]
     assert found["period"] == golden["period"]
-    # Unsteady orbits (oil damping alone) keep the rounding they collect: compared where steady.
+    # Unsteady orbits (oil damping alone) keep the rounding they collect, and hand it on to the next
+    # tuning where the state is carried along: compared where both are steady.
     steady = np.array(golden["period"]) > 0
+    if name.endswith("up"):
+        steady[1:] &= steady[:-1].copy()
+    elif name.endswith("down"):
+        steady[:-1] &= steady[1:].copy()
     for number in NUMBERS:
         np.testing.assert_allclose(
             np.array(found[number])[steady],
