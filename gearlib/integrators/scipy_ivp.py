@@ -128,9 +128,6 @@ class _Whole(March):
 class _Split(Split):
     """Runs of `solve_ivp` with terminal events."""
 
-    # Exactly on a line solve_ivp would find, or miss, the same event again.
-    OFF = 1e-14
-
     def __init__(self, problem, solver, rtol, atol):
         super().__init__(problem)
         self.solver, self.rtol, self.atol = solver, rtol, atol

@@ -150,14 +150,18 @@ class Split(March):
         Raises `Stall`.
     """
 
-    #: How far off a line a run is started again, where exactly on it the same event is found again.
-    OFF = 0.0
+    #: How far off a line a phase starts that begins on it: an event function that is zero there
+    #: is found at once, or hides its next zero.
+    OFF = 1e-14
 
     def go(self, z, contact):
         """Go through the run; return (z, status)."""
         problem, breaks = self.problem, self.problem.breaks.tolist()
         pieces = range(len(problem.low))
         self.exits = {code: exits_of(code, problem.gap) for code in (NORMAL, BACKLASH, INVERSE)}
+        for leave in self.exits[contact]:
+            if problem.lines(0.0, z)[leave.line] == 0.0:
+                z[0] -= leave.direction * self.OFF
         for n in range(self.periods):
             self.add_strobe(n, _TURN * n, z)
             keep, runs = n >= self.first, 0
