@@ -9,7 +9,6 @@ from functools import cache, partial
 import numpy as np
 
 from gearlib import checks
-from gearlib.core.jit import inlined
 from gearlib.integrators.each import run_each
 from gearlib.integrators.one_degree import MODELS, law_of, takes
 from gearlib.integrators.option import Option
@@ -49,26 +48,6 @@ def run_many(pair, *arguments, **options):
     run_each(partial(run, pair, **options), *arguments)
 
 
-@inlined
-def _root(solution, shift, a, b, t):
-    """Return where x + shift vanishes on a dense output between a and b, by Newton from t."""
-    up = solution.call(b)[0, 0] + shift > 0.0
-    for _ in range(60):
-        z = solution.call(t)
-        g = z[0, 0] + shift
-        if (g > 0.0) == up:
-            b = t
-        else:
-            a = t
-        new = t - g / z[1, 0]
-        if not a <= new <= b:
-            new = 0.5 * (a + b)
-        if abs(new - t) <= 1e-15 * (1.0 + abs(t)):
-            return new
-        t = new
-    return t
-
-
 @cache
 def _compiled():
     """Return (address of the right-hand side, compiled phase)."""
@@ -81,6 +60,25 @@ def _compiled():
     def rate(out, t, z, numbers):
         out[0] = z[1]
         out[1] = acceleration(t, z[0], z[1], numbers)
+
+    @njit
+    def root_of(solution, shift, a, b, t):
+        """Return where x + shift vanishes on a dense output between a and b, by Newton from t."""
+        up = solution.call(b)[0, 0] + shift > 0.0
+        for _ in range(60):
+            z = solution.call(t)
+            g = z[0, 0] + shift
+            if (g > 0.0) == up:
+                b = t
+            else:
+                a = t
+            new = t - g / z[1, 0]
+            if not a <= new <= b:
+                new = 0.5 * (a + b)
+            if abs(new - t) <= 1e-15 * (1.0 + abs(t)):
+                return new
+            t = new
+        return t
 
     @njit(error_model="numpy")
     def phase(address, start, end, z, numbers, exits, solver, rtol, atol, keep, times):
@@ -99,7 +97,7 @@ def _compiled():
                     g0, g1 = direction * (x[i - 1] + shift), direction * (x[i] + shift)
                     if g0 < 0.0 <= g1:
                         guess = at[i - 1] - g0 / (g1 - g0) * (at[i] - at[i - 1])
-                        root = _root(solution, shift, at[i - 1], at[i], guess)
+                        root = root_of(solution, shift, at[i - 1], at[i], guess)
                         if hit < 0 or root < t:
                             t, hit = root, j
                 if hit >= 0:
