@@ -4,7 +4,9 @@ from functools import cache, partial
 
 import numpy as np
 
-from gearlib import checks
+from gearlib import checks, status
+from gearlib.core.march import within_range
+from gearlib.core.mesh import BACKLASH, INVERSE, NORMAL
 from gearlib.integrators.each import run_each
 from gearlib.integrators.one_degree import MODELS, law_of, takes
 from gearlib.integrators.option import Option
@@ -50,7 +52,7 @@ def run_many(pair, *arguments, **options):
 
 @cache
 def _compiled(name, forces, stiffnesses):
-    """Return (compiled phase, compiled record, stages) of a solver and numbers of harmonics."""
+    """Return (phase, period, record, stages) of a solver, compiled for numbers of harmonics."""
     import diffrax
     import jax
     import jax.numpy as jnp
@@ -107,6 +109,40 @@ def _compiled(name, forces, stiffnesses):
         return head, code
 
     @jax.jit
+    def period(carry, breaks, numbers, exits, after, rtol, atol, limit, off):
+        """Go through one mesh period, all phases of it compiled into one loop."""
+
+        def under_way(state):
+            _, _, _, good, piece, _, runs = state
+            return good & (piece < breaks.size - 1) & (runs < limit)
+
+        def one(state):
+            z, contact, steps, good, piece, t, runs = state
+            leave = exits[contact + 1]
+            saved, end = diffrax.SaveAt(t1=True), breaks[piece + 1]
+            done = solve(
+                t, end, z, numbers[contact + 1, piece], leave, rtol, atol, saved, _MOST_STEPS
+            )
+            x, v = done.ys[0][-1], done.ys[1][-1]
+            first, second = done.event_mask
+            hit, j = first | second, jnp.where(first, 0, 1)
+            x = jnp.where(hit, leave[j, 1] * off - leave[j, 0], x)
+            return (
+                jnp.stack([x, v]),
+                jnp.where(hit, after[contact + 1, j], contact),
+                steps + done.stats["num_steps"],
+                good & diffrax.is_okay(done.result),
+                jnp.where(hit, piece, piece + 1),
+                jnp.where(hit, done.ts[-1], end),
+                runs + 1,
+            )
+
+        z, contact, steps, good, fits = carry
+        start = z, contact, steps, good, 0, 0.0, 0
+        z, contact, steps, good, piece, _, _ = jax.lax.while_loop(under_way, one, start)
+        return z, contact, steps, good, fits & (~good | (piece == breaks.size - 1))
+
+    @jax.jit
     def record(start, end, z, numbers, exits, rtol, atol, times):
         saved = diffrax.SaveAt(
             subs=[diffrax.SubSaveAt(ts=times), diffrax.SubSaveAt(t0=True, steps=True)]
@@ -114,7 +150,7 @@ def _compiled(name, forces, stiffnesses):
         done = solve(start, end, z, numbers, exits, rtol, atol, saved, _MOST_STEPS)
         return [(t, jnp.stack(z, 1)) for t, z in zip(done.ts, done.ys, strict=True)]
 
-    return phase, record, solver.tableau.num_stages
+    return phase, period, record, solver.tableau.num_stages
 
 
 class _Run(Split):
@@ -124,7 +160,7 @@ class _Run(Split):
         super().__init__(problem)
         self.law, self.tolerances = law, tolerances
         sizes = len(law.force), len(law.stiffness)
-        self.phase, self.recorded, self.stages = _compiled(solver, *sizes)
+        self.phase, self.period, self.recorded, self.stages = _compiled(solver, *sizes)
         self._branches = {}
 
     def _branch(self, piece, contact):
@@ -141,6 +177,36 @@ class _Run(Split):
             numbers[7] = numbers[7] if np.isfinite(numbers[7]) else 0.0
             self._branches[key] = jnp.array(numbers), jnp.array(exits), *self.tolerances
         return self._branches[key]
+
+    def skip(self, z, contact):
+        """Go through the unrecorded periods; a call of JAX takes longer than a phase."""
+        import jax.numpy as jnp
+
+        codes, pieces = (INVERSE, BACKLASH, NORMAL), range(len(self.problem.low))
+        branches_of = [[self._branch(piece, code) for piece in pieces] for code in codes]
+        numbers = jnp.stack([jnp.stack([branch[0] for branch in row]) for row in branches_of])
+        exits = jnp.stack([row[0][1] for row in branches_of])
+        after = np.zeros((3, 2), dtype=int)
+        for row, code in zip(after, codes, strict=True):
+            afters = [leave.after for leave in self.exits[code]]
+            row[: len(afters)] = afters
+        table = jnp.array(self.problem.breaks), numbers, exits, jnp.array(after)
+        options = *self.tolerances, self.limit, self.OFF
+        carry = jnp.array(z), jnp.array(contact), jnp.array(0), jnp.array(True), jnp.array(True)
+        for n in range(self.first):
+            if n >= self.periods - self.kept:
+                self.add_strobe(n, 2.0 * np.pi * n, np.asarray(carry[0]))
+            carry = self.period(carry, *table, *options)
+        z, contact, steps, good, fits = carry
+        self.evaluations += int(steps) * self.stages
+        z, code = np.array(z), status.OK
+        if not within_range(*z):
+            code = status.OVERFLOW
+        elif not good:
+            code = status.STALLED
+        elif not fits:
+            code = status.EVENT_LIMIT
+        return self.first, z, int(contact), code
 
     def solve(self, n, start, end, z, piece, contact, keep):
         """Take one phase; see `Split`."""
