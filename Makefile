@@ -1,5 +1,6 @@
 # make         set up .venv with the pinned packages and compute everything, results/
 # make test    the same set-up and all checks: style, imports, tests (a small workflow included)
+# make peers   add to .venv the solvers of others that method= can call, where they install
 # make bench   speed of the library on this machine
 # make report  results/report.html, all figures and claims on one page
 # make clean   remove the results; `make distclean` the environment as well
@@ -9,7 +10,7 @@ JOBS ?= 2
 BIN := .venv/bin
 INSTALLED := .venv/installed.stamp
 
-.PHONY: all test bench report clean distclean
+.PHONY: all test peers bench report clean distclean
 
 all: $(INSTALLED)
 	$(BIN)/snakemake -j$(JOBS)
@@ -18,6 +19,16 @@ test: $(INSTALLED)
 	$(BIN)/ruff check .
 	$(BIN)/lint-imports
 	$(BIN)/python -m pytest
+
+peers: $(INSTALLED)
+	$(BIN)/python -m pip install --quiet --constraint requirements/constraints.txt \
+	    --editable '.[peers]'
+	@if command -v "$${FC:-gfortran}" > /dev/null; then \
+	    $(BIN)/python -m pip install --quiet --constraint requirements/constraints.txt \
+	        --editable '.[peers-built]' || echo "numbalsoda is left out: it did not build"; \
+	else \
+	    echo "numbalsoda is left out: there is no gfortran to build it with"; \
+	fi
 
 bench: $(INSTALLED)
 	$(BIN)/python -m benchmarks.run

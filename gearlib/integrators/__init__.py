@@ -17,6 +17,8 @@ module                 responsibility
 ``problems``           models as right-hand sides for solvers in Python
 ``option``             an option of a method: default, check, meaning
 ``each``               many tunings for a method that runs one
+``split``              record of solvers in Python; runs split at switches and at contact
+``peers``              solvers from packages of others, which `methods` says whether are there
 =====================  =================================================================
 
 A method is a module that offers
@@ -49,6 +51,8 @@ from gearlib.integrators import (
     smoothed,
     taylor,
 )
+from gearlib.integrators.peers import cvode, cyrk, diffrax, heyoka, numbalsoda
+from gearlib.integrators.peers.package import MissingPackage
 
 METHODS = {
     "exact": exact,
@@ -59,6 +63,11 @@ METHODS = {
     "generalised_alpha": generalised_alpha,
     "scipy": scipy_ivp,
     "smoothed": smoothed,
+    "heyoka": heyoka,
+    "cvode": cvode,
+    "diffrax": diffrax,
+    "cyrk": cyrk,
+    "numbalsoda": numbalsoda,
 }
 
 #: Methods that are chosen where none is named; the others are for comparison.
@@ -73,6 +82,8 @@ class Method(NamedTuple):
     events: str  #: how it meets stiffness switches and flank lines
     models: str  #: what it takes
     options: dict  #: name -> (default, meaning)
+    available: bool = True  #: whether the package that it needs is installed
+    note: str = ""  #: what to install for it, empty for methods of the library
 
 
 def methods():
@@ -84,9 +95,15 @@ def methods():
             module.EVENTS,
             module.MODELS,
             {key: (option.default, option.meaning) for key, option in module.OPTIONS.items()},
+            *_availability(module),
         )
         for name, module in METHODS.items()
     ]
+
+
+def _availability(module):
+    package = getattr(module, "PACKAGE", None)
+    return (True, "") if package is None else (package.available(), package.note())
 
 
 def choose(pair, method, options):
@@ -96,7 +113,7 @@ def choose(pair, method, options):
     ------
     ValueError
         If the method is unknown or does not take the model, or an option is unknown or has an
-        impossible value.
+        impossible value. Also an ImportError if the method's package is not installed.
     """
     able = [name for name, module in METHODS.items() if module.takes(pair)]
     if not able:
@@ -110,6 +127,12 @@ def choose(pair, method, options):
         raise ValueError(
             f"method = {method!r} is not allowed for this {type(pair).__name__}: it takes "
             f"{METHODS[method].MODELS}; it must be one of {', '.join(map(repr, able))}"
+        )
+    available, note = _availability(METHODS[method])
+    if not available:
+        raise MissingPackage(
+            f"method = {method!r} needs a package that is not installed: {note}, or take one of "
+            f"{', '.join(repr(name) for name in able if _availability(METHODS[name])[0])}"
         )
     known = METHODS[method].OPTIONS
     chosen = {name: option.default for name, option in known.items()}

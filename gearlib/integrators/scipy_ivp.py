@@ -12,14 +12,13 @@ from functools import partial
 import numpy as np
 
 from gearlib import checks, status
-from gearlib.core import orbit
 from gearlib.core.field import SIDE
 from gearlib.core.march import within_range
-from gearlib.core.mesh import BACKLASH, INVERSE, NORMAL
-from gearlib.core.recording import add_stretch, add_values, note
+from gearlib.core.mesh import BACKLASH, NORMAL
 from gearlib.integrators.each import run_each
 from gearlib.integrators.option import Option
 from gearlib.integrators.problems import problem_of
+from gearlib.integrators.split import March, Phase, Split, Stall
 from gearlib.models.one_degree import OneDegreePair
 from gearlib.models.six_degrees import SixDegreePair
 from gearlib.pair import GearPair
@@ -42,8 +41,6 @@ OPTIONS = {
     ),
 }
 _TURN = 2.0 * math.pi
-#: How far off a line a run is started again: exactly on it the same event would be found again.
-_OFF = 1e-14
 
 
 def takes(pair):
@@ -62,88 +59,12 @@ def run_many(pair, *arguments, **options):
     run_each(partial(run, pair, **options), *arguments)
 
 
-class _March:
-    """A run and its record; subclasses say how the span is gone through."""
+class _Whole(March):
+    """One run over the whole span."""
 
     def __init__(self, problem, solver, rtol, atol):
-        self.problem, self.solver, self.rtol, self.atol = problem, solver, rtol, atol
-        self.evaluations = 0
-
-    def run(self, tuning, state, periods, record_periods, samples, events, limit, summary):
-        """Run; arguments and returns as of `gearlib.integrators`."""
-        orbit.clear_summary(summary)
-        self.samples, self.events, self.summary, self.limit = samples, events, summary, limit
-        self.per_period = samples.shape[0] // record_periods
-        self.first, self.periods = periods - record_periods, periods
-        self.taken, self.found = 0, 0
-        self.kept = min(periods, orbit.STROBE_PERIODS)
-        self.strobes = np.empty((self.kept + 1, 2))
-        z, contact = self.problem.start(state)
-        x, v = self.problem.observe(0.0, z)
-        code = status.OVERFLOW
-        if within_range(x, v):
-            # What a diverging run overflows in is told by its status.
-            with np.errstate(all="ignore"):
-                z, code = self.go(z, contact)
-            x, v = self.problem.observe(_TURN * periods, z)
-        if code != status.OK:
-            return x, v, 0, self.events, 0, code, self.evaluations
-        self.strobes[self.kept] = x, v
-        height = summary[orbit.X_MAX] - summary[orbit.X_MIN]
-        period = orbit.orbit_period(self.strobes, tuning, height)
-        return x, v, period, self.events, self.found, code, self.evaluations
-
-    def piece_at(self, t):
-        """Return the piece of the stiffness just after a phase."""
-        phase = (t + SIDE) % _TURN
-        piece = int(np.searchsorted(self.problem.breaks, phase, side="right")) - 1
-        return min(piece, len(self.problem.low) - 1)
-
-    def contact_at(self, t, z):
-        """Return the contact code of the displacement."""
-        near, far = self.problem.lines(t, z)
-        return NORMAL if near >= 0.0 else (INVERSE if far <= 0.0 else BACKLASH)
-
-    def add_strobe(self, n, t, z):
-        """Keep the state at the start of period n, if it is one of the last."""
-        row = n - (self.periods - self.kept)
-        if row >= 0:
-            self.strobes[row] = self.problem.observe(t, z)
-
-    def add_point(self, t, z, piece, contact):
-        """Add a state to the extrema; return its row of the sample table."""
-        row = self.problem.sample(t, z, piece, contact)
-        add_values(row[orbit.SAMPLE_X], row[orbit.SAMPLE_FORCE], self.summary)
-        return row
-
-    def add_samples(self, end, dense, piece=None, contact=None):
-        """Fill the samples before `end`; piece and contact by default those of the state."""
-        while self.taken < self.samples.shape[0]:
-            t = _TURN * (self.first + self.taken / self.per_period)
-            if t >= end - SIDE:
-                break
-            z = dense(t)
-            p = self.piece_at(t) if piece is None else piece
-            c = self.contact_at(t, z) if contact is None else contact
-            self.samples[self.taken] = self.add_point(t, z, p, c)
-            self.taken += 1
-
-    def add_time(self, start, end, contact):
-        """Add the time at one contact code."""
-        problem = self.problem
-        add_stretch(problem.breaks, problem.low, start, end, contact, self.summary)
-
-    def add_event(self, t, z, before, after):
-        """Note a change of contact."""
-        n = int(t // _TURN)
-        v = self.problem.observe(t, z)[1]
-        self.events, self.found = note(
-            self.events, self.found, n, t - n * _TURN, before, after, v, self.summary
-        )
-
-
-class _Whole(_March):
-    """One run over the whole span."""
+        super().__init__(problem)
+        self.solver, self.rtol, self.atol = solver, rtol, atol
 
     def go(self, z, contact):
         """Go through the run; return (z, status)."""
@@ -185,7 +106,7 @@ class _Whole(_March):
         """Record the step from (t, z), from `start` on."""
         end, new = solver.t, solver.y
         lines = [np.array(self.problem.lines(*at)) for at in ((t, z), (end, new))]
-        self.add_samples(end, dense)
+        self.add_samples(end, lambda times: dense(times).T)
         state = dense(start)
         self.add_point(start, state, self.piece_at(start), self.contact_at(start, state))
         # At the end of a step the stiffness just before it.
@@ -204,79 +125,48 @@ class _Whole(_March):
         self.add_time(at, end, code)
 
 
-class _Split(_March):
-    """Runs from switch to switch, and from contact to contact."""
+class _Split(Split):
+    """Runs of `solve_ivp` with terminal events."""
 
-    def _choices(self, contact):
-        """Return rows (event function, line, next contact code) of a contact code."""
+    def __init__(self, problem, solver, rtol, atol):
+        super().__init__(problem)
+        self.solver, self.rtol, self.atol = solver, rtol, atol
+
+    def _crossings(self, n, contact):
+        """Return the event functions of a contact code in mesh period n."""
 
         def crossing(line, direction):
             def function(t, z, *_):
-                return self.problem.lines(t, z)[line]
+                return self.problem.lines(_TURN * n + t, z)[line]
 
             function.terminal, function.direction = True, direction
             return function
 
-        gap = self.problem.gap
-        if contact == BACKLASH:
-            rows = [(crossing(0, 1), 0, NORMAL)]
-            return rows + [(crossing(1, -1), 1, INVERSE)] if gap < math.inf else rows
-        after = BACKLASH if gap > 0.0 else -contact
-        return [(crossing(0, -1), 0, after) if contact == NORMAL else (crossing(1, 1), 1, after)]
+        return [crossing(leave.line, leave.direction) for leave in self.exits[contact]]
 
-    def go(self, z, contact):
-        """Go through the run; return (z, status)."""
-        choices = {code: self._choices(code) for code in (NORMAL, BACKLASH, INVERSE)}
-        breaks = self.problem.breaks
-        for n in range(self.periods):
-            self.add_strobe(n, _TURN * n, z)
-            runs = 0
-            for piece in range(len(self.problem.low)):
-                t, end = _TURN * n + breaks[piece], _TURN * n + breaks[piece + 1]
-                while t < end:
-                    if runs >= self.limit:
-                        return z, status.EVENT_LIMIT
-                    runs += 1
-                    done = self._solve(t, end, z, piece, contact, choices[contact], n)
-                    z = done.y[:, -1].copy()
-                    if not within_range(*self.problem.observe(done.t[-1], z)):
-                        return z, status.OVERFLOW
-                    if done.status < 0:
-                        return z, status.STALLED
-                    if n >= self.first:
-                        self.add_samples(done.t[-1], done.sol, piece, contact)
-                        for when, state in zip(done.t, done.y.T, strict=True):
-                            self.add_point(when, state, piece, contact)
-                        self.add_time(t, done.t[-1], contact)
-                    t = done.t[-1]
-                    if done.status == 1:
-                        contact = self._change(done, t, z, contact, choices[contact], n)
-        return z, status.OK
-
-    def _solve(self, start, end, z, piece, contact, choices, n):
+    def solve(self, n, start, end, z, piece, contact, keep):
+        """Take one phase; see `Split`."""
         from scipy.integrate import solve_ivp
 
         def rate(t, z):
             self.evaluations += 1
-            return self.problem.rate(t, z, piece, contact)
+            return self.problem.rate(_TURN * n + t, z, piece, contact)
 
-        return solve_ivp(
+        done = solve_ivp(
             rate,
             (start, end),
             z,
             method=self.solver,
             rtol=self.rtol,
             atol=self.atol,
-            dense_output=n >= self.first and self.taken < self.samples.shape[0],
-            events=[choice[0] for choice in choices],
+            dense_output=keep and self.taken < self.samples.shape[0],
+            events=self._crossings(n, contact),
         )
-
-    def _change(self, done, t, z, contact, choices, n):
-        """Put z on the other side of the line that ended a run; return the new contact code."""
-        hit = next(i for i, times in enumerate(done.t_events) if times.size)
-        _, line, after = choices[hit]
-        up = (contact, after) in ((BACKLASH, NORMAL), (INVERSE, BACKLASH), (INVERSE, NORMAL))
-        z[0] += (_OFF if up else -_OFF) - self.problem.lines(t, z)[line]
-        if n >= self.first:
-            self.add_event(t, z, contact, after)
-        return after
+        if done.status < 0:
+            raise Stall
+        hit = None
+        if done.status == 1:
+            hit = next(i for i, times in enumerate(done.t_events) if times.size)
+        dense = (lambda times: done.sol(times).T) if done.sol is not None else None
+        points = zip(done.t, done.y.T, strict=True)
+        return Phase(done.t[-1], done.y[:, -1].copy(), hit, points, dense)

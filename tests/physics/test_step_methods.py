@@ -59,6 +59,7 @@ SIX = SixDegreePair(
 )
 SPLIT = {"solver": "DOP853", "rtol": 1e-12, "atol": 1e-12, "events": True}
 NAMES = ("exact", "taylor", "rk4", "rk45", "newmark", "generalised_alpha", "scipy", "smoothed")
+PEERS = ("heyoka", "cvode", "diffrax", "cyrk", "numbalsoda")
 #: Every method but the exact ones, with each of its options that changes what it does.
 VARIANTS = [
     ("rk4", {}),
@@ -83,7 +84,7 @@ def error(model, method, options, reference, periods=20, **arguments):
 
 def test_methods_lists_all():
     listed = gearlib.methods()
-    assert tuple(method.name for method in listed) == NAMES
+    assert tuple(method.name for method in listed) == NAMES + PEERS
     for method in listed:
         assert method.events and method.models
         assert all(meaning for _, meaning in method.options.values())
