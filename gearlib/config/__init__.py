@@ -25,6 +25,7 @@ from gearlib.config.experiments import (
     FRICTION_ONLY,
     MAX_JOBS,
     SIX_ONLY,
+    Failures,
     Figures,
     Jump,
     Models,
@@ -59,6 +60,7 @@ Target = Literal[
     "jump",
     "nonlinear_damping",
     "models",
+    "failures",
     "claims",
 ]
 
@@ -80,6 +82,7 @@ class Config(Section):
     nonlinear_damping: NonlinearDamping
     six_degrees: SixDegrees
     models: Models
+    failures: Failures
     scenes: dict[Name, Scene] = Field(description="Scenes by name, one figure each; may be empty.")
     figures: Figures
 
