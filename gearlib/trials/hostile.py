@@ -152,7 +152,7 @@ def _nonlinear():
 
 def _settling():
     """Return the problems whose end is asked for: orbits, fractions, energy."""
-    fold = {"periods": 120, "record_periods": 24, "quantity": "orbit", "tolerance": 1e-2}
+    fold = {"periods": 96, "record_periods": 24, "quantity": "orbit", "tolerance": 1e-2}
     chaos = _ratios(1.5, 0.3, 0.05, 4.0)
     return {
         "fold_below": Problem("just below the jump, $\\nu$ = 0.81568", PAPER, 0.81568, **fold),
@@ -179,7 +179,7 @@ def _settling():
             tolerance=1e-3,
         ),
         **_tongue("2", 2.0, 2.4, 36),
-        **_tongue("066", 0.6614, 0.69, 80),
+        **_tongue("066", 0.6614, 0.69, 64),
     }
 
 
@@ -202,7 +202,9 @@ def problems():
             "in and out within a long step", far, 1.0, (-1e4, drop), periods=40
         ),
         "rest_near": Problem("at rest on the near flank line", PAPER, 0.82, periods=10),
-        "rest_far": Problem("at rest on the far flank line", PAPER, 0.82, (-4.0, 0.0), periods=10),
+        "rest_far": Problem(
+            "at rest on the far flank line", PAPER, 0.82, (-PAPER.backlash_ratio, 0.0)
+        ),
         "no_backlash": Problem("no backlash", _ratios(backlash=0.0), 0.9, (0.0, -3.0)),
         "nano_backlash": Problem("backlash 1e-9", _ratios(backlash=1e-9), 0.9, (0.0, -3.0)),
         "endless_backlash": Problem(
