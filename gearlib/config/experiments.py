@@ -10,6 +10,7 @@ from gearlib.config.types import (
     Finite,
     Name,
     NonNegative,
+    Option,
     Positive,
     Section,
     Tuning,
@@ -19,8 +20,6 @@ from gearlib.config.types import (
 
 MAX_JOBS = 10_000
 
-#: Of a method; an integer stays one, and a text with an exponent is the number that it is.
-Option = Annotated[bool | int | Finite | str, Field(union_mode="left_to_right")]
 Harmonic = Annotated[int, Field(ge=1, le=1000)]
 
 
@@ -163,7 +162,10 @@ class Models(Section):
 class Trial(Section):
     """One method with its options: a column of the matrix of failures."""
 
-    name: Name = Field(description="Above the column; names the trial in the data.")
+    name: Name = Field(
+        description="Above the column; names the trial in the data.",
+        json_schema_extra={"$comment": "a text matching ^[A-Za-z0-9+_-]+$"},
+    )
     method: Literal[
         "exact",
         "taylor",
