@@ -41,9 +41,8 @@ def _all_different(values):
 
 def _plain_value(value):
     value = _read_exponent(value)
-    if not isinstance(value, (bool, int, float, str)) or not math.isfinite(
-        0 if isinstance(value, str) else value
-    ):
+    finite = not isinstance(value, float) or math.isfinite(value)
+    if not isinstance(value, (bool, int, float, str)) or not finite:
         raise PydanticCustomError("plain_value", "no plain value")
     return value
 

@@ -21,7 +21,7 @@ _LOOKS = {
     "stalled": ("s", "#A9A9A9"),
     "refused": ("–", "#FFFFFF"),
 }
-_WORDS = {"invented_motion": "n: invents motion", "refused": "–: does not take the model"}
+_WORDS = {"refused": "–: does not take the model"}
 
 
 def _number(error):
@@ -80,5 +80,7 @@ def draw(matrix):
         )
         for name in names
     ]
-    figure.legend(handles=patches, loc="outside lower center", ncols=4, fontsize=6)
+    if brief.any():
+        patches.append(Patch(alpha=0.0, label="*: fewer periods"))
+    figure.legend(handles=patches, loc="outside lower center", ncols=5, fontsize=6)
     return figure

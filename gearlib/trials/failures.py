@@ -56,7 +56,7 @@ GROWTH = 2.0
 FAR = 1e3
 #: Most steps or phases in one mesh period: more than any problem needs, few enough to end.
 MAX_EVENTS = 30_000
-#: Judges of the library's own solvers where the other one does not take the model.
+#: Judge of the library's own solvers where the other one does not take the model.
 _SPLIT = ("scipy", {"solver": "DOP853", "rtol": 1e-13, "atol": 1e-13, "events": True})
 #: Methods whose steps are interpreted: thousands of times slower than compiled ones.
 INTERPRETED = ("scipy",)

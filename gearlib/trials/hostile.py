@@ -90,7 +90,8 @@ def _grazing(depth):
     high = levels(_FREE.contact_ratio, _FREE.stiffness_ratio)[0]
     start = no_loss.rotate((-depth, 0.0), high, tuning, -phase)
     side = "past" if depth > 0.0 else "short of"
-    words = f"grazing, {abs(depth):.0e} {side} the flank line"
+    size = f"{abs(depth):.0e}".replace("e-0", "e-")
+    words = f"grazing, {size} {side} the flank line"
     return Problem(words, _FREE, tuning, start, periods=1, quantity="contacts", tolerance=0.0)
 
 
@@ -144,8 +145,7 @@ def _nonlinear():
             "200 Fourier terms",
             OneDegreePair(pair=PAPER, profile=Fourier(200)),
             0.9,
-            periods=3,
-            brief_periods=2,
+            periods=2,
         ),
     }
 
@@ -163,7 +163,7 @@ def _settling():
             0.52,
             periods=4000,
             record_periods=3900,
-            brief_periods=60,
+            brief_periods=40,
             quantity="fractions",
             tolerance=0.03,
         ),
