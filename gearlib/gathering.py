@@ -83,6 +83,28 @@ def gather_phase_planes(shards):
     return _stack([tunings(group) for group in _groups(shards, "damping")], "damping", shared)
 
 
+def gather_failures(columns):
+    """Return the matrix of failures.
+
+    Parameters
+    ----------
+    columns : list of xarray.Dataset
+        Results of `gearlib.trials.failures.compute`, one trial each, in the order of the figure.
+
+    Returns
+    -------
+    xarray.Dataset
+        The variables of the columns over (problem, trial); what describes a problem, once.
+
+    Raises
+    ------
+    ValueError
+        If trials do not share their problems.
+    """
+    shared = {name for name in columns[0].data_vars if columns[0][name].dims == ("problem",)}
+    return _stack(columns, "trial", shared)
+
+
 def _drawn_part(run):
     """Return what a phase plane needs of a run, its tuning as a coordinate."""
     courses = {name for name in run.data_vars if {"phase", "event"} & set(run[name].dims)}

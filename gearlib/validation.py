@@ -79,7 +79,7 @@ def allowed(node, schema):
         finite = "a finite number" if "$comment" not in node else "a number"
         noun = "an integer" if kind == "integer" else finite
         return " ".join(filter(None, [noun, _range(node), node.get("$comment")]))
-    if kind in ("string", "boolean"):
+    if kind in ("string", "boolean") or isinstance(kind, list):
         return node["$comment"]
     if kind == "array":
         return f"a list of at least one entry, each {allowed(node['items'], schema)}"

@@ -96,6 +96,18 @@ DESCRIPTIONS = {
     "chosen": ("1", "smallest model that carries the scene"),
     "tolerance": ("1", "largest change that counts as none"),
     "harmonics": ("1", "harmonics of the truncated stiffness"),
+    # trials of methods by hostile problems
+    "problem": ("1", "hostile problem"),
+    "trial": ("1", "method with its options"),
+    "method": ("1", "method"),
+    "options": ("1", "options of the method that are not its defaults"),
+    "verdict": ("1", "what became of the problem"),
+    "error": ("1", "error in the quantity that is compared"),
+    "periods": ("1", "mesh periods of the run"),
+    "judge": ("1", "method of the reference"),
+    "message": ("1", "how the run ended, or why it was refused"),
+    "words": ("1", "the problem in words"),
+    "quantity": ("1", "quantity that is compared"),
     # scales to SI
     "static_deflection": ("m", "static deflection, scale of displacements"),
     "mesh_frequency": ("rad s-1", "angular mesh frequency, phase over time"),

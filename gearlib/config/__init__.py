@@ -25,6 +25,7 @@ from gearlib.config.experiments import (
     FRICTION_ONLY,
     MAX_JOBS,
     SIX_ONLY,
+    Failures,
     Figures,
     Jump,
     Labels,
@@ -62,6 +63,7 @@ Target = Literal[
     "nonlinear_damping",
     "models",
     "stability_chart",
+    "failures",
     "claims",
 ]
 
@@ -85,6 +87,7 @@ class Config(Section):
     models: Models
     labels: Labels
     stability_chart: StabilityChart
+    failures: Failures
     scenes: dict[Name, Scene] = Field(description="Scenes by name, one figure each; may be empty.")
     figures: Figures
 

@@ -10,6 +10,7 @@ from gearlib.config.types import (
     Finite,
     Name,
     NonNegative,
+    Option,
     Positive,
     Section,
     Tuning,
@@ -209,6 +210,48 @@ class Models(Section):
     """The comparison of models: what more than the smallest one would change in a scene."""
 
     harmonics: Harmonic = Field(description="Harmonics of the truncated stiffness compared with.")
+
+
+class Trial(Section):
+    """One method with its options: a column of the matrix of failures."""
+
+    name: Name = Field(
+        description="Above the column; names the trial in the data.",
+        json_schema_extra={"$comment": "a text matching ^[A-Za-z0-9+_-]+$"},
+    )
+    method: Literal[
+        "exact",
+        "taylor",
+        "rk4",
+        "rk45",
+        "newmark",
+        "generalised_alpha",
+        "scipy",
+        "smoothed",
+    ] = Field(description="A name of `gearlib.methods`.")
+    options: dict[Name, Option] = Field(
+        default={}, description="Its options that are not the defaults, see `gearlib.methods`."
+    )
+
+
+class Failures(Section):
+    """The methods that are put to the hostile problems of `gearlib.trials.hostile`."""
+
+    trials: Annotated[
+        list[Trial],
+        Field(min_length=1, max_length=40, description="The methods, a column of the figure each."),
+    ]
+
+    @model_validator(mode="after")
+    def _check(self):
+        names = [trial.name for trial in self.trials]
+        for i, name in enumerate(names):
+            if names.count(name) > 1:
+                raise ValueError(
+                    f"failures.trials[{i}].name = {name!r} is not allowed: names must be all "
+                    "different"
+                )
+        return self
 
 
 Course = Literal[

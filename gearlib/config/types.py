@@ -6,10 +6,19 @@ plainly is. Every other text in place of a number (``"0.66"``, ``"4 kg"``) is re
 are ``true`` for 1, NaN and, except for a backlash, infinity.
 """
 
+import math
 import re
-from typing import Annotated
+from typing import Annotated, Any
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    PlainValidator,
+    WithJsonSchema,
+)
 from pydantic_core import PydanticCustomError
 
 _EXPONENT_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+")
@@ -28,6 +37,14 @@ def _all_different(values):
             raise PydanticCustomError("duplicate", "{value}", {"value": value})
         seen.add(value)
     return values
+
+
+def _plain_value(value):
+    value = _read_exponent(value)
+    finite = not isinstance(value, float) or math.isfinite(value)
+    if not isinstance(value, (bool, int, float, str)) or not finite:
+        raise PydanticCustomError("plain_value", "no plain value")
+    return value
 
 
 def number_within(**bounds):
@@ -52,6 +69,17 @@ Colour = Annotated[
     Field(
         pattern=r"^#[0-9A-Fa-f]{6}$",
         json_schema_extra={"$comment": "a colour '#rrggbb', in quotes"},
+    ),
+]
+#: Option of a method, which only the method can check; integers stay integers.
+Option = Annotated[
+    Any,
+    PlainValidator(_plain_value),
+    WithJsonSchema(
+        {
+            "type": ["boolean", "number", "string"],
+            "$comment": "a finite number, true, false or a text",
+        }
     ),
 ]
 

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 import yaml
 
+import gearlib
 from gearlib import GearPair
 from gearlib.config import SCHEMA_PATH, ConfigError, load, schema, schema_text
 
@@ -162,6 +163,41 @@ def test_a_wrong_case_is_refused_in_one_sentence(key, value, fault, allowed):
     (sentence,) = str(refusal.value).splitlines()
     assert sentence.startswith(fault)
     assert allowed in sentence
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "fault", "allowed"),
+    [
+        ("name", "rk4-200", "failures.trials[0].name = 'rk4-200'", "different"),
+        ("name", "rk 4", "failures.trials[0].name = 'rk 4'", "A-Za-z0-9+_-"),
+        ("method", "ode45", "failures.trials[0].method = 'ode45'", "one of exact, taylor"),
+        ("options", {"rtol": [1]}, "failures.trials[0].options.rtol = [1]", "finite number"),
+        ("options", {"rtol": math.nan}, "failures.trials[0].options.rtol = nan", "finite number"),
+        ("options", None, "failures.trials[0].options = null", "a mapping"),
+    ],
+)
+def test_a_wrong_trial_is_refused_in_one_sentence(key, value, fault, allowed):
+    settings = changed("run/revolutions", 5)
+    settings["failures"]["trials"][0][key] = value
+    with pytest.raises(ConfigError) as refusal:
+        load(settings)
+    (sentence,) = str(refusal.value).splitlines()
+    assert sentence.startswith(fault)
+    assert allowed in sentence
+
+
+def test_options_of_a_trial_keep_their_types():
+    settings = changed("run/revolutions", 5)
+    options = {"steps": 200, "rtol": "1e-8", "events": True, "solver": "LSODA", "sharpness": 2.0}
+    settings["failures"]["trials"][0]["options"] = options
+    found = load(settings).failures.trials[0].options
+    assert found == options | {"rtol": 1e-8}
+    assert [type(v) for v in found.values()] == [int, float, bool, str, float]
+
+
+def test_the_methods_of_trials_are_those_of_the_library():
+    methods = schema()["$defs"]["Trial"]["properties"]["method"]["enum"]
+    assert methods == [method.name for method in gearlib.methods()]
 
 
 def test_too_many_samples_are_refused():

@@ -22,6 +22,8 @@ DRAWN_LAG = {"draw_phase_lag": 1}
 DRAWN_JUMP = {"draw_jump": 1}
 COMPARED = {"compare_models": SCENES, "model_table": 1, "draw_models": 1}
 STUDIED = {"nonlinear_damping": 6, "nonlinear_damping_table": 1, "draw_nonlinear_damping": 1}
+TRIALS = 2
+TRIED = {"trial": TRIALS, "gather_failures": 1, "draw_failures": 1}
 COMPUTED = {
     "compile_kernels": 1,
     "sweep_window": SWEEPS,
@@ -33,6 +35,7 @@ COMPUTED = {
     "stability_chart": 1,
     **COMPARED,
     **STUDIED,
+    **TRIED,
 }
 ALL_DRAWN = {
     **DRAWN,
@@ -42,6 +45,7 @@ ALL_DRAWN = {
     "draw_stability_chart": 1,
     "draw_models": 1,
     "draw_nonlinear_damping": 1,
+    "draw_failures": 1,
 }
 EVERYTHING = {**COMPUTED, **GATHERED, **ALL_DRAWN, "claims": 1}
 
@@ -165,6 +169,12 @@ def test_a_changed_picture_of_a_scene_redraws_it(project):
     assert project.planned() == {"draw_scene": 1}
 
 
+def test_a_method_more_runs_its_trial(project):
+    trial = {"name": "mine", "method": "newmark", "options": {"contact": "frozen"}}
+    project.configure(lambda settings: settings["failures"]["trials"].append(trial))
+    assert project.planned() == {"trial": 1, "gather_failures": 1, "draw_failures": 1}
+
+
 @pytest.mark.parametrize(
     ("path", "jobs"),
     [
@@ -182,8 +192,10 @@ def test_a_changed_picture_of_a_scene_redraws_it(project):
                 **STUDIED,
                 "label": DAMPINGS,
                 "draw_resonance": 1,
+                **TRIED,
             },
         ),
+        ("gearlib/trials/hostile.py", TRIED),
         ("gearlib/figures/resonance.py", {"draw_resonance": 1}),
         ("gearlib/figures/style.py", ALL_DRAWN),
         ("gearlib/figures/time_courses.py", DRAWN_SCENES),

@@ -40,6 +40,7 @@ wildcard_constraints:
     scene=r"[A-Za-z0-9+_-]+",
     place="material|oil",
     power="linear|quadratic|cubic",
+    trial=r"[A-Za-z0-9+_-]+",
 
 
 def script_sources(name):
@@ -72,6 +73,12 @@ def nonlinear_damping_files():
     )
 
 
+def trial_of(wildcards):
+    """Return method and options of a trial."""
+    (trial,) = (t for t in CONFIG.failures.trials if t.name == wildcards.trial)
+    return canonical({"method": trial.method, "options": trial.options})
+
+
 def target_files():
     """Return the files that the configuration asks for."""
     scenes = [path for name in CONFIG.scenes for path in figure_files(name)]
@@ -87,6 +94,7 @@ def target_files():
         ],
         "models": [*figure_files("models"), "results/models.csv"] if CONFIG.scenes else [],
         "stability_chart": figure_files("stability_chart"),
+        "failures": figure_files("failures"),
         "claims": ["results/claims.csv", "results/claims.md"],
     }
     return [path for target in CONFIG.targets for path in files[target]]

@@ -1,0 +1,86 @@
+"""Hostile problems against methods: a heat map of verdicts with the measured errors."""
+
+import math
+
+import numpy as np
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+
+from gearlib.figures import style
+
+_ROW_HEIGHT, _HEAD, _FOOT = 0.215, 0.85, 0.75
+#: verdict -> (letter, colour); light enough for black letters, apart also in grey by the letter.
+_LOOKS = {
+    "right": ("r", "#E6F2EC"),
+    "inaccurate": ("i", "#F6DF9E"),
+    "missed_event": ("m", "#F0A860"),
+    "wrong_attractor": ("w", "#8CC3E8"),
+    "invented_motion": ("n", "#D9A3C6"),
+    "diverged": ("d", "#E07B5A"),
+    "stalled": ("s", "#A9A9A9"),
+    "refused": ("–", "#FFFFFF"),
+}
+_WORDS = {"refused": "–: does not take the model"}
+
+
+def _number(error):
+    """Return an error as it is printed: one digit and an exponent without its zeros."""
+    if error == 0.0 or (error >= 1.0 and error < 10.0 and error == round(error)):
+        return f"{error:.0f}"
+    mantissa, exponent = f"{error:.0e}".split("e")
+    return f"{mantissa}e{int(exponent)}"
+
+
+@style.styled()
+def draw(matrix):
+    """Draw the verdicts, a row for each problem and a column for each trial.
+
+    Parameters
+    ----------
+    matrix : xarray.Dataset
+        As gathered from `gearlib.trials.failures.compute`.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        A star marks a run of fewer periods than the others of its row.
+    """
+    names = matrix.verdict.attrs["flag_meanings"].split()
+    verdict, errors = matrix.verdict.values.astype(int), matrix.error.values
+    periods = matrix.periods.values
+    brief = (periods > 0) & (periods < periods.max(axis=1, keepdims=True))
+    rows, columns = verdict.shape
+    figure = Figure((style.PAGE_WIDTH, _HEAD + _FOOT + _ROW_HEIGHT * rows), layout="constrained")
+    axes = figure.subplots()
+    colours = np.array([to_rgb(_LOOKS[name][1]) for name in names])
+    axes.imshow(colours[verdict], aspect="auto", interpolation="none")
+    for i in range(rows):
+        for j in range(columns):
+            letter = _LOOKS[names[verdict[i, j]]][0] + ("*" if brief[i, j] else "")
+            axes.text(j, i - 0.2, letter, ha="center", va="center", fontsize=5.5, weight="bold")
+            if math.isfinite(errors[i, j]):
+                axes.text(
+                    j, i + 0.24, _number(errors[i, j]), ha="center", va="center", fontsize=4.5
+                )
+    axes.set_xticks(range(columns), matrix.trial.values, rotation=60, ha="left", fontsize=6)
+    axes.xaxis.tick_top()
+    axes.set_yticks(range(rows), matrix.words.values, fontsize=6)
+    axes.tick_params(length=0)
+    axes.set_xticks(np.arange(columns + 1) - 0.5, minor=True)
+    axes.set_yticks(np.arange(rows + 1) - 0.5, minor=True)
+    axes.grid(which="minor", color="white", linewidth=0.8)
+    axes.tick_params(which="minor", length=0)
+    patches = [
+        Patch(
+            facecolor=_LOOKS[name][1],
+            edgecolor="#4D4D4D",
+            linewidth=0.4,
+            label=_WORDS.get(name, f"{_LOOKS[name][0]}: {name.replace('_', ' ')}"),
+        )
+        for name in names
+    ]
+    if brief.any():
+        patches.append(Patch(alpha=0.0, label="*: fewer periods"))
+    figure.legend(handles=patches, loc="outside lower center", ncols=5, fontsize=6)
+    return figure

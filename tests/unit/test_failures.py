@@ -1,0 +1,285 @@
+"""The verdicts on methods by hostile problems: every rule, on constructed outcomes; the matrix."""
+
+import inspect
+import math
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from gearlib import GearPair, gathering, integrators, status, storage
+from gearlib.figures import failures as figure
+from gearlib.figures import style
+from gearlib.trials import failures, hostile, no_loss
+from gearlib.trials.failures import VERDICTS, Outcome, decide
+from gearlib.trials.hostile import Problem
+
+PAIR = GearPair.from_ratios(contact_ratio=1.5, stiffness_ratio=0.6, backlash=4.0)
+CONTACTS = ((1, 0), (0, 1))
+#: A settled orbit of one period, height 2, one bounce a period.
+REFERENCE = Outcome(status.OK, (1.0, 0.0), -0.5, 1.5, (0.8, 0.2, 0.0), 1.0, 1, CONTACTS)
+
+
+def problem(quantity, tolerance=1e-2, **changes):
+    return Problem("", PAIR, 2.0, quantity=quantity, tolerance=tolerance, **changes)
+
+
+def verdict(quantity, reference=REFERENCE, tolerance=1e-2, orbit=(), **changes):
+    """Return the verdict on a reference with some of its values changed."""
+    question = problem(quantity, tolerance, orbit=orbit)
+    return decide(question, reference._replace(**changes), reference)
+
+
+@pytest.mark.parametrize("quantity", hostile.QUANTITIES)
+def test_the_reference_itself_is_right(quantity):
+    reference = REFERENCE._replace(state=(2.0, 0.0))
+    assert verdict(quantity, reference, orbit=(0.0, 0.0)) == ("right", 0.0)
+
+
+@pytest.mark.parametrize(
+    ("code", "expected"),
+    [
+        (status.OVERFLOW, "diverged"),
+        (status.EVENT_LIMIT, "stalled"),
+        (status.NOT_CONVERGED, "stalled"),
+        (status.STALLED, "stalled"),
+    ],
+)
+def test_runs_without_an_end(code, expected):
+    found, off = decide(problem("state"), Outcome(code), REFERENCE)
+    assert found == expected and math.isnan(off)
+
+
+@pytest.mark.parametrize(("high", "expected"), [(1999.0, "invented_motion"), (2e4, "diverged")])
+def test_heights_beyond_all_bounds_have_diverged(high, expected):
+    assert verdict("state", state=(9.0, 0.0), high=high)[0] == expected
+    assert verdict("state", state=(9.0, 0.0), high=math.inf)[0] == "diverged"
+
+
+@pytest.mark.parametrize(
+    ("state", "expected"),
+    # Over the height 2; a velocity counts nu = 2 times.
+    [
+        ((1.019, 0.0), "right"),
+        ((1.021, 0.0), "inaccurate"),
+        ((1.0, -0.009), "right"),
+        ((1.0, -0.011), "inaccurate"),
+    ],
+)
+def test_states(state, expected):
+    found, off = verdict("state", state=state)
+    assert found == expected
+    assert off == pytest.approx(max(abs(state[0] - 1.0), 2.0 * abs(state[1])) / 2.0)
+
+
+def test_a_small_motion_is_measured_in_static_deflections():
+    small = REFERENCE._replace(low=0.99, high=1.01)
+    assert verdict("state", small, state=(1.005, 0.0)) == ("right", pytest.approx(0.005))
+
+
+@pytest.mark.parametrize(
+    "contacts", [(), ((1, 0),), ((0, 1), (1, 0)), (*CONTACTS, (1, 0)), ((1, 0), (0, -1))]
+)
+def test_other_events_are_missed_events_if_the_state_is_off(contacts):
+    assert verdict("state", contacts=contacts, state=(1.5, 0.0))[0] == "missed_event"
+    assert verdict("state", contacts=contacts)[0] == "right"
+    found, off = verdict("contacts", tolerance=0.0, contacts=contacts)
+    assert (found, off) == ("missed_event", failures.alien_contacts(contacts, CONTACTS))
+
+
+def test_alien_contacts_are_counted():
+    assert failures.alien_contacts((), CONTACTS) == 2
+    assert failures.alien_contacts(CONTACTS, CONTACTS) == 0
+    assert failures.alien_contacts(((1, 0), (0, -1), (-1, 0)), CONTACTS) == 2
+
+
+@pytest.mark.parametrize(
+    ("changes", "expected"),
+    [
+        ({"high": 1.515}, "right"),
+        # One per cent of the height is the tolerance, five per cent another orbit.
+        ({"high": 1.55}, "inaccurate"),
+        ({"high": 1.65}, "wrong_attractor"),
+        ({"high": 1.55, "period": 2}, "wrong_attractor"),
+        ({"high": 1.55, "bounces": 2.0}, "wrong_attractor"),
+        ({"high": 1.55, "fractions": (0.7, 0.3, 0.0)}, "wrong_attractor"),
+        ({"period": 2, "fractions": (0.7, 0.3, 0.0)}, "right"),
+        # A larger orbit is another attractor, not an invention.
+        ({"high": 9.0}, "wrong_attractor"),
+    ],
+)
+def test_orbits(changes, expected):
+    assert verdict("orbit", **changes)[0] == expected
+
+
+CHAOS = REFERENCE._replace(period=0)
+
+
+@pytest.mark.parametrize(
+    ("changes", "expected"),
+    [
+        ({"fractions": (0.795, 0.205, 0.0), "state": (7.0, 7.0), "contacts": ()}, "right"),
+        ({"fractions": (0.77, 0.23, 0.0), "contacts": CONTACTS}, "inaccurate"),
+        ({"fractions": (0.7, 0.3, 0.0)}, "wrong_attractor"),
+        ({"period": 3}, "wrong_attractor"),
+    ],
+)
+def test_chaos_goes_by_label_and_fractions(changes, expected):
+    assert verdict("fractions", CHAOS, **changes)[0] == expected
+
+
+def test_energy_that_grows_is_invented_and_energy_that_is_lost_is_inaccurate():
+    # (x - 1)^2 / 2 + (nu v)^2 / 2 about the rest position 1.
+    reference = REFERENCE._replace(state=(2.0, 0.0))
+    assert verdict("energy", reference, state=(1.0, 0.5)) == ("right", 0.0)
+    assert verdict("energy", reference, state=(2.1, 0.0))[0] == "invented_motion"
+    assert verdict("energy", reference, state=(1.9, 0.0))[0] == "inaccurate"
+
+
+def test_deviations_that_grow_are_invented():
+    reference = REFERENCE._replace(state=(1.001, 0.0))
+    arguments = {"orbit": (1.0, 0.0), "reference": reference}
+    found, off = verdict("deviation", state=(1.002, 0.0), **arguments)
+    assert (found, off) == ("invented_motion", pytest.approx(1.0))
+    assert verdict("deviation", state=(1.0, 0.0), **arguments)[0] == "inaccurate"
+    assert verdict("deviation", state=(0.999, 0.0), **arguments)[0] == "right"
+
+
+def test_motion_from_rest_is_invented():
+    rest = Outcome(status.OK, (1.0, 0.0), 1.0, 1.0, (1.0, 0.0, 0.0), 0.0, 1)
+    assert verdict("state", rest, state=(1.5, 0.0), low=0.5, high=1.5)[0] == "invented_motion"
+    # A motion that does not repeat may be any height.
+    moving = REFERENCE._replace(period=0)
+    assert verdict("state", moving, state=(1.5, 0.0), high=9.0)[0] == "inaccurate"
+
+
+def test_every_rule_of_the_docstring_has_its_verdict():
+    words = inspect.getdoc(failures)
+    assert all(name.replace("_", " ") in words for name in VERDICTS)
+
+
+def test_the_judge_is_never_the_method_itself():
+    known = hostile.problems()
+    for key, question in known.items():
+        for method, module in integrators.METHODS.items():
+            if module.takes(question.model):
+                judge, options = failures.judge_of(question, method)
+                assert judge != method or (method == "scipy" and options["rtol"] == 1e-13), key
+    assert failures.judge_of(known["rest_near"], "rk4") == ("exact", {})
+    assert failures.judge_of(known["rest_near"], "exact") == ("taylor", {})
+    assert failures.judge_of(known["cubic_damping"], "rk4") == ("taylor", {})
+    assert failures.judge_of(known["cubic_damping"], "taylor")[0] == "scipy"
+    assert failures.judge_of(known["stiff_bearings"], "scipy") == ("exact", {})
+
+
+def test_interpreted_solvers_run_the_brief_periods_of_long_problems():
+    question = hostile.problems()["conservative"]._replace(periods=40, brief_periods=3)
+    assert failures.try_method(question, "scipy", {})[2] == 3
+    assert failures.try_method(question, "rk4", {})[2] == 40
+
+
+def test_a_wrong_option_is_an_error_and_not_a_refusal():
+    with pytest.raises(ValueError, match="steps_per_period"):
+        failures.try_method(hostile.problems()["rest_near"], "rk4", {"steps_per_period": 0})
+
+
+def test_problems_say_what_is_compared():
+    for key, question in hostile.problems().items():
+        assert question.quantity in hostile.QUANTITIES, key
+        assert question.words and question.tolerance >= 0.0
+        assert (question.quantity == "deviation") == bool(question.orbit)
+        assert question.recorded(question.periods) <= question.periods
+
+
+@pytest.mark.parametrize("tuning", [0.66, 0.9, 2.0])
+def test_the_orbit_without_loss_repeats(tuning):
+    matrix, shift = no_loss.period_map(PAIR, tuning)
+    state = no_loss.orbit(PAIR, tuning)
+    np.testing.assert_allclose(matrix @ state + shift, state, rtol=0, atol=1e-13)
+    assert np.linalg.det(matrix) == pytest.approx(1.0, abs=1e-12)
+
+
+def test_a_tongue_ends_where_the_trace_leaves_two():
+    edge = no_loss.edge(PAIR, 2.0, 2.4)
+    assert abs(no_loss.trace(PAIR, edge)) == pytest.approx(2.0, abs=1e-12)
+    assert abs(no_loss.trace(PAIR, edge - 1e-6)) > 2.0 > abs(no_loss.trace(PAIR, edge + 1e-6))
+
+
+CHOSEN = ["graze_past_6", "rest_near", "stiff_bearings", "conservative"]
+
+
+@pytest.fixture(scope="module")
+def columns():
+    short = {"solver": "LSODA", "rtol": 1e-4}
+    return [
+        failures.compute("rk4-40", "rk4", {"steps_per_period": 40}, CHOSEN),
+        failures.compute("lsoda", "scipy", short, CHOSEN),
+    ]
+
+
+def test_the_matrix_has_units_flags_and_both_columns(columns, tmp_path):
+    matrix = gathering.gather_failures(columns)
+    assert matrix.verdict.dims == ("problem", "trial")
+    assert matrix.trial.values.tolist() == ["rk4-40", "lsoda"]
+    assert matrix.problem.values.tolist() == CHOSEN
+    assert matrix.verdict.attrs["flag_meanings"].split() == list(VERDICTS)
+    assert all(variable.attrs["long_name"] for variable in matrix.variables.values())
+    assert matrix.error.attrs["units"] == "1"
+    refused = matrix.sel(problem="stiff_bearings", trial="rk4-40")
+    assert VERDICTS[int(refused.verdict)] == "refused" and np.isnan(refused.error)
+    assert "it must be one of 'exact', 'scipy'" in refused.message.item()
+    assert matrix.words.dims == ("problem",) and matrix.options.dims == ("trial",)
+    storage.write(matrix, tmp_path / "matrix.nc")
+    assert storage.read(tmp_path / "matrix.nc").equals(matrix)
+
+
+def test_columns_of_other_problems_are_refused(columns):
+    other = failures.compute("rk4", "rk4", {}, CHOSEN[:2])
+    with pytest.raises(ValueError):
+        gathering.gather_failures([columns[0], other])
+
+
+def test_same_trial_same_bytes(columns, tmp_path):
+    again = failures.compute("lsoda", "scipy", {"solver": "LSODA", "rtol": 1e-4}, CHOSEN)
+    for name, data in (("a", columns[1]), ("b", again)):
+        storage.write(data, tmp_path / f"{name}.nc")
+        style.save(figure.draw(data), tmp_path / f"{name}.png")
+    for suffix in ("nc", "png"):
+        assert (tmp_path / f"a.{suffix}").read_bytes() == (tmp_path / f"b.{suffix}").read_bytes()
+
+
+def test_the_figure_has_a_letter_and_an_error_in_every_cell(columns):
+    drawn = figure.draw(gathering.gather_failures(columns))
+    (axes,) = drawn.axes
+    texts = [text.get_text() for text in axes.texts]
+    # Two texts a cell, but for the one that was refused.
+    assert len(texts) == 2 * len(CHOSEN) * 2 - 1
+    assert texts[:2] == ["m", "2"]
+    # LSODA ran fewer of the 10^5 periods.
+    assert sum(text.endswith("*") for text in texts) == 1
+    assert [label.get_text() for label in axes.get_xticklabels()] == ["rk4-40", "lsoda"]
+
+
+def test_errors_are_printed_short():
+    values = (0.0, 2.0, 12.0, 3.14e-5, 2.6e-16, 1.4, 4.1e10)
+    assert [figure._number(value) for value in values] == [
+        "0", "2", "1e1", "3e-5", "3e-16", "1e0", "4e10",
+    ]  # fmt: skip
+
+
+def test_every_verdict_has_its_look():
+    assert set(figure._LOOKS) == set(VERDICTS)
+    assert len({letter for letter, _ in figure._LOOKS.values()}) == len(VERDICTS)
+    flags = np.arange(len(VERDICTS), dtype=np.int8)[:, None]
+    matrix = xr.Dataset(
+        {
+            "verdict": (("problem", "trial"), flags),
+            "error": (("problem", "trial"), np.full(flags.shape, 0.5)),
+            "periods": (("problem", "trial"), np.ones(flags.shape, int)),
+            "words": ("problem", list(VERDICTS)),
+        },
+        {"trial": ["all"]},
+    )
+    matrix.verdict.attrs["flag_meanings"] = " ".join(VERDICTS)
+    letters = [text.get_text() for text in figure.draw(matrix).axes[0].texts[::2]]
+    assert letters == ["r", "i", "m", "w", "n", "d", "s", "–"]

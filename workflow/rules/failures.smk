@@ -1,0 +1,61 @@
+"""Failures: hostile problems against methods, a job for each method, one matrix, one figure."""
+
+
+rule trial:
+    input:
+        kernels=rules.compile_kernels.output.stamp,
+        sources=script_sources("trial"),
+    output:
+        dataset="results/failures/{trial}.nc",
+    log:
+        "results/logs/failures/{trial}.log",
+    benchmark:
+        "results/benchmarks/failures/{trial}.tsv"
+    threads: 1
+    params:
+        trial=trial_of,
+    conda:
+        "../envs/gearlib.yaml"
+    script:
+        "../scripts/trial.py"
+
+
+rule gather_failures:
+    input:
+        columns=[f"results/failures/{trial.name}.nc" for trial in CONFIG.failures.trials],
+        sources=script_sources("gather_failures"),
+    output:
+        dataset="results/failures.nc",
+    log:
+        "results/logs/gather_failures.log",
+    benchmark:
+        "results/benchmarks/gather_failures.tsv"
+    threads: 1
+    conda:
+        "../envs/gearlib.yaml"
+    script:
+        "../scripts/gather_failures.py"
+
+
+rule draw_failures:
+    input:
+        dataset=rules.gather_failures.output.dataset,
+        sources=script_sources("draw_failures"),
+    output:
+        report(
+            figure_files("failures"),
+            caption="../report/failures.rst",
+            category="Figures",
+            labels={"figure": "beyond the paper", "shows": "where methods fail"},
+        ),
+    log:
+        "results/logs/draw_failures.log",
+    benchmark:
+        "results/benchmarks/draw_failures.tsv"
+    threads: 1
+    params:
+        dpi=CONFIG.figures.dpi,
+    conda:
+        "../envs/gearlib.yaml"
+    script:
+        "../scripts/draw_failures.py"

@@ -1,0 +1,13 @@
+"""Put one method to all hostile problems."""
+
+import json
+
+from gearlib import storage
+from gearlib.trials import failures
+from joblog import redirect_output
+
+if __name__ == "__main__":
+    redirect_output(snakemake.log[0])
+    trial = json.loads(snakemake.params.trial)
+    dataset = failures.compute(snakemake.wildcards.trial, **trial)
+    storage.write(dataset, snakemake.output.dataset)
