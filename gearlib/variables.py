@@ -99,7 +99,6 @@ DESCRIPTIONS = {
     # trials of methods by hostile problems
     "problem": ("1", "hostile problem"),
     "trial": ("1", "method with its options"),
-    "method": ("1", "method"),
     "options": ("1", "options of the method that are not its defaults"),
     "verdict": ("1", "what became of the problem"),
     "error": ("1", "error in the quantity that is compared"),

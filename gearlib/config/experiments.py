@@ -228,6 +228,11 @@ class Trial(Section):
         "generalised_alpha",
         "scipy",
         "smoothed",
+        "heyoka",
+        "cvode",
+        "diffrax",
+        "cyrk",
+        "numbalsoda",
     ] = Field(description="A name of `gearlib.methods`.")
     options: dict[Name, Option] = Field(
         default={}, description="Its options that are not the defaults, see `gearlib.methods`."
