@@ -29,6 +29,7 @@ module                  responsibility
 ``jump``                where the motion from rest jumps, and what moves the jump
 ``nonlinear_damping``   equivalent linear, quadratic and cubic damping side by side
 ``model_comparison``    what larger models would change in a scene, and what they cost
+``trials``              methods put to the test: errors, costs, where they put the jump
 ``scenes``              the time courses of a few runs, side by side
 ``claims``              the paper's statements, checked against computed data
 ``figures``             one file per figure, functions that return a `Figure`

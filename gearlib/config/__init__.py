@@ -27,12 +27,14 @@ from gearlib.config.experiments import (
     SIX_ONLY,
     Figures,
     Jump,
+    JumpByMethod,
     Models,
     NonlinearDamping,
     PhaseLag,
     PhasePlanes,
     Resonance,
     Scene,
+    WorkPrecision,
 )
 from gearlib.config.mesh import Damping, GearPairSection, Run, SixDegrees
 from gearlib.config.types import Name, Section, listing
@@ -59,6 +61,8 @@ Target = Literal[
     "jump",
     "nonlinear_damping",
     "models",
+    "work_precision",
+    "jump_by_method",
     "claims",
 ]
 
@@ -80,6 +84,8 @@ class Config(Section):
     nonlinear_damping: NonlinearDamping
     six_degrees: SixDegrees
     models: Models
+    work_precision: WorkPrecision
+    jump_by_method: JumpByMethod
     scenes: dict[Name, Scene] = Field(description="Scenes by name, one figure each; may be empty.")
     figures: Figures
 
@@ -87,11 +93,13 @@ class Config(Section):
     def _check(self):
         self._check_colours()
         self._check_size()
-        if self.jump.damping not in self.dampings:
-            raise ValueError(
-                f"jump.damping = {self.jump.damping!r} is not allowed: it must be one of "
-                f"{', '.join(self.dampings)}"
-            )
+        for key in ("jump", "jump_by_method"):
+            damping = getattr(self, key).damping
+            if damping not in self.dampings:
+                raise ValueError(
+                    f"{key}.damping = {damping!r} is not allowed: it must be one of "
+                    f"{', '.join(self.dampings)}"
+                )
         for name, scene in self.scenes.items():
             self._check_scene(f"scenes.{name}", scene)
         return self

@@ -158,6 +158,66 @@ class Models(Section):
     harmonics: Harmonic = Field(description="Harmonics of the truncated stiffness compared with.")
 
 
+Problem = Literal["smooth", "bouncing", "near_fold", "conservative", "six_degrees", "cubic"]
+
+
+class WorkPrecision(Section):
+    """Errors of the methods on test problems, against evaluations and wall time."""
+
+    methods: listing(Name, "Names of `gearlib.methods()`.")
+    problems: listing(Problem, "Test problems, see gearlib/trials/problems.py.")
+    damping: Positive = Field(description="Linear damping where a problem has any, N s/m.")
+    cubic_damping: Positive = Field(description="Cubic damping of the problem cubic, N s^3/m^3.")
+    periods: int = Field(ge=1, le=10_000, description="Mesh periods of a run.")
+    conservative_periods: int = Field(
+        ge=1, le=10_000, description="The same without damping, where rounding errors grow fast."
+    )
+    record_periods: int = Field(
+        ge=1, le=100, description="The last ones, whose events are compared; at most those run."
+    )
+    repeats: int = Field(ge=1, le=1000, description="Timed runs, of which the median counts.")
+
+
+class SlowScan(Section):
+    """The scan of methods whose right-hand side is not compiled by the library."""
+
+    start: Tuning = Field(description="First tuning of the scan.")
+    stop: Tuning = Field(description="Last one; start + a whole multiple of step.")
+    step: number_within(gt=0, le=10) = Field(description="Distance of the tunings.")
+    resolution: number_within(gt=0, le=0.1) = Field(
+        description="Width of the tuning interval to which the jump is bisected."
+    )
+
+    @model_validator(mode="after")
+    def _check(self):
+        _check_grid("jump_by_method.slow", self)
+        return self
+
+
+class JumpByMethod(Section):
+    """Where each method puts the jump of the motion from rest."""
+
+    methods: listing(Name, "Names of `gearlib.methods()`.")
+    damping: Name = Field(
+        description="One of the dampings.", json_schema_extra={"$comment": "one of the dampings"}
+    )
+    start: Tuning = Field(description="First tuning of the scan.")
+    stop: Tuning = Field(description="Last one; start + a whole multiple of step.")
+    step: number_within(gt=0, le=10) = Field(description="Distance of the tunings.")
+    resolution: number_within(gt=0, le=0.1) = Field(
+        description="Width of the tuning interval to which the jump is bisected."
+    )
+    most_evaluations: Positive = Field(
+        description="Values of a knob that cost more evaluations per mesh period are left out."
+    )
+    slow: SlowScan
+
+    @model_validator(mode="after")
+    def _check(self):
+        _check_grid("jump_by_method", self)
+        return self
+
+
 Course = Literal[
     "displacement",
     "velocity",

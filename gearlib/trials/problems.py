@@ -30,7 +30,6 @@ _SCIPY = ("scipy", {"solver": "DOP853", "rtol": 1e-13, "atol": 1e-13, "events": 
 class Case(NamedTuple):
     """What makes a problem of the gear pair."""
 
-    title: str
     tuning: float
     damped: tuple[bool, bool]  #: whether linear damping acts in contact and in the backlash
     kind: str = "linear"  #: or "cubic", "six_degrees"
@@ -39,12 +38,12 @@ class Case(NamedTuple):
 
 #: name -> `Case`. With run-out, six degrees repeat after a revolution only.
 CASES = {
-    "smooth": Case("smooth, $\\nu$ = 0.7", 0.7, (True, True)),
-    "bouncing": Case("a bounce per period, $\\nu$ = 0.9", 0.9, (True, True)),
-    "near_fold": Case("next to a fold, $\\nu$ = 0.815", 0.815, (True, False)),
-    "conservative": Case("conservative, $\\nu$ = 0.9", 0.9, (False, False), steady=False),
-    "six_degrees": Case("six degrees, $\\nu$ = 0.82", 0.82, (True, True), "six_degrees", False),
-    "cubic": Case("cubic damping, $\\nu$ = 0.9", 0.9, (False, False), "cubic"),
+    "smooth": Case(0.7, (True, True)),
+    "bouncing": Case(0.9, (True, True)),
+    "near_fold": Case(0.815, (True, False)),
+    "conservative": Case(0.9, (False, False), steady=False),
+    "six_degrees": Case(0.82, (True, True), "six_degrees", False),
+    "cubic": Case(0.9, (False, False), "cubic"),
 }
 
 

@@ -45,7 +45,7 @@ class Line(NamedTuple):
     """A way to use a method, and the values of its accuracy knob from coarse to fine."""
 
     name: str
-    family: str  #: see `FAMILIES`
+    family: str  #: located (events), controlled (steps only), fixed, smoothed, other
     knob: str | None  #: name of the option; None: there is none
     values: tuple = (None,)
     options: dict = {}  #: other options, fixed
@@ -58,15 +58,6 @@ class Line(NamedTuple):
             options["atol"] = 1e-3 * value
         return options
 
-
-#: family -> what its methods have in common
-FAMILIES = {
-    "located": "events located",
-    "controlled": "step control only",
-    "fixed": "fixed steps",
-    "smoothed": "smoothed contact",
-    "other": "other packages",
-}
 
 #: method -> its lines. scipy's right-hand side is Python: few values.
 LADDERS = {
