@@ -9,7 +9,7 @@ from gearlib.figures.work_precision import FAMILIES
 _ROW_HEIGHT, _HEAD = 0.125, 0.75
 #: The two tunings of the paper's Fig. 6.
 _PAPER = (0.815, 0.8151)
-_COLUMNS = (1.01, 1.11)
+_COLUMNS = (1.01, 1.12)
 
 
 @style.styled()
@@ -24,9 +24,10 @@ def draw(jumps):
     Returns
     -------
     matplotlib.figure.Figure
-        The black line is the exact jump, the band the paper's pair of tunings; a thin line shows
-        how far a scan went. Beside each row the evaluations per mesh period and the error of the
-        largest switch; "none": the scan has no switch.
+        Ticks lie in the middle of a step of the scan, that of the largest switch where bisection
+        puts it. The black line is the exact jump, the band the paper's pair of tunings; a thin
+        line shows how far a scan went. Beside each row the evaluations per mesh period and the
+        error of the largest switch; "none": the scan has no switch.
     """
     rows = sorted(
         (
@@ -48,6 +49,9 @@ def draw(jumps):
         low, high = float(data.scan_from[k]), float(data.scan_to[k])
         axes.hlines(y, low, high, color="#CFCFCF", linewidth=0.4, zorder=0)
         ticks = data.switch_tuning.values[data.switch_rung.values == k]
+        # The largest switch is known better than the others, which lie somewhere within a step.
+        jump, step = float(data.jump[k]), float(data.scan_step[k])
+        ticks = np.where(np.abs(ticks - jump) <= 0.5001 * step, jump, ticks)
         axes.vlines(ticks, y - 0.42, y + 0.42, color=colour, linewidth=1.4, zorder=3)
         knob = data.knob.values[k].replace("steps_per_period", "steps")
         names.append(f"{line}, {knob}" if knob else line)

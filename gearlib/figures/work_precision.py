@@ -41,7 +41,7 @@ FAMILIES = {
 }
 _MARKERS = "*osD^vPX<>hp"
 _SIZE = {"*": 7.0}
-_EVALUATIONS = "evaluations of the right-hand side per mesh period"
+_EVALUATIONS = "evaluations of the right-hand side per mesh period\n(left edge: none)"
 _STATE = "error of the final state"
 
 
@@ -124,7 +124,7 @@ def _figure(count, columns):
     """Return a figure and its axes, one for each panel."""
     rows = -(-count // columns)
     figure = Figure((style.PAGE_WIDTH, _FOOT + _ROW_HEIGHT * rows), layout="constrained")
-    grid = figure.subplots(rows, columns, squeeze=False, sharey=True)
+    grid = figure.subplots(rows, columns, squeeze=False, sharey="row")
     for axes in grid.flat[count:]:
         axes.remove()
     for axes in grid.flat[:count]:
@@ -215,34 +215,40 @@ def draw_measures(errors):
         A panel for every problem with events, then for every problem with a settled orbit.
     """
     kinds = {
-        "event_error": ("event_floor", "events", "error of event phases (rad)"),
-        "multiplier_error": ("multiplier_floor", "multiplier", "error of the multiplier"),
+        "event_error": ("event_floor", "error of event phases (rad)"),
+        "multiplier_error": ("multiplier_floor", "error of the multiplier"),
     }
     names, lines = errors[0].problem.values, _lines(errors)
-    shown = [
-        (kind, i)
-        for kind in kinds
-        for i in range(names.size)
-        if any(np.isfinite(data[kind].values[i]).any() for data in errors)
-    ]
-    columns = 3
-    figure, panels = _figure(len(shown), columns)
-    every = [data[kind].values.ravel() for data in errors for kind in kinds]
-    limits = _limits(np.concatenate([*every, errors[0].event_floor.values]), 0.1)
-    for k, (axes, (kind, i)) in enumerate(zip(panels, shown, strict=True)):
-        floor, what, label = kinds[kind]
-        axes.set_ylim(*limits)
-        costs = [data.period_evaluations.values[i] for data in errors]
-        axes.set_xlim(*_limits(np.concatenate(costs), 0.25))
-        rows = [data[kind].values[i] for data in errors]
-        named = [(data.line.values, cost) for data, cost in zip(errors, costs, strict=True)]
-        _draw_panel(axes, named, rows, lines, float(errors[0][floor][i]))
-        words = _PROBLEMS.get(names[i], names[i])
-        axes.set_title(f"{what}: {words.split(',')[0]}", fontsize=7)
-        if k % columns == 0 or shown[k - 1][0] != kind:
-            axes.set_ylabel(label, fontsize=7)
-            axes.tick_params(labelleft=True)
-        if k >= len(shown) - columns:
-            axes.set_xlabel("evaluations per mesh period")
+    shown = {kind: _with_numbers(errors, kind) for kind in kinds}
+    shown = {kind: places for kind, places in shown.items() if places}
+    columns = max(map(len, shown.values()), default=1)
+    figure, grid = _figure(max(len(shown), 1) * columns, columns)
+    panels = np.reshape(grid, (-1, columns))
+    for row, (kind, places) in zip(panels, shown.items(), strict=False):
+        floor, label = kinds[kind]
+        floors = errors[0][floor].values
+        every = np.concatenate([data[kind].values.ravel() for data in errors])
+        limits = _limits(np.concatenate([every, floors]), 0.1)
+        for axes in row[len(places) :]:
+            axes.remove()
+        for axes, i in zip(row, places, strict=False):
+            costs = [data.period_evaluations.values[i] for data in errors]
+            axes.set_xlim(*_limits(np.concatenate(costs), 0.25))
+            axes.set_ylim(*limits)
+            rows = [data[kind].values[i] for data in errors]
+            named = [(data.line.values, cost) for data, cost in zip(errors, costs, strict=True)]
+            _draw_panel(axes, named, rows, lines, float(floors[i]))
+            words = _PROBLEMS.get(names[i], names[i])
+            axes.set_title(words.split(",")[0], fontsize=7)
+        row[0].set_ylabel(label)
+    if shown:
+        last = len([*shown.values()][-1])
+        panels[-1, min(columns // 2, last - 1)].set_xlabel(_EVALUATIONS)
     _legend(figure, lines, "rounding")
     return figure
+
+
+def _with_numbers(errors, kind):
+    """Return the places of the problems of which any method has an error of this kind."""
+    found = np.any([np.isfinite(data[kind].values).any(axis=1) for data in errors], axis=0)
+    return np.flatnonzero(found).tolist()

@@ -18,7 +18,6 @@ from gearlib.pair import GearPair
 from gearlib.provenance import canonical_json
 from gearlib.trials import problems, work_precision
 from gearlib.trials.work_precision import Line
-from gearlib.tunings import grid
 from gearlib.variables import describe
 from gearlib.version import __version__
 
@@ -27,10 +26,15 @@ FAST = ("exact", "taylor", "rk4", "newmark", "generalised_alpha", "rk45", "smoot
 
 #: scipy's right-hand side is Python: what fits into a minute.
 SCIPY = [
-    Line("scipy RK45", "controlled", "rtol", (1e-3,), {"solver": "RK45"}),
-    Line("scipy LSODA", "controlled", "rtol", (1e-6,), {"solver": "LSODA"}),
+    Line("scipy RK45", "controlled", "rtol", (1e-3,), {"solver": "RK45"}, True),
+    Line("scipy LSODA", "controlled", "rtol", (1e-6,), {"solver": "LSODA"}, True),
     Line(
-        "scipy DOP853, split", "located", "rtol", (1e-5,), {"solver": "DOP853", "events": True}
+        "scipy DOP853, split",
+        "located",
+        "rtol",
+        (1e-5,),
+        {"solver": "DOP853", "events": True},
+        True,
     ),
 ]
 
@@ -95,7 +99,7 @@ def period_cost(pair, nu, method, options, run):
     return bound.run(tuple(run["initial_state"]), periods).evaluations / periods
 
 
-def compute(method, pair, settings, run):
+def compute(method, pair, tunings, slow_tunings, settings, run):
     """Return the jump by one method, for every value of its knob that is within the cost allowed.
 
     Parameters
@@ -103,9 +107,10 @@ def compute(method, pair, settings, run):
     method : str
     pair : dict
         Keyword arguments of `GearPair`.
+    tunings, slow_tunings : sequence of float, shape (n,)
+        The scan, and that of methods which are not compiled by this library; rising, n >= 2.
     settings : dict
-        start, stop, step, resolution of the scan; slow: start, stop, step, resolution for
-        methods that are not compiled by this library; most_evaluations per mesh period.
+        resolution, slow: resolution of the slow scan, most_evaluations per mesh period.
     run : dict
         periods, record_periods, initial_state.
 
@@ -118,32 +123,31 @@ def compute(method, pair, settings, run):
         cost more than allowed.
     """
     model = GearPair(**pair)
-    grids = {True: settings, False: settings["slow"]}
-    exact = scan(model, _grid(settings), settings["resolution"], "exact", {}, run).jump
-    chosen = grids[method in FAST]
+    exact = scan(model, tunings, settings["resolution"], "exact", {}, run).jump
+    fast = method in FAST
+    nus = tunings if fast else slow_tunings
+    resolution = (settings if fast else settings["slow"])["resolution"]
     table = rungs(method)
     kept = [
         rung
         for rung in table
-        if period_cost(model, settings["start"], method, rung[2], run)
-        <= settings["most_evaluations"]
+        if period_cost(model, nus[0], method, rung[2], run) <= settings["most_evaluations"]
     ]
-    scans = [
-        scan(model, _grid(chosen), chosen["resolution"], method, options, run)
-        for _, _, options in kept
-    ]
+    scans = [scan(model, nus, resolution, method, options, run) for _, _, options in kept]
     jumps = np.array([one.jump for one in scans])
     count = len(kept)
+    # Without the binary digits of a difference of decimals.
+    step = round(float(nus[1] - nus[0]), 12)
     data = {
         **work_precision.rung_variables(kept),
         "switches": ("rung", np.array([one.switches.size for one in scans], np.int32)),
         "jump": ("rung", jumps),
         "jump_error": ("rung", jumps - exact),
         "period_evaluations": ("rung", np.array([one.evaluations for one in scans])),
-        "scan_from": ("rung", np.full(count, float(chosen["start"]))),
-        "scan_to": ("rung", np.full(count, float(chosen["stop"]))),
-        "scan_step": ("rung", np.full(count, float(chosen["step"]))),
-        "resolution": ("rung", np.full(count, float(chosen["resolution"]))),
+        "scan_from": ("rung", np.full(count, float(nus[0]))),
+        "scan_to": ("rung", np.full(count, float(nus[-1]))),
+        "scan_step": ("rung", np.full(count, step)),
+        "resolution": ("rung", np.full(count, resolution)),
         "switch_tuning": ("switch", np.concatenate([[], *(one.switches for one in scans)])),
         "switch_rung": (
             "switch",
@@ -164,10 +168,6 @@ def compute(method, pair, settings, run):
         "parameters": canonical_json({"settings": settings, "run": run}),
     }
     return describe(dataset)
-
-
-def _grid(settings):
-    return grid(settings["start"], settings["stop"], settings["step"])
 
 
 def write_csv(datasets, path):

@@ -49,11 +49,12 @@ class Line(NamedTuple):
     knob: str | None  #: name of the option; None: there is none
     values: tuple = (None,)
     options: dict = {}  #: other options, fixed
+    follows: bool = False  #: whether an absolute tolerance, atol, follows the knob
 
     def at(self, value):
         """Return the options of the method at a value of the knob."""
         options = dict(self.options) if self.knob is None else self.options | {self.knob: value}
-        if self.knob == "rtol" and "atol" not in options and self.family != "smoothed":
+        if self.follows:
             # ode45's defaults keep this ratio of the two.
             options["atol"] = 1e-3 * value
         return options
@@ -66,7 +67,7 @@ LADDERS = {
     "rk4": [Line("rk4", "fixed", "steps_per_period", _STEPS)],
     "newmark": [Line("newmark", "fixed", "steps_per_period", _STEPS)],
     "generalised_alpha": [Line("generalised alpha", "fixed", "steps_per_period", _STEPS)],
-    "rk45": [Line("rk45", "controlled", "rtol", _RTOL)],
+    "rk45": [Line("rk45", "controlled", "rtol", _RTOL, follows=True)],
     "smoothed": [
         Line(
             "smoothed",
@@ -77,15 +78,16 @@ LADDERS = {
         )
     ],
     "scipy": [
-        Line("scipy RK45", "controlled", "rtol", (1e-3, 1e-6), {"solver": "RK45"}),
-        Line("scipy LSODA", "controlled", "rtol", (1e-3, 1e-6, 1e-9), {"solver": "LSODA"}),
-        Line("scipy Radau", "controlled", "rtol", (1e-3,), {"solver": "Radau"}),
+        Line("scipy RK45", "controlled", "rtol", (1e-3, 1e-6), {"solver": "RK45"}, True),
+        Line("scipy LSODA", "controlled", "rtol", (1e-3, 1e-6, 1e-9), {"solver": "LSODA"}, True),
+        Line("scipy Radau", "controlled", "rtol", (1e-3,), {"solver": "Radau"}, True),
         Line(
             "scipy DOP853, split",
             "located",
             "rtol",
             (1e-3, 1e-6, 1e-9, 1e-12),
             {"solver": "DOP853", "events": True},
+            True,
         ),
     ],
 }
@@ -121,9 +123,8 @@ def lines_of(method):
         return LADDERS[method]
     options = known[method].options
     knob = next((name for name in GENERIC if name in options), None)
-    # atol follows rtol only where there is one.
-    fixed = {"atol": options["atol"][0]} if knob == "rtol" and "atol" in options else {}
-    line = Line(method, "other", knob, GENERIC.get(knob, (None,)), fixed)
+    follows = knob == "rtol" and "atol" in options
+    line = Line(method, "other", knob, GENERIC.get(knob, (None,)), follows=follows)
     return [line]
 
 
@@ -296,15 +297,12 @@ def _seconds(call):
 
 def seconds_per_period(call, repeats):
     """Return the time of ``call(periods)`` per period: median, without the start of a run."""
-    short, long = 2, 4
+    short, long = 1, 6
 
     def once(periods):
         return _seconds(lambda: call(periods))
 
     call(short)
-    if once(short) > _SPAN:
-        # The start of a run so slow does not count.
-        return statistics.median([once(long) for _ in range(repeats)]) / long
     # The lesser of two: an interruption must not pass for a long run.
     while min(once(long), once(long)) - once(short) < _SPAN and long < _LONGEST:
         long *= 2
