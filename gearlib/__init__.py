@@ -31,7 +31,6 @@ module                  responsibility
 ``jump``                where the motion from rest jumps, and what moves the jump
 ``nonlinear_damping``   equivalent linear, quadratic and cubic damping side by side
 ``model_comparison``    what larger models would change in a scene, and what they cost
-``trials``              hostile problems and what becomes of them under every method
 ``scenes``              the time courses of a few runs, side by side
 ``claims``              the paper's statements, checked against computed data
 ``trials``              which method is right, at what cost, and where each fails

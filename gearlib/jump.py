@@ -60,13 +60,11 @@ def find(pair, tunings, resolution, direction="cold", **run):
     tunings = np.asarray(tunings, float)
     scan = sweep(pair, tunings, direction=direction, **run)
     height = _heights(scan)
-    # A run that could not go on has no height: no orbit is like it.
-    steps = np.nan_to_num(np.abs(np.diff(height)), nan=0.0)
+    steps, large = height_steps(height)
     i = int(np.argmax(steps))
     low, high = tunings[i], tunings[i + 1]
     below, above = height[i], height[i + 1]
     states = scan.final_state.values
-    switches = int((steps >= max(0.5 * steps[i], SAME_HEIGHT)).sum())
     if direction != "cold":
         run["initial_state"] = tuple(states[i if direction == "up" else i + 1])
     while high - low > resolution:
@@ -82,7 +80,25 @@ def find(pair, tunings, resolution, direction="cold", **run):
             run["initial_state"] = tuple(one.final_state.values[0])
     if not abs(above - below) > SAME_HEIGHT:
         return Jump(np.nan, float(below), float(above), 0)
-    return Jump(0.5 * (low + high), float(below), float(above), switches)
+    return Jump(0.5 * (low + high), float(below), float(above), int(large.sum()))
+
+
+def height_steps(height):
+    """Return the steps between neighbouring heights of a scan, and which count as switches.
+
+    Parameters
+    ----------
+    height : ndarray, shape (n,)
+        n >= 2; NaN for a run that could not go on: no orbit is like it.
+
+    Returns
+    -------
+    steps : ndarray, shape (n - 1,)
+    large : ndarray of bool, shape (n - 1,)
+        At least half as large as the largest, and no difference within one orbit.
+    """
+    steps = np.nan_to_num(np.abs(np.diff(height)), nan=0.0)
+    return steps, steps >= max(0.5 * steps.max(), SAME_HEIGHT)
 
 
 def _heights(curve):

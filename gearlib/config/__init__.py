@@ -6,6 +6,7 @@ module            responsibility
 ``types``         what a number, a name, a list may be
 ``mesh``          sections of the gears and the length of the runs
 ``experiments``   sections of the experiments and of the figures
+``trials``        sections of the trials of the methods
 ================  ======================================================
 
 The JSON schema for editors is generated from the model::
@@ -23,9 +24,7 @@ from pydantic import Field, ValidationError, model_validator
 
 from gearlib.config.experiments import (
     FRICTION_ONLY,
-    MAX_JOBS,
     SIX_ONLY,
-    Failures,
     Figures,
     Jump,
     Labels,
@@ -35,10 +34,10 @@ from gearlib.config.experiments import (
     PhasePlanes,
     Resonance,
     Scene,
-    StabilityChart,
 )
 from gearlib.config.mesh import Damping, GearPairSection, Run, SixDegrees
-from gearlib.config.types import Name, Section, listing
+from gearlib.config.trials import Failures, JumpByMethod, StabilityChart, WorkPrecision
+from gearlib.config.types import MAX_JOBS, Name, Section, listing
 from gearlib.pair import GearPair
 from gearlib.validation import sentences
 
@@ -64,6 +63,8 @@ Target = Literal[
     "models",
     "stability_chart",
     "failures",
+    "work_precision",
+    "jump_by_method",
     "claims",
 ]
 
@@ -88,6 +89,8 @@ class Config(Section):
     labels: Labels
     stability_chart: StabilityChart
     failures: Failures
+    work_precision: WorkPrecision
+    jump_by_method: JumpByMethod
     scenes: dict[Name, Scene] = Field(description="Scenes by name, one figure each; may be empty.")
     figures: Figures
 
@@ -95,7 +98,7 @@ class Config(Section):
     def _check(self):
         self._check_colours()
         self._check_size()
-        for key in ("jump", "stability_chart"):
+        for key in ("jump", "stability_chart", "jump_by_method"):
             damping = getattr(self, key).damping
             if damping not in self.dampings:
                 raise ValueError(

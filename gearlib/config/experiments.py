@@ -10,18 +10,15 @@ from gearlib.config.types import (
     Finite,
     Name,
     NonNegative,
-    Option,
     Positive,
     Section,
     Tuning,
+    check_grid,
     listing,
     number_within,
 )
 
-MAX_JOBS = 10_000
-
 Harmonic = Annotated[int, Field(ge=1, le=1000)]
-Steps = Annotated[int, Field(ge=1, le=100_000)]
 
 
 class Resonance(Section):
@@ -77,21 +74,6 @@ class PhasePlanes(Section):
     tunings: listing(Tuning, "Tunings nu, one row of phase planes each.")
 
 
-def _check_grid(key, section):
-    """Refuse a section whose stop is not start plus a whole multiple of step, or too fine."""
-    start, stop, step = section.start, section.stop, section.step
-    if stop <= start or tunings.steps(start, stop, step) % 1:
-        raise ValueError(
-            f"{key}.stop = {stop!r} is not allowed: it must be {key}.start = {start!r} plus a "
-            f"whole multiple of {key}.step = {step!r}"
-        )
-    if int(tunings.steps(start, stop, step)) + 1 > MAX_JOBS:
-        raise ValueError(
-            f"{key}.step = {step!r} is not allowed: it must be >= {(stop - start) / MAX_JOBS:.2g} "
-            f"to stay within {MAX_JOBS:,} tunings"
-        )
-
-
 class PhaseLag(Section):
     """The phase lag of the motion behind the mesh stiffness (Fig. 2)."""
 
@@ -105,7 +87,7 @@ class PhaseLag(Section):
 
     @model_validator(mode="after")
     def _check(self):
-        _check_grid("phase_lag", self)
+        check_grid("phase_lag", self)
         return self
 
 
@@ -131,7 +113,7 @@ class Jump(Section):
 
     @model_validator(mode="after")
     def _check(self):
-        _check_grid("jump", self)
+        check_grid("jump", self)
         return self
 
 
@@ -150,7 +132,7 @@ class NonlinearDamping(Section):
 
     @model_validator(mode="after")
     def _check(self):
-        _check_grid("nonlinear_damping", self)
+        check_grid("nonlinear_damping", self)
         return self
 
 
@@ -170,39 +152,7 @@ class Labels(Section):
 
     @model_validator(mode="after")
     def _check(self):
-        _check_grid("labels", self)
-        return self
-
-
-class FixedStepMethod(Section):
-    """A fixed-step method of the stability chart."""
-
-    method: Literal["rk4", "newmark", "generalised_alpha"] = Field(description="Its name.")
-    options: dict[Name, Finite] = Field(
-        default={}, description="Its options, but the steps per period."
-    )
-
-
-class StabilityChart(Section):
-    """Spectral radii of fixed-step methods on the mesh that never loses contact."""
-
-    damping: Name = Field(
-        description="One of the dampings.", json_schema_extra={"$comment": "one of the dampings"}
-    )
-    start: Tuning = Field(description="First tuning.")
-    stop: Tuning = Field(description="Last one; start + a whole multiple of step.")
-    step: number_within(gt=0, le=10) = Field(description="Distance of the tunings.")
-    fine_step: number_within(gt=0, le=10) = Field(
-        description="Distance of the tunings of the true radius."
-    )
-    steps: listing(Steps, "Steps per mesh period.")
-    methods: dict[Name, FixedStepMethod] = Field(
-        min_length=1, description="The methods, by the name in the picture."
-    )
-
-    @model_validator(mode="after")
-    def _check(self):
-        _check_grid("stability_chart", self)
+        check_grid("labels", self)
         return self
 
 
@@ -210,53 +160,6 @@ class Models(Section):
     """The comparison of models: what more than the smallest one would change in a scene."""
 
     harmonics: Harmonic = Field(description="Harmonics of the truncated stiffness compared with.")
-
-
-class Trial(Section):
-    """One method with its options: a column of the matrix of failures."""
-
-    name: Name = Field(
-        description="Above the column; names the trial in the data.",
-        json_schema_extra={"$comment": "a text matching ^[A-Za-z0-9+_-]+$"},
-    )
-    method: Literal[
-        "exact",
-        "taylor",
-        "rk4",
-        "rk45",
-        "newmark",
-        "generalised_alpha",
-        "scipy",
-        "smoothed",
-        "heyoka",
-        "cvode",
-        "diffrax",
-        "cyrk",
-        "numbalsoda",
-    ] = Field(description="A name of `gearlib.methods`.")
-    options: dict[Name, Option] = Field(
-        default={}, description="Its options that are not the defaults, see `gearlib.methods`."
-    )
-
-
-class Failures(Section):
-    """The methods that are put to the hostile problems of `gearlib.trials.hostile`."""
-
-    trials: Annotated[
-        list[Trial],
-        Field(min_length=1, max_length=40, description="The methods, a column of the figure each."),
-    ]
-
-    @model_validator(mode="after")
-    def _check(self):
-        names = [trial.name for trial in self.trials]
-        for i, name in enumerate(names):
-            if names.count(name) > 1:
-                raise ValueError(
-                    f"failures.trials[{i}].name = {name!r} is not allowed: names must be all "
-                    "different"
-                )
-        return self
 
 
 Course = Literal[

@@ -21,6 +21,11 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
+from gearlib import tunings
+
+#: Limit that catches a mistyped step before it makes as many jobs or tunings.
+MAX_JOBS = 10_000
+
 _EXPONENT_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+")
 
 
@@ -102,3 +107,18 @@ class Section(BaseModel):
 def numbers(item, count, description):
     """Return the type of a list of `count` numbers, and its description."""
     return Annotated[list[item], Field(min_length=count, max_length=count, description=description)]
+
+
+def check_grid(key, section):
+    """Refuse a section whose stop is not start plus a whole multiple of step, or too fine."""
+    start, stop, step = section.start, section.stop, section.step
+    if stop <= start or tunings.steps(start, stop, step) % 1:
+        raise ValueError(
+            f"{key}.stop = {stop!r} is not allowed: it must be {key}.start = {start!r} plus a "
+            f"whole multiple of {key}.step = {step!r}"
+        )
+    if int(tunings.steps(start, stop, step)) + 1 > MAX_JOBS:
+        raise ValueError(
+            f"{key}.step = {step!r} is not allowed: it must be >= {(stop - start) / MAX_JOBS:.2g} "
+            f"to stay within {MAX_JOBS:,} tunings"
+        )

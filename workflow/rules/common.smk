@@ -38,6 +38,7 @@ wildcard_constraints:
     window=r"\d+\.\d+-\d+\.\d+",
     tuning=r"\d+\.\d+",
     scene=r"[A-Za-z0-9+_-]+",
+    method=r"[a-z0-9_]+",
     place="material|oil",
     power="linear|quadratic|cubic",
     trial=r"[A-Za-z0-9+_-]+",
@@ -95,6 +96,13 @@ def target_files():
         "models": [*figure_files("models"), "results/models.csv"] if CONFIG.scenes else [],
         "stability_chart": figure_files("stability_chart"),
         "failures": figure_files("failures"),
+        "work_precision": [
+            *figure_files("work_precision_evaluations"),
+            *figure_files("work_precision_measures"),
+            *figure_files("work_precision_time"),
+            "results/work_precision.csv",
+        ],
+        "jump_by_method": [*figure_files("jump_by_method"), "results/jump_by_method.csv"],
         "claims": ["results/claims.csv", "results/claims.md"],
     }
     return [path for target in CONFIG.targets for path in files[target]]

@@ -1,0 +1,157 @@
+"""Sections that describe the trials of the methods."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from gearlib.config.types import (
+    Finite,
+    Name,
+    Option,
+    Positive,
+    Section,
+    Tuning,
+    check_grid,
+    listing,
+    number_within,
+)
+
+Steps = Annotated[int, Field(ge=1, le=100_000)]
+
+
+class FixedStepMethod(Section):
+    """A fixed-step method of the stability chart."""
+
+    method: Literal["rk4", "newmark", "generalised_alpha"] = Field(description="Its name.")
+    options: dict[Name, Finite] = Field(
+        default={}, description="Its options, but the steps per period."
+    )
+
+
+class StabilityChart(Section):
+    """Spectral radii of fixed-step methods on the mesh that never loses contact."""
+
+    damping: Name = Field(
+        description="One of the dampings.", json_schema_extra={"$comment": "one of the dampings"}
+    )
+    start: Tuning = Field(description="First tuning.")
+    stop: Tuning = Field(description="Last one; start + a whole multiple of step.")
+    step: number_within(gt=0, le=10) = Field(description="Distance of the tunings.")
+    fine_step: number_within(gt=0, le=10) = Field(
+        description="Distance of the tunings of the true radius."
+    )
+    steps: listing(Steps, "Steps per mesh period.")
+    methods: dict[Name, FixedStepMethod] = Field(
+        min_length=1, description="The methods, by the name in the picture."
+    )
+
+    @model_validator(mode="after")
+    def _check(self):
+        check_grid("stability_chart", self)
+        return self
+
+
+class Trial(Section):
+    """One method with its options: a column of the matrix of failures."""
+
+    name: Name = Field(
+        description="Above the column; names the trial in the data.",
+        json_schema_extra={"$comment": "a text matching ^[A-Za-z0-9+_-]+$"},
+    )
+    method: Literal[
+        "exact",
+        "taylor",
+        "rk4",
+        "rk45",
+        "newmark",
+        "generalised_alpha",
+        "scipy",
+        "smoothed",
+        "heyoka",
+        "cvode",
+        "diffrax",
+        "cyrk",
+        "numbalsoda",
+    ] = Field(description="A name of `gearlib.methods`.")
+    options: dict[Name, Option] = Field(
+        default={}, description="Its options that are not the defaults, see `gearlib.methods`."
+    )
+
+
+class Failures(Section):
+    """The methods that are put to the hostile problems of `gearlib.trials.hostile`."""
+
+    trials: Annotated[
+        list[Trial],
+        Field(min_length=1, max_length=40, description="The methods, a column of the figure each."),
+    ]
+
+    @model_validator(mode="after")
+    def _check(self):
+        names = [trial.name for trial in self.trials]
+        for i, name in enumerate(names):
+            if names.count(name) > 1:
+                raise ValueError(
+                    f"failures.trials[{i}].name = {name!r} is not allowed: names must be all "
+                    "different"
+                )
+
+
+Problem = Literal["smooth", "bouncing", "near_fold", "conservative", "six_degrees", "cubic"]
+
+
+class WorkPrecision(Section):
+    """Errors of the methods on test problems, against evaluations and wall time."""
+
+    methods: listing(Name, "Names of `gearlib.methods()`.")
+    problems: listing(Problem, "Test problems, see gearlib/trials/problems.py.")
+    damping: Positive = Field(description="Linear damping where a problem has any, N s/m.")
+    cubic_damping: Positive = Field(description="Cubic damping of the problem cubic, N s^3/m^3.")
+    periods: int = Field(ge=1, le=10_000, description="Mesh periods of a run.")
+    conservative_periods: int = Field(
+        ge=1, le=10_000, description="The same without damping, where rounding errors grow fast."
+    )
+    record_periods: int = Field(
+        ge=1, le=100, description="The last ones, whose events are compared; at most those run."
+    )
+    repeats: int = Field(ge=1, le=1000, description="Timed runs, of which the median counts.")
+
+
+class SlowScan(Section):
+    """The scan of methods whose right-hand side is not compiled by the library."""
+
+    start: Tuning = Field(description="First tuning of the scan.")
+    stop: Tuning = Field(description="Last one; start + a whole multiple of step.")
+    step: number_within(gt=0, le=10) = Field(description="Distance of the tunings.")
+    resolution: number_within(gt=0, le=0.1) = Field(
+        description="Width of the tuning interval to which the jump is bisected."
+    )
+
+    @model_validator(mode="after")
+    def _check(self):
+        check_grid("jump_by_method.slow", self)
+        return self
+
+
+class JumpByMethod(Section):
+    """Where each method puts the jump of the motion from rest."""
+
+    methods: listing(Name, "Names of `gearlib.methods()`.")
+    damping: Name = Field(
+        description="One of the dampings.", json_schema_extra={"$comment": "one of the dampings"}
+    )
+    start: Tuning = Field(description="First tuning of the scan.")
+    stop: Tuning = Field(description="Last one; start + a whole multiple of step.")
+    step: number_within(gt=0, le=10) = Field(description="Distance of the tunings.")
+    resolution: number_within(gt=0, le=0.1) = Field(
+        description="Width of the tuning interval to which the jump is bisected."
+    )
+    most_evaluations: Positive = Field(
+        description="Values of a knob that cost more evaluations per mesh period are left out."
+    )
+    slow: SlowScan
+
+    @model_validator(mode="after")
+    def _check(self):
+        check_grid("jump_by_method", self)
+        return self

@@ -1,0 +1,252 @@
+"""Work and precision: ladders, error measures, decades and tables, from constructed data."""
+
+import csv
+import time
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from gearlib import integrators, jump
+from gearlib.figures import jump_by_method as jump_figure
+from gearlib.figures import work_precision as figures
+from gearlib.integrators.option import Option
+from gearlib.trials import jump_by_method, problems
+from gearlib.trials import work_precision as wp
+
+PAIR = {
+    "max_stiffness": 4e8,
+    "stiffness_ratio": 0.5879,
+    "contact_ratio": 1.569,
+    "reduced_mass": 3.123,
+    "load": 3289.5396,
+    "backlash": 40e-6,
+}
+SETTINGS = {
+    "damping": 3953.7,
+    "cubic_damping": 4e5,
+    "periods": 4,
+    "conservative_periods": 2,
+    "record_periods": 3,
+}
+
+
+def run(state=(0.0, 0.0), phases=(), kinds=()):
+    return problems.Run(
+        np.array(state, float),
+        np.array(phases, float),
+        np.array(kinds, np.int8).reshape(-1, 2),
+        1.0,
+        10,
+        0,
+    )
+
+
+def datasets(method, names=("smooth", "bouncing")):
+    arguments = method, list(names), PAIR, {}, SETTINGS
+    return wp.errors(*arguments), wp.times(*arguments, repeats=1)
+
+
+def test_error_of_the_state():
+    assert wp.state_error(run((1.0, 2.0)), run((1.5, 1.0))) == 1.0
+    assert np.isnan(wp.state_error(run((np.nan, np.nan)), run()))
+
+
+def test_error_of_the_events():
+    one = run(phases=[1.0, 2.0], kinds=[(1, 0), (0, 1)])
+    assert wp.event_error(run(phases=[1.1, 1.7], kinds=one.kinds), one) == pytest.approx(0.3)
+    # Another number, another kind, none at all: nothing to compare.
+    assert np.isnan(wp.event_error(run(phases=[1.0], kinds=[(1, 0)]), one))
+    assert np.isnan(wp.event_error(run(phases=[1.0, 2.0], kinds=[(1, 0), (0, -1)]), one))
+    assert np.isnan(wp.event_error(run(), run()))
+
+
+def test_largest_multiplier():
+    assert problems.largest_multiplier(np.array([[0.0, -0.5], [0.5, 0.0]])) == pytest.approx(0.5)
+    assert np.isnan(problems.largest_multiplier(np.full((2, 2), np.nan)))
+
+
+def test_every_method_has_a_ladder_that_it_accepts():
+    model = problems.build("cubic", PAIR, {}, SETTINGS).model
+    for method in integrators.METHODS:
+        for _, _, options in wp.rungs(method):
+            if problems.takes(method, model):
+                integrators.choose(model, method, options)
+
+
+def test_a_ladder_goes_from_coarse_to_fine():
+    for lines in wp.LADDERS.values():
+        for line in lines:
+            if line.knob in ("rtol", "tolerance"):
+                assert list(line.values) == sorted(line.values, reverse=True)
+            elif line.knob:
+                assert list(line.values) == sorted(line.values)
+    # Steps that end at the switches of the paper's mesh would look better than they are.
+    assert all(k * 0.2845 % 1 > 1e-6 for k in wp.LADDERS["rk4"][0].values)
+
+
+def test_the_tolerances_of_a_pair_keep_their_ratio():
+    _, text, options = wp.rungs("rk45")[1]
+    assert text == "rtol = 0.001" and options == {"rtol": 1e-3, "atol": 1e-6}
+
+
+def test_a_method_without_lines_goes_by_its_options(monkeypatch):
+    class Peer:
+        ORDER, EVENTS, MODELS = 5, "", ""
+        OPTIONS = {"rtol": Option(1e-6, None, ""), "atol": Option(1e-9, None, "")}
+
+    class Plain(Peer):
+        OPTIONS = {}
+
+    class Fixed(Peer):
+        OPTIONS = {"steps_per_period": Option(9, None, "")}
+
+    for name, module in (("peer", Peer), ("plain", Plain), ("fixed", Fixed)):
+        monkeypatch.setitem(integrators.METHODS, name, module)
+    peer = wp.rungs("peer")
+    assert [options["rtol"] for _, _, options in peer] == list(wp.GENERIC["rtol"])
+    assert all(line.family == "other" for line, _, _ in peer)
+    assert all(o["atol"] == pytest.approx(1e-3 * o["rtol"]) for _, _, o in peer)
+    assert [options for _, _, options in wp.rungs("plain")] == [{}]
+    assert wp.rungs("fixed")[0][2] == {"steps_per_period": 50}
+    with pytest.raises(ValueError, match="method = 'nobody' is not allowed"):
+        wp.rungs("nobody")
+
+
+def test_problems():
+    model = problems.build("near_fold", PAIR, {}, SETTINGS).model
+    assert (model.material_damping, model.backlash_damping) == (3953.7, 0.0)
+    undamped = problems.build("conservative", PAIR, {}, SETTINGS)
+    assert undamped.periods == undamped.record_periods == 2
+    assert undamped.model.material_damping == 0.0 and not undamped.steady
+    assert problems.build("cubic", PAIR, {}, SETTINGS).model.cubic_damping == 4e5
+
+
+def test_no_method_is_measured_by_itself():
+    for name in ("smooth", "cubic"):
+        model = problems.build(name, PAIR, {}, SETTINGS).model
+        for method in integrators.METHODS:
+            judge, _ = problems.judge(model, method)
+            assert judge != method and problems.takes(judge, model)
+
+
+def test_the_fastest_of_every_decade():
+    error = np.array([1e-2, 1e-9, 3e-5, np.nan, 1e-12])
+    seconds = np.array([1.0, 5.0, 2.0, 0.1, np.nan])
+    found = wp.fastest(error, seconds)
+    # The third is the quickest within 1e-3 and 1e-4, the second from there on to its own error.
+    assert found == [(0, 0), (1, 0), (2, 0), (3, 2), (4, 2), *((d, 1) for d in range(5, 10))]
+    assert wp.fastest(np.array([np.nan]), np.array([1.0])) == []
+
+
+def test_the_slope_of_the_time_leaves_out_the_start():
+    def call(periods):
+        time.sleep(0.02 + 1e-3 * periods)
+
+    assert wp.seconds_per_period(call, 5) == pytest.approx(1e-3, rel=0.5)
+
+
+@pytest.fixture(scope="module")
+def both():
+    return [datasets(method) for method in ("exact", "taylor")]
+
+
+def test_the_table(both, tmp_path):
+    errors, times = zip(*both, strict=True)
+    rows = wp.table(errors, times)
+    assert {row.problem for row in rows} == {"smooth", "bouncing"}
+    for row in rows:
+        assert row.error <= 10.0**-row.decade * 1.001
+    wp.write_csv(rows, tmp_path / "table.csv")
+    with open(tmp_path / "table.csv", newline="") as file:
+        table = list(csv.DictReader(file))
+    assert len(table) == len(rows)
+    assert table[0]["accuracy"] == "1e-00" and float(table[0]["seconds_per_period"]) > 0.0
+
+
+def test_units_and_shapes(both):
+    for data in both[1]:
+        assert data.sizes == {"problem": 2, "rung": 6}
+        numbers = [v for v in data.variables.values() if v.dtype.kind in "if"]
+        assert all("units" in v.attrs and "long_name" in v.attrs for v in numbers)
+    # Times keep to themselves.
+    assert not {"period_time", "closed_form_time", "warm_up_time"} & set(both[1][0].data_vars)
+
+
+def test_a_method_that_does_not_take_a_model_has_no_numbers():
+    data = wp.errors("exact", ["cubic"], PAIR, {}, SETTINGS)
+    assert np.isnan(data.state_error).all() and np.isnan(data.period_evaluations).all()
+    # The floor of the problem is known all the same.
+    assert np.isfinite(data.state_floor).all()
+
+
+def test_figures(both):
+    errors, times = zip(*both, strict=True)
+    for figure in (figures.draw_evaluations(errors), figures.draw_time(errors, times)):
+        assert len(figure.axes) == 2
+        assert all(np.isfinite(axes.get_xlim()).all() for axes in figure.axes)
+    titles = [axes.get_title() for axes in figures.draw_measures(errors).axes]
+    assert titles == ["a bounce in every period", "no bounce", "a bounce in every period"]
+
+
+def test_switches_of_a_scan():
+    steps, large = jump.height_steps(np.array([1.0, 1.1, 3.0, 1.2, np.nan, 4.0]))
+    np.testing.assert_allclose(steps, [0.1, 1.9, 1.8, 0.0, 0.0])
+    assert large.tolist() == [False, True, True, False, False]
+    assert not jump.height_steps(np.array([1.0, 1.05, 1.08]))[1].any()
+
+
+SCAN = {"resolution": 1e-4, "slow": {"resolution": 1e-3}, "most_evaluations": 1000}
+RUN = {"periods": 120, "record_periods": 24, "initial_state": [0.0, 0.0]}
+
+
+@pytest.fixture(scope="module")
+def scanned():
+    pair = PAIR | {"material_damping": 3953.7}
+    nus = [0.812, 0.814, 0.816, 0.818]
+    return [
+        jump_by_method.compute(name, pair, nus, nus[1:3], SCAN, RUN)
+        for name in ("exact", "newmark")
+    ]
+
+
+def test_jump_by_method(scanned):
+    exact, newmark = scanned
+    assert exact.switches.values.tolist() == [1]
+    assert float(exact.jump_error[0]) == 0.0
+    assert float(exact.exact_jump) == pytest.approx(0.815695, abs=1e-4)
+    assert exact.switch_tuning.values.tolist() == [0.815]
+    # Newmark with 25 to 400 steps a period is within the cost allowed, with more it is not.
+    assert newmark.sizes["rung"] == 5 and int(newmark.left_out) == 5
+    assert newmark.sizes["switch"] == int(newmark.switches.sum())
+    assert all("units" in v.attrs for v in newmark.variables.values() if v.dtype.kind in "if")
+
+
+def test_the_largest_switch_is_the_jump_that_gearlib_jump_finds():
+    pair = problems.build("near_fold", PAIR, {}, SETTINGS).model
+    nus = np.linspace(0.81, 0.82, 11)
+    run = RUN | {"initial_state": (0.0, 0.0)}
+    for method in ("exact", "rk45"):
+        found = jump_by_method.scan(pair, nus, 1e-5, method, {}, run)
+        expected = jump.find(pair, nus, 1e-5, method=method, **run)
+        assert found.jump == pytest.approx(expected.tuning, abs=1e-12)
+        assert found.switches.size == expected.switches
+
+
+def test_jump_by_method_as_table_and_figure(scanned, tmp_path):
+    jump_by_method.write_csv(scanned, tmp_path / "table.csv")
+    with open(tmp_path / "table.csv", newline="") as file:
+        table = list(csv.DictReader(file))
+    costs = [float(row["evaluations_per_period"]) for row in table]
+    assert costs == sorted(costs) and table[0]["line"] == "exact"
+    figure = jump_figure.draw(scanned)
+    assert len(figure.axes[0].get_yticklabels()) == 6
+
+
+def test_a_scan_without_a_switch():
+    pair = problems.build("smooth", PAIR, {}, SETTINGS).model
+    found = jump_by_method.scan(pair, [0.70, 0.71], 1e-3, "exact", {}, RUN)
+    assert np.isnan(found.jump) and found.switches.size == 0
+    data = jump_by_method.compute("exact", pair.as_dict(), [0.70, 0.71], [0.70, 0.71], SCAN, RUN)
+    assert isinstance(data, xr.Dataset) and data.sizes["switch"] == 0
+    jump_figure.draw([data])

@@ -1,0 +1,68 @@
+"""The jump of the motion from rest, method by method: computed, tabled, drawn."""
+
+
+rule jump_by_method:
+    input:
+        kernels=rules.compile_kernels.output.stamp,
+        sources=script_sources("jump_by_method"),
+    output:
+        dataset="results/jump_by_method/{method}.nc",
+    log:
+        "results/logs/jump_by_method/{method}.log",
+    benchmark:
+        "results/benchmarks/jump_by_method/{method}.tsv"
+    threads: 1
+    params:
+        pair=canonical(CONFIG.pair_parameters(CONFIG.jump_by_method.damping)),
+        settings=canonical(CONFIG.jump_by_method.model_dump(exclude={"methods", "damping"})),
+        run=canonical(run_length()),
+    conda:
+        "../envs/gearlib.yaml"
+    script:
+        "../scripts/jump_by_method.py"
+
+
+rule jump_by_method_table:
+    input:
+        jumps=[f"results/jump_by_method/{name}.nc" for name in CONFIG.jump_by_method.methods],
+        sources=script_sources("jump_by_method_table"),
+    output:
+        csv=report(
+            "results/jump_by_method.csv",
+            caption="../report/jump_by_method.rst",
+            category="Methods",
+            labels={"table": "jump from rest by method"},
+        ),
+    log:
+        "results/logs/jump_by_method_table.log",
+    benchmark:
+        "results/benchmarks/jump_by_method_table.tsv"
+    threads: 1
+    conda:
+        "../envs/gearlib.yaml"
+    script:
+        "../scripts/jump_by_method_table.py"
+
+
+rule draw_jump_by_method:
+    input:
+        jumps=[f"results/jump_by_method/{name}.nc" for name in CONFIG.jump_by_method.methods],
+        sources=script_sources("draw_jump_by_method"),
+    output:
+        report(
+            figure_files("jump_by_method"),
+            caption="../report/jump_by_method.rst",
+            category="Figures",
+            labels={"figure": "methods", "shows": "jump from rest by method"},
+        ),
+    log:
+        "results/logs/draw_jump_by_method.log",
+    benchmark:
+        "results/benchmarks/draw_jump_by_method.tsv"
+    threads: 1
+    params:
+        dpi=CONFIG.figures.dpi,
+    conda:
+        "../envs/gearlib.yaml"
+    script:
+        "../scripts/draw_jump_by_method.py"

@@ -1,0 +1,134 @@
+"""Work and precision: errors and evaluations of each method, their wall times apart, figures."""
+
+WORK_PRECISION = CONFIG.work_precision
+
+
+def work_precision_files(kind):
+    """Return the files of all methods: kind is errors or times."""
+    return [f"results/work_precision/{kind}_{name}.nc" for name in WORK_PRECISION.methods]
+
+
+rule work_precision_errors:
+    input:
+        kernels=rules.compile_kernels.output.stamp,
+        sources=script_sources("work_precision_errors"),
+    output:
+        dataset="results/work_precision/errors_{method}.nc",
+    log:
+        "results/logs/work_precision/errors_{method}.log",
+    benchmark:
+        "results/benchmarks/work_precision/errors_{method}.tsv"
+    threads: 1
+    params:
+        problems=WORK_PRECISION.problems,
+        pair=canonical(CONFIG.gear_pair.model_dump()),
+        six_degrees=canonical(CONFIG.six_degrees.model_dump()),
+        settings=canonical(WORK_PRECISION.model_dump(exclude={"methods", "problems", "repeats"})),
+    conda:
+        "../envs/gearlib.yaml"
+    script:
+        "../scripts/work_precision_errors.py"
+
+
+# Wall times: no two runs give the same, so nothing but the figure and the table of times may
+# depend on this dataset. It asks for more threads than there are: Snakemake then gives it all
+# cores of the call and starts no job beside it, whose load would be measured along.
+rule work_precision_times:
+    input:
+        kernels=rules.compile_kernels.output.stamp,
+        sources=script_sources("work_precision_times"),
+    output:
+        dataset="results/work_precision/times_{method}.nc",
+    log:
+        "results/logs/work_precision/times_{method}.log",
+    benchmark:
+        "results/benchmarks/work_precision/times_{method}.tsv"
+    threads: 1024
+    params:
+        problems=WORK_PRECISION.problems,
+        pair=canonical(CONFIG.gear_pair.model_dump()),
+        six_degrees=canonical(CONFIG.six_degrees.model_dump()),
+        settings=canonical(WORK_PRECISION.model_dump(exclude={"methods", "problems", "repeats"})),
+        repeats=WORK_PRECISION.repeats,
+    conda:
+        "../envs/gearlib.yaml"
+    script:
+        "../scripts/work_precision_times.py"
+
+
+rule work_precision_table:
+    input:
+        errors=work_precision_files("errors"),
+        times=work_precision_files("times"),
+        sources=script_sources("work_precision_table"),
+    output:
+        csv=report(
+            "results/work_precision.csv",
+            caption="../report/work_precision_table.rst",
+            category="Methods",
+            labels={"table": "fastest method by accuracy"},
+        ),
+    log:
+        "results/logs/work_precision_table.log",
+    benchmark:
+        "results/benchmarks/work_precision_table.tsv"
+    threads: 1
+    conda:
+        "../envs/gearlib.yaml"
+    script:
+        "../scripts/work_precision_table.py"
+
+
+rule draw_work_precision:
+    input:
+        errors=work_precision_files("errors"),
+        sources=script_sources("draw_work_precision"),
+    output:
+        evaluations=report(
+            figure_files("work_precision_evaluations"),
+            caption="../report/work_precision_evaluations.rst",
+            category="Figures",
+            labels={"figure": "methods", "shows": "errors over evaluations"},
+        ),
+        measures=report(
+            figure_files("work_precision_measures"),
+            caption="../report/work_precision_measures.rst",
+            category="Figures",
+            labels={"figure": "methods", "shows": "errors of events and multipliers"},
+        ),
+    log:
+        "results/logs/draw_work_precision.log",
+    benchmark:
+        "results/benchmarks/draw_work_precision.tsv"
+    threads: 1
+    params:
+        dpi=CONFIG.figures.dpi,
+    conda:
+        "../envs/gearlib.yaml"
+    script:
+        "../scripts/draw_work_precision.py"
+
+
+rule draw_work_precision_time:
+    input:
+        errors=work_precision_files("errors"),
+        times=work_precision_files("times"),
+        sources=script_sources("draw_work_precision_time"),
+    output:
+        report(
+            figure_files("work_precision_time"),
+            caption="../report/work_precision_time.rst",
+            category="Figures",
+            labels={"figure": "methods", "shows": "errors over wall time"},
+        ),
+    log:
+        "results/logs/draw_work_precision_time.log",
+    benchmark:
+        "results/benchmarks/draw_work_precision_time.tsv"
+    threads: 1
+    params:
+        dpi=CONFIG.figures.dpi,
+    conda:
+        "../envs/gearlib.yaml"
+    script:
+        "../scripts/draw_work_precision_time.py"

@@ -1,0 +1,12 @@
+"""Draw the switch points of all methods in all formats."""
+
+from gearlib import storage
+from gearlib.figures import jump_by_method, style
+from joblog import redirect_output
+
+if __name__ == "__main__":
+    redirect_output(snakemake.log[0])
+    figure = jump_by_method.draw([storage.read(path) for path in snakemake.input.jumps])
+    figure.set_dpi(snakemake.params.dpi)
+    for path in snakemake.output:
+        style.save(figure, path)

@@ -1,0 +1,23 @@
+"""Compute the jump of the motion from rest by one method."""
+
+import json
+
+from gearlib import storage
+from gearlib.trials import jump_by_method
+from gearlib.tunings import grid
+from joblog import redirect_output
+
+if __name__ == "__main__":
+    redirect_output(snakemake.log[0])
+    settings = json.loads(snakemake.params.settings)
+    scans = [
+        grid(part["start"], part["stop"], part["step"]) for part in (settings, settings["slow"])
+    ]
+    dataset = jump_by_method.compute(
+        snakemake.wildcards.method,
+        json.loads(snakemake.params.pair),
+        *scans,
+        settings,
+        json.loads(snakemake.params.run),
+    )
+    storage.write(dataset, snakemake.output.dataset)

@@ -1,0 +1,10 @@
+"""Write the jumps of all methods as one table."""
+
+from gearlib import storage
+from gearlib.trials import jump_by_method
+from joblog import redirect_output
+
+if __name__ == "__main__":
+    redirect_output(snakemake.log[0])
+    jumps = [storage.read(path) for path in snakemake.input.jumps]
+    jump_by_method.write_csv(jumps, snakemake.output.csv)

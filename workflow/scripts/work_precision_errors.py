@@ -1,0 +1,18 @@
+"""Compute the errors and evaluations of one method on the test problems."""
+
+import json
+
+from gearlib import storage
+from gearlib.trials import work_precision
+from joblog import redirect_output
+
+if __name__ == "__main__":
+    redirect_output(snakemake.log[0])
+    dataset = work_precision.errors(
+        snakemake.wildcards.method,
+        snakemake.params.problems,
+        json.loads(snakemake.params.pair),
+        json.loads(snakemake.params.six_degrees),
+        json.loads(snakemake.params.settings),
+    )
+    storage.write(dataset, snakemake.output.dataset)

@@ -1,0 +1,19 @@
+"""Compute the wall times of one method on the test problems."""
+
+import json
+
+from gearlib import storage
+from gearlib.trials import work_precision
+from joblog import redirect_output
+
+if __name__ == "__main__":
+    redirect_output(snakemake.log[0])
+    dataset = work_precision.times(
+        snakemake.wildcards.method,
+        snakemake.params.problems,
+        json.loads(snakemake.params.pair),
+        json.loads(snakemake.params.six_degrees),
+        json.loads(snakemake.params.settings),
+        snakemake.params.repeats,
+    )
+    storage.write(dataset, snakemake.output.dataset)
