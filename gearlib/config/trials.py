@@ -19,6 +19,24 @@ from gearlib.config.types import (
 Steps = Annotated[int, Field(ge=1, le=100_000)]
 
 
+#: Names of `gearlib.methods()`, kept here so that a start need not load the numerical stack.
+MethodName = Literal[
+    "exact",
+    "taylor",
+    "rk4",
+    "rk45",
+    "newmark",
+    "generalised_alpha",
+    "scipy",
+    "smoothed",
+    "heyoka",
+    "cvode",
+    "diffrax",
+    "cyrk",
+    "numbalsoda",
+]
+
+
 class FixedStepMethod(Section):
     """A fixed-step method of the stability chart."""
 
@@ -58,21 +76,7 @@ class Trial(Section):
         description="Above the column; names the trial in the data.",
         json_schema_extra={"$comment": "a text matching ^[A-Za-z0-9+_-]+$"},
     )
-    method: Literal[
-        "exact",
-        "taylor",
-        "rk4",
-        "rk45",
-        "newmark",
-        "generalised_alpha",
-        "scipy",
-        "smoothed",
-        "heyoka",
-        "cvode",
-        "diffrax",
-        "cyrk",
-        "numbalsoda",
-    ] = Field(description="A name of `gearlib.methods`.")
+    method: MethodName = Field(description="A name of `gearlib.methods`.")
     options: dict[Name, Option] = Field(
         default={}, description="Its options that are not the defaults, see `gearlib.methods`."
     )
@@ -95,6 +99,7 @@ class Failures(Section):
                     f"failures.trials[{i}].name = {name!r} is not allowed: names must be all "
                     "different"
                 )
+        return self
 
 
 Problem = Literal["smooth", "bouncing", "near_fold", "conservative", "six_degrees", "cubic"]
@@ -103,7 +108,7 @@ Problem = Literal["smooth", "bouncing", "near_fold", "conservative", "six_degree
 class WorkPrecision(Section):
     """Errors of the methods on test problems, against evaluations and wall time."""
 
-    methods: listing(Name, "Names of `gearlib.methods()`.")
+    methods: listing(MethodName, "Names of `gearlib.methods()`.")
     problems: listing(Problem, "Test problems, see gearlib/trials/problems.py.")
     damping: Positive = Field(description="Linear damping where a problem has any, N s/m.")
     cubic_damping: Positive = Field(description="Cubic damping of the problem cubic, N s^3/m^3.")
@@ -136,7 +141,7 @@ class SlowScan(Section):
 class JumpByMethod(Section):
     """Where each method puts the jump of the motion from rest."""
 
-    methods: listing(Name, "Names of `gearlib.methods()`.")
+    methods: listing(MethodName, "Names of `gearlib.methods()`.")
     damping: Name = Field(
         description="One of the dampings.", json_schema_extra={"$comment": "one of the dampings"}
     )

@@ -68,10 +68,10 @@ def test_largest_multiplier():
 
 def test_every_method_has_a_ladder_that_it_accepts():
     model = problems.build("cubic", PAIR, {}, SETTINGS).model
-    for method in integrators.METHODS:
-        for _, _, options in wp.rungs(method):
-            if problems.takes(method, model):
-                integrators.choose(model, method, options)
+    for method in (one for one in integrators.methods() if one.available):
+        for _, _, options in wp.rungs(method.name):
+            if problems.takes(method.name, model):
+                integrators.choose(model, method.name, options)
 
 
 def test_a_ladder_goes_from_coarse_to_fine():
