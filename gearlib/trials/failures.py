@@ -19,7 +19,8 @@ wrong attractor     orbit or fractions are compared, and the period differs, or 
                     of the reference), bounces per period or a fraction by more than `SHARE`
 invented motion     energy or deviation is compared, and is larger than that of the reference; or
                     the reference rests or repeats, and the height is more than `GROWTH` times its
-missed event        the record has other contact events, or in another order
+missed event        the record has other contact events, or in another order (not where orbit or
+                    fractions are compared: those have no events in common one by one)
 inaccurate          none of these
 ==================  ===========================================================================
 """
@@ -48,6 +49,8 @@ VERDICTS = (
     "stalled",
     "refused",
 )
+#: Quantities of motions that have forgotten their start.
+SETTLED = ("orbit", "fractions")
 #: Change of an orbit that makes it another one; all of its quantities are of order 1.
 SHARE = 0.05
 #: Height over that of a steady reference which the problem does not have.
@@ -144,7 +147,7 @@ def _is_right(problem, off, outcome, reference):
 
 
 def _is_other_attractor(problem, outcome, reference):
-    if problem.quantity not in ("orbit", "fractions"):
+    if problem.quantity not in SETTLED:
         return False
     # Motions that do not repeat have no height in common, only fractions.
     if outcome.period != reference.period:
@@ -179,7 +182,7 @@ def decide(problem, outcome, reference):
         return "wrong_attractor", off
     if _is_invented(problem, outcome, reference):
         return "invented_motion", off
-    if outcome.contacts != reference.contacts:
+    if problem.quantity not in SETTLED and outcome.contacts != reference.contacts:
         return "missed_event", off
     return "inaccurate", off
 
