@@ -92,8 +92,8 @@ def first_fall(coefficients, to_bernstein, work):
     Parameters
     ----------
     coefficients : ndarray, shape (n + 1,)
-        Power coefficients, constant first. The polynomial starts at or above zero; from exactly
-        zero it counts as falling at once when its slope is negative.
+        Power coefficients, constant first; may be changed. The polynomial starts at or above zero;
+        from exactly zero it counts as falling at once when its slope is negative.
     to_bernstein : ndarray, shape (n + 1, n + 1)
         `bernstein_matrix` of degree n.
     work : ndarray, shape (50, n + 2)
@@ -104,20 +104,28 @@ def first_fall(coefficients, to_bernstein, work):
     float
     """
     n = coefficients.shape[0] - 1
-    # Most steps are far from the line; from a start on it, a factor s is divided out.
-    first = 1 if coefficients[0] == 0.0 else 0
-    tail = 0.0
-    for k in range(first + 3, n + 1):
-        tail += abs(coefficients[k])
-    low = _lowest_of_parabola(coefficients[first], coefficients[first + 1], coefficients[first + 2])
-    if low > tail:
-        return 2.0
-    noise = abs(coefficients[0]) + tail
-    for k in range(1, first + 3):
+    noise = 0.0
+    for k in range(n + 1):
         noise += abs(coefficients[k])
     noise *= _ROUNDING
     if coefficients[0] <= 0.0 and coefficients[1] < -noise:
         return 0.0
+    # From a start on the line a factor s is divided out, and another from a start at rest: beside
+    # that root the next one could not be told from rounding.
+    for _ in range(2):
+        if coefficients[0] == 0.0:
+            for k in range(n):
+                coefficients[k] = coefficients[k + 1]
+            coefficients[n] = 0.0
+            if abs(coefficients[0]) <= noise and coefficients[1] < -noise:
+                # Its root is closer than rounding can place it.
+                return max(-coefficients[0] / coefficients[1], 0.0)
+    # Most steps are far from the line.
+    tail = 0.0
+    for k in range(3, n + 1):
+        tail += abs(coefficients[k])
+    if _lowest_of_parabola(coefficients[0], coefficients[1], coefficients[2]) > tail:
+        return 2.0
     _to_bernstein(coefficients, to_bernstein, work[0])
     depth = 0  # rows 0 ... depth of `work` hold the intervals still to be looked at
     low = 0.0
