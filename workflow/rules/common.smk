@@ -73,6 +73,17 @@ def nonlinear_damping_files():
     )
 
 
+def work_precision_files(kind):
+    """Return the files of all methods: kind is errors or times."""
+    return [f"results/work_precision/{kind}_{name}.nc" for name in CONFIG.work_precision.methods]
+
+
+def work_precision_settings():
+    """Return what the test problems take from the configuration, without methods and repeats."""
+    apart = {"methods", "problems", "repeats"}
+    return canonical(CONFIG.work_precision.model_dump(exclude=apart))
+
+
 def target_files():
     """Return the files that the configuration asks for."""
     scenes = [path for name in CONFIG.scenes for path in figure_files(name)]
