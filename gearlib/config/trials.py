@@ -119,7 +119,9 @@ class WorkPrecision(Section):
     record_periods: int = Field(
         ge=1, le=100, description="The last ones, whose events are compared; at most those run."
     )
-    repeats: int = Field(ge=1, le=1000, description="Timed runs, of which the median counts.")
+    repeats: int = Field(
+        ge=1, le=1000, description="Timed runs at most, of which the median counts."
+    )
 
 
 class SlowScan(Section):

@@ -103,6 +103,9 @@ GENERIC = {
 # Span of a timed run, seconds: far above the clock's resolution and the start of a run.
 _SPAN = 4e-3
 _LONGEST = 2**18
+# Runs longer than this, seconds, are timed three times at most: Python's, and no interruption
+# is long against them.
+_LONG = 0.04
 
 
 def lines_of(method):
@@ -249,7 +252,8 @@ def _dataset(title, method, names, table, data, pair, parameters):
 def times(method, names, pair, six_degrees, settings, repeats):
     """Return the wall times of a method on the problems; nothing else may run beside.
 
-    Parameters as of `errors`; `repeats` runs are timed, of which the median counts.
+    Parameters as of `errors`; `repeats` runs are timed (long ones three times at most), of which
+    the median counts.
 
     Returns
     -------
@@ -306,6 +310,8 @@ def seconds_per_period(call, repeats):
     # The lesser of two: an interruption must not pass for a long run.
     while min(once(long), once(long)) - once(short) < _SPAN and long < _LONGEST:
         long *= 2
+    if once(long) > _LONG:
+        repeats = min(repeats, 3)
     whole = statistics.median([once(long) for _ in range(repeats)])
     base = statistics.median([once(short) for _ in range(repeats)])
     return (whole - base) / (long - short)

@@ -1,12 +1,5 @@
 """Work and precision: errors and evaluations of each method, their wall times apart, figures."""
 
-WORK_PRECISION = CONFIG.work_precision
-
-
-def work_precision_files(kind):
-    """Return the files of all methods: kind is errors or times."""
-    return [f"results/work_precision/{kind}_{name}.nc" for name in WORK_PRECISION.methods]
-
 
 rule work_precision_errors:
     input:
@@ -20,10 +13,10 @@ rule work_precision_errors:
         "results/benchmarks/work_precision/errors_{method}.tsv"
     threads: 1
     params:
-        problems=WORK_PRECISION.problems,
+        problems=CONFIG.work_precision.problems,
         pair=canonical(CONFIG.gear_pair.model_dump()),
         six_degrees=canonical(CONFIG.six_degrees.model_dump()),
-        settings=canonical(WORK_PRECISION.model_dump(exclude={"methods", "problems", "repeats"})),
+        settings=work_precision_settings(),
     conda:
         "../envs/gearlib.yaml"
     script:
@@ -45,11 +38,11 @@ rule work_precision_times:
         "results/benchmarks/work_precision/times_{method}.tsv"
     threads: 1024
     params:
-        problems=WORK_PRECISION.problems,
+        problems=CONFIG.work_precision.problems,
         pair=canonical(CONFIG.gear_pair.model_dump()),
         six_degrees=canonical(CONFIG.six_degrees.model_dump()),
-        settings=canonical(WORK_PRECISION.model_dump(exclude={"methods", "problems", "repeats"})),
-        repeats=WORK_PRECISION.repeats,
+        settings=work_precision_settings(),
+        repeats=CONFIG.work_precision.repeats,
     conda:
         "../envs/gearlib.yaml"
     script:
