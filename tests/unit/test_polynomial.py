@@ -43,7 +43,7 @@ def test_a_start_on_the_line():
     c = np.zeros(DEGREE + 1)
     c[1:3] = 1.0, -1.5
     assert first_fall(c, MATRIX, WORK) == pytest.approx(2 / 3, abs=1e-14)
-    c[1] = -1.0
+    c[:3] = 0.0, -1.0, -1.5
     assert first_fall(c, MATRIX, WORK) == 0.0
 
 

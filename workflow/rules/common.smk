@@ -78,6 +78,8 @@ def trial_of(wildcards):
     """Return method and options of a trial."""
     (trial,) = (t for t in CONFIG.failures.trials if t.name == wildcards.trial)
     return canonical({"method": trial.method, "options": trial.options})
+
+
 def work_precision_files(kind):
     """Return the files of all methods: kind is errors or times."""
     return [f"results/work_precision/{kind}_{name}.nc" for name in CONFIG.work_precision.methods]
