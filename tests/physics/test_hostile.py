@@ -58,9 +58,9 @@ def test_references_have_the_digits_and_the_events(name, method):
     contacts = zip(run.event_from.values.tolist(), run.event_to.values.tolist(), strict=True)
     assert list(contacts) == [(before, after) for _, before, after, _ in events]
     for found, (phase, _, _, velocity) in zip(run.event_phase.values, events, strict=True):
-        # A phase is known as well as the rounding of the displacement, 1e-14 after up to 60 mesh
-        # periods, and the speed allow.
-        assert abs(found - phase) < 1e-11 + 1e-14 / abs(velocity)
+        # A phase is known as well as the rounding of the displacement, 1e-14 of the height
+        # after up to 60 mesh periods, and the speed allow.
+        assert abs(found - phase) < 1e-11 + 1e-14 * height / abs(velocity)
 
 
 @pytest.mark.parametrize("name", [n for n in PROBLEMS if n.startswith(("tongue", "edge"))])
