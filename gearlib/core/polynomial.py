@@ -77,7 +77,7 @@ def _bracketed_root(coefficients, low, high):
 
 
 @kernel
-def _lowest_of_parabola(a, b, c):
+def lowest_of_parabola(a, b, c):
     """Return the smallest value of a + b s + c s^2 on [0, 1]."""
     lowest = min(a, a + b + c)
     if c > 0.0 and 0.0 < -b < 2.0 * c:
@@ -124,7 +124,7 @@ def first_fall(coefficients, to_bernstein, work):
     tail = 0.0
     for k in range(3, n + 1):
         tail += abs(coefficients[k])
-    if _lowest_of_parabola(coefficients[0], coefficients[1], coefficients[2]) > tail:
+    if lowest_of_parabola(coefficients[0], coefficients[1], coefficients[2]) > tail:
         return 2.0
     _to_bernstein(coefficients, to_bernstein, work[0])
     depth = 0  # rows 0 ... depth of `work` hold the intervals still to be looked at

@@ -15,6 +15,10 @@ from gearlib.core.jit import inlined, kernel
 ORDER = 20
 #: |A| h of a knot: (1.3)^21 / 21! e^1.3 = 2e-17.
 REACH = 1.3
+#: Terms from this degree on are bounded together: (1.3)^7 / 7! = 1e-3 of the state.
+TAIL = 7
+#: A way within a knot goes by an exponential of so many equal parts and a short series.
+PARTS = 8
 
 
 class System(NamedTuple):
@@ -39,8 +43,16 @@ class Tables(NamedTuple):
     step: np.ndarray  #: exp(A h), shape (3, p, n, n)
     near: np.ndarray  #: rows of y along a knot, shape (3, p, ORDER + 1, n)
     far: np.ndarray  #: rows of y - s
+    near_tail: (
+        np.ndarray
+    )  #: sums of the magnitudes of the rows from degree TAIL on, shape (3, p, n)
+    far_tail: np.ndarray
     counts: np.ndarray  #: entries of every row of A, shape (3, p, n)
     columns: np.ndarray  #: their columns, shape (3, p, n, n)
+    entries: np.ndarray  #: number of entries of A, shape (3, p)
+    places: np.ndarray  #: their rows and columns, shape (3, p, n n, 2)
+    values: np.ndarray  #: shape (3, p, n n)
+    fine: np.ndarray  #: exp(A h j / PARTS), j = 1 ... PARTS - 1, shape (3, p, PARTS - 1, n, n)
 
 
 class Scratch(NamedTuple):
@@ -63,8 +75,14 @@ def tables(system):
         np.empty((contacts, p, n, n)),
         np.empty((contacts, p, ORDER + 1, n)),
         np.empty((contacts, p, ORDER + 1, n)),
+        np.zeros((contacts, p, n)),
+        np.zeros((contacts, p, n)),
         np.zeros((contacts, p, n), dtype=np.int64),
         np.empty((contacts, p, n, n), dtype=np.int64),
+        np.zeros((contacts, p), dtype=np.int64),
+        np.empty((contacts, p, n * n, 2), dtype=np.int64),
+        np.empty((contacts, p, n * n)),
+        np.empty((contacts, p, PARTS - 1, n, n)),
     )
 
 
@@ -82,6 +100,22 @@ def scratch(n):
 
 
 @kernel
+def _exponential(a, length):
+    """Return exp(a length), |a| length within REACH, as the sum of (a length)^k / k!."""
+    n = a.shape[0]
+    total, term = np.eye(n), np.eye(n)
+    for k in range(1, ORDER + 1):
+        new = np.zeros((n, n))
+        for r in range(n):
+            for c in range(n):
+                if a[r, c] != 0.0:
+                    new[r] += (a[r, c] * length / k) * term[c]
+        term = new
+        total += term
+    return total
+
+
+@kernel
 def prepare(system, table, i, p):
     """Fill the tables of contact code i - 1 on stretch p."""
     n = system.near.shape[0]
@@ -92,7 +126,11 @@ def prepare(system, table, i, p):
             if a[r, c] != 0.0:
                 table.columns[i, p, r, table.counts[i, p, r]] = c
                 table.counts[i, p, r] += 1
-    # Rows g (A h)^k / k!, and the exponential as the sum of (A h)^k / k!.
+                e = table.entries[i, p]
+                table.places[i, p, e, 0], table.places[i, p, e, 1] = r, c
+                table.values[i, p, e] = a[r, c]
+                table.entries[i, p] += 1
+    # Rows g (A h)^k / k!.
     for functional, rows in ((system.near, table.near[i, p]), (system.far, table.far[i, p])):
         rows[0] = functional
         for k in range(1, ORDER + 1):
@@ -100,17 +138,14 @@ def prepare(system, table, i, p):
             for r in range(n):
                 if rows[k - 1, r] != 0.0:
                     rows[k] += rows[k - 1, r] * (h / k) * a[r]
-    total = np.eye(n)
-    term = np.eye(n)
-    for k in range(1, ORDER + 1):
-        new = np.zeros((n, n))
-        for r in range(n):
-            for c in range(n):
-                if a[r, c] != 0.0:
-                    new[r] += (a[r, c] * h / k) * term[c]
-        term = new
-        total += term
-    table.step[i, p] = total
+    for k in range(TAIL, ORDER + 1):
+        table.near_tail[i, p] += np.abs(table.near[i, p, k])
+        table.far_tail[i, p] += np.abs(table.far[i, p, k])
+    table.step[i, p] = _exponential(a, h)
+    part = _exponential(a, h / PARTS)
+    table.fine[i, p, 0] = part
+    for j in range(1, PARTS - 1):
+        table.fine[i, p, j] = part @ table.fine[i, p, j - 1]
     table.ready[i, p] = True
 
 
@@ -122,6 +157,44 @@ def apply(matrix, z, out):
         for c in range(z.shape[0]):
             total += matrix[r, c] * z[c]
         out[r] = total
+
+
+@kernel
+def advance(fine, entries, places, values, i, p, h, t, z, term, image):
+    """Take z by t along a knot of length h: by whole parts, and the rest by its Taylor series.
+
+    The first six are fields of `Tables`; term and image are storage, shape (n,).
+    """
+    n = z.shape[0]
+    part = min(int(PARTS * t / h), PARTS - 1)
+    if part > 0:
+        for r in range(n):
+            total = 0.0
+            for c in range(n):
+                total += fine[i, p, part - 1, r, c] * z[c]
+            term[r] = total
+        for r in range(n):
+            z[r] = term[r]
+        t -= part * (h / PARTS)
+    for r in range(n):
+        term[r] = z[r]
+    small = False
+    for k in range(1, ORDER + 1):
+        for r in range(n):
+            image[r] = 0.0
+        for e in range(entries[i, p]):
+            image[places[i, p, e, 0]] += values[i, p, e] * term[places[i, p, e, 1]]
+        largest, size = 0.0, 0.0
+        for r in range(n):
+            term[r] = image[r] * (t / k)
+            z[r] += term[r]
+            largest = max(largest, abs(term[r]))
+            size = max(size, abs(z[r]))
+        # Terms fall by a factor 6 k each, but for the scales of the components; two small ones
+        # leave less than rounding.
+        if largest <= 1e-18 * size and small:
+            break
+        small = largest <= 1e-18 * size
 
 
 @kernel
