@@ -52,6 +52,9 @@ _METADATA = {
     "svg": {"Date": None, "Creator": None},
 }
 
+#: Digits of a place in shares of the figure: a thousandth of a pixel.
+_DIGITS = 6
+
 _PREFIXES = ((1.0, "m"), (1e-3, "mm"), (1e-6, "µm"), (1e-9, "nm"))
 
 
@@ -146,6 +149,24 @@ def shade_areas(axes, backlash, direction):
     return visible
 
 
+def _freeze(figure):
+    """Lay a figure out once, and round the places that the layout found.
+
+    The solver of the layout goes through its constraints in an order that differs between
+    processes, and so does the last digit of its result, which here and there shifts the shade of a
+    pixel.
+    """
+    if figure.get_layout_engine() is None:
+        return
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")
+    for axes in figure.axes:
+        left, bottom, width, height = axes.get_position(original=True).bounds
+        axes.set_position([round(x, _DIGITS) for x in (left, bottom, width, height)])
+    for text in figure.texts:
+        text.set_position([round(x, _DIGITS) for x in text.get_position()])
+
+
 def save(figure, path):
     """Write a figure as PNG, PDF or SVG, by the suffix of `path`, replacing it in one step.
 
@@ -164,4 +185,5 @@ def save(figure, path):
     if form not in _METADATA:
         raise ValueError(f"path = {str(path)!r} is not allowed: it must end in .png, .pdf or .svg")
     with replacing(path) as temporary, styled():
+        _freeze(figure)
         figure.savefig(temporary, format=form, dpi=figure.dpi, metadata=_METADATA[form])
