@@ -37,6 +37,16 @@ MethodName = Literal[
 ]
 
 
+#: The package that each peer is imported from; where it is not installed, the peer is left out.
+PEERS = {
+    "heyoka": "heyoka",
+    "cvode": "sksundae",
+    "diffrax": "diffrax",
+    "cyrk": "CyRK",
+    "numbalsoda": "numbalsoda",
+}
+
+
 class FixedStepMethod(Section):
     """A fixed-step method of the stability chart."""
 

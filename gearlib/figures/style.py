@@ -149,6 +149,13 @@ def shade_areas(axes, backlash, direction):
     return visible
 
 
+def note_absent(figure, methods):
+    """Note below a figure which methods are left out because their packages are not installed."""
+    if methods:
+        words = f"not installed, left out: {', '.join(methods)} (make peers)"
+        figure.supxlabel(words, fontsize=6, x=0.99, ha="right")
+
+
 def _freeze(figure):
     """Lay a figure out once, and round the places that the layout found.
 

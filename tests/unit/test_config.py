@@ -13,6 +13,8 @@ import yaml
 import gearlib
 from gearlib import GearPair
 from gearlib.config import SCHEMA_PATH, ConfigError, load, schema, schema_text
+from gearlib.config.trials import PEERS
+from gearlib.integrators import METHODS
 
 ROOT = Path(__file__).resolve().parents[2]
 PAPER = yaml.safe_load((ROOT / "config.yaml").read_text(encoding="utf-8"))
@@ -198,6 +200,15 @@ def test_options_of_a_trial_keep_their_types():
 def test_the_methods_of_trials_are_those_of_the_library():
     methods = schema()["$defs"]["Trial"]["properties"]["method"]["enum"]
     assert methods == [method.name for method in gearlib.methods()]
+
+
+def test_the_packages_of_peers_are_those_of_the_library():
+    packages = {
+        name: module.PACKAGE.module
+        for name, module in METHODS.items()
+        if hasattr(module, "PACKAGE")
+    }
+    assert packages == PEERS
 
 
 def test_too_many_samples_are_refused():

@@ -7,12 +7,14 @@ config.yaml (2 or 2.0) rerun nothing.
 
 import json
 import os
+from importlib.util import find_spec
 from pathlib import Path
 
 from snakemake.exceptions import WorkflowError
 
 from gearlib import config as configuration
 from gearlib import tunings
+from gearlib.config.trials import PEERS
 from workflow.sources import sources
 from workflow.yaml_keys import repeated_keys
 
@@ -80,9 +82,31 @@ def trial_of(wildcards):
     return canonical({"method": trial.method, "options": trial.options})
 
 
+def installed(method):
+    """Return whether the package of a method is there; only peers need one."""
+    return method not in PEERS or find_spec(PEERS[method]) is not None
+
+
+def absent(methods):
+    """Return the methods that are left out because their packages are not installed."""
+    return canonical([name for name in methods if not installed(name)])
+
+
+def trial_names():
+    """Return the names of the trials whose methods are installed."""
+    return [trial.name for trial in CONFIG.failures.trials if installed(trial.method)]
+
+
+def jump_by_method_files():
+    """Return the files of all methods."""
+    methods = CONFIG.jump_by_method.methods
+    return [f"results/jump_by_method/{name}.nc" for name in methods if installed(name)]
+
+
 def work_precision_files(kind):
     """Return the files of all methods: kind is errors or times."""
-    return [f"results/work_precision/{kind}_{name}.nc" for name in CONFIG.work_precision.methods]
+    methods = CONFIG.work_precision.methods
+    return [f"results/work_precision/{kind}_{name}.nc" for name in methods if installed(name)]
 
 
 def work_precision_settings():

@@ -22,7 +22,7 @@ rule trial:
 
 rule gather_failures:
     input:
-        columns=[f"results/failures/{trial.name}.nc" for trial in CONFIG.failures.trials],
+        columns=[f"results/failures/{name}.nc" for name in trial_names()],
         sources=script_sources("gather_failures"),
     output:
         dataset="results/failures.nc",
@@ -55,6 +55,7 @@ rule draw_failures:
     threads: 1
     params:
         dpi=CONFIG.figures.dpi,
+        absent=absent([trial.method for trial in CONFIG.failures.trials]),
     conda:
         "../envs/gearlib.yaml"
     script:

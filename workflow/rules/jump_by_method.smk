@@ -24,7 +24,7 @@ rule jump_by_method:
 
 rule jump_by_method_table:
     input:
-        jumps=[f"results/jump_by_method/{name}.nc" for name in CONFIG.jump_by_method.methods],
+        jumps=jump_by_method_files(),
         sources=script_sources("jump_by_method_table"),
     output:
         csv=report(
@@ -46,7 +46,7 @@ rule jump_by_method_table:
 
 rule draw_jump_by_method:
     input:
-        jumps=[f"results/jump_by_method/{name}.nc" for name in CONFIG.jump_by_method.methods],
+        jumps=jump_by_method_files(),
         sources=script_sources("draw_jump_by_method"),
     output:
         report(
@@ -62,6 +62,7 @@ rule draw_jump_by_method:
     threads: 1
     params:
         dpi=CONFIG.figures.dpi,
+        absent=absent(CONFIG.jump_by_method.methods),
     conda:
         "../envs/gearlib.yaml"
     script:

@@ -96,6 +96,7 @@ rule draw_work_precision:
     threads: 1
     params:
         dpi=CONFIG.figures.dpi,
+        absent=absent(CONFIG.work_precision.methods),
     conda:
         "../envs/gearlib.yaml"
     script:
@@ -121,6 +122,7 @@ rule draw_work_precision_time:
     threads: 1
     params:
         dpi=CONFIG.figures.dpi,
+        absent=absent(CONFIG.work_precision.methods),
     conda:
         "../envs/gearlib.yaml"
     script:

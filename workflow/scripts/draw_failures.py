@@ -1,5 +1,7 @@
 """Draw the matrix of failures in all formats."""
 
+import json
+
 from gearlib import storage
 from gearlib.figures import failures, style
 from joblog import redirect_output
@@ -7,6 +9,7 @@ from joblog import redirect_output
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])
     figure = failures.draw(storage.read(snakemake.input.dataset))
+    style.note_absent(figure, json.loads(snakemake.params.absent))
     figure.set_dpi(snakemake.params.dpi)
     for path in snakemake.output:
         style.save(figure, path)

@@ -1,5 +1,7 @@
 """Draw the switch points of all methods in all formats."""
 
+import json
+
 from gearlib import storage
 from gearlib.figures import jump_by_method, style
 from joblog import redirect_output
@@ -7,6 +9,7 @@ from joblog import redirect_output
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])
     figure = jump_by_method.draw([storage.read(path) for path in snakemake.input.jumps])
+    style.note_absent(figure, json.loads(snakemake.params.absent))
     figure.set_dpi(snakemake.params.dpi)
     for path in snakemake.output:
         style.save(figure, path)

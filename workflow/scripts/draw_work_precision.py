@@ -1,5 +1,7 @@
 """Draw the errors of all methods over their evaluations, in all formats."""
 
+import json
+
 from gearlib import storage
 from gearlib.figures import style, work_precision
 from joblog import redirect_output
@@ -11,6 +13,7 @@ if __name__ == "__main__":
         (work_precision.draw_evaluations(errors), snakemake.output.evaluations),
         (work_precision.draw_measures(errors), snakemake.output.measures),
     ):
+        style.note_absent(figure, json.loads(snakemake.params.absent))
         figure.set_dpi(snakemake.params.dpi)
         # One format is a path, several are a list.
         for path in [paths] if isinstance(paths, str) else paths:

@@ -1,5 +1,7 @@
 """Draw the errors of all methods over their wall times, in all formats."""
 
+import json
+
 from gearlib import storage
 from gearlib.figures import style, work_precision
 from joblog import redirect_output
@@ -9,6 +11,7 @@ if __name__ == "__main__":
     errors = [storage.read(path) for path in snakemake.input.errors]
     times = [storage.read(path) for path in snakemake.input.times]
     figure = work_precision.draw_time(errors, times)
+    style.note_absent(figure, json.loads(snakemake.params.absent))
     figure.set_dpi(snakemake.params.dpi)
     for path in snakemake.output:
         style.save(figure, path)
