@@ -15,6 +15,7 @@ import time
 import numba
 import numpy as np
 
+from benchmarks import peers
 from benchmarks.scipy_split import run as scipy_split
 from gearlib import GearPair, OneDegreePair, SixDegreePair, simulate, sweep
 from gearlib.core import linear, orbit
@@ -82,12 +83,8 @@ def child(code):
     return seconds(lambda: subprocess.run([sys.executable, "-c", code], check=True))
 
 
-def against_scipy():
-    """Return rows that compare the event-driven solvers with scipy's DOP853, split at events.
-
-    Errors are those of the final state after 20 mesh periods, against the library's solver at
-    rounding; tests compare that with scipy at rtol 1e-13 and, where it exists, with 50 digits.
-    """
+def models():
+    """Return the paper's pair, undamped, with cubic damping, and on soft bearings."""
     paper = GearPair(
         max_stiffness=4e8,
         stiffness_ratio=0.5879,
@@ -107,6 +104,16 @@ def against_scipy():
         bearing_stiffness=(bearing,) * 4,
         bearing_damping=(0.04 * (bearing * body) ** 0.5,) * 4,
     )
+    return paper, cubic, six
+
+
+def against_scipy():
+    """Return rows that compare the event-driven solvers with scipy's DOP853, split at events.
+
+    Errors are those of the final state after 20 mesh periods, against the library's solver at
+    rounding; tests compare that with scipy at rtol 1e-13 and, where it exists, with 50 digits.
+    """
+    _, cubic, six = models()
     short, long, matrix = 20, 2000, bernstein_matrix(ORDER)
     samples, events = np.empty((0, orbit.SAMPLE_COLUMNS)), np.empty((0, orbit.EVENT_COLUMNS))
     summary = np.empty(orbit.SUMMARY_COLUMNS)
@@ -207,7 +214,9 @@ def main():
         ("fresh process: import gearlib", child("import gearlib"), "s"),
         ("fresh process, compiled kernels: first simulated point", child(first_point), "s"),
     ]
-    for name, value, unit in rows + against_scipy():
+    paper, _, six = models()
+    damped = paper.replace(material_damping=3953.7, backlash_damping=3953.7)
+    for name, value, unit in rows + against_scipy() + peers.rows(damped, six):
         print(f"{name:70s} {value:10.3g} {unit}")
 
 

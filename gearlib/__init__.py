@@ -10,6 +10,7 @@ module                  responsibility
 ``simulation``          `simulate`: one tuning, time course, events, orbit summary
 ``sweeping``            `sweep`: many tunings, orbit summaries
 ``variational``         maps of small deviations over mesh periods
+``periodic_orbits``     `periodic_orbit`: shooting, Floquet multipliers
 ``lyapunov``            largest Lyapunov exponent of a motion
 ``labelling``           `trust`: chaos or artefact: one point run in several ways
 ``harmonics``           periodic functions of the mesh phase
@@ -53,6 +54,7 @@ _PUBLIC = {
     "SixDegreePair": "models.six_degrees",
     "Tabulated": "profiles",
     "methods": "integrators",
+    "periodic_orbit": "periodic_orbits",
     "simulate": "simulation",
     "sweep": "sweeping",
     "trust": "labelling",
@@ -67,6 +69,7 @@ __all__ = [
     "SixDegreePair",
     "Tabulated",
     "methods",
+    "periodic_orbit",
     "simulate",
     "sweep",
     "trust",

@@ -63,6 +63,14 @@ DESCRIPTIONS = {
     "height_below": ("1", "height of the orbit just below the jump in static deflections"),
     "height_above": ("1", "height of the orbit just above the jump in static deflections"),
     "switches": ("1", "large changes of height between neighbouring tunings of the scan"),
+    # periodic orbits
+    "state": ("1", "state at tau = 0 in static deflections and mesh phase"),
+    "multiplier_real": ("1", "real part of the Floquet multipliers"),
+    "multiplier_imaginary": ("1", "imaginary part of the Floquet multipliers"),
+    "pattern": ("1", "phases of contact in the order met"),
+    "stable": ("1", "whether all multipliers lie inside the unit circle"),
+    "grazing": ("1", "whether the orbit touches a flank line"),
+    "residual": ("1", "difference of the states at start and end"),
     # numerical stability
     "method": ("1", "method"),
     "steps": ("1", "steps per mesh period"),

@@ -8,8 +8,12 @@ contact that of the motion itself, at flank crossings the saltation matrix; see
 import numpy as np
 
 from gearlib import status
+from gearlib.core import orbit
+from gearlib.core import run as core_run
+from gearlib.core.linear import run_linear
 from gearlib.core.linear_variation import vary_linear
 from gearlib.core.mesh import mesh
+from gearlib.core.nonlinear import run_nonlinear
 from gearlib.core.polynomial import bernstein_matrix
 from gearlib.core.system import ORDER
 from gearlib.core.variation import vary, vary_nonlinear
@@ -79,17 +83,40 @@ def period_maps(pair, tuning, state, periods, limit):
     return end, maps, code
 
 
-def without_rotation(pair, maps):
-    """Return the maps without the free rotation of both gears, shape (periods, n - 2, n - 2).
+def rotation_free(pair):
+    """Return the matrices (reduce, lift) between the state and the one without free rotation.
 
     Only the sum of the two rotations enters the mesh; their difference turns freely and would add
-    two multipliers 1. Maps of one degree of freedom are returned as they are.
+    two multipliers 1. Shapes (n - 2, n), (n, n - 2); identities for one degree of freedom.
     """
     n = moving_components(pair)
     if n == 2:
-        return maps
+        return np.eye(2), np.eye(2)
     # Rows u3 + u2, bearings, and their rates; lifted back with all of the sum in u3.
     lift = np.delete(np.eye(n), [1, n // 2 + 1], axis=1)
     reduce = lift.T.copy()
     reduce[0, 1] = reduce[n // 2 - 1, n // 2 + 1] = 1.0
+    return reduce, lift
+
+
+def without_rotation(pair, maps):
+    """Return the maps without the free rotation, shape (periods, n - 2, n - 2)."""
+    reduce, lift = rotation_free(pair)
     return reduce @ maps @ lift
+
+
+def record(pair, tuning, state, periods, limit):
+    """Run from a full state and record it; return (events, summary) as of `gearlib.core.run`."""
+    samples = np.empty((0, orbit.SAMPLE_COLUMNS))
+    events, summary = np.empty((16, orbit.EVENT_COLUMNS)), np.empty(orbit.SUMMARY_COLUMNS)
+    rest = periods, periods, samples, events, limit, summary
+    if isinstance(pair, GearPair):
+        done = core_run.run(mesh(exact.ratios(pair), tuning), *state, *rest)
+    elif isinstance(pair, OneDegreePair):
+        done = run_nonlinear(pair.law(tuning, _TOLERANCE), _TO_BERNSTEIN, *state, *rest)
+    else:
+        system, outputs = pair.system(tuning)
+        z = np.zeros(system.near.size)
+        z[: state.size] = state
+        done = run_linear(system, outputs, _TO_BERNSTEIN, z, *rest)
+    return done[3][: done[4]], summary

@@ -168,6 +168,12 @@ class SixDegreePair:
         """The same with 1 / m3 + 1 / m2 added, kg: bearings far softer than the mesh."""
         return 1.0 / (1.0 / self.reduced_mass_torsional + sum(1.0 / m for m in self.masses))
 
+    @property
+    def repeats(self):
+        """Mesh periods after which the excitation repeats: 1, or those of the run-out."""
+        pairs = zip(self.teeth, self.eccentricities, strict=True)
+        return math.lcm(*(teeth for teeth, e in pairs if e > 0.0))
+
     def flexible(self):
         """Return the indices of the bearing coordinates that can move."""
         return [i for i, c in enumerate(self.bearing_stiffness) if math.isfinite(c)]

@@ -1,0 +1,64 @@
+"""Installed peers beside the library's own solvers: one bouncing problem, one and six degrees.
+
+A peer counts at its own default tolerances; its error is that of the state after 100 mesh periods
+against the library's solver at rounding.
+"""
+
+import time
+
+import numpy as np
+
+from gearlib import integrators
+from gearlib.core import orbit
+
+_TUNING, _REPEATS = 0.9, 5
+
+
+def _runner(model, method):
+    """Return periods -> (x, dx/dtau) of a method on a model, from rest."""
+    samples, events = np.empty((0, orbit.SAMPLE_COLUMNS)), np.empty((0, orbit.EVENT_COLUMNS))
+    summary = np.empty(orbit.SUMMARY_COLUMNS)
+    _, module, options = integrators.choose(model, method, {})
+
+    def run(periods):
+        done = module.run(
+            model, _TUNING, (0.0, 0.0), periods, 1, samples, events, 10**6, summary, **options
+        )
+        return np.array(done[:2])
+
+    return run
+
+
+def _slope(run, short, long):
+    """Return seconds per mesh period: the least of some slopes, as noise only adds."""
+    run(short)
+    slopes = []
+    for _ in range(_REPEATS):
+        start = time.perf_counter()
+        run(short)
+        middle = time.perf_counter()
+        run(long)
+        slopes.append((time.perf_counter() - middle - (middle - start)) / (long - short))
+    return max(min(slopes), 0.0)
+
+
+def rows(one, six):
+    """Return rows (name, value, unit) of every installed peer on two models."""
+    table = []
+    for title, model in (("one degree", one), ("six degrees", six)):
+        exact = _runner(model, "exact")
+        own = _slope(exact, 1_000, 21_000)
+        table.append((f"{title}, a bounce in every period: exact", own * 1e6, "us per mesh period"))
+        reference = exact(100)
+        for method in integrators.methods():
+            module = integrators.METHODS[method.name]
+            if not (method.note and method.available and module.takes(model)):
+                continue
+            run = _runner(model, method.name)
+            theirs = _slope(run, 20, 100)
+            error = np.abs(run(100) - reference).max()
+            table += [
+                (f"  {method.name}", theirs * 1e6, f"us per mesh period, error {error:.1g}"),
+                (f"  exact is faster than {method.name}", theirs / own, "times"),
+            ]
+    return table

@@ -1,0 +1,120 @@
+"""Periodic orbits: residuals, Liouville, unstable ones too; against runs that share no code."""
+
+import math
+
+import numpy as np
+import pytest
+
+from gearlib import GearPair, OneDegreePair, periodic_orbit, simulate
+from gearlib.periodic_orbits import NoOrbit
+from tests.physics.high_precision import propagate
+from tests.physics.test_six_degrees import EVERYTHING, gears
+
+FREE = GearPair(
+    max_stiffness=4e8,
+    stiffness_ratio=0.5879,
+    contact_ratio=1.569,
+    reduced_mass=3.123,
+    load=3289.5396,
+    backlash=40e-6,
+)
+DAMPED = FREE.replace(material_damping=3953.7, backlash_damping=800.0)
+CUBIC = OneDegreePair(pair=FREE, cubic_damping=4e5, backlash_quadratic_damping=2e4)
+
+
+@pytest.mark.parametrize("nu", [0.55, 0.7, 0.82, 0.9, 1.3])
+@pytest.mark.parametrize("pair", [DAMPED, CUBIC])
+def test_attractors_are_orbits(pair, nu):
+    found = periodic_orbit(pair, nu)
+    settled = simulate(pair, nu, periods=3000)
+    assert found.residual <= 1e-12 and found.stable
+    # Both are at rounding; the settled run has its own.
+    np.testing.assert_allclose(found.state, settled.final_state, rtol=0, atol=1e-9)
+
+
+def test_liouville():
+    for nu in (0.7, 0.82, 0.95):
+        found = periodic_orbit(DAMPED, nu)
+        run = simulate(DAMPED, nu, periods=1, initial_state=tuple(found.state))
+        lost = float(run.fraction_backlash)
+        rate = DAMPED.damping_ratio * (1 - lost) + DAMPED.backlash_damping_ratio * lost
+        expected = math.exp(-4.0 * math.pi * rate / nu)
+        assert np.prod(found.multipliers).real == pytest.approx(expected, rel=1e-10)
+
+
+def test_an_orbit_in_50_digits():
+    found = periodic_orbit(DAMPED, 0.9)
+    damping = DAMPED.damping_ratio, DAMPED.backlash_damping_ratio
+    end = propagate(1.569, 0.5879, *damping, DAMPED.backlash_ratio, 0.9, 1, tuple(found.state))
+    np.testing.assert_allclose([float(end[0]), float(end[1])], found.state, rtol=0, atol=1e-12)
+
+
+def test_the_unstable_orbit_between_two_attractors():
+    pair = FREE.replace(material_damping=3953.7)
+    low = periodic_orbit(pair, 0.8, guess=(0.0, 0.0))
+    rest = simulate(pair, 0.9, periods=400).final_state.values
+    for nu in np.arange(0.89, 0.799, -0.01):
+        rest = simulate(pair, nu, periods=400, initial_state=tuple(rest)).final_state.values
+    high = periodic_orbit(pair, 0.8, guess=rest)
+    assert low.stable and high.stable and abs(high.state - low.state).max() > 0.5
+    between = None
+    for share in np.linspace(0.05, 0.95, 40):
+        try:
+            orbit = periodic_orbit(pair, 0.8, guess=low.state + share * (high.state - low.state))
+        except NoOrbit:
+            continue
+        if not orbit.stable:
+            between = orbit
+            break
+    assert between is not None and between.residual <= 1e-12
+    # A saddle: one multiplier beyond 1, and the tiniest push leaves it.
+    assert between.multipliers[0].real > 1.0 and abs(between.multipliers[1]) < 1.0
+    start = (between.state[0] + 1e-6, between.state[1])
+    pushed = simulate(pair, 0.8, periods=200, initial_state=start).final_state.values
+    assert abs(pushed - between.state).max() > 0.1
+
+
+def test_patterns():
+    assert periodic_orbit(DAMPED, 0.7).pattern == (1,)
+    assert periodic_orbit(DAMPED, 0.9).pattern == (1, 0, 1)
+    data = periodic_orbit(DAMPED, 0.9).dataset()
+    assert data.stable == 1 and data.pattern.attrs["flag_meanings"]
+    assert all("long_name" in data[name].attrs for name in data.data_vars)
+
+
+def test_multipliers_of_a_doubled_period_are_squares():
+    one, two = periodic_orbit(DAMPED, 0.9), periodic_orbit(DAMPED, 0.9, period=2)
+    np.testing.assert_allclose(np.sort(two.multipliers), np.sort(one.multipliers**2), atol=1e-12)
+
+
+@pytest.mark.parametrize("nu", [0.7, 0.9])
+def test_six_degrees(nu):
+    pair = gears(3e7, 3953.7, 3953.7, free=True, share=0.2)
+    found = periodic_orbit(pair, nu)
+    assert found.residual <= 1e-12 and found.stable and found.multipliers.size == 10
+    settled = simulate(pair, nu, periods=2000)
+    assert float(settled.period) == 1
+    rigid = gears(math.inf, 3953.7, 3953.7)
+    six, one = periodic_orbit(rigid, nu), periodic_orbit(rigid.pair, nu)
+    np.testing.assert_allclose(six.multipliers, one.multipliers, atol=1e-10)
+
+
+def test_run_out_repeats_after_a_revolution():
+    pair = gears(3e7, 3953.7, 3953.7, free=True, share=0.2, **EVERYTHING | {"teeth": (3, 3)})
+    with pytest.raises(ValueError, match="multiple of the 3 mesh periods"):
+        periodic_orbit(pair, 0.7)
+    found = periodic_orbit(pair, 0.7, period=3)
+    assert found.residual <= 1e-12 and found.stable
+
+
+@pytest.mark.parametrize(
+    ("changed", "part"),
+    [
+        ({"guess": (1.0, math.nan)}, "guess = "),
+        ({"guess": (1.0, 2.0, 3.0)}, "guess = "),
+        ({"period": 0}, "period = 0"),
+    ],
+)
+def test_wrong_input(changed, part):
+    with pytest.raises(ValueError, match=part):
+        periodic_orbit(DAMPED, 0.9, **changed)
