@@ -215,7 +215,6 @@ def test_a_method_more_runs_its_trial(project):
                 "label": DAMPINGS,
                 "draw_resonance": 1,
                 **TRIED,
-                **MEASURED,
             },
         ),
         ("gearlib/trials/hostile.py", TRIED),
