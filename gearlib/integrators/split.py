@@ -150,9 +150,13 @@ class Split(March):
         Raises `Stall`.
     """
 
-    #: How far off a line a phase starts that begins on it: an event function that is zero there
-    #: is found at once, or hides its next zero.
+    #: How far off a line a phase starts that begins on it, in units of the largest coordinate: an
+    #: event function that is zero there is found at once, or hides its next zero.
     OFF = 1e-14
+
+    def off(self, z):
+        """Return how far off a line a phase from state z starts: more than the rounding of z."""
+        return self.OFF * max(1.0, np.abs(z).max())
 
     def go(self, z, contact):
         """Go through the run; return (z, status)."""
@@ -161,7 +165,7 @@ class Split(March):
         self.exits = {code: exits_of(code, problem.gap) for code in (NORMAL, BACKLASH, INVERSE)}
         for leave in self.exits[contact]:
             if problem.lines(0.0, z)[leave.line] == 0.0:
-                z[0] -= leave.direction * self.OFF
+                z[0] -= leave.direction * self.off(z)
         done, z, contact, code = self.skip(z, contact)
         if code != status.OK:
             return z, code
@@ -212,7 +216,7 @@ class Split(March):
     def _change(self, n, t, z, contact, leave):
         """Put z on the line that ended a phase; return the new contact code."""
         at = _TURN * n + t
-        z[0] += leave.direction * self.OFF - self.problem.lines(at, z)[leave.line]
+        z[0] += leave.direction * self.off(z) - self.problem.lines(at, z)[leave.line]
         if n >= self.first:
             self.add_event(at, z, contact, leave.after)
         return leave.after

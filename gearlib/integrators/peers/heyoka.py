@@ -280,7 +280,7 @@ class _Run(Split):
                 z[1], hit = 0.0, None
             elif not self.model.departs(exits[hit], z):
                 # A line that is only touched; just off it, lest it is found again.
-                z[0] -= exits[hit].direction * self.OFF
+                z[0] -= exits[hit].direction * self.off(z)
                 hit = None
         if not keep:
             return Phase(t, z, hit)
