@@ -9,22 +9,7 @@ from gearlib.core.jit import kernel
 from gearlib.core.linear import contact_at, go, set_harmonics
 from gearlib.core.mesh import NORMAL
 from gearlib.core.run import EVENT_LIMIT, OK, OVERFLOW
-from gearlib.core.system import ORDER, dot, scratch, tables
-
-
-@kernel
-def _map(a, n, length):
-    """Return exp(a length) of the leading (n, n) block, |a| length within the reach of a knot."""
-    total, term = np.eye(n), np.eye(n)
-    for k in range(1, ORDER + 1):
-        new = np.zeros((n, n))
-        for r in range(n):
-            for c in range(n):
-                if a[r, c] != 0.0:
-                    new[r] += (a[r, c] * length / k) * term[c]
-        term = new
-        total += term
-    return total
+from gearlib.core.system import ORDER, dot, exponential, scratch, tables
 
 
 @kernel
@@ -92,10 +77,10 @@ def vary_linear(system, to_bernstein, z, moving, periods, limit, matrices):
             step = (system.starts[p + 1] - system.starts[p]) / system.knots[p]
             if length == step:
                 if not known[code + 1, p]:
-                    whole[code + 1, p] = _map(system.a[code + 1, p], moving, length)
+                    whole[code + 1, p] = exponential(system.a[code + 1, p], moving, length)
                     known[code + 1, p] = True
                 matrix = whole[code + 1, p] @ matrix
             else:
-                matrix = _map(system.a[code + 1, p], moving, length) @ matrix
+                matrix = exponential(system.a[code + 1, p], moving, length) @ matrix
         matrices[i] = matrix
     return OK

@@ -100,9 +100,8 @@ def scratch(n):
 
 
 @kernel
-def _exponential(a, length):
-    """Return exp(a length), |a| length within REACH, as the sum of (a length)^k / k!."""
-    n = a.shape[0]
+def exponential(a, n, length):
+    """Return exp(a length) of the leading (n, n) block, |a| length within REACH: its series."""
     total, term = np.eye(n), np.eye(n)
     for k in range(1, ORDER + 1):
         new = np.zeros((n, n))
@@ -141,8 +140,8 @@ def prepare(system, table, i, p):
     for k in range(TAIL, ORDER + 1):
         table.near_tail[i, p] += np.abs(table.near[i, p, k])
         table.far_tail[i, p] += np.abs(table.far[i, p, k])
-    table.step[i, p] = _exponential(a, h)
-    part = _exponential(a, h / PARTS)
+    table.step[i, p] = exponential(a, n, h)
+    part = exponential(a, n, h / PARTS)
     table.fine[i, p, 0] = part
     for j in range(1, PARTS - 1):
         table.fine[i, p, j] = part @ table.fine[i, p, j - 1]
