@@ -4,16 +4,14 @@ One degree of freedom goes by scalar closed forms (`gearlib.core.run`); with har
 and six degrees of freedom, by matrix exponentials (`gearlib.core.linear`).
 """
 
-import math
-
 import numpy as np
 
-from gearlib import status
-from gearlib.core import linear, many, orbit
+from gearlib.core import linear, many
 from gearlib.core import run as core_run
 from gearlib.core.mesh import mesh
 from gearlib.core.polynomial import bernstein_matrix
 from gearlib.core.system import ORDER as _ORDER
+from gearlib.integrators.each import run_each
 from gearlib.models.one_degree import OneDegreePair
 from gearlib.models.six_degrees import SixDegreePair
 from gearlib.pair import GearPair
@@ -76,30 +74,15 @@ def _with_matrices(pair):
     return OneDegreePair(pair=pair) if isinstance(pair, GearPair) else pair
 
 
-def _run_many_linear(
-    pair, tunings, order, state, carry, periods, record_periods, limit, summaries, ends, codes
-):
-    samples, events = np.empty((0, orbit.SAMPLE_COLUMNS)), np.empty((0, orbit.EVENT_COLUMNS))
-    carried = None
-    for i in order:
-        system, outputs = pair.system(float(tunings[i]))
-        z = pair.initial(system, state) if carried is None else carried
-        x, v, period, _, _, code = linear.run_linear(
-            system,
-            outputs,
-            _TO_BERNSTEIN,
-            z,
-            periods,
-            record_periods,
-            samples,
-            events,
-            limit,
-            summaries[i],
-        )
-        ok = code == status.OK
-        if not ok:
-            summaries[i] = math.nan
-        ends[i] = (x, v) if ok else math.nan
-        codes[i] = period, code
+def _run_many_linear(pair, tunings, order, state, *arguments):
+    z = None
+
+    def run_one(tuning, current, *rest):
+        nonlocal z
+        system, outputs = pair.system(tuning)
         # All coordinates are carried along, not only the two of the final state.
-        carried = z if ok and carry else None
+        if current is state:
+            z = pair.initial(system, state)
+        return *linear.run_linear(system, outputs, _TO_BERNSTEIN, z, *rest), 0
+
+    run_each(run_one, tunings, order, state, *arguments)
