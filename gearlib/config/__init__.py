@@ -4,6 +4,7 @@
 module            responsibility
 ================  ======================================================
 ``types``         what a number, a name, a list may be
+``units``         texts with a unit, read as SI numbers
 ``mesh``          sections of the gears and the length of the runs
 ``experiments``   sections of the experiments and of the figures
 ``trials``        sections of the trials of the methods
@@ -17,6 +18,7 @@ This package stays free of the numerical stack, because every start of the workf
 """
 
 import json
+from functools import cache
 from pathlib import Path
 from typing import Literal
 
@@ -139,13 +141,6 @@ class Config(Section):
                     f"{key}.cases[{i}].damping = {case.damping!r} is not allowed: it must be one "
                     f"of {', '.join(self.dampings)}"
                 )
-            known = GearPairSection.model_fields
-            for name in case.change:
-                if name not in known or name == "teeth":
-                    raise ValueError(
-                        f"{key}.cases[{i}].change.{name} is not a known key: it must be one of "
-                        f"{', '.join(k for k in known if k != 'teeth')}"
-                    )
             try:
                 GearPair(**self.case_parameters(case))
             except ValueError as error:
@@ -228,7 +223,7 @@ class Config(Section):
 
     def case_parameters(self, case):
         """Return the keyword arguments of `gearlib.GearPair` for one case of a scene."""
-        return self.pair_parameters(case.damping) | case.change
+        return self.pair_parameters(case.damping) | case.change.model_dump(exclude_unset=True)
 
 
 def load(mapping):
@@ -250,6 +245,7 @@ def load(mapping):
         raise ConfigError("\n".join(sentences(error.errors(), schema()))) from None
 
 
+@cache
 def schema():
     """Return the JSON schema of the configuration as a dict."""
     return Config.model_json_schema()
