@@ -36,6 +36,7 @@ module                  responsibility
 ``claims``              the paper's statements, checked against computed data
 ``trials``              which method is right, at what cost, and where each fails
 ``figures``             one file per figure, functions that return a `Figure`
+``cli``                 the command ``gearlib``
 ======================  ===========================================================
 
 The names below are loaded on first use, so that reading a configuration does

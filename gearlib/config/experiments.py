@@ -205,7 +205,9 @@ class Change(Section):
     """Other values for some keys of gear_pair, each as there."""
 
     max_stiffness: Stiffness = Field(default=None, description="Max stiffness of the case.")
-    stiffness_ratio: StiffnessRatio = Field(default=None, description="Stiffness ratio of the case.")
+    stiffness_ratio: StiffnessRatio = Field(
+        default=None, description="Stiffness ratio of the case."
+    )
     contact_ratio: ContactRatio = Field(default=None, description="Contact ratio of the case.")
     reduced_mass: Mass = Field(default=None, description="Reduced mass of the case.")
     load: Load = Field(default=None, description="Load of the case.")
