@@ -36,3 +36,7 @@ include: "workflow/rules/failures.smk"
 include: "workflow/rules/work_precision.smk"
 include: "workflow/rules/jump_by_method.smk"
 include: "workflow/rules/claims.smk"
+
+
+onsuccess:
+    write_provenance(Path("results"), ROOT)

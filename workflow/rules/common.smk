@@ -15,6 +15,7 @@ from snakemake.exceptions import WorkflowError
 from gearlib import config as configuration
 from gearlib import tunings
 from gearlib.config.trials import PEERS
+from workflow.provenance import write as write_provenance
 from workflow.sources import sources
 from workflow.yaml_keys import repeated_keys
 
