@@ -61,13 +61,7 @@ def _model(config_path, damping, model, changes):
     settings = None if config_path is None else read_config(config_path)
     values = {}
     if settings is not None:
-        name = next(iter(settings.dampings)) if damping is None else damping
-        if name not in settings.dampings:
-            raise click.UsageError(
-                f"damping = {name!r} is not allowed: it must be one of "
-                f"{', '.join(settings.dampings)}"
-            )
-        values = settings.pair_parameters(name)
+        values = settings.pair_parameters(choose_damping(settings, damping))
     elif damping is not None:
         raise click.UsageError(f"damping = {damping!r} needs a configuration: give --config")
     try:
@@ -84,6 +78,17 @@ def _model(config_path, damping, model, changes):
         return SixDegreePair(pair=pair, **settings.six_degrees.model_dump())
     except ValueError as error:
         raise click.UsageError(str(error)) from None
+
+
+def choose_damping(settings, name):
+    """Return the name of a damping of a configuration: the given one, or the first."""
+    if name is None:
+        return next(iter(settings.dampings))
+    if name not in settings.dampings:
+        raise click.UsageError(
+            f"damping = {name!r} is not allowed: it must be one of {', '.join(settings.dampings)}"
+        )
+    return name
 
 
 def read_config(path):
