@@ -17,7 +17,9 @@ The JSON schema for editors is generated from the model::
 This package stays free of the numerical stack, because every start of the workflow reads it.
 """
 
+import copy
 import json
+import re
 from functools import cache
 from pathlib import Path
 from typing import Literal
@@ -41,7 +43,7 @@ from gearlib.config.mesh import Damping, GearPairSection, Run, SixDegrees
 from gearlib.config.trials import Failures, JumpByMethod, StabilityChart, WorkPrecision
 from gearlib.config.types import MAX_JOBS, Name, Section, listing
 from gearlib.pair import GearPair
-from gearlib.validation import sentences
+from gearlib.validation import sentences, show
 
 #: Where the generated schema lies, seen from the root of the project.
 SCHEMA_PATH = Path("workflow/schemas/config.schema.json")
@@ -49,6 +51,10 @@ SCHEMA_PATH = Path("workflow/schemas/config.schema.json")
 #: Limits that catch a mistyped step or window before it fills a disk.
 MAX_TUNINGS = 10_000_000
 MAX_SAMPLES = 100_000_000
+
+
+#: Cases are part of the names of rules.
+CASE_NAME = "[A-Za-z][A-Za-z0-9_]*"
 
 
 class ConfigError(ValueError):
@@ -245,6 +251,64 @@ def load(mapping):
         raise ConfigError("\n".join(sentences(error.errors(), schema()))) from None
 
 
+def cases(mapping):
+    """Return the configurations of all cases: each lays its keys over those beside `cases`.
+
+    Parameters
+    ----------
+    mapping : dict
+        What was read from YAML, with the key ``cases``: name -> keys that differ.
+
+    Returns
+    -------
+    dict
+        name -> mapping, each accepted by `load`.
+
+    Raises
+    ------
+    ConfigError
+        With one sentence per problem, which names the case.
+    """
+    changes = mapping["cases"]
+    if not isinstance(changes, dict) or not changes:
+        raise ConfigError(
+            f"cases = {show(changes)} is not allowed: it must be a mapping of at least one name to "
+            "the keys that differ"
+        )
+    common = {key: value for key, value in mapping.items() if key != "cases"}
+    found, problems = {}, []
+    for name, change in changes.items():
+        if not isinstance(name, str) or not re.fullmatch(CASE_NAME, name):
+            problems.append(
+                f"cases.{name} is not allowed as a name: it must be letters, digits and _, a "
+                "letter first"
+            )
+            continue
+        if not isinstance(change, dict):
+            problems.append(
+                f"cases.{name} = {show(change)} is not allowed: it must be a mapping of the keys "
+                "that differ"
+            )
+            continue
+        found[name] = _laid_over(common, change)
+        try:
+            load(found[name])
+        except ConfigError as error:
+            problems += [f"cases.{name}: {line}" for line in str(error).splitlines()]
+    if problems:
+        raise ConfigError("\n".join(problems))
+    return found
+
+
+def _laid_over(base, change):
+    """Return a copy of `base` with the keys of `change`; mappings are laid over each other."""
+    both = dict(base)
+    for key, value in change.items():
+        inner = isinstance(value, dict) and isinstance(base.get(key), dict)
+        both[key] = _laid_over(base[key], value) if inner else value
+    return both
+
+
 @cache
 def schema():
     """Return the JSON schema of the configuration as a dict."""
@@ -252,5 +316,13 @@ def schema():
 
 
 def schema_text():
-    """Return the JSON schema as the text of its file."""
-    return json.dumps(schema(), indent=2) + "\n"
+    """Return the JSON schema as the text of its file; it knows the key `cases` too."""
+    whole = copy.deepcopy(schema())
+    whole["properties"]["cases"] = {
+        "description": "Several cases side by side: name -> keys that differ; results/<case>/.",
+        "patternProperties": {f"^{CASE_NAME}$": {"type": "object"}},
+        "additionalProperties": False,
+        "minProperties": 1,
+        "type": "object",
+    }
+    return json.dumps(whole, indent=2) + "\n"
