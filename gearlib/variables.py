@@ -71,6 +71,18 @@ DESCRIPTIONS = {
     "stable": ("1", "whether all multipliers lie inside the unit circle"),
     "grazing": ("1", "whether the orbit touches a flank line"),
     "residual": ("1", "difference of the states at start and end"),
+    # parametric resonance
+    "order": ("1", "half waves per mesh period, order of the tongue"),
+    "tongue": ("1", "number of the tongue"),
+    "tuning_from": ("1", "first tuning of the tongue"),
+    "tuning_to": ("1", "last tuning of the tongue"),
+    "multiplier": ("1", "Floquet multiplier on the edges of the tongue, 0: complex"),
+    "growth": ("1", "logarithm of the largest Floquet multiplier per mesh period"),
+    "growth_tuning": ("1", "tuning of the largest growth in the tongue"),
+    "closing_damping": ("1", "damping ratio from which the tongue stays closed"),
+    "stiffness_ratio": ("1", "stiffness ratio kappa"),
+    "contact_ratio": ("1", "contact ratio epsilon"),
+    "damping": ("1", "damping ratio beta while the flanks touch"),
     # numerical stability
     "method": ("1", "method"),
     "steps": ("1", "steps per mesh period"),
