@@ -30,6 +30,7 @@ from gearlib.config.experiments import (
     Labels,
     Models,
     NonlinearDamping,
+    ParametricResonance,
     PhaseLag,
     PhasePlanes,
     Resonance,
@@ -61,6 +62,7 @@ Target = Literal[
     "jump",
     "nonlinear_damping",
     "models",
+    "parametric_resonance",
     "stability_chart",
     "failures",
     "work_precision",
@@ -87,6 +89,7 @@ class Config(Section):
     six_degrees: SixDegrees
     models: Models
     labels: Labels
+    parametric_resonance: ParametricResonance
     stability_chart: StabilityChart
     failures: Failures
     work_precision: WorkPrecision

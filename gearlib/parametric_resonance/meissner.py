@@ -285,16 +285,24 @@ def growth(contact_ratio, stiffness_ratio, damping, tuning):
     return np.arccosh(np.maximum(np.abs(half), 1.0)) - 2.0 * np.pi * damping / tuning
 
 
-def coexistence(order, contact_ratio):
-    """Return (stiffness_ratio, tuning) where the tongue of an order without damping is a point.
+def coexistence(order, *, contact_ratio=None, stiffness_ratio=None):
+    """Return (value, tuning) where the tongue of an order is a point without damping, shape (j, 2).
 
-    Shape (j, 2). There the stiffer stretch holds m half waves and the softer one the n - m others,
-    so that sqrt(kappa) = (epsilon - 1) (n - m) / ((2 - epsilon) m), m = 1 ... n - 1.
+    The value is that of the stiffness ratio for a given contact ratio, or the other way round. At
+    such a point the stiffer stretch holds m half waves, m = 1 ... n - 1, the softer one the others:
+    sqrt(kappa) = (epsilon - 1) (n - m) / ((2 - epsilon) m).
     """
     points = []
     for m in range(1, order):
-        root = (contact_ratio - 1.0) * (order - m) / ((2.0 - contact_ratio) * m)
-        if 0.0 < root < 1.0:
-            high, _ = levels(contact_ratio, root * root)
-            points.append((root * root, 2.0 * (contact_ratio - 1.0) * math.sqrt(high) / m))
+        if stiffness_ratio is None:
+            if not 1.0 < contact_ratio < 2.0:
+                break
+            share, value = contact_ratio, (contact_ratio - 1.0) * (order - m)
+            kappa = value = (value / ((2.0 - contact_ratio) * m)) ** 2
+        else:
+            kappa, root = stiffness_ratio, m * math.sqrt(stiffness_ratio)
+            share = value = 1.0 + root / (root + order - m)
+        if kappa < 1.0:
+            high, _ = levels(share, kappa)
+            points.append((value, 2.0 * (share - 1.0) * math.sqrt(high) / m))
     return np.array(points).reshape(-1, 2)
