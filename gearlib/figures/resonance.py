@@ -28,7 +28,7 @@ _CARRIED = {"up": ("-", ">"), "down": ((0, (3, 1)), "<")}
 _COLD_COLOUR = "#8C8C8C"
 
 #: Where the motion without loss of contact is unstable.
-TONGUE_COLOUR = "#F5D9A8"
+TONGUE_COLOUR = "#F0E44299"
 
 #: In the order of the codes of `gearlib.labelling`.
 _LABEL_COLOURS = (

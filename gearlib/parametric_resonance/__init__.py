@@ -64,8 +64,8 @@ def tongues(pair, *, start=0.3, stop=3.0, parameter=None, values=None, step=0.00
         is one: tuning_from and tuning_to, the edges, equal where a tongue is a point, NaN where it
         is closed or out of range; multiplier on them, 0 for a complex pair; growth, the largest
         logarithm of the largest multiplier in the tongue, below 0 if it is closed, and
-        growth_tuning, where that is. Without `parameter`, and for one degree of freedom, also
-        closing_damping, the damping ratio from which the tongue stays closed.
+        growth_tuning, where that is. Without `parameter` also closing_damping, the damping ratio
+        of the contact from which the tongue stays closed (six degrees: is closed; NaN: never).
 
     Raises
     ------
@@ -91,9 +91,9 @@ def tongues(pair, *, start=0.3, stop=3.0, parameter=None, values=None, step=0.00
         rows = [find(varied(pair, parameter, value), start, stop, step) for value in values]
     six = isinstance(pair, SixDegreePair)
     dataset = _dataset(rows, parameter, values, "tongue" if six else "order")
-    if parameter is None and not six:
+    if parameter is None:
         closings = [closing_damping(pair, one) for one in rows[0]]
-        dataset["closing_damping"] = "order", np.array(closings, float)
+        dataset["closing_damping"] = "tongue" if six else "order", np.array(closings, float)
     dataset.attrs = provenance.attributes(
         "Tongues of parametric resonance",
         pair,
@@ -133,9 +133,11 @@ def find(pair, start, stop, step=0.002):
 
 
 def closing_damping(pair, tongue):
-    """Return the damping ratio from which a tongue of one degree of freedom stays closed."""
+    """Return the damping ratio of the contact from which a tongue stays closed."""
     if isinstance(pair, GearPair):
         return meissner.closing_damping(pair.contact_ratio, pair.stiffness_ratio, tongue.order)
+    if isinstance(pair, SixDegreePair):
+        return hill.closing_six(pair, tongue)
     return hill.closing_damping(pair, tongue)
 
 

@@ -20,7 +20,7 @@ from gearlib.variables import describe
 #: Tunings of the scan for contact lost from rest, about the tongue, and its reach in gap widths.
 _SCAN, _REACH = 301, 1.5
 #: Tunings of the scan for the forced loss of contact, and how far it looks, in tuning.
-_FORCED_SCAN, _FORCED_REACH = 200, 0.5
+_FORCED_SCAN, _FORCED_REACH = 51, 0.5
 #: Contact lost by less, in static deflections, is rounding.
 _TOUCH = 1e-9
 

@@ -101,6 +101,32 @@ def closing_damping(pair, tongue):
     return meissner.closing(growth, about * np.array([0.0, 0.5, 0.9, 1.1, 1.5, 3.0]))
 
 
+def closing_six(pair, tongue):
+    """Return the damping ratio of the mesh that closes a tongue of a `SixDegreePair`.
+
+    The tongue is followed within its own width: by the determinant that is zero on its edges, or,
+    with a complex pair, by its growth, to 1e-6 per mesh period. NaN: not closed below a damping
+    ratio of 1.
+    """
+    inside = math.copysign(1.0, _miss(pair, tongue.peak, tongue.multiplier))
+
+    def largest(damping):
+        damped = with_damping(pair, damping)
+        if tongue.multiplier:
+            over = lambda nu: inside * _miss(damped, nu, tongue.multiplier)  # noqa: E731
+        else:
+            over = lambda nu: _log_radius(six_degree_map(damped, nu)) - _NEUTRAL  # noqa: E731
+        return meissner.strongest(over, tongue.start, tongue.stop)[0]
+
+    # Growth less loss, as if damping changed nothing else.
+    dampings = [0.0, pair.pair.damping_ratio + tongue.growth * tongue.peak / (2.0 * math.pi)]
+    while largest(dampings[-1]) > 0.0:
+        dampings.append(1.25 * dampings[-1])
+        if dampings[-1] > 1.0:
+            return math.nan
+    return meissner.closing(largest, dampings)
+
+
 def with_damping(pair, damping):
     """Return a model with another damping ratio of the material."""
     mesh = pair.pair
@@ -228,18 +254,23 @@ def _strongest(pair, low, high, grid):
     )
 
 
+def _miss(pair, nu, sign):
+    """Return det(M - sign I), zero where a multiplier is `sign`."""
+    matrix = six_degree_map(pair, nu)
+    return float(np.linalg.det(matrix - sign * np.eye(len(matrix))))
+
+
 def _log_radius(matrix):
     return math.log(np.abs(np.linalg.eigvals(matrix)).max())
 
 
 def _zeros(pair, sign, grid, maps):
     """Return the tunings where a multiplier is `sign`: zeros of det(M - sign I) over a grid."""
-    unit = sign * np.eye(maps.shape[1])
+    values = np.linalg.det(maps - sign * np.eye(maps.shape[1]))
 
     def miss(nu):
-        return float(np.linalg.det(six_degree_map(pair, nu) - unit))
+        return _miss(pair, nu, sign)
 
-    values = np.linalg.det(maps - unit)
     zeros = []
     for i, (low, high) in enumerate(pairwise(grid)):
         if values[i] * values[i + 1] < 0.0:
