@@ -94,6 +94,7 @@ DESCRIPTIONS = {
     "damping_ratio": ("1", "damping ratio beta while the flanks touch"),
     "nearest_order": ("1", "order of the tongue nearest to the tuning in question"),
     "orbit_min": ("1", "least displacement of the orbit without loss, static deflections"),
+    "lost": ("1", "whether the motion from rest loses contact at the tuning in question"),
     "loss_from": ("1", "first tuning around at which the motion from rest loses contact"),
     "loss_to": ("1", "last tuning around at which the motion from rest loses contact"),
     "forced_from": ("1", "first tuning at which the orbit without loss leaves the flank"),

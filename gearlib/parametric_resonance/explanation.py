@@ -21,6 +21,8 @@ from gearlib.variables import describe
 _SCAN, _REACH = 301, 1.5
 #: Tunings of the scan for the forced loss of contact, and how far it looks, in tuning.
 _FORCED_SCAN, _FORCED_REACH = 51, 0.5
+#: Where tongues next to a tuning are looked for, in shares of it.
+_NEXT = 0.7, 1.5
 #: Contact lost by less, in static deflections, is rounding.
 _TOUCH = 1e-9
 
@@ -38,7 +40,7 @@ def compute(pairs, tuning, start, stop, run):
     tuning : float
         The tuning in question.
     start, stop : float
-        Range of tunings whose tongues are listed.
+        Range of tunings whose tongues are listed; widened to those next to the tuning.
     run : dict
         periods, initial_state of the motion from rest.
 
@@ -48,11 +50,14 @@ def compute(pairs, tuning, start, stop, run):
         Over (damping, order): tuning_from, tuning_to (NaN: closed), closing_damping over order.
         Over damping, at the tuning in question, `asked`: damping_ratio; nearest_order, of the
         tongue next to it; growth of deviations; orbit_min, the least displacement of the orbit
-        without loss of contact; loss_from and loss_to, the tunings around between which the motion
-        from rest loses contact (NaN: it does not); forced_from, the first tuning above at which
-        that orbit itself leaves the flank (NaN: none near); cause, as of `CAUSES`.
+        without loss of contact; lost, whether the motion from rest loses contact; loss_from and
+        loss_to, the tunings around between which it does (NaN: beyond the scan); forced_from, the
+        first tuning above at which that orbit itself leaves the flank (NaN: none near); cause, as
+        of `CAUSES`.
         The attribute explanation is the sentence of `explanation`.
     """
+    low, high = _NEXT
+    start, stop = min(start, low * tuning), max(stop, high * tuning)
     models = {name: GearPair(**parameters) for name, parameters in pairs.items()}
     tongues = {name: find(pair, start, stop) for name, pair in models.items()}
     orders = sorted({one.order for found in tongues.values() for one in found})
@@ -90,22 +95,28 @@ def compute(pairs, tuning, start, stop, run):
 def _facts(pair, tuning, run):
     """Return the facts about one pair at a tuning, by their names."""
     equation = meissner.equation_of(pair)
-    near = find(pair, 0.7 * tuning, 1.5 * tuning)
-    nearest = min(near, key=lambda one: abs(one.peak - tuning), default=None)
+    near = find(pair, *(share * tuning for share in _NEXT))
+    nearest = min(near, key=lambda one: _distance(one, tuning), default=None)
     least = orbit_min(pair, tuning)
     growth = float(meissner.growth(*ratios(pair), tuning))
     loss = _loss_about(pair, tuning, equation, nearest, run)
-    cause = FORCED if least < 0.0 else (PARAMETRIC if growth > 0.0 else NONE)
+    cause = FORCED if least < -_TOUCH else (PARAMETRIC if growth > 0.0 else NONE)
     return {
         "damping_ratio": pair.damping_ratio,
         "nearest_order": np.int32(nearest.order if nearest else 0),
         "growth": growth,
         "orbit_min": least,
-        "loss_from": loss[0],
-        "loss_to": loss[1],
+        "lost": np.int8(loss[0]),
+        "loss_from": loss[1],
+        "loss_to": loss[2],
         "forced_from": _forced_from(pair, tuning),
         "cause": np.int8(cause),
     }
+
+
+def _distance(tongue, tuning):
+    """Return 0 inside a tongue, else the distance to its strongest tuning."""
+    return 0.0 if tongue.start <= tuning <= tongue.stop else abs(tongue.peak - tuning)
 
 
 def ratios(pair):
@@ -122,12 +133,13 @@ def orbit_min(pair, tuning):
 
 
 def _loss_about(pair, tuning, equation, nearest, run):
-    """Return the tunings (first, last) about one between which the motion from rest parts flanks.
+    """Return (whether the motion from rest parts flanks, first, last tuning about where it does).
 
-    To the step of the scan, which spans some widths of the gap.
+    To the step of the scan, which spans some widths of the gap; NaN: beyond it.
     """
     if nearest is None:
-        return math.nan, math.nan
+        curve = sweep(pair, [tuning], record_periods=run["periods"], **run)
+        return float(curve.displacement_min[0]) < -_TOUCH, math.nan, math.nan
     low, high = (1.0 / k for k in reversed(meissner.gap(equation, nearest.order)))
     reach = _REACH * (high - low) + 1e-3
     scan = np.linspace(min(low, tuning) - reach, max(high, tuning) + reach, _SCAN)
@@ -135,11 +147,12 @@ def _loss_about(pair, tuning, equation, nearest, run):
     lost = curve.displacement_min.values < -_TOUCH
     here = int(np.argmin(np.abs(scan - tuning)))
     if not lost[here]:
-        return math.nan, math.nan
+        return False, math.nan, math.nan
     kept = np.nonzero(~lost)[0]
-    first = kept[kept < here].max(initial=-1) + 1
-    last = kept[kept > here].min(initial=scan.size) - 1
-    return float(scan[first]), float(scan[last])
+    before, after = kept[kept < here], kept[kept > here]
+    first = scan[before[-1] + 1] if before.size else math.nan
+    last = scan[after[0] - 1] if after.size else math.nan
+    return True, float(first), float(last)
 
 
 def _forced_from(pair, tuning):
@@ -170,8 +183,9 @@ def explanation(facts):
         for cause in CAUSES
     }
     parts = []
-    for name in by_cause[PARAMETRIC][:1]:
-        parts.append(_parametric(facts.sel(damping=name), nu, by_cause[PARAMETRIC]))
+    growing = facts.sel(damping=by_cause[PARAMETRIC])
+    for ratio in np.unique(growing.damping_ratio.values):
+        parts.append(_parametric(growing.sel(damping=growing.damping_ratio == ratio), nu))
     if by_cause[FORCED]:
         who = ", ".join(by_cause[FORCED])
         parts.append(
@@ -184,32 +198,44 @@ def explanation(facts):
     if np.isfinite(forced).any():
         low, high = float(forced.min()), float(forced.max())
         span = f"{low:.4f}" if high - low < 5e-5 else f"{low:.4f} to {high:.4f}, by damping"
-        parts.append(f"That orbit itself leaves the flank only from nu = {span}: forced response.")
+        parts.append(
+            f"The orbit without loss of contact itself leaves the flank only from nu = {span}: "
+            "forced response."
+        )
     return " ".join(parts)
 
 
-def _parametric(one, nu, names):
+def _parametric(alike, nu):
+    """Return the sentence on dampings inside a tongue, alike in contact."""
+    one = alike.isel(damping=0)
     order = int(one.nearest_order)
     edges = one.sel(order=order)
+    names = ", ".join(map(str, alike.damping.values))
     text = (
         f"nu = {nu:g} lies in the tongue of order {order}, {float(edges.tuning_from):.4f} to "
-        f"{float(edges.tuning_to):.4f} ({', '.join(names)}): deviations from the orbit without "
-        f"loss of contact grow by {100.0 * math.expm1(float(one.growth)):.1f} % per mesh period, "
-        f"although that orbit keeps contact (least displacement {float(one.orbit_min):.3f} static "
-        "deflections). Contact is lost by parametric instability"
+        f"{float(edges.tuning_to):.4f} ({names}): deviations from the orbit without loss of "
+        f"contact grow by {100.0 * math.expm1(float(one.growth)):.1f} % per mesh period, although "
+        f"that orbit keeps contact (least displacement {float(one.orbit_min):.3f} static "
+        "deflections)."
     )
-    if np.isfinite(one.loss_from):
-        text += f", from rest between nu = {float(one.loss_from):.4f} and {float(one.loss_to):.4f}"
-        if one.loss_to > edges.tuning_to:
+    if not alike.lost.any():
+        return f"{text} From rest contact is not lost within the run."
+    text += " Contact is lost by parametric instability"
+    if np.isfinite(alike.loss_from).all() and np.isfinite(alike.loss_to).all():
+        low, high = float(alike.loss_from.min()), float(alike.loss_to.max())
+        text += f", from rest between nu = {low:.4f} and {high:.4f}"
+        if high > edges.tuning_to:
             text += " (beyond the tongue deviations beat without growing)"
     return text + "."
 
 
 def _quiet(facts, nu, names):
+    """Return the sentence on dampings with which deviations decay, or at least do not grow."""
     quiet = facts.sel(damping=names)
-    lost = [name for name in names if np.isfinite(quiet.loss_from.sel(damping=name))]
+    lost = [name for name in names if quiet.lost.sel(damping=name)]
     order = int(quiet.nearest_order[0])
-    text = f"With {', '.join(names)} deviations decay at nu = {nu:g}"
+    verb = "decay" if (quiet.growth < 0.0).all() else "do not grow"
+    text = f"With {', '.join(names)} deviations {verb} at nu = {nu:g}"
     if order and np.isfinite(quiet.tuning_from.sel(order=order)).any():
         text += f", outside of the tongue of order {order}"
     elif order:

@@ -52,9 +52,18 @@ def period_map(pair, tuning):
 
 
 def orbit(pair, tuning):
-    """Return the state at phase 0 of the orbit that repeats every mesh period."""
+    """Return the state at phase 0 of the orbit that repeats every mesh period.
+
+    Where many do, as with constant stiffness at nu = 1 / n, that next to static deflection.
+    """
     matrix, shift = period_map(pair, tuning)
-    return tuple(map(float, np.linalg.solve(np.eye(2) - matrix, shift)))
+    matrix = np.eye(2) - matrix
+    try:
+        state = np.linalg.solve(matrix, shift)
+    except np.linalg.LinAlgError:
+        static = np.array([1.0, 0.0])
+        state = static + np.linalg.lstsq(matrix, shift - matrix @ static)[0]
+    return tuple(map(float, state))
 
 
 def trace(pair, tuning):

@@ -41,7 +41,9 @@ rule tongues:
     params:
         pairs=canonical({name: CONFIG.pair_parameters(name) for name in CONFIG.dampings}),
         asked=CONFIG.parametric_resonance.asked,
-        tunings=canonical([CONFIG.resonance.start, CONFIG.resonance.stop]),
+        tunings=canonical(
+            [CONFIG.parametric_resonance.start, CONFIG.parametric_resonance.stop]
+        ),
         run=canonical(run_length()),
     conda:
         "../envs/gearlib.yaml"
