@@ -82,5 +82,5 @@ def test_a_chart_without_tongues_is_drawn(facts, tmp_path):
 def test_tongues_are_shaded_in_the_panel_of_their_damping(facts):
     plain, shaded = (resonance.draw(curves(GRID), tongues=tongues) for tongues in (None, facts))
     added = [len(b.patches) - len(a.patches) for a, b in zip(plain.axes, shaded.axes, strict=True)]
-    # Main picture, k1, my own+oil, conservative: orders 2 and 3.
-    assert added == [0, 0, 0, 2]
+    # Main picture, k1, my own+oil, conservative: orders 2 to 4.
+    assert added == [0, 0, 0, 3]
