@@ -32,6 +32,11 @@ EXPERIMENTS = {
     "labels": Experiment(
         {"label": DAMPINGS}, {"draw_resonance": 1}, simulates=True, with_k1={"label": 1}
     ),
+    "parametric_resonance": Experiment(
+        {"parametric_resonance": 1, "tongues": 1},
+        {"draw_parametric_resonance": 1, "draw_resonance": 1},
+        with_k1={"tongues": 1},
+    ),
     "phase_planes": Experiment(
         {"phase_plane": DAMPINGS, "gather_phase_planes": 1},
         {"draw_phase_planes": 1},
