@@ -14,6 +14,7 @@ from gearlib.config.types import (
     Load,
     Mass,
     Name,
+    NonNegative,
     Positive,
     PositiveDampingCoefficient,
     Section,
