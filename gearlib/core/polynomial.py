@@ -163,6 +163,81 @@ def first_fall(coefficients, to_bernstein, work):
 
 
 @kernel
+def fall_by_shape(coefficients, first):
+    """Return where a polynomial falls through zero, 2 if it does not, -1 where this cannot tell.
+
+    A polynomial that falls all along, or is bent one way all along, has at most one crossing
+    between ends of opposite signs and, when it is not bent upwards, none between positive ones.
+    Slope and bend are bounded by their parabolas and the magnitudes of all higher terms.
+
+    Parameters
+    ----------
+    coefficients : ndarray, shape (n + 1,)
+        As of `first_fall`, n >= 4.
+    first : int
+        1 to divide a factor s out (the start is on the line), else 0.
+
+    Returns
+    -------
+    float
+    """
+    c, n = coefficients, coefficients.shape[0] - 1
+    end, size, steep, bend = 0.0, 0.0, 0.0, 0.0
+    slope_sum, slope_tail, bend_tail = 0.0, 0.0, 0.0
+    for k in range(n, first - 1, -1):
+        j = k - first
+        value, large = c[k], abs(c[k])
+        end += value
+        size += large
+        steep += j * value
+        bend += (j * (j - 1)) * large
+        slope_sum += j * large
+        if j == 5:
+            bend_tail = bend
+        if j == 4:
+            slope_tail = slope_sum
+    noise = _ROUNDING * size
+    c0, c1, c2, c3, c4 = c[first], c[first + 1], c[first + 2], c[first + 3], c[first + 4]
+    if c0 <= noise or abs(end) <= noise:
+        return -1.0
+    falls = -lowest_of_parabola(-c1, -2.0 * c2, -3.0 * c3) + slope_tail < -noise
+    if not falls:
+        up = lowest_of_parabola(2.0 * c2, 6.0 * c3, 12.0 * c4) > bend_tail + noise
+        if not up and lowest_of_parabola(-2.0 * c2, -6.0 * c3, -12.0 * c4) <= bend_tail + noise:
+            return -1.0
+        if up and end > 0.0 and c1 < noise and steep > -noise:
+            return -1.0
+    if end > 0.0:
+        return 2.0
+    # Newton's method from the parabola through value and slope at 0 and the value at 1.
+    top = n
+    while top > first + 4 and abs(c[top]) <= 1e-19 * size:
+        top -= 1
+    a = end - c0 - c1
+    s = 2.0 * c0 / (math.sqrt(c1 * c1 - 4.0 * a * c0) - c1)
+    low, high = 0.0, 1.0
+    for _ in range(_MAX_NEWTON):
+        value, slope = 0.0, 0.0
+        for k in range(top, first - 1, -1):
+            slope = slope * s + value
+            value = value * s + c[k]
+        if value > 0.0:
+            low = s
+        else:
+            high = s
+        new = s - value / slope if slope < 0.0 else -1.0
+        if low <= new <= high:
+            # What a step of Newton's method leaves: its square times the bend.
+            moved = abs(new - s)
+            if moved <= 2e-16 * high or bend * moved * moved <= -1e-17 * slope * new:
+                return new
+        else:
+            new = 0.5 * (low + high)
+        s = new
+    return s
+
+
+@kernel
 def highest(coefficients, to_bernstein, work, floor):
     """Return the largest value of a polynomial on [0, 1], or `floor` if that is larger.
 
