@@ -229,9 +229,9 @@ def contact_at(system, z):
 
 
 @kernel
-def _velocity(system, z):
-    """Return y': the same for every contact code."""
-    return dot(system.near, image(system.a[1, 0], z))
+def _velocity(system):
+    """Return the functional y', shape (n,): the same for every contact code."""
+    return image(system.a[1, 0].T, system.near)
 
 
 @kernel
@@ -251,9 +251,10 @@ def run_linear(
     found = 0
     set_harmonics(system, z, 0.0)
     contact, on_line, at_rest = contact_at(system, z)
-    x, v = dot(system.near, z), _velocity(system, z)
+    speed = _velocity(system)
+    x, v = dot(system.near, z), dot(speed, z)
     if unseen > 0:
-        own, way = part.system, ways(part.system)
+        own, own_speed, way = part.system, _velocity(part.system), ways(part.system)
         short, rest = image(part.into, z), image(part.rest_into, z)
         for i in range(unseen):
             # Harmonics are put to their values: their rounding must not grow with the run.
@@ -267,7 +268,7 @@ def run_linear(
             on_line, at_rest = 0, False
             if count > limit:
                 return x, v, 0, events, 0, EVENT_LIMIT
-            x, v = dot(own.near, short), _velocity(own, short)
+            x, v = dot(own.near, short), dot(own_speed, short)
             if not (abs(x) < 1e150 and abs(v) < 1e150):
                 return x, v, 0, events, 0, OVERFLOW
         carry(part.rest, rest, 2.0 * math.pi, unseen)
@@ -287,7 +288,7 @@ def run_linear(
         on_line, at_rest = 0, False
         if count > limit:
             return x, v, 0, events, 0, EVENT_LIMIT
-        x, v = dot(system.near, z), _velocity(system, z)
+        x, v = dot(system.near, z), dot(speed, z)
         if not (abs(x) < 1e150 and abs(v) < 1e150):
             return x, v, 0, events, 0, OVERFLOW
         for j in range(rows):

@@ -8,8 +8,8 @@ It takes the same way as the plain march of `gearlib.core.linear`, with tables i
   else the first crossing is proved by the shape of the polynomial, or isolated in Bernstein form.
 * Within a knot the state goes by a precomputed exponential and a short Taylor series.
 
-All tables are stored column by column, their columns filled up to whole blocks of four: a product
-with a state is then a sum of columns, four rows at a time in one vector register.
+All tables are stored in blocks of four rows, a block column by column: its product with a state is
+a sum of columns of four, which the compiler keeps in one vector register.
 """
 
 from typing import NamedTuple
@@ -19,34 +19,33 @@ import numpy as np
 from gearlib.core.jit import inlined, kernel
 from gearlib.core.mesh import BACKLASH, INVERSE, NORMAL
 from gearlib.core.polynomial import fall_by_shape, first_fall, lowest_of_parabola
-from gearlib.core.system import ORDER, dot, exponential
+from gearlib.core.system import ORDER, dot, exponential, product
 
 #: Terms from this degree on are bounded together: (1.3)^8 / 8! = 2e-4 of the state.
 _TAIL = 8
 #: Rows of a functional along a knot, in whole blocks.
 _ROWS = 24
 #: A way within a knot goes by an exponential of so many equal parts and a short series.
-_PARTS = 16
-#: Pairs of terms of that series: (1.3 / 16)^13 / 13! = 1e-24, with room for unlike scales.
-_PAIRS = 6
+_PARTS = 32
+#: Pairs of terms of that series: (1.3 / 64)^9 / 9! = 2e-21, with room for unlike scales.
+_PAIRS = 4
 
 
 class Ways(NamedTuple):
-    """Tables of a `System` of n components, w after filling up; filled on first use."""
+    """Tables of a `System` of n components in b blocks; filled on first use."""
 
     ready: np.ndarray  #: bool, shape (3, p)
-    step: np.ndarray  #: exp(A h), shape (3, p, n, w)
-    near: np.ndarray  #: rows of y along a knot, shape (3, p, n, 24)
+    step: np.ndarray  #: exp(A h), shape (3, p, b, n, 4)
+    near: np.ndarray  #: rows of y along a knot, shape (3, p, 6, n, 4)
     far: np.ndarray  #: rows of y - s
     near_tail: np.ndarray  #: sums of the magnitudes of rows 8 to ORDER, shape (3, p, n)
     far_tail: np.ndarray
-    rate: np.ndarray  #: A, shape (3, p, n, w)
-    fine: np.ndarray  #: exp(A h j / 16), j = 1 ... 15, shape (3 p 15, n, w), code by code
-    state: np.ndarray  #: work, shape (w,)
-    term: np.ndarray  #: work, shape (w,)
-    image: np.ndarray  #: work, shape (w,)
-    curve: np.ndarray  #: work, shape (24,)
-    wide: np.ndarray  #: work, shape (24,)
+    rate: np.ndarray  #: A, shape (3, p, b, n, 4)
+    fine: np.ndarray  #: exp(A h j / 32), j = 1 ... 32, shape (3, 32 p, b, n, 4), stretch by stretch
+    state: np.ndarray  #: work, shape (b, 4)
+    term: np.ndarray  #: work, shape (b, 4)
+    image: np.ndarray  #: work, shape (b, 4)
+    wide: np.ndarray  #: work, shape (6, 4)
     bernstein: np.ndarray  #: work of `polynomial.first_fall`
 
 
@@ -54,41 +53,44 @@ class Ways(NamedTuple):
 def ways(system):
     """Return empty `Ways`."""
     contacts, p, n, _ = system.a.shape
-    w = 4 * ((n + 3) // 4)
+    blocks = (n + 3) // 4
     return Ways(
         np.zeros((contacts, p), dtype=np.bool_),
-        np.zeros((contacts, p, n, w)),
-        np.zeros((contacts, p, n, _ROWS)),
-        np.zeros((contacts, p, n, _ROWS)),
+        np.zeros((contacts, p, blocks, n, 4)),
+        np.zeros((contacts, p, _ROWS // 4, n, 4)),
+        np.zeros((contacts, p, _ROWS // 4, n, 4)),
         np.zeros((contacts, p, n)),
         np.zeros((contacts, p, n)),
-        np.zeros((contacts, p, n, w)),
-        np.zeros((contacts * p * (_PARTS - 1), n, w)),
-        np.zeros(w),
-        np.zeros(w),
-        np.zeros(w),
-        np.zeros(_ROWS),
-        np.zeros(_ROWS),
+        np.zeros((contacts, p, blocks, n, 4)),
+        np.zeros((contacts, p * _PARTS, blocks, n, 4)),
+        np.zeros((blocks, 4)),
+        np.zeros((blocks, 4)),
+        np.zeros((blocks, 4)),
+        np.zeros((_ROWS // 4, 4)),
         np.empty((50, ORDER + 2)),
     )
 
 
 @kernel
-def _fill_rows(functional, a, h, columns, tail):
-    """Fill the columns of the rows g (A h)^k / k!, and the sums of their magnitudes."""
+def _into_blocks(matrix, blocks):
+    """Fill blocks, shape (b, n, 4), from a matrix of n columns."""
+    for r in range(matrix.shape[0]):
+        blocks[r // 4, :, r % 4] = matrix[r]
+
+
+@kernel
+def _fill_rows(functional, a, h, blocks, tail):
+    """Fill the blocks of the rows g (A h)^k / k!, and the sums of their magnitudes."""
     n = functional.shape[0]
-    row, new = functional.copy(), np.empty(n)
-    columns[:, 0] = row
+    rows = np.zeros((ORDER + 1, n))
+    rows[0] = functional
     for k in range(1, ORDER + 1):
-        new[:] = 0.0
         for r in range(n):
-            if row[r] != 0.0:
-                for c in range(n):
-                    new[c] += row[r] * (h / k) * a[r, c]
-        row[:] = new
-        columns[:, k] = row
+            if rows[k - 1, r] != 0.0:
+                rows[k] += rows[k - 1, r] * (h / k) * a[r]
         if k >= _TAIL:
-            tail += np.abs(row)
+            tail += np.abs(rows[k])
+    _into_blocks(rows, blocks)
 
 
 @kernel
@@ -97,123 +99,106 @@ def _prepare(system, table, i, p):
     n = system.near.shape[0]
     h = (system.starts[p + 1] - system.starts[p]) / system.knots[p]
     a = system.a[i, p]
-    table.rate[i, p, :, :n] = a.T
-    table.step[i, p, :, :n] = exponential(a, n, h).T
+    _into_blocks(a, table.rate[i, p])
+    _into_blocks(exponential(a, n, h), table.step[i, p])
     _fill_rows(system.near, a, h, table.near[i, p], table.near_tail[i, p])
     _fill_rows(system.far, a, h, table.far[i, p], table.far_tail[i, p])
     part = exponential(a, n, h / _PARTS)
-    power, new = part.copy(), np.empty((n, n))
-    first = (i * system.knots.shape[0] + p) * (_PARTS - 1)
-    for j in range(_PARTS - 1):
-        table.fine[first + j, :, :n] = power.T
-        for r in range(n):
-            new[r] = 0.0
-            for c in range(n):
-                new[r] += part[r, c] * power[c]
-        power[:] = new
+    power = part
+    for j in range(_PARTS):
+        _into_blocks(power, table.fine[i, p * _PARTS + j])
+        power = product(part, power)
     table.ready[i, p] = True
 
 
 @inlined
-def _apply(matrix, i, p, z, out):
-    """out = matrix z, four rows at a time."""
-    for r in range(0, matrix.shape[3], 4):
+def _apply(matrix, i, p, first, last, z, out):
+    """out = matrix z, blocks `first` to `last` of it; z of shape (n,) or longer."""
+    for q in range(first, last):
         a, b, c, d = 0.0, 0.0, 0.0, 0.0
-        for j in range(matrix.shape[2]):
+        for j in range(matrix.shape[3]):
             value = z[j]
-            a += matrix[i, p, j, r] * value
-            b += matrix[i, p, j, r + 1] * value
-            c += matrix[i, p, j, r + 2] * value
-            d += matrix[i, p, j, r + 3] * value
-        out[r], out[r + 1], out[r + 2], out[r + 3] = a, b, c, d
+            a += matrix[i, p, q, j, 0] * value
+            b += matrix[i, p, q, j, 1] * value
+            c += matrix[i, p, q, j, 2] * value
+            d += matrix[i, p, q, j, 3] * value
+        out[q, 0], out[q, 1], out[q, 2], out[q, 3] = a, b, c, d
 
 
 @inlined
 def _add_term(rate, i, p, factor, old, new, z):
-    """new = factor A old, z += new: one term of the Taylor series."""
-    for r in range(0, rate.shape[3], 4):
+    """new = factor A old, z += new: one term of the Taylor series; old of shape (n,) or longer."""
+    for q in range(rate.shape[2]):
         a, b, c, d = 0.0, 0.0, 0.0, 0.0
-        for j in range(rate.shape[2]):
+        for j in range(rate.shape[3]):
             value = old[j]
-            a += rate[i, p, j, r] * value
-            b += rate[i, p, j, r + 1] * value
-            c += rate[i, p, j, r + 2] * value
-            d += rate[i, p, j, r + 3] * value
+            a += rate[i, p, q, j, 0] * value
+            b += rate[i, p, q, j, 1] * value
+            c += rate[i, p, q, j, 2] * value
+            d += rate[i, p, q, j, 3] * value
         a, b, c, d = a * factor, b * factor, c * factor, d * factor
-        new[r], new[r + 1], new[r + 2], new[r + 3] = a, b, c, d
-        z[r] += a
-        z[r + 1] += b
-        z[r + 2] += c
-        z[r + 3] += d
+        new[q, 0], new[q, 1], new[q, 2], new[q, 3] = a, b, c, d
+        z[q, 0], z[q, 1], z[q, 2], z[q, 3] = z[q, 0] + a, z[q, 1] + b, z[q, 2] + c, z[q, 3] + d
 
 
 @kernel
 def _advance(fine, rate, i, p, h, t, z, term, image):
     """Take z by t along a knot of length h; arrays are fields of `Ways`."""
-    part = min(int(_PARTS * t / h), _PARTS - 1)
+    flat_term, flat_image = term.reshape(term.size), image.reshape(image.size)
+    part = int(_PARTS * t / h + 0.5)
     if part > 0:
-        at = (i * rate.shape[1] + p) * (_PARTS - 1) + part - 1
-        for r in range(0, fine.shape[2], 4):
-            a, b, c, d = 0.0, 0.0, 0.0, 0.0
-            for j in range(fine.shape[1]):
-                value = z[j]
-                a += fine[at, j, r] * value
-                b += fine[at, j, r + 1] * value
-                c += fine[at, j, r + 2] * value
-                d += fine[at, j, r + 3] * value
-            term[r], term[r + 1], term[r + 2], term[r + 3] = a, b, c, d
+        at = p * _PARTS + part - 1
+        _apply(fine, i, at, 0, fine.shape[2], z.reshape(z.size), term)
         t -= part * (h / _PARTS)
-        for r in range(z.shape[0]):
-            z[r] = term[r]
+        for q in range(z.shape[0]):
+            z[q, 0], z[q, 1], z[q, 2], z[q, 3] = term[q, 0], term[q, 1], term[q, 2], term[q, 3]
     else:
-        for r in range(z.shape[0]):
-            term[r] = z[r]
+        for q in range(z.shape[0]):
+            term[q, 0], term[q, 1], term[q, 2], term[q, 3] = z[q, 0], z[q, 1], z[q, 2], z[q, 3]
     for k in range(1, 2 * _PAIRS, 2):
-        _add_term(rate, i, p, t / k, term, image, z)
-        _add_term(rate, i, p, t / (k + 1), image, term, z)
+        _add_term(rate, i, p, t / k, flat_term, image, z)
+        _add_term(rate, i, p, t / (k + 1), flat_image, term, z)
 
 
 @inlined
-def _stays_above(rows, tail, i, p, side, z):
+def _stays_above(rows, tail, i, p, side, z, wide):
     """Return whether side times a functional provably stays above zero along a whole knot.
 
     Its parabola does, by more than all the higher terms can make: those below _TAIL one by one, the
-    rest by the magnitudes of their rows.
+    rest by the magnitudes of their rows. Leaves the lower terms in `wide`.
     """
-    c0, c1, c2, c3, c4, c5, c6, c7 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    _apply(rows, i, p, 0, _TAIL // 4, z, wide)
     reach = 0.0
-    for j in range(rows.shape[2]):
-        value = z[j]
-        c0 += rows[i, p, j, 0] * value
-        c1 += rows[i, p, j, 1] * value
-        c2 += rows[i, p, j, 2] * value
-        c3 += rows[i, p, j, 3] * value
-        c4 += rows[i, p, j, 4] * value
-        c5 += rows[i, p, j, 5] * value
-        c6 += rows[i, p, j, 6] * value
-        c7 += rows[i, p, j, 7] * value
-        reach += tail[i, p, j] * abs(value)
-    reach += (abs(c3) + abs(c4)) + (abs(c5) + abs(c6)) + abs(c7)
-    return lowest_of_parabola(side * c0, side * c1, side * c2) > reach
+    for j in range(rows.shape[3]):
+        reach += tail[i, p, j] * abs(z[j])
+    reach += abs(wide[0, 3])
+    reach += (abs(wide[1, 0]) + abs(wide[1, 1])) + (abs(wide[1, 2]) + abs(wide[1, 3]))
+    return lowest_of_parabola(side * wide[0, 0], side * wide[0, 1], side * wide[0, 2]) > reach
 
 
 @kernel
-def _fall(rows, i, p, side, share, on_line, at_rest, z, wide, curve, to_bernstein, work):
-    """Return where side times a functional first falls through zero, as a part of `share` knots."""
-    _apply(rows, i, p, z, wide)
+def _fall(rows, tail, i, p, side, share, on_line, at_rest, z, wide, to_bernstein, work):
+    """Return where side times a functional first falls through zero, as a part of `share` knots.
+
+    `on_line`, `at_rest`: whether it starts at zero, and at rest; rows, tail: fields of `Ways`.
+    """
+    if _stays_above(rows, tail, i, p, side, z, wide) and not on_line:
+        return 2.0
+    _apply(rows, i, p, _TAIL // 4, _ROWS // 4, z, wide)
+    curve = wide.reshape(wide.size)[: ORDER + 1]
     factor = side
     for k in range(ORDER + 1):
-        curve[k] = wide[k] * factor
+        curve[k] *= factor
         factor *= share
     if on_line:
         curve[0] = 0.0
         if at_rest:
             curve[1] = 0.0
     if not at_rest:
-        found = fall_by_shape(curve[: ORDER + 1], 1 if on_line else 0)
+        found = fall_by_shape(curve, 1 if on_line else 0)
         if found >= 0.0:
             return found
-    return first_fall(curve[: ORDER + 1], to_bernstein, work)
+    return first_fall(curve, to_bernstein, work)
 
 
 @kernel
@@ -236,63 +221,63 @@ def pass_period(system, table, to_bernstein, z, contact, on_line, at_rest, limit
     # Arrays instead of `Ways`: every look into a tuple counts references, which would cost more
     # than the sums.
     ready, step, near, far, near_tail, far_tail, rate, fine = table[:8]
-    state, term, image, curve, wide, work = table[8:]
-    n = z.shape[0]
-    state[:n] = z
+    state, term, image, wide, work = table[8:]
+    flat, n = state.reshape(state.size), z.shape[0]
+    flat[:n] = z
     events = 0
     for p in range(system.knots.shape[0]):
         h = (system.starts[p + 1] - system.starts[p]) / system.knots[p]
         for _ in range(system.knots[p]):
             t = 0.0
             while t < h:
-                i = contact + 1
-                left = h - t
+                i, left = contact + 1, h - t
                 if not ready[i, p]:
                     _prepare(system, table, i, p)
                 best, target = 2.0, contact
                 if contact != INVERSE:
+                    on = on_line == 1
                     side = 1.0 if contact == NORMAL else -1.0
-                    if on_line == 1 or not _stays_above(near, near_tail, i, p, side, state):
-                        best = _fall(
-                            near,
-                            i,
-                            p,
-                            side,
-                            left / h,
-                            on_line == 1,
-                            on_line == 1 and at_rest,
-                            state,
-                            wide,
-                            curve,
-                            to_bernstein,
-                            work,
-                        )
+                    best = _fall(
+                        near,
+                        near_tail,
+                        i,
+                        p,
+                        side,
+                        left / h,
+                        on,
+                        on and at_rest,
+                        flat,
+                        wide,
+                        to_bernstein,
+                        work,
+                    )
                     target = BACKLASH if contact == NORMAL else NORMAL
                 if contact != NORMAL:
+                    on = on_line == -1
                     side = -1.0 if contact == INVERSE else 1.0
-                    if on_line == -1 or not _stays_above(far, far_tail, i, p, side, state):
-                        other = _fall(
-                            far,
-                            i,
-                            p,
-                            side,
-                            left / h,
-                            on_line == -1,
-                            on_line == -1 and at_rest,
-                            state,
-                            wide,
-                            curve,
-                            to_bernstein,
-                            work,
-                        )
-                        if other < best:
-                            best, target = other, (BACKLASH if contact == INVERSE else INVERSE)
+                    other = _fall(
+                        far,
+                        far_tail,
+                        i,
+                        p,
+                        side,
+                        left / h,
+                        on,
+                        on and at_rest,
+                        flat,
+                        wide,
+                        to_bernstein,
+                        work,
+                    )
+                    if other < best:
+                        best, target = other, (BACKLASH if contact == INVERSE else INVERSE)
                 at_rest, on_line = False, 0
                 if best > 1.0:
                     if t == 0.0:
-                        _apply(step, i, p, state, term)
-                        for r in range(state.shape[0]):
-                            state[r] = term[r]
+                        _apply(step, i, p, 0, step.shape[2], flat, term)
+                        for q in range(state.shape[0]):
+                            for r in range(4):
+                                state[q, r] = term[q, r]
                     else:
                         _advance(fine, rate, i, p, h, left, state, term, image)
                     break
@@ -304,7 +289,7 @@ def pass_period(system, table, to_bernstein, z, contact, on_line, at_rest, limit
                 t += length
                 on_line = 1 if NORMAL in (contact, target) else -1
                 functional = system.near if on_line == 1 else system.far
-                state[system.fix] -= dot(functional, state[:n]) / functional[system.fix]
+                flat[system.fix] -= dot(functional, flat[:n]) / functional[system.fix]
                 contact = target
-    z[:] = state[:n]
+    z[:] = flat[:n]
     return contact, events

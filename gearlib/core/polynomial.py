@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from gearlib.core.jit import kernel
+from gearlib.core.jit import inlined, kernel
 
 #: Halvings of the interval before what is left is called grazing.
 _MAX_DEPTH = 48
@@ -162,6 +162,27 @@ def first_fall(coefficients, to_bernstein, work):
     return 2.0
 
 
+@inlined
+def _value_and_slope(c, first, top, s):
+    """Return sum c_k s^(k - first) from `first` to `top` and its derivative.
+
+    Even and odd powers apart: two short chains of operations instead of a long one.
+    """
+    square = s * s
+    even, odd, even_slope, odd_slope = 0.0, 0.0, 0.0, 0.0
+    last = top - (top - first) % 2
+    if last < top:
+        odd = c[top]
+    for k in range(last, first, -2):
+        even_slope = even_slope * square + even
+        odd_slope = odd_slope * square + odd
+        even = even * square + c[k]
+        odd = odd * square + c[k - 1]
+    even_slope = even_slope * square + even
+    even = even * square + c[first]
+    return even + s * odd, odd + 2.0 * s * (even_slope + s * odd_slope)
+
+
 @kernel
 def fall_by_shape(coefficients, first):
     """Return where a polynomial falls through zero, 2 if it does not, -1 where this cannot tell.
@@ -215,12 +236,15 @@ def fall_by_shape(coefficients, first):
         top -= 1
     a = end - c0 - c1
     s = 2.0 * c0 / (math.sqrt(c1 * c1 - 4.0 * a * c0) - c1)
+    # The first steps need few terms.
+    for _ in range(3):
+        value, slope = _value_and_slope(c, first, min(top, first + 7), s)
+        if not 0.0 < s - value / slope < 1.0:
+            break
+        s -= value / slope
     low, high = 0.0, 1.0
     for _ in range(_MAX_NEWTON):
-        value, slope = 0.0, 0.0
-        for k in range(top, first - 1, -1):
-            slope = slope * s + value
-            value = value * s + c[k]
+        value, slope = _value_and_slope(c, first, top, s)
         if value > 0.0:
             low = s
         else:

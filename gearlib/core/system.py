@@ -133,7 +133,7 @@ def carry(a, z, length, times):
 
 @kernel
 def image(matrix, z):
-    """Return matrix z. By hand: numba's `@` would load a linear algebra library for it."""
+    """Return matrix z: small ones are faster by hand than by a linear algebra library."""
     out = np.zeros(matrix.shape[0])
     for r in range(matrix.shape[0]):
         for c in range(matrix.shape[1]):
