@@ -182,6 +182,10 @@ class OneDegreePair:
         )
         return system, np.zeros((0, 3, stiffness.size, n))
 
+    def part(self, system):
+        """Return the `Part` that decides the events: all of it."""
+        return piecewise_linear.undivided(system)
+
     def initial(self, system, state):
         """Return the full state z at tau = 0 for a displacement and velocity."""
         z = np.zeros(system.near.size)
