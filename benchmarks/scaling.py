@@ -128,7 +128,7 @@ def main(points=1_000_000):
     with tempfile.TemporaryDirectory() as folder:
         folder = Path(folder)
         for name, value, unit in chain(
-            starts(), sweeping(points, folder), gathering(points, folder)
+            gathering(points, folder), sweeping(points, folder), starts()
         ):
             print(f"{name:60s} {value:10.3g} {unit}", flush=True)
 
