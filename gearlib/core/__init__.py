@@ -3,7 +3,8 @@
 ====================  =============================================================
 module                responsibility
 ====================  =============================================================
-``jit``               how every kernel is compiled and where its machine code is kept
+``jit``               how every kernel is compiled
+``cache``             where its machine code is kept, for any number of processes
 ``oscillator``        contact: closed form of the damped linear oscillator
 ``flight``            backlash: closed form of the free flight under load and oil drag
 ``crossing``          first crossing of a flank line, proven to be the first
@@ -41,7 +42,7 @@ def warm_up():
     """
     import numpy as np
 
-    from gearlib.core.jit import source_hash
+    from gearlib.core.cache import source_hash
     from gearlib.core.many import run_many
     from gearlib.core.mesh import mesh
     from gearlib.core.orbit import EVENT_COLUMNS, SAMPLE_COLUMNS, SUMMARY_COLUMNS
