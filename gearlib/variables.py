@@ -161,40 +161,22 @@ _FLAGS = {
 }
 
 
-def describe(dataset):
+def describe(dataset, model=None):
     """Give every variable of `dataset` its units, long_name and flags; return the dataset.
+
+    A model whose variables are no gear mesh's names them itself, in ``long_names``.
 
     Raises
     ------
     KeyError
         If a variable has no entry here: nothing leaves without units.
     """
+    own = getattr(model, "long_names", {})
     for name, variable in dataset.variables.items():
         units, long_name = DESCRIPTIONS[name]
+        long_name = own.get(name, long_name)
         if variable.dtype.kind not in "OUST":
             variable.attrs["units"] = units
         variable.attrs["long_name"] = long_name
         variable.attrs.update(_FLAGS.get(name, {}))
     return dataset
-
-
-def scales(pair):
-    """Return the scalar variables that depend on the pair alone, as name -> value."""
-    return {
-        "static_deflection": pair.static_deflection,
-        "force_scale": pair.load,
-        "stiffness_scale": pair.mean_stiffness,
-        "backlash_ratio": pair.backlash_ratio,
-        "tuning_factor_max": pair.tuning_factor_max,
-        "tuning_factor_min": pair.tuning_factor_min,
-    }
-
-
-def speed_scales(pair, tuning):
-    """Return mesh frequency, velocity and acceleration scale at a tuning (float or array)."""
-    frequency = pair.mesh_frequency(tuning)
-    return {
-        "mesh_frequency": frequency,
-        "velocity_scale": pair.static_deflection * frequency,
-        "acceleration_scale": pair.static_deflection * frequency**2,
-    }

@@ -240,7 +240,7 @@ def _summarise(system, to_bernstein, row, n, s, summary):
     """Add one recorded step to the orbit summary."""
     length, contact, p = row[1], int(row[2]), int(row[3])
     series = row[4:].reshape((ORDER + 1, n))
-    functional_of(series, system.near, length, s.gap)
+    functional_of(series, system.position, length, s.gap)
     summary[orbit.X_MAX] = highest(s.gap, to_bernstein, s.work, summary[orbit.X_MAX])
     s.scaled[:] = -s.gap
     summary[orbit.X_MIN] = -highest(s.scaled, to_bernstein, s.work, -summary[orbit.X_MIN])
@@ -252,9 +252,8 @@ def _summarise(system, to_bernstein, row, n, s, summary):
     summary[orbit.TIME_NORMAL if contact == NORMAL else orbit.TIME_INVERSE] += length
     if system.low[p]:
         summary[orbit.TIME_LOW] += length
-    if contact == INVERSE:
-        functional_of(series, system.far, length, s.gap)
-    s.gap[:] *= system.stiffness[p]
+    functional_of(series, system.near if contact == NORMAL else system.far, length, s.gap)
+    s.gap[:] *= system.stiffness[contact + 1, p]
     summary[orbit.FORCE_MAX] = highest(s.gap, to_bernstein, s.work, summary[orbit.FORCE_MAX])
     s.scaled[:] = -s.gap
     summary[orbit.FORCE_MIN] = -highest(s.scaled, to_bernstein, s.work, -summary[orbit.FORCE_MIN])
@@ -274,7 +273,7 @@ def _sample(system, record, recorded, n, outputs, samples, s):
             i += 1
         contact, p, t = int(record[i, 2]), int(record[i, 3]), phase - record[i, 0]
         series = record[i, 4:].reshape((ORDER + 1, n))
-        functional_of(series, system.near, 1.0, s.gap)
+        functional_of(series, system.position, 1.0, s.gap)
         x, v = horner(s.gap, t)
         samples[k, orbit.SAMPLE_X], samples[k, orbit.SAMPLE_V] = x, v
         for j in range(1, ORDER + 1):
@@ -282,13 +281,14 @@ def _sample(system, record, recorded, n, outputs, samples, s):
         s.scaled[ORDER] = 0.0
         _, samples[k, orbit.SAMPLE_A] = horner(s.scaled, t)
         samples[k, orbit.SAMPLE_CONTACT] = contact
-        samples[k, orbit.SAMPLE_STIFFNESS] = system.stiffness[p]
+        stiffness = system.stiffness[contact + 1, p]
+        samples[k, orbit.SAMPLE_STIFFNESS] = stiffness
         evaluate(series, t, s.other)
         force = 0.0
         if contact == NORMAL:
-            force = system.stiffness[p] * x
+            force = stiffness * dot(system.near, s.other)
         elif contact == INVERSE:
-            force = system.stiffness[p] * dot(system.far, s.other)
+            force = stiffness * dot(system.far, s.other)
         samples[k, orbit.SAMPLE_FORCE] = force
         for j in range(outputs.shape[0]):
             samples[k, orbit.SAMPLE_COLUMNS + j] = dot(outputs[j, contact + 1, p], s.other)
@@ -343,7 +343,7 @@ def run_linear(
     nothing = record[:0]
     set_harmonics(system, z, 0.0)
     contact, on_line, at_rest = contact_at(system, z)
-    x, v = dot(system.near, z), dot(system.near, system.a[1, 0] @ z)
+    x, v = dot(system.position, z), dot(system.position, system.a[1, 0] @ z)
     previous = float(contact)
     for i in range(periods):
         # Harmonics are put to their values: their rounding must not grow with the run.
@@ -364,7 +364,7 @@ def run_linear(
         on_line, at_rest = 0, False
         if count > limit:
             return x, v, 0, events, 0, EVENT_LIMIT
-        x, v = dot(system.near, z), dot(system.near, system.a[1, 0] @ z)
+        x, v = dot(system.position, z), dot(system.position, system.a[1, 0] @ z)
         if not (abs(x) < 1e150 and abs(v) < 1e150):
             return x, v, 0, events, 0, OVERFLOW
         if recorded < 0:

@@ -17,11 +17,11 @@ import numpy as np
 
 from gearlib.core.jit import inlined, kernel
 from gearlib.core.march import ARC_COLUMNS, CONTACT, DURATION, LEVEL, march_period, within_range
-from gearlib.core.mesh import BACKLASH, contact_of
+from gearlib.core.mesh import BACKLASH, contact_between, contact_of
 from gearlib.core.nonlinear import take_step
 from gearlib.core.oscillator import propagators
 from gearlib.core.run import EVENT_LIMIT, OK, OVERFLOW
-from gearlib.core.series import ORDER, storage
+from gearlib.core.series import ORDER, damping_of, storage
 
 
 @inlined
@@ -100,7 +100,7 @@ def vary(m, x, v, periods, limit, matrices):
 def _follow_step(law, contact, sign, h, s, work, matrix):
     """Multiply `matrix` by the map of one Taylor step, whose series are in `s`."""
     drag, stiffness, a, b = work[0], work[1], work[2], work[3]
-    damping = law.oil if contact == BACKLASH else law.material
+    damping = damping_of(law, contact)
     d1, d2, d3 = damping[0], sign * damping[1], damping[2]
     side = 1.0 if contact > 0 else -1.0
     p2, p3 = side * law.powers[0], law.powers[1]
@@ -120,6 +120,7 @@ def _follow_step(law, contact, sign, h, s, work, matrix):
         if contact != BACKLASH:
             for i in range(k + 1):
                 stiffness[k] += s.c[i] * work[4, k - i]
+    stiffness[0] += law.ground
     image = work[5]
     for j in range(2):
         a[0], b[0] = (1.0, 0.0) if j == 0 else (0.0, 1.0)
@@ -141,7 +142,7 @@ def vary_nonlinear(law, to_bernstein, x, v, periods, limit, matrices):
     """The same as `vary` for the nonlinear mesh, in Taylor steps."""
     s = storage()
     work = np.zeros((6, ORDER + 1))
-    contact, sign = contact_of(law.gap, x, v), math.copysign(1.0, v)
+    contact, sign = contact_between(law.upper, law.lower, x, v), math.copysign(1.0, v)
     previous = contact
     for n in range(periods):
         matrix = matrices[n]
@@ -161,8 +162,7 @@ def vary_nonlinear(law, to_bernstein, x, v, periods, limit, matrices):
                 # A step from rest sets out with the sign of its acceleration.
                 old = math.copysign(1.0, s.v[1]) if speed == 0.0 else old
                 if during != previous:
-                    before = law.oil if previous == BACKLASH else law.material
-                    after = law.oil if during == BACKLASH else law.material
+                    before, after = damping_of(law, previous), damping_of(law, during)
                     jump = after[0] - before[0] + (after[1] - before[1]) * abs(speed)
                     jump += (after[2] - before[2]) * speed * speed
                     _multiply(1.0, 0.0, -jump, 1.0, matrix)

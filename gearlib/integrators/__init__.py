@@ -118,7 +118,8 @@ def choose(pair, method, options):
     able = [name for name, module in METHODS.items() if module.takes(pair)]
     if not able:
         raise ValueError(
-            f"pair = {pair!r} is not allowed: it must be a GearPair, OneDegreePair or SixDegreePair"
+            f"pair = {pair!r} is not allowed: it must be a GearPair, OneDegreePair, "
+            "SixDegreePair or DeadZoneOscillator"
         )
     if method is None:
         method = next(name for name in AUTOMATIC if name in able)

@@ -273,9 +273,10 @@ class SixDegreePair:
             # In 1 / nu of phase the mesh turns by a radian: velocities weigh like displacements.
             piecewise_linear.knots(a, starts, m, one, 1.0 / tuning),
             low,
-            stiffness,
+            np.tile(stiffness, (3, 1)),
             near,
             far if math.isfinite(pair.backlash_ratio) else piecewise_linear.never(n, one),
+            near,
             0,
             frequencies,
             tuning,
