@@ -141,6 +141,18 @@ DESCRIPTIONS = {
     "scan_step": ("1", "distance of the tunings of the scan"),
     "resolution": ("1", "width of the tuning interval to which the jump is bisected"),
     "left_out": ("1", "rungs left out because they cost more evaluations per period than allowed"),
+    # published problems
+    "attractor": ("1", "number of the motion"),
+    "strobe": ("1", "number of the stroboscopic state"),
+    "share": ("1", "share of the initial states that end on the motion"),
+    "largest_multiplier": ("1", "largest absolute Floquet multiplier of the orbit"),
+    "disagreement": ("1", "largest difference in displacement from an independent integration"),
+    "strobe_displacement": ("1", "displacement at phase 0"),
+    "strobe_velocity": ("1", "velocity by phase at phase 0"),
+    "scan_displacement": ("1", "displacement at phase 0 after settling, value by value"),
+    "chosen_value": ("1", "value of the scanned parameter in the source"),
+    "upper_edge": ("1", "displacement where the upper contact begins"),
+    "lower_edge": ("1", "displacement where the lower contact begins, -inf: there is none"),
     # scales to SI
     "static_deflection": ("m", "static deflection, scale of displacements"),
     "mesh_frequency": ("rad s-1", "angular mesh frequency, phase over time"),
