@@ -39,7 +39,7 @@ from gearlib.variables import describe
 _SAME = 1e-4
 #: The independent integration: tolerances near the rounding of its steps.
 _JUDGE = {"solver": "DOP853", "rtol": 1e-13, "atol": 1e-14, "events": True}
-#: Of the sequence of starts that fills a box evenly: powers of the root of x^3 = x + 1.
+#: Of the sequence of starts that fills a box evenly: 1 / r and 1 / r^2, r^3 = r + 1.
 _FILL = np.array([0.7548776662466927, 0.5698402909980532])
 
 
@@ -55,9 +55,10 @@ class Problem(NamedTuple):
 
 
 def gear_rattle(eccentricity, backlash=0.6, drag=0.6, stiffness=100.0):
-    """Return theta'' + d theta' + 2 k B(theta) = 4 pi d - 4 pi^2 e cos 2 pi t - 2 pi e d sin 2 pi t.
+    """Return the model of rattling gears and the frequency of its forcing, whose period is 1.
 
-    B is the backlash function, 0 in |theta| < `backlash`; the forcing has the period 1.
+    theta'' + d theta' + 2 k B(theta) = 4 pi d - 4 pi^2 e cos 2 pi t - 2 pi e d sin 2 pi t, with the
+    backlash function B, 0 in |theta| < `backlash`.
     """
     forcing = Harmonics(
         (-4.0 * math.pi**2 * eccentricity,), (-2.0 * math.pi * eccentricity * drag,)

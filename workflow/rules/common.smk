@@ -18,6 +18,9 @@ from gearlib.config.trials import PEERS
 from workflow.sources import sources
 from workflow.yaml_keys import repeated_keys
 
+# Names of gearlib.trials.published, which would load the numerical stack.
+PUBLISHED = ("gear_rattle", "gear_pair", "soft_impact")
+
 ROOT = Path(workflow.basedir)
 
 # Scripts import the library beside this Snakefile, whatever else is installed.
@@ -138,6 +141,9 @@ def target_files():
             "results/work_precision.csv",
         ],
         "jump_by_method": [*figure_files("jump_by_method"), "results/jump_by_method.csv"],
+        "published": [
+            path for name in PUBLISHED for path in figure_files(f"published_{name}")
+        ],
         "claims": ["results/claims.csv", "results/claims.md"],
     }
     return [path for target in CONFIG.targets for path in files[target]]
