@@ -23,7 +23,6 @@ from gearlib.core.oscillator import propagators
 from gearlib.core.run import EVENT_LIMIT, OK, OVERFLOW
 from gearlib.core.series import ORDER, damping_of, storage
 
-
 #: x^20 / 20! = 1e-17 at x = 1.18.
 _CONVERGED = 1.18
 

@@ -1,4 +1,4 @@
-"""Oscillators with a dead zone: closed forms, gear pairs in other symbols, an independent solver."""
+"""Oscillators with a dead zone: closed forms, gear pairs in other symbols, another solver."""
 
 import math
 
@@ -277,10 +277,9 @@ def test_a_run_says_in_its_own_words_what_it_holds(tmp_path):
 
 
 def test_survey_and_its_picture():
+    settings = {"settle": 120, "exponent_periods": 100, "points": 20, "check_periods": 4}
     for name, count in (("gear_rattle", 4), ("soft_impact", 2)):
-        survey = published.survey(
-            name, starts=16, settle=120, exponent_periods=100, points=20, values=2, check_periods=4
-        )
+        survey = published.survey(name, starts=24, values=2, **settings)
         assert survey.sizes["attractor"] >= count
         # The chaotic motion amplifies what the independent solver leaves.
         assert float(survey.disagreement.max()) < 1e-9
