@@ -36,6 +36,8 @@ module                  responsibility
 ``claims``              the paper's statements, checked against computed data
 ``trials``              which method is right, at what cost, and where each fails
 ``figures``             one file per figure, functions that return a `Figure`
+``explorer``            sliders in the browser, and what the gear mesh makes of them
+``cli``                 the command ``gearlib``
 ======================  ===========================================================
 
 The names below are loaded on first use, so that reading a configuration does

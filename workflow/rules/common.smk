@@ -23,6 +23,9 @@ PUBLISHED = ("gear_rattle", "gear_pair", "soft_impact")
 
 ROOT = Path(workflow.basedir)
 
+#: Fig. 2 to 8 and the table of statements.
+PAPER_TARGETS = ["phase_lag", "resonance", "phase_planes", "scenes", "jump", "claims"]
+
 # Scripts import the library beside this Snakefile, whatever else is installed.
 os.environ.update(
     PYTHONPATH=os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
@@ -118,10 +121,10 @@ def work_precision_settings():
     return canonical(CONFIG.work_precision.model_dump(exclude=apart))
 
 
-def target_files():
-    """Return the files that the configuration asks for."""
+def files_by_target():
+    """Return the files of every target, by its name."""
     scenes = [path for name in CONFIG.scenes for path in figure_files(name)]
-    files = {
+    return {
         "phase_lag": figure_files("fig2_phase_shift"),
         "resonance": figure_files("fig3_resonance"),
         "phase_planes": figure_files("fig5_phase_planes"),
@@ -146,7 +149,18 @@ def target_files():
         ],
         "claims": ["results/claims.csv", "results/claims.md"],
     }
+
+
+def target_files():
+    """Return the files that the configuration asks for."""
+    files = files_by_target()
     return [path for target in CONFIG.targets for path in files[target]]
+
+
+def paper_files():
+    """Return the files of the paper's figures and statements."""
+    files = files_by_target()
+    return [path for target in PAPER_TARGETS for path in files[target]]
 
 
 def phase_plane_shards():
