@@ -11,6 +11,7 @@ module                  responsibility
 ``sweeping``            `sweep`: many tunings, orbit summaries
 ``variational``         maps of small deviations over mesh periods
 ``periodic_orbits``     `periodic_orbit`: shooting, Floquet multipliers
+``parametric_resonance``  tongues: where contact without loss is unstable
 ``lyapunov``            largest Lyapunov exponent of a motion
 ``labelling``           `trust`: chaos or artefact: one point run in several ways
 ``harmonics``           periodic functions of the mesh phase
@@ -62,6 +63,7 @@ _PUBLIC = {
     "periodic_orbit": "periodic_orbits",
     "simulate": "simulation",
     "sweep": "sweeping",
+    "tongues": "parametric_resonance",
     "trust": "labelling",
 }
 
@@ -80,6 +82,7 @@ __all__ = [
     "periodic_orbit",
     "simulate",
     "sweep",
+    "tongues",
     "trust",
 ]
 

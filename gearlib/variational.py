@@ -118,5 +118,5 @@ def record(pair, tuning, state, periods, limit):
         system, outputs = pair.system(tuning)
         z = np.zeros(system.near.size)
         z[: state.size] = state
-        done = run_linear(system, outputs, _TO_BERNSTEIN, z, *rest)
+        done = run_linear(system, pair.part(system), outputs, _TO_BERNSTEIN, z, *rest)
     return done[3][: done[4]], summary

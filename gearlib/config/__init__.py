@@ -34,6 +34,7 @@ from gearlib.config.experiments import (
     Labels,
     Models,
     NonlinearDamping,
+    ParametricResonance,
     PhaseLag,
     PhasePlanes,
     Resonance,
@@ -75,6 +76,7 @@ Target = Literal[
     "jump",
     "nonlinear_damping",
     "models",
+    "parametric_resonance",
     "stability_chart",
     "failures",
     "work_precision",
@@ -102,6 +104,7 @@ class Config(Section):
     six_degrees: SixDegrees
     models: Models
     labels: Labels
+    parametric_resonance: ParametricResonance
     stability_chart: StabilityChart
     failures: Failures
     work_precision: WorkPrecision

@@ -14,6 +14,7 @@ from gearlib.config.types import (
     Load,
     Mass,
     Name,
+    NonNegative,
     Positive,
     PositiveDampingCoefficient,
     Section,
@@ -142,6 +143,29 @@ class NonlinearDamping(Section):
     @model_validator(mode="after")
     def _check(self):
         check_grid("nonlinear_damping", self)
+        return self
+
+
+class ParametricResonance(Section):
+    """Tongues of parametric resonance: the motion without loss of contact, and its stability."""
+
+    asked: Tuning = Field(description="Tuning that the sentence about the singular region is on.")
+    start: Tuning = Field(ge=0.05, description="First tuning of the chart.")
+    stop: Tuning = Field(description="Last one; start + a whole multiple of step.")
+    step: number_within(gt=0, le=10) = Field(description="Distance of the tunings of the shades.")
+    values: int = Field(
+        ge=2, le=10_000, description="Values of the stiffness ratio, contact ratio and damping."
+    )
+    least_stiffness_ratio: number_within(ge=0.001, lt=1) = Field(
+        description="Smallest stiffness ratio of the chart."
+    )
+    damping_ratios: listing(
+        NonNegative, "Damping ratios whose tongues are drawn; the first one has the shades."
+    )
+
+    @model_validator(mode="after")
+    def _check(self):
+        check_grid("parametric_resonance", self)
         return self
 
 

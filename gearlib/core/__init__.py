@@ -17,8 +17,9 @@ module                responsibility
 ``many``              runs over many tunings: one after the other, or in lanes
 ``polynomial``        first crossing and largest value of a polynomial, isolated
 ``series``            nonlinear mesh: Taylor series of its motion
-``system``            many coordinates: matrices, tables and Taylor series
-``linear``            many coordinates: the march by matrix exponentials, a whole run
+``system``            many coordinates: matrices and Taylor series
+``passage``           many coordinates: the fast march through periods nobody looks at
+``linear``            many coordinates: the plain march, a whole run
 ``nonlinear``         nonlinear mesh: the march in Taylor steps, a whole run
 ``variation``         growth of small deviations, one degree of freedom
 ``linear_variation``  growth of small deviations, many coordinates

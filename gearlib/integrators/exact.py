@@ -56,7 +56,8 @@ def run(pair, tuning, state, *arguments):
     pair = _with_matrices(pair)
     system, outputs = pair.system(tuning)
     z = pair.initial(system, state)
-    return *linear.run_linear(system, outputs, _TO_BERNSTEIN, z, *arguments), 0
+    part = pair.part(system)
+    return *linear.run_linear(system, part, outputs, _TO_BERNSTEIN, z, *arguments), 0
 
 
 def run_many(pair, tunings, order, state, *arguments):
@@ -84,6 +85,7 @@ def _run_many_linear(pair, tunings, order, state, *arguments):
         # All coordinates are carried along, not only the two of the final state.
         if current is state:
             z = pair.initial(system, state)
-        return *linear.run_linear(system, outputs, _TO_BERNSTEIN, z, *rest), 0
+        part = pair.part(system)
+        return *linear.run_linear(system, part, outputs, _TO_BERNSTEIN, z, *rest), 0
 
     run_each(run_one, tunings, order, state, *arguments)

@@ -45,6 +45,8 @@ _DAMPINGS = (
     "backlash_cubic_damping",
 )
 _STIFFNESSES = ("quadratic_stiffness", "cubic_stiffness")
+#: Parameters that make the phases between events nonlinear.
+NONLINEAR = _DAMPINGS + _STIFFNESSES
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,7 +74,7 @@ class OneDegreePair(OneDegree):
     deviation: Harmonics = field(default_factory=Harmonics)
 
     def __post_init__(self):
-        for name in _DAMPINGS + _STIFFNESSES:
+        for name in NONLINEAR:
             # A softening stiffness would let the flanks pass through each other.
             value = checks.finite_nonnegative(name, getattr(self, name))
             object.__setattr__(self, name, value)
@@ -130,7 +132,7 @@ class OneDegreePair(OneDegree):
 
     def as_dict(self):
         """Return the parameters as plain values, in the order of the fields."""
-        values = {name: getattr(self, name) for name in _DAMPINGS + _STIFFNESSES}
+        values = {name: getattr(self, name) for name in NONLINEAR}
         for name in ("excitation", "deviation"):
             harmonics = getattr(self, name)
             values[name] = {"cosines": harmonics.cosines, "sines": harmonics.sines}

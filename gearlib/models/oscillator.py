@@ -148,6 +148,10 @@ class OneDegree:
         """Return (`System`, outputs) at one tuning, see `Equation.system`."""
         return self.equation.system(tuning)
 
+    def part(self, system):
+        """Return the `Part` that decides the events: all of it."""
+        return piecewise_linear.undivided(system)
+
     def initial(self, system, state):
         """Return the full state z at tau = 0 for a displacement and velocity."""
         z = np.zeros(system.near.size)

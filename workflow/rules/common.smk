@@ -135,6 +135,10 @@ def files_by_target():
             "results/nonlinear_damping.csv",
         ],
         "models": [*figure_files("models"), "results/models.csv"] if CONFIG.scenes else [],
+        "parametric_resonance": [
+            *figure_files("parametric_resonance"),
+            "results/parametric_resonance.txt",
+        ],
         "stability_chart": figure_files("stability_chart"),
         "failures": figure_files("failures"),
         "work_precision": [

@@ -15,6 +15,7 @@ if __name__ == "__main__":
         storage.read(snakemake.input.resonance),
         colours=json.loads(snakemake.params.colours),
         labels=xr.concat(labels, "damping", combine_attrs="drop_conflicts"),
+        tongues=storage.read(snakemake.input.tongues),
     )
     figure.set_dpi(snakemake.params.dpi)
     for path in snakemake.output:
