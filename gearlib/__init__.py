@@ -49,12 +49,15 @@ from importlib import import_module
 
 _PUBLIC = {
     "__version__": "version",
+    "DeadZoneOscillator": "models.dead_zone",
     "Fourier": "profiles",
     "GearPair": "pair",
     "Harmonics": "harmonics",
     "OneDegreePair": "models.one_degree",
     "Rectangular": "profiles",
+    "Series": "profiles",
     "SixDegreePair": "models.six_degrees",
+    "Steps": "profiles",
     "Tabulated": "profiles",
     "methods": "integrators",
     "periodic_orbit": "periodic_orbits",
@@ -65,12 +68,15 @@ _PUBLIC = {
 }
 
 __all__ = [
+    "DeadZoneOscillator",
     "Fourier",
     "GearPair",
     "Harmonics",
     "OneDegreePair",
     "Rectangular",
+    "Series",
     "SixDegreePair",
+    "Steps",
     "Tabulated",
     "methods",
     "periodic_orbit",

@@ -18,7 +18,7 @@ from gearlib.core.polynomial import bernstein_matrix
 from gearlib.core.system import ORDER
 from gearlib.core.variation import vary, vary_nonlinear
 from gearlib.integrators import exact
-from gearlib.models.one_degree import OneDegreePair
+from gearlib.models.oscillator import OneDegree
 from gearlib.pair import GearPair
 
 _TO_BERNSTEIN = bernstein_matrix(ORDER)
@@ -27,7 +27,7 @@ _TOLERANCE = 1e-16
 
 def moving_components(pair):
     """Return the size of the state that varies: 2, or 4 and two for each flexible bearing."""
-    return 2 if isinstance(pair, (GearPair, OneDegreePair)) else 4 + 2 * len(pair.flexible())
+    return 2 if isinstance(pair, (GearPair, OneDegree)) else 4 + 2 * len(pair.flexible())
 
 
 def full_state(pair, tuning, state):
@@ -47,7 +47,7 @@ def period_maps(pair, tuning, state, periods, limit):
 
     Parameters
     ----------
-    pair : GearPair, OneDegreePair or SixDegreePair
+    pair : GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator
     tuning : float
     state : ndarray, shape (n,)
         As of `full_state`.
@@ -68,7 +68,7 @@ def period_maps(pair, tuning, state, periods, limit):
     if isinstance(pair, GearPair):
         x, v, code = vary(mesh(exact.ratios(pair), tuning), *state, periods, limit, maps)
         end = np.array([x, v])
-    elif isinstance(pair, OneDegreePair):
+    elif isinstance(pair, OneDegree):
         law = pair.law(tuning, _TOLERANCE)
         x, v, code = vary_nonlinear(law, _TO_BERNSTEIN, *state, periods, limit, maps)
         end = np.array([x, v])
@@ -112,7 +112,7 @@ def record(pair, tuning, state, periods, limit):
     rest = periods, periods, samples, events, limit, summary
     if isinstance(pair, GearPair):
         done = core_run.run(mesh(exact.ratios(pair), tuning), *state, *rest)
-    elif isinstance(pair, OneDegreePair):
+    elif isinstance(pair, OneDegree):
         done = run_nonlinear(pair.law(tuning, _TOLERANCE), _TO_BERNSTEIN, *state, *rest)
     else:
         system, outputs = pair.system(tuning)

@@ -145,7 +145,7 @@ def _summarise(system, to_bernstein, row, n, s, summary):
     """Add one recorded step to the orbit summary."""
     length, contact, p = row[1], int(row[2]), int(row[3])
     series = row[4:].reshape((ORDER + 1, n))
-    functional_of(series, system.near, length, s.gap)
+    functional_of(series, system.position, length, s.gap)
     summary[orbit.X_MAX] = highest(s.gap, to_bernstein, s.work, summary[orbit.X_MAX])
     s.scaled[:] = -s.gap
     summary[orbit.X_MIN] = -highest(s.scaled, to_bernstein, s.work, -summary[orbit.X_MIN])
@@ -157,9 +157,8 @@ def _summarise(system, to_bernstein, row, n, s, summary):
     summary[orbit.TIME_NORMAL if contact == NORMAL else orbit.TIME_INVERSE] += length
     if system.low[p]:
         summary[orbit.TIME_LOW] += length
-    if contact == INVERSE:
-        functional_of(series, system.far, length, s.gap)
-    s.gap[:] *= system.stiffness[p]
+    functional_of(series, system.near if contact == NORMAL else system.far, length, s.gap)
+    s.gap[:] *= system.stiffness[contact + 1, p]
     summary[orbit.FORCE_MAX] = highest(s.gap, to_bernstein, s.work, summary[orbit.FORCE_MAX])
     s.scaled[:] = -s.gap
     summary[orbit.FORCE_MIN] = -highest(s.scaled, to_bernstein, s.work, -summary[orbit.FORCE_MIN])
@@ -179,7 +178,7 @@ def _sample(system, record, recorded, n, outputs, samples, s):
             i += 1
         contact, p, t = int(record[i, 2]), int(record[i, 3]), phase - record[i, 0]
         series = record[i, 4:].reshape((ORDER + 1, n))
-        functional_of(series, system.near, 1.0, s.gap)
+        functional_of(series, system.position, 1.0, s.gap)
         x, v = horner(s.gap, t)
         samples[k, orbit.SAMPLE_X], samples[k, orbit.SAMPLE_V] = x, v
         for j in range(1, ORDER + 1):
@@ -187,13 +186,14 @@ def _sample(system, record, recorded, n, outputs, samples, s):
         s.scaled[ORDER] = 0.0
         _, samples[k, orbit.SAMPLE_A] = horner(s.scaled, t)
         samples[k, orbit.SAMPLE_CONTACT] = contact
-        samples[k, orbit.SAMPLE_STIFFNESS] = system.stiffness[p]
+        stiffness = system.stiffness[contact + 1, p]
+        samples[k, orbit.SAMPLE_STIFFNESS] = stiffness
         evaluate(series, t, s.other)
         force = 0.0
         if contact == NORMAL:
-            force = system.stiffness[p] * x
+            force = stiffness * dot(system.near, s.other)
         elif contact == INVERSE:
-            force = system.stiffness[p] * dot(system.far, s.other)
+            force = stiffness * dot(system.far, s.other)
         samples[k, orbit.SAMPLE_FORCE] = force
         for j in range(outputs.shape[0]):
             samples[k, orbit.SAMPLE_COLUMNS + j] = dot(outputs[j, contact + 1, p], s.other)
@@ -252,7 +252,7 @@ def run_linear(
     set_harmonics(system, z, 0.0)
     contact, on_line, at_rest = contact_at(system, z)
     speed = _velocity(system)
-    x, v = dot(system.near, z), dot(speed, z)
+    x, v = dot(system.position, z), dot(speed, z)
     if unseen > 0:
         own, own_speed, way = part.system, _velocity(part.system), ways(part.system)
         short, rest = image(part.into, z), image(part.rest_into, z)
@@ -268,7 +268,7 @@ def run_linear(
             on_line, at_rest = 0, False
             if count > limit:
                 return x, v, 0, events, 0, EVENT_LIMIT
-            x, v = dot(own.near, short), dot(own_speed, short)
+            x, v = dot(own.position, short), dot(own_speed, short)
             if not (abs(x) < 1e150 and abs(v) < 1e150):
                 return x, v, 0, events, 0, OVERFLOW
         carry(part.rest, rest, 2.0 * math.pi, unseen)
@@ -288,7 +288,7 @@ def run_linear(
         on_line, at_rest = 0, False
         if count > limit:
             return x, v, 0, events, 0, EVENT_LIMIT
-        x, v = dot(system.near, z), dot(speed, z)
+        x, v = dot(system.position, z), dot(speed, z)
         if not (abs(x) < 1e150 and abs(v) < 1e150):
             return x, v, 0, events, 0, OVERFLOW
         for j in range(rows):

@@ -24,9 +24,10 @@ class System(NamedTuple):
     starts: np.ndarray  #: phases that bound the stretches, shape (p + 1,), 0 to 2 pi
     knots: np.ndarray  #: knots of every stretch, int, shape (p,)
     low: np.ndarray  #: whether a stretch is one of C_min, shape (p,)
-    stiffness: np.ndarray  #: c of every stretch, shape (p,)
+    stiffness: np.ndarray  #: c by contact code (0: that of the normal flank), shape (3, p)
     near: np.ndarray  #: functional y, displacement over the normal flank, shape (n,)
     far: np.ndarray  #: functional y - s, displacement over the far flank, shape (n,)
+    position: np.ndarray  #: functional x, the displacement that is recorded, shape (n,)
     fix: int  #: the component that is moved by rounding to put a state on a line
     harmonics: np.ndarray  #: frequencies of the cosine-sine pairs at the end of z, shape (m,)
     tuning: float

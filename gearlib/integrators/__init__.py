@@ -125,7 +125,8 @@ def choose(pair, method, options):
     able = [method] if method in AUTOMATIC and METHODS[method].takes(pair) else _takers(pair)
     if not able:
         raise ValueError(
-            f"pair = {pair!r} is not allowed: it must be a GearPair, OneDegreePair or SixDegreePair"
+            f"pair = {pair!r} is not allowed: it must be a GearPair, OneDegreePair, "
+            "SixDegreePair or DeadZoneOscillator"
         )
     checks.one_of("method", method, tuple(METHODS))
     if method not in able:

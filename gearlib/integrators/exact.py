@@ -13,6 +13,7 @@ from gearlib.core.polynomial import bernstein_matrix
 from gearlib.core.system import ORDER as _ORDER
 from gearlib.integrators.each import run_each
 from gearlib.models.one_degree import OneDegreePair
+from gearlib.models.oscillator import OneDegree
 from gearlib.models.six_degrees import SixDegreePair
 from gearlib.pair import GearPair
 from gearlib.stiffness import levels, stretches
@@ -29,7 +30,7 @@ _TO_BERNSTEIN = bernstein_matrix(_ORDER)
 
 def takes(pair):
     """Return whether the phases of a model have closed forms."""
-    if isinstance(pair, OneDegreePair):
+    if isinstance(pair, OneDegree):
         return pair.is_piecewise_linear()
     return isinstance(pair, (GearPair, SixDegreePair))
 

@@ -273,9 +273,10 @@ class SixDegreePair:
             # In 1 / nu of phase the mesh turns by a radian: velocities weigh like displacements.
             piecewise_linear.knots(a, starts, m, one, 1.0 / tuning),
             low,
-            stiffness,
+            np.tile(stiffness, (3, 1)),
             near,
             far if math.isfinite(pair.backlash_ratio) else piecewise_linear.never(n, one),
+            near,
             0,
             frequencies,
             tuning,
@@ -306,9 +307,8 @@ class SixDegreePair:
         rest_into = np.array([*rest_into, units[2 * m]])
         rest = rest_into @ system.a[1, 0] @ np.stack([*rest_back, units[2 * m]], axis=1)
         rest_back = np.stack([*rest_back, np.zeros(n)], axis=1)
-        own = system._replace(
-            a=into @ system.a @ back, near=system.near @ back, far=system.far @ back
-        )
+        near, far = system.near @ back, system.far @ back
+        own = system._replace(a=into @ system.a @ back, near=near, far=far, position=near)
         return Part(own, into, back, rest, rest_into, rest_back)
 
     def _shares(self):
