@@ -11,6 +11,7 @@ module                  responsibility
 ``sweeping``            `sweep`: many tunings, orbit summaries
 ``variational``         maps of small deviations over mesh periods
 ``periodic_orbits``     `periodic_orbit`: shooting, Floquet multipliers
+``frequency_domain``    periodic motions over harmonics: `schmidt`, `harmonic_balance`
 ``lyapunov``            largest Lyapunov exponent of a motion
 ``labelling``           `trust`: chaos or artefact: one point run in several ways
 ``harmonics``           periodic functions of the mesh phase
@@ -53,8 +54,10 @@ _PUBLIC = {
     "Rectangular": "profiles",
     "SixDegreePair": "models.six_degrees",
     "Tabulated": "profiles",
+    "harmonic_balance": "frequency_domain.harmonic_balance",
     "methods": "integrators",
     "periodic_orbit": "periodic_orbits",
+    "schmidt": "frequency_domain.schmidt",
     "simulate": "simulation",
     "sweep": "sweeping",
     "trust": "labelling",
@@ -68,8 +71,10 @@ __all__ = [
     "Rectangular",
     "SixDegreePair",
     "Tabulated",
+    "harmonic_balance",
     "methods",
     "periodic_orbit",
+    "schmidt",
     "simulate",
     "sweep",
     "trust",

@@ -14,6 +14,7 @@ taken as straight within the cell: forces stay continuous in (x, x') where dampi
 method has a derivative, and the jump enters that derivative as the impulse it is.
 """
 
+from copy import copy
 from functools import cached_property
 from typing import NamedTuple
 
@@ -72,6 +73,14 @@ class MeshEquation:
             k = int(order) * period
             if k <= harmonics:
                 self.excitation[k] += cosine if k == 0 else (cosine - 1j * sine) / 2.0
+
+    def damped(self, extra):
+        """Return the same equation with a linear damping force extra x' more, all motions over."""
+        equation = copy(self)
+        equation.__dict__.pop("symbol", None)
+        more = np.array([extra, 0.0, 0.0])
+        equation.law = self.law._replace(material=self.law.material + more, oil=self.law.oil + more)
+        return equation
 
     @property
     def unit(self):

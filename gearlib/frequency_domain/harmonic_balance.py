@@ -11,7 +11,13 @@ that of `gearlib.frequency_domain.hill`.
 import numpy as np
 
 from gearlib.frequency_domain import hill
-from gearlib.frequency_domain.solution import PeriodicSolution, check_problem, first_coefficients
+from gearlib.frequency_domain.solution import (
+    EASING,
+    ROUGH,
+    PeriodicSolution,
+    check_problem,
+    first_coefficients,
+)
 from gearlib.periodic_orbits import NoOrbit
 
 #: Residual over the load that counts as none; times the size of the inertia terms if larger.
@@ -35,7 +41,8 @@ def harmonic_balance(pair, tuning, *, harmonics=64, samples=None, guess=None, pe
         harmonic, by default.
     guess : PeriodicSolution or array_like of float, optional
         A solution nearby, of any number of harmonics, or displacements (static deflections) at
-        equal steps of phase over the period; the static deflection by default.
+        equal steps of phase over the period; by default the motion of the strongly damped mesh,
+        followed as the added damping goes.
     period : int, default 1
         Mesh periods after which the motion repeats.
 
@@ -52,34 +59,17 @@ def harmonic_balance(pair, tuning, *, harmonics=64, samples=None, guess=None, pe
     """
     equation = check_problem(pair, tuning, harmonics, samples, period)
     coefficients = first_coefficients(equation, guess)
-    residual, force = equation.residual(coefficients)
-    evaluations, steps = 1, 0
-    while steps < _MAX_NEWTON:
-        size = equation.size(residual)
-        if size <= _least(equation, coefficients):
-            break
-        try:
-            step = -_complex(np.linalg.solve(jacobian(equation, force), _real(residual)))
-        except np.linalg.LinAlgError:
-            break
-        steps += 1
-        shorter = 1.0
-        for _ in range(_MAX_HALVINGS):
-            tried = coefficients + shorter * step
-            new_residual, new_force = equation.residual(tried)
-            evaluations += 1
-            if equation.size(new_residual) < size:
-                break
-            shorter *= 0.5
-        else:
-            break
-        coefficients, residual, force = tried, new_residual, new_force
-    size = equation.size(residual)
-    if not size <= _least(equation, coefficients):
+    steps, evaluations = 0, 0
+    for extra in EASING if guess is None else ():
+        coefficients, _, *cost = _newton(equation.damped(extra), coefficients, ROUGH)
+        steps, evaluations = steps + cost[0], evaluations + cost[1]
+    coefficients, size, *cost = _newton(equation, coefficients, RESIDUAL)
+    steps, evaluations = steps + cost[0], evaluations + cost[1]
+    if not size <= _least(equation, coefficients, RESIDUAL):
         raise NoOrbit(
             f"harmonic balance found no motion of period {equation.period} near the guess at "
             f"tuning = {equation.tuning!r}, the best residual is {size:.2g}: guess the solution of "
-            "a neighbouring tuning, or another period"
+            "a neighbouring tuning or the displacements of a run, or take another period"
         )
     return PeriodicSolution(
         pair,
@@ -95,10 +85,33 @@ def harmonic_balance(pair, tuning, *, harmonics=64, samples=None, guess=None, pe
     )
 
 
-def _least(equation, coefficients):
-    """Return the residual below which rounding begins."""
+def _newton(equation, coefficients, tolerance):
+    """Return (coefficients, residual, steps, evaluations) where Newton's method ends."""
+    residual, force = equation.residual(coefficients)
+    size, steps, evaluations = equation.size(residual), 0, 1
+    while steps < _MAX_NEWTON and size > _least(equation, coefficients, tolerance):
+        try:
+            step = -_complex(np.linalg.solve(jacobian(equation, force), _real(residual)))
+        except np.linalg.LinAlgError:
+            break
+        steps += 1
+        for _ in range(_MAX_HALVINGS):
+            new_residual, new_force = equation.residual(coefficients + step)
+            new_size = equation.size(new_residual)
+            evaluations += 1
+            if new_size < size:
+                break
+            step *= 0.5
+        else:
+            break
+        coefficients, residual, force, size = coefficients + step, new_residual, new_force, new_size
+    return coefficients, size, steps, evaluations
+
+
+def _least(equation, coefficients, tolerance):
+    """Return the residual that counts as none."""
     inertia = np.abs(equation.orders**2 * coefficients).sum() / equation.unit
-    return RESIDUAL * max(1.0, inertia)
+    return tolerance * max(1.0, inertia)
 
 
 def jacobian(equation, force):

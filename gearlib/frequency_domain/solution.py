@@ -9,10 +9,15 @@ from gearlib import checks, provenance
 from gearlib.arguments import check_tuning
 from gearlib.contact import FLAGS
 from gearlib.core.mesh import contact_of
+from gearlib.frequency_domain import accuracy
 from gearlib.frequency_domain.equation import LEAST_SAMPLES, MeshEquation, default_samples, takes
 from gearlib.variables import describe
 
 _POLISH = 8
+#: Damping forces x' added on the way to a first guess, from a motion that hardly moves downwards.
+EASING = (1.0, 0.3, 0.1, 0.03)
+#: Accuracy of the motions on that way.
+ROUGH = 1e-3
 
 
 @dataclass(frozen=True)
@@ -27,7 +32,7 @@ class PeriodicSolution:
     samples: int  #: grid points on which forces were evaluated
     residual: float  #: of the balanced harmonics, over the load
     iterations: int  #: Newton steps, or applications of the kernel
-    evaluations: int  #: of the force law at one phase, derivatives not counted
+    evaluations: int  #: of the force law, or its derivative along a variation, at one phase
     multipliers: np.ndarray  #: Floquet multipliers of the period by Hill's method
 
     @property
@@ -48,7 +53,7 @@ class PeriodicSolution:
     def at(self, phase):
         """Return displacement and dx/dtau at phases (rad), each of the shape of `phase`."""
         phase = np.asarray(phase, float)
-        orders = np.arange(self.harmonics + 1) / self.period
+        orders = self._orders()
         doubled = np.where(orders == 0.0, 1.0, 2.0) * self.coefficients
         waves = np.exp(1j * phase[..., None] * orders)
         return (waves @ doubled).real, (waves @ (1j * orders * doubled)).real
@@ -57,7 +62,7 @@ class PeriodicSolution:
         """Return displacement and dx/dtau at equal steps of phase over the whole period."""
         points = samples_per_period * self.period
         fold = -(-(2 * self.harmonics + 1) // points)
-        orders = np.arange(self.harmonics + 1) / self.period
+        orders = self._orders()
         return tuple(
             np.fft.irfft(values, fold * points, norm="forward")[::fold]
             for values in (self.coefficients, 1j * orders * self.coefficients)
@@ -90,17 +95,21 @@ class PeriodicSolution:
         kinds = np.array([codes for _, codes in found], np.int8).reshape(-1, 2)
         return np.array([phase for phase, _ in found]), kinds
 
-    def dataset(self, samples_per_period=256):
-        """Return course, harmonics, multipliers and the facts of the solution as a dataset."""
+    def dataset(self, samples_per_period=256, orbit=None):
+        """Return course, harmonics, multipliers and the facts of the solution as a dataset.
+
+        With an exact `orbit` (`gearlib.periodic_orbit`) the errors against it are added.
+        """
         x, v = self.courses(samples_per_period)
         phase = np.arange(x.size) * (2.0 * np.pi / samples_per_period)
+        twice = np.where(self._orders() == 0.0, 1.0, 2.0)
         contact = [contact_of(self.pair.backlash_ratio, a, b) for a, b in zip(x, v, strict=True)]
         data = {
             "displacement": ("phase", x),
             "velocity": ("phase", v),
             "contact": ("phase", np.array(contact, np.int8)),
-            "cosine": ("order", np.where(self._orders() == 0, 1, 2) * self.coefficients.real),
-            "sine": ("order", -np.where(self._orders() == 0, 0, 2) * self.coefficients.imag),
+            "cosine": ("order", twice * self.coefficients.real),
+            "sine": ("order", -twice * self.coefficients.imag),
             "multiplier_real": ("multiplier", self.multipliers.real),
             "multiplier_imaginary": ("multiplier", self.multipliers.imag),
             "stable": np.int8(self.stable),
@@ -111,6 +120,9 @@ class PeriodicSolution:
             "tuning": self.tuning,
             **self._facts(),
         }
+        if orbit is not None:
+            found = accuracy.errors(self, orbit)
+            data |= {f"{name}_error": value for name, value in found._asdict().items()}
         coords = {"phase": phase, "order": self._orders()}
         dataset = describe(xr.Dataset(data, coords))
         dataset["contact"].attrs |= FLAGS
