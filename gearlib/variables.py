@@ -143,6 +143,9 @@ DESCRIPTIONS = {
     "period_time": ("s", "wall time per mesh period"),
     "closed_form_time": ("s", "wall time of one evaluation of the closed form of contact"),
     "warm_up_time": ("s", "wall time of the first run, in which kernels are compiled or loaded"),
+    "orbit_evaluations": ("1", "evaluations of the right-hand side until the orbit is found"),
+    "orbit_time": ("s", "wall time until the orbit is found"),
+    "shooting_time": ("s", "wall time of shooting for the reference"),
     # the jump from rest, method by method
     "exact_jump": ("1", "tuning at which the exact orbit from rest jumps"),
     "jump_error": ("1", "largest jump of the scan less the exact one, in tuning"),

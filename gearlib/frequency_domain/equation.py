@@ -169,7 +169,7 @@ class MeshEquation:
         return rest - self.excitation, force
 
     def size(self, residual):
-        """Return the largest value over the period of a residual on the harmonics, over the load."""
+        """Return the largest value of a residual over the period, in loads."""
         return float(np.abs(self.on_grid(residual)).max() / self.unit)
 
 

@@ -65,7 +65,9 @@ def weights(equation, force):
 
 
 def remainder_norm(weights, degenerate):
-    """Return a bound of the norm of the remainder in mean squares: below 1, Neumann's series converges.
+    """Return a bound of the norm of the remainder in mean squares.
+
+    Below 1 its Neumann series converges.
 
     Parameters
     ----------

@@ -12,11 +12,12 @@ import numpy as np
 
 from gearlib.frequency_domain import hill
 from gearlib.frequency_domain.solution import (
-    EASING,
     ROUGH,
     PeriodicSolution,
     check_problem,
+    easing,
     first_coefficients,
+    resized,
 )
 from gearlib.periodic_orbits import NoOrbit
 
@@ -60,10 +61,10 @@ def harmonic_balance(pair, tuning, *, harmonics=64, samples=None, guess=None, pe
     equation = check_problem(pair, tuning, harmonics, samples, period)
     coefficients = first_coefficients(equation, guess)
     steps, evaluations = 0, 0
-    for extra in EASING if guess is None else ():
-        coefficients, _, *cost = _newton(equation.damped(extra), coefficients, ROUGH)
+    for easier in easing(equation, guess):
+        coefficients, _, *cost = _newton(easier, resized(coefficients, easier), ROUGH)
         steps, evaluations = steps + cost[0], evaluations + cost[1]
-    coefficients, size, *cost = _newton(equation, coefficients, RESIDUAL)
+    coefficients, size, *cost = _newton(equation, resized(coefficients, equation), RESIDUAL)
     steps, evaluations = steps + cost[0], evaluations + cost[1]
     if not size <= _least(equation, coefficients, RESIDUAL):
         raise NoOrbit(
@@ -80,7 +81,7 @@ def harmonic_balance(pair, tuning, *, harmonics=64, samples=None, guess=None, pe
         equation.samples,
         size,
         steps,
-        evaluations * equation.samples,
+        evaluations,
         hill.multipliers(equation, coefficients),
     )
 
@@ -88,7 +89,7 @@ def harmonic_balance(pair, tuning, *, harmonics=64, samples=None, guess=None, pe
 def _newton(equation, coefficients, tolerance):
     """Return (coefficients, residual, steps, evaluations) where Newton's method ends."""
     residual, force = equation.residual(coefficients)
-    size, steps, evaluations = equation.size(residual), 0, 1
+    size, steps, evaluations = equation.size(residual), 0, equation.samples
     while steps < _MAX_NEWTON and size > _least(equation, coefficients, tolerance):
         try:
             step = -_complex(np.linalg.solve(jacobian(equation, force), _real(residual)))
@@ -98,7 +99,7 @@ def _newton(equation, coefficients, tolerance):
         for _ in range(_MAX_HALVINGS):
             new_residual, new_force = equation.residual(coefficients + step)
             new_size = equation.size(new_residual)
-            evaluations += 1
+            evaluations += equation.samples
             if new_size < size:
                 break
             step *= 0.5

@@ -1,13 +1,13 @@
 """Floquet multipliers of a periodic motion by Hill's method: the variations over harmonics.
 
 Small deviations obey y'' + a(tau) y' + (h(tau) y)' + b(tau) y = 0, the terms of which are those of
-`MeshEquation.variation`. With y = exp(l tau) sum_k y_k exp(i k tau / n), cut at |k| <= K, this is a quadratic
-eigenvalue problem in l with 2 (2 K + 1) eigenvalues, of which two mean something: every exponent
-l returns as l + i k / n, the worse the farther from the middle. Kept are those whose eigenvectors
-are the most symmetric about k = 0 (Lazarus & Thomas, C. R. Mecanique 338 (2010) 510-517), paired
-so that the product of their multipliers is that of Liouville's formula: at a real negative
-multiplier an exponent and its conjugate are equally symmetric, and only the product tells two
-multipliers from one that is found twice.
+`MeshEquation.variation`. With y = exp(l tau) sum_k y_k exp(i k tau / n), cut at |k| <= K, this is a
+quadratic eigenvalue problem in l with 2 (2 K + 1) eigenvalues, of which two mean something: every
+exponent l returns as l + i k / n, the worse the farther from the middle. Kept are those whose
+eigenvectors are the most symmetric about k = 0 (Lazarus, Thomas, C. R. Mecanique 338 (2010)
+510-517), paired so that the product of their multipliers is that of Liouville's formula: at a real
+negative multiplier an exponent and its conjugate are equally symmetric, and only the product tells
+two multipliers from one that is found twice.
 """
 
 import numpy as np

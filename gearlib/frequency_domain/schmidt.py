@@ -28,11 +28,12 @@ from gearlib.frequency_domain import hill
 from gearlib.frequency_domain.equation import Force
 from gearlib.frequency_domain.green import remainder_norm, weights
 from gearlib.frequency_domain.solution import (
-    EASING,
     ROUGH,
     PeriodicSolution,
     check_problem,
+    easing,
     first_coefficients,
+    resized,
 )
 
 #: Bound of the norm of the remainder that the automatic choice of degenerate terms keeps.
@@ -129,16 +130,19 @@ def schmidt(
     kept = degenerate_harmonics(equation, degenerate)
     chosen = isinstance(degenerate, str)
     coefficients = first_coefficients(equation, guess)
-    count = 0
-    for extra in EASING if guess is None else ():
-        coefficients, kept, _, used = _search(
-            equation.damped(extra), coefficients, kept, chosen, ROUGH, max_iterations - count
+    count, evaluations = 0, 0
+    for easier in easing(equation, guess):
+        first = kept[kept <= easier.harmonics]
+        coefficients, more, _, used = _search(
+            easier, resized(coefficients, easier), first, chosen, ROUGH, max_iterations - count
         )
-        count += used
+        kept = np.union1d(kept, more)
+        count, evaluations = count + used, evaluations + used * easier.samples
     coefficients, kept, converged, used = _search(
-        equation, coefficients, kept, chosen, tolerance, max_iterations - count
+        equation, resized(coefficients, equation), kept, chosen, tolerance, max_iterations - count
     )
-    return _solution(equation, coefficients, kept, converged, count + used)
+    count, evaluations = count + used, evaluations + used * equation.samples
+    return _solution(equation, coefficients, kept, converged, (count, evaluations))
 
 
 def _search(equation, coefficients, degenerate, chosen, tolerance, most):
@@ -297,7 +301,7 @@ def _norm(coefficients):
     return float(np.sqrt(2.0 * squares.sum() - squares[:1].sum()))
 
 
-def _solution(equation, coefficients, degenerate, converged, count):
+def _solution(equation, coefficients, degenerate, converged, cost):
     residual, force = equation.residual(coefficients)
     finite = _norm(coefficients) < _LARGEST
     return SchmidtSolution(
@@ -308,8 +312,7 @@ def _solution(equation, coefficients, degenerate, converged, count):
         coefficients,
         equation.samples,
         equation.size(residual),
-        count,
-        count * equation.samples,
+        *cost,
         hill.multipliers(equation, coefficients) if finite else np.full(2, np.nan, complex),
         converged,
         tuple(int(k) for k in degenerate),

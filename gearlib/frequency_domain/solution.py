@@ -14,8 +14,10 @@ from gearlib.frequency_domain.equation import LEAST_SAMPLES, MeshEquation, defau
 from gearlib.variables import describe
 
 _POLISH = 8
-#: Damping forces x' added on the way to a first guess, from a motion that hardly moves downwards.
-EASING = (1.0, 0.3, 0.1, 0.03)
+#: Damping forces x' added on the way to a first guess, from a motion that hardly moves down to
+#: that of the mesh itself; on harmonics enough to tell contacts.
+EASING = (1.0, 0.3, 0.1, 0.03, 0.0)
+_COARSE = 32
 #: Accuracy of the motions on that way.
 ROUGH = 1e-3
 
@@ -161,6 +163,15 @@ def check_problem(pair, tuning, harmonics, samples, period):
     return MeshEquation(pair, tuning, harmonics, samples, period)
 
 
+def easing(equation, guess):
+    """Return the equations to be solved roughly one after the other where there is no guess."""
+    if guess is not None:
+        return []
+    harmonics = min(equation.harmonics, _COARSE * equation.period)
+    coarse = MeshEquation(equation.pair, equation.tuning, harmonics, None, equation.period)
+    return [coarse.damped(extra) for extra in EASING]
+
+
 def first_coefficients(equation, guess):
     """Return the harmonics from which a search starts, shape (harmonics + 1,).
 
@@ -196,6 +207,12 @@ def first_coefficients(equation, guess):
             )
         # The highest harmonic of an even number of points has no phase: left out.
         known = np.fft.rfft(values, norm="forward")[: (values.size + 1) // 2]
-    count = min(known.size, result.size)
-    result[:count] = known[:count]
+    return resized(known, equation)
+
+
+def resized(coefficients, equation):
+    """Return harmonics cut, or filled with zeros, to those of an equation."""
+    result = np.zeros(equation.harmonics + 1, complex)
+    count = min(coefficients.size, result.size)
+    result[:count] = coefficients[:count]
     return result
