@@ -32,6 +32,7 @@ module                  responsibility
 ``phase_lag``           lag of the motion behind the mesh stiffness
 ``jump``                where the motion from rest jumps, and what moves the jump
 ``nonlinear_damping``   equivalent linear, quadratic and cubic damping side by side
+``analytic_method``     the paper's analytic method at work, against exact orbits
 ``model_comparison``    what larger models would change in a scene, and what they cost
 ``scenes``              the time courses of a few runs, side by side
 ``claims``              the paper's statements, checked against computed data

@@ -7,8 +7,9 @@ import numpy as np
 from gearlib.periodic_orbits import periodic_orbit
 from gearlib.simulation import simulate
 
-#: Phases per mesh period at which courses are compared.
-_PHASES = 512
+#: Phases per mesh period at which courses are compared: at least, and for each harmonic. The
+#: error of many harmonics lies within a wavelength of the last from the jumps of the stiffness.
+_PHASES, _PER_HARMONIC = 512, 16
 
 
 class Errors(NamedTuple):
@@ -39,8 +40,9 @@ def errors(solution, orbit=None):
         orbit = periodic_orbit(
             solution.pair, solution.tuning, guess=solution.state, period=solution.period
         )
-    x, v, phases, kinds = exact_course(orbit, _PHASES)
-    found_x, found_v = solution.courses(_PHASES)
+    count = max(_PHASES, _PER_HARMONIC * solution.harmonics // solution.period)
+    x, v, phases, kinds = exact_course(orbit, count)
+    found_x, found_v = solution.courses(count)
     found_phases, found_kinds = solution.crossings()
     event = np.nan
     if phases.size and found_kinds.shape == kinds.shape and (found_kinds == kinds).all():

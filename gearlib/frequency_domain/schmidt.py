@@ -133,19 +133,19 @@ def schmidt(
     count, evaluations = 0, 0
     for easier in easing(equation, guess):
         first = kept[kept <= easier.harmonics]
-        coefficients, more, _, used = _search(
+        coefficients, more, _, used = search(
             easier, resized(coefficients, easier), first, chosen, ROUGH, max_iterations - count
         )
         kept = np.union1d(kept, more)
         count, evaluations = count + used, evaluations + used * easier.samples
-    coefficients, kept, converged, used = _search(
+    coefficients, kept, converged, used = search(
         equation, resized(coefficients, equation), kept, chosen, tolerance, max_iterations - count
     )
     count, evaluations = count + used, evaluations + used * equation.samples
     return _solution(equation, coefficients, kept, converged, (count, evaluations))
 
 
-def _search(equation, coefficients, degenerate, chosen, tolerance, most):
+def search(equation, coefficients, degenerate, chosen, tolerance, most):
     """Return (coefficients, degenerate, whether they converged, applications of the kernel).
 
     Where the choice is the method's (`chosen`), harmonics become degenerate as the motion asks.
