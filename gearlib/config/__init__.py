@@ -25,6 +25,7 @@ from pydantic import Field, ValidationError, model_validator
 from gearlib.config.experiments import (
     FRICTION_ONLY,
     SIX_ONLY,
+    AnalyticMethod,
     Figures,
     Jump,
     Labels,
@@ -36,7 +37,13 @@ from gearlib.config.experiments import (
     Scene,
 )
 from gearlib.config.mesh import Damping, GearPairSection, Run, SixDegrees
-from gearlib.config.trials import Failures, JumpByMethod, StabilityChart, WorkPrecision
+from gearlib.config.trials import (
+    Failures,
+    JumpByMethod,
+    StabilityChart,
+    SteadyOrbits,
+    WorkPrecision,
+)
 from gearlib.config.types import MAX_JOBS, Name, Section, listing
 from gearlib.pair import GearPair
 from gearlib.validation import sentences
@@ -60,10 +67,12 @@ Target = Literal[
     "scenes",
     "jump",
     "nonlinear_damping",
+    "analytic_method",
     "models",
     "stability_chart",
     "failures",
     "work_precision",
+    "steady_orbits",
     "jump_by_method",
     "claims",
 ]
@@ -84,12 +93,14 @@ class Config(Section):
     phase_lag: PhaseLag
     jump: Jump
     nonlinear_damping: NonlinearDamping
+    analytic_method: AnalyticMethod
     six_degrees: SixDegrees
     models: Models
     labels: Labels
     stability_chart: StabilityChart
     failures: Failures
     work_precision: WorkPrecision
+    steady_orbits: SteadyOrbits
     jump_by_method: JumpByMethod
     scenes: dict[Name, Scene] = Field(description="Scenes by name, one figure each; may be empty.")
     figures: Figures
@@ -98,7 +109,7 @@ class Config(Section):
     def _check(self):
         self._check_colours()
         self._check_size()
-        for key in ("jump", "stability_chart", "jump_by_method"):
+        for key in ("jump", "analytic_method", "stability_chart", "jump_by_method"):
             damping = getattr(self, key).damping
             if damping not in self.dampings:
                 raise ValueError(

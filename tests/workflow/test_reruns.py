@@ -40,6 +40,9 @@ DRAWN_TRIALS = {
 # What holds wall times: no two runs give the same bytes.
 TIMED = ("results/work_precision/times_", "results/work_precision.csv")
 TIMED += ("results/figures/work_precision_time.",)
+TIMED += ("results/steady_orbits/times.nc", "results/figures/steady_orbits_time.")
+ORBITS = {"steady_orbits": 1, "steady_orbit_times": 1}
+DRAWN_ORBITS = {"draw_steady_orbits": 1, "draw_steady_orbits_time": 1}
 COMPUTED = {
     "compile_kernels": 1,
     "sweep_window": SWEEPS,
@@ -53,6 +56,8 @@ COMPUTED = {
     **STUDIED,
     **TRIED,
     **MEASURED,
+    **ORBITS,
+    "analytic_method": 1,
 }
 ALL_DRAWN = {
     **DRAWN,
@@ -64,6 +69,8 @@ ALL_DRAWN = {
     "draw_nonlinear_damping": 1,
     "draw_failures": 1,
     **DRAWN_TRIALS,
+    **DRAWN_ORBITS,
+    "draw_analytic_method": 1,
 }
 EVERYTHING = {**COMPUTED, **GATHERED, **ALL_DRAWN, "claims": 1}
 
@@ -156,6 +163,8 @@ def test_a_damping_value_reruns_its_combination(project):
         "jump_by_method": 2,
         "jump_by_method_table": 1,
         "draw_jump_by_method": 1,
+        "analytic_method": 1,
+        "draw_analytic_method": 1,
         **GATHERED,
         **DRAWN,
         "claims": 1,
@@ -215,14 +224,21 @@ def test_a_method_more_runs_its_trial(project):
                 "label": DAMPINGS,
                 "draw_resonance": 1,
                 **TRIED,
+                **ORBITS,
+                **DRAWN_ORBITS,
+                "analytic_method": 1,
+                "draw_analytic_method": 1,
             },
         ),
         ("gearlib/trials/hostile.py", TRIED),
         ("gearlib/figures/resonance.py", {"draw_resonance": 1}),
         ("gearlib/figures/style.py", ALL_DRAWN),
         ("gearlib/figures/time_courses.py", DRAWN_SCENES),
-        ("gearlib/figures/work_precision.py", DRAWN_TRIALS),
-        ("gearlib/trials/work_precision.py", {**MEASURED, **DRAWN_TRIALS}),
+        ("gearlib/figures/work_precision.py", DRAWN_TRIALS | DRAWN_ORBITS),
+        (
+            "gearlib/trials/work_precision.py",
+            {**MEASURED, **DRAWN_TRIALS, **ORBITS, **DRAWN_ORBITS},
+        ),
         ("gearlib/claims/scenes.py", {"claims": 1}),
         ("workflow/scripts/draw_phase_planes.py", {"draw_phase_planes": 1}),
         ("gearlib/config/experiments.py", {}),

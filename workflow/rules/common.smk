@@ -128,6 +128,10 @@ def target_files():
             *figure_files("nonlinear_damping"),
             "results/nonlinear_damping.csv",
         ],
+        "analytic_method": [
+            *figure_files("analytic_method"),
+            *figure_files("harmonic_balance"),
+        ],
         "models": [*figure_files("models"), "results/models.csv"] if CONFIG.scenes else [],
         "stability_chart": figure_files("stability_chart"),
         "failures": figure_files("failures"),
@@ -136,6 +140,10 @@ def target_files():
             *figure_files("work_precision_measures"),
             *figure_files("work_precision_time"),
             "results/work_precision.csv",
+        ],
+        "steady_orbits": [
+            *figure_files("steady_orbits"),
+            *figure_files("steady_orbits_time"),
         ],
         "jump_by_method": [*figure_files("jump_by_method"), "results/jump_by_method.csv"],
         "claims": ["results/claims.csv", "results/claims.md"],
