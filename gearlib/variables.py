@@ -94,7 +94,7 @@ DESCRIPTIONS = {
     "schmidt_harmonics": ("1", "harmonics of E. Schmidt's method"),
     "iterate_displacement": ("1", "displacement of an iterate in static deflections"),
     "iterate_error": ("1", "largest error of an iterate's displacement in static deflections"),
-    "algebraic_step": ("1", "whether the degenerate part took a step before the iteration"),
+    "algebraic_step": ("1", "whether a step of the degenerate part follows the iterate"),
     "exact_displacement": ("1", "displacement of the exact orbit in static deflections"),
     "balance_displacement_error": ("1", "largest error of the displacement, harmonic balance"),
     "balance_velocity_error": ("1", "largest error of dx/dtau, harmonic balance"),

@@ -64,7 +64,7 @@ def draw_convergence(data):
         axes.set_xlabel("application of the kernel")
     row[0].set_ylabel("error of $x$")
     dot = Line2D([], [], color="#D55E00", marker="o", linestyle="", markersize=3.5)
-    dot.set_label("after a step of the degenerate part")
+    dot.set_label("a step of the degenerate part follows")
     middle.legend(handles=[dot], loc="outside lower center")
     _draw_range(below, data)
     return figure

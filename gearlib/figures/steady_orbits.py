@@ -35,6 +35,7 @@ def draw_orbits(errors):
     Returns
     -------
     matplotlib.figure.Figure
+        Closed forms evaluate no right-hand side: they are at the left edge.
     """
     names, lines = errors.problem.values, lines_of([errors])
     shown = [kind for kind in _MEASURES if np.isfinite(errors[kind].values).any()]
@@ -56,8 +57,8 @@ def draw_orbits(errors):
         row[0].set_ylabel(label)
     for axes, name in zip(panels[0], names, strict=True):
         axes.set_title(PROBLEMS[name], fontsize=7)
-    words = "evaluations of the force law until the orbit is found (left edge: none)"
-    figure.supxlabel(words, fontsize=8)
+    for axes in panels[-1]:
+        axes.set_xlabel("evaluations in all")
     put_legend(figure, lines, "rounding")
     return figure
 
