@@ -14,6 +14,7 @@ from gearlib import (
     harmonic_balance,
     periodic_orbit,
     schmidt,
+    sweep,
 )
 from gearlib.frequency_domain.accuracy import errors, exact_course
 from gearlib.frequency_domain.equation import MeshEquation, stiffness_coefficients
@@ -155,6 +156,17 @@ def test_orbits_events_and_multipliers(solve, pair, nu):
     if nu != 0.7:
         assert error.event < 1e-4
     assert found.residual < 1e-8 and found.stable
+
+
+def test_inverse_mesh():
+    # The upper branch at 0.66, followed down from 1: it reaches the far flank.
+    curve = sweep(MATERIAL, np.linspace(0.66, 1.0, 18), periods=120, direction="down")
+    orbit = periodic_orbit(MATERIAL, 0.66, guess=curve.final_state.values[0])
+    assert orbit.pattern == (0, -1, 0, 1, 0)
+    guess = exact_course(orbit, 512)[0]
+    for solve in (harmonic_balance, schmidt):
+        error = errors(solve(MATERIAL, 0.66, harmonics=64, guess=guess), orbit)
+        assert error.displacement < 3e-4 and error.event < 1e-4 and error.multiplier < 1e-5
 
 
 def test_both_solve_the_same_equations():
