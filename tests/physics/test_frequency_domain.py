@@ -160,7 +160,9 @@ def test_orbits_events_and_multipliers(solve, pair, nu):
 
 def test_inverse_mesh():
     # The upper branch at 0.66, followed down from 1: it reaches the far flank.
-    curve = sweep(MATERIAL, np.linspace(0.66, 1.0, 18), periods=120, direction="down")
+    curve = sweep(
+        MATERIAL, np.linspace(0.66, 1.0, 18), periods=120, record_periods=1, direction="down"
+    )
     orbit = periodic_orbit(MATERIAL, 0.66, guess=curve.final_state.values[0])
     assert orbit.pattern == (0, -1, 0, 1, 0)
     guess = exact_course(orbit, 512)[0]
