@@ -12,6 +12,7 @@ module                  responsibility
 ``variational``         maps of small deviations over mesh periods
 ``periodic_orbits``     `periodic_orbit`: shooting, Floquet multipliers
 ``parametric_resonance``  tongues: where contact without loss is unstable
+``frequency_domain``    periodic motions over harmonics: `schmidt`, `harmonic_balance`
 ``lyapunov``            largest Lyapunov exponent of a motion
 ``labelling``           `trust`: chaos or artefact: one point run in several ways
 ``harmonics``           periodic functions of the mesh phase
@@ -32,6 +33,7 @@ module                  responsibility
 ``phase_lag``           lag of the motion behind the mesh stiffness
 ``jump``                where the motion from rest jumps, and what moves the jump
 ``nonlinear_damping``   equivalent linear, quadratic and cubic damping side by side
+``analytic_method``     the paper's analytic method at work, against exact orbits
 ``model_comparison``    what larger models would change in a scene, and what they cost
 ``scenes``              the time courses of a few runs, side by side
 ``claims``              the paper's statements, checked against computed data
@@ -59,8 +61,10 @@ _PUBLIC = {
     "SixDegreePair": "models.six_degrees",
     "Steps": "profiles",
     "Tabulated": "profiles",
+    "harmonic_balance": "frequency_domain.harmonic_balance",
     "methods": "integrators",
     "periodic_orbit": "periodic_orbits",
+    "schmidt": "frequency_domain.schmidt",
     "simulate": "simulation",
     "sweep": "sweeping",
     "tongues": "parametric_resonance",
@@ -78,8 +82,10 @@ __all__ = [
     "SixDegreePair",
     "Steps",
     "Tabulated",
+    "harmonic_balance",
     "methods",
     "periodic_orbit",
+    "schmidt",
     "simulate",
     "sweep",
     "tongues",

@@ -29,6 +29,7 @@ from pydantic import Field, ValidationError, model_validator
 from gearlib.config.experiments import (
     FRICTION_ONLY,
     SIX_ONLY,
+    AnalyticMethod,
     Figures,
     Jump,
     Labels,
@@ -46,6 +47,7 @@ from gearlib.config.trials import (
     JumpByMethod,
     Published,
     StabilityChart,
+    SteadyOrbits,
     WorkPrecision,
 )
 from gearlib.config.types import MAX_JOBS, Name, Section, listing
@@ -75,11 +77,13 @@ Target = Literal[
     "scenes",
     "jump",
     "nonlinear_damping",
+    "analytic_method",
     "models",
     "parametric_resonance",
     "stability_chart",
     "failures",
     "work_precision",
+    "steady_orbits",
     "jump_by_method",
     "published",
     "claims",
@@ -101,6 +105,7 @@ class Config(Section):
     phase_lag: PhaseLag
     jump: Jump
     nonlinear_damping: NonlinearDamping
+    analytic_method: AnalyticMethod
     six_degrees: SixDegrees
     models: Models
     labels: Labels
@@ -108,6 +113,7 @@ class Config(Section):
     stability_chart: StabilityChart
     failures: Failures
     work_precision: WorkPrecision
+    steady_orbits: SteadyOrbits
     jump_by_method: JumpByMethod
     published: Published
     scenes: dict[Name, Scene] = Field(description="Scenes by name, one figure each; may be empty.")
@@ -117,7 +123,7 @@ class Config(Section):
     def _check(self):
         self._check_colours()
         self._check_size()
-        for key in ("jump", "stability_chart", "jump_by_method"):
+        for key in ("jump", "analytic_method", "stability_chart", "jump_by_method"):
             damping = getattr(self, key).damping
             if damping not in self.dampings:
                 raise ValueError(

@@ -125,6 +125,34 @@ class Jump(Section):
         return self
 
 
+Harmonics = Annotated[int, Field(ge=1, le=100_000)]
+
+
+class AnalyticMethod(Section):
+    """The paper's analytic method and harmonic balance against exact orbits."""
+
+    damping: Name = Field(
+        description="One of the dampings.", json_schema_extra={"$comment": "one of the dampings"}
+    )
+    start: Tuning = Field(description="First tuning of the range and the curve.")
+    stop: Tuning = Field(description="Last one; start + a whole multiple of step.")
+    step: number_within(gt=0, le=10) = Field(description="Distance of the tunings.")
+    shown: listing(Tuning, "Tunings of the iterations and of the errors.")
+    iterations: int = Field(ge=1, le=1000, description="Iterations shown.")
+    iteration_harmonics: int = Field(
+        ge=8, le=100_000, description="Harmonics of the iterations shown."
+    )
+    harmonics: int = Field(ge=8, le=512, description="Harmonics of the range and of the curve.")
+    most_degenerate: int = Field(ge=0, le=8, description="Degenerate harmonics at most.")
+    balance_harmonics: listing(Harmonics, "Of the errors of harmonic balance.")
+    schmidt_harmonics: listing(Harmonics, "Of the errors of E. Schmidt's method.")
+
+    @model_validator(mode="after")
+    def _check(self):
+        check_grid("analytic_method", self)
+        return self
+
+
 class NonlinearDamping(Section):
     """Linear, quadratic and cubic damping that dissipate alike at one amplitude."""
 

@@ -161,6 +161,20 @@ class Published(Section):
     )
 
 
+class SteadyOrbits(Section):
+    """Errors of settled orbits: the frequency domain beside time marching."""
+
+    methods: listing(
+        Literal["exact", "taylor", "rk4", "rk45", "newmark", "harmonic_balance", "schmidt"],
+        "Methods that march, and those that work on harmonics.",
+    )
+    problems: listing(
+        Literal["smooth", "bouncing", "near_fold", "cubic"],
+        "Test problems that settle, see gearlib/trials/problems.py.",
+    )
+    repeats: int = Field(ge=1, le=1000, description="Timed runs, of which the median counts.")
+
+
 class SlowScan(Section):
     """The scan of methods whose right-hand side is not compiled by the library."""
 

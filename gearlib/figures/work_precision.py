@@ -23,7 +23,7 @@ _COLUMNS = 2
 _ROW_HEIGHT, _FOOT = 2.15, 1.25
 _GREY = style.AREA_COLOURS["backlash"]
 
-_PROBLEMS = {
+PROBLEMS = {
     "smooth": "no bounce, $\\nu_s$ = 0.7",
     "bouncing": "a bounce in every period, $\\nu_s$ = 0.9",
     "near_fold": "next to a fold, $\\nu_s$ = 0.815",
@@ -37,6 +37,7 @@ FAMILIES = {
     "controlled": ("step control only", "#D55E00", (0, (5, 1.5))),
     "fixed": ("fixed steps", "#E69F00", (0, (1.5, 1.2))),
     "smoothed": ("smoothed contact", "#CC79A7", (0, (6, 1.5, 1.5, 1.5))),
+    "harmonics": ("harmonics", "#009E73", "-"),
     "other": ("other packages", "#4D4D4D", (0, (3, 1))),
 }
 _MARKERS = "*osD^vPX<>hp"
@@ -45,7 +46,7 @@ _EVALUATIONS = "evaluations of the right-hand side per mesh period\n(left edge: 
 _STATE = "error of the final state"
 
 
-def _lines(datasets):
+def lines_of(datasets):
     """Return line -> (family, marker) of all methods, in their order."""
     markers, found = cycle(_MARKERS), {}
     for data in datasets:
@@ -69,7 +70,7 @@ def _options(family, marker):
     }
 
 
-def _legend(figure, lines, words):
+def put_legend(figure, lines, words):
     """Put the legend of lines and of the grey area under the panels."""
     families = sorted({family for family, _ in lines.values()}, key=list(FAMILIES).index)
     handles = [
@@ -86,13 +87,13 @@ def _legend(figure, lines, words):
     figure.legend(handles=handles, loc="outside lower center", ncols=4, fontsize=6.5)
 
 
-def _limits(values, low=0.4, high=2.5):
+def limits_of(values, low=0.4, high=2.5):
     """Return limits with some room around the positive ones of values."""
     good = values[np.isfinite(values) & (values > 0.0)]
     return (low * good.min(), high * good.max()) if good.size else (0.1, 10.0)
 
 
-def _draw_panel(axes, costs, errors, lines, floor):
+def draw_panel(axes, costs, errors, lines, floor):
     """Draw the errors of all methods over their costs.
 
     Parameters
@@ -101,7 +102,7 @@ def _draw_panel(axes, costs, errors, lines, floor):
     costs, errors : list of (line names, ndarray) and list of ndarray
         For each method, over its rungs; a cost of 0 is drawn at the left edge.
     lines : dict
-        As of `_lines`.
+        As of `lines_of`.
     floor : float
         Errors below are rounding.
     """
@@ -120,7 +121,7 @@ def _draw_panel(axes, costs, errors, lines, floor):
     axes.set_xlim(left, right)
 
 
-def _figure(count, columns):
+def panelled(count, columns):
     """Return a figure and its axes, one for each panel."""
     rows = -(-count // columns)
     figure = Figure((style.PAGE_WIDTH, _FOOT + _ROW_HEIGHT * rows), layout="constrained")
@@ -136,23 +137,23 @@ def _figure(count, columns):
 def _draw_states(errors, costs, label, words):
     """Return the figure of the errors of the final state, and its panels."""
     names = errors[0].problem.values
-    lines = _lines(errors)
-    figure, panels = _figure(names.size, _COLUMNS)
+    lines = lines_of(errors)
+    figure, panels = panelled(names.size, _COLUMNS)
     floors = errors[0].state_floor.values
     every = np.concatenate([data.state_error.values.ravel() for data in errors])
-    limits = _limits(np.concatenate([every, floors]), 0.1)
+    limits = limits_of(np.concatenate([every, floors]), 0.1)
     for i, axes in enumerate(panels):
         axes.set_ylim(*limits)
-        axes.set_xlim(*_limits(np.concatenate([cost[i] for cost in costs]), 0.25))
+        axes.set_xlim(*limits_of(np.concatenate([cost[i] for cost in costs]), 0.25))
         rows = [data.state_error.values[i] for data in errors]
         named = [(data.line.values, cost[i]) for data, cost in zip(errors, costs, strict=True)]
-        _draw_panel(axes, named, rows, lines, floors[i])
-        axes.set_title(_PROBLEMS.get(names[i], names[i]))
+        draw_panel(axes, named, rows, lines, floors[i])
+        axes.set_title(PROBLEMS.get(names[i], names[i]))
         if i % _COLUMNS == 0:
             axes.set_ylabel(_STATE)
         if i >= names.size - _COLUMNS:
             axes.set_xlabel(label)
-    _legend(figure, lines, words)
+    put_legend(figure, lines, words)
     return figure, panels
 
 
@@ -218,33 +219,33 @@ def draw_measures(errors):
         "event_error": ("event_floor", "error of event phases (rad)"),
         "multiplier_error": ("multiplier_floor", "error of the multiplier"),
     }
-    names, lines = errors[0].problem.values, _lines(errors)
+    names, lines = errors[0].problem.values, lines_of(errors)
     shown = {kind: _with_numbers(errors, kind) for kind in kinds}
     shown = {kind: places for kind, places in shown.items() if places}
     columns = max(map(len, shown.values()), default=1)
-    figure, grid = _figure(max(len(shown), 1) * columns, columns)
+    figure, grid = panelled(max(len(shown), 1) * columns, columns)
     panels = np.reshape(grid, (-1, columns))
     for row, (kind, places) in zip(panels, shown.items(), strict=False):
         floor, label = kinds[kind]
         floors = errors[0][floor].values
         every = np.concatenate([data[kind].values.ravel() for data in errors])
-        limits = _limits(np.concatenate([every, floors]), 0.1)
+        limits = limits_of(np.concatenate([every, floors]), 0.1)
         for axes in row[len(places) :]:
             axes.remove()
         for axes, i in zip(row, places, strict=False):
             costs = [data.period_evaluations.values[i] for data in errors]
-            axes.set_xlim(*_limits(np.concatenate(costs), 0.25))
+            axes.set_xlim(*limits_of(np.concatenate(costs), 0.25))
             axes.set_ylim(*limits)
             rows = [data[kind].values[i] for data in errors]
             named = [(data.line.values, cost) for data, cost in zip(errors, costs, strict=True)]
-            _draw_panel(axes, named, rows, lines, float(floors[i]))
-            words = _PROBLEMS.get(names[i], names[i])
+            draw_panel(axes, named, rows, lines, float(floors[i]))
+            words = PROBLEMS.get(names[i], names[i])
             axes.set_title(words.split(",")[0], fontsize=7)
         row[0].set_ylabel(label)
     if shown:
         last = len([*shown.values()][-1])
         panels[-1, min(columns // 2, last - 1)].set_xlabel(_EVALUATIONS)
-    _legend(figure, lines, "rounding")
+    put_legend(figure, lines, "rounding")
     return figure
 
 

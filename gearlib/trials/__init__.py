@@ -5,6 +5,7 @@ module              responsibility
 ==================  =====================================================================
 ``problems``        test problems of work and precision, and their references
 ``work_precision``  errors of a method on a problem, against evaluations and wall time
+``steady_orbits``   the same of settled orbits, the frequency domain beside time marching
 ``jump_by_method``  where each method puts the jump from rest, and at what cost
 ``stability``       spectral radii of one period, of fixed-step methods and of the truth
 ``hostile``         hostile problems: model, tuning, start, what is compared, tolerance

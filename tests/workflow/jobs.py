@@ -74,6 +74,17 @@ EXPERIMENTS = {
         {"work_precision_errors": 2, "work_precision_times": 2, "work_precision_table": 1},
         {"draw_work_precision": 1, "draw_work_precision_time": 1},
     ),
+    "steady_orbits": Experiment(
+        {"steady_orbits": 1, "steady_orbit_times": 1},
+        {"draw_steady_orbits": 1, "draw_steady_orbits_time": 1},
+        simulates=True,
+    ),
+    "analytic_method": Experiment(
+        {"analytic_method": 1},
+        {"draw_analytic_method": 1},
+        simulates=True,
+        with_k1={"analytic_method": 1},
+    ),
     "jump_by_method": Experiment(
         {"jump_by_method": 2, "jump_by_method_table": 1},
         {"draw_jump_by_method": 1},

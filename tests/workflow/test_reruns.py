@@ -18,9 +18,13 @@ from tests.workflow.project import ROOT, job_counts, small_project
 
 pytestmark = pytest.mark.slow
 
+# What rests on the charts of work and precision.
+MEASURED = ("work_precision", "jump_by_method", "steady_orbits")
 # What holds wall times: no two runs give the same bytes.
 TIMED = ("results/work_precision/times_", "results/work_precision.csv")
 TIMED += ("results/figures/work_precision_time.",)
+TIMED += ("results/steady_orbits/times.nc", "results/figures/steady_orbits_time.")
+TIMED += ("results/provenance.json",)
 
 
 def edit(path, text):
@@ -142,8 +146,8 @@ def test_a_method_more_runs_its_trial(project):
         ("gearlib/figures/resonance.py", {"draw_resonance": 1}),
         ("gearlib/figures/style.py", drawn()),
         ("gearlib/figures/time_courses.py", drawn("scenes")),
-        ("gearlib/figures/work_precision.py", drawn("work_precision", "jump_by_method")),
-        ("gearlib/trials/work_precision.py", jobs("work_precision", "jump_by_method")),
+        ("gearlib/figures/work_precision.py", drawn(*MEASURED)),
+        ("gearlib/trials/work_precision.py", jobs(*MEASURED)),
         ("gearlib/claims/scenes.py", jobs("claims")),
         ("workflow/scripts/draw_phase_planes.py", {"draw_phase_planes": 1}),
         ("gearlib/config/experiments.py", {}),

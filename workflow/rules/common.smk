@@ -134,6 +134,10 @@ def files_by_target():
             *figure_files("nonlinear_damping"),
             "results/nonlinear_damping.csv",
         ],
+        "analytic_method": [
+            *figure_files("analytic_method"),
+            *figure_files("harmonic_balance"),
+        ],
         "models": [*figure_files("models"), "results/models.csv"] if CONFIG.scenes else [],
         "parametric_resonance": [
             *figure_files("parametric_resonance"),
@@ -146,6 +150,10 @@ def files_by_target():
             *figure_files("work_precision_measures"),
             *figure_files("work_precision_time"),
             "results/work_precision.csv",
+        ],
+        "steady_orbits": [
+            *figure_files("steady_orbits"),
+            *figure_files("steady_orbits_time"),
         ],
         "jump_by_method": [*figure_files("jump_by_method"), "results/jump_by_method.csv"],
         "published": [

@@ -1,0 +1,297 @@
+"""The frequency domain: Green's function, E. Schmidt's method, harmonic balance, Hill's method."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+from gearlib import (
+    GearPair,
+    Harmonics,
+    OneDegreePair,
+    Tabulated,
+    harmonic_balance,
+    periodic_orbit,
+    schmidt,
+    sweep,
+)
+from gearlib.frequency_domain.accuracy import errors, exact_course
+from gearlib.frequency_domain.equation import MeshEquation, stiffness_coefficients
+from gearlib.frequency_domain.green import green, remainder_norm, weights
+from gearlib.frequency_domain.harmonic_balance import jacobian
+from gearlib.frequency_domain.schmidt import contraction
+from gearlib.periodic_orbits import NoOrbit
+from tests.physics.test_six_degrees import EVERYTHING, gears
+
+FREE = GearPair(
+    max_stiffness=4e8,
+    stiffness_ratio=0.5879,
+    contact_ratio=1.569,
+    reduced_mass=3.123,
+    load=3289.5396,
+    backlash=40e-6,
+)
+MATERIAL = FREE.replace(material_damping=3953.7)
+BOTH = MATERIAL.replace(backlash_damping=3953.7)
+CUBIC = OneDegreePair(pair=FREE, cubic_damping=4e5, backlash_quadratic_damping=2e4)
+CONSTANT = GearPair.from_ratios(contact_ratio=1.5, stiffness_ratio=1.0, damping=0.1, backlash=4.0)
+
+
+# Under-, over- and critically damped (also next to it), undamped, two mesh periods.
+@pytest.mark.parametrize(
+    ("nu", "beta", "period"),
+    [
+        (0.7, 0.06, 1),
+        (0.8, 1.7, 1),
+        (0.9, 1.0, 1),
+        (0.9, 1.0 + 1e-5, 1),
+        (0.7, 0.0, 1),
+        (1.3, 0.1, 2),
+    ],
+)
+def test_green_is_one_over_the_symbol(nu, beta, period):
+    for k in (0, 1, 3):
+        order = k / period
+        ends = {"limit": 200, "epsabs": 1e-12, "epsrel": 1e-12}
+        length = 2.0 * math.pi * period
+        real, _ = quad(
+            lambda s, order=order: green(s, nu, beta, period) * math.cos(order * s),
+            0,
+            length,
+            **ends,
+        )
+        imag, _ = quad(
+            lambda s, order=order: -green(s, nu, beta, period) * math.sin(order * s),
+            0,
+            length,
+            **ends,
+        )
+        symbol = 1.0 / nu**2 - order**2 + 2j * beta * order / nu
+        # The difference quotient near the double root costs half the digits.
+        assert real + 1j * imag == pytest.approx(1.0 / symbol, rel=1e-8, abs=1e-9)
+
+
+def test_green_jumps_by_one_in_its_slope():
+    step = 1e-6
+    before = green([2.0 * math.pi - 2 * step, 2.0 * math.pi - step], 0.7, 0.06)
+    after = green([0.0, step], 0.7, 0.06)
+    jump = (np.diff(after) - np.diff(before)) / step
+    assert jump == pytest.approx(1.0, abs=1e-5)  # difference quotients of a step 1e-6
+    assert before[-1] == pytest.approx(after[0], abs=2e-6)
+
+
+def test_constant_stiffness_and_excitation_are_exact():
+    # Linear, one harmonic: x = 1 + amplitude / symbol.
+    pair = OneDegreePair(pair=CONSTANT, excitation=Harmonics(cosines=(0.0, 0.3)))
+    nu = 0.8
+    symbol = 1.0 / nu**2 - 4.0 + 2j * 0.1 * 2.0 / nu
+    expected = np.zeros(9, complex)
+    expected[0], expected[2] = 1.0, 0.15 / nu**2 / symbol
+    for found in (harmonic_balance(pair, nu, harmonics=8), schmidt(pair, nu, harmonics=8)):
+        np.testing.assert_allclose(found.coefficients, expected, rtol=0, atol=1e-10)
+        # The multipliers of x'' + 2 beta / nu x' + x / nu^2 = 0.
+        root = (-0.1 + 1j * math.sqrt(1.0 - 0.01)) / nu
+        np.testing.assert_allclose(
+            sorted(found.multipliers, key=lambda m: m.imag),
+            sorted(np.exp(2 * math.pi * np.array([root, root.conjugate()])), key=lambda m: m.imag),
+            rtol=0,
+            atol=1e-9,
+        )
+
+
+@pytest.mark.parametrize(
+    "profile",
+    [FREE, OneDegreePair(pair=FREE, profile=Tabulated((0.3, 1.0, 4.0), (3e8, 4e8, 2e8)))],
+)
+def test_stiffness_coefficients_against_quadrature(profile):
+    equation = MeshEquation(profile, 0.8, 4)
+    law = equation.law
+
+    def stiffness(tau):
+        i = min(np.searchsorted(law.breaks, tau, "right") - 1, len(law.pieces) - 1)
+        return law.pieces[i, 0] + law.pieces[i, 1] * (tau - law.breaks[i])
+
+    for n, found in enumerate(stiffness_coefficients(law, 3)):
+        pieces = [
+            quad(lambda s, f=f, n=n: stiffness(s) * f(n * s), a, b)[0]
+            for f in (math.cos, math.sin)
+            for a, b in zip(law.breaks[:-1] + 1e-12, law.breaks[1:] - 1e-12, strict=True)
+        ]
+        half = len(pieces) // 2
+        expected = (sum(pieces[:half]) - 1j * sum(pieces[half:])) / (2.0 * math.pi)
+        assert found == pytest.approx(expected, abs=1e-10)
+
+
+def test_jacobian_against_differences():
+    equation = MeshEquation(CUBIC, 0.9, 5, 64)
+    generator = np.random.default_rng(1)
+    x = generator.normal(size=6) + 1j * generator.normal(size=6)
+    x = x * np.exp(-np.arange(6.0))
+    x[0] = 0.3
+    matrix = jacobian(equation, equation.residual(x)[1])
+    step = 1e-6
+    for k in range(1, 6):
+        for turn, column in ((1.0, k), (1j, 5 + k)):
+            change = np.zeros(6, complex)
+            change[k] = turn * step
+            ends = [equation.residual(x + side * change)[0] for side in (1, -1)]
+            slope = (ends[0] - ends[1]) / (2.0 * step)
+            # Central differences of a step 1e-6: 1e-9 of entries of about 30.
+            expected = np.concatenate([slope.real, slope[1:].imag])
+            np.testing.assert_allclose(matrix[:, column], expected, rtol=0, atol=1e-7)
+
+
+@pytest.mark.parametrize("solve", [harmonic_balance, schmidt])
+@pytest.mark.parametrize(
+    ("pair", "nu"), [(BOTH, 0.7), (BOTH, 0.9), (MATERIAL, 0.815), (MATERIAL, 1.0), (CUBIC, 0.9)]
+)
+def test_orbits_events_and_multipliers(solve, pair, nu):
+    found = solve(pair, nu, harmonics=64)
+    error = errors(found)
+    # Gibbs: 0.25 / h^2 of the displacement, 0.5 / h of dx/dtau, with room of about two; phases
+    # of crossings and multipliers as good as the displacement.
+    assert error.displacement < 1e-4 and error.velocity < 1.6e-2 and error.state < 2e-4
+    assert error.multiplier < 1e-4
+    if nu != 0.7:
+        assert error.event < 1e-4
+    assert found.residual < 1e-8 and found.stable
+
+
+def test_inverse_mesh():
+    # The upper branch at 0.66, followed down from 1: it reaches the far flank.
+    curve = sweep(
+        MATERIAL, np.linspace(0.66, 1.0, 18), periods=120, record_periods=1, direction="down"
+    )
+    orbit = periodic_orbit(MATERIAL, 0.66, guess=curve.final_state.values[0])
+    assert orbit.pattern == (0, -1, 0, 1, 0)
+    guess = exact_course(orbit, 512)[0]
+    for solve in (harmonic_balance, schmidt):
+        error = errors(solve(MATERIAL, 0.66, harmonics=64, guess=guess), orbit)
+        assert error.displacement < 3e-4 and error.event < 1e-4 and error.multiplier < 1e-5
+
+
+def test_both_solve_the_same_equations():
+    for nu in (0.7, 1.0):
+        one = harmonic_balance(MATERIAL, nu, harmonics=32)
+        other = schmidt(MATERIAL, nu, harmonics=32, tolerance=1e-12)
+        np.testing.assert_allclose(other.coefficients, one.coefficients, rtol=0, atol=1e-10)
+
+
+def test_gibbs_slopes():
+    orbit = periodic_orbit(MATERIAL, 1.0)
+    guess = exact_course(orbit, 256)[0]
+    found = [errors(schmidt(MATERIAL, 1.0, harmonics=h, guess=guess), orbit) for h in (16, 64, 256)]
+    x, v = np.array([e.displacement for e in found]), np.array([e.velocity for e in found])
+    # x'' jumps, coefficients fall as h^-3: errors as h^-2 and h^-1, slopes over factors of 16.
+    assert np.log(x[0] / x[2]) / np.log(16.0) == pytest.approx(2.0, abs=0.2)
+    assert np.log(v[0] / v[2]) / np.log(16.0) == pytest.approx(1.0, abs=0.2)
+
+
+def ordered(multipliers):
+    """Return multipliers in an order that does not hang on the last digit."""
+    return sorted(multipliers, key=lambda m: (round(m.imag, 6), m.real))
+
+
+@pytest.mark.parametrize("nu", [0.95, 1.5, 2.0])
+def test_multipliers_without_loss(nu):
+    # Inside the tongue around nu = 2 they are real and negative, one beyond -1.
+    pair = FREE.replace(backlash=0.0, material_damping=800.0, backlash_damping=800.0)
+    orbit, found = periodic_orbit(pair, nu, guess=(1.0, 0.0)), harmonic_balance(pair, nu)
+    # Hill's matrix cut at 64 harmonics: its exponents err by some 1 / 64^3.
+    np.testing.assert_allclose(
+        ordered(found.multipliers), ordered(orbit.multipliers), rtol=0, atol=1e-5
+    )
+    assert found.stable == orbit.stable == (nu < 2.0)
+    if nu == 2.0:
+        assert orbit.multipliers[0].real < -1.0 and abs(orbit.multipliers[1]) < 1.0
+
+
+def test_more_degenerate_terms_contract_more():
+    exact = exact_course(periodic_orbit(MATERIAL, 0.95), 256)[0]
+    found = [
+        schmidt(MATERIAL, 0.95, harmonics=32, degenerate=n, guess=exact, max_iterations=400)
+        for n in (0, 1, 3)
+    ]
+    assert [one.status for one in found] == ["diverged", "converged", "converged"]
+    assert found[1].contraction > found[2].contraction
+    assert [one.terms for one in found] == [0, 2, 5]
+    for one in found[1:]:
+        equation = MeshEquation(MATERIAL, 0.95, 32)
+        factor = contraction(equation, one.coefficients, np.array(one.degenerate))
+        # The bound is one: with a percent for the power iteration.
+        assert factor <= 1.01 * one.norm_bound
+        _, force = equation.residual(one.coefficients)
+        bound = remainder_norm(weights(equation, force), np.array(one.degenerate))
+        assert bound == one.norm_bound
+
+
+def test_the_automatic_choice_keeps_its_bound():
+    for nu in (0.4, 0.7, 1.0):
+        found = schmidt(MATERIAL, nu, harmonics=64)
+        assert found.converged and found.norm_bound <= 0.5
+    assert schmidt(MATERIAL, 0.4, harmonics=64, degenerate=(2, 3)).degenerate == (2, 3)
+
+
+def test_a_period_of_two():
+    # The orbit of one period is one of two as well, its multipliers squared.
+    one = harmonic_balance(MATERIAL, 1.0, harmonics=32)
+    two = harmonic_balance(MATERIAL, 1.0, harmonics=64, samples=1024, period=2)
+    np.testing.assert_allclose(two.coefficients[::2], one.coefficients, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(abs(two.multipliers), abs(one.multipliers) ** 2, rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("ratio", "kappa", "beta", "nu"),
+    [(1.2, 0.4, 0.05, 0.7), (1.8, 0.7, 0.02, 1.1), (2.0, 0.5, 0.1, 0.9)],
+)
+def test_other_gear_pairs(ratio, kappa, beta, nu):
+    pair = GearPair.from_ratios(
+        contact_ratio=ratio,
+        stiffness_ratio=kappa,
+        damping=beta,
+        backlash_damping=0.03,
+        backlash=3.0,
+    )
+    for solve in (harmonic_balance, schmidt):
+        error = errors(solve(pair, nu, harmonics=64))
+        assert error.displacement < 2e-4 and error.multiplier < 1e-3
+
+
+def test_datasets():
+    orbit = periodic_orbit(MATERIAL, 1.0)
+    data = schmidt(MATERIAL, 1.0, harmonics=32).dataset(64, orbit)
+    assert data.displacement.attrs["units"] == "1" and data.phase.size == 64
+    assert float(data.displacement_error) < 1e-3 and int(data.converged) == 1
+    assert harmonic_balance(MATERIAL, 1.0, harmonics=16).dataset().order.size == 17
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"harmonics": 0}, "harmonics = 0 is not allowed: it must be an integer >= 1"),
+        ({"samples": 32, "harmonics": 16}, "samples = 32 is not allowed"),
+        ({"guess": (1.0,)}, "guess = (1.0,) is not allowed"),
+        ({"period": 0}, "period = 0 is not allowed"),
+    ],
+)
+def test_refusals(arguments, words):
+    for solve in (harmonic_balance, schmidt):
+        with pytest.raises(ValueError) as raised:
+            solve(MATERIAL, 0.8, **arguments)
+        assert words in str(raised.value)
+
+
+def test_refusals_of_their_own():
+    with pytest.raises(ValueError, match="degenerate = 'all' is not allowed"):
+        schmidt(MATERIAL, 0.8, degenerate="all")
+    with pytest.raises(ValueError, match="tolerance = 0 is not allowed"):
+        schmidt(MATERIAL, 0.8, tolerance=0)
+    with pytest.raises(ValueError, match="one degree of freedom"):
+        harmonic_balance(gears(1e7, **EVERYTHING), 0.8)
+    with pytest.raises(ValueError, match="guess with period = 2 is not allowed"):
+        solution = harmonic_balance(MATERIAL, 1.2, harmonics=8, period=2)
+        harmonic_balance(MATERIAL, 1.2, harmonics=8, guess=solution)
+    # Just above the fold Newton's method leads nowhere from the damped motion.
+    with pytest.raises(NoOrbit, match="guess the solution of a neighbouring tuning"):
+        harmonic_balance(BOTH, 0.85, harmonics=32)

@@ -1,0 +1,52 @@
+"""The paper's analytic method and harmonic balance: computed and drawn."""
+
+
+rule analytic_method:
+    input:
+        kernels=rules.compile_kernels.output.stamp,
+        sources=script_sources("analytic_method"),
+    output:
+        dataset="results/analytic_method.nc",
+    log:
+        "results/logs/analytic_method.log",
+    benchmark:
+        "results/benchmarks/analytic_method.tsv"
+    threads: 1
+    params:
+        pair=canonical(CONFIG.pair_parameters(CONFIG.analytic_method.damping)),
+        settings=canonical(CONFIG.analytic_method.model_dump()),
+        run=canonical(run_length()),
+    conda:
+        "../envs/gearlib.yaml"
+    script:
+        "../scripts/analytic_method.py"
+
+
+rule draw_analytic_method:
+    input:
+        dataset=rules.analytic_method.output.dataset,
+        sources=script_sources("draw_analytic_method"),
+    output:
+        convergence=report(
+            figure_files("analytic_method"),
+            caption="../report/analytic_method.rst",
+            category="Figures",
+            labels={"figure": "beyond the paper", "shows": "the analytic method"},
+        ),
+        harmonics=report(
+            figure_files("harmonic_balance"),
+            caption="../report/harmonic_balance.rst",
+            category="Figures",
+            labels={"figure": "beyond the paper", "shows": "harmonic balance"},
+        ),
+    log:
+        "results/logs/draw_analytic_method.log",
+    benchmark:
+        "results/benchmarks/draw_analytic_method.tsv"
+    threads: 1
+    params:
+        dpi=CONFIG.figures.dpi,
+    conda:
+        "../envs/gearlib.yaml"
+    script:
+        "../scripts/draw_analytic_method.py"

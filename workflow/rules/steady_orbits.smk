@@ -1,0 +1,96 @@
+"""Settled orbits: errors of the frequency domain beside time marching, wall times apart."""
+
+
+rule steady_orbits:
+    input:
+        kernels=rules.compile_kernels.output.stamp,
+        sources=script_sources("steady_orbits"),
+    output:
+        dataset="results/steady_orbits/errors.nc",
+    log:
+        "results/logs/steady_orbits.log",
+    benchmark:
+        "results/benchmarks/steady_orbits.tsv"
+    threads: 1
+    params:
+        methods=CONFIG.steady_orbits.methods,
+        problems=CONFIG.steady_orbits.problems,
+        pair=canonical(CONFIG.gear_pair.model_dump()),
+        settings=work_precision_settings(),
+    conda:
+        "../envs/gearlib.yaml"
+    script:
+        "../scripts/steady_orbits.py"
+
+
+# As work_precision_times: nothing may run beside it.
+rule steady_orbit_times:
+    input:
+        kernels=rules.compile_kernels.output.stamp,
+        sources=script_sources("steady_orbit_times"),
+    output:
+        dataset="results/steady_orbits/times.nc",
+    log:
+        "results/logs/steady_orbit_times.log",
+    benchmark:
+        "results/benchmarks/steady_orbit_times.tsv"
+    threads: 1024
+    params:
+        methods=CONFIG.steady_orbits.methods,
+        problems=CONFIG.steady_orbits.problems,
+        pair=canonical(CONFIG.gear_pair.model_dump()),
+        settings=work_precision_settings(),
+        repeats=CONFIG.steady_orbits.repeats,
+    conda:
+        "../envs/gearlib.yaml"
+    script:
+        "../scripts/steady_orbit_times.py"
+
+
+rule draw_steady_orbits:
+    input:
+        errors=rules.steady_orbits.output.dataset,
+        sources=script_sources("draw_steady_orbits"),
+    output:
+        report(
+            figure_files("steady_orbits"),
+            caption="../report/steady_orbits.rst",
+            category="Figures",
+            labels={"figure": "methods", "shows": "errors of settled orbits"},
+        ),
+    log:
+        "results/logs/draw_steady_orbits.log",
+    benchmark:
+        "results/benchmarks/draw_steady_orbits.tsv"
+    threads: 1
+    params:
+        dpi=CONFIG.figures.dpi,
+    conda:
+        "../envs/gearlib.yaml"
+    script:
+        "../scripts/draw_steady_orbits.py"
+
+
+rule draw_steady_orbits_time:
+    input:
+        errors=rules.steady_orbits.output.dataset,
+        times=rules.steady_orbit_times.output.dataset,
+        sources=script_sources("draw_steady_orbits_time"),
+    output:
+        report(
+            figure_files("steady_orbits_time"),
+            caption="../report/steady_orbits_time.rst",
+            category="Figures",
+            labels={"figure": "methods", "shows": "settled orbits over wall time"},
+        ),
+    log:
+        "results/logs/draw_steady_orbits_time.log",
+    benchmark:
+        "results/benchmarks/draw_steady_orbits_time.tsv"
+    threads: 1
+    params:
+        dpi=CONFIG.figures.dpi,
+    conda:
+        "../envs/gearlib.yaml"
+    script:
+        "../scripts/draw_steady_orbits_time.py"

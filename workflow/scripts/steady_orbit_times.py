@@ -1,0 +1,18 @@
+"""Compute the wall times of settled orbits."""
+
+import json
+
+from gearlib import storage
+from gearlib.trials import steady_orbits
+from joblog import redirect_output
+
+if __name__ == "__main__":
+    redirect_output(snakemake.log[0])
+    dataset = steady_orbits.times(
+        snakemake.params.methods,
+        snakemake.params.problems,
+        json.loads(snakemake.params.pair),
+        json.loads(snakemake.params.settings),
+        snakemake.params.repeats,
+    )
+    storage.write(dataset, snakemake.output.dataset)

@@ -1,0 +1,17 @@
+"""Compute the errors and evaluations of settled orbits."""
+
+import json
+
+from gearlib import storage
+from gearlib.trials import steady_orbits
+from joblog import redirect_output
+
+if __name__ == "__main__":
+    redirect_output(snakemake.log[0])
+    dataset = steady_orbits.errors(
+        snakemake.params.methods,
+        snakemake.params.problems,
+        json.loads(snakemake.params.pair),
+        json.loads(snakemake.params.settings),
+    )
+    storage.write(dataset, snakemake.output.dataset)
