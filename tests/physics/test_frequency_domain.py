@@ -263,7 +263,7 @@ def test_datasets():
     data = schmidt(MATERIAL, 1.0, harmonics=32).dataset(64, orbit)
     assert data.displacement.attrs["units"] == "1" and data.phase.size == 64
     assert float(data.displacement_error) < 1e-3 and int(data.converged) == 1
-    assert harmonic_balance(MATERIAL, 1.0, harmonics=16).dataset().order.size == 17
+    assert harmonic_balance(MATERIAL, 1.0, harmonics=16).dataset().harmonic.size == 17
 
 
 @pytest.mark.parametrize(
