@@ -12,6 +12,7 @@ module                  responsibility
 ``variational``         maps of small deviations over mesh periods
 ``periodic_orbits``     `periodic_orbit`: shooting, Floquet multipliers
 ``lyapunov``            largest Lyapunov exponent of a motion
+``global_dynamics``     attractors and their basins, sections, bifurcation diagrams
 ``labelling``           `trust`: chaos or artefact: one point run in several ways
 ``harmonics``           periodic functions of the mesh phase
 ``profiles``            rectangular, Fourier and tabulated mesh stiffness
@@ -53,8 +54,13 @@ _PUBLIC = {
     "Rectangular": "profiles",
     "SixDegreePair": "models.six_degrees",
     "Tabulated": "profiles",
+    "basin_stability": "global_dynamics.basin_stability",
+    "basins": "global_dynamics.basins",
+    "bifurcation_diagram": "global_dynamics.bifurcation",
+    "lyapunov_exponents": "global_dynamics.exponents",
     "methods": "integrators",
     "periodic_orbit": "periodic_orbits",
+    "poincare_section": "global_dynamics.poincare",
     "simulate": "simulation",
     "sweep": "sweeping",
     "trust": "labelling",
@@ -68,8 +74,13 @@ __all__ = [
     "Rectangular",
     "SixDegreePair",
     "Tabulated",
+    "basin_stability",
+    "basins",
+    "bifurcation_diagram",
+    "lyapunov_exponents",
     "methods",
     "periodic_orbit",
+    "poincare_section",
     "simulate",
     "sweep",
     "trust",

@@ -9,7 +9,7 @@ module                  responsibility
 ``attractors``          attractors: found, refined, and what surely comes to them
 ``classification``      to which attractor each of many states comes
 ``basins``              `basins`: a grid of initial states; shares of the attractors
-``stability_of_basins`` `basin_stability`: shares over the tuning, from random states
+``basin_stability``     `basin_stability`: shares over the tuning, from random states
 ``poincare``            `poincare_section`: states at one mesh phase, of many orbits
 ``bifurcation``         `bifurcation_diagram`: stroboscopic states over a parameter
 ``exponents``           `lyapunov_exponents`: largest exponent over a parameter

@@ -84,16 +84,13 @@ def find(strobe, states, known):
     ----------
     strobe : Stroboscope
     states : ndarray, shape (k, n)
-        After a transient.
+        After a transient; finite.
     known : list of Attractor
 
     Returns
     -------
     list of Attractor
     """
-    states = states[np.isfinite(states).all(axis=1)]
-    if not len(states):
-        return []
     series = [states]
     for _ in range(2 * MAX_CYCLES):
         series.append(strobe(series[-1], 1)[0])
@@ -152,9 +149,7 @@ def attractor_of(strobe, orbit):
                 strobe.pair, strobe.tuning, guess=orbit.state, period=n * strobe.cycle
             )
             return attractor_of(strobe, shorter)
-    _, summary = record(
-        strobe.pair, strobe.tuning, orbit.state, orbit.period, strobe.max_events
-    )
+    _, summary = record(strobe.pair, strobe.tuning, orbit.state, orbit.period, strobe.max_events)
     rate = float(np.log(np.abs(orbit.multipliers).max())) / orbit.period
     return Attractor(
         PERIODIC,

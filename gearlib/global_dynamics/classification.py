@@ -104,9 +104,15 @@ class _Run:
 
     def learn(self, ends):
         """Add the attractors near `ends`; return whether there is a new one."""
-        new = find(self.strobe, ends, self.known)
-        self.known += new
-        return bool(new)
+        before = len(self.known)
+        ends = ends[np.isfinite(ends).all(axis=1)]
+        while len(ends):
+            # A few at a time: most of the others are then in a trap.
+            few, ends = ends[:_CLOSER], ends[_CLOSER:]
+            self.known += find(self.strobe, few, self.known)
+            for one in self.known:
+                ends = ends[~one.trap.holds(self.strobe.seen(ends))]
+        return len(self.known) > before
 
     def catch(self):
         """Label the states that are in a trap, and those that have left all bounds."""

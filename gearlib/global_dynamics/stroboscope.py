@@ -34,6 +34,8 @@ class Stroboscope:
 
     def __init__(self, pair, tuning, *, max_events=MAX_EVENTS, threads=None):
         choose(pair, None, None)
+        #: Whether the motion goes in closed forms, not in Taylor steps.
+        self.exact = not isinstance(pair, OneDegreePair)
         self.pair, self.tuning = pair, check_tuning("tuning", tuning)
         self.max_events = checks.integer("max_events", max_events, 1)
         count = os.cpu_count() or 1
