@@ -18,6 +18,10 @@ from gearlib.variational import full_state, period_maps, without_rotation
 _CHUNK = 512
 #: Batches of consecutive periods whose means give the uncertainty.
 BATCHES = 20
+#: An exponent counts when it is so many times its uncertainty.
+_SIGMAS = 3.0
+#: Growth exp(slack) beyond the linear growth of a quasi-periodic motion is exponential.
+_SLACK = 7.0
 
 
 class Exponent(NamedTuple):
@@ -27,6 +31,15 @@ class Exponent(NamedTuple):
     uncertainty: float  #: standard error of the mean over batches
     growth: float  #: logarithm of the whole growth, value times periods
     periods: int
+
+    @property
+    def positive(self):
+        """Whether deviations grow exponentially.
+
+        A quasi-periodic motion shears: deviations grow in proportion to time, by log(periods).
+        """
+        linear = math.log(self.periods) + _SLACK
+        return self.growth > linear and self.value > _SIGMAS * self.uncertainty
 
 
 def largest(pair, tuning, *, state=(0.0, 0.0), settle=1000, periods=4000, max_events=1_000_000):

@@ -101,8 +101,9 @@ def basins(
         **scales(pair),
         "tuning": strobe.tuning,
     }
-    coords = {"displacement": x, "velocity": v, "attractor": np.arange(len(attractors))}
-    dataset = describe(xr.Dataset(data, coords))
+    dataset = xr.Dataset(data, {"displacement": x, "velocity": v})
+    numbers = ("attractor", "point", "coordinate", "multiplier")
+    dataset = describe(dataset.assign_coords({n: np.arange(dataset.sizes[n]) for n in numbers}))
     dataset["attractor_kind"].attrs |= KIND_FLAGS
     dataset.attrs = provenance.attributes(
         "Basins of attraction of a gear mesh",

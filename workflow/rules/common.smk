@@ -138,6 +138,9 @@ def target_files():
             "results/work_precision.csv",
         ],
         "jump_by_method": [*figure_files("jump_by_method"), "results/jump_by_method.csv"],
+        "basins": figure_files("basins"),
+        "bifurcation": figure_files("bifurcation"),
+        "poincare": figure_files("poincare"),
         "claims": ["results/claims.csv", "results/claims.md"],
     }
     return [path for target in CONFIG.targets for path in files[target]]
@@ -184,6 +187,17 @@ def cases_of(wildcards):
         [
             {"title": case.title, "tuning": case.tuning, "pair": CONFIG.case_parameters(case)}
             for case in CONFIG.scenes[wildcards.scene].cases
+        ]
+    )
+
+
+def global_cases(section):
+    """Return the cases of basins or Poincare sections, with the parameters of their gear pairs."""
+    return canonical(
+        [
+            case.model_dump(exclude={"damping", "change"})
+            | {"pair": CONFIG.global_parameters(case)}
+            for case in section.cases
         ]
     )
 
