@@ -62,7 +62,7 @@ def _draw_case(axes, case, number):
     for i, (colour, marker) in enumerate(chosen):
         share, error = float(case.share[i]), float(case.share_error[i])
         words = _KINDS[kinds[i]] + (f" {int(case.period[i])}" if kinds[i] == 0 else "")
-        words += f": {100 * share:.1f} ± {100 * error:.1f} %"
+        words += f": {100 * share:.1f} ± {100 * error:.2f} %"
         options = {"marker": marker, "markerfacecolor": colour, "markeredgecolor": "white"}
         if kinds[i] == 0:
             points = case.state.values[i]

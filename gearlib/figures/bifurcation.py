@@ -49,14 +49,14 @@ def draw(diagram, shares, branches=()):
             strobes.ravel(),
             linestyle="none",
             marker=".",
-            markersize=1.0 if kind == "cold" else 1.8,
+            markersize=1.4 if kind == "cold" else 1.8,
             markeredgewidth=0.0,
             color=colour,
             rasterized=True,
         )
         value, error = one.exponent.values, one.uncertainty.values
         if kind == "cold":
-            middle.plot(tuning, value, ".", markersize=1.0, color=colour, markeredgewidth=0.0)
+            middle.plot(tuning, value, ".", markersize=2.0, color=colour, markeredgewidth=0.0)
         else:
             middle.plot(tuning, value, color=colour, linewidth=0.7)
             low, high = value - 3.0 * error, value + 3.0 * error
@@ -66,7 +66,7 @@ def draw(diagram, shares, branches=()):
         if kind in kinds:
             top.plot([], [], ".", color=_COLOURS[kind], label=words)
     _lay_over(top, branches)
-    top.legend(loc="upper left", markerscale=3.0)
+    top.legend(loc="lower left", markerscale=1.5)
     top.set_ylabel("displacement at $\\tau = 0$\n(static defl.)")
     middle.axhline(0.0, color="black", linewidth=0.5)
     middle.set_ylabel("largest Lyapunov\nexponent per period")

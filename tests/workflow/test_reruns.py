@@ -37,6 +37,8 @@ DRAWN_TRIALS = {
     "draw_work_precision_time": 1,
     "draw_jump_by_method": 1,
 }
+GLOBAL = ("basins", "bifurcation", "poincare")
+DRAWN_GLOBAL = {f"draw_{name}": 1 for name in GLOBAL}
 # What holds wall times: no two runs give the same bytes.
 TIMED = ("results/work_precision/times_", "results/work_precision.csv")
 TIMED += ("results/figures/work_precision_time.",)
@@ -53,6 +55,7 @@ COMPUTED = {
     **STUDIED,
     **TRIED,
     **MEASURED,
+    **dict.fromkeys(GLOBAL, 1),
 }
 ALL_DRAWN = {
     **DRAWN,
@@ -64,6 +67,7 @@ ALL_DRAWN = {
     "draw_nonlinear_damping": 1,
     "draw_failures": 1,
     **DRAWN_TRIALS,
+    **DRAWN_GLOBAL,
 }
 EVERYTHING = {**COMPUTED, **GATHERED, **ALL_DRAWN, "claims": 1}
 
@@ -215,12 +219,15 @@ def test_a_method_more_runs_its_trial(project):
                 "label": DAMPINGS,
                 "draw_resonance": 1,
                 **TRIED,
+                **dict.fromkeys(GLOBAL, 1),
+                **DRAWN_GLOBAL,
             },
         ),
         ("gearlib/trials/hostile.py", TRIED),
         ("gearlib/figures/resonance.py", {"draw_resonance": 1}),
         ("gearlib/figures/style.py", ALL_DRAWN),
         ("gearlib/figures/time_courses.py", DRAWN_SCENES),
+        ("gearlib/figures/poincare.py", {"draw_poincare": 1}),
         ("gearlib/figures/work_precision.py", DRAWN_TRIALS),
         ("gearlib/trials/work_precision.py", {**MEASURED, **DRAWN_TRIALS}),
         ("gearlib/claims/scenes.py", {"claims": 1}),
