@@ -14,6 +14,7 @@ module                  responsibility
 ``parametric_resonance``  tongues: where contact without loss is unstable
 ``frequency_domain``    periodic motions over harmonics: `schmidt`, `harmonic_balance`
 ``lyapunov``            largest Lyapunov exponent of a motion
+``global_dynamics``     attractors and their basins, sections, bifurcation diagrams
 ``labelling``           `trust`: chaos or artefact: one point run in several ways
 ``harmonics``           periodic functions of the mesh phase
 ``profiles``            rectangular, Fourier and tabulated mesh stiffness
@@ -50,7 +51,6 @@ not pay for the numerical stack.
 from importlib import import_module
 
 _PUBLIC = {
-    "__version__": "version",
     "DeadZoneOscillator": "models.dead_zone",
     "Fourier": "profiles",
     "GearPair": "pair",
@@ -61,9 +61,15 @@ _PUBLIC = {
     "SixDegreePair": "models.six_degrees",
     "Steps": "profiles",
     "Tabulated": "profiles",
+    "__version__": "version",
+    "basin_stability": "global_dynamics.basin_stability",
+    "basins": "global_dynamics.basins",
+    "bifurcation_diagram": "global_dynamics.bifurcation",
     "harmonic_balance": "frequency_domain.harmonic_balance",
+    "lyapunov_exponents": "global_dynamics.exponents",
     "methods": "integrators",
     "periodic_orbit": "periodic_orbits",
+    "poincare_section": "global_dynamics.poincare",
     "schmidt": "frequency_domain.schmidt",
     "simulate": "simulation",
     "sweep": "sweeping",
@@ -82,9 +88,14 @@ __all__ = [
     "SixDegreePair",
     "Steps",
     "Tabulated",
+    "basin_stability",
+    "basins",
+    "bifurcation_diagram",
     "harmonic_balance",
+    "lyapunov_exponents",
     "methods",
     "periodic_orbit",
+    "poincare_section",
     "schmidt",
     "simulate",
     "sweep",

@@ -5,21 +5,16 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from gearlib import tunings
+from gearlib.config.mesh import Change
 from gearlib.config.types import (
-    Backlash,
     Colour,
-    ContactRatio,
     DampingCoefficient,
     Finite,
-    Load,
-    Mass,
     Name,
     NonNegative,
     Positive,
     PositiveDampingCoefficient,
     Section,
-    Stiffness,
-    StiffnessRatio,
     Tuning,
     check_grid,
     listing,
@@ -251,19 +246,6 @@ Observable = Literal[
     "fraction_min_stiffness",
     "bounces",
 ]
-
-
-class Change(Section):
-    """Other values for some keys of gear_pair, each as there."""
-
-    max_stiffness: Stiffness = Field(default=None, description="Max stiffness of the case.")
-    stiffness_ratio: StiffnessRatio = Field(
-        default=None, description="Stiffness ratio of the case."
-    )
-    contact_ratio: ContactRatio = Field(default=None, description="Contact ratio of the case.")
-    reduced_mass: Mass = Field(default=None, description="Reduced mass of the case.")
-    load: Load = Field(default=None, description="Load of the case.")
-    backlash: Backlash = Field(default=None, description="Backlash of the case.")
 
 
 class Case(Section):

@@ -85,6 +85,9 @@ EXPERIMENTS = {
         simulates=True,
         with_k1={"analytic_method": 1},
     ),
+    "basins": Experiment({"basins": 1}, {"draw_basins": 1}, simulates=True),
+    "bifurcation": Experiment({"bifurcation": 1}, {"draw_bifurcation": 1}, simulates=True),
+    "poincare": Experiment({"poincare": 1}, {"draw_poincare": 1}, simulates=True),
     "jump_by_method": Experiment(
         {"jump_by_method": 2, "jump_by_method_table": 1},
         {"draw_jump_by_method": 1},
