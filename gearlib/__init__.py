@@ -10,7 +10,7 @@ module                  responsibility
 ``simulation``          `simulate`: one tuning, time course, events, orbit summary
 ``sweeping``            `sweep`: many tunings, orbit summaries
 ``variational``         maps of small deviations over mesh periods
-``periodic_orbits``     `periodic_orbit`: shooting, Floquet multipliers
+``orbits``              periodic orbits, their branches, folds, doublings, grazings
 ``lyapunov``            largest Lyapunov exponent of a motion
 ``labelling``           `trust`: chaos or artefact: one point run in several ways
 ``harmonics``           periodic functions of the mesh phase
@@ -53,10 +53,12 @@ _PUBLIC = {
     "Rectangular": "profiles",
     "SixDegreePair": "models.six_degrees",
     "Tabulated": "profiles",
+    "continue_orbit": "orbits.continuation",
     "methods": "integrators",
-    "periodic_orbit": "periodic_orbits",
+    "periodic_orbit": "orbits.shooting",
     "simulate": "simulation",
     "sweep": "sweeping",
+    "switch_branch": "orbits.continuation",
     "trust": "labelling",
 }
 
@@ -68,10 +70,12 @@ __all__ = [
     "Rectangular",
     "SixDegreePair",
     "Tabulated",
+    "continue_orbit",
     "methods",
     "periodic_orbit",
     "simulate",
     "sweep",
+    "switch_branch",
     "trust",
 ]
 

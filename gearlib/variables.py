@@ -68,9 +68,11 @@ DESCRIPTIONS = {
     "multiplier_real": ("1", "real part of the Floquet multipliers"),
     "multiplier_imaginary": ("1", "imaginary part of the Floquet multipliers"),
     "pattern": ("1", "phases of contact in the order met"),
-    "stable": ("1", "whether all multipliers lie inside the unit circle"),
+    "stable": ("1", "whether no multiplier lies outside the unit circle"),
     "grazing": ("1", "whether the orbit touches a flank line"),
     "residual": ("1", "difference of the states at start and end"),
+    "contacts": ("1", "phases of contact in cyclic order: N normal, B backlash, I inverse mesh"),
+    "orbit_height": ("1", "largest less smallest displacement in static deflections"),
     # numerical stability
     "method": ("1", "method"),
     "steps": ("1", "steps per mesh period"),
