@@ -6,6 +6,7 @@ difference, which decides how fast Newton's method converges, not where to.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -29,19 +30,29 @@ _DIFFERENCE = 1e-5
 _LETTERS = {1: "N", 0: "B", -1: "I"}
 
 
-@dataclass(frozen=True)
 class Evaluation:
     """The shooting equation at one state and parameter, in scaled unknowns."""
 
-    miss: np.ndarray  #: shape (n,)
-    jacobian: np.ndarray  #: shape (n, n + 1)
-    residual: float
-    matrix: np.ndarray  #: map of the whole period, shape (n, n)
+    def __init__(self, problem, y, miss, residual, matrix):
+        self.problem, self.y = problem, y
+        self.miss = miss  #: shape (n,)
+        self.residual = residual
+        self.matrix = matrix  #: map of the whole period, shape (n, n)
 
     @property
     def small(self):
         """Whether the residual counts as none."""
         return self.residual <= RESIDUAL
+
+    @cached_property
+    def jacobian(self):
+        """Derivative of the residuals, shape (n, n + parameters)."""
+        n, y, units = len(self.matrix), self.y, self.problem.units
+        jacobian = np.empty((n, y.size))
+        jacobian[:, :n] = (self.matrix - np.eye(n)) * units[:n] / units[:n, None]
+        for column in range(n, y.size):
+            jacobian[:, column] = self.problem.slope(y, column)
+        return jacobian
 
 
 class Shooting:
@@ -97,19 +108,13 @@ class Shooting:
             tuning, z, end, maps = self._end(y)
         except ValueError as error:
             raise Lost(str(error)) from None
-        matrix = self.reduce @ product(maps) @ self.lift
-        n = len(matrix)
-        units = self.units[:n]
         miss = self.reduce @ (end - z)
+        matrix = self.reduce @ product(maps) @ self.lift
         residual = size_of(miss, z, tuning)
-        jacobian = np.empty((n, y.size))
-        jacobian[:, :n] = (matrix - np.eye(n)) * units / units[:, None]
-        for column in range(n, y.size):
-            jacobian[:, column] = self.reduce @ self._slope(y, column) / units
-        return Evaluation(miss / units, jacobian, residual, matrix)
+        return Evaluation(self, y, miss / self.units[: miss.size], residual, matrix)
 
-    def _slope(self, y, column):
-        """Return the derivative of the end by a scaled parameter."""
+    def slope(self, y, column):
+        """Return the derivative of the scaled residuals by a scaled parameter, shape (n,)."""
         ends, steps = [], []
         for step in (-_DIFFERENCE, _DIFFERENCE):
             moved = y.copy()
@@ -121,7 +126,8 @@ class Shooting:
                 moved[column] = y[column]
                 ends.append(self._end(moved)[2])
             steps.append(moved[column])
-        return (ends[1] - ends[0]) / (steps[1] - steps[0])
+        change = self.reduce @ (ends[1] - ends[0])
+        return change / (steps[1] - steps[0]) / self.units[: change.size]
 
 
 @dataclass(frozen=True)

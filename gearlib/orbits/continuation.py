@@ -21,7 +21,7 @@ from gearlib.orbits.tracing import Lost, correct, tangent
 from gearlib.variables import describe
 
 #: First step, smallest step, step behind a grazing, over the largest.
-_FIRST, _LEAST, _BEHIND = 0.1, 1e-7, 1e-3
+_FIRST, _LEAST, _BEHIND = 0.1, 1e-4, 1e-3
 #: A step that needs at most this many corrections may grow.
 _EASY, _GROWTH = 3, 1.5
 #: Least cosine between the tangents at both ends of a step.
@@ -33,7 +33,15 @@ _AWAY = (0.02, 0.005, 0.1, 1e-3)
 
 
 def continue_orbit(
-    orbit, parameter="tuning", *, to, limits=None, step=0.05, max_points=4000, max_events=MAX_EVENTS
+    orbit,
+    parameter="tuning",
+    *,
+    to,
+    limits=None,
+    max_height=200.0,
+    step=0.05,
+    max_points=4000,
+    max_events=MAX_EVENTS,
 ):
     """Follow a periodic orbit over a parameter, past folds and through changes of contact.
 
@@ -51,6 +59,9 @@ def continue_orbit(
     limits : tuple of float, optional
         The branch also ends where it leaves this interval; by default that between the orbit's
         value and `to`.
+    max_height : float
+        The branch ends at orbits higher than this, in static deflections: without damping a
+        resonance has no top.
     step : float
         Largest step, in static deflections; the way from the orbit's value to `to` counts as one.
     max_points : int
@@ -83,13 +94,14 @@ def continue_orbit(
     to = checks.number("to", to, f"another {name} than that of the orbit", lambda v: v != start)
     with_parameter(orbit.pair, orbit.tuning, name, to)
     low, high = _limits(limits, start, to)
+    max_height = checks.finite_positive("max_height", max_height)
     step = checks.finite_positive("step", step)
     max_points = checks.integer("max_points", max_points, 2)
     problem = Shooting(
         orbit.pair, orbit.tuning, orbit.period, (name,), (abs(to - start),), max_events
     )
     try:
-        points = _follow(problem, orbit, start, to, (low, high), step, max_points)
+        points = _follow(problem, orbit, start, to, (low, high), max_height, step, max_points)
     except Lost as error:
         raise NoOrbit(f"no branch was found at the orbit: {error}") from None
     return _dataset(problem, points, name, to)
@@ -107,7 +119,7 @@ def _limits(limits, start, to):
     return low, high
 
 
-def _follow(problem, orbit, start, to, limits, largest, max_points):
+def _follow(problem, orbit, start, to, limits, max_height, largest, max_points):
     """Return the points of the branch, a list of `BranchPoint`."""
     y = problem.unknowns(orbit.state, [start])
     found = problem.evaluate(y)
@@ -139,6 +151,9 @@ def _follow(problem, orbit, start, to, limits, largest, max_points):
         if end is not None and not grazed:
             if end != to:
                 points[-1] = replace(points[-1], label=special.END)
+            break
+        if points[-1].high - points[-1].low > max_height:
+            points[-1] = replace(points[-1], label=special.END)
             break
         if _closed(points, h):
             break

@@ -25,7 +25,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from gearlib.orbits.branch_points import branch_point
-from gearlib.orbits.tracing import Lost, correct, tangent
+from gearlib.orbits.tracing import correct, tangent
 
 #: Names of the labels; a label is the place in this list.
 LABELS = (
@@ -41,6 +41,9 @@ REGULAR, FOLD, DOUBLING, NEIMARK_SACKER, GRAZING, BRANCH_POINT, END = range(len(
 
 #: Places on a chord are found to this share of it.
 _PLACE = 1e-14
+#: How far behind a grazing, in shares of the chord, the branch is taken up: so that rounding does
+#: not show as contact.
+_BEHIND = 1e-7
 #: A complex pair whose modulus is this far from 1, squared, is not on the circle.
 _ON_CIRCLE = 1e-6
 #: Changes of a test function below this are rounding: nothing is lost or gained on the way.
@@ -65,10 +68,14 @@ _TESTS = ((FOLD, _fold), (DOUBLING, _doubling), (NEIMARK_SACKER, _torus))
 
 
 def between(problem, a, b, share):
-    """Return the `BranchPoint` at a share of the chord from point `a` to point `b`."""
+    """Return the `BranchPoint` at a share of the chord from point `a` to point `b`.
+
+    Its tangent is the chord's: that of the branch costs more and may not be there.
+    """
     chord = b.y - a.y
-    y, found, _ = correct(problem, a.y + share * chord, chord / np.linalg.norm(chord))
-    return branch_point(problem, y, found, tangent(found.jacobian, a.tangent))
+    row = chord / np.linalg.norm(chord)
+    y, found, _ = correct(problem, a.y + share * chord, row)
+    return branch_point(problem, y, found, row)
 
 
 def special_points(problem, a, b):
@@ -126,8 +133,7 @@ def grazing(problem, a, b):
     Lost
         If the branch could not be followed on the chord.
     """
-    low, high = 0.0, 1.0
-    before, after = a, b
+    low, high, before = 0.0, 1.0, a
     while high - low > _PLACE:
         middle = 0.5 * (low + high)
         if not low < middle < high:
@@ -136,11 +142,13 @@ def grazing(problem, a, b):
         if point.pattern == a.pattern:
             low, before = middle, point
         else:
-            high, after = middle, point
+            high = middle
     if before is a:
         # The point itself touches: its place is taken by its neighbour with a label.
         before = between(problem, a, b, low)
+    after = b
+    if high + _BEHIND < 1.0:
+        after = between(problem, a, b, high + _BEHIND)
+        jacobian = problem.evaluate(after.y).jacobian
+        after = replace(after, tangent=tangent(jacobian, after.tangent))
     return replace(before, label=GRAZING), after
-
-
-__all__ = ["LABELS", "Lost", "between", "grazing", "special_points"]

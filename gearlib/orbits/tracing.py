@@ -15,6 +15,8 @@ import numpy as np
 
 #: Corrections after which a point counts as lost, and how far one may lead.
 _MAX_NEWTON, _FARTHEST = 15, 1.0
+#: A second singular value below this share of the largest: the solutions are no single curve.
+_NO_CURVE = 1e-8
 
 
 class Lost(RuntimeError):
@@ -53,7 +55,7 @@ def tangent(jacobian, along):
         At a point where the curve has no single tangent.
     """
     _, sizes, rows = np.linalg.svd(jacobian)
-    if sizes[-1] < 1e-13 * sizes[0]:
-        raise Lost("two branches meet here")
+    if sizes[-1] < _NO_CURVE * sizes[0]:
+        raise Lost("the solutions are no single curve here")
     direction = rows[-1]
     return direction if direction @ along >= 0.0 else -direction
