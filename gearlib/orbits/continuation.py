@@ -17,15 +17,15 @@ from gearlib.orbits import special_points as special
 from gearlib.orbits.branch_points import Shooting, as_orbit, branch_point
 from gearlib.orbits.parameters import check_parameter, known, value_of, with_parameter
 from gearlib.orbits.shooting import NoOrbit, Orbit
-from gearlib.orbits.tracing import Lost, correct, tangent
+from gearlib.orbits.tracing import Lost, advance, at_value, check_straight, correct, tangent
 from gearlib.variables import describe
 
 #: First step, smallest step, step behind a grazing, over the largest.
 _FIRST, _LEAST, _BEHIND = 0.1, 1e-4, 1e-3
 #: A step that needs at most this many corrections may grow.
 _EASY, _GROWTH = 3, 1.5
-#: Least cosine between the tangents at both ends of a step.
-_STRAIGHT = 0.95
+#: Height of an orbit, in static deflections, from which on the largest step grows with it.
+_LARGE = 4.0
 #: A tangent whose share of the parameter is smaller stands across it.
 _VERTICAL = 1e-9
 #: Distances from a period doubling at which the doubled orbit is looked for, scaled.
@@ -64,6 +64,7 @@ def continue_orbit(
         resonance has no top.
     step : float
         Largest step, in static deflections; the way from the orbit's value to `to` counts as one.
+        Where orbits are higher than 4 static deflections the steps grow with them.
     max_points : int
     max_events : int
         As of `gearlib.simulate`.
@@ -135,10 +136,10 @@ def _follow(problem, orbit, start, to, limits, max_height, largest, max_points):
     while len(points) < max_points:
         last = points[-1]
         try:
-            new, corrections = _advance(problem, last, h)
+            new, corrections = _advance(problem, last, h, to)
             end = _passed(last.value, new.value, to, limits, slack)
             if end is not None:
-                new = _at_value(problem, last, new, end)
+                new = _at_end(problem, last, new, end)
             added = _with_special(problem, last, new)
         except Lost:
             h *= 0.5
@@ -160,18 +161,27 @@ def _follow(problem, orbit, start, to, limits, max_height, largest, max_points):
         if grazed:
             h = _BEHIND * largest
         elif corrections <= _EASY:
-            h = min(_GROWTH * h, largest)
+            # Where the motion is large, so may be the steps.
+            h = min(_GROWTH * h, largest * max(1.0, (new.high - new.low) / _LARGE))
     else:
         points[-1] = replace(points[-1], label=points[-1].label or special.END)
     return points
 
 
-def _advance(problem, last, h):
-    """Return (point, corrections) one step of length h behind the last point."""
-    y, found, corrections = correct(problem, last.y + h * last.tangent, last.tangent)
-    direction = tangent(found.jacobian, last.tangent)
-    if direction @ last.tangent < _STRAIGHT:
-        raise Lost("the branch turns within the step")
+def _advance(problem, last, h, to):
+    """Return (point, corrections) one step of length h behind the last point, or at `to`."""
+    goal = to / problem.units[-1]
+    ahead = last.y[-1] + h * last.tangent[-1]
+    if (last.y[-1] - goal) * (ahead - goal) < 0.0:
+        # What lies behind may not be allowed.
+        share = (goal - last.y[-1]) / (ahead - last.y[-1])
+        y, found = at_value(problem, last.y + share * h * last.tangent, -1, goal)
+        if not np.linalg.norm(y - last.y) < 2.0 * h:
+            raise Lost("the step leads too far")
+        direction, corrections = tangent(found.jacobian, last.tangent), 0
+        check_straight(direction, last.tangent)
+    else:
+        y, found, direction, corrections = advance(problem, last.y, last.tangent, h)
     return branch_point(problem, y, found, direction), corrections
 
 
@@ -187,14 +197,11 @@ def _passed(last, new, to, limits, slack):
     return None
 
 
-def _at_value(problem, last, new, value):
+def _at_end(problem, last, new, value):
     """Return the point between two at which the parameter has a value."""
-    row = np.zeros(last.y.size)
-    row[-1] = 1.0
     share = (value - last.value) / (new.value - last.value)
-    y = last.y + share * (new.y - last.y)
-    y[-1] = value / problem.units[-1]
-    y, found, _ = correct(problem, y, row)
+    start = last.y + share * (new.y - last.y)
+    y, found = at_value(problem, start, -1, value / problem.units[-1])
     point = branch_point(problem, y, found, tangent(found.jacobian, last.tangent))
     # Scaling and back may have cost the last digit.
     return replace(point, value=value)
@@ -215,7 +222,7 @@ def _closed(points, h):
     first, last = points[0], points[-1]
     way = first.y - last.y
     near = np.linalg.norm(way) < h
-    return near and first.tangent @ last.tangent > _STRAIGHT and way @ last.tangent >= 0.0
+    return near and first.tangent @ last.tangent > 0.0 and way @ last.tangent >= 0.0
 
 
 def _towards_larger(problem, first):
@@ -285,17 +292,17 @@ def orbit_at(pair, branch, point, *, max_events=MAX_EVENTS):
     max_events : int
         As of `gearlib.simulate`.
     """
-    problem, chosen = _restored(pair, branch, point, max_events)
+    problem, chosen = restored(pair, branch, point, max_events)
     return as_orbit(problem, chosen)
 
 
-def _restored(pair, branch, point, max_events):
+def restored(pair, branch, point, max_events):
     """Return (problem, point) of a branch that is given as a dataset."""
     point = checks.integer("point", point, 0, branch.sizes["point"] - 1)
     name = branch.attrs["parameter"]
     value = float(branch[name][point])
     tuning = value if name == "tuning" else float(branch.tuning)
-    scale = float(np.ptp(branch[name])) or 1.0
+    scale = float(np.ptp(branch[name].values)) or 1.0
     problem = Shooting(pair, tuning, int(branch.period), (name,), (scale,), max_events)
     y = problem.unknowns(branch["state"].values[point], [value])
     return problem, branch_point(problem, y, problem.evaluate(y), np.zeros(y.size))
@@ -327,7 +334,7 @@ def switch_branch(pair, branch, point, *, max_events=MAX_EVENTS):
     NoOrbit
         If the doubled orbit was not found.
     """
-    problem, chosen = _restored(pair, branch, point, max_events)
+    problem, chosen = restored(pair, branch, point, max_events)
     if int(branch.label[point]) != special.DOUBLING:
         raise ValueError(f"point = {point!r} is not allowed: it must be labelled period doubling")
     values, vectors = np.linalg.eig(chosen.matrix)

@@ -15,6 +15,8 @@ import numpy as np
 
 #: Corrections after which a point counts as lost, and how far one may lead.
 _MAX_NEWTON, _FARTHEST = 15, 1.0
+#: Least cosine between the tangents at both ends of a step.
+_STRAIGHT = 0.95
 #: A second singular value below this share of the largest: the solutions are no single curve.
 _NO_CURVE = 1e-8
 
@@ -59,3 +61,33 @@ def tangent(jacobian, along):
         raise Lost("the solutions are no single curve here")
     direction = rows[-1]
     return direction if direction @ along >= 0.0 else -direction
+
+
+def advance(problem, y, along, h):
+    """Return (y, evaluation, tangent, corrections) a step of length h along the curve.
+
+    Raises
+    ------
+    Lost
+        Also if the curve turns within the step.
+    """
+    new, found, corrections = correct(problem, y + h * along, along)
+    direction = tangent(found.jacobian, along)
+    check_straight(direction, along)
+    return new, found, direction, corrections
+
+
+def check_straight(first, second):
+    """Raise `Lost` if two tangents point in different directions."""
+    if not first @ second > _STRAIGHT:
+        raise Lost("the curve turns within the step")
+
+
+def at_value(problem, start, column, value):
+    """Return (y, evaluation) on the curve where one scaled unknown has a value."""
+    row = np.zeros(start.size)
+    row[column] = 1.0
+    start = start.copy()
+    start[column] = value
+    y, found, _ = correct(problem, start, row)
+    return y, found
