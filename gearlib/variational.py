@@ -10,7 +10,7 @@ import numpy as np
 from gearlib import status
 from gearlib.core import orbit
 from gearlib.core import run as core_run
-from gearlib.core.linear import run_linear
+from gearlib.core.linear import run_linear, set_harmonics
 from gearlib.core.linear_variation import vary_linear
 from gearlib.core.mesh import mesh
 from gearlib.core.nonlinear import run_nonlinear
@@ -74,13 +74,21 @@ def period_maps(pair, tuning, state, periods, limit):
         end = np.array([x, v])
     else:
         system, _ = pair.system(tuning)
-        z = np.zeros(system.near.size)
-        z[:n] = state
+        z = _with_excitation(system, state)
         code = vary_linear(system, _TO_BERNSTEIN, z, n, periods, limit, maps)
         end = z[:n].copy()
     if code != status.OK:
         maps[:] = np.nan
     return end, maps, code
+
+
+def _with_excitation(system, state):
+    """Return what a system goes on with from tau = 0: state, constant and harmonics."""
+    z = np.zeros(system.near.size)
+    z[: state.size] = state
+    # The far flank line needs the constant already to tell the contact at the start.
+    set_harmonics(system, z, 0.0)
+    return z
 
 
 def rotation_free(pair):
@@ -121,7 +129,6 @@ def record(pair, tuning, state, periods, limit, samples_per_period=0):
         done = run_nonlinear(pair.law(tuning, _TOLERANCE), _TO_BERNSTEIN, *state, *rest)
     else:
         system, outputs = pair.system(tuning)
-        z = np.zeros(system.near.size)
-        z[: state.size] = state
+        z = _with_excitation(system, state)
         done = run_linear(system, outputs, _TO_BERNSTEIN, z, *rest)
     return done[3][: done[4]], summary, samples
