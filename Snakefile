@@ -25,6 +25,7 @@ rule all:
 include: "workflow/rules/compute.smk"
 include: "workflow/rules/gather.smk"
 include: "workflow/rules/labels.smk"
+include: "workflow/rules/branches.smk"
 include: "workflow/rules/draw.smk"
 include: "workflow/rules/phase_lag.smk"
 include: "workflow/rules/models.smk"

@@ -11,6 +11,7 @@ module                  responsibility
 ``sweeping``            `sweep`: many tunings, orbit summaries
 ``variational``         maps of small deviations over mesh periods
 ``orbits``              periodic orbits, their branches, folds, doublings, grazings
+``branches``            the branches behind Fig. 3, and loci of their special points
 ``lyapunov``            largest Lyapunov exponent of a motion
 ``labelling``           `trust`: chaos or artefact: one point run in several ways
 ``harmonics``           periodic functions of the mesh phase

@@ -71,6 +71,10 @@ DESCRIPTIONS = {
     "stable": ("1", "whether no multiplier lies outside the unit circle"),
     "grazing": ("1", "whether the orbit touches a flank line"),
     "residual": ("1", "difference of the states at start and end"),
+    "branch": ("1", "number of the branch"),
+    "locus": ("1", "number of the locus"),
+    "damping_ratio": ("1", "damping ratio beta of the material in contact"),
+    "own_damping": ("1", "damping ratio of the pair whose branches they are"),
     "contacts": ("1", "phases of contact in cyclic order: N normal, B backlash, I inverse mesh"),
     "orbit_height": ("1", "largest less smallest displacement in static deflections"),
     # numerical stability

@@ -25,6 +25,7 @@ from pydantic import Field, ValidationError, model_validator
 from gearlib.config.experiments import (
     FRICTION_ONLY,
     SIX_ONLY,
+    Branches,
     Figures,
     Jump,
     Labels,
@@ -59,6 +60,7 @@ Target = Literal[
     "phase_planes",
     "scenes",
     "jump",
+    "branches",
     "nonlinear_damping",
     "models",
     "stability_chart",
@@ -87,6 +89,7 @@ class Config(Section):
     six_degrees: SixDegrees
     models: Models
     labels: Labels
+    branches: Branches
     stability_chart: StabilityChart
     failures: Failures
     work_precision: WorkPrecision
@@ -105,6 +108,11 @@ class Config(Section):
                     f"{key}.damping = {damping!r} is not allowed: it must be one of "
                     f"{', '.join(self.dampings)}"
                 )
+        if self.branches.loci.damping not in self.dampings:
+            raise ValueError(
+                f"branches.loci.damping = {self.branches.loci.damping!r} is not allowed: it must "
+                f"be one of {', '.join(self.dampings)}"
+            )
         for name, scene in self.scenes.items():
             self._check_scene(f"scenes.{name}", scene)
         return self

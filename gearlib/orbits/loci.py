@@ -31,7 +31,7 @@ from gearlib.variables import describe
 _DIFFERENCE = 1e-6
 #: The defining function counts as zero below this share of its change per scaled unit.
 _ZERO = 1e-10
-_FIRST, _LEAST, _EASY, _GROWTH = 0.2, 1e-3, 4, 1.5
+_FIRST, _LEAST, _EASY, _GROWTH, _LARGE = 0.2, 1e-3, 4, 1.5, 2.0
 
 
 class _Extended:
@@ -120,7 +120,8 @@ def locus(
     limits : tuple of float
         The locus also ends where the branch's parameter leaves this interval.
     step : float
-        Largest step; one is a static deflection, the range of the branch, the way to `to`.
+        Largest step; one is a static deflection, the range of the branch, the way to `to`. Where
+        the state is larger than 2 static deflections the steps grow with it.
     max_points : int
     max_events : int
         As of `gearlib.simulate`.
@@ -218,7 +219,8 @@ def _follow(problem, y, found, to, limits, largest, max_points):
         if (new_y[-1] - home) * ahead[-1] < 0.0:
             return points, "back at its beginning"
         if corrections <= _EASY:
-            h = min(_GROWTH * h, largest)
+            # Where the state is large, so may be the steps.
+            h = min(_GROWTH * h, largest * max(1.0, np.abs(new_y[:-2]).max() / _LARGE))
     return points, "after max_points"
 
 

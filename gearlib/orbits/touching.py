@@ -15,7 +15,8 @@ from gearlib.orbits.tracing import Lost
 from gearlib.variational import record
 
 _SAMPLES = 512
-_MAX_NEWTON = 8
+#: From the secant through neighbouring velocities two corrections lead to rounding.
+_CORRECTIONS = 2
 
 
 def turning_points(pair, tuning, state, period, max_events):
@@ -40,12 +41,12 @@ def turning_points(pair, tuning, state, period, max_events):
     h = 2.0 * math.pi / _SAMPLES
     ends = [(q[at], q[at + 1]) for q in (x, v * h, a * h * h)]
     power = _polynomial(*ends)
-    slope = power[:-1] * np.arange(5, 0, -1)[:, None]
+    slope, bend = _derivative(power), _derivative(_derivative(power))
+    t = ends[1][0] / (ends[1][0] - ends[1][1])
     with np.errstate(divide="ignore", invalid="ignore"):
-        t = ends[1][0] / (ends[1][0] - ends[1][1])
-        for _ in range(_MAX_NEWTON):
-            t = np.clip(t - np.polyval(slope, t) / np.polyval(_derivative(slope), t), 0.0, 1.0)
-    return (at + t) * h, np.polyval(power, t)
+        for _ in range(_CORRECTIONS):
+            t = np.clip(t - _horner(slope, t) / _horner(bend, t), 0.0, 1.0)
+    return (at + t) * h, _horner(power, t)
 
 
 def _polynomial(x, v, a):
@@ -68,6 +69,13 @@ def _polynomial(x, v, a):
 
 def _derivative(power):
     return power[:-1] * np.arange(len(power) - 1, 0, -1)[:, None]
+
+
+def _horner(power, t):
+    total = power[0]
+    for row in power[1:]:
+        total = total * t + row
+    return total
 
 
 def lines(pair):

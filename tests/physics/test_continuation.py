@@ -1,4 +1,4 @@
-"""Branches of orbits, their special points and loci, against closed forms and other ways to them."""
+"""Branches of orbits, their special points and loci, against closed forms and other ways."""
 
 import math
 
