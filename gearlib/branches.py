@@ -120,12 +120,11 @@ def compute_loci(pair, branches, start, stop, lowest, highest):
     labels = branches.label.values
     wanted = np.isin(labels, (FOLD, DOUBLING, GRAZING)) & (branches.period.values == 1)
     for point in np.flatnonzero(wanted):
-        single = branches.isel(point=[point]).assign(period=branches.period[point])
         for to in (lowest, highest):
             if to == own:
                 continue
             try:
-                curve = locus(pair, single, 0, "damping", to=to, limits=(start, stop))
+                curve = locus(pair, branches, int(point), "damping", to=to, limits=(start, stop))
             except NoOrbit:
                 continue
             size = curve.sizes["point"]

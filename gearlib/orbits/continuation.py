@@ -303,7 +303,9 @@ def restored(pair, branch, point, max_events):
     value = float(branch[name][point])
     tuning = value if name == "tuning" else float(branch.tuning)
     scale = float(np.ptp(branch[name].values)) or 1.0
-    problem = Shooting(pair, tuning, int(branch.period), (name,), (scale,), max_events)
+    # One number, or that of each point where several branches are put together.
+    period = int(branch.period[point] if branch.period.ndim else branch.period)
+    problem = Shooting(pair, tuning, period, (name,), (scale,), max_events)
     y = problem.unknowns(branch["state"].values[point], [value])
     return problem, branch_point(problem, y, problem.evaluate(y), np.zeros(y.size))
 

@@ -205,7 +205,9 @@ def _follow(problem, y, found, to, limits, largest, max_points):
                 if np.linalg.norm(new[0] - y) > 2.0 * h:
                     raise Lost("the step leads too far")
                 return [*points, new], "at its goal"
-            new_y, new_found, direction, corrections = advance(problem, y, along, h)
+            # Where an event meets a stiffness switch, folds and doublings have a corner.
+            corner = h < 2.0 * _LEAST * largest
+            new_y, new_found, direction, corrections = advance(problem, y, along, h, corner)
         except Lost as error:
             h *= 0.5
             if h < _LEAST * largest:
