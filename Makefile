@@ -18,7 +18,7 @@ all: $(INSTALLED)
 test: $(INSTALLED)
 	$(BIN)/ruff check .
 	$(BIN)/lint-imports
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder
 
 peers: $(INSTALLED)
 	$(BIN)/python -m pip install --quiet --constraint requirements/constraints.txt \

@@ -1,9 +1,13 @@
 """The workflow: everything that the configuration asks for, from one command, `snakemake -j2`.
 
-compile -> compute -> gather -> draw, claims: one file of rules for each stage.
+One gear pair, or several side by side: each of `cases` lays its keys over the others, and its
+results go to results/<case>/.
 """
 
+from pathlib import Path
+
 from snakemake.utils import min_version
+from workflow.provenance import write as write_provenance
 
 min_version("9.0")
 
@@ -11,29 +15,19 @@ min_version("9.0")
 configfile: "config.yaml"
 
 
-include: "workflow/rules/common.smk"
+if "cases" in config:
+
+    include: "workflow/cases.smk"
+
+else:
+
+    include: "workflow/Snakefile"
 
 
-report: "workflow/report/workflow.rst"
+# Without this, a Snakefile that only includes others builds nothing.
+workflow.default_target = "all"
 
 
-rule all:
-    input:
-        target_files(),
-
-
-include: "workflow/rules/compute.smk"
-include: "workflow/rules/gather.smk"
-include: "workflow/rules/labels.smk"
-include: "workflow/rules/branches.smk"
-include: "workflow/rules/draw.smk"
-include: "workflow/rules/phase_lag.smk"
-include: "workflow/rules/models.smk"
-include: "workflow/rules/scenes.smk"
-include: "workflow/rules/jump.smk"
-include: "workflow/rules/nonlinear_damping.smk"
-include: "workflow/rules/stability_chart.smk"
-include: "workflow/rules/failures.smk"
-include: "workflow/rules/work_precision.smk"
-include: "workflow/rules/jump_by_method.smk"
-include: "workflow/rules/claims.smk"
+onsuccess:
+    for case in config.get("cases", [""]):
+        write_provenance(Path("results", case), workflow.basedir)

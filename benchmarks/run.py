@@ -22,6 +22,7 @@ from gearlib.core import linear, orbit
 from gearlib.core.nonlinear import run_nonlinear
 from gearlib.core.polynomial import bernstein_matrix
 from gearlib.core.series import ORDER
+from gearlib.explorer.view import look
 
 REPEATS = 7
 DAMPED = GearPair.from_ratios(
@@ -153,6 +154,20 @@ def against_scipy():
     return rows
 
 
+def explorer():
+    """Return rows with the time of one update of the explorer at 500 tunings."""
+    grid = np.linspace(0.5, 1.4, 500)
+    chaotic = DAMPED.replace(material_damping=0.0, backlash_damping=0.0)
+    return [
+        (
+            f"explorer, one update at 500 tunings, {name}",
+            seconds(lambda p=p: look(p, 0.9, grid)),
+            "s",
+        )
+        for name, p in (("damped", DAMPED), ("conservative", chaotic))
+    ]
+
+
 def main():
     """Print a table of figures, one per line."""
     print(machine())
@@ -216,7 +231,7 @@ def main():
     ]
     paper, _, six = models()
     damped = paper.replace(material_damping=3953.7, backlash_damping=3953.7)
-    for name, value, unit in rows + against_scipy() + peers.rows(damped, six):
+    for name, value, unit in rows + explorer() + against_scipy() + peers.rows(damped, six):
         print(f"{name:70s} {value:10.3g} {unit}")
 
 

@@ -12,6 +12,7 @@ module                  responsibility
 ``variational``         maps of small deviations over mesh periods
 ``orbits``              periodic orbits, their branches, folds, doublings, grazings
 ``branches``            the branches behind Fig. 3, and loci of their special points
+``parametric_resonance``  tongues: where contact without loss is unstable
 ``lyapunov``            largest Lyapunov exponent of a motion
 ``labelling``           `trust`: chaos or artefact: one point run in several ways
 ``harmonics``           periodic functions of the mesh phase
@@ -37,6 +38,8 @@ module                  responsibility
 ``claims``              the paper's statements, checked against computed data
 ``trials``              which method is right, at what cost, and where each fails
 ``figures``             one file per figure, functions that return a `Figure`
+``explorer``            sliders in the browser, and what the gear mesh makes of them
+``cli``                 the command ``gearlib``
 ======================  ===========================================================
 
 The names below are loaded on first use, so that reading a configuration does
@@ -61,6 +64,7 @@ _PUBLIC = {
     "simulate": "simulation",
     "sweep": "sweeping",
     "switch_branch": "orbits.continuation",
+    "tongues": "parametric_resonance",
     "trust": "labelling",
 }
 
@@ -79,6 +83,7 @@ __all__ = [
     "simulate",
     "sweep",
     "switch_branch",
+    "tongues",
     "trust",
 ]
 

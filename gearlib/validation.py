@@ -74,9 +74,11 @@ def allowed(node, schema):
     if "const" in node:
         return str(node["const"])
     kind = node["type"]
+    if kind == ["number", "string"]:
+        kind = "number"
     if kind in ("number", "integer"):
         # The one number that may be infinite says so in its comment.
-        finite = "a finite number" if "$comment" not in node else "a number"
+        finite = "a number" if ".inf" in node.get("$comment", "") else "a finite number"
         noun = "an integer" if kind == "integer" else finite
         return " ".join(filter(None, [noun, _range(node), node.get("$comment")]))
     if kind in ("string", "boolean") or isinstance(kind, list):

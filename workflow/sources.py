@@ -6,6 +6,7 @@ it can change and no others, a touched file reruns nothing.
 """
 
 import ast
+from functools import cache
 from pathlib import Path
 
 PACKAGE = "gearlib"
@@ -43,7 +44,13 @@ def sources(script, root):
     return sorted(found)
 
 
+# Most scripts share most modules, and every start of Snakemake lists the sources of all scripts.
+@cache
 def _imported_files(path, root):
+    return list(_follow_imports(path, root))
+
+
+def _follow_imports(path, root):
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"), filename=str(path))):
         if isinstance(node, ast.Import):
             for alias in node.names:

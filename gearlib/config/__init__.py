@@ -4,6 +4,7 @@
 module            responsibility
 ================  ======================================================
 ``types``         what a number, a name, a list may be
+``units``         texts with a unit, read as SI numbers
 ``mesh``          sections of the gears and the length of the runs
 ``experiments``   sections of the experiments and of the figures
 ``trials``        sections of the trials of the methods
@@ -16,7 +17,10 @@ The JSON schema for editors is generated from the model::
 This package stays free of the numerical stack, because every start of the workflow reads it.
 """
 
+import copy
 import json
+import re
+from functools import cache
 from pathlib import Path
 from typing import Literal
 
@@ -31,6 +35,7 @@ from gearlib.config.experiments import (
     Labels,
     Models,
     NonlinearDamping,
+    ParametricResonance,
     PhaseLag,
     PhasePlanes,
     Resonance,
@@ -40,7 +45,7 @@ from gearlib.config.mesh import Damping, GearPairSection, Run, SixDegrees
 from gearlib.config.trials import Failures, JumpByMethod, StabilityChart, WorkPrecision
 from gearlib.config.types import MAX_JOBS, Name, Section, listing
 from gearlib.pair import GearPair
-from gearlib.validation import sentences
+from gearlib.validation import sentences, show
 
 #: Where the generated schema lies, seen from the root of the project.
 SCHEMA_PATH = Path("workflow/schemas/config.schema.json")
@@ -48,6 +53,10 @@ SCHEMA_PATH = Path("workflow/schemas/config.schema.json")
 #: Limits that catch a mistyped step or window before it fills a disk.
 MAX_TUNINGS = 10_000_000
 MAX_SAMPLES = 100_000_000
+
+
+#: Cases are part of the names of rules.
+CASE_NAME = "[A-Za-z][A-Za-z0-9_]*"
 
 
 class ConfigError(ValueError):
@@ -63,6 +72,7 @@ Target = Literal[
     "branches",
     "nonlinear_damping",
     "models",
+    "parametric_resonance",
     "stability_chart",
     "failures",
     "work_precision",
@@ -90,6 +100,7 @@ class Config(Section):
     models: Models
     labels: Labels
     branches: Branches
+    parametric_resonance: ParametricResonance
     stability_chart: StabilityChart
     failures: Failures
     work_precision: WorkPrecision
@@ -147,13 +158,6 @@ class Config(Section):
                     f"{key}.cases[{i}].damping = {case.damping!r} is not allowed: it must be one "
                     f"of {', '.join(self.dampings)}"
                 )
-            known = GearPairSection.model_fields
-            for name in case.change:
-                if name not in known or name == "teeth":
-                    raise ValueError(
-                        f"{key}.cases[{i}].change.{name} is not a known key: it must be one of "
-                        f"{', '.join(k for k in known if k != 'teeth')}"
-                    )
             try:
                 GearPair(**self.case_parameters(case))
             except ValueError as error:
@@ -236,7 +240,7 @@ class Config(Section):
 
     def case_parameters(self, case):
         """Return the keyword arguments of `gearlib.GearPair` for one case of a scene."""
-        return self.pair_parameters(case.damping) | case.change
+        return self.pair_parameters(case.damping) | case.change.model_dump(exclude_unset=True)
 
 
 def load(mapping):
@@ -258,11 +262,78 @@ def load(mapping):
         raise ConfigError("\n".join(sentences(error.errors(), schema()))) from None
 
 
+def cases(mapping):
+    """Return the configurations of all cases: each lays its keys over those beside `cases`.
+
+    Parameters
+    ----------
+    mapping : dict
+        What was read from YAML, with the key ``cases``: name -> keys that differ.
+
+    Returns
+    -------
+    dict
+        name -> mapping, each accepted by `load`.
+
+    Raises
+    ------
+    ConfigError
+        With one sentence per problem, which names the case.
+    """
+    changes = mapping["cases"]
+    if not isinstance(changes, dict) or not changes:
+        raise ConfigError(
+            f"cases = {show(changes)} is not allowed: it must be a mapping of at least one name to "
+            "the keys that differ"
+        )
+    common = {key: value for key, value in mapping.items() if key != "cases"}
+    found, problems = {}, []
+    for name, change in changes.items():
+        if not isinstance(name, str) or not re.fullmatch(CASE_NAME, name):
+            problems.append(
+                f"cases.{name} is not allowed as a name: it must be letters, digits and _, a "
+                "letter first"
+            )
+            continue
+        if not isinstance(change, dict):
+            problems.append(
+                f"cases.{name} = {show(change)} is not allowed: it must be a mapping of the keys "
+                "that differ"
+            )
+            continue
+        found[name] = _laid_over(common, change)
+        try:
+            load(found[name])
+        except ConfigError as error:
+            problems += [f"cases.{name}: {line}" for line in str(error).splitlines()]
+    if problems:
+        raise ConfigError("\n".join(problems))
+    return found
+
+
+def _laid_over(base, change):
+    """Return a copy of `base` with the keys of `change`; mappings are laid over each other."""
+    both = dict(base)
+    for key, value in change.items():
+        inner = isinstance(value, dict) and isinstance(base.get(key), dict)
+        both[key] = _laid_over(base[key], value) if inner else value
+    return both
+
+
+@cache
 def schema():
     """Return the JSON schema of the configuration as a dict."""
     return Config.model_json_schema()
 
 
 def schema_text():
-    """Return the JSON schema as the text of its file."""
-    return json.dumps(schema(), indent=2) + "\n"
+    """Return the JSON schema as the text of its file; it knows the key `cases` too."""
+    whole = copy.deepcopy(schema())
+    whole["properties"]["cases"] = {
+        "description": "Several cases side by side: name -> keys that differ; results/<case>/.",
+        "patternProperties": {f"^{CASE_NAME}$": {"type": "object"}},
+        "additionalProperties": False,
+        "minProperties": 1,
+        "type": "object",
+    }
+    return json.dumps(whole, indent=2) + "\n"

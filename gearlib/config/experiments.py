@@ -6,12 +6,20 @@ from pydantic import Field, model_validator
 
 from gearlib import tunings
 from gearlib.config.types import (
+    Backlash,
     Colour,
+    ContactRatio,
+    DampingCoefficient,
     Finite,
+    Load,
+    Mass,
     Name,
     NonNegative,
     Positive,
+    PositiveDampingCoefficient,
     Section,
+    Stiffness,
+    StiffnessRatio,
     Tuning,
     check_grid,
     listing,
@@ -77,7 +85,7 @@ class PhasePlanes(Section):
 class PhaseLag(Section):
     """The phase lag of the motion behind the mesh stiffness (Fig. 2)."""
 
-    material_dampings: listing(NonNegative, "Material damping k_1 of each curve, N s/m.")
+    material_dampings: listing(DampingCoefficient, "Material damping k_1 of each curve, N s/m.")
     tuning: Tuning = Field(description="Tuning of the courses.")
     start: Tuning = Field(description="First tuning of the lag over the tuning.")
     stop: Tuning = Field(description="Last one; start + a whole multiple of step.")
@@ -120,7 +128,9 @@ class Jump(Section):
 class NonlinearDamping(Section):
     """Linear, quadratic and cubic damping that dissipate alike at one amplitude."""
 
-    damping: Positive = Field(description="Linear coefficient all are equivalent to, N s/m.")
+    damping: PositiveDampingCoefficient = Field(
+        description="Linear coefficient all are equivalent to, N s/m."
+    )
     amplitude: Positive = Field(
         description="Amplitude of the harmonic motion at which they are, static deflections."
     )
@@ -133,6 +143,29 @@ class NonlinearDamping(Section):
     @model_validator(mode="after")
     def _check(self):
         check_grid("nonlinear_damping", self)
+        return self
+
+
+class ParametricResonance(Section):
+    """Tongues of parametric resonance: the motion without loss of contact, and its stability."""
+
+    asked: Tuning = Field(description="Tuning that the sentence about the singular region is on.")
+    start: Tuning = Field(ge=0.05, description="First tuning of the chart.")
+    stop: Tuning = Field(description="Last one; start + a whole multiple of step.")
+    step: number_within(gt=0, le=10) = Field(description="Distance of the tunings of the shades.")
+    values: int = Field(
+        ge=2, le=10_000, description="Values of the stiffness ratio, contact ratio and damping."
+    )
+    least_stiffness_ratio: number_within(ge=0.001, lt=1) = Field(
+        description="Smallest stiffness ratio of the chart."
+    )
+    damping_ratios: listing(
+        NonNegative, "Damping ratios whose tongues are drawn; the first one has the shades."
+    )
+
+    @model_validator(mode="after")
+    def _check(self):
+        check_grid("parametric_resonance", self)
         return self
 
 
@@ -240,6 +273,19 @@ Observable = Literal[
 ]
 
 
+class Change(Section):
+    """Other values for some keys of gear_pair, each as there."""
+
+    max_stiffness: Stiffness = Field(default=None, description="Max stiffness of the case.")
+    stiffness_ratio: StiffnessRatio = Field(
+        default=None, description="Stiffness ratio of the case."
+    )
+    contact_ratio: ContactRatio = Field(default=None, description="Contact ratio of the case.")
+    reduced_mass: Mass = Field(default=None, description="Reduced mass of the case.")
+    load: Load = Field(default=None, description="Load of the case.")
+    backlash: Backlash = Field(default=None, description="Backlash of the case.")
+
+
 class Case(Section):
     """One run of a scene: a column of its figure."""
 
@@ -253,8 +299,8 @@ class Case(Section):
         description="One of the dampings.", json_schema_extra={"$comment": "one of the dampings"}
     )
     tuning: Tuning = Field(description="Tuning nu.")
-    change: dict[Name, Finite] = Field(
-        default={}, description="Other values for keys of gear_pair, in this case only."
+    change: Change = Field(
+        default=Change(), description="Other values for keys of gear_pair, in this case only."
     )
 
 

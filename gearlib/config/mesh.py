@@ -3,12 +3,20 @@
 from pydantic import Field, model_validator
 
 from gearlib.config.types import (
+    Angle,
     Backlash,
+    ContactRatio,
+    DampingCoefficient,
     Finite,
+    Inertia,
+    Length,
+    Load,
+    Mass,
     NonNegative,
-    Positive,
+    RunOut,
     Section,
-    number_within,
+    Stiffness,
+    StiffnessRatio,
     numbers,
 )
 
@@ -16,13 +24,13 @@ from gearlib.config.types import (
 class GearPairSection(Section):
     """The gear pair in SI units, without its damping."""
 
-    max_stiffness: Positive = Field(description="Maximum mesh stiffness C_max, N/m.")
-    stiffness_ratio: number_within(gt=0, le=1) = Field(description="kappa = C_min / C_max.")
-    contact_ratio: number_within(ge=1, le=2) = Field(
+    max_stiffness: Stiffness = Field(description="Maximum mesh stiffness C_max, N/m.")
+    stiffness_ratio: StiffnessRatio = Field(description="kappa = C_min / C_max.")
+    contact_ratio: ContactRatio = Field(
         description="Contact ratio epsilon; both ends mean constant stiffness."
     )
-    reduced_mass: Positive = Field(description="Reduced mass m_red, kg.")
-    load: Positive = Field(description="Mean force F along the line of action, N.")
+    reduced_mass: Mass = Field(description="Reduced mass m_red, kg.")
+    load: Load = Field(description="Mean force F along the line of action, N.")
     backlash: Backlash = Field(
         description="Backlash s_k, m; .inf for a pair without a second flank."
     )
@@ -32,8 +40,8 @@ class GearPairSection(Section):
 class Damping(Section):
     """One combination of linear damping coefficients."""
 
-    material: NonNegative = Field(description="k_1 while the flanks touch, N s/m.")
-    backlash: NonNegative = Field(description="k_1m of the oil in the backlash, N s/m.")
+    material: DampingCoefficient = Field(description="k_1 while the flanks touch, N s/m.")
+    backlash: DampingCoefficient = Field(description="k_1m of the oil in the backlash, N s/m.")
 
 
 class State(Section):
@@ -68,15 +76,15 @@ class Run(Section):
 class SixDegrees(Section):
     """What six degrees of freedom need beyond the gear pair, SI; gear 3 first, then gear 2."""
 
-    base_radii: numbers(Positive, 2, "Rb3, Rb2, m.")
-    inertias: numbers(Positive, 2, "J3, J2, kg m^2.")
-    masses: numbers(Positive, 2, "m3, m2, kg.")
-    bearing_stiffness: numbers(Positive, 4, "C3y, C3z, C2y, C2z, N/m.")
-    bearing_damping: numbers(NonNegative, 4, "k3y, k3z, k2y, k2z, N s/m.")
-    eccentricities: numbers(NonNegative, 2, "e3, e2, run-out of the pitch circles, m.")
-    run_out_phase: Finite = Field(description="Delta, relative phase of the run-out, rad.")
+    base_radii: numbers(Length, 2, "Rb3, Rb2, m.")
+    inertias: numbers(Inertia, 2, "J3, J2, kg m^2.")
+    masses: numbers(Mass, 2, "m3, m2, kg.")
+    bearing_stiffness: numbers(Stiffness, 4, "C3y, C3z, C2y, C2z, N/m.")
+    bearing_damping: numbers(DampingCoefficient, 4, "k3y, k3z, k2y, k2z, N s/m.")
+    eccentricities: numbers(RunOut, 2, "e3, e2, run-out of the pitch circles, m.")
+    run_out_phase: Angle = Field(description="Delta, relative phase of the run-out, rad.")
     friction: numbers(NonNegative, 2, "Coefficients of friction in normal and inverse mesh.")
-    pitch_phase: Finite = Field(description="Mesh phase of the pitch point, rad.")
+    pitch_phase: Angle = Field(description="Mesh phase of the pitch point, rad.")
     moving_backlash: bool = Field(
         description="true: the far flank moves as in Eq. (4); false: it stays s_k behind y = 0.",
         json_schema_extra={"$comment": "true or false"},

@@ -5,10 +5,12 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from gearlib.config.types import (
+    CubicDamping,
     Finite,
     Name,
     Option,
     Positive,
+    PositiveDampingCoefficient,
     Section,
     Tuning,
     check_grid,
@@ -120,8 +122,12 @@ class WorkPrecision(Section):
 
     methods: listing(MethodName, "Names of `gearlib.methods()`.")
     problems: listing(Problem, "Test problems, see gearlib/trials/problems.py.")
-    damping: Positive = Field(description="Linear damping where a problem has any, N s/m.")
-    cubic_damping: Positive = Field(description="Cubic damping of the problem cubic, N s^3/m^3.")
+    damping: PositiveDampingCoefficient = Field(
+        description="Linear damping where a problem has any, N s/m."
+    )
+    cubic_damping: CubicDamping = Field(
+        description="Cubic damping of the problem cubic, N s^3/m^3."
+    )
     periods: int = Field(ge=1, le=10_000, description="Mesh periods of a run.")
     conservative_periods: int = Field(
         ge=1, le=10_000, description="The same without damping, where rounding errors grow fast."

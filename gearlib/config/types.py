@@ -3,7 +3,8 @@
 Numbers: YAML 1.1, which Snakemake reads, takes ``4e8`` or ``4.0e8`` for a text (it wants
 ``4.0e+8``). Such a text, a decimal number with an exponent, is accepted as the number that it
 plainly is. Every other text in place of a number (``"0.66"``, ``"4 kg"``) is refused, and so
-are ``true`` for 1, NaN and, except for a backlash, infinity.
+are ``true`` for 1, NaN and, except for a backlash, infinity. Where a value has a dimension, a
+number is in SI units and a text may name another one of that dimension: ``"4e5 N/mm"``.
 """
 
 import math
@@ -22,6 +23,7 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 
 from gearlib import tunings
+from gearlib.config import units
 
 #: Limit that catches a mistyped step before it makes as many jobs or tunings.
 MAX_JOBS = 10_000
@@ -59,15 +61,45 @@ def number_within(**bounds):
     return Annotated[float, Field(allow_inf_nan=False, **bounds), BeforeValidator(_read_exponent)]
 
 
+def quantity(unit, example, *, infinite=False, **bounds):
+    """Return the type of a number in `unit`, or a text with a unit of the same dimension."""
+
+    def read(value):
+        value = _read_exponent(value)
+        if not isinstance(value, str):
+            return value
+        try:
+            return units.read(value, unit)
+        except ValueError as error:
+            raise PydanticCustomError("quantity", "no quantity") from error
+
+    words = f"in {unit} or a text with its unit such as '{example}'"
+    extra = {
+        "type": ["number", "string"],
+        "pattern": f"^{units.TEXT.pattern}$",
+        "$comment": f"or .inf, {words}" if infinite else words,
+    }
+    field = Field(allow_inf_nan=None if infinite else False, json_schema_extra=extra, **bounds)
+    return Annotated[float, field, BeforeValidator(read)]
+
+
 Finite = number_within()
 Positive = number_within(gt=0)
 NonNegative = number_within(ge=0)
 Tuning = number_within(gt=0, le=100)
-Backlash = Annotated[
-    float,
-    Field(ge=0, json_schema_extra={"$comment": "or .inf"}),
-    BeforeValidator(_read_exponent),
-]
+StiffnessRatio = number_within(gt=0, le=1)
+ContactRatio = number_within(ge=1, le=2)
+Stiffness = quantity("N/m", "4e5 N/mm", gt=0)
+Mass = quantity("kg", "3123 g", gt=0)
+Inertia = quantity("kg m^2", "978.52 kg cm^2", gt=0)
+Load = quantity("N", "3.3 kN", gt=0)
+Length = quantity("m", "100 mm", gt=0)
+RunOut = quantity("m", "10 um", ge=0)
+Backlash = quantity("m", "40 um", ge=0, infinite=True)
+DampingCoefficient = quantity("N s/m", "3.95 N s/mm", ge=0)
+PositiveDampingCoefficient = quantity("N s/m", "3.95 N s/mm", gt=0)
+CubicDamping = quantity("N s^3/m^3", "5e-6 N s^3/mm^3", gt=0)
+Angle = quantity("rad", "30 deg")
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9+_-]+$")]
 Colour = Annotated[
     str,

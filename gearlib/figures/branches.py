@@ -70,9 +70,7 @@ def draw(branches, loci):
     figure = Figure((style.PAGE_WIDTH, _HEIGHT), layout="constrained")
     top, bottom = figure.subplots(2, sharex=True, height_ratios=[1.2, 1.0])
     draw_curve(top, branches, "orbit_height", "black")
-    tuning, height, labels = (
-        branches[name].values for name in ("tuning", "orbit_height", "label")
-    )
+    tuning, height, labels = (branches[name].values for name in ("tuning", "orbit_height", "label"))
     shown = [code for code in _SPECIAL if (labels == code).any()]
     for code in shown:
         _, colour, marker = _SPECIAL[code]
@@ -142,5 +140,11 @@ def _name_places(axes, tuning, height, labels, shown):
         else:
             place = {"xytext": (0, 6), "ha": "center", "va": "bottom"}
         axes.annotate(
-            words, (tuning[i], height[i]), textcoords="offset points", fontsize=6, zorder=4, **place
+            words,
+            (tuning[i], height[i]),
+            textcoords="offset points",
+            fontsize=6,
+            bbox={"boxstyle": "round,pad=0.15", "facecolor": "white", "alpha": 0.85, "lw": 0},
+            zorder=2.5,
+            **place,
         )

@@ -28,6 +28,9 @@ _SHORT_Y_LABEL = "$y$ (static defl.)"
 _CARRIED = {"up": ("-", ">"), "down": ((0, (3, 1)), "<")}
 _COLD_COLOUR = "#8C8C8C"
 
+#: Where the motion without loss of contact is unstable.
+TONGUE_COLOUR = "#F0E44299"
+
 #: In the order of the codes of `gearlib.labelling`.
 _LABEL_COLOURS = (
     ("periodic", "#009E73"),
@@ -38,7 +41,7 @@ _LABEL_COLOURS = (
 
 
 @style.styled()
-def draw(resonance, *, colours=None, labels=None, branches=None):
+def draw(resonance, *, colours=None, labels=None, branches=None, tongues=None):
     """Draw resonance characteristics.
 
     Parameters
@@ -55,6 +58,9 @@ def draw(resonance, *, colours=None, labels=None, branches=None):
     branches : dict of str to xarray.Dataset, optional
         Branches of periodic orbits by damping, as of `gearlib.branches.compute`: thin lines behind
         the curves, solid where stable, dashed where unstable.
+    tongues : xarray.Dataset, optional
+        tuning_from and tuning_to over (damping, order) as of
+        `gearlib.parametric_resonance.explanation`: shades in the panel of each damping.
 
     Returns
     -------
@@ -92,8 +98,14 @@ def draw(resonance, *, colours=None, labels=None, branches=None):
             panel.set_title(style.damping_label(name))
             if labels is not None and name in labels.damping.values:
                 _mark_labels(panel, labels.sel(damping=name))
+            if tongues is not None and name in tongues.damping.values:
+                shade_tongues(panel, tongues.sel(damping=name))
+        handles = []
         if labels is not None:
-            handles = [Patch(facecolor=c, label=f"from rest: {n}") for n, c in _LABEL_COLOURS]
+            handles += [Patch(facecolor=c, label=f"from rest: {n}") for n, c in _LABEL_COLOURS]
+        if tongues is not None:
+            handles.append(Patch(facecolor=TONGUE_COLOUR, label="tongue"))
+        if handles:
             figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
         for panel in panels[-1]:
             panel.set_xlabel("tuning $\\nu_s$")
@@ -186,6 +198,13 @@ def _mark_labels(axes, labels):
     step = np.diff(tuning).min() if tuning.size > 1 else 0.01
     colours = [_LABEL_COLOURS[code][1] for code in labels.label.values]
     axes.bar(tuning, height, step, low, color=colours, linewidth=0, zorder=4)
+
+
+def shade_tongues(axes, tongues):
+    """Shade the tunings of parametric resonance: tuning_from and tuning_to over order."""
+    for low, high in zip(tongues.tuning_from.values, tongues.tuning_to.values, strict=True):
+        if low < high:
+            axes.axvspan(low, high, color=TONGUE_COLOUR, linewidth=0, zorder=0.5)
 
 
 def _draw_curve(axes, curve, colour, line, marker, offset, width=1.0):

@@ -46,6 +46,8 @@ _DAMPINGS = (
     "backlash_cubic_damping",
 )
 _STIFFNESSES = ("quadratic_stiffness", "cubic_stiffness")
+#: Parameters that make the phases between events nonlinear.
+NONLINEAR = _DAMPINGS + _STIFFNESSES
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,7 +75,7 @@ class OneDegreePair:
     deviation: Harmonics = field(default_factory=Harmonics)
 
     def __post_init__(self):
-        for name in _DAMPINGS + _STIFFNESSES:
+        for name in NONLINEAR:
             # A softening stiffness would let the flanks pass through each other.
             value = checks.finite_nonnegative(name, getattr(self, name))
             object.__setattr__(self, name, value)
@@ -136,7 +138,7 @@ class OneDegreePair:
 
     def is_piecewise_linear(self):
         """Return whether the phases between events have closed forms."""
-        linear = not any(getattr(self, name) for name in _DAMPINGS + _STIFFNESSES)
+        linear = not any(getattr(self, name) for name in NONLINEAR)
         return linear and isinstance(self.profile, Rectangular)
 
     def system(self, tuning):
@@ -188,7 +190,7 @@ class OneDegreePair:
 
     def as_dict(self):
         """Return the parameters as plain values, in the order of the fields."""
-        values = {name: getattr(self, name) for name in _DAMPINGS + _STIFFNESSES}
+        values = {name: getattr(self, name) for name in NONLINEAR}
         for name in ("excitation", "deviation"):
             harmonics = getattr(self, name)
             values[name] = {"cosines": harmonics.cosines, "sines": harmonics.sines}

@@ -7,7 +7,6 @@ module              responsibility
 ``work_precision``  errors of a method on a problem, against evaluations and wall time
 ``jump_by_method``  where each method puts the jump from rest, and at what cost
 ``stability``       spectral radii of one period, of fixed-step methods and of the truth
-``no_loss``         conservative motion without loss of contact: orbit, tongues
 ``hostile``         hostile problems: model, tuning, start, what is compared, tolerance
 ``failures``        the verdict of one method on one problem by stated rules; the matrix
 ==================  =====================================================================

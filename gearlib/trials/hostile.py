@@ -24,9 +24,9 @@ from typing import Any, NamedTuple
 from gearlib.models.one_degree import OneDegreePair
 from gearlib.models.six_degrees import SixDegreePair
 from gearlib.pair import GearPair
+from gearlib.parametric_resonance import meissner, no_loss
 from gearlib.profiles import Fourier
 from gearlib.stiffness import levels
-from gearlib.trials import no_loss
 
 QUANTITIES = ("state", "contacts", "orbit", "fractions", "energy", "deviation")
 
@@ -88,7 +88,7 @@ def _grazing(depth):
     # Backwards from the turning point; a depth in the backlash differs from one in contact by
     # depth times itself.
     high = levels(_FREE.contact_ratio, _FREE.stiffness_ratio)[0]
-    start = no_loss.rotate((-depth, 0.0), high, tuning, -phase)
+    start = no_loss.go((-depth, 0.0), high, 0.0, tuning, -phase)
     side = "past" if depth > 0.0 else "short of"
     size = f"{abs(depth):.0e}".replace("e-0", "e-")
     words = f"grazing, {size} {side} the flank line"
@@ -113,7 +113,10 @@ def _resonance(words, tuning, periods, tilt=1e-6):
 
 def _tongue(name, centre, outside, periods):
     """Return the problems inside a tongue of parametric resonance and just beyond its edge."""
-    edge = no_loss.edge(_ENDLESS, centre, outside)
+    equation, between = meissner.equation_of(_ENDLESS), sorted((centre, outside))
+    (order,) = meissner.orders(equation, centre, centre)
+    tongue = meissner.tongue(equation, order)
+    (edge,) = (nu for nu in (tongue.start, tongue.stop) if between[0] < nu < between[1])
     beyond = edge + math.copysign(1e-4, outside - centre)
     return {
         f"tongue_{name}": _resonance(f"inside the tongue at $\\nu$ = {centre:g}", centre, periods),

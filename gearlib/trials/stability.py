@@ -15,16 +15,12 @@ import xarray as xr
 from gearlib import integrators, provenance
 from gearlib.core import orbit
 from gearlib.pair import GearPair
+from gearlib.parametric_resonance.no_loss import linear_pair
 from gearlib.variables import describe
 from gearlib.variational import period_maps
 
 #: Radii are cut at this: what explodes faster explodes all the same.
 LARGEST = 1e6
-
-
-def linear_pair(pair):
-    """Return a pair as the linear mesh: no backlash, the damping of contact everywhere."""
-    return pair.replace(backlash=0.0, backlash_damping=pair.material_damping)
 
 
 def true_radius(pair, tuning):

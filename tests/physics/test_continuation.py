@@ -21,8 +21,9 @@ from gearlib.orbits.parameters import value_of, with_parameter
 from gearlib.orbits.shooting import NoOrbit
 from gearlib.orbits.special_points import DOUBLING, END, FOLD, GRAZING
 from gearlib.orbits.touching import turning_points
-from gearlib.trials import no_loss
-from tests.physics.test_periodic_orbits import DAMPED, FREE
+from gearlib.parametric_resonance import no_loss
+from tests.paper import PAPER as FREE
+from tests.physics.test_periodic_orbits import DAMPED
 from tests.physics.test_six_degrees import gears
 
 #: The places asked for are 1e-8; what is found agrees to the rounding of an orbit, 1e-12, over the

@@ -6,18 +6,10 @@ import numpy as np
 import pytest
 
 from benchmarks.scipy_split import run as scipy_run
-from gearlib import Fourier, GearPair, Harmonics, OneDegreePair, Tabulated, simulate, sweep
+from gearlib import Fourier, Harmonics, OneDegreePair, Tabulated, simulate, sweep
+from tests.paper import PAPER
 
-LINEAR = GearPair(
-    max_stiffness=4e8,
-    stiffness_ratio=0.5879,
-    contact_ratio=1.569,
-    reduced_mass=3.123,
-    load=3289.5396,
-    backlash=40e-6,
-    material_damping=1000.0,
-    backlash_damping=300.0,
-)
+LINEAR = PAPER.replace(material_damping=1000.0, backlash_damping=300.0)
 UNDAMPED = LINEAR.replace(material_damping=0.0, backlash_damping=0.0)
 QUADRATIC = {"quadratic_damping": 3e4, "backlash_quadratic_damping": 2e4}
 CUBIC = {"cubic_damping": 4e5, "backlash_cubic_damping": 2e5}

@@ -10,7 +10,6 @@ import pytest
 import gearlib
 from gearlib import (
     Fourier,
-    GearPair,
     Harmonics,
     OneDegreePair,
     SixDegreePair,
@@ -20,19 +19,11 @@ from gearlib import (
     sweep,
 )
 from gearlib.integrators.peers import heyoka as peer_heyoka
+from tests.paper import PAPER
 
 PEERS = ("heyoka", "cvode", "diffrax", "cyrk", "numbalsoda")
 AVAILABLE = {method.name: method for method in gearlib.methods()}
-PAIR = GearPair(
-    max_stiffness=4e8,
-    stiffness_ratio=0.5879,
-    contact_ratio=1.569,
-    reduced_mass=3.123,
-    load=3289.5396,
-    backlash=40e-6,
-    material_damping=3953.7,
-    backlash_damping=3953.7,
-)
+PAIR = PAPER.replace(material_damping=3953.7, backlash_damping=3953.7)
 FULL = OneDegreePair(
     pair=PAIR.replace(backlash=12e-6, material_damping=1000.0, backlash_damping=300.0),
     profile=Tabulated((0.1, 1.0, 2.5, 4.0, 5.5), (4e8, 3.1e8, 2.4e8, 2.6e8, 3.7e8)),

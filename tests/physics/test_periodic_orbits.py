@@ -5,21 +5,14 @@ import math
 import numpy as np
 import pytest
 
-from gearlib import GearPair, OneDegreePair, periodic_orbit, simulate
+from gearlib import OneDegreePair, periodic_orbit, simulate
 from gearlib.orbits.shooting import NoOrbit
+from tests.paper import PAPER
 from tests.physics.high_precision import propagate
 from tests.physics.test_six_degrees import EVERYTHING, gears
 
-FREE = GearPair(
-    max_stiffness=4e8,
-    stiffness_ratio=0.5879,
-    contact_ratio=1.569,
-    reduced_mass=3.123,
-    load=3289.5396,
-    backlash=40e-6,
-)
-DAMPED = FREE.replace(material_damping=3953.7, backlash_damping=800.0)
-CUBIC = OneDegreePair(pair=FREE, cubic_damping=4e5, backlash_quadratic_damping=2e4)
+DAMPED = PAPER.replace(material_damping=3953.7, backlash_damping=800.0)
+CUBIC = OneDegreePair(pair=PAPER, cubic_damping=4e5, backlash_quadratic_damping=2e4)
 
 
 @pytest.mark.parametrize("nu", [0.55, 0.7, 0.82, 0.9, 1.3])
@@ -50,7 +43,7 @@ def test_an_orbit_in_50_digits():
 
 
 def test_the_unstable_orbit_between_two_attractors():
-    pair = FREE.replace(material_damping=3953.7)
+    pair = PAPER.replace(material_damping=3953.7)
     low = periodic_orbit(pair, 0.8, guess=(0.0, 0.0))
     rest = simulate(pair, 0.9, periods=400).final_state.values
     for nu in np.arange(0.89, 0.799, -0.01):

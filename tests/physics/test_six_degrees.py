@@ -7,25 +7,17 @@ import pytest
 from scipy.linalg import eigh
 
 from benchmarks.scipy_split import run as scipy_run
-from gearlib import GearPair, Harmonics, SixDegreePair, simulate, sweep
+from gearlib import Harmonics, SixDegreePair, simulate, sweep
 from gearlib.core import linear
 from gearlib.core import system as core_system
 from gearlib.integrators.exact import _TO_BERNSTEIN
+from tests.paper import PAPER
 
 RADIUS, BODY = 0.1, 17.27
 
 
 def pair(material=0.0, oil=0.0, backlash=40e-6):
-    return GearPair(
-        max_stiffness=4e8,
-        stiffness_ratio=0.5879,
-        contact_ratio=1.569,
-        reduced_mass=3.123,
-        load=3289.5396,
-        backlash=backlash,
-        material_damping=material,
-        backlash_damping=oil,
-    )
+    return PAPER.replace(backlash=backlash, material_damping=material, backlash_damping=oil)
 
 
 def gears(bearing, material=0.0, oil=0.0, free=False, share=0.02, **more):

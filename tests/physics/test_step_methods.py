@@ -21,17 +21,9 @@ from gearlib import (
 from gearlib.core.field import Contact
 from gearlib.core.steps import Scheme, alpha_step
 from gearlib.stiffness import levels
+from tests.paper import PAPER
 
-PAIR = GearPair(
-    max_stiffness=4e8,
-    stiffness_ratio=0.5879,
-    contact_ratio=1.5,
-    reduced_mass=3.123,
-    load=3289.5396,
-    backlash=40e-6,
-    material_damping=3953.7,
-    backlash_damping=3953.7,
-)
+PAIR = PAPER.replace(contact_ratio=1.5, material_damping=3953.7, backlash_damping=3953.7)
 OIL_FREE = PAIR.replace(contact_ratio=1.569, backlash_damping=0.0)
 TABLE = Tabulated((0.1, 1.0, 2.5, 4.0, 5.5), (4e8, 3.1e8, 2.4e8, 2.6e8, 3.7e8))
 FULL = OneDegreePair(

@@ -6,21 +6,14 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from gearlib import Fourier, GearPair, OneDegreePair, trust
+from gearlib import Fourier, OneDegreePair, trust
 from gearlib.labelling import decide
 from gearlib.lyapunov import Exponent, largest
+from tests.paper import PAPER
 from tests.physics.test_six_degrees import gears
 
-FREE = GearPair(
-    max_stiffness=4e8,
-    stiffness_ratio=0.5879,
-    contact_ratio=1.569,
-    reduced_mass=3.123,
-    load=3289.5396,
-    backlash=40e-6,
-)
-DAMPED = FREE.replace(material_damping=3953.7, backlash_damping=3953.7)
-CUBIC = OneDegreePair(pair=FREE, cubic_damping=4e5, backlash_cubic_damping=4e5)
+DAMPED = PAPER.replace(material_damping=3953.7, backlash_damping=3953.7)
+CUBIC = OneDegreePair(pair=PAPER, cubic_damping=4e5, backlash_cubic_damping=4e5)
 
 
 def test_exponent_of_constant_damping():
@@ -47,9 +40,9 @@ def test_exponents_of_the_models_agree():
         (DAMPED.replace(backlash_damping=0.0), 0.82, "periodic"),
         (CUBIC, 0.9, "periodic"),
         (OneDegreePair(pair=DAMPED, profile=Fourier(5)), 0.9, "undecided"),
-        (FREE, 0.7, "quasi-periodic"),
-        (FREE, 0.9, "chaotic"),
-        (FREE, 0.82, "chaotic"),
+        (PAPER, 0.7, "quasi-periodic"),
+        (PAPER, 0.9, "chaotic"),
+        (PAPER, 0.82, "chaotic"),
     ],
 )
 def test_labels(pair, nu, label):

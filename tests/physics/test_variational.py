@@ -5,20 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from gearlib import Fourier, GearPair, Harmonics, OneDegreePair, simulate
+from gearlib import Fourier, Harmonics, OneDegreePair, simulate
 from gearlib.variational import full_state, moving_components, period_maps, without_rotation
+from tests.paper import PAPER
 from tests.physics.test_six_degrees import EVERYTHING, gears
 
-PAIR = GearPair(
-    max_stiffness=4e8,
-    stiffness_ratio=0.5879,
-    contact_ratio=1.569,
-    reduced_mass=3.123,
-    load=3289.5396,
-    backlash=40e-6,
-    material_damping=3953.7,
-    backlash_damping=800.0,
-)
+PAIR = PAPER.replace(material_damping=3953.7, backlash_damping=800.0)
 LIMIT = 10**6
 STATES = [(0.0, 0.0), (1.2, -2.5), (-1.0, 0.7), (-6.0, -1.0)]
 NONLINEAR = [

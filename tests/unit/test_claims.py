@@ -7,18 +7,11 @@ import numpy as np
 import pytest
 import yaml
 
-from gearlib import GearPair, claims, config, jump, phase_lag, scenes, simulate, sweep
+from gearlib import claims, config, jump, phase_lag, scenes, simulate, sweep
 from gearlib.gathering import gather_phase_planes, gather_resonance
+from tests.paper import PAPER
 
 ROOT = Path(__file__).resolve().parents[2]
-PAIR = GearPair(
-    max_stiffness=4e8,
-    stiffness_ratio=0.5879,
-    contact_ratio=1.569,
-    reduced_mass=3.123,
-    load=3289.5396,
-    backlash=40e-6,
-)
 DAMPINGS = {
     "k1": {"material": 3953.7, "backlash": 0.0},
     "k1m": {"material": 0.0, "backlash": 3953.7},
@@ -33,7 +26,7 @@ def data(tunings, planes, dampings=DAMPINGS):
     """Return (resonance, phase planes) of the paper's pair."""
     curves, runs = [], []
     for name, k in dampings.items():
-        pair = PAIR.replace(material_damping=k["material"], backlash_damping=k["backlash"])
+        pair = PAPER.replace(material_damping=k["material"], backlash_damping=k["backlash"])
         curve = sweep(pair, tunings, **RUN)
         curves.append(curve.assign_coords(damping=name, direction="cold"))
         runs += [
@@ -46,7 +39,7 @@ def data(tunings, planes, dampings=DAMPINGS):
 def lags(dampings=(4000.0, 40.0)):
     """Return the phase lag at one tuning."""
     options = {"harmonics": 2, "periods": 6000, "samples_per_period": 64}
-    return phase_lag.compute(PAIR.as_dict(), list(dampings), 0.72, [0.7], **options)
+    return phase_lag.compute(PAPER.as_dict(), list(dampings), 0.72, [0.7], **options)
 
 
 def configured_scenes():
@@ -69,7 +62,7 @@ def jumps():
     """Return the jump from rest, and what one other initial state makes of it."""
     settings = {"resolution": 1e-5, "displacements": [0.1], "velocities": []}
     settings |= {"harmonics": [], "factors": [], "tolerances": []}
-    pair = PAIR.replace(material_damping=3953.7).as_dict()
+    pair = PAPER.replace(material_damping=3953.7).as_dict()
     return jump.compute(pair, np.linspace(0.81, 0.82, 11), settings, RUN)
 
 
@@ -84,7 +77,7 @@ def verdicts(table):
 
 
 def test_the_paper(paper):
-    table = claims.evaluate(PAIR, DAMPINGS, *paper)
+    table = claims.evaluate(PAPER, DAMPINGS, *paper)
     assert [claim.id for claim in table] == IDS
     # What the data say, pinned: P10 differs because the oil-damped orbit at 0.80 still settles,
     # P11 because the jump from rest lies at 0.8156, not between 0.8150 and 0.8151.
@@ -104,21 +97,21 @@ def test_verdicts_follow_the_data(paper):
     resonance.displacement_min.loc[{"damping": "k1", "tuning": slice(1.2, 1.3)}] = -1.0
     planes.period.loc[{"damping": "none", "tuning": 0.6}] = 1
     table = verdicts(
-        claims.evaluate(PAIR, DAMPINGS, resonance, planes, lags((40.0, 41.0)), paper[3], shown)
+        claims.evaluate(PAPER, DAMPINGS, resonance, planes, lags((40.0, 41.0)), paper[3], shown)
     )
     assert [table[key] for key in ("P3", "P4", "P6", "P7", "P9", "P12", "P13")] == ["differs"] * 7
     assert table["P11"] == "holds"
 
 
 def test_another_pair_differs_in_its_numbers(paper):
-    other = PAIR.replace(contact_ratio=1.3)
+    other = PAPER.replace(contact_ratio=1.3)
     table = claims.evaluate(other, DAMPINGS, *paper)
     assert verdicts(table)["P1"] == "differs" and verdicts(table)["P2"] == "differs"
 
 
 def test_missing_data_are_named_not_guessed():
     few = data(np.arange(0.9, 1.0, 0.05), [0.7], {"k1": DAMPINGS["k1"]})
-    table = claims.evaluate(PAIR, {"k1": DAMPINGS["k1"]}, *few, lags((4000.0,)), jumps(), {})
+    table = claims.evaluate(PAPER, {"k1": DAMPINGS["k1"]}, *few, lags((4000.0,)), jumps(), {})
     assert verdicts(table) == {"P1": "holds", "P2": "holds"} | dict.fromkeys(
         IDS[2:], "not evaluated"
     )
@@ -126,7 +119,7 @@ def test_missing_data_are_named_not_guessed():
 
 
 def test_files(paper, tmp_path):
-    table = claims.evaluate(PAIR, DAMPINGS, *paper)
+    table = claims.evaluate(PAPER, DAMPINGS, *paper)
     claims.write_csv(table, tmp_path / "claims.csv")
     claims.write_markdown(table, tmp_path / "claims.md")
     with (tmp_path / "claims.csv").open(newline="", encoding="utf-8") as file:

@@ -40,7 +40,7 @@ REFUSED = [
     ("gear_pair/contact_ratio", 0.9, "gear_pair.contact_ratio = 0.9", "from 1 to 2"),
     ("gear_pair/stiffness_ratio", 0, "gear_pair.stiffness_ratio = 0", "> 0 and <= 1"),
     ("gear_pair/max_stiffness", -4e8, "gear_pair.max_stiffness = -4", "finite number > 0"),
-    ("gear_pair/reduced_mass", "3.123 kg", "gear_pair.reduced_mass = '3.123 kg'", "> 0"),
+    ("gear_pair/reduced_mass", "3 m", "gear_pair.reduced_mass = '3 m'", "unit such as '3123 g'"),
     ("gear_pair/reduced_mass", "3.123", "gear_pair.reduced_mass = '3.123'", "finite number"),
     ("gear_pair/load", math.nan, "gear_pair.load = nan", "finite number > 0"),
     ("gear_pair/load", math.inf, "gear_pair.load = inf", "finite number > 0"),
@@ -153,7 +153,12 @@ def test_a_wrong_scene_is_refused_in_one_sentence(key, value, fault, allowed):
         ("title", "", "scenes.fig7_damping.cases[0].title = ''", "1 to 60"),
         ("damping", "k9", "scenes.fig7_damping.cases[0].damping = 'k9'", "one of k1, k1m"),
         ("tuning", -0.5, "scenes.fig7_damping.cases[0].tuning = -0.5", "> 0"),
-        ("change", {"contact_ratio": 2.5}, "scenes.fig7_damping.cases[0].change:", "from 1 to 2"),
+        (
+            "change",
+            {"contact_ratio": 2.5},
+            "scenes.fig7_damping.cases[0].change.contact_ratio = 2.5",
+            "from 1 to 2",
+        ),
         ("change", {"mass": 2.5}, "scenes.fig7_damping.cases[0].change.mass", "reduced_mass"),
     ],
 )

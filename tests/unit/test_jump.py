@@ -3,17 +3,10 @@
 import numpy as np
 import pytest
 
-from gearlib import GearPair, jump, simulate
+from gearlib import jump, simulate
+from tests.paper import PAPER
 
-PAIR = GearPair(
-    max_stiffness=4e8,
-    stiffness_ratio=0.5879,
-    contact_ratio=1.569,
-    reduced_mass=3.123,
-    load=3289.5396,
-    backlash=40e-6,
-    material_damping=3953.7,
-)
+PAIR = PAPER.replace(material_damping=3953.7)
 RUN = {"periods": 120, "record_periods": 24}
 
 

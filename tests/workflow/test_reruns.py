@@ -6,66 +6,21 @@ import shutil
 import pytest
 import yaml
 
+from tests.workflow.jobs import (
+    DAMPINGS,
+    EVERYTHING,
+    after_an_edit_of_simulate,
+    after_another_k1,
+    drawn,
+    jobs,
+)
 from tests.workflow.project import ROOT, job_counts, small_project
 
 pytestmark = pytest.mark.slow
 
-DAMPINGS = 4
-GATHERED = {"gather_resonance": 1, "gather_phase_planes": 1}
-DRAWN = {"draw_resonance": 1, "draw_phase_planes": 1}
-SCENES = 4
-DRAWN_SCENES = {"draw_scene": SCENES}
-DRAWN_PLANES = {"gather_phase_planes": 1, "draw_phase_planes": 1, "claims": 1}
-# One window for each of three directions, one tuning.
-SWEEPS, PLANES = DAMPINGS * 3, DAMPINGS
-DRAWN_LAG = {"draw_phase_lag": 1}
-DRAWN_JUMP = {"draw_jump": 1}
-COMPARED = {"compare_models": SCENES, "model_table": 1, "draw_models": 1}
-STUDIED = {"nonlinear_damping": 6, "nonlinear_damping_table": 1, "draw_nonlinear_damping": 1}
-TRIALS = 2
-TRIED = {"trial": TRIALS, "gather_failures": 1, "draw_failures": 1}
-# Two methods each.
-MEASURED = {
-    "work_precision_errors": 2,
-    "work_precision_times": 2,
-    "work_precision_table": 1,
-    "jump_by_method": 2,
-    "jump_by_method_table": 1,
-}
-DRAWN_TRIALS = {
-    "draw_work_precision": 1,
-    "draw_work_precision_time": 1,
-    "draw_jump_by_method": 1,
-}
 # What holds wall times: no two runs give the same bytes.
 TIMED = ("results/work_precision/times_", "results/work_precision.csv")
 TIMED += ("results/figures/work_precision_time.",)
-COMPUTED = {
-    "compile_kernels": 1,
-    "sweep_window": SWEEPS,
-    "phase_plane": PLANES,
-    "scene": SCENES,
-    "phase_lag": 1,
-    "jump": 1,
-    "label": DAMPINGS,
-    "stability_chart": 1,
-    **COMPARED,
-    **STUDIED,
-    **TRIED,
-    **MEASURED,
-}
-ALL_DRAWN = {
-    **DRAWN,
-    **DRAWN_SCENES,
-    **DRAWN_LAG,
-    **DRAWN_JUMP,
-    "draw_stability_chart": 1,
-    "draw_models": 1,
-    "draw_nonlinear_damping": 1,
-    "draw_failures": 1,
-    **DRAWN_TRIALS,
-}
-EVERYTHING = {**COMPUTED, **GATHERED, **ALL_DRAWN, "claims": 1}
 
 
 def edit(path, text):
@@ -106,7 +61,7 @@ def test_order_and_spelling_in_the_configuration_rerun_nothing(project):
 def test_a_new_tuning_runs_its_points_and_what_draws_them(project):
     before = {path: (project / path).stat().st_mtime_ns for path in project.results()}
     project.configure(lambda settings: settings["phase_planes"]["tunings"].append(0.7))
-    assert project.jobs("-j2") == {"phase_plane": DAMPINGS, **DRAWN_PLANES}
+    assert project.jobs("-j2") == jobs("phase_planes", "claims")
     for path, time in before.items():
         if path.startswith(("results/phase_planes/", "results/resonance/")):
             assert (project / path).stat().st_mtime_ns == time, path
@@ -116,7 +71,7 @@ def test_a_new_tuning_runs_its_points_and_what_draws_them(project):
 def test_a_changed_colour_only_redraws(project):
     before = project.results()
     project.configure(lambda settings: settings["figures"]["colours"].update(k1="#123456"))
-    assert project.jobs("-j2") == DRAWN
+    assert project.jobs("-j2") == drawn("resonance", "phase_planes")
     after = project.results()
     changed = {path for path in before if before[path] != after[path]}
     assert {path.rsplit("/", 1)[0] for path in changed} == {"results/figures"}
@@ -124,7 +79,7 @@ def test_a_changed_colour_only_redraws(project):
 
 def test_a_new_format_only_redraws(project):
     project.configure(lambda settings: settings["figures"]["formats"].append("svg"))
-    assert project.planned() == ALL_DRAWN
+    assert project.planned() == drawn()
 
 
 def test_a_raised_stop_leaves_the_computed_windows(project):
@@ -140,26 +95,7 @@ def test_a_raised_stop_leaves_the_computed_windows(project):
 
 def test_a_damping_value_reruns_its_combination(project):
     project.configure(lambda settings: settings["dampings"]["k1"].update(material=4000))
-    assert project.planned() == {
-        "sweep_window": SWEEPS // DAMPINGS,
-        "phase_plane": PLANES // DAMPINGS,
-        "label": 1,
-        # Two of the scenes have a case with this damping, and the jump is its.
-        # Two of the scenes have a case with this damping, and the jumps are its.
-        "compare_models": 2,
-        "model_table": 1,
-        "draw_models": 1,
-        "scene": 2,
-        "draw_scene": 2,
-        "jump": 1,
-        "draw_jump": 1,
-        "jump_by_method": 2,
-        "jump_by_method_table": 1,
-        "draw_jump_by_method": 1,
-        **GATHERED,
-        **DRAWN,
-        "claims": 1,
-    }
+    assert project.planned() == after_another_k1()
 
 
 def test_a_scene_more_runs_that_scene(project):
@@ -198,39 +134,24 @@ def test_a_method_more_runs_its_trial(project):
 
 
 @pytest.mark.parametrize(
-    ("path", "jobs"),
+    ("path", "expected"),
     [
         ("gearlib/core/march.py", EVERYTHING),
-        (
-            "gearlib/simulation.py",
-            {
-                "phase_plane": PLANES,
-                "scene": SCENES,
-                "phase_lag": 1,
-                **DRAWN_PLANES,
-                **DRAWN_SCENES,
-                **DRAWN_LAG,
-                **COMPARED,
-                **STUDIED,
-                "label": DAMPINGS,
-                "draw_resonance": 1,
-                **TRIED,
-            },
-        ),
-        ("gearlib/trials/hostile.py", TRIED),
+        ("gearlib/simulation.py", after_an_edit_of_simulate()),
+        ("gearlib/trials/hostile.py", jobs("failures")),
         ("gearlib/figures/resonance.py", {"draw_resonance": 1}),
-        ("gearlib/figures/style.py", ALL_DRAWN),
-        ("gearlib/figures/time_courses.py", DRAWN_SCENES),
-        ("gearlib/figures/work_precision.py", DRAWN_TRIALS),
-        ("gearlib/trials/work_precision.py", {**MEASURED, **DRAWN_TRIALS}),
-        ("gearlib/claims/scenes.py", {"claims": 1}),
+        ("gearlib/figures/style.py", drawn()),
+        ("gearlib/figures/time_courses.py", drawn("scenes")),
+        ("gearlib/figures/work_precision.py", drawn("work_precision", "jump_by_method")),
+        ("gearlib/trials/work_precision.py", jobs("work_precision", "jump_by_method")),
+        ("gearlib/claims/scenes.py", jobs("claims")),
         ("workflow/scripts/draw_phase_planes.py", {"draw_phase_planes": 1}),
         ("gearlib/config/experiments.py", {}),
     ],
 )
-def test_an_edited_source_reruns_what_depends_on_it(project, path, jobs):
+def test_an_edited_source_reruns_what_depends_on_it(project, path, expected):
     edit(project / path, "\n# one more line\n")
-    assert project.planned() == jobs
+    assert project.planned() == expected
 
 
 def test_only_what_is_wanted(project):

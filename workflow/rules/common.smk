@@ -20,6 +20,9 @@ from workflow.yaml_keys import repeated_keys
 
 ROOT = Path(workflow.basedir)
 
+#: Fig. 2 to 8 and the table of statements.
+PAPER_TARGETS = ["phase_lag", "resonance", "phase_planes", "scenes", "jump", "claims"]
+
 # Scripts import the library beside this Snakefile, whatever else is installed.
 os.environ.update(
     PYTHONPATH=os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
@@ -115,10 +118,10 @@ def work_precision_settings():
     return canonical(CONFIG.work_precision.model_dump(exclude=apart))
 
 
-def target_files():
-    """Return the files that the configuration asks for."""
+def files_by_target():
+    """Return the files of every target, by its name."""
     scenes = [path for name in CONFIG.scenes for path in figure_files(name)]
-    files = {
+    return {
         "phase_lag": figure_files("fig2_phase_shift"),
         "resonance": figure_files("fig3_resonance"),
         "phase_planes": figure_files("fig5_phase_planes"),
@@ -130,6 +133,10 @@ def target_files():
             "results/nonlinear_damping.csv",
         ],
         "models": [*figure_files("models"), "results/models.csv"] if CONFIG.scenes else [],
+        "parametric_resonance": [
+            *figure_files("parametric_resonance"),
+            "results/parametric_resonance.txt",
+        ],
         "stability_chart": figure_files("stability_chart"),
         "failures": figure_files("failures"),
         "work_precision": [
@@ -141,7 +148,18 @@ def target_files():
         "jump_by_method": [*figure_files("jump_by_method"), "results/jump_by_method.csv"],
         "claims": ["results/claims.csv", "results/claims.md"],
     }
+
+
+def target_files():
+    """Return the files that the configuration asks for."""
+    files = files_by_target()
     return [path for target in CONFIG.targets for path in files[target]]
+
+
+def paper_files():
+    """Return the files of the paper's figures and statements."""
+    files = files_by_target()
+    return [path for target in PAPER_TARGETS for path in files[target]]
 
 
 def phase_plane_shards():

@@ -17,6 +17,7 @@ if __name__ == "__main__":
         colours=json.loads(snakemake.params.colours),
         labels=xr.concat(labels, "damping", combine_attrs="drop_conflicts"),
         branches={str(branch.damping.values): branch for branch in branches},
+        tongues=storage.read(snakemake.input.tongues),
     )
     figure.set_dpi(snakemake.params.dpi)
     for path in snakemake.output:

@@ -1,0 +1,18 @@
+"""The command ``gearlib``: what the library does, from the shell.
+
+============  =================================================================
+module        responsibility
+============  =================================================================
+``commands``  one function per command: its options, one library call, output
+``gears``     from options and a configuration to a model
+``output``    what a command prints and writes, and how it ends
+``progress``  a bar or a clock on a terminal, nothing elsewhere
+============  =================================================================
+
+Exit codes: 0 all is well; 1 the computation could not do what was asked, the message says what to
+try; 2 the input is wrong.
+"""
+
+from gearlib.cli.commands import main
+
+__all__ = ["main"]

@@ -1,0 +1,217 @@
+"""The commands: options, one library call, output."""
+
+from pathlib import Path
+
+import click
+
+from gearlib.cli import gears, output, progress
+from gearlib.version import __version__
+
+_RUN = (
+    click.option("--tuning", type=float, required=True, help="nu = mesh / mean eigenfrequency."),
+    click.option(
+        "--state",
+        nargs=2,
+        type=float,
+        default=(0.0, 0.0),
+        show_default=True,
+        help="Displacement and dx/dtau at the start, static deflections.",
+    ),
+)
+
+
+def _run_options(command):
+    for decorate in reversed(_RUN):
+        command = decorate(command)
+    return command
+
+
+class _Group(click.Group):
+    """Wrong input of any command ends with exit code 2 and its sentence."""
+
+    def invoke(self, ctx):
+        try:
+            return super().invoke(ctx)
+        except ValueError as error:
+            raise click.UsageError(str(error)) from None
+
+
+@click.group(
+    cls=_Group,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+    epilog="Exit codes: 0 well; 1 the computation could not do what was asked; 2 wrong input.",
+)
+@click.version_option(__version__, prog_name="gearlib")
+def main():
+    """Nonlinear dynamics of gear meshes.
+
+    The gears come from a configuration of the workflow (--config, --damping), from options, or
+    from both, the options coming first; values take units, as in --backlash "40 um".
+    """
+
+
+@main.command()
+@gears.options
+@_run_options
+@click.option("--periods", type=int, default=200, show_default=True, help="Mesh periods.")
+@click.option("--record-periods", type=int, default=1, show_default=True, help="Recorded ones.")
+@click.option("--samples", type=int, default=256, show_default=True, help="Samples per period.")
+@click.option("--method", help="A name of gearlib.methods().")
+@output.options
+def simulate(pair, tuning, state, periods, record_periods, samples, method, output_path, force):
+    """Run one tuning: time course, contact events, orbit summary."""
+    output.check(output_path, force)
+    import gearlib
+
+    with progress.clock("simulating"):
+        run = gearlib.simulate(
+            pair,
+            tuning,
+            periods=periods,
+            record_periods=record_periods,
+            samples_per_period=samples,
+            initial_state=state,
+            method=method,
+        )
+    if run.status != 0:
+        output.fail(run.status.attrs["message"])
+    output.table(
+        run,
+        [
+            "displacement_max",
+            "displacement_min",
+            "dynamic_force_max",
+            "fraction_normal",
+            "bounces",
+            "period",
+            "static_deflection",
+        ],
+    )
+    output.save(run, output_path)
+
+
+@main.command()
+@gears.options
+@click.option("--start", type=float, default=0.5, show_default=True, help="First tuning.")
+@click.option("--stop", type=float, default=1.4, show_default=True, help="Last tuning.")
+@click.option("--points", type=int, default=901, show_default=True, help="Number of tunings.")
+@click.option(
+    "--direction",
+    type=click.Choice(["cold", "up", "down"]),
+    default="cold",
+    show_default=True,
+    help="From rest each, or carrying the state along.",
+)
+@click.option("--periods", type=int, default=200, show_default=True, help="Mesh periods.")
+@click.option("--record-periods", type=int, default=10, show_default=True, help="Recorded ones.")
+@click.option("--method", help="A name of gearlib.methods().")
+@output.options
+def sweep(
+    pair, start, stop, points, direction, periods, record_periods, method, output_path, force
+):
+    """Run many tunings: the resonance characteristic."""
+    output.check(output_path, force)
+    if points < 2 or not 0.0 < start < stop:
+        raise click.UsageError(
+            f"start = {start!r}, stop = {stop!r}, points = {points} is not allowed: it must be 0 < "
+            "start < stop and at least 2 points"
+        )
+    import numpy as np
+    import xarray as xr
+
+    import gearlib
+
+    settings = {
+        "periods": periods,
+        "record_periods": record_periods,
+        "direction": direction,
+        "method": method,
+    }
+    grid = np.linspace(start, stop, points)
+    if direction == "cold":
+        # In pieces, so that the bar can move; the tunings do not know of each other.
+        pieces = np.array_split(grid, min(points, 50))
+        parts = []
+        with progress.counter("tunings", points) as done:
+            for piece in pieces:
+                parts.append(gearlib.sweep(pair, piece, **settings))
+                done(len(piece))
+        curve = xr.concat(parts, "tuning", data_vars="minimal", combine_attrs="identical")
+    else:
+        with progress.clock(f"{points} tunings {direction}"):
+            curve = gearlib.sweep(pair, grid, **settings)
+    failed = int((curve.status != 0).sum())
+    if failed == points:
+        output.fail("no run could go on: see gearlib.status for what each code says")
+    top = curve.isel(tuning=int(curve.displacement_max.argmax("tuning")))
+    click.echo(f"{points} tunings, {failed} of them could not go on; the highest displacement:")
+    output.table(top, ["tuning", "displacement_max", "displacement_min", "dynamic_force_max"])
+    output.save(curve, output_path)
+
+
+@main.command()
+@gears.options
+@click.option("--tuning", type=float, required=True, help="nu = mesh / mean eigenfrequency.")
+@click.option("--period", type=int, default=1, show_default=True, help="Mesh periods of it.")
+@click.option("--guess", nargs=2, type=float, help="Displacement and dx/dtau near the orbit.")
+@output.options
+def orbit(pair, tuning, period, guess, output_path, force):
+    """Find a periodic orbit and its Floquet multipliers."""
+    output.check(output_path, force)
+    import gearlib
+    from gearlib.orbits.shooting import NoOrbit
+
+    try:
+        with progress.clock("shooting"):
+            found = gearlib.periodic_orbit(pair, tuning, guess=guess, period=period)
+    except NoOrbit as error:
+        output.fail(str(error))
+    click.echo(f"{'stable' if found.stable else 'unstable'} orbit of period {found.period}")
+    click.echo(f"state at tau = 0     {' '.join(f'{x:.15g}' for x in found.state)}")
+    click.echo(f"Floquet multipliers  {' '.join(f'{x:.12g}' for x in found.multipliers)}")
+    click.echo(f"contact pattern      {' '.join(str(code) for code in found.pattern)}")
+    if found.grazing:
+        click.echo("It touches a flank line: the multipliers hold on one side of it only.")
+    output.save(found.dataset(), output_path)
+
+
+@main.command()
+@gears.options
+@_run_options
+@click.option("--periods", type=int, default=2000, show_default=True, help="To settle.")
+@output.options
+def trust(pair, tuning, state, periods, output_path, force):
+    """Chaos or artefact: run one tuning in several ways and label its motion."""
+    output.check(output_path, force)
+    import gearlib
+
+    with progress.clock("running it in several ways"):
+        found = gearlib.trust(pair, tuning, periods=periods, initial_state=state)
+    click.echo(f"{found.label}: {found.message}")
+    click.echo(f"Lyapunov exponent    {found.exponent:.6g} +- {found.uncertainty:.2g} per period")
+    output.save(found.runs, output_path)
+    if found.label == "undecided":
+        output.fail("undecided: see the message above for what to try")
+
+
+@main.command()
+@click.option(
+    "--config",
+    "config_path",
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    default="config.yaml",
+    show_default=True,
+    help="Configuration of the workflow to start from.",
+)
+@click.option("--damping", help="One of its dampings, by name; else the first.")
+@click.option("--port", type=int, default=0, help="Port on this machine; any free one by default.")
+@click.option("--show/--no-show", default=True, help="Whether to open a browser.")
+def explore(config_path, damping, port, show):
+    """Explore the gear mesh with sliders, in the browser."""
+    settings = gears.read_config(config_path)
+    damping = gears.choose_damping(settings, damping)
+    try:
+        from gearlib.explorer import page
+    except ModuleNotFoundError as error:
+        output.fail(f"{error.name} is missing: install gearlib[explore]")
+    page.serve(settings, damping, port, show)

@@ -1,0 +1,54 @@
+"""What a command prints and writes, and how it ends."""
+
+from pathlib import Path
+
+import click
+
+
+def options(command):
+    """Give a command the options of its output."""
+    for decorate in (
+        click.option("--force", is_flag=True, help="Replace the file if there is one."),
+        click.option(
+            "-o",
+            "--output",
+            "output_path",
+            type=click.Path(dir_okay=False, path_type=Path),
+            help="netCDF file to write; without it, only the summary is printed.",
+        ),
+    ):
+        command = decorate(command)
+    return command
+
+
+def check(output, force):
+    """Refuse, before anything is computed, to replace a file unasked or to write to no folder."""
+    if output is None:
+        return
+    if output.exists() and not force:
+        raise click.UsageError(f"{output} is there already: choose another name, or give --force")
+    if not output.parent.is_dir():
+        raise click.UsageError(f"{output} cannot be written: there is no folder {output.parent}")
+
+
+def save(dataset, output):
+    """Write a dataset where asked."""
+    from gearlib import storage
+
+    if output is not None:
+        storage.write(dataset, output)
+        click.echo(f"written to {output}")
+
+
+def table(dataset, names):
+    """Print variables with their values, units and long names."""
+    for name in names:
+        variable = dataset[name]
+        unit = variable.attrs.get("units", "1")
+        value = f"{variable.item():.10g}" + ("" if unit == "1" else f" {unit}")
+        click.echo(f"{name:20} {value:24} {variable.attrs.get('long_name', '')}")
+
+
+def fail(message):
+    """End with exit code 1."""
+    raise click.ClickException(message)

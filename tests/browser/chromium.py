@@ -1,0 +1,47 @@
+"""Headless Chromium for the tests of pages, where it is installed."""
+
+import shutil
+import time
+
+import pytest
+from selenium import webdriver
+
+#: Nothing but the page itself is to be fetched.
+_SWITCHES = ["--headless=new", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"]
+_SWITCHES += ["--disable-background-networking", "--disable-component-update", "--disable-sync"]
+_SWITCHES += ["--window-size=1400,900", "--disable-dev-shm-usage"]
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory):
+    """A browser whose downloads go to `browser.downloads`; skipped with the reason if absent."""
+    paths = [shutil.which(name) for name in ("chromium", "chromedriver")]
+    if None in paths:
+        pytest.skip("chromium and chromedriver are not installed")
+    downloads = tmp_path_factory.mktemp("downloads")
+    options = webdriver.ChromeOptions()
+    options.binary_location = paths[0]
+    for switch in [*_SWITCHES, f"--user-data-dir={tmp_path_factory.mktemp('profile')}"]:
+        options.add_argument(switch)
+    options.add_experimental_option("prefs", {"download.default_directory": str(downloads)})
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    driver = webdriver.Chrome(options=options, service=webdriver.ChromeService(paths[1]))
+    driver.downloads = downloads
+    yield driver
+    driver.quit()
+
+
+def errors(driver):
+    """Return the errors in the console since the last call."""
+    return [entry["message"] for entry in driver.get_log("browser") if entry["level"] == "SEVERE"]
+
+
+def wait_for(condition, seconds=60.0):
+    """Wait until a condition gives something true, and return that."""
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        found = condition()
+        if found:
+            return found
+        time.sleep(0.1)
+    raise TimeoutError("the page did not come to show it")

@@ -1,0 +1,131 @@
+"""The explorer: what the sliders say, what is drawn and saved; once in a real browser."""
+
+import re
+import socket
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import yaml
+from selenium.webdriver.common.keys import Keys
+
+import gearlib
+from gearlib import config
+from gearlib.explorer import page, view
+from tests.browser.chromium import browser, errors, wait_for
+
+assert browser  # a fixture
+
+GRID = np.linspace(0.6, 0.9, 31)
+
+
+@pytest.fixture(scope="module")
+def settings(request):
+    text = (request.config.rootpath / "config.yaml").read_text(encoding="utf-8")
+    return config.load(yaml.safe_load(text))
+
+
+@pytest.fixture
+def pair(settings):
+    return gearlib.GearPair(**settings.pair_parameters("k1"))
+
+
+def test_a_setting_stands_for_its_pair(pair):
+    setting = view.Setting.of(pair, 0.7)
+    again = setting.pair(pair)
+    # Damping goes through its ratio and back: equal to a rounding or two.
+    assert again.material_damping == pytest.approx(pair.material_damping, rel=1e-14)
+    assert replace(again, material_damping=pair.material_damping) == pair
+
+
+def test_a_view_shows_what_the_library_computes(pair):
+    seen = view.look(pair, 0.9, GRID)
+    run = gearlib.simulate(pair, 0.9, periods=300, record_periods=2)
+    np.testing.assert_array_equal(seen.course["displacement"], run.displacement)
+    orbit = gearlib.periodic_orbit(pair, 0.9)
+    np.testing.assert_allclose(np.abs(seen.multipliers), np.abs(orbit.multipliers), rtol=1e-9)
+    up = gearlib.sweep(pair, GRID, periods=100, record_periods=10, direction="up")
+    np.testing.assert_array_equal(seen.up["displacement_max"], up.displacement_max)
+    assert "loses contact" in seen.message
+
+
+def test_what_is_saved_computes_what_is_seen(settings, pair):
+    setting = replace(view.Setting.of(pair, 0.73), backlash=60e-6, stiffness_ratio=0.7)
+    saved = config.load(yaml.safe_load(view.configuration(settings, "k1", setting)))
+    assert gearlib.GearPair(**saved.pair_parameters("k1")) == setting.pair(pair)
+    assert saved.phase_planes.tunings == [0.73]
+    assert saved.scenes == settings.scenes
+
+
+def test_moving_a_slider_updates_every_source(settings):
+    shown = page.Page(settings, "k1")
+    before = {name: source.data["y"] for name, source in shown._sources.items()}
+    shown.sliders["damping"].value = 0.03
+    for name, source in shown._sources.items():
+        assert source.data["y"] is not before[name], name
+        assert len(source.data["x"]) > 0, name
+
+
+@pytest.fixture(scope="module")
+def address(request):
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    command = [sys.executable, "-m", "gearlib", "explore", "--no-show", "--port", str(port)]
+    server = subprocess.Popen(
+        command, cwd=request.config.rootpath, stdout=subprocess.PIPE, stderr=subprocess.STDOUT
+    )
+    yield f"http://127.0.0.1:{port}"
+    server.kill()
+    server.wait()
+
+
+def _everywhere(driver, selector):
+    """Return the elements that match in the document and all shadow roots."""
+    return driver.execute_script(
+        """
+        const found = [];
+        const search = root => {
+            found.push(...root.querySelectorAll(arguments[0]));
+            root.querySelectorAll("*").forEach(e => e.shadowRoot && search(e.shadowRoot));
+        };
+        search(document);
+        return found;
+        """,
+        selector,
+    )
+
+
+def _note(driver):
+    for element in _everywhere(driver, "p"):
+        if "The motion from rest" in element.text:
+            return element.text
+    return ""
+
+
+def _reachable(driver, address):
+    try:
+        driver.get(address)
+    except Exception:  # the server is not there yet
+        return False
+    return "gearlib" in driver.title
+
+
+@pytest.mark.slow
+def test_in_a_browser(browser, address, settings):
+    wait_for(lambda: _reachable(browser, address))
+    first = wait_for(lambda: _note(browser))
+    assert "the flanks never part" in first
+    handle = wait_for(lambda: _everywhere(browser, ".noUi-handle"))[0]
+    handle.send_keys(Keys.PAGE_UP * 12)
+    second = wait_for(lambda: _note(browser) != first and _note(browser))
+    assert re.search(r"Computed in \d+ ms", second)
+    (button,) = _everywhere(browser, "a.bk-btn, button.bk-btn, a[download]")[:1]
+    button.click()
+    saved = wait_for(lambda: list(browser.downloads.glob("config*.yaml")))[0]
+    text = wait_for(lambda: saved.read_text(encoding="utf-8"))
+    tunings = config.load(yaml.safe_load(text)).phase_planes.tunings
+    assert tunings[0] > settings.phase_planes.tunings[0]
+    assert errors(browser) == []

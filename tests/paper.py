@@ -1,0 +1,12 @@
+"""The paper's gear pair (Fig. 3), without damping: tests lay theirs over it."""
+
+from gearlib.pair import GearPair
+
+PAPER = GearPair(
+    max_stiffness=4e8,
+    stiffness_ratio=0.5879,
+    contact_ratio=1.569,
+    reduced_mass=3.123,
+    load=3289.5396,
+    backlash=40e-6,
+)

@@ -1,0 +1,297 @@
+"""Tongues of parametric resonance: 50 digits, Mathieu, Meissner, monodromy, growing motions."""
+
+import math
+
+import mpmath
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.special import mathieu_a, mathieu_b
+
+from gearlib import Fourier, GearPair, Harmonics, OneDegreePair, Tabulated, simulate, tongues
+from gearlib.parametric_resonance import find, hill, meissner, no_loss
+from gearlib.variational import period_maps
+from tests.physics.test_six_degrees import EVERYTHING, gears
+
+PAPER = (1.569, 0.5879)
+#: Contact ratio, stiffness ratio, damping ratio; in the last two the softer stretch is over-damped.
+MESHES = [
+    (*PAPER, 0.0),
+    (*PAPER, 0.0061),
+    (1.2, 0.3, 0.03),
+    (1.93, 0.05, 0.0),
+    (1.5, 1e-3, 0.05),
+    (1.065, 4.6e-4, 0.25),
+]
+
+
+def mesh(contact_ratio, stiffness_ratio, damping=0.0, **more):
+    return GearPair.from_ratios(
+        contact_ratio=contact_ratio, stiffness_ratio=stiffness_ratio, damping=damping, **more
+    )
+
+
+def map_in_50_digits(contact_ratio, stiffness_ratio, damping, tuning):
+    """Return the map of (x, dx/dtau) over one period by matrix exponentials of the stretches."""
+    epsilon, kappa, beta, nu = map(
+        mpmath.mpf, map(mpmath.mpmathify, (contact_ratio, stiffness_ratio, damping, tuning))
+    )
+    mean = kappa + (1 - kappa) * (epsilon - 1)
+    half = mpmath.pi * (epsilon - 1), 2 * mpmath.pi * (2 - epsilon)
+    matrix = mpmath.eye(2)
+    for c, length in ((1, half[0]), (kappa, half[1]), (1, half[0])):
+        # The closed form by complex roots of the characteristic equation.
+        root = mpmath.sqrt(mpmath.mpc(beta**2 - c / mean)) / nu
+        a = beta / nu
+        cosh, sinh = mpmath.cosh(root * length), mpmath.sinh(root * length) / root
+        decay = mpmath.exp(-a * length)
+        rows = [[cosh + a * sinh, sinh], [-c / mean / nu**2 * sinh, cosh - a * sinh]]
+        matrix = mpmath.matrix(rows) * decay * matrix
+    return matrix.apply(mpmath.re)
+
+
+def miss_in_50_digits(ratios, sign):
+    """Return det(M - sign I) as a function of the tuning."""
+
+    def miss(nu):
+        m = map_in_50_digits(*ratios, nu)
+        return 1 - sign * (m[0, 0] + m[1, 1]) + m[0, 0] * m[1, 1] - m[0, 1] * m[1, 0]
+
+    return miss
+
+
+@pytest.mark.parametrize("ratios", MESHES)
+def test_edges_in_50_digits(ratios):
+    found = [one for one in find(mesh(*ratios), 0.3, 6.0) if one.growth > 0.0]
+    assert found
+    with mpmath.workdps(50):
+        for one in found:
+            miss = miss_in_50_digits(ratios, one.multiplier)
+            for nu in (one.start, one.stop):
+                near = mpmath.mpf(nu), mpmath.mpf(nu) * (1 + mpmath.mpf("1e-13"))
+                true = mpmath.findroot(miss, near, solver="secant", verify=False)
+                assert abs(miss(true)) < 1e-40
+                assert abs(float(true - nu)) < 1e-12, (one, float(true))
+
+
+@pytest.mark.parametrize("ratios", MESHES)
+@pytest.mark.parametrize("nu", [0.4, 0.66, 2.1])
+def test_the_map_of_one_period(ratios, nu):
+    pair = mesh(*ratios)
+    found, _ = no_loss.period_map(pair, nu)
+    with mpmath.workdps(50):
+        true = np.array(map_in_50_digits(*ratios, nu).tolist(), float)
+    # The phases of a period round by themselves times 1e-16, the slower of them up to 100 rad.
+    np.testing.assert_allclose(found, true, rtol=0, atol=1e-12 * max(1.0, np.abs(true).max()))
+    _, numerical, _ = period_maps(no_loss.linear_pair(pair), nu, np.zeros(2), 1, 10**6)
+    np.testing.assert_allclose(found, numerical[0], rtol=0, atol=1e-12 * np.abs(true).max())
+    liouville = math.exp(-4.0 * math.pi * ratios[2] / nu)
+    assert np.linalg.det(found) == pytest.approx(liouville, rel=1e-10, abs=1e-13)
+    radius = np.abs(np.linalg.eigvals(true)).max()
+    # An eigenvalue next to a double one moves by the square root of rounding.
+    assert meissner.growth(*ratios, nu) == pytest.approx(math.log(radius), abs=1e-7)
+
+
+def test_every_tongue_is_found_and_is_one_interval():
+    random = np.random.default_rng(7)
+    for _ in range(60):
+        ratios = 1.0 + random.random(), 10.0 ** random.uniform(-4.0, 0.0)
+        damping = random.choice([0.0, 10.0 ** random.uniform(-4.0, 0.5)])
+        nu = 1.0 / np.linspace(0.25, 3.0, 3001)
+        grows = meissner.growth(*ratios, damping, nu) > 1e-9
+        inside, close = np.zeros((2, nu.size), bool)
+        for one in find(mesh(*ratios, damping), 0.3, 4.5):
+            inside |= (nu > one.start) & (nu < one.stop)
+            # The growth has the root of rounding at the edges.
+            close |= np.minimum(np.abs(nu - one.start), np.abs(nu - one.stop)) < 1e-8
+        assert ((grows == inside) | close).all(), (ratios, damping)
+
+
+@pytest.mark.parametrize("order", [1, 2, 3, 4])
+def test_the_damping_that_closes_a_tongue(order):
+    found = meissner.closing_damping(*PAPER, order)
+    below, above = (
+        meissner.tongue(meissner.equation(*PAPER, found * (1.0 + side * 1e-9)), order)
+        for side in (-1, 1)
+    )
+    assert below.start < below.stop and math.isnan(above.start)
+    sign = -1 if order % 2 else 1
+    with mpmath.workdps(50):
+
+        def miss(nu, beta):
+            return miss_in_50_digits((*PAPER, beta), sign)(nu)
+
+        def slope(nu, beta):
+            return mpmath.diff(lambda x: miss(x, beta), nu)
+
+        true = mpmath.findroot([miss, slope], (below.peak, found), tol=1e-30)
+    assert found == pytest.approx(float(true[1]), abs=1e-12)
+
+
+def test_damping_may_open_a_closed_tongue_again():
+    # The softer stretch is next to over-damped: damping lowers its frequency before all.
+    ratios, order = (1.0653989653616667, 0.00046219012511841736), 5
+    equations = [meissner.equation(*ratios, damping) for damping in (0.036, 0.05, 0.3)]
+    first, closed, again = (meissner.tongue(one, order).growth for one in equations)
+    assert first > 0.0 > closed and again > 0.0
+    assert meissner.closing_damping(*ratios, order) > 0.3
+
+
+@pytest.mark.parametrize("order", [2, 3, 5])
+def test_tongues_are_pinched_where_half_waves_fit(order):
+    for kappa, nu in meissner.coexistence(order, contact_ratio=PAPER[0]):
+        pair = mesh(PAPER[0], kappa)
+        matrix, _ = no_loss.period_map(pair, nu)
+        # All solutions are periodic: Meissner's equation has no instability there.
+        np.testing.assert_allclose(matrix, (-1.0) ** order * np.eye(2), atol=1e-13)
+        one = meissner.tongue(meissner.equation_of(pair), order)
+        assert one.stop - one.start < 1e-14 and one.start == pytest.approx(nu, rel=1e-14)
+        assert meissner.closing_damping(PAPER[0], kappa, order) < 1e-13
+        back = meissner.coexistence(order, stiffness_ratio=kappa)
+        assert np.abs(back - (PAPER[0], nu)).sum(axis=1).min() < 1e-14
+    assert len(meissner.coexistence(order, stiffness_ratio=0.5879)) == order - 1
+
+
+def test_equal_stretches_have_the_discriminant_of_meissner():
+    # sqrt(c_high / c_low) = 3, phase b of the softer stretch: T as in Meissner (1918).
+    pair = mesh(1.5, 1.0 / 9.0)
+    low = 2.0 / 9.0 / (1.0 + 1.0 / 9.0)
+    for nu in (0.3, 0.7, 1.1, 2.3):
+        b = math.pi * math.sqrt(low) / nu
+        expected = 2.0 * math.cos(3 * b) * math.cos(b) - 10.0 / 3.0 * math.sin(3 * b) * math.sin(b)
+        assert no_loss.trace(pair, nu) == pytest.approx(expected, abs=1e-13)
+
+
+@pytest.mark.parametrize("order", [1, 2, 3, 4])
+def test_weak_modulation_opens_tongues_by_its_harmonics(order):
+    # Width over tuning: half the amplitude of the harmonic n, to first order.
+    kappa = 1.0 - 1e-5
+    one = meissner.tongue(meissner.equation(1.3, kappa, 0.0), order)
+    amplitude = 2.0 * (1.0 - kappa) / (math.pi * order) * abs(math.sin(order * math.pi * 0.7))
+    assert (one.stop - one.start) / one.peak == pytest.approx(amplitude / 2.0, rel=1e-4)
+
+
+@pytest.mark.parametrize(("kappa", "orders"), [(0.9, (1, 2, 3)), (0.98, (1, 2))])
+def test_one_harmonic_is_mathieu(kappa, orders):
+    pair = mesh(1.5, kappa)
+    model = OneDegreePair(pair=pair, profile=Fourier(1))
+    ripple = abs(model.profile.pieces(pair).harmonics[0, 1])
+    found = {one.order: one for one in find(model, 0.5, 3.0)}
+    for order in orders:
+        one = found[order]
+        misses = []
+        for nu in (one.start, one.stop):
+            # y'' + (a - 2 q cos 2v) y = 0 with tau = 2 v.
+            a, q = 4.0 / nu**2, 2.0 * ripple / nu**2
+            misses.append(min(abs(a - f(order, q)) for f in (mathieu_a, mathieu_b)))
+        # Rounding of T, 1e-15, over its slope at the edges, which is that of the width.
+        assert max(misses) < 1e-14 / (one.stop - one.start)
+
+
+def test_many_harmonics_approach_the_rectangle():
+    pair = mesh(*PAPER, 0.004)
+    exact = find(pair, 0.6, 0.7)[0]
+    ends = []
+    for count in (4, 12):
+        (one,) = find(OneDegreePair(pair=pair, profile=Fourier(count)), 0.6, 0.7)
+        ends.append(max(abs(one.start - exact.start), abs(one.stop - exact.stop)))
+    assert ends[0] < 2e-3 and ends[1] < 0.3 * ends[0]
+
+
+def test_a_table_against_an_independent_integration():
+    phase = np.linspace(0.0, 2.0 * math.pi, 8, endpoint=False)
+    table = Tabulated(tuple(phase), (4.0, 3.8, 3.0, 2.4, 2.6, 2.2, 3.1, 3.6))
+    high, kappa, ratio = table.ratios()
+    pair = GearPair.from_ratios(contact_ratio=ratio, stiffness_ratio=kappa, damping=0.01)
+    data = tongues(OneDegreePair(pair=pair, profile=table), start=1.5, stop=2.5)
+    (nu,) = data.tuning_from.values
+    stiffness = np.array([*table.stiffness, table.stiffness[0]]) / table.mean()
+    knots = np.array([*phase, 2.0 * math.pi])
+
+    def field(tau, z):
+        c = np.interp(tau, knots, stiffness)
+        return [z[1], -0.02 / nu * z[1] - c / nu**2 * z[0]]
+
+    columns = []
+    for z in ([1.0, 0.0], [0.0, 1.0]):
+        for a, b in zip(knots[:-1], knots[1:], strict=True):
+            z = solve_ivp(field, (a, b), z, method="DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
+        columns.append(z)
+    matrix = np.array(columns).T
+    # The tolerances of the integration.
+    assert np.linalg.det(matrix + np.eye(2)) == pytest.approx(0.0, abs=1e-10)
+    assert 0.01 < float(data.closing_damping[0]) < 0.2
+
+
+def test_rigid_bearings_have_the_tongues_of_one_degree():
+    pair = gears(math.inf, 80.0, 0.0)
+    six = tongues(pair, start=0.45, stop=1.2, step=0.01)
+    one = tongues(pair.pair, start=0.45, stop=1.2)
+    still = np.isfinite(one.tuning_from.values)
+    expected = sorted(zip(one.tuning_from.values[still], one.tuning_to.values[still], strict=True))
+    found = list(zip(six.tuning_from.values, six.tuning_to.values, strict=True))
+    # Zeros of a determinant of two nearly equal multipliers: rounding over the width.
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12)
+    assert sorted(six.multiplier.values) == sorted(one.multiplier.values[still])
+    closings = sorted(one.closing_damping.values[still])
+    # The largest of a determinant, whose place has the root of rounding.
+    np.testing.assert_allclose(sorted(six.closing_damping.values), closings, rtol=0, atol=1e-10)
+
+
+def test_bearings_bring_combination_resonance():
+    pair = gears(1e8, 0.0, 0.0, **EVERYTHING)
+    found = tongues(pair, start=1.3, stop=1.45, step=0.005)
+    (i,) = np.nonzero(found.multiplier.values == 0)[0]
+    nu = float(found.growth_tuning[i])
+    largest = max(np.linalg.eigvals(hill.six_degree_map(pair, nu)), key=abs)
+    assert abs(largest.imag) > 1e-3
+    assert math.log(abs(largest)) == pytest.approx(float(found.growth[i]), rel=1e-9)
+
+
+@pytest.mark.parametrize("side", [-1, 1])
+def test_motions_grow_inside_and_decay_outside(side):
+    pair = mesh(*PAPER, 0.005)
+    (one,) = find(pair, 0.64, 0.68)
+    nu = one.start + side * 1e-3
+    orbit = np.array(no_loss.orbit(pair, nu))
+    small = np.array([1e-5, 0.0])
+    run = simulate(pair, nu, periods=300, initial_state=tuple(orbit + small))
+    assert float(run.displacement_min) > 0.0, "contact must not be lost"
+    grown = np.abs(run.final_state.values - orbit).max() / 1e-5
+    expected = 300 * meissner.growth(*PAPER, 0.005, nu)
+    # Inside the growing direction has a share in the start, outside the deviation beats.
+    assert math.log(grown) == pytest.approx(expected, abs=1.5) and math.log(grown) * side > 0.0
+
+
+def test_the_dataset():
+    pair = mesh(*PAPER)
+    data = tongues(pair, parameter="damping", values=[0.0, 0.02])
+    assert data.tuning_from.dims == ("damping", "order")
+    assert np.isnan(data.tuning_from.sel(order=3, damping=0.02))
+    assert (data.growth.sel(damping=0.02) < data.growth.sel(damping=0.0)).all()
+    assert all("long_name" in variable.attrs for variable in data.variables.values())
+    by_ratio = tongues(pair, start=0.6, stop=0.7, parameter="contact_ratio", values=[1.0, 1.569])
+    assert float(by_ratio.tuning_to[0, 0] - by_ratio.tuning_from[0, 0]) == pytest.approx(0.0)
+    assert tongues(mesh(*PAPER, 2.0)).sizes["order"] == 0
+    # Run-out, excitation and the backlash force the motion, and leave its stability.
+    driven = OneDegreePair(pair=pair, excitation=Harmonics((0.1,)))
+    np.testing.assert_array_equal(tongues(driven).tuning_to, tongues(pair).tuning_to)
+
+
+@pytest.mark.parametrize(
+    ("pair", "changed", "part"),
+    [
+        (mesh(*PAPER), {"start": 0.0}, "start = 0.0 is not allowed: it must be >= 0.02"),
+        (mesh(*PAPER), {"start": 1.0, "stop": 0.5}, "stop = 0.5 is not allowed"),
+        (mesh(*PAPER), {"parameter": "load", "values": [1.0]}, "one of 'stiffness_ratio'"),
+        (mesh(*PAPER), {"parameter": "damping"}, "values = None is not allowed"),
+        (mesh(*PAPER), {"parameter": "contact_ratio", "values": [2.4]}, "contact_ratio = 2.4"),
+        (gears(1e8, 0.0, 0.0), {"parameter": "contact_ratio", "values": [1.4]}, "six degrees"),
+        (OneDegreePair(pair=mesh(*PAPER), cubic_damping=1.0), {}, "cubic_damping = 1.0"),
+        (OneDegreePair(pair=mesh(*PAPER, 1.5), profile=Fourier(2)), {}, "damping_ratio = 1.5"),
+        (3.0, {}, "pair = 3.0"),
+    ],
+)
+def test_wrong_input(pair, changed, part):
+    with pytest.raises(ValueError, match=part):
+        tongues(pair, **changed)

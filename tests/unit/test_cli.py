@@ -1,0 +1,136 @@
+"""The command line: what it prints and writes, how it ends."""
+
+import io
+import sys
+import time
+
+import numpy as np
+import pytest
+import xarray as xr
+from click.testing import CliRunner
+
+import gearlib
+from gearlib.cli import main, progress
+from gearlib.orbits.shooting import NoOrbit
+
+PAIR = ["--max-stiffness", "4e5 N/mm", "--stiffness-ratio", "0.5879", "--contact-ratio", "1.569"]
+PAIR += ["--reduced-mass", "3123 g", "--load", "3.2895396 kN", "--backlash", "40 um"]
+PAIR += ["--teeth", "24", "--material-damping", "3953.7", "--backlash-damping", "0"]
+
+
+@pytest.fixture
+def run(tmp_path, monkeypatch):
+    """Call the command in an empty folder."""
+    monkeypatch.chdir(tmp_path)
+    return lambda *arguments: CliRunner().invoke(main, [*arguments])
+
+
+def pair():
+    return gearlib.GearPair(
+        max_stiffness=4e8,
+        stiffness_ratio=0.5879,
+        contact_ratio=1.569,
+        reduced_mass=3.123,
+        load=3289.5396,
+        backlash=40e-6,
+        material_damping=3953.7,
+    )
+
+
+def test_simulate_writes_what_the_library_computes(run):
+    done = run("simulate", *PAIR, "--tuning", "0.9", "--periods", "50", "-o", "run.nc")
+    assert done.exit_code == 0, done.output
+    assert "displacement_max" in done.output
+    expected = gearlib.simulate(pair(), 0.9, periods=50)
+    xr.testing.assert_identical(xr.load_dataset("run.nc"), expected)
+
+
+@pytest.mark.parametrize("direction", ["cold", "up"])
+def test_sweep_writes_what_the_library_computes(run, direction):
+    grid = ["--start", "0.7", "--stop", "0.9", "--points", "101", "--periods", "60"]
+    done = run("sweep", *PAIR, *grid, "--direction", direction, "-o", "curve.nc")
+    assert done.exit_code == 0, done.output
+    expected = gearlib.sweep(
+        pair(), np.linspace(0.7, 0.9, 101), periods=60, record_periods=10, direction=direction
+    )
+    # Lanes are filled with other neighbours in the pieces of a cold sweep: equal to rounding.
+    xr.testing.assert_allclose(xr.load_dataset("curve.nc"), expected, rtol=1e-12)
+
+
+def test_orbit_and_trust_say_what_they_found(run):
+    done = run("orbit", *PAIR, "--tuning", "0.7", "-o", "orbit.nc")
+    assert done.exit_code == 0 and "stable orbit of period 1" in done.output
+    assert xr.load_dataset("orbit.nc").residual < 1e-12
+    done = run("trust", *PAIR, "--tuning", "0.7", "--periods", "500")
+    assert done.exit_code == 0 and done.output.startswith("periodic: ")
+
+
+def test_wrong_input_is_refused_with_code_2(run):
+    for arguments, fault in [
+        (["simulate", *PAIR, "--tuning", "-1"], "tuning = -1.0 is not allowed"),
+        (["simulate", *PAIR, "--tuning", "1", "--backlash", "4 kg"], "backlash = '4 kg'"),
+        (["simulate", "--tuning", "1"], "max_stiffness is missing"),
+        (["simulate", *PAIR, "--tuning", "1", "--method", "ode45"], "method = 'ode45'"),
+        (["simulate", *PAIR, "--tuning", "1", "-o", "no/run.nc"], "there is no folder no"),
+        (["sweep", *PAIR, "--start", "2"], "start = 2.0"),
+        (["orbit", *PAIR, "--tuning", "1", "--period", "0"], "period = 0"),
+        (["simulate", *PAIR, "--tuning", "1", "--damping", "k1"], "give --config"),
+        (["simulate", *PAIR, "--tuning", "1", "--model", "six_degrees"], "give --config"),
+    ]:
+        done = run(*arguments)
+        assert done.exit_code == 2, (arguments, done.output)
+        assert fault in done.output
+
+
+def test_no_file_is_replaced_unasked(run, tmp_path):
+    (tmp_path / "run.nc").write_text("mine", encoding="utf-8")
+    command = ["simulate", *PAIR, "--tuning", "0.7", "-o", "run.nc"]
+    assert run(*command).exit_code == 2
+    assert (tmp_path / "run.nc").read_text(encoding="utf-8") == "mine"
+    assert run(*command, "--force").exit_code == 0
+    assert xr.load_dataset("run.nc").tuning == 0.7
+
+
+def test_no_orbit_ends_with_code_1(run, monkeypatch):
+    def refuse(*_, **__):
+        raise NoOrbit("no orbit of period 1 was found near the guess: guess closer")
+
+    monkeypatch.setitem(gearlib.__dict__, "periodic_orbit", refuse)
+    done = run("orbit", *PAIR, "--tuning", "0.66")
+    assert done.exit_code == 1
+    assert "guess closer" in done.output
+
+
+def test_a_configuration_gives_pair_damping_and_model(run, request):
+    config = str(request.config.rootpath / "config.yaml")
+    for model in ("one_degree", "six_degrees"):
+        done = run(
+            "simulate", "--config", config, "--damping", "k1m", "--model", model, "--tuning", "0.7"
+        )
+        assert done.exit_code == 0, done.output
+    done = run("simulate", "--config", config, "--damping", "k9", "--tuning", "0.7")
+    assert done.exit_code == 2 and "one of k1, k1m" in done.output
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+def test_progress_shows_on_a_terminal_only_and_after_its_delay(monkeypatch):
+    terminal = Terminal()
+    monkeypatch.setattr(sys, "stderr", terminal)
+    with progress.counter("tunings", 10) as done:
+        done(5)
+    # The bar that never started leaves at most cursor movements.
+    assert "tunings" not in terminal.getvalue()
+    monkeypatch.setattr(progress, "DELAY", 0.0)
+    with progress.counter("tunings", 10) as done:
+        done(5)
+        time.sleep(0.3)
+    assert "tunings" in terminal.getvalue()
+    nothing = io.StringIO()
+    monkeypatch.setattr(sys, "stderr", nothing)
+    with progress.clock("waiting"):
+        time.sleep(0.05)
+    assert nothing.getvalue() == ""

@@ -1,0 +1,86 @@
+"""Parametric resonance: the chart, the sentence about a tuning, and what is drawn of them."""
+
+import numpy as np
+import pytest
+
+from gearlib import GearPair
+from gearlib.figures import parametric_resonance as picture
+from gearlib.figures import resonance
+from gearlib.parametric_resonance import chart, explanation
+from gearlib.storage import read, write
+from tests.unit.test_figures import GRID, curves
+
+MESH = {
+    "max_stiffness": 4e8,
+    "stiffness_ratio": 0.5879,
+    "contact_ratio": 1.569,
+    "reduced_mass": 3.123,
+    "load": 3289.5396,
+    "backlash": 40e-6,
+}
+PAIRS = {
+    "k1": MESH | {"material_damping": 3953.7},
+    "conservative": MESH,
+}
+RUN = {"periods": 120, "initial_state": [0.0, 0.0]}
+SETTINGS = {"damping_ratios": [0.0, 0.03], "least_stiffness_ratio": 0.3, "values": 9}
+
+
+@pytest.fixture(scope="module")
+def facts():
+    return explanation.compute(PAIRS, 0.66, 0.6, 1.1, RUN)
+
+
+def test_the_singular_region_is_a_tongue(facts):
+    free, damped = facts.sel(damping="conservative"), facts.sel(damping="k1")
+    assert free.cause == explanation.PARAMETRIC and damped.cause == explanation.NONE
+    assert free.nearest_order == 3 and free.tuning_from.sel(order=3) < 0.66
+    assert 0.66 < free.tuning_to.sel(order=3) < free.loss_to < 0.68
+    # Contact is lost although the orbit without loss keeps it.
+    assert free.growth > 0.0 and free.orbit_min > 0.2 and free.lost
+    assert not damped.lost and damped.damping_ratio > facts.closing_damping.sel(order=3)
+    assert explanation.orbit_min(GearPair(**MESH), 0.8) < 0.0 < free.forced_from < 0.8
+
+
+@pytest.mark.parametrize(
+    ("tuning", "words"),
+    [
+        (
+            0.66,
+            ("lies in the tongue of order 3", "by parametric instability", "With k1 "),
+        ),
+        (0.64, ("do not grow at nu = 0.64, outside of the tongue of order 3",)),
+        (0.82, ("leaves the flank at nu = 0.82", "by the forced response")),
+    ],
+)
+def test_the_sentence_follows_the_facts(facts, tuning, words):
+    if tuning != 0.66:
+        facts = explanation.compute(PAIRS, tuning, 0.6, 1.1, RUN)
+    text = explanation.explanation(facts)
+    assert text == facts.attrs["explanation"] and all(part in text for part in words)
+
+
+def test_the_chart_is_drawn_and_stored(facts, tmp_path):
+    data = chart.compute(MESH, np.linspace(0.6, 2.4, 19), SETTINGS)
+    # Damping narrows every tongue.
+    width = data.tuning_to - data.tuning_from
+    narrower = width.isel(damping=1) <= width.isel(damping=0)
+    assert (narrower | np.isnan(width.isel(damping=1))).all()
+    write(data, tmp_path / "chart.nc")
+    figure = picture.draw(read(tmp_path / "chart.nc"), facts)
+    labels = [axes.get_ylabel() for axes in figure.axes]
+    assert "stiffness ratio" in labels[0] and "contact ratio" in labels[1]
+    assert "order 3" in [text.get_text().split("\n")[0] for text in figure.axes[2].texts]
+
+
+def test_a_chart_without_tongues_is_drawn(facts, tmp_path):
+    settings = SETTINGS | {"damping_ratios": [0.3], "least_stiffness_ratio": 0.9, "values": 2}
+    write(chart.compute(MESH, [2.5, 2.6], settings), tmp_path / "chart.nc")
+    assert picture.draw(read(tmp_path / "chart.nc"), facts).axes
+
+
+def test_tongues_are_shaded_in_the_panel_of_their_damping(facts):
+    plain, shaded = (resonance.draw(curves(GRID), tongues=tongues) for tongues in (None, facts))
+    added = [len(b.patches) - len(a.patches) for a, b in zip(plain.axes, shaded.axes, strict=True)]
+    # Main picture, k1, my own+oil, conservative: orders 2 to 4.
+    assert added == [0, 0, 0, 3]

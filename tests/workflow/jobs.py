@@ -1,0 +1,115 @@
+"""How many jobs each part of the workflow has in the small configuration: the one table of them.
+
+A new experiment is one row in `EXPERIMENTS`.
+"""
+
+from dataclasses import dataclass, field
+
+DAMPINGS = 4
+SCENES = 4
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """Rule -> number of jobs of one experiment."""
+
+    #: Jobs that compute or gather, and those that draw.
+    computes: dict
+    draws: dict = field(default_factory=dict)
+    #: Whether an edit of `simulate` reruns all of `computes`.
+    simulates: bool = False
+    #: What another value of damping k1 reruns, where it reruns something: `draws` and these.
+    with_k1: dict = field(default_factory=dict)
+
+
+EXPERIMENTS = {
+    # One window for each of three directions.
+    "resonance": Experiment(
+        {"sweep_window": DAMPINGS * 3, "gather_resonance": 1},
+        {"draw_resonance": 1},
+        with_k1={"sweep_window": 3, "gather_resonance": 1},
+    ),
+    "labels": Experiment(
+        {"label": DAMPINGS}, {"draw_resonance": 1}, simulates=True, with_k1={"label": 1}
+    ),
+    "parametric_resonance": Experiment(
+        {"parametric_resonance": 1, "tongues": 1},
+        {"draw_parametric_resonance": 1, "draw_resonance": 1},
+        with_k1={"tongues": 1},
+    ),
+    "branches": Experiment(
+        {"branches": DAMPINGS, "loci": 1},
+        {"draw_branches": 1, "draw_resonance": 1},
+        with_k1={"branches": 1, "loci": 1},
+    ),
+    "phase_planes": Experiment(
+        {"phase_plane": DAMPINGS, "gather_phase_planes": 1},
+        {"draw_phase_planes": 1},
+        simulates=True,
+        with_k1={"phase_plane": 1, "gather_phase_planes": 1},
+    ),
+    # Two of the scenes have a case with k1.
+    "models": Experiment(
+        {"compare_models": SCENES, "model_table": 1},
+        {"draw_models": 1},
+        simulates=True,
+        with_k1={"compare_models": 2, "model_table": 1},
+    ),
+    "scenes": Experiment(
+        {"scene": SCENES},
+        {"draw_scene": SCENES},
+        simulates=True,
+        with_k1={"scene": 2, "draw_scene": 2},
+    ),
+    "claims": Experiment({"claims": 1}, simulates=True, with_k1={"claims": 1}),
+    "phase_lag": Experiment({"phase_lag": 1}, {"draw_phase_lag": 1}, simulates=True),
+    "jump": Experiment({"jump": 1}, {"draw_jump": 1}, with_k1={"jump": 1}),
+    "nonlinear_damping": Experiment(
+        {"nonlinear_damping": 6, "nonlinear_damping_table": 1},
+        {"draw_nonlinear_damping": 1},
+        simulates=True,
+    ),
+    "stability_chart": Experiment({"stability_chart": 1}, {"draw_stability_chart": 1}),
+    # Two methods each.
+    "failures": Experiment(
+        {"trial": 2, "gather_failures": 1}, {"draw_failures": 1}, simulates=True
+    ),
+    "work_precision": Experiment(
+        {"work_precision_errors": 2, "work_precision_times": 2, "work_precision_table": 1},
+        {"draw_work_precision": 1, "draw_work_precision_time": 1},
+    ),
+    "jump_by_method": Experiment(
+        {"jump_by_method": 2, "jump_by_method_table": 1},
+        {"draw_jump_by_method": 1},
+        with_k1={"jump_by_method": 2, "jump_by_method_table": 1},
+    ),
+}
+
+
+def union(tables):
+    """Return tables of jobs as one; of a rule that is in several the last number counts."""
+    return {rule: count for table in tables for rule, count in table.items()}
+
+
+def drawn(*names):
+    """Return the jobs that draw the experiments of these names, without names those of all."""
+    return union(EXPERIMENTS[name].draws for name in names or EXPERIMENTS)
+
+
+def jobs(*names):
+    """Return all jobs of the experiments of these names."""
+    return union([*(EXPERIMENTS[name].computes for name in names), drawn(*names)])
+
+
+def after_an_edit_of_simulate():
+    """Return the jobs that an edit of `simulate` reruns."""
+    return jobs(*(name for name, row in EXPERIMENTS.items() if row.simulates))
+
+
+def after_another_k1():
+    """Return the jobs that another value of damping k1 reruns."""
+    rows = [row for row in EXPERIMENTS.values() if row.with_k1]
+    return union([row.draws for row in rows] + [row.with_k1 for row in rows])
+
+
+EVERYTHING = {"compile_kernels": 1, **jobs(*EXPERIMENTS)}

@@ -1,0 +1,42 @@
+"""Several cases of the configuration side by side: the whole workflow once for each."""
+
+from snakemake.exceptions import WorkflowError
+
+from gearlib import config as configuration
+
+try:
+    CASES = configuration.cases(config)
+except configuration.ConfigError as error:
+    raise WorkflowError(f"The configuration is refused.\n{error}") from None
+
+
+for case, settings in CASES.items():
+    # Also what the names of its rules begin with.
+    case_ = f"{case}_"
+
+    module:
+        name:
+            case_
+        snakefile:
+            "Snakefile"
+        config:
+            settings
+        replace_prefix:
+            {"results/": f"results/{case}/"}
+
+    use rule * from case_ as case_*
+
+
+def of_all_cases(target):
+    """Return the files of a target, of all cases."""
+    return [getattr(rules, f"{case}_{target}").input for case in CASES]
+
+
+rule all:
+    input:
+        of_all_cases("all"),
+
+
+rule paper:
+    input:
+        of_all_cases("paper"),

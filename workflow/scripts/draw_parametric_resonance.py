@@ -1,0 +1,13 @@
+"""Draw the chart of parametric resonance in all formats."""
+
+from gearlib import storage
+from gearlib.figures import parametric_resonance, style
+from joblog import redirect_output
+
+if __name__ == "__main__":
+    redirect_output(snakemake.log[0])
+    chart, tongues = storage.read(snakemake.input.chart), storage.read(snakemake.input.tongues)
+    figure = parametric_resonance.draw(chart, tongues)
+    figure.set_dpi(snakemake.params.dpi)
+    for path in snakemake.output:
+        style.save(figure, path)

@@ -1,0 +1,15 @@
+"""Compute the chart of parametric resonance."""
+
+import json
+
+from gearlib import storage
+from gearlib.parametric_resonance import chart
+from gearlib.tunings import grid
+from joblog import redirect_output
+
+if __name__ == "__main__":
+    redirect_output(snakemake.log[0])
+    settings = json.loads(snakemake.params.settings)
+    tunings = grid(*(settings.pop(key) for key in ("start", "stop", "step")))
+    dataset = chart.compute(json.loads(snakemake.params.pair), tunings, settings)
+    storage.write(dataset, snakemake.output.dataset)

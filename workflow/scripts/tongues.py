@@ -1,0 +1,21 @@
+"""Compute the tongues of all dampings, and what the data say about one tuning."""
+
+import json
+
+from gearlib import storage
+from gearlib.files import replacing
+from gearlib.parametric_resonance import explanation
+from joblog import redirect_output
+
+if __name__ == "__main__":
+    redirect_output(snakemake.log[0])
+    run = json.loads(snakemake.params.run)
+    dataset = explanation.compute(
+        json.loads(snakemake.params.pairs),
+        snakemake.params.asked,
+        *json.loads(snakemake.params.tunings),
+        {"periods": run["periods"], "initial_state": run["initial_state"]},
+    )
+    storage.write(dataset, snakemake.output.dataset)
+    with replacing(snakemake.output.sentence) as temporary:
+        temporary.write_text(dataset.attrs["explanation"] + "\n", encoding="utf-8")
