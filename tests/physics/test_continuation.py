@@ -22,6 +22,7 @@ from gearlib.orbits.shooting import NoOrbit
 from gearlib.orbits.special_points import DOUBLING, END, FOLD, GRAZING
 from gearlib.orbits.touching import turning_points
 from gearlib.parametric_resonance import no_loss
+from gearlib.stiffness import levels, stretches
 from tests.paper import PAPER as FREE
 from tests.physics.test_periodic_orbits import DAMPED
 from tests.physics.test_six_degrees import gears
@@ -52,14 +53,16 @@ def down():
 
 def lowest(nu):
     """Return the smallest displacement of the undamped orbit that never loses contact."""
-    state = no_loss.orbit(FREE, nu)
+    top = no_loss.orbit(FREE, nu)
     # By symmetry it turns in the middle of both stretches: at phase 0 and at pi.
-    high, low = FREE.contact_ratio - 1.0, 2.0 - FREE.contact_ratio
-    stiffness = (1.0 / (0.5879 + 0.4121 * 0.569)) * np.array([1.0, 0.5879])
-    state = no_loss.rotate(state, stiffness[0], nu, math.pi * high)
-    return min(
-        no_loss.orbit(FREE, nu)[0], no_loss.rotate(state, stiffness[1], nu, math.pi * low)[0]
-    )
+    (high, low), (half_high, whole_low) = levels(1.569, 0.5879), stretches(1.569)
+    edge = no_loss.go(top, high, 0.0, nu, half_high)
+    return min(top[0], no_loss.go(edge, low, 0.0, nu, 0.5 * whole_low)[0])
+
+
+def over_doubling(nu):
+    """Return the trace of the period map of the motion without loss, over its value at -1, -1."""
+    return float(np.trace(no_loss.period_map(FREE, nu)[0])) + 2.0
 
 
 @pytest.mark.parametrize(
@@ -75,7 +78,7 @@ def test_grazing_in_closed_form(start, to, bracket):
 def test_doublings_are_the_edges_of_the_tongue():
     start = periodic_orbit(FREE, 0.64, guess=no_loss.orbit(FREE, 0.64))
     branch = continue_orbit(start, to=0.69)
-    edges = [no_loss.edge(FREE, 0.66, outside) for outside in (0.64, 0.69)]
+    edges = [brentq(over_doubling, 0.66, outside, xtol=1e-14) for outside in (0.64, 0.69)]
     np.testing.assert_allclose(places(branch, DOUBLING), edges, rtol=0, atol=PLACE)
     inside = (branch.tuning > edges[0] + 1e-6) & (branch.tuning < edges[1] - 1e-6)
     assert (branch.stable[inside] == 0).all() and branch.stable[0] == 1
