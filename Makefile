@@ -1,6 +1,7 @@
 # make         set up .venv with the pinned packages and compute everything, results/
 # make test    the same set-up and all checks: style, imports, tests (a small workflow included)
 # make peers   add to .venv the solvers of others that method= can call, where they install
+# make slurm-test  the workflow on a real Slurm of one node; installs Debian's packages for root
 # make bench   speed of the library on this machine
 # make report  results/report.html, all figures and claims on one page
 # make clean   remove the results; `make distclean` the environment as well
@@ -10,7 +11,7 @@ JOBS ?= 2
 BIN := .venv/bin
 INSTALLED := .venv/installed.stamp
 
-.PHONY: all test peers bench report clean distclean
+.PHONY: all test peers slurm-test bench report clean distclean
 
 all: $(INSTALLED)
 	$(BIN)/snakemake -j$(JOBS)
@@ -29,6 +30,17 @@ peers: $(INSTALLED)
 	else \
 	    echo "numbalsoda is left out: there is no gfortran to build it with"; \
 	fi
+
+# The test itself installs nothing, and says why where it cannot run.
+slurm-test: $(INSTALLED)
+	$(BIN)/python -m pip install --quiet --constraint requirements/constraints.txt \
+	    --editable '.[slurm]'
+	@if [ "$$(id -u)" = 0 ] && command -v apt-get > /dev/null && \
+	    ! { command -v slurmctld && command -v slurmd && command -v munged; } > /dev/null; then \
+	    apt-get update && apt-get install --yes --no-install-recommends \
+	        slurmctld slurmd slurm-client munge; \
+	fi
+	$(BIN)/python -m pytest tests/slurm -rs
 
 bench: $(INSTALLED)
 	$(BIN)/python -m benchmarks.run

@@ -128,7 +128,17 @@ def against_scipy():
         system, outputs = six.system(0.9)
         z = six.initial(system, (0.0, 0.0))
         result = linear.run_linear(
-            system, outputs, matrix, z, periods, 1, samples, events, 10**6, summary
+            system,
+            six.part(system),
+            outputs,
+            matrix,
+            z,
+            periods,
+            1,
+            samples,
+            events,
+            10**6,
+            summary,
         )
         return np.array(result[:2])
 

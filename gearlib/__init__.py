@@ -50,12 +50,15 @@ from importlib import import_module
 
 _PUBLIC = {
     "__version__": "version",
+    "DeadZoneOscillator": "models.dead_zone",
     "Fourier": "profiles",
     "GearPair": "pair",
     "Harmonics": "harmonics",
     "OneDegreePair": "models.one_degree",
     "Rectangular": "profiles",
+    "Series": "profiles",
     "SixDegreePair": "models.six_degrees",
+    "Steps": "profiles",
     "Tabulated": "profiles",
     "continue_orbit": "orbits.continuation",
     "locus": "orbits.loci",
@@ -69,12 +72,15 @@ _PUBLIC = {
 }
 
 __all__ = [
+    "DeadZoneOscillator",
     "Fourier",
     "GearPair",
     "Harmonics",
     "OneDegreePair",
     "Rectangular",
+    "Series",
     "SixDegreePair",
+    "Steps",
     "Tabulated",
     "continue_orbit",
     "locus",

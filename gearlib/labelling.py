@@ -70,7 +70,7 @@ def trust(
 
     Parameters
     ----------
-    pair : GearPair, OneDegreePair or SixDegreePair
+    pair : GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator
     tuning : float
     periods, record_periods : int
         As of `gearlib.simulate`; the longer run takes four times the periods.
@@ -114,7 +114,7 @@ def trust(
     )
     columns = ("displacement_max", "displacement_min", "period", "status")
     data = {key: ("run", np.array([run[key].item() for run in runs])) for key in columns}
-    table = describe(xr.Dataset(data, {"run": names}))
+    table = describe(xr.Dataset(data, {"run": names}), pair)
     table.attrs = provenance.attributes(
         "Runs of one point in several ways",
         pair,
@@ -132,7 +132,7 @@ def scan(pair, tunings, **options):
 
     Parameters
     ----------
-    pair : GearPair, OneDegreePair or SixDegreePair
+    pair : GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator
     tunings : sequence of float, shape (n,)
     **options
         Of `trust`.
@@ -151,7 +151,7 @@ def scan(pair, tunings, **options):
         "exponent": ("tuning", np.array([one.exponent for one in found])),
         "uncertainty": ("tuning", np.array([one.uncertainty for one in found])),
     }
-    dataset = describe(xr.Dataset(data, {"tuning": np.asarray(tunings, float)}))
+    dataset = describe(xr.Dataset(data, {"tuning": np.asarray(tunings, float)}), pair)
     dataset["label"].attrs |= {
         "flag_values": np.arange(len(LABELS), dtype=np.int8),
         "flag_meanings": " ".join(name.replace("-", "_") for name in LABELS),

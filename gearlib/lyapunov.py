@@ -33,7 +33,7 @@ def largest(pair, tuning, *, state=(0.0, 0.0), settle=1000, periods=4000, max_ev
 
     Parameters
     ----------
-    pair : GearPair, OneDegreePair or SixDegreePair
+    pair : GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator
         The free rotation of six degrees of freedom, which never grows nor decays, is left out.
     tuning : float
     state : tuple of float

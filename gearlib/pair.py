@@ -196,6 +196,31 @@ class GearPair:
         """Return omega_c = nu Omega_s, rad/s (float or array)."""
         return tuning * self.mean_eigenfrequency
 
+    @property
+    def flank_lines(self):
+        """Displacements, in static deflections, at which normal and inverse mesh begin."""
+        return 0.0, -self.backlash_ratio
+
+    def scales(self):
+        """Return the scalar variables of datasets that depend on the pair alone."""
+        return {
+            "static_deflection": self.static_deflection,
+            "force_scale": self.load,
+            "stiffness_scale": self.mean_stiffness,
+            "backlash_ratio": self.backlash_ratio,
+            "tuning_factor_max": self.tuning_factor_max,
+            "tuning_factor_min": self.tuning_factor_min,
+        }
+
+    def speed_scales(self, tuning):
+        """Return mesh frequency, velocity and acceleration scale at a tuning (float or array)."""
+        frequency = self.mesh_frequency(tuning)
+        return {
+            "mesh_frequency": frequency,
+            "velocity_scale": self.static_deflection * frequency,
+            "acceleration_scale": self.static_deflection * frequency**2,
+        }
+
     def replace(self, **changes):
         """Return a copy with some SI parameters changed (and checked)."""
         return dataclasses.replace(self, **changes)

@@ -1,4 +1,4 @@
-"""Courses of the mesh stiffness over one mesh period: rectangular, truncated Fourier, tabulated.
+"""Courses of a stiffness over one period: rectangles, truncated Fourier, series, steps, tables.
 
 A profile is written as pieces: between two neighbouring ``breaks`` the stiffness over its mean is
 a straight line plus harmonics,
@@ -18,6 +18,7 @@ import numpy as np
 import xarray as xr
 
 from gearlib import checks
+from gearlib.harmonics import Harmonics
 from gearlib.stiffness import levels, stretches
 
 #: Phases per shortest wave at which a sum of harmonics is compared with its mean.
@@ -26,12 +27,19 @@ _SCAN = 32
 
 @dataclass(frozen=True)
 class Pieces:
-    """A profile in pieces; stiffness over mean stiffness."""
+    """A profile in pieces; of gear pairs the stiffness over its mean."""
 
     breaks: np.ndarray  #: shape (m + 1,), from 0 to 2 pi
     lines: np.ndarray  #: value at the start of each piece and slope, shape (m, 2)
     low: np.ndarray  #: whether the piece lies below the mean, shape (m,)
     harmonics: np.ndarray  #: order, cosine, sine, shape (n, 3)
+
+    def at(self, breaks):
+        """Return the same profile cut at `breaks`, which hold all of its own."""
+        owner = np.searchsorted(self.breaks, breaks[:-1], side="right") - 1
+        values, slopes = self.lines[owner].T
+        values = values + slopes * (breaks[:-1] - self.breaks[owner])
+        return Pieces(breaks, np.column_stack([values, slopes]), self.low[owner], self.harmonics)
 
 
 @dataclass(frozen=True)
@@ -69,27 +77,85 @@ class Fourier:
 
     def pieces(self, pair):
         """Return the `Pieces` for a `GearPair`."""
-        # Imported here: it costs every job of the workflow 0.3 s, and only this profile needs it.
-        from scipy.optimize import brentq
-
         high, low = levels(pair.contact_ratio, pair.stiffness_ratio)
         n = np.arange(1, self.harmonics + 1)
         swing = (high - low) / 2.0 * 4.0 / (math.pi * n) * (-1.0) ** n
         cosines = swing * np.sin(n * math.pi * (pair.contact_ratio - 2.0))
         table = np.column_stack([n, cosines, np.zeros(n.size)])
+        return _about(1.0, table)
 
-        def above(phase):
-            return float(cosines @ np.cos(n * phase))
 
-        scan = np.linspace(0.0, 2.0 * math.pi, _SCAN * self.harmonics + 1)
-        signs = np.sign([above(phase) for phase in scan])
-        turns = np.nonzero(signs[:-1] * signs[1:] < 0)[0]
-        inner = [brentq(above, scan[i], scan[i + 1], xtol=1e-15) for i in turns]
-        breaks = np.array([0.0, *inner, 2.0 * math.pi])
-        middle = (breaks[:-1] + breaks[1:]) / 2.0
-        low_pieces = np.array([above(phase) < 0.0 for phase in middle])
-        lines = np.column_stack([np.ones(middle.size), np.zeros(middle.size)])
-        return Pieces(breaks, lines, low_pieces, table)
+@dataclass(frozen=True)
+class Series:
+    """A mean with harmonics about it, for `gearlib.DeadZoneOscillator`.
+
+    Parameters
+    ----------
+    mean : float
+        Finite, > 0, in the model's own unit of stiffness.
+    harmonics : Harmonics
+        In the same unit.
+
+    Raises
+    ------
+    ValueError
+        If the mean is not allowed, or the harmonics make the stiffness negative somewhere.
+    """
+
+    mean: float
+    harmonics: Harmonics
+
+    def __post_init__(self):
+        object.__setattr__(self, "mean", checks.finite_positive("mean", self.mean))
+        if not isinstance(self.harmonics, Harmonics):
+            raise ValueError(f"harmonics = {self.harmonics!r} is not allowed: it must be Harmonics")
+        table = self.harmonics.table()
+        phase = np.linspace(0.0, 2.0 * math.pi, _SCAN * max(len(table), 1) + 1)
+        least = self.mean + float(_waves(table, phase).min())
+        # A series that touches zero rounds to either side of it.
+        if least < -1e-12 * self.mean:
+            raise ValueError(
+                f"harmonics = {self.harmonics!r} is not allowed: about mean = {self.mean!r} the "
+                f"stiffness falls to {least:.6g}; it must be >= 0 at every phase"
+            )
+
+    def pieces(self):
+        """Return the `Pieces`, in the unit of the mean."""
+        return _about(self.mean, self.harmonics.table())
+
+
+@dataclass(frozen=True)
+class Steps:
+    """A stiffness of constant stretches, taken periodic, for `gearlib.DeadZoneOscillator`.
+
+    Parameters
+    ----------
+    phase : sequence of float
+        Where each stretch starts, rad, strictly rising within [0, 2 pi).
+    stiffness : sequence of float
+        Its stiffness, in the model's own unit; finite, >= 0.
+
+    Raises
+    ------
+    ValueError
+        Naming the entry that is wrong.
+    """
+
+    phase: tuple
+    stiffness: tuple
+
+    def __post_init__(self):
+        _check_table(self, checks.finite_nonnegative, 1)
+
+    def pieces(self):
+        """Return the `Pieces`, in the unit given."""
+        starts, values = np.array(self.phase), np.array(self.stiffness)
+        if starts[0] > 0.0:
+            starts, values = np.append(0.0, starts), np.append(values[-1], values)
+        breaks = np.append(starts, 2.0 * math.pi)
+        mean = float(values @ np.diff(breaks)) / (2.0 * math.pi)
+        lines = np.column_stack([values, np.zeros(values.size)])
+        return Pieces(breaks, lines, values < mean, np.empty((0, 3)))
 
 
 @dataclass(frozen=True)
@@ -113,23 +179,7 @@ class Tabulated:
     stiffness: tuple
 
     def __post_init__(self):
-        phase = tuple(checks.number("phase", p, "finite", math.isfinite) for p in self.phase)
-        values = tuple(
-            checks.finite_positive(f"stiffness[{i}]", c) for i, c in enumerate(self.stiffness)
-        )
-        if len(phase) != len(values) or len(phase) < 2:
-            raise ValueError(
-                f"a table of {len(phase)} phases and {len(values)} stiffnesses is not allowed: "
-                "it must have equally many, at least 2"
-            )
-        rising = all(a < b for a, b in zip(phase, phase[1:], strict=False))
-        if not rising or phase[0] < 0.0 or phase[-1] >= 2.0 * math.pi:
-            raise ValueError(
-                f"phase = {phase[0]!r} ... {phase[-1]!r} is not allowed: it must rise strictly "
-                "within [0, 2 pi)"
-            )
-        object.__setattr__(self, "phase", phase)
-        object.__setattr__(self, "stiffness", values)
+        _check_table(self, checks.finite_positive, 2)
 
     @classmethod
     def read(cls, path, phase="phase", stiffness="stiffness"):
@@ -201,3 +251,46 @@ class Tabulated:
     def _closed(self):
         phase = np.array([*self.phase, self.phase[0] + 2.0 * math.pi])
         return phase, np.array([*self.stiffness, self.stiffness[0]])
+
+
+def _check_table(profile, check, least):
+    """Check phase and stiffness of a profile, and set them to tuples of floats."""
+    phase = tuple(checks.number("phase", p, "finite", math.isfinite) for p in profile.phase)
+    values = tuple(check(f"stiffness[{i}]", c) for i, c in enumerate(profile.stiffness))
+    if len(phase) != len(values) or len(phase) < least:
+        raise ValueError(
+            f"a table of {len(phase)} phases and {len(values)} stiffnesses is not allowed: "
+            f"it must have equally many, at least {least}"
+        )
+    rising = all(a < b for a, b in zip(phase, phase[1:], strict=False))
+    if not rising or phase[0] < 0.0 or phase[-1] >= 2.0 * math.pi:
+        raise ValueError(
+            f"phase = {phase[0]!r} ... {phase[-1]!r} is not allowed: it must rise strictly "
+            "within [0, 2 pi)"
+        )
+    object.__setattr__(profile, "phase", phase)
+    object.__setattr__(profile, "stiffness", values)
+
+
+def _waves(table, phase):
+    """Return the sum of the harmonics in `table`, rows (order, cosine, sine), at phases."""
+    angles = np.multiply.outer(phase, table[:, 0])
+    return np.cos(angles) @ table[:, 1] + np.sin(angles) @ table[:, 2]
+
+
+def _about(mean, table):
+    """Return the `Pieces` of a mean and the harmonics in `table`, cut where they cross it."""
+    # Imported here: it costs every job of the workflow 0.3 s, and only these profiles need it.
+    from scipy.optimize import brentq
+
+    scan = np.linspace(0.0, 2.0 * math.pi, _SCAN * max(int(table[:, 0].max(initial=0.0)), 1) + 1)
+    signs = np.sign(_waves(table, scan))
+    turns = np.nonzero(signs[:-1] * signs[1:] < 0)[0]
+    inner = [
+        brentq(lambda phase: float(_waves(table, phase)), scan[i], scan[i + 1], xtol=1e-15)
+        for i in turns
+    ]
+    breaks = np.array([0.0, *inner, 2.0 * math.pi])
+    middle = (breaks[:-1] + breaks[1:]) / 2.0
+    lines = np.column_stack([np.full(middle.size, mean), np.zeros(middle.size)])
+    return Pieces(breaks, lines, _waves(table, middle) < 0.0, table)

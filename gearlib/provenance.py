@@ -9,6 +9,8 @@ import math
 
 from gearlib.version import __version__
 
+_PAPER = "Hortel, Skuderova: Engineering Mechanics 14 (2007) 91-104"
+
 
 def canonical_json(value):
     """Return JSON with sorted keys and plain numbers, the same text for the same content."""
@@ -28,11 +30,12 @@ def _plain(value):
 
 def attributes(title, pair, *, method, **parameters):
     """Return the global attributes of a dataset, in a fixed order."""
+    noun = "a gear mesh"
     return {
         "Conventions": "CF-1.11",
-        "title": title,
+        "title": title.replace(noun, getattr(pair, "title_noun", noun)),
         "source": f"gearlib {__version__}, method {method}",
-        "references": "Hortel, Skuderova: Engineering Mechanics 14 (2007) 91-104",
-        "gear_pair": canonical_json(pair.as_dict()),
+        "references": getattr(pair, "references", _PAPER),
+        "model" if hasattr(pair, "title_noun") else "gear_pair": canonical_json(pair.as_dict()),
         "parameters": canonical_json(parameters),
     }

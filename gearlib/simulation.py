@@ -8,7 +8,7 @@ import xarray as xr
 from gearlib import checks, contact, provenance, status, summary
 from gearlib.arguments import MAX_EVENTS, check_run, check_tuning
 from gearlib.core import orbit
-from gearlib.variables import describe, scales, speed_scales
+from gearlib.variables import describe
 
 _FIRST_EVENTS = 64
 
@@ -30,11 +30,12 @@ def simulate(
     The model is x'' + (2 beta / nu) x' + (c(tau) / nu^2) g(x) = 1 / nu^2 in static deflections
     and mesh phase, with beta_m instead of beta in the backlash; tau = 0 is the middle of the
     stretch of maximum stiffness. Every phase is propagated in closed form: there is no step size.
-    With a `OneDegreePair` it is that of `gearlib.models.one_degree`, in Taylor steps to rounding.
+    With a `OneDegreePair` it is that of `gearlib.models.one_degree`, in Taylor steps to rounding,
+    with a `DeadZoneOscillator` that of `gearlib.models.dead_zone`, in its own variables.
 
     Parameters
     ----------
-    pair : GearPair, OneDegreePair or SixDegreePair
+    pair : GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator
     tuning : float
         nu = mesh frequency / mean eigenfrequency; finite, > 0.
     periods : int
@@ -107,8 +108,8 @@ def simulate(
         **_time_course(samples, extra, code),
         **_event_table(events[:found]),
         **summary.variables((), table, end, np.array([period, code]), record_periods),
-        **scales(pair),
-        **speed_scales(pair, tuning),
+        **pair.scales(),
+        **pair.speed_scales(tuning),
         "tuning": tuning,
         "evaluations": evaluations,
     }
@@ -116,7 +117,7 @@ def simulate(
         "phase": (first + np.arange(len(samples))) * step,
         "component": list(summary.COMPONENTS),
     }
-    dataset = describe(xr.Dataset(data, coords))
+    dataset = describe(xr.Dataset(data, coords), pair)
     dataset["status"].attrs["message"] = status.MESSAGES[code]
     dataset.attrs = provenance.attributes(
         "Time course of a gear mesh",

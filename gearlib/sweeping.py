@@ -9,7 +9,7 @@ import xarray as xr
 from gearlib import checks, provenance, summary
 from gearlib.arguments import MAX_EVENTS, check_run, check_tuning
 from gearlib.core import orbit
-from gearlib.variables import describe, scales, speed_scales
+from gearlib.variables import describe
 
 DIRECTIONS = ("cold", "up", "down")
 
@@ -35,7 +35,7 @@ def sweep(
 
     Parameters
     ----------
-    pair : GearPair, OneDegreePair or SixDegreePair
+    pair : GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator
     tunings : array_like of float, shape (n,)
         Each finite and > 0, all different.
     periods, record_periods : int
@@ -116,11 +116,11 @@ def sweep(
 
     data = {
         **summary.variables(("tuning",), table, ends, codes, record_periods),
-        **scales(pair),
-        **{name: (("tuning",), x) for name, x in speed_scales(pair, tunings).items()},
+        **pair.scales(),
+        **{name: (("tuning",), x) for name, x in pair.speed_scales(tunings).items()},
     }
     coords = {"tuning": tunings, "component": list(summary.COMPONENTS)}
-    dataset = describe(xr.Dataset(data, coords))
+    dataset = describe(xr.Dataset(data, coords), pair)
     dataset.attrs = provenance.attributes(
         "Resonance characteristic of a gear mesh",
         pair,

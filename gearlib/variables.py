@@ -174,6 +174,18 @@ DESCRIPTIONS = {
     "scan_step": ("1", "distance of the tunings of the scan"),
     "resolution": ("1", "width of the tuning interval to which the jump is bisected"),
     "left_out": ("1", "rungs left out because they cost more evaluations per period than allowed"),
+    # published problems
+    "attractor": ("1", "number of the motion"),
+    "strobe": ("1", "number of the stroboscopic state"),
+    "share": ("1", "share of the initial states that end on the motion"),
+    "largest_multiplier": ("1", "largest absolute Floquet multiplier of the orbit"),
+    "disagreement": ("1", "largest difference in displacement from an independent integration"),
+    "strobe_displacement": ("1", "displacement at phase 0"),
+    "strobe_velocity": ("1", "velocity by phase at phase 0"),
+    "scan_displacement": ("1", "displacement at phase 0 after settling, value by value"),
+    "chosen_value": ("1", "value of the scanned parameter in the source"),
+    "upper_edge": ("1", "displacement where the upper contact begins"),
+    "lower_edge": ("1", "displacement where the lower contact begins, -inf: there is none"),
     # scales to SI
     "static_deflection": ("m", "static deflection, scale of displacements"),
     "mesh_frequency": ("rad s-1", "angular mesh frequency, phase over time"),
@@ -194,40 +206,22 @@ _FLAGS = {
 }
 
 
-def describe(dataset):
+def describe(dataset, model=None):
     """Give every variable of `dataset` its units, long_name and flags; return the dataset.
+
+    A model whose variables are no gear mesh's names them itself, in ``long_names``.
 
     Raises
     ------
     KeyError
         If a variable has no entry here: nothing leaves without units.
     """
+    own = getattr(model, "long_names", {})
     for name, variable in dataset.variables.items():
         units, long_name = DESCRIPTIONS[name]
+        long_name = own.get(name, long_name)
         if variable.dtype.kind not in "OUST":
             variable.attrs["units"] = units
         variable.attrs["long_name"] = long_name
         variable.attrs.update(_FLAGS.get(name, {}))
     return dataset
-
-
-def scales(pair):
-    """Return the scalar variables that depend on the pair alone, as name -> value."""
-    return {
-        "static_deflection": pair.static_deflection,
-        "force_scale": pair.load,
-        "stiffness_scale": pair.mean_stiffness,
-        "backlash_ratio": pair.backlash_ratio,
-        "tuning_factor_max": pair.tuning_factor_max,
-        "tuning_factor_min": pair.tuning_factor_min,
-    }
-
-
-def speed_scales(pair, tuning):
-    """Return mesh frequency, velocity and acceleration scale at a tuning (float or array)."""
-    frequency = pair.mesh_frequency(tuning)
-    return {
-        "mesh_frequency": frequency,
-        "velocity_scale": pair.static_deflection * frequency,
-        "acceleration_scale": pair.static_deflection * frequency**2,
-    }

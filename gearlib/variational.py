@@ -10,7 +10,7 @@ import numpy as np
 from gearlib import status
 from gearlib.core import orbit
 from gearlib.core import run as core_run
-from gearlib.core.linear import run_linear, set_harmonics
+from gearlib.core.linear import run_linear
 from gearlib.core.linear_variation import vary_linear
 from gearlib.core.mesh import mesh
 from gearlib.core.nonlinear import run_nonlinear
@@ -18,7 +18,7 @@ from gearlib.core.polynomial import bernstein_matrix
 from gearlib.core.system import ORDER
 from gearlib.core.variation import vary, vary_nonlinear
 from gearlib.integrators import exact
-from gearlib.models.one_degree import OneDegreePair
+from gearlib.models.oscillator import OneDegree
 from gearlib.pair import GearPair
 
 _TO_BERNSTEIN = bernstein_matrix(ORDER)
@@ -27,7 +27,7 @@ _TOLERANCE = 1e-16
 
 def moving_components(pair):
     """Return the size of the state that varies: 2, or 4 and two for each flexible bearing."""
-    return 2 if isinstance(pair, (GearPair, OneDegreePair)) else 4 + 2 * len(pair.flexible())
+    return 2 if isinstance(pair, (GearPair, OneDegree)) else 4 + 2 * len(pair.flexible())
 
 
 def full_state(pair, tuning, state):
@@ -47,7 +47,7 @@ def period_maps(pair, tuning, state, periods, limit):
 
     Parameters
     ----------
-    pair : GearPair, OneDegreePair or SixDegreePair
+    pair : GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator
     tuning : float
     state : ndarray, shape (n,)
         As of `full_state`.
@@ -68,27 +68,19 @@ def period_maps(pair, tuning, state, periods, limit):
     if isinstance(pair, GearPair):
         x, v, code = vary(mesh(exact.ratios(pair), tuning), *state, periods, limit, maps)
         end = np.array([x, v])
-    elif isinstance(pair, OneDegreePair):
+    elif isinstance(pair, OneDegree):
         law = pair.law(tuning, _TOLERANCE)
         x, v, code = vary_nonlinear(law, _TO_BERNSTEIN, *state, periods, limit, maps)
         end = np.array([x, v])
     else:
         system, _ = pair.system(tuning)
-        z = _with_excitation(system, state)
+        z = np.zeros(system.near.size)
+        z[:n] = state
         code = vary_linear(system, _TO_BERNSTEIN, z, n, periods, limit, maps)
         end = z[:n].copy()
     if code != status.OK:
         maps[:] = np.nan
     return end, maps, code
-
-
-def _with_excitation(system, state):
-    """Return what a system goes on with from tau = 0: state, constant and harmonics."""
-    z = np.zeros(system.near.size)
-    z[: state.size] = state
-    # The far flank line needs the constant already to tell the contact at the start.
-    set_harmonics(system, z, 0.0)
-    return z
 
 
 def rotation_free(pair):
@@ -125,10 +117,11 @@ def record(pair, tuning, state, periods, limit, samples_per_period=0):
     rest = periods, periods, samples, events, limit, summary
     if isinstance(pair, GearPair):
         done = core_run.run(mesh(exact.ratios(pair), tuning), *state, *rest)
-    elif isinstance(pair, OneDegreePair):
+    elif isinstance(pair, OneDegree):
         done = run_nonlinear(pair.law(tuning, _TOLERANCE), _TO_BERNSTEIN, *state, *rest)
     else:
         system, outputs = pair.system(tuning)
-        z = _with_excitation(system, state)
-        done = run_linear(system, outputs, _TO_BERNSTEIN, z, *rest)
+        z = np.zeros(system.near.size)
+        z[: state.size] = state
+        done = run_linear(system, pair.part(system), outputs, _TO_BERNSTEIN, z, *rest)
     return done[3][: done[4]], summary, samples

@@ -42,7 +42,13 @@ from gearlib.config.experiments import (
     Scene,
 )
 from gearlib.config.mesh import Damping, GearPairSection, Run, SixDegrees
-from gearlib.config.trials import Failures, JumpByMethod, StabilityChart, WorkPrecision
+from gearlib.config.trials import (
+    Failures,
+    JumpByMethod,
+    Published,
+    StabilityChart,
+    WorkPrecision,
+)
 from gearlib.config.types import MAX_JOBS, Name, Section, listing
 from gearlib.pair import GearPair
 from gearlib.validation import sentences, show
@@ -77,6 +83,7 @@ Target = Literal[
     "failures",
     "work_precision",
     "jump_by_method",
+    "published",
     "claims",
 ]
 
@@ -105,6 +112,7 @@ class Config(Section):
     failures: Failures
     work_precision: WorkPrecision
     jump_by_method: JumpByMethod
+    published: Published
     scenes: dict[Name, Scene] = Field(description="Scenes by name, one figure each; may be empty.")
     figures: Figures
 

@@ -140,6 +140,27 @@ class WorkPrecision(Section):
     )
 
 
+class Published(Section):
+    """Published problems of dead-zone oscillators, see gearlib/trials/published.py."""
+
+    starts: int = Field(
+        ge=1, le=100_000, description="Initial states whose motions are told apart."
+    )
+    settle: int = Field(
+        ge=1, le=1_000_000, description="Periods of the forcing before a run is looked at."
+    )
+    exponent_periods: int = Field(
+        ge=20, le=1_000_000, description="Periods over which the exponent is averaged."
+    )
+    points: int = Field(ge=1, le=1_000_000, description="Points of every Poincare section.")
+    values: int = Field(
+        ge=2, le=10_000, description="Values of the scanned parameter, three starts each."
+    )
+    check_periods: int = Field(
+        ge=4, le=1000, description="Periods over which an independent integration is compared."
+    )
+
+
 class SlowScan(Section):
     """The scan of methods whose right-hand side is not compiled by the library."""
 

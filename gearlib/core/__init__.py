@@ -3,7 +3,8 @@
 ====================  =============================================================
 module                responsibility
 ====================  =============================================================
-``jit``               how every kernel is compiled and where its machine code is kept
+``jit``               how every kernel is compiled
+``cache``             where its machine code is kept, for any number of processes
 ``oscillator``        contact: closed form of the damped linear oscillator
 ``flight``            backlash: closed form of the free flight under load and oil drag
 ``crossing``          first crossing of a flank line, proven to be the first
@@ -17,8 +18,9 @@ module                responsibility
 ``many``              runs over many tunings: one after the other, or in lanes
 ``polynomial``        first crossing and largest value of a polynomial, isolated
 ``series``            nonlinear mesh: Taylor series of its motion
-``system``            many coordinates: matrices, tables and Taylor series
-``linear``            many coordinates: the march by matrix exponentials, a whole run
+``system``            many coordinates: matrices and Taylor series
+``passage``           many coordinates: the fast march through periods nobody looks at
+``linear``            many coordinates: the plain march, a whole run
 ``nonlinear``         nonlinear mesh: the march in Taylor steps, a whole run
 ``variation``         growth of small deviations, one degree of freedom
 ``linear_variation``  growth of small deviations, many coordinates
@@ -40,7 +42,7 @@ def warm_up():
     """
     import numpy as np
 
-    from gearlib.core.jit import source_hash
+    from gearlib.core.cache import source_hash
     from gearlib.core.many import run_many
     from gearlib.core.mesh import mesh
     from gearlib.core.orbit import EVENT_COLUMNS, SAMPLE_COLUMNS, SUMMARY_COLUMNS

@@ -70,7 +70,8 @@ def run_many(
     starts = np.empty((order.shape[0], 3))
     statuses = np.zeros(order.shape[0], np.int64)
     unrecorded = skipped(periods, record_periods)
-    in_lanes = not carry and unrecorded >= _SHORTEST and tunings.shape[0] > 1
+    # A lone tuning too: results must not depend on how a sweep is cut into windows.
+    in_lanes = not carry and unrecorded >= _SHORTEST
     if in_lanes:
         skip_in_lanes(ratios, tunings, order, state, unrecorded, limit, starts, statuses)
     x, v = state[0], state[1]

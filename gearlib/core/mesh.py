@@ -46,8 +46,14 @@ def contact_of(gap, x, v):
 
     The load pulls up, so a state at rest on a flank line moves up.
     """
-    if x > 0.0 or (x == 0.0 and v >= 0.0):
+    return contact_between(0.0, -gap, x, v)
+
+
+@kernel
+def contact_between(upper, lower, x, v):
+    """Return the contact code of a state between two contact lines, as `contact_of`."""
+    if x > upper or (x == upper and v >= 0.0):
         return NORMAL
-    if x < -gap or (x == -gap and v < 0.0):
+    if x < lower or (x == lower and v < 0.0):
         return INVERSE
     return BACKLASH

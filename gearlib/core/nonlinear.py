@@ -12,10 +12,10 @@ import numpy as np
 from gearlib.core import orbit
 from gearlib.core.jit import inlined, kernel
 from gearlib.core.march import within_range
-from gearlib.core.mesh import BACKLASH, INVERSE, NORMAL, contact_of
+from gearlib.core.mesh import BACKLASH, INVERSE, NORMAL, contact_between
 from gearlib.core.polynomial import first_fall, highest, horner
 from gearlib.core.run import EVENT_LIMIT, OK, OVERFLOW
-from gearlib.core.series import expand, step_length, storage
+from gearlib.core.series import damping_of, expand, step_length, storage
 
 #: What ended a step.
 _SMOOTH, _NORMAL_FLANK, _FAR_FLANK, _TURN = range(4)
@@ -49,7 +49,7 @@ def take_step(law, to_bernstein, piece, phase, end, contact, sign, x, v, s):
         # At rest the acceleration decides where the motion goes, off a flank line too.
         expand(law, piece, phase, contact, 0.0, x, v, s)
         sign = math.copysign(1.0, s.v[1])
-        contact = contact_of(law.gap, x, sign)
+        contact = contact_between(law.upper, law.lower, x, sign)
     during = contact
     expand(law, piece, phase, contact, sign, x, v, s)
     h = min(step_length(law, s), end - phase)
@@ -59,21 +59,20 @@ def take_step(law, to_bernstein, piece, phase, end, contact, sign, x, v, s):
     xs, vs, scaled, work = s.x, s.v, s.scaled, s.work
     best, what = 2.0, _SMOOTH
     if contact == NORMAL:
-        _scale(xs, 0.0, 1.0, h, scaled)
+        _scale(xs, -law.upper, 1.0, h, scaled)
         best, what = first_fall(scaled, to_bernstein, work), _NORMAL_FLANK
     elif contact == INVERSE:
-        _scale(xs, law.gap, -1.0, h, scaled)
+        _scale(xs, -law.lower, -1.0, h, scaled)
         best, what = first_fall(scaled, to_bernstein, work), _FAR_FLANK
     else:
-        _scale(xs, 0.0, -1.0, h, scaled)
+        _scale(xs, -law.upper, -1.0, h, scaled)
         best, what = first_fall(scaled, to_bernstein, work), _NORMAL_FLANK
-        if law.gap < math.inf:
-            _scale(xs, law.gap, 1.0, h, scaled)
+        if law.lower > -math.inf:
+            _scale(xs, -law.lower, 1.0, h, scaled)
             far = first_fall(scaled, to_bernstein, work)
             if far < best:
                 best, what = far, _FAR_FLANK
-    quadratic = law.oil[1] if contact == BACKLASH else law.material[1]
-    if quadratic != 0.0:
+    if damping_of(law, contact)[1] != 0.0:
         _scale(vs, 0.0, sign, h, scaled)
         turn = first_fall(scaled, to_bernstein, work)
         if turn < best:
@@ -87,7 +86,7 @@ def take_step(law, to_bernstein, piece, phase, end, contact, sign, x, v, s):
     v, _ = horner(vs, t)
     if what == _TURN:
         return t, during, contact, -sign, x, 0.0
-    x = 0.0 if what == _NORMAL_FLANK else -law.gap
+    x = law.upper if what == _NORMAL_FLANK else law.lower
     if contact == BACKLASH:
         contact = NORMAL if what == _NORMAL_FLANK else INVERSE
         v = max(v, 0.0) if what == _NORMAL_FLANK else min(v, 0.0)
@@ -166,7 +165,7 @@ def run_nonlinear(
     strobes = np.empty((kept + 1, 2))
     per_period = samples.shape[0] // record_periods
     found, steps = 0, 0
-    contact, sign = contact_of(law.gap, x, v), math.copysign(1.0, v)
+    contact, sign = contact_between(law.upper, law.lower, x, v), math.copysign(1.0, v)
     if not within_range(x, v):
         return x, v, 0, events, 0, OVERFLOW, steps
     for n in range(periods):

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from gearlib.core.jit import kernel
+from gearlib.core.jit import inlined, kernel
 
 #: Halvings of the interval before what is left is called grazing.
 _MAX_DEPTH = 48
@@ -160,6 +160,105 @@ def first_fall(coefficients, to_bernstein, work):
             left[n + 1] = 0.5 * width
             depth += 1
     return 2.0
+
+
+@inlined
+def _value_and_slope(c, first, top, s):
+    """Return sum c_k s^(k - first) from `first` to `top` and its derivative.
+
+    Even and odd powers apart: two short chains of operations instead of a long one.
+    """
+    square = s * s
+    even, odd, even_slope, odd_slope = 0.0, 0.0, 0.0, 0.0
+    last = top - (top - first) % 2
+    if last < top:
+        odd = c[top]
+    for k in range(last, first, -2):
+        even_slope = even_slope * square + even
+        odd_slope = odd_slope * square + odd
+        even = even * square + c[k]
+        odd = odd * square + c[k - 1]
+    even_slope = even_slope * square + even
+    even = even * square + c[first]
+    return even + s * odd, odd + 2.0 * s * (even_slope + s * odd_slope)
+
+
+@kernel
+def fall_by_shape(coefficients, first):
+    """Return where a polynomial falls through zero, 2 if it does not, -1 where this cannot tell.
+
+    A polynomial that falls all along, or is bent one way all along, has at most one crossing
+    between ends of opposite signs and, when it is not bent upwards, none between positive ones.
+    Slope and bend are bounded by their parabolas and the magnitudes of all higher terms.
+
+    Parameters
+    ----------
+    coefficients : ndarray, shape (n + 1,)
+        As of `first_fall`, n >= 4.
+    first : int
+        1 to divide a factor s out (the start is on the line), else 0.
+
+    Returns
+    -------
+    float
+    """
+    c, n = coefficients, coefficients.shape[0] - 1
+    end, size, steep, bend = 0.0, 0.0, 0.0, 0.0
+    slope_sum, slope_tail, bend_tail = 0.0, 0.0, 0.0
+    for k in range(n, first - 1, -1):
+        j = k - first
+        value, large = c[k], abs(c[k])
+        end += value
+        size += large
+        steep += j * value
+        bend += (j * (j - 1)) * large
+        slope_sum += j * large
+        if j == 5:
+            bend_tail = bend
+        if j == 4:
+            slope_tail = slope_sum
+    noise = _ROUNDING * size
+    c0, c1, c2, c3, c4 = c[first], c[first + 1], c[first + 2], c[first + 3], c[first + 4]
+    if c0 <= noise or abs(end) <= noise:
+        return -1.0
+    falls = -lowest_of_parabola(-c1, -2.0 * c2, -3.0 * c3) + slope_tail < -noise
+    if not falls:
+        up = lowest_of_parabola(2.0 * c2, 6.0 * c3, 12.0 * c4) > bend_tail + noise
+        if not up and lowest_of_parabola(-2.0 * c2, -6.0 * c3, -12.0 * c4) <= bend_tail + noise:
+            return -1.0
+        if up and end > 0.0 and c1 < noise and steep > -noise:
+            return -1.0
+    if end > 0.0:
+        return 2.0
+    # Newton's method from the parabola through value and slope at 0 and the value at 1.
+    top = n
+    while top > first + 4 and abs(c[top]) <= 1e-19 * size:
+        top -= 1
+    a = end - c0 - c1
+    s = 2.0 * c0 / (math.sqrt(c1 * c1 - 4.0 * a * c0) - c1)
+    # The first steps need few terms.
+    for _ in range(3):
+        value, slope = _value_and_slope(c, first, min(top, first + 7), s)
+        if not 0.0 < s - value / slope < 1.0:
+            break
+        s -= value / slope
+    low, high = 0.0, 1.0
+    for _ in range(_MAX_NEWTON):
+        value, slope = _value_and_slope(c, first, top, s)
+        if value > 0.0:
+            low = s
+        else:
+            high = s
+        new = s - value / slope if slope < 0.0 else -1.0
+        if low <= new <= high:
+            # What a step of Newton's method leaves: its square times the bend.
+            moved = abs(new - s)
+            if moved <= 2e-16 * high or bend * moved * moved <= -1e-17 * slope * new:
+                return new
+        else:
+            new = 0.5 * (low + high)
+        s = new
+    return s
 
 
 @kernel

@@ -2,10 +2,10 @@
 
 In static deflections and mesh phase, while one contact code and one sign of x' last,
 
-    x'' = F(tau) - d1 x' - d2 |x'| x' - d3 x'^3 - c(tau) (g + p2 |g| g + p3 g^3),
+    x'' = F(tau) - e x - d1 x' - d2 |x'| x' - d3 x'^3 - c(tau) (g + p2 |g| g + p3 g^3),
 
 every term is a polynomial in x, x' and the series of c and F, so that the coefficients of the
-solution follow from each other by Cauchy products. F and c come with the factor 1 / nu^2.
+solution follow from each other by Cauchy products. F, e and c come with the factor 1 / nu^2.
 """
 
 import math
@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gearlib.core.jit import inlined, kernel
-from gearlib.core.mesh import BACKLASH, NORMAL
+from gearlib.core.mesh import BACKLASH, INVERSE, NORMAL
 
 #: Terms of the series beyond the constant. The cost of a step grows with its square, the length
 #: of a step with its logarithm at most; between 16 and 24 the cost per phase is flat.
@@ -26,8 +26,8 @@ class Law(NamedTuple):
     """Dimensionless constants and tables of the nonlinear mesh at one tuning."""
 
     tuning: float
-    gap: float  #: backlash in static deflections
-    material: np.ndarray  #: d1, d2, d3 in contact, shape (3,)
+    gap: float  #: backlash in static deflections, upper - lower
+    material: np.ndarray  #: d1, d2, d3 in normal contact, shape (3,)
     oil: np.ndarray  #: d1, d2, d3 in the backlash, shape (3,)
     powers: np.ndarray  #: p2, p3 of the contact stiffness, shape (2,)
     breaks: np.ndarray  #: phases that bound the pieces of c(tau), shape (m + 1,), 0 to 2 pi
@@ -36,6 +36,13 @@ class Law(NamedTuple):
     stiffness: np.ndarray  #: harmonics added to c: order, cosine, sine, shape (j, 3)
     force: np.ndarray  #: harmonics of F (order 0 the mean): order, cosine, sine, shape (k, 3)
     tolerance: float  #: truncation error of a step, in static deflections
+    # Of gear pairs the normal flank lies at 0, both flanks are alike and nothing else pulls.
+    upper: float  #: displacement of the normal flank
+    lower: float  #: displacement of the far flank
+    ground: float  #: e, stiffness towards x = 0 that never parts
+    far_damping: np.ndarray  #: d1, d2, d3 in inverse contact, shape (3,)
+    far_pieces: np.ndarray  #: as `pieces`, of the far flank
+    far_stiffness: np.ndarray  #: as `stiffness`, of the far flank
 
 
 class Storage(NamedTuple):
@@ -115,24 +122,36 @@ def _product(a, b, k):
 
 
 @inlined
+def damping_of(law, contact):
+    """Return d1, d2, d3 of a contact code, shape (3,)."""
+    if contact == BACKLASH:
+        return law.oil
+    return law.material if contact == NORMAL else law.far_damping
+
+
+@inlined
 def expand(law, piece, phase, contact, sign, x, v, s):
     """Fill the series of x, v, c and the mesh force at `phase`, inside piece `piece` of c(tau).
 
     `sign` is that of x' throughout the step.
     """
-    damping = law.oil if contact == BACKLASH else law.material
+    damping = damping_of(law, contact)
     d1, d2, d3 = damping[0], sign * damping[1], damping[2]
+    pieces, waves = law.pieces, law.stiffness
+    if contact == INVERSE:
+        pieces, waves = law.far_pieces, law.far_stiffness
     c = s.c
     c[:] = 0.0
-    c[0] = law.pieces[piece, 0] + law.pieces[piece, 1] * (phase - law.breaks[piece])
-    c[1] = law.pieces[piece, 1]
-    add_harmonics(law.stiffness, phase, c)
-    constant = law.pieces[piece, 1] == 0.0 and law.stiffness.shape[0] == 0
+    c[0] = pieces[piece, 0] + pieces[piece, 1] * (phase - law.breaks[piece])
+    c[1] = pieces[piece, 1]
+    add_harmonics(waves, phase, c)
+    constant = pieces[piece, 1] == 0.0 and waves.shape[0] == 0
     force = s.scaled
     force[:] = 0.0
     add_harmonics(law.force, phase, force)
     side = 1.0 if contact == NORMAL else -1.0
-    shift = 0.0 if contact == NORMAL else law.gap
+    line = law.upper if contact == NORMAL else law.lower
+    ground = law.ground
     p2, p3 = side * law.powers[0], law.powers[1]
     curved = p2 != 0.0 or p3 != 0.0
     touching = contact != BACKLASH
@@ -141,7 +160,7 @@ def expand(law, piece, phase, contact, sign, x, v, s):
     xs[0], vs[0] = x, v
     for k in range(ORDER):
         if touching:
-            us[k] = xs[k] if k > 0 else x + shift
+            us[k] = xs[k] if k > 0 else x - line
             gs[k] = us[k]
             if curved:
                 us2[k] = _square(us, k)
@@ -156,7 +175,7 @@ def expand(law, piece, phase, contact, sign, x, v, s):
             if d3 != 0.0:
                 drag += d3 * _product(vs2, vs, k)
         xs[k + 1] = vs[k] * _INVERSE[k + 1]
-        vs[k + 1] = (force[k] - drag - ks[k]) * _INVERSE[k + 1]
+        vs[k + 1] = (force[k] - drag - ks[k] - ground * xs[k]) * _INVERSE[k + 1]
     # The motion does not need the last term of the mesh force, and its record is as good without.
     ks[ORDER] = 0.0
 

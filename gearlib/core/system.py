@@ -1,4 +1,4 @@
-"""Piecewise-linear systems with many coordinates: their matrices, tables and Taylor series.
+"""Piecewise-linear systems with many coordinates: their matrices and Taylor series.
 
 While a contact code and a stretch of the mesh period last, the state obeys z' = A z. Constants and
 harmonics are components of z (of frequency zero and n), so that excitation needs nothing of its
@@ -10,15 +10,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gearlib.core.jit import inlined, kernel
+from gearlib.core.jit import kernel
 
 ORDER = 20
 #: |A| h of a knot: (1.3)^21 / 21! e^1.3 = 2e-17.
 REACH = 1.3
-#: Terms from this degree on are bounded together: (1.3)^7 / 7! = 1e-3 of the state.
-TAIL = 7
-#: A way within a knot goes by an exponential of so many equal parts and a short series.
-PARTS = 8
 
 
 class System(NamedTuple):
@@ -28,31 +24,35 @@ class System(NamedTuple):
     starts: np.ndarray  #: phases that bound the stretches, shape (p + 1,), 0 to 2 pi
     knots: np.ndarray  #: knots of every stretch, int, shape (p,)
     low: np.ndarray  #: whether a stretch is one of C_min, shape (p,)
-    stiffness: np.ndarray  #: c of every stretch, shape (p,)
+    stiffness: np.ndarray  #: c by contact code (0: that of the normal flank), shape (3, p)
     near: np.ndarray  #: functional y, displacement over the normal flank, shape (n,)
     far: np.ndarray  #: functional y - s, displacement over the far flank, shape (n,)
+    position: np.ndarray  #: functional x, the displacement that is recorded, shape (n,)
     fix: int  #: the component that is moved by rounding to put a state on a line
     harmonics: np.ndarray  #: frequencies of the cosine-sine pairs at the end of z, shape (m,)
     tuning: float
 
 
 class Tables(NamedTuple):
-    """What `System` needs precomputed; filled on first use, stretch by stretch."""
+    """Where the entries of the matrices are, for series that skip the zeros."""
 
-    ready: np.ndarray  #: bool, shape (3, p)
-    step: np.ndarray  #: exp(A h), shape (3, p, n, n)
-    near: np.ndarray  #: rows of y along a knot, shape (3, p, ORDER + 1, n)
-    far: np.ndarray  #: rows of y - s
-    near_tail: (
-        np.ndarray
-    )  #: sums of the magnitudes of the rows from degree TAIL on, shape (3, p, n)
-    far_tail: np.ndarray
     counts: np.ndarray  #: entries of every row of A, shape (3, p, n)
     columns: np.ndarray  #: their columns, shape (3, p, n, n)
-    entries: np.ndarray  #: number of entries of A, shape (3, p)
-    places: np.ndarray  #: their rows and columns, shape (3, p, n n, 2)
-    values: np.ndarray  #: shape (3, p, n n)
-    fine: np.ndarray  #: exp(A h j / PARTS), j = 1 ... PARTS - 1, shape (3, p, PARTS - 1, n, n)
+
+
+class Part(NamedTuple):
+    """The part of a `System` that decides its events, and the rest, which goes its own way.
+
+    The state of the whole is ``back @ (state of the part) + rest_back @ (state of the rest)``, with
+    a rest that obeys one constant matrix whatever the contact.
+    """
+
+    system: System  #: of the part, r components
+    into: np.ndarray  #: from the whole to the part, shape (r, n)
+    back: np.ndarray  #: shape (n, r)
+    rest: np.ndarray  #: matrix of the rest, shape (q, q)
+    rest_into: np.ndarray  #: shape (q, n)
+    rest_back: np.ndarray  #: shape (n, q)
 
 
 class Scratch(NamedTuple):
@@ -68,22 +68,17 @@ class Scratch(NamedTuple):
 
 @kernel
 def tables(system):
-    """Return empty `Tables`."""
-    contacts, p, n, _ = system.a.shape
-    return Tables(
-        np.zeros((contacts, p), dtype=np.bool_),
-        np.empty((contacts, p, n, n)),
-        np.empty((contacts, p, ORDER + 1, n)),
-        np.empty((contacts, p, ORDER + 1, n)),
-        np.zeros((contacts, p, n)),
-        np.zeros((contacts, p, n)),
-        np.zeros((contacts, p, n), dtype=np.int64),
-        np.empty((contacts, p, n, n), dtype=np.int64),
-        np.zeros((contacts, p), dtype=np.int64),
-        np.empty((contacts, p, n * n, 2), dtype=np.int64),
-        np.empty((contacts, p, n * n)),
-        np.empty((contacts, p, PARTS - 1, n, n)),
-    )
+    """Return the `Tables` of a system."""
+    counts = np.zeros(system.a.shape[:3], dtype=np.int64)
+    columns = np.empty(system.a.shape, dtype=np.int64)
+    for i in range(counts.shape[0]):
+        for p in range(counts.shape[1]):
+            for r in range(counts.shape[2]):
+                for c in range(counts.shape[2]):
+                    if system.a[i, p, r, c] != 0.0:
+                        columns[i, p, r, counts[i, p, r]] = c
+                        counts[i, p, r] += 1
+    return Tables(counts, columns)
 
 
 @kernel
@@ -115,85 +110,47 @@ def exponential(a, n, length):
 
 
 @kernel
-def prepare(system, table, i, p):
-    """Fill the tables of contact code i - 1 on stretch p."""
-    n = system.near.shape[0]
-    h = (system.starts[p + 1] - system.starts[p]) / system.knots[p]
-    a = system.a[i, p]
-    for r in range(n):
-        for c in range(n):
-            if a[r, c] != 0.0:
-                table.columns[i, p, r, table.counts[i, p, r]] = c
-                table.counts[i, p, r] += 1
-                e = table.entries[i, p]
-                table.places[i, p, e, 0], table.places[i, p, e, 1] = r, c
-                table.values[i, p, e] = a[r, c]
-                table.entries[i, p] += 1
-    # Rows g (A h)^k / k!.
-    for functional, rows in ((system.near, table.near[i, p]), (system.far, table.far[i, p])):
-        rows[0] = functional
-        for k in range(1, ORDER + 1):
-            rows[k] = 0.0
-            for r in range(n):
-                if rows[k - 1, r] != 0.0:
-                    rows[k] += rows[k - 1, r] * (h / k) * a[r]
-    for k in range(TAIL, ORDER + 1):
-        table.near_tail[i, p] += np.abs(table.near[i, p, k])
-        table.far_tail[i, p] += np.abs(table.far[i, p, k])
-    table.step[i, p] = exponential(a, n, h)
-    part = exponential(a, n, h / PARTS)
-    table.fine[i, p, 0] = part
-    for j in range(1, PARTS - 1):
-        table.fine[i, p, j] = part @ table.fine[i, p, j - 1]
-    table.ready[i, p] = True
-
-
-@inlined
-def apply(matrix, z, out):
-    """out = matrix z."""
-    for r in range(z.shape[0]):
-        total = 0.0
-        for c in range(z.shape[0]):
-            total += matrix[r, c] * z[c]
-        out[r] = total
+def carry(a, z, length, times):
+    """Take z, shape (q,), along z' = a z by `times` equal lengths: powers of its exponential."""
+    q = z.shape[0]
+    if q == 0:
+        return
+    norm = 0.0
+    for r in range(q):
+        norm = max(norm, np.abs(a[r]).sum() * length)
+    halvings = 0
+    while norm > REACH:
+        norm *= 0.5
+        halvings += 1
+    power = exponential(a, q, length / 2.0**halvings)
+    for _ in range(halvings):
+        power = product(power, power)
+    while times > 0:
+        if times % 2:
+            z[:] = image(power, z)
+        power = product(power, power)
+        times //= 2
 
 
 @kernel
-def advance(fine, entries, places, values, i, p, h, t, z, term, image):
-    """Take z by t along a knot of length h: by whole parts, and the rest by its Taylor series.
+def image(matrix, z):
+    """Return matrix z: small ones are faster by hand than by a linear algebra library."""
+    out = np.zeros(matrix.shape[0])
+    for r in range(matrix.shape[0]):
+        for c in range(matrix.shape[1]):
+            out[r] += matrix[r, c] * z[c]
+    return out
 
-    The first six are fields of `Tables`; term and image are storage, shape (n,).
-    """
-    n = z.shape[0]
-    part = min(int(PARTS * t / h), PARTS - 1)
-    if part > 0:
-        for r in range(n):
-            total = 0.0
-            for c in range(n):
-                total += fine[i, p, part - 1, r, c] * z[c]
-            term[r] = total
-        for r in range(n):
-            z[r] = term[r]
-        t -= part * (h / PARTS)
-    for r in range(n):
-        term[r] = z[r]
-    small = False
-    for k in range(1, ORDER + 1):
-        for r in range(n):
-            image[r] = 0.0
-        for e in range(entries[i, p]):
-            image[places[i, p, e, 0]] += values[i, p, e] * term[places[i, p, e, 1]]
-        largest, size = 0.0, 0.0
-        for r in range(n):
-            term[r] = image[r] * (t / k)
-            z[r] += term[r]
-            largest = max(largest, abs(term[r]))
-            size = max(size, abs(z[r]))
-        # Terms fall by a factor 6 k each, but for the scales of the components; two small ones
-        # leave less than rounding.
-        if largest <= 1e-18 * size and small:
-            break
-        small = largest <= 1e-18 * size
+
+@kernel
+def product(a, b):
+    """Return the product of two matrices."""
+    out = np.zeros((a.shape[0], b.shape[1]))
+    for r in range(a.shape[0]):
+        for k in range(a.shape[1]):
+            for c in range(b.shape[1]):
+                out[r, c] += a[r, k] * b[k, c]
+    return out
 
 
 @kernel

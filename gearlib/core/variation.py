@@ -17,11 +17,14 @@ import numpy as np
 
 from gearlib.core.jit import inlined, kernel
 from gearlib.core.march import ARC_COLUMNS, CONTACT, DURATION, LEVEL, march_period, within_range
-from gearlib.core.mesh import BACKLASH, contact_of
+from gearlib.core.mesh import BACKLASH, NORMAL, contact_between, contact_of
 from gearlib.core.nonlinear import take_step
 from gearlib.core.oscillator import propagators
 from gearlib.core.run import EVENT_LIMIT, OK, OVERFLOW
-from gearlib.core.series import ORDER, storage
+from gearlib.core.series import ORDER, damping_of, storage
+
+#: x^20 / 20! = 1e-17 at x = 1.18.
+_CONVERGED = 1.18
 
 
 @inlined
@@ -100,7 +103,7 @@ def vary(m, x, v, periods, limit, matrices):
 def _follow_step(law, contact, sign, h, s, work, matrix):
     """Multiply `matrix` by the map of one Taylor step, whose series are in `s`."""
     drag, stiffness, a, b = work[0], work[1], work[2], work[3]
-    damping = law.oil if contact == BACKLASH else law.material
+    damping = damping_of(law, contact)
     d1, d2, d3 = damping[0], sign * damping[1], damping[2]
     side = 1.0 if contact > 0 else -1.0
     p2, p3 = side * law.powers[0], law.powers[1]
@@ -120,6 +123,7 @@ def _follow_step(law, contact, sign, h, s, work, matrix):
         if contact != BACKLASH:
             for i in range(k + 1):
                 stiffness[k] += s.c[i] * work[4, k - i]
+    stiffness[0] += law.ground
     image = work[5]
     for j in range(2):
         a[0], b[0] = (1.0, 0.0) if j == 0 else (0.0, 1.0)
@@ -136,13 +140,42 @@ def _follow_step(law, contact, sign, h, s, work, matrix):
     _multiply(image[0], image[2], image[1], image[3], matrix)
 
 
+@inlined
+def _stiffest(pieces, waves):
+    """Return a bound of a stiffness over its period."""
+    total = 0.0
+    for i in range(waves.shape[0]):
+        total += math.hypot(waves[i, 1], waves[i, 2])
+    # A straight piece is highest at the start of itself or of the next one.
+    return total + pieces[:, 0].max()
+
+
+@inlined
+def _reach(law, stiffest, contact, x, v):
+    """Return how far the series of a deviation at (x, x') carries.
+
+    A deviation swings with the frequency of the contact though the motion may be slow, or rest:
+    its own terms, (frequency h)^k / k!, have to fall below rounding by k = ORDER.
+    """
+    u = 0.0
+    if contact != BACKLASH:
+        u = abs(x - (law.upper if contact == NORMAL else law.lower))
+    slope = 1.0 + (2.0 * law.powers[0] + 3.0 * law.powers[1] * u) * u
+    damping = damping_of(law, contact)
+    drag = damping[0] + (2.0 * damping[1] + 3.0 * damping[2] * abs(v)) * abs(v)
+    return _CONVERGED / (math.sqrt(law.ground + stiffest * slope) + drag)
+
+
 @kernel
 def vary_nonlinear(law, to_bernstein, x, v, periods, limit, matrices):
     """The same as `vary` for the nonlinear mesh, in Taylor steps."""
     s = storage()
     work = np.zeros((6, ORDER + 1))
-    contact, sign = contact_of(law.gap, x, v), math.copysign(1.0, v)
+    contact, sign = contact_between(law.upper, law.lower, x, v), math.copysign(1.0, v)
     previous = contact
+    stiffest = max(
+        _stiffest(law.pieces, law.stiffness), _stiffest(law.far_pieces, law.far_stiffness)
+    )
     for n in range(periods):
         matrix = matrices[n]
         matrix[:] = np.eye(2)
@@ -155,14 +188,14 @@ def vary_nonlinear(law, to_bernstein, x, v, periods, limit, matrices):
                 steps += 1
                 speed = v
                 old = sign
+                stop = min(end, phase + _reach(law, stiffest, contact, x, v))
                 h, during, contact, sign, x, v = take_step(
-                    law, to_bernstein, piece, phase, end, contact, sign, x, v, s
+                    law, to_bernstein, piece, phase, stop, contact, sign, x, v, s
                 )
                 # A step from rest sets out with the sign of its acceleration.
                 old = math.copysign(1.0, s.v[1]) if speed == 0.0 else old
                 if during != previous:
-                    before = law.oil if previous == BACKLASH else law.material
-                    after = law.oil if during == BACKLASH else law.material
+                    before, after = damping_of(law, previous), damping_of(law, during)
                     jump = after[0] - before[0] + (after[1] - before[1]) * abs(speed)
                     jump += (after[2] - before[2]) * speed * speed
                     _multiply(1.0, 0.0, -jump, 1.0, matrix)

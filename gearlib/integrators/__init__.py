@@ -38,37 +38,38 @@ codes, **options)``
     many, as of `gearlib.core.many.run_many`.
 """
 
+from collections import UserDict
+from importlib import import_module
 from typing import NamedTuple
 
 from gearlib import checks
-from gearlib.integrators import (
-    exact,
-    generalised_alpha,
-    newmark,
-    rk4,
-    rk45,
-    scipy_ivp,
-    smoothed,
-    taylor,
-)
-from gearlib.integrators.peers import cvode, cyrk, diffrax, heyoka, numbalsoda
-from gearlib.integrators.peers.package import MissingPackage
 
-METHODS = {
-    "exact": exact,
-    "taylor": taylor,
-    "rk4": rk4,
-    "rk45": rk45,
-    "newmark": newmark,
-    "generalised_alpha": generalised_alpha,
-    "scipy": scipy_ivp,
-    "smoothed": smoothed,
-    "heyoka": heyoka,
-    "cvode": cvode,
-    "diffrax": diffrax,
-    "cyrk": cyrk,
-    "numbalsoda": numbalsoda,
-}
+
+class _Modules(UserDict):
+    """Name of a method -> its module, loaded on first use: most runs need one of them."""
+
+    def __getitem__(self, name):
+        entry = self.data[name]
+        return import_module(f"{__name__}.{entry}") if isinstance(entry, str) else entry
+
+
+METHODS = _Modules(
+    {
+        "exact": "exact",
+        "taylor": "taylor",
+        "rk4": "rk4",
+        "rk45": "rk45",
+        "newmark": "newmark",
+        "generalised_alpha": "generalised_alpha",
+        "scipy": "scipy_ivp",
+        "smoothed": "smoothed",
+        "heyoka": "peers.heyoka",
+        "cvode": "peers.cvode",
+        "diffrax": "peers.diffrax",
+        "cyrk": "peers.cyrk",
+        "numbalsoda": "peers.numbalsoda",
+    }
+)
 
 #: Methods that are chosen where none is named; the others are for comparison.
 AUTOMATIC = ("exact", "taylor")
@@ -106,6 +107,10 @@ def _availability(module):
     return (True, "") if package is None else (package.available(), package.note())
 
 
+def _takers(pair):
+    return [name for name, module in METHODS.items() if module.takes(pair)]
+
+
 def choose(pair, method, options):
     """Return (name, module, options) for a pair: the method named, or "exact" or "taylor".
 
@@ -115,13 +120,14 @@ def choose(pair, method, options):
         If the method is unknown or does not take the model, or an option is unknown or has an
         impossible value. Also an ImportError if the method's package is not installed.
     """
-    able = [name for name, module in METHODS.items() if module.takes(pair)]
+    if method is None:
+        method = next((name for name in AUTOMATIC if METHODS[name].takes(pair)), None)
+    able = [method] if method in AUTOMATIC and METHODS[method].takes(pair) else _takers(pair)
     if not able:
         raise ValueError(
-            f"pair = {pair!r} is not allowed: it must be a GearPair, OneDegreePair or SixDegreePair"
+            f"pair = {pair!r} is not allowed: it must be a GearPair, OneDegreePair, "
+            "SixDegreePair or DeadZoneOscillator"
         )
-    if method is None:
-        method = next(name for name in AUTOMATIC if name in able)
     checks.one_of("method", method, tuple(METHODS))
     if method not in able:
         raise ValueError(
@@ -130,6 +136,8 @@ def choose(pair, method, options):
         )
     available, note = _availability(METHODS[method])
     if not available:
+        from gearlib.integrators.peers.package import MissingPackage
+
         raise MissingPackage(
             f"method = {method!r} needs a package that is not installed: {note}, or take one of "
             f"{', '.join(repr(name) for name in able if _availability(METHODS[name])[0])}"

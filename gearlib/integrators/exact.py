@@ -13,6 +13,7 @@ from gearlib.core.polynomial import bernstein_matrix
 from gearlib.core.system import ORDER as _ORDER
 from gearlib.integrators.each import run_each
 from gearlib.models.one_degree import OneDegreePair
+from gearlib.models.oscillator import OneDegree
 from gearlib.models.six_degrees import SixDegreePair
 from gearlib.pair import GearPair
 from gearlib.stiffness import levels, stretches
@@ -29,7 +30,7 @@ _TO_BERNSTEIN = bernstein_matrix(_ORDER)
 
 def takes(pair):
     """Return whether the phases of a model have closed forms."""
-    if isinstance(pair, OneDegreePair):
+    if isinstance(pair, OneDegree):
         return pair.is_piecewise_linear()
     return isinstance(pair, (GearPair, SixDegreePair))
 
@@ -55,7 +56,8 @@ def run(pair, tuning, state, *arguments):
     pair = _with_matrices(pair)
     system, outputs = pair.system(tuning)
     z = pair.initial(system, state)
-    return *linear.run_linear(system, outputs, _TO_BERNSTEIN, z, *arguments), 0
+    part = pair.part(system)
+    return *linear.run_linear(system, part, outputs, _TO_BERNSTEIN, z, *arguments), 0
 
 
 def run_many(pair, tunings, order, state, *arguments):
@@ -83,6 +85,7 @@ def _run_many_linear(pair, tunings, order, state, *arguments):
         # All coordinates are carried along, not only the two of the final state.
         if current is state:
             z = pair.initial(system, state)
-        return *linear.run_linear(system, outputs, _TO_BERNSTEIN, z, *rest), 0
+        part = pair.part(system)
+        return *linear.run_linear(system, part, outputs, _TO_BERNSTEIN, z, *rest), 0
 
     run_each(run_one, tunings, order, state, *arguments)

@@ -21,7 +21,8 @@ import math
 import numpy as np
 
 from gearlib.core.linear import contact_at, set_harmonics
-from gearlib.core.mesh import BACKLASH, INVERSE, NORMAL, contact_of
+from gearlib.core.mesh import BACKLASH, INVERSE, NORMAL, contact_between
+from gearlib.core.series import damping_of
 from gearlib.integrators.one_degree import law_of
 from gearlib.models.six_degrees import SixDegreePair
 
@@ -41,21 +42,23 @@ class OneDegree:
     def __init__(self, pair, tuning):
         law = law_of(pair, tuning)
         self.breaks, self.low, self.gap = law.breaks, law.low, law.gap
-        self._lines = law.pieces.tolist()
-        self._starts = law.breaks.tolist()
-        self._stiffness, self._force = law.stiffness.tolist(), law.force.tolist()
-        material, oil = law.material.tolist(), law.oil.tolist()
-        self._damping = {NORMAL: material, INVERSE: material, BACKLASH: oil}
+        self._upper, self._lower, self._ground = law.upper, law.lower, law.ground
+        near = law.pieces.tolist(), law.stiffness.tolist()
+        far = law.far_pieces.tolist(), law.far_stiffness.tolist()
+        self._stiffness = {NORMAL: near, BACKLASH: near, INVERSE: far}
+        self._starts, self._force = law.breaks.tolist(), law.force.tolist()
+        codes = (NORMAL, BACKLASH, INVERSE)
+        self._damping = {code: damping_of(law, code).tolist() for code in codes}
         self._powers = law.powers.tolist()
         self._unit = tuning * tuning
 
     def start(self, state):
         """Return (z, contact code) at phase 0."""
-        return np.array(state, dtype=float), contact_of(self.gap, *state)
+        return np.array(state, dtype=float), contact_between(self._upper, self._lower, *state)
 
     def lines(self, t, z):
         """Return the displacements over the normal and the far flank."""
-        return z[0], z[0] + self.gap
+        return z[0] - self._upper, z[0] - self._lower
 
     def observe(self, t, z):
         """Return (displacement, velocity)."""
@@ -63,13 +66,14 @@ class OneDegree:
 
     def _mesh(self, t, x, piece, contact):
         """Return (c, c g)."""
-        value, slope = self._lines[piece]
+        lines, waves = self._stiffness[contact]
+        value, slope = lines[piece]
         # From the start of the piece, also where rounding puts t just before it.
         inside = (t - self._starts[piece] + 1e-6) % (2.0 * math.pi) - 1e-6
-        c = value + slope * inside + _wave(self._stiffness, t)
+        c = value + slope * inside + _wave(waves, t)
         if contact == BACKLASH:
             return c, 0.0
-        u = x if contact == NORMAL else x + self.gap
+        u = x - (self._upper if contact == NORMAL else self._lower)
         return c, c * (u + (self._powers[0] * abs(u) + self._powers[1] * u * u) * u)
 
     def rate(self, t, z, piece, contact):
@@ -77,7 +81,8 @@ class OneDegree:
         x, v = z.tolist()
         d1, d2, d3 = self._damping[contact]
         drag = (d1 + (d2 + d3 * abs(v)) * abs(v)) * v
-        return np.array([v, _wave(self._force, t) - drag - self._mesh(t, x, piece, contact)[1]])
+        push = self._mesh(t, x, piece, contact)[1]
+        return np.array([v, _wave(self._force, t) - drag - push - self._ground * x])
 
     def sample(self, t, z, piece, contact):
         """Return a row of the sample table."""
@@ -118,7 +123,8 @@ class Linear:
         """Return (displacement, velocity)."""
         full = self._full(t, z)
         # The velocity of y is the same on every branch.
-        return self._system.near @ full, self._system.near @ (self._system.a[1, 0] @ full)
+        position = self._system.position
+        return position @ full, position @ (self._system.a[1, 0] @ full)
 
     def rate(self, t, z, piece, contact):
         """Return z' on a branch."""
@@ -128,7 +134,8 @@ class Linear:
         """Return a row of the sample table."""
         s, full = self._system, self._full(t, z)
         rate = s.a[contact + 1, piece] @ full
-        near, c = s.near @ full, s.stiffness[piece]
-        elastic = near if contact == NORMAL else (s.far @ full if contact == INVERSE else 0.0)
-        row = near, s.near @ rate, s.near @ (s.a[contact + 1, piece] @ rate), contact, c
+        c, where = s.stiffness[contact + 1, piece], s.position
+        lines = {NORMAL: s.near @ full, BACKLASH: 0.0, INVERSE: s.far @ full}
+        elastic = lines[contact]
+        row = where @ full, where @ rate, where @ (s.a[contact + 1, piece] @ rate), contact, c
         return *row, c * elastic, *(self._outputs[:, contact + 1, piece] @ full)

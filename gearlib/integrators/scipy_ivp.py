@@ -19,7 +19,7 @@ from gearlib.integrators.each import run_each
 from gearlib.integrators.option import Option
 from gearlib.integrators.problems import problem_of
 from gearlib.integrators.split import March, Phase, Split, Stall
-from gearlib.models.one_degree import OneDegreePair
+from gearlib.models.oscillator import OneDegree
 from gearlib.models.six_degrees import SixDegreePair
 from gearlib.pair import GearPair
 
@@ -45,7 +45,7 @@ _TURN = 2.0 * math.pi
 
 def takes(pair):
     """Return whether the model is one of the library's."""
-    return isinstance(pair, (GearPair, OneDegreePair, SixDegreePair))
+    return isinstance(pair, (GearPair, OneDegree, SixDegreePair))
 
 
 def run(pair, tuning, state, *arguments, solver, rtol, atol, events):

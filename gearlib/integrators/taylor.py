@@ -9,6 +9,7 @@ from gearlib.core.series import ORDER
 from gearlib.integrators.each import run_each
 from gearlib.integrators.option import Option
 from gearlib.models.one_degree import OneDegreePair
+from gearlib.models.oscillator import OneDegree
 from gearlib.pair import GearPair
 
 EVENTS = "steps end at switches and crossings, which are isolated in Bernstein form"
@@ -25,7 +26,7 @@ _TO_BERNSTEIN = bernstein_matrix(ORDER)
 
 def takes(pair):
     """Return whether the model has one degree of freedom."""
-    return isinstance(pair, (GearPair, OneDegreePair))
+    return isinstance(pair, (GearPair, OneDegree))
 
 
 def run(pair, tuning, state, *arguments, tolerance):

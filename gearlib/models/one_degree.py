@@ -28,14 +28,13 @@ d3 = D3 d_s^2 Omega_s nu / m with the static deflection d_s = F / C_s.
 """
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
 from gearlib import checks
-from gearlib.core.series import Law
-from gearlib.core.system import System
 from gearlib.harmonics import Harmonics
-from gearlib.models import piecewise_linear
+from gearlib.models.oscillator import Equation, OneDegree
 from gearlib.pair import GearPair
 from gearlib.profiles import Fourier, Rectangular, Tabulated
 
@@ -51,7 +50,7 @@ NONLINEAR = _DAMPINGS + _STIFFNESSES
 
 
 @dataclass(frozen=True, kw_only=True)
-class OneDegreePair:
+class OneDegreePair(OneDegree):
     """A gear pair with nonlinear damping, other stiffness profiles and external excitation.
 
     Parameters and units: see the table of the module. All but `pair` are optional; without
@@ -97,96 +96,39 @@ class OneDegreePair:
             raise AttributeError(name)
         return getattr(self.pair, name)
 
-    def law(self, tuning, tolerance):
-        """Return the dimensionless `Law` at one tuning for Taylor steps of a `tolerance`."""
-        pair, unit = self.pair, 1.0 / tuning**2
+    @cached_property
+    def equation(self):
+        """The `Equation` in static deflections and 1 / Omega_s of time."""
+        pair = self.pair
         deflection, mass = pair.static_deflection, pair.reduced_mass
         quadratic = deflection / mass
-        cubic = deflection**2 * pair.mean_eigenfrequency * tuning / mass
+        cubic = deflection**2 * pair.mean_eigenfrequency / mass
         material = [
-            2.0 * pair.damping_ratio / tuning,
+            2.0 * pair.damping_ratio,
             self.quadratic_damping * quadratic,
             self.cubic_damping * cubic,
         ]
         oil = [
-            2.0 * pair.backlash_damping_ratio / tuning,
+            2.0 * pair.backlash_damping_ratio,
             self.backlash_quadratic_damping * quadratic,
             self.backlash_cubic_damping * cubic,
         ]
-        powers = [self.quadratic_stiffness * deflection, self.cubic_stiffness * deflection**2]
         pieces = self.profile.pieces(pair)
-        return Law(
-            tuning,
-            pair.backlash_ratio,
-            np.array(material),
-            np.array(oil),
-            np.array(powers),
-            pieces.breaks,
-            pieces.lines * unit,
-            pieces.low,
-            pieces.harmonics * np.array([1.0, unit, unit]),
-            np.vstack([[0.0, unit, 0.0], self._excitation(unit)]),
-            tolerance,
+        return Equation(
+            upper=0.0,
+            lower=-pair.backlash_ratio,
+            near=pieces,
+            far=pieces,
+            damping=np.array([material, oil, material]),
+            powers=np.array(
+                [self.quadratic_stiffness * deflection, self.cubic_stiffness * deflection**2]
+            ),
+            ground=0.0,
+            load=1.0,
+            force=self.excitation.table(1.0 / pair.load),
+            deviation=self.deviation.table(1.0 / deflection),
+            natural=1.0,
         )
-
-    def _excitation(self, unit):
-        """Return rows (order, cosine, sine) of excitation and deviation as forces, shape (n, 3)."""
-        deviation = self.deviation.table(1.0 / self.pair.static_deflection)
-        # f'' of a harmonic of order n is -n^2 times the harmonic.
-        deviation[:, 1:] *= -(deviation[:, :1] ** 2)
-        return np.vstack([self.excitation.table(unit / self.pair.load), deviation])
-
-    def is_piecewise_linear(self):
-        """Return whether the phases between events have closed forms."""
-        linear = not any(getattr(self, name) for name in NONLINEAR)
-        return linear and isinstance(self.profile, Rectangular)
-
-    def system(self, tuning):
-        """Return (`System`, outputs) at one tuning of a piecewise-linear model.
-
-        Components y, y', 1 and a cosine and a sine of each order; no outputs, shape (0, 3, p, n).
-        """
-        pair, unit = self.pair, 1.0 / tuning**2
-        rows = self._excitation(unit)
-        orders = np.unique(rows[:, 0])
-        n = 3 + 2 * orders.size
-        near, far = np.zeros(n), np.zeros(n)
-        near[0] = far[0] = 1.0
-        far[2] = pair.backlash_ratio if np.isfinite(pair.backlash_ratio) else 0.0
-        free = piecewise_linear.waves(n, 3, orders)
-        free[0, 1] = 1.0
-        free[1, 2] = unit
-        for order, cosine, sine in rows:
-            column = 3 + 2 * int(np.searchsorted(orders, order))
-            free[1, column : column + 2] += cosine, sine
-        pieces = self.profile.pieces(pair)
-        stiffness = pieces.lines[:, 0]
-        a = np.empty((3, stiffness.size, n, n))
-        a[:] = free
-        for code, line in ((-1, far), (0, np.zeros(n)), (1, near)):
-            ratio = pair.damping_ratio if code else pair.backlash_damping_ratio
-            for q, c in enumerate(stiffness):
-                a[code + 1, q, 1] -= c * unit * line
-                a[code + 1, q, 1, 1] -= 2.0 * ratio / tuning
-        system = System(
-            a,
-            pieces.breaks,
-            piecewise_linear.knots(a, pieces.breaks, 1, 2, 1.0 / tuning),
-            pieces.low,
-            stiffness,
-            near,
-            far if np.isfinite(pair.backlash_ratio) else piecewise_linear.never(n, 2),
-            0,
-            orders,
-            tuning,
-        )
-        return system, np.zeros((0, 3, stiffness.size, n))
-
-    def initial(self, system, state):
-        """Return the full state z at tau = 0 for a displacement and velocity."""
-        z = np.zeros(system.near.size)
-        z[:2] = state
-        return z
 
     def as_dict(self):
         """Return the parameters as plain values, in the order of the fields."""

@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from gearlib.core.system import REACH
+from gearlib.core.system import REACH, Part
 
 
 def waves(n, first, frequencies):
@@ -45,3 +45,10 @@ def knots(a, starts, m, one, frequency):
             norms.append(max(driven, waves))
         counts.append(max(1, math.ceil(max(norms) * (starts[q + 1] - starts[q]) / REACH)))
     return np.array(counts)
+
+
+def undivided(system):
+    """Return the `Part` of a system that is all of it."""
+    n = system.near.size
+    nothing = np.zeros((0, n))
+    return Part(system, np.eye(n), np.eye(n), np.zeros((0, 0)), nothing, np.zeros((n, 0)))

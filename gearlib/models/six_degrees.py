@@ -51,7 +51,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from gearlib import checks
-from gearlib.core.system import System
+from gearlib.core.system import Part, System
 from gearlib.harmonics import Harmonics
 from gearlib.models import piecewise_linear
 from gearlib.pair import GearPair
@@ -273,14 +273,48 @@ class SixDegreePair:
             # In 1 / nu of phase the mesh turns by a radian: velocities weigh like displacements.
             piecewise_linear.knots(a, starts, m, one, 1.0 / tuning),
             low,
-            stiffness,
+            np.tile(stiffness, (3, 1)),
             near,
             far if math.isfinite(pair.backlash_ratio) else piecewise_linear.never(n, one),
+            near,
             0,
             frequencies,
             tuning,
         )
         return system, outputs
+
+    def part(self, system):
+        """Return the `Part` that decides the events: without the free rotation of the pair.
+
+        Only u3 + u2 enters the mesh, and (J3 / Rb3^2) u3 - (J2 / Rb2^2) u2 feels no mesh force;
+        motions across the line of action belong to the part only under friction.
+        """
+        n, m = system.near.size, 2 + len(self.flexible())
+        share_3, share_2 = self._shares()
+        units = np.eye(n)
+        across = [2 + k for k, i in enumerate(self.flexible()) if not _IN_Y[_BEARINGS[i]]]
+        apart = [] if any(self.friction) else across
+        bearings = [j for j in range(2, m) if j not in apart]
+        into, back, rest_into, rest_back = [], [], [], []
+        for first in (0, m):
+            u3, u2 = units[first], units[first + 1]
+            into += [u3 + u2, *units[[first + j for j in bearings]]]
+            back += [share_3 * u3 + share_2 * u2, *units[[first + j for j in bearings]]]
+            rest_into += [share_2 * u3 - share_3 * u2, *units[[first + j for j in apart]]]
+            rest_back += [u3 - u2, *units[[first + j for j in apart]]]
+        into, back = np.array([*into, *units[2 * m :]]), np.stack([*back, *units[2 * m :]], axis=1)
+        # The constant drives the rest, and comes back with the part.
+        rest_into = np.array([*rest_into, units[2 * m]])
+        rest = rest_into @ system.a[1, 0] @ np.stack([*rest_back, units[2 * m]], axis=1)
+        rest_back = np.stack([*rest_back, np.zeros(n)], axis=1)
+        near, far = system.near @ back, system.far @ back
+        own = system._replace(a=into @ system.a @ back, near=near, far=far, position=near)
+        return Part(own, into, back, rest, rest_into, rest_back)
+
+    def _shares(self):
+        """Return what the gears take of a motion of the mesh without free rotation, sum 1."""
+        shares = np.array([r * r / j for r, j in zip(self.base_radii, self.inertias, strict=True)])
+        return shares / shares.sum()
 
     def _outputs(self, rows, moving, line, friction, m, tuning):
         """Fill the functionals of OUTPUTS for one contact code and stretch, shape (12, n)."""
@@ -326,8 +360,7 @@ class SixDegreePair:
             for k, i in enumerate(moving):
                 share = self.pair.mean_stiffness / self.bearing_stiffness[i]
                 z[2 + k] = -_IN_Y[_BEARINGS[i]] * share
-        shares = np.array([r * r / j for r, j in zip(self.base_radii, self.inertias, strict=True)])
-        shares /= shares.sum()
+        shares = self._shares()
         z[2 * m] = 1.0
         z[2 * m + 1 :: 2] = 1.0
         z[:2] = shares * (state[0] - system.near @ z)

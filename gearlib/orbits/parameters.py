@@ -49,8 +49,14 @@ def check_parameter(pair, name):
     Raises
     ------
     ValueError
-        If the model has none of this name; the message lists those it has.
+        If the model has none of this name, the message lists those it has; or if orbits of the
+        model are not followed.
     """
+    if not isinstance(pair, (GearPair, OneDegreePair, SixDegreePair)):
+        raise ValueError(
+            f"pair = {type(pair).__name__} is not allowed: it must be a GearPair, a OneDegreePair "
+            "or a SixDegreePair"
+        )
     return checks.one_of("parameter", name, known(pair))
 
 

@@ -73,7 +73,7 @@ class Orbit:
             "period": np.int8(self.period),
             "tuning": self.tuning,
         }
-        dataset = describe(xr.Dataset(data))
+        dataset = describe(xr.Dataset(data), self.pair)
         dataset["pattern"].attrs |= FLAGS
         dataset.attrs = provenance.attributes(
             "Periodic orbit of a gear mesh", self.pair, method="shooting", tuning=self.tuning
@@ -86,7 +86,7 @@ def periodic_orbit(pair, tuning, *, guess=None, period=1, max_events=MAX_EVENTS)
 
     Parameters
     ----------
-    pair : GearPair, OneDegreePair or SixDegreePair
+    pair : GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator
     tuning : float
     guess : array_like of float, shape (2,) or (n,), optional
         Displacement and dx/dtau at tau = 0, or a full state; by default where the motion from
@@ -203,13 +203,13 @@ def contacts(pair, tuning, z, period, max_events):
     """Return (contact codes in the order met, whether the orbit touches a flank line)."""
     events, summary, _ = record(pair, tuning, z, period, max_events)
     low, high = summary[columns.X_MIN], summary[columns.X_MAX]
+    near, far = pair.flank_lines
     close = _TOUCH * max(1.0, high - low)
+    touches = min(abs(end - line) for end in (low, high) for line in (near, far)) < close
     if not len(events):
         # Without a crossing the orbit stays on one side; it may still come to the line.
-        code = 1 if high > 0.0 else (0 if low > -pair.backlash_ratio else -1)
-        return (code,), bool(min(abs(low), abs(high), abs(high + pair.backlash_ratio)) < close)
+        return (1 if high > near else (0 if low > far else -1),), bool(touches)
     codes = events[:, columns.EVENT_TO].astype(int).tolist()
     pattern = (int(events[0, columns.EVENT_FROM]), *codes)
     speeds = np.abs(events[:, columns.EVENT_VELOCITY]) * tuning
-    touches = abs(low) < close or abs(low + pair.backlash_ratio) < close
     return pattern, bool(touches or speeds.min() < np.sqrt(close))

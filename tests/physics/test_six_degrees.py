@@ -153,7 +153,7 @@ def energy_gap(model, nu, periods=6, state=(0.0, 0.0)):
             length, code, p = row[1], int(row[2]), int(row[3])
             series = row[4:].reshape(-1, n)
             elastic = {1: system.near, 0: np.zeros(n), -1: system.far}[code]
-            c = system.stiffness[p]
+            c = system.stiffness[code + 1, p]
             beta = model.damping_ratio if code else model.backlash_damping_ratio
             sense = model._stretches()[3][p]
             mu = {1: model.friction[0], 0: 0.0, -1: model.friction[1]}[code]

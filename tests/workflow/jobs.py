@@ -70,6 +70,7 @@ EXPERIMENTS = {
         simulates=True,
     ),
     "stability_chart": Experiment({"stability_chart": 1}, {"draw_stability_chart": 1}),
+    "published": Experiment({"published": 1}, {"draw_published": 1}, simulates=True),
     # Two methods each.
     "failures": Experiment(
         {"trial": 2, "gather_failures": 1}, {"draw_failures": 1}, simulates=True

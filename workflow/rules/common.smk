@@ -18,6 +18,9 @@ from gearlib.config.trials import PEERS
 from workflow.sources import sources
 from workflow.yaml_keys import repeated_keys
 
+# Names of gearlib.trials.published, which would load the numerical stack.
+PUBLISHED = ("gear_rattle", "gear_pair", "soft_impact")
+
 ROOT = Path(workflow.basedir)
 
 #: Fig. 2 to 8 and the table of statements.
@@ -146,6 +149,9 @@ def files_by_target():
             "results/work_precision.csv",
         ],
         "jump_by_method": [*figure_files("jump_by_method"), "results/jump_by_method.csv"],
+        "published": [
+            path for name in PUBLISHED for path in figure_files(f"published_{name}")
+        ],
         "claims": ["results/claims.csv", "results/claims.md"],
     }
 

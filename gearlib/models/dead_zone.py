@@ -1,0 +1,210 @@
+"""An oscillator with a dead zone, in its own dimensionless variables.
+
+    x'' + d x' + e x + P(x, t) = F + sum_n (a_n cos n W t + b_n sin n W t) + f''(t)
+
+    P = c_u(t) (x - upper_edge)     x >= upper_edge:               upper contact
+      = 0                           between the edges:             the gap
+      = c_l(t) (x - lower_edge)     x <= lower_edge:               lower contact
+
+Rattling gears, a gear pair in Kahraman's and Singh's variables and an oscillator with an elastic
+stop are three sets of these parameters, see `gearlib.trials.published`.
+
+====================  ===========  ================================================================
+name                  symbol       meaning
+====================  ===========  ================================================================
+upper_edge            --           where the upper contact begins; finite
+lower_edge            --           where the lower contact begins; -inf: there is none
+upper_stiffness       c_u          a number, `Series` or `Steps`; may be 0
+lower_stiffness       c_l          the same; by default that of the upper contact
+damping               d            of the gap
+upper_damping         d            of the upper contact; by default that of the gap
+lower_damping         d            of the lower contact; by default that of the gap
+ground_stiffness      e            of a spring to x = 0 that never parts
+load                  F            mean force; may be 0 or negative
+forcing               a_n, b_n     `Harmonics`, whose amplitudes do not depend on the frequency
+deviation             f            `Harmonics` of a motion of the support, whose inertia is a
+                                   force of amplitude (n W)^2
+====================  ===========  ================================================================
+
+The mass is 1. The "tuning" of `gearlib.simulate`, `gearlib.sweep` and the others is W, the
+frequency of the forcing in the model's unit of time; phase is W t, so that a period of 2 pi is one
+of the forcing, and velocities in results are dx/dphase = x' / W. Take a unit of length in which
+the motion is of order one: tolerances are absolute.
+"""
+
+import math
+from dataclasses import dataclass, field
+from functools import cached_property
+from numbers import Real
+
+import numpy as np
+
+from gearlib import checks
+from gearlib.harmonics import Harmonics
+from gearlib.models.oscillator import Equation, OneDegree
+from gearlib.profiles import Series, Steps
+
+_DAMPINGS = ("damping", "upper_damping", "lower_damping")
+_STIFFNESSES = ("upper_stiffness", "lower_stiffness")
+
+#: What variables of datasets are called that are otherwise those of a gear mesh.
+_LONG_NAMES = {
+    "phase": "phase of the forcing, 2 pi per period",
+    "tuning": "frequency of the forcing",
+    "displacement": "displacement",
+    "velocity": "velocity by phase",
+    "acceleration": "acceleration by phase",
+    "stiffness": "contact stiffness",
+    "modified_stiffness": "contact stiffness, 0 in the gap",
+    "dynamic_force": "contact force",
+    "event_phase": "phase of the crossing of an edge",
+    "event_velocity": "velocity by phase at the event",
+    "displacement_max": "largest displacement",
+    "displacement_min": "smallest displacement",
+    "dynamic_force_max": "largest contact force",
+    "dynamic_force_min": "smallest contact force",
+    "fraction_normal": "fraction of time in upper contact",
+    "fraction_backlash": "fraction of time in the gap",
+    "fraction_inverse": "fraction of time in lower contact",
+    "fraction_min_stiffness": "fraction of time in contact below the mean upper stiffness",
+    "bounces": "losses of upper contact per period of the forcing",
+    "period": "period of the orbit in periods of the forcing, 0 if none up to 16 was found",
+    "final_state": "displacement and velocity by phase at the end of the run",
+    "state": "displacement and velocity by phase at phase 0",
+    "exponent": "largest Lyapunov exponent per period of the forcing",
+    "grazing": "whether the orbit touches an edge",
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class DeadZoneOscillator(OneDegree):
+    """A driven oscillator between two elastic contacts with a gap; immutable.
+
+    Parameters and their meaning: see the table of the module.
+
+    Raises
+    ------
+    ValueError
+        If a value is impossible; the message names parameter, value and range.
+
+    References
+    ----------
+    Kahraman, Singh: Non-linear dynamics of a spur gear pair, Journal of Sound and Vibration 142
+    (1990) 49-75.
+    """
+
+    upper_edge: float = 0.0
+    lower_edge: float = -math.inf
+    upper_stiffness: float | Series | Steps
+    lower_stiffness: float | Series | Steps | None = None
+    damping: float = 0.0
+    upper_damping: float | None = None
+    lower_damping: float | None = None
+    ground_stiffness: float = 0.0
+    load: float = 0.0
+    forcing: Harmonics = field(default_factory=Harmonics)
+    deviation: Harmonics = field(default_factory=Harmonics)
+
+    #: What the datasets of this model say instead of what they say of a gear mesh.
+    long_names = _LONG_NAMES
+    title_noun = "a dead-zone oscillator"
+    references = "Kahraman, Singh: Journal of Sound and Vibration 142 (1990) 49-75"
+
+    def __post_init__(self):
+        def put(name, value):
+            object.__setattr__(self, name, value)
+
+        if self.lower_stiffness is None:
+            put("lower_stiffness", self.upper_stiffness)
+        for name in _DAMPINGS[1:]:
+            if getattr(self, name) is None:
+                put(name, self.damping)
+        for name in (*_DAMPINGS, "ground_stiffness"):
+            put(name, checks.finite_nonnegative(name, getattr(self, name)))
+        for name in ("upper_edge", "load"):
+            put(name, checks.number(name, getattr(self, name), "finite", math.isfinite))
+        allowed = f"from -inf to upper_edge = {self.upper_edge!r}"
+        put(
+            "lower_edge",
+            checks.number("lower_edge", self.lower_edge, allowed, lambda x: x <= self.upper_edge),
+        )
+        for name in _STIFFNESSES:
+            put(name, _stiffness(name, getattr(self, name)))
+        there = _STIFFNESSES if math.isfinite(self.lower_edge) else _STIFFNESSES[:1]
+        if not any(_mean(getattr(self, name)) for name in there):
+            named = " and ".join(f"{name} = {getattr(self, name)!r}" for name in there)
+            raise ValueError(f"{named} is not allowed: one contact must have a stiffness > 0")
+        for name in ("forcing", "deviation"):
+            value = getattr(self, name)
+            if not isinstance(value, Harmonics):
+                raise ValueError(f"{name} = {value!r} is not allowed: it must be Harmonics")
+
+    @cached_property
+    def equation(self):
+        """The `Equation`, in the model's own units."""
+        near = _pieces(self.upper_stiffness)
+        same = self.lower_stiffness == self.upper_stiffness or math.isinf(self.lower_edge)
+        means = _mean(self.upper_stiffness), _mean(self.lower_stiffness)
+        damping = np.zeros((3, 3))
+        damping[:, 0] = self.lower_damping, self.damping, self.upper_damping
+        return Equation(
+            upper=self.upper_edge,
+            lower=self.lower_edge,
+            near=near,
+            far=near if same else _pieces(self.lower_stiffness),
+            damping=damping,
+            powers=np.zeros(2),
+            ground=self.ground_stiffness,
+            load=self.load,
+            force=self.forcing.table(),
+            deviation=self.deviation.table(),
+            natural=math.sqrt(self.ground_stiffness + max(means)),
+        )
+
+    @property
+    def flank_lines(self):
+        """Displacements at which the upper and the lower contact begin."""
+        return self.upper_edge, self.lower_edge
+
+    def scales(self):
+        """Return no scales: the variables are dimensionless."""
+        return {}
+
+    def speed_scales(self, tuning):
+        """Return no scales: the variables are dimensionless."""
+        return {}
+
+    def as_dict(self):
+        """Return the parameters as plain values, in the order of the fields."""
+        values = {name: getattr(self, name) for name in ("upper_edge", "lower_edge")}
+        values |= {name: _plain(getattr(self, name)) for name in _STIFFNESSES}
+        values |= {name: getattr(self, name) for name in (*_DAMPINGS, "ground_stiffness", "load")}
+        return values | {name: vars(getattr(self, name)) for name in ("forcing", "deviation")}
+
+
+def _stiffness(name, value):
+    if isinstance(value, (Series, Steps)):
+        return value
+    allowed = "a finite number >= 0, a Series or Steps"
+    return checks.number(name, value, allowed, lambda c: 0.0 <= c < math.inf)
+
+
+def _pieces(stiffness):
+    if isinstance(stiffness, Real):
+        stiffness = Steps((0.0,), (stiffness,))
+    return stiffness.pieces()
+
+
+def _mean(stiffness):
+    if isinstance(stiffness, Real):
+        return stiffness
+    pieces = _pieces(stiffness)
+    return float(pieces.lines[:, 0] @ np.diff(pieces.breaks)) / (2.0 * math.pi)
+
+
+def _plain(stiffness):
+    if isinstance(stiffness, Series):
+        return {"kind": "series", "mean": stiffness.mean, "harmonics": vars(stiffness.harmonics)}
+    if isinstance(stiffness, Steps):
+        return {"kind": "steps", **vars(stiffness)}
+    return stiffness

@@ -1,0 +1,159 @@
+"""The one equation of all models with one degree of freedom: an oscillator between two contacts.
+
+    x'' + e x + d(x') + c(tau) (g + p2 |g| g + p3 g^3)
+        = F + sum_n (a_n cos n tau + b_n sin n tau) + f''(tau),        tau = nu t,
+
+    g(x) = x - upper     x >= upper           NORMAL contact, c and d of the near side
+         = 0             lower < x < upper    BACKLASH, d of the gap
+         = x - lower     x <= lower           INVERSE contact, c and d of the far side
+
+with d(v) = d1 v + d2 |v| v + d3 v^3 and x' in units of the model's own time t; nu is the frequency
+of the excitation in that unit. Models give their parameters as an `Equation`; the kernels get it
+as a `Law` (Taylor steps) or, where all phases are linear with constant coefficients, as a `System`
+(matrix exponentials).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gearlib.core.mesh import BACKLASH, INVERSE, NORMAL
+from gearlib.core.series import Law
+from gearlib.core.system import System
+from gearlib.models import piecewise_linear
+from gearlib.profiles import Pieces
+
+
+@dataclass(frozen=True)
+class Equation:
+    """Parameters of the equation above, in a unit of length and of time."""
+
+    upper: float  #: finite
+    lower: float  #: <= upper, may be -inf: no far side
+    near: Pieces  #: c(tau) of the near side
+    far: Pieces  #: c(tau) of the far side; the same object where both are alike
+    damping: np.ndarray  #: d1, d2, d3 of far side, gap and near side, shape (3, 3)
+    powers: np.ndarray  #: p2, p3, shape (2,)
+    ground: float  #: e
+    load: float  #: F
+    force: np.ndarray  #: rows (n, a_n, b_n), shape (k, 3)
+    deviation: np.ndarray  #: rows (n, cosine, sine) of f, shape (j, 3)
+    natural: float  #: frequency of the motion in contact, to choose steps by
+
+    def is_piecewise_linear(self):
+        """Return whether the phases between events have closed forms."""
+        curved = self.damping[:, 1:].any() or self.powers.any()
+        constant = all(
+            not side.harmonics.size and not side.lines[:, 1].any() for side in (self.near, self.far)
+        )
+        return bool(constant and not curved)
+
+    def law(self, tuning, tolerance):
+        """Return the `Law` at one frequency for Taylor steps of a `tolerance`."""
+        unit, (near, far) = 1.0 / tuning**2, self._sides()
+        # Velocities are by phase: each power of x' comes with nu, all with 1 / nu^2.
+        damping = self.damping * np.array([1.0 / tuning, 1.0, tuning])
+        waves = np.array([1.0, unit, unit])
+        return Law(
+            tuning,
+            self.upper - self.lower,
+            damping[NORMAL + 1],
+            damping[BACKLASH + 1],
+            self.powers,
+            near.breaks,
+            near.lines * unit,
+            near.low,
+            near.harmonics * waves,
+            np.vstack([[0.0, self.load * unit, 0.0], self._excitation(unit)]),
+            tolerance,
+            self.upper,
+            self.lower,
+            self.ground * unit,
+            damping[INVERSE + 1],
+            far.lines * unit,
+            far.harmonics * waves,
+        )
+
+    def system(self, tuning):
+        """Return (`System`, outputs) at one frequency, if the equation is piecewise linear.
+
+        Components x, x', 1 and a cosine and a sine of each order; no outputs, shape (0, 3, p, n).
+        """
+        unit, sides = 1.0 / tuning**2, self._sides()
+        rows = self._excitation(unit)
+        orders = np.unique(rows[:, 0])
+        n = 3 + 2 * orders.size
+        near, far, position = np.zeros((3, n))
+        near[0] = far[0] = position[0] = 1.0
+        near[2] = -self.upper
+        two_sided = np.isfinite(self.lower)
+        far[2] = -self.lower if two_sided else 0.0
+        free = piecewise_linear.waves(n, 3, orders)
+        free[0, 1] = 1.0
+        free[1, 0] = -self.ground * unit
+        free[1, 2] = self.load * unit
+        for order, cosine, sine in rows:
+            column = 3 + 2 * int(np.searchsorted(orders, order))
+            free[1, column : column + 2] += cosine, sine
+        stiffness = np.array([sides[1].lines[:, 0], sides[0].lines[:, 0], sides[0].lines[:, 0]])
+        a = np.empty((3, stiffness.shape[1], n, n))
+        a[:] = free
+        for i, line in enumerate((far, np.zeros(n), near)):
+            for q, c in enumerate(stiffness[i]):
+                a[i, q, 1] -= c * unit * line
+                a[i, q, 1, 1] -= self.damping[i, 0] / tuning
+        breaks = sides[0].breaks
+        system = System(
+            a,
+            breaks,
+            piecewise_linear.knots(a, breaks, 1, 2, self.natural / tuning),
+            sides[0].low,
+            stiffness,
+            near,
+            far if two_sided else piecewise_linear.never(n, 2),
+            position,
+            0,
+            orders,
+            tuning,
+        )
+        return system, np.zeros((0, 3, stiffness.shape[1], n))
+
+    def _excitation(self, unit):
+        """Return rows (order, cosine, sine) of force and deviation in phase, shape (n, 3)."""
+        deviation = self.deviation.copy()
+        # f'' of a harmonic of order n is -n^2 times the harmonic.
+        deviation[:, 1:] *= -(deviation[:, :1] ** 2)
+        return np.vstack([self.force * np.array([1.0, unit, unit]), deviation])
+
+    def _sides(self):
+        """Return the stiffness of near and far side over the same breaks."""
+        if self.near is self.far:
+            return self.near, self.far
+        breaks = np.union1d(self.near.breaks, self.far.breaks)
+        return self.near.at(breaks), self.far.at(breaks)
+
+
+class OneDegree:
+    """A model with one degree of freedom; a subclass has its `Equation` as ``equation``."""
+
+    def law(self, tuning, tolerance):
+        """Return the `Law` at one tuning, see `Equation.law`."""
+        return self.equation.law(tuning, tolerance)
+
+    def is_piecewise_linear(self):
+        """Return whether the phases between events have closed forms."""
+        return self.equation.is_piecewise_linear()
+
+    def system(self, tuning):
+        """Return (`System`, outputs) at one tuning, see `Equation.system`."""
+        return self.equation.system(tuning)
+
+    def part(self, system):
+        """Return the `Part` that decides the events: all of it."""
+        return piecewise_linear.undivided(system)
+
+    def initial(self, system, state):
+        """Return the full state z at tau = 0 for a displacement and velocity."""
+        z = np.zeros(system.near.size)
+        z[:2] = state
+        return z

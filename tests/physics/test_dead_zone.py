@@ -1,0 +1,327 @@
+"""Oscillators with a dead zone: closed forms, gear pairs in other symbols, another solver."""
+
+import math
+
+import numpy as np
+import pytest
+
+from gearlib import (
+    DeadZoneOscillator,
+    Fourier,
+    GearPair,
+    Harmonics,
+    OneDegreePair,
+    Series,
+    Steps,
+    periodic_orbit,
+    simulate,
+    storage,
+    sweep,
+)
+from gearlib.core.linear_variation import vary_linear
+from gearlib.core.polynomial import bernstein_matrix
+from gearlib.core.system import ORDER
+from gearlib.figures import published as picture
+from gearlib.lyapunov import largest
+from gearlib.trials import published
+from gearlib.variational import period_maps
+
+LIMIT = 10_000
+JUDGE = {"solver": "DOP853", "rtol": 1e-13, "atol": 1e-14, "events": True}
+RATIOS = {"contact_ratio": 1.569, "stiffness_ratio": 0.5879, "backlash": 1.2}
+PAIR = GearPair.from_ratios(**RATIOS, damping=0.03, backlash_damping=0.01)
+#: Everything that a side can have, on both sides: bounces on both within a few periods.
+UNEQUAL = DeadZoneOscillator(
+    upper_edge=0.4,
+    lower_edge=-0.9,
+    upper_stiffness=Steps((0.5, 2.0, 5.0), (6.0, 9.0, 4.0)),
+    lower_stiffness=Steps((1.0, 3.0), (3.0, 5.0)),
+    damping=0.05,
+    upper_damping=0.2,
+    lower_damping=0.1,
+    ground_stiffness=0.3,
+    load=0.1,
+    forcing=Harmonics((0.7, 0.2), (0.1,)),
+    deviation=Harmonics((), (0.05,)),
+)
+PROBLEMS = {name: problem.make(problem.value) for name, problem in published.PROBLEMS.items()}
+MODELS = PROBLEMS | {"unequal": (UNEQUAL, 1.3)}
+
+
+def as_oscillator(pair, **changes):
+    """Return a `GearPair`, in static deflections, as an oscillator with the same equation."""
+    pieces = OneDegreePair(pair=pair).equation.near
+    steps = Steps(tuple(pieces.breaks[:-1]), tuple(pieces.lines[:, 0]))
+    parameters = {
+        "lower_edge": -pair.backlash_ratio,
+        "upper_stiffness": steps,
+        "damping": 2.0 * pair.backlash_damping_ratio,
+        "upper_damping": 2.0 * pair.damping_ratio,
+        "lower_damping": 2.0 * pair.damping_ratio,
+        "load": 1.0,
+    }
+    return DeadZoneOscillator(**parameters | changes)
+
+
+@pytest.mark.parametrize("method", ["exact", "taylor"])
+def test_flight_across_the_gap_is_that_of_a_damped_mass(method):
+    model = DeadZoneOscillator(
+        upper_edge=9.0, lower_edge=-9.0, upper_stiffness=1.0, damping=0.3, load=0.02
+    )
+    frequency, x, v = 1.7, -0.4, 0.9
+    run = simulate(model, frequency, periods=2, initial_state=(x, v / frequency), method=method)
+    t = 4.0 * math.pi / frequency
+    terminal, decay = 0.02 / 0.3, math.exp(-0.3 * t)
+    end = x + terminal * t + (v - terminal) * (1.0 - decay) / 0.3
+    speed = terminal + (v - terminal) * decay
+    # A few roundings of numbers of order one, over some tens of knots.
+    assert run.final_state.values == pytest.approx([end, speed / frequency], abs=1e-13)
+    assert run.sizes["event"] == 0
+
+
+def linear(t, x, v, damping, stiffness, amplitude, frequency):
+    """Return x and v of x'' + damping x' + stiffness x = amplitude cos(frequency t) at t."""
+    steady = amplitude / (stiffness - frequency**2 + 1j * damping * frequency)
+    root = -damping / 2.0 + 1j * math.sqrt(stiffness - damping**2 / 4.0)
+    # The free part Re(c e^(root t)) takes up what the steady part leaves of the start.
+    rest, speed = x - steady.real, v - (1j * frequency * steady).real
+    c = complex(rest, (root.real * rest - speed) / root.imag)
+    wave, free = steady * np.exp(1j * frequency * t), c * np.exp(root * t)
+    return (wave + free).real, (1j * frequency * wave + root * free).real
+
+
+@pytest.mark.parametrize("method", ["exact", "taylor"])
+@pytest.mark.parametrize("how", ["ground", "no gap"])
+def test_what_is_linear_is_a_driven_linear_oscillator(method, how):
+    common = {"damping": 0.2, "forcing": Harmonics((0.8,))}
+    if how == "ground":
+        edges = {"upper_edge": 50.0, "lower_edge": -50.0, "upper_stiffness": 1.0}
+        model = DeadZoneOscillator(ground_stiffness=2.5, **edges, **common)
+    else:
+        # Both sides at one edge, a ground spring beside them: every crossing is an event.
+        model = DeadZoneOscillator(
+            upper_edge=0.0, lower_edge=0.0, upper_stiffness=2.0, ground_stiffness=0.5, **common
+        )
+    frequency = 0.7
+    run = simulate(model, frequency, periods=3, initial_state=(0.5, 0.3), method=method)
+    x, v = linear(6.0 * math.pi / frequency, 0.5, 0.3 * frequency, 0.2, 2.5, 0.8, frequency)
+    assert run.final_state.values == pytest.approx([x, v / frequency], abs=1e-13)
+    assert (run.sizes["event"] > 0) == (how == "no gap")
+
+
+@pytest.mark.parametrize("tuning", [0.7, 0.95])
+def test_a_gear_pair_is_an_oscillator_in_static_deflections(tuning):
+    settings = {"periods": 12, "record_periods": 12, "initial_state": (-1.0, 1.5)}
+    pair = simulate(PAIR, tuning, **settings)
+    assert pair.sizes["event"] > 5
+    shifted = settings | {"initial_state": (-0.7, 1.5)}
+    moved = as_oscillator(PAIR, upper_edge=0.3, lower_edge=0.3 - PAIR.backlash_ratio)
+    runs = (
+        (simulate(as_oscillator(PAIR), tuning, **settings), 0.0),
+        (simulate(as_oscillator(PAIR), tuning, method="taylor", **settings), 0.0),
+        (simulate(moved, tuning, **shifted), 0.3),
+        (simulate(moved, tuning, method="taylor", **shifted), 0.3),
+    )
+    for run, shift in runs:
+        # The pair goes by scalar closed forms: rounding, amplified by a dozen bounces.
+        assert np.abs(run.displacement - shift - pair.displacement).max() < 1e-12
+        assert np.abs(run.event_phase - pair.event_phase).max() < 1e-12
+        for name in ("dynamic_force_max", "dynamic_force_min", "fraction_inverse", "bounces"):
+            assert float(run[name]) == pytest.approx(float(pair[name]), abs=1e-12)
+
+
+def test_a_truncated_stiffness_is_a_series():
+    pair = OneDegreePair(
+        pair=PAIR, profile=Fourier(3), excitation=Harmonics((0.2,)), deviation=Harmonics((), (0.1,))
+    )
+    table = pair.equation.near.harmonics
+    model = as_oscillator(
+        PAIR,
+        upper_stiffness=Series(1.0, Harmonics(tuple(table[:, 1]), tuple(table[:, 2]))),
+        forcing=Harmonics((0.2,)),
+        deviation=Harmonics((), (0.1,)),
+    )
+    ends = [simulate(one, 0.9, periods=10).final_state.values for one in (pair, model)]
+    assert ends[0] == pytest.approx(ends[1], abs=1e-12)
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_an_independent_solver_agrees(name):
+    model, frequency = MODELS[name]
+    settings = {"periods": 6, "record_periods": 6, "initial_state": (0.2, 0.9)}
+    judge = simulate(model, frequency, method="scipy", options=JUDGE, **settings)
+    assert judge.sizes["event"] > 4
+    for method in ("exact", "taylor"):
+        if method == "exact" and not model.is_piecewise_linear():
+            continue
+        run = simulate(model, frequency, method=method, **settings)
+        # What the solver's tolerance leaves, amplified by the bounces.
+        assert np.abs(run.displacement - judge.displacement).max() < 1e-10
+        assert np.abs(run.event_phase - judge.event_phase).max() < 1e-9
+        assert np.array_equal(run.event_to, judge.event_to)
+        assert np.abs(run.dynamic_force - judge.dynamic_force).max() < 1e-8
+
+
+def test_bounces_on_both_sides_are_in_the_test_above():
+    model, frequency = MODELS["unequal"]
+    run = simulate(model, frequency, periods=6, record_periods=6, initial_state=(0.2, 0.9))
+    assert set(run.event_to.values) == {-1, 0, 1}
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_variational_maps_obey_liouville(name):
+    model, frequency = MODELS[name]
+    periods = 5
+    state = np.array([0.2, 0.9])
+    _, maps, code = period_maps(model, frequency, state, periods, LIMIT)
+    assert code == 0
+    run = simulate(
+        model, frequency, periods=periods, record_periods=periods, initial_state=tuple(state)
+    )
+    loss = (
+        model.upper_damping * float(run.fraction_normal)
+        + model.damping * float(run.fraction_backlash)
+        + model.lower_damping * float(run.fraction_inverse)
+    ) * (2.0 * math.pi * periods / frequency)
+    # Determinants of maps whose entries are up to 1e2.
+    assert np.linalg.det(maps).prod() == pytest.approx(math.exp(-loss), rel=1e-10)
+
+
+@pytest.mark.parametrize("name", ["gear_rattle", "soft_impact", "unequal"])
+def test_two_codes_for_the_variations_agree(name):
+    model, frequency = MODELS[name]
+    state = np.array([0.2, 0.9])
+    end, maps, _ = period_maps(model, frequency, state, 5, LIMIT)
+    system, _ = model.system(frequency)
+    z, other = model.initial(system, state), np.empty((5, 2, 2))
+    vary_linear(system, bernstein_matrix(ORDER), z, 2, 5, LIMIT, other)
+    assert z[:2] == pytest.approx(end, abs=1e-11)
+    assert np.abs(maps - other).max() < 1e-10 * np.abs(maps).max()
+
+
+@pytest.mark.parametrize(
+    "model",
+    [
+        OneDegreePair(pair=GearPair.from_ratios(contact_ratio=1.5, stiffness_ratio=1.0)),
+        DeadZoneOscillator(upper_stiffness=1.0, load=1.0),
+        DeadZoneOscillator(upper_stiffness=1.0, upper_edge=2.0, ground_stiffness=1.0),
+    ],
+)
+def test_deviations_from_rest_swing_as_the_contact_does(model):
+    # The motion itself rests at its static deflection: its own series ends at once.
+    x = 1.0 if model.flank_lines[0] == 0.0 else 0.0
+    frequency = 0.31
+    _, maps, _ = period_maps(model, frequency, np.array([x, 0.0]), 1, LIMIT)
+    angle = 2.0 * math.pi / frequency
+    c, s = math.cos(angle), math.sin(angle)
+    exact = [[c, s * frequency], [-s / frequency, c]]
+    # Twenty radians of oscillation in steps of one: their roundings.
+    assert maps[0] == pytest.approx(np.array(exact), abs=1e-13)
+
+
+def test_the_four_motions_of_rattling_gears():
+    model, frequency = PROBLEMS["gear_rattle"]
+    patterns = {
+        (0.61, 0.0): (1,),
+        (0.64, -0.1): (1, 0, 1, 0, 1),
+        (0.75, -0.43): (1, 0, 1),
+        (-0.29, -0.62): (0, -1, 0, 1, 0),
+    }
+    for guess, pattern in patterns.items():
+        orbit = periodic_orbit(model, frequency, guess=guess)
+        assert orbit.residual <= 1e-12
+        assert orbit.stable and not orbit.grazing
+        assert orbit.pattern == pattern
+        # One damping everywhere: the product is exp(-0.6) for every motion.
+        assert orbit.multipliers.prod().real == pytest.approx(math.exp(-0.6), abs=1e-12)
+
+
+def test_the_soft_stop_has_chaos_beside_the_motion_without_impact():
+    model, frequency = PROBLEMS["soft_impact"]
+    steady = 0.5 / (1.0 - frequency**2 + 0.04j * frequency)
+    orbit = periodic_orbit(model, frequency, guess=(0.6, 0.0))
+    assert orbit.pattern == (0,)
+    assert orbit.state == pytest.approx([steady.real, -steady.imag], abs=1e-12)
+    assert orbit.multipliers.prod().real == pytest.approx(
+        math.exp(-0.08 * math.pi / frequency), abs=1e-12
+    )
+    chaos = largest(model, frequency, state=(0.0, 0.0), settle=400, periods=600)
+    assert chaos.value > 10.0 * chaos.uncertainty
+    # It ends where it grazes the stop: just beyond its amplitude the stop is out of reach.
+    grazing = periodic_orbit(published.soft_impact(abs(steady))[0], frequency, guess=(0.6, 0.0))
+    assert grazing.grazing
+
+
+def test_sweep_goes_over_the_frequency_of_the_forcing():
+    model, _ = PROBLEMS["gear_rattle"]
+    settings = {"periods": 20, "record_periods": 2}
+    frequencies = [5.0, 2.0 * math.pi, 7.5]
+    curve = sweep(model, frequencies, **settings)
+    for i, frequency in enumerate(frequencies):
+        run = simulate(model, frequency, **settings)
+        assert curve.final_state.values[i] == pytest.approx(run.final_state.values, abs=0.0)
+        assert float(curve.displacement_max[i]) == float(run.displacement_max)
+
+
+def test_a_run_says_in_its_own_words_what_it_holds(tmp_path):
+    run = simulate(UNEQUAL, 1.3, periods=2)
+    assert run.attrs["title"] == "Time course of a dead-zone oscillator"
+    assert "Series" not in run.attrs["model"] and '"kind":"steps"' in run.attrs["model"]
+    names = {variable.attrs["long_name"] for variable in run.variables.values()}
+    assert not [name for name in names if "mesh" in name or "static deflection" in name]
+    assert "static_deflection" not in run
+    storage.write(run, tmp_path / "run.nc")
+    for stiffness in (Series(2.0, Harmonics((0.5,))), 3.0):
+        model = DeadZoneOscillator(upper_stiffness=stiffness, upper_edge=0.1)
+        storage.write(simulate(model, 1.3, periods=2), tmp_path / "run.nc")
+
+
+def test_survey_and_its_picture():
+    settings = {"settle": 120, "exponent_periods": 100, "points": 20, "check_periods": 4}
+    for name, count in (("gear_rattle", 4), ("soft_impact", 2)):
+        survey = published.survey(name, starts=24, values=2, **settings)
+        assert survey.sizes["attractor"] >= count
+        # The chaotic motion amplifies what the independent solver leaves.
+        assert float(survey.disagreement.max()) < 1e-9
+        assert float(survey.share.sum()) == pytest.approx(1.0)
+        figure = picture.draw(survey, name)
+        assert len(figure.axes) == 4
+    assert set(picture.SYMBOLS) == set(published.PROBLEMS)
+
+
+ONE = {"upper_stiffness": 1.0}
+
+
+@pytest.mark.parametrize(
+    ("make", "says"),
+    [
+        (lambda: DeadZoneOscillator(upper_stiffness=0.0), "upper_stiffness = 0.0 is not allowed"),
+        (
+            lambda: DeadZoneOscillator(upper_stiffness=0, lower_stiffness=0.0, lower_edge=-1.0),
+            "upper_stiffness = 0.0 and lower_stiffness = 0.0 is not allowed: one contact must",
+        ),
+        (lambda: DeadZoneOscillator(upper_stiffness=-1.0), "a finite number >= 0, a Series or"),
+        (lambda: DeadZoneOscillator(upper_stiffness=math.nan), "upper_stiffness = nan"),
+        (lambda: DeadZoneOscillator(**ONE, damping=-0.1), "damping = -0.1"),
+        (lambda: DeadZoneOscillator(**ONE, lower_damping=math.inf), "lower_damping = inf"),
+        (lambda: DeadZoneOscillator(**ONE, lower_edge=0.5), "from -inf to upper_edge = 0.0"),
+        (lambda: DeadZoneOscillator(**ONE, upper_edge=math.inf), "upper_edge = inf"),
+        (lambda: DeadZoneOscillator(**ONE, upper_edge="a"), "upper_edge = 'a'"),
+        (lambda: DeadZoneOscillator(**ONE, load=math.nan), "load = nan"),
+        (lambda: DeadZoneOscillator(**ONE, ground_stiffness=-1.0), "ground_stiffness = -1.0"),
+        (lambda: DeadZoneOscillator(**ONE, forcing=(1.0,)), "forcing = (1.0,)"),
+        (lambda: Series(1.0, Harmonics((-0.8, -0.4))), "the stiffness falls to -0.2"),
+        (lambda: Series(0.0, Harmonics()), "mean = 0.0"),
+        (lambda: Steps((0.0, 0.0), (1.0, 2.0)), "it must rise strictly"),
+        (lambda: Steps((0.0,), (-1.0,)), "stiffness[0] = -1.0"),
+        (
+            lambda: simulate(DeadZoneOscillator(**ONE), 1.0, periods=1, method="rk4"),
+            "method = 'rk4' is not allowed for this DeadZoneOscillator",
+        ),
+    ],
+)
+def test_what_is_impossible_is_refused_in_one_sentence(make, says):
+    with pytest.raises(ValueError) as error:
+        make()
+    assert says in str(error.value)
+    assert "\n" not in str(error.value)

@@ -1,0 +1,77 @@
+"""The workflow through profiles/slurm on a real Slurm of one node ends with the same bytes."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.slurm import cluster
+from tests.workflow.project import small_project
+
+TARGETS = ["results/resonance.nc", "results/figures/fig2_phase_shift.png"]
+
+
+@pytest.fixture(scope="module")
+def slurm():
+    pytest.importorskip("snakemake_executor_plugin_slurm", reason="the extra `slurm` is missing")
+    reason = cluster.why_not()
+    if reason:
+        pytest.skip(reason)
+    with cluster.one_node() as environment:
+        yield environment
+
+
+def only_a_few_jobs(settings):
+    """Leave one damping, two windows and an upward sweep: a job costs seconds on Slurm."""
+    settings["dampings"] = {"k1": settings["dampings"]["k1"]}
+    settings["figures"]["colours"] = {"k1": "#000000"}
+    settings["resonance"] |= {"directions": ["cold", "up"], "window": 0.5}
+    settings["stability_chart"]["damping"] = "k1"
+    settings["scenes"] = {}
+    settings["targets"] = ["phase_lag", "resonance"]
+
+
+def results(project):
+    """Return the contents of the result files but the one that says when and where."""
+    return {path: text for path, text in project.results().items() if "provenance" not in path}
+
+
+@pytest.mark.slow
+def test_same_bytes_as_locally(slurm, tmp_path):
+    here, there = (small_project(tmp_path / name) for name in ("here", "there"))
+    for project in (here, there):
+        project.configure(only_a_few_jobs)
+    here.snakemake("-j2", *TARGETS)
+    done = subprocess.run(
+        [
+            Path(sys.executable).with_name("snakemake"),
+            *TARGETS,
+            "--profile=profiles/slurm",
+            # What a Slurm without accounting needs, and a test that does not want to wait.
+            "--slurm-status-command=squeue",
+            "--slurm-no-account",
+            "--slurm-init-seconds-before-status-checks=2",
+            "--latency-wait=5",
+        ],
+        cwd=there.folder,
+        env=slurm,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        timeout=600,
+    )
+    assert done.returncode == 0, done.stdout
+    jobs = done.stdout.count("has been submitted with SLURM jobid")
+    # Kernels; two windows and an upward sweep; gathering; the lag and its figure.
+    assert jobs == 1 + 3 + 1 + 2, done.stdout
+    assert results(there) == results(here)
+    assert set(TARGETS) <= set(here.results())
+    finished = subprocess.run(
+        ["squeue", "--states=all", "--noheader", "--format=%T"],
+        env=slurm,
+        capture_output=True,
+        text=True,
+        check=True,
+    ).stdout.split()
+    assert finished == ["COMPLETED"] * jobs

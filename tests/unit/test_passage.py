@@ -1,0 +1,174 @@
+"""The fast march through many coordinates is the plain one: thousands of random systems."""
+
+import math
+
+import numpy as np
+import pytest
+
+from gearlib import GearPair, Harmonics, OneDegreePair, SixDegreePair
+from gearlib.core.jit import kernel
+from gearlib.core.linear import contact_at, go, set_harmonics
+from gearlib.core.passage import pass_period, ways
+from gearlib.core.polynomial import bernstein_matrix, fall_by_shape, first_fall
+from gearlib.core.system import ORDER, carry, dot, image, scratch, tables
+
+CASES, SEEDS, PERIODS, LIMIT = 500, 4, 2, 1000
+MATRIX = bernstein_matrix(ORDER)
+WORK = np.empty((50, ORDER + 2))
+
+
+@kernel
+def plain_march(system, to_bernstein, z, periods):
+    """Take z through mesh periods by the plain march.
+
+    Return the number of events and the largest s among the states at the ends of steps.
+    """
+    s, table = scratch(z.size), tables(system)
+    record = np.empty((64, 4 + (ORDER + 1) * z.size))
+    contact, on_line, at_rest = contact_at(system, z)
+    events, backlash = 0, -np.inf
+    for i in range(periods):
+        set_harmonics(system, z, 2.0 * np.pi * i)
+        contact, count, record, rows = go(
+            system, table, to_bernstein, z, contact, on_line, at_rest, s, record, 0, LIMIT
+        )
+        on_line, at_rest = 0, False
+        events += count
+        for j in range(rows):
+            start = record[j, 4 : 4 + z.size]
+            backlash = max(backlash, dot(system.near, start) - dot(system.far, start))
+    return events, backlash
+
+
+@kernel
+def fast_march(system, part, to_bernstein, z, periods):
+    """The same by the part that decides the events."""
+    contact, on_line, at_rest = contact_at(system, z)
+    short, rest, way = image(part.into, z), image(part.rest_into, z), ways(part.system)
+    events = 0
+    for i in range(periods):
+        set_harmonics(part.system, short, 2.0 * np.pi * i)
+        contact, count = pass_period(
+            part.system, way, to_bernstein, short, contact, on_line, at_rest, LIMIT
+        )
+        on_line, at_rest = 0, False
+        events += count
+    carry(part.rest, rest, 2.0 * np.pi, periods)
+    z[:] = image(part.back, short) + image(part.rest_back, rest)
+    return events
+
+
+def random_model(rng):
+    """Return a model over all that `System` knows: damped or not, friction, run-out, rigid."""
+
+    def choose(usual, *special):
+        return float(rng.choice(special)) if rng.random() < 0.3 else float(usual)
+
+    def waves(size):
+        return Harmonics(tuple(rng.uniform(-size, size, rng.integers(0, 3))))
+
+    pair = GearPair(
+        max_stiffness=4e8,
+        stiffness_ratio=choose(rng.uniform(0.1, 1.0), 1.0),
+        contact_ratio=choose(rng.uniform(1.0, 2.0), 1.0, 2.0),
+        reduced_mass=3.123,
+        load=3289.5396,
+        backlash=choose(10 ** rng.uniform(-7, -4), 0.0, math.inf),
+        material_damping=choose(10 ** rng.uniform(2, 4.5), 0.0),
+        backlash_damping=choose(10 ** rng.uniform(2, 4.5), 0.0),
+    )
+    if rng.random() < 0.25:
+        return OneDegreePair(pair=pair, excitation=waves(2000.0), deviation=waves(3e-6))
+    masses, radii = rng.uniform(5.0, 30.0, 2), rng.uniform(0.05, 0.2, 2)
+    bearings = [choose(10 ** rng.uniform(7, 9.5), math.inf) for _ in range(4)]
+    return SixDegreePair(
+        pair=pair,
+        base_radii=tuple(radii),
+        inertias=tuple(rng.uniform(0.3, 1.0, 2) * masses * radii**2),
+        masses=tuple(masses),
+        bearing_stiffness=tuple(bearings),
+        bearing_damping=tuple(
+            0.0 if math.isinf(c) else choose(rng.uniform(0, 0.2) * math.sqrt(c * 15.0), 0.0)
+            for c in bearings
+        ),
+        eccentricities=tuple(choose(rng.uniform(0, 1e-5), 0.0) for _ in range(2)),
+        run_out_phase=0.9,
+        teeth=(24, 31),
+        torques=tuple(pair.load * radii * choose(1.0, 0.9, 1.1)),
+        deviation=waves(1e-6),
+        friction=tuple(rng.uniform(0, 0.1, 2)) if rng.random() < 0.4 else (0.0, 0.0),
+        pitch_phase=rng.uniform(0, 6),
+        moving_backlash=bool(rng.random() < 0.7),
+        preload=bool(rng.random() < 0.7),
+    )
+
+
+@pytest.mark.parametrize("seed", range(SEEDS))
+def test_fast_march_is_the_plain_one(seed):
+    rng = np.random.default_rng(seed)
+    events, calm = 0, 0
+    for _ in range(CASES):
+        model, nu = random_model(rng), 10 ** rng.uniform(-0.6, 0.4)
+        far = -model.backlash_ratio if math.isfinite(model.backlash_ratio) else 0.0
+        state = (
+            float(rng.choice([0.0, far])) if rng.random() < 0.3 else rng.uniform(-3, 3),
+            0.0 if rng.random() < 0.2 else rng.uniform(-3, 3),
+        )
+        system, _ = model.system(nu)
+        plain = model.initial(system, state)
+        if isinstance(model, SixDegreePair):
+            # The rest of the state moves as well.
+            m = 2 + len(model.flexible())
+            plain[0] += 0.5
+            plain[1] -= 0.5
+            plain[m + 2 : 2 * m] += rng.uniform(-1.0, 1.0, m - 2)
+        set_harmonics(system, plain, 0.0)
+        fast, nudged = plain.copy(), plain.copy()
+        # What one part in 1e12 does to this orbit: rounding cannot do more.
+        nudged[: 2 if plain.size < 5 else 4] += 1e-12
+        count, backlash = plain_march(system, MATRIX, plain, PERIODS)
+        plain_march(system, MATRIX, nudged, PERIODS)
+        part = model.part(system)
+        fast_count = fast_march(system, part, MATRIX, fast, PERIODS)
+        if math.isfinite(model.backlash_ratio) and backlash > 1e-9:
+            # Moving bearings closed the backlash altogether: then the order of the two lines hangs
+            # on rounding.
+            continue
+        compared = np.concatenate([part.into, part.rest_into])
+        scale = 1.0 + float(abs(plain).max())
+        error = float(abs(compared @ (fast - plain)).max())
+        spread = float(abs(compared @ (nudged - plain)).max())
+        assert error <= 1e-11 * scale + 10.0 * spread, (model, nu, state, error, spread)
+        if spread < 1e-10 * scale:
+            calm += 1
+            # A touch within rounding is two events to one march and none to the other.
+            assert (fast_count - count) % 2 == 0, (model, nu, state)
+            assert fast_count == count or error < 1e-11 * scale, (model, nu, state)
+            events += fast_count
+    assert calm > 0.7 * CASES and events > CASES
+
+
+def test_shape_tells_what_bernstein_form_tells():
+    rng = np.random.default_rng(0)
+    told = np.zeros(3, dtype=int)
+    for case in range(20_000):
+        decay = rng.uniform(0.2, 0.9)
+        c = rng.normal(size=ORDER + 1) * decay ** np.arange(ORDER + 1)
+        first = case % 2
+        c[0] = 0.0 if first else abs(c[0])
+        found = fall_by_shape(c, first)
+        told[0 if found < 0.0 else 1 if found > 1.0 else 2] += 1
+        if found >= 0.0:
+            expected = first_fall(c.copy(), MATRIX, WORK)
+            # Coefficients carry 1e-16 of their sum; a flat root moves by that over its slope.
+            slope = 1.0 if found > 1.0 else abs(np.polyval(np.polyder(c[::-1]), found))
+            assert abs(found - expected) <= 1e-14 * abs(c).sum() / slope, (case, c)
+    assert told.min() > 500
+
+
+@pytest.mark.parametrize("depth", [1e-3, 1e-6, 1e-9, -1e-9, -1e-3])
+def test_shape_misses_no_dip(depth):
+    # A parabola that dips below the line, or stays above it, in the middle of the interval.
+    c = np.zeros(ORDER + 1)
+    c[:3] = 0.25 - depth, -1.0, 1.0
+    assert fall_by_shape(c, 0) in (-1.0, first_fall(c.copy(), MATRIX, WORK))

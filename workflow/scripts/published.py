@@ -1,0 +1,13 @@
+"""Compute the surveys of the published problems."""
+
+import json
+
+from gearlib import storage
+from gearlib.trials import published
+from joblog import redirect_output
+
+if __name__ == "__main__":
+    redirect_output(snakemake.log[0])
+    settings = json.loads(snakemake.params.settings)
+    for name in published.PROBLEMS:
+        storage.write(published.survey(name, **settings), snakemake.output[name])
