@@ -31,6 +31,7 @@ from gearlib.config.experiments import (
     FRICTION_ONLY,
     SIX_ONLY,
     AnalyticMethod,
+    Branches,
     Figures,
     Jump,
     Labels,
@@ -77,6 +78,7 @@ Target = Literal[
     "phase_planes",
     "scenes",
     "jump",
+    "branches",
     "nonlinear_damping",
     "analytic_method",
     "models",
@@ -113,6 +115,7 @@ class Config(Section):
     six_degrees: SixDegrees
     models: Models
     labels: Labels
+    branches: Branches
     parametric_resonance: ParametricResonance
     stability_chart: StabilityChart
     failures: Failures
@@ -137,6 +140,11 @@ class Config(Section):
                     f"{key}.damping = {damping!r} is not allowed: it must be one of "
                     f"{', '.join(self.dampings)}"
                 )
+        if self.branches.loci.damping not in self.dampings:
+            raise ValueError(
+                f"branches.loci.damping = {self.branches.loci.damping!r} is not allowed: it must "
+                f"be one of {', '.join(self.dampings)}"
+            )
         for name, scene in self.scenes.items():
             self._check_scene(f"scenes.{name}", scene)
         for key in ("basins", "poincare"):

@@ -14,7 +14,7 @@ from scipy.linalg import solve_discrete_lyapunov
 
 from gearlib.core import orbit as columns
 from gearlib.global_dynamics.stroboscope import chain
-from gearlib.periodic_orbits import NoOrbit, Orbit, periodic_orbit
+from gearlib.orbits.shooting import NoOrbit, Orbit, periodic_orbit
 from gearlib.variational import record
 
 KINDS = ("periodic", "chaotic", "unbounded", "undecided")

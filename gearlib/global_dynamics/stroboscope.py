@@ -19,7 +19,7 @@ from gearlib.core.polynomial import bernstein_matrix
 from gearlib.core.series import ORDER
 from gearlib.integrators import choose
 from gearlib.integrators.exact import ratios
-from gearlib.models.one_degree import OneDegreePair
+from gearlib.models.oscillator import OneDegree
 from gearlib.pair import GearPair
 from gearlib.variational import full_state, moving_components, period_maps, rotation_free
 
@@ -35,7 +35,7 @@ class Stroboscope:
     def __init__(self, pair, tuning, *, max_events=MAX_EVENTS, threads=None):
         choose(pair, None, None)
         #: Whether the motion goes in closed forms, not in Taylor steps.
-        self.exact = not isinstance(pair, OneDegreePair)
+        self.exact = not isinstance(pair, OneDegree)
         self.pair, self.tuning = pair, check_tuning("tuning", tuning)
         self.max_events = checks.integer("max_events", max_events, 1)
         count = os.cpu_count() or 1
@@ -115,7 +115,7 @@ class Stroboscope:
         samples = np.empty((0, orbit.SAMPLE_COLUMNS))
         events, summary = np.empty((0, orbit.EVENT_COLUMNS)), np.empty(orbit.SUMMARY_COLUMNS)
         rest = periods, 1, samples, events, self.max_events, summary
-        if isinstance(self.pair, OneDegreePair):
+        if isinstance(self.pair, OneDegree):
             law = self.pair.law(self.tuning, _TOLERANCE)
             for i, (x, v) in enumerate(states):
                 *ends[i], _, _, _, codes[i], _ = run_nonlinear(law, _TO_BERNSTEIN, x, v, *rest)

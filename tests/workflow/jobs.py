@@ -37,6 +37,11 @@ EXPERIMENTS = {
         {"draw_parametric_resonance": 1, "draw_resonance": 1},
         with_k1={"tongues": 1},
     ),
+    "branches": Experiment(
+        {"branches": DAMPINGS, "loci": 1},
+        {"draw_branches": 1, "draw_resonance": 1},
+        with_k1={"branches": 1, "loci": 1},
+    ),
     "phase_planes": Experiment(
         {"phase_plane": DAMPINGS, "gather_phase_planes": 1},
         {"draw_phase_planes": 1},

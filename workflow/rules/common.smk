@@ -130,6 +130,7 @@ def files_by_target():
         "phase_planes": figure_files("fig5_phase_planes"),
         "scenes": scenes,
         "jump": figure_files("fig6_jump"),
+        "branches": figure_files("branches"),
         "nonlinear_damping": [
             *figure_files("nonlinear_damping"),
             "results/nonlinear_damping.csv",
