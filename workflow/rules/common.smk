@@ -7,6 +7,7 @@ config.yaml (2 or 2.0) rerun nothing.
 
 import json
 import os
+import re
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -22,6 +23,13 @@ ROOT = Path(workflow.basedir)
 
 #: Fig. 2 to 8 and the table of statements.
 PAPER_TARGETS = ["phase_lag", "resonance", "phase_planes", "scenes", "jump", "claims"]
+
+#: The parts of the report, numbered because its menu is in the order of the alphabet.
+PAPER, CLAIMS = "1 The paper's figures", "2 The paper's statements"
+EXPLANATIONS, METHODS = "3 Explanations", "4 Methods"
+
+#: What the report shows of a figure, the first that there is; browsers zoom pixels best.
+SHOWN_FORMATS = ["png", "svg", "pdf"]
 
 # Scripts import the library beside this Snakefile, whatever else is installed.
 os.environ.update(
@@ -58,6 +66,42 @@ def script_sources(name):
 def figure_files(name):
     """Return the files of one figure, one for each format."""
     return expand("results/figures/{name}.{format}", name=name, format=CONFIG.figures.formats)
+
+
+def figure(name, label, part, caption=None):
+    """Return the files of one figure, of which one is shown in the report.
+
+    One label only: of two, where a part has two results, the report makes a switch that breaks.
+    """
+    shown = min(CONFIG.figures.formats, key=SHOWN_FORMATS.index)
+    return [
+        report(
+            path,
+            caption=f"../report/{caption or name}.rst",
+            category=part,
+            labels=label if callable(label) else {"figure": label},
+        )
+        if path.endswith(f".{shown}")
+        else path
+        for path in figure_files(name)
+    ]
+
+
+def table_page(name, label, part):
+    """Return the page of a table, for the report: browsers do not show CSV."""
+    return report(
+        f"results/tables/{name}.html",
+        caption=f"../report/{name}_table.rst",
+        category=part,
+        labels={"figure": label},
+    )
+
+
+def label_of_scene(wildcards):
+    """Return the label of a scene in the report: its name in words, its dampings."""
+    words = re.sub(r"^fig(\d+)_", r"Fig. \1: ", wildcards.scene).replace("_", " ")
+    dampings = dict.fromkeys(case.damping for case in CONFIG.scenes[wildcards.scene].cases)
+    return {"figure": f"{words}, damping {', '.join(dampings)}"}
 
 
 def resonance_shards():
@@ -146,6 +190,7 @@ def files_by_target():
         ],
         "jump_by_method": [*figure_files("jump_by_method"), "results/jump_by_method.csv"],
         "claims": ["results/claims.csv", "results/claims.md"],
+        "report_page": ["results/report/index.html"],
     }
 
 
