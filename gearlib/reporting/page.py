@@ -235,9 +235,8 @@ def _stored(orbits):
     def flat(values):
         return _single(values).ravel()
 
-    # The end of the run closes the orbit in the phase plane.
     closed = {
-        axis: np.concatenate([orbits[name], orbits.final_state[..., k, np.newaxis]], axis=-1)
+        axis: _closed(orbits[name].values, orbits.final_state.values[..., k])
         for k, (axis, name) in enumerate({"x": "displacement", "y": "velocity"}.items())
     }
     motions = sorted({str(text) for text in orbits.motion.values.flat})
@@ -254,6 +253,11 @@ def _stored(orbits):
         "ends": ColumnDataSource(ends),
         "motions": motions,
     }
+
+
+def _closed(courses, ends):
+    """Return courses with the end of the run, which closes the orbit in the phase plane."""
+    return np.concatenate([courses, ends[..., np.newaxis]], axis=-1)
 
 
 def _characteristic(resonance, hues):
