@@ -28,6 +28,9 @@ from gearlib.figures import style
 
 _EXTREMA = ("displacement_max", "displacement_min")
 
+#: Static deflections beyond which nothing is drawn.
+_HIGHEST = 1e6
+
 #: Sweeps as they are told apart: colour (None: that of the damping), dash, width.
 _SWEEPS = {
     "cold": (fig3.COLD_COLOUR, "solid", 3.5),
@@ -59,7 +62,7 @@ _PAGE = """<!doctype html>
 body {{ font: 15px/1.45 system-ui, sans-serif; color: #222; background: #fff; }}
 body {{ margin: 1em auto; max-width: 1200px; padding: 0 1em; }}
 h1 {{ font-size: 1.4em; margin: 0.4em 0; }}
-p {{ max-width: 62em; margin: 0.4em 0 0.8em; }}
+p {{ max-width: 80em; margin: 0.4em 0 0.8em; }}
 </style>
 </head>
 <body>
@@ -134,7 +137,7 @@ def build(resonance, orbits, colours=None):
         title=html.escape(title),
         introduction=_INTRODUCTION.format(periods=periods),
         scripts="\n".join(resources.js_raw).replace("</script", "<\\/script"),
-        item=json.dumps(item, sort_keys=True, separators=(",", ":")).replace("</", "<\\/"),
+        item=json.dumps(item, separators=(",", ":")).replace("</", "<\\/"),
     )
 
 
@@ -163,7 +166,7 @@ def _layout(resonance, orbits, colours):
     names = [str(name) for name in orbits.damping.values]
     hues = [look.colour for look in style.looks(names, colours).values()]
     backlash = float(orbits.backlash_ratio)
-    marks, plane, course = _empty("x", "y"), _empty("x", "y"), _empty(*_COURSE)
+    marks, plane, course = _to_come("x", "y"), _to_come("x", "y"), _to_come(*_COURSE)
 
     characteristic, shown = _characteristic(resonance.sel(damping=names), hues)
     span = Span(dimension="height", line_color="#444444", line_dash="dotted", line_width=1.5)
@@ -174,11 +177,10 @@ def _layout(resonance, orbits, colours):
     displacement = _small("Displacement", "mesh phase τ, rad", "displacement y")
     _shade(displacement, backlash, "bottom", "top")
     force = _small("Dynamic force", "mesh phase τ, rad", "dynamic force / load")
-    force.x_range = displacement.x_range
     lines = [
-        phase_plane.line("x", "y", source=plane, line_width=1.5).glyph,
-        displacement.line("phase", "displacement", source=course, line_width=1.5).glyph,
-        force.line("phase", "force", source=course, line_width=1.5).glyph,
+        _only_line(phase_plane, "x", "y", plane),
+        _only_line(displacement, "phase", "displacement", course),
+        _only_line(force, "phase", "force", course),
     ]
 
     tunings = [float(nu) for nu in orbits.tuning.values]
@@ -225,8 +227,9 @@ def _layout(resonance, orbits, colours):
     )
 
 
-def _empty(*names):
-    return ColumnDataSource({name: [] for name in names})
+def _to_come(*names):
+    """Return a source that is filled when the page opens; ranges want two points before."""
+    return ColumnDataSource({name: [0.0, 1.0] for name in names})
 
 
 def _stored(orbits):
@@ -263,7 +266,7 @@ def _closed(courses, ends):
 def _characteristic(resonance, hues):
     """Return the plot, and for each damping what is visible when it is chosen."""
     plot = figure(
-        height=400,
+        height=360,
         x_axis_label="tuning ν",
         y_axis_label="displacement y, static deflections",
         sizing_mode="stretch_width",
@@ -284,7 +287,7 @@ def _characteristic(resonance, hues):
         for direction in directions:
             curve = resonance.isel(damping=number).sel(direction=direction)
             drawn = _draw_sweep(plot, tuning, curve, hue, direction)
-            legend.append(LegendItem(label=_SWEEP_WORDS[direction], renderers=drawn))
+            legend.append(LegendItem(label=_SWEEP_WORDS[direction], renderers=drawn[:1]))
             models += [*drawn, legend[-1]]
         for model in models:
             model.visible = number == 0
@@ -299,6 +302,8 @@ def _draw_sweep(plot, tuning, curve, hue, direction):
     drawn = []
     for name in _EXTREMA:
         values = curve[name].values
+        # Sweeps of an undamped mesh can run away beyond single precision.
+        values = np.where(np.abs(values) < _HIGHEST, values, np.nan)
         linked = fig3.where_linked(np.isfinite(values) & (curve.period.values > 0))
         line = {"x": _single(tuning), "y": _single(np.where(linked, values, np.nan))}
         drawn.append(
@@ -317,8 +322,10 @@ def _draw_sweep(plot, tuning, curve, hue, direction):
                 "x",
                 "y",
                 source=ColumnDataSource(dots),
-                size=width + 1,
-                color=colour or hue,
+                size=3.5,
+                line_color=colour or hue,
+                # Hollow, so that what lies below shows.
+                fill_color=None if direction == "down" else colour or hue,
             )
         )
     return drawn
@@ -329,14 +336,22 @@ def _small(title, x, y):
         title=title,
         x_axis_label=x,
         y_axis_label=y,
-        height=320,
+        height=280,
         min_width=300,
         sizing_mode="stretch_width",
         tools="pan,wheel_zoom,box_zoom,reset,save",
         styles={"flex": "1 1 300px"},
     )
     plot.toolbar.logo = None
+    plot.toolbar.autohide = True
     return plot
+
+
+def _only_line(plot, x, y, source):
+    """Draw a line to which alone the ranges of the plot are fitted; return its glyph."""
+    line = plot.line(x, y, source=source, line_width=1.5)
+    plot.x_range.renderers = plot.y_range.renderers = [line]
+    return line.glyph
 
 
 def _shade(plot, backlash, low, high):

@@ -73,6 +73,12 @@ EXPERIMENTS = {
         {"work_precision_errors": 2, "work_precision_times": 2, "work_precision_table": 1},
         {"draw_work_precision": 1, "draw_work_precision_time": 1},
     ),
+    "report_page": Experiment(
+        {"report_orbits": 1},
+        {"draw_report_page": 1},
+        simulates=True,
+        with_k1={"report_orbits": 1},
+    ),
     "jump_by_method": Experiment(
         {"jump_by_method": 2, "jump_by_method_table": 1},
         {"draw_jump_by_method": 1},
