@@ -73,18 +73,14 @@ def figure(name, label, part, caption=None):
 
     One label only: of two, where a part has two results, the report makes a switch that breaks.
     """
-    shown = min(CONFIG.figures.formats, key=SHOWN_FORMATS.index)
-    return [
-        report(
-            path,
-            caption=f"../report/{caption or name}.rst",
-            category=part,
-            labels=label if callable(label) else {"figure": label},
-        )
-        if path.endswith(f".{shown}")
-        else path
-        for path in figure_files(name)
-    ]
+    shown = f".{min(CONFIG.figures.formats, key=SHOWN_FORMATS.index)}"
+    in_report = dict(
+        caption=f"../report/{caption or name}.rst",
+        category=part,
+        labels=label if callable(label) else {"figure": label},
+    )
+    files = figure_files(name)
+    return [report(path, **in_report) if path.endswith(shown) else path for path in files]
 
 
 def table_page(name, label, part):
