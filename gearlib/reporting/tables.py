@@ -17,7 +17,7 @@ p {{ max-width: 45em; }}
 table {{ border-collapse: collapse; font-variant-numeric: tabular-nums; }}
 th, td {{ padding: 0.35em 0.8em; text-align: left; vertical-align: top; max-width: 30em; }}
 th {{ position: sticky; top: 0; background: #444; color: #fff; }}
-td {{ border-bottom: 1px solid #ddd; overflow-wrap: anywhere; }}
+td {{ border-bottom: 1px solid #ddd; overflow-wrap: break-word; }}
 </style>
 </head>
 <body>
