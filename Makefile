@@ -2,7 +2,7 @@
 # make test    the same set-up and all checks: style, imports, tests (a small workflow included)
 # make peers   add to .venv the solvers of others that method= can call, where they install
 # make bench   speed of the library on this machine
-# make report  results/report.html, all figures and claims on one page
+# make report  results/report.html, all figures, tables and claims on one page
 # make clean   remove the results; `make distclean` the environment as well
 
 PYTHON ?= python3

@@ -28,9 +28,6 @@ rule tongues:
     output:
         dataset="results/tongues.nc",
         sentence="results/parametric_resonance.txt",
-        page=table_page(
-            "parametric_resonance", "Parametric resonance: the singular region in words", EXPLANATIONS
-        ),
     log:
         "results/logs/tongues.log",
     benchmark:
@@ -55,7 +52,10 @@ rule draw_parametric_resonance:
         tongues=rules.tongues.output.dataset,
         sources=script_sources("draw_parametric_resonance"),
     output:
-        figure("parametric_resonance", "Parametric resonance: tongues", EXPLANATIONS),
+        pictures=figure("parametric_resonance", "Parametric resonance: tongues", EXPLANATIONS),
+        page=table_page(
+            "parametric_resonance", "Parametric resonance: the singular region in words", EXPLANATIONS
+        ),
     log:
         "results/logs/draw_parametric_resonance.log",
     benchmark:

@@ -5,7 +5,6 @@ import json
 from gearlib import storage
 from gearlib.files import replacing
 from gearlib.parametric_resonance import explanation
-from gearlib.reporting import tables
 from joblog import redirect_output
 
 if __name__ == "__main__":
@@ -20,4 +19,3 @@ if __name__ == "__main__":
     storage.write(dataset, snakemake.output.dataset)
     with replacing(snakemake.output.sentence) as temporary:
         temporary.write_text(dataset.attrs["explanation"] + "\n", encoding="utf-8")
-    tables.write_text_page(dataset.attrs["explanation"], snakemake.output.page)
