@@ -83,7 +83,7 @@ REFUSED = [
     ("targets", ["resonances"], "targets[0] = 'resonances'", "one of phase_lag, resonance"),
     ("report_page/step", 0.4, "report_page.stop = 1.4", "a whole multiple"),
     ("report_page/periods_shown", 25, "report_page.periods_shown = 25", "from 1 to the 24"),
-    ("report_page/samples_per_period", 4096, "samples_per_period = 4096", "<= 2,000,000"),
+    ("report_page/samples_per_period", 4096, "report_page.samples_per_period", "<= 2,000,000"),
     ("jump/damping", "k2", "jump.damping = 'k2'", "one of k1, k1m"),
     ("jump/stop", 0.7, "jump.stop = 0.7", "jump.start = 0.78 plus a whole multiple"),
     ("jump/step", 1e-9, "jump.step = 1e-09", ">= 8e-06"),
