@@ -19,8 +19,8 @@ from gearlib.frequency_domain.schmidt import (
     search,
 )
 from gearlib.frequency_domain.solution import first_coefficients
+from gearlib.orbits.shooting import NoOrbit, periodic_orbit
 from gearlib.pair import GearPair
-from gearlib.periodic_orbits import NoOrbit, periodic_orbit
 from gearlib.sweeping import sweep
 from gearlib.variables import describe
 

@@ -35,10 +35,6 @@ LABELS = ("periodic", "quasi-periodic", "chaotic", "undecided")
 #: Agreement in fewer digits is none.
 DIGITS = 4
 
-#: An exponent counts when it is so many times its uncertainty.
-_SIGMAS = 3.0
-#: Growth exp(slack) beyond the linear growth of a quasi-periodic motion is exponential.
-_SLACK = 7.0
 #: A decay slower than this over the counted periods is none.
 _DECAY = -3.0
 
@@ -193,9 +189,7 @@ def decide(runs, found):
         return verdict(
             "undecided", f"could not go on: {', '.join(failed) or 'the variational run'}"
         )
-    # A quasi-periodic motion shears: deviations grow in proportion to time, by log(periods).
-    linear = math.log(found.periods) + _SLACK
-    if found.growth > linear and found.value > _SIGMAS * found.uncertainty:
+    if found.positive:
         return verdict(
             "chaotic",
             f"deviations grow by a factor e every {1.0 / found.value:.3g} mesh periods",

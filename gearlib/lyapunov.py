@@ -11,12 +11,17 @@ from typing import NamedTuple
 import numpy as np
 
 from gearlib import status
+from gearlib.core.growth import carry
 from gearlib.variational import full_state, period_maps, without_rotation
 
 #: Maps held in memory at a time.
 _CHUNK = 512
 #: Batches of consecutive periods whose means give the uncertainty.
 BATCHES = 20
+#: An exponent counts when it is so many times its uncertainty.
+_SIGMAS = 3.0
+#: Growth exp(slack) beyond the linear growth of a quasi-periodic motion is exponential.
+_SLACK = 7.0
 
 
 class Exponent(NamedTuple):
@@ -26,6 +31,15 @@ class Exponent(NamedTuple):
     uncertainty: float  #: standard error of the mean over batches
     growth: float  #: logarithm of the whole growth, value times periods
     periods: int
+
+    @property
+    def positive(self):
+        """Whether deviations grow exponentially.
+
+        A quasi-periodic motion shears: deviations grow in proportion to time, by log(periods).
+        """
+        linear = math.log(self.periods) + _SLACK
+        return self.growth > linear and self.value > _SIGMAS * self.uncertainty
 
 
 def largest(pair, tuning, *, state=(0.0, 0.0), settle=1000, periods=4000, max_events=1_000_000):
@@ -48,7 +62,7 @@ def largest(pair, tuning, *, state=(0.0, 0.0), settle=1000, periods=4000, max_ev
     Exponent
     """
     z = full_state(pair, tuning, state)
-    vector, logs = None, np.empty(periods)
+    logs, weights, vector = np.empty(periods), None, None
     done = -settle
     while done < periods:
         count = min(_CHUNK, periods - done) if done >= 0 else min(_CHUNK, -done)
@@ -58,18 +72,12 @@ def largest(pair, tuning, *, state=(0.0, 0.0), settle=1000, periods=4000, max_ev
         maps = without_rotation(pair, maps)
         if vector is None:
             # Any direction will do: settling turns it into the growing one.
-            vector = np.ones(maps.shape[1])
-            weights = np.ones(maps.shape[1])
+            vector, weights = np.ones(maps.shape[1]), np.ones(maps.shape[1])
             weights[maps.shape[1] // 2 :] = tuning
-        for i, matrix in enumerate(maps):
-            vector = matrix @ vector
-            length = float(np.linalg.norm(weights * vector))
-            if not length > 0.0:
-                # Over-damped to nothing: no deviation is left to grow.
-                return Exponent(-math.inf, 0.0, -math.inf, periods)
-            vector /= length
-            if done >= 0:
-                logs[done + i] = math.log(length)
+        counted = logs[done : done + count] if done >= 0 else np.empty(count)
+        if not carry(maps, weights, vector, counted):
+            # Over-damped to nothing: no deviation is left to grow.
+            return Exponent(-math.inf, 0.0, -math.inf, periods)
         done += count
     batches = np.array([part.mean() for part in np.array_split(logs, min(BATCHES, periods))])
     error = batches.std(ddof=1) / math.sqrt(batches.size) if batches.size > 1 else math.inf

@@ -105,9 +105,14 @@ def without_rotation(pair, maps):
     return reduce @ maps @ lift
 
 
-def record(pair, tuning, state, periods, limit):
-    """Run from a full state and record it; return (events, summary) as of `gearlib.core.run`."""
-    samples = np.empty((0, orbit.SAMPLE_COLUMNS))
+def record(pair, tuning, state, periods, limit, samples_per_period=0):
+    """Run from a full state and record it.
+
+    Returns (events, summary, samples) as of `gearlib.core.run`; `samples` of shape
+    (periods * samples_per_period, 6 or more).
+    """
+    columns = orbit.SAMPLE_COLUMNS + len(getattr(pair, "extra_samples", ()))
+    samples = np.empty((periods * samples_per_period, columns))
     events, summary = np.empty((16, orbit.EVENT_COLUMNS)), np.empty(orbit.SUMMARY_COLUMNS)
     rest = periods, periods, samples, events, limit, summary
     if isinstance(pair, GearPair):
@@ -119,4 +124,4 @@ def record(pair, tuning, state, periods, limit):
         z = np.zeros(system.near.size)
         z[: state.size] = state
         done = run_linear(system, pair.part(system), outputs, _TO_BERNSTEIN, z, *rest)
-    return done[3][: done[4]], summary
+    return done[3][: done[4]], summary, samples

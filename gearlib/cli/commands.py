@@ -159,7 +159,7 @@ def orbit(pair, tuning, period, guess, output_path, force):
     """Find a periodic orbit and its Floquet multipliers."""
     output.check(output_path, force)
     import gearlib
-    from gearlib.periodic_orbits import NoOrbit
+    from gearlib.orbits.shooting import NoOrbit
 
     try:
         with progress.clock("shooting"):

@@ -5,21 +5,16 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from gearlib import tunings
+from gearlib.config.mesh import Change
 from gearlib.config.types import (
-    Backlash,
     Colour,
-    ContactRatio,
     DampingCoefficient,
     Finite,
-    Load,
-    Mass,
     Name,
     NonNegative,
     Positive,
     PositiveDampingCoefficient,
     Section,
-    Stiffness,
-    StiffnessRatio,
     Tuning,
     check_grid,
     listing,
@@ -217,6 +212,54 @@ class Labels(Section):
         return self
 
 
+class LociSection(Section):
+    """Special points over tuning and material damping."""
+
+    damping: Name = Field(
+        description="One of the dampings: its branch is labelled and begins the loci.",
+        json_schema_extra={"$comment": "one of the dampings"},
+    )
+    lowest: number_within(ge=0, le=10) = Field(
+        description="Damping ratio at which the loci end below."
+    )
+    highest: number_within(gt=0, le=10) = Field(
+        description="Damping ratio at which the loci end above."
+    )
+
+    @model_validator(mode="after")
+    def _check(self):
+        if self.highest <= self.lowest:
+            raise ValueError(
+                f"branches.loci.highest = {self.highest!r} is not allowed: it must be greater than "
+                f"branches.loci.lowest = {self.lowest!r}"
+            )
+        return self
+
+
+class Branches(Section):
+    """Branches of periodic orbits behind Fig. 3, and their special points over the damping."""
+
+    start: Tuning = Field(description="Tuning at which the branches begin.")
+    stop: Tuning = Field(description="Tuning at which they end.")
+    step: number_within(gt=0, le=1) = Field(
+        description="Largest step, static deflections; from start to stop counts as one."
+    )
+    max_height: Positive = Field(
+        description="Height of orbits at which a branch ends, static deflections."
+    )
+    max_points: int = Field(ge=2, le=1_000_000, description="Most points of one branch.")
+    loci: LociSection
+
+    @model_validator(mode="after")
+    def _check(self):
+        if self.stop <= self.start:
+            raise ValueError(
+                f"branches.stop = {self.stop!r} is not allowed: it must be greater than "
+                f"branches.start = {self.start!r}"
+            )
+        return self
+
+
 class Models(Section):
     """The comparison of models: what more than the smallest one would change in a scene."""
 
@@ -251,19 +294,6 @@ Observable = Literal[
     "fraction_min_stiffness",
     "bounces",
 ]
-
-
-class Change(Section):
-    """Other values for some keys of gear_pair, each as there."""
-
-    max_stiffness: Stiffness = Field(default=None, description="Max stiffness of the case.")
-    stiffness_ratio: StiffnessRatio = Field(
-        default=None, description="Stiffness ratio of the case."
-    )
-    contact_ratio: ContactRatio = Field(default=None, description="Contact ratio of the case.")
-    reduced_mass: Mass = Field(default=None, description="Reduced mass of the case.")
-    load: Load = Field(default=None, description="Load of the case.")
-    backlash: Backlash = Field(default=None, description="Backlash of the case.")
 
 
 class Case(Section):

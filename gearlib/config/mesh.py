@@ -37,6 +37,19 @@ class GearPairSection(Section):
     teeth: int = Field(ge=1, le=10_000, description="Teeth: mesh periods per revolution.")
 
 
+class Change(Section):
+    """Other values for some keys of gear_pair, each as there."""
+
+    max_stiffness: Stiffness = Field(default=None, description="Max stiffness of the case.")
+    stiffness_ratio: StiffnessRatio = Field(
+        default=None, description="Stiffness ratio of the case."
+    )
+    contact_ratio: ContactRatio = Field(default=None, description="Contact ratio of the case.")
+    reduced_mass: Mass = Field(default=None, description="Reduced mass of the case.")
+    load: Load = Field(default=None, description="Load of the case.")
+    backlash: Backlash = Field(default=None, description="Backlash of the case.")
+
+
 class Damping(Section):
     """One combination of linear damping coefficients."""
 

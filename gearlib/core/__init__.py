@@ -15,7 +15,7 @@ module                responsibility
 ``run``               a whole run: its periods gone through fast, those at its end recorded
 ``elementary``        exp, sine and cosine as plain arithmetic
 ``lanes``             many bouncing orbits in lockstep
-``many``              runs over many tunings: one after the other, or in lanes
+``many``              runs over many tunings or states: one after the other, or in lanes
 ``polynomial``        first crossing and largest value of a polynomial, isolated
 ``series``            nonlinear mesh: Taylor series of its motion
 ``system``            many coordinates: matrices and Taylor series
@@ -24,6 +24,8 @@ module                responsibility
 ``nonlinear``         nonlinear mesh: the march in Taylor steps, a whole run
 ``variation``         growth of small deviations, one degree of freedom
 ``linear_variation``  growth of small deviations, many coordinates
+``growth``            growth of a deviation carried along by maps
+``sections``          states of many orbits at one mesh phase of every period
 ``field``             nonlinear mesh: its equation of motion at one phase and state
 ``steps``             fixed steps over switches and contact, a whole run
 ``embedded``          an embedded pair under step control, a whole run

@@ -53,6 +53,7 @@ def vary_linear(system, to_bernstein, z, moving, periods, limit, matrices):
     record = np.empty((64, 4 + (ORDER + 1) * n))
     whole = np.zeros((3, system.knots.shape[0], moving, moving))
     known = np.zeros((3, system.knots.shape[0]), dtype=np.bool_)
+    # The lines of contact need the constants, which come with the harmonics.
     set_harmonics(system, z, 0.0)
     contact, on_line, at_rest = contact_at(system, z)
     previous = contact

@@ -1,6 +1,6 @@
-"""Runs over many tunings: one after the other, or in lanes.
+"""Runs over many tunings or initial states: one after the other, or in lanes.
 
-A cold sweep keeps all lanes busy: an orbit that is through makes room for the next tuning. What a
+A cold sweep keeps all lanes busy: an orbit that is through makes room for the next one. What a
 lane cannot prove, the plain march does up to the next landing; an orbit that does not bounce, or
 for which that happens often, goes by `transit` for a while, for four times as long each time.
 """
@@ -73,7 +73,9 @@ def run_many(
     # A lone tuning too: results must not depend on how a sweep is cut into windows.
     in_lanes = not carry and unrecorded >= _SHORTEST
     if in_lanes:
-        skip_in_lanes(ratios, tunings, order, state, unrecorded, limit, starts, statuses)
+        states = np.empty((order.shape[0], 2))
+        states[:] = state
+        skip_in_lanes(ratios, tunings, order, states, unrecorded, limit, starts, statuses)
     x, v = state[0], state[1]
     for j in range(order.shape[0]):
         i = order[j]
@@ -99,13 +101,15 @@ def run_many(
 
 
 @kernel
-def skip_in_lanes(ratios, tunings, order, state, periods, limit, ends, statuses):
+def skip_in_lanes(ratios, tunings, order, states, periods, limit, ends, statuses):
     """Go through the first `periods` mesh periods at the tunings ``tunings[order]``, unrecorded.
 
     Parameters
     ----------
-    ratios, tunings, order, state, limit
+    ratios, tunings, order, limit
         As of `run_many`.
+    states : ndarray, shape (k, 2)
+        Initial displacement and velocity of every orbit.
     periods : int
         Mesh periods from tau = 0, >= 0.
     ends : ndarray, shape (k, 3)
@@ -134,7 +138,7 @@ def skip_in_lanes(ratios, tunings, order, state, periods, limit, ends, statuses)
                 waiting += 1
                 m = mesh(ratios, tunings[order[j]])
                 rides, contact, x, v, statuses[j] = _enter(
-                    m, lanes, lane, book, state, periods, limit, no_arcs
+                    m, lanes, lane, book, states[j], periods, limit, no_arcs
                 )
                 if not rides:
                     ends[j, 0], ends[j, 1], ends[j, 2] = contact, x, v

@@ -8,8 +8,8 @@ import numpy as np
 import yaml
 
 from gearlib import config
+from gearlib.orbits.shooting import NoOrbit, periodic_orbit
 from gearlib.pair import GearPair
-from gearlib.periodic_orbits import NoOrbit, periodic_orbit
 from gearlib.simulation import simulate
 from gearlib.sweeping import sweep
 

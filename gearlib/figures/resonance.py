@@ -10,6 +10,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from gearlib.figures import style
+from gearlib.figures.branches import draw_curve
 
 #: The picture holds all steady orbits and this share of the others; chaotic orbits of an undamped
 #: mesh are now and then ten times larger than the rest, and would flatten it.
@@ -40,7 +41,7 @@ _LABEL_COLOURS = (
 
 
 @style.styled()
-def draw(resonance, *, colours=None, labels=None, tongues=None):
+def draw(resonance, *, colours=None, labels=None, branches=None, tongues=None):
     """Draw resonance characteristics.
 
     Parameters
@@ -54,6 +55,9 @@ def draw(resonance, *, colours=None, labels=None, tongues=None):
     labels : xarray.Dataset, optional
         label over (damping, tuning) as of `gearlib.labelling.scan`, for cold runs: marks on the
         lower rim of the panel of each damping.
+    branches : dict of str to xarray.Dataset, optional
+        Branches of periodic orbits by damping, as of `gearlib.branches.compute`: thin lines behind
+        the curves, solid where stable, dashed where unstable.
     tongues : xarray.Dataset, optional
         tuning_from and tuning_to over (damping, order) as of
         `gearlib.parametric_resonance.explanation`: shades in the panel of each damping.
@@ -78,6 +82,8 @@ def draw(resonance, *, colours=None, labels=None, tongues=None):
     )
     axes = figure.add_subplot(grid[0, :])
     _prepare(axes, resonance, limits, named=True)
+    for name, look in looks.items():
+        _draw_branches(axes, branches, name, look.colour, 0.5)
     _draw_all(axes, resonance.sel(direction=main_direction), looks)
     _add_scales(axes, resonance)
     axes.set_ylabel(_Y_LABEL)
@@ -87,6 +93,7 @@ def draw(resonance, *, colours=None, labels=None, tongues=None):
             panel.remove()
         for panel, (name, look) in zip(panels.flat, looks.items(), strict=False):
             _prepare(panel, resonance, limits)
+            _draw_branches(panel, branches, name, "black", 0.7)
             _draw_hysteresis(panel, resonance.sel(damping=name), look, main_direction, carried)
             panel.set_title(style.damping_label(name))
             if labels is not None and name in labels.damping.values:
@@ -175,6 +182,13 @@ def _draw_hysteresis(axes, curves, look, main_direction, carried):
     for number, name in enumerate(carried):
         line, marker = _CARRIED[name]
         _draw_curve(axes, curves.sel(direction=name), look.colour, line, marker, number / 2)
+
+
+def _draw_branches(axes, branches, name, colour, width):
+    """Draw the branches of one damping, if there are any, behind everything else."""
+    if branches is not None and name in branches:
+        for variable in _EXTREMA:
+            draw_curve(axes, branches[name], variable, colour, width, zorder=1.5)
 
 
 def _mark_labels(axes, labels):

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gearlib.periodic_orbits import periodic_orbit
+from gearlib.orbits.shooting import periodic_orbit
 from gearlib.simulation import simulate
 
 #: Phases per mesh period at which courses are compared: at least, and for each harmonic. The
@@ -28,12 +28,12 @@ def errors(solution, orbit=None):
     Parameters
     ----------
     solution : PeriodicSolution
-    orbit : gearlib.periodic_orbits.Orbit, optional
+    orbit : gearlib.orbits.shooting.Orbit, optional
         The exact orbit; by default the one that shooting finds from the state of the solution.
 
     Raises
     ------
-    gearlib.periodic_orbits.NoOrbit
+    gearlib.orbits.shooting.NoOrbit
         If shooting finds none there.
     """
     if orbit is None:

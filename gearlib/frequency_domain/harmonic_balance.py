@@ -19,7 +19,7 @@ from gearlib.frequency_domain.solution import (
     first_coefficients,
     resized,
 )
-from gearlib.periodic_orbits import NoOrbit
+from gearlib.orbits.shooting import NoOrbit
 
 #: Residual over the load that counts as none; times the size of the inertia terms if larger.
 RESIDUAL = 1e-11
@@ -55,7 +55,7 @@ def harmonic_balance(pair, tuning, *, harmonics=64, samples=None, guess=None, pe
     ------
     ValueError
         Naming the argument, its value and the allowed range.
-    gearlib.periodic_orbits.NoOrbit
+    gearlib.orbits.shooting.NoOrbit
         If Newton's method found none near the guess; the message says what to try.
     """
     equation = check_problem(pair, tuning, harmonics, samples, period)

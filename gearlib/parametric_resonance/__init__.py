@@ -62,7 +62,7 @@ def tongues(pair, *, start=0.3, stop=3.0, parameter=None, values=None, step=0.00
     xarray.Dataset
         Over order (six degrees: tongue, not numbered), and over the parameter before it if there
         is one: tuning_from and tuning_to, the edges, equal where a tongue is a point, NaN where it
-        is closed or out of range; multiplier on them, 0 for a complex pair; growth, the largest
+        is closed or out of range; edge_multiplier, 0 for a complex pair; growth, the largest
         logarithm of the largest multiplier in the tongue, below 0 if it is closed, and
         growth_tuning, where that is. Without `parameter` also closing_damping, the damping ratio
         of the contact from which the tongue stays closed (six degrees: is closed; NaN: never).
@@ -176,14 +176,14 @@ def _dataset(rows, parameter, values, dimension):
     columns = {
         "tuning_from": ("start", math.nan),
         "tuning_to": ("stop", math.nan),
-        "multiplier": ("multiplier", 0),
+        "edge_multiplier": ("multiplier", 0),
         "growth": ("growth", math.nan),
         "growth_tuning": ("peak", math.nan),
     }
     data = {}
     for name, (field, absent) in columns.items():
         table = [[getattr(row.get(n), field, absent) for n in found] for row in numbered]
-        kind = np.int8 if name == "multiplier" else float
+        kind = np.int8 if name == "edge_multiplier" else float
         data[name] = ((parameter, dimension), np.array(table, kind).reshape(len(rows), -1))
     coordinates = {dimension: np.array(found, np.int32)}
     if parameter is None:

@@ -30,7 +30,7 @@ from gearlib import provenance
 from gearlib.harmonics import Harmonics
 from gearlib.labelling import LABELS, trust
 from gearlib.models.dead_zone import DeadZoneOscillator
-from gearlib.periodic_orbits import periodic_orbit
+from gearlib.orbits.shooting import periodic_orbit
 from gearlib.profiles import Series
 from gearlib.simulation import simulate
 from gearlib.variables import describe

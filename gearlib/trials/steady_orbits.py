@@ -18,7 +18,7 @@ from gearlib.frequency_domain.accuracy import errors as solution_errors
 from gearlib.frequency_domain.accuracy import exact_course
 from gearlib.frequency_domain.harmonic_balance import harmonic_balance
 from gearlib.frequency_domain.schmidt import schmidt
-from gearlib.periodic_orbits import NoOrbit, periodic_orbit
+from gearlib.orbits.shooting import NoOrbit, periodic_orbit
 from gearlib.provenance import canonical_json
 from gearlib.trials import problems, work_precision
 from gearlib.trials.work_precision import DIFFERENCE, Line

@@ -21,7 +21,7 @@ from gearlib.frequency_domain.equation import MeshEquation, stiffness_coefficien
 from gearlib.frequency_domain.green import green, remainder_norm, weights
 from gearlib.frequency_domain.harmonic_balance import jacobian
 from gearlib.frequency_domain.schmidt import contraction
-from gearlib.periodic_orbits import NoOrbit
+from gearlib.orbits.shooting import NoOrbit
 from tests.physics.test_six_degrees import EVERYTHING, gears
 
 FREE = GearPair(

@@ -232,7 +232,7 @@ def test_rigid_bearings_have_the_tongues_of_one_degree():
     found = list(zip(six.tuning_from.values, six.tuning_to.values, strict=True))
     # Zeros of a determinant of two nearly equal multipliers: rounding over the width.
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12)
-    assert sorted(six.multiplier.values) == sorted(one.multiplier.values[still])
+    assert sorted(six.edge_multiplier.values) == sorted(one.edge_multiplier.values[still])
     closings = sorted(one.closing_damping.values[still])
     # The largest of a determinant, whose place has the root of rounding.
     np.testing.assert_allclose(sorted(six.closing_damping.values), closings, rtol=0, atol=1e-10)
@@ -241,7 +241,7 @@ def test_rigid_bearings_have_the_tongues_of_one_degree():
 def test_bearings_bring_combination_resonance():
     pair = gears(1e8, 0.0, 0.0, **EVERYTHING)
     found = tongues(pair, start=1.3, stop=1.45, step=0.005)
-    (i,) = np.nonzero(found.multiplier.values == 0)[0]
+    (i,) = np.nonzero(found.edge_multiplier.values == 0)[0]
     nu = float(found.growth_tuning[i])
     largest = max(np.linalg.eigvals(hill.six_degree_map(pair, nu)), key=abs)
     assert abs(largest.imag) > 1e-3

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gearlib import Fourier, Harmonics, OneDegreePair, simulate
-from gearlib.variational import full_state, moving_components, period_maps
+from gearlib.variational import full_state, moving_components, period_maps, without_rotation
 from tests.paper import PAPER
 from tests.physics.test_six_degrees import EVERYTHING, gears
 
@@ -111,3 +111,13 @@ def test_rigid_bearings_have_the_map_of_one_degree():
 def test_failed_runs_say_so():
     _, maps, code = period_maps(PAIR, 0.05, np.zeros(2), 2, 2)
     assert code == 1 and np.isnan(maps).all()
+
+
+def test_a_start_within_the_backlash():
+    # On rigid bearings the maps are those of one degree of freedom, from wherever they start.
+    rigid = gears(math.inf, 3953.7, 3953.7)
+    for x in (1e-6, -1e-6, -1.0):
+        end, maps, _ = period_maps(rigid.pair, 0.8, np.array([x, -0.26]), 1, 10**6)
+        six, six_maps, _ = period_maps(rigid, 0.8, np.array([x, 0.0, -0.26, 0.0]), 1, 10**6)
+        np.testing.assert_allclose(six[::2] + six[1::2], end, atol=1e-12)
+        np.testing.assert_allclose(without_rotation(rigid, six_maps), maps, atol=1e-11)

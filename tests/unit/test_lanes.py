@@ -43,8 +43,8 @@ def compare(ratios, tunings, x, v, periods):
     n = tunings.size
     lanes, plain, moved = np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3))
     statuses = np.ones(n, dtype=np.int64)
-    state = np.array([x, v])
-    skip_in_lanes(ratios, tunings, np.arange(n), state, periods, LIMIT, lanes, statuses)
+    states = np.tile([x, v], (n, 1))
+    skip_in_lanes(ratios, tunings, np.arange(n), states, periods, LIMIT, lanes, statuses)
     assert not statuses.any()
     plain_march(ratios, tunings, x, v, periods, plain)
     # What rounding alone does to these orbits; see test_transit.
@@ -205,18 +205,18 @@ def test_grazing_the_flank_line():
 def test_company_does_not_matter():
     ratios = ratios_of(1.569, 0.5879, 0.001, 0.0, 4.0)
     tunings = np.linspace(0.5, 1.4, 100)
-    state, statuses = np.zeros(2), np.zeros(100, dtype=np.int64)
+    states, statuses = np.zeros((100, 2)), np.zeros(100, dtype=np.int64)
     together, alone = np.empty((100, 3)), np.empty((100, 3))
-    skip_in_lanes(ratios, tunings, np.arange(100), state, 500, LIMIT, together, statuses)
+    skip_in_lanes(ratios, tunings, np.arange(100), states, 500, LIMIT, together, statuses)
     for i in range(100):
-        skip_in_lanes(ratios, tunings, np.array([i]), state, 500, LIMIT, alone[i:], statuses[i:])
+        skip_in_lanes(ratios, tunings, np.array([i]), states, 500, LIMIT, alone[i:], statuses[i:])
     np.testing.assert_array_equal(together, alone)
 
 
 def test_limit_of_events_is_kept():
     ratios = ratios_of(1.569, 0.5879, 0.0617, 0.0617, 4.0)
     statuses, ends = np.zeros(1, dtype=np.int64), np.empty((1, 3))
-    skip_in_lanes(ratios, np.array([0.9]), np.array([0]), np.zeros(2), 50, 1, ends, statuses)
+    skip_in_lanes(ratios, np.array([0.9]), np.array([0]), np.zeros((1, 2)), 50, 1, ends, statuses)
     assert statuses[0] == 1
 
 

@@ -37,6 +37,11 @@ EXPERIMENTS = {
         {"draw_parametric_resonance": 1, "draw_resonance": 1},
         with_k1={"tongues": 1},
     ),
+    "branches": Experiment(
+        {"branches": DAMPINGS, "loci": 1},
+        {"draw_branches": 1, "draw_resonance": 1},
+        with_k1={"branches": 1, "loci": 1},
+    ),
     "phase_planes": Experiment(
         {"phase_plane": DAMPINGS, "gather_phase_planes": 1},
         {"draw_phase_planes": 1},
@@ -85,6 +90,9 @@ EXPERIMENTS = {
         simulates=True,
         with_k1={"analytic_method": 1},
     ),
+    "basins": Experiment({"basins": 1}, {"draw_basins": 1}, simulates=True),
+    "bifurcation": Experiment({"bifurcation": 1}, {"draw_bifurcation": 1}, simulates=True),
+    "poincare": Experiment({"poincare": 1}, {"draw_poincare": 1}, simulates=True),
     "jump_by_method": Experiment(
         {"jump_by_method": 2, "jump_by_method_table": 1},
         {"draw_jump_by_method": 1},

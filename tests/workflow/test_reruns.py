@@ -146,6 +146,7 @@ def test_a_method_more_runs_its_trial(project):
         ("gearlib/figures/resonance.py", {"draw_resonance": 1}),
         ("gearlib/figures/style.py", drawn()),
         ("gearlib/figures/time_courses.py", drawn("scenes")),
+        ("gearlib/figures/poincare.py", drawn("poincare")),
         ("gearlib/figures/work_precision.py", drawn(*MEASURED)),
         ("gearlib/trials/work_precision.py", jobs(*MEASURED)),
         ("gearlib/claims/scenes.py", jobs("claims")),

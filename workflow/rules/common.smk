@@ -130,6 +130,7 @@ def files_by_target():
         "phase_planes": figure_files("fig5_phase_planes"),
         "scenes": scenes,
         "jump": figure_files("fig6_jump"),
+        "branches": figure_files("branches"),
         "nonlinear_damping": [
             *figure_files("nonlinear_damping"),
             "results/nonlinear_damping.csv",
@@ -159,6 +160,9 @@ def files_by_target():
         "published": [
             path for name in PUBLISHED for path in figure_files(f"published_{name}")
         ],
+        "basins": figure_files("basins"),
+        "bifurcation": figure_files("bifurcation"),
+        "poincare": figure_files("poincare"),
         "claims": ["results/claims.csv", "results/claims.md"],
     }
 
@@ -216,6 +220,17 @@ def cases_of(wildcards):
         [
             {"title": case.title, "tuning": case.tuning, "pair": CONFIG.case_parameters(case)}
             for case in CONFIG.scenes[wildcards.scene].cases
+        ]
+    )
+
+
+def global_cases(section):
+    """Return the cases of basins or Poincare sections, with the parameters of their gear pairs."""
+    return canonical(
+        [
+            case.model_dump(exclude={"damping", "change"})
+            | {"pair": CONFIG.global_parameters(case)}
+            for case in section.cases
         ]
     )
 

@@ -5,6 +5,7 @@ rule draw_resonance:
     input:
         resonance=rules.gather_resonance.output.dataset,
         labels=expand("results/labels/{damping}.nc", damping=CONFIG.dampings),
+        branches=expand("results/branches/{damping}.nc", damping=CONFIG.dampings),
         tongues=rules.tongues.output.dataset,
         sources=script_sources("draw_resonance"),
     output:

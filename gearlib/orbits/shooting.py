@@ -32,6 +32,8 @@ RESIDUAL = 1e-12
 #: Mesh periods from rest after which a motion is taken as the first guess.
 _SETTLE = 400
 _MAX_NEWTON, _MAX_HALVINGS = 60, 12
+#: Rounding of a multiplier on the unit circle: that of a double one, the root of a map's.
+_NEUTRAL = 1e-7
 #: An orbit this close to a flank line, in shares of its height, touches it.
 _TOUCH = 1e-9
 
@@ -55,8 +57,8 @@ class Orbit:
 
     @property
     def stable(self):
-        """Whether all multipliers lie inside the unit circle."""
-        return bool(np.abs(self.multipliers).max() < 1.0)
+        """Whether no multiplier lies outside the unit circle; see `is_stable`."""
+        return is_stable(self.multipliers)
 
     def dataset(self):
         """Return the orbit as a dataset: state, multipliers, pattern and what they say."""
@@ -119,11 +121,11 @@ def periodic_orbit(pair, tuning, *, guess=None, period=1, max_events=MAX_EVENTS)
         end, maps, code = period_maps(pair, tuning, z, period, max_events)
         if code != status.OK:
             raise NoOrbit(f"the motion could not go on: {status.MESSAGES[code]}")
-        return reduce @ (end - z), reduce @ _product(maps) @ lift
+        return reduce @ (end - z), reduce @ product(maps) @ lift
 
     miss, matrix = shoot(z)
     for _ in range(_MAX_NEWTON):
-        size = _size(miss, z, tuning)
+        size = size_of(miss, z, tuning)
         if size <= RESIDUAL:
             break
         try:
@@ -135,21 +137,20 @@ def periodic_orbit(pair, tuning, *, guess=None, period=1, max_events=MAX_EVENTS)
             ) from None
         for _ in range(_MAX_HALVINGS):
             new_miss, new_matrix = shoot(z + step)
-            if _size(new_miss, z + step, tuning) < size:
+            if size_of(new_miss, z + step, tuning) < size:
                 break
             step *= 0.5
         else:
             break
         z, miss, matrix = z + step, new_miss, new_matrix
-    size = _size(miss, z, tuning)
+    size = size_of(miss, z, tuning)
     if size > RESIDUAL:
         raise NoOrbit(
             f"no orbit of period {period} was found near the guess at tuning = {tuning!r}, the "
             f"best residual is {size:.2g}: guess closer, or another period"
         )
-    multipliers = np.linalg.eigvals(matrix).astype(complex)
-    multipliers = multipliers[np.argsort(-np.abs(multipliers), kind="stable")]
-    pattern, grazing = _contacts(pair, tuning, z, period, max_events)
+    multipliers = multipliers_of(matrix)
+    pattern, grazing = contacts(pair, tuning, z, period, max_events)
     return Orbit(pair, tuning, period, z, float(size), multipliers, pattern, grazing)
 
 
@@ -168,23 +169,39 @@ def _guess(pair, tuning, guess, period, max_events):
     return values if values.size == n else full_state(pair, tuning, values)
 
 
-def _product(maps):
+def multipliers_of(matrix):
+    """Return the eigenvalues of the map of all periods, complex, largest first."""
+    multipliers = np.linalg.eigvals(matrix).astype(complex)
+    return multipliers[np.argsort(-np.abs(multipliers), kind="stable")]
+
+
+def is_stable(multipliers):
+    """Return whether no multiplier lies outside the unit circle.
+
+    Without damping on its way an orbit has them on the circle, where rounding shifts them to
+    either side: such an orbit counts as stable.
+    """
+    return bool(np.abs(multipliers).max() < 1.0 + _NEUTRAL)
+
+
+def product(maps):
+    """Return the map of all periods from those of each, shape (periods, n, n)."""
     matrix = np.eye(maps.shape[1])
     for one in maps:
         matrix = one @ matrix
     return matrix
 
 
-def _size(miss, z, tuning):
+def size_of(miss, z, tuning):
     """Return a residual in static deflections, over the size of the state if that is larger."""
     half = miss.size // 2
     weights = np.repeat([1.0, tuning], half)
     return float(np.abs(weights * miss).max() / max(1.0, np.abs(z).max() * 1e-2))
 
 
-def _contacts(pair, tuning, z, period, max_events):
+def contacts(pair, tuning, z, period, max_events):
     """Return (contact codes in the order met, whether the orbit touches a flank line)."""
-    events, summary = record(pair, tuning, z, period, max_events)
+    events, summary, _ = record(pair, tuning, z, period, max_events)
     low, high = summary[columns.X_MIN], summary[columns.X_MAX]
     near, far = pair.flank_lines
     close = _TOUCH * max(1.0, high - low)

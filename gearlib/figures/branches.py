@@ -1,0 +1,150 @@
+"""Branches of periodic orbits with their special points, and how damping moves these."""
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from gearlib.figures import style
+
+_HEIGHT = 6.6
+#: Points on both sides of a fold that tell on which side it lies.
+_FAR = 6
+#: label -> (name, colour, marker), in the codes of `gearlib.orbits.special_points`.
+_SPECIAL = {
+    1: ("fold", style.PALETTE[4], "o"),
+    2: ("period doubling", style.PALETTE[5], "D"),
+    3: ("Neimark-Sacker", style.PALETTE[1], "^"),
+    4: ("grazing", style.PALETTE[0], "s"),
+    5: ("branch point", style.PALETTE[3], "x"),
+}
+
+
+def draw_curve(axes, branches, variable, colour, width=1.0, zorder=2.0):
+    """Draw a variable of branches over the tuning: solid where stable, dashed where unstable.
+
+    Parameters
+    ----------
+    axes : matplotlib.axes.Axes
+    branches : xarray.Dataset
+        As of `gearlib.branches.compute`.
+    variable : str
+    colour, width, zorder
+        Of the lines.
+    """
+    tuning, values = branches.tuning.values, branches[variable].values
+    number, stable = branches.branch.values, branches.stable.values.astype(bool)
+    for one in np.unique(number):
+        at = np.flatnonzero(number == one)
+        # Pieces of one kind; each begins where the one before it ends.
+        cuts = np.flatnonzero(np.diff(stable[at].astype(int))) + 1
+        for piece in np.split(at, cuts):
+            first = max(piece[0] - 1, at[0])
+            drawn = slice(first, piece[-1] + 1)
+            axes.plot(
+                tuning[drawn],
+                values[drawn],
+                color=colour,
+                linewidth=width,
+                linestyle="-" if stable[piece[0]] else (0, (4, 1.5)),
+                zorder=zorder,
+            )
+
+
+@style.styled()
+def draw(branches, loci):
+    """Draw the branches of one damping, labelled, and the loci of their special points.
+
+    Parameters
+    ----------
+    branches : xarray.Dataset
+        As of `gearlib.branches.compute`.
+    loci : xarray.Dataset
+        As of `gearlib.branches.compute_loci`.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Above, heights of orbits over the tuning; below, where the special points lie over tuning
+        and damping ratio. The dotted line is the damping of the branches.
+    """
+    figure = Figure((style.PAGE_WIDTH, _HEIGHT), layout="constrained")
+    top, bottom = figure.subplots(2, sharex=True, height_ratios=[1.2, 1.0])
+    draw_curve(top, branches, "orbit_height", "black")
+    tuning, height, labels = (branches[name].values for name in ("tuning", "orbit_height", "label"))
+    shown = [code for code in _SPECIAL if (labels == code).any()]
+    for code in shown:
+        _, colour, marker = _SPECIAL[code]
+        at = labels == code
+        top.plot(tuning[at], height[at], marker, color=colour, markersize=4.5, zorder=3)
+    _name_places(top, tuning, height, labels, shown)
+    for number in np.unique(loci["locus"].values):
+        one = loci.isel(point=np.flatnonzero(loci["locus"].values == number))
+        _draw_locus(bottom, one)
+    own = float(loci.own_damping)
+    bottom.axhline(own, color="black", linewidth=0.6, linestyle=":")
+    for code in shown:
+        at = labels == code
+        _, colour, marker = _SPECIAL[code]
+        bottom.plot(tuning[at], np.full(at.sum(), own), marker, color=colour, markersize=3.5)
+    handles = [
+        Line2D([], [], color="black", label="stable orbit"),
+        Line2D([], [], color="black", linestyle=(0, (4, 1.5)), label="unstable orbit"),
+    ]
+    for code in shown:
+        name, colour, marker = _SPECIAL[code]
+        handles.append(Line2D([], [], color=colour, marker=marker, markersize=4, label=name))
+    figure.legend(handles=handles, loc="outside upper center", ncols=len(handles))
+    top.set_ylabel("height of the orbit\n(static defl.)")
+    bottom.set_ylabel("damping ratio $\\beta$")
+    bottom.set_xlabel("tuning $\\nu_s$")
+    return figure
+
+
+def _draw_locus(axes, locus):
+    """Draw the two halves of one locus, from its special point on."""
+    _, colour, _ = _SPECIAL[int(locus.label[0])]
+    tuning, damping = locus.tuning.values, locus.damping_ratio.values
+    # The second half begins anew at the special point.
+    own = float(locus.own_damping)
+    starts = np.flatnonzero(np.isclose(damping, own, rtol=1e-12, atol=0.0))
+    for part in np.split(np.arange(tuning.size), starts[1:]):
+        axes.plot(tuning[part], damping[part], color=colour, linewidth=1.0)
+
+
+def _name_places(axes, tuning, height, labels, shown):
+    """Write the tuning beside each special point; close ones share a line of text."""
+    at = np.flatnonzero(np.isin(labels, shown))
+    near_height = 0.06 * np.ptp(axes.get_ylim())
+    near_tuning = 0.05 * (np.ptp(tuning) or 1.0)
+    groups = []
+    for i in at[np.argsort(height[at], kind="stable")]:
+        for group in groups:
+            first = group[0]
+            if (
+                abs(height[i] - height[first]) < near_height
+                and abs(tuning[i] - tuning[first]) < near_tuning
+            ):
+                group.append(i)
+                break
+        else:
+            groups.append([i])
+    for group in groups:
+        words = ", ".join(f"{tuning[i]:.4f}" for i in sorted(group, key=lambda i: tuning[i]))
+        # Beside a fold, on the side to which no branch goes; else above.
+        i = min(group, key=lambda i: labels[i])
+        around = tuning[[max(i - _FAR, 0), min(i + _FAR, tuning.size - 1)]]
+        if (around > tuning[i]).all():
+            place = {"xytext": (-6, 0), "ha": "right", "va": "center"}
+        elif (around < tuning[i]).all():
+            place = {"xytext": (6, 0), "ha": "left", "va": "center"}
+        else:
+            place = {"xytext": (0, 6), "ha": "center", "va": "bottom"}
+        axes.annotate(
+            words,
+            (tuning[i], height[i]),
+            textcoords="offset points",
+            fontsize=6,
+            bbox={"boxstyle": "round,pad=0.15", "facecolor": "white", "alpha": 0.85, "lw": 0},
+            zorder=2.5,
+            **place,
+        )

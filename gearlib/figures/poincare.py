@@ -1,0 +1,56 @@
+"""Poincare sections: states of many orbits at one mesh phase, regular and chaotic apart."""
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from gearlib.figures import style
+
+_HEIGHT, _COLUMNS = 3.3, 2
+_CHAOTIC = "#D55E00"
+_REGULAR = ("#0072B2", "#009E73", "#4D4D4D", "#56B4E9", "#CC79A7")
+
+
+@style.styled()
+def draw(data):
+    """Draw the sections of all cases.
+
+    Parameters
+    ----------
+    data : xarray.Dataset
+        As computed by `gearlib.global_dynamics.studies.sections`.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Orange: chaotic orbits; other colours: regular ones, each orbit in one colour.
+    """
+    rows = -(-data.sizes["case"] // _COLUMNS)
+    figure = Figure((style.PAGE_WIDTH, _HEIGHT * rows), layout="constrained")
+    for i in range(data.sizes["case"]):
+        _draw_case(figure.add_subplot(rows, _COLUMNS, i + 1), data.isel(case=i), i)
+    return figure
+
+
+def _draw_case(axes, case, number):
+    chaotic = case.chaotic.values.astype(bool)
+    # Chaos first, so that islands in it are seen.
+    for i in np.argsort(~chaotic, kind="stable"):
+        colour = _CHAOTIC if chaotic[i] else _REGULAR[i % len(_REGULAR)]
+        axes.plot(
+            case.displacement.values[i],
+            case.velocity.values[i],
+            linestyle="none",
+            marker=".",
+            markersize=0.9 if chaotic[i] else 1.2,
+            markeredgewidth=0.0,
+            color=colour,
+            rasterized=True,
+        )
+    share = 100.0 * chaotic.mean()
+    degrees = np.degrees(float(case.phase))
+    axes.set_title(
+        f"{case.case.item()}\n$\\tau$ = {degrees:.0f}°; {share:.0f} % of {chaotic.size} orbits "
+        "chaotic"
+    )
+    axes.set_xlabel("displacement (static defl.)")
+    axes.set_ylabel("$dy/d\\tau$ (static defl./rad)" if number % _COLUMNS == 0 else "")

@@ -1,0 +1,101 @@
+"""Grids of initial states and sets of values: checked, with one sentence for what is wrong."""
+
+import math
+
+import numpy as np
+
+from gearlib import checks
+
+#: Most initial states of one call: all of them are held in memory.
+MAX_STATES = 50_000_000
+#: Bytes that a state takes while it is marched: itself, its end, its labels.
+_BYTES = 120
+
+
+def initial_states(grid):
+    """Return (displacements, velocities) of a grid of initial states, as float arrays.
+
+    Parameters
+    ----------
+    grid : tuple
+        Displacements in static deflections, and dx/dtau: each a tuple (first, last, count) or an
+        array of different values.
+
+    Raises
+    ------
+    ValueError
+        Naming the value and what is allowed; too many states are refused before any is made.
+    """
+    try:
+        first, second = grid
+    except (TypeError, ValueError):
+        raise ValueError(
+            f"grid = {grid!r} is not allowed: it must be two, displacements and velocities, each "
+            "(first, last, count) or an array"
+        ) from None
+    names = ("grid displacements", "grid velocities")
+    counts = [_count(name, axis) for name, axis in zip(names, (first, second), strict=True)]
+    states = counts[0] * counts[1]
+    if states > MAX_STATES:
+        raise ValueError(
+            f"grid of {counts[0]:,} x {counts[1]:,} = {states:,} initial states is not allowed: "
+            f"they would take some {states * _BYTES / 2**30:,.0f} GiB of memory; there must be at "
+            f"most {MAX_STATES:,}, so take parts of the grid one after the other"
+        )
+    return tuple(_values(name, axis) for name, axis in zip(names, (first, second), strict=True))
+
+
+def _count(name, axis):
+    if isinstance(axis, tuple) and len(axis) == 3:
+        return checks.integer(f"count of the {name}", axis[2], 1)
+    return np.size(axis)
+
+
+def _values(name, axis):
+    """Return one axis of a grid as a float array."""
+    if isinstance(axis, tuple) and len(axis) == 3:
+        first = checks.number(f"first of the {name}", axis[0], "finite", math.isfinite)
+        last = checks.number(f"last of the {name}", axis[1], "finite", math.isfinite)
+        if last < first or (last == first) != (axis[2] == 1):
+            raise ValueError(
+                f"{name} = {axis!r} is not allowed: the last must be greater than the first, or "
+                "equal to it with count 1"
+            )
+        return np.linspace(first, last, axis[2])
+    return values(name, axis)
+
+
+def values(name, given):
+    """Return a non-empty sequence of different finite numbers as a float array."""
+    try:
+        array = np.atleast_1d(np.asarray(given, float))
+    except (TypeError, ValueError):
+        array = np.empty(0)
+    if array.ndim != 1 or not array.size or not np.isfinite(array).all():
+        raise ValueError(
+            f"{name} = {given!r} is not allowed: it must be a non-empty sequence of finite numbers"
+        )
+    if np.unique(array).size < array.size:
+        raise ValueError(f"{name} = {given!r} is not allowed: its values must be all different")
+    return array
+
+
+def region(given):
+    """Return ((x0, x1), (v0, v1)) of a region of initial states, checked."""
+    try:
+        (x0, x1), (v0, v1) = given
+        array = np.array([[x0, x1], [v0, v1]], float)
+        if not (np.isfinite(array).all() and (array[:, 0] < array[:, 1]).all()):
+            raise ValueError
+    except (TypeError, ValueError):
+        raise ValueError(
+            f"region = {given!r} is not allowed: it must be ((lowest, highest displacement), "
+            "(lowest, highest dx/dtau)), finite, the second greater"
+        ) from None
+    return array
+
+
+def mesh_states(displacements, velocities):
+    """Return all states of a grid, shape (n m, 2), velocities running fastest."""
+    both = np.meshgrid(displacements, velocities, indexing="ij")
+    return np.stack([axis.ravel() for axis in both], axis=1)

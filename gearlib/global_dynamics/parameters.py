@@ -1,0 +1,71 @@
+"""One dimensionless ratio of a pair varied, all others held."""
+
+from gearlib import checks
+from gearlib.arguments import check_tuning
+from gearlib.pair import GearPair
+
+#: What may be varied besides the tuning, with its name in `GearPair`.
+RATIOS = {
+    "damping": "damping_ratio",
+    "backlash_damping": "backlash_damping_ratio",
+    "backlash": "backlash_ratio",
+    "contact_ratio": "contact_ratio",
+    "stiffness_ratio": "stiffness_ratio",
+}
+PARAMETERS = ("tuning", *RATIOS)
+
+
+def models(pair, tuning, parameter, values):
+    """Return (pair, tuning) for each value of a parameter.
+
+    Parameters
+    ----------
+    pair : GearPair, OneDegreePair or SixDegreePair
+        Ratios other than the tuning are varied of a `GearPair` only.
+    tuning : float or None
+        Where another parameter is varied.
+    parameter : str
+        One of `PARAMETERS`.
+    values : ndarray, shape (n,)
+
+    Raises
+    ------
+    ValueError
+        Naming the argument, its value and the allowed range.
+    """
+    checks.one_of("parameter", parameter, PARAMETERS)
+    if parameter == "tuning":
+        if tuning is not None:
+            raise ValueError(
+                f"tuning = {tuning!r} is not allowed: it must be left out where it is varied"
+            )
+        return [(pair, check_tuning(f"values[{i}]", nu)) for i, nu in enumerate(values.tolist())]
+    if tuning is None:
+        raise ValueError(f"tuning = None is not allowed: {parameter} is varied at one tuning")
+    if not isinstance(pair, GearPair):
+        raise ValueError(
+            f"parameter = {parameter!r} is not allowed for this {type(pair).__name__}: it must be "
+            "'tuning', or the pair a GearPair"
+        )
+    tuning = check_tuning("tuning", tuning)
+    return [(with_ratio(pair, parameter, value), tuning) for value in values.tolist()]
+
+
+def name_parameter(dataset, parameter):
+    """Give a varied backlash its name: as a course, the word means the line of Eq. (4)."""
+    if parameter == "backlash":
+        dataset[parameter].attrs["long_name"] = "backlash in static deflections"
+    return dataset
+
+
+def with_ratio(pair, name, value):
+    """Return a `GearPair` with one ratio changed, the other ratios, load and mass as they are."""
+    held = {key: getattr(pair, ratio) for key, ratio in RATIOS.items()} | {name: value}
+    unit = GearPair.from_ratios(**held, teeth=pair.teeth)
+    shape = pair.replace(contact_ratio=unit.contact_ratio, stiffness_ratio=unit.stiffness_ratio)
+    scale = 2.0 * shape.reduced_mass * shape.mean_eigenfrequency
+    return shape.replace(
+        material_damping=held["damping"] * scale,
+        backlash_damping=held["backlash_damping"] * scale,
+        backlash=held["backlash"] * shape.static_deflection,
+    )

@@ -1,0 +1,15 @@
+"""Periodic orbits: found, followed over a parameter, and their special points.
+
+====================  =========================================================
+module                responsibility
+====================  =========================================================
+``shooting``          `periodic_orbit`: one orbit by Newton's method
+``parameters``        the parameters over which orbits are followed
+``tracing``           steps along a curve of solutions, pseudo-arclength
+``branch_points``     the points of a branch: orbit, tangent, multipliers
+``special_points``    folds, period doublings, Neimark-Sacker points, grazings
+``continuation``      `continue_orbit`, `switch_branch`: branches of orbits
+``touching``          how far an orbit's turning points lie from the flank lines
+``loci``              `locus`: folds and grazings over two parameters
+====================  =========================================================
+"""

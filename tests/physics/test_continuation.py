@@ -1,0 +1,251 @@
+"""Branches of orbits, their special points and loci, against closed forms and other ways."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from gearlib import (
+    GearPair,
+    OneDegreePair,
+    continue_orbit,
+    locus,
+    periodic_orbit,
+    simulate,
+    sweep,
+    switch_branch,
+)
+from gearlib.orbits.continuation import orbit_at
+from gearlib.orbits.parameters import value_of, with_parameter
+from gearlib.orbits.shooting import NoOrbit
+from gearlib.orbits.special_points import DOUBLING, END, FOLD, GRAZING
+from gearlib.orbits.touching import turning_points
+from gearlib.parametric_resonance import no_loss
+from gearlib.stiffness import levels, stretches
+from tests.paper import PAPER as FREE
+from tests.physics.test_periodic_orbits import DAMPED
+from tests.physics.test_six_degrees import gears
+
+#: The places asked for are 1e-8; what is found agrees to the rounding of an orbit, 1e-12, over the
+#: slope of the test function, which is above 1e-2 in all cases here.
+PLACE = 1e-10
+MATERIAL = FREE.replace(material_damping=3953.7)
+#: Not the paper's: other contact ratio, stiffness ratio, dampings, a narrow backlash.
+OTHER = GearPair.from_ratios(
+    contact_ratio=1.3, stiffness_ratio=0.7, damping=0.03, backlash_damping=0.01, backlash=0.8
+)
+
+
+def places(branch, label):
+    return branch[branch.attrs["parameter"]].values[branch.label.values == label]
+
+
+@pytest.fixture(scope="module")
+def up():
+    return continue_orbit(periodic_orbit(MATERIAL, 0.52), to=1.2)
+
+
+@pytest.fixture(scope="module")
+def down():
+    return continue_orbit(periodic_orbit(MATERIAL, 1.2), to=0.52)
+
+
+def lowest(nu):
+    """Return the smallest displacement of the undamped orbit that never loses contact."""
+    top = no_loss.orbit(FREE, nu)
+    # By symmetry it turns in the middle of both stretches: at phase 0 and at pi.
+    (high, low), (half_high, whole_low) = levels(1.569, 0.5879), stretches(1.569)
+    edge = no_loss.go(top, high, 0.0, nu, half_high)
+    return min(top[0], no_loss.go(edge, low, 0.0, nu, 0.5 * whole_low)[0])
+
+
+def over_doubling(nu):
+    """Return the trace of the period map of the motion without loss, over its value at -1, -1."""
+    return float(np.trace(no_loss.period_map(FREE, nu)[0])) + 2.0
+
+
+@pytest.mark.parametrize(
+    ("start", "to", "bracket"), [(0.7, 0.82, (0.75, 0.82)), (1.3, 1, (1, 1.3))]
+)
+def test_grazing_in_closed_form(start, to, bracket):
+    branch = continue_orbit(periodic_orbit(FREE, start, guess=no_loss.orbit(FREE, start)), to=to)
+    assert places(branch, GRAZING)[0] == pytest.approx(
+        brentq(lowest, *bracket, xtol=1e-14), abs=PLACE
+    )
+
+
+def test_doublings_are_the_edges_of_the_tongue():
+    start = periodic_orbit(FREE, 0.64, guess=no_loss.orbit(FREE, 0.64))
+    branch = continue_orbit(start, to=0.69)
+    edges = [brentq(over_doubling, 0.66, outside, xtol=1e-14) for outside in (0.64, 0.69)]
+    np.testing.assert_allclose(places(branch, DOUBLING), edges, rtol=0, atol=PLACE)
+    inside = (branch.tuning > edges[0] + 1e-6) & (branch.tuning < edges[1] - 1e-6)
+    assert (branch.stable[inside] == 0).all() and branch.stable[0] == 1
+
+
+def test_a_doubled_branch():
+    free = FREE.replace(backlash_damping=3953.7)
+    branch = continue_orbit(periodic_orbit(free, 0.65, guess=no_loss.orbit(free, 0.65)), to=0.67)
+    point = int(np.flatnonzero(branch.label == DOUBLING)[1])
+    doubled = switch_branch(free, branch, point)
+    assert doubled.period == 2
+    # Born in a linear motion, it stands across the tuning until it grazes.
+    assert doubled.tuning == pytest.approx(float(branch.tuning[point]), abs=PLACE)
+    curve = continue_orbit(doubled, to=0.65)
+    assert curve.contacts.values[-1] == "NBNB" and float(curve.tuning[-1]) == 0.65
+    end = orbit_at(free, curve, curve.sizes["point"] - 1)
+    once = simulate(free, 0.65, periods=1, initial_state=tuple(end.state)).final_state.values
+    twice = simulate(free, 0.65, periods=2, initial_state=tuple(end.state)).final_state.values
+    assert abs(twice - end.state).max() < 1e-11 and abs(once - end.state).max() > 0.01
+    with pytest.raises(ValueError, match="labelled period doubling"):
+        switch_branch(free, branch, 0)
+
+
+def test_there_and_back(up, down):
+    for label in (FOLD, GRAZING):
+        first, second = np.sort(places(up, label)), np.sort(places(down, label))
+        np.testing.assert_allclose(first, second, rtol=0, atol=PLACE)
+    assert float(up.tuning[-1]) == 1.2 and float(down.tuning[-1]) == 0.52
+    assert float(max(up.residual.max(), down.residual.max())) <= 1e-12
+
+
+def test_a_fold_is_where_two_orbits_merge(up):
+    fold = places(up, FOLD)[0]
+    at = int(np.flatnonzero(up.label == FOLD)[0])
+    assert abs(up.multiplier_real.values[at] - 1.0).min() < 1e-7
+    # Their distance goes like the root of that to the fold, and beyond there is no orbit.
+    apart = []
+    for distance in (1e-8, 4e-8):
+        orbits = []
+        for side in (-1, 1):
+            guess = up.state.values[at + side]
+            near = up.state.values[at]
+            share = 2.0 * math.sqrt(distance) / max(abs(guess - near).max(), 1e-9)
+            start = near + min(share, 1.0) * (guess - near)
+            orbits.append(periodic_orbit(MATERIAL, fold - distance, guess=start))
+        apart.append(abs(orbits[0].state - orbits[1].state).max())
+        assert {orbit.stable for orbit in orbits} == {True, False}
+    assert apart[1] / apart[0] == pytest.approx(2.0, rel=1e-3)
+    with pytest.raises(NoOrbit):
+        periodic_orbit(MATERIAL, fold + 1e-7, guess=up.state.values[at])
+
+
+def test_liouville_along_the_branch(up):
+    for i in range(0, up.sizes["point"], 12):
+        nu = float(up.tuning[i])
+        run = simulate(MATERIAL, nu, periods=1, initial_state=tuple(up.state.values[i]))
+        rate = MATERIAL.damping_ratio * (1.0 - float(run.fraction_backlash))
+        multipliers = up.multiplier_real.values[i] + 1j * up.multiplier_imaginary.values[i]
+        expected = math.exp(-4.0 * math.pi * rate / nu)
+        assert np.prod(multipliers).real == pytest.approx(expected, rel=1e-10)
+
+
+def test_hysteresis_is_that_of_the_sweeps(up):
+    # A sweep jumps at the first tuning behind the fold: up at the first fold. Down, the orbit
+    # with both flanks ends at a fold, too.
+    tunings = np.arange(0.79, 0.83, 0.0005)
+    sweeps = sweep(MATERIAL, tunings, periods=400, record_periods=10, direction="up")
+    height = (sweeps.displacement_max - sweeps.displacement_min).values
+    jump = int(np.argmax(np.diff(height)))
+    # So close to a fold the motion stays for long where the orbit was: one tuning more.
+    assert tunings[jump] <= places(up, FOLD)[0] <= tunings[jump + 1] + 0.0005
+    # Before it, the sweep is on the branch.
+    first = slice(int(np.flatnonzero(up.label == FOLD)[0]) + 1)
+    branch = np.interp(tunings[:jump], up.tuning.values[first], up.orbit_height.values[first])
+    np.testing.assert_allclose(branch, height[:jump], atol=0.02)
+
+
+def test_grazings_touch_the_flank_line(up):
+    for i in np.flatnonzero(up.label == GRAZING):
+        _, heights = turning_points(MATERIAL, float(up.tuning[i]), up.state.values[i], 1, 10**6)
+        lines = (0.0, -MATERIAL.backlash_ratio)
+        assert min(abs(heights - line).min() for line in lines) < PLACE
+
+
+def test_another_pair_through_inverse_mesh():
+    first = periodic_orbit(OTHER, 0.8)
+    branch = continue_orbit(first, to=1.3)
+    back = continue_orbit(orbit_at(OTHER, branch, branch.sizes["point"] - 1), to=0.8)
+    for label in (FOLD, GRAZING):
+        there, again = np.sort(places(branch, label)), np.sort(places(back, label))
+        assert there.size > 0
+        np.testing.assert_allclose(there, again, rtol=0, atol=PLACE)
+    assert "NBIB" in branch.contacts.values and (branch.stable == 0).any()
+
+
+@pytest.mark.parametrize(
+    ("name", "to"),
+    [
+        ("damping", 0.0),
+        ("backlash_damping", 0.0),
+        ("backlash", 2.0),
+        ("contact_ratio", 1.4),
+        ("stiffness_ratio", 0.55),
+    ],
+)
+def test_other_parameters(name, to):
+    branch = continue_orbit(periodic_orbit(DAMPED, 0.95), name, to=to)
+    assert float(branch[name][-1]) == to
+    assert float(branch[name][0]) == pytest.approx(value_of(DAMPED, 0.95, name), rel=1e-12)
+    pair, _ = with_parameter(DAMPED, 0.95, name, to)
+    found = periodic_orbit(pair, 0.95, guess=branch.state.values[-1])
+    np.testing.assert_allclose(found.state, branch.state.values[-1], rtol=0, atol=1e-10)
+    assert pair.mean_stiffness == pytest.approx(DAMPED.mean_stiffness, rel=1e-14)
+
+
+def test_cubic_damping():
+    pair = OneDegreePair(pair=FREE, cubic_damping=2e5)
+    branch = continue_orbit(periodic_orbit(pair, 0.76), to=0.84)
+    assert places(branch, GRAZING).size and float(branch.residual.max()) <= 1e-12
+    curve = continue_orbit(periodic_orbit(pair, 0.76), "cubic_damping", to=4e5)
+    thick = OneDegreePair(pair=FREE, cubic_damping=4e5)
+    found = periodic_orbit(thick, 0.76, guess=curve.state.values[-1])
+    np.testing.assert_allclose(found.state, curve.state.values[-1], rtol=0, atol=1e-10)
+
+
+def test_six_degrees():
+    # On rigid bearings the folds and grazings are those of one degree of freedom.
+    rigid = gears(math.inf, 3953.7, 3953.7)
+    six = continue_orbit(periodic_orbit(rigid, 0.8), to=0.82)
+    one = continue_orbit(periodic_orbit(rigid.pair, 0.8), to=0.82)
+    for label in (FOLD, GRAZING):
+        np.testing.assert_allclose(places(six, label), places(one, label), rtol=0, atol=PLACE)
+
+
+def test_loci(up):
+    fold = int(np.flatnonzero(up.label == FOLD)[0])
+    graze = int(np.flatnonzero(up.label == GRAZING)[1])
+    # Each point of a locus is the labelled point of a branch at that damping.
+    for point, label in ((fold, FOLD), (graze, GRAZING)):
+        curve = locus(MATERIAL, up, point, "damping", to=0.03)
+        assert float(curve.damping[-1]) == 0.03 and curve.attrs["ended"] == "at its goal"
+        assert float(curve.tuning[0]) == pytest.approx(float(up.tuning[point]), abs=PLACE)
+        pair, _ = with_parameter(MATERIAL, 1.0, "damping", 0.03)
+        branch = continue_orbit(periodic_orbit(pair, 0.76), to=0.84)
+        # The locus of folds solves its defining function to 1e-10.
+        found = abs(places(branch, label) - float(curve.tuning[-1])).min()
+        assert found < 1e-8
+    with pytest.raises(ValueError, match="labelled fold"):
+        locus(MATERIAL, up, 0, "damping", to=0.03)
+
+
+def test_where_no_single_curve_goes_on():
+    # Undamped, with all stiffness switches in flight, the mesh does not feel its phase.
+    branch = continue_orbit(periodic_orbit(FREE, 1.2, guess=no_loss.orbit(FREE, 1.2)), to=0.9)
+    assert branch.label[-1] == END and float(branch.tuning[-1]) == pytest.approx(0.927, abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("changed", "part"),
+    [
+        ({"parameter": "load"}, "parameter = 'load' is not allowed: it must be one of"),
+        ({"to": 0.9}, "to = 0.9"),
+        ({"to": -1.0}, "tuning = -1.0"),
+        ({"step": 0.0}, "step = 0.0"),
+        ({"limits": (0.95, 2.0)}, "limits = "),
+    ],
+)
+def test_wrong_input(changed, part):
+    with pytest.raises(ValueError, match=part):
+        continue_orbit(periodic_orbit(DAMPED, 0.9), **{"to": 1.0} | changed)

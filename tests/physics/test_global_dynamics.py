@@ -1,0 +1,350 @@
+"""Attractors, basins, sections and exponents against plain marching and exact orbits."""
+
+import math
+
+import numpy as np
+import pytest
+
+from gearlib import (
+    GearPair,
+    OneDegreePair,
+    SixDegreePair,
+    basin_stability,
+    basins,
+    bifurcation_diagram,
+    lyapunov_exponents,
+    periodic_orbit,
+    poincare_section,
+    simulate,
+    sweep,
+)
+from gearlib.core.jit import kernel
+from gearlib.core.march import ARC_COLUMNS, march_period
+from gearlib.core.mesh import contact_of, mesh
+from gearlib.global_dynamics.attractors import attractor_of
+from gearlib.global_dynamics.parameters import RATIOS, with_ratio
+from gearlib.global_dynamics.stroboscope import Stroboscope
+from gearlib.integrators.exact import ratios
+from gearlib.variational import period_maps
+
+LIMIT = 1_000_000
+
+
+def gear_pair(damping, oil=None, backlash=4.0, **changed):
+    shape = {"contact_ratio": 1.569, "stiffness_ratio": 0.5879} | changed
+    oil = damping if oil is None else oil
+    return GearPair.from_ratios(**shape, damping=damping, backlash_damping=oil, backlash=backlash)
+
+
+#: The paper's damping of the material: three orbits of period 1 at 0.72.
+MATERIAL = gear_pair(0.0617, 0.0)
+BOTH = gear_pair(0.0617)
+LIGHT = gear_pair(0.02)
+BOX = (-6.0, 6.0)
+
+
+def grid(count):
+    return (*BOX, count), (*BOX, count)
+
+
+@kernel
+def plain_march(m, states, periods, ends):
+    """Fill `ends`, shape (n, 2), by the plain march: no lanes, no traps."""
+    no_arcs = np.empty((0, ARC_COLUMNS))
+    for j in range(states.shape[0]):
+        x, v = states[j]
+        contact = contact_of(m.gap, x, v)
+        for _ in range(periods):
+            contact, x, v, _ = march_period(m, contact, x, v, no_arcs, LIMIT)
+        ends[j, 0], ends[j, 1] = x, v
+
+
+@pytest.mark.parametrize(
+    ("pair", "tuning", "periods"), [(MATERIAL, 0.72, 1), (BOTH, 1.75, 2), (LIGHT, 2.05, 3)]
+)
+def test_labels_are_those_of_plain_marching(pair, tuning, periods):
+    found = basins(pair, tuning, grid(45))
+    states = np.stack(np.meshgrid(found.displacement, found.velocity, indexing="ij"), axis=-1)
+    ends = np.empty((45 * 45, 2))
+    # All are settled by then: the slowest orbit here decays by exp(-0.03) per period.
+    plain_march(mesh(ratios(pair), tuning), states.reshape(-1, 2), 600, ends)
+    points = found.state.values
+    away = np.linalg.norm(ends[:, None, None] - points, axis=-1)
+    nearest = np.where(np.isnan(away), np.inf, away).min(axis=2)
+    assert found.period.values.max() == periods
+    settled = nearest.min(axis=1) < 1e-6
+    assert settled.mean() > 0.999
+    wrong = nearest.argmin(axis=1) != found.basin.values.ravel()
+    # On a boundary of two basins rounding decides.
+    assert (wrong & settled).sum() <= 2
+
+
+@pytest.mark.parametrize(("pair", "tuning"), [(MATERIAL, 0.72), (gear_pair(0.006), 1.08)])
+def test_stopping_in_a_trap_changes_nothing(pair, tuning):
+    early, late = (basins(pair, tuning, grid(28), stop_early=stop) for stop in (True, False))
+    assert early.sizes["attractor"] >= 3
+    np.testing.assert_array_equal(early.basin, late.basin)
+    np.testing.assert_array_equal(early.period, late.period)
+    assert float(early.share.sum()) == pytest.approx(1.0)
+
+
+def test_the_result_does_not_depend_on_threads_and_repeats():
+    one, two = (basins(MATERIAL, 0.72, grid(30), threads=n) for n in (1, 2))
+    assert one.identical(two)
+
+
+def test_all_states_of_a_trap_come_to_its_orbit():
+    rng = np.random.default_rng(3)
+    found = basins(BOTH, 1.75, grid(20))
+    strobe = Stroboscope(BOTH, 1.75)
+    for state, period in zip(found.state.values, found.period.values, strict=True):
+        orbit = periodic_orbit(BOTH, 1.75, guess=state[0], period=int(period))
+        trap = attractor_of(strobe, orbit).trap
+        for j in range(int(period)):
+            ways = rng.normal(size=(200, 2))
+            ways /= np.sqrt(np.einsum("ki,ij,kj->k", ways, trap.forms[j], ways))[:, None]
+            seen = trap.points[j] + 0.999 * trap.radii[j] * ways
+            ends, _ = strobe(seen / strobe.weights, 200 * int(period))
+            # 200 periods at exp(-0.22) each leave nothing but rounding.
+            assert np.abs(strobe.seen(ends) - trap.points[j]).max() < 1e-9
+
+
+def label(pair, tuning, x, v):
+    return basins(pair, tuning, ([x], v)).basin.values[0]
+
+
+def test_the_boundary_is_the_stable_manifold_of_a_saddle():
+    nu = 0.72
+    low, high = -4.0, 0.0
+    # Three times 64 states between those of different labels: down to 1e-9.
+    for _ in range(5):
+        v = np.linspace(low, high, 64)
+        labels = label(BOTH, nu, 0.5, v)
+        i = int(np.flatnonzero(np.diff(labels))[-1])
+        low, high = v[i], v[i + 1]
+    assert high - low < 1e-8
+    strobe = Stroboscope(BOTH, nu)
+    state = np.array([[0.5, 0.5 * (low + high)]])
+    path = [state]
+    for _ in range(40):
+        path.append(strobe(path[-1], 1)[0])
+    steps = np.linalg.norm(np.diff(np.array(path)[:, 0], axis=0), axis=1)
+    # Along the stable manifold the boundary point comes to the saddle before it leaves it.
+    near = path[int(np.argmin(steps))][0]
+    saddle = periodic_orbit(BOTH, nu, guess=near)
+    large, small = saddle.multipliers.real
+    assert large > 1.0 > small > 0.0
+    assert np.linalg.norm(saddle.state - near) < 1e-3
+    _, maps, _ = period_maps(BOTH, nu, saddle.state, 1, LIMIT)
+    values, vectors = np.linalg.eig(maps[0])
+    unstable, stable = vectors[:, np.argmax(values)], vectors[:, np.argmin(values)]
+    # 1e-3 along the stable direction the boundary lies within the square of that, times its bend.
+    for side in (-1e-3, 1e-3):
+        across = [saddle.state + side * stable + d * unstable for d in (-2e-5, 2e-5)]
+        found = [int(np.argmin(_distances(BOTH, nu, *state))) for state in across]
+        assert sorted(found) == [0, 1]
+
+
+def _distances(pair, tuning, x, v):
+    """Return how far the end of a motion is from each attractor."""
+    known = basins(pair, tuning, grid(12)).state.values[:, 0]
+    end = simulate(pair, tuning, periods=400, initial_state=(x, v)).final_state.values
+    return np.linalg.norm(known - end, axis=1)
+
+
+@pytest.mark.parametrize(("tuning", "period"), [(1.75, 2), (2.05, 3)])
+def test_every_phase_of_an_orbit_is_the_same_attractor(tuning, period):
+    pair = BOTH if period == 2 else LIGHT
+    found = basins(pair, tuning, grid(30))
+    (many,) = np.flatnonzero(found.period == period)[:1]
+    points = found.state.values[many, :period]
+    assert np.abs(np.diff(points[:, 0])).max() > 0.1
+    for x, v in points:
+        alone = basins(pair, tuning, ([x], [v]))
+        assert int(alone.period[0]) == period
+        run = sweep(pair, [tuning], periods=64, record_periods=16, initial_state=(x, v))
+        assert int(run.period[0]) == period
+    # The map carries each point into the next and the last into the first.
+    ends, _ = Stroboscope(pair, tuning)(points, 1)
+    np.testing.assert_allclose(ends, np.roll(points, -1, axis=0), atol=1e-11)
+
+
+def test_a_linear_mesh_has_one_attractor():
+    # Without backlash the spring acts both ways: a Hill equation, damped, with one response.
+    nu = 0.9
+    found = basins(gear_pair(0.05, backlash=0.0), nu, grid(25))
+    assert found.share.values.tolist() == [1.0] and found.period.values.tolist() == [1]
+    multipliers = found.multiplier_real.values[0] + 1j * found.multiplier_imaginary.values[0]
+    # Liouville: the product is exp(-2 beta / nu * 2 pi).
+    assert abs(np.prod(multipliers)) == pytest.approx(math.exp(-4.0 * math.pi * 0.05 / nu))
+
+
+def test_chaos_and_growth_beyond_all_bounds_are_classes():
+    soft = gear_pair(0.0164, backlash=7.2, contact_ratio=1.6, stiffness_ratio=0.35)
+    found = basins(soft, 0.44, grid(12), periods=200)
+    assert found.attractor_kind.values.tolist() == [1] and float(found.exponent[0]) > 0.5
+    # The tongue at twice the eigenfrequency, wide open for large motions.
+    found = basins(LIGHT, 1.9, grid(16))
+    assert found.attractor_kind.values.tolist() == [0, 2]
+    run = sweep(LIGHT, [1.9], periods=4000, record_periods=1, initial_state=(6.0, -6.0))
+    assert (found.basin.values == 1).mean() > 0.3 and found.basin.values[-1, 0] == 1
+    assert abs(run.final_state).max() > 1e9 or int(run.status[0]) != 0
+
+
+def test_exponents_are_those_of_the_multipliers():
+    tunings = np.array([0.62, 0.66, 0.7, 1.0, 1.2])
+    diagram = bifurcation_diagram(LIGHT, tunings)
+    rates = lyapunov_exponents(LIGHT, tunings, states=diagram.final_state.values, periods=4000)
+    for nu, rate, state, n in zip(
+        tunings, rates.exponent, diagram.final_state.values, diagram.period, strict=True
+    ):
+        orbit = periodic_orbit(LIGHT, nu, guess=state, period=int(n))
+        expected = np.log(np.abs(orbit.multipliers).max()) / orbit.period
+        # A bounded factor remains of the start and the end: its logarithm over 4000 periods.
+        assert float(rate) == pytest.approx(expected, abs=3.0 / 4000)
+
+
+def test_without_damping_chaos_has_a_positive_exponent_and_order_none():
+    rates = lyapunov_exponents(gear_pair(0.0), [0.7, 0.9], periods=4000)
+    regular, chaotic = rates.exponent.values
+    assert abs(regular) < 3e-3
+    assert chaotic > 0.1 and chaotic > 5.0 * float(rates.uncertainty[1])
+
+
+def test_sections_are_samples_of_the_time_course():
+    state, nu = (0.3, 0.2), 0.9
+    run = simulate(
+        BOTH, nu, periods=30, record_periods=10, samples_per_period=8, initial_state=state
+    )
+    for i in (0, 3, 7):
+        phase = 2.0 * math.pi * i / 8
+        for pair in (BOTH, OneDegreePair(pair=BOTH)):
+            cut = poincare_section(pair, nu, [state], periods=10, settle=20, phase=phase)
+            np.testing.assert_allclose(cut.displacement[0], run.displacement[i::8], atol=1e-10)
+            np.testing.assert_allclose(cut.velocity[0], run.velocity[i::8], atol=1e-10)
+            np.testing.assert_allclose(cut.final_state[0], run.final_state, atol=1e-10)
+
+
+def test_a_diagram_has_the_periods_and_the_hysteresis_of_the_sweep():
+    tunings = np.linspace(0.6, 1.0, 41)
+    for direction in ("up", "down"):
+        diagram = bifurcation_diagram(BOTH, tunings, direction=direction, settle=200, strobes=40)
+        curve = sweep(BOTH, tunings, periods=240, record_periods=40, direction=direction)
+        np.testing.assert_array_equal(diagram.period, curve.period)
+        np.testing.assert_allclose(diagram.final_state, curve.final_state, atol=1e-9)
+
+
+def test_other_parameters_hold_the_other_ratios():
+    pair = GearPair(
+        max_stiffness=4e8,
+        stiffness_ratio=0.5879,
+        contact_ratio=1.569,
+        reduced_mass=3.123,
+        load=3289.5,
+        backlash=40e-6,
+        material_damping=3953.7,
+    )
+    for name in RATIOS:
+        changed = with_ratio(pair, name, 1.25 if name == "contact_ratio" else 0.4)
+        for key, ratio in RATIOS.items():
+            if key != name:
+                assert getattr(changed, ratio) == pytest.approx(getattr(pair, ratio), rel=1e-14)
+    diagram = bifurcation_diagram(pair, [0.03, 0.06], parameter="damping", tuning=0.9)
+    for value, end in zip(diagram.damping.values, diagram.final_state.values, strict=True):
+        one = sweep(with_ratio(pair, "damping", value), [0.9], periods=564, record_periods=1)
+        np.testing.assert_allclose(end, one.final_state[0], atol=1e-9)
+
+
+def test_shares_over_the_tuning():
+    tunings = [0.74, 0.75, 0.76, 1.2]
+    shares = basin_stability(BOTH, tunings, (BOX, BOX), samples=400, seed=1)
+    np.testing.assert_allclose(shares.share.sum("attractor_family"), 1.0)
+    np.testing.assert_allclose((shares.share > 0).sum("attractor_family"), [2, 2, 2, 1])
+    exact = basins(BOTH, 0.75, grid(200))
+    for family in range(2):
+        found = shares.isel(attractor_family=family).sel(tuning=0.75)
+        error = 3.0 * float(found.share_error)
+        assert float(found.share) == pytest.approx(float(exact.share[family]), abs=error)
+        assert float(found.displacement_max) == pytest.approx(float(exact.displacement_max[family]))
+    again = basin_stability(BOTH, tunings, (BOX, BOX), samples=400, seed=1)
+    assert shares.identical(again)
+
+
+def test_other_models():
+    cubic = OneDegreePair(pair=BOTH, cubic_damping=0.01)
+    found = basins(cubic, 0.75, ((-3.0, 3.0, 4), (-3.0, 3.0, 4)), periods=120)
+    for state, period in zip(found.state.values, found.period.values, strict=True):
+        assert periodic_orbit(cubic, 0.75, guess=state[0], period=int(period)).stable
+    inner = GearPair(
+        max_stiffness=4e8,
+        stiffness_ratio=0.5879,
+        contact_ratio=1.569,
+        reduced_mass=3.123,
+        load=3289.5,
+        backlash=40e-6,
+        material_damping=3953.7,
+    )
+    rigid = SixDegreePair(
+        pair=inner,
+        base_radii=(0.1, 0.1),
+        inertias=(0.06246, 0.06246),
+        masses=(17.0, 17.0),
+        bearing_stiffness=(math.inf,) * 4,
+        bearing_damping=(0.0,) * 4,
+    )
+    states = ((-1.0, 1.0, 3), (-4.0, 0.0, 3))
+    six, one = basins(rigid, 0.72, states, periods=200), basins(inner, 0.72, states, periods=200)
+    np.testing.assert_array_equal(six.basin, one.basin)
+    np.testing.assert_allclose(six.share, one.share)
+
+
+@pytest.mark.parametrize(
+    ("changed", "part"),
+    [
+        ({"grid": 3}, "grid = 3 is not allowed"),
+        ({"grid": ((0.0, 1.0, 0), [0.0])}, "count of the grid displacements = 0"),
+        ({"grid": ((1.0, 0.0, 5), [0.0])}, "last must be greater"),
+        ({"grid": ([0.0, math.nan], [0.0])}, "grid displacements = "),
+        ({"grid": ([0.0], [1.0, 1.0])}, "all different"),
+        ({"grid": ((0.0, 1.0, 40_000), (0.0, 1.0, 40_000))}, "1,600,000,000 initial .* memory"),
+        ({"periods": 0}, "periods = 0"),
+        ({"tuning": -1.0}, "tuning = -1.0"),
+        ({"threads": 0}, "threads = 0"),
+        ({"seed": -1}, "seed = -1"),
+        ({"pair": gear_pair(0.0)}, "without any damping"),
+        ({"pair": OneDegreePair(pair=gear_pair(0.0))}, "without any damping"),
+        ({"pair": 7}, "pair = 7"),
+    ],
+)
+def test_wrong_basins(changed, part):
+    asked = {"pair": BOTH, "tuning": 0.75, "grid": ([0.0], [0.0])} | changed
+    with pytest.raises(ValueError, match=part):
+        basins(**asked)
+
+
+@pytest.mark.parametrize(
+    ("call", "part"),
+    [
+        (lambda: basin_stability(BOTH, [0.7], ((1.0, 0.0), BOX)), "region = "),
+        (lambda: basin_stability(BOTH, [0.7, 0.7], (BOX, BOX)), "all different"),
+        (lambda: basin_stability(gear_pair(0.0), [0.7], (BOX, BOX)), "without any damping"),
+        (lambda: poincare_section(BOTH, 0.7, [(0.0, 0.0)], periods=5, phase=7.0), "phase = 7.0"),
+        (lambda: poincare_section(BOTH, 0.7, [(0.0,)], periods=5), "states = "),
+        (lambda: poincare_section(BOTH, 0.7, [(0.0, 0.0)], periods=10**9), "at most 50,000,000"),
+        (lambda: bifurcation_diagram(BOTH, [0.7], parameter="mass"), "parameter = 'mass'"),
+        (lambda: bifurcation_diagram(BOTH, [0.1], parameter="damping"), "tuning = None"),
+        (lambda: bifurcation_diagram(BOTH, [0.7], tuning=0.7), "tuning = 0.7"),
+        (lambda: bifurcation_diagram(BOTH, [0.7], direction="left"), "direction = 'left'"),
+        (lambda: lyapunov_exponents(BOTH, [0.7], periods=5), "periods = 5"),
+        (lambda: lyapunov_exponents(BOTH, [0.7], states=[0.0]), "states of shape"),
+        (
+            lambda: poincare_section(
+                OneDegreePair(pair=BOTH), 0.7, [(0.0, 0.0)], periods=5, phase=1.0
+            ),
+            "multiple of one degree",
+        ),
+    ],
+)
+def test_wrong_input(call, part):
+    with pytest.raises(ValueError, match=part):
+        call()

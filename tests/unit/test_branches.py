@@ -1,0 +1,58 @@
+"""The branches behind Fig. 3 and their loci: what is put together, and its pictures."""
+
+import numpy as np
+import pytest
+
+from gearlib import branches, storage
+from gearlib.figures import branches as picture
+from gearlib.figures import style
+from gearlib.orbits.special_points import DOUBLING, FOLD, GRAZING
+from tests.paper import PAPER
+
+RANGE = {"start": 0.79, "stop": 0.83}
+SETTINGS = {**RANGE, "step": 0.05, "max_height": 3.0, "max_points": 500}
+
+
+@pytest.fixture(scope="module")
+def damped():
+    return branches.compute(PAPER.replace(material_damping=3953.7), **SETTINGS)
+
+
+def test_both_ends_begin_branches(damped):
+    # The folded branch does not come to the other end below the height asked for.
+    assert np.unique(damped.branch).tolist() == [0, 1]
+    assert damped.tuning.values[damped.branch == 0][0] == pytest.approx(0.79)
+    assert damped.tuning.values[damped.branch == 1][0] == pytest.approx(0.83)
+    assert (damped.label == FOLD).sum() == 1 and (damped.label == GRAZING).sum() == 1
+
+
+def test_doubled_branches_follow():
+    free = PAPER.replace(backlash_damping=3953.7)
+    found = branches.compute(free, **SETTINGS | {"start": 0.64, "stop": 0.68})
+    assert set(found.period.values) == {1, 2}
+    doublings = found.tuning.values[(found.label == DOUBLING) & (found.period == 1)]
+    starts = [found.tuning.values[found.branch == k][0] for k in (1, 2)]
+    np.testing.assert_allclose(np.sort(starts), np.sort(doublings), atol=1e-9)
+
+
+def test_loci_and_pictures(damped, tmp_path):
+    pair = PAPER.replace(material_damping=3953.7)
+    loci = branches.compute_loci(pair, damped, **RANGE, lowest=0.06, highest=0.063)
+    assert set(loci.label.values) == {FOLD, GRAZING}
+    assert loci.damping_ratio.min() >= 0.06 - 1e-12 and loci.damping_ratio.max() <= 0.063 + 1e-12
+    for name, dataset in (("branches", damped), ("loci", loci)):
+        storage.write(dataset, tmp_path / f"{name}.nc")
+    figure = picture.draw(
+        storage.read(tmp_path / "branches.nc"), storage.read(tmp_path / "loci.nc")
+    )
+    top, bottom = figure.axes
+    assert bottom.get_xlabel() == "tuning $\\nu_s$" and "damping" in bottom.get_ylabel()
+    assert "0.8160" in " ".join(text.get_text() for text in top.texts)
+    style.save(figure, tmp_path / "branches.png")
+
+
+def test_a_branch_without_special_points_has_no_loci(damped):
+    none = damped.isel(point=slice(0, 2))
+    loci = branches.compute_loci(PAPER, none, **RANGE, lowest=0.01, highest=0.1)
+    assert loci.sizes["point"] == 0
+    picture.draw(none, loci)

@@ -1,0 +1,135 @@
+"""The global picture: basins, bifurcation diagram, Poincare sections, computed and drawn."""
+
+
+rule basins:
+    input:
+        kernels=rules.compile_kernels.output.stamp,
+        sources=script_sources("basins"),
+    output:
+        dataset="results/basins.nc",
+    log:
+        "results/logs/basins.log",
+    benchmark:
+        "results/benchmarks/basins.tsv"
+    threads: 1
+    params:
+        cases=global_cases(CONFIG.basins),
+        settings=canonical(CONFIG.basins.model_dump(exclude={"cases"})),
+    conda:
+        "../envs/gearlib.yaml"
+    script:
+        "../scripts/basins.py"
+
+
+rule draw_basins:
+    input:
+        dataset=rules.basins.output.dataset,
+        sources=script_sources("draw_basins"),
+    output:
+        report(
+            figure_files("basins"),
+            caption="../report/basins.rst",
+            category="Global picture",
+            labels={"figure": "beyond the paper", "shows": "basins of attraction"},
+        ),
+    log:
+        "results/logs/draw_basins.log",
+    benchmark:
+        "results/benchmarks/draw_basins.tsv"
+    threads: 1
+    params:
+        dpi=CONFIG.figures.dpi,
+    conda:
+        "../envs/gearlib.yaml"
+    script:
+        "../scripts/draw_basins.py"
+
+
+rule bifurcation:
+    input:
+        kernels=rules.compile_kernels.output.stamp,
+        sources=script_sources("bifurcation"),
+    output:
+        diagram="results/bifurcation.nc",
+        shares="results/basin_stability.nc",
+    log:
+        "results/logs/bifurcation.log",
+    benchmark:
+        "results/benchmarks/bifurcation.tsv"
+    threads: 1
+    params:
+        pair=canonical(CONFIG.damped_parameters(CONFIG.bifurcation.damping)),
+        settings=canonical(CONFIG.bifurcation.model_dump(exclude={"damping"})),
+    conda:
+        "../envs/gearlib.yaml"
+    script:
+        "../scripts/bifurcation.py"
+
+
+rule draw_bifurcation:
+    input:
+        diagram=rules.bifurcation.output.diagram,
+        shares=rules.bifurcation.output.shares,
+        sources=script_sources("draw_bifurcation"),
+    output:
+        report(
+            figure_files("bifurcation"),
+            caption="../report/bifurcation.rst",
+            category="Global picture",
+            labels={"figure": "beyond the paper", "shows": "bifurcation diagram, exponents, shares"},
+        ),
+    log:
+        "results/logs/draw_bifurcation.log",
+    benchmark:
+        "results/benchmarks/draw_bifurcation.tsv"
+    threads: 1
+    params:
+        dpi=CONFIG.figures.dpi,
+    conda:
+        "../envs/gearlib.yaml"
+    script:
+        "../scripts/draw_bifurcation.py"
+
+
+rule poincare:
+    input:
+        kernels=rules.compile_kernels.output.stamp,
+        sources=script_sources("poincare"),
+    output:
+        dataset="results/poincare.nc",
+    log:
+        "results/logs/poincare.log",
+    benchmark:
+        "results/benchmarks/poincare.tsv"
+    threads: 1
+    params:
+        cases=global_cases(CONFIG.poincare),
+        settings=canonical(CONFIG.poincare.model_dump(exclude={"cases"})),
+    conda:
+        "../envs/gearlib.yaml"
+    script:
+        "../scripts/poincare.py"
+
+
+rule draw_poincare:
+    input:
+        dataset=rules.poincare.output.dataset,
+        sources=script_sources("draw_poincare"),
+    output:
+        report(
+            figure_files("poincare"),
+            caption="../report/poincare.rst",
+            category="Global picture",
+            labels={"figure": "beyond the paper", "shows": "Poincare sections"},
+        ),
+    log:
+        "results/logs/draw_poincare.log",
+    benchmark:
+        "results/benchmarks/draw_poincare.tsv"
+    threads: 1
+    params:
+        dpi=CONFIG.figures.dpi,
+    conda:
+        "../envs/gearlib.yaml"
+    script:
+        "../scripts/draw_poincare.py"

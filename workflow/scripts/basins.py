@@ -1,0 +1,16 @@
+"""Compute the basins of attraction of all cases."""
+
+import json
+
+from gearlib import storage
+from gearlib.global_dynamics import studies
+from joblog import redirect_output
+
+if __name__ == "__main__":
+    redirect_output(snakemake.log[0])
+    dataset = studies.basin_cases(
+        json.loads(snakemake.params.cases),
+        json.loads(snakemake.params.settings),
+        threads=snakemake.threads,
+    )
+    storage.write(dataset, snakemake.output.dataset)

@@ -1,0 +1,21 @@
+"""Compute the bifurcation diagram, its Lyapunov exponents and the shares of the basins."""
+
+import json
+
+from gearlib import storage
+from gearlib.global_dynamics import studies
+from gearlib.tunings import grid
+from joblog import redirect_output
+
+if __name__ == "__main__":
+    redirect_output(snakemake.log[0])
+    settings = json.loads(snakemake.params.settings)
+    diagram, shares = studies.bifurcation(
+        json.loads(snakemake.params.pair),
+        grid(settings["start"], settings["stop"], settings["step"]),
+        grid(settings["start"], settings["stop"], settings["share_step"]),
+        settings,
+        threads=snakemake.threads,
+    )
+    storage.write(diagram, snakemake.output.diagram)
+    storage.write(shares, snakemake.output.shares)

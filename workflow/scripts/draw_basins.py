@@ -1,0 +1,12 @@
+"""Draw the basins of attraction in all formats."""
+
+from gearlib import storage
+from gearlib.figures import basins, style
+from joblog import redirect_output
+
+if __name__ == "__main__":
+    redirect_output(snakemake.log[0])
+    figure = basins.draw(storage.read(snakemake.input.dataset))
+    figure.set_dpi(snakemake.params.dpi)
+    for path in snakemake.output:
+        style.save(figure, path)

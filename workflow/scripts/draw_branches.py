@@ -1,0 +1,14 @@
+"""Draw the branches with their special points, and the loci of these, in all formats."""
+
+from gearlib import storage
+from gearlib.figures import branches, style
+from joblog import redirect_output
+
+if __name__ == "__main__":
+    redirect_output(snakemake.log[0])
+    figure = branches.draw(
+        storage.read(snakemake.input.branches), storage.read(snakemake.input.loci)
+    )
+    figure.set_dpi(snakemake.params.dpi)
+    for path in snakemake.output:
+        style.save(figure, path)
