@@ -105,7 +105,8 @@ def _words(node, whole):
 
 
 def _short(value):
-    text = str(value) if not isinstance(value, list) else ", ".join(map(str, value))
+    values = value if isinstance(value, list) else [value]
+    text = ", ".join(f"{v:g}" if isinstance(v, float) and abs(v) >= 1e6 else str(v) for v in values)
     return f"`{text}`" if len(text) <= 60 else f"`{text[:57]}` …"
 
 
