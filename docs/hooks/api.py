@@ -20,6 +20,7 @@ _GROUPS = (
     ("Runs and orbits", inspect.isfunction),
     ("Gears and what they are made of", inspect.isclass),
 )
+_LONGEST = 96
 
 
 def on_files(files, config):
@@ -37,10 +38,24 @@ def reference():
             thing = getattr(gearlib, name)
             if not belongs(thing):
                 continue
-            lines += [f"### {name}", ""]
+            lines += [f"### {name}", "", "```python", signature(thing), "```", ""]
             if "table of the module" in inspect.getdoc(thing):
                 # The class leaves its parameters to the table at the head of its module.
                 module = importlib.import_module(thing.__module__)
                 lines += [markdown(inspect.getdoc(module)), ""]
             lines += [f"::: {thing.__module__}.{thing.__qualname__}", ""]
     return "\n".join(lines)
+
+
+def signature(thing):
+    """Return the call of a function or class in one line, or a line for each parameter."""
+    parameters = inspect.signature(thing).parameters.values()
+    shown = [str(p.replace(annotation=p.empty)).replace("<factory>", "...") for p in parameters]
+    star = next((i for i, p in enumerate(parameters) if p.kind is p.KEYWORD_ONLY), None)
+    if star is not None:
+        shown.insert(star, "*")
+    line = f"{thing.__name__}({', '.join(shown)})"
+    if len(line) <= _LONGEST:
+        return line
+    inside = "".join(f"    {text},\n" for text in shown)
+    return f"{thing.__name__}(\n{inside})"
