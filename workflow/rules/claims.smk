@@ -8,6 +8,8 @@ rule claims:
         phase_lag=rules.phase_lag.output.dataset,
         jump=rules.jump.output.dataset,
         scenes=[f"results/scenes/{name}.nc" for name in CONFIG.scenes],
+        tongues=rules.tongues.output.dataset,
+        branches=expand(rules.branches.output.dataset, damping=CONFIG.dampings),
         sources=script_sources("claims"),
     output:
         csv=report(

@@ -7,6 +7,11 @@ from gearlib import claims, storage
 from gearlib.pair import GearPair
 from joblog import redirect_output
 
+
+def _by_name(paths):
+    return {Path(path).stem: storage.read(path) for path in paths}
+
+
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])
     table = claims.evaluate(
@@ -16,7 +21,9 @@ if __name__ == "__main__":
         storage.read(snakemake.input.phase_planes),
         storage.read(snakemake.input.phase_lag),
         storage.read(snakemake.input.jump),
-        {Path(path).stem: storage.read(path) for path in snakemake.input.scenes},
+        _by_name(snakemake.input.scenes),
+        storage.read(snakemake.input.tongues),
+        _by_name(snakemake.input.branches),
     )
     claims.write_csv(table, snakemake.output.csv)
     claims.write_markdown(table, snakemake.output.markdown)
