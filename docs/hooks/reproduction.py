@@ -1,7 +1,8 @@
 """The table of `reproduction.md`: the paper's sentence, ours, the verdict, why.
 
-Statements, numbers and verdicts are those of `docs/claims/claims.csv`, a copy of what the workflow
-writes; the reasons are prose, in `docs/claims/why.yaml`. After a run of the workflow,
+Statements, numbers, verdicts and computed explanations are those of `docs/claims/claims.csv`, a
+copy of what the workflow writes; the other reasons are prose, in `docs/claims/why.yaml`. After a
+run of the workflow,
 
     python -m docs.hooks.reproduction results
 
@@ -64,6 +65,8 @@ def table():
         paper = f"{row['statement']} ({row['where']})"
         ours = f"{row['computed']} ([{row['figure']}](#{anchor(row['figure'])}))"
         reason = " ".join(why[row["id"]].split())
+        if row.get("explanation"):
+            reason += f" *Computed:* {row['explanation'].rstrip('.')}."
         lines.append(f"| {row['id']} | {paper} | {ours} | **{row['verdict']}** | {reason} |")
     return "\n".join(lines)
 
