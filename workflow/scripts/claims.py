@@ -5,6 +5,7 @@ from pathlib import Path
 
 from gearlib import claims, storage
 from gearlib.pair import GearPair
+from gearlib.reporting import tables
 from joblog import redirect_output
 
 
@@ -27,3 +28,4 @@ if __name__ == "__main__":
     )
     claims.write_csv(table, snakemake.output.csv)
     claims.write_markdown(table, snakemake.output.markdown)
+    tables.write_table_page(snakemake.output.csv, snakemake.output.page)
