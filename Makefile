@@ -4,6 +4,7 @@
 # make slurm-test  the workflow on a real Slurm of one node; installs Debian's packages for root
 # make bench   speed of the library on this machine
 # make report  results/report.html, all figures, tables and claims on one page
+# make docs    build/docs/index.html, the documentation as a site
 # make clean   remove the results; `make distclean` the environment as well
 
 PYTHON ?= python3
@@ -11,7 +12,7 @@ JOBS ?= 2
 BIN := .venv/bin
 INSTALLED := .venv/installed.stamp
 
-.PHONY: all test peers slurm-test bench report clean distclean
+.PHONY: all test peers slurm-test bench report docs clean distclean
 
 all: $(INSTALLED)
 	$(BIN)/snakemake -j$(JOBS)
@@ -47,6 +48,9 @@ bench: $(INSTALLED)
 
 report: all
 	$(BIN)/snakemake --report results/report.html
+
+docs: $(INSTALLED)
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
 $(INSTALLED): pyproject.toml requirements/constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
