@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gearlib.core.run import EVENT_LIMIT, NOT_CONVERGED, OK, OVERFLOW, STALLED
+from gearlib.core.run import EVENT_LIMIT, JAMMED, NOT_CONVERGED, OK, OVERFLOW, STALLED
 
 MESSAGES = {
     OK: "the run is complete",
@@ -22,10 +22,14 @@ MESSAGES = {
         "the step control asked for steps below the spacing of floating-point numbers: "
         'loosen the tolerances, or take method "exact" or "taylor"'
     ),
+    JAMMED: (
+        "the moving bearings closed the backlash, so that both flanks would touch at once: "
+        "raise the backlash, stiffen the bearings, or take moving_backlash=False"
+    ),
 }
 
 #: CF flag attributes of every variable that holds a status.
 FLAGS = {
     "flag_values": np.array(list(MESSAGES), dtype=np.int8),
-    "flag_meanings": "ok event_limit overflow not_converged stalled",
+    "flag_meanings": "ok event_limit overflow not_converged stalled jammed",
 }

@@ -15,7 +15,7 @@ from gearlib.core.jit import kernel
 from gearlib.core.mesh import BACKLASH, INVERSE, NORMAL
 from gearlib.core.passage import pass_period, ways
 from gearlib.core.polynomial import first_fall, highest, horner
-from gearlib.core.run import EVENT_LIMIT, OK, OVERFLOW
+from gearlib.core.run import EVENT_LIMIT, JAMMED, OK, OVERFLOW
 from gearlib.core.system import (
     ORDER,
     carry,
@@ -24,6 +24,7 @@ from gearlib.core.system import (
     expand,
     functional_of,
     image,
+    jammed,
     scratch,
     tables,
 )
@@ -81,7 +82,7 @@ def go(system, table, to_bernstein, z, contact, on_line, at_rest, s, record, rec
     -------
     contact : int
     events : int
-        Number of events, limit + 1 when there were more.
+        Number of events, limit + 1 when there were more, limit + 2 where the flanks jam.
     record, recorded
     """
     n = z.shape[0]
@@ -127,7 +128,15 @@ def go(system, table, to_bernstein, z, contact, on_line, at_rest, s, record, rec
                 functional = system.near if line == 1 else system.far
                 z[system.fix] -= dot(functional, z) / functional[system.fix]
                 contact, on_line = target, line
+                if contact == BACKLASH and jammed(system, z, line):
+                    return contact, limit + 2, record, recorded
     return contact, events, record, recorded
+
+
+@kernel
+def stopped(count, limit):
+    """Return the status of a period with more than `limit` events, as counted by `go`."""
+    return EVENT_LIMIT if count == limit + 1 else JAMMED
 
 
 @kernel
@@ -267,7 +276,7 @@ def run_linear(
             )
             on_line, at_rest = 0, False
             if count > limit:
-                return x, v, 0, events, 0, EVENT_LIMIT
+                return x, v, 0, events, 0, stopped(count, limit)
             x, v = dot(own.position, short), dot(own_speed, short)
             if not (abs(x) < 1e150 and abs(v) < 1e150):
                 return x, v, 0, events, 0, OVERFLOW
@@ -287,7 +296,7 @@ def run_linear(
         )
         on_line, at_rest = 0, False
         if count > limit:
-            return x, v, 0, events, 0, EVENT_LIMIT
+            return x, v, 0, events, 0, stopped(count, limit)
         x, v = dot(system.position, z), dot(speed, z)
         if not (abs(x) < 1e150 and abs(v) < 1e150):
             return x, v, 0, events, 0, OVERFLOW

@@ -6,9 +6,9 @@ As `gearlib.core.variation`; only the moving components vary, constants and harm
 import numpy as np
 
 from gearlib.core.jit import kernel
-from gearlib.core.linear import contact_at, go, set_harmonics
+from gearlib.core.linear import contact_at, go, set_harmonics, stopped
 from gearlib.core.mesh import NORMAL
-from gearlib.core.run import EVENT_LIMIT, OK, OVERFLOW
+from gearlib.core.run import OK, OVERFLOW
 from gearlib.core.system import ORDER, dot, exponential, scratch, tables
 
 
@@ -64,7 +64,7 @@ def vary_linear(system, to_bernstein, z, moving, periods, limit, matrices):
         )
         on_line, at_rest = 0, False
         if count > limit:
-            return EVENT_LIMIT
+            return stopped(count, limit)
         if not np.abs(z).max() < 1e150:
             return OVERFLOW
         matrix = np.eye(moving)

@@ -19,7 +19,7 @@ import numpy as np
 from gearlib.core.jit import inlined, kernel
 from gearlib.core.mesh import BACKLASH, INVERSE, NORMAL
 from gearlib.core.polynomial import fall_by_shape, first_fall, lowest_of_parabola
-from gearlib.core.system import ORDER, dot, exponential, product
+from gearlib.core.system import ORDER, dot, exponential, jammed, product
 
 #: Terms from this degree on are bounded together: (1.3)^8 / 8! = 2e-4 of the state.
 _TAIL = 8
@@ -216,7 +216,7 @@ def pass_period(system, table, to_bernstein, z, contact, on_line, at_rest, limit
     -------
     contact : int
     events : int
-        Number of events, limit + 1 when there were more.
+        Number of events, limit + 1 when there were more, limit + 2 where the flanks jam.
     """
     # Arrays instead of `Ways`: every look into a tuple counts references, which would cost more
     # than the sums.
@@ -291,5 +291,7 @@ def pass_period(system, table, to_bernstein, z, contact, on_line, at_rest, limit
                 functional = system.near if on_line == 1 else system.far
                 flat[system.fix] -= dot(functional, flat[:n]) / functional[system.fix]
                 contact = target
+                if contact == BACKLASH and jammed(system, flat[:n], on_line):
+                    return contact, limit + 2
     z[:] = flat[:n]
     return contact, events

@@ -15,6 +15,8 @@ from gearlib.core.jit import kernel
 ORDER = 20
 #: |A| h of a knot: (1.3)^21 / 21! e^1.3 = 2e-17.
 REACH = 1.3
+#: Overlap of the flank lines, in shares of the terms of their distance, that is more than rounding.
+_JAM = 1e-9
 
 
 class System(NamedTuple):
@@ -195,3 +197,14 @@ def dot(functional, z):
     for r in range(z.shape[0]):
         total += functional[r] * z[r]
     return total
+
+
+@kernel
+def jammed(system, z, line):
+    """Return whether a state that has just left a flank lies behind the other one already.
+
+    Then moving bearings have closed the backlash; of two flanks in contact at once the model says
+    nothing. `line` is that of the flank left, 1 the normal, -1 the far one.
+    """
+    functional = system.far if line == 1 else system.near
+    return line * dot(functional, z) < -_JAM * np.abs(functional * z).sum()
