@@ -76,7 +76,10 @@ rule draw_bifurcation:
             figure_files("bifurcation"),
             caption="../report/bifurcation.rst",
             category="Global picture",
-            labels={"figure": "beyond the paper", "shows": "bifurcation diagram, exponents, shares"},
+            labels={
+                "figure": "beyond the paper",
+                "shows": "bifurcation diagram, exponents, shares",
+            },
         ),
     log:
         "results/logs/draw_bifurcation.log",

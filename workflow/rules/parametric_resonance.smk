@@ -41,9 +41,7 @@ rule tongues:
     params:
         pairs=canonical({name: CONFIG.pair_parameters(name) for name in CONFIG.dampings}),
         asked=CONFIG.parametric_resonance.asked,
-        tunings=canonical(
-            [CONFIG.parametric_resonance.start, CONFIG.parametric_resonance.stop]
-        ),
+        tunings=canonical([CONFIG.parametric_resonance.start, CONFIG.parametric_resonance.stop]),
         run=canonical(run_length()),
     conda:
         "../envs/gearlib.yaml"
