@@ -5,7 +5,7 @@
 # make peers   add to .venv the solvers of others that method= can call, where they install
 # make slurm-test  the workflow on a real Slurm of one node; installs Debian's packages for root
 # make bench   speed of the library on this machine
-# make report  results/report.html, all figures and claims on one page
+# make report  results/report.html, all figures, tables and claims on one page
 # make clean   remove the results; `make distclean` the environment as well
 
 PYTHON ?= python3

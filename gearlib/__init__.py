@@ -41,6 +41,7 @@ module                    responsibility
 ``claims``                the paper's statements, checked against computed data
 ``trials``                which method is right, at what cost, and where each fails
 ``figures``               one file per figure, functions that return a `Figure`
+``reporting``             the report: tables as pages, a page to choose tunings on
 ``explorer``              sliders in the browser, and what the gear mesh makes of them
 ``cli``                   the command ``gearlib``
 ========================  ============================================================

@@ -337,6 +337,27 @@ class Scene(Section):
     periods_shown: int = Field(ge=1, le=1000, description="Mesh periods shown, the last ones.")
 
 
+class ReportPage(Section):
+    """The page of the report on which tunings are chosen: motions from rest over a grid."""
+
+    start: Tuning = Field(description="First tuning.")
+    stop: Tuning = Field(description="Last one; start + a whole multiple of step.")
+    step: number_within(gt=0, le=10) = Field(description="Distance of the tunings.")
+    periods_shown: int = Field(ge=1, le=100, description="Mesh periods shown, the last ones.")
+    samples_per_period: int = Field(
+        ge=8, le=4096, description="Samples per mesh period; the page grows with them."
+    )
+
+    @model_validator(mode="after")
+    def _check(self):
+        check_grid("report_page", self)
+        return self
+
+    def count(self):
+        """Return the number of tunings of the grid."""
+        return int(tunings.steps(self.start, self.stop, self.step)) + 1
+
+
 class Figures(Section):
     """How the figures are drawn; no computation depends on it."""
 
