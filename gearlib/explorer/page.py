@@ -5,7 +5,7 @@ import time
 
 import numpy as np
 import panel as pn
-from bokeh.models import ColumnDataSource, Span  # type: ignore[attr-defined]
+from bokeh.models import ColumnDataSource, Span
 from bokeh.plotting import figure
 
 from gearlib.explorer import view
