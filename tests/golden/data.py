@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from tests.golden.tolerances import EXACT, tolerance
+from tests.golden.tolerances import tolerance
 
 FOLDER = Path(__file__).with_name("data")
 
@@ -17,7 +17,10 @@ FOLDER = Path(__file__).with_name("data")
 SAMPLES = 64
 
 #: A fraction of time of a motion that does not settle, over the recorded periods, by rounding.
-UNSETTLED_FRACTION = 0.25
+UNSETTLED_FRACTION = 0.5
+
+#: What is compared of motions that do not settle as of all others.
+_LABELS = ("period", "label", "status")
 
 #: Sentences, with digits inside.
 _PROSE = ("message", "words")
@@ -105,7 +108,7 @@ def _difference(name, each, golden, found, steady):
     row = tolerance(name, each, old.dtype.kind)
     absolute = np.full(old.shape, row.absolute)
     relative = np.full(old.shape, row.relative)
-    if row is not EXACT and steady is not None and set(steady.dims) <= set(golden.dims):
+    if each not in _LABELS and steady is not None and set(steady.dims) <= set(golden.dims):
         loose = ~steady.broadcast_like(golden).transpose(*golden.dims).values
         absolute[loose] = UNSETTLED_FRACTION if each.startswith("fraction_") else np.inf
         relative[loose] = 0.0
@@ -114,7 +117,7 @@ def _difference(name, each, golden, found, steady):
     same = (old == new) | (np.isnan(old.astype(float)) & np.isnan(new.astype(float)))
     unlike = np.isfinite(old.astype(float)) != np.isfinite(new.astype(float))
     far = (far | (unlike & np.isfinite(absolute))) & ~same
-    if not far.any():
+    if far.sum() <= row.stray * far.size:
         return []
     place = np.unravel_index(np.argmax(far), far.shape)
     return [

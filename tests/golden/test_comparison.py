@@ -30,7 +30,7 @@ def curve():
         ("displacement_max", 3, 5.0, False),
         ("fraction_backlash", 1, 1e-6, True),
         ("fraction_backlash", 2, 0.01, False),
-        ("fraction_backlash", 2, 0.5, True),
+        ("fraction_backlash", 2, 0.6, True),
         ("period", 0, 1, True),
         ("period", 2, 1, True),
     ],
