@@ -31,6 +31,8 @@ module                    responsibility
 ``version``               the version of the library
 ``checks``                checks of single values, with their messages
 ``config``                the typed model of ``config.yaml``
+``validation``            problems of a configuration in words
+``tunings``               grids of tunings, and their windows
 ``gathering``             shards of the workflow into one dataset per experiment
 ``phase_lag``             lag of the motion behind the mesh stiffness
 ``jump``                  where the motion from rest jumps, and what moves the jump
