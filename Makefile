@@ -1,5 +1,7 @@
 # make         set up .venv with the pinned packages and compute everything, results/
 # make test    the same set-up and all checks: style, imports, tests (a small workflow included)
+# make lint    the checks of style, formatting, imports and types only
+# make golden  renew the golden numbers and pictures of tests/golden
 # make peers   add to .venv the solvers of others that method= can call, where they install
 # make slurm-test  the workflow on a real Slurm of one node; installs Debian's packages for root
 # make bench   speed of the library on this machine
@@ -12,14 +14,23 @@ JOBS ?= 2
 BIN := .venv/bin
 INSTALLED := .venv/installed.stamp
 
-.PHONY: all test peers slurm-test bench report docs clean distclean
+.PHONY: all lint golden test peers slurm-test bench report docs clean distclean
 
 all: $(INSTALLED)
 	$(BIN)/snakemake -j$(JOBS)
 
-test: $(INSTALLED)
+lint: $(INSTALLED)
 	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/snakefmt --check Snakefile workflow
 	$(BIN)/lint-imports
+	$(BIN)/mypy
+
+# Review what has moved, and why, before it is committed.
+golden: $(INSTALLED)
+	$(BIN)/python -m tests.golden
+
+test: lint
 	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder
 
 peers: $(INSTALLED)

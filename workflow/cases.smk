@@ -15,8 +15,7 @@ for case, settings in CASES.items():
     case_ = f"{case}_"
 
     module:
-        name:
-            case_
+        name: case_
         snakefile:
             "Snakefile"
         config:

@@ -5,6 +5,7 @@ Every sentence is made from computed facts: the branches of periodic orbits behi
 statement that follows from arithmetic, or of which these facts say nothing, has no explanation.
 """
 
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
@@ -152,7 +153,7 @@ def _share_at_max(facts):
 
 
 #: id of the statement -> sentence from the facts.
-EXPLANATIONS = {
+EXPLANATIONS: dict[str, Callable] = {
     "P4": _singular_region,
     "P5": _forced_loss,
     "P6": _damped_range,

@@ -193,7 +193,7 @@ def iterate(equation, coefficients, degenerate, tolerance):
     gain[remainder] = 1.0 / equation.symbol[remainder]
     algebraic = np.inf if len(degenerate) else 0.0
     # The last step of the degenerate part: from where, and what it left.
-    base, step, least, halvings = None, None, np.inf, 0
+    base, step, least, halvings = coefficients, np.zeros_like(coefficients), np.inf, 0
     cost = 0
     while True:
         force = equation.force(*equation.motion(coefficients))
@@ -304,6 +304,7 @@ def _norm(coefficients):
 def _solution(equation, coefficients, degenerate, converged, cost):
     residual, force = equation.residual(coefficients)
     finite = _norm(coefficients) < _LARGEST
+    iterations, evaluations = cost
     return SchmidtSolution(
         equation.pair,
         equation.tuning,
@@ -312,7 +313,8 @@ def _solution(equation, coefficients, degenerate, converged, cost):
         coefficients,
         equation.samples,
         equation.size(residual),
-        *cost,
+        iterations,
+        evaluations,
         hill.multipliers(equation, coefficients) if finite else np.full(2, np.nan, complex),
         converged,
         tuple(int(k) for k in degenerate),

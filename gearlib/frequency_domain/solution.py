@@ -1,6 +1,7 @@
 """A periodic motion as harmonics: its course, flank crossings, multipliers, as a dataset."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -26,7 +27,7 @@ ROUGH = 1e-3
 class PeriodicSolution:
     """A periodic motion x = Re sum_k X_k exp(i k tau / period), k >= 1 twice."""
 
-    pair: object
+    pair: Any
     tuning: float
     period: int  #: mesh periods
     method: str  #: "harmonic balance" or "schmidt"

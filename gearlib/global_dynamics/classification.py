@@ -11,7 +11,7 @@ from gearlib.global_dynamics.attractors import (
     Attractor,
     find,
 )
-from gearlib.models.oscillator import OneDegree
+from gearlib.models.one_degree import OneDegreePair
 from gearlib.pair import GearPair
 from gearlib.variational import record
 
@@ -41,7 +41,7 @@ def _dampings(pair):
     if isinstance(pair, GearPair):
         return pair.material_damping, pair.backlash_damping
     inner = _dampings(pair.pair)
-    if isinstance(pair, OneDegree):
+    if isinstance(pair, OneDegreePair):
         return (
             *inner,
             pair.quadratic_damping,

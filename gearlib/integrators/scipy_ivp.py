@@ -139,7 +139,7 @@ class _Split(Split):
             def function(t, z, *_):
                 return self.problem.lines(_TURN * n + t, z)[line]
 
-            function.terminal, function.direction = True, direction
+            function.terminal, function.direction = True, direction  # type: ignore[attr-defined]
             return function
 
         return [crossing(leave.line, leave.direction) for leave in self.exits[contact]]

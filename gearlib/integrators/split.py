@@ -52,6 +52,10 @@ class March:
         period = orbit.orbit_period(self.strobes, tuning, height)
         return x, v, period, self.events, self.found, code, self.evaluations
 
+    def go(self, z, contact):
+        """Go through the whole span from state z; return the state at its end and the status."""
+        raise NotImplementedError
+
     def piece_at(self, t):
         """Return the piece of the stiffness just after a phase."""
         phase = (t + SIDE) % _TURN
@@ -143,11 +147,6 @@ class Split(March):
     """Runs from switch to switch, and from contact to contact.
 
     Phases are counted from the start of the mesh period, so that rounding does not grow with it.
-    A subclass offers
-
-    ``solve(n, start, end, z, piece, contact, keep)``
-        the `Phase` from (start, z) in mesh period n; `keep`: with points and dense output.
-        Raises `Stall`.
     """
 
     #: How far off a line a phase starts that begins on it, in units of the largest coordinate: an
@@ -157,6 +156,18 @@ class Split(March):
     def off(self, z):
         """Return how far off a line a phase from state z starts: more than the rounding of z."""
         return self.OFF * max(1.0, np.abs(z).max())
+
+    def solve(self, n, start, end, z, piece, contact, keep):
+        """Return the `Phase` from (start, z) in mesh period n; a subclass does it.
+
+        With `keep` it has points and dense output.
+
+        Raises
+        ------
+        Stall
+            If the solver cannot go on.
+        """
+        raise NotImplementedError
 
     def go(self, z, contact):
         """Go through the run; return (z, status)."""

@@ -134,7 +134,12 @@ class Equation:
 
 
 class OneDegree:
-    """A model with one degree of freedom; a subclass has its `Equation` as ``equation``."""
+    """A model with one degree of freedom; a subclass gives its `Equation`."""
+
+    @property
+    def equation(self) -> Equation:
+        """The `Equation` of the model."""
+        raise NotImplementedError
 
     def law(self, tuning, tolerance):
         """Return the `Law` at one tuning, see `Equation.law`."""

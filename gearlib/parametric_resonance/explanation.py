@@ -98,7 +98,8 @@ def _facts(pair, tuning, run):
     near = find(pair, *(share * tuning for share in _NEXT))
     nearest = min(near, key=lambda one: _distance(one, tuning), default=None)
     least = orbit_min(pair, tuning)
-    growth = float(meissner.growth(*ratios(pair), tuning))
+    contact_ratio, stiffness_ratio, damping = ratios(pair)
+    growth = float(meissner.growth(contact_ratio, stiffness_ratio, damping, tuning))
     loss = _loss_about(pair, tuning, equation, nearest, run)
     cause = FORCED if least < -_TOUCH else (PARAMETRIC if growth > 0.0 else NONE)
     return {

@@ -172,9 +172,11 @@ def tongue(m, order):
     found = gap(m, order)
     if found is None:
         return None
+    low, high = found
     return within_gap(
         order,
-        *found,
+        low,
+        high,
         m.damping,
         lambda k: _growth(m, k, order),
         lambda k: _over(m, k, order),

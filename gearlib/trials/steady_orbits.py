@@ -87,7 +87,7 @@ def errors(methods, names, pair, settings):
                 expected = problems.Run(orbit.state, phases, kinds, math.nan, 0, status.OK)
                 measures[:, i, j] = _marched(problem, expected, largest, method, options)
     columns = ("state_error", "event_error", "multiplier_error", "orbit_evaluations")
-    data = {
+    data: dict = {
         name: (("problem", "rung"), values) for name, values in zip(columns, measures, strict=True)
     }
     floor_names = ("state_floor", "event_floor", "multiplier_floor")

@@ -203,7 +203,7 @@ def errors(method, names, pair, six_degrees, settings):
                 [_measures(problem, expected, orbit, method, options) for _, _, options in table]
             )
     columns = ("state_error", "event_error", "multiplier_error", "period_evaluations")
-    data = {
+    data: dict = {
         name: (("problem", "rung"), values) for name, values in zip(columns, measures, strict=True)
     }
     floor_names = ("state_floor", "event_floor", "multiplier_floor")

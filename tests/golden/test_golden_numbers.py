@@ -1,9 +1,7 @@
 """Golden numbers behind Fig. 3 and 5: what the paper's pair gave when they were last looked at.
 
-They pin the results, not the physics (tests/physics does that). To renew them after a change that
-is meant to move them, review the difference and say why in the commit::
-
-    python -m tests.golden.test_golden_numbers
+They pin the results, not the physics (tests/physics does that). `make golden` renews them after a
+change that is meant to move them: review the difference and say why in the commit.
 """
 
 import json
@@ -68,5 +66,6 @@ def test_golden_numbers(name):
         )
 
 
-if __name__ == "__main__":
+def write():
+    """Renew the numbers."""
     PATH.write_text(json.dumps(computed(), indent=1) + "\n", encoding="utf-8")

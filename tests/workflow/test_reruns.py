@@ -9,6 +9,8 @@ import pytest
 import yaml
 
 from tests.browser.chromium import browser, errors, wait_for
+from tests.golden import data as golden
+from tests.golden import pictures
 from tests.workflow.jobs import (
     DAMPINGS,
     EVERYTHING,
@@ -43,6 +45,23 @@ def test_one_command_builds_everything(first_run):
     for figure in ("fig3_resonance", "fig5_phase_planes"):
         for suffix in ("png", "pdf"):
             assert (project / f"results/figures/{figure}.{suffix}").stat().st_size > 1000
+
+
+def test_numbers_behind_the_figures_are_the_golden_ones(first_run):
+    results = first_run[0] / "results"
+    found = golden.datasets(results)
+    known = sorted(str(path.relative_to(golden.FOLDER)) for path in golden.FOLDER.rglob("*.nc"))
+    sentences = [f"{name}: no golden data; `make golden` adds it" for name in found]
+    sentences = [words for name, words in zip(found, sentences, strict=True) if name not in known]
+    sentences += [f"{name}: gone; `make golden` removes it" for name in known if name not in found]
+    for name in sorted(set(found) & set(known)):
+        sentences += golden.differences(name, golden.read(name), golden.kept(results / name))
+    assert not sentences, "\n".join(sentences)
+
+
+def test_pictures_inform(first_run):
+    # Other versions of matplotlib draw otherwise: a page to look at, and no verdict.
+    pictures.summary(first_run[0] / "results", ROOT / "build/pictures.html")
 
 
 def test_the_second_run_does_nothing(project):

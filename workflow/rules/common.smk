@@ -203,9 +203,7 @@ def files_by_target():
             *figure_files("steady_orbits_time"),
         ],
         "jump_by_method": [*figure_files("jump_by_method"), "results/jump_by_method.csv"],
-        "published": [
-            path for name in PUBLISHED for path in figure_files(f"published_{name}")
-        ],
+        "published": [path for name in PUBLISHED for path in figure_files(f"published_{name}")],
         "basins": figure_files("basins"),
         "bifurcation": figure_files("bifurcation"),
         "poincare": figure_files("poincare"),

@@ -36,9 +36,7 @@ rule tongues:
     params:
         pairs=canonical({name: CONFIG.pair_parameters(name) for name in CONFIG.dampings}),
         asked=CONFIG.parametric_resonance.asked,
-        tunings=canonical(
-            [CONFIG.parametric_resonance.start, CONFIG.parametric_resonance.stop]
-        ),
+        tunings=canonical([CONFIG.parametric_resonance.start, CONFIG.parametric_resonance.stop]),
         run=canonical(run_length()),
     conda:
         "../envs/gearlib.yaml"
@@ -54,7 +52,9 @@ rule draw_parametric_resonance:
     output:
         pictures=figure("parametric_resonance", "Parametric resonance: tongues", EXPLANATIONS),
         page=table_page(
-            "parametric_resonance", "Parametric resonance: the singular region in words", EXPLANATIONS
+            "parametric_resonance",
+            "Parametric resonance: the singular region in words",
+            EXPLANATIONS,
         ),
     log:
         "results/logs/draw_parametric_resonance.log",

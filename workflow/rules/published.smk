@@ -22,8 +22,8 @@ rule published:
 
 rule draw_published:
     input:
-        sources=script_sources("draw_published"),
         **rules.published.output,
+        sources=script_sources("draw_published"),
     output:
         **{
             name: figure(f"published_{name}", label, PUBLISHED_PART)

@@ -17,9 +17,7 @@ rule report_orbits:
         tunings=canonical(
             [CONFIG.report_page.start, CONFIG.report_page.stop, CONFIG.report_page.step]
         ),
-        run=canonical(
-            run_length() | {"samples_per_period": CONFIG.report_page.samples_per_period}
-        ),
+        run=canonical(run_length() | {"samples_per_period": CONFIG.report_page.samples_per_period}),
         periods_shown=CONFIG.report_page.periods_shown,
     conda:
         "../envs/gearlib.yaml"

@@ -73,9 +73,7 @@ rule draw_work_precision:
         errors=work_precision_files("errors"),
         sources=script_sources("draw_work_precision"),
     output:
-        evaluations=figure(
-            "work_precision_evaluations", "Work and precision: evaluations", METHODS
-        ),
+        evaluations=figure("work_precision_evaluations", "Work and precision: evaluations", METHODS),
         measures=figure(
             "work_precision_measures", "Work and precision: events, multipliers", METHODS
         ),

@@ -74,8 +74,9 @@ class _Run(Split):
                 for i, line in exits:
                     values[i] = both[line]
 
-            roots.terminal = [True] * len(exits)
-            roots.direction = [leave.direction for leave in self.exits[contact]]
+            roots.terminal = [True] * len(exits)  # type: ignore[attr-defined]
+            directions = [leave.direction for leave in self.exits[contact]]
+            roots.direction = directions  # type: ignore[attr-defined]
             self._solvers[key] = (
                 CVODE(rate, eventsfn=roots, num_events=len(exits), **self.options),
                 CVODE(rate, **self.options),
@@ -88,11 +89,11 @@ class _Run(Split):
             def rate(t, z, out):
                 out[:] = self.problem.rate(self._turn + t, z, piece, contact)
 
-            return rate
-        numbers = branches.pack(self.law, piece, contact)
+        else:
+            numbers = branches.pack(self.law, piece, contact)
 
-        def rate(t, z, out):
-            branches.fill_rate(t, z, out, numbers)
+            def rate(t, z, out):
+                branches.fill_rate(t, z, out, numbers)
 
         return rate
 

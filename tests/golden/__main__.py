@@ -1,0 +1,58 @@
+"""Renew golden numbers and pictures: `make golden`.
+
+Runs the small workflow of tests/workflow in a temporary folder, says what has moved and writes only
+that: review the difference before it is committed, and say why in the commit. Results of a small
+workflow that is there already are taken with ``--results FOLDER``.
+"""
+
+import argparse
+import shutil
+import tempfile
+from pathlib import Path
+
+from tests.golden import data, pictures, test_golden_numbers
+from tests.workflow.project import small_project
+
+
+def renew(results):
+    """Write what differs from the golden data and pictures; print it."""
+    names = data.datasets(results)
+    for name in names:
+        found = data.kept(results / name)
+        known = (data.FOLDER / name).exists()
+        moved = data.differences(name, data.read(name), found) if known else [f"{name}: new"]
+        if moved:
+            print(*moved, sep="\n")
+            data.write(found, data.FOLDER / name)
+    for path in data.FOLDER.rglob("*.nc"):
+        if str(path.relative_to(data.FOLDER)) not in names:
+            print(f"{path.relative_to(data.FOLDER)}: gone")
+            path.unlink()
+    changed = pictures.summary(results, Path("build/pictures.html"))
+    found = pictures.pictures(results)
+    for name in changed:
+        print(f"picture {name}: see build/pictures.html")
+        (pictures.FOLDER / f"{name}.png").unlink(missing_ok=True)
+        if name in found:
+            pictures.FOLDER.mkdir(exist_ok=True)
+            shutil.copyfile(found[name], pictures.FOLDER / f"{name}.png")
+    if changed:
+        pictures.MADE_WITH.write_text(pictures.versions() + "\n", encoding="utf-8")
+
+
+def main():
+    parser = argparse.ArgumentParser(prog="python -m tests.golden", description=__doc__)
+    parser.add_argument("--results", type=Path, help="results of a small workflow")
+    given = parser.parse_args().results
+    if given:
+        renew(given)
+        return
+    test_golden_numbers.write()
+    with tempfile.TemporaryDirectory() as folder:
+        project = small_project(Path(folder) / "small")
+        project.snakemake("-j2")
+        renew(project / "results")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,72 @@
+"""Files that repeat pyproject.toml: conda environments, pins, citation, hooks."""
+
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+import yaml
+
+from gearlib import __version__
+
+ROOT = Path(__file__).resolve().parents[2]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+EXTRAS = PROJECT["optional-dependencies"]
+#: Names in conda where they are others: these do without what nothing here needs.
+CONDA = {"matplotlib": "matplotlib-base", "snakemake": "snakemake-minimal"}
+
+
+def load(path):
+    return yaml.safe_load((ROOT / path).read_text(encoding="utf-8"))
+
+
+def bounds(requirements):
+    """Return name -> lower bound of requirements such as "numpy>=2.1" or "numpy >=2.1"."""
+    found = [re.match(r"([\w.-]+)\s*(?:>=([\d.]+))?", text).groups() for text in requirements]
+    return {name.lower(): bound for name, bound in found}
+
+
+def expected(*extras):
+    """Return the same of pyproject.toml, with conda's names."""
+    rows = bounds([*PROJECT["dependencies"], *(row for name in extras for row in EXTRAS[name])])
+    python = {"python": PROJECT["requires-python"].removeprefix(">=")}
+    return python | {CONDA.get(name, name): bound for name, bound in rows.items()}
+
+
+def test_the_conda_environment_has_what_pip_installs():
+    found = bounds(load("environment.yml")["dependencies"])
+    assert found.pop("pip") is None
+    assert found == expected("workflow", "explore")
+
+
+def test_the_environment_of_the_jobs_is_part_of_it():
+    assert bounds(load("workflow/envs/gearlib.yaml")["dependencies"]).items() <= (
+        expected("workflow").items()
+    )
+
+
+def test_everything_that_is_asked_for_is_pinned():
+    text = (ROOT / "requirements/constraints.txt").read_text(encoding="utf-8")
+    pinned = set(re.findall(r"^([\w.-]+)==", text.lower().replace("_", "-"), re.M))
+    asked = bounds([*PROJECT["dependencies"], *(row for rows in EXTRAS.values() for row in rows)])
+    assert {name.replace("_", "-") for name in asked} - pinned - {"gearlib"} == set()
+
+
+def test_the_citation_has_the_version():
+    assert load("CITATION.cff")["version"] == __version__
+
+
+def test_hooks_run_what_make_lint_runs():
+    (group,) = load(".pre-commit-config.yaml")["repos"]
+    recipe = re.search(r"^lint:.*\n((?:\t.*\n)+)", (ROOT / "Makefile").read_text("utf-8"), re.M)[1]
+    tools = set(re.findall(r"\$\(BIN\)/(ruff \w+|[\w-]+)", recipe))
+    hooks = {re.match(r"\.venv/bin/(ruff \w+|[\w-]+)", h["entry"])[1] for h in group["hooks"]}
+    assert hooks == tools
+
+
+@pytest.mark.parametrize("path", [".snakemake-workflow-catalog.yml", "config/README.md"])
+def test_files_of_the_workflow_catalog(path):
+    assert (ROOT / path).stat().st_size > 0 and (ROOT / "workflow/Snakefile").exists()
+    if path.endswith(".yml"):
+        usage = load(path)["usage"]
+        assert usage["software-stack-deployment"]["conda"] and usage["report"]
