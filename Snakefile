@@ -6,13 +6,26 @@ results go to results/<case>/.
 
 from pathlib import Path
 
+from snakemake.exceptions import WorkflowError
 from snakemake.utils import min_version
 from workflow.provenance import write as write_provenance
+from workflow.seals import replaced
 
 min_version("9.0")
 
 
 configfile: "config.yaml"
+
+
+# Jobs on other nodes leave this to the process that sent them.
+if workflow.is_main_process:
+    foreign = replaced(Path("results"))
+    if foreign:
+        raise WorkflowError(
+            "These results are not what their jobs wrote: "
+            + ", ".join(map(str, foreign))
+            + ". Remove them, and they are computed anew."
+        )
 
 
 if "cases" in config:

@@ -6,7 +6,9 @@ stays out of the files.
 
 import json
 import math
+from functools import cache
 
+from gearlib.core.cache import source_hash
 from gearlib.version import __version__
 
 _PAPER = "Hortel, Skuderova: Engineering Mechanics 14 (2007) 91-104"
@@ -38,4 +40,10 @@ def attributes(title, pair, *, method, **parameters):
         "references": getattr(pair, "references", _PAPER),
         "model" if hasattr(pair, "title_noun") else "gear_pair": canonical_json(pair.as_dict()),
         "parameters": canonical_json(parameters),
+        "kernels": _kernels(),
     }
+
+
+@cache
+def _kernels():
+    return f"sha256 {source_hash()}"
