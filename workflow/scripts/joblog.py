@@ -2,6 +2,7 @@
 
 import __main__
 import atexit
+import contextlib
 import os
 import sys
 import traceback
@@ -39,7 +40,7 @@ def _report(terminal, kind, error, trace):
     if not issubclass(kind, OSError):
         traceback.print_exception(kind, error, trace)
         return
-    sentence = f"{error}\n"
-    sys.stderr.write(sentence)
-    # The log may lie on the same full disk.
-    os.write(terminal, sentence.encode())
+    # To the terminal first: the log may lie on the same full disk.
+    os.write(terminal, f"{error}\n".encode())
+    with contextlib.suppress(OSError):
+        print(error, file=sys.stderr, flush=True)
