@@ -111,10 +111,10 @@ def disturb(project, count, duration, seed, check):
     """
     dice, happened, started = random.Random(seed), Counter(), []
     try:
-        while sum(happened[victim] for victim in VICTIMS) < count:
+        while (kills := sum(happened[victim] for victim in VICTIMS)) < count:
             started.append(start(project))
             if not wait(started[-1], dice.uniform(0.0, duration)):
-                happened[kill(started[-1], VICTIMS[happened.total() % 3], dice)] += 1
+                happened[kill(started[-1], VICTIMS[kills % 3], dice)] += 1
                 # After the kill of a job Snakemake stops by itself, when the others have ended.
                 assert wait(started[-1], 300)
             else:

@@ -21,8 +21,8 @@ def test_nothing_is_lost_by_kills(undisturbed, tmp_path, capsys):
     happened = disturb(
         tiny_project(tmp_path / "project"),
         KILLS,
-        # The later half of a run is reached by what earlier, killed runs have left.
-        duration=undisturbed.seconds / 2,
+        # The later part of a run is reached by what earlier, killed runs have left.
+        duration=undisturbed.seconds / 3,
         seed=20070414,
         check=check,
     )
