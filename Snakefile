@@ -21,12 +21,11 @@ configfile: "config.yaml"
 
 # Jobs on other nodes leave this to the process that sent them.
 if workflow.is_main_process:
-    foreign = replaced(Path("results"))
+    foreign = " ".join(map(str, replaced(Path("results"))))
     if foreign:
         raise WorkflowError(
-            "These results are not what their jobs wrote: "
-            + ", ".join(map(str, foreign))
-            + ". Remove them, and they are computed anew."
+            f"Not what their jobs wrote: {foreign}. To have them computed anew, remove them and "
+            f"call snakemake -j2 {foreign}"
         )
 
 
