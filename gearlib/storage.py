@@ -6,6 +6,7 @@ from pathlib import Path
 import xarray as xr
 
 from gearlib.files import replacing
+from gearlib.provenance import source_hash
 from gearlib.version import __version__
 
 
@@ -27,7 +28,9 @@ def write(dataset, path):
     """
     # CF asks for a history. It usually tells the time, which would change the bytes.
     history = f"{dataset.attrs.get('title', 'dataset')}: written by gearlib {__version__}"
-    dataset = dataset.assign_attrs(history=history)
+    # What is gathered keeps the hash of what computed it.
+    made = {"source_hash": dataset.attrs.get("source_hash", source_hash()), "history": history}
+    dataset = dataset.assign_attrs(made)
     # xarray would give NaN as fill value to every float, which CF forbids for coordinates.
     encoding = {name: {"_FillValue": None} for name in dataset.variables}
     for name, variable in dataset.variables.items():

@@ -1,6 +1,5 @@
 """The log of a job: all that its process prints, and in the end the checksums of its results."""
 
-import __main__
 import atexit
 import contextlib
 import os
@@ -8,6 +7,8 @@ import sys
 import traceback
 from pathlib import Path
 
+import __main__
+from gearlib.provenance import declare_sources
 from workflow.seals import seal
 
 
@@ -15,8 +16,10 @@ def redirect_output(path):
     """Send standard output and standard error, of Python and of compiled code, to a file.
 
     When the job ends, the file gets a line for each output, by which `workflow.seals` finds out
-    whether somebody else has replaced it.
+    whether somebody else has replaced it. The job's source files are declared: netCDF files hold
+    their hash.
     """
+    declare_sources(__main__.snakemake.input.sources)
     sys.stdout.flush()
     sys.stderr.flush()
     terminal = os.dup(2)
