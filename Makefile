@@ -1,6 +1,7 @@
 # make         set up .venv with the pinned packages and compute everything, results/
 # make test    the same set-up and all checks: style, imports, tests (a small workflow included)
 # make peers   add to .venv the solvers of others that method= can call, where they install
+# make torture  50 times kill -9, full and read-only disks, damaged files: minutes
 # make slurm-test  the workflow on a real Slurm of one node; installs Debian's packages for root
 # make bench   speed of the library on this machine
 # make report  results/report.html, all figures and claims on one page
@@ -11,7 +12,7 @@ JOBS ?= 2
 BIN := .venv/bin
 INSTALLED := .venv/installed.stamp
 
-.PHONY: all test peers slurm-test bench report clean distclean
+.PHONY: all test torture peers slurm-test bench report clean distclean
 
 all: $(INSTALLED)
 	$(BIN)/snakemake -j$(JOBS)
@@ -20,6 +21,9 @@ test: $(INSTALLED)
 	$(BIN)/ruff check .
 	$(BIN)/lint-imports
 	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder
+
+torture: $(INSTALLED)
+	GEARLIB_KILLS=50 $(BIN)/python -m pytest tests/robustness -rs
 
 peers: $(INSTALLED)
 	$(BIN)/python -m pip install --quiet --constraint requirements/constraints.txt \
