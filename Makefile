@@ -4,7 +4,8 @@
 # make torture  50 times kill -9, full and read-only disks, damaged files: minutes
 # make slurm-test  the workflow on a real Slurm of one node; installs Debian's packages for root
 # make bench   speed of the library on this machine
-# make report  results/report.html, all figures and claims on one page
+# make report  results/report.html, all figures, tables and claims on one page
+# make docs    build/docs/index.html, the documentation as a site
 # make clean   remove the results; `make distclean` the environment as well
 
 PYTHON ?= python3
@@ -12,7 +13,7 @@ JOBS ?= 2
 BIN := .venv/bin
 INSTALLED := .venv/installed.stamp
 
-.PHONY: all test torture peers slurm-test bench report clean distclean
+.PHONY: all test torture peers slurm-test bench report docs clean distclean
 
 all: $(INSTALLED)
 	$(BIN)/snakemake -j$(JOBS)
@@ -51,6 +52,9 @@ bench: $(INSTALLED)
 
 report: all
 	$(BIN)/snakemake --report results/report.html
+
+docs: $(INSTALLED)
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
 $(INSTALLED): pyproject.toml requirements/constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \

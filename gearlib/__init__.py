@@ -31,6 +31,8 @@ module                    responsibility
 ``version``               the version of the library
 ``checks``                checks of single values, with their messages
 ``config``                the typed model of ``config.yaml``
+``validation``            problems of a configuration in words
+``tunings``               grids of tunings, and their windows
 ``gathering``             shards of the workflow into one dataset per experiment
 ``phase_lag``             lag of the motion behind the mesh stiffness
 ``jump``                  where the motion from rest jumps, and what moves the jump
@@ -41,6 +43,7 @@ module                    responsibility
 ``claims``                the paper's statements, checked against computed data
 ``trials``                which method is right, at what cost, and where each fails
 ``figures``               one file per figure, functions that return a `Figure`
+``reporting``             the report: tables as pages, a page to choose tunings on
 ``explorer``              sliders in the browser, and what the gear mesh makes of them
 ``cli``                   the command ``gearlib``
 ========================  ============================================================

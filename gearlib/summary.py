@@ -42,3 +42,24 @@ def variables(dims, table, ends, codes, record_periods):
     named = {name: (dims, values) for name, values in columns.items()}
     named["final_state"] = ((*dims, "component"), ends)
     return named
+
+
+def in_words(run):
+    """Return in a sentence what the motion of a run of `gearlib.simulate` is.
+
+    Parameters
+    ----------
+    run : xarray.Dataset
+    """
+    if int(run.status):
+        return run.status.attrs["message"]
+    period = int(run.period)
+    motion = f"repeats every {period} mesh periods" if period > 1 else "repeats every mesh period"
+    if not period:
+        motion = "does not repeat within 16 mesh periods"
+    contact = "the flanks never part"
+    if float(run.fraction_inverse) > 0.0:
+        contact = "it strikes both flanks"
+    elif float(run.bounces) > 0.0:
+        contact = f"it loses contact {float(run.bounces):.3g} times per mesh period"
+    return f"The motion from rest {motion}; {contact}."

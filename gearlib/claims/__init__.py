@@ -11,6 +11,7 @@ module               responsibility
 ``statements``       the statements and their rules
 ``characteristics``  rules on scales, characteristics and phase planes
 ``scenes``           rules on single runs
+``explanations``     why they come out so: tongues, folds, grazings
 ===================  ======================================================
 """
 
@@ -19,6 +20,7 @@ import io
 from dataclasses import asdict, dataclass, fields
 
 from gearlib.claims.data import Data, NoData
+from gearlib.claims.explanations import Facts, explain
 from gearlib.claims.statements import CHECKS
 from gearlib.files import replacing
 
@@ -34,10 +36,11 @@ class Claim:
     where: str
     computed: str
     verdict: str
+    explanation: str
     figure: str
 
 
-def evaluate(pair, dampings, resonance, phase_planes, phase_lag, jump, scenes):
+def evaluate(pair, dampings, resonance, phase_planes, phase_lag, jump, scenes, tongues, branches):
     """Return the claims P1-P13.
 
     Parameters
@@ -55,6 +58,10 @@ def evaluate(pair, dampings, resonance, phase_planes, phase_lag, jump, scenes):
     scenes : dict of str to xarray.Dataset
         As computed by `gearlib.scenes`, by name; P8 and P11-P13 look at those whose names begin
         with fig4, fig6, fig7, fig8.
+    tongues : xarray.Dataset
+        As computed by `gearlib.parametric_resonance.explanation`.
+    branches : dict of str to xarray.Dataset
+        As computed by `gearlib.branches`, by the name of the damping.
 
     Returns
     -------
@@ -62,17 +69,19 @@ def evaluate(pair, dampings, resonance, phase_planes, phase_lag, jump, scenes):
     """
     resonance = resonance.sortby("tuning")
     data = Data(pair, dampings, resonance, phase_planes, phase_lag, jump, scenes)
-    return [_evaluate(check, data) for check in CHECKS]
+    facts = Facts(data, tongues, branches)
+    return [_evaluate(check, data, facts) for check in CHECKS]
 
 
-def _evaluate(check, data):
+def _evaluate(check, data, facts):
     identifier, statement, where, figure, rule = check
     try:
         holds, computed = rule(data)
         verdict = HOLDS if holds else DIFFERS
     except NoData as reason:
         verdict, computed = OPEN, str(reason)
-    return Claim(identifier, statement, where, computed, verdict, figure)
+    explanation = "" if verdict == OPEN else explain(identifier, facts)
+    return Claim(identifier, statement, where, computed, verdict, explanation, figure)
 
 
 def write_csv(claims, path):
@@ -89,11 +98,12 @@ def write_markdown(claims, path):
     lines = [
         "# Statements of the paper against computed data",
         "",
-        "| id | the paper | computed | verdict | figure |",
-        "|---|---|---|---|---|",
+        "| id | the paper | computed | verdict | explanation | figure |",
+        "|---|---|---|---|---|---|",
     ]
     lines += [
-        f"| {c.id} | {c.statement} ({c.where}) | {c.computed} | **{c.verdict}** | {c.figure} |"
+        f"| {c.id} | {c.statement} ({c.where}) | {c.computed} | **{c.verdict}** "
+        f"| {c.explanation} | {c.figure} |"
         for c in claims
     ]
     _replace(path, "\n".join(lines) + "\n")

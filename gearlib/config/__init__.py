@@ -40,6 +40,7 @@ from gearlib.config.experiments import (
     ParametricResonance,
     PhaseLag,
     PhasePlanes,
+    ReportPage,
     Resonance,
     Scene,
 )
@@ -62,6 +63,8 @@ SCHEMA_PATH = Path("workflow/schemas/config.schema.json")
 #: Limits that catch a mistyped step or window before it fills a disk.
 MAX_TUNINGS = 10_000_000
 MAX_SAMPLES = 100_000_000
+#: Samples that a browser takes in: 32 MB of the page.
+MAX_PAGE_SAMPLES = 2_000_000
 
 
 #: Cases are part of the names of rules.
@@ -93,6 +96,7 @@ Target = Literal[
     "bifurcation",
     "poincare",
     "claims",
+    "report_page",
 ]
 
 
@@ -127,12 +131,14 @@ class Config(Section):
     bifurcation: Bifurcation
     poincare: Poincare
     scenes: dict[Name, Scene] = Field(description="Scenes by name, one figure each; may be empty.")
+    report_page: ReportPage
     figures: Figures
 
     @model_validator(mode="after")
     def _check(self):
         self._check_colours()
         self._check_size()
+        self._check_report_page()
         for key in ("jump", "analytic_method", "stability_chart", "jump_by_method"):
             damping = getattr(self, key).damping
             if damping not in self.dampings:
@@ -199,6 +205,21 @@ class Config(Section):
                     f"figures.colours.{name} = {colour!r} is not allowed: its name must be one of "
                     f"the dampings {', '.join(self.dampings)}"
                 )
+
+    def _check_report_page(self):
+        page = self.report_page
+        if page.periods_shown > self.record_periods:
+            raise ValueError(
+                f"report_page.periods_shown = {page.periods_shown} is not allowed: it must be an "
+                f"integer from 1 to the {self.record_periods} recorded mesh periods"
+            )
+        samples = len(self.dampings) * page.count() * page.periods_shown * page.samples_per_period
+        if samples > MAX_PAGE_SAMPLES:
+            raise ValueError(
+                f"report_page.samples_per_period = {page.samples_per_period} is not allowed: all "
+                f"orbits of the page have {samples:,} samples, which must be <= "
+                f"{MAX_PAGE_SAMPLES:,}"
+            )
 
     def _check_size(self):
         resonance, run = self.resonance, self.run

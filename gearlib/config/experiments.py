@@ -1,6 +1,6 @@
 """Sections that describe the experiments: what is computed, one section for each."""
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
@@ -10,6 +10,7 @@ from gearlib.config.types import (
     Colour,
     DampingCoefficient,
     Finite,
+    Grid,
     Name,
     NonNegative,
     Positive,
@@ -77,32 +78,25 @@ class PhasePlanes(Section):
     tunings: listing(Tuning, "Tunings nu, one row of phase planes each.")
 
 
-class PhaseLag(Section):
+class PhaseLag(Grid):
     """The phase lag of the motion behind the mesh stiffness (Fig. 2)."""
+
+    key: ClassVar = "phase_lag"
 
     material_dampings: listing(DampingCoefficient, "Material damping k_1 of each curve, N s/m.")
     tuning: Tuning = Field(description="Tuning of the courses.")
-    start: Tuning = Field(description="First tuning of the lag over the tuning.")
-    stop: Tuning = Field(description="Last one; start + a whole multiple of step.")
-    step: number_within(gt=0, le=10) = Field(description="Distance of the tunings.")
     harmonics: int = Field(ge=1, le=20, description="Harmonics of the mesh period measured.")
     periods: int = Field(ge=1, le=1_000_000, description="Mesh periods of a run, to settle.")
 
-    @model_validator(mode="after")
-    def _check(self):
-        check_grid("phase_lag", self)
-        return self
 
-
-class Jump(Section):
+class Jump(Grid):
     """Where the motion from rest jumps between two orbits, and what moves it (beside Fig. 6)."""
+
+    key: ClassVar = "jump"
 
     damping: Name = Field(
         description="One of the dampings.", json_schema_extra={"$comment": "one of the dampings"}
     )
-    start: Tuning = Field(description="First tuning of the scan.")
-    stop: Tuning = Field(description="Last one; start + a whole multiple of step.")
-    step: number_within(gt=0, le=10) = Field(description="Distance of the tunings.")
     resolution: number_within(gt=0, le=0.1) = Field(
         description="Width of the tuning interval to which the jump is bisected."
     )
@@ -114,24 +108,18 @@ class Jump(Section):
         number_within(gt=0, le=0.1), "Relative tolerances of a 4(5) pair without event location."
     )
 
-    @model_validator(mode="after")
-    def _check(self):
-        check_grid("jump", self)
-        return self
-
 
 Harmonics = Annotated[int, Field(ge=1, le=100_000)]
 
 
-class AnalyticMethod(Section):
+class AnalyticMethod(Grid):
     """The paper's analytic method and harmonic balance against exact orbits."""
+
+    key: ClassVar = "analytic_method"
 
     damping: Name = Field(
         description="One of the dampings.", json_schema_extra={"$comment": "one of the dampings"}
     )
-    start: Tuning = Field(description="First tuning of the range and the curve.")
-    stop: Tuning = Field(description="Last one; start + a whole multiple of step.")
-    step: number_within(gt=0, le=10) = Field(description="Distance of the tunings.")
     shown: listing(Tuning, "Tunings of the iterations and of the errors.")
     iterations: int = Field(ge=1, le=1000, description="Iterations shown.")
     iteration_harmonics: int = Field(
@@ -142,14 +130,11 @@ class AnalyticMethod(Section):
     balance_harmonics: listing(Harmonics, "Of the errors of harmonic balance.")
     schmidt_harmonics: listing(Harmonics, "Of the errors of E. Schmidt's method.")
 
-    @model_validator(mode="after")
-    def _check(self):
-        check_grid("analytic_method", self)
-        return self
 
-
-class NonlinearDamping(Section):
+class NonlinearDamping(Grid):
     """Linear, quadratic and cubic damping that dissipate alike at one amplitude."""
+
+    key: ClassVar = "nonlinear_damping"
 
     damping: PositiveDampingCoefficient = Field(
         description="Linear coefficient all are equivalent to, N s/m."
@@ -158,15 +143,7 @@ class NonlinearDamping(Section):
         description="Amplitude of the harmonic motion at which they are, static deflections."
     )
     tuning: Tuning = Field(description="Tuning that gives the frequency of that motion.")
-    start: Tuning = Field(description="First tuning of the characteristics.")
-    stop: Tuning = Field(description="Last one; start + a whole multiple of step.")
-    step: number_within(gt=0, le=10) = Field(description="Distance of the tunings.")
     shown: listing(Tuning, "Tunings of the phase planes.")
-
-    @model_validator(mode="after")
-    def _check(self):
-        check_grid("nonlinear_damping", self)
-        return self
 
 
 class ParametricResonance(Section):
@@ -192,12 +169,11 @@ class ParametricResonance(Section):
         return self
 
 
-class Labels(Section):
+class Labels(Grid):
     """Labels of the motion from rest, chaos or artefact, marked in Fig. 3."""
 
-    start: Tuning = Field(description="First tuning.")
-    stop: Tuning = Field(description="Last one; start + a whole multiple of step.")
-    step: number_within(gt=0, le=10) = Field(description="Distance of the tunings.")
+    key: ClassVar = "labels"
+
     periods: int = Field(ge=1, le=1_000_000, description="Mesh periods of a run, to settle.")
     exponent_periods: int = Field(
         ge=20, le=1_000_000, description="Mesh periods over which the exponent is averaged."
@@ -205,11 +181,6 @@ class Labels(Section):
     disturbance: Positive = Field(
         description="Added to the initial displacement in the disturbed run, static deflections."
     )
-
-    @model_validator(mode="after")
-    def _check(self):
-        check_grid("labels", self)
-        return self
 
 
 class LociSection(Section):
@@ -335,6 +306,21 @@ class Scene(Section):
     ]
     courses: listing(Course, "Time courses below the phase plane, from above.")
     periods_shown: int = Field(ge=1, le=1000, description="Mesh periods shown, the last ones.")
+
+
+class ReportPage(Grid):
+    """The page of the report on which tunings are chosen: motions from rest over a grid."""
+
+    key: ClassVar = "report_page"
+
+    periods_shown: int = Field(ge=1, le=100, description="Mesh periods shown, the last ones.")
+    samples_per_period: int = Field(
+        ge=8, le=4096, description="Samples per mesh period; the page grows with them."
+    )
+
+    def count(self):
+        """Return the number of tunings of the grid."""
+        return int(tunings.steps(self.start, self.stop, self.step)) + 1
 
 
 class Figures(Section):

@@ -1,19 +1,18 @@
 """Sections that describe the trials of the methods."""
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
 from gearlib.config.types import (
     CubicDamping,
     Finite,
+    Grid,
     Name,
     Option,
     Positive,
     PositiveDampingCoefficient,
     Section,
-    Tuning,
-    check_grid,
     listing,
     number_within,
 )
@@ -58,15 +57,14 @@ class FixedStepMethod(Section):
     )
 
 
-class StabilityChart(Section):
+class StabilityChart(Grid):
     """Spectral radii of fixed-step methods on the mesh that never loses contact."""
+
+    key: ClassVar = "stability_chart"
 
     damping: Name = Field(
         description="One of the dampings.", json_schema_extra={"$comment": "one of the dampings"}
     )
-    start: Tuning = Field(description="First tuning.")
-    stop: Tuning = Field(description="Last one; start + a whole multiple of step.")
-    step: number_within(gt=0, le=10) = Field(description="Distance of the tunings.")
     fine_step: number_within(gt=0, le=10) = Field(
         description="Distance of the tunings of the true radius."
     )
@@ -74,11 +72,6 @@ class StabilityChart(Section):
     methods: dict[Name, FixedStepMethod] = Field(
         min_length=1, description="The methods, by the name in the picture."
     )
-
-    @model_validator(mode="after")
-    def _check(self):
-        check_grid("stability_chart", self)
-        return self
 
 
 class Trial(Section):
@@ -175,32 +168,25 @@ class SteadyOrbits(Section):
     repeats: int = Field(ge=1, le=1000, description="Timed runs, of which the median counts.")
 
 
-class SlowScan(Section):
+class SlowScan(Grid):
     """The scan of methods whose right-hand side is not compiled by the library."""
 
-    start: Tuning = Field(description="First tuning of the scan.")
-    stop: Tuning = Field(description="Last one; start + a whole multiple of step.")
-    step: number_within(gt=0, le=10) = Field(description="Distance of the tunings.")
+    key: ClassVar = "jump_by_method.slow"
+
     resolution: number_within(gt=0, le=0.1) = Field(
         description="Width of the tuning interval to which the jump is bisected."
     )
 
-    @model_validator(mode="after")
-    def _check(self):
-        check_grid("jump_by_method.slow", self)
-        return self
 
-
-class JumpByMethod(Section):
+class JumpByMethod(Grid):
     """Where each method puts the jump of the motion from rest."""
+
+    key: ClassVar = "jump_by_method"
 
     methods: listing(MethodName, "Names of `gearlib.methods()`.")
     damping: Name = Field(
         description="One of the dampings.", json_schema_extra={"$comment": "one of the dampings"}
     )
-    start: Tuning = Field(description="First tuning of the scan.")
-    stop: Tuning = Field(description="Last one; start + a whole multiple of step.")
-    step: number_within(gt=0, le=10) = Field(description="Distance of the tunings.")
     resolution: number_within(gt=0, le=0.1) = Field(
         description="Width of the tuning interval to which the jump is bisected."
     )
@@ -208,8 +194,3 @@ class JumpByMethod(Section):
         description="Values of a knob that cost more evaluations per mesh period are left out."
     )
     slow: SlowScan
-
-    @model_validator(mode="after")
-    def _check(self):
-        check_grid("jump_by_method", self)
-        return self

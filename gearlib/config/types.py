@@ -9,7 +9,7 @@ number is in SI units and a text may name another one of that dimension: ``"4e5 
 
 import math
 import re
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 from pydantic import (
     AfterValidator,
@@ -19,6 +19,7 @@ from pydantic import (
     Field,
     PlainValidator,
     WithJsonSchema,
+    model_validator,
 )
 from pydantic_core import PydanticCustomError
 
@@ -154,3 +155,18 @@ def check_grid(key, section):
             f"{key}.step = {step!r} is not allowed: it must be >= {(stop - start) / MAX_JOBS:.2g} "
             f"to stay within {MAX_JOBS:,} tunings"
         )
+
+
+class Grid(Section):
+    """A range of tunings in equal steps; base of the sections that have one."""
+
+    key: ClassVar = ""  #: the name of the section, for messages
+
+    start: Tuning = Field(description="First tuning.")
+    stop: Tuning = Field(description="Last one; start + a whole multiple of step.")
+    step: number_within(gt=0, le=10) = Field(description="Distance of the tunings.")
+
+    @model_validator(mode="after")
+    def _check_grid(self):
+        check_grid(self.key, self)
+        return self

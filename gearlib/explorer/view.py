@@ -11,6 +11,7 @@ from gearlib import config
 from gearlib.orbits.shooting import NoOrbit, periodic_orbit
 from gearlib.pair import GearPair
 from gearlib.simulation import simulate
+from gearlib.summary import in_words
 from gearlib.sweeping import sweep
 
 #: Mesh periods of every run of a characteristic, and the last ones that are evaluated.
@@ -112,22 +113,9 @@ def look(pair, tuning, grid):
             multipliers = orbit.multipliers
         except NoOrbit:
             period = 0
-    return View(up, down, course=course, multipliers=multipliers, period=period, message=_say(run))
-
-
-def _say(run):
-    if int(run.status):
-        return run.status.attrs["message"]
-    period = int(run.period)
-    motion = f"repeats every {period} mesh periods" if period > 1 else "repeats every mesh period"
-    if not period:
-        motion = "does not repeat within 16 mesh periods"
-    contact = "the flanks never part"
-    if float(run.fraction_inverse) > 0.0:
-        contact = "it strikes both flanks"
-    elif float(run.bounces) > 0.0:
-        contact = f"it loses contact {float(run.bounces):.3g} times per mesh period"
-    return f"The motion from rest {motion}; {contact}."
+    return View(
+        up, down, course=course, multipliers=multipliers, period=period, message=in_words(run)
+    )
 
 
 def configuration(settings, damping, setting):

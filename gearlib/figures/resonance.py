@@ -26,7 +26,7 @@ _SHORT_Y_LABEL = "$y$ (static defl.)"
 
 #: How sweeps that carry their state are told apart, and from the cold one below them.
 _CARRIED = {"up": ("-", ">"), "down": ((0, (3, 1)), "<")}
-_COLD_COLOUR = "#8C8C8C"
+COLD_COLOUR = "#8C8C8C"
 
 #: Where the motion without loss of contact is unstable.
 TONGUE_COLOUR = "#F0E44299"
@@ -74,7 +74,7 @@ def draw(resonance, *, colours=None, labels=None, branches=None, tongues=None):
     main_direction = "cold" if "cold" in directions else directions[0]
     carried = [name for name in directions if name != main_direction]
     rows = -(-len(looks) // _COLUMNS) if carried else 0
-    limits = _limits(resonance.sel(direction=main_direction))
+    limits = displacement_limits(resonance.sel(direction=main_direction))
 
     figure = Figure((style.PAGE_WIDTH, _MAIN_HEIGHT + rows * _PANEL_HEIGHT), layout="constrained")
     grid = figure.add_gridspec(
@@ -114,7 +114,7 @@ def draw(resonance, *, colours=None, labels=None, branches=None, tongues=None):
     return figure
 
 
-def _limits(curves):
+def displacement_limits(curves):
     """Return the limits (low, high) of displacement for the curves of one direction."""
     shown = [0.0]
     for name in _EXTREMA:
@@ -178,7 +178,7 @@ def _draw_all(axes, curves, looks):
 def _draw_hysteresis(axes, curves, look, main_direction, carried):
     """Draw the sweeps of one damping: those that carry their state over the main one."""
     main = curves.sel(direction=main_direction)
-    _draw_curve(axes, main, _COLD_COLOUR, "-", ".", 0.0, width=3.0)
+    _draw_curve(axes, main, COLD_COLOUR, "-", ".", 0.0, width=3.0)
     for number, name in enumerate(carried):
         line, marker = _CARRIED[name]
         _draw_curve(axes, curves.sel(direction=name), look.colour, line, marker, number / 2)
@@ -219,7 +219,7 @@ def _draw_curve(axes, curve, colour, line, marker, offset, width=1.0):
         values = curve[name].values
         with np.errstate(invalid="ignore"):
             inside = (values >= low) & (values <= high)
-        linked = _linked(inside & (curve.period.values > 0))
+        linked = where_linked(inside & (curve.period.values > 0))
         axes.plot(
             tuning,
             np.where(linked, values, np.nan),
@@ -252,7 +252,7 @@ def _draw_curve(axes, curve, colour, line, marker, offset, width=1.0):
             )
 
 
-def _linked(good):
+def where_linked(good):
     """Return where a point has a good neighbour and is good itself: what a line can show."""
     padded = np.pad(good, 1)
     return good & (padded[:-2] | padded[2:])

@@ -149,7 +149,7 @@ def attractor_of(strobe, orbit):
                 strobe.pair, strobe.tuning, guess=orbit.state, period=n * strobe.cycle
             )
             return attractor_of(strobe, shorter)
-    _, summary = record(strobe.pair, strobe.tuning, orbit.state, orbit.period, strobe.max_events)
+    _, summary, _ = record(strobe.pair, strobe.tuning, orbit.state, orbit.period, strobe.max_events)
     rate = float(np.log(np.abs(orbit.multipliers).max())) / orbit.period
     return Attractor(
         PERIODIC,

@@ -11,7 +11,7 @@ from gearlib.global_dynamics.attractors import KINDS
 from gearlib.global_dynamics.classification import classify, refuse_undamped
 from gearlib.global_dynamics.grids import initial_states, mesh_states
 from gearlib.global_dynamics.stroboscope import Stroboscope
-from gearlib.variables import describe, scales
+from gearlib.variables import describe
 
 #: CF flags of the kind of an attractor.
 KIND_FLAGS = {
@@ -98,7 +98,7 @@ def basins(
         "basin": (("displacement", "velocity"), labels.reshape(x.size, v.size).astype(np.int16)),
         **attractor_variables(attractors),
         **share_variables(labels, len(attractors)),
-        **scales(pair),
+        **pair.scales(),
         "tuning": strobe.tuning,
     }
     dataset = xr.Dataset(data, {"displacement": x, "velocity": v})

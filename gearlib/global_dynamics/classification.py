@@ -180,7 +180,7 @@ class _Run:
         high, low = -np.inf, np.inf
         for state in self.at[self.sample()]:
             strobe = self.strobe
-            _, summary = record(strobe.pair, strobe.tuning, state, _RECORD, strobe.max_events)
+            _, summary, _ = record(strobe.pair, strobe.tuning, state, _RECORD, strobe.max_events)
             high = max(high, float(summary[columns.X_MAX]))
             low = min(low, float(summary[columns.X_MIN]))
         return Attractor(kind, high, low, exponent=exponent, uncertainty=uncertainty)

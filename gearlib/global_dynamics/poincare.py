@@ -14,7 +14,7 @@ from gearlib.integrators import choose
 from gearlib.integrators.exact import ratios
 from gearlib.pair import GearPair
 from gearlib.simulation import simulate
-from gearlib.variables import describe, scales
+from gearlib.variables import describe
 
 #: Models without closed forms sample a period in so many equal steps at most.
 _MOST_SAMPLES = 360
@@ -71,7 +71,7 @@ def poincare_section(pair, tuning, states, *, periods, settle=0, phase=0.0, max_
         "status": ("orbit", codes.astype(np.int8)),
         "tuning": tuning,
         "phase": phase,
-        **scales(pair),
+        **pair.scales(),
     }
     coords = {
         "orbit": np.arange(len(states)),

@@ -121,10 +121,11 @@ class Stroboscope:
                 *ends[i], _, _, _, codes[i], _ = run_nonlinear(law, _TO_BERNSTEIN, x, v, *rest)
             return
         system, outputs = self.pair.system(self.tuning)
+        part = self.pair.part(system)
         for i, state in enumerate(states):
             z = np.zeros(system.near.size)
             z[: state.size] = state
-            codes[i] = run_linear(system, outputs, _TO_BERNSTEIN, z, *rest)[5]
+            codes[i] = run_linear(system, part, outputs, _TO_BERNSTEIN, z, *rest)[5]
             ends[i] = z[: state.size]
 
 

@@ -36,6 +36,22 @@ def errors(driver):
     return [entry["message"] for entry in driver.get_log("browser") if entry["level"] == "SEVERE"]
 
 
+def everywhere(driver, selector):
+    """Return the elements that match in the document and all shadow roots."""
+    return driver.execute_script(
+        """
+        const found = [];
+        const search = root => {
+            found.push(...root.querySelectorAll(arguments[0]));
+            root.querySelectorAll("*").forEach(e => e.shadowRoot && search(e.shadowRoot));
+        };
+        search(document);
+        return found;
+        """,
+        selector,
+    )
+
+
 def wait_for(condition, seconds=60.0):
     """Wait until a condition gives something true, and return that."""
     end = time.monotonic() + seconds

@@ -14,7 +14,7 @@ from selenium.webdriver.common.keys import Keys
 import gearlib
 from gearlib import config
 from gearlib.explorer import page, view
-from tests.browser.chromium import browser, errors, wait_for
+from tests.browser.chromium import browser, errors, everywhere, wait_for
 
 assert browser  # a fixture
 
@@ -82,24 +82,8 @@ def address(request):
     server.wait()
 
 
-def _everywhere(driver, selector):
-    """Return the elements that match in the document and all shadow roots."""
-    return driver.execute_script(
-        """
-        const found = [];
-        const search = root => {
-            found.push(...root.querySelectorAll(arguments[0]));
-            root.querySelectorAll("*").forEach(e => e.shadowRoot && search(e.shadowRoot));
-        };
-        search(document);
-        return found;
-        """,
-        selector,
-    )
-
-
 def _note(driver):
-    for element in _everywhere(driver, "p"):
+    for element in everywhere(driver, "p"):
         if "The motion from rest" in element.text:
             return element.text
     return ""
@@ -118,11 +102,11 @@ def test_in_a_browser(browser, address, settings):
     wait_for(lambda: _reachable(browser, address))
     first = wait_for(lambda: _note(browser))
     assert "the flanks never part" in first
-    handle = wait_for(lambda: _everywhere(browser, ".noUi-handle"))[0]
+    handle = wait_for(lambda: everywhere(browser, ".noUi-handle"))[0]
     handle.send_keys(Keys.PAGE_UP * 12)
     second = wait_for(lambda: _note(browser) != first and _note(browser))
     assert re.search(r"Computed in \d+ ms", second)
-    (button,) = _everywhere(browser, "a.bk-btn, button.bk-btn, a[download]")[:1]
+    (button,) = everywhere(browser, "a.bk-btn, button.bk-btn, a[download]")[:1]
     button.click()
     saved = wait_for(lambda: list(browser.downloads.glob("config*.yaml")))[0]
     text = wait_for(lambda: saved.read_text(encoding="utf-8"))

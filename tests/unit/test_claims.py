@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 import yaml
 
-from gearlib import claims, config, jump, phase_lag, scenes, simulate, sweep
+from gearlib import branches, claims, config, jump, phase_lag, scenes, simulate, sweep
 from gearlib.gathering import gather_phase_planes, gather_resonance
+from gearlib.parametric_resonance import explanation
 from tests.paper import PAPER
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -66,10 +67,27 @@ def jumps():
     return jump.compute(pair, np.linspace(0.81, 0.82, 11), settings, RUN)
 
 
+def facts(dampings=DAMPINGS):
+    """Return the tongues and the branches of periodic orbits."""
+    pairs = {
+        name: PAPER.replace(material_damping=k["material"], backlash_damping=k["backlash"])
+        for name, k in dampings.items()
+    }
+    tongues = explanation.compute(
+        {name: pair.as_dict() for name, pair in pairs.items()},
+        0.66,
+        0.5,
+        1.4,
+        {"periods": 120, "initial_state": (0.0, 0.0)},
+    )
+    step = {"step": 0.05, "max_height": 20.0, "max_points": 2000}
+    return tongues, {name: branches.compute(pair, 0.5, 1.4, **step) for name, pair in pairs.items()}
+
+
 @pytest.fixture(scope="module")
 def paper():
     tables = data(np.arange(0.5, 1.4001, 0.002), [0.60, 0.66, 0.78, 0.80, 0.81, 0.82])
-    return *tables, lags(), jumps(), configured_scenes()
+    return *tables, lags(), jumps(), configured_scenes(), *facts()
 
 
 def verdicts(table):
@@ -87,6 +105,20 @@ def test_the_paper(paper):
     assert "jumps at 0.81569" in two_tunings and "with: no variation" in two_tunings
 
 
+def test_explanations_are_made_from_computed_facts(paper):
+    said = {claim.id: claim.explanation for claim in claims.evaluate(PAPER, DAMPINGS, *paper)}
+    # The numbers are those of the tests of branches and tongues, found there in other ways.
+    assert "0.6556" in said["P4"] and "0.6673" in said["P4"]
+    assert "0.790326" in said["P5"] and "product of the multipliers is 1" in said["P5"]
+    assert "k1: the orbit touches the flank at 0.802052" in said["P6"]
+    assert "1.11373" in said["P6"] and "0.816045" in said["P6"]
+    assert "1.12838" in said["P7"]
+    assert "neither grow nor decay" in said["P10"] and "0.66: largest" in said["P10"]
+    assert "deviations grow" in said["P10"]
+    assert "0.816045045" in said["P11"] and "0.81569" in said["P11"]
+    assert said["P1"] == said["P12"] == ""
+
+
 def test_verdicts_follow_the_data(paper):
     resonance, planes = paper[0].copy(deep=True), paper[1].copy(deep=True)
     shown = {name: scene.copy(deep=True) for name, scene in paper[4].items()}
@@ -97,7 +129,9 @@ def test_verdicts_follow_the_data(paper):
     resonance.displacement_min.loc[{"damping": "k1", "tuning": slice(1.2, 1.3)}] = -1.0
     planes.period.loc[{"damping": "none", "tuning": 0.6}] = 1
     table = verdicts(
-        claims.evaluate(PAPER, DAMPINGS, resonance, planes, lags((40.0, 41.0)), paper[3], shown)
+        claims.evaluate(
+            PAPER, DAMPINGS, resonance, planes, lags((40.0, 41.0)), paper[3], shown, *paper[5:]
+        )
     )
     assert [table[key] for key in ("P3", "P4", "P6", "P7", "P9", "P12", "P13")] == ["differs"] * 7
     assert table["P11"] == "holds"
@@ -110,8 +144,11 @@ def test_another_pair_differs_in_its_numbers(paper):
 
 
 def test_missing_data_are_named_not_guessed():
+    there = facts({"k1": DAMPINGS["k1"]})
     few = data(np.arange(0.9, 1.0, 0.05), [0.7], {"k1": DAMPINGS["k1"]})
-    table = claims.evaluate(PAPER, {"k1": DAMPINGS["k1"]}, *few, lags((4000.0,)), jumps(), {})
+    table = claims.evaluate(
+        PAPER, {"k1": DAMPINGS["k1"]}, *few, lags((4000.0,)), jumps(), {}, *there
+    )
     assert verdicts(table) == {"P1": "holds", "P2": "holds"} | dict.fromkeys(
         IDS[2:], "not evaluated"
     )

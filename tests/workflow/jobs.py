@@ -93,6 +93,12 @@ EXPERIMENTS = {
     "basins": Experiment({"basins": 1}, {"draw_basins": 1}, simulates=True),
     "bifurcation": Experiment({"bifurcation": 1}, {"draw_bifurcation": 1}, simulates=True),
     "poincare": Experiment({"poincare": 1}, {"draw_poincare": 1}, simulates=True),
+    "report_page": Experiment(
+        {"report_orbits": 1},
+        {"draw_report_page": 1},
+        simulates=True,
+        with_k1={"report_orbits": 1},
+    ),
     "jump_by_method": Experiment(
         {"jump_by_method": 2, "jump_by_method_table": 1},
         {"draw_jump_by_method": 1},

@@ -50,11 +50,11 @@ class Project:
         path.write_text(yaml.safe_dump(settings, sort_keys=False), encoding="utf-8")
 
     def results(self):
-        """Return the contents of all result files by their paths."""
+        """Return the contents of all result files by their paths; those with times left out."""
         return {
             str(path.relative_to(self.folder)): path.read_bytes()
             for path in sorted((self / "results").rglob("*"))
-            if path.is_file() and not {"logs", "benchmarks"} & set(path.parts)
+            if path.is_file() and not {"logs", "benchmarks", "provenance.json"} & set(path.parts)
         }
 
 

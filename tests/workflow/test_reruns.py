@@ -1,12 +1,15 @@
 """What the workflow runs, and what it does not: the real Snakemake in a small configuration."""
 
+import json
 import os
+import re
 import shutil
 
 import pytest
 import yaml
 
 from gearlib import storage
+from tests.browser.chromium import browser, errors, wait_for
 from tests.workflow.jobs import (
     DAMPINGS,
     EVERYTHING,
@@ -17,15 +20,16 @@ from tests.workflow.jobs import (
 )
 from tests.workflow.project import ROOT, job_counts, small_project
 
+assert browser  # a fixture
+
 pytestmark = pytest.mark.slow
 
 # What rests on the charts of work and precision.
 MEASURED = ("work_precision", "jump_by_method", "steady_orbits")
 # What holds wall times: no two runs give the same bytes.
 TIMED = ("results/work_precision/times_", "results/work_precision.csv")
-TIMED += ("results/figures/work_precision_time.",)
+TIMED += ("results/figures/work_precision_time.", "results/tables/work_precision.html")
 TIMED += ("results/steady_orbits/times.nc", "results/figures/steady_orbits_time.")
-TIMED += ("results/provenance.json",)
 
 
 def edit(path, text):
@@ -76,15 +80,16 @@ def test_a_new_tuning_runs_its_points_and_what_draws_them(project):
 def test_a_changed_colour_only_redraws(project):
     before = project.results()
     project.configure(lambda settings: settings["figures"]["colours"].update(k1="#123456"))
-    assert project.jobs("-j2") == drawn("resonance", "phase_planes")
+    assert project.jobs("-j2") == drawn("resonance", "phase_planes", "report_page")
     after = project.results()
     changed = {path for path in before if before[path] != after[path]}
-    assert {path.rsplit("/", 1)[0] for path in changed} == {"results/figures"}
+    assert {path.rsplit("/", 1)[0] for path in changed} == {"results/figures", "results/report"}
 
 
 def test_a_new_format_only_redraws(project):
     project.configure(lambda settings: settings["figures"]["formats"].append("svg"))
-    assert project.planned() == drawn()
+    pictures = {rule: count for rule, count in drawn().items() if rule != "draw_report_page"}
+    assert project.planned() == pictures
 
 
 def test_a_raised_stop_leaves_the_computed_windows(project):
@@ -94,6 +99,7 @@ def test_a_raised_stop_leaves_the_computed_windows(project):
         "sweep_window": DAMPINGS * (1 + 1 + 1),
         "gather_resonance": 1,
         "draw_resonance": 1,
+        "draw_report_page": 1,
         "claims": 1,
     }
 
@@ -145,7 +151,7 @@ def test_a_method_more_runs_its_trial(project):
         ("gearlib/core/sections.py", jobs("basins", "bifurcation", "poincare")),
         ("gearlib/simulation.py", after_an_edit_of_simulate()),
         ("gearlib/trials/hostile.py", jobs("failures")),
-        ("gearlib/figures/resonance.py", {"draw_resonance": 1}),
+        ("gearlib/figures/resonance.py", {"draw_resonance": 1, "draw_report_page": 1}),
         ("gearlib/figures/style.py", drawn()),
         ("gearlib/figures/time_courses.py", drawn("scenes")),
         ("gearlib/figures/poincare.py", drawn("poincare")),
@@ -226,11 +232,64 @@ def test_lint_finds_nothing(project):
     assert "good condition" in project.snakemake("--lint")
 
 
-def test_the_report_holds_figures_and_claims(project):
-    project.snakemake("--report", "report.html")
-    page = (project / "report.html").read_text(encoding="utf-8")
-    for name in ("fig3_resonance.png", "fig5_phase_planes.pdf", "claims.csv"):
-        assert name in page
+@pytest.fixture(scope="module")
+def report(first_run, tmp_path_factory):
+    """The report of the untouched project: its file, and entry by path of what it holds."""
+    path = tmp_path_factory.mktemp("report") / "report.html"
+    first_run[0].snakemake("--report", str(path))
+    (entries,) = re.findall(r"var results = (\{.*\});$", path.read_text(encoding="utf-8"), re.M)
+    return path, json.loads(entries)
+
+
+def test_the_report_holds_every_figure_and_table(first_run, report):
+    project, (_, entries) = first_run[0], report
+    results = project / "results"
+    pictures = {path.stem for path in (results / "figures").iterdir()}
+    tables = {path.stem for path in [*results.glob("*.csv"), *results.glob("*.txt")]}
+    expected = {f"results/figures/{name}.png" for name in pictures}
+    expected |= {f"results/tables/{name}.html" for name in tables}
+    assert set(entries) == expected
+    for path, entry in entries.items():
+        # Without a file for its caption there would be no report.
+        assert len(entry["caption"]) > 80, path
+        assert list(entry["labels"]) == ["figure"], path
+    labels = [entry["labels"]["figure"] for entry in entries.values()]
+    assert len(set(labels)) == len(labels)
+
+
+def test_the_report_in_a_browser(browser, report):
+    path, entries = report
+    browser.get(path.as_uri())
+    parts = wait_for(lambda: browser.execute_script("return categories"))
+    opened = []
+    for part, groups in parts.items():
+        browser.execute_script("app.setView({navbarMode: 'menu'})")
+        item = f'//a[contains(., "{part}")]'
+        wait_for(lambda item=item: browser.find_elements("xpath", item))[0].click()
+        (paths,) = groups.values()
+        # The first sign of an entry, the eye, shows it.
+        eyes = wait_for(lambda: browser.find_elements("css selector", "#app td a:first-child"))
+        assert len(eyes) == len(paths)
+        for eye in eyes:
+            eye.click()
+            opened.append(wait_for(lambda: _shown(browser, opened)))
+    assert sorted(opened) == sorted(entry["data_uri"] for entry in entries.values())
+    assert errors(browser) == []
+    fetched = browser.execute_script(
+        "return performance.getEntriesByType('resource').map(entry => entry.name)"
+    )
+    assert [name for name in fetched if not name.startswith("data:")] == []
+
+
+def _shown(driver, before):
+    """Return the source of the picture or page on show, once it is a new one and decoded."""
+    source = driver.execute_script(
+        """
+        const shown = document.querySelector("#app .p-3 > img, #app iframe");
+        return shown && (shown.tagName === "IFRAME" || shown.naturalWidth > 0) && shown.src;
+        """
+    )
+    return source and source not in before and source
 
 
 def test_the_library_beside_the_snakefile_is_used(project):

@@ -27,18 +27,8 @@ rule draw_analytic_method:
         dataset=rules.analytic_method.output.dataset,
         sources=script_sources("draw_analytic_method"),
     output:
-        convergence=report(
-            figure_files("analytic_method"),
-            caption="../report/analytic_method.rst",
-            category="Figures",
-            labels={"figure": "beyond the paper", "shows": "the analytic method"},
-        ),
-        harmonics=report(
-            figure_files("harmonic_balance"),
-            caption="../report/harmonic_balance.rst",
-            category="Figures",
-            labels={"figure": "beyond the paper", "shows": "harmonic balance"},
-        ),
+        convergence=figure("analytic_method", "The paper's analytic method", METHODS),
+        harmonics=figure("harmonic_balance", "Harmonic balance", METHODS),
     log:
         "results/logs/draw_analytic_method.log",
     benchmark:

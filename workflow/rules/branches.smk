@@ -50,12 +50,7 @@ rule draw_branches:
         loci=rules.loci.output.dataset,
         sources=script_sources("draw_branches"),
     output:
-        report(
-            figure_files("branches"),
-            caption="../report/branches.rst",
-            category="Figures",
-            labels={"figure": "Fig. 3", "shows": "folds and grazings, and what moves them"},
-        ),
+        figure("branches", "Beside Fig. 3: folds and grazings, and what moves them", EXPLANATIONS),
     log:
         "results/logs/draw_branches.log",
     benchmark:

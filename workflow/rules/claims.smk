@@ -8,14 +8,12 @@ rule claims:
         phase_lag=rules.phase_lag.output.dataset,
         jump=rules.jump.output.dataset,
         scenes=[f"results/scenes/{name}.nc" for name in CONFIG.scenes],
+        tongues=rules.tongues.output.dataset,
+        branches=expand(rules.branches.output.dataset, damping=CONFIG.dampings),
         sources=script_sources("claims"),
     output:
-        csv=report(
-            "results/claims.csv",
-            caption="../report/claims.rst",
-            category="Claims",
-            labels={"table": "statements of the paper"},
-        ),
+        csv="results/claims.csv",
+        page=table_page("claims", "Statements, computed numbers, verdicts", CLAIMS),
         markdown="results/claims.md",
     log:
         "results/logs/claims.log",

@@ -7,6 +7,7 @@ config.yaml (2 or 2.0) rerun nothing.
 
 import json
 import os
+import re
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -18,13 +19,26 @@ from gearlib.config.trials import PEERS
 from workflow.sources import sources
 from workflow.yaml_keys import repeated_keys
 
-# Names of gearlib.trials.published, which would load the numerical stack.
-PUBLISHED = ("gear_rattle", "gear_pair", "soft_impact")
+#: Published problems and what the report calls them; names of gearlib.trials.published, which would
+#: load the numerical stack.
+PUBLISHED = {
+    "gear_rattle": "Gear rattle",
+    "gear_pair": "Gear pair with periodic stiffness and dead zone",
+    "soft_impact": "Soft impact",
+}
 
 ROOT = Path(workflow.basedir)
 
 #: Fig. 2 to 8 and the table of statements.
 PAPER_TARGETS = ["phase_lag", "resonance", "phase_planes", "scenes", "jump", "claims"]
+
+#: The parts of the report, numbered because its menu is in the order of the alphabet.
+PAPER, CLAIMS = "1 The paper's figures", "2 The paper's statements"
+EXPLANATIONS, METHODS = "3 Explanations", "4 Methods"
+PUBLISHED_PART = "5 Published problems"
+
+#: What the report shows of a figure, the first that there is; browsers zoom pixels best.
+SHOWN_FORMATS = ["png", "svg", "pdf"]
 
 # Scripts import the library beside this Snakefile, whatever else is installed.
 os.environ.update(
@@ -61,6 +75,38 @@ def script_sources(name):
 def figure_files(name):
     """Return the files of one figure, one for each format."""
     return expand("results/figures/{name}.{format}", name=name, format=CONFIG.figures.formats)
+
+
+def figure(name, label, part, caption=None):
+    """Return the files of one figure, of which one is shown in the report.
+
+    One label only: of two, where a part has two results, the report makes a switch that breaks.
+    """
+    shown = f".{min(CONFIG.figures.formats, key=SHOWN_FORMATS.index)}"
+    in_report = dict(
+        caption=f"../report/{caption or name}.rst",
+        category=part,
+        labels=label if callable(label) else {"figure": label},
+    )
+    files = figure_files(name)
+    return [report(path, **in_report) if path.endswith(shown) else path for path in files]
+
+
+def table_page(name, label, part):
+    """Return the page of a table, for the report: browsers do not show CSV."""
+    return report(
+        f"results/tables/{name}.html",
+        caption=f"../report/{name}_table.rst",
+        category=part,
+        labels={"figure": label},
+    )
+
+
+def label_of_scene(wildcards):
+    """Return the label of a scene in the report: its name in words, its dampings."""
+    words = re.sub(r"^fig(\d+)_", r"Fig. \1: ", wildcards.scene).replace("_", " ")
+    dampings = dict.fromkeys(case.damping for case in CONFIG.scenes[wildcards.scene].cases)
+    return {"figure": f"{words}, damping {', '.join(dampings)}"}
 
 
 def resonance_shards():
@@ -164,6 +210,7 @@ def files_by_target():
         "bifurcation": figure_files("bifurcation"),
         "poincare": figure_files("poincare"),
         "claims": ["results/claims.csv", "results/claims.md"],
+        "report_page": ["results/report/index.html"],
     }
 
 

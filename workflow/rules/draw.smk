@@ -9,12 +9,7 @@ rule draw_resonance:
         tongues=rules.tongues.output.dataset,
         sources=script_sources("draw_resonance"),
     output:
-        report(
-            figure_files("fig3_resonance"),
-            caption="../report/fig3_resonance.rst",
-            category="Figures",
-            labels={"figure": "Fig. 3", "shows": "resonance characteristics"},
-        ),
+        figure("fig3_resonance", "Fig. 3: resonance characteristics, all dampings", PAPER),
     log:
         "results/logs/draw_resonance.log",
     benchmark:
@@ -34,12 +29,7 @@ rule draw_phase_planes:
         phase_planes=rules.gather_phase_planes.output.dataset,
         sources=script_sources("draw_phase_planes"),
     output:
-        report(
-            figure_files("fig5_phase_planes"),
-            caption="../report/fig5_phase_planes.rst",
-            category="Figures",
-            labels={"figure": "Fig. 5", "shows": "phase planes"},
-        ),
+        figure("fig5_phase_planes", "Fig. 5: phase planes, all dampings", PAPER),
     log:
         "results/logs/draw_phase_planes.log",
     benchmark:

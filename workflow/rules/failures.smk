@@ -42,12 +42,7 @@ rule draw_failures:
         dataset=rules.gather_failures.output.dataset,
         sources=script_sources("draw_failures"),
     output:
-        report(
-            figure_files("failures"),
-            caption="../report/failures.rst",
-            category="Figures",
-            labels={"figure": "beyond the paper", "shows": "where methods fail"},
-        ),
+        figure("failures", "Failures: hostile problems against methods", METHODS),
     log:
         "results/logs/draw_failures.log",
     benchmark:

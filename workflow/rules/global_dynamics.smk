@@ -26,12 +26,7 @@ rule draw_basins:
         dataset=rules.basins.output.dataset,
         sources=script_sources("draw_basins"),
     output:
-        report(
-            figure_files("basins"),
-            caption="../report/basins.rst",
-            category="Global picture",
-            labels={"figure": "beyond the paper", "shows": "basins of attraction"},
-        ),
+        figure("basins", "Basins of attraction", EXPLANATIONS),
     log:
         "results/logs/draw_basins.log",
     benchmark:
@@ -72,12 +67,7 @@ rule draw_bifurcation:
         shares=rules.bifurcation.output.shares,
         sources=script_sources("draw_bifurcation"),
     output:
-        report(
-            figure_files("bifurcation"),
-            caption="../report/bifurcation.rst",
-            category="Global picture",
-            labels={"figure": "beyond the paper", "shows": "bifurcation diagram, exponents, shares"},
-        ),
+        figure("bifurcation", "Bifurcation diagram, exponents, shares of the basins", EXPLANATIONS),
     log:
         "results/logs/draw_bifurcation.log",
     benchmark:
@@ -116,12 +106,7 @@ rule draw_poincare:
         dataset=rules.poincare.output.dataset,
         sources=script_sources("draw_poincare"),
     output:
-        report(
-            figure_files("poincare"),
-            caption="../report/poincare.rst",
-            category="Global picture",
-            labels={"figure": "beyond the paper", "shows": "Poincare sections"},
-        ),
+        figure("poincare", "Poincaré sections", EXPLANATIONS),
     log:
         "results/logs/draw_poincare.log",
     benchmark:

@@ -27,12 +27,7 @@ rule draw_jump:
         dataset=rules.jump.output.dataset,
         sources=script_sources("draw_jump"),
     output:
-        report(
-            figure_files("fig6_jump"),
-            caption="../report/fig6_jump.rst",
-            category="Figures",
-            labels={"figure": "Fig. 6", "shows": "jump of the motion from rest"},
-        ),
+        figure("fig6_jump", "Beside Fig. 6: what moves the jump from rest", EXPLANATIONS),
     log:
         "results/logs/draw_jump.log",
     benchmark:

@@ -27,12 +27,8 @@ rule jump_by_method_table:
         jumps=jump_by_method_files(),
         sources=script_sources("jump_by_method_table"),
     output:
-        csv=report(
-            "results/jump_by_method.csv",
-            caption="../report/jump_by_method.rst",
-            category="Methods",
-            labels={"table": "jump from rest by method"},
-        ),
+        csv="results/jump_by_method.csv",
+        page=table_page("jump_by_method", "Jump from rest by method: table", METHODS),
     log:
         "results/logs/jump_by_method_table.log",
     benchmark:
@@ -49,12 +45,7 @@ rule draw_jump_by_method:
         jumps=jump_by_method_files(),
         sources=script_sources("draw_jump_by_method"),
     output:
-        report(
-            figure_files("jump_by_method"),
-            caption="../report/jump_by_method.rst",
-            category="Figures",
-            labels={"figure": "methods", "shows": "jump from rest by method"},
-        ),
+        figure("jump_by_method", "Jump from rest by method", METHODS),
     log:
         "results/logs/draw_jump_by_method.log",
     benchmark:

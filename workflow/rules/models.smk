@@ -29,12 +29,8 @@ rule model_table:
         comparisons=[f"results/models/{name}.nc" for name in CONFIG.scenes],
         sources=script_sources("model_table"),
     output:
-        csv=report(
-            "results/models.csv",
-            caption="../report/models.rst",
-            category="Models",
-            labels={"table": "models of the scenes"},
-        ),
+        csv="results/models.csv",
+        page=table_page("models", "Models: table", EXPLANATIONS),
     log:
         "results/logs/model_table.log",
     benchmark:
@@ -51,12 +47,7 @@ rule draw_models:
         comparisons=[f"results/models/{name}.nc" for name in CONFIG.scenes],
         sources=script_sources("draw_models"),
     output:
-        report(
-            figure_files("models"),
-            caption="../report/models.rst",
-            category="Figures",
-            labels={"figure": "beyond the paper", "shows": "models of the scenes"},
-        ),
+        figure("models", "Models: what larger ones would change", EXPLANATIONS),
     log:
         "results/logs/draw_models.log",
     benchmark:

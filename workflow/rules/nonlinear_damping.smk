@@ -28,12 +28,8 @@ rule nonlinear_damping_table:
         studies=nonlinear_damping_files(),
         sources=script_sources("nonlinear_damping_table"),
     output:
-        csv=report(
-            "results/nonlinear_damping.csv",
-            caption="../report/nonlinear_damping_table.rst",
-            category="Nonlinear damping",
-            labels={"table": "jumps, peaks, bounce windows"},
-        ),
+        csv="results/nonlinear_damping.csv",
+        page=table_page("nonlinear_damping", "Nonlinear damping: table", EXPLANATIONS),
     log:
         "results/logs/nonlinear_damping_table.log",
     benchmark:
@@ -50,12 +46,7 @@ rule draw_nonlinear_damping:
         studies=nonlinear_damping_files(),
         sources=script_sources("draw_nonlinear_damping"),
     output:
-        report(
-            figure_files("nonlinear_damping"),
-            caption="../report/nonlinear_damping.rst",
-            category="Figures",
-            labels={"figure": "beyond the paper", "shows": "nonlinear damping"},
-        ),
+        figure("nonlinear_damping", "Nonlinear damping of equal work", EXPLANATIONS),
     log:
         "results/logs/draw_nonlinear_damping.log",
     benchmark:

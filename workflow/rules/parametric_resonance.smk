@@ -27,12 +27,7 @@ rule tongues:
         kernels=rules.compile_kernels.output.stamp,
     output:
         dataset="results/tongues.nc",
-        sentence=report(
-            "results/parametric_resonance.txt",
-            caption="../report/parametric_resonance_sentence.rst",
-            category="Figures",
-            labels={"figure": "Fig. 3", "shows": "the singular region, in words"},
-        ),
+        sentence="results/parametric_resonance.txt",
     log:
         "results/logs/tongues.log",
     benchmark:
@@ -57,11 +52,9 @@ rule draw_parametric_resonance:
         tongues=rules.tongues.output.dataset,
         sources=script_sources("draw_parametric_resonance"),
     output:
-        report(
-            figure_files("parametric_resonance"),
-            caption="../report/parametric_resonance.rst",
-            category="Figures",
-            labels={"figure": "beyond the paper", "shows": "parametric resonance"},
+        pictures=figure("parametric_resonance", "Parametric resonance: tongues", EXPLANATIONS),
+        page=table_page(
+            "parametric_resonance", "Parametric resonance: the singular region in words", EXPLANATIONS
         ),
     log:
         "results/logs/draw_parametric_resonance.log",

@@ -27,12 +27,7 @@ rule draw_phase_lag:
         dataset=rules.phase_lag.output.dataset,
         sources=script_sources("draw_phase_lag"),
     output:
-        report(
-            figure_files("fig2_phase_shift"),
-            caption="../report/fig2_phase_shift.rst",
-            category="Figures",
-            labels={"figure": "Fig. 2", "shows": "phase lag"},
-        ),
+        figure("fig2_phase_shift", "Fig. 2: phase lag, material damping", PAPER),
     log:
         "results/logs/draw_phase_lag.log",
     benchmark:

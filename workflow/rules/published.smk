@@ -26,13 +26,8 @@ rule draw_published:
         **rules.published.output,
     output:
         **{
-            name: report(
-                figure_files(f"published_{name}"),
-                caption=f"../report/published_{name}.rst",
-                category="Published problems",
-                labels={"figure": "beyond the paper", "shows": name.replace("_", " ")},
-            )
-            for name in PUBLISHED
+            name: figure(f"published_{name}", label, PUBLISHED_PART)
+            for name, label in PUBLISHED.items()
         },
     log:
         "results/logs/draw_published.log",

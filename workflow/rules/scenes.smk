@@ -28,12 +28,7 @@ rule draw_scene:
         dataset=rules.scene.output.dataset,
         sources=script_sources("draw_scene"),
     output:
-        report(
-            expand("results/figures/{{scene}}.{format}", format=CONFIG.figures.formats),
-            caption="../report/scene.rst",
-            category="Figures",
-            labels={"figure": "{scene}", "shows": "time courses"},
-        ),
+        figure("{scene}", label_of_scene, PAPER, caption="scene"),
     log:
         "results/logs/draw_scene/{scene}.log",
     benchmark:

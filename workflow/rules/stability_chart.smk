@@ -26,12 +26,7 @@ rule draw_stability_chart:
         dataset=rules.stability_chart.output.dataset,
         sources=script_sources("draw_stability_chart"),
     output:
-        report(
-            figure_files("stability_chart"),
-            caption="../report/stability_chart.rst",
-            category="Methods",
-            labels={"figure": "beyond the paper", "shows": "numerical stability"},
-        ),
+        figure("stability_chart", "Numerical stability of fixed steps", METHODS),
     log:
         "results/logs/draw_stability_chart.log",
     benchmark:

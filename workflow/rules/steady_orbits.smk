@@ -52,12 +52,7 @@ rule draw_steady_orbits:
         errors=rules.steady_orbits.output.dataset,
         sources=script_sources("draw_steady_orbits"),
     output:
-        report(
-            figure_files("steady_orbits"),
-            caption="../report/steady_orbits.rst",
-            category="Figures",
-            labels={"figure": "methods", "shows": "errors of settled orbits"},
-        ),
+        figure("steady_orbits", "Settled orbits: errors over evaluations", METHODS),
     log:
         "results/logs/draw_steady_orbits.log",
     benchmark:
@@ -77,12 +72,7 @@ rule draw_steady_orbits_time:
         times=rules.steady_orbit_times.output.dataset,
         sources=script_sources("draw_steady_orbits_time"),
     output:
-        report(
-            figure_files("steady_orbits_time"),
-            caption="../report/steady_orbits_time.rst",
-            category="Figures",
-            labels={"figure": "methods", "shows": "settled orbits over wall time"},
-        ),
+        figure("steady_orbits_time", "Settled orbits: errors over wall time", METHODS),
     log:
         "results/logs/draw_steady_orbits_time.log",
     benchmark:

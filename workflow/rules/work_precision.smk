@@ -55,12 +55,8 @@ rule work_precision_table:
         times=work_precision_files("times"),
         sources=script_sources("work_precision_table"),
     output:
-        csv=report(
-            "results/work_precision.csv",
-            caption="../report/work_precision_table.rst",
-            category="Methods",
-            labels={"table": "fastest method by accuracy"},
-        ),
+        csv="results/work_precision.csv",
+        page=table_page("work_precision", "Work and precision: table of the fastest", METHODS),
     log:
         "results/logs/work_precision_table.log",
     benchmark:
@@ -77,17 +73,11 @@ rule draw_work_precision:
         errors=work_precision_files("errors"),
         sources=script_sources("draw_work_precision"),
     output:
-        evaluations=report(
-            figure_files("work_precision_evaluations"),
-            caption="../report/work_precision_evaluations.rst",
-            category="Figures",
-            labels={"figure": "methods", "shows": "errors over evaluations"},
+        evaluations=figure(
+            "work_precision_evaluations", "Work and precision: evaluations", METHODS
         ),
-        measures=report(
-            figure_files("work_precision_measures"),
-            caption="../report/work_precision_measures.rst",
-            category="Figures",
-            labels={"figure": "methods", "shows": "errors of events and multipliers"},
+        measures=figure(
+            "work_precision_measures", "Work and precision: events, multipliers", METHODS
         ),
     log:
         "results/logs/draw_work_precision.log",
@@ -109,12 +99,7 @@ rule draw_work_precision_time:
         times=work_precision_files("times"),
         sources=script_sources("draw_work_precision_time"),
     output:
-        report(
-            figure_files("work_precision_time"),
-            caption="../report/work_precision_time.rst",
-            category="Figures",
-            labels={"figure": "methods", "shows": "errors over wall time"},
-        ),
+        figure("work_precision_time", "Work and precision: wall time", METHODS),
     log:
         "results/logs/draw_work_precision_time.log",
     benchmark:

@@ -5,7 +5,13 @@ from pathlib import Path
 
 from gearlib import claims, storage
 from gearlib.pair import GearPair
+from gearlib.reporting import tables
 from joblog import redirect_output
+
+
+def _by_name(paths):
+    return {Path(path).stem: storage.read(path) for path in paths}
+
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])
@@ -16,7 +22,10 @@ if __name__ == "__main__":
         storage.read(snakemake.input.phase_planes),
         storage.read(snakemake.input.phase_lag),
         storage.read(snakemake.input.jump),
-        {Path(path).stem: storage.read(path) for path in snakemake.input.scenes},
+        _by_name(snakemake.input.scenes),
+        storage.read(snakemake.input.tongues),
+        _by_name(snakemake.input.branches),
     )
     claims.write_csv(table, snakemake.output.csv)
     claims.write_markdown(table, snakemake.output.markdown)
+    tables.write_table_page(snakemake.output.csv, snakemake.output.page)

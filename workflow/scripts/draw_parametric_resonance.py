@@ -2,6 +2,7 @@
 
 from gearlib import storage
 from gearlib.figures import parametric_resonance, style
+from gearlib.reporting import tables
 from joblog import redirect_output
 
 if __name__ == "__main__":
@@ -9,5 +10,6 @@ if __name__ == "__main__":
     chart, tongues = storage.read(snakemake.input.chart), storage.read(snakemake.input.tongues)
     figure = parametric_resonance.draw(chart, tongues)
     figure.set_dpi(snakemake.params.dpi)
-    for path in snakemake.output:
+    for path in snakemake.output.pictures:
         style.save(figure, path)
+    tables.write_text_page(tongues.attrs["explanation"], snakemake.output.page)

@@ -1,6 +1,7 @@
 """Write the jumps of all methods as one table."""
 
 from gearlib import storage
+from gearlib.reporting import tables
 from gearlib.trials import jump_by_method
 from joblog import redirect_output
 
@@ -8,3 +9,4 @@ if __name__ == "__main__":
     redirect_output(snakemake.log[0])
     jumps = [storage.read(path) for path in snakemake.input.jumps]
     jump_by_method.write_csv(jumps, snakemake.output.csv)
+    tables.write_table_page(snakemake.output.csv, snakemake.output.page)

@@ -3,9 +3,11 @@
 from pathlib import Path
 
 from gearlib import model_comparison, storage
+from gearlib.reporting import tables
 from joblog import redirect_output
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])
     comparisons = {Path(path).stem: storage.read(path) for path in snakemake.input.comparisons}
     model_comparison.write_csv(comparisons, snakemake.output.csv)
+    tables.write_table_page(snakemake.output.csv, snakemake.output.page)

@@ -1,9 +1,11 @@
 """Write the table of the study of nonlinear damping."""
 
 from gearlib import nonlinear_damping, storage
+from gearlib.reporting import tables
 from joblog import redirect_output
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])
     studies = [storage.read(path) for path in snakemake.input.studies]
     nonlinear_damping.write_csv(studies, snakemake.output.csv)
+    tables.write_table_page(snakemake.output.csv, snakemake.output.page)

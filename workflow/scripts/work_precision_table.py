@@ -1,6 +1,7 @@
 """Write the fastest method of every problem and accuracy as one table."""
 
 from gearlib import storage
+from gearlib.reporting import tables
 from gearlib.trials import work_precision
 from joblog import redirect_output
 
@@ -9,3 +10,4 @@ if __name__ == "__main__":
     errors = [storage.read(path) for path in snakemake.input.errors]
     times = [storage.read(path) for path in snakemake.input.times]
     work_precision.write_csv(work_precision.table(errors, times), snakemake.output.csv)
+    tables.write_table_page(snakemake.output.csv, snakemake.output.page)

@@ -1,0 +1,61 @@
+"""The page `reference/api.md`: the docstring of every name in `gearlib.__all__`."""
+
+import importlib
+import inspect
+
+from mkdocs.structure.files import File
+
+import gearlib
+from tables import markdown
+
+PAGE = "reference/api.md"
+_HEAD = """# Python
+
+The public names of `gearlib`; everything else may change. Datasets are `xarray.Dataset`s with CF
+attributes: `units` and `long_name` of every variable, and in the attributes of the whole how it
+was made.
+"""
+#: Runs first, then what they take.
+_GROUPS = (
+    ("Runs and orbits", inspect.isfunction),
+    ("Gears and what they are made of", inspect.isclass),
+)
+_LONGEST = 96
+
+
+def on_files(files, config):
+    """Add the page."""
+    files.append(File.generated(config, PAGE, content=reference()))
+    return files
+
+
+def reference():
+    """Return the page as Markdown with a directive of mkdocstrings for each name."""
+    lines = [_HEAD]
+    for title, belongs in _GROUPS:
+        lines += [f"## {title}", ""]
+        for name in gearlib.__all__:
+            thing = getattr(gearlib, name)
+            if not belongs(thing):
+                continue
+            lines += [f"### {name}", "", "```python", signature(thing), "```", ""]
+            if "table of the module" in inspect.getdoc(thing):
+                # The class leaves its parameters to the table at the head of its module.
+                module = importlib.import_module(thing.__module__)
+                lines += [markdown(inspect.getdoc(module)), ""]
+            lines += [f"::: {thing.__module__}.{thing.__qualname__}", ""]
+    return "\n".join(lines)
+
+
+def signature(thing):
+    """Return the call of a function or class in one line, or a line for each parameter."""
+    parameters = inspect.signature(thing).parameters.values()
+    shown = [str(p.replace(annotation=p.empty)).replace("<factory>", "...") for p in parameters]
+    star = next((i for i, p in enumerate(parameters) if p.kind is p.KEYWORD_ONLY), None)
+    if star is not None:
+        shown.insert(star, "*")
+    line = f"{thing.__name__}({', '.join(shown)})"
+    if len(line) <= _LONGEST:
+        return line
+    inside = "".join(f"    {text},\n" for text in shown)
+    return f"{thing.__name__}(\n{inside})"

@@ -1,0 +1,121 @@
+"""The page `reference/configuration.md`, written from the typed model of the configuration.
+
+Keys, descriptions and ranges are those of `gearlib.config`; the words for a range are the ones
+with which a wrong value is refused. The last column is what the project's config.yaml says.
+"""
+
+from pathlib import Path
+
+import yaml
+from mkdocs.structure.files import File
+
+from gearlib.config import CASE_NAME, schema
+from gearlib.validation import allowed
+
+PAGE = "reference/configuration.md"
+_HEAD = f"""# Configuration
+
+Every key of `config.yaml`, written from the typed model that checks it (`gearlib/config`). No key
+may be missing unless a default is named, and there are no others: a wrong key or value is refused
+before the first job, in a sentence that names key, value and allowed range. The last column is what
+the project's own `config.yaml` has. Names in angle brackets are free: letters, digits, `+`, `_`,
+`-`.
+
+Editors with YAML support complete the keys; they read `workflow/schemas/config.schema.json`.
+Values with a dimension are [numbers in SI or texts with a unit](../how_to/units.md). One key may
+stand beside those below: [`cases`](../how_to/cases.md), a mapping of names (`{CASE_NAME}`) to keys
+that differ.
+"""
+
+
+def on_files(files, config):
+    """Add the page."""
+    values = yaml.safe_load(Path(config.config_file_path).with_name("config.yaml").read_text())
+    files.append(File.generated(config, PAGE, content=reference(values)))
+    return files
+
+
+def reference(values):
+    """Return the page as Markdown; `values` are those of a configuration."""
+    whole = schema()
+    plain, sections = [], []
+    for key, node in whole["properties"].items():
+        inside = _section(node, whole)
+        if inside is None:
+            plain.append(_row(key, node, whole, values.get(key), True))
+        else:
+            rows = list(_rows("", node, whole, values.get(key)))
+            sections.append((key, _words(node, whole), rows))
+    lines = [_HEAD, "## Plain keys", "", *_table(plain)]
+    for key, words, rows in sections:
+        lines += [f"## {key}", "", words, "", *_table(rows)]
+    return "\n".join(lines)
+
+
+def _rows(prefix, node, whole, value):
+    """Yield the rows of all keys below a node, those of inner sections included."""
+    node = _resolve(node, whole)
+    inner = _section(node, whole)
+    if inner is None:
+        if prefix:
+            yield _row(prefix, node, whole, value, True)
+        return
+    name, inside = inner
+    if name is not None:
+        yield from _rows(f"{prefix}{name}", inside, whole, None)
+        return
+    required = inside.get("required", [])
+    for key, child in inside["properties"].items():
+        below = value.get(key) if isinstance(value, dict) else None
+        path = f"{prefix}.{key}" if prefix else key
+        if _section(child, whole) is None:
+            yield _row(path, child, whole, below, key in required)
+        else:
+            yield from _rows(path, child, whole, below)
+
+
+def _section(node, whole):
+    """Return (name of free keys or None, section below), or None where the node holds a value."""
+    node = _resolve(node, whole)
+    if "properties" in node:
+        return None, node
+    if node.get("type") == "array" and "$ref" in node.get("items", {}):
+        inside = _resolve(node["items"], whole)
+        return ("[ ]", inside) if "properties" in inside else None
+    entries = list(node.get("patternProperties", {}).values())
+    if entries:
+        inside = _resolve(entries[0], whole)
+        return ("<name>", inside) if "properties" in inside else None
+    return None
+
+
+def _row(key, node, whole, value, required):
+    default = ""
+    if not required:
+        given = node.get("default")
+        default = f" Default: {f'`{given}`' if given else 'none; may be left out'}."
+    shown = "" if value is None or isinstance(value, dict) else _short(value)
+    words = allowed(node, whole).replace("|", "\\|").replace("<", "&lt;").replace(">", "&gt;")
+    return f"`{key}`", f"{_words(node, whole)}{default}", words, shown
+
+
+def _words(node, whole):
+    words = node.get("description") or _resolve(node, whole).get("description", "")
+    return " ".join(words.split()).replace("|", "\\|")
+
+
+def _short(value):
+    values = value if isinstance(value, list) else [value]
+    text = ", ".join(f"{v:g}" if isinstance(v, float) and abs(v) >= 1e6 else str(v) for v in values)
+    return f"`{text}`" if len(text) <= 60 else f"`{text[:57]}` …"
+
+
+def _table(rows):
+    head = ["| key | meaning | allowed | here |", "|---|---|---|---|"]
+    return [*head, *(f"| {' | '.join(row)} |" for row in rows), ""]
+
+
+def _resolve(node, whole):
+    if "$ref" in node:
+        return whole["$defs"][node["$ref"].removeprefix("#/$defs/")]
+    return node

@@ -1,0 +1,95 @@
+"""The table of `reproduction.md`: the paper's sentence, ours, the verdict, why.
+
+Statements, numbers, verdicts and computed explanations are those of `docs/claims/claims.csv`, a
+copy of what the workflow writes; the other reasons are prose, in `docs/claims/why.yaml`. After a
+run of the workflow,
+
+    python -m docs.hooks.reproduction results
+
+takes over the table and the figures (smaller than the originals).
+"""
+
+import csv
+import sys
+from pathlib import Path
+
+import yaml
+
+from gearlib.claims.statements import CHECKS
+
+FOLDER = Path(__file__).resolve().parents[1] / "claims"
+IMAGES = FOLDER.with_name("images")
+PAGE, MARK = "reproduction.md", "<!-- claims -->"
+#: Figures shown on the page.
+PICTURES = (
+    "fig2_phase_shift",
+    "fig3_resonance",
+    "fig4_contact_ratio",
+    "fig5_phase_planes",
+    "fig6_two_tunings",
+    "fig6_jump",
+    "fig7_damping",
+    "fig8_six_degrees",
+)
+_WIDTH, _COLOURS = 1000, 64
+
+
+def on_page_markdown(markdown, page, **_):
+    """Put the table into the page."""
+    return markdown.replace(MARK, table()) if page.file.src_uri == PAGE else markdown
+
+
+def claims(path=FOLDER / "claims.csv"):
+    """Return the rows of a table of claims, refused where they are not those of the code."""
+    with Path(path).open(newline="", encoding="utf-8") as file:
+        found = list(csv.DictReader(file))
+    have = [(row["id"], row["statement"], row["where"], row["figure"]) for row in found]
+    if have != [check[:4] for check in CHECKS]:
+        raise ValueError(
+            f"{path} is not of this version of gearlib/claims: run the workflow, then "
+            "`python -m docs.hooks.reproduction results`"
+        )
+    return found
+
+
+def reasons():
+    """Return id -> why the verdict is what it is."""
+    return yaml.safe_load((FOLDER / "why.yaml").read_text(encoding="utf-8"))
+
+
+def table():
+    """Return the table as Markdown."""
+    why = reasons()
+    lines = ["| | the paper | ours | verdict | why |", "|---|---|---|---|---|"]
+    for row in claims():
+        paper = f"{row['statement']} ({row['where']})"
+        ours = f"{row['computed']} ([{row['figure']}](#{anchor(row['figure'])}))"
+        reason = " ".join(why[row["id"]].split())
+        if row.get("explanation"):
+            reason += f" *Computed:* {row['explanation'].rstrip('.')}."
+        lines.append(f"| {row['id']} | {paper} | {ours} | **{row['verdict']}** | {reason} |")
+    return "\n".join(lines)
+
+
+def anchor(figure):
+    """Return the anchor of a figure on the page."""
+    return figure.lower().replace(". ", "-")
+
+
+def take_over(results):
+    """Copy the claims and, smaller, the figures of `results` into the documentation."""
+    from PIL import Image
+
+    source = Path(results) / "claims.csv"
+    claims(source)
+    (FOLDER / "claims.csv").write_bytes(source.read_bytes())
+    for name in PICTURES:
+        with Image.open(Path(results) / "figures" / f"{name}.png") as picture:
+            small = picture.convert("RGB")
+            small.thumbnail((_WIDTH, 10 * _WIDTH))
+            small = small.quantize(_COLOURS, dither=Image.Dither.NONE)
+            small.save(IMAGES / f"{name}.png", optimize=True)
+
+
+if __name__ == "__main__":
+    take_over(sys.argv[1])

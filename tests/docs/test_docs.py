@@ -1,0 +1,174 @@
+"""The documentation: it builds without a warning, its examples run, what it copies is current."""
+
+import copy
+import importlib
+import re
+import shlex
+import subprocess
+import sys
+import tomllib
+from importlib.util import find_spec
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import pytest
+import yaml
+
+ROOT = Path(__file__).resolve().parents[2]
+DOCS = ROOT / "docs"
+PAGES = sorted(
+    page for page in DOCS.rglob("*.md") if page.name != "worked_example.md"
+)  # which has a test of its own
+
+needs_mkdocs = pytest.mark.skipif(
+    any(find_spec(name) is None for name in ("mkdocs", "material", "mkdocstrings", "ziamath")),
+    reason="mkdocs and its packages are not installed: pip install '.[docs]'",
+)
+
+
+def blocks(page, language):
+    text = page.read_text(encoding="utf-8")
+    return re.findall(rf"^```{language}\n(.*?)^```", text, re.S | re.M)
+
+
+def with_blocks(language):
+    """Return the pages that have blocks of a language, as parameters of a test."""
+    found = [page for page in PAGES if blocks(page, language)]
+    assert found
+    return [pytest.param(page, id=str(page.relative_to(DOCS))) for page in found]
+
+
+@pytest.fixture
+def hook(monkeypatch):
+    """Import a hook of the site by its name."""
+    monkeypatch.syspath_prepend(str(DOCS / "hooks"))
+    return importlib.import_module
+
+
+@pytest.mark.parametrize("page", with_blocks("python"))
+def test_python_runs_and_prints_what_stands_below_it(page, tmp_path, monkeypatch, capsys):
+    plt.switch_backend("Agg")
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "config.yaml").write_bytes((ROOT / "config.yaml").read_bytes())
+    text = page.read_text(encoding="utf-8")
+    names = {}
+    pattern = r"^```python\n(.*?)^```(?:\n\n```text\n(.*?)^```)?"
+    for code, printed in re.findall(pattern, text, re.S | re.M):
+        exec(compile(code, page.name, "exec"), names)
+        assert capsys.readouterr().out == printed
+    plt.close("all")
+    for shown in re.findall(r"!\[[^]]*\]\(images/(tutorial_[^)]+)\)", text):
+        assert (tmp_path / shown).stat().st_size > 1000
+        assert (DOCS / "images" / shown).is_file()
+
+
+@pytest.mark.parametrize("page", with_blocks("yaml"))
+def test_yaml_laid_over_the_configuration_is_accepted(page):
+    from gearlib import config
+
+    for block in blocks(page, "yaml"):
+        settings = yaml.safe_load((ROOT / "config.yaml").read_text(encoding="utf-8"))
+        lay_over(settings, yaml.safe_load(block))
+        if "cases" in settings:
+            assert config.cases(settings)
+        else:
+            assert config.load(settings)
+
+
+def lay_over(settings, changes):
+    for key, value in copy.deepcopy(changes).items():
+        if isinstance(value, dict) and isinstance(settings.get(key), dict):
+            lay_over(settings[key], value)
+        else:
+            settings[key] = value
+
+
+def test_commands_of_the_shell_run(tmp_path, monkeypatch):
+    from click.testing import CliRunner
+
+    from gearlib.cli.commands import main
+
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "config.yaml").write_bytes((ROOT / "config.yaml").read_bytes())
+    lines = [line for page in PAGES for block in blocks(page, "sh") for line in block.splitlines()]
+    commands = [shlex.split(line) for line in lines if line.startswith("gearlib ")]
+    assert len(commands) > 4
+    for _, name, *options in commands:
+        # The explorer would serve its page until stopped; trust takes seconds.
+        known = name in ("explore", "trust")
+        result = CliRunner().invoke(main, [name, "--help"] if known else [name, *options])
+        assert result.exit_code == 0, result.output
+        if known:
+            for option in options:
+                assert not option.startswith("-") or option in result.output
+
+
+@needs_mkdocs
+def test_the_site_builds_without_a_warning_and_without_the_network(tmp_path):
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet"]
+    result = subprocess.run(
+        [*command, "--site-dir", tmp_path], cwd=ROOT, capture_output=True, text=True
+    )
+    assert result.returncode == 0, result.stdout + result.stderr
+    pages = list(tmp_path.rglob("*.html"))
+    assert len(pages) > len(PAGES)
+    fetched = r'<(?:script|link|img)[^>]+(?:src|href)="(https?:[^"]+)"'
+    for page in pages:
+        text = page.read_text(encoding="utf-8")
+        found = set(re.findall(fetched, text))
+        assert not found, f"{page.name} fetches {found}"
+        assert "arithmatex" not in text, f"{page.name} has a formula that was not converted"
+
+
+def test_claims_are_those_of_the_code(hook):
+    reproduction = hook("reproduction")
+    ids = [row["id"] for row in reproduction.claims()]
+    assert list(reproduction.reasons()) == ids
+    headings = re.findall(r"^## (.+)", (DOCS / "reproduction.md").read_text("utf-8"), re.M)
+    linked = set(re.findall(r"\(#([^)]+)\)", reproduction.table()))
+    assert linked <= {reproduction.anchor(heading) for heading in headings}
+
+
+@needs_mkdocs
+def test_every_key_of_the_configuration_is_on_its_page(hook):
+    from gearlib.config import schema
+
+    values = yaml.safe_load((ROOT / "config.yaml").read_text(encoding="utf-8"))
+    page = hook("configuration").reference(values)
+    described = [schema(), *schema()["$defs"].values()]
+    keys = {key for node in described for key in node.get("properties", {})}
+    # The first column and the headings; a key below others stands there as `section.key`.
+    first = re.findall(r"^\| `([^`]+)`", page, re.M)
+    heads = re.findall(r"^## (.+)", page, re.M)
+    missing = keys - set(re.findall(r"\w+", " ".join([*first, *heads])))
+    assert not missing
+    assert "None" not in page
+
+
+@needs_mkdocs
+def test_the_picture_shows_the_contract_and_all_folders(hook):
+    architecture = hook("architecture")
+    svg = architecture.picture()
+    heights = {
+        name: float(y)
+        for y, name in re.findall(r'<text class="name" x="[\d.]+" y="([\d.]+)"[^>]*>([^<]+)<', svg)
+    }
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    layers = settings["tool"]["importlinter"]["contracts"][0]["layers"]
+    previous = 0.0
+    for layer in layers:
+        names = re.split(r" [|:] ", layer)
+        there = {name: heights.get(f"{name}/", heights.get(f"{name}.py")) for name in names}
+        assert None not in there.values(), there
+        assert min(there.values()) > previous
+        previous = max(there.values())
+    shown = " ".join(heights)
+    inside = [
+        p for p in (ROOT / "gearlib").iterdir() if p.is_dir() and (p / "__init__.py").exists()
+    ]
+    assert all(f"{path.name}/" in heights for path in inside)
+    tracked = subprocess.run(
+        ["git", "ls-tree", "-d", "--name-only", "HEAD"], cwd=ROOT, capture_output=True, text=True
+    ).stdout.split()
+    beside = [name for name in tracked if not name.startswith(".") and name != "gearlib"]
+    assert all(name in shown for name in beside), beside

@@ -1,0 +1,18 @@
+"""Write the page of the report on which tunings are chosen."""
+
+import json
+
+from gearlib import storage
+from gearlib.files import replacing
+from gearlib.reporting import page
+from joblog import redirect_output
+
+if __name__ == "__main__":
+    redirect_output(snakemake.log[0])
+    text = page.build(
+        storage.read(snakemake.input.resonance),
+        storage.read(snakemake.input.orbits),
+        json.loads(snakemake.params.colours),
+    )
+    with replacing(snakemake.output.page) as temporary:
+        temporary.write_text(text, encoding="utf-8")

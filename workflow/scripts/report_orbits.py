@@ -1,0 +1,18 @@
+"""Compute the ends of the motions from rest that the page of the report shows."""
+
+import json
+
+from gearlib import storage
+from gearlib.reporting import orbits
+from gearlib.tunings import grid
+from joblog import redirect_output
+
+if __name__ == "__main__":
+    redirect_output(snakemake.log[0])
+    dataset = orbits.compute(
+        json.loads(snakemake.params.pairs),
+        grid(*json.loads(snakemake.params.tunings)),
+        json.loads(snakemake.params.run),
+        snakemake.params.periods_shown,
+    )
+    storage.write(dataset, snakemake.output.dataset)
