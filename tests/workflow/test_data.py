@@ -50,6 +50,18 @@ def test_every_dataset_says_how_it_was_made(kinds):
             assert attributes[key] == text, name
 
 
+def test_a_source_hash_is_that_of_what_computed_the_data(first_run):
+    project, _ = first_run
+
+    def source_hash(path):
+        return storage.read(project / "results" / path).attrs["source_hash"]
+
+    shard = next((project / "results/resonance/k1/cold").glob("*.nc"))
+    assert source_hash("resonance.nc") == source_hash(shard)
+    # They rest on other modules.
+    assert source_hash("phase_lag.nc") != source_hash(shard)
+
+
 def test_the_run_says_where_and_when_it_was_made(project):
     path = project / "results/provenance.json"
     before = path.read_bytes()
