@@ -3,6 +3,7 @@
 # make lint    the checks of style, formatting, imports and types only
 # make golden  renew the golden numbers and pictures of tests/golden
 # make peers   add to .venv the solvers of others that method= can call, where they install
+# make torture  50 times kill -9, full and read-only disks, damaged files: minutes
 # make slurm-test  the workflow on a real Slurm of one node; installs Debian's packages for root
 # make bench   speed of the library on this machine
 # make report  results/report.html, all figures, tables and claims on one page
@@ -14,7 +15,7 @@ JOBS ?= 2
 BIN := .venv/bin
 INSTALLED := .venv/installed.stamp
 
-.PHONY: all lint golden test peers slurm-test bench report docs clean distclean
+.PHONY: all lint golden test torture peers slurm-test bench report docs clean distclean
 
 all: $(INSTALLED)
 	$(BIN)/snakemake -j$(JOBS)
@@ -31,7 +32,10 @@ golden: $(INSTALLED)
 	$(BIN)/python -m tests.golden
 
 test: lint
-	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder
+	$(BIN)/python -m pytest -n $(JOBS) --dist loadgroup --no-loadscope-reorder
+
+torture: $(INSTALLED)
+	GEARLIB_KILLS=50 $(BIN)/python -m pytest tests/robustness -rs
 
 peers: $(INSTALLED)
 	$(BIN)/python -m pip install --quiet --constraint requirements/constraints.txt \

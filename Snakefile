@@ -4,15 +4,29 @@ One gear pair, or several side by side: each of `cases` lays its keys over the o
 results go to results/<case>/.
 """
 
+import os
 from pathlib import Path
 
+from snakemake.exceptions import WorkflowError
 from snakemake.utils import min_version
+from gearlib.files import remove_leftovers
 from workflow.provenance import write as write_provenance
+from workflow.seals import replaced
 
 min_version("9.0")
 
 
 configfile: "config.yaml"
+
+
+# Jobs on other nodes leave this to the process that sent them.
+if workflow.is_main_process:
+    foreign = " ".join(map(str, replaced(Path("results"))))
+    if foreign:
+        raise WorkflowError(
+            f"Not what their jobs wrote: {foreign}. To have them computed anew, remove them and "
+            f"call snakemake -j2 {foreign}"
+        )
 
 
 if "cases" in config:
@@ -26,6 +40,15 @@ else:
 
 # Without this, a Snakefile that only includes others builds nothing.
 workflow.default_target = "all"
+
+
+onstart:
+    folders = [Path("results", case) for case in ["", *config.get("cases", [])]]
+    refused = [str(path) for path in folders if path.exists() and not os.access(path, os.W_OK)]
+    if refused:
+        raise WorkflowError(f"Nothing can be written to {', '.join(refused)}.")
+    # Snakemake holds its lock: what is left is from a run that was killed.
+    remove_leftovers(Path("results"))
 
 
 onsuccess:

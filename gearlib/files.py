@@ -1,6 +1,7 @@
 """Whole files or none: what is written appears in one step."""
 
 import os
+import re
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -26,3 +27,16 @@ def replacing(path):
         os.replace(temporary, path)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def remove_leftovers(folder):
+    """Remove the temporary files below `folder` of processes that were killed while they wrote.
+
+    Parameters
+    ----------
+    folder : pathlib.Path
+        No other process may be writing there: its temporary files would go as well.
+    """
+    for path in folder.rglob(".*"):
+        if re.match(r"\.\d+\.", path.name):
+            path.unlink(missing_ok=True)

@@ -4,8 +4,10 @@ Two runs of the same calculation must give the same bytes, so whatever changes b
 stays out of the files.
 """
 
+import hashlib
 import json
 import math
+from pathlib import Path
 
 from gearlib.version import __version__
 
@@ -39,3 +41,36 @@ def attributes(title, pair, *, method, **parameters):
         "model" if hasattr(pair, "title_noun") else "gear_pair": canonical_json(pair.as_dict()),
         "parameters": canonical_json(parameters),
     }
+
+
+class _Sources:
+    """The source files on which the results of this process depend: all of the package, or fewer.
+
+    The workflow knows which files a job depends on, and reruns it when one of them changes. Only
+    these may count: a file that is not computed anew has to equal one that is.
+    """
+
+    paths = sorted(Path(__file__).parent.rglob("*.py"))
+    digest = None
+
+
+def declare_sources(paths):
+    """State that results depend on these source files alone.
+
+    Parameters
+    ----------
+    paths : iterable of str or os.PathLike
+        Their order counts, their folders do not.
+    """
+    _Sources.paths, _Sources.digest = [Path(path) for path in paths], None
+
+
+def source_hash():
+    """Return the hash (16 hex digits) of the declared sources, else of the whole package."""
+    if _Sources.digest is None:
+        digest = hashlib.sha256()
+        for path in _Sources.paths:
+            digest.update(path.name.encode())
+            digest.update(path.read_bytes())
+        _Sources.digest = digest.hexdigest()[:16]
+    return _Sources.digest

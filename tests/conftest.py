@@ -1,4 +1,15 @@
-"""Before several workers start: the machine code that more than one of them needs."""
+"""For several workers: which tests stay together, and machine code that more than one needs."""
+
+import pytest
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items):
+    """Give every file to one worker, and all of the real workflow, which is built once, to one."""
+    for item in items:
+        folder = item.path.parent
+        group = folder.name if folder.name == "workflow" else f"{folder.name}/{item.path.name}"
+        item.add_marker(pytest.mark.xdist_group(group))
 
 
 def pytest_sessionstart(session):

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import xarray as xr
 
 from gearlib import GearPair, simulate, storage, sweep, tunings
 from gearlib.gathering import gather_phase_planes, gather_resonance
@@ -62,6 +63,23 @@ def test_bytes_do_not_depend_on_how_a_sweep_is_cut(tmp_path):
         storage.write(gather_resonance(shards), tmp_path / "whole.nc")
         whole.append((tmp_path / "whole.nc").read_bytes())
     assert whole[0] == whole[1] == whole[2]
+
+
+# xarray announces defaults to come; with them as with those of today the shards fit together.
+@pytest.mark.filterwarnings("ignore:In a future version of xarray:FutureWarning")
+@pytest.mark.parametrize("coming_defaults", [False, True])
+def test_xarray_opens_the_shards_of_a_sweep(windows, tmp_path, coming_defaults):
+    pytest.importorskip("dask", reason="xarray opens many files with dask")
+    for number, shard in enumerate(windows[:2]):
+        storage.write(shard, tmp_path / f"{number}.nc")
+    expected = gather_resonance(windows).sel(damping="k1", direction="cold")
+    with (
+        xr.set_options(use_new_combine_kwarg_defaults=coming_defaults),
+        xr.open_mfdataset(str(tmp_path / "*.nc")) as found,
+    ):
+        for name in ("tuning", "displacement_max", "final_state", "status", "mesh_frequency"):
+            xr.testing.assert_equal(found[name].load().variable, expected[name].variable)
+        assert found.displacement_max.attrs == expected.displacement_max.attrs
 
 
 def test_every_window_finds_its_place(windows):

@@ -8,6 +8,7 @@ import shutil
 import pytest
 import yaml
 
+from gearlib import storage
 from tests.browser.chromium import browser, errors, wait_for
 from tests.golden import data as golden
 from tests.golden import pictures
@@ -166,6 +167,7 @@ def test_a_method_more_runs_its_trial(project):
     ("path", "expected"),
     [
         ("gearlib/core/march.py", EVERYTHING),
+        ("gearlib/core/sections.py", jobs("basins", "bifurcation", "poincare")),
         ("gearlib/simulation.py", after_an_edit_of_simulate()),
         ("gearlib/trials/hostile.py", jobs("failures")),
         ("gearlib/figures/resonance.py", {"draw_resonance": 1, "draw_report_page": 1}),
@@ -195,6 +197,32 @@ def test_only_what_is_wanted(project):
 def test_a_configuration_file_on_the_command_line(project):
     (project / "mine.yaml").write_text("phase_planes: {tunings: [0.9]}\n", encoding="utf-8")
     assert project.planned("--configfile", "mine.yaml")["phase_plane"] == DAMPINGS
+
+
+def test_a_key_on_the_command_line(project):
+    change = "phase_planes={tunings: [0.9]}"
+    assert project.planned("--config", change)["phase_plane"] == DAMPINGS
+
+
+def test_the_paper_alone(tmp_path):
+    planned = small_project(tmp_path / "project").planned("paper")
+    assert {"draw_phase_lag", "draw_resonance", "draw_scene", "draw_jump", "claims"} <= set(planned)
+    assert not {"basins", "published", "work_precision_errors", "draw_branches"} & set(planned)
+
+
+def test_cases_side_by_side(tmp_path):
+    project = small_project(tmp_path / "project")
+    cases = {"light": {"gear_pair": {"load": "1 kN"}}, "heavy": {"gear_pair": {"load": "6 kN"}}}
+    project.configure(lambda settings: settings.update(targets=["phase_lag"], cases=cases))
+    parts = ("compile_kernels", "phase_lag", "draw_phase_lag")
+    both = {f"{case}_{rule}": 1 for case in cases for rule in parts}
+    assert project.jobs("-j2") == both
+    light, heavy = (storage.read(project / f"results/{case}/phase_lag.nc") for case in cases)
+    assert '"load":1000.0' in light.attrs["gear_pair"]
+    assert '"load":6000.0' in heavy.attrs["gear_pair"]
+    project.configure(lambda settings: settings["cases"]["light"]["gear_pair"].update(load="2 kN"))
+    assert project.planned() == {"light_phase_lag": 1, "light_draw_phase_lag": 1}
+    assert (project / "results/light/provenance.json").exists()
 
 
 def test_the_configuration_of_the_paper(tmp_path):

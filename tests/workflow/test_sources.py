@@ -23,6 +23,8 @@ for script in scripts:
     files = {name: getattr(module, "__file__", None) for name, module in sys.modules.items()}
     ours = {name: file for name, file in files.items() if file and file.startswith(root + "/")}
     ours = {name: file for name, file in ours.items() if "/.venv/" not in file}
+    # Checksums change no result.
+    ours = {name: file for name, file in ours.items() if file != root + "/workflow/seals.py"}
     loaded[script] = list(ours.values())
     for name in ours:
         del sys.modules[name]

@@ -1,15 +1,49 @@
-"""The log of a job: everything that its process prints goes into one file."""
+"""The log of a job: all that its process prints, and in the end the checksums of its results."""
 
+import atexit
+import contextlib
 import os
 import sys
+import traceback
+from pathlib import Path
+
+import __main__
+from gearlib.provenance import declare_sources
+from workflow.seals import seal
 
 
 def redirect_output(path):
-    """Send standard output and standard error, of Python and of compiled code, to a file."""
+    """Send standard output and standard error, of Python and of compiled code, to a file.
+
+    When the job ends, the file gets a line for each output, by which `workflow.seals` finds out
+    whether somebody else has replaced it. The job's source files are declared: netCDF files hold
+    their hash.
+    """
+    declare_sources(__main__.snakemake.input.sources)
     sys.stdout.flush()
     sys.stderr.flush()
+    terminal = os.dup(2)
     # Snakemake itself leaves the output of scripts on the terminal. The descriptors are
     # replaced, not sys.stdout: compiled libraries and the last traceback write to those.
     with open(path, "w", encoding="utf-8") as log:
         os.dup2(log.fileno(), 1)
         os.dup2(log.fileno(), 2)
+    atexit.register(_seal_outputs)
+    sys.excepthook = lambda *fault: _report(terminal, *fault)
+
+
+def _seal_outputs():
+    for path in map(Path, __main__.snakemake.output):
+        if path.is_file():
+            print(seal(path))
+
+
+def _report(terminal, kind, error, trace):
+    """Print what stopped the job: a sentence for disks and damaged files, else a traceback."""
+    if not issubclass(kind, OSError):
+        traceback.print_exception(kind, error, trace)
+        return
+    # To the terminal first: the log may lie on the same full disk.
+    os.write(terminal, f"{error}\n".encode())
+    with contextlib.suppress(OSError):
+        print(error, file=sys.stderr, flush=True)

@@ -1,0 +1,130 @@
+"""Damaged files and refusing disks: one clear sentence, then the bytes of an undisturbed run."""
+
+import os
+import shutil
+import subprocess
+from contextlib import contextmanager
+
+import pytest
+
+from tests.robustness.disturbed import SNAKEMAKE, data, end, start, wait
+
+pytestmark = pytest.mark.slow
+
+SHARD = "results/phase_planes/k1/0.8200.nc"
+FOREIGN = "results/phase_planes/k1m/0.8200.nc"
+FIGURE = "results/figures/fig2_phase_shift.png"
+
+
+def cut(project):
+    whole = (project / SHARD).read_bytes()
+    return whole[: len(whole) // 2]
+
+
+HARM = {
+    "another shard": (SHARD, "phase_plane", lambda project: (project / FOREIGN).read_bytes()),
+    "no figure": (FIGURE, "draw_phase_lag", lambda project: b"not PNG\n"),
+}
+
+
+@pytest.mark.parametrize(("path", "rule", "content"), HARM.values(), ids=HARM)
+def test_a_replaced_result_is_named(project, path, rule, content):
+    times = os.stat(project / path)
+    (project / path).write_bytes(content(project))
+    # Neither new nor old: it would be up to date for whoever compares times.
+    os.utime(project / path, ns=(times.st_atime_ns, times.st_mtime_ns + 1000))
+    printed = project.snakemake("-n", succeed=False)
+    (sentence,) = (line for line in printed.splitlines() if path in line)
+    assert sentence.startswith(f"Not what their jobs wrote: {path}. To have them computed anew,")
+    assert "Traceback" not in printed
+    (project / path).unlink()
+    assert project.planned(path) == {rule: 1}
+
+
+def test_a_touched_result_is_still_the_same(project):
+    for path in data(project):
+        os.utime(project / path)
+    # Newer than what was made of them, but equal to what their jobs wrote.
+    assert project.planned() == {}
+
+
+def test_a_damaged_file_without_checksum_is_named_when_read(project):
+    (project / SHARD).write_bytes(cut(project))
+    (project / "results/logs/phase_planes/k1/0.8200.log").unlink()
+    printed = project.snakemake("-j2", succeed=False)
+    assert f"{SHARD} cannot be read as netCDF" in printed and "Traceback" not in printed
+
+
+@contextmanager
+def small_disk(folder, size):
+    """A disk of its own for a folder, with what is in it."""
+    if os.geteuid() != 0:
+        pytest.skip("only root can mount a small disk")
+    kept = folder.with_name("kept")
+    folder.rename(kept)
+    folder.mkdir()
+    command = ["mount", "-t", "tmpfs", "-o", f"size={size}", "tmpfs", folder]
+    done = subprocess.run(command, capture_output=True, text=True)
+    if done.returncode:
+        pytest.skip(f"no disk could be mounted: {done.stderr.strip()}")
+    try:
+        shutil.copytree(kept, folder, dirs_exist_ok=True)
+        yield
+        shutil.rmtree(kept)
+        shutil.copytree(folder, kept)
+    finally:
+        subprocess.run(["umount", folder], check=True)
+        folder.rmdir()
+        kept.rename(folder)
+
+
+def test_a_full_disk(project, undisturbed):
+    for path in data(project):
+        if "phase_planes" in path:
+            (project / path).unlink()
+    used = sum(path.stat().st_blocks * 512 for path in (project / "results").rglob("*"))
+    with small_disk(project / "results", used + 100_000):
+        printed = project.snakemake("-j2", succeed=False)
+    assert "cannot be written" in printed and "kB are free there" in printed
+    assert "Traceback" not in printed
+    project.snakemake("-j2")
+    assert data(project) == undisturbed.data
+
+
+def test_results_that_may_not_be_written(project, undisturbed):
+    for path in (project / "results/figures").glob("fig2_phase_shift.*"):
+        path.unlink()
+    with small_disk(project / "results", "50m"):
+        remount = ["mount", "-o", "remount,ro", project / "results"]
+        subprocess.run(remount, check=True)
+        printed = project.snakemake("-j2", succeed=False)
+    assert "Nothing can be written to results." in printed and "Traceback" not in printed
+    project.snakemake("-j2")
+    assert data(project) == undisturbed.data
+
+
+def test_two_at_once(project, undisturbed):
+    (project / FIGURE).unlink()
+    process = start(project)
+    locks = project / ".snakemake/locks"
+    try:
+        while not (locks.is_dir() and any(locks.iterdir())):
+            assert not wait(process, 0.05)
+        done = subprocess.run(
+            [SNAKEMAKE, "-j2"], cwd=project.folder, capture_output=True, text=True
+        )
+        assert wait(process, 120)
+    finally:
+        end(process)
+    # On a loaded machine the second may have waited for the first to end.
+    assert done.returncode == 0 or "cannot be locked" in done.stdout + done.stderr
+    assert "Traceback" not in done.stdout + done.stderr
+    assert data(project) == undisturbed.data
+
+
+def test_what_killed_processes_left_is_removed(project, undisturbed):
+    left = project / "results/figures/.12345.fig2_phase_shift.png"
+    left.write_bytes(b"half a figure")
+    (project / FIGURE).unlink()
+    project.snakemake("-j2")
+    assert data(project) == undisturbed.data
