@@ -3,13 +3,11 @@
 import pytest
 
 
-@pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(items):
+def pytest_itemcollected(item):
     """Give every file to one worker, and all of the real workflow, which is built once, to one."""
-    for item in items:
-        folder = item.path.parent
-        group = folder.name if folder.name == "workflow" else f"{folder.name}/{item.path.name}"
-        item.add_marker(pytest.mark.xdist_group(group))
+    folder = item.path.parent
+    group = folder.name if folder.name == "workflow" else f"{folder.name}/{item.path.name}"
+    item.add_marker(pytest.mark.xdist_group(group))
 
 
 def pytest_sessionstart(session):
