@@ -32,7 +32,7 @@ golden: $(INSTALLED)
 	$(BIN)/python -m tests.golden
 
 test: lint
-	$(BIN)/python -m pytest -n $(JOBS) --dist loadgroup --no-loadscope-reorder
+	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder
 
 torture: $(INSTALLED)
 	GEARLIB_KILLS=50 $(BIN)/python -m pytest tests/robustness -rs

@@ -1,13 +1,4 @@
-"""For several workers: which tests stay together, and machine code that more than one needs."""
-
-import pytest
-
-
-def pytest_itemcollected(item):
-    """Give every file to one worker, and all of the real workflow, which is built once, to one."""
-    folder = item.path.parent
-    group = folder.name if folder.name == "workflow" else f"{folder.name}/{item.path.name}"
-    item.add_marker(pytest.mark.xdist_group(group))
+"""Before several workers start: the machine code that more than one of them needs."""
 
 
 def pytest_sessionstart(session):
