@@ -92,6 +92,7 @@ EXPERIMENTS = {
     ),
     "basins": Experiment({"basins": 1}, {"draw_basins": 1}, simulates=True),
     "bifurcation": Experiment({"bifurcation": 1}, {"draw_bifurcation": 1}, simulates=True),
+    "bifurcation_branches": Experiment({"bifurcation_branches": 1}, {"draw_bifurcation": 1}),
     "poincare": Experiment({"poincare": 1}, {"draw_poincare": 1}, simulates=True),
     "report_page": Experiment(
         {"report_orbits": 1},

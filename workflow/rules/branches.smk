@@ -13,6 +13,7 @@ rule branches:
         "results/benchmarks/branches/{damping}.tsv"
     threads: 1
     params:
+        name="{damping}",
         pair=pair_of,
         settings=canonical(CONFIG.branches.model_dump(exclude={"loci"})),
     conda:

@@ -61,9 +61,34 @@ rule bifurcation:
         "../scripts/bifurcation.py"
 
 
+rule bifurcation_branches:
+    input:
+        kernels=rules.compile_kernels.output.stamp,
+        sources=script_sources("branches"),
+    output:
+        dataset="results/bifurcation_branches.nc",
+    log:
+        "results/logs/bifurcation_branches.log",
+    benchmark:
+        "results/benchmarks/bifurcation_branches.tsv"
+    threads: 1
+    params:
+        name="of the bifurcation diagram",
+        pair=canonical(CONFIG.damped_parameters(CONFIG.bifurcation.damping)),
+        settings=canonical(
+            CONFIG.branches.model_dump(exclude={"loci"})
+            | CONFIG.bifurcation.model_dump(include={"start", "stop"})
+        ),
+    conda:
+        "../envs/gearlib.yaml"
+    script:
+        "../scripts/branches.py"
+
+
 rule draw_bifurcation:
     input:
         diagram=rules.bifurcation.output.diagram,
+        branches=rules.bifurcation_branches.output.dataset,
         shares=rules.bifurcation.output.shares,
         sources=script_sources("draw_bifurcation"),
     output:

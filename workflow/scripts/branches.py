@@ -10,6 +10,4 @@ if __name__ == "__main__":
     redirect_output(snakemake.log[0])
     pair = GearPair(**json.loads(snakemake.params.pair))
     dataset = branches.compute(pair, **json.loads(snakemake.params.settings))
-    storage.write(
-        dataset.assign_coords(damping=snakemake.wildcards.damping), snakemake.output.dataset
-    )
+    storage.write(dataset.assign_coords(damping=snakemake.params.name), snakemake.output.dataset)

@@ -6,8 +6,11 @@ from joblog import redirect_output
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])
+    branches = storage.read(snakemake.input.branches)
     figure = bifurcation.draw(
-        storage.read(snakemake.input.diagram), storage.read(snakemake.input.shares)
+        storage.read(snakemake.input.diagram),
+        storage.read(snakemake.input.shares),
+        [branch for _, branch in branches.groupby("branch")],
     )
     figure.set_dpi(snakemake.params.dpi)
     for path in snakemake.output:
