@@ -1,10 +1,11 @@
 """Types of the configuration's values: what a number, a name, a list may be.
 
 Numbers: YAML 1.1, which Snakemake reads, takes ``4e8`` or ``4.0e8`` for a text (it wants
-``4.0e+8``). Such a text, a decimal number with an exponent, is accepted as the number that it
-plainly is. Every other text in place of a number (``"0.66"``, ``"4 kg"``) is refused, and so
-are ``true`` for 1, NaN and, except for a backlash, infinity. Where a value has a dimension, a
-number is in SI units and a text may name another one of that dimension: ``"4e5 N/mm"``.
+``4.0e+8``), and numbers inside of ``--config section={key: 0.66}`` come as texts. A text that is
+plainly a decimal number is accepted as that number. Every other text in place of a number is
+refused, and so are ``true`` for 1, NaN and, except for a backlash, infinity. Where a value has a
+dimension, a number is in SI units and a text may name another one of that dimension:
+``"4e5 N/mm"``. Integers have to be written as such.
 """
 
 import math
@@ -29,11 +30,11 @@ from gearlib.config import units
 #: Limit that catches a mistyped step before it makes as many jobs or tunings.
 MAX_JOBS = 10_000
 
-_EXPONENT_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+")
+_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 
 
-def _read_exponent(value):
-    if isinstance(value, str) and _EXPONENT_NUMBER.fullmatch(value):
+def _read_number(value):
+    if isinstance(value, str) and _NUMBER.fullmatch(value):
         return float(value)
     return value
 
@@ -48,7 +49,7 @@ def _all_different(values):
 
 
 def _plain_value(value):
-    value = _read_exponent(value)
+    value = _read_number(value)
     finite = not isinstance(value, float) or math.isfinite(value)
     if not isinstance(value, (bool, int, float, str)) or not finite:
         raise PydanticCustomError("plain_value", "no plain value")
@@ -59,14 +60,14 @@ def number_within(**bounds):
     """Return the type of a finite number within `bounds` (gt, ge, lt, le)."""
     # Innermost first: bounds that pydantic cannot attach to the number itself would be missing
     # in the schema.
-    return Annotated[float, Field(allow_inf_nan=False, **bounds), BeforeValidator(_read_exponent)]
+    return Annotated[float, Field(allow_inf_nan=False, **bounds), BeforeValidator(_read_number)]
 
 
 def quantity(unit, example, *, infinite=False, **bounds):
     """Return the type of a number in `unit`, or a text with a unit of the same dimension."""
 
     def read(value):
-        value = _read_exponent(value)
+        value = _read_number(value)
         if not isinstance(value, str):
             return value
         try:
