@@ -5,7 +5,7 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field, model_validator
 
 from gearlib import tunings
-from gearlib.config.mesh import Change
+from gearlib.config.mesh import MeshCase
 from gearlib.config.types import (
     Colour,
     DampingCoefficient,
@@ -17,7 +17,6 @@ from gearlib.config.types import (
     PositiveDampingCoefficient,
     Section,
     Tuning,
-    check_grid,
     listing,
     number_within,
 )
@@ -146,13 +145,13 @@ class NonlinearDamping(Grid):
     shown: listing(Tuning, "Tunings of the phase planes.")
 
 
-class ParametricResonance(Section):
+class ParametricResonance(Grid):
     """Tongues of parametric resonance: the motion without loss of contact, and its stability."""
+
+    key: ClassVar = "parametric_resonance"
 
     asked: Tuning = Field(description="Tuning that the sentence about the singular region is on.")
     start: Tuning = Field(ge=0.05, description="First tuning of the chart.")
-    stop: Tuning = Field(description="Last one; start + a whole multiple of step.")
-    step: number_within(gt=0, le=10) = Field(description="Distance of the tunings of the shades.")
     values: int = Field(
         ge=2, le=10_000, description="Values of the stiffness ratio, contact ratio and damping."
     )
@@ -162,11 +161,6 @@ class ParametricResonance(Section):
     damping_ratios: listing(
         NonNegative, "Damping ratios whose tongues are drawn; the first one has the shades."
     )
-
-    @model_validator(mode="after")
-    def _check(self):
-        check_grid("parametric_resonance", self)
-        return self
 
 
 class Labels(Grid):
@@ -267,21 +261,11 @@ Observable = Literal[
 ]
 
 
-class Case(Section):
+class Case(MeshCase):
     """One run of a scene: a column of its figure."""
 
-    title: str = Field(
-        min_length=1,
-        max_length=60,
-        description="Above the column; names the case in the data.",
-        json_schema_extra={"$comment": "a text of 1 to 60 characters"},
-    )
     damping: Name = Field(
         description="One of the dampings.", json_schema_extra={"$comment": "one of the dampings"}
-    )
-    tuning: Tuning = Field(description="Tuning nu.")
-    change: Change = Field(
-        default=Change(), description="Other values for keys of gear_pair, in this case only."
     )
 
 

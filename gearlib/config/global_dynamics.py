@@ -1,14 +1,14 @@
 """Sections that describe the global picture: basins, bifurcation diagram, Poincare sections."""
 
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from pydantic import Field, model_validator
 
-from gearlib.config.mesh import Change, Damping
+from gearlib.config.mesh import Damping, MeshCase
 from gearlib.config.types import (
     Finite,
+    Grid,
     Section,
-    Tuning,
     check_grid,
     number_within,
     numbers,
@@ -28,20 +28,19 @@ def check_ranges(key, section):
             )
 
 
-class GlobalCase(Section):
+def check_damped(key, damping):
+    """Refuse a mesh without any damping where attractors are looked for."""
+    if damping.material == damping.backlash == 0.0:
+        raise ValueError(
+            f"{key}.damping = 0 is not allowed: material or backlash must be > 0, for a mesh "
+            "without damping has no attractors"
+        )
+
+
+class GlobalCase(MeshCase):
     """One panel: a mesh at one tuning."""
 
-    title: str = Field(
-        min_length=1,
-        max_length=60,
-        description="Above the panel; names the case in the data.",
-        json_schema_extra={"$comment": "a text of 1 to 60 characters"},
-    )
-    tuning: Tuning = Field(description="Tuning nu.")
     damping: Damping
-    change: Change = Field(
-        default=Change(), description="Other values for keys of gear_pair, in this case only."
-    )
 
 
 class SectionCase(GlobalCase):
@@ -64,21 +63,16 @@ class Basins(Section):
     def _check(self):
         check_ranges("basins", self)
         for i, case in enumerate(self.cases):
-            if case.damping.material == case.damping.backlash == 0.0:
-                raise ValueError(
-                    f"basins.cases[{i}].damping = 0 is not allowed: material or backlash must be "
-                    "> 0, for a mesh without damping has no attractors"
-                )
+            check_damped(f"basins.cases[{i}]", case.damping)
         return self
 
 
-class Bifurcation(Section):
+class Bifurcation(Grid):
     """Bifurcation diagram over the tuning, Lyapunov exponents and shares of the basins."""
 
+    key: ClassVar = "bifurcation"
+
     damping: Damping
-    start: Tuning = Field(description="First tuning.")
-    stop: Tuning = Field(description="Last one; start + a whole multiple of step.")
-    step: number_within(gt=0, le=10) = Field(description="Distance of the tunings.")
     share_step: number_within(gt=0, le=10) = Field(
         description="Distance of the tunings of the shares; stop is start + a multiple of it."
     )
@@ -96,12 +90,7 @@ class Bifurcation(Section):
     @model_validator(mode="after")
     def _check(self):
         check_ranges("bifurcation", self)
-        if not self.damping.material + self.damping.backlash > 0.0:
-            raise ValueError(
-                "bifurcation.damping = 0 is not allowed: material or backlash must be > 0, for a "
-                "mesh without damping has no attractors"
-            )
-        check_grid("bifurcation", self)
+        check_damped("bifurcation", self.damping)
         check_grid("bifurcation", self.model_copy(update={"step": self.share_step}))
         return self
 

@@ -17,6 +17,7 @@ from gearlib.config.types import (
     Section,
     Stiffness,
     StiffnessRatio,
+    Tuning,
     numbers,
 )
 
@@ -62,6 +63,21 @@ class State(Section):
 
     displacement: Finite = Field(description="x, in static deflections.")
     velocity: Finite = Field(description="dx/dtau, in static deflections per radian.")
+
+
+class MeshCase(Section):
+    """One run of several side by side: a mesh at one tuning."""
+
+    title: str = Field(
+        min_length=1,
+        max_length=60,
+        description="Above the column or panel; names the case in the data.",
+        json_schema_extra={"$comment": "a text of 1 to 60 characters"},
+    )
+    tuning: Tuning = Field(description="Tuning nu.")
+    change: Change = Field(
+        default=Change(), description="Other values for keys of gear_pair, in this case only."
+    )
 
 
 class Run(Section):

@@ -2,17 +2,11 @@
 
 from gearlib import checks
 from gearlib.arguments import check_tuning
+from gearlib.orbits.parameters import RATIOS, with_parameter
 from gearlib.pair import GearPair
 
-#: What may be varied besides the tuning, with its name in `GearPair`.
-RATIOS = {
-    "damping": "damping_ratio",
-    "backlash_damping": "backlash_damping_ratio",
-    "backlash": "backlash_ratio",
-    "contact_ratio": "contact_ratio",
-    "stiffness_ratio": "stiffness_ratio",
-}
-PARAMETERS = ("tuning", *RATIOS)
+#: What may be varied.
+PARAMETERS = tuple(RATIOS)
 
 
 def models(pair, tuning, parameter, values):
@@ -48,7 +42,7 @@ def models(pair, tuning, parameter, values):
             "'tuning', or the pair a GearPair"
         )
     tuning = check_tuning("tuning", tuning)
-    return [(with_ratio(pair, parameter, value), tuning) for value in values.tolist()]
+    return [with_parameter(pair, tuning, parameter, value) for value in values.tolist()]
 
 
 def name_parameter(dataset, parameter):
@@ -56,16 +50,3 @@ def name_parameter(dataset, parameter):
     if parameter == "backlash":
         dataset[parameter].attrs["long_name"] = "backlash in static deflections"
     return dataset
-
-
-def with_ratio(pair, name, value):
-    """Return a `GearPair` with one ratio changed, the other ratios, load and mass as they are."""
-    held = {key: getattr(pair, ratio) for key, ratio in RATIOS.items()} | {name: value}
-    unit = GearPair.from_ratios(**held, teeth=pair.teeth)
-    shape = pair.replace(contact_ratio=unit.contact_ratio, stiffness_ratio=unit.stiffness_ratio)
-    scale = 2.0 * shape.reduced_mass * shape.mean_eigenfrequency
-    return shape.replace(
-        material_damping=held["damping"] * scale,
-        backlash_damping=held["backlash_damping"] * scale,
-        backlash=held["backlash"] * shape.static_deflection,
-    )

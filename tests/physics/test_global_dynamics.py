@@ -22,9 +22,9 @@ from gearlib.core.jit import kernel
 from gearlib.core.march import ARC_COLUMNS, march_period
 from gearlib.core.mesh import contact_of, mesh
 from gearlib.global_dynamics.attractors import attractor_of
-from gearlib.global_dynamics.parameters import RATIOS, with_ratio
 from gearlib.global_dynamics.stroboscope import Stroboscope
 from gearlib.integrators.exact import ratios
+from gearlib.orbits.parameters import RATIOS, value_of, with_parameter
 from gearlib.variational import period_maps
 
 LIMIT = 1_000_000
@@ -245,13 +245,16 @@ def test_other_parameters_hold_the_other_ratios():
         material_damping=3953.7,
     )
     for name in RATIOS:
-        changed = with_ratio(pair, name, 1.25 if name == "contact_ratio" else 0.4)
-        for key, ratio in RATIOS.items():
+        value = 1.25 if name == "contact_ratio" else 0.4
+        changed, nu = with_parameter(pair, 0.9, name, value)
+        for key in RATIOS:
             if key != name:
-                assert getattr(changed, ratio) == pytest.approx(getattr(pair, ratio), rel=1e-14)
+                expected = pytest.approx(value_of(pair, 0.9, key), rel=1e-14)
+                assert value_of(changed, nu, key) == expected
     diagram = bifurcation_diagram(pair, [0.03, 0.06], parameter="damping", tuning=0.9)
     for value, end in zip(diagram.damping.values, diagram.final_state.values, strict=True):
-        one = sweep(with_ratio(pair, "damping", value), [0.9], periods=564, record_periods=1)
+        changed, nu = with_parameter(pair, 0.9, "damping", value)
+        one = sweep(changed, [nu], periods=564, record_periods=1)
         np.testing.assert_allclose(end, one.final_state[0], atol=1e-9)
 
 
