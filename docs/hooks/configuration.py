@@ -1,12 +1,9 @@
 """The page `reference/configuration.md`, written from the typed model of the configuration.
 
 Keys, descriptions and ranges are those of `gearlib.config`; the words for a range are the ones
-with which a wrong value is refused. The last column is what the project's config.yaml says.
+with which a wrong value is refused.
 """
 
-from pathlib import Path
-
-import yaml
 from mkdocs.structure.files import File
 
 from gearlib.config import CASE_NAME, schema
@@ -15,11 +12,12 @@ from gearlib.validation import allowed
 PAGE = "reference/configuration.md"
 _HEAD = f"""# Configuration
 
-Every key of `config.yaml`, written from the typed model that checks it (`gearlib/config`). No key
-may be missing unless a default is named, and there are no others: a wrong key or value is refused
-before the first job, in a sentence that names key, value and allowed range. The last column is what
-the project's own `config.yaml` has. Names in angle brackets are free: letters, digits, `+`, `_`,
-`-`.
+Every key of `config.yaml`, written from the typed model that checks it (`gearlib/config`). Only
+`gear_pair` and `dampings` must be given, with all of their keys, and so must the keys of each entry
+of a list or of `scenes`; what else is left out has its default. Defaults with a dimension are made
+from the gears, as the text says. There are no other keys: a wrong key or value is refused before
+the first job, in a sentence that names key, value and allowed range. Names in angle brackets are
+free: letters, digits, `+`, `_`, `-`.
 
 Editors with YAML support complete the keys; they read `workflow/schemas/config.schema.json`.
 Values with a dimension are [numbers in SI or texts with a unit](../how_to/units.md). One key may
@@ -30,21 +28,20 @@ that differ.
 
 def on_files(files, config):
     """Add the page."""
-    values = yaml.safe_load(Path(config.config_file_path).with_name("config.yaml").read_text())
-    files.append(File.generated(config, PAGE, content=reference(values)))
+    files.append(File.generated(config, PAGE, content=reference()))
     return files
 
 
-def reference(values):
-    """Return the page as Markdown; `values` are those of a configuration."""
+def reference():
+    """Return the page as Markdown."""
     whole = schema()
     plain, sections = [], []
     for key, node in whole["properties"].items():
         inside = _section(node, whole)
         if inside is None:
-            plain.append(_row(key, node, whole, values.get(key), True))
+            plain.append(_row(key, node, whole))
         else:
-            rows = list(_rows("", node, whole, values.get(key)))
+            rows = list(_rows("", node, whole))
             sections.append((key, _words(node, whole), rows))
     lines = [_HEAD, "## Plain keys", "", *_table(plain)]
     for key, words, rows in sections:
@@ -52,26 +49,24 @@ def reference(values):
     return "\n".join(lines)
 
 
-def _rows(prefix, node, whole, value):
+def _rows(prefix, node, whole):
     """Yield the rows of all keys below a node, those of inner sections included."""
     node = _resolve(node, whole)
     inner = _section(node, whole)
     if inner is None:
         if prefix:
-            yield _row(prefix, node, whole, value, True)
+            yield _row(prefix, node, whole)
         return
     name, inside = inner
     if name is not None:
-        yield from _rows(f"{prefix}{name}", inside, whole, None)
+        yield from _rows(f"{prefix}{name}", inside, whole)
         return
-    required = inside.get("required", [])
     for key, child in inside["properties"].items():
-        below = value.get(key) if isinstance(value, dict) else None
         path = f"{prefix}.{key}" if prefix else key
         if _section(child, whole) is None:
-            yield _row(path, child, whole, below, key in required)
+            yield _row(path, child, whole)
         else:
-            yield from _rows(path, child, whole, below)
+            yield from _rows(path, child, whole)
 
 
 def _section(node, whole):
@@ -89,14 +84,11 @@ def _section(node, whole):
     return None
 
 
-def _row(key, node, whole, value, required):
-    default = ""
-    if not required:
-        given = node.get("default")
-        default = f" Default: {f'`{given}`' if given else 'none; may be left out'}."
-    shown = "" if value is None or isinstance(value, dict) else _short(value)
+def _row(key, node, whole):
+    default = node.get("default")
+    shown = "" if default is None or default == {} else _short(default)
     words = allowed(node, whole).replace("|", "\\|").replace("<", "&lt;").replace(">", "&gt;")
-    return f"`{key}`", f"{_words(node, whole)}{default}", words, shown
+    return f"`{key}`", _words(node, whole), words, shown
 
 
 def _words(node, whole):
@@ -111,7 +103,7 @@ def _short(value):
 
 
 def _table(rows):
-    head = ["| key | meaning | allowed | here |", "|---|---|---|---|"]
+    head = ["| key | meaning | allowed | default |", "|---|---|---|---|"]
     return [*head, *(f"| {' | '.join(row)} |" for row in rows), ""]
 
 

@@ -1,7 +1,5 @@
 """The commands: options, one library call, output."""
 
-from pathlib import Path
-
 import click
 
 from gearlib.cli import gears, output, progress
@@ -195,21 +193,11 @@ def trust(pair, tuning, state, periods, output_path, force):
 
 
 @main.command()
-@click.option(
-    "--config",
-    "config_path",
-    type=click.Path(exists=True, dir_okay=False, path_type=Path),
-    default="config.yaml",
-    show_default=True,
-    help="Configuration of the workflow to start from.",
-)
-@click.option("--damping", help="One of its dampings, by name; else the first.")
+@gears.configuration_options
 @click.option("--port", type=int, default=0, help="Port on this machine; any free one by default.")
 @click.option("--show/--no-show", default=True, help="Whether to open a browser.")
-def explore(config_path, damping, port, show):
+def explore(settings, damping, port, show):
     """Explore the gear mesh with sliders, in the browser."""
-    settings = gears.read_config(config_path)
-    damping = gears.choose_damping(settings, damping)
     try:
         from gearlib.explorer import page
     except ModuleNotFoundError as error:

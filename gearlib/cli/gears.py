@@ -1,4 +1,4 @@
-"""From options and a configuration to a model of the gears."""
+"""From options and a file to a configuration and a model of the gears."""
 
 import functools
 from pathlib import Path
@@ -14,6 +14,8 @@ from gearlib.validation import sentences
 
 MODELS = ("one_degree", "six_degrees")
 _DEFAULT_CONFIG = "config.yaml"
+#: Name of the damping that options alone describe.
+_OWN = "damping"
 
 
 class _Gears(GearPairSection):
@@ -23,14 +25,18 @@ class _Gears(GearPairSection):
     backlash_damping: DampingCoefficient = Field(description="k_1m in the backlash, N s/m.")
 
 
-def options(command):
-    """Give a command the options that describe the gears; it is called with the model as `pair`."""
+def configuration_options(command):
+    """Give a command the options that describe the gears.
+
+    It is called with the configuration as `settings` and the name of the damping as `damping`.
+    """
 
     @functools.wraps(command)
-    def wrapped(config_path, damping, model, **rest):
+    def wrapped(config_path, damping, **rest):
         given = {name: rest.pop(name) for name in _Gears.model_fields}
         changes = {name: _number(text) for name, text in given.items() if text is not None}
-        return command(pair=_model(config_path, damping, model, changes), **rest)
+        settings, damping = _configuration(config_path, damping, changes)
+        return command(settings=settings, damping=damping, **rest)
 
     decorators = [
         click.option(
@@ -40,7 +46,6 @@ def options(command):
             help=f"Configuration of the workflow; {_DEFAULT_CONFIG} here, if there is one.",
         ),
         click.option("--damping", help="One of its dampings, by name; else the first."),
-        click.option("--model", type=click.Choice(MODELS), default=MODELS[0], show_default=True),
         *(
             click.option(f"--{name.replace('_', '-')}", name, help=field.description)
             for name, field in _Gears.model_fields.items()
@@ -51,17 +56,28 @@ def options(command):
     return wrapped
 
 
-def _model(config_path, damping, model, changes):
-    """Return the model that the options describe."""
-    # Only here, so that --help does not pay for the numerical stack.
-    from gearlib import GearPair, SixDegreePair
+def options(command):
+    """Give a command the options that describe the gears; it is called with the model as `pair`."""
 
+    @configuration_options
+    @click.option("--model", type=click.Choice(MODELS), default=MODELS[0], show_default=True)
+    @functools.wraps(command)
+    def wrapped(settings, damping, model, **rest):
+        return command(pair=_model(settings, damping, model), **rest)
+
+    return wrapped
+
+
+def _configuration(config_path, damping, changes):
+    """Return the configuration with what the options change, and the name of its damping."""
     if config_path is None and Path(_DEFAULT_CONFIG).exists():
         config_path = Path(_DEFAULT_CONFIG)
-    settings = None if config_path is None else read_config(config_path)
-    values = {}
-    if settings is not None:
-        values = settings.pair_parameters(choose_damping(settings, damping))
+    mapping, values = {}, {}
+    if config_path is not None:
+        mapping = _read(config_path)
+        settings = _load(mapping, config_path)
+        damping = _choose_damping(settings, damping)
+        values = settings.pair_parameters(damping)
     elif damping is not None:
         raise click.UsageError(f"damping = {damping!r} needs a configuration: give --config")
     try:
@@ -69,18 +85,28 @@ def _model(config_path, damping, model, changes):
     except ValidationError as error:
         found = sentences(error.errors(), _Gears.model_json_schema())
         raise click.UsageError("\n".join(found)) from None
-    pair = GearPair(**gears.model_dump())
+    damping = damping or _OWN
+    coefficients = {"material": gears.material_damping, "backlash": gears.backlash_damping}
+    mapping["gear_pair"] = gears.model_dump(include=set(GearPairSection.model_fields))
+    mapping["dampings"] = mapping.get("dampings", {}) | {damping: coefficients}
+    return _load(mapping, "What the options make of the configuration"), damping
+
+
+def _model(settings, damping, model):
+    """Return the model of the gears that a configuration describes."""
+    # Only here, so that --help does not pay for the numerical stack.
+    from gearlib import GearPair, SixDegreePair
+
+    pair = GearPair(**settings.pair_parameters(damping))
     if model == "one_degree":
         return pair
-    if settings is None:
-        raise click.UsageError("model = 'six_degrees' needs a configuration: give --config")
     try:
         return SixDegreePair(pair=pair, **settings.six_degrees.model_dump())
     except ValueError as error:
         raise click.UsageError(str(error)) from None
 
 
-def choose_damping(settings, name):
+def _choose_damping(settings, name):
     """Return the name of a damping of a configuration: the given one, or the first."""
     if name is None:
         return next(iter(settings.dampings))
@@ -91,14 +117,20 @@ def choose_damping(settings, name):
     return name
 
 
-def read_config(path):
-    """Return the checked configuration in a YAML file."""
+def _read(path):
+    """Return the mapping in a YAML file."""
     try:
-        return config.load(yaml.safe_load(path.read_text(encoding="utf-8")))
+        return yaml.safe_load(path.read_text(encoding="utf-8"))
     except yaml.YAMLError as error:
         raise click.UsageError(f"{path} is not YAML: {error}") from None
+
+
+def _load(mapping, name):
+    """Return the checked configuration."""
+    try:
+        return config.load(mapping)
     except config.ConfigError as error:
-        raise click.UsageError(f"{path} is refused.\n{error}") from None
+        raise click.UsageError(f"{name} is refused.\n{error}") from None
 
 
 def _number(text):

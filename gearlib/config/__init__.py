@@ -1,4 +1,4 @@
-"""The typed model of ``config.yaml``: every key, its meaning, its allowed range.
+"""The typed model of ``config.yaml``: every key, its meaning, its allowed range, its default.
 
 ===================  ===================================================
 module               responsibility
@@ -9,9 +9,12 @@ module               responsibility
 ``experiments``      sections of the experiments and of the figures
 ``trials``           sections of the trials of the methods
 ``global_dynamics``  basins, bifurcation diagram, Poincare sections
+``model``            the whole, and what must agree between sections
+``defaults``         defaults that depend on the gears
 ===================  ===================================================
 
-The JSON schema for editors is generated from the model::
+Only ``gear_pair`` and ``dampings`` have no defaults. The JSON schema for editors is generated from
+the model::
 
     python -m gearlib.config --write-schema
 
@@ -23,49 +26,15 @@ import json
 import re
 from functools import cache
 from pathlib import Path
-from typing import Literal
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import ValidationError
 
-from gearlib.config.experiments import (
-    FRICTION_ONLY,
-    SIX_ONLY,
-    AnalyticMethod,
-    Branches,
-    Figures,
-    Jump,
-    Labels,
-    Models,
-    NonlinearDamping,
-    ParametricResonance,
-    PhaseLag,
-    PhasePlanes,
-    ReportPage,
-    Resonance,
-    Scene,
-)
-from gearlib.config.global_dynamics import Basins, Bifurcation, Poincare
-from gearlib.config.mesh import Damping, GearPairSection, Run, SixDegrees
-from gearlib.config.trials import (
-    Failures,
-    JumpByMethod,
-    Published,
-    StabilityChart,
-    SteadyOrbits,
-    WorkPrecision,
-)
-from gearlib.config.types import MAX_JOBS, Name, Section, listing
+from gearlib.config import defaults
+from gearlib.config.model import Config
 from gearlib.validation import sentences, show
 
 #: Where the generated schema lies, seen from the root of the project.
 SCHEMA_PATH = Path("workflow/schemas/config.schema.json")
-
-#: Limits that catch a mistyped step or window before it fills a disk.
-MAX_TUNINGS = 10_000_000
-MAX_SAMPLES = 100_000_000
-#: Samples that a browser takes in: 32 MB of the page.
-MAX_PAGE_SAMPLES = 2_000_000
-
 
 #: Cases are part of the names of rules.
 CASE_NAME = "[A-Za-z][A-Za-z0-9_]*"
@@ -75,233 +44,13 @@ class ConfigError(ValueError):
     """The configuration is refused; the message has one sentence per problem."""
 
 
-Target = Literal[
-    "phase_lag",
-    "resonance",
-    "phase_planes",
-    "scenes",
-    "jump",
-    "branches",
-    "nonlinear_damping",
-    "analytic_method",
-    "models",
-    "parametric_resonance",
-    "stability_chart",
-    "failures",
-    "work_precision",
-    "steady_orbits",
-    "jump_by_method",
-    "published",
-    "basins",
-    "bifurcation",
-    "poincare",
-    "claims",
-    "report_page",
-]
-
-
-class Config(Section):
-    """The configuration of the workflow."""
-
-    # Each section is described by its own docstring.
-    targets: listing(Target, "What `snakemake` without a target computes and draws.")
-    gear_pair: GearPairSection
-    dampings: dict[Name, Damping] = Field(
-        min_length=1, description="The damping combinations, by name."
-    )
-    run: Run
-    resonance: Resonance
-    phase_planes: PhasePlanes
-    phase_lag: PhaseLag
-    jump: Jump
-    nonlinear_damping: NonlinearDamping
-    analytic_method: AnalyticMethod
-    six_degrees: SixDegrees
-    models: Models
-    labels: Labels
-    branches: Branches
-    parametric_resonance: ParametricResonance
-    stability_chart: StabilityChart
-    failures: Failures
-    work_precision: WorkPrecision
-    steady_orbits: SteadyOrbits
-    jump_by_method: JumpByMethod
-    published: Published
-    basins: Basins
-    bifurcation: Bifurcation
-    poincare: Poincare
-    scenes: dict[Name, Scene] = Field(description="Scenes by name, one figure each; may be empty.")
-    report_page: ReportPage
-    figures: Figures
-
-    @model_validator(mode="after")
-    def _check(self):
-        self._check_colours()
-        self._check_size()
-        self._check_report_page()
-        for key in ("jump", "analytic_method", "stability_chart", "jump_by_method"):
-            damping = getattr(self, key).damping
-            if damping not in self.dampings:
-                raise ValueError(
-                    f"{key}.damping = {damping!r} is not allowed: it must be one of "
-                    f"{', '.join(self.dampings)}"
-                )
-        if self.branches.loci.damping not in self.dampings:
-            raise ValueError(
-                f"branches.loci.damping = {self.branches.loci.damping!r} is not allowed: it must "
-                f"be one of {', '.join(self.dampings)}"
-            )
-        for name, scene in self.scenes.items():
-            self._check_scene(f"scenes.{name}", scene)
-        for key in ("basins", "poincare"):
-            self._check_titles(key, getattr(self, key).cases)
-        return self
-
-    def _check_scene(self, key, scene):
-        if scene.periods_shown > self.record_periods:
-            raise ValueError(
-                f"{key}.periods_shown = {scene.periods_shown} is not allowed: it must be an "
-                f"integer from 1 to the {self.record_periods} recorded mesh periods"
-            )
-        alien = SIX_ONLY.intersection(scene.courses)
-        if scene.model == "one_degree" and alien:
-            raise ValueError(
-                f"{key}.courses = {sorted(alien)[0]!r} is not allowed: it must be a course of the "
-                "model one_degree, or the model must be six_degrees"
-            )
-        alien = FRICTION_ONLY.intersection(scene.courses)
-        if scene.model == "six_degrees_plain" and alien:
-            raise ValueError(
-                f"{key}.courses = {sorted(alien)[0]!r} is not allowed: it must be a course of the "
-                "model six_degrees_plain, which has no friction, or the model must be six_degrees"
-            )
-        self._check_titles(key, scene.cases)
-        for i, case in enumerate(scene.cases):
-            if case.damping not in self.dampings:
-                raise ValueError(
-                    f"{key}.cases[{i}].damping = {case.damping!r} is not allowed: it must be one "
-                    f"of {', '.join(self.dampings)}"
-                )
-
-    @staticmethod
-    def _check_titles(key, cases):
-        titles = [case.title for case in cases]
-        for i, title in enumerate(titles):
-            if titles.count(title) > 1:
-                raise ValueError(
-                    f"{key}.cases[{i}].title = {title!r} is not allowed: titles must be all "
-                    "different"
-                )
-
-    def _check_colours(self):
-        for name in self.dampings:
-            if name not in self.figures.colours:
-                raise ValueError(
-                    f"figures.colours.{name} is missing: every damping needs a colour '#rrggbb'"
-                )
-        for name, colour in self.figures.colours.items():
-            if name not in self.dampings:
-                raise ValueError(
-                    f"figures.colours.{name} = {colour!r} is not allowed: its name must be one of "
-                    f"the dampings {', '.join(self.dampings)}"
-                )
-
-    def _check_report_page(self):
-        page = self.report_page
-        if page.periods_shown > self.record_periods:
-            raise ValueError(
-                f"report_page.periods_shown = {page.periods_shown} is not allowed: it must be an "
-                f"integer from 1 to the {self.record_periods} recorded mesh periods"
-            )
-        samples = len(self.dampings) * page.count() * page.periods_shown * page.samples_per_period
-        if samples > MAX_PAGE_SAMPLES:
-            raise ValueError(
-                f"report_page.samples_per_period = {page.samples_per_period} is not allowed: all "
-                f"orbits of the page have {samples:,} samples, which must be <= "
-                f"{MAX_PAGE_SAMPLES:,}"
-            )
-
-    def _check_size(self):
-        resonance, run = self.resonance, self.run
-        span = resonance.stop - resonance.start
-        copies = len(self.dampings) * len(resonance.directions)
-        if copies * resonance.count() > MAX_TUNINGS:
-            raise ValueError(
-                f"resonance.step = {resonance.step!r} is not allowed: it must be >= "
-                f"{copies * span / MAX_TUNINGS:.2g} to stay within {MAX_TUNINGS:,} runs in all"
-            )
-        if len(self.dampings) * span / resonance.window > MAX_JOBS:
-            raise ValueError(
-                f"resonance.window = {resonance.window!r} is not allowed: it must be >= "
-                f"{len(self.dampings) * span / MAX_JOBS:.2g} to stay within {MAX_JOBS:,} jobs"
-            )
-        planes = len(self.dampings) * len(self.phase_planes.tunings)
-        if planes > MAX_JOBS:
-            raise ValueError(
-                f"phase_planes.tunings has {len(self.phase_planes.tunings):,} entries: there must "
-                f"be from 1 to {MAX_JOBS // len(self.dampings):,} to stay within {MAX_JOBS:,} jobs"
-            )
-        # Two samples a period resolve a harmonic; its lag wants a few more.
-        if 8 * self.phase_lag.harmonics > run.samples_per_period:
-            raise ValueError(
-                f"phase_lag.harmonics = {self.phase_lag.harmonics} is not allowed: it must be an "
-                f"integer from 1 to run.samples_per_period / 8 = {run.samples_per_period // 8}"
-            )
-        samples = planes * self.record_periods * run.samples_per_period
-        if samples > MAX_SAMPLES:
-            raise ValueError(
-                f"run.samples_per_period = {run.samples_per_period} with run.recorded_revolutions "
-                f"= {run.recorded_revolutions} is not allowed: the samples of all phase planes, "
-                f"{samples:,}, must be <= {MAX_SAMPLES:,}"
-            )
-
-    @property
-    def periods(self):
-        """Mesh periods of every run."""
-        return self.run.revolutions * self.gear_pair.teeth
-
-    @property
-    def record_periods(self):
-        """Recorded mesh periods, the last ones of every run."""
-        return self.run.recorded_revolutions * self.gear_pair.teeth
-
-    def pair_parameters(self, damping):
-        """Return the keyword arguments of `gearlib.GearPair` for one damping, by its name."""
-        return self.damped_parameters(self.dampings[damping])
-
-    def damped_parameters(self, damping):
-        """Return the keyword arguments of `gearlib.GearPair` for a `Damping`."""
-        return self.gear_pair.model_dump() | {
-            "material_damping": damping.material,
-            "backlash_damping": damping.backlash,
-        }
-
-    def global_parameters(self, case):
-        """Return the keyword arguments of `gearlib.GearPair` for a case of the global picture."""
-        return self.damped_parameters(case.damping) | case.change.model_dump(exclude_unset=True)
-
-    def candidates(self, scene):
-        """Return the models that can carry a scene, the smallest first."""
-        if scene.model != "smallest":
-            return [scene.model]
-        courses = set(scene.courses)
-        if courses & FRICTION_ONLY:
-            return ["six_degrees"]
-        six = ["six_degrees_plain", "six_degrees"]
-        return six if courses & SIX_ONLY else ["one_degree", *six]
-
-    def case_parameters(self, case):
-        """Return the keyword arguments of `gearlib.GearPair` for one case of a scene."""
-        return self.pair_parameters(case.damping) | case.change.model_dump(exclude_unset=True)
-
-
 def load(mapping):
     """Return the checked configuration.
 
     Parameters
     ----------
     mapping : dict
-        What was read from YAML.
+        What was read from YAML; only ``gear_pair`` and ``dampings`` must be in it.
 
     Raises
     ------
@@ -309,7 +58,7 @@ def load(mapping):
         With one sentence per problem, which names key, value and allowed range.
     """
     try:
-        return Config.model_validate(mapping)
+        return Config.model_validate(defaults.filled(mapping))
     except ValidationError as error:
         raise ConfigError("\n".join(sentences(error.errors(), schema()))) from None
 
@@ -353,7 +102,7 @@ def cases(mapping):
                 "that differ"
             )
             continue
-        found[name] = _laid_over(common, change)
+        found[name] = defaults.laid_over(common, change)
         try:
             load(found[name])
         except ConfigError as error:
@@ -363,19 +112,12 @@ def cases(mapping):
     return found
 
 
-def _laid_over(base, change):
-    """Return a copy of `base` with the keys of `change`; mappings are laid over each other."""
-    both = dict(base)
-    for key, value in change.items():
-        inner = isinstance(value, dict) and isinstance(base.get(key), dict)
-        both[key] = _laid_over(base[key], value) if inner else value
-    return both
-
-
 @cache
 def schema():
     """Return the JSON schema of the configuration as a dict."""
-    return Config.model_json_schema()
+    whole = Config.model_json_schema()
+    defaults.release(whole)
+    return whole
 
 
 def schema_text():

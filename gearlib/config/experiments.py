@@ -9,6 +9,7 @@ from gearlib.config.mesh import MeshCase
 from gearlib.config.types import (
     Colour,
     DampingCoefficient,
+    DampingName,
     Finite,
     Grid,
     Name,
@@ -16,27 +17,31 @@ from gearlib.config.types import (
     Positive,
     PositiveDampingCoefficient,
     Section,
+    Start,
+    Step,
+    Stop,
     Tuning,
+    integer_within,
     listing,
     number_within,
 )
 
-Harmonic = Annotated[int, Field(ge=1, le=1000)]
+Harmonic = integer_within(ge=1, le=1000)
 
 
 class Resonance(Section):
     """The resonance characteristic (Fig. 3): a grid of tunings, computed in windows."""
 
-    start: Tuning = Field(description="First tuning nu.")
-    stop: Tuning = Field(description="Last tuning; start + a whole multiple of step.")
-    step: number_within(gt=0, le=10) = Field(description="Distance of the tunings.")
+    start: Start = 0.5
+    stop: Stop = 1.4
+    step: Step = 0.0005
     window: number_within(gt=0, le=100) = Field(
-        description="Tunings of one job of a cold sweep; a whole multiple of step."
+        default=0.9, description="Tunings of one job of a cold sweep; a whole multiple of step."
     )
     directions: listing(
         Literal["cold", "up", "down"],
         "cold: every tuning from the initial state; up, down: the state is carried along.",
-    )
+    ) = ["cold", "up", "down"]
 
     @model_validator(mode="after")
     def _check(self):
@@ -74,7 +79,14 @@ class Resonance(Section):
 class PhasePlanes(Section):
     """The phase planes (Fig. 5): one run for each tuning and damping."""
 
-    tunings: listing(Tuning, "Tunings nu, one row of phase planes each.")
+    tunings: listing(Tuning, "Tunings nu, one row of phase planes each.") = [
+        0.6,
+        0.66,
+        0.78,
+        0.8,
+        0.81,
+        0.82,
+    ]
 
 
 class PhaseLag(Grid):
@@ -82,10 +94,20 @@ class PhaseLag(Grid):
 
     key: ClassVar = "phase_lag"
 
-    material_dampings: listing(DampingCoefficient, "Material damping k_1 of each curve, N s/m.")
-    tuning: Tuning = Field(description="Tuning of the courses.")
-    harmonics: int = Field(ge=1, le=20, description="Harmonics of the mesh period measured.")
-    periods: int = Field(ge=1, le=1_000_000, description="Mesh periods of a run, to settle.")
+    start: Start = 0.56
+    stop: Stop = 0.79
+    step: Step = 0.005
+    material_dampings: listing(
+        DampingCoefficient,
+        "Material damping k_1 of each curve, N s/m. Default: the largest, and a hundredth of it.",
+    )
+    tuning: Tuning = Field(default=0.72, description="Tuning of the courses.")
+    harmonics: integer_within(ge=1, le=20) = Field(
+        default=5, description="Harmonics of the mesh period measured."
+    )
+    periods: integer_within(ge=1, le=1_000_000) = Field(
+        default=6000, description="Mesh periods of a run, to settle."
+    )
 
 
 class Jump(Grid):
@@ -93,22 +115,49 @@ class Jump(Grid):
 
     key: ClassVar = "jump"
 
-    damping: Name = Field(
-        description="One of the dampings.", json_schema_extra={"$comment": "one of the dampings"}
-    )
+    start: Start = 0.78
+    stop: Stop = 0.86
+    step: Step = 0.001
+    damping: DampingName
     resolution: number_within(gt=0, le=0.1) = Field(
-        description="Width of the tuning interval to which the jump is bisected."
+        default=1e-08, description="Width of the tuning interval to which the jump is bisected."
     )
-    harmonics: listing(Harmonic, "Numbers of stiffness harmonics instead of the full rectangle.")
-    factors: listing(Positive, "Factors on the damping, and on the backlash.")
-    displacements: listing(Finite, "Other initial displacements, static deflections.")
-    velocities: listing(Finite, "Other initial velocities, static deflections per radian.")
+    harmonics: listing(
+        Harmonic, "Numbers of stiffness harmonics instead of the full rectangle."
+    ) = [1, 2, 3, 5, 10, 20]
+    factors: listing(Positive, "Factors on the damping, and on the backlash.") = [
+        0.5,
+        0.8,
+        0.9,
+        0.95,
+        1.05,
+        1.1,
+        1.25,
+        2.0,
+    ]
+    displacements: listing(Finite, "Other initial displacements, static deflections.") = [
+        -1.0,
+        -0.5,
+        -0.1,
+        0.1,
+        0.5,
+        1.0,
+        2.0,
+    ]
+    velocities: listing(Finite, "Other initial velocities, static deflections per radian.") = [
+        -1.0,
+        -0.5,
+        -0.1,
+        0.1,
+        0.5,
+        1.0,
+    ]
     tolerances: listing(
         number_within(gt=0, le=0.1), "Relative tolerances of a 4(5) pair without event location."
-    )
+    ) = [1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8]
 
 
-Harmonics = Annotated[int, Field(ge=1, le=100_000)]
+Harmonics = integer_within(ge=1, le=100_000)
 
 
 class AnalyticMethod(Grid):
@@ -116,18 +165,36 @@ class AnalyticMethod(Grid):
 
     key: ClassVar = "analytic_method"
 
-    damping: Name = Field(
-        description="One of the dampings.", json_schema_extra={"$comment": "one of the dampings"}
+    start: Start = 0.3
+    stop: Stop = 1.5
+    step: Step = 0.02
+    damping: DampingName
+    shown: listing(Tuning, "Tunings of the iterations and of the errors.") = [0.45, 0.7, 1.0]
+    iterations: integer_within(ge=1, le=1000) = Field(default=40, description="Iterations shown.")
+    iteration_harmonics: integer_within(ge=8, le=100_000) = Field(
+        default=512, description="Harmonics of the iterations shown."
     )
-    shown: listing(Tuning, "Tunings of the iterations and of the errors.")
-    iterations: int = Field(ge=1, le=1000, description="Iterations shown.")
-    iteration_harmonics: int = Field(
-        ge=8, le=100_000, description="Harmonics of the iterations shown."
+    harmonics: integer_within(ge=8, le=512) = Field(
+        default=32, description="Harmonics of the range and of the curve."
     )
-    harmonics: int = Field(ge=8, le=512, description="Harmonics of the range and of the curve.")
-    most_degenerate: int = Field(ge=0, le=8, description="Degenerate harmonics at most.")
-    balance_harmonics: listing(Harmonics, "Of the errors of harmonic balance.")
-    schmidt_harmonics: listing(Harmonics, "Of the errors of E. Schmidt's method.")
+    most_degenerate: integer_within(ge=0, le=8) = Field(
+        default=5, description="Degenerate harmonics at most."
+    )
+    balance_harmonics: listing(Harmonics, "Of the errors of harmonic balance.") = [
+        4,
+        8,
+        16,
+        32,
+        64,
+        128,
+    ]
+    schmidt_harmonics: listing(Harmonics, "Of the errors of E. Schmidt's method.") = [
+        8,
+        32,
+        128,
+        512,
+        2048,
+    ]
 
 
 class NonlinearDamping(Grid):
@@ -135,14 +202,22 @@ class NonlinearDamping(Grid):
 
     key: ClassVar = "nonlinear_damping"
 
+    start: Start = 0.5
+    stop: Stop = 1.4
+    step: Step = 0.004
     damping: PositiveDampingCoefficient = Field(
-        description="Linear coefficient all are equivalent to, N s/m."
+        description=(
+            "Linear coefficient all are equivalent to, N s/m. Default: the largest of the dampings."
+        )
     )
     amplitude: Positive = Field(
-        description="Amplitude of the harmonic motion at which they are, static deflections."
+        default=1.0,
+        description="Amplitude of the harmonic motion at which they are, static deflections.",
     )
-    tuning: Tuning = Field(description="Tuning that gives the frequency of that motion.")
-    shown: listing(Tuning, "Tunings of the phase planes.")
+    tuning: Tuning = Field(
+        default=0.8, description="Tuning that gives the frequency of that motion."
+    )
+    shown: listing(Tuning, "Tunings of the phase planes.") = [0.78, 0.82, 0.95]
 
 
 class ParametricResonance(Grid):
@@ -150,17 +225,21 @@ class ParametricResonance(Grid):
 
     key: ClassVar = "parametric_resonance"
 
-    asked: Tuning = Field(description="Tuning that the sentence about the singular region is on.")
-    start: Tuning = Field(ge=0.05, description="First tuning of the chart.")
-    values: int = Field(
-        ge=2, le=10_000, description="Values of the stiffness ratio, contact ratio and damping."
+    start: Tuning = Field(default=0.3, ge=0.05, description="First tuning of the chart.")
+    stop: Stop = 2.4
+    step: Step = 0.005
+    asked: Tuning = Field(
+        default=0.66, description="Tuning that the sentence about the singular region is on."
+    )
+    values: integer_within(ge=2, le=10_000) = Field(
+        default=161, description="Values of the stiffness ratio, contact ratio and damping."
     )
     least_stiffness_ratio: number_within(ge=0.001, lt=1) = Field(
-        description="Smallest stiffness ratio of the chart."
+        default=0.2, description="Smallest stiffness ratio of the chart."
     )
     damping_ratios: listing(
         NonNegative, "Damping ratios whose tongues are drawn; the first one has the shades."
-    )
+    ) = [0.0, 0.01, 0.03, 0.0617]
 
 
 class Labels(Grid):
@@ -168,27 +247,30 @@ class Labels(Grid):
 
     key: ClassVar = "labels"
 
-    periods: int = Field(ge=1, le=1_000_000, description="Mesh periods of a run, to settle.")
-    exponent_periods: int = Field(
-        ge=20, le=1_000_000, description="Mesh periods over which the exponent is averaged."
+    start: Start = 0.5
+    stop: Stop = 1.4
+    step: Step = 0.01
+    periods: integer_within(ge=1, le=1_000_000) = Field(
+        default=1500, description="Mesh periods of a run, to settle."
+    )
+    exponent_periods: integer_within(ge=20, le=1_000_000) = Field(
+        default=2000, description="Mesh periods over which the exponent is averaged."
     )
     disturbance: Positive = Field(
-        description="Added to the initial displacement in the disturbed run, static deflections."
+        default=0.001,
+        description="Added to the initial displacement in the disturbed run, static deflections.",
     )
 
 
 class LociSection(Section):
-    """Special points over tuning and material damping."""
+    """Special points over tuning and material damping, those of the labelled branch."""
 
-    damping: Name = Field(
-        description="One of the dampings: its branch is labelled and begins the loci.",
-        json_schema_extra={"$comment": "one of the dampings"},
-    )
+    damping: DampingName
     lowest: number_within(ge=0, le=10) = Field(
-        description="Damping ratio at which the loci end below."
+        default=0.005, description="Damping ratio at which the loci end below."
     )
     highest: number_within(gt=0, le=10) = Field(
-        description="Damping ratio at which the loci end above."
+        default=0.2, description="Damping ratio at which the loci end above."
     )
 
     @model_validator(mode="after")
@@ -204,15 +286,18 @@ class LociSection(Section):
 class Branches(Section):
     """Branches of periodic orbits behind Fig. 3, and their special points over the damping."""
 
-    start: Tuning = Field(description="Tuning at which the branches begin.")
-    stop: Tuning = Field(description="Tuning at which they end.")
+    start: Tuning = Field(default=0.5, description="Tuning at which the branches begin.")
+    stop: Tuning = Field(default=1.4, description="Tuning at which they end.")
     step: number_within(gt=0, le=1) = Field(
-        description="Largest step, static deflections; from start to stop counts as one."
+        default=0.05,
+        description="Largest step, static deflections; from start to stop counts as one.",
     )
     max_height: Positive = Field(
-        description="Height of orbits at which a branch ends, static deflections."
+        default=20.0, description="Height of orbits at which a branch ends, static deflections."
     )
-    max_points: int = Field(ge=2, le=1_000_000, description="Most points of one branch.")
+    max_points: integer_within(ge=2, le=1_000_000) = Field(
+        default=2000, description="Most points of one branch."
+    )
     loci: LociSection
 
     @model_validator(mode="after")
@@ -228,7 +313,9 @@ class Branches(Section):
 class Models(Section):
     """The comparison of models: what more than the smallest one would change in a scene."""
 
-    harmonics: Harmonic = Field(description="Harmonics of the truncated stiffness compared with.")
+    harmonics: Harmonic = Field(
+        default=20, description="Harmonics of the truncated stiffness compared with."
+    )
 
 
 Course = Literal[
@@ -264,9 +351,7 @@ Observable = Literal[
 class Case(MeshCase):
     """One run of a scene: a column of its figure."""
 
-    damping: Name = Field(
-        description="One of the dampings.", json_schema_extra={"$comment": "one of the dampings"}
-    )
+    damping: Annotated[DampingName, Field(description="One of the dampings.")]
 
 
 class Scene(Section):
@@ -289,7 +374,9 @@ class Scene(Section):
         list[Case], Field(min_length=1, max_length=6, description="The runs, a column each.")
     ]
     courses: listing(Course, "Time courses below the phase plane, from above.")
-    periods_shown: int = Field(ge=1, le=1000, description="Mesh periods shown, the last ones.")
+    periods_shown: integer_within(ge=1, le=1000) = Field(
+        description="Mesh periods shown, the last ones."
+    )
 
 
 class ReportPage(Grid):
@@ -297,9 +384,14 @@ class ReportPage(Grid):
 
     key: ClassVar = "report_page"
 
-    periods_shown: int = Field(ge=1, le=100, description="Mesh periods shown, the last ones.")
-    samples_per_period: int = Field(
-        ge=8, le=4096, description="Samples per mesh period; the page grows with them."
+    start: Start = 0.5
+    stop: Stop = 1.4
+    step: Step = 0.005
+    periods_shown: integer_within(ge=1, le=100) = Field(
+        default=2, description="Mesh periods shown, the last ones."
+    )
+    samples_per_period: integer_within(ge=8, le=4096) = Field(
+        default=128, description="Samples per mesh period; the page grows with them."
     )
 
     def count(self):
@@ -310,6 +402,10 @@ class ReportPage(Grid):
 class Figures(Section):
     """How the figures are drawn; no computation depends on it."""
 
-    formats: listing(Literal["png", "pdf", "svg"], "File formats of every figure.")
-    dpi: int = Field(ge=50, le=1200, description="Resolution of pixel formats, dots per inch.")
-    colours: dict[Name, Colour] = Field(description="Colour of each damping, '#rrggbb'.")
+    formats: listing(Literal["png", "pdf", "svg"], "File formats of every figure.") = ["png", "pdf"]
+    dpi: integer_within(ge=50, le=1200) = Field(
+        default=200, description="Resolution of pixel formats, dots per inch."
+    )
+    colours: dict[Name, Colour] = Field(
+        default={}, description="Colour of each damping, '#rrggbb'. Default: one of a palette."
+    )

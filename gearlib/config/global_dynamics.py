@@ -9,7 +9,11 @@ from gearlib.config.types import (
     Finite,
     Grid,
     Section,
+    Start,
+    Step,
+    Stop,
     check_grid,
+    integer_within,
     number_within,
     numbers,
 )
@@ -47,17 +51,30 @@ class SectionCase(GlobalCase):
     """One panel of the Poincare sections."""
 
     phase: number_within(ge=0, lt=360) = Field(description="Mesh phase of the section, degrees.")
-    settle: int = Field(ge=0, le=1_000_000, description="Mesh periods before the section.")
+    settle: integer_within(ge=0, le=1_000_000) = Field(
+        description="Mesh periods before the section."
+    )
 
 
 class Basins(Section):
     """Basins of attraction: to which orbit the motion from each initial state comes."""
 
-    cases: Annotated[list[GlobalCase], Field(min_length=1, max_length=12, description="Panels.")]
-    displacement: Range
-    velocity: Range
-    count: int = Field(ge=2, le=5000, description="Initial states in each direction.")
-    periods: int = Field(ge=1, le=1_000_000, description="Mesh periods of a run.")
+    cases: Annotated[
+        list[GlobalCase],
+        Field(
+            min_length=1,
+            max_length=12,
+            description="Panels. Default: tuning 0.72, each of the dampings that damps.",
+        ),
+    ]
+    displacement: Range = [-6.0, 6.0]
+    velocity: Range = [-6.0, 6.0]
+    count: integer_within(ge=2, le=5000) = Field(
+        default=240, description="Initial states in each direction."
+    )
+    periods: integer_within(ge=1, le=1_000_000) = Field(
+        default=400, description="Mesh periods of a run."
+    )
 
     @model_validator(mode="after")
     def _check(self):
@@ -72,20 +89,34 @@ class Bifurcation(Grid):
 
     key: ClassVar = "bifurcation"
 
-    damping: Damping
+    start: Start = 0.45
+    stop: Stop = 0.95
+    step: Step = 0.001
+    damping: Annotated[Damping, Field(description="Default: the first one that damps.")]
     share_step: number_within(gt=0, le=10) = Field(
-        description="Distance of the tunings of the shares; stop is start + a multiple of it."
+        default=0.01,
+        description="Distance of the tunings of the shares; stop is start + a multiple of it.",
     )
-    settle: int = Field(ge=0, le=1_000_000, description="Mesh periods before the record.")
-    strobes: int = Field(ge=1, le=10_000, description="Stroboscopic states recorded.")
-    starts: int = Field(ge=0, le=1000, description="Random initial states besides up and down.")
-    exponent_periods: int = Field(
-        ge=20, le=1_000_000, description="Mesh periods over which an exponent is averaged."
+    settle: integer_within(ge=0, le=1_000_000) = Field(
+        default=400, description="Mesh periods before the record."
     )
-    displacement: Range
-    velocity: Range
-    samples: int = Field(ge=1, le=1_000_000, description="Initial states of the shares.")
-    periods: int = Field(ge=1, le=1_000_000, description="Mesh periods of their runs.")
+    strobes: integer_within(ge=1, le=10_000) = Field(
+        default=48, description="Stroboscopic states recorded."
+    )
+    starts: integer_within(ge=0, le=1000) = Field(
+        default=8, description="Random initial states besides up and down."
+    )
+    exponent_periods: integer_within(ge=20, le=1_000_000) = Field(
+        default=800, description="Mesh periods over which an exponent is averaged."
+    )
+    displacement: Range = [-6.0, 6.0]
+    velocity: Range = [-6.0, 6.0]
+    samples: integer_within(ge=1, le=1_000_000) = Field(
+        default=400, description="Initial states of the shares."
+    )
+    periods: integer_within(ge=1, le=1_000_000) = Field(
+        default=400, description="Mesh periods of their runs."
+    )
 
     @model_validator(mode="after")
     def _check(self):
@@ -98,11 +129,22 @@ class Bifurcation(Grid):
 class Poincare(Section):
     """Poincare sections: states of many orbits at one mesh phase of every period."""
 
-    cases: Annotated[list[SectionCase], Field(min_length=1, max_length=12, description="Panels.")]
-    displacement: Range
-    velocity: Range
-    orbits: int = Field(ge=1, le=10_000, description="Random initial states.")
-    periods: int = Field(ge=20, le=1_000_000, description="Mesh periods of the section.")
+    cases: Annotated[
+        list[SectionCase],
+        Field(
+            min_length=1,
+            max_length=12,
+            description="Panels. Default: tuning 0.66, each of the dampings.",
+        ),
+    ]
+    displacement: Range = [-5.0, 6.0]
+    velocity: Range = [-6.0, 6.0]
+    orbits: integer_within(ge=1, le=10_000) = Field(
+        default=60, description="Random initial states."
+    )
+    periods: integer_within(ge=20, le=1_000_000) = Field(
+        default=600, description="Mesh periods of the section."
+    )
 
     @model_validator(mode="after")
     def _check(self):

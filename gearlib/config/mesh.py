@@ -17,7 +17,9 @@ from gearlib.config.types import (
     Section,
     Stiffness,
     StiffnessRatio,
+    Truth,
     Tuning,
+    integer_within,
     numbers,
 )
 
@@ -35,7 +37,9 @@ class GearPairSection(Section):
     backlash: Backlash = Field(
         description="Backlash s_k, m; .inf for a pair without a second flank."
     )
-    teeth: int = Field(ge=1, le=10_000, description="Teeth: mesh periods per revolution.")
+    teeth: integer_within(ge=1, le=10_000) = Field(
+        description="Teeth: mesh periods per revolution."
+    )
 
 
 class Change(Section):
@@ -61,8 +65,8 @@ class Damping(Section):
 class State(Section):
     """State at the start, tau = 0: the middle of the C_max stretch."""
 
-    displacement: Finite = Field(description="x, in static deflections.")
-    velocity: Finite = Field(description="dx/dtau, in static deflections per radian.")
+    displacement: Finite = Field(default=0.0, description="x, in static deflections.")
+    velocity: Finite = Field(default=0.0, description="dx/dtau, in static deflections per radian.")
 
 
 class MeshCase(Section):
@@ -83,14 +87,16 @@ class MeshCase(Section):
 class Run(Section):
     """Length and record of every run."""
 
-    revolutions: int = Field(ge=1, le=1_000_000, description="Revolutions of every run.")
-    recorded_revolutions: int = Field(
-        ge=1, description="The last ones, which are evaluated; at most `revolutions`."
+    revolutions: integer_within(ge=1, le=1_000_000) = Field(
+        default=5, description="Revolutions of every run."
     )
-    samples_per_period: int = Field(
-        ge=8, le=65_536, description="Samples of a recorded mesh period in the phase planes."
+    recorded_revolutions: integer_within(ge=1) = Field(
+        default=1, description="The last ones, which are evaluated; at most `revolutions`."
     )
-    initial_state: State = Field(description="State from which cold runs start.")
+    samples_per_period: integer_within(ge=8, le=65_536) = Field(
+        default=256, description="Samples of a recorded mesh period in the phase planes."
+    )
+    initial_state: State = Field(default=State(), description="State from which cold runs start.")
 
     @model_validator(mode="after")
     def _check(self):
@@ -103,18 +109,37 @@ class Run(Section):
 
 
 class SixDegrees(Section):
-    """What six degrees of freedom need beyond the gear pair, SI; gear 3 first, then gear 2."""
+    """What six degrees of freedom need beyond the gear pair, SI; gear 3 first, then gear 2.
 
-    base_radii: numbers(Length, 2, "Rb3, Rb2, m.")
-    inertias: numbers(Inertia, 2, "J3, J2, kg m^2.")
-    masses: numbers(Mass, 2, "m3, m2, kg.")
-    bearing_stiffness: numbers(Stiffness, 4, "C3y, C3z, C2y, C2z, N/m.")
-    bearing_damping: numbers(DampingCoefficient, 4, "k3y, k3z, k2y, k2z, N s/m.")
-    eccentricities: numbers(RunOut, 2, "e3, e2, run-out of the pitch circles, m.")
-    run_out_phase: Angle = Field(description="Delta, relative phase of the run-out, rad.")
-    friction: numbers(NonNegative, 2, "Coefficients of friction in normal and inverse mesh.")
-    pitch_phase: Angle = Field(description="Mesh phase of the pitch point, rad.")
-    moving_backlash: bool = Field(
+    The defaults are those of equal gears on soft bearings: a choice, not a guess at real ones.
+    """
+
+    base_radii: numbers(Length, 2, "Rb3, Rb2, m. Default: 0.1 m.")
+    inertias: numbers(Inertia, 2, "J3, J2, kg m^2. Default: 3 Rb^2 reduced_mass.")
+    masses: numbers(
+        Mass, 2, "m3, m2, kg. Default: 6 reduced_mass; radii, inertias and masses come together."
+    )
+    bearing_stiffness: numbers(
+        Stiffness, 4, "C3y, C3z, C2y, C2z, N/m. Default: max_stiffness / 40."
+    )
+    bearing_damping: numbers(
+        DampingCoefficient, 4, "k3y, k3z, k2y, k2z, N s/m. Default: a damping ratio of 2 %."
+    )
+    eccentricities: numbers(
+        RunOut,
+        2,
+        "e3, e2, run-out of the pitch circles, m. Default: 0.8 static deflections, at most a "
+        "fifth of the backlash.",
+    )
+    run_out_phase: Angle = Field(
+        default=0.0, description="Delta, relative phase of the run-out, rad."
+    )
+    friction: numbers(NonNegative, 2, "Coefficients of friction in normal and inverse mesh.") = [
+        0.05,
+        0.05,
+    ]
+    pitch_phase: Angle = Field(default=0.0, description="Mesh phase of the pitch point, rad.")
+    moving_backlash: Truth = Field(
+        default=True,
         description="true: the far flank moves as in Eq. (4); false: it stays s_k behind y = 0.",
-        json_schema_extra={"$comment": "true or false"},
     )

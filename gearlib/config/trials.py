@@ -1,11 +1,12 @@
 """Sections that describe the trials of the methods."""
 
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal, get_args
 
 from pydantic import Field, model_validator
 
 from gearlib.config.types import (
     CubicDamping,
+    DampingName,
     Finite,
     Grid,
     Name,
@@ -13,11 +14,15 @@ from gearlib.config.types import (
     Positive,
     PositiveDampingCoefficient,
     Section,
+    Start,
+    Step,
+    Stop,
+    integer_within,
     listing,
     number_within,
 )
 
-Steps = Annotated[int, Field(ge=1, le=100_000)]
+Steps = integer_within(ge=1, le=100_000)
 
 
 #: Names of `gearlib.methods()`, kept here so that a start need not load the numerical stack.
@@ -62,15 +67,44 @@ class StabilityChart(Grid):
 
     key: ClassVar = "stability_chart"
 
-    damping: Name = Field(
-        description="One of the dampings.", json_schema_extra={"$comment": "one of the dampings"}
-    )
+    start: Start = 0.2
+    stop: Stop = 2.6
+    step: Step = 0.02
+    damping: DampingName
     fine_step: number_within(gt=0, le=10) = Field(
-        description="Distance of the tunings of the true radius."
+        default=0.002, description="Distance of the tunings of the true radius."
     )
-    steps: listing(Steps, "Steps per mesh period.")
+    steps: listing(Steps, "Steps per mesh period.") = [
+        4,
+        5,
+        6,
+        8,
+        10,
+        12,
+        16,
+        20,
+        24,
+        32,
+        48,
+        64,
+        96,
+        128,
+        192,
+        256,
+    ]
     methods: dict[Name, FixedStepMethod] = Field(
-        min_length=1, description="The methods, by the name in the picture."
+        default={
+            "rk4": FixedStepMethod(method="rk4"),
+            "newmark": FixedStepMethod(method="newmark"),
+            "generalised_alpha": FixedStepMethod(
+                method="generalised_alpha", options={"spectral_radius": 0.8}
+            ),
+            "generalised_alpha-0": FixedStepMethod(
+                method="generalised_alpha", options={"spectral_radius": 0.0}
+            ),
+        },
+        min_length=1,
+        description="The methods, by the name in the picture.",
     )
 
 
@@ -87,12 +121,34 @@ class Trial(Section):
     )
 
 
+def _trial(name, method, **options):
+    return Trial(name=name, method=method, options=options)
+
+
 class Failures(Section):
     """The methods that are put to the hostile problems of `gearlib.trials.hostile`."""
 
     trials: Annotated[
         list[Trial],
         Field(min_length=1, max_length=40, description="The methods, a column of the figure each."),
+    ] = [
+        _trial("exact", "exact"),
+        _trial("taylor", "taylor"),
+        _trial("rk4-200", "rk4", steps_per_period=200),
+        _trial("rk4-2000", "rk4", steps_per_period=2000),
+        _trial("rk45", "rk45"),
+        _trial("rk45-1e-8", "rk45", rtol=1e-8, atol=1e-10),
+        _trial("newmark", "newmark"),
+        _trial("alpha-frozen", "generalised_alpha", contact="frozen"),
+        _trial("alpha-iterated", "generalised_alpha", contact="iterated"),
+        _trial("scipy-RK45", "scipy"),
+        _trial("scipy-DOP853", "scipy", solver="DOP853", rtol=1e-9, atol=1e-9),
+        _trial("DOP853-split", "scipy", solver="DOP853", rtol=1e-10, atol=1e-10, events=True),
+        _trial("scipy-LSODA", "scipy", solver="LSODA", rtol=1e-6, atol=1e-9),
+        _trial("scipy-Radau", "scipy", solver="Radau"),
+        _trial("smoothed", "smoothed"),
+        _trial("heyoka", "heyoka"),
+        _trial("cvode", "cvode"),
     ]
 
     @model_validator(mode="after")
@@ -113,44 +169,53 @@ Problem = Literal["smooth", "bouncing", "near_fold", "conservative", "six_degree
 class WorkPrecision(Section):
     """Errors of the methods on test problems, against evaluations and wall time."""
 
-    methods: listing(MethodName, "Names of `gearlib.methods()`.")
-    problems: listing(Problem, "Test problems, see gearlib/trials/problems.py.")
+    methods: listing(MethodName, "Names of `gearlib.methods()`.") = list(get_args(MethodName))
+    problems: listing(Problem, "Test problems, see gearlib/trials/problems.py.") = list(
+        get_args(Problem)
+    )
     damping: PositiveDampingCoefficient = Field(
-        description="Linear damping where a problem has any, N s/m."
+        description="Linear damping where a problem has any, N s/m. Default: the largest one."
     )
     cubic_damping: CubicDamping = Field(
-        description="Cubic damping of the problem cubic, N s^3/m^3."
+        description=(
+            "Cubic damping of the problem cubic, N s^3/m^3. Default: the one that has the force of "
+            "`damping` at the velocity static deflection * mean eigenfrequency."
+        )
     )
-    periods: int = Field(ge=1, le=10_000, description="Mesh periods of a run.")
-    conservative_periods: int = Field(
-        ge=1, le=10_000, description="The same without damping, where rounding errors grow fast."
+    periods: integer_within(ge=1, le=10_000) = Field(
+        default=20, description="Mesh periods of a run."
     )
-    record_periods: int = Field(
-        ge=1, le=100, description="The last ones, whose events are compared; at most those run."
+    conservative_periods: integer_within(ge=1, le=10_000) = Field(
+        default=3, description="The same without damping, where rounding errors grow fast."
     )
-    repeats: int = Field(
-        ge=1, le=1000, description="Timed runs at most, of which the median counts."
+    record_periods: integer_within(ge=1, le=100) = Field(
+        default=3, description="The last ones, whose events are compared; at most those run."
+    )
+    repeats: integer_within(ge=1, le=1000) = Field(
+        default=9, description="Timed runs at most, of which the median counts."
     )
 
 
 class Published(Section):
     """Published problems of dead-zone oscillators, see gearlib/trials/published.py."""
 
-    starts: int = Field(
-        ge=1, le=100_000, description="Initial states whose motions are told apart."
+    starts: integer_within(ge=1, le=100_000) = Field(
+        default=120, description="Initial states whose motions are told apart."
     )
-    settle: int = Field(
-        ge=1, le=1_000_000, description="Periods of the forcing before a run is looked at."
+    settle: integer_within(ge=1, le=1_000_000) = Field(
+        default=400, description="Periods of the forcing before a run is looked at."
     )
-    exponent_periods: int = Field(
-        ge=20, le=1_000_000, description="Periods over which the exponent is averaged."
+    exponent_periods: integer_within(ge=20, le=1_000_000) = Field(
+        default=1500, description="Periods over which the exponent is averaged."
     )
-    points: int = Field(ge=1, le=1_000_000, description="Points of every Poincare section.")
-    values: int = Field(
-        ge=2, le=10_000, description="Values of the scanned parameter, three starts each."
+    points: integer_within(ge=1, le=1_000_000) = Field(
+        default=2000, description="Points of every Poincare section."
     )
-    check_periods: int = Field(
-        ge=4, le=1000, description="Periods over which an independent integration is compared."
+    values: integer_within(ge=2, le=10_000) = Field(
+        default=161, description="Values of the scanned parameter, three starts each."
+    )
+    check_periods: integer_within(ge=4, le=1000) = Field(
+        default=20, description="Periods over which an independent integration is compared."
     )
 
 
@@ -160,12 +225,14 @@ class SteadyOrbits(Section):
     methods: listing(
         Literal["exact", "taylor", "rk4", "rk45", "newmark", "harmonic_balance", "schmidt"],
         "Methods that march, and those that work on harmonics.",
-    )
+    ) = ["exact", "taylor", "rk4", "rk45", "harmonic_balance", "schmidt"]
     problems: listing(
         Literal["smooth", "bouncing", "near_fold", "cubic"],
         "Test problems that settle, see gearlib/trials/problems.py.",
+    ) = ["smooth", "bouncing", "near_fold", "cubic"]
+    repeats: integer_within(ge=1, le=1000) = Field(
+        default=1, description="Timed runs, of which the median counts."
     )
-    repeats: int = Field(ge=1, le=1000, description="Timed runs, of which the median counts.")
 
 
 class SlowScan(Grid):
@@ -173,8 +240,11 @@ class SlowScan(Grid):
 
     key: ClassVar = "jump_by_method.slow"
 
+    start: Start = 0.8149
+    stop: Stop = 0.8165
+    step: Step = 0.0001
     resolution: number_within(gt=0, le=0.1) = Field(
-        description="Width of the tuning interval to which the jump is bisected."
+        default=1e-06, description="Width of the tuning interval to which the jump is bisected."
     )
 
 
@@ -183,14 +253,16 @@ class JumpByMethod(Grid):
 
     key: ClassVar = "jump_by_method"
 
-    methods: listing(MethodName, "Names of `gearlib.methods()`.")
-    damping: Name = Field(
-        description="One of the dampings.", json_schema_extra={"$comment": "one of the dampings"}
-    )
+    start: Start = 0.812
+    stop: Stop = 0.82
+    step: Step = 0.0001
+    methods: listing(MethodName, "Names of `gearlib.methods()`.") = list(get_args(MethodName))
+    damping: DampingName
     resolution: number_within(gt=0, le=0.1) = Field(
-        description="Width of the tuning interval to which the jump is bisected."
+        default=1e-08, description="Width of the tuning interval to which the jump is bisected."
     )
     most_evaluations: Positive = Field(
-        description="Values of a knob that cost more evaluations per mesh period are left out."
+        default=7000.0,
+        description="Values of a knob that cost more evaluations per mesh period are left out.",
     )
-    slow: SlowScan
+    slow: SlowScan = SlowScan()

@@ -1,11 +1,11 @@
 """Types of the configuration's values: what a number, a name, a list may be.
 
 Numbers: YAML 1.1, which Snakemake reads, takes ``4e8`` or ``4.0e8`` for a text (it wants
-``4.0e+8``), and numbers inside of ``--config section={key: 0.66}`` come as texts. A text that is
-plainly a decimal number is accepted as that number. Every other text in place of a number is
-refused, and so are ``true`` for 1, NaN and, except for a backlash, infinity. Where a value has a
-dimension, a number is in SI units and a text may name another one of that dimension:
-``"4e5 N/mm"``. Integers have to be written as such.
+``4.0e+8``), and all values inside of ``--config section={key: 0.66}`` come as texts. A text that is
+plainly a number, true or false is accepted as that. Every other text in place of a number is
+refused, and so are ``true`` for 1, 2.0 for an integer, NaN and, except for a backlash, infinity.
+Where a value has a dimension, a number is in SI units and a text may name another one of that
+dimension: ``"4e5 N/mm"``.
 """
 
 import math
@@ -31,12 +31,24 @@ from gearlib.config import units
 MAX_JOBS = 10_000
 
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
+_INTEGER = re.compile(r"[-+]?\d+")
+_TRUTH = {"true": True, "false": False}
 
 
 def _read_number(value):
     if isinstance(value, str) and _NUMBER.fullmatch(value):
         return float(value)
     return value
+
+
+def _read_integer(value):
+    if isinstance(value, str) and _INTEGER.fullmatch(value):
+        return int(value)
+    return value
+
+
+def _read_truth(value):
+    return _TRUTH.get(value, value) if isinstance(value, str) else value
 
 
 def _all_different(values):
@@ -49,7 +61,7 @@ def _all_different(values):
 
 
 def _plain_value(value):
-    value = _read_number(value)
+    value = _read_number(_read_integer(_read_truth(value)))
     finite = not isinstance(value, float) or math.isfinite(value)
     if not isinstance(value, (bool, int, float, str)) or not finite:
         raise PydanticCustomError("plain_value", "no plain value")
@@ -63,11 +75,16 @@ def number_within(**bounds):
     return Annotated[float, Field(allow_inf_nan=False, **bounds), BeforeValidator(_read_number)]
 
 
+def integer_within(**bounds):
+    """Return the type of an integer within `bounds` (gt, ge, lt, le)."""
+    return Annotated[int, Field(**bounds), BeforeValidator(_read_integer)]
+
+
 def quantity(unit, example, *, infinite=False, **bounds):
     """Return the type of a number in `unit`, or a text with a unit of the same dimension."""
 
     def read(value):
-        value = _read_number(value)
+        value = math.inf if infinite and value == ".inf" else _read_number(value)
         if not isinstance(value, str):
             return value
         try:
@@ -102,7 +119,18 @@ DampingCoefficient = quantity("N s/m", "3.95 N s/mm", ge=0)
 PositiveDampingCoefficient = quantity("N s/m", "3.95 N s/mm", gt=0)
 CubicDamping = quantity("N s^3/m^3", "5e-6 N s^3/mm^3", gt=0)
 Angle = quantity("rad", "30 deg")
+Truth = Annotated[
+    bool, Field(json_schema_extra={"$comment": "true or false"}), BeforeValidator(_read_truth)
+]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9+_-]+$")]
+DampingName = Annotated[
+    str,
+    Field(
+        pattern=r"^[A-Za-z0-9+_-]+$",
+        description="One of the dampings. Default: the first one that damps.",
+        json_schema_extra={"$comment": "one of the dampings"},
+    ),
+]
 Colour = Annotated[
     str,
     Field(
@@ -158,14 +186,19 @@ def check_grid(key, section):
         )
 
 
+Start = Annotated[Tuning, Field(description="First tuning.")]
+Stop = Annotated[Tuning, Field(description="Last one; start + a whole multiple of step.")]
+Step = Annotated[number_within(gt=0, le=10), Field(description="Distance of the tunings.")]
+
+
 class Grid(Section):
     """A range of tunings in equal steps; base of the sections that have one."""
 
     key: ClassVar = ""  #: the name of the section, for messages
 
-    start: Tuning = Field(description="First tuning.")
-    stop: Tuning = Field(description="Last one; start + a whole multiple of step.")
-    step: number_within(gt=0, le=10) = Field(description="Distance of the tunings.")
+    start: Start
+    stop: Stop
+    step: Step
 
     @model_validator(mode="after")
     def _check_grid(self):

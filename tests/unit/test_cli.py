@@ -7,6 +7,7 @@ import time
 import numpy as np
 import pytest
 import xarray as xr
+import yaml
 from click.testing import CliRunner
 
 import gearlib
@@ -78,7 +79,6 @@ def test_wrong_input_is_refused_with_code_2(run):
         (["sweep", *PAIR, "--start", "2"], "start = 2.0"),
         (["orbit", *PAIR, "--tuning", "1", "--period", "0"], "period = 0"),
         (["simulate", *PAIR, "--tuning", "1", "--damping", "k1"], "give --config"),
-        (["simulate", *PAIR, "--tuning", "1", "--model", "six_degrees"], "give --config"),
     ]:
         done = run(*arguments)
         assert done.exit_code == 2, (arguments, done.output)
@@ -113,6 +113,27 @@ def test_a_configuration_gives_pair_damping_and_model(run, request):
         assert done.exit_code == 0, done.output
     done = run("simulate", "--config", config, "--damping", "k9", "--tuning", "0.7")
     assert done.exit_code == 2 and "one of k1, k1m" in done.output
+
+
+def test_options_alone_give_six_degrees(run):
+    done = run("simulate", *PAIR, "--model", "six_degrees", "--tuning", "0.7")
+    assert done.exit_code == 0, done.output
+
+
+def test_options_come_before_the_configuration(run, tmp_path):
+    gears = {"max_stiffness": "4e5 N/mm", "stiffness_ratio": 0.5879, "contact_ratio": 1.569}
+    gears |= {"reduced_mass": 3.123, "load": 3289.5396, "backlash": "40 um", "teeth": 24}
+    dampings = {"oil": {"material": 0.0, "backlash": 3953.7}}
+    text = yaml.safe_dump({"gear_pair": gears, "dampings": dampings})
+    (tmp_path / "config.yaml").write_text(text, encoding="utf-8")
+    done = run("simulate", "--tuning", "0.7", "--reduced-mass", "3.2", "-o", "run.nc")
+    assert done.exit_code == 0, done.output
+    expected = gearlib.simulate(
+        pair().replace(reduced_mass=3.2, material_damping=0.0, backlash_damping=3953.7),
+        0.7,
+        periods=200,
+    )
+    assert xr.load_dataset("run.nc").displacement.equals(expected.displacement)
 
 
 class Terminal(io.StringIO):

@@ -61,7 +61,6 @@ REFUSED = [
     ("dampings/k1", 3953.7, "dampings.k1 = 3953.7", "keys material, backlash"),
     ("dampings/k1/material", -1, "dampings.k1.material = -1", "finite number >= 0"),
     ("dampings/k 1", {"material": 0, "backlash": 0}, "dampings.k 1", "A-Za-z0-9+_-"),
-    ("dampings/new", {"material": 0, "backlash": 0}, "figures.colours.new is missing", "rrggbb"),
     ("run/revolutions", 0, "run.revolutions = 0", "integer from 1 to 1000000"),
     ("run/recorded_revolutions", 6, "run.recorded_revolutions = 6", "1 to run.revolutions = 5"),
     ("run/samples_per_period", 10**9, "run.samples_per_period = 1000000000", "from 8 to 65536"),
@@ -248,8 +247,16 @@ def test_a_text_that_is_plainly_a_number_is_one(text):
     assert load(changed("gear_pair/max_stiffness", text)).gear_pair.max_stiffness == 4e8
 
 
-def test_an_infinite_backlash_is_accepted():
-    assert load(changed("gear_pair/backlash", math.inf)).gear_pair.backlash == math.inf
+@pytest.mark.parametrize("value", [math.inf, ".inf"])
+def test_an_infinite_backlash_is_accepted(value):
+    assert load(changed("gear_pair/backlash", value)).gear_pair.backlash == math.inf
+
+
+def test_texts_inside_of_config_on_the_command_line_are_read():
+    texts = {"run": {"revolutions": "6"}, "six_degrees": {"moving_backlash": "false"}}
+    config = load({**PAPER, **{key: PAPER[key] | value for key, value in texts.items()}})
+    assert config.run.revolutions == 6
+    assert config.six_degrees.moving_backlash is False
 
 
 def test_integers_stand_for_numbers():

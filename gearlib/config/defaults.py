@@ -1,0 +1,184 @@
+"""Defaults that depend on the gears: what a configuration leaves out is made from those it names.
+
+All others stand beside their fields. Here is what has a dimension or names a damping: numbers that
+suit one gear pair are wrong for the next.
+"""
+
+import colorsys
+import math
+from typing import Annotated
+
+from pydantic import Field, TypeAdapter, ValidationError
+
+from gearlib.config.mesh import Damping, GearPairSection
+from gearlib.config.types import Name
+
+#: Stand-ins while those of a configuration are refused, so that only those are complained about.
+_PAIR = GearPairSection(
+    max_stiffness=1.0,
+    stiffness_ratio=1.0,
+    contact_ratio=1.0,
+    reduced_mass=1.0,
+    load=1.0,
+    backlash=1.0,
+    teeth=1,
+)
+_DAMPINGS = {"k1": Damping(material=1.0, backlash=0.0)}
+_DAMPINGS_TYPE = TypeAdapter(Annotated[dict[Name, Damping], Field(min_length=1)])
+
+#: Apart also without red-green vision and in grey; further dampings get hues a golden ratio apart.
+_PALETTE = ("#0072B2", "#E69F00", "#009E73", "#4D4D4D", "#D55E00", "#CC79A7", "#56B4E9", "#882255")
+_GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
+
+#: Damping ratio where a study needs damping and the configuration has none.
+_DAMPING_RATIO = 0.05
+
+#: Panels of one figure, see `Basins` and `Poincare`.
+_PANELS = 12
+
+#: What describes the bodies of the gears: one without the others would not fit the reduced mass.
+_BODIES = ("base_radii", "inertias", "masses")
+
+
+def laid_over(base, change):
+    """Return a copy of `base` with the keys of `change`; mappings are laid over each other."""
+    both = dict(base)
+    for key, value in change.items():
+        inner = isinstance(value, dict) and isinstance(base.get(key), dict)
+        both[key] = laid_over(base[key], value) if inner else value
+    return both
+
+
+def filled(mapping):
+    """Return a configuration with what it leaves out, as far as that depends on the gears.
+
+    Parameters
+    ----------
+    mapping : dict
+        What was read from YAML, not yet checked.
+
+    Returns
+    -------
+    dict
+    """
+    if not isinstance(mapping, dict):
+        return mapping
+    pair, dampings = _gears(mapping)
+    made = _made(pair, dampings)
+    six_degrees = mapping.get("six_degrees")
+    if isinstance(six_degrees, dict) and any(key in six_degrees for key in _BODIES):
+        for key in _BODIES:
+            del made["six_degrees"][key]
+    whole = laid_over(made, mapping)
+    figures = whole["figures"]
+    if isinstance(figures, dict) and isinstance(figures["colours"], dict):
+        figures["colours"] = _colours(dampings, figures["colours"])
+    return whole
+
+
+def release(schema):
+    """Take the keys that have a default here off those that a JSON schema requires."""
+    _release(_made(_PAIR, _DAMPINGS), schema, schema)
+
+
+def _release(made, node, schema):
+    if "$ref" in node:
+        node = schema["$defs"][node["$ref"].removeprefix("#/$defs/")]
+    for key, value in made.items():
+        if key in node.get("required", []):
+            node["required"].remove(key)
+        if isinstance(value, dict):
+            _release(value, node["properties"][key], schema)
+
+
+def _gears(mapping):
+    """Return the gear pair and the dampings of a configuration, or stand-ins for both."""
+    try:
+        pair = GearPairSection.model_validate(mapping.get("gear_pair"))
+        dampings = _DAMPINGS_TYPE.validate_python(mapping.get("dampings"))
+    except ValidationError:
+        return _PAIR, _DAMPINGS
+    return pair, dampings
+
+
+def _made(pair, dampings):
+    """Return every default that depends on the gears, in the shape of the configuration."""
+    damped = {name: d for name, d in dampings.items() if d.material > 0.0 or d.backlash > 0.0}
+    first = next(iter(damped or dampings))
+    lightest = min(dampings, key=lambda name: dampings[name].material + dampings[name].backlash)
+    mean_stiffness = pair.max_stiffness * (
+        pair.stiffness_ratio + (1.0 - pair.stiffness_ratio) * (pair.contact_ratio - 1.0)
+    )
+    frequency = math.sqrt(mean_stiffness / pair.reduced_mass)
+    deflection = pair.load / mean_stiffness
+    largest = max(max(d.material, d.backlash) for d in dampings.values())
+    if largest == 0.0:
+        largest = 2.0 * _DAMPING_RATIO * pair.reduced_mass * frequency
+    if not damped:
+        damped = {f"damping ratio {_DAMPING_RATIO:g}": Damping(material=largest, backlash=largest)}
+    masses = 6.0 * pair.reduced_mass
+    bearing = pair.max_stiffness / 40.0
+    return {
+        "phase_lag": {"material_dampings": [largest, largest / 100.0]},
+        "jump": {"damping": first},
+        "nonlinear_damping": {"damping": largest},
+        "analytic_method": {"damping": first},
+        "six_degrees": {
+            # 1 / m_red = Rb3^2 / J3 + Rb2^2 / J2 + 1 / m3 + 1 / m2
+            "base_radii": [0.1, 0.1],
+            "inertias": [3.0 * 0.1**2 * pair.reduced_mass] * 2,
+            "masses": [masses] * 2,
+            "bearing_stiffness": [bearing] * 4,
+            "bearing_damping": [2.0 * 0.02 * math.sqrt(bearing * masses)] * 4,
+            "eccentricities": [min(0.8 * deflection, 0.2 * pair.backlash)] * 2,
+        },
+        "branches": {"loci": {"damping": first}},
+        "stability_chart": {"damping": lightest},
+        "work_precision": {
+            "damping": largest,
+            "cubic_damping": largest / (deflection * frequency) ** 2,
+        },
+        "jump_by_method": {"damping": first},
+        "basins": {
+            "cases": [
+                {"title": _title(name, 0.72), "tuning": 0.72, "damping": damping}
+                for name, damping in list(damped.items())[:_PANELS]
+            ]
+        },
+        "bifurcation": {"damping": next(iter(damped.values()))},
+        "poincare": {
+            "cases": [
+                {
+                    "title": _title(name, 0.66),
+                    "tuning": 0.66,
+                    "damping": damping,
+                    "phase": 0.0,
+                    # Without damping nothing settles.
+                    "settle": 300 if damping.material + damping.backlash else 0,
+                }
+                for name, damping in list(dampings.items())[:_PANELS]
+            ]
+        },
+        "figures": {"colours": {}},
+    }
+
+
+def _title(name, tuning):
+    return f"tuning {tuning:.2f}, {name}"[:60]
+
+
+def _colours(names, given):
+    """Return the given colours, and others for the dampings that have none."""
+    free = (colour for colour in _palette() if colour not in given.values())
+    missing = [name for name in names if name not in given]
+    return given | dict(zip(missing, free, strict=False))
+
+
+def _palette():
+    """Yield colours that can be told apart, for as long as eyes can."""
+    yield from _PALETTE
+    hue = 0.0
+    while True:
+        hue = (hue + _GOLDEN) % 1.0
+        rgb = colorsys.hls_to_rgb(hue, 0.45, 0.65)
+        yield "#" + "".join(f"{round(255 * part):02X}" for part in rgb)
