@@ -26,8 +26,9 @@ import xarray as xr
 from gearlib import integrators, lyapunov, provenance, status
 from gearlib.arguments import check_tuning
 from gearlib.checks import finite_positive, integer
+from gearlib.core import orbit
 from gearlib.profiles import Fourier
-from gearlib.simulation import simulate
+from gearlib.simulation import march
 from gearlib.variables import describe
 
 LABELS = ("periodic", "quasi-periodic", "chaotic", "undecided")
@@ -104,17 +105,22 @@ def trust(
         *_other_ways(pair),
     ):
         names.append(name)
-        runs.append(simulate(model, tuning, **base | changed))
+        runs.append(march(model, tuning, **base | changed))
     found = lyapunov.largest(
         pair, tuning, state=initial_state, settle=base["periods"], periods=exponent_periods
     )
-    columns = ("displacement_max", "displacement_min", "period", "status")
-    data = {key: ("run", np.array([run[key].item() for run in runs])) for key in columns}
+    columns = {
+        "displacement_max": np.array([run.table[orbit.X_MAX] for run in runs]),
+        "displacement_min": np.array([run.table[orbit.X_MIN] for run in runs]),
+        "period": np.array([run.period for run in runs]),
+        "status": np.array([run.status for run in runs]),
+    }
+    data = {key: ("run", values) for key, values in columns.items()}
     table = describe(xr.Dataset(data, {"run": names}), pair)
     table.attrs = provenance.attributes(
         "Runs of one point in several ways",
         pair,
-        method=", ".join(dict.fromkeys(run.attrs["source"].split()[-1] for run in runs)),
+        method=", ".join(dict.fromkeys(run.method for run in runs)),
         tuning=tuning,
         periods=periods,
         disturbance=disturbance,

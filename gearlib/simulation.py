@@ -1,6 +1,7 @@
 """`simulate`: one gear pair at one tuning, its time course, events and orbit summary."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -78,12 +79,83 @@ def simulate(
     Hortel, Skuderova: Engineering Mechanics 14 (2007) 91-104, Eq. (1)-(3).
     """
     tuning = check_tuning("tuning", tuning)
+    ran = march(
+        pair,
+        tuning,
+        periods=periods,
+        record_periods=record_periods,
+        samples_per_period=samples_per_period,
+        initial_state=initial_state,
+        method=method,
+        options=options,
+        max_events=max_events,
+    )
+    step = 2.0 * math.pi / samples_per_period
+    first = (periods - record_periods) * samples_per_period
+    data = {
+        **_time_course(ran.samples, getattr(pair, "extra_samples", ()), ran.status),
+        **_event_table(ran.events),
+        **summary.variables(
+            (), ran.table, ran.end, np.array([ran.period, ran.status]), record_periods
+        ),
+        **pair.scales(),
+        **pair.speed_scales(tuning),
+        "tuning": tuning,
+        "evaluations": ran.evaluations,
+    }
+    coords = {
+        "phase": (first + np.arange(len(ran.samples))) * step,
+        "component": list(summary.COMPONENTS),
+    }
+    dataset = describe(xr.Dataset(data, coords), pair)
+    dataset["status"].attrs["message"] = status.MESSAGES[ran.status]
+    dataset.attrs = provenance.attributes(
+        "Time course of a gear mesh",
+        pair,
+        method=ran.method,
+        options=ran.options,
+        tuning=tuning,
+        periods=periods,
+        record_periods=record_periods,
+        initial_state=ran.initial_state,
+    )
+    return dataset
+
+
+class Run(NamedTuple):
+    """What a run leaves behind; when its status is not 0, numbers are NaN and events are none."""
+
+    samples: np.ndarray  #: shape (record_periods * samples_per_period, 6 + extra)
+    events: np.ndarray  #: shape (n, 5)
+    table: np.ndarray  #: shape (9,), the orbit summary
+    end: np.ndarray  #: shape (2,), the final state
+    period: int
+    status: int
+    evaluations: int
+    method: str
+    options: dict
+    initial_state: tuple
+
+
+def march(
+    pair,
+    tuning,
+    *,
+    periods,
+    record_periods,
+    samples_per_period,
+    initial_state,
+    method=None,
+    options=None,
+    max_events=MAX_EVENTS,
+):
+    """Run a gear pair at one tuning as `simulate` does, and return bare numbers, a `Run`."""
     samples_per_period = checks.integer("samples_per_period", samples_per_period, 1)
     periods, record_periods, initial_state, method, module, options, max_events = check_run(
         pair, periods, record_periods, initial_state, method, options, max_events
     )
-    extra = getattr(pair, "extra_samples", ())
-    samples = np.empty((record_periods * samples_per_period, orbit.SAMPLE_COLUMNS + len(extra)))
+    columns = orbit.SAMPLE_COLUMNS + len(getattr(pair, "extra_samples", ()))
+    samples = np.empty((record_periods * samples_per_period, columns))
     table = np.empty(orbit.SUMMARY_COLUMNS)
     x, v, period, events, found, code, evaluations = module.run(
         pair,
@@ -102,34 +174,18 @@ def simulate(
         for array in (samples, table, end):
             array[...] = math.nan
         found = 0
-    step = 2.0 * math.pi / samples_per_period
-    first = (periods - record_periods) * samples_per_period
-    data = {
-        **_time_course(samples, extra, code),
-        **_event_table(events[:found]),
-        **summary.variables((), table, end, np.array([period, code]), record_periods),
-        **pair.scales(),
-        **pair.speed_scales(tuning),
-        "tuning": tuning,
-        "evaluations": evaluations,
-    }
-    coords = {
-        "phase": (first + np.arange(len(samples))) * step,
-        "component": list(summary.COMPONENTS),
-    }
-    dataset = describe(xr.Dataset(data, coords), pair)
-    dataset["status"].attrs["message"] = status.MESSAGES[code]
-    dataset.attrs = provenance.attributes(
-        "Time course of a gear mesh",
-        pair,
-        method=method,
-        options=options,
-        tuning=tuning,
-        periods=periods,
-        record_periods=record_periods,
-        initial_state=initial_state,
+    return Run(
+        samples,
+        events[:found],
+        table,
+        end,
+        period,
+        code,
+        evaluations,
+        method,
+        options,
+        initial_state,
     )
-    return dataset
 
 
 def _time_course(samples, extra, code):

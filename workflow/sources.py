@@ -51,7 +51,8 @@ def _imported_files(path, root):
 
 
 def _follow_imports(path, root):
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"), filename=str(path))):
+    module = ast.parse(path.read_text(encoding="utf-8"), filename=str(path))
+    for node in _statements(module):
         if isinstance(node, ast.Import):
             for alias in node.names:
                 yield from _module_files(alias.name, path, root)
@@ -62,6 +63,16 @@ def _follow_imports(path, root):
             for alias in node.names:
                 name = f"{node.module}.{alias.name}"
                 yield from _module_files(name, path, root, optional=node.module != PACKAGE)
+
+
+def _statements(node):
+    """Yield all statements below a node; expressions, which hold no imports, are not entered."""
+    for field in ("body", "orelse", "handlers", "finalbody", "cases"):
+        inner = getattr(node, field, ())
+        # The body of a lambda or of a conditional expression is no list.
+        for child in inner if isinstance(inner, list) else ():
+            yield child
+            yield from _statements(child)
 
 
 def _module_files(name, importer, root, optional=False):

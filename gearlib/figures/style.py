@@ -166,7 +166,8 @@ def _freeze(figure):
     if figure.get_layout_engine() is None:
         return
     figure.draw_without_rendering()
-    figure.set_layout_engine("none")
+    # None and not "none", with which every file would be drawn twice, once for its layout.
+    figure.set_layout_engine(None)
     for axes in figure.axes:
         left, bottom, width, height = axes.get_position(original=True).bounds
         axes.set_position([round(x, _DIGITS) for x in (left, bottom, width, height)])

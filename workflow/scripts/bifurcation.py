@@ -2,10 +2,10 @@
 
 import json
 
+from joblog import redirect_output
 from gearlib import storage
 from gearlib.global_dynamics import studies
 from gearlib.tunings import grid
-from joblog import redirect_output
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])

@@ -3,10 +3,10 @@
 import json
 from pathlib import Path
 
+from joblog import redirect_output
 from gearlib import claims, storage
 from gearlib.pair import GearPair
 from gearlib.reporting import tables
-from joblog import redirect_output
 
 
 def _by_name(paths):

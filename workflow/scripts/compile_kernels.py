@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from gearlib import core
 from joblog import redirect_output
+from gearlib import core
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])

@@ -1,8 +1,8 @@
 """Draw the study of nonlinear damping in all formats."""
 
+from joblog import redirect_output
 from gearlib import storage
 from gearlib.figures import nonlinear_damping, style
-from joblog import redirect_output
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])

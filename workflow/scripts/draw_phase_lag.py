@@ -1,8 +1,8 @@
 """Draw the phase lag (Fig. 2) in all formats."""
 
+from joblog import redirect_output
 from gearlib import storage
 from gearlib.figures import phase_shift, style
-from joblog import redirect_output
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])

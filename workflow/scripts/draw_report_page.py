@@ -2,10 +2,10 @@
 
 import json
 
+from joblog import redirect_output
 from gearlib import storage
 from gearlib.files import replacing
 from gearlib.reporting import page
-from joblog import redirect_output
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])

@@ -4,9 +4,9 @@ import json
 
 import xarray as xr
 
+from joblog import redirect_output
 from gearlib import storage
 from gearlib.figures import resonance, style
-from joblog import redirect_output
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])

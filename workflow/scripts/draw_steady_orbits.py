@@ -1,8 +1,8 @@
 """Draw the errors of settled orbits over evaluations, in all formats."""
 
+from joblog import redirect_output
 from gearlib import storage
 from gearlib.figures import steady_orbits, style
-from joblog import redirect_output
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])

@@ -2,10 +2,10 @@
 
 import json
 
+from joblog import redirect_output
 from gearlib import labelling, storage
 from gearlib.pair import GearPair
 from gearlib.tunings import grid
-from joblog import redirect_output
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])

@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
+from joblog import redirect_output
 from gearlib import model_comparison, storage
 from gearlib.reporting import tables
-from joblog import redirect_output
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])

@@ -1,8 +1,8 @@
 """Write the table of the study of nonlinear damping."""
 
+from joblog import redirect_output
 from gearlib import nonlinear_damping, storage
 from gearlib.reporting import tables
-from joblog import redirect_output
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])

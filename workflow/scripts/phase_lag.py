@@ -2,9 +2,9 @@
 
 import json
 
+from joblog import redirect_output
 from gearlib import phase_lag, storage
 from gearlib.tunings import grid
-from joblog import redirect_output
 
 
 def compute(pair, lag, samples_per_period):

@@ -2,10 +2,10 @@
 
 import json
 
+from joblog import redirect_output
 from gearlib import storage
 from gearlib.pair import GearPair
 from gearlib.simulation import simulate
-from joblog import redirect_output
 
 
 def compute(pair, tuning, run, *, damping):

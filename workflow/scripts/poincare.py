@@ -3,9 +3,9 @@
 import json
 import math
 
+from joblog import redirect_output
 from gearlib import storage
 from gearlib.global_dynamics import studies
-from joblog import redirect_output
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])

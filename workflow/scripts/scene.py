@@ -2,8 +2,8 @@
 
 import json
 
-from gearlib import scenes, storage
 from joblog import redirect_output
+from gearlib import scenes, storage
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])

@@ -2,9 +2,9 @@
 
 import json
 
+from joblog import redirect_output
 from gearlib import storage
 from gearlib.trials import steady_orbits
-from joblog import redirect_output
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])

@@ -2,11 +2,11 @@
 
 import json
 
+from joblog import redirect_output
 from gearlib import storage
 from gearlib.pair import GearPair
 from gearlib.sweeping import sweep
 from gearlib.tunings import grid
-from joblog import redirect_output
 
 
 def compute(pair, window, run, *, damping, direction, threads):

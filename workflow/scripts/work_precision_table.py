@@ -1,9 +1,9 @@
 """Write the fastest method of every problem and accuracy as one table."""
 
+from joblog import redirect_output
 from gearlib import storage
 from gearlib.reporting import tables
 from gearlib.trials import work_precision
-from joblog import redirect_output
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])
