@@ -11,7 +11,7 @@ from snakemake.exceptions import WorkflowError
 from snakemake.utils import min_version
 from gearlib.files import remove_leftovers
 from workflow.provenance import write as write_provenance
-from workflow.seals import replaced
+from workflow.seals import foreign, replaced
 
 min_version("9.0")
 
@@ -21,11 +21,18 @@ configfile: "config.yaml"
 
 # Jobs on other nodes leave this to the process that sent them.
 if workflow.is_main_process:
-    foreign = " ".join(map(str, replaced(Path("results"))))
-    if foreign:
+    elsewhere = foreign(Path("results"))
+    if elsewhere:
         raise WorkflowError(
-            f"Not what their jobs wrote: {foreign}. To have them computed anew, remove them and "
-            f"call snakemake -j2 {foreign}"
+            f"Made in another folder, maybe with another configuration: {elsewhere[0]} and "
+            f"{len(elsewhere) - 1} more. Remove results/, or bring the folder .snakemake that "
+            "belongs to it."
+        )
+    others = " ".join(map(str, replaced(Path("results"))))
+    if others:
+        raise WorkflowError(
+            f"Not what their jobs wrote: {others}. To have them computed anew, remove them and "
+            f"call snakemake -j2 {others}"
         )
 
 

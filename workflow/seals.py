@@ -1,21 +1,67 @@
-"""Whether the results are still what their jobs wrote.
+"""Whether the results are still what their jobs wrote, and whether these were jobs of this folder.
 
 To Snakemake a file that is newer than its inputs is up to date, whoever wrote it. Each job
 therefore ends its log with the checksums of its outputs, and every start of Snakemake compares
 them. A file whose time stamp is that of its checksum is not read again. A job that is running,
 or was killed, has no checksums in its log: Snakemake itself knows that its outputs do not count.
+
+The same lines go into a record beside Snakemake's own records of what its jobs were given. Logs
+whose lines are not there came with results from another folder, made with nobody knows which
+configuration.
 """
 
 import hashlib
 import re
 from pathlib import Path
 
+#: Below the working folder, as all that Snakemake knows of earlier runs.
+RECORDS = Path(".snakemake/seals")
+
 _SEAL = re.compile(r"^wrote sha256 ([0-9a-f]{64}) at ([0-9]+) ns: (.+)$", re.M)
 
 
-def seal(path):
-    """Return the line that says what `path` holds now."""
-    return f"wrote sha256 {_digest(path)} at {path.stat().st_mtime_ns} ns: {path}"
+def seal(log, outputs):
+    """Return the lines that say what the outputs of a job hold now, and record them.
+
+    Parameters
+    ----------
+    log : str or os.PathLike
+        The job's log, seen from the working folder; the lines should be its last.
+    outputs : iterable of pathlib.Path
+        Those that are no files are left out.
+
+    Returns
+    -------
+    str
+    """
+    lines = "".join(
+        f"wrote sha256 {_digest(path)} at {path.stat().st_mtime_ns} ns: {path}\n"
+        for path in outputs
+        if path.is_file()
+    )
+    # Before the log has them: a job that is killed here is not taken for one from elsewhere.
+    record = RECORDS / log
+    record.parent.mkdir(parents=True, exist_ok=True)
+    record.write_text(lines, encoding="utf-8")
+    return lines
+
+
+def foreign(results):
+    """Return the result files whose jobs did not run in this folder, sorted.
+
+    Parameters
+    ----------
+    results : pathlib.Path
+        As of `replaced`, seen from the working folder.
+    """
+    found = set()
+    for log in results.rglob("logs/**/*.log"):
+        record = RECORDS / log
+        known = set(_SEAL.findall(_text(record))) if record.is_file() else set()
+        found |= {
+            Path(name) for *rest, name in _SEAL.findall(_text(log)) if (*rest, name) not in known
+        }
+    return sorted(path for path in found if path.is_file())
 
 
 def replaced(results):
@@ -34,11 +80,15 @@ def replaced(results):
     """
     found = set()
     for log in results.rglob("logs/**/*.log"):
-        for digest, time, name in _SEAL.findall(log.read_text(encoding="utf-8", errors="replace")):
+        for digest, time, name in _SEAL.findall(_text(log)):
             path = Path(name)
             if path.is_file() and path.stat().st_mtime_ns != int(time) and _digest(path) != digest:
                 found.add(path)
     return sorted(found)
+
+
+def _text(path):
+    return path.read_text(encoding="utf-8", errors="replace")
 
 
 def _digest(path):

@@ -6,7 +6,6 @@ workflow that is there already are taken with ``--results FOLDER``.
 """
 
 import argparse
-import shutil
 import tempfile
 from pathlib import Path
 
@@ -28,16 +27,8 @@ def renew(results):
         if str(path.relative_to(data.FOLDER)) not in names:
             print(f"{path.relative_to(data.FOLDER)}: gone")
             path.unlink()
-    changed = pictures.summary(results, Path("build/pictures.html"))
-    found = pictures.pictures(results)
-    for name in changed:
-        print(f"picture {name}: see build/pictures.html")
-        (pictures.FOLDER / f"{name}.png").unlink(missing_ok=True)
-        if name in found:
-            pictures.FOLDER.mkdir(exist_ok=True)
-            shutil.copyfile(found[name], pictures.FOLDER / f"{name}.png")
-    if changed:
-        pictures.MADE_WITH.write_text(pictures.versions() + "\n", encoding="utf-8")
+    print(pictures.compare(results, Path("build/pictures")))
+    pictures.renew(results)
 
 
 def main():

@@ -1,37 +1,23 @@
-"""Pictures of the figures against those looked at last: a page for people; nothing rests on it.
+"""Pictures of the figures against those looked at last, by pytest-mpl: for people, no verdict.
 
 Other versions of matplotlib or FreeType draw letters a little differently, so pictures inform and
 the numbers behind them (data.py) decide.
 """
 
-import base64
-import html
-import io
+import os
+import shutil
+import subprocess
+import sys
 from pathlib import Path
 
-import matplotlib
-import numpy as np
-from matplotlib import ft2font, image
-
 FOLDER = Path(__file__).with_name("pictures")
-MADE_WITH = FOLDER / "made_with.txt"
+ROOT = Path(__file__).resolve().parents[2]
 
-_PAGE = """<!DOCTYPE html>
-<html lang="en"><meta charset="utf-8"><title>Pictures against those looked at last</title>
-<style>body{{font-family:sans-serif;margin:2em}}td{{vertical-align:top;padding:.5em}}
-img{{max-width:30em;border:1px solid #ccc}}</style>
-<h1>Pictures against those looked at last</h1>
-<p>{changed} of {count} differ. Then: {then}. Now: {now}.
-The numbers behind the figures decide; these pictures inform.</p>
-<table><tr><th>figure</th><th>then</th><th>now</th><th>difference</th></tr>
-{rows}
-</table></html>
-"""
+#: The page that shows then, now and the difference of each picture.
+PAGE = "fig_comparison.html"
 
-
-def versions():
-    """Return what letters and lines depend on."""
-    return f"matplotlib {matplotlib.__version__}, FreeType {ft2font.__freetype_version__}"
+#: Where the comparison, a process of its own, finds the results.
+VARIABLE = "GEARLIB_RESULTS"
 
 
 def pictures(results):
@@ -40,56 +26,39 @@ def pictures(results):
     return {path.stem: path for path in paths if not path.stem.endswith("_time")}
 
 
-def root_mean_square(then, now):
-    """Return the difference of two pictures in grey levels 0-255, inf for other sizes."""
-    old, new = (255.0 * image.imread(path)[..., :3] for path in (then, now))
-    return float(np.sqrt(np.mean((old - new) ** 2))) if old.shape == new.shape else np.inf
+def compare(results, report):
+    """Write the page and the pictures that it shows into the folder `report`.
 
-
-def summary(results, page):
-    """Write the page that compares all pictures; return the names of those that differ."""
-    found = pictures(results)
-    old = {path.stem: path for path in FOLDER.glob("*.png")}
-    rows, changed = [], []
-    for name in sorted(found | old):
-        then, now = old.get(name), found.get(name)
-        if then and now:
-            distance = root_mean_square(then, now)
-            words = f"root mean square {distance:.2f} of 255" if distance else "the same"
-        else:
-            distance, words = np.inf, "new" if now else "gone"
-        if distance:
-            changed.append(name)
-        cells = [_shown(then), _shown(now), _shown_difference(then, now, distance)]
-        row = f"<td>{html.escape(name)}<br>{words}</td>" + "".join(f"<td>{c}</td>" for c in cells)
-        # What differs comes first.
-        rows.append((not distance, f"<tr>{row}</tr>"))
-    then = MADE_WITH.read_text(encoding="utf-8").strip() if MADE_WITH.exists() else "none"
-    text = _PAGE.format(
-        changed=len(changed),
-        count=len(rows),
-        then=then,
-        now=versions(),
-        rows="\n".join(row for _, row in sorted(rows, key=lambda pair: pair[0])),
+    Returns
+    -------
+    str
+        What pytest printed: a line for each picture that differs.
+    """
+    shutil.rmtree(report, ignore_errors=True)
+    return _pytest(
+        results,
+        "--mpl",
+        "--mpl-generate-summary=html",
+        f"--mpl-results-path={Path(report).resolve()}",
+        f"--mpl-baseline-path={FOLDER}",
     )
-    page.parent.mkdir(parents=True, exist_ok=True)
-    page.write_text(text, encoding="utf-8")
-    return changed
 
 
-def _shown(path):
-    return _tag(path.read_bytes()) if path else ""
+def renew(results):
+    """Keep the pictures of `results` as those to compare with."""
+    for path in FOLDER.glob("*.png"):
+        path.unlink()
+    _pytest(results, f"--mpl-generate-path={FOLDER}")
 
 
-def _shown_difference(then, now, distance):
-    """Return the picture of the difference, tenfold, dark on white."""
-    if not 0.0 < distance < np.inf:
-        return ""
-    old, new = (image.imread(path)[..., :3] for path in (then, now))
-    buffer = io.BytesIO()
-    image.imsave(buffer, 1.0 - np.clip(10.0 * np.abs(old - new), 0.0, 1.0), format="png")
-    return _tag(buffer.getvalue())
-
-
-def _tag(content):
-    return f'<img src="data:image/png;base64,{base64.b64encode(content).decode()}" alt="">'
+def _pytest(results, *options):
+    command = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "-p", "no:xdist"]
+    script = Path(__file__).with_name("compare_pictures.py")
+    done = subprocess.run(
+        [*command, *options, "-c", os.devnull, "--rootdir", ROOT, script],
+        cwd=ROOT,
+        env=os.environ | {VARIABLE: str(Path(results).resolve())},
+        capture_output=True,
+        text=True,
+    )
+    return done.stdout + done.stderr

@@ -1,5 +1,7 @@
 """The comparison with golden data itself: what it lets pass, and what not."""
 
+import shutil
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -84,10 +86,13 @@ def test_golden_files_are_small():
 
 
 def test_the_page_of_pictures(tmp_path):
+    same, other = sorted(pictures.FOLDER.glob("*.png"))[:2]
     (tmp_path / "figures").mkdir()
-    name = sorted(pictures.FOLDER.glob("*.png"))[0]
-    (tmp_path / "figures" / name.name).write_bytes(name.read_bytes())
-    changed = pictures.summary(tmp_path, tmp_path / "page.html")
-    assert name.stem not in changed
-    page = (tmp_path / "page.html").read_text(encoding="utf-8")
-    assert "the same" in page and "gone" in page and pictures.versions() in page
+    shutil.copyfile(same, tmp_path / "figures" / same.name)
+    shutil.copyfile(same, tmp_path / "figures" / other.name)
+    shutil.copyfile(same, tmp_path / "figures/a_time.png")
+    printed = pictures.compare(tmp_path, tmp_path / "report")
+    assert "1 failed, 1 passed" in printed
+    assert f"FAILED tests/golden/compare_pictures.py::test_picture[{other.stem}]" in printed
+    page = (tmp_path / "report" / pictures.PAGE).read_text(encoding="utf-8")
+    assert same.stem in page and other.stem in page

@@ -41,6 +41,15 @@ def test_a_replaced_result_is_named(project, path, rule, content):
     assert project.planned(path) == {rule: 1}
 
 
+def test_results_from_another_folder_are_named(project):
+    shutil.rmtree(project / ".snakemake")
+    printed = project.snakemake("-n", succeed=False)
+    assert "Made in another folder, maybe with another configuration: results/" in printed
+    assert "Traceback" not in printed
+    shutil.rmtree(project / "results")
+    assert project.planned()
+
+
 def test_a_touched_result_is_still_the_same(project):
     for path in data(project):
         os.utime(project / path)

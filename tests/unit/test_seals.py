@@ -1,21 +1,24 @@
 """Checksums in the logs of jobs tell replaced results from those that the jobs wrote."""
 
 import os
+import shutil
+from pathlib import Path
 
 import pytest
 
-from workflow.seals import replaced, seal
+from workflow.seals import foreign, replaced, seal
 
 
 @pytest.fixture
-def results(tmp_path):
-    """A folder with one result and the log of its job."""
-    (tmp_path / "case/logs/a").mkdir(parents=True)
-    result = tmp_path / "case/some result.nc"
+def results(tmp_path, monkeypatch):
+    """A folder with one result and the log of its job, seen from the working folder."""
+    monkeypatch.chdir(tmp_path)
+    log = Path("results/case/logs/a/b.log")
+    log.parent.mkdir(parents=True)
+    result = Path("results/case/some result.nc")
     result.write_bytes(b"0123456789")
-    text = f"a warning\n{seal(result)}\n"
-    (tmp_path / "case/logs/a/b.log").write_text(text, encoding="utf-8")
-    return tmp_path
+    log.write_text(f"a warning\n{seal(log, [result, Path('none')])}", encoding="utf-8")
+    return Path("results")
 
 
 def test_what_jobs_wrote_is_not_replaced(results):
@@ -41,3 +44,22 @@ def test_missing_files_and_cut_logs_are_left_to_snakemake(results):
     (results / "case/logs/a/b.log").write_bytes(b"\xff\0wrote sha256 12")
     assert replaced(results) == []
     assert replaced(results / "none") == []
+
+
+def test_results_of_another_folder_are_noticed(results):
+    path = results / "case/some result.nc"
+    assert foreign(results) == []
+    shutil.copytree(".snakemake", "kept")
+    shutil.rmtree(".snakemake")
+    assert foreign(results) == [path]
+    # The record of another job under the same name is none.
+    other = Path("results/other.nc")
+    other.write_bytes(b"other")
+    seal(Path("results/case/logs/a/b.log"), [other])
+    assert foreign(results) == [path]
+    shutil.rmtree(".snakemake")
+    shutil.move("kept", ".snakemake")
+    assert foreign(results) == []
+    path.unlink()
+    shutil.rmtree(".snakemake")
+    assert foreign(results) == []

@@ -37,14 +37,12 @@ def redirect_output(path):
     with open(path, "w", encoding="utf-8") as log:
         os.dup2(log.fileno(), 1)
         os.dup2(log.fileno(), 2)
-    atexit.register(_seal_outputs)
+    atexit.register(_seal_outputs, path)
     sys.excepthook = lambda *fault: _report(terminal, *fault)
 
 
-def _seal_outputs():
-    for path in map(Path, __main__.snakemake.output):
-        if path.is_file():
-            print(seal(path))
+def _seal_outputs(log):
+    print(seal(log, map(Path, __main__.snakemake.output)), end="")
 
 
 def _report(terminal, kind, error, trace):
