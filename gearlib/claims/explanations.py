@@ -92,7 +92,7 @@ def _damped_range(facts):
     for name in facts.data.names(material=True):
         lost, regained = facts.loss_and_return(name)
         folds = facts.folds(name)
-        text = f"{name}: the orbit touches the flank at {lost:.6g} and leaves it free from "
+        text = f"{name}: the orbit loses contact at nu = {lost:.6g} and keeps it again from "
         text += f"{regained:.6g}"
         if folds.size:
             text += (
