@@ -110,7 +110,7 @@ def test_explanations_are_made_from_computed_facts(paper):
     # The numbers are those of the tests of branches and tongues, found there in other ways.
     assert "0.6556" in said["P4"] and "0.6673" in said["P4"]
     assert "0.790326" in said["P5"] and "product of the multipliers is 1" in said["P5"]
-    assert "k1: the orbit touches the flank at 0.802052" in said["P6"]
+    assert "k1: the orbit loses contact at nu = 0.802052" in said["P6"]
     assert "1.11373" in said["P6"] and "0.816045" in said["P6"]
     assert "1.12838" in said["P7"]
     assert "neither grow nor decay" in said["P10"] and "0.66: largest" in said["P10"]
