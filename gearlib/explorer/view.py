@@ -15,7 +15,7 @@ from gearlib.summary import in_words
 from gearlib.sweeping import sweep
 
 #: Mesh periods of every run of a characteristic, and the last ones that are evaluated.
-_PERIODS, _RECORDED = 80, 10
+_PERIODS, _RECORDED = 70, 10
 #: Mesh periods before the phase plane, so that it shows a settled motion.
 _SETTLE = 300
 _CURVE = ("tuning", "displacement_max", "displacement_min")

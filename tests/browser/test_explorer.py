@@ -46,7 +46,7 @@ def test_a_view_shows_what_the_library_computes(pair):
     np.testing.assert_array_equal(seen.course["displacement"], run.displacement)
     orbit = gearlib.periodic_orbit(pair, 0.9)
     np.testing.assert_allclose(np.abs(seen.multipliers), np.abs(orbit.multipliers), rtol=1e-9)
-    up = gearlib.sweep(pair, GRID, periods=80, record_periods=10, direction="up")
+    up = gearlib.sweep(pair, GRID, periods=70, record_periods=10, direction="up")
     np.testing.assert_array_equal(seen.up["displacement_max"], up.displacement_max)
     assert "loses contact" in seen.message
 
