@@ -32,7 +32,7 @@ golden: $(INSTALLED)
 	$(BIN)/python -m tests.golden
 
 test: lint
-	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder
+	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder -rs
 
 torture: $(INSTALLED)
 	GEARLIB_KILLS=50 $(BIN)/python -m pytest tests/robustness -rs
@@ -47,10 +47,8 @@ peers: $(INSTALLED)
 	    echo "numbalsoda is left out: there is no gfortran to build it with"; \
 	fi
 
-# The test itself installs nothing, and says why where it cannot run.
+# The test itself, part of `make test` too, installs nothing, and says why where it cannot run.
 slurm-test: $(INSTALLED)
-	$(BIN)/python -m pip install --quiet --constraint requirements/constraints.txt \
-	    --editable '.[slurm]'
 	@if [ "$$(id -u)" = 0 ] && command -v apt-get > /dev/null && \
 	    ! { command -v slurmctld && command -v slurmd && command -v munged; } > /dev/null; then \
 	    apt-get update && apt-get install --yes --no-install-recommends \
