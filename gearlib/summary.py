@@ -61,5 +61,6 @@ def in_words(run):
     if float(run.fraction_inverse) > 0.0:
         contact = "it strikes both flanks"
     elif float(run.bounces) > 0.0:
-        contact = f"it loses contact {float(run.bounces):.3g} times per mesh period"
+        times = f"{float(run.bounces):.3g} times"
+        contact = f"it loses contact {'once' if times == '1 times' else times} per mesh period"
     return f"The motion from rest {motion}; {contact}."
