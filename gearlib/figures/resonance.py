@@ -88,7 +88,11 @@ def draw(resonance, *, colours=None, labels=None, branches=None, tongues=None):
     _add_scales(axes, resonance)
     axes.set_ylabel(_Y_LABEL)
     if carried:
-        panels = grid[1:, :].subgridspec(rows, _COLUMNS).subplots(sharex=True, sharey=True)
+        panels = (
+            grid[1:, :]
+            .subgridspec(rows, _COLUMNS)
+            .subplots(sharex=True, sharey=True, squeeze=False)
+        )
         for panel in panels.flat[len(looks) :]:
             panel.remove()
         for panel, (name, look) in zip(panels.flat, looks.items(), strict=False):
@@ -107,8 +111,10 @@ def draw(resonance, *, colours=None, labels=None, branches=None, tongues=None):
             handles.append(Patch(facecolor=TONGUE_COLOUR, label="tongue"))
         if handles:
             figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
-        for panel in panels[-1]:
+        # The lowest ones: the last row may be short.
+        for panel in panels.flat[: len(looks)][-_COLUMNS:]:
             panel.set_xlabel("tuning $\\nu_s$")
+            panel.tick_params(labelbottom=True)
         for panel in panels[:, 0]:
             panel.set_ylabel(_SHORT_Y_LABEL)
     return figure

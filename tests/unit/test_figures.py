@@ -70,6 +70,15 @@ def test_resonance_has_scales_units_and_every_curve():
     assert low < 0.6 and high > 1.2
 
 
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_any_number_of_dampings(count):
+    figure = resonance.draw(curves(GRID).isel(damping=slice(count)))
+    main, *panels = figure.axes
+    assert len(panels) == count
+    lowest = [panel.get_xlabel() for panel in panels][-2:]
+    assert lowest == [main.get_xlabel()] * len(lowest)
+
+
 @pytest.mark.parametrize("backlash", [math.inf, 0.0, 0.5])
 def test_any_backlash(backlash):
     figure = resonance.draw(curves(GRID, backlash=backlash))
