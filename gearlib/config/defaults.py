@@ -111,11 +111,12 @@ def _made(pair, dampings):
     )
     frequency = math.sqrt(mean_stiffness / pair.reduced_mass)
     deflection = pair.load / mean_stiffness
-    largest = max(max(d.material, d.backlash) for d in dampings.values())
-    if largest == 0.0:
-        largest = 2.0 * _DAMPING_RATIO * pair.reduced_mass * frequency
-    if not damped:
-        damped = {f"damping ratio {_DAMPING_RATIO:g}": Damping(material=largest, backlash=largest)}
+    moderate = 2.0 * _DAMPING_RATIO * pair.reduced_mass * frequency
+    largest = max(max(d.material, d.backlash) for d in dampings.values()) or moderate
+    # Only motions damped in contact settle wherever they start.
+    settling = {name: d for name, d in dampings.items() if d.material > 0.0} or {
+        f"damping ratio {_DAMPING_RATIO:g}": Damping(material=moderate, backlash=moderate)
+    }
     masses = 6.0 * pair.reduced_mass
     bearing = pair.max_stiffness / 40.0
     return {
@@ -142,10 +143,10 @@ def _made(pair, dampings):
         "basins": {
             "cases": [
                 {"title": _title(name, 0.72), "tuning": 0.72, "damping": damping}
-                for name, damping in list(damped.items())[:_PANELS]
+                for name, damping in list(settling.items())[:_PANELS]
             ]
         },
-        "bifurcation": {"damping": next(iter(damped.values()))},
+        "bifurcation": {"damping": next(iter(settling.values()))},
         "poincare": {
             "cases": [
                 {

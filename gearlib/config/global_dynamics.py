@@ -64,7 +64,7 @@ class Basins(Section):
         Field(
             min_length=1,
             max_length=12,
-            description="Panels. Default: tuning 0.72, each of the dampings that damps.",
+            description="Panels. Default: tuning 0.72, each of the dampings with material damping.",
         ),
     ]
     displacement: Range = [-6.0, 6.0]
@@ -92,7 +92,9 @@ class Bifurcation(Grid):
     start: Start = 0.45
     stop: Stop = 0.95
     step: Step = 0.001
-    damping: Annotated[Damping, Field(description="Default: the first one that damps.")]
+    damping: Annotated[
+        Damping, Field(description="Default: the first of the dampings with material damping.")
+    ]
     share_step: number_within(gt=0, le=10) = Field(
         default=0.01,
         description="Distance of the tunings of the shares; stop is start + a multiple of it.",
