@@ -24,9 +24,9 @@ if workflow.is_main_process:
     elsewhere = foreign(Path("results"))
     if elsewhere:
         raise WorkflowError(
-            f"Made in another folder, maybe with another configuration: {elsewhere[0]} and "
-            f"{len(elsewhere) - 1} more. Remove results/, or bring the folder .snakemake that "
-            "belongs to it."
+            f"No record says how these were made, {len(elsewhere)} in all: {elsewhere[0]} ... They "
+            "come from another folder, or .snakemake was removed. Remove results/, or bring the "
+            ".snakemake that belongs to it."
         )
     others = " ".join(map(str, replaced(Path("results"))))
     if others:

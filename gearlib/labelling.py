@@ -23,7 +23,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import xarray as xr
 
-from gearlib import integrators, lyapunov, provenance, status
+from gearlib import checks, integrators, lyapunov, provenance, status
 from gearlib.arguments import check_tuning
 from gearlib.checks import finite_positive, integer
 from gearlib.core import orbit
@@ -96,7 +96,7 @@ def trust(
         "initial_state": initial_state,
         "samples_per_period": 1,
     }
-    x, v = initial_state
+    x, v = checks.state("initial_state", initial_state)
     names, runs = [], []
     for name, model, changed in (
         ("as asked", pair, {}),

@@ -84,11 +84,14 @@ def allowed(node, schema):
     if kind in ("string", "boolean") or isinstance(kind, list):
         return node["$comment"]
     if kind == "array":
-        return f"a list of at least one entry, each {allowed(node['items'], schema)}"
+        least, most = node.get("minItems", 0), node.get("maxItems")
+        entries = f"{least} entries" if least == most else "at least one entry"
+        return f"a list of {entries}, each {allowed(node['items'], schema)}"
     if "properties" in node:
         return f"a mapping with the keys {', '.join(node['properties'])}"
     (entry,) = node["patternProperties"].values()
-    return f"a mapping of at least one name to {allowed(entry, schema)}"
+    names = "at least one name" if node.get("minProperties") else "names"
+    return f"a mapping of {names} to {allowed(entry, schema)}"
 
 
 def _range(node):

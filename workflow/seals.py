@@ -11,6 +11,7 @@ configuration.
 """
 
 import hashlib
+import os
 import re
 from pathlib import Path
 
@@ -40,7 +41,7 @@ def seal(log, outputs):
         if path.is_file()
     )
     # Before the log has them: a job that is killed here is not taken for one from elsewhere.
-    record = RECORDS / log
+    record = RECORDS / os.path.relpath(log)
     record.parent.mkdir(parents=True, exist_ok=True)
     record.write_text(lines, encoding="utf-8")
     return lines

@@ -14,10 +14,11 @@ _HEAD = f"""# Configuration
 
 Every key of `config.yaml`, written from the typed model that checks it (`gearlib/config`). Only
 `gear_pair` and `dampings` must be given, with all of their keys, and so must the keys of each entry
-of a list or of `scenes`; what else is left out has its default. Defaults with a dimension are made
-from the gears, as the text says. There are no other keys: a wrong key or value is refused before
-the first job, in a sentence that names key, value and allowed range. Names in angle brackets are
-free: letters, digits, `+`, `_`, `-`.
+of a list or of `scenes`, but for `change` and `options`; what else is left out has its default.
+Defaults with a dimension are made from the gears, as the text says; where they need damping and the
+gears have none, it is 5 % of the critical one. There are no other keys: a wrong key or value is
+refused before the first job, in a sentence that names key, value and allowed range. Names in angle
+brackets are free: letters, digits, `+`, `_`, `-`.
 
 Editors with YAML support complete the keys; they read `workflow/schemas/config.schema.json`.
 Values with a dimension are [numbers in SI or texts with a unit](../how_to/units.md). One key may
@@ -66,6 +67,10 @@ def _rows(prefix, node, whole):
         if _section(child, whole) is None:
             yield _row(path, child, whole)
         else:
+            # The default of a section is that of its keys.
+            own = "default" in child and "$ref" not in child
+            if own or "Default:" in child.get("description", ""):
+                yield _row(path, child, whole)
             yield from _rows(path, child, whole)
 
 
@@ -97,6 +102,11 @@ def _words(node, whole):
 
 
 def _short(value):
+    if isinstance(value, dict) or (isinstance(value, list) and isinstance(value[0], dict)):
+        names = value if isinstance(value, dict) else [entry["name"] for entry in value]
+        value = [*names]
+    if isinstance(value, bool):
+        value = str(value).lower()
     values = value if isinstance(value, list) else [value]
     text = ", ".join(f"{v:g}" if isinstance(v, float) and abs(v) >= 1e6 else str(v) for v in values)
     return f"`{text}`" if len(text) <= 60 else f"`{text[:57]}` …"

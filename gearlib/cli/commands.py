@@ -196,10 +196,10 @@ def trust(pair, tuning, state, periods, output_path, force):
 @gears.configuration_options
 @click.option("--port", type=int, default=0, help="Port on this machine; any free one by default.")
 @click.option("--show/--no-show", default=True, help="Whether to open a browser.")
-def explore(settings, damping, port, show):
+def explore(mapping, damping, port, show):
     """Explore the gear mesh with sliders, in the browser."""
     try:
         from gearlib.explorer import page
     except ModuleNotFoundError as error:
         output.fail(f"{error.name} is missing: install gearlib[explore]")
-    page.serve(settings, damping, port, show)
+    page.serve(mapping, damping, port, show)

@@ -25,18 +25,45 @@ class _Gears(GearPairSection):
     backlash_damping: DampingCoefficient = Field(description="k_1m in the backlash, N s/m.")
 
 
+def options(command):
+    """Give a command the options that describe the gears; it is called with the model as `pair`."""
+
+    @_gear_options
+    @click.option("--model", type=click.Choice(MODELS), default=MODELS[0], show_default=True)
+    @functools.wraps(command)
+    def wrapped(mapping, gears, damping, model, **rest):
+        return command(pair=_model(mapping, gears, model), **rest)
+
+    return wrapped
+
+
 def configuration_options(command):
     """Give a command the options that describe the gears.
 
-    It is called with the configuration as `settings` and the name of the damping as `damping`.
+    It is called with a configuration, not yet read by `gearlib.config.load` but accepted by it, as
+    `mapping`, and with the name of the damping as `damping`.
     """
+
+    @_gear_options
+    @functools.wraps(command)
+    def wrapped(mapping, gears, damping, **rest):
+        whole = mapping | _sections(gears, damping)
+        whole["dampings"] = mapping.get("dampings", {}) | whole["dampings"]
+        _load(whole, "What the options make of the configuration")
+        return command(mapping=whole, damping=damping, **rest)
+
+    return wrapped
+
+
+def _gear_options(command):
+    """Give a command the options; it is called with `mapping`, `gears` and `damping`."""
 
     @functools.wraps(command)
     def wrapped(config_path, damping, **rest):
         given = {name: rest.pop(name) for name in _Gears.model_fields}
         changes = {name: _number(text) for name, text in given.items() if text is not None}
-        settings, damping = _configuration(config_path, damping, changes)
-        return command(settings=settings, damping=damping, **rest)
+        mapping, gears, damping = _gears(config_path, damping, changes)
+        return command(mapping=mapping, gears=gears, damping=damping, **rest)
 
     decorators = [
         click.option(
@@ -56,20 +83,8 @@ def configuration_options(command):
     return wrapped
 
 
-def options(command):
-    """Give a command the options that describe the gears; it is called with the model as `pair`."""
-
-    @configuration_options
-    @click.option("--model", type=click.Choice(MODELS), default=MODELS[0], show_default=True)
-    @functools.wraps(command)
-    def wrapped(settings, damping, model, **rest):
-        return command(pair=_model(settings, damping, model), **rest)
-
-    return wrapped
-
-
-def _configuration(config_path, damping, changes):
-    """Return the configuration with what the options change, and the name of its damping."""
+def _gears(config_path, damping, changes):
+    """Return what was read from a file, the gears with what the options change, the damping."""
     if config_path is None and Path(_DEFAULT_CONFIG).exists():
         config_path = Path(_DEFAULT_CONFIG)
     mapping, values = {}, {}
@@ -85,21 +100,28 @@ def _configuration(config_path, damping, changes):
     except ValidationError as error:
         found = sentences(error.errors(), _Gears.model_json_schema())
         raise click.UsageError("\n".join(found)) from None
-    damping = damping or _OWN
+    return mapping, gears, damping or _OWN
+
+
+def _sections(gears, damping):
+    """Return the sections of a configuration that describe the gears."""
     coefficients = {"material": gears.material_damping, "backlash": gears.backlash_damping}
-    mapping["gear_pair"] = gears.model_dump(include=set(GearPairSection.model_fields))
-    mapping["dampings"] = mapping.get("dampings", {}) | {damping: coefficients}
-    return _load(mapping, "What the options make of the configuration"), damping
+    return {
+        "gear_pair": gears.model_dump(include=set(GearPairSection.model_fields)),
+        "dampings": {damping: coefficients},
+    }
 
 
-def _model(settings, damping, model):
-    """Return the model of the gears that a configuration describes."""
+def _model(mapping, gears, model):
+    """Return the model of the gears; bodies and bearings are those of a configuration."""
     # Only here, so that --help does not pay for the numerical stack.
     from gearlib import GearPair, SixDegreePair
 
-    pair = GearPair(**settings.pair_parameters(damping))
+    pair = GearPair(**gears.model_dump())
     if model == "one_degree":
         return pair
+    six_degrees = {key: mapping[key] for key in ("six_degrees",) if key in mapping}
+    settings = _load(_sections(gears, _OWN) | six_degrees, "six_degrees")
     try:
         return SixDegreePair(pair=pair, **settings.six_degrees.model_dump())
     except ValueError as error:
@@ -120,9 +142,12 @@ def _choose_damping(settings, name):
 def _read(path):
     """Return the mapping in a YAML file."""
     try:
-        return yaml.safe_load(path.read_text(encoding="utf-8"))
+        mapping = yaml.safe_load(path.read_text(encoding="utf-8"))
     except yaml.YAMLError as error:
         raise click.UsageError(f"{path} is not YAML: {error}") from None
+    if isinstance(mapping, dict) and "cases" in mapping:
+        raise click.UsageError(f"{path} has several cases: give a file with the keys of one")
+    return mapping
 
 
 def _load(mapping, name):

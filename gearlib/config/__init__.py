@@ -57,10 +57,29 @@ def load(mapping):
     ConfigError
         With one sentence per problem, which names key, value and allowed range.
     """
+    problems = list(_names_that_are_no_texts(mapping))
+    if problems:
+        raise ConfigError("\n".join(problems))
     try:
         return Config.model_validate(defaults.filled(mapping))
     except ValidationError as error:
         raise ConfigError("\n".join(sentences(error.errors(), schema()))) from None
+
+
+def _names_that_are_no_texts(mapping, where=""):
+    """Yield a sentence for each; YAML takes ``4:``, ``on:`` and ``null:`` for other things."""
+    if isinstance(mapping, dict):
+        for key, value in mapping.items():
+            if not isinstance(key, str):
+                yield (
+                    f"{where}{show(key)} is not allowed as a name: it must be a text, in quotes "
+                    "where YAML reads something else"
+                )
+            else:
+                yield from _names_that_are_no_texts(value, f"{where}{key}.")
+    elif isinstance(mapping, list):
+        for i, value in enumerate(mapping):
+            yield from _names_that_are_no_texts(value, f"{where.removesuffix('.')}[{i}].")
 
 
 def cases(mapping):
@@ -117,7 +136,18 @@ def schema():
     """Return the JSON schema of the configuration as a dict."""
     whole = Config.model_json_schema()
     defaults.release(whole)
+    _drop_null_defaults(whole)
     return whole
+
+
+def _drop_null_defaults(node):
+    """A key that may be left out has no default that could be written: null is refused."""
+    if isinstance(node, dict):
+        default = node.get("default")
+        if "default" in node and (default is None or None in getattr(default, "values", list)()):
+            del node["default"]
+        for value in node.values():
+            _drop_null_defaults(value)
 
 
 def schema_text():

@@ -10,8 +10,9 @@ from typing import Annotated
 
 from pydantic import Field, TypeAdapter, ValidationError
 
-from gearlib.config.mesh import Damping, GearPairSection
-from gearlib.config.types import Name
+from gearlib.config.experiments import ReportPage
+from gearlib.config.mesh import Damping, GearPairSection, Run
+from gearlib.config.types import MAX_PAGE_SAMPLES, Name
 
 #: Stand-ins while those of a configuration are refused, so that only those are complained about.
 _PAIR = GearPairSection(
@@ -32,6 +33,9 @@ _GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 
 #: Damping ratio where a study needs damping and the configuration has none.
 _DAMPING_RATIO = 0.05
+
+#: Of the phase lag, where a run has samples enough to tell them apart.
+_HARMONICS = 5
 
 #: Panels of one figure, see `Basins` and `Poincare`.
 _PANELS = 12
@@ -69,6 +73,7 @@ def filled(mapping):
     if isinstance(six_degrees, dict) and any(key in six_degrees for key in _BODIES):
         for key in _BODIES:
             del made["six_degrees"][key]
+    _fit(made, _run(mapping), pair.teeth, len(dampings))
     whole = laid_over(made, mapping)
     figures = whole["figures"]
     if isinstance(figures, dict) and isinstance(figures["colours"], dict):
@@ -106,17 +111,15 @@ def _made(pair, dampings):
     damped = {name: d for name, d in dampings.items() if d.material > 0.0 or d.backlash > 0.0}
     first = next(iter(damped or dampings))
     lightest = min(dampings, key=lambda name: dampings[name].material + dampings[name].backlash)
-    mean_stiffness = pair.max_stiffness * (
-        pair.stiffness_ratio + (1.0 - pair.stiffness_ratio) * (pair.contact_ratio - 1.0)
-    )
-    frequency = math.sqrt(mean_stiffness / pair.reduced_mass)
-    deflection = pair.load / mean_stiffness
+    frequency = math.sqrt(pair.mean_stiffness() / pair.reduced_mass)
+    deflection = pair.load / pair.mean_stiffness()
     moderate = 2.0 * _DAMPING_RATIO * pair.reduced_mass * frequency
     largest = max(max(d.material, d.backlash) for d in dampings.values()) or moderate
     # Only motions damped in contact settle wherever they start.
     settling = {name: d for name, d in dampings.items() if d.material > 0.0} or {
         f"damping ratio {_DAMPING_RATIO:g}": Damping(material=moderate, backlash=moderate)
     }
+    cubic = largest / (deflection * frequency) ** 2
     masses = 6.0 * pair.reduced_mass
     bearing = pair.max_stiffness / 40.0
     return {
@@ -137,7 +140,7 @@ def _made(pair, dampings):
         "stability_chart": {"damping": lightest},
         "work_precision": {
             "damping": largest,
-            "cubic_damping": largest / (deflection * frequency) ** 2,
+            "cubic_damping": cubic if math.isfinite(cubic) else largest,
         },
         "jump_by_method": {"damping": first},
         "basins": {
@@ -164,13 +167,32 @@ def _made(pair, dampings):
     }
 
 
+def _run(mapping):
+    """Return the section `run` of a configuration, or its default while it is refused."""
+    try:
+        return Run.model_validate(mapping.get("run", {}))
+    except ValidationError:
+        return Run()
+
+
+def _fit(made, run, teeth, count):
+    """Add what has to stay within the recorded samples, and within what a browser takes in."""
+    made["phase_lag"]["harmonics"] = max(1, min(_HARMONICS, run.samples_per_period // 8))
+    page = ReportPage()
+    shown = min(page.periods_shown, run.recorded_revolutions * teeth)
+    most = MAX_PAGE_SAMPLES // (count * page.count() * shown)
+    samples = max(8, min(page.samples_per_period, most))
+    made["report_page"] = {"periods_shown": shown, "samples_per_period": samples}
+
+
 def _title(name, tuning):
     return f"tuning {tuning:.2f}, {name}"[:60]
 
 
 def _colours(names, given):
     """Return the given colours, and others for the dampings that have none."""
-    free = (colour for colour in _palette() if colour not in given.values())
+    taken = {str(colour).upper() for colour in given.values()}
+    free = (colour for colour in _palette() if colour not in taken)
     missing = [name for name in names if name not in given]
     return given | dict(zip(missing, free, strict=False))
 

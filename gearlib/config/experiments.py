@@ -21,6 +21,7 @@ from gearlib.config.types import (
     Step,
     Stop,
     Tuning,
+    check_count,
     integer_within,
     listing,
     number_within,
@@ -50,6 +51,8 @@ class Resonance(Section):
                 f"resonance.stop = {self.stop!r} is not allowed: it must be greater than "
                 f"resonance.start = {self.start!r}"
             )
+        # Beyond what decimals count; how many there may be depends on the dampings as well.
+        check_count("resonance.step", self.start, self.stop, self.step, 10**12)
         if tunings.steps(self.start, self.stop, self.step) % 1:
             raise ValueError(
                 f"resonance.stop = {self.stop!r} is not allowed: it must be resonance.start = "

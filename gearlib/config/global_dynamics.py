@@ -124,7 +124,7 @@ class Bifurcation(Grid):
     def _check(self):
         check_ranges("bifurcation", self)
         check_damped("bifurcation", self.damping)
-        check_grid("bifurcation", self.model_copy(update={"step": self.share_step}))
+        check_grid("bifurcation", self, "share_step")
         return self
 
 

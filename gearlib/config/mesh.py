@@ -1,6 +1,6 @@
 """Sections that describe the gears and the length of the runs."""
 
-from pydantic import Field, model_validator
+from pydantic import Field, model_serializer, model_validator
 
 from gearlib.config.types import (
     Angle,
@@ -23,6 +23,9 @@ from gearlib.config.types import (
     numbers,
 )
 
+#: Gears beyond these have no squares of their scales within the floating-point numbers.
+_SMALLEST, _LARGEST = 1e-30, 1e30
+
 
 class GearPairSection(Section):
     """The gear pair in SI units, without its damping."""
@@ -41,9 +44,34 @@ class GearPairSection(Section):
         description="Teeth: mesh periods per revolution."
     )
 
+    @model_validator(mode="after")
+    def _check(self):
+        for key in ("max_stiffness", "reduced_mass", "load"):
+            self._check_scale(key, getattr(self, key))
+        mean = self.mean_stiffness()
+        if not _SMALLEST <= mean:
+            raise ValueError(
+                f"gear_pair.stiffness_ratio = {self.stiffness_ratio!r} is not allowed: the mean "
+                f"stiffness, {mean!r} N/m, must be >= {_SMALLEST}"
+            )
+        return self
+
+    @staticmethod
+    def _check_scale(key, value):
+        if not _SMALLEST <= value <= _LARGEST:
+            raise ValueError(
+                f"gear_pair.{key} = {value!r} is not allowed: it must be a finite number > 0, from "
+                f"{_SMALLEST} to {_LARGEST}"
+            )
+
+    def mean_stiffness(self):
+        """Return the mean of the mesh stiffness over a mesh period, N/m."""
+        high = self.contact_ratio - 1.0
+        return self.max_stiffness * (high + (1.0 - high) * self.stiffness_ratio)
+
 
 class Change(Section):
-    """Other values for some keys of gear_pair, each as there."""
+    """Other values for some keys of gear_pair, each as there; those left out stay."""
 
     max_stiffness: Stiffness = Field(default=None, description="Max stiffness of the case.")
     stiffness_ratio: StiffnessRatio = Field(
@@ -53,6 +81,10 @@ class Change(Section):
     reduced_mass: Mass = Field(default=None, description="Reduced mass of the case.")
     load: Load = Field(default=None, description="Load of the case.")
     backlash: Backlash = Field(default=None, description="Backlash of the case.")
+
+    @model_serializer(mode="wrap")
+    def _given(self, dump):
+        return {key: value for key, value in dump(self).items() if value is not None}
 
 
 class Damping(Section):

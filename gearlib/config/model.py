@@ -31,13 +31,11 @@ from gearlib.config.trials import (
     SteadyOrbits,
     WorkPrecision,
 )
-from gearlib.config.types import MAX_JOBS, Name, Section, listing
+from gearlib.config.types import MAX_JOBS, MAX_PAGE_SAMPLES, Name, Section, listing
 
 #: Limits that catch a mistyped step or window before it fills a disk.
 MAX_TUNINGS = 10_000_000
 MAX_SAMPLES = 100_000_000
-#: Samples that a browser takes in: 32 MB of the page.
-MAX_PAGE_SAMPLES = 2_000_000
 
 Target = Literal[
     "phase_lag",

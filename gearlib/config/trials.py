@@ -70,7 +70,9 @@ class StabilityChart(Grid):
     start: Start = 0.2
     stop: Stop = 2.6
     step: Step = 0.02
-    damping: DampingName
+    damping: Annotated[
+        DampingName, Field(description="One of the dampings. Default: the lightest.")
+    ]
     fine_step: number_within(gt=0, le=10) = Field(
         default=0.002, description="Distance of the tunings of the true radius."
     )
@@ -113,7 +115,7 @@ class Trial(Section):
 
     name: Name = Field(
         description="Above the column; names the trial in the data.",
-        json_schema_extra={"$comment": "a text matching ^[A-Za-z0-9+_-]+$"},
+        json_schema_extra={"$comment": "a text matching ^[A-Za-z0-9+_-]{1,40}$"},
     )
     method: MethodName = Field(description="A name of `gearlib.methods`.")
     options: dict[Name, Option] = Field(

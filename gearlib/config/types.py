@@ -29,6 +29,8 @@ from gearlib.config import units
 
 #: Limit that catches a mistyped step before it makes as many jobs or tunings.
 MAX_JOBS = 10_000
+#: Samples that a browser takes in: 32 MB of the page.
+MAX_PAGE_SAMPLES = 2_000_000
 
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 _INTEGER = re.compile(r"[-+]?\d+")
@@ -48,7 +50,7 @@ def _read_integer(value):
 
 
 def _read_truth(value):
-    return _TRUTH.get(value, value) if isinstance(value, str) else value
+    return _TRUTH.get(value.lower(), value) if isinstance(value, str) else value
 
 
 def _all_different(values):
@@ -122,12 +124,14 @@ Angle = quantity("rad", "30 deg")
 Truth = Annotated[
     bool, Field(json_schema_extra={"$comment": "true or false"}), BeforeValidator(_read_truth)
 ]
-Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9+_-]+$")]
+#: Short enough for titles that name it.
+_NAME = r"^[A-Za-z0-9+_-]{1,40}$"
+Name = Annotated[str, Field(pattern=_NAME)]
 DampingName = Annotated[
     str,
     Field(
-        pattern=r"^[A-Za-z0-9+_-]+$",
-        description="One of the dampings. Default: the first one that damps.",
+        pattern=_NAME,
+        description="One of the dampings. Default: the first one that damps, if one does.",
         json_schema_extra={"$comment": "one of the dampings"},
     ),
 ]
@@ -171,18 +175,23 @@ def numbers(item, count, description):
     return Annotated[list[item], Field(min_length=count, max_length=count, description=description)]
 
 
-def check_grid(key, section):
+def check_count(key, start, stop, step, most):
+    """Refuse a step that cuts a range into too many."""
+    if stop > start and tunings.steps(start, stop, step) + 1 > most:
+        raise ValueError(
+            f"{key} = {step!r} is not allowed: it must be >= {(stop - start) / most:.2g} to stay "
+            f"within {most:,} tunings"
+        )
+
+
+def check_grid(key, section, step_key="step"):
     """Refuse a section whose stop is not start plus a whole multiple of step, or too fine."""
-    start, stop, step = section.start, section.stop, section.step
+    start, stop, step = section.start, section.stop, getattr(section, step_key)
+    check_count(f"{key}.{step_key}", start, stop, step, MAX_JOBS)
     if stop <= start or tunings.steps(start, stop, step) % 1:
         raise ValueError(
             f"{key}.stop = {stop!r} is not allowed: it must be {key}.start = {start!r} plus a "
-            f"whole multiple of {key}.step = {step!r}"
-        )
-    if int(tunings.steps(start, stop, step)) + 1 > MAX_JOBS:
-        raise ValueError(
-            f"{key}.step = {step!r} is not allowed: it must be >= {(stop - start) / MAX_JOBS:.2g} "
-            f"to stay within {MAX_JOBS:,} tunings"
+            f"whole multiple of {key}.{step_key} = {step!r}"
         )
 
 

@@ -8,6 +8,7 @@ import panel as pn
 from bokeh.models import ColumnDataSource, Span
 from bokeh.plotting import figure
 
+from gearlib import config
 from gearlib.explorer import view
 from gearlib.figures.style import PALETTE
 from gearlib.pair import GearPair
@@ -29,8 +30,9 @@ _LABELS = {
 class Page:
     """Sliders that stand for a `view.Setting`, and the figures of its `view.View`."""
 
-    def __init__(self, settings, damping):
-        self.settings, self.damping = settings, damping
+    def __init__(self, mapping, damping):
+        self.mapping, self.damping = mapping, damping
+        settings = config.load(mapping)
         self.base = GearPair(**settings.pair_parameters(damping))
         grid = settings.resonance
         self.grid = np.linspace(grid.start, grid.stop, POINTS)
@@ -74,7 +76,7 @@ class Page:
 
     def file(self):
         """Return the config.yaml of what is seen, as a file object."""
-        text = view.configuration(self.settings, self.damping, self.setting())
+        text = view.configuration(self.mapping, self.damping, self.setting())
         return io.BytesIO(text.encode())
 
     def layout(self):
@@ -167,13 +169,15 @@ def _sliders(setting, pair, grid):
     }
 
 
-def serve(settings, damping, port=0, show=True):
+def serve(mapping, damping, port=0, show=True):
     """Serve the page on this machine until interrupted.
 
     Parameters
     ----------
-    settings : gearlib.config.Config
+    mapping : dict
+        A configuration that `gearlib.config.load` accepts.
     damping : str
+        One of its dampings.
     port : int
         0 takes any free one.
     show : bool
@@ -181,10 +185,10 @@ def serve(settings, damping, port=0, show=True):
     """
     pn.extension()
     # The first view loads the compiled kernels, which is nothing to wait for while dragging.
-    Page(settings, damping)
+    Page(mapping, damping)
     # Every visitor has sliders of his own.
     pn.serve(
-        lambda: Page(settings, damping).layout(),
+        lambda: Page(mapping, damping).layout(),
         port=port,
         show=show,
         title="gearlib explorer",

@@ -8,6 +8,7 @@ import numpy as np
 import yaml
 
 from gearlib import config
+from gearlib.config.defaults import laid_over
 from gearlib.orbits.shooting import NoOrbit, periodic_orbit
 from gearlib.pair import GearPair
 from gearlib.simulation import simulate
@@ -118,13 +119,13 @@ def look(pair, tuning, grid):
     )
 
 
-def configuration(settings, damping, setting):
+def configuration(mapping, damping, setting):
     """Return the text of a config.yaml that computes what is seen.
 
     Parameters
     ----------
-    settings : gearlib.config.Config
-        What the explorer started from; sections that the sliders do not touch are kept.
+    mapping : dict
+        The configuration that the explorer started from; what the sliders do not touch is kept.
     damping : str
         The damping combination that the sliders stand for.
     setting : Setting
@@ -134,15 +135,16 @@ def configuration(settings, damping, setting):
     str
         It has passed `gearlib.config.load`.
     """
-    whole = settings.model_dump(exclude_unset=True)
-    pair = setting.pair(GearPair(**settings.pair_parameters(damping)))
-    for key in whole["gear_pair"]:
-        whole["gear_pair"][key] = asdict(pair)[key]
-    whole["dampings"][damping] = {
-        "material": pair.material_damping,
-        "backlash": pair.backlash_damping,
+    settings = config.load(mapping)
+    pair = asdict(setting.pair(GearPair(**settings.pair_parameters(damping))))
+    seen = {
+        "gear_pair": {key: pair[key] for key in settings.gear_pair.model_dump()},
+        "dampings": {
+            damping: {"material": pair["material_damping"], "backlash": pair["backlash_damping"]}
+        },
+        "phase_planes": {"tunings": [setting.tuning]},
     }
-    whole["phase_planes"] = {"tunings": [setting.tuning]}
+    whole = laid_over(mapping, seen)
     config.load(whole)
     text = yaml.safe_dump(whole, sort_keys=False, allow_unicode=True)
     return f"# What gearlib explore showed at tuning {setting.tuning:g}, damping {damping}.\n{text}"

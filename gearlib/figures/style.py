@@ -19,7 +19,7 @@ PAGE_WIDTH = 7.2
 #: Greys of the areas; the normal mesh stays white.
 AREA_COLOURS = {"backlash": "#EBEBEB", "inverse mesh": "#CFCFCF"}
 
-#: For dampings without a colour of their own.
+#: For curves that are no dampings, and dampings that are drawn without a configuration.
 PALETTE = ("#0072B2", "#E69F00", "#009E73", "#4D4D4D", "#D55E00", "#CC79A7", "#56B4E9")
 
 # Square, dot, cross and open circle are the paper's, in its order of the damping combinations.

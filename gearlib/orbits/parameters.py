@@ -88,6 +88,7 @@ def with_parameter(pair, tuning, name, value):
         inner, _ = with_parameter(pair.pair, tuning, name, value)
         return dataclasses.replace(pair, pair=inner), tuning
     if name == "backlash":
+        value = checks.number(name, value, "a number >= 0, inf included", lambda v: v >= 0.0)
         return pair.replace(backlash=value * pair.static_deflection), tuning
     if name in ("damping", "backlash_damping"):
         value = checks.finite_nonnegative(name, value)

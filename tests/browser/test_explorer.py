@@ -22,14 +22,13 @@ GRID = np.linspace(0.6, 0.9, 31)
 
 
 @pytest.fixture(scope="module")
-def settings(request):
-    text = (request.config.rootpath / "config.yaml").read_text(encoding="utf-8")
-    return config.load(yaml.safe_load(text))
+def mapping(request):
+    return yaml.safe_load((request.config.rootpath / "config.yaml").read_text(encoding="utf-8"))
 
 
 @pytest.fixture
-def pair(settings):
-    return gearlib.GearPair(**settings.pair_parameters("k1"))
+def pair(mapping):
+    return gearlib.GearPair(**config.load(mapping).pair_parameters("k1"))
 
 
 def test_a_setting_stands_for_its_pair(pair):
@@ -51,16 +50,22 @@ def test_a_view_shows_what_the_library_computes(pair):
     assert "loses contact" in seen.message
 
 
-def test_what_is_saved_computes_what_is_seen(settings, pair):
+def test_what_is_saved_computes_what_is_seen(mapping, pair):
     setting = replace(view.Setting.of(pair, 0.73), backlash=60e-6, stiffness_ratio=0.7)
-    saved = config.load(yaml.safe_load(view.configuration(settings, "k1", setting)))
+    saved = config.load(yaml.safe_load(view.configuration(mapping, "k1", setting)))
     assert gearlib.GearPair(**saved.pair_parameters("k1")) == setting.pair(pair)
     assert saved.phase_planes.tunings == [0.73]
-    assert saved.scenes == settings.scenes
+    assert saved.scenes == config.load(mapping).scenes
 
 
-def test_moving_a_slider_updates_every_source(settings):
-    shown = page.Page(settings, "k1")
+def test_what_was_left_out_is_not_saved(mapping, pair):
+    short = {key: mapping[key] for key in ("gear_pair", "dampings")}
+    text = view.configuration(short, "k1", replace(view.Setting.of(pair, 0.73), damping=0.1))
+    assert set(yaml.safe_load(text)) == {"gear_pair", "dampings", "phase_planes"}
+
+
+def test_moving_a_slider_updates_every_source(mapping):
+    shown = page.Page(mapping, "k1")
     before = {name: source.data["y"] for name, source in shown._sources.items()}
     shown.sliders["damping"].value = 0.03
     for name, source in shown._sources.items():
@@ -98,7 +103,7 @@ def _reachable(driver, address):
 
 
 @pytest.mark.slow
-def test_in_a_browser(browser, address, settings):
+def test_in_a_browser(browser, address, mapping):
     wait_for(lambda: _reachable(browser, address))
     first = wait_for(lambda: _note(browser))
     assert "the flanks never part" in first
@@ -111,5 +116,5 @@ def test_in_a_browser(browser, address, settings):
     saved = wait_for(lambda: list(browser.downloads.glob("config*.yaml")))[0]
     text = wait_for(lambda: saved.read_text(encoding="utf-8"))
     tunings = config.load(yaml.safe_load(text)).phase_planes.tunings
-    assert tunings[0] > settings.phase_planes.tunings[0]
+    assert tunings[0] > mapping["phase_planes"]["tunings"][0]
     assert errors(browser) == []

@@ -8,6 +8,7 @@ import os
 import shutil
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 FOLDER = Path(__file__).with_name("pictures")
@@ -32,10 +33,12 @@ def compare(results, report):
     Returns
     -------
     str
-        What pytest printed: a line for each picture that differs.
+        A line for each picture that is gone, and what pytest printed, with a line for each that
+        differs.
     """
     shutil.rmtree(report, ignore_errors=True)
-    return _pytest(
+    gone = {path.stem for path in FOLDER.glob("*.png")} - set(pictures(results))
+    return "".join(f"{name}: gone\n" for name in sorted(gone)) + _pytest(
         results,
         "--mpl",
         "--mpl-generate-summary=html",
@@ -46,9 +49,15 @@ def compare(results, report):
 
 def renew(results):
     """Keep the pictures of `results` as those to compare with."""
-    for path in FOLDER.glob("*.png"):
-        path.unlink()
-    _pytest(results, f"--mpl-generate-path={FOLDER}")
+    with tempfile.TemporaryDirectory() as folder:
+        printed = _pytest(results, f"--mpl-generate-path={folder}")
+        made = sorted(Path(folder).glob("*.png"))
+        if [path.stem for path in made] != sorted(pictures(results)):
+            raise RuntimeError(f"not all pictures were made:\n{printed}")
+        for path in FOLDER.glob("*.png"):
+            path.unlink()
+        for path in made:
+            shutil.copyfile(path, FOLDER / path.name)
 
 
 def _pytest(results, *options):
@@ -57,7 +66,7 @@ def _pytest(results, *options):
     done = subprocess.run(
         [*command, *options, "-c", os.devnull, "--rootdir", ROOT, script],
         cwd=ROOT,
-        env=os.environ | {VARIABLE: str(Path(results).resolve())},
+        env=os.environ | {VARIABLE: str(Path(results).resolve()), "PYTEST_ADDOPTS": ""},
         capture_output=True,
         text=True,
     )

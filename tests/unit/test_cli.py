@@ -136,6 +136,18 @@ def test_options_come_before_the_configuration(run, tmp_path):
     assert xr.load_dataset("run.nc").displacement.equals(expected.displacement)
 
 
+def test_only_what_a_command_needs_is_asked_for(run, request, tmp_path):
+    config = str(request.config.rootpath / "config.yaml")
+    # Scenes of the configuration need more teeth.
+    done = run("simulate", "--config", config, "--teeth", "1", "--tuning", "0.8")
+    assert done.exit_code == 0, done.output
+    done = run("explore", "--config", config, "--teeth", "1")
+    assert done.exit_code == 2 and "is refused" in done.output
+    (tmp_path / "mine.yaml").write_text("cases: {a: {}}", encoding="utf-8")
+    done = run("simulate", "--config", "mine.yaml", "--tuning", "0.8")
+    assert done.exit_code == 2 and "several cases" in done.output
+
+
 class Terminal(io.StringIO):
     def isatty(self):
         return True

@@ -83,6 +83,22 @@ def test_the_gears_alone_are_a_configuration(backlash, dampings):
     assert six.pair.reduced_mass == pair.reduced_mass
 
 
+@pytest.mark.parametrize("teeth", [1, 200])
+@pytest.mark.parametrize("count", [1, 60])
+def test_defaults_fit_the_gears(teeth, count):
+    # As long as names may be.
+    names = [f"{'x' * 38}{i:02}" for i in range(count)]
+    dampings = {name: {"material": 1.0, "backlash": 0.0} for name in names}
+    given = {"gear_pair": GEARS | {"teeth": teeth}, "dampings": dampings}
+    assert load(given).report_page.periods_shown == min(2, teeth)
+    assert load(given | {"run": {"samples_per_period": 8}}).phase_lag.harmonics == 1
+
+
+def test_a_configuration_written_out_is_the_same():
+    config = load({"gear_pair": GEARS, "dampings": {"a": {"material": 1.0, "backlash": 0.0}}})
+    assert load(config.model_dump()) == config
+
+
 def test_what_is_given_stays():
     given = {
         "gear_pair": GEARS,
@@ -93,13 +109,14 @@ def test_what_is_given_stays():
         "jump": {"damping": "b"},
         "resonance": {"stop": 1.2},
         "bifurcation": {"damping": {"material": 5.0, "backlash": 6.0}},
-        "figures": {"colours": {"b": "#0072B2"}},
+        "figures": {"colours": {"b": "#0072b2"}},
     }
     config = load(given)
     assert config.jump.damping == "b" and config.analytic_method.damping == "a"
     assert (config.resonance.start, config.resonance.stop) == (0.5, 1.2)
     assert config.bifurcation.damping.backlash == 6.0
-    assert config.figures.colours["b"] == "#0072B2" != config.figures.colours["a"]
+    assert config.figures.colours["b"] == "#0072b2"
+    assert config.figures.colours["a"] not in ("#0072B2", "#0072b2")
 
 
 @pytest.mark.parametrize(
@@ -109,6 +126,13 @@ def test_what_is_given_stays():
         ({"dampings": {}}, "dampings = {}"),
         ({"dampings": None}, "dampings = null"),
         ({"jump": 3}, "jump = 3"),
+        ({"gear_pair": GEARS | {"load": 1e-160}}, "gear_pair.load = 1e-160"),
+        ({"gear_pair": GEARS | {"load": 1e300}}, "gear_pair.load = 1e+300"),
+        ({3: 4}, "3 is not allowed as a name"),
+        ({"poincare": {"cases": [{True: 3}]}}, "poincare.cases[0].true is not allowed as a name"),
+        ({"dampings": {"x" * 41: {"material": 1.0, "backlash": 0.0}}}, "dampings.xxx"),
+        ({"resonance": {"step": 1e-30}}, "resonance.step = 1e-30"),
+        ({"bifurcation": {"share_step": 1e-30}}, "bifurcation.share_step = 1e-30"),
         ({"jump": {"damping": "b"}}, "jump.damping = 'b'"),
         ({"figures": {"colours": 3}}, "figures.colours = 3"),
         ({"six_degrees": {"masses": [1.0, 1.0]}}, "six_degrees.base_radii is missing"),

@@ -45,7 +45,10 @@ os.environ.update(
     PYTHONPATH=os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
 )
 
-repeated = [text for path in workflow.configfiles for text in repeated_keys(path)]
+# With --replace-workflow-config that of the workflow itself is not read.
+replacing = workflow.config_settings.replace_workflow_config
+read = workflow.overwrite_configfiles if replacing else workflow.configfiles
+repeated = [text for path in read for text in repeated_keys(path)]
 try:
     if repeated:
         raise configuration.ConfigError("\n".join(repeated))
