@@ -2,12 +2,11 @@
 
 import numpy as np
 from matplotlib.colors import BoundaryNorm, ListedColormap
-from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from gearlib.figures import style
 
-_HEIGHT, _COLUMNS = 3.9, 2
+_HEIGHT = 3.9
 #: Colours of the attractors in their order; chaotic, unbounded and undecided have their own.
 COLOURS = (*style.PALETTE, "#F0E442", "#8C510A", "#762A83", "#A6DBA0", "#FDB863")
 OTHERS = {1: "#000000", 2: "#D9D9D9", 3: "#FFFFFF"}
@@ -41,14 +40,13 @@ def draw(data):
         Every initial state has the colour of its attractor, whose stroboscopic states are marked
         where they lie in the picture; below, periods and shares.
     """
-    rows = -(-data.sizes["case"] // _COLUMNS)
-    figure = Figure((style.PAGE_WIDTH, _HEIGHT * rows), layout="constrained")
-    for i in range(data.sizes["case"]):
-        _draw_case(figure.add_subplot(rows, _COLUMNS, i + 1), data.isel(case=i), i)
+    figure, panels = style.panels(data.sizes["case"], _HEIGHT)
+    for i, axes in enumerate(panels):
+        _draw_case(axes, data.isel(case=i))
     return figure
 
 
-def _draw_case(axes, case, number):
+def _draw_case(axes, case):
     basin = case.basin.values
     count = int(basin.max()) + 1
     kinds = case.attractor_kind.values[:count]
@@ -73,7 +71,9 @@ def _draw_case(axes, case, number):
     axes.set_ylim(limits[1])
     axes.set_title(str(case.case.item()))
     axes.set_xlabel("initial displacement (static defl.)")
-    axes.set_ylabel("initial $dy/d\\tau$ (static defl./rad)" if number % _COLUMNS == 0 else "")
+    axes.set_ylabel(
+        "initial $dy/d\\tau$ (static defl./rad)" if axes.get_subplotspec().is_first_col() else ""
+    )
     axes.legend(
         handles=handles,
         loc="upper center",

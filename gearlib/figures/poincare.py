@@ -1,11 +1,10 @@
 """Poincare sections: states of many orbits at one mesh phase, regular and chaotic apart."""
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from gearlib.figures import style
 
-_HEIGHT, _COLUMNS = 3.3, 2
+_HEIGHT = 3.3
 _CHAOTIC = "#D55E00"
 _REGULAR = ("#0072B2", "#009E73", "#4D4D4D", "#56B4E9", "#CC79A7")
 
@@ -24,14 +23,13 @@ def draw(data):
     matplotlib.figure.Figure
         Orange: chaotic orbits; other colours: regular ones, each orbit in one colour.
     """
-    rows = -(-data.sizes["case"] // _COLUMNS)
-    figure = Figure((style.PAGE_WIDTH, _HEIGHT * rows), layout="constrained")
-    for i in range(data.sizes["case"]):
-        _draw_case(figure.add_subplot(rows, _COLUMNS, i + 1), data.isel(case=i), i)
+    figure, panels = style.panels(data.sizes["case"], _HEIGHT)
+    for i, axes in enumerate(panels):
+        _draw_case(axes, data.isel(case=i))
     return figure
 
 
-def _draw_case(axes, case, number):
+def _draw_case(axes, case):
     chaotic = case.chaotic.values.astype(bool)
     # Chaos first, so that islands in it are seen.
     for i in np.argsort(~chaotic, kind="stable"):
@@ -53,4 +51,6 @@ def _draw_case(axes, case, number):
         "chaotic"
     )
     axes.set_xlabel("displacement (static defl.)")
-    axes.set_ylabel("$dy/d\\tau$ (static defl./rad)" if number % _COLUMNS == 0 else "")
+    axes.set_ylabel(
+        "$dy/d\\tau$ (static defl./rad)" if axes.get_subplotspec().is_first_col() else ""
+    )

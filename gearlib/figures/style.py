@@ -10,6 +10,7 @@ from itertools import cycle
 from pathlib import Path
 
 import matplotlib.style
+from matplotlib.figure import Figure
 
 from gearlib.files import replacing
 
@@ -147,6 +148,14 @@ def shade_areas(axes, backlash, direction):
         if name in visible:
             span(*visible[name], color=colour, linewidth=0, zorder=0)
     return visible
+
+
+def panels(count, height, most=2):
+    """Return a figure, and `count` axes of this height (inches) in rows of `most`."""
+    columns = min(count, most)
+    rows = -(-count // columns)
+    figure = Figure((PAGE_WIDTH * columns / most, height * rows), layout="constrained")
+    return figure, [figure.add_subplot(rows, columns, i + 1) for i in range(count)]
 
 
 def note_absent(figure, methods):
