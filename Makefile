@@ -69,8 +69,9 @@ $(INSTALLED): pyproject.toml requirements/constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 	    { echo "Python 3.11 or newer is needed: make PYTHON=python3.12" >&2; exit 1; }
 	test -x $(BIN)/python || $(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --constraint requirements/constraints.txt \
-	    --editable '.[workflow,test]'
+	@# Compiling all modules takes a minute; those that are used are compiled at their first use.
+	$(BIN)/python -m pip install --quiet --no-compile \
+	    --constraint requirements/constraints.txt --editable '.[workflow,test]'
 	touch $@
 
 clean:
