@@ -67,5 +67,10 @@ def test_golden_numbers(name):
 
 
 def write():
-    """Renew the numbers."""
-    PATH.write_text(json.dumps(computed(), indent=1) + "\n", encoding="utf-8")
+    """Renew the numbers, if one has moved by more than rounding."""
+    try:
+        for name in json.loads(PATH.read_text(encoding="utf-8")):
+            test_golden_numbers(name)
+    except (AssertionError, KeyError, OSError):
+        text = json.dumps(computed(), indent=1)
+        PATH.write_text(f"{text}\n", encoding="utf-8")
