@@ -29,7 +29,7 @@ class Project:
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
-            timeout=600,
+            timeout=1800,
         )
         assert (done.returncode == 0) == succeed, done.stdout
         return done.stdout
