@@ -8,6 +8,7 @@ import yaml
 from pydantic import Field, ValidationError
 
 from gearlib import config
+from gearlib.config.defaults import laid_over
 from gearlib.config.mesh import GearPairSection
 from gearlib.config.types import DampingCoefficient
 from gearlib.validation import sentences
@@ -47,8 +48,7 @@ def configuration_options(command):
     @_gear_options
     @functools.wraps(command)
     def wrapped(mapping, gears, damping, **rest):
-        whole = mapping | _sections(gears, damping)
-        whole["dampings"] = mapping.get("dampings", {}) | whole["dampings"]
+        whole = laid_over(mapping, _sections(gears, damping))
         _load(whole, "What the options make of the configuration")
         return command(mapping=whole, damping=damping, **rest)
 
@@ -120,8 +120,10 @@ def _model(mapping, gears, model):
     pair = GearPair(**gears.model_dump())
     if model == "one_degree":
         return pair
-    six_degrees = {key: mapping[key] for key in ("six_degrees",) if key in mapping}
-    settings = _load(_sections(gears, _OWN) | six_degrees, "six_degrees")
+    sections = _sections(gears, _OWN)
+    if "six_degrees" in mapping:
+        sections["six_degrees"] = mapping["six_degrees"]
+    settings = _load(sections, "six_degrees")
     try:
         return SixDegreePair(pair=pair, **settings.six_degrees.model_dump())
     except ValueError as error:

@@ -1,6 +1,5 @@
 """The documentation: it builds without a warning, its examples run, what it copies is current."""
 
-import copy
 import importlib
 import re
 import shlex
@@ -65,22 +64,15 @@ def test_python_runs_and_prints_what_stands_below_it(page, tmp_path, monkeypatch
 @pytest.mark.parametrize("page", with_blocks("yaml"))
 def test_yaml_laid_over_the_configuration_is_accepted(page):
     from gearlib import config
+    from gearlib.config.defaults import laid_over
 
     for block in blocks(page, "yaml"):
         settings = yaml.safe_load((ROOT / "config.yaml").read_text(encoding="utf-8"))
-        lay_over(settings, yaml.safe_load(block))
+        settings = laid_over(settings, yaml.safe_load(block))
         if "cases" in settings:
             assert config.cases(settings)
         else:
             assert config.load(settings)
-
-
-def lay_over(settings, changes):
-    for key, value in copy.deepcopy(changes).items():
-        if isinstance(value, dict) and isinstance(settings.get(key), dict):
-            lay_over(settings[key], value)
-        else:
-            settings[key] = value
 
 
 def test_commands_of_the_shell_run(tmp_path, monkeypatch):
