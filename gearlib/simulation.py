@@ -90,6 +90,7 @@ def simulate(
         options=options,
         max_events=max_events,
     )
+    periods, record_periods = ran.periods, ran.record_periods
     step = 2.0 * math.pi / samples_per_period
     first = (periods - record_periods) * samples_per_period
     data = {
@@ -135,6 +136,8 @@ class Run(NamedTuple):
     method: str
     options: dict
     initial_state: tuple
+    periods: int
+    record_periods: int
 
 
 def march(
@@ -185,6 +188,8 @@ def march(
         method,
         options,
         initial_state,
+        periods,
+        record_periods,
     )
 
 

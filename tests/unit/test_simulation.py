@@ -174,3 +174,12 @@ def test_wrong_input_names_key_and_value(call, part):
     with pytest.raises(ValueError) as error:
         call()
     assert part in str(error.value) and "must be" in str(error.value)
+
+
+def test_integers_of_numpy_are_integers():
+    pair = GearPair.from_ratios(contact_ratio=1.5, stiffness_ratio=0.6, damping=0.06, backlash=4.0)
+    counts = {"periods": np.int64(5), "record_periods": np.int64(2)}
+    found = simulate(pair, 0.9, **counts, samples_per_period=np.int64(8))
+    xr.testing.assert_identical(
+        found, simulate(pair, 0.9, periods=5, record_periods=2, samples_per_period=8)
+    )
