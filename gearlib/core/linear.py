@@ -254,11 +254,11 @@ def run_linear(
     """
     orbit.clear_summary(summary)
     n = z.shape[0]
-    kept = min(periods, orbit.STROBE_PERIODS)
+    kept = min(periods, orbit.strobe_periods(system.repeats))
     strobes = np.empty((kept + 1, 2))
     unseen = periods - record_periods
     found = 0
-    set_harmonics(system, z, 0.0)
+    set_harmonics(system, z, 2.0 * math.pi * system.first)
     contact, on_line, at_rest = contact_at(system, z)
     speed = _velocity(system)
     x, v = dot(system.position, z), dot(speed, z)
@@ -267,7 +267,7 @@ def run_linear(
         short, rest = image(part.into, z), image(part.rest_into, z)
         for i in range(unseen):
             # Harmonics are put to their values: their rounding must not grow with the run.
-            set_harmonics(own, short, 2.0 * math.pi * i)
+            set_harmonics(own, short, 2.0 * math.pi * (system.first + i))
             row = i - (periods - kept)
             if row >= 0:
                 strobes[row, 0], strobes[row, 1] = x, v
@@ -287,7 +287,7 @@ def run_linear(
     record = np.empty((64, 4 + (ORDER + 1) * n))
     previous = float(contact)
     for i in range(unseen, periods):
-        set_harmonics(system, z, 2.0 * math.pi * i)
+        set_harmonics(system, z, 2.0 * math.pi * (system.first + i))
         row = i - (periods - kept)
         if row >= 0:
             strobes[row, 0], strobes[row, 1] = x, v
@@ -323,4 +323,5 @@ def run_linear(
             _sample(system, record, rows, n, outputs, rows_of, s)
     strobes[kept, 0], strobes[kept, 1] = x, v
     height = summary[orbit.X_MAX] - summary[orbit.X_MIN]
-    return x, v, orbit.orbit_period(strobes, system.tuning, height), events, found, OK
+    period = orbit.orbit_period(strobes, system.tuning, height, system.repeats)
+    return x, v, period, events, found, OK
