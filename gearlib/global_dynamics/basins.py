@@ -41,9 +41,10 @@ def basins(
 
     Parameters
     ----------
-    pair : GearPair, OneDegreePair or SixDegreePair
+    pair : GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator
         With damping. Grids of a `GearPair` are fast; of the others take thousands of states, not
-        millions. Of six degrees the grid is the plane of states in which the bearings are in
+        millions; a `DeadZoneOscillator` has its own unit of length instead of the static
+        deflection. Of six degrees the grid is the plane of states in which the bearings are in
         their initial deflection, as of `gearlib.simulate`.
     tuning : float
     grid : tuple
@@ -103,7 +104,8 @@ def basins(
     }
     dataset = xr.Dataset(data, {"displacement": x, "velocity": v})
     numbers = ("attractor", "point", "coordinate", "multiplier")
-    dataset = describe(dataset.assign_coords({n: np.arange(dataset.sizes[n]) for n in numbers}))
+    dataset = dataset.assign_coords({n: np.arange(dataset.sizes[n]) for n in numbers})
+    dataset = describe(dataset, pair)
     dataset["attractor_kind"].attrs |= KIND_FLAGS
     dataset.attrs = provenance.attributes(
         "Basins of attraction of a gear mesh",
@@ -141,7 +143,7 @@ def attractor_variables(attractors):
     radii = [one.trap.radii.min() if one.trap else math.nan for one in attractors]
     each = {
         "attractor_kind": np.array([one.kind for one in attractors], np.int8),
-        "period": np.array([one.period for one in attractors], np.int16),
+        "period": np.array([one.period for one in attractors], np.int32),
         "displacement_max": np.array([one.displacement_max for one in attractors]),
         "displacement_min": np.array([one.displacement_min for one in attractors]),
         "exponent": np.array([one.exponent for one in attractors]),

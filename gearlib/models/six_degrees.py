@@ -54,10 +54,10 @@ from gearlib import checks
 from gearlib.core.system import Part, System
 from gearlib.harmonics import Harmonics
 from gearlib.models import piecewise_linear
+from gearlib.models.with_pair import WithPair
 from gearlib.pair import GearPair
 from gearlib.stiffness import levels, stretches
 
-_PAIRS = {"base_radii": True, "inertias": True, "masses": True, "bearing_damping": False}
 _BEARINGS = ("y3", "z3", "y2", "z2")
 #: How the bearing coordinates enter y; z does not.
 _IN_Y = {"y3": 1.0, "y2": -1.0, "z3": 0.0, "z2": 0.0}
@@ -80,7 +80,7 @@ OUTPUTS = (
 
 
 @dataclass(frozen=True, kw_only=True)
-class SixDegreePair:
+class SixDegreePair(WithPair):
     """A pair of gears on elastic bearings, in SI units; immutable.
 
     Parameters and units: see the table of the module; pairs are (gear 3, gear 2), bearings
@@ -115,12 +115,16 @@ class SixDegreePair:
 
     #: Recorded beyond what a model of one degree has.
     extra_samples = OUTPUTS
+    by_default = {
+        "inverse_deviation": lambda model: model.deviation,
+        "teeth": lambda model: (model.pair.teeth, model.pair.teeth),
+        "torques": lambda model: tuple(model.pair.load * radius for radius in model.base_radii),
+    }
 
     def __post_init__(self):
         if not isinstance(self.pair, GearPair):
             raise ValueError(f"pair = {self.pair!r} is not allowed: it must be a GearPair")
-        if self.inverse_deviation is None:
-            object.__setattr__(self, "inverse_deviation", self.deviation)
+        self._fill("inverse_deviation")
         for name in ("deviation", "inverse_deviation"):
             value = getattr(self, name)
             if not isinstance(value, Harmonics):
@@ -139,12 +143,9 @@ class SixDegreePair:
         put("bearing_damping", 4, checks.finite_nonnegative)
         put("eccentricities", 2, checks.finite_nonnegative)
         put("friction", 2, checks.finite_nonnegative)
-        if self.teeth is None:
-            object.__setattr__(self, "teeth", (self.pair.teeth, self.pair.teeth))
+        self._fill("teeth")
         put("teeth", 2, lambda name, value: checks.integer(name, value, 1))
-        if self.torques is None:
-            load = self.pair.load
-            object.__setattr__(self, "torques", tuple(load * radius for radius in self.base_radii))
+        self._fill("torques")
         put("torques", 2, lambda name, value: checks.number(name, value, "finite", math.isfinite))
         for name in ("run_out_phase", "pitch_phase"):
             value = checks.number(name, getattr(self, name), "finite", math.isfinite)
@@ -152,11 +153,9 @@ class SixDegreePair:
         for name in ("moving_backlash", "preload"):
             checks.one_of(name, getattr(self, name), (False, True))
 
-    def __getattr__(self, name):
-        # Scales, ratios and stiffness of the pair are those of the model.
-        if name.startswith("_") or name == "pair":
-            raise AttributeError(name)
-        return getattr(self.pair, name)
+    def _fill(self, name):
+        if getattr(self, name) is None:
+            object.__setattr__(self, name, self.by_default[name](self))
 
     @property
     def reduced_mass_torsional(self):
@@ -280,6 +279,7 @@ class SixDegreePair:
             0,
             frequencies,
             tuning,
+            self.repeats,
         )
         return system, outputs
 

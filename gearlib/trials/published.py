@@ -258,7 +258,7 @@ def _motion(model, frequency, state, settle, exponent_periods, check_periods):
     judge = simulate(model, frequency, method="scipy", options=_JUDGE, **course)
     row = {
         "label": np.int8(LABELS.index(found.label)),
-        "period": np.int8(found.period),
+        "period": np.int32(found.period),
         "exponent": found.exponent,
         "uncertainty": found.uncertainty,
         "largest_multiplier": multiplier,
