@@ -55,7 +55,7 @@ def relative(pair, nu, state):
 
 @pytest.mark.parametrize(("teeth", "repeats"), [(EQUAL, 24), (UNEQUAL, 744)])
 def test_trust_says_periodic(teeth, repeats):
-    # 2000 periods and four times as many do not end at the same angle of 24 and 31 teeth.
+    # 2000 periods and four times as many end at different angles: a whole repeat is recorded.
     found = trust(damped(teeth), 0.9, exponent_periods=100)
     assert (found.label, found.period) == ("periodic", repeats), found.message
     assert found.digits > 6
