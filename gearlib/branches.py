@@ -58,7 +58,7 @@ def compute(pair, start, stop, **settings):
     ]
     parts = [
         branch.assign(
-            branch=("point", np.full(branch.sizes["point"], number, np.int16)),
+            branch=("point", np.full(branch.sizes["point"], number, np.int32)),
             period=("point", np.full(branch.sizes["point"], int(branch.period), np.int32)),
         )
         for number, branch in enumerate(found)

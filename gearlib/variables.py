@@ -49,7 +49,7 @@ DESCRIPTIONS = {
     "fraction_inverse": ("1", "fraction of time in inverse mesh"),
     "fraction_min_stiffness": ("1", "fraction of time in mesh at the lower stiffness"),
     "bounces": ("1", "losses of normal contact per mesh period"),
-    "period": ("1", "period of the orbit in mesh periods, 0 if none up to 16 was found"),
+    "period": ("1", "period of the orbit in mesh periods, 0 if none was found"),
     "final_state": ("1", "displacement and dx/dtau at the end of the run, in static deflections"),
     "status": ("1", "how the run ended"),
     "evaluations": ("1", "evaluations of the right-hand side in the whole run"),

@@ -69,7 +69,7 @@ _LONG_NAMES = {
     "fraction_inverse": "fraction of time in lower contact",
     "fraction_min_stiffness": "fraction of time in contact below the mean upper stiffness",
     "bounces": "losses of upper contact per period of the forcing",
-    "period": "period of the orbit in periods of the forcing, 0 if none up to 16 was found",
+    "period": "period of the orbit in periods of the forcing, 0 if none was found",
     "final_state": "displacement and velocity by phase at the end of the run",
     "state": "displacement and velocity by phase at phase 0",
     "exponent": "largest Lyapunov exponent per period of the forcing",
