@@ -134,7 +134,7 @@ def take_step(
     return t, during, contact, math.copysign(1.0, v), x, v
 
 
-@inlined
+@kernel
 def _highest(series, row, factor, h, to_bernstein, work, floor):
     """Return the largest value of factor times a series along a step, `floor` at least."""
     _scale(series, row, 0.0, factor, h)
