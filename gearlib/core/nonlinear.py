@@ -60,7 +60,7 @@ def _scale(series, row, line, factor, h):
 
 
 @kernel
-def _fall(series, row, line, side, h, to_bernstein, work):
+def first_crossing(series, row, line, side, h, to_bernstein, work):
     """Return where side (series - line) first falls through zero, in shares of h; 2 if nowhere."""
     tail = _scale(series, row, line, side, h)
     curve = series[SCALED]
@@ -106,14 +106,14 @@ def take_step(
     best, what = 2.0, _SMOOTH
     if contact != INVERSE:
         side = 1.0 if contact == NORMAL else -1.0
-        best, what = _fall(series, X, upper, side, h, to_bernstein, work), _NORMAL_FLANK
+        best, what = first_crossing(series, X, upper, side, h, to_bernstein, work), _NORMAL_FLANK
     if contact != NORMAL and lower > -math.inf:
         side = 1.0 if contact == BACKLASH else -1.0
-        far = _fall(series, X, lower, side, h, to_bernstein, work)
+        far = first_crossing(series, X, lower, side, h, to_bernstein, work)
         if far < best:
             best, what = far, _FAR_FLANK
     if constants[contact + 1, piece, D2] != 0.0:
-        turn = _fall(series, V, 0.0, sign, h, to_bernstein, work)
+        turn = first_crossing(series, V, 0.0, sign, h, to_bernstein, work)
         if turn < best:
             best, what = turn, _TURN
     t = h if best > 1.0 else best * h
