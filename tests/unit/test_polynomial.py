@@ -3,11 +3,20 @@
 import numpy as np
 import pytest
 
+from gearlib.core.nonlinear import first_crossing
 from gearlib.core.polynomial import bernstein_matrix, first_fall, highest
+from gearlib.core.series import ROWS, X
 
 DEGREE = 20
 MATRIX = bernstein_matrix(DEGREE)
 WORK = np.empty((50, DEGREE + 2))
+
+
+def of_a_step(coefficients):
+    """Return what a Taylor step finds on a polynomial, its bounds and its shape asked first."""
+    h, series = 0.3, np.zeros((ROWS, DEGREE + 1))
+    series[X] = coefficients / h ** np.arange(DEGREE + 1)
+    return first_crossing(series, X, 0.0, 1.0, h, MATRIX, WORK)
 
 
 def with_roots(roots, rng):
@@ -20,13 +29,14 @@ def with_roots(roots, rng):
     return np.convolve(c, rest)
 
 
+@pytest.mark.parametrize("find", [lambda c: first_fall(c, MATRIX, WORK), of_a_step])
 @pytest.mark.parametrize("seed", range(4))
-def test_first_of_many_roots(seed):
+def test_first_of_many_roots(seed, find):
     rng = np.random.default_rng(seed)
     for _ in range(2000):
         roots = np.sort(rng.uniform(0.0, 1.0, rng.integers(0, 6)))
         apart = np.diff(np.append(roots, 2.0)).min() if roots.size else 1.0
-        found = first_fall(with_roots(roots, rng), MATRIX, WORK)
+        found = find(with_roots(roots, rng))
         # Coefficients carry 1e-16; a root near others moves by that over the distance to them.
         expected = roots[0] if roots.size else 2.0
         assert abs(found - expected) <= 1e-12 / apart ** max(1, roots.size - 1)
