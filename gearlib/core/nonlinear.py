@@ -14,7 +14,7 @@ from gearlib.core.jit import inlined, kernel
 from gearlib.core.march import within_range
 from gearlib.core.mesh import BACKLASH, INVERSE, NORMAL, contact_between
 from gearlib.core.polynomial import first_fall, highest, horner
-from gearlib.core.run import EVENT_LIMIT, OK, OVERFLOW
+from gearlib.core.run import EVENT_LIMIT, OK, OVERFLOW, UNRESOLVED
 from gearlib.core.series import damping_of, expand, step_length, storage
 
 #: What ended a step.
@@ -38,7 +38,7 @@ def take_step(law, to_bernstein, piece, phase, end, contact, sign, x, v, s):
     Returns
     -------
     h : float
-        Length of the step.
+        Length of the step; negative where rounding hides whether it ends at a flank line.
     during : int
         Contact code during the step.
     contact, sign, x, v : int, float, float, float
@@ -81,6 +81,8 @@ def take_step(law, to_bernstein, piece, phase, end, contact, sign, x, v, s):
         x, _ = horner(xs, h)
         v, _ = horner(vs, h)
         return h, during, contact, sign, x, v
+    if best < 0.0:
+        return -1.0, during, contact, sign, x, v
     t = best * h
     x, _ = horner(xs, t)
     v, _ = horner(vs, t)
@@ -184,8 +186,14 @@ def run_nonlinear(
                     law, to_bernstein, piece, phase, end, contact, sign, x, v, s
                 )
                 steps += 1
+                if h < 0.0:
+                    return x, v, 0, events, 0, UNRESOLVED, steps
+                if not within_range(x, v):
+                    return x, v, 0, events, 0, OVERFLOW, steps
                 if recorded >= 0:
                     _add_step(law, to_bernstein, piece, h, during, s, summary)
+                    if orbit.unresolved(summary):
+                        return x, v, 0, events, 0, UNRESOLVED, steps
                     if per_period > 0:
                         rows = samples[recorded * per_period : (recorded + 1) * per_period]
                         taken = _add_samples(law, phase, h, during, s, rows, taken)
@@ -197,8 +205,6 @@ def run_nonlinear(
                             events, found, n, phase + h, during, contact, v, summary
                         )
                 phase += h
-                if not within_range(x, v):
-                    return x, v, 0, events, 0, OVERFLOW, steps
     strobes[kept, 0], strobes[kept, 1] = x, v
     height = summary[orbit.X_MAX] - summary[orbit.X_MIN]
     period = orbit.orbit_period(strobes, law.tuning, height)

@@ -20,7 +20,7 @@ from gearlib.core.march import ARC_COLUMNS, CONTACT, DURATION, LEVEL, march_peri
 from gearlib.core.mesh import BACKLASH, NORMAL, contact_between, contact_of
 from gearlib.core.nonlinear import take_step
 from gearlib.core.oscillator import propagators
-from gearlib.core.run import EVENT_LIMIT, OK, OVERFLOW
+from gearlib.core.run import EVENT_LIMIT, OK, OVERFLOW, UNRESOLVED
 from gearlib.core.series import ORDER, damping_of, storage
 
 #: x^20 / 20! = 1e-17 at x = 1.18.
@@ -192,6 +192,8 @@ def vary_nonlinear(law, to_bernstein, x, v, periods, limit, matrices):
                 h, during, contact, sign, x, v = take_step(
                     law, to_bernstein, piece, phase, stop, contact, sign, x, v, s
                 )
+                if h < 0.0:
+                    return x, v, UNRESOLVED
                 # A step from rest sets out with the sign of its acceleration.
                 old = math.copysign(1.0, s.v[1]) if speed == 0.0 else old
                 if during != previous:
