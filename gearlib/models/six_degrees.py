@@ -15,12 +15,12 @@ and the forces between the normal flanks, over y, and between the far ones, over
 
     P = k_m y' + H1 (C(tau) y + (k - k_m) y'),        Q = H2 (C(tau) (y - s) + (k - k_m) (y - s)').
 
-H1 is 1 in normal mesh, H2 in inverse mesh, else 0. A force acts on a coordinate by the derivative of
-its own distance, by virtual work: b = d(y - s)/dy3 is 0 for the s above, 1 without moving backlash.
-So at a flank that is just touched no force jumps; why in this way, and where k_m > k makes the
+H1 is 1 in normal mesh, H2 in inverse mesh, else 0. A force acts on a coordinate by the derivative
+of its own distance, by virtual work: b = d(y - s)/dy3, 0 for the s above, 1 if the backlash does
+not move. At a flank that is just touched no force jumps; why in this way, and where k_m > k makes
 dampers drive: `docs/theory/model.md`. Friction F_T = mu sigma(tau) C g acts across the line of
-action, g = y in normal mesh, y - s in inverse mesh, 0 in the backlash; its direction sigma reverses
-at the pitch point and half a mesh period later.
+action, with g = y in normal mesh, y - s in inverse mesh, 0 in the backlash; its direction sigma
+reverses at the pitch point and half a mesh period later.
 
 In the run-out the rotations are those of the steady speed, phi_j = tau / teeth_j: the vibration
 of an angle, 1e-5 rad, moves the run-out by 1e-5 of itself. So the system is linear between events.
