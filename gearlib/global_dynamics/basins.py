@@ -37,8 +37,8 @@ def basins(
     as many as it repeats after), a candidate is refined by `gearlib.periodic_orbit`, and all n
     points of a period-n orbit are one attractor, whatever the phase in which a motion comes.
     Around its points lie traps, ellipses that no sampled direction leaves (32 of each, or 128 with
-    more than two coordinates; no proof for those between, see `gearlib.global_dynamics.attractors`):
-    a motion counts as arrived when it is in one of them.
+    more than two coordinates; no proof for those between): a motion counts as arrived when it is in
+    one of them. See `gearlib.global_dynamics.attractors`.
 
     Parameters
     ----------

@@ -92,9 +92,8 @@ class SixDegreePair:
     Parameters and units: see the table of the module; pairs are (gear 3, gear 2), bearings
     (y3, z3, y2, z2).
 
-    The reduced mass of `pair` is only the reference of the tuning: the inertias decide the
-    motion. `SixDegreePair.reduced_mass_torsional` and `.reduced_mass_free` give the two readings
-    of the paper.
+    The reduced mass of `pair` is only the reference of the tuning: the inertias decide the motion.
+    `reduced_mass_torsional` and `reduced_mass_free` give the two readings of the paper.
 
     Raises
     ------
