@@ -4,8 +4,9 @@ Around every point of a stable periodic orbit lies a *trap*, an ellipse that no 
 leaves. The ellipses are level lines of a quadratic form that the linearised map shrinks; how far
 the nonlinear map still does so is sampled on nested rings: it carries 32 states of each ring (with
 more than two coordinates, 128 of each ellipsoid, in random directions) into the next smaller one.
-If it did so with the whole of each ring, all within would come to the orbit, for two coordinates, as
-the map is one-to-one and continuous; what lies between the samples is not proved. A state in a trap counts as arrived; `gearlib.basins` with ``stop_early=False`` runs on.
+If it did so with the whole of each ring, all within would come to the orbit, for two coordinates,
+as the map is one-to-one and continuous; what lies between the samples is not proved. A state in a
+trap counts as arrived; `gearlib.basins` with ``stop_early=False`` runs on.
 """
 
 from dataclasses import dataclass, field
