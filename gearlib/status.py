@@ -28,8 +28,7 @@ MESSAGES = {
     ),
     UNRESOLVED: (
         "the motion kept so close to a flank line that rounding hides whether it crosses it: "
-        "move the initial state or the tuning by a millionth, or take a method with steps, "
-        'such as "rk45"'
+        'move the initial state or the tuning by a millionth, or take method "scipy"'
     ),
 }
 
