@@ -146,7 +146,11 @@ DESCRIPTIONS = {
     "share": ("1", "share of the initial states that come to the attractor"),
     "share_error": ("1", "standard error of the share of as many random initial states"),
     "contact_pattern": ("1", "phases of contact in the order met, as text"),
-    "trap_radius": ("1", "radius of the smallest trap of the orbit in static deflections"),
+    "trap_radius": (
+        "1",
+        "radius, in static deflections, of the smallest ellipse around the orbit that no sampled "
+        "direction leaves",
+    ),
     "attractor_family": ("1", "number of the family of attractors"),
     "coordinate": ("1", "number of the coordinate of the state"),
     "multiplier": ("1", "number of the Floquet multiplier"),

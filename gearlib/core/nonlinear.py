@@ -21,7 +21,7 @@ from gearlib.core.polynomial import (
     horner,
     lowest_of_parabola,
 )
-from gearlib.core.run import EVENT_LIMIT, OK, OVERFLOW
+from gearlib.core.run import EVENT_LIMIT, OK, OVERFLOW, UNRESOLVED
 from gearlib.core.series import (
     D2,
     LOWER,
@@ -84,7 +84,7 @@ def take_step(
     Returns
     -------
     h : float
-        Length of the step.
+        Length of the step; negative where rounding hides whether it ends at a flank line.
     during : int
         Contact code during the step.
     contact, sign, x, v : int, float, float, float
@@ -120,6 +120,8 @@ def take_step(
     x, v = state_at(series, t)
     if best > 1.0:
         return t, during, contact, sign, x, v
+    if best < 0.0:
+        return -1.0, during, contact, sign, x, v
     if what == _TURN:
         return t, during, contact, -sign, x, 0.0
     x = upper if what == _NORMAL_FLANK else lower
@@ -238,8 +240,14 @@ def run_nonlinear(
                     work,
                 )
                 steps += 1
+                if h < 0.0:
+                    return x, v, 0, events, 0, UNRESOLVED, steps
+                if not within_range(x, v):
+                    return x, v, 0, events, 0, OVERFLOW, steps
                 if recorded >= 0:
                     _add_step(tuning, low[piece], to_bernstein, h, during, series, work, summary)
+                    if orbit.unresolved(summary):
+                        return x, v, 0, events, 0, UNRESOLVED, steps
                     if per_period > 0:
                         rows = samples[recorded * per_period : (recorded + 1) * per_period]
                         taken = _add_samples(tuning, phase, h, during, series, rows, taken)
@@ -251,8 +259,6 @@ def run_nonlinear(
                             events, found, n, phase + h, during, contact, v, summary
                         )
                 phase += h
-                if not within_range(x, v):
-                    return x, v, 0, events, 0, OVERFLOW, steps
     strobes[kept, 0], strobes[kept, 1] = x, v
     height = summary[orbit.X_MAX] - summary[orbit.X_MIN]
     period = orbit.orbit_period(strobes, tuning, height)

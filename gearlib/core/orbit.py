@@ -51,6 +51,12 @@ def clear_summary(summary):
 
 
 @kernel
+def unresolved(summary):
+    """Return whether an extremum could not be found."""
+    return np.isnan(summary[: FORCE_MIN + 1]).any()
+
+
+@kernel
 def _add_displacement(m, lev, contact, x, summary):
     summary[X_MAX] = max(summary[X_MAX], x)
     summary[X_MIN] = min(summary[X_MIN], x)

@@ -20,7 +20,7 @@ from gearlib.core.march import ARC_COLUMNS, CONTACT, DURATION, LEVEL, march_peri
 from gearlib.core.mesh import BACKLASH, contact_between, contact_of
 from gearlib.core.nonlinear import take_step
 from gearlib.core.oscillator import propagators
-from gearlib.core.run import EVENT_LIMIT, OK, OVERFLOW
+from gearlib.core.run import EVENT_LIMIT, OK, OVERFLOW, UNRESOLVED
 from gearlib.core.series import (
     D1,
     D2,
@@ -209,6 +209,8 @@ def vary_nonlinear(law, to_bernstein, x, v, periods, limit, matrices):
                     series,
                     isolation,
                 )
+                if h < 0.0:
+                    return x, v, UNRESOLVED
                 # A step from rest sets out with the sign of its acceleration.
                 old = math.copysign(1.0, series[V, 1]) if speed == 0.0 else old
                 if during != previous:

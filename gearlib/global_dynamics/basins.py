@@ -36,8 +36,9 @@ def basins(
     States are compared n cycles apart for n = 1, 2, ... (a cycle is one mesh period, with run-out
     as many as it repeats after), a candidate is refined by `gearlib.periodic_orbit`, and all n
     points of a period-n orbit are one attractor, whatever the phase in which a motion comes.
-    Around its points lie traps, ellipses in which all states come to the orbit (see
-    `gearlib.global_dynamics.attractors`): a motion has arrived when it is in one of them.
+    Around its points lie traps, ellipses that no sampled direction leaves (32 of each, or 128 with
+    more than two coordinates; no proof for those between): a motion counts as arrived when it is in
+    one of them. See `gearlib.global_dynamics.attractors`.
 
     Parameters
     ----------
@@ -54,7 +55,7 @@ def basins(
         Mesh periods of a run, rounded up to cycles; a motion that has no attractor by then gets
         as many again.
     stop_early : bool, default True
-        Whether a run ends in a trap. False runs all periods, to cross-check.
+        Whether a run ends in a trap. False runs all periods, as a check of the traps.
     seed : int, default 0
         Of the choice of states that are looked at first for attractors.
     max_events, threads
