@@ -102,10 +102,7 @@ def test_the_paper(paper):
     assert [claim.id for claim in table] == IDS
     # What the data say, pinned: the oil-damped orbit at 0.80 still settles, by less than a line is
     # wide; P11 differs because the jump from rest lies at 0.8157, not between 0.8150 and 0.8151.
-    p10 = (
-        "holds at plot resolution; "
-        "strictly k1m at 0.80 changes by 0.0003 of its height per orbit"
-    )
+    p10 = "holds at plot resolution; strictly k1m at 0.80 changes by 0.0003 of its height per orbit"
     expected = dict.fromkeys(IDS, "holds") | {"P10": p10, "P11": "differs"}
     assert verdicts(table) == expected
     computed = {claim.id: claim.computed for claim in table}

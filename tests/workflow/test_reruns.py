@@ -190,11 +190,22 @@ def test_an_edited_source_reruns_what_depends_on_it(project, path, expected):
 
 
 def test_only_what_is_wanted(project):
-    project.configure(lambda settings: settings.update(targets=["resonance"]))
-    (project / "results/figures/fig5_phase_planes.png").unlink()
-    assert project.planned() == {}
+    project.configure(lambda settings: settings.update(targets=["phase_planes"]))
     (project / "results/figures/fig3_resonance.png").unlink()
-    assert project.planned() == {"draw_resonance": 1}
+    assert project.planned() == {}
+    (project / "results/figures/fig5_phase_planes.png").unlink()
+    assert project.planned() == {"draw_phase_planes": 1}
+
+
+def test_fig_3_alone_computes_its_sweeps_only(tmp_path):
+    project = small_project(tmp_path / "project")
+    project.configure(lambda settings: settings.update(targets=["resonance"]))
+    alone = {"compile_kernels": 1, **jobs("resonance")}
+    assert project.planned() == alone
+    beside = ["labels", "branches", "parametric_resonance"]
+    project.configure(lambda settings: settings["targets"].extend(beside))
+    shown = {"label": DAMPINGS, "branches": DAMPINGS, "tongues": 1}
+    assert project.planned("results/figures/fig3_resonance.png") == alone | shown
 
 
 def test_a_configuration_file_on_the_command_line(project):
