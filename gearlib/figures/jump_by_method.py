@@ -37,7 +37,9 @@ def draw(jumps):
         ),
         key=lambda row: row[:3],
     )
-    figure = Figure((style.PAGE_WIDTH, _HEAD + _ROW_HEIGHT * len(rows)), layout="constrained")
+    # A single row would leave no room for the axes.
+    height = max(len(rows), 6)
+    figure = Figure((style.PAGE_WIDTH, _HEAD + _ROW_HEIGHT * height), layout="constrained")
     axes = figure.subplots()
     axes.axvspan(*_PAPER, color=style.PALETTE[1], alpha=0.45, linewidth=0, zorder=0)
     exact = float(jumps[0].exact_jump)
@@ -70,7 +72,7 @@ def draw(jumps):
         axes.set_xlim(min(starts), max(stops))
     axes.set_yticks(range(len(names)), names, fontsize=6)
     axes.tick_params(axis="y", length=0)
-    axes.set_ylim(len(names) - 0.4, -0.6)
+    axes.set_ylim(height - 0.4, -0.6)
     axes.set_xlabel("tuning $\\nu_s$ (line: exact jump; band: the paper's two tunings)")
     return figure
 

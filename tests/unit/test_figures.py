@@ -9,8 +9,11 @@ from gearlib import GearPair, phase_lag, scenes, simulate, sweep
 from gearlib import jump as jump_study
 from gearlib import model_comparison as comparison
 from gearlib import nonlinear_damping as damping_study
+from gearlib.config.trials import PEERS
 from gearlib.figures import (
+    failures,
     jump,
+    jump_by_method,
     models,
     nonlinear_damping,
     phase_planes,
@@ -18,8 +21,11 @@ from gearlib.figures import (
     resonance,
     style,
     time_courses,
+    work_precision,
 )
 from gearlib.gathering import gather_phase_planes, gather_resonance
+from gearlib.trials.failures import VERDICTS
+from tests.golden import data as golden
 
 RUN = {"periods": 40, "record_periods": 8}
 
@@ -68,6 +74,31 @@ def test_resonance_has_scales_units_and_every_curve():
     assert len(panels) == 3
     low, high = main.get_xlim()
     assert low < 0.6 and high > 1.2
+
+
+def test_what_is_known_of_the_motions_lies_below_the_characteristics():
+    beside = {
+        "branches": {"k1": golden.read("branches/k1.nc")},
+        "labels": golden.read("labels/k1.nc").expand_dims("damping"),
+        "tongues": golden.read("tongues.nc"),
+    }
+    for directions in (("cold",), ("cold", "up", "down")):
+        data = curves(GRID, directions)
+        alone, *plain = resonance.draw(data).axes
+        main, panel, *_ = resonance.draw(data, **beside).axes
+        drawn = [len(axes.get_children()) for axes in (alone, main)]
+        assert drawn[0] == drawn[1]
+        assert len(plain) == (3 if len(directions) > 1 else 0)
+        # The strip has a bar for each label, the branches two lines at least.
+        assert len(panel.containers[0]) == beside["labels"].tuning.size
+        assert len(panel.lines) >= 2 + (len(plain[0].lines) if plain else 0)
+
+
+def test_panels_hold_sweeps_that_go_beyond_those_from_rest():
+    data = curves(GRID)
+    data.displacement_max.loc[{"direction": "up"}] = 50.0
+    main, *panels = resonance.draw(data).axes
+    assert main.get_ylim()[1] < 50.0 < panels[0].get_ylim()[1]
 
 
 @pytest.mark.parametrize("count", [1, 2, 3])
@@ -344,6 +375,40 @@ def test_words_on_bars_stay_in_the_panel():
     for text in axes.texts:
         box = text.get_window_extent()
         assert frame.x0 <= box.x0 and box.x1 <= frame.x1
+
+
+def errors_of_methods():
+    return [golden.read(f"work_precision/errors_{name}.nc") for name in ("exact", "taylor")]
+
+
+def verdicts_on_methods():
+    matrix = golden.read("failures.nc").assign(
+        words=lambda data: ("problem", ["w"] * data.problem.size)
+    )
+    matrix.verdict.attrs["flag_meanings"] = " ".join(VERDICTS)
+    return matrix
+
+
+@pytest.mark.parametrize(
+    "draw",
+    [
+        lambda: work_precision.draw_evaluations(errors_of_methods()),
+        lambda: work_precision.draw_measures(errors_of_methods()),
+        lambda: failures.draw(verdicts_on_methods()),
+        lambda: jump_by_method.draw([golden.read("jump_by_method/exact.nc")]),
+    ],
+    ids=["evaluations", "measures", "failures", "jump_by_method"],
+)
+def test_what_is_left_out_is_named_beside_legend_and_panels(draw):
+    figure = draw()
+    style.note_absent(figure, list(PEERS))
+    figure.draw_without_rendering()
+    (note,) = (text for text in figure.texts if "not installed" in text.get_text())
+    box = note.get_window_extent()
+    others = [legend.get_window_extent() for legend in figure.legends]
+    others += [axes.get_tightbbox() for axes in figure.axes]
+    assert not any(box.overlaps(other) for other in others)
+    assert figure.bbox.x0 <= box.x0 and box.x1 <= figure.bbox.x1
 
 
 @pytest.mark.parametrize("suffix", ["png", "svg"])
