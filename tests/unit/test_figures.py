@@ -272,6 +272,17 @@ def test_jump_has_a_panel_for_each_kind():
     assert len({axes.get_ylim() for axes in panels}) == 1
 
 
+def test_marked_tunings_of_the_jump():
+    data = jumps(factors=[0.9])
+    assert "dashed" not in jump.draw(data).axes[0].get_title()
+    assert len(jump.draw(data).axes[1].patches) == 0
+    scan, panel, _ = jump.draw(data, [0.82, 0.81]).axes
+    assert scan.get_title().endswith("(dashed: 0.8200 and 0.8100)")
+    (band,) = panel.patches
+    ends = [band.get_y(), band.get_y() + band.get_height()]
+    assert ends == pytest.approx([0.81, 0.82] - data.jump.values[0])
+
+
 def test_a_single_kind_of_jump():
     figure = jump.draw(jumps(displacements=[0.1, 0.5]))
     assert [axes.get_xlabel() for axes in figure.axes[1:]] == [

@@ -53,6 +53,8 @@ try:
     if repeated:
         raise configuration.ConfigError("\n".join(repeated))
     CONFIG = configuration.load(config)
+    # Captions of the report read this, and find what the configuration leaves out as well.
+    config.update(CONFIG.model_dump())
 except configuration.ConfigError as error:
     raise WorkflowError(f"The configuration is refused.\n{error}") from None
 
