@@ -21,7 +21,7 @@ SHOWN_SHARE = 0.95
 SYMBOLS = 14
 
 _EXTREMA = ("displacement_max", "displacement_min")
-_MAIN_HEIGHT, _PANEL_HEIGHT, _COLUMNS = 4.4, 1.8, 2
+_MAIN_HEIGHT, _PANEL_HEIGHT, _FOOT, _COLUMNS = 4.4, 1.8, 0.4, 2
 _Y_LABEL = r"$y_\mathrm{max}$, $y_\mathrm{min}$ (static deflections)"
 _SHORT_Y_LABEL = "$y$ (static defl.)"
 
@@ -78,7 +78,8 @@ def draw(resonance, *, colours=None, labels=None, branches=None, tongues=None):
     rows = -(-len(looks) // _COLUMNS) if beside else 0
     limits = displacement_limits(resonance.sel(direction=main_direction))
 
-    figure = Figure((style.PAGE_WIDTH, _MAIN_HEIGHT + rows * _PANEL_HEIGHT), layout="constrained")
+    height = _MAIN_HEIGHT + rows * _PANEL_HEIGHT + (_FOOT if rows else 0.0)
+    figure = Figure((style.PAGE_WIDTH, height), layout="constrained")
     grid = figure.add_gridspec(
         1 + rows, _COLUMNS, height_ratios=[_MAIN_HEIGHT] + rows * [_PANEL_HEIGHT]
     )
@@ -95,8 +96,7 @@ def draw(resonance, *, colours=None, labels=None, branches=None, tongues=None):
         )
         for panel in panels.flat[len(looks) :]:
             panel.remove()
-        # Sweeps that carry their state may go where none from rest does.
-        limits = displacement_limits(resonance)
+        limits = _wider(limits, resonance)
         for panel, (name, look) in zip(panels.flat, looks.items(), strict=False):
             _prepare(panel, resonance, limits)
             _draw_branches(panel, branches, name)
@@ -120,7 +120,7 @@ def draw(resonance, *, colours=None, labels=None, branches=None, tongues=None):
 
 
 def displacement_limits(curves):
-    """Return the limits (low, high) of displacement for curves of one direction or several."""
+    """Return the limits (low, high) of displacement for the curves of one direction."""
     shown = [0.0]
     for name in _EXTREMA:
         values = curves[name].values
@@ -137,6 +137,20 @@ def displacement_limits(curves):
         low = min(low, -1.25 * backlash)
     margin = 0.05 * (high - low) or 1.0
     return low - margin, high + margin
+
+
+def _wider(limits, curves):
+    """Return limits that also hold the steady orbits up to as far again beyond them.
+
+    Sweeps that carry their state go where none from rest does; undamped ones without bound.
+    """
+    low, high = limits
+    span = high - low
+    extrema = np.array([curves[name].values for name in _EXTREMA])
+    near = (curves.period.values > 0) & (extrema > low - span) & (extrema < high + span)
+    shown = extrema[near]
+    margin = 0.05 * span
+    return min([low, *(shown - margin)]), max([high, *(shown + margin)])
 
 
 def _prepare(axes, resonance, limits, named=False):

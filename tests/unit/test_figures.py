@@ -96,9 +96,16 @@ def test_what_is_known_of_the_motions_lies_below_the_characteristics():
 
 def test_panels_hold_sweeps_that_go_beyond_those_from_rest():
     data = curves(GRID)
-    data.displacement_max.loc[{"direction": "up"}] = 50.0
+    low, high = resonance.draw(data).axes[0].get_ylim()
+    up = {"direction": "up", "damping": "k1"}
+    data.period.loc[up] = 1
+    data.displacement_max.loc[up] = 1.5 * high
     main, *panels = resonance.draw(data).axes
-    assert main.get_ylim()[1] < 50.0 < panels[0].get_ylim()[1]
+    assert main.get_ylim() == (low, high)
+    assert 1.5 * high < panels[0].get_ylim()[1] < 2.0 * high
+    # Without damping sweeps may grow without bound: they are cut off.
+    data.displacement_max.loc[up] = 1e84
+    assert resonance.draw(data).axes[1].get_ylim()[1] < 2.0 * high
 
 
 @pytest.mark.parametrize("count", [1, 2, 3])

@@ -3,8 +3,8 @@
 
 rule draw_resonance:
     input:
-        resonance=rules.gather_resonance.output.dataset,
         **beside_resonance(),
+        resonance=rules.gather_resonance.output.dataset,
         sources=script_sources("draw_resonance"),
     output:
         figure("fig3_resonance", "Fig. 3: resonance characteristics, all dampings", PAPER),
