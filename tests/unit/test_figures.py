@@ -9,11 +9,8 @@ from gearlib import GearPair, phase_lag, scenes, simulate, sweep
 from gearlib import jump as jump_study
 from gearlib import model_comparison as comparison
 from gearlib import nonlinear_damping as damping_study
-from gearlib.config.trials import PEERS
 from gearlib.figures import (
-    failures,
     jump,
-    jump_by_method,
     models,
     nonlinear_damping,
     phase_planes,
@@ -21,11 +18,8 @@ from gearlib.figures import (
     resonance,
     style,
     time_courses,
-    work_precision,
 )
 from gearlib.gathering import gather_phase_planes, gather_resonance
-from gearlib.trials.failures import VERDICTS
-from tests.golden import data as golden
 
 RUN = {"periods": 40, "record_periods": 8}
 
@@ -62,61 +56,6 @@ def planes(tunings, backlash=4.0):
 GRID = np.linspace(0.6, 1.2, 31)
 
 
-def test_resonance_has_scales_units_and_every_curve():
-    figure = resonance.draw(curves(GRID))
-    main, *panels = figure.axes
-    assert main.get_xlabel() == "tuning $\\nu_s$" and "static deflections" in main.get_ylabel()
-    labels = [axis.get_xlabel() for axis in main.child_axes]
-    assert "tuning $\\nu_\\mathrm{max}$" in labels and "tuning $\\nu_\\mathrm{min}$" in labels
-    assert [axis.get_ylabel() for axis in main.child_axes][-1].endswith("(m)")
-    names = [text.get_text() for text in main.get_legend().get_texts()]
-    assert names == ["$k_{1}$", "my own + oil", "conservative"]
-    assert len(panels) == 3
-    low, high = main.get_xlim()
-    assert low < 0.6 and high > 1.2
-
-
-def test_what_is_known_of_the_motions_lies_below_the_characteristics():
-    beside = {
-        "branches": {"k1": golden.read("branches/k1.nc")},
-        "labels": golden.read("labels/k1.nc").expand_dims("damping"),
-        "tongues": golden.read("tongues.nc"),
-    }
-    for directions in (("cold",), ("cold", "up", "down")):
-        data = curves(GRID, directions)
-        alone, *plain = resonance.draw(data).axes
-        main, panel, *_ = resonance.draw(data, **beside).axes
-        drawn = [len(axes.get_children()) for axes in (alone, main)]
-        assert drawn[0] == drawn[1]
-        assert len(plain) == (3 if len(directions) > 1 else 0)
-        # The strip has a bar for each label, the branches two lines at least.
-        assert len(panel.containers[0]) == beside["labels"].tuning.size
-        assert len(panel.lines) >= 2 + (len(plain[0].lines) if plain else 0)
-
-
-def test_panels_hold_sweeps_that_go_beyond_those_from_rest():
-    data = curves(GRID)
-    low, high = resonance.draw(data).axes[0].get_ylim()
-    up = {"direction": "up", "damping": "k1"}
-    data.period.loc[up] = 1
-    data.displacement_max.loc[up] = 1.5 * high
-    main, *panels = resonance.draw(data).axes
-    assert main.get_ylim() == (low, high)
-    assert 1.5 * high < panels[0].get_ylim()[1] < 2.0 * high
-    # Without damping sweeps may grow without bound: they are cut off.
-    data.displacement_max.loc[up] = 1e84
-    assert resonance.draw(data).axes[1].get_ylim()[1] < 2.0 * high
-
-
-@pytest.mark.parametrize("count", [1, 2, 3])
-def test_any_number_of_dampings(count):
-    figure = resonance.draw(curves(GRID).isel(damping=slice(count)))
-    main, *panels = figure.axes
-    assert len(panels) == count
-    lowest = [panel.get_xlabel() for panel in panels][-2:]
-    assert lowest == [main.get_xlabel()] * len(lowest)
-
-
 @pytest.mark.parametrize("backlash", [math.inf, 0.0, 0.5])
 def test_any_backlash(backlash):
     figure = resonance.draw(curves(GRID, backlash=backlash))
@@ -133,11 +72,6 @@ def test_runs_that_could_not_go_on_are_left_out():
     data.displacement[0, 0] = np.nan
     labels = [text.get_text() for text in phase_planes.draw(data).axes[0].texts]
     assert labels == ["no result"]
-
-
-def test_a_single_direction_and_a_single_tuning():
-    assert len(resonance.draw(curves(GRID, directions=("up",))).axes) == 1
-    resonance.draw(curves([0.8]))
 
 
 def test_phase_planes_are_a_labelled_grid():
@@ -393,40 +327,6 @@ def test_words_on_bars_stay_in_the_panel():
     for text in axes.texts:
         box = text.get_window_extent()
         assert frame.x0 <= box.x0 and box.x1 <= frame.x1
-
-
-def errors_of_methods():
-    return [golden.read(f"work_precision/errors_{name}.nc") for name in ("exact", "taylor")]
-
-
-def verdicts_on_methods():
-    matrix = golden.read("failures.nc").assign(
-        words=lambda data: ("problem", ["w"] * data.problem.size)
-    )
-    matrix.verdict.attrs["flag_meanings"] = " ".join(VERDICTS)
-    return matrix
-
-
-@pytest.mark.parametrize(
-    "draw",
-    [
-        lambda: work_precision.draw_evaluations(errors_of_methods()),
-        lambda: work_precision.draw_measures(errors_of_methods()),
-        lambda: failures.draw(verdicts_on_methods()),
-        lambda: jump_by_method.draw([golden.read("jump_by_method/exact.nc")]),
-    ],
-    ids=["evaluations", "measures", "failures", "jump_by_method"],
-)
-def test_what_is_left_out_is_named_beside_legend_and_panels(draw):
-    figure = draw()
-    style.note_absent(figure, list(PEERS))
-    figure.draw_without_rendering()
-    (note,) = (text for text in figure.texts if "not installed" in text.get_text())
-    box = note.get_window_extent()
-    others = [legend.get_window_extent() for legend in figure.legends]
-    others += [axes.get_tightbbox() for axes in figure.axes]
-    assert not any(box.overlaps(other) for other in others)
-    assert figure.bbox.x0 <= box.x0 and box.x1 <= figure.bbox.x1
 
 
 @pytest.mark.parametrize("suffix", ["png", "svg"])
