@@ -53,7 +53,7 @@ def draw_orbits(errors):
             if np.isfinite(values).any():
                 draw_panel(axes, [(errors.line.values, cost[i])], [values], lines, floors[i])
             else:
-                axes.text(0.5, 0.5, "no bounce", transform=axes.transAxes, ha="center")
+                axes.text(0.5, 0.5, "nothing to compare", transform=axes.transAxes, ha="center")
         row[0].set_ylabel(label)
     for axes, name in zip(panels[0], names, strict=True):
         axes.set_title(PROBLEMS[name], fontsize=7)

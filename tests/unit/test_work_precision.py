@@ -189,7 +189,9 @@ def test_figures(both):
         assert len(figure.axes) == 2
         assert all(np.isfinite(axes.get_xlim()).all() for axes in figure.axes)
     titles = [axes.get_title() for axes in figures.draw_measures(errors).axes]
-    assert titles == ["a bounce in every period", "no bounce", "a bounce in every period"]
+    smooth, bouncing = (figures.PROBLEMS[n].replace(", ", ",\n") for n in ("smooth", "bouncing"))
+    # Errors of events, of which the smooth problem has none, then those of multipliers.
+    assert titles == [bouncing, smooth, bouncing]
 
 
 def test_switches_of_a_scan():

@@ -190,11 +190,22 @@ def test_an_edited_source_reruns_what_depends_on_it(project, path, expected):
 
 
 def test_only_what_is_wanted(project):
-    project.configure(lambda settings: settings.update(targets=["resonance"]))
-    (project / "results/figures/fig5_phase_planes.png").unlink()
-    assert project.planned() == {}
+    project.configure(lambda settings: settings.update(targets=["phase_planes"]))
     (project / "results/figures/fig3_resonance.png").unlink()
-    assert project.planned() == {"draw_resonance": 1}
+    assert project.planned() == {}
+    (project / "results/figures/fig5_phase_planes.png").unlink()
+    assert project.planned() == {"draw_phase_planes": 1}
+
+
+def test_fig_3_alone_computes_its_sweeps_only(tmp_path):
+    project = small_project(tmp_path / "project")
+    project.configure(lambda settings: settings.update(targets=["resonance"]))
+    alone = {"compile_kernels": 1, **jobs("resonance")}
+    assert project.planned() == alone
+    beside = ["labels", "branches", "parametric_resonance"]
+    project.configure(lambda settings: settings["targets"].extend(beside))
+    shown = {"label": DAMPINGS, "branches": DAMPINGS, "tongues": 1}
+    assert project.planned("results/figures/fig3_resonance.png") == alone | shown
 
 
 def test_a_configuration_file_on_the_command_line(project):
@@ -217,12 +228,16 @@ def test_cases_side_by_side(tmp_path):
     project = small_project(tmp_path / "project")
     cases = {"light": {"gear_pair": {"load": "1 kN"}}, "heavy": {"gear_pair": {"load": "6 kN"}}}
     project.configure(lambda settings: settings.update(targets=["phase_lag"], cases=cases))
+    project.configure(lambda settings: settings["phase_lag"].pop("material_dampings"))
     parts = ("compile_kernels", "phase_lag", "draw_phase_lag")
     both = {f"{case}_{rule}": 1 for case in cases for rule in parts}
     assert project.jobs("-j2") == both
     light, heavy = (storage.read(project / f"results/{case}/phase_lag.nc") for case in cases)
     assert '"load":1000.0' in light.attrs["gear_pair"]
     assert '"load":6000.0' in heavy.attrs["gear_pair"]
+    # Captions know what the configuration leaves out.
+    project.snakemake("--report", "report.html")
+    assert "3953.7, 39.537" in (project / "report.html").read_text(encoding="utf-8")
     project.configure(lambda settings: settings["cases"]["light"]["gear_pair"].update(load="2 kN"))
     assert project.planned() == {"light_phase_lag": 1, "light_draw_phase_lag": 1}
     assert (project / "results/light/provenance.json").exists()

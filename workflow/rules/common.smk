@@ -53,6 +53,8 @@ try:
     if repeated:
         raise configuration.ConfigError("\n".join(repeated))
     CONFIG = configuration.load(config)
+    # Captions of the report read this, and find what the configuration leaves out as well.
+    config.update(CONFIG.model_dump())
 except configuration.ConfigError as error:
     raise WorkflowError(f"The configuration is refused.\n{error}") from None
 
@@ -122,6 +124,16 @@ def resonance_shards():
     ]
 
 
+def beside_resonance():
+    """Return the files of what Fig. 3 shows below its curves: those that are targets too."""
+    files = {
+        "labels": expand("results/labels/{damping}.nc", damping=CONFIG.dampings),
+        "branches": expand("results/branches/{damping}.nc", damping=CONFIG.dampings),
+        "parametric_resonance": ["results/tongues.nc"],
+    }
+    return {name: files[name] for name in files if name in CONFIG.targets}
+
+
 def nonlinear_damping_files():
     """Return the files of all models of the study of nonlinear damping."""
     return expand(
@@ -179,6 +191,7 @@ def files_by_target():
         "phase_planes": figure_files("fig5_phase_planes"),
         "scenes": scenes,
         "jump": figure_files("fig6_jump"),
+        "labels": expand("results/labels/{damping}.nc", damping=CONFIG.dampings),
         "branches": figure_files("branches"),
         "nonlinear_damping": [
             *figure_files("nonlinear_damping"),

@@ -53,6 +53,7 @@ rule draw_jump_by_method:
     threads: 1
     params:
         dpi=CONFIG.figures.dpi,
+        marked=canonical(CONFIG.jump.marked),
         absent=absent(CONFIG.jump_by_method.methods),
     conda:
         "../envs/gearlib.yaml"
