@@ -68,6 +68,8 @@ def _follow_imports(path, root):
     for node in _statements(module):
         if isinstance(node, ast.Import):
             for alias in node.names:
+                if alias.name == PACKAGE:
+                    raise ImportError(f"{path}:{node.lineno}: import modules by full names")
                 yield from _module_files(alias.name, path, root)
         elif isinstance(node, ast.ImportFrom):
             if node.level:

@@ -99,9 +99,7 @@ def about(name):
     """Return the `Method` of a name; no other is loaded."""
     module = METHODS[name]
     options = {key: (option.default, option.meaning) for key, option in module.OPTIONS.items()}
-    return Method(
-        name, module.ORDER, module.EVENTS, module.MODELS, options, *_availability(module)
-    )
+    return Method(name, module.ORDER, module.EVENTS, module.MODELS, options, *_availability(module))
 
 
 def _availability(module):

@@ -37,8 +37,8 @@ def test_what_a_job_loads_is_declared(first_run, jobs):
     folder, script = first_run[0].folder, scripts()
     missing = set()
     for job in jobs:
-        ours = {Path(path) for path in job["loaded"] if Path(path).is_relative_to(folder)}
-        ours = {str(path.relative_to(folder)) for path in ours}
+        ours = {Path(path).resolve() for path in job["loaded"]}
+        ours = {str(path.relative_to(folder)) for path in ours if path.is_relative_to(folder)}
         assert "workflow/scripts/joblog.py" in ours
         ours = {path for path in ours if path.startswith(("gearlib/", "workflow/"))}
         ours = (ours | {script[job["rule"]]}) - NO_SOURCES
