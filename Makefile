@@ -69,9 +69,11 @@ $(INSTALLED): pyproject.toml requirements/constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 	    { echo "Python 3.11 or newer is needed: make PYTHON=python3.12" >&2; exit 1; }
 	test -x $(BIN)/python || $(PYTHON) -m venv .venv
-	@# Compiling all modules takes a minute; those that are used are compiled at their first use.
 	$(BIN)/python -m pip install --quiet --no-compile \
 	    --constraint requirements/constraints.txt --editable '.[workflow,test]'
+	@# Here, by two processes: left to first use, every job would compile its packages anew where
+	@# PYTHONDONTWRITEBYTECODE is set. Some packages hold files that are wrong on purpose.
+	PYTHONPYCACHEPREFIX= $(BIN)/python -m compileall -qq -j 2 .venv || true
 	touch $@
 
 clean:

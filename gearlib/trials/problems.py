@@ -7,7 +7,7 @@ difference from that is an upper bound. Tests hold the references against 50 dig
 """
 
 import math
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -18,6 +18,9 @@ from gearlib.models.one_degree import OneDegreePair
 from gearlib.models.six_degrees import SixDegreePair
 from gearlib.pair import GearPair
 from gearlib.variational import period_maps
+
+if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
+    from gearlib.integrators import scipy_ivp  # noqa: F401
 
 #: Mesh periods in which the slowest of the damped problems settles to rounding.
 SETTLING = 400

@@ -21,7 +21,7 @@ scipy that ends at every contact, and, for the soft impact, the closed form of t
 
 import math
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -34,6 +34,9 @@ from gearlib.orbits.shooting import periodic_orbit
 from gearlib.profiles import Series
 from gearlib.simulation import simulate
 from gearlib.variables import describe
+
+if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
+    from gearlib.integrators import scipy_ivp  # noqa: F401
 
 #: Runs whose extrema differ by less, in heights of the orbit, are on the same one.
 _SAME = 1e-4

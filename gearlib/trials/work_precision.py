@@ -116,15 +116,14 @@ def lines_of(method):
     ValueError
         If there is no such method here.
     """
-    known = {one.name: one for one in integrators.methods()}
-    if method not in known or not getattr(known[method], "available", True):
+    if method not in integrators.METHODS or not integrators.about(method).available:
         raise ValueError(
             f"method = {method!r} is not allowed: it must be one of "
-            f"{', '.join(map(repr, known))}, and installed"
+            f"{', '.join(map(repr, integrators.METHODS))}, and installed"
         )
     if method in LADDERS:
         return LADDERS[method]
-    options = known[method].options
+    options = integrators.about(method).options
     knob = next((name for name in GENERIC if name in options), None)
     follows = knob == "rtol" and "atol" in options
     line = Line(method, "other", knob, GENERIC.get(knob, (None,)), follows=follows)

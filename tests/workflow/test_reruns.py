@@ -172,6 +172,8 @@ def test_a_method_more_runs_its_trial(project):
         ("gearlib/core/march.py", EVERYTHING),
         ("gearlib/core/sections.py", jobs("basins", "bifurcation", "poincare")),
         ("gearlib/simulation.py", after_an_edit_of_simulate()),
+        ("gearlib/integrators/newmark.py", jobs("stability_chart")),
+        ("gearlib/integrators/rk4.py", {**jobs("stability_chart", "failures"), "trial": 1}),
         ("gearlib/trials/hostile.py", jobs("failures")),
         ("gearlib/figures/resonance.py", {"draw_resonance": 1, "draw_report_page": 1}),
         ("gearlib/figures/style.py", drawn()),

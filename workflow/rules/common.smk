@@ -14,7 +14,7 @@ from pathlib import Path
 from snakemake.exceptions import WorkflowError
 
 from gearlib import config as configuration
-from gearlib import tunings
+from gearlib import integrators, tunings
 from gearlib.config.trials import PEERS
 from workflow.sources import sources
 from workflow.yaml_keys import repeated_keys
@@ -39,6 +39,9 @@ PUBLISHED_PART = "5 Published problems"
 
 #: What the report shows of a figure, the first that there is; browsers zoom pixels best.
 SHOWN_FORMATS = ["png", "svg", "pdf"]
+
+# What a first job has to compile is kept for all others, also where Python is told to keep nothing.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 # Scripts import the library beside this Snakefile, whatever else is installed.
 os.environ.update(
@@ -71,10 +74,19 @@ wildcard_constraints:
     trial=r"[A-Za-z0-9+_-]+",
 
 
-def script_sources(name):
-    """Return the source files on which the results of a script depend."""
-    files = sources(ROOT / "workflow" / "scripts" / f"{name}.py", ROOT)
+def script_sources(name, *methods):
+    """Return the source files on which the results of a script depend, told to run these methods.
+
+    Of those that are always loaded a script says so itself, see `workflow.sources`.
+    """
+    loaded = [f"gearlib.integrators.{integrators.METHODS.data[method]}" for method in methods]
+    files = sources(ROOT / "workflow" / "scripts" / f"{name}.py", ROOT, loaded)
     return [os.path.relpath(path) for path in files]
+
+
+def sources_with_method(name):
+    """Return the input function of a script that runs the method in the name of its output."""
+    return lambda wildcards: script_sources(name, wildcards.method)
 
 
 def figure_files(name):
@@ -143,9 +155,15 @@ def nonlinear_damping_files():
     )
 
 
+def trial_named(name):
+    """Return a trial of the configuration."""
+    (trial,) = (trial for trial in CONFIG.failures.trials if trial.name == name)
+    return trial
+
+
 def trial_of(wildcards):
     """Return method and options of a trial."""
-    (trial,) = (t for t in CONFIG.failures.trials if t.name == wildcards.trial)
+    trial = trial_named(wildcards.trial)
     return canonical({"method": trial.method, "options": trial.options})
 
 
@@ -174,6 +192,11 @@ def work_precision_files(kind):
     """Return the files of all methods: kind is errors or times."""
     methods = CONFIG.work_precision.methods
     return [f"results/work_precision/{kind}_{name}.nc" for name in methods if installed(name)]
+
+
+def marching_methods():
+    """Return the methods of settled orbits that are behind ``method=``."""
+    return [name for name in CONFIG.steady_orbits.methods if name in integrators.METHODS]
 
 
 def work_precision_settings():

@@ -4,7 +4,7 @@
 rule jump_by_method:
     input:
         kernels=rules.compile_kernels.output.stamp,
-        sources=script_sources("jump_by_method"),
+        sources=sources_with_method("jump_by_method"),
     output:
         dataset="results/jump_by_method/{method}.nc",
     log:

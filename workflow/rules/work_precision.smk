@@ -4,7 +4,7 @@
 rule work_precision_errors:
     input:
         kernels=rules.compile_kernels.output.stamp,
-        sources=script_sources("work_precision_errors"),
+        sources=sources_with_method("work_precision_errors"),
     output:
         dataset="results/work_precision/errors_{method}.nc",
     log:
@@ -29,7 +29,7 @@ rule work_precision_errors:
 rule work_precision_times:
     input:
         kernels=rules.compile_kernels.output.stamp,
-        sources=script_sources("work_precision_times"),
+        sources=sources_with_method("work_precision_times"),
     output:
         dataset="results/work_precision/times_{method}.nc",
     log:
