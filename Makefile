@@ -77,7 +77,8 @@ $(INSTALLED): pyproject.toml requirements/constraints.txt
 	touch $@
 
 clean:
-	rm -rf results .snakemake
+	rm -rf .snakemake
+	find results -mindepth 1 -not -name README.md -delete
 
 distclean: clean
 	rm -rf .venv
