@@ -1,4 +1,4 @@
-"""The paper's gear pair (Fig. 3), without damping: tests lay theirs over it; config.yaml as it is."""
+"""The paper's gear pair (Fig. 3), without damping, to lay others over; config.yaml as it is."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""The fastest method of this library and the fastest of the others, problem by problem, as a table."""
+"""The fastest method of this library beside the fastest solver of another package, as a table."""
 
 import csv
 import math
@@ -61,7 +61,10 @@ def table(error_datasets, time_datasets):
     )
     seconds = joined(time_datasets, "period_time")
     own = np.concatenate(
-        [np.full(data.sizes["rung"], data.attrs["method"] in work_precision.OWN) for data in error_datasets]
+        [
+            np.full(data.sizes["rung"], data.attrs["method"] in work_precision.OWN)
+            for data in error_datasets
+        ]
     )
 
     def entry(i, decade, chosen):
@@ -93,7 +96,9 @@ def write_csv(rows, path):
     with replacing(path) as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         names = [f"{who}_{column}" for who in NOBODY for column in _COLUMNS]
-        writer.writerow(["problem", "accuracy_in_static_deflections", "own_is_times_faster", *names])
+        writer.writerow(
+            ["problem", "accuracy_in_static_deflections", "own_is_times_faster", *names]
+        )
         for row in rows:
             ratio = f"{row.other.time / row.own.time:.3g}" if row.own and row.other else ""
             cells = [*_cells(row.own, "own"), *_cells(row.other, "other")]

@@ -18,6 +18,7 @@ SETTLING = 400
 START = (0.0, 0.0)
 _FIRST_EVENTS = 64
 
+
 class Case(NamedTuple):
     """What makes a problem of the gear pair."""
 

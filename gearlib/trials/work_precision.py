@@ -271,10 +271,10 @@ def times(method, known, pair, six_degrees, settings, repeats):
     -------
     xarray.Dataset
         Over (problem, rung): period_time, the slope between a short and a long run from the state
-        at the end of the problem, so that start, record and compilation do not count; NaN
-        where the method does not take the model or could not go on. closed_form_time: of one evaluation of the closed form of contact;
-        warm_up_time: of the first run of the method in this process, which compiles its kernels
-        or loads them. The other variables as of `errors`.
+        at the end of the problem, so that start, record and compilation do not count; NaN where
+        the method does not take the model or could not go on. closed_form_time: of one evaluation
+        of the closed form of contact; warm_up_time: of the first run of the method in this
+        process, which compiles its kernels or loads them. The other variables as of `errors`.
     """
     table, names = rungs(method), known.problem.values.tolist()
     values = np.full((len(names), len(table)), math.nan)
