@@ -93,15 +93,19 @@ def test_six_degrees_against_matrix_exponentials():
     epsilon = mpmath.mpf(six.pair.contact_ratio)
     # Friction turns at 0 and pi; the stiffness switches at pi (eps - 1) and pi (3 - eps).
     cuts = [0, mpmath.pi * (epsilon - 1), mpmath.pi, mpmath.pi * (3 - epsilon), 2 * mpmath.pi]
-    z = mpmath.matrix(six.initial(system, (0.0, 0.0)).tolist())
-    for matrix, start, end in zip(system.a[NORMAL + 1], cuts, cuts[1:], strict=False):
-        z = mpmath.expm(mpmath.matrix(matrix.tolist()) * (end - start), method="taylor") * z
+    with localcontext(prec=50):
+        start = high_precision.equations_of(six, nu).start
+    np.testing.assert_allclose(
+        np.array(start, float), six.initial(system, (0.0, 0.0)), rtol=0, atol=1e-14
+    )
+    z = mpmath.matrix([digits_of(value) for value in start])
+    for matrix, begin, end in zip(system.a[NORMAL + 1], cuts, cuts[1:], strict=False):
+        z = mpmath.expm(mpmath.matrix(matrix.tolist()) * (end - begin), method="taylor") * z
     y = mpmath.fdot(system.near.tolist(), z)
-    speed = mpmath.fdot((system.near @ system.a[1, 0]).tolist(), z)
-    # The start is on the line in all digits there, in those of floats here: bearings lie 33 static
-    # deflections away, whose last place is 7e-15.
+    rate = mpmath.matrix(system.a[1, 0].tolist()) * z
+    speed = mpmath.fdot(system.near.tolist(), rate)
     for a, b in zip(found.state, (y, speed), strict=True):
-        assert abs(digits_of(a) - b) < 1e-14
+        assert abs(digits_of(a) - b) < mpmath.mpf(10) ** -36
 
 
 def test_six_degrees_with_bounces_against_the_library():
