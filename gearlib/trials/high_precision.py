@@ -178,7 +178,8 @@ def _march(equations, z, periods, digits):
         for stretch, (t, end) in enumerate(pairwise(equations.starts)):
             while t < end:
                 series, length = _step(equations, contact, stretch, z, digits)
-                length, hit = min(length, end - t), None
+                left, hit = end - t, None
+                length = min(length, left)
                 for exit_line, sign, after in _exits(contact):
                     course = _course(equations, exit_line, sign, series)
                     if exit_line == line:
@@ -187,10 +188,11 @@ def _march(equations, z, periods, digits):
                     if root is not None:
                         length, hit = root, (exit_line, after)
                 z = [_at(component, length) for component in series]
-                line, t = 0, t + length
                 if hit is None:
+                    # The sum may round short of the end.
+                    line, t = 0, end if length == left else t + length
                     continue
-                line, after = hit
+                (line, after), t = hit, t + length
                 other = _dot(equations.far if line == NORMAL else equations.near, z)
                 if after == BACKLASH and abs(other) < tiny:
                     # Without backlash one flank takes over from the other.
