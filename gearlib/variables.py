@@ -207,6 +207,8 @@ DESCRIPTIONS = {
     "line": ("1", "method, and how it is used"),
     "family": ("1", "family of methods"),
     "knob": ("1", "accuracy knob and its value"),
+    "orbit_state": ("1", "displacement and dx/dtau of the settled orbit at phase 0"),
+    "event_problem": ("1", "test problem of the event"),
     "state_error": ("1", "error of the final state, displacement in static deflections or dx/dtau"),
     "event_error": ("rad", "largest error of the phases of the recorded events"),
     "multiplier_error": ("1", "error of the largest absolute Floquet multiplier"),
@@ -219,7 +221,7 @@ DESCRIPTIONS = {
     "warm_up_time": ("s", "wall time of the first run, in which kernels are compiled or loaded"),
     "orbit_evaluations": ("1", "evaluations of the right-hand side until the orbit is found"),
     "orbit_time": ("s", "wall time until the orbit is found"),
-    "shooting_time": ("s", "wall time of shooting for the reference"),
+    "shooting_time": ("s", "wall time of shooting for the same orbit"),
     # the jump from rest, method by method
     "exact_jump": ("1", "tuning at which the exact orbit from rest jumps"),
     "jump_error": ("1", "largest jump of the scan less the exact one, in tuning"),

@@ -75,7 +75,7 @@ def draw_orbit_times(errors, times):
     Returns
     -------
     matplotlib.figure.Figure
-        Dotted: the time of shooting, by whose orbit errors are measured.
+        Dotted: the time of shooting for the same orbit.
     """
     names, lines = errors.problem.values, lines_of([errors])
     figure, panels = panelled(names.size, 2)
