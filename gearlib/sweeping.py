@@ -13,9 +13,9 @@ from gearlib.variables import describe
 
 DIRECTIONS = ("cold", "up", "down")
 
-#: Tunings handed to a thread at a time are a multiple of the lanes of `gearlib.core.lanes`: enough
-#: to hide the hand-over, few enough to share out the chaotic end of a sweep.
-_LANES, _MOST = 16, 8
+#: Tunings handed to a thread at a time: enough to hide the hand-over, few enough to share out the
+#: chaotic end of a sweep.
+_FEWEST, _MOST = 16, 128
 
 
 def sweep(
@@ -104,7 +104,7 @@ def sweep(
     order = np.argsort(tunings)
     if direction == "down":
         order = order[::-1].copy()
-    chunk = _LANES * min(max(order.size // (4 * threads * _LANES), 1), _MOST)
+    chunk = min(max(order.size // (4 * threads), _FEWEST), _MOST)
     chunks = [order[i : i + chunk] for i in range(0, order.size, chunk)]
     if carry or threads == 1 or len(chunks) < 2:
         go_through(order)
