@@ -35,6 +35,8 @@ MARGIN = 1.0 - 1e-12
 #: rounding.
 _SHORT = 1e-4
 _MAX_STEPS = 8
+#: Entries from one to the next that `lowest_entry` looks at: a quarter of a radian.
+_STRIDE = 3
 
 # Columns of a level. LAST is the last entry of its table, EMPTY before that is filled, NONE when
 # there is none; X2 to X8 and S2 to S8 are coefficients of the polynomials; the END columns are the
@@ -193,3 +195,49 @@ def leaving(levels, tables, i, u, v, k, horizon):
             break
         k += int(math.floor(entries + 0.5))
     return -1.0, 0.0, k
+
+
+@inlined
+def lowest_entry(levels, tables, i, u, v):
+    """Return (k, below): an entry below the flank line, the first of those looked at, if any.
+
+    Else the lowest of them.
+    """
+    line = -levels[i, REST]
+    lowest, at, k = math.inf, 0, 0
+    while k <= int(levels[i, LAST]):
+        height = u * tables[i, k, 0] + v * tables[i, k, 1]
+        if height < lowest:
+            lowest, at = height, k
+            if height < line:
+                break
+        k += _STRIDE
+    return at, lowest < line
+
+
+@inlined
+def stays_above(levels, tables, i, u, v, k):
+    """Return whether the first minimum, next to entry k, is proven to lie above the flank line.
+
+    A minimum within a turn is the first one, and no later one is lower. Where the velocity is next
+    to zero, v^2 / u'' is twice the depth that is left.
+    """
+    square, twice_a = levels[i, SQUARE], levels[i, TWICE_A]
+    for _ in range(_MAX_STEPS):
+        if k < 0 or k > int(levels[i, LAST]):
+            break
+        above, speed = go_by(levels, i, u, v, tables[i, k, 0], tables[i, k, 1])
+        acceleration = -twice_a * speed - square * above
+        t = -speed / acceleration
+        entries = t * levels[i, PER_TIME]
+        if not (acceleration > 0.0 and abs(entries) <= ENTRIES):
+            break
+        if abs(entries) <= _NEXT_TO:
+            above, speed = step(levels, i, above, speed, t)
+            acceleration = -twice_a * speed - square * above
+            t += k * levels[i, SPACING]
+            calm = acceleration > 0.0 and abs(speed) * levels[i, RATE] < 1e-2 * acceleration
+            left = levels[i, REST] * MARGIN + above - speed * speed / acceleration
+            return calm and 0.0 < t <= levels[i, TURN] and left > 0.0
+        k += int(math.floor(entries + 0.5))
+    return False

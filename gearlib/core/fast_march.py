@@ -12,7 +12,6 @@ It takes the same orbit as the plain march, by shortcuts that are proven:
 Whatever none of them covers goes through closed forms, or through the plain march.
 """
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -38,14 +37,16 @@ from gearlib.core.contact_table import (
     fill_table,
     go_by,
     leaving,
+    lowest_entry,
     set_level,
     stays,
+    stays_above,
     step,
 )
 from gearlib.core.crossing import descent_time
 from gearlib.core.flight import fly, return_flight
 from gearlib.core.jit import inlined, kernel
-from gearlib.core.march import ARC_COLUMNS, march, within_range
+from gearlib.core.march import ARC_COLUMNS, march_on, within_range
 from gearlib.core.mesh import BACKLASH, INVERSE, NORMAL
 from gearlib.core.oscillator import evolve
 from gearlib.core.orbit import STROBE_PERIODS
@@ -137,6 +138,7 @@ def advance(m, desk, n, contact, x, v, periods, limit, arcs):
     levels, tables, entries, flight, states, no_arcs = desk
     escape = 2.0 * m.pull * m.gap * MARGIN
     count = 0
+    end_u = end_v = 0.0
     ahead, duration = flight[AHEAD], flight[DURATION]
     start_speed, landing_speed = flight[START_SPEED], flight[LANDING_SPEED]
     if ahead >= 0.0:
@@ -176,10 +178,12 @@ def advance(m, desk, n, contact, x, v, periods, limit, arcs):
                     x, v = end_u + rest, end_v
                     continue
             else:
-                contact, x, v, count = march(
-                    m, i, start, length, contact, x, v, arcs, count, limit
+                t, contact, x, v, count = march_on(
+                    m, i, start, t, length, contact, x, v, arcs, count, limit, True
                 )
-                continue
+                if t >= length or count > limit:
+                    continue
+                u, landed = -rest, True
 
             # Contact, flight, landing, contact ... until a stretch ends in contact or in flight.
             lev = m.high if i == 1 else m.low
@@ -187,20 +191,29 @@ def advance(m, desk, n, contact, x, v, periods, limit, arcs):
                 fill_table(lev, levels[i], tables[i])
             while True:
                 left = length - t
-                known = False
+                known = not landed
                 count = _write(arcs, count, start + t, left, NORMAL, i, u + rest, v)
                 if landed:
                     k = int(left * levels[i, PER_TIME] + 0.5)
-                    if k <= levels[i, LAST]:
+                    known = k <= levels[i, LAST]
+                    if known:
                         end_u, end_v = go_by(levels, i, u, v, tables[i, k, 0], tables[i, k, 1])
                         end_u, end_v = step(levels, i, end_u, end_v, left - k * levels[i, SPACING])
                         half, turn = 2.0 * left < levels[i, TURN], left < levels[i, TURN]
                         if stays(half, turn, v, end_u + rest, end_v):
                             x, v = end_u + rest, end_v
                             break
-                leave, speed, k = leaving(levels, tables, i, u, v, entries[stretch], left)
+                k = entries[stretch]
+                leave, speed, k = leaving(levels, tables, i, u, v, k, left)
+                if leave < 0.0 and levels[i, LAST] > 0.0:
+                    k, below = lowest_entry(levels, tables, i, u, v)
+                    if below:
+                        leave, speed, k = leaving(levels, tables, i, u, v, k, left)
+                    elif known and stays_above(levels, tables, i, u, v, k):
+                        x, v = end_u + rest, end_v
+                        break
                 if leave < 0.0:
-                    leave = descent_time(lev, u, v, -lev.rest, left)
+                    leave = descent_time(lev, u, v, -rest, left)
                     if leave <= left:
                         _, speed = evolve(lev, u, v, leave)
                     if not (leave <= left and speed < 0.0):
@@ -212,13 +225,15 @@ def advance(m, desk, n, contact, x, v, periods, limit, arcs):
                 if count <= arcs.shape[0]:
                     arcs[count - 1, 1] = leave
                 if speed * speed >= escape:
-                    # The far flank may be met: the plain march takes the rest of the stretch.
+                    # The far flank may be met: by the plain march to the next landing.
                     flying = BACKLASH if m.gap > 0.0 else INVERSE
-                    t += leave
-                    contact, x, v, count = march(
-                        m, i, start + t, length - t, flying, 0.0, speed, arcs, count, limit
+                    t, contact, x, v, count = march_on(
+                        m, i, start, t + leave, length, flying, 0.0, speed, arcs, count, limit, True
                     )
-                    break
+                    if t >= length or count > limit:
+                        break
+                    u, landed = -rest, True
+                    continue
                 duration, landing_speed = return_flight(m.drag, m.pull, speed)
                 t += leave
                 count = _write(

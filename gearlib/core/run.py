@@ -19,10 +19,25 @@ _ON_ORBIT = 1e-13
 
 
 @kernel
-def _status(x, v, count, limit):
+def outcome(x, v, count, limit):
+    """Return the status of a march that ended in (x, v) after `count` arcs of a period."""
     if count > limit:
         return EVENT_LIMIT
     return OK if within_range(x, v) else OVERFLOW
+
+
+@kernel
+def whole_period(m, desk, n, contact, x, v, limit, arcs):
+    """Go through mesh period n and keep all its arcs; return as `advance`, and the arc table."""
+    flight = desk.flight[0], desk.flight[1], desk.flight[2], desk.flight[3]
+    before = contact, x, v
+    contact, x, v, count = advance(m, desk, n, contact, x, v, 1, limit, arcs)
+    if arcs.shape[0] < count <= limit:
+        arcs = np.empty((2 * count, ARC_COLUMNS))
+        for i in range(4):
+            desk.flight[i] = flight[i]
+        contact, x, v, count = advance(m, desk, n, *before, 1, limit, arcs)
+    return contact, x, v, count, arcs
 
 
 @kernel
@@ -57,7 +72,7 @@ def skip(m, desk, contact, x, v, periods, limit):
         some = min(_LOOK - n % _LOOK, periods - n)
         contact, x, v, count = advance(m, desk, n, contact, x, v, some, limit, desk.arcs)
         n += some
-        status = _status(x, v, count, limit)
+        status = outcome(x, v, count, limit)
         if status != OK:
             return contact, x, v, status, 0, False
         if settled.repeat > 0 or n < look:
@@ -69,7 +84,7 @@ def skip(m, desk, contact, x, v, periods, limit):
             m, desk, n, contact, x, v, repeat, limit
         )
         n += repeat
-        status = _status(x, v, count, limit)
+        status = outcome(x, v, count, limit)
         if status != OK:
             return contact, x, v, status, 0, False
         look, pause = n + pause, 2 * pause
@@ -145,16 +160,11 @@ def run_at(m, desk, x, v, periods, record_periods, samples, events, limit, summa
     arcs = np.empty((_FIRST_ARCS, ARC_COLUMNS))
     previous = contact
     for i in range(seen):
-        before, flight = (contact, x, v), desk.flight.copy()
         n = unseen + i
-        contact, x, v, count = advance(m, desk, n, contact, x, v, 1, limit, arcs)
-        status = _status(x, v, count, limit)
+        contact, x, v, count, arcs = whole_period(m, desk, n, contact, x, v, limit, arcs)
+        status = outcome(x, v, count, limit)
         if status != OK:
             return x, v, 0, events, 0, status
-        if count > arcs.shape[0]:
-            arcs = np.empty((2 * count, ARC_COLUMNS))
-            desk.flight[:] = flight
-            contact, x, v, count = advance(m, desk, n, *before, 1, limit, arcs)
         orbit.add_arcs(m, arcs, count, summary)
         bounces, last = orbit.count_bounces(arcs, count, previous)
         summary[orbit.BOUNCES] += bounces

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from gearlib.core.march import ARC_COLUMNS, march, march_period
+from gearlib.core.fast_march import advance, new_desk, set_mesh, set_start
+from gearlib.core.march import ARC_COLUMNS, march_period
 from gearlib.core.mesh import contact_of, mesh
-from gearlib.core.transit import transit
 from gearlib.stiffness import levels, stretches
 
 PERIODS = 8
@@ -38,10 +38,11 @@ def fast_and_plain(m, x, v, periods):
     """Return the final (contact, x, v) of the fast and of the plain march."""
     no_arcs = np.empty((0, ARC_COLUMNS))
     start = contact_of(m.gap, x, v)
-    state = march(m, 1, 0.0, m.half_high, start, x, v, no_arcs, 0, LIMIT)[:3]
-    *state, done, _, _, _ = transit(m, *state, 2 * periods - 1, LIMIT, no_arcs)
-    assert done == 2 * periods - 1
-    fast = march(m, 1, 0.0, m.half_high, *state, no_arcs, 0, LIMIT)[:3]
+    desk = new_desk()
+    set_mesh(desk, m)
+    set_start(desk, x, v)
+    *fast, count = advance(m, desk, 0, start, x, v, periods, LIMIT, no_arcs)
+    assert count <= LIMIT
     plain = start, x, v
     for _ in range(periods):
         plain = march_period(m, *plain, no_arcs, LIMIT)[:3]
