@@ -144,7 +144,11 @@ def _check_tunings(tunings):
         raise ValueError(
             f"tunings = {tunings!r} is not allowed: it must be a non-empty sequence of numbers"
         )
-    values = np.array([check_tuning(f"tunings[{i}]", v) for i, v in enumerate(values.tolist())])
+    if values.dtype.kind in "iuf" and np.isfinite(values).all() and (values > 0.0).all():
+        values = values.astype(float)
+    else:
+        # One after the other, to name the first that is not allowed.
+        values = np.array([check_tuning(f"tunings[{i}]", v) for i, v in enumerate(values.tolist())])
     unique, counts = np.unique(values, return_counts=True)
     if unique.size < values.size:
         twice = float(unique[counts > 1][0])

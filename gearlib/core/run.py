@@ -4,7 +4,7 @@ import numpy as np
 
 from gearlib.core import orbit
 from gearlib.core.fast_march import AHEAD, KEPT, advance, new_desk, set_mesh, set_start
-from gearlib.core.jit import kernel
+from gearlib.core.jit import inlined, kernel
 from gearlib.core.march import ARC_COLUMNS, within_range
 from gearlib.core.mesh import contact_of
 from gearlib.core.settled import after_repeats, look_for_rest, not_settled, repeat_of
@@ -12,7 +12,8 @@ from gearlib.core.settled import after_repeats, look_for_rest, not_settled, repe
 OK, EVENT_LIMIT, OVERFLOW, NOT_CONVERGED, STALLED, JAMMED = range(6)
 
 _FIRST_ARCS = 32
-#: Periods between two looks at whether a run has settled, and before the second try to prove it.
+#: Periods between two looks at whether a run has settled; after each attempt to prove it twice as
+#: many pass as after the one before.
 _LOOK = 8
 #: An orbit that a run follows as closely as this is recorded over one repeat of its own.
 _ON_ORBIT = 1e-13
@@ -26,7 +27,7 @@ def outcome(x, v, count, limit):
     return OK if within_range(x, v) else OVERFLOW
 
 
-@kernel
+@inlined
 def whole_period(m, desk, n, contact, x, v, limit, arcs):
     """Go through mesh period n and keep all its arcs; return as `advance`, and the arc table."""
     flight = desk.flight[0], desk.flight[1], desk.flight[2], desk.flight[3]
@@ -80,9 +81,7 @@ def skip(m, desk, contact, x, v, periods, limit):
         repeat = repeat_of(m, desk, n)
         if repeat == 0 or periods - n < repeat:
             continue
-        contact, x, v, count, settled = look_for_rest(
-            m, desk, n, contact, x, v, repeat, limit
-        )
+        contact, x, v, count, settled = look_for_rest(m, desk, n, contact, x, v, repeat, limit)
         n += repeat
         status = outcome(x, v, count, limit)
         if status != OK:

@@ -39,8 +39,8 @@ NEAR = 1e-10
 #: An orbit grazes no line if it stays this far from it, in static deflections, or meets it with
 #: this speed, in static deflections by natural time: NEAR^2 / _QUICK is rounding.
 _CLEAR, _QUICK = 1e-5, 1e-3
-#: M contracts if |M^64| <= 1 / 2: multipliers below 0.989.
-_DOUBLINGS = 6
+#: M contracts if |M^1024| <= 1 / 2: multipliers below 0.9993.
+_DOUBLINGS = 10
 _MOST_ARCS = 64
 
 
