@@ -46,57 +46,55 @@ from gearlib.core.contact_table import (
 from gearlib.core.crossing import descent_time
 from gearlib.core.flight import fly, return_flight
 from gearlib.core.jit import inlined, kernel
-from gearlib.core.march import ARC_COLUMNS, march_on, within_range
+from gearlib.core.march import march_on, within_range
 from gearlib.core.mesh import BACKLASH, INVERSE, NORMAL
-from gearlib.core.oscillator import evolve
 from gearlib.core.orbit import STROBE_PERIODS
+from gearlib.core.oscillator import evolve
 
 #: States at the ends of the last periods, more than `orbit.orbit_period` asks for.
 KEPT = STROBE_PERIODS + 1
-#: A flight under way across the end of a stretch: what is left of it (negative: no such flight),
-#: its duration, the velocity at its start, the landing speed.
-AHEAD, DURATION, START_SPEED, LANDING_SPEED = range(4)
+# What is remembered from one call to the next. Of a flight under way: how much of it lies ahead
+# (negative: there is none), its duration, its speeds at the start and at the landing; and the
+# entries of the tables at which the flank was left last in the three stretches of a period.
+AHEAD, DURATION, START_SPEED, LANDING_SPEED, ENTRY = range(5)
+MEMORY = ENTRY + 3
 #: Contact code, within `advance` only, of such a flight.
 _FLYING = 2
 
 
-class Desk(NamedTuple):
+class Work(NamedTuple):
     """What the fast march works with at one mesh; used again for the next one."""
 
     levels: np.ndarray  #: rows of `contact_table` for C_min and half a stretch of C_max
     tables: np.ndarray  #: shape (2, ENTRIES, 2)
-    entries: np.ndarray  #: where the flank was left last in each of the three stretches of a period
-    flight: np.ndarray  #: shape (4,)
+    memory: np.ndarray  #: shape (MEMORY,)
     states: np.ndarray  #: at the end of period n in row n % KEPT, shape (KEPT, 2)
-    arcs: np.ndarray  #: arc table for those who want none, shape (0, 6)
 
 
 @kernel
-def new_desk():
-    """Return a `Desk` for `set_mesh`."""
-    return Desk(
+def new_work():
+    """Return `Work` for `set_mesh`."""
+    return Work(
         np.zeros((2, LEVEL_COLUMNS)),
         np.zeros((2, ENTRIES, 2)),
-        np.zeros(3, np.int64),
-        np.zeros(4),
+        np.zeros(MEMORY),
         np.zeros((KEPT, 2)),
-        np.empty((0, ARC_COLUMNS)),
     )
 
 
 @kernel
-def set_mesh(desk, m):
-    """Prepare a desk for the runs of a mesh."""
-    set_level(m.low, m.whole_low, desk.levels[0])
-    set_level(m.high, m.half_high, desk.levels[1])
+def set_mesh(work, m):
+    """Prepare `work` for the runs of a mesh."""
+    set_level(m.low, m.whole_low, work.levels[0])
+    set_level(m.high, m.half_high, work.levels[1])
 
 
 @kernel
-def set_start(desk, x, v):
-    """Prepare a desk for a run from (x, v): results must not depend on the run before."""
-    desk.entries[:] = 0
-    desk.flight[AHEAD] = -1.0
-    desk.states[0, 0], desk.states[0, 1] = x, v
+def set_start(work, x, v):
+    """Prepare `work` for a run from (x, v): results must not depend on the run before."""
+    work.memory[AHEAD] = -1.0
+    work.memory[ENTRY:] = 0.0
+    work.states[0, 0], work.states[0, 1] = x, v
 
 
 @inlined
@@ -109,13 +107,13 @@ def _write(arcs, count, start, duration, contact, level, x, v):
 
 
 @kernel
-def advance(m, desk, n, contact, x, v, periods, limit, arcs):
+def advance(m, work, n, contact, x, v, periods, limit, arcs):
     """Go through mesh periods n, n + 1 ... from tau = 2 pi n.
 
     Parameters
     ----------
     m : Mesh
-    desk : Desk
+    work : Work
         Of that mesh; carries a flight from one call to the next.
     n : int
         Periods gone through before.
@@ -135,12 +133,12 @@ def advance(m, desk, n, contact, x, v, periods, limit, arcs):
         Arcs of the last period, of which k are in the table; more than `limit` when that did not
         suffice. The state may be out of range, see `march.within_range`.
     """
-    levels, tables, entries, flight, states, no_arcs = desk
+    levels, tables, memory, states = work
     escape = 2.0 * m.pull * m.gap * MARGIN
     count = 0
     end_u = end_v = 0.0
-    ahead, duration = flight[AHEAD], flight[DURATION]
-    start_speed, landing_speed = flight[START_SPEED], flight[LANDING_SPEED]
+    ahead, duration = memory[AHEAD], memory[DURATION]
+    start_speed, landing_speed = memory[START_SPEED], memory[LANDING_SPEED]
     if ahead >= 0.0:
         contact = _FLYING
     for period in range(n, n + periods):
@@ -203,7 +201,7 @@ def advance(m, desk, n, contact, x, v, periods, limit, arcs):
                         if stays(half, turn, v, end_u + rest, end_v):
                             x, v = end_u + rest, end_v
                             break
-                k = entries[stretch]
+                k = int(memory[ENTRY + stretch])
                 leave, speed, k = leaving(levels, tables, i, u, v, k, left)
                 if leave < 0.0 and levels[i, LAST] > 0.0:
                     k, below = lowest_entry(levels, tables, i, u, v)
@@ -221,7 +219,7 @@ def advance(m, desk, n, contact, x, v, periods, limit, arcs):
                         x += rest
                         break
                     k = int(leave * levels[i, PER_TIME] + 0.5)
-                entries[stretch] = k
+                memory[ENTRY + stretch] = k
                 if count <= arcs.shape[0]:
                     arcs[count - 1, 1] = leave
                 if speed * speed >= escape:
@@ -257,7 +255,7 @@ def advance(m, desk, n, contact, x, v, periods, limit, arcs):
             break
         row = (period + 1) % KEPT
         states[row, 0], states[row, 1] = x, v
-    flight[AHEAD] = ahead if contact == _FLYING else -1.0
-    flight[DURATION] = duration
-    flight[START_SPEED], flight[LANDING_SPEED] = start_speed, landing_speed
+    memory[AHEAD] = ahead if contact == _FLYING else -1.0
+    memory[DURATION] = duration
+    memory[START_SPEED], memory[LANDING_SPEED] = start_speed, landing_speed
     return (BACKLASH if contact == _FLYING else contact), x, v, count

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from gearlib.core import orbit
-from gearlib.core.fast_march import new_desk, set_mesh, set_start
+from gearlib.core.fast_march import new_work, set_mesh, set_start
 from gearlib.core.jit import kernel
 from gearlib.core.march import within_range
 from gearlib.core.mesh import contact_of, mesh
@@ -36,13 +36,13 @@ def run_many(
     """
     samples = np.empty((0, orbit.SAMPLE_COLUMNS))
     events = np.empty((0, orbit.EVENT_COLUMNS))
-    desk = new_desk()
+    work = new_work()
     x, v = state[0], state[1]
     for i in order:
         m = mesh(ratios, tunings[i])
-        set_mesh(desk, m)
+        set_mesh(work, m)
         x, v, period, _, _, status = run_at(
-            m, desk, x, v, periods, record_periods, samples, events, limit, summaries[i]
+            m, work, x, v, periods, record_periods, samples, events, limit, summaries[i]
         )
         if status != OK:
             summaries[i, :] = math.nan
@@ -69,12 +69,12 @@ def skip_many(m, states, periods, limit, ends, statuses):
         Most arcs in one mesh period.
     statuses : ndarray of int, shape (k,)
     """
-    desk = new_desk()
-    set_mesh(desk, m)
+    work = new_work()
+    set_mesh(work, m)
     for i in range(states.shape[0]):
         x, v = states[i, 0], states[i, 1]
         status = OVERFLOW
         if within_range(x, v):
-            set_start(desk, x, v)
-            _, x, v, status, _, _ = skip(m, desk, contact_of(m.gap, x, v), x, v, periods, limit)
+            set_start(work, x, v)
+            _, x, v, status, _, _ = skip(m, work, contact_of(m.gap, x, v), x, v, periods, limit)
         ends[i, 0], ends[i, 1], statuses[i] = x, v, status

@@ -3,7 +3,7 @@
 import numpy as np
 
 from gearlib.core import orbit
-from gearlib.core.fast_march import AHEAD, KEPT, advance, new_desk, set_mesh, set_start
+from gearlib.core.fast_march import AHEAD, KEPT, advance, new_work, set_mesh, set_start
 from gearlib.core.jit import inlined, kernel
 from gearlib.core.march import ARC_COLUMNS, within_range
 from gearlib.core.mesh import contact_of
@@ -28,27 +28,26 @@ def outcome(x, v, count, limit):
 
 
 @inlined
-def whole_period(m, desk, n, contact, x, v, limit, arcs):
+def whole_period(m, work, n, contact, x, v, limit, arcs):
     """Go through mesh period n and keep all its arcs; return as `advance`, and the arc table."""
-    flight = desk.flight[0], desk.flight[1], desk.flight[2], desk.flight[3]
-    before = contact, x, v
-    contact, x, v, count = advance(m, desk, n, contact, x, v, 1, limit, arcs)
+    memory, before = work.memory, (contact, x, v)
+    flight = memory[0], memory[1], memory[2], memory[3]
+    contact, x, v, count = advance(m, work, n, contact, x, v, 1, limit, arcs)
     if arcs.shape[0] < count <= limit:
         arcs = np.empty((2 * count, ARC_COLUMNS))
-        for i in range(4):
-            desk.flight[i] = flight[i]
-        contact, x, v, count = advance(m, desk, n, *before, 1, limit, arcs)
+        memory[0], memory[1], memory[2], memory[3] = flight
+        contact, x, v, count = advance(m, work, n, *before, 1, limit, arcs)
     return contact, x, v, count, arcs
 
 
 @kernel
-def skip(m, desk, contact, x, v, periods, limit):
+def skip(m, work, contact, x, v, periods, limit):
     """Go through `periods` mesh periods from tau = 0, unrecorded.
 
     Parameters
     ----------
     m : Mesh
-    desk : Desk
+    work : Work
         Of that mesh and that start.
     contact, x, v : int, float, float
         State at tau = 0.
@@ -67,21 +66,21 @@ def skip(m, desk, contact, x, v, periods, limit):
         Whether it is at rest on it but for rounding.
     """
     n, look, pause = 0, 2 * _LOOK, _LOOK
-    settled = not_settled()
-    on_orbit = False
+    settled, on_orbit = not_settled(), False
+    no_arcs = np.empty((0, ARC_COLUMNS))
     while n < periods:
         some = min(_LOOK - n % _LOOK, periods - n)
-        contact, x, v, count = advance(m, desk, n, contact, x, v, some, limit, desk.arcs)
+        contact, x, v, count = advance(m, work, n, contact, x, v, some, limit, no_arcs)
         n += some
         status = outcome(x, v, count, limit)
         if status != OK:
             return contact, x, v, status, 0, False
         if settled.repeat > 0 or n < look:
             continue
-        repeat = repeat_of(m, desk, n)
+        repeat = repeat_of(m, work, n)
         if repeat == 0 or periods - n < repeat:
             continue
-        contact, x, v, count, settled = look_for_rest(m, desk, n, contact, x, v, repeat, limit)
+        contact, x, v, count, settled = look_for_rest(m, work, n, contact, x, v, repeat, limit)
         n += repeat
         status = outcome(x, v, count, limit)
         if status != OK:
@@ -93,7 +92,7 @@ def skip(m, desk, contact, x, v, periods, limit):
             if k > 0:
                 x, v = x - settled.x + far_x, v - settled.v + far_v
                 contact = contact_of(m.gap, x, v)
-                desk.flight[AHEAD] = -1.0
+                work.memory[AHEAD] = -1.0
                 n += k * repeat
             size = max(1.0, abs(x), m.tuning * abs(v))
             on_orbit = max(abs(far_x), m.tuning * abs(far_v)) <= _ON_ORBIT * size
@@ -133,20 +132,20 @@ def run(m, x, v, periods, record_periods, samples, events, limit, summary):
     status : int
         OK, EVENT_LIMIT or OVERFLOW.
     """
-    desk = new_desk()
-    set_mesh(desk, m)
-    return run_at(m, desk, x, v, periods, record_periods, samples, events, limit, summary)
+    work = new_work()
+    set_mesh(work, m)
+    return run_at(m, work, x, v, periods, record_periods, samples, events, limit, summary)
 
 
 @kernel
-def run_at(m, desk, x, v, periods, record_periods, samples, events, limit, summary):
-    """The same as `run` with a desk that is at hand."""
+def run_at(m, work, x, v, periods, record_periods, samples, events, limit, summary):
+    """The same as `run` with a work that is at hand."""
     if not within_range(x, v):
         return x, v, 0, events, 0, OVERFLOW
     contact = contact_of(m.gap, x, v)
-    set_start(desk, x, v)
+    set_start(work, x, v)
     unseen = periods - record_periods
-    contact, x, v, status, repeat, on_orbit = skip(m, desk, contact, x, v, unseen, limit)
+    contact, x, v, status, repeat, on_orbit = skip(m, work, contact, x, v, unseen, limit)
     if status != OK:
         return x, v, 0, events, 0, status
     orbit.clear_summary(summary)
@@ -160,7 +159,7 @@ def run_at(m, desk, x, v, periods, record_periods, samples, events, limit, summa
     previous = contact
     for i in range(seen):
         n = unseen + i
-        contact, x, v, count, arcs = whole_period(m, desk, n, contact, x, v, limit, arcs)
+        contact, x, v, count, arcs = whole_period(m, work, n, contact, x, v, limit, arcs)
         status = outcome(x, v, count, limit)
         if status != OK:
             return x, v, 0, events, 0, status
@@ -173,12 +172,12 @@ def run_at(m, desk, x, v, periods, record_periods, samples, events, limit, summa
             orbit.sample_arcs(m, arcs, count, samples[i * per_period : (i + 1) * per_period])
         previous = last
     summary[orbit.TIME_NORMAL :] *= record_periods / seen
-    period = _period(m, desk, periods, unseen, unseen + seen, repeat, summary)
+    period = _period(m, work, periods, unseen, unseen + seen, repeat, summary)
     return x, v, period, events, found, OK
 
 
 @kernel
-def _period(m, desk, periods, unseen, end, repeat, summary):
+def _period(m, work, periods, unseen, end, repeat, summary):
     """Return the period of an orbit from its states up to that after period `end`.
 
     Of a settled run those before its recorded periods and after `end` are repeats of them.
@@ -191,6 +190,6 @@ def _period(m, desk, periods, unseen, end, repeat, summary):
             n += (unseen - n) // repeat * repeat
         if n > end:
             n -= (n - end + repeat - 1) // repeat * repeat
-        strobes[i] = desk.states[n % KEPT]
+        strobes[i] = work.states[n % KEPT]
     height = summary[orbit.X_MAX] - summary[orbit.X_MIN]
     return orbit.orbit_period(strobes, m.tuning, height)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from gearlib.core import orbit
-from gearlib.core.fast_march import new_desk, set_mesh, set_start
+from gearlib.core.fast_march import new_work, set_mesh, set_start
 from gearlib.core.jit import kernel
 from gearlib.core.march import ARC_COLUMNS, START, within_range
 from gearlib.core.mesh import contact_of
@@ -31,26 +31,26 @@ def section(m, states, settle, phase, limit, table, ends, statuses):
         States after all periods.
     statuses : ndarray of int, shape (n,)
     """
-    desk = new_desk()
-    set_mesh(desk, m)
+    work = new_work()
+    set_mesh(work, m)
     for j in range(states.shape[0]):
         ends[j, 0], ends[j, 1], statuses[j] = _one(
-            m, desk, states[j, 0], states[j, 1], settle, phase, limit, table[j]
+            m, work, states[j, 0], states[j, 1], settle, phase, limit, table[j]
         )
 
 
 @kernel
-def _one(m, desk, x, v, settle, phase, limit, table):
+def _one(m, work, x, v, settle, phase, limit, table):
     if not within_range(x, v):
         return x, v, OVERFLOW
-    set_start(desk, x, v)
+    set_start(work, x, v)
     contact = contact_of(m.gap, x, v)
-    contact, x, v, status, _, _ = skip(m, desk, contact, x, v, settle, limit)
+    contact, x, v, status, _, _ = skip(m, work, contact, x, v, settle, limit)
     arcs = np.empty((16, ARC_COLUMNS))
     for row in range(table.shape[0]):
         if status != OK:
             break
-        contact, x, v, count, arcs = whole_period(m, desk, settle + row, contact, x, v, limit, arcs)
+        contact, x, v, count, arcs = whole_period(m, work, settle + row, contact, x, v, limit, arcs)
         status = outcome(x, v, count, limit)
         if status == EVENT_LIMIT:
             break

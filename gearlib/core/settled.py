@@ -65,16 +65,16 @@ def _size(m, x, v):
 
 
 @kernel
-def repeat_of(m, desk, n):
+def repeat_of(m, work, n):
     """Return the smallest p for which the state after n periods is that of p periods before.
 
     The states are compared within `NEAR`; 0 if there is none.
     """
-    x, v = desk.states[n % KEPT, 0], desk.states[n % KEPT, 1]
+    x, v = work.states[n % KEPT, 0], work.states[n % KEPT, 1]
     near = NEAR * max(1.0, _size(m, x, v))
     for p in range(1, min(n, MAX_PERIOD) + 1):
         row = (n - p) % KEPT
-        if abs(desk.states[row, 0] - x) <= near and m.tuning * abs(desk.states[row, 1] - v) <= near:
+        if abs(work.states[row, 0] - x) <= near and m.tuning * abs(work.states[row, 1] - v) <= near:
             return p
     return 0
 
@@ -150,7 +150,7 @@ def sum_of_powers(m, matrix):
 
 
 @kernel
-def look_for_rest(m, desk, n, contact, x, v, repeat, limit):
+def look_for_rest(m, work, n, contact, x, v, repeat, limit):
     """Go through `repeat` periods, and see whether the run has settled.
 
     Arguments as of `fast_march.advance`.
@@ -166,7 +166,7 @@ def look_for_rest(m, desk, n, contact, x, v, repeat, limit):
     clear = True
     count = 0
     for i in range(repeat):
-        contact, x, v, count = advance(m, desk, n + i, contact, x, v, 1, limit, arcs)
+        contact, x, v, count = advance(m, work, n + i, contact, x, v, 1, limit, arcs)
         if count > limit or not within_range(x, v):
             return contact, x, v, count, not_settled()
         clear = clear and count <= _MOST_ARCS

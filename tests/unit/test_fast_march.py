@@ -16,7 +16,7 @@ from gearlib.core.contact_table import (
     step,
 )
 from gearlib.core.elementary import cos_sin, decay
-from gearlib.core.fast_march import advance, new_desk, set_mesh, set_start
+from gearlib.core.fast_march import ENTRY, advance, new_work, set_mesh, set_start
 from gearlib.core.flight import climb_time, fly, lowest_time, return_flight
 from gearlib.core.jit import kernel
 from gearlib.core.many import skip_many
@@ -73,10 +73,12 @@ def plain_march(m, x, v, periods):
 @kernel
 def fast_march(m, x, v, periods):
     """Return (contact, x, v) by the fast march."""
-    desk = new_desk()
-    set_mesh(desk, m)
-    set_start(desk, x, v)
-    return advance(m, desk, 0, contact_of(m.gap, x, v), x, v, periods, LIMIT, desk.arcs)
+    work = new_work()
+    set_mesh(work, m)
+    set_start(work, x, v)
+    return advance(
+        m, work, 0, contact_of(m.gap, x, v), x, v, periods, LIMIT, np.empty((0, ARC_COLUMNS))
+    )
 
 
 def compare(m, x, v, periods):
@@ -127,12 +129,12 @@ def changes(arcs, count):
     return rows[np.concatenate([[True], np.diff(rows[:, 2]) != 0.0])]
 
 
-def one_period(m, desk, state, entries):
+def one_period(m, work, state, entries):
     """Return the changes of contact in one period by both marches, from the same state."""
     fast, plain = np.empty((200, ARC_COLUMNS)), np.empty((200, ARC_COLUMNS))
-    set_start(desk, *state[1:])
-    desk.entries[:] = entries
-    *fast_end, fast_count = advance(m, desk, 0, *state, 1, LIMIT, fast)
+    set_start(work, *state[1:])
+    work.memory[ENTRY:] = entries
+    *fast_end, fast_count = advance(m, work, 0, *state, 1, LIMIT, fast)
     *plain_end, plain_count = march_period(m, *state, plain, LIMIT)
     return changes(fast, fast_count), changes(plain, plain_count), fast_end, plain_end
 
@@ -141,15 +143,15 @@ def test_one_period_at_a_time():
     # From every state of the plain march anew: chaotic orbits cannot hide behind their own spread,
     # nor a wrong event behind damping. The search starts from entries all over the table.
     rng = np.random.default_rng(5)
-    desk, events = new_desk(), 0
+    work, events = new_work(), 0
     for _ in range(400):
         ratios, tuning, x, v = bouncing_case(rng)
         m = mesh(ratios, tuning)
-        set_mesh(desk, m)
+        set_mesh(work, m)
         state = contact_of(m.gap, x, v), x, v
         for _ in range(10):
             entries = rng.integers(0, 40, 3)
-            fast, plain, _, end = one_period(m, desk, state, entries)
+            fast, plain, _, end = one_period(m, work, state, entries)
             slowest = min(1.0, abs(plain[1:, 5]).min(initial=1.0))
             if slowest > 1e-6:
                 np.testing.assert_array_equal(fast[:, 2:4], plain[:, 2:4])
@@ -182,11 +184,11 @@ def test_grazing_the_flank_line():
     # The events of a period change where a minimum just touches the line. On both sides of it, as
     # close as 1e-14, the right ones are found, wherever the search begins.
     rng = np.random.default_rng(7)
-    desk, found, compared = new_desk(), 0, 0
+    work, found, compared = new_work(), 0, 0
     for _ in range(60):
         ratios = ratios_of(rng.uniform(1.2, 1.8), rng.uniform(0.3, 0.9), 0.01, 0.01, math.inf)
         m = mesh(ratios, rng.uniform(0.5, 1.2))
-        set_mesh(desk, m)
+        set_mesh(work, m)
         x = rng.uniform(0.0, 2.0)
         sides = jump_of_the_pattern(m, x)
         if sides is None:
@@ -196,7 +198,7 @@ def test_grazing_the_flank_line():
         for v in [*(sides[0] - misses), *(sides[1] + misses)]:
             for entries in rng.integers(0, 40, (4, 3)):
                 fast, plain, end, expected = one_period(
-                    m, desk, (contact_of(m.gap, x, v), x, v), entries
+                    m, work, (contact_of(m.gap, x, v), x, v), entries
                 )
                 assert fast[:, 2].tolist() == plain[:, 2].tolist(), (m, x, v)
                 # A flank left at a graze feels rounding as its square root.
@@ -218,12 +220,12 @@ def test_company_does_not_matter():
 
 def test_calls_of_any_length_give_the_same_bits():
     m = mesh(ratios_of(1.569, 0.5879, 0.0617, 0.0617, 4.0), 0.95)
-    desk = new_desk()
-    set_mesh(desk, m)
-    set_start(desk, 0.0, 0.0)
+    work = new_work()
+    set_mesh(work, m)
+    set_start(work, 0.0, 0.0)
     state, arcs = (1, 0.0, 0.0), np.empty((50, ARC_COLUMNS))
     for n in range(40):
-        *state, _ = advance(m, desk, n, *state, 1, LIMIT, arcs)
+        *state, _ = advance(m, work, n, *state, 1, LIMIT, arcs)
     assert tuple(state) == fast_march(m, 0.0, 0.0, 40)[:3]
 
 

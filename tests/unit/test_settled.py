@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gearlib import GearPair, simulate, sweep
-from gearlib.core.fast_march import new_desk, set_mesh, set_start
+from gearlib.core.fast_march import new_work, set_mesh, set_start
 from gearlib.core.march import ARC_COLUMNS, march_period
 from gearlib.core.mesh import contact_of, mesh
 from gearlib.core.run import skip
@@ -21,10 +21,10 @@ FOLD, AT_FOLD = 0.81685037334556, (-0.16062993275504864, -0.3277925734167014)
 
 def run(m, x, v, periods):
     """Return (x, v, repeat, on_orbit) after so many periods; repeat 0 if it grows out of range."""
-    desk = new_desk()
-    set_mesh(desk, m)
-    set_start(desk, x, v)
-    _, x, v, _, *rest = skip(m, desk, contact_of(m.gap, x, v), x, v, periods, LIMIT)
+    work = new_work()
+    set_mesh(work, m)
+    set_start(work, x, v)
+    _, x, v, _, *rest = skip(m, work, contact_of(m.gap, x, v), x, v, periods, LIMIT)
     return x, v, *rest
 
 
