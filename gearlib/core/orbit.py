@@ -141,6 +141,22 @@ def add_events(arcs, count, previous, period, events, found):
 
 
 @kernel
+def repeat_record(samples, events, found, seen, periods):
+    """Repeat the samples and events of the first `seen` of so many periods up to their end.
+
+    Returns (events, found) as `add_event`.
+    """
+    rows, first = samples.shape[0] // periods * seen, found
+    for k in range(rows, samples.shape[0]):
+        samples[k] = samples[k - rows]
+    for n in range(seen, periods, seen):
+        for i in range(first):
+            period, phase, before, after, velocity = events[i]
+            events, found = add_event(events, found, period + n, phase, before, after, velocity)
+    return events, found
+
+
+@kernel
 def count_bounces(arcs, count, previous):
     """Return (losses of normal contact among the arcs, contact code of the last arc)."""
     bounces = 0

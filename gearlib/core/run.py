@@ -151,9 +151,8 @@ def run_at(m, work, x, v, periods, record_periods, samples, events, limit, summa
     orbit.clear_summary(summary)
     want_events = events.shape[0] > 0
     per_period = samples.shape[0] // record_periods
-    # A settled orbit need not be seen twice.
-    once = on_orbit and record_periods % repeat == 0 and not want_events and per_period == 0
-    seen = repeat if once else record_periods
+    # Of a settled orbit one repeat is gone through.
+    seen = repeat if on_orbit and record_periods % repeat == 0 else record_periods
     found = 0
     arcs = np.empty((_FIRST_ARCS, ARC_COLUMNS))
     previous = contact
@@ -172,6 +171,8 @@ def run_at(m, work, x, v, periods, record_periods, samples, events, limit, summa
             orbit.sample_arcs(m, arcs, count, samples[i * per_period : (i + 1) * per_period])
         previous = last
     summary[orbit.TIME_NORMAL :] *= record_periods / seen
+    if seen < record_periods:
+        events, found = orbit.repeat_record(samples, events, found, seen, record_periods)
     period = _period(m, work, periods, unseen, unseen + seen, repeat, summary)
     return x, v, period, events, found, OK
 

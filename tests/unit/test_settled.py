@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 from gearlib import GearPair, simulate, sweep
+from gearlib.core import orbit
 from gearlib.core.fast_march import new_work, set_mesh, set_start
 from gearlib.core.march import ARC_COLUMNS, march_period
 from gearlib.core.mesh import contact_of, mesh
 from gearlib.core.run import skip
 from gearlib.core.settled import clear_of_grazing, sum_of_powers
+from gearlib.integrators.exact import ratios
 from tests.unit.test_fast_march import LIMIT, bouncing_case, fast_march, ratios_of
 
 PAIR = {"contact_ratio": 1.569, "stiffness_ratio": 0.5879, "backlash": 4.0}
@@ -138,24 +140,36 @@ def test_closeness_to_the_far_flank_is_seen(miss):
     assert clear_of_grazing(m, arc, 1) is (miss > 1e-5)
 
 
-def test_an_orbit_recorded_once_is_the_orbit_recorded_to_its_end():
-    # A sweep records one repeat of a settled orbit; samples make `simulate` go through all periods.
+def test_an_orbit_recorded_once_is_the_orbit_marched_to_its_end():
+    # Every period that a run records, by the plain march: summary, events and samples.
     longer = 0
-    for damping, tunings in (
-        (0.0617, np.linspace(0.5, 1.4, 46)),
-        (0.02, np.linspace(0.9, 2.2, 40)),
-    ):
+    for damping, first, last in ((0.0617, 0.5, 1.4), (0.02, 0.9, 2.2)):
         pair = GearPair.from_ratios(**PAIR, damping=damping, backlash_damping=damping)
-        swept = sweep(pair, tunings, periods=600, record_periods=24)
-        for nu in tunings:
-            one = simulate(pair, nu, periods=600, record_periods=24, samples_per_period=1)
-            row = swept.sel(tuning=nu)
+        for nu in np.linspace(first, last, 30):
+            one = simulate(pair, nu, periods=600, record_periods=24, samples_per_period=8)
+            m = mesh(ratios(pair), nu)
+            contact, x, v, _ = fast_march(m, 0.0, 0.0, 576)
+            summary, samples = np.empty(orbit.SUMMARY_COLUMNS), np.empty((8, orbit.SAMPLE_COLUMNS))
+            orbit.clear_summary(summary)
+            arcs, events = np.empty((50, ARC_COLUMNS)), np.empty((1, orbit.EVENT_COLUMNS))
+            found, seen, previous = 0, [], contact
+            for n in range(576, 600):
+                contact, x, v, count = march_period(m, contact, x, v, arcs, LIMIT)
+                orbit.add_arcs(m, arcs, count, summary)
+                orbit.sample_arcs(m, arcs, count, samples)
+                seen.append(samples[:, 0].copy())
+                events, found, previous = orbit.add_events(arcs, count, previous, n, events, found)
+            expected = summary[[orbit.X_MAX, orbit.X_MIN, orbit.FORCE_MAX]]
+            got = one.displacement_max, one.displacement_min, one.dynamic_force_max
+            np.testing.assert_allclose(got, expected, rtol=0, atol=1e-11)
+            shares = one.fraction_normal, one.fraction_min_stiffness
+            expected = summary[[orbit.TIME_NORMAL, orbit.TIME_LOW]] / (48.0 * math.pi)
+            np.testing.assert_allclose(shares, expected, rtol=0, atol=1e-11)
+            np.testing.assert_allclose(one.displacement, np.ravel(seen), rtol=0, atol=1e-11)
+            np.testing.assert_allclose(one.final_state, (x, v), rtol=0, atol=1e-11)
+            phases = 2.0 * math.pi * events[:found, 0] + events[:found, 1]
+            np.testing.assert_allclose(one.event_phase, phases, rtol=0, atol=1e-10)
             longer += int(one.period) > 1
-            for name in row.data_vars:
-                if name in one and one[name].ndim == row[name].ndim:
-                    np.testing.assert_allclose(
-                        row[name], one[name], rtol=1e-11, atol=1e-11, err_msg=f"{name} at {nu}"
-                    )
     assert longer > 3
 
 
