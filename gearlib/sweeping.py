@@ -14,9 +14,9 @@ from gearlib.variables import describe
 
 DIRECTIONS = ("cold", "up", "down")
 
-#: Tunings handed to a thread at a time are a multiple of the lanes of `gearlib.core.lanes`: enough
-#: to hide the hand-over, few enough to share out the chaotic end of a sweep.
-_LANES, _MOST = 16, 8
+#: Tunings handed to a thread at a time: enough to hide the hand-over, few enough to share out the
+#: chaotic end of a sweep.
+_FEWEST, _MOST = 16, 128
 
 
 def sweep(
@@ -114,7 +114,7 @@ def sweep(
     order = np.argsort(tunings)
     if direction == "down":
         order = order[::-1].copy()
-    chunk = _LANES * min(max(order.size // (4 * threads * _LANES), 1), _MOST)
+    chunk = min(max(order.size // (4 * threads), _FEWEST), _MOST)
     chunks = [order[i : i + chunk] for i in range(0, order.size, chunk)]
     if carry or threads == 1 or len(chunks) < 2:
         go_through(order)
@@ -154,7 +154,11 @@ def _check_tunings(tunings):
         raise ValueError(
             f"tunings = {tunings!r} is not allowed: it must be a non-empty sequence of numbers"
         )
-    values = np.array([check_tuning(f"tunings[{i}]", v) for i, v in enumerate(values.tolist())])
+    if values.dtype.kind in "iuf" and np.isfinite(values).all() and (values > 0.0).all():
+        values = values.astype(float)
+    else:
+        # One after the other, to name the first that is not allowed.
+        values = np.array([check_tuning(f"tunings[{i}]", v) for i, v in enumerate(values.tolist())])
     unique, counts = np.unique(values, return_counts=True)
     if unique.size < values.size:
         twice = float(unique[counts > 1][0])

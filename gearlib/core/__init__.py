@@ -10,18 +10,20 @@ module                responsibility
 ``crossing``          first crossing of a flank line, proven to be the first
 ``mesh``              all constants of one mesh at one tuning
 ``march``             the plain march: arc by arc through a stretch of constant stiffness
-``transit``           the fast march through periods nobody looks at
+``contact_table``     contact in a table of equal times, and when it leaves a flank
+``fast_march``        the fast march: whole mesh periods without exp, sine or cosine
 ``orbit``             what is recorded of an orbit: extrema, fractions, samples, events
+``settled``           when a run has settled, and where it then ends
 ``run``               a whole run: its periods gone through fast, those at its end recorded
 ``elementary``        exp, sine and cosine as plain arithmetic
-``lanes``             many bouncing orbits in lockstep
-``many``              runs over many tunings or states: one after the other, or in lanes
+``many``              runs over many tunings, and over many initial states
 ``polynomial``        first crossing and largest value of a polynomial, isolated
 ``series``            nonlinear mesh: Taylor series of its motion
 ``system``            many coordinates: matrices and Taylor series
 ``passage``           many coordinates: the fast march through periods nobody looks at
 ``linear``            many coordinates: the plain march, a whole run
 ``nonlinear``         nonlinear mesh: the march in Taylor steps, a whole run
+``deviation``         one degree of freedom: linearised maps of arcs and flank crossings
 ``variation``         growth of small deviations, one degree of freedom
 ``linear_variation``  growth of small deviations, many coordinates
 ``growth``            growth of a deviation carried along by maps

@@ -1,8 +1,7 @@
-"""exp and sine with cosine as plain arithmetic: for loops over lanes, and for single values.
+"""exp, sine and cosine as plain arithmetic, for tables that are made anew at every tuning.
 
-A call into the C library keeps a loop from being vectorised and costs more than the rest of a
-Newton step. What is here is branch-free. The error is one unit in the last place of the result
-for `decay`, of 1 for `cos_sin`.
+A call into the C library costs several times as much and keeps a loop from being vectorised. The
+error is one unit in the last place of the result for `decay`, of 1 for `cos_sin`.
 """
 
 import numpy as np

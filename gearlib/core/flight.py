@@ -17,6 +17,8 @@ from gearlib.core.jit import inlined, kernel
 
 #: Below this z the power series of phi2 is used: the closed form would lose two digits there.
 _SERIES_BELOW = 0.5
+#: Up to this Q the polynomial of `return_flight` is used.
+_MOST_DRAG = 0.5
 #: Newton's method squares its error: a relative step this small leaves none behind.
 _QUADRATIC = 1e-10
 _MAX_ITERATIONS = 60
@@ -50,17 +52,6 @@ def phi(z):
     gone = -math.expm1(-z)
     first = gone / z
     return 1.0 - gone, first, (1.0 - first) / z
-
-
-@inlined
-def phi_below_two(z):
-    """Return `phi` for 0 <= z < 2, without a branch: for loops over lanes."""
-    h = 0.25 * z
-    first, second = _phi_series(h)
-    # Twice from h to 2 h: sums of positive terms.
-    second, first = 0.5 * second + 0.25 * first * first, first - 0.5 * h * first * first
-    second, first = 0.5 * second + 0.25 * first * first, first - h * first * first
-    return 1.0 - z * first, first, second
 
 
 @kernel
@@ -116,3 +107,43 @@ def fall_time(b, f, depth, v):
         if abs(step) <= _QUADRATIC * t:
             break
     return t
+
+
+@inlined
+def _flight_share(q):
+    # T f / -v as a function of Q = -2 b v / f <= 1/2: its Chebyshev series, in powers of 4 Q - 1.
+    # What it leaves out is below 1e-17; the nearest singularity lies at Q = -1.
+    t = 4.0 * q - 1.0
+    s = t * t
+    r = s * s
+    low = 1.8568510175152666 - 0.12319979501934847 * t
+    low += s * (0.016955815698790882 - 0.0025146009094055006 * t)
+    low += r * (0.0003989940732782814 - 6.610785443764073e-05 * t)
+    low += (r * s) * (1.127852885014331e-05 - 1.9657782437696068e-06 * t)
+    high = 3.4825554480466923e-07 - 6.249390899417227e-08 * t
+    high += s * (1.1331521119792905e-08 - 2.073050795636026e-09 * t)
+    high += r * (3.818970303206023e-10 - 7.00128693778487e-11 * t)
+    high += (r * s) * (1.3022464626380772e-11 - 2.8748860555250845e-12 * t)
+    return low + (r * r) * (high + (r * r) * 5.457531285323438e-13)
+
+
+@inlined
+def return_flight(b, f, v):
+    """Return (duration, landing speed) of a flight from x = 0 with v < 0 back to it.
+
+    The impulse of the load is the change of the velocity, since the drag of a way down is that of
+    the way back: the landing speed is v + f T. With z = 2 b T and Q = -2 b v / f the duration obeys
+    z = (1 + Q) (1 - exp(-z)), one function of Q for all flights.
+    """
+    if b == 0.0:
+        return -2.0 * v / f, -v
+    q = -2.0 * b * v / f
+    if q <= _MOST_DRAG:
+        t = -v / f * _flight_share(q)
+        return t, v + f * t
+    # The sum would lose digits.
+    t = lowest_time(b, f, v)
+    lowest, _ = fly(b, f, 0.0, v, t)
+    t += climb_time(b, f, -lowest, 0.0)
+    _, speed = fly(b, f, 0.0, v, t)
+    return t, speed

@@ -73,11 +73,23 @@ def march(m, which, start, length, contact, x, v, arcs, count, limit):
     limit : int
         Where `count` may go; count = limit + 1 is returned when it does not suffice.
     """
+    _, contact, x, v, count = march_on(
+        m, which, start, 0.0, length, contact, x, v, arcs, count, limit, False
+    )
+    return contact, x, v, count
+
+
+@kernel
+def march_on(m, which, start, t, length, contact, x, v, arcs, count, limit, to_landing):
+    """Go on in a stretch from t after its start; arguments otherwise as of `march`.
+
+    With `to_landing` only to the next landing on the normal flank. Returns (t, contact, x, v,
+    count).
+    """
     lev = m.high if which == 1 else m.low
-    t = 0.0
     while t < length:
         if count >= limit:
-            return contact, x, v, limit + 1
+            return t, contact, x, v, limit + 1
         duration, new_contact, new_x, new_v = next_event(m, lev, contact, x, v, length - t)
         if count < arcs.shape[0]:
             arcs[count, START] = start + t
@@ -87,11 +99,14 @@ def march(m, which, start, length, contact, x, v, arcs, count, limit):
             arcs[count, DISPLACEMENT] = x
             arcs[count, VELOCITY] = v
         count += 1
+        x, v = new_x, new_v
         if new_contact == contact:
-            return contact, new_x, new_v, count
-        contact, x, v = new_contact, new_x, new_v
+            return length, contact, x, v, count
+        contact = new_contact
         t += duration
-    return contact, x, v, count
+        if to_landing and contact == NORMAL:
+            break
+    return t, contact, x, v, count
 
 
 @kernel

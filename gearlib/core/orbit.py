@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from gearlib.core.flight import fly, lowest_time
-from gearlib.core.jit import kernel
+from gearlib.core.jit import inlined, kernel
 from gearlib.core.march import CONTACT, DISPLACEMENT, DURATION, LEVEL, START, VELOCITY
 from gearlib.core.mesh import BACKLASH, INVERSE, NORMAL
 from gearlib.core.oscillator import UNDERDAMPED, evolve, turning_time
@@ -77,14 +77,17 @@ def add_arcs(m, arcs, count, summary):
         lev = m.high if arcs[i, LEVEL] == 1.0 else m.low
         duration, x, v = arcs[i, DURATION], arcs[i, DISPLACEMENT], arcs[i, VELOCITY]
         _add_displacement(m, lev, contact, x, summary)
+        known = i + 1 < count
+        end, end_v = (arcs[i + 1, DISPLACEMENT], arcs[i + 1, VELOCITY]) if known else (0.0, 0.0)
         if contact == BACKLASH:
             summary[TIME_BACKLASH] += duration
-            if v < 0.0:
+            if v < 0.0 and not (known and end_v < 0.0):
                 t = lowest_time(m.drag, m.pull, v)
                 if t < duration:
                     lowest, _ = fly(m.drag, m.pull, x, v, t)
                     _add_displacement(m, lev, contact, lowest, summary)
-            end, _ = fly(m.drag, m.pull, x, v, duration)
+            if not known:
+                end, _ = fly(m.drag, m.pull, x, v, duration)
             # A flight lands on the line, not a rounding error past it.
             end = min(max(end, -m.gap), 0.0)
             _add_displacement(m, lev, contact, end, summary)
@@ -93,18 +96,21 @@ def add_arcs(m, arcs, count, summary):
         summary[TIME_NORMAL if contact == NORMAL else TIME_INVERSE] += duration
         if arcs[i, LEVEL] == 0.0:
             summary[TIME_LOW] += duration
-        # The first two turning points are the highest and the lowest: amplitudes never grow.
-        t = turning_time(lev, x - shift, v)
-        for _ in range(2):
-            if not t < duration:
-                break
-            u, _v = evolve(lev, x - shift, v, t)
-            _add_displacement(m, lev, contact, u + shift, summary)
-            if lev.kind != UNDERDAMPED:
-                break
-            t += math.pi / lev.w
-        u, _v = evolve(lev, x - shift, v, duration)
-        end = u + shift
+        if not known:
+            end, end_v = evolve(lev, x - shift, v, duration)
+            end += shift
+        # The first two turning points are the highest and the lowest: amplitudes never grow. Within
+        # half a turn there is one at most, and behind it the velocity has another sign.
+        if not (v * end_v > 0.0 and lev.w * duration < math.pi):
+            t = turning_time(lev, x - shift, v)
+            for _ in range(2):
+                if not t < duration:
+                    break
+                u, _v = evolve(lev, x - shift, v, t)
+                _add_displacement(m, lev, contact, u + shift, summary)
+                if lev.kind != UNDERDAMPED:
+                    break
+                t += math.pi / lev.w
         end = max(end, 0.0) if contact == NORMAL else min(end, -m.gap)
         _add_displacement(m, lev, contact, end, summary)
 
@@ -142,6 +148,22 @@ def add_events(arcs, count, previous, period, events, found):
 
 
 @kernel
+def repeat_record(samples, events, found, seen, periods):
+    """Repeat the samples and events of the first `seen` of so many periods up to their end.
+
+    Returns (events, found) as `add_event`.
+    """
+    rows, first = samples.shape[0] // periods * seen, found
+    for k in range(rows, samples.shape[0]):
+        samples[k] = samples[k - rows]
+    for n in range(seen, periods, seen):
+        for i in range(first):
+            period, phase, before, after, velocity = events[i]
+            events, found = add_event(events, found, period + n, phase, before, after, velocity)
+    return events, found
+
+
+@kernel
 def count_bounces(arcs, count, previous):
     """Return (losses of normal contact among the arcs, contact code of the last arc)."""
     bounces = 0
@@ -151,6 +173,20 @@ def count_bounces(arcs, count, previous):
             bounces += 1
         previous = contact
     return bounces, previous
+
+
+@inlined
+def in_arc(m, arc, t):
+    """Return (x, v, acceleration, force) at the phase t from the start of the mesh period."""
+    contact = int(arc[CONTACT])
+    lev = m.high if arc[LEVEL] == 1.0 else m.low
+    x, v, t = arc[DISPLACEMENT], arc[VELOCITY], t - arc[START]
+    if contact == BACKLASH:
+        x, v = fly(m.drag, m.pull, x, v, t)
+        return x, v, m.pull - 2.0 * m.drag * v, 0.0
+    shift = lev.rest if contact == NORMAL else lev.rest - m.gap
+    u, v = evolve(lev, x - shift, v, t)
+    return u + shift, v, -2.0 * lev.a * v - lev.square * u, lev.stiffness * (u + lev.rest)
 
 
 @kernel
@@ -165,23 +201,12 @@ def sample_arcs(m, arcs, count, samples):
         t = 2.0 * math.pi * k / n
         while i + 1 < count and arcs[i + 1, START] <= t:
             i += 1
-        contact = int(arcs[i, CONTACT])
-        lev = m.high if arcs[i, LEVEL] == 1.0 else m.low
-        x, v, t = arcs[i, DISPLACEMENT], arcs[i, VELOCITY], t - arcs[i, START]
-        if contact == BACKLASH:
-            x, v = fly(m.drag, m.pull, x, v, t)
-            acceleration, force = m.pull - 2.0 * m.drag * v, 0.0
-        else:
-            shift = lev.rest if contact == NORMAL else lev.rest - m.gap
-            u, v = evolve(lev, x - shift, v, t)
-            acceleration = -2.0 * lev.a * v - lev.square * u
-            force = lev.stiffness * (u + lev.rest)
-            x = u + shift
+        x, v, acceleration, force = in_arc(m, arcs[i], t)
         samples[k, SAMPLE_X] = x
         samples[k, SAMPLE_V] = v
         samples[k, SAMPLE_A] = acceleration
-        samples[k, SAMPLE_CONTACT] = contact
-        samples[k, SAMPLE_STIFFNESS] = lev.stiffness
+        samples[k, SAMPLE_CONTACT] = arcs[i, CONTACT]
+        samples[k, SAMPLE_STIFFNESS] = (m.high if arcs[i, LEVEL] == 1.0 else m.low).stiffness
         samples[k, SAMPLE_FORCE] = force
 
 

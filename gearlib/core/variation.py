@@ -1,25 +1,17 @@
 """Variational equations of one degree of freedom: how small deviations grow along an orbit.
 
-Along a phase of contact a deviation w = (dx, dx') obeys the linearised equation of motion, in
-closed form where the phase itself has one. A stiffness switch happens at a fixed phase and leaves
-w as it is. A flank crossing multiplies it by the saltation matrix
-
-    S = I + (f_after - f_before) n^T / (n . f_before),   n = (1, 0),   f = (x', x''),
-
-and because the mesh force is zero on a flank line, x'' jumps by the damping alone, which is
-proportional to x': S = [[1, 0], [(x''_after - x''_before) / x', 1]] is finite even when the
-crossing is tangential. There it depends on the side from which the crossing is looked at.
+The maps of closed forms are those of `deviation`; a Taylor step carries the deviation as a series.
 """
 
 import math
 
 import numpy as np
 
+from gearlib.core.deviation import follow_arcs, multiply
 from gearlib.core.jit import inlined, kernel
-from gearlib.core.march import ARC_COLUMNS, CONTACT, DURATION, LEVEL, march_period, within_range
+from gearlib.core.march import ARC_COLUMNS, march_period, within_range
 from gearlib.core.mesh import BACKLASH, contact_between, contact_of
 from gearlib.core.nonlinear import take_step
-from gearlib.core.oscillator import propagators
 from gearlib.core.run import EVENT_LIMIT, OK, OVERFLOW, UNRESOLVED
 from gearlib.core.series import (
     D1,
@@ -41,40 +33,6 @@ from gearlib.core.series import (
 
 #: x^20 / 20! = 1e-17 at x = 1.18.
 _CONVERGED = 1.18
-
-
-@inlined
-def _multiply(a, b, c, d, matrix):
-    """matrix <- [[a, b], [c, d]] matrix."""
-    for j in range(2):
-        first, second = matrix[0, j], matrix[1, j]
-        matrix[0, j] = a * first + b * second
-        matrix[1, j] = c * first + d * second
-
-
-@kernel
-def follow_arcs(m, arcs, count, previous, matrix):
-    """Multiply `matrix`, shape (2, 2), by the maps of arcs 0 ... count - 1.
-
-    `previous` is the contact code before the first arc. Returns that of the last one.
-    """
-    for i in range(count):
-        contact = int(arcs[i, CONTACT])
-        lev = m.high if arcs[i, LEVEL] == 1.0 else m.low
-        if contact != previous:
-            before = m.drag if previous == BACKLASH else lev.a
-            after = m.drag if contact == BACKLASH else lev.a
-            _multiply(1.0, 0.0, -2.0 * (after - before), 1.0, matrix)
-            previous = contact
-        t = arcs[i, DURATION]
-        if contact == BACKLASH:
-            decay = math.exp(-2.0 * m.drag * t)
-            reach = -math.expm1(-2.0 * m.drag * t) / (2.0 * m.drag) if m.drag > 0.0 else t
-            _multiply(1.0, reach, 0.0, decay, matrix)
-        else:
-            c, s = propagators(lev, t)
-            _multiply(c + lev.a * s, s, -lev.square * s, c - lev.a * s, matrix)
-    return previous
 
 
 @kernel
@@ -144,7 +102,7 @@ def _follow_step(constants, piece, contact, sign, h, series, work, matrix):
         for k in range(ORDER, -1, -1):
             first, second = first * h + a[k], second * h + b[k]
         image[2 * j], image[2 * j + 1] = first, second
-    _multiply(image[0], image[2], image[1], image[3], matrix)
+    multiply(image[0], image[2], image[1], image[3], matrix)
 
 
 @inlined
@@ -217,7 +175,7 @@ def vary_nonlinear(law, to_bernstein, x, v, periods, limit, matrices):
                     before, after = constants[previous + 1, piece], constants[during + 1, piece]
                     jump = after[D1] - before[D1] + (after[D2] - before[D2]) * abs(speed)
                     jump += (after[D3] - before[D3]) * speed * speed
-                    _multiply(1.0, 0.0, -jump, 1.0, matrix)
+                    multiply(1.0, 0.0, -jump, 1.0, matrix)
                     previous = during
                 _follow_step(constants, piece, during, old, h, series, work, matrix)
                 phase += h

@@ -13,7 +13,8 @@ from gearlib import checks, status
 from gearlib.arguments import MAX_EVENTS, check_tuning
 from gearlib.core import orbit
 from gearlib.core.linear import run_linear
-from gearlib.core.many import skip_in_lanes
+from gearlib.core.many import skip_many
+from gearlib.core.mesh import mesh
 from gearlib.core.nonlinear import run_nonlinear
 from gearlib.core.polynomial import bernstein_matrix
 from gearlib.core.series import ORDER
@@ -86,7 +87,7 @@ class Stroboscope:
         scalar = isinstance(self.pair, GearPair)
         size = _CHUNK if scalar else _FEW
         size = max(1, min(size, -(-len(states) // self.threads)))
-        run = self._in_lanes if scalar else self._one_by_one
+        run = self._together if scalar else self._one_by_one
         parts = [slice(i, i + size) for i in range(0, len(states), size)]
 
         def go(part):
@@ -102,14 +103,10 @@ class Stroboscope:
         ends[codes != status.OK] = np.nan
         return ends, codes
 
-    def _in_lanes(self, states, periods, ends, codes):
-        n = len(states)
-        tunings, order, rows = np.full(n, self.tuning), np.arange(n), np.empty((n, 3))
+    def _together(self, states, periods, ends, codes):
+        m = mesh(ratios(self.pair), self.tuning)
         states = np.ascontiguousarray(states)
-        skip_in_lanes(
-            ratios(self.pair), tunings, order, states, periods, self.max_events, rows, codes
-        )
-        ends[:] = rows[:, 1:]
+        skip_many(m, states, periods, self.max_events, ends, codes)
 
     def _one_by_one(self, states, periods, ends, codes):
         samples = np.empty((0, orbit.SAMPLE_COLUMNS))

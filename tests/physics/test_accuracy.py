@@ -37,7 +37,7 @@ def compare(
     assert whole.event_to.values.tolist() == [event[2] for event in expected]
     phases = np.array([float(event[0]) for event in expected])
     np.testing.assert_allclose(whole.event_phase, phases, rtol=0, atol=EVENT_PHASE)
-    # The recorded run is the plain march; the same with all but the last period skipped fast.
+    # All periods recorded, and all but the last gone through unrecorded.
     fast = simulate(pair, nu, periods=periods, initial_state=state)
     for run in (whole, fast):
         np.testing.assert_allclose(

@@ -1,0 +1,278 @@
+"""The fast march takes the same orbits as the plain one: thousands of random meshes and states."""
+
+import math
+
+import numpy as np
+import pytest
+
+from gearlib.core.contact_table import (
+    LAST,
+    LEVEL_COLUMNS,
+    NONE,
+    SPACING,
+    fill_table,
+    go_by,
+    set_level,
+    step,
+)
+from gearlib.core.elementary import cos_sin, decay
+from gearlib.core.fast_march import ENTRY, advance, new_work, set_mesh, set_start
+from gearlib.core.flight import climb_time, fly, lowest_time, return_flight
+from gearlib.core.jit import kernel
+from gearlib.core.many import skip_many
+from gearlib.core.march import ARC_COLUMNS, march_period
+from gearlib.core.mesh import contact_of, mesh
+from gearlib.core.oscillator import evolve, level
+from gearlib.stiffness import levels, stretches
+
+PERIODS = 8
+LIMIT = 10**6
+
+
+def ratios_of(contact_ratio, stiffness_ratio, damping, drag, gap):
+    return np.array(
+        [*levels(contact_ratio, stiffness_ratio), *stretches(contact_ratio), damping, drag, gap]
+    )
+
+
+def random_case(rng):
+    """Return (ratios, tuning, x, v) over all regimes, exact special values included."""
+
+    def choose(usual, *special):
+        return rng.choice(special) if rng.random() < 0.2 else usual
+
+    contact_ratio = choose(rng.uniform(1.0, 2.0), 1.0, 2.0, 1.569)
+    stiffness_ratio = choose(rng.uniform(0.05, 1.0), 1.0, 0.5879, 1e-3)
+    damping = choose(10 ** rng.uniform(-3, 0.5), 0.0, 0.0617, 1.0)
+    drag = choose(10 ** rng.uniform(-3, 0.5), 0.0, 0.0617)
+    gap = choose(10 ** rng.uniform(-2, 1), 0.0, 4.0, math.inf)
+    tuning = choose(10 ** rng.uniform(-1.2, 0.5), 50.0, 0.01)
+    x = choose(rng.uniform(-6.0, 4.0), 0.0, -gap if math.isfinite(gap) else 0.0)
+    v = choose(rng.uniform(-3.0, 3.0), 0.0)
+    return ratios_of(contact_ratio, stiffness_ratio, damping, drag, gap), tuning, x, v
+
+
+def bouncing_case(rng):
+    """Return the same of meshes that bounce: lightly damped, near resonance, room to move."""
+    damping, drag = 10 ** rng.uniform(-4, -1, 2) * (rng.random(2) < 0.8)
+    gap = rng.choice([2.0, 4.0, 20.0, math.inf])
+    ratios = ratios_of(rng.uniform(1.05, 1.95), rng.uniform(0.2, 0.95), damping, drag, gap)
+    return ratios, rng.uniform(0.4, 1.4), rng.uniform(-1.0, 2.0), rng.uniform(-1.0, 1.0)
+
+
+@kernel
+def plain_march(m, x, v, periods):
+    """Return (contact, x, v) by the plain march."""
+    no_arcs = np.empty((0, ARC_COLUMNS))
+    contact = contact_of(m.gap, x, v)
+    for _ in range(periods):
+        contact, x, v, _ = march_period(m, contact, x, v, no_arcs, LIMIT)
+    return contact, x, v
+
+
+@kernel
+def fast_march(m, x, v, periods):
+    """Return (contact, x, v) by the fast march."""
+    work = new_work()
+    set_mesh(work, m)
+    set_start(work, x, v)
+    return advance(
+        m, work, 0, contact_of(m.gap, x, v), x, v, periods, LIMIT, np.empty((0, ARC_COLUMNS))
+    )
+
+
+def compare(m, x, v, periods):
+    """Compare both marches; return the error where rounding stays small, else 0."""
+    fast, plain = fast_march(m, x, v, periods), plain_march(m, x, v, periods)
+    assert fast[3] <= LIMIT
+    # What rounding alone does to this orbit: the plain march from starts moved by one part in
+    # 1e13, a thousand roundings. Chaotic and undamped orbits amplify it by any factor.
+    spread = 0.0
+    for dx, dv in ((1e-13, 0.0), (-1e-13, 0.0), (0.0, 1e-13)):
+        moved = plain_march(m, x + dx * max(1.0, abs(x)), v + dv, periods)
+        spread = max(spread, abs(moved[1] - plain[1]) + abs(moved[2] - plain[2]))
+    scale = 1.0 + abs(plain[1]) + abs(plain[2])
+    error = abs(fast[1] - plain[1]) + abs(fast[2] - plain[2])
+    assert error <= 1e-11 * scale + 10.0 * spread, (m, x, v, fast, plain)
+    return error / scale if spread < 1e-11 else 0.0
+
+
+@pytest.mark.parametrize("case", [random_case, bouncing_case])
+@pytest.mark.parametrize("seed", range(4))
+def test_fast_march_equals_plain_march(case, seed):
+    rng = np.random.default_rng(seed)
+    for _ in range(2000):
+        ratios, tuning, x, v = case(rng)
+        assert compare(mesh(ratios, tuning), x, v, PERIODS) < 1e-11
+
+
+@pytest.mark.parametrize("contact_ratio", [1.0, 1.569, 2.0])
+@pytest.mark.parametrize("damping", [0.0, 0.0617, 1.0, 1.7])
+@pytest.mark.parametrize("gap", [0.0, 1e-9, 0.3, 4.0, math.inf])
+def test_special_meshes(contact_ratio, damping, gap):
+    for drag in (0.0, 0.0617, 3.0):
+        ratios = ratios_of(contact_ratio, 0.5879, damping, drag, gap)
+        for tuning in np.linspace(0.5, 1.4, 10):
+            for x, v in ((0.0, 0.0), (0.0, -0.5), (1.0, 1.0), (-0.2, 0.0)):
+                compare(mesh(ratios, tuning), x, v, 20)
+
+
+def test_regular_orbits_to_twelve_digits():
+    ratios = ratios_of(1.569, 0.5879, 0.0617, 0.0617, 4.0)
+    worst = max(compare(mesh(ratios, nu), 0.0, 0.0, 300) for nu in np.linspace(0.5, 1.4, 301))
+    assert worst < 1e-12
+
+
+def changes(arcs, count):
+    """Return the contacts that follow each other and the arcs with which they begin."""
+    rows = arcs[:count][arcs[:count, 1] > 0.0]
+    return rows[np.concatenate([[True], np.diff(rows[:, 2]) != 0.0])]
+
+
+def one_period(m, work, state, entries):
+    """Return the changes of contact in one period by both marches, from the same state."""
+    fast, plain = np.empty((200, ARC_COLUMNS)), np.empty((200, ARC_COLUMNS))
+    set_start(work, *state[1:])
+    work.memory[ENTRY:] = entries
+    *fast_end, fast_count = advance(m, work, 0, *state, 1, LIMIT, fast)
+    *plain_end, plain_count = march_period(m, *state, plain, LIMIT)
+    return changes(fast, fast_count), changes(plain, plain_count), fast_end, plain_end
+
+
+def test_one_period_at_a_time():
+    # From every state of the plain march anew: chaotic orbits cannot hide behind their own spread,
+    # nor a wrong event behind damping. The search starts from entries all over the table.
+    rng = np.random.default_rng(5)
+    work, events = new_work(), 0
+    for _ in range(400):
+        ratios, tuning, x, v = bouncing_case(rng)
+        m = mesh(ratios, tuning)
+        set_mesh(work, m)
+        state = contact_of(m.gap, x, v), x, v
+        for _ in range(10):
+            entries = rng.integers(0, 40, 3)
+            fast, plain, _, end = one_period(m, work, state, entries)
+            slowest = min(1.0, abs(plain[1:, 5]).min(initial=1.0))
+            if slowest > 1e-6:
+                np.testing.assert_array_equal(fast[:, 2:4], plain[:, 2:4])
+                # Leaving slowly, a flank feels rounding as its inverse speed.
+                np.testing.assert_allclose(fast, plain, rtol=0, atol=1e-12 + 1e-14 / slowest)
+                events += len(plain) - 1
+            state = tuple(end)
+    assert events > 4000
+
+
+def jump_of_the_pattern(m, x):
+    """Return two velocities, a rounding apart, between which the events of a period change."""
+
+    def pattern(v):
+        arcs = np.empty((200, ARC_COLUMNS))
+        *_, count = march_period(m, contact_of(m.gap, x, v), x, v, arcs, LIMIT)
+        return changes(arcs, count)[:, 2].tolist()
+
+    speeds = np.linspace(-1.5, 1.5, 100)
+    patterns = [pattern(v) for v in speeds]
+    for low, high, before, after in zip(speeds, speeds[1:], patterns, patterns[1:], strict=False):
+        if len(before) != len(after):
+            while low < (middle := 0.5 * (low + high)) < high:
+                low, high = (middle, high) if pattern(middle) == before else (low, middle)
+            return low, high
+    return None
+
+
+def test_grazing_the_flank_line():
+    # The events of a period change where a minimum just touches the line. On both sides of it, as
+    # close as 1e-14, the right ones are found, wherever the search begins.
+    rng = np.random.default_rng(7)
+    work, found, compared = new_work(), 0, 0
+    for _ in range(60):
+        ratios = ratios_of(rng.uniform(1.2, 1.8), rng.uniform(0.3, 0.9), 0.01, 0.01, math.inf)
+        m = mesh(ratios, rng.uniform(0.5, 1.2))
+        set_mesh(work, m)
+        x = rng.uniform(0.0, 2.0)
+        sides = jump_of_the_pattern(m, x)
+        if sides is None:
+            continue
+        found += 1
+        misses = 10.0 ** -np.linspace(3.0, 14.0, 12)
+        for v in [*(sides[0] - misses), *(sides[1] + misses)]:
+            for entries in rng.integers(0, 40, (4, 3)):
+                fast, plain, end, expected = one_period(
+                    m, work, (contact_of(m.gap, x, v), x, v), entries
+                )
+                assert fast[:, 2].tolist() == plain[:, 2].tolist(), (m, x, v)
+                # A flank left at a graze feels rounding as its square root.
+                np.testing.assert_allclose(end, expected, rtol=0, atol=1e-6)
+                compared += 1
+    assert found > 30 and compared > 2000
+
+
+def test_company_does_not_matter():
+    m = mesh(ratios_of(1.569, 0.5879, 0.001, 0.0, 4.0), 0.9)
+    states = np.random.default_rng(3).uniform(-1.0, 2.0, (50, 2))
+    together, alone = np.empty((50, 2)), np.empty((50, 2))
+    statuses = np.zeros(50, dtype=np.int64)
+    skip_many(m, states, 500, LIMIT, together, statuses)
+    for i in range(50):
+        skip_many(m, states[i : i + 1], 500, LIMIT, alone[i : i + 1], statuses[i : i + 1])
+    np.testing.assert_array_equal(together, alone)
+
+
+def test_calls_of_any_length_give_the_same_bits():
+    m = mesh(ratios_of(1.569, 0.5879, 0.0617, 0.0617, 4.0), 0.95)
+    work = new_work()
+    set_mesh(work, m)
+    set_start(work, 0.0, 0.0)
+    state, arcs = (1, 0.0, 0.0), np.empty((50, ARC_COLUMNS))
+    for n in range(40):
+        *state, _ = advance(m, work, n, *state, 1, LIMIT, arcs)
+    assert tuple(state) == fast_march(m, 0.0, 0.0, 40)[:3]
+
+
+def test_limit_of_events_is_kept():
+    m = mesh(ratios_of(1.569, 0.5879, 0.0617, 0.0617, 4.0), 0.9)
+    statuses, ends = np.zeros(1, dtype=np.int64), np.empty((1, 2))
+    for limit, status in ((4, 1), (12, 0)):
+        skip_many(m, np.zeros((1, 2)), 50, limit, ends, statuses)
+        assert statuses[0] == status
+
+
+def test_tables_of_contact():
+    rng = np.random.default_rng(11)
+    row, table = np.zeros((1, LEVEL_COLUMNS)), np.zeros((96, 2))
+    for damping in [0.0, 1e-3, 0.0617, 0.5, 0.99, 1.0, 2.0]:
+        lev = level(1.2, damping, rng.uniform(0.3, 3.0))
+        set_level(lev, 9.0, row[0])
+        if damping >= math.sqrt(1.2):
+            assert row[0, LAST] == NONE
+            continue
+        fill_table(lev, row[0], table)
+        for _ in range(500):
+            u, v = rng.normal(size=2)
+            k, part = rng.integers(0, int(row[0, LAST]) + 1), rng.uniform(-0.75, 0.75)
+            t = (k + part) * row[0, SPACING]
+            near = step(row, 0, *go_by(row, 0, u, v, *table[k]), part * row[0, SPACING])
+            # A few roundings of the state and of the phase w t.
+            allowed = 4e-15 * (1.0 + abs(u) + abs(v)) * (1.0 + lev.square)
+            np.testing.assert_allclose(near, evolve(lev, u, v, t), rtol=0, atol=allowed)
+
+
+def test_return_flights():
+    # Q = -2 b v / f on both sides of where the polynomial ends, down to no drag at all.
+    for q in [0.0, *10.0 ** np.linspace(-12, 2, 200), 0.4999, 0.5001]:
+        f, v = 1.3, -0.7
+        b = -0.5 * q * f / v
+        t, speed = return_flight(b, f, v)
+        turn = lowest_time(b, f, v)
+        depth, _ = fly(b, f, 0.0, v, turn)
+        expected = turn + climb_time(b, f, -depth, 0.0)
+        assert abs(t - expected) < 2e-15 * expected
+        assert abs(speed - fly(b, f, 0.0, v, expected)[1]) < 2e-15 * abs(v)
+
+
+def test_elementary_functions():
+    z = np.concatenate([np.linspace(0.0, 40.0, 10_001), [699.0, 1e4, math.inf]])
+    assert max(abs(decay(t) - math.exp(-t)) / math.exp(-min(t, 40.0)) for t in z[:-2]) < 4e-16
+    assert decay(math.inf) < 1e-300
+    for angle in np.linspace(0.0, 60.0, 10_001):
+        assert np.abs(np.subtract(cos_sin(angle), (math.cos(angle), math.sin(angle)))).max() < 3e-16

@@ -1,0 +1,184 @@
+"""A run that has settled ends where marching it to its end does, and no other is taken for one."""
+
+import math
+
+import numpy as np
+import pytest
+
+from gearlib import GearPair, simulate, sweep
+from gearlib.core import orbit
+from gearlib.core.fast_march import new_work, set_mesh, set_start
+from gearlib.core.march import ARC_COLUMNS, march_period
+from gearlib.core.mesh import contact_of, mesh
+from gearlib.core.run import skip
+from gearlib.core.settled import clear_of_grazing, sum_of_powers
+from gearlib.integrators.exact import ratios
+from tests.unit.test_fast_march import LIMIT, bouncing_case, fast_march, ratios_of
+
+PAIR = {"contact_ratio": 1.569, "stiffness_ratio": 0.5879, "backlash": 4.0}
+#: The small motion of the pair with equal damping ends here in a fold, by bisection over runs of a
+#: million periods that start from the state below.
+FOLD, AT_FOLD = 0.81685037334556, (-0.16062993275504864, -0.3277925734167014)
+
+
+def run(m, x, v, periods):
+    """Return (x, v, repeat, on_orbit) after so many periods; repeat 0 if it grows out of range."""
+    work = new_work()
+    set_mesh(work, m)
+    set_start(work, x, v)
+    _, x, v, _, *rest = skip(m, work, contact_of(m.gap, x, v), x, v, periods, LIMIT)
+    return x, v, *rest
+
+
+def damped_case(rng):
+    ratios, tuning, x, v = bouncing_case(rng)
+    ratios[4:6] = 10 ** rng.uniform(-2.5, -0.5, 2)
+    return mesh(ratios, tuning), x, v
+
+
+def test_settled_runs_end_where_marching_them_does():
+    rng = np.random.default_rng(1)
+    settled = longer = 0
+    for _ in range(400):
+        m, x, v = damped_case(rng)
+        periods = int(rng.integers(100, 4000))
+        *end, repeat, _ = run(m, x, v, periods)
+        if repeat == 0:
+            continue
+        settled += 1
+        longer += repeat > 1
+        _, *plain, _ = fast_march(m, x, v, periods)
+        # NEAR^2 by the least speed of an event, and rounding by the slowest contraction.
+        assert np.abs(np.subtract(end, plain)).max() < 2e-12 * (1.0 + abs(plain[0])), (m, x, v)
+    assert settled > 300 and longer > 10
+
+
+def test_transients_are_cut_short_and_followed_to_the_last_digit():
+    # Just settled: what is left of the transient is still to be seen, and has to be right.
+    m = mesh(ratios_of(1.569, 0.5879, 0.0617, 0.0617, 4.0), 0.9)
+    rest = fast_march(m, 0.0, 0.0, 1000)[1:3]
+    seen = 0
+    for periods in range(40, 120):
+        *end, repeat, _ = run(m, 0.0, 0.0, periods)
+        marched = fast_march(m, 0.0, 0.0, periods)[1:3]
+        assert np.abs(np.subtract(end, marched)).max() < 1e-14
+        seen += repeat > 0 and np.abs(np.subtract(marched, rest)).max() > 1e-13
+    assert seen > 5
+
+
+@pytest.mark.parametrize("past", [1e-8, 1e-9, 1e-10, 1e-11])
+def test_the_ghost_of_a_fold_is_not_an_orbit(past):
+    # Beyond the fold a run creeps past where the orbit was, by 1e-10 and less a period, for as many
+    # as 1e6 periods, and then goes elsewhere.
+    m = mesh(ratios_of(1.569, 0.5879, 0.0617, 0.0617, 4.0), FOLD + past)
+    creeping = 0
+    for periods in (300, 3_000, 30_000, 300_000, 1_000_000):
+        x, v, repeat, _ = run(m, *AT_FOLD, periods)
+        _, *plain, _ = fast_march(m, *AT_FOLD, periods)
+        assert abs(x - plain[0]) + abs(v - plain[1]) < 1e-12
+        assert repeat == 0 or x > 0.28
+        creeping += x < 0.0
+    assert creeping > 1 and x > 0.28
+
+
+def test_a_billion_settled_periods():
+    m = mesh(ratios_of(1.569, 0.5879, 0.0617, 0.0617, 4.0), 0.9)
+    assert run(m, 0.0, 0.0, 10**9)[2:] == (1, True)
+    end, before = run(m, 0.0, 0.0, 10**9)[:2], fast_march(m, 0.0, 0.0, 10**4)[1:3]
+    np.testing.assert_allclose(end, before, rtol=0, atol=1e-14)
+
+
+@pytest.mark.parametrize("damping", [0.0, 1e-7])
+def test_without_damping_nothing_settles(damping):
+    # Where the flanks rest on each other the state repeats to the last bit, or nearly so.
+    for nu in (0.3, 0.7, 3.0):
+        m = mesh(ratios_of(1.569, 0.999, damping, damping, 4.0), nu)
+        *end, repeat, _ = run(m, 1.0, 0.0, 2000)
+        assert repeat == 0 and tuple(end) == fast_march(m, 1.0, 0.0, 2000)[1:3]
+
+
+def test_sum_of_powers():
+    rng = np.random.default_rng(2)
+    m = mesh(ratios_of(1.569, 0.5879, 0.0617, 0.0617, 4.0), 0.7)
+    weights = np.array([1.0, m.tuning])
+    for _ in range(60):
+        matrix = rng.normal(size=(2, 2))
+        matrix *= rng.choice([0.3, 0.9, 0.99, 1.0, 1.01]) / abs(np.linalg.eigvals(matrix)).max()
+        scaled = matrix * weights[:, None] / weights
+        bound = sum_of_powers(m, tuple(map(float, matrix.ravel())))
+        if abs(np.linalg.eigvals(matrix)).max() > 0.9999:
+            assert bound == math.inf
+            continue
+        total, power = 0.0, np.eye(2)
+        for _ in range(2000):
+            total += np.linalg.norm(power, 2)
+            power = scaled @ power
+        assert total <= bound < math.inf
+
+
+@pytest.mark.parametrize(
+    ("miss", "gap", "clear"), [(1e-3, 4.0, True), (1e-6, 4.0, False), (1.0, 4.0, True)]
+)
+def test_closeness_to_grazing_is_seen(miss, gap, clear):
+    # Backwards from a minimum `miss` above the normal flank, undamped, in the middle of C_max.
+    m = mesh(ratios_of(1.9, 0.9, 0.0, 0.0, gap), 0.5)
+    lev, t = m.high, 1.0
+    u = (miss - lev.rest) * math.cos(lev.w * t)
+    v = (miss - lev.rest) * lev.w * math.sin(lev.w * t)
+    arcs = np.empty((50, ARC_COLUMNS))
+    *_, count = march_period(m, 1, u + lev.rest, v, arcs, LIMIT)
+    first = arcs[:1]
+    assert first[0, 1] > t and clear_of_grazing(m, first, 1) is clear
+    assert count > 0
+
+
+@pytest.mark.parametrize("miss", [1e-6, 1e-3])
+def test_closeness_to_the_far_flank_is_seen(miss):
+    m = mesh(ratios_of(1.569, 0.5879, 0.0, 0.0, 4.0), 0.9)
+    speed = math.sqrt(2.0 * m.pull * (m.gap - miss))
+    arc = np.array([[0.0, -2.0 * speed / -m.pull, 0.0, 1.0, 0.0, -speed]])
+    assert clear_of_grazing(m, arc, 1) is (miss > 1e-5)
+
+
+def test_an_orbit_recorded_once_is_the_orbit_marched_to_its_end():
+    # Every period that a run records, by the plain march: summary, events and samples.
+    longer = 0
+    for damping, first, last in ((0.0617, 0.5, 1.4), (0.02, 0.9, 2.2)):
+        pair = GearPair.from_ratios(**PAIR, damping=damping, backlash_damping=damping)
+        for nu in np.linspace(first, last, 30):
+            one = simulate(pair, nu, periods=600, record_periods=24, samples_per_period=8)
+            m = mesh(ratios(pair), nu)
+            contact, x, v, _ = fast_march(m, 0.0, 0.0, 576)
+            summary, samples = np.empty(orbit.SUMMARY_COLUMNS), np.empty((8, orbit.SAMPLE_COLUMNS))
+            orbit.clear_summary(summary)
+            arcs, events = np.empty((50, ARC_COLUMNS)), np.empty((1, orbit.EVENT_COLUMNS))
+            found, seen, previous = 0, [], contact
+            for n in range(576, 600):
+                contact, x, v, count = march_period(m, contact, x, v, arcs, LIMIT)
+                orbit.add_arcs(m, arcs, count, summary)
+                orbit.sample_arcs(m, arcs, count, samples)
+                seen.append(samples[:, 0].copy())
+                events, found, previous = orbit.add_events(arcs, count, previous, n, events, found)
+            expected = summary[[orbit.X_MAX, orbit.X_MIN, orbit.FORCE_MAX]]
+            got = one.displacement_max, one.displacement_min, one.dynamic_force_max
+            np.testing.assert_allclose(got, expected, rtol=0, atol=1e-11)
+            shares = one.fraction_normal, one.fraction_min_stiffness
+            expected = summary[[orbit.TIME_NORMAL, orbit.TIME_LOW]] / (48.0 * math.pi)
+            np.testing.assert_allclose(shares, expected, rtol=0, atol=1e-11)
+            np.testing.assert_allclose(one.displacement, np.ravel(seen), rtol=0, atol=1e-11)
+            np.testing.assert_allclose(one.final_state, (x, v), rtol=0, atol=1e-11)
+            phases = 2.0 * math.pi * events[:found, 0] + events[:found, 1]
+            np.testing.assert_allclose(one.event_phase, phases, rtol=0, atol=1e-10)
+            longer += int(one.period) > 1
+    assert longer > 3
+
+
+def test_results_do_not_depend_on_windows_of_a_sweep():
+    pair = GearPair.from_ratios(**PAIR, damping=0.0617, backlash_damping=0.0617)
+    tunings = np.linspace(0.5, 1.4, 60)
+    options = {"periods": 120, "record_periods": 24}
+    whole = sweep(pair, tunings, **options, threads=2)
+    for i in range(0, 60, 7):
+        alone = sweep(pair, tunings[i : i + 1], **options)
+        for name in ("displacement_max", "final_state", "fraction_normal", "period"):
+            np.testing.assert_array_equal(alone[name][0], whole[name][i])
