@@ -4,6 +4,7 @@ Motions that do not settle (no period was found) carry rounding without bound: o
 label and, widely, the fractions of time in each phase of contact are compared.
 """
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +24,10 @@ UNSETTLED_FRACTION = 0.5
 _LABELS = ("period", "label", "status")
 
 #: Sentences, with digits inside.
-_PROSE = ("message", "words")
+_PROSE = "message"
+
+#: Attributes that figures show, of a dataset or of a variable.
+_SHOWN = ("explanation", "flag_meanings")
 
 
 def datasets(results):
@@ -45,11 +49,11 @@ def kept(path):
     with xr.open_dataset(path) as file:
         dataset = file.load()
     times = [name for name, one in dataset.items() if one.attrs.get("units") == "s"]
-    dataset = dataset.drop_vars([*times, *(name for name in _PROSE if name in dataset)])
+    dataset = dataset.drop_vars([*times, *({_PROSE} & set(dataset))])
     steps = {name: -(-size // SAMPLES) for name, size in dataset.sizes.items()}
     dataset = dataset.isel({name: slice(None, None, step) for name, step in steps.items()})
-    for name in ["", *dataset.variables]:
-        (dataset[name] if name else dataset).attrs.clear()
+    for one in (dataset, *dataset.variables.values()):
+        one.attrs = {name: one.attrs[name] for name in _SHOWN if name in one.attrs}
     return dataset.load()
 
 
@@ -93,10 +97,25 @@ def differences(name, golden, found):
     if golden.sizes != found.sizes:
         return [*sentences, f"{name}: sizes {dict(golden.sizes)} are now {dict(found.sizes)}"]
     steady = settled(golden)
+    sentences += _other_words(name, golden, found)
     for each in golden.variables:
         if each not in lost:
+            sentences += _other_words(f"{name}: {each}", golden[each], found[each])
             sentences += _difference(name, each, golden[each], found[each], steady)
     return sentences
+
+
+def _other_words(name, golden, found):
+    """Return a sentence for each attribute whose words, but for digits, have moved."""
+    return [
+        f"{name}: {key} was {golden.attrs.get(key)!r}, is {found.attrs.get(key)!r}"
+        for key in _SHOWN
+        if _without_digits(golden.attrs.get(key)) != _without_digits(found.attrs.get(key))
+    ]
+
+
+def _without_digits(text):
+    return re.sub(r"[0-9.]+", "0", str(text))
 
 
 def _difference(name, each, golden, found, steady):
