@@ -47,9 +47,11 @@ def read(figure):
     # Only now secondary axes get their limits.
     figure.draw_without_rendering()
     found = {"figure": {"size": numbers(figure.get_size_inches()), "dpi": figure.dpi}}
-    for i, text in enumerate(figure.texts):
-        found[f"figure, text {i}"] = _words(text)
-    _legends(found, "figure", figure.legends)
+    whole = {"figure": figure} | {f"part {i}": part for i, part in enumerate(figure.subfigs)}
+    for place, part in whole.items():
+        for i, text in enumerate(part.texts):
+            found[f"{place}, text {i}"] = _words(text)
+        _legends(found, place, part.legends)
     for i, axes in enumerate(figure.axes):
         _read_axes(found, f"axes {i}", axes)
     return found

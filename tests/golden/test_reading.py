@@ -161,6 +161,14 @@ def test_after_a_change_of_everything_the_list_is_short():
     assert len(moved) == 13 and moved[-1].endswith("more")
 
 
+def test_parts_of_a_figure_have_legends_of_their_own():
+    before, after = Figure(), Figure()
+    for figure, label in ((before, "all"), (after, "some")):
+        figure.subfigures(2, 1)[1].legend(handles=[Line2D([], [], label=label)])
+    (moved,) = drawn.differences("parts", drawn.read(before), drawn.read(after))
+    assert moved == "parts, part 1, legend 0, entry 0 'all': text was 'all', is 'some'"
+
+
 def test_what_nothing_here_reads_is_refused():
     figure = Figure()
     figure.subplots().table([["a"]])
