@@ -14,7 +14,7 @@ from matplotlib.colors import to_hex
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.text import Annotation
-from matplotlib.ticker import FixedLocator
+from matplotlib.ticker import FixedFormatter, FixedLocator, FuncFormatter
 
 #: Digits that are stored. Figures are drawn from stored data: what is left is the arithmetic of
 #: limits and logarithms in matplotlib, and the last digit.
@@ -84,6 +84,7 @@ def _read_axes(found, place, axes):
         }
         if isinstance(axis.get_major_locator(), FixedLocator):
             facts["ticks"] = numbers(axis.get_majorticklocs())
+        if isinstance(axis.get_major_formatter(), (FixedFormatter, FuncFormatter)):
             facts["tick labels"] = [text.get_text() for text in axis.get_ticklabels()]
         found[f"{place}, {name} axis"] = facts
     kinds = {
