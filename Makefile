@@ -2,7 +2,7 @@
 # make test    the same set-up and all checks: style, imports, tests (a small workflow included)
 # make lint    the checks of style, formatting, imports and types only
 # make golden  renew the golden numbers and pictures of tests/golden
-# make faults  plant known faults one at a time and see that the tests notice: hours
+# make faults  plant known faults one at a time and see that the tests notice: an hour
 # make peers   add to .venv the solvers of others that method= can call, where they install
 # make torture  50 times kill -9, full and read-only disks, damaged files: minutes
 # make slurm-test  the workflow on a real Slurm of one node; installs Debian's packages for root

@@ -30,6 +30,8 @@ def run(tree, tests, kernels=None):
     """Run tests in a tree; return pytest's exit status and what it printed."""
     environment = {key: value for key, value in os.environ.items() if key != "PYTEST_ADDOPTS"}
     environment["PYTHONPATH"] = str(tree)
+    # Of two texts of one size within a second the older one's bytecode would be taken.
+    environment["PYTHONDONTWRITEBYTECODE"] = "1"
     if kernels:
         environment["NUMBA_CACHE_DIR"] = str(kernels)
     command = [sys.executable, "-m", "pytest", "-x", "-p", "no:cacheprovider", "-p", "no:xdist"]
