@@ -26,8 +26,8 @@ _LABELS = ("period", "label", "status")
 #: Sentences, with digits inside.
 _PROSE = "message"
 
-#: Attributes that figures show, of a dataset or of a variable.
-_SHOWN = ("explanation", "flag_meanings")
+#: Attributes that figures show, by variable; "" stands for the dataset.
+_SHOWN = {"": "explanation", "verdict": "flag_meanings"}
 
 
 def datasets(results):
@@ -52,9 +52,16 @@ def kept(path):
     dataset = dataset.drop_vars([*times, *({_PROSE} & set(dataset))])
     steps = {name: -(-size // SAMPLES) for name, size in dataset.sizes.items()}
     dataset = dataset.isel({name: slice(None, None, step) for name, step in steps.items()})
-    for one in (dataset, *dataset.variables.values()):
-        one.attrs = {name: one.attrs[name] for name in _SHOWN if name in one.attrs}
+    for name in ["", *dataset.variables]:
+        attributes = _attributes(dataset, name)
+        shown = {key: attributes[key] for key in attributes if key == _SHOWN.get(name)}
+        attributes.clear()
+        attributes.update(shown)
     return dataset.load()
+
+
+def _attributes(dataset, name):
+    return (dataset[name] if name else dataset).attrs
 
 
 def write(dataset, path):
@@ -100,18 +107,19 @@ def differences(name, golden, found):
     sentences += _other_words(name, golden, found)
     for each in golden.variables:
         if each not in lost:
-            sentences += _other_words(f"{name}: {each}", golden[each], found[each])
             sentences += _difference(name, each, golden[each], found[each], steady)
     return sentences
 
 
 def _other_words(name, golden, found):
     """Return a sentence for each attribute whose words, but for digits, have moved."""
-    return [
-        f"{name}: {key} was {golden.attrs.get(key)!r}, is {found.attrs.get(key)!r}"
-        for key in _SHOWN
-        if _without_digits(golden.attrs.get(key)) != _without_digits(found.attrs.get(key))
-    ]
+    sentences = []
+    for each, key in _SHOWN.items():
+        if not each or {each} <= set(golden.variables) & set(found.variables):
+            old, new = (_attributes(one, each).get(key) for one in (golden, found))
+            if _without_digits(old) != _without_digits(new):
+                sentences.append(f"{name}: {key} was {old!r}, is {new!r}")
+    return sentences
 
 
 def _without_digits(text):

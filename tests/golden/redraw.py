@@ -18,6 +18,8 @@ from tests.workflow.project import ROOT, small_project
 
 FOLDER = Path(__file__).with_name("drawn")
 
+_LACKING = "golden data of a figure are lacking: `make golden` adds them"
+
 #: In the project, instead of pictures.
 _RECORD = '''
 
@@ -50,8 +52,8 @@ def redraw(folder, figures=()):
     shutil.copy(drawn.__file__, project / "workflow/scripts/drawn.py")
     style = project / "gearlib/figures/style.py"
     style.write_text(style.read_text(encoding="utf-8") + _RECORD, encoding="utf-8")
-    # What is not there would be computed.
-    (project / "workflow/scripts/compile_kernels.py").write_text("raise SystemExit(1)")
+    # What is not there would be computed, and this comes first.
+    (project / "workflow/scripts/compile_kernels.py").write_text(f"raise SystemExit({_LACKING!r})")
     targets = [f"results/figures/{name}.png" for name in figures]
     if not targets:
         settings = yaml.safe_load((project / "config.yaml").read_text(encoding="utf-8"))
