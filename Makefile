@@ -2,6 +2,7 @@
 # make test    the same set-up and all checks: style, imports, tests (a small workflow included)
 # make lint    the checks of style, formatting, imports and types only
 # make golden  renew the golden numbers and pictures of tests/golden
+# make references  renew the references in 50 digits that tests take from tests/references
 # make faults  plant known faults one at a time and see that the tests notice: an hour
 # make peers   add to .venv the solvers of others that method= can call, where they install
 # make torture  50 times kill -9, full and read-only disks, damaged files: minutes
@@ -16,7 +17,7 @@ JOBS ?= 2
 BIN := .venv/bin
 INSTALLED := .venv/installed.stamp
 
-.PHONY: all lint golden test faults torture peers slurm-test bench report docs clean distclean
+.PHONY: all lint golden references test faults torture peers slurm-test bench report docs clean distclean
 
 all: $(INSTALLED)
 	$(BIN)/snakemake -j$(JOBS)
@@ -31,6 +32,9 @@ lint: $(INSTALLED)
 # Review what has moved, and why, before it is committed.
 golden: $(INSTALLED)
 	$(BIN)/python -m tests.golden
+
+references: $(INSTALLED)
+	$(BIN)/python -m tests.references
 
 test: lint
 	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder -rs
@@ -73,13 +77,16 @@ $(INSTALLED): pyproject.toml requirements/constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 	    { echo "Python 3.11 or newer is needed: make PYTHON=python3.12" >&2; exit 1; }
 	test -x $(BIN)/python || $(PYTHON) -m venv .venv
-	@# Compiling all modules takes a minute; those that are used are compiled at their first use.
 	$(BIN)/python -m pip install --quiet --no-compile \
 	    --constraint requirements/constraints.txt --editable '.[workflow,test]'
+	@# Here, by two processes: left to first use, every job would compile its packages anew where
+	@# PYTHONDONTWRITEBYTECODE is set. Some packages hold files that are wrong on purpose.
+	PYTHONPYCACHEPREFIX= $(BIN)/python -m compileall -qq -j 2 .venv || true
 	touch $@
 
 clean:
-	rm -rf results .snakemake
+	rm -rf .snakemake
+	find results -mindepth 1 -not -name README.md -delete
 
 distclean: clean
 	rm -rf .venv

@@ -5,9 +5,11 @@ results go to results/<case>/.
 """
 
 import os
+import sys
 from pathlib import Path
 
 from snakemake.exceptions import WorkflowError
+from snakemake.logging import logger
 from snakemake.utils import min_version
 from gearlib.files import remove_leftovers
 from workflow.provenance import write as write_provenance
@@ -15,25 +17,33 @@ from workflow.seals import foreign, replaced
 
 min_version("9.0")
 
+#: Calls that compute nothing; of a dry run Snakemake itself tells.
+ASKING = {"--unlock", "--lint", "--dag", "--rulegraph", "--filegraph", "--summary", "--list-rules"}
+
 
 configfile: "config.yaml"
 
 
 # Jobs on other nodes leave this to the process that sent them.
 if workflow.is_main_process:
-    elsewhere = foreign(Path("results"))
+    elsewhere, others = foreign(Path("results")), replaced(Path("results"))
+    fault = ""
     if elsewhere:
-        raise WorkflowError(
+        fault = (
             f"No record says how these were made, {len(elsewhere)} in all: {elsewhere[0]} ... They "
             "come from another folder, or .snakemake was removed. Remove results/, or bring the "
             ".snakemake that belongs to it."
         )
-    others = " ".join(map(str, replaced(Path("results"))))
-    if others:
-        raise WorkflowError(
+    elif others:
+        others = " ".join(map(str, others))
+        fault = (
             f"Not what their jobs wrote: {others}. To have them computed anew, remove them and "
             f"call snakemake -j2 {others}"
         )
+    if fault and (workflow.output_settings.dryrun or ASKING & set(sys.argv)):
+        logger.warning(fault)
+    elif fault:
+        raise WorkflowError(fault)
 
 
 if "cases" in config:
@@ -58,7 +68,8 @@ onstart:
     remove_leftovers(Path("results"))
     # Its limit of 100 starts a second, needless on one machine, wakes the scheduler once a second
     # for every job that has run: after 150 jobs that is a quarter of a core.
-    if workflow.local_exec:
+    # Private to Snakemake: where it is called otherwise, the limit stays.
+    if workflow.local_exec and hasattr(workflow.scheduler, "job_rate_limiter"):
         workflow.scheduler.job_rate_limiter = None
 
 

@@ -114,11 +114,15 @@ class _Six:
         slope = e3 * math.cos(angles[0]) / m.teeth[0] + e2 * math.cos(angles[1]) / m.teeth[1]
         return value, slope
 
-    def excited_rate(self, phase):
-        """Return the rate of run-out and deviation, m/s."""
-        f = self.deviation
-        slope = sum(n * (b * math.cos(n * phase) - a * math.sin(n * phase)) for n, a, b in f)
-        return self.speed * (self._run_out(phase)[1] + slope)
+    def excited_rates(self, phase):
+        """Return what run-out and deviations add to the rates of `lines`, m/s."""
+        near, far = (
+            sum(n * (b * math.cos(n * phase) - a * math.sin(n * phase)) for n, a, b in f)
+            for f in (self.deviation, self.inverse_deviation)
+        )
+        run_out = self._run_out(phase)[1]
+        far += 0.0 if self.model.moving_backlash else run_out
+        return self.speed * (near + run_out), self.speed * far
 
     def start(self, state):
         unit = self.pair.static_deflection
@@ -128,7 +132,7 @@ class _Six:
             z[2] = -self.pair.load / self.model.bearing_stiffness[0]
             z[4] = self.pair.load / self.model.bearing_stiffness[2]
         z[:2] = shares * (state[0] * unit - self.lines(0.0, z)[0])
-        z[6:8] = shares * (state[1] * unit * self.speed - self.excited_rate(0.0))
+        z[6:8] = shares * (state[1] * unit * self.speed - self.excited_rates(0.0)[0])
         return z
 
     def lines(self, t, z):
@@ -143,15 +147,23 @@ class _Six:
     def derivative(self, t, z, contact, middle):
         m, phase = self.model, self.speed * t
         y, w = self.lines(t, z)
-        speed = z[6] + z[7] + z[8] - z[10] + self.excited_rate(phase)
+        excited, far_excited = self.excited_rates(phase)
+        turn, bearings = z[6] + z[7], z[8] - z[10]
+        rests = 0.0 if m.moving_backlash else 1.0
+        speed = turn + bearings + excited
         c = self.stiffness(phase, middle)
         elastic = c * y if contact == 1 else (c * w if contact == -1 else 0.0)
-        k = self.pair.material_damping if contact else self.pair.backlash_damping
-        p = elastic + k * speed
+        more = self.pair.material_damping - self.pair.backlash_damping
+        p, q = self.pair.backlash_damping * speed, 0.0
+        if contact == 1:
+            p += elastic + more * speed
+        elif contact == -1:
+            q = elastic + more * (turn + rests * bearings + far_excited)
         sense = 1.0 if (middle - m.pitch_phase) % (2 * math.pi) < math.pi else -1.0
         mu = m.friction[0] if contact == 1 else m.friction[1]
         friction = mu * sense * elastic
-        force = np.array([-p, -p, -p, -friction, p, friction])
+        along = p + rests * q
+        force = np.array([-p - q, -p - q, -along, -friction, along, friction])
         force[0] += m.torques[0] / m.base_radii[0]
         force[1] += m.torques[1] / m.base_radii[1]
         force[2:] -= np.array(m.bearing_stiffness) * z[2:6] + np.array(m.bearing_damping) * z[8:12]
@@ -212,5 +224,5 @@ def run(model, tuning, periods, state=(0.0, 0.0), rtol=1e-10):
     if isinstance(problem, _One):
         return z[0] / unit, z[1] / unit / speed, events, evaluations
     t = 2 * math.pi * periods / speed
-    rate = z[6] + z[7] + z[8] - z[10] + problem.excited_rate(2 * math.pi * periods)
+    rate = z[6] + z[7] + z[8] - z[10] + problem.excited_rates(2 * math.pi * periods)[0]
     return problem.lines(t, z)[0] / unit, rate / unit / speed, events, evaluations

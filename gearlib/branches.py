@@ -58,8 +58,8 @@ def compute(pair, start, stop, **settings):
     ]
     parts = [
         branch.assign(
-            branch=("point", np.full(branch.sizes["point"], number, np.int16)),
-            period=("point", np.full(branch.sizes["point"], int(branch.period), np.int8)),
+            branch=("point", np.full(branch.sizes["point"], number, np.int32)),
+            period=("point", np.full(branch.sizes["point"], int(branch.period), np.int32)),
         )
         for number, branch in enumerate(found)
     ]

@@ -59,6 +59,15 @@ def one_of(name, value, choices):
     return value
 
 
+def known(owner, names, allowed):
+    """Raise ValueError unless every name of a parameter is one that the owner has."""
+    for name in names:
+        if name not in allowed:
+            raise ValueError(
+                f"{name} is not allowed: the parameters of a {owner} are {', '.join(allowed)}"
+            )
+
+
 def state(name, value):
     """Return an initial state as two finite floats, else raise ValueError."""
     try:

@@ -6,7 +6,7 @@ neighbouring tunings of a cold scan, and bisected: of the middle tuning the heig
 side it belongs. A continuous curve ends with two equal heights, and has no jump.
 """
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -16,6 +16,9 @@ from gearlib.pair import GearPair
 from gearlib.profiles import Fourier
 from gearlib.sweeping import sweep
 from gearlib.variables import describe
+
+if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
+    from gearlib.integrators import rk45  # noqa: F401
 
 #: Heights closer than this, in static deflections, are those of one orbit.
 SAME_HEIGHT = 0.1

@@ -70,7 +70,8 @@ def trust(
     pair : GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator
     tuning : float
     periods, record_periods : int
-        As of `gearlib.simulate`; the longer run takes four times the periods.
+        As of `gearlib.simulate`; the longer run takes four times the periods. With run-out at least
+        a repeat of it is recorded, and `periods` have to hold two beside the transient.
     initial_state : tuple of float
         As of `gearlib.simulate`.
     disturbance : float
@@ -87,12 +88,15 @@ def trust(
     ValueError
         Naming the argument, its value and the allowed range.
     """
+    integrators.choose(pair, None, None)
     tuning = check_tuning("tuning", tuning)
     disturbance = finite_positive("disturbance", disturbance)
     exponent_periods = integer("exponent_periods", exponent_periods, lyapunov.BATCHES)
+    periods = integer("periods", periods, 1)
+    record_periods = integer("record_periods", record_periods, 1, periods)
     base = {
-        "periods": integer("periods", periods, 1),
-        "record_periods": record_periods,
+        "periods": periods,
+        "record_periods": max(record_periods, min(pair.repeats, periods)),
         "initial_state": initial_state,
         "samples_per_period": 1,
     }
@@ -100,14 +104,14 @@ def trust(
     names, runs = [], []
     for name, model, changed in (
         ("as asked", pair, {}),
-        ("longer", pair, {"periods": 4 * base["periods"]}),
+        ("longer", pair, {"periods": 4 * periods}),
         ("disturbed", pair, {"initial_state": (x + disturbance, v)}),
         *_other_ways(pair),
     ):
         names.append(name)
         runs.append(march(model, tuning, **base | changed))
     found = lyapunov.largest(
-        pair, tuning, state=initial_state, settle=base["periods"], periods=exponent_periods
+        pair, tuning, state=initial_state, settle=periods, periods=exponent_periods
     )
     columns = {
         "displacement_max": np.array([run.table[orbit.X_MAX] for run in runs]),
@@ -126,7 +130,7 @@ def trust(
         disturbance=disturbance,
         exponent_periods=exponent_periods,
     )
-    return decide(table, found)
+    return decide(table, found, pair.repeats)
 
 
 def scan(pair, tunings, **options):
@@ -148,7 +152,7 @@ def scan(pair, tunings, **options):
     found = [trust(pair, nu, **options) for nu in tunings]
     data = {
         "label": ("tuning", np.array([LABELS.index(one.label) for one in found], np.int8)),
-        "period": ("tuning", np.array([one.period for one in found], np.int8)),
+        "period": ("tuning", np.array([one.period for one in found], np.int32)),
         "digits": ("tuning", np.array([one.digits for one in found])),
         "exponent": ("tuning", np.array([one.exponent for one in found])),
         "uncertainty": ("tuning", np.array([one.uncertainty for one in found])),
@@ -177,7 +181,7 @@ def _other_ways(pair):
         yield f"{2 * profile.harmonics} harmonics", finer, {}
 
 
-def decide(runs, found):
+def decide(runs, found, repeats=1):
     """Return the `Trust` that follows from the runs and the exponent; see the rules above.
 
     Parameters
@@ -185,6 +189,8 @@ def decide(runs, found):
     runs : xarray.Dataset
         displacement_max, displacement_min, period, status over run.
     found : gearlib.lyapunov.Exponent
+    repeats : int, default 1
+        Mesh periods after which the excitation repeats.
     """
 
     def verdict(label, message, period=0, digits=math.nan):
@@ -203,17 +209,20 @@ def decide(runs, found):
     periods = set(runs.period.values.tolist())
     if found.growth < _DECAY:
         if periods == {0} or len(periods) > 1:
-            return verdict(
-                "undecided",
-                "deviations decay, but not all runs repeat: run more periods to settle",
-            )
+            message = "deviations decay, but not all runs repeat: run more periods to settle"
+            if repeats > 1:
+                message += (
+                    f", and beyond that two repeats of the run-out, of {repeats} periods each"
+                )
+            return verdict("undecided", message)
         period = periods.pop()
         digits = _digits(runs)
         if digits < DIGITS:
             return verdict(
                 "undecided",
                 f"every run repeats, but their extrema agree in {max(digits, 0.0):.1f} digits "
-                "only: more than one orbit attracts; see the runs",
+                "only: more than one orbit attracts, or its period is more than record_periods; "
+                "see the runs",
             )
         return verdict(
             "periodic", f"all runs agree in {digits:.1f} digits", period=period, digits=digits

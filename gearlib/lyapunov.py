@@ -66,7 +66,8 @@ def largest(pair, tuning, *, state=(0.0, 0.0), settle=1000, periods=4000, max_ev
     done = -settle
     while done < periods:
         count = min(_CHUNK, periods - done) if done >= 0 else min(_CHUNK, -done)
-        z, maps, code = period_maps(pair, tuning, z, count, max_events)
+        first = (settle + done) % pair.repeats
+        z, maps, code = period_maps(pair, tuning, z, count, max_events, first)
         if code != status.OK:
             return Exponent(math.nan, math.nan, math.nan, periods)
         maps = without_rotation(pair, maps)

@@ -75,6 +75,9 @@ class GearPair:
     backlash_damping: float = 0.0
     teeth: int = 24
 
+    #: Mesh periods after which the excitation repeats.
+    repeats = 1
+
     def __post_init__(self):
         def put(name, value):
             # The one place where the frozen fields are set, to plain floats.
@@ -223,6 +226,8 @@ class GearPair:
 
     def replace(self, **changes):
         """Return a copy with some SI parameters changed (and checked)."""
+        names = [field.name for field in dataclasses.fields(self)]
+        checks.known(type(self).__name__, changes, names)
         return dataclasses.replace(self, **changes)
 
     def as_dict(self):

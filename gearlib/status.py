@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gearlib.core.run import EVENT_LIMIT, JAMMED, NOT_CONVERGED, OK, OVERFLOW, STALLED
+from gearlib.core.run import EVENT_LIMIT, JAMMED, NOT_CONVERGED, OK, OVERFLOW, STALLED, UNRESOLVED
 
 MESSAGES = {
     OK: "the run is complete",
@@ -26,10 +26,14 @@ MESSAGES = {
         "the moving bearings closed the backlash, so that both flanks would touch at once: "
         "raise the backlash, stiffen the bearings, or take moving_backlash=False"
     ),
+    UNRESOLVED: (
+        "the motion kept so close to a flank line that rounding hides whether it crosses it: "
+        'move the initial state or the tuning by a millionth, or take method "scipy"'
+    ),
 }
 
 #: CF flag attributes of every variable that holds a status.
 FLAGS = {
     "flag_values": np.array(list(MESSAGES), dtype=np.int8),
-    "flag_meanings": "ok event_limit overflow not_converged stalled jammed",
+    "flag_meanings": "ok event_limit overflow not_converged stalled jammed unresolved",
 }

@@ -36,7 +36,7 @@ def variables(dims, table, ends, codes, record_periods):
         "fraction_inverse": table[..., orbit.TIME_INVERSE] / span,
         "fraction_min_stiffness": table[..., orbit.TIME_LOW] / span,
         "bounces": table[..., orbit.BOUNCES] / record_periods,
-        "period": codes[..., 0].astype(np.int8),
+        "period": codes[..., 0].astype(np.int32),
         "status": codes[..., 1].astype(np.int8),
     }
     named = {name: (dims, values) for name, values in columns.items()}

@@ -9,6 +9,7 @@ import xarray as xr
 from gearlib import checks, provenance, summary
 from gearlib.arguments import MAX_EVENTS, check_run, check_tuning
 from gearlib.core import orbit
+from gearlib.models.six_degrees import SixDegreePair
 from gearlib.variables import describe
 
 DIRECTIONS = ("cold", "up", "down")
@@ -46,6 +47,8 @@ def sweep(
         "cold" starts every tuning from `initial_state`. "up" and "down" go through the tunings
         in ascending or descending order, each run starting from the final state of the one
         before it, which shows hysteresis; after a run that could not go on, from `initial_state`.
+        With run-out the gears go on turning from where they are, as in a slow run-up; six degrees
+        of freedom do so by method "exact" only.
     method : str, optional
         A name of `gearlib.methods`; by default "exact" where it takes the model, else "taylor".
         The others are for comparison; their extrema are those of their step ends.
@@ -65,8 +68,9 @@ def sweep(
         C_min), shares of time; bounces, losses of normal contact per mesh period; period, the
         smallest n <= 16 for which the last n stroboscopic states repeat those of n periods
         before within 1e-6 of the orbit's height (of a static deflection if that is larger), 0
-        if there is none; final_state (tuning, component); status, with NaN in all other
-        variables where it is not 0; the scales to SI.
+        if there is none, or the run is shorter than 2 n - 1 periods; with run-out n may also be
+        1 to 16 times the mesh periods after which that repeats; final_state (tuning, component);
+        status, with NaN in all other variables where it is not 0; the scales to SI.
 
     Raises
     ------
@@ -78,6 +82,12 @@ def sweep(
         pair, periods, record_periods, initial_state, method, options, max_events
     )
     checks.one_of("direction", direction, DIRECTIONS)
+    if direction != "cold" and method != "exact" and isinstance(pair, SixDegreePair):
+        raise ValueError(
+            f"direction = {direction!r} is not allowed for six degrees of freedom by method "
+            f"{method!r}: it must be 'cold', or the method 'exact', which carries all coordinates "
+            "along"
+        )
     threads = os.cpu_count() if threads is None else checks.integer("threads", threads, 1)
 
     table = np.empty((tunings.size, orbit.SUMMARY_COLUMNS))

@@ -42,8 +42,8 @@ def full_state(pair, tuning, state):
     return pair.initial(system, state)[: moving_components(pair)]
 
 
-def period_maps(pair, tuning, state, periods, limit):
-    """Go through mesh periods from a state at tau = 0; return the map of each.
+def period_maps(pair, tuning, state, periods, limit, first=0):
+    """Go through mesh periods from a state at the start of one; return the map of each.
 
     Parameters
     ----------
@@ -54,6 +54,8 @@ def period_maps(pair, tuning, state, periods, limit):
     periods : int
     limit : int
         Most events in one mesh period.
+    first : int, default 0
+        Mesh period of the run-out in which they begin.
 
     Returns
     -------
@@ -76,7 +78,7 @@ def period_maps(pair, tuning, state, periods, limit):
         system, _ = pair.system(tuning)
         z = np.zeros(system.near.size)
         z[:n] = state
-        code = vary_linear(system, _TO_BERNSTEIN, z, n, periods, limit, maps)
+        code = vary_linear(system._replace(first=first), _TO_BERNSTEIN, z, n, periods, limit, maps)
         end = z[:n].copy()
     if code != status.OK:
         maps[:] = np.nan

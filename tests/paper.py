@@ -1,6 +1,12 @@
-"""The paper's gear pair (Fig. 3), without damping: tests lay theirs over it."""
+"""The paper's gear pair (Fig. 3), without damping, to lay others over; config.yaml as it is."""
+
+from pathlib import Path
+
+import yaml
 
 from gearlib.pair import GearPair
+
+CONFIG = yaml.safe_load((Path(__file__).parents[1] / "config.yaml").read_text(encoding="utf-8"))
 
 PAPER = GearPair(
     max_stiffness=4e8,

@@ -5,6 +5,9 @@ therefore ends its log with the checksums of its outputs, and every start of Sna
 them. A file whose time stamp is that of its checksum is not read again. A job that is running,
 or was killed, has no checksums in its log: Snakemake itself knows that its outputs do not count.
 
+Drawings and pages do not count: no job reads them, and no number is taken from them. A picture that
+somebody has changed stays until its data change, as for Snakemake it is up to date.
+
 The same lines go into a record beside Snakemake's own records of what its jobs were given. Logs
 whose lines are not there came with results from another folder, made with nobody knows which
 configuration.
@@ -17,6 +20,9 @@ from pathlib import Path
 
 #: Below the working folder, as all that Snakemake knows of earlier runs.
 RECORDS = Path(".snakemake/seals")
+
+#: What shows data and holds none that others take.
+DRAWN = {".png", ".svg", ".pdf", ".html"}
 
 _SEAL = re.compile(r"^wrote sha256 ([0-9a-f]{64}) at ([0-9]+) ns: (.+)$", re.M)
 
@@ -48,7 +54,7 @@ def seal(log, outputs):
 
 
 def foreign(results):
-    """Return the result files whose jobs did not run in this folder, sorted.
+    """Return the data files whose jobs did not run in this folder, sorted.
 
     Parameters
     ----------
@@ -58,15 +64,13 @@ def foreign(results):
     found = set()
     for log in results.rglob("logs/**/*.log"):
         record = RECORDS / log
-        known = set(_SEAL.findall(_text(record))) if record.is_file() else set()
-        found |= {
-            Path(name) for *rest, name in _SEAL.findall(_text(log)) if (*rest, name) not in known
-        }
+        known = _seals(record) if record.is_file() else set()
+        found |= {path for *_, path in _seals(log) - known}
     return sorted(path for path in found if path.is_file())
 
 
 def replaced(results):
-    """Return the result files that somebody changed after their jobs had written them.
+    """Return the data files that somebody changed after their jobs had written them.
 
     Parameters
     ----------
@@ -81,15 +85,17 @@ def replaced(results):
     """
     found = set()
     for log in results.rglob("logs/**/*.log"):
-        for digest, time, name in _SEAL.findall(_text(log)):
-            path = Path(name)
-            if path.is_file() and path.stat().st_mtime_ns != int(time) and _digest(path) != digest:
+        for digest, time, path in _seals(log):
+            if path.is_file() and path.stat().st_mtime_ns != time and _digest(path) != digest:
                 found.add(path)
     return sorted(found)
 
 
-def _text(path):
-    return path.read_text(encoding="utf-8", errors="replace")
+def _seals(log):
+    """Return the (digest, time, path) of data in a log."""
+    lines = _SEAL.findall(log.read_text(encoding="utf-8", errors="replace"))
+    seals = {(digest, int(time), Path(name)) for digest, time, name in lines}
+    return {seal for seal in seals if seal[-1].suffix not in DRAWN}
 
 
 def _digest(path):

@@ -3,6 +3,10 @@
 Snakemake sees neither edits of imported modules nor, with the triggers of this workflow, of the
 script itself. Listed as inputs they count by their content: an edit reruns the jobs whose results
 it can change and no others, a touched file reruns nothing.
+
+Modules that are loaded by their names, with `import_module`, cannot be seen. Those that any run may
+load are imported under `if TYPE_CHECKING`, where they are named; those that a job is told to load
+are given by its rule.
 """
 
 import ast
@@ -12,7 +16,7 @@ from pathlib import Path
 PACKAGE = "gearlib"
 
 
-def sources(script, root):
+def sources(script, root, loaded=()):
     """Return a script and every module of the package that it imports, directly or not.
 
     ``gearlib/__init__.py`` does not count: it is a table of lazy names. Scripts and modules
@@ -24,6 +28,8 @@ def sources(script, root):
         A Python file; modules beside it (not in the package) are followed as well.
     root : pathlib.Path
         The folder that holds the package.
+    loaded : iterable of str
+        Full names of modules that the script loads because it is told to.
 
     Returns
     -------
@@ -33,14 +39,18 @@ def sources(script, root):
     Raises
     ------
     ImportError
-        If a file imports from the package what is no module of it: the lazy names.
+        If a file imports from the package what is no module of it, the lazy names; or loads modules
+        by name and says not which.
     """
-    found, waiting = set(), [Path(script)]
+    script, root = Path(script), Path(root)
+    found, waiting = set(), [script]
+    for name in loaded:
+        waiting += _module_files(name, script, root)
     while waiting:
         path = waiting.pop()
         if path not in found:
             found.add(path)
-            waiting.extend(_imported_files(path, Path(root)))
+            waiting += _imported_files(path, root)
     return sorted(found)
 
 
@@ -51,10 +61,15 @@ def _imported_files(path, root):
 
 
 def _follow_imports(path, root):
-    module = ast.parse(path.read_text(encoding="utf-8"), filename=str(path))
+    text = path.read_text(encoding="utf-8")
+    if ("import_module" in text or "__import__" in text) and "if TYPE_CHECKING:" not in text:
+        raise ImportError(f"{path}: import under TYPE_CHECKING what is loaded by name")
+    module = ast.parse(text, filename=str(path))
     for node in _statements(module):
         if isinstance(node, ast.Import):
             for alias in node.names:
+                if alias.name == PACKAGE:
+                    raise ImportError(f"{path}:{node.lineno}: import modules by full names")
                 yield from _module_files(alias.name, path, root)
         elif isinstance(node, ast.ImportFrom):
             if node.level:

@@ -2,7 +2,7 @@
 
 Nothing is drawn by hand: the layers are those of the import contract in pyproject.toml, the duties
 of the modules those of the table in `gearlib/__init__.py`, the folders beside the package those of
-the README's table.
+the table in docs/architecture.md.
 """
 
 import html
@@ -48,11 +48,9 @@ def duties():
 
 
 def beside():
-    """Return folder -> its responsibility for the folders beside the package, from the README."""
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    house = text.split("## The house", 1)[1]
-    found = re.findall(r"^\| (`.*?) \| (.*?) \|$", house, re.M)
-    return {names: words for names, words in found if "`gearlib" not in names}
+    """Return folder -> its responsibility for the folders beside the package."""
+    text = (ROOT / "docs/architecture.md").read_text(encoding="utf-8")
+    return dict(re.findall(r"^\| (`.*?) \| (.*?) \|$", text, re.M))
 
 
 def picture():

@@ -91,7 +91,7 @@ def _section(node, whole):
 
 def _row(key, node, whole):
     default = node.get("default")
-    shown = "" if default is None or default == {} else _short(default)
+    shown = "" if default in (None, {}, []) else _short(default)
     words = allowed(node, whole).replace("|", "\\|").replace("<", "&lt;").replace(">", "&gt;")
     return f"`{key}`", _words(node, whole), words, shown
 

@@ -149,7 +149,7 @@ def _six_degrees(facts):
 
 
 def _share_at_max(facts):
-    return "the stretch at C_max is epsilon - 1 of a mesh period: 0.1 and 0.9 of it"
+    return "the stretch at C_max is epsilon - 1 of a mesh period"
 
 
 #: id of the statement -> sentence from the facts.

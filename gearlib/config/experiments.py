@@ -158,6 +158,10 @@ class Jump(Grid):
     tolerances: listing(
         number_within(gt=0, le=0.1), "Relative tolerances of a 4(5) pair without event location."
     ) = [1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8]
+    marked: Annotated[
+        list[Tuning],
+        Field(max_length=2, description="Tunings marked in the figures, and the band between."),
+    ] = []
 
 
 Harmonics = integer_within(ge=1, le=100_000)

@@ -43,6 +43,7 @@ Target = Literal[
     "phase_planes",
     "scenes",
     "jump",
+    "labels",
     "branches",
     "nonlinear_damping",
     "analytic_method",
@@ -66,9 +67,11 @@ class Config(Section):
     """The configuration of the workflow."""
 
     # Each section is described by its own docstring.
-    targets: listing(Target, "What `snakemake` without a target computes and draws.") = list(
-        get_args(Target)
-    )
+    targets: listing(
+        Target,
+        "What `snakemake` without a target computes and draws. Fig. 3 shows labels, branches and "
+        "tongues where labels, branches and parametric_resonance are among them.",
+    ) = list(get_args(Target))
     gear_pair: GearPairSection
     dampings: dict[Name, Damping] = Field(
         min_length=1, description="The damping combinations, by name."

@@ -38,9 +38,11 @@ Kernels check nothing; the calls above them do.
 
 
 def warm_up():
-    """Compile every kernel that the public calls use, or load it; return the source hash.
+    """Compile, or load, what `simulate` and `sweep` need for a `GearPair`; return the source hash.
 
-    Parallel jobs that start without machine code would each compile the same kernels.
+    Parallel jobs that start without machine code would each compile these kernels, which nearly all
+    share. The others are compiled by the first job that needs them: were they here, an edit of any
+    of them would rerun every job.
     """
     import numpy as np
 

@@ -2,8 +2,11 @@
 
 numba's own cache looks at the file of a function only and misses edits in the modules it
 calls. Here the folder carries a hash of all kernel sources, so that a stale kernel cannot be
-loaded. It lies in the user's cache folder (or under ``NUMBA_CACHE_DIR``), outside the checkout,
-and serves every checkout of the same sources.
+loaded; a kernel outside of this package, which may call these and those of its own file, has a
+folder inside with a hash of that file. All lies in the user's cache folder (or under
+``NUMBA_CACHE_DIR``), outside the checkout, and serves every checkout of the same sources. A folder
+that no process has begun to use for a month goes when a new one is made: whoever still runs
+compiles what it has not loaded yet.
 
 numba also keeps an index of its files, which it reads, changes and writes back: two processes that
 save the same function for different arguments, or for the processors of two nodes with one home,
@@ -15,7 +18,10 @@ Whoever comes second writes the same code once more.
 import contextlib
 import hashlib
 import os
+import re
+import shutil
 import tempfile
+import time
 from pathlib import Path
 
 import numba
@@ -26,11 +32,14 @@ from numba.core.caching import (
     UserProvidedCacheLocator,
 )
 
+_CORE = Path(__file__).parent
+_MONTH = 30 * 24 * 3600.0
+
 
 def source_hash():
     """Return the hash (16 hex digits) of all kernel sources."""
     digest = hashlib.sha256()
-    for path in sorted(Path(__file__).parent.rglob("*.py")):
+    for path in sorted(_CORE.rglob("*.py")):
         digest.update(path.name.encode())
         digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
@@ -42,12 +51,35 @@ def _folder():
     if base is None:
         cache = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
         base = os.path.join(cache, "gearlib")
+    folder = os.path.join(base, name)
     try:
-        os.makedirs(os.path.join(base, name), exist_ok=True)
+        if not os.path.isdir(folder):
+            os.makedirs(folder, exist_ok=True)
+            remove_unused(base)
     except OSError:
         # A read-only home must not keep anyone from computing.
-        base = _temporary_folder()
-    return os.path.join(base, name)
+        folder = os.path.join(_temporary_folder(), name)
+    with contextlib.suppress(OSError):
+        os.utime(folder)
+    return folder
+
+
+def remove_unused(base, now=None):
+    """Remove the folders of machine code below `base` that no process has used for a month.
+
+    Parameters
+    ----------
+    base : str or os.PathLike
+        Other files and folders there are left alone.
+    now : float, optional
+        Seconds since the epoch; by default the clock's.
+    """
+    oldest = (time.time() if now is None else now) - _MONTH
+    for path in Path(base).iterdir():
+        # Whatever cannot be looked at or removed, another process's or another user's, stays.
+        with contextlib.suppress(OSError):
+            if re.fullmatch("kernels-[0-9a-f]{16}", path.name) and path.stat().st_mtime < oldest:
+                shutil.rmtree(path, ignore_errors=True)
 
 
 def _temporary_folder():
@@ -70,7 +102,11 @@ class _Locator(UserProvidedCacheLocator):
     def __init__(self, py_func, py_file):
         self._py_file = py_file
         self._lineno = py_func.__code__.co_firstlineno
-        self._cache_path = os.path.join(_FOLDER, Path(py_file).parent.name)
+        path = Path(py_file)
+        folder = path.parent.name
+        if not path.is_relative_to(_CORE):
+            folder += "-" + hashlib.sha256(path.read_bytes()).hexdigest()[:16]
+        self._cache_path = os.path.join(_FOLDER, folder)
 
     @classmethod
     def from_function(cls, py_func, py_file):

@@ -15,7 +15,8 @@ from gearlib.core.oscillator import UNDERDAMPED, evolve, turning_time
 #: A dip below a line smaller than this share of the deflections at hand cannot be told from
 #: rounding and counts as grazing from inside: no event.
 GRAZING = 4e-16
-_MAX_ITERATIONS = 120
+#: Of Newton's method; every eighth halves the bracket: 60 halvings leave nothing.
+_MAX_ITERATIONS = 480
 
 
 @kernel
@@ -60,7 +61,7 @@ def descent_time(lev, u, v, line, horizon):
 def _descent_root(lev, u, v, line, low, high):
     """Return the root of u(t) = line on [low, high], where u falls monotonically through it."""
     t = 0.5 * (low + high)
-    for _ in range(_MAX_ITERATIONS):
+    for step in range(_MAX_ITERATIONS):
         height, speed = evolve(lev, u, v, t)
         if height > line:
             low = t
@@ -69,7 +70,7 @@ def _descent_root(lev, u, v, line, low, high):
         if abs(height - line) <= 2e-16 * abs(line):
             break
         new = t - (height - line) / speed if speed < 0.0 else low
-        if not low < new < high:
+        if not low < new < high or step % 8 == 7:
             new = 0.5 * (low + high)
         moved = abs(new - t)
         t = new

@@ -15,7 +15,7 @@ from gearlib.core.jit import kernel
 from gearlib.core.mesh import BACKLASH, INVERSE, NORMAL
 from gearlib.core.passage import pass_period, ways
 from gearlib.core.polynomial import first_fall, highest, horner
-from gearlib.core.run import EVENT_LIMIT, JAMMED, OK, OVERFLOW
+from gearlib.core.run import EVENT_LIMIT, JAMMED, OK, OVERFLOW, UNRESOLVED
 from gearlib.core.system import (
     ORDER,
     carry,
@@ -35,7 +35,9 @@ _REST = 1e-14
 
 @kernel
 def _first_event(contact, on_line, at_rest, near, far, to_bernstein, scaled, work):
-    """Return (share of the step, next contact code) of the first event; share 2: none.
+    """Return (share of the step, next contact code) of the first event.
+
+    Share 2: none; -1: rounding hides whether there is one.
 
     near, far: polynomials of y and y - s over the step. `on_line`: the step starts exactly on a
     line (1 the normal, -1 the far one, 0 none); `at_rest`: and at rest relative to it.
@@ -82,7 +84,8 @@ def go(system, table, to_bernstein, z, contact, on_line, at_rest, s, record, rec
     -------
     contact : int
     events : int
-        Number of events, limit + 1 when there were more, limit + 2 where the flanks jam.
+        Number of events, limit + 1 when there were more, limit + 2 where the flanks jam, limit + 3
+        where rounding hides whether there is one.
     record, recorded
     """
     n = z.shape[0]
@@ -104,6 +107,8 @@ def go(system, table, to_bernstein, z, contact, on_line, at_rest, s, record, rec
                 share, target = _first_event(
                     contact, on_line, at_rest, near, far, to_bernstein, s.scaled, s.work
                 )
+                if share < 0.0:
+                    return contact, limit + 3, record, recorded
                 at_rest = False
                 length = left if share > 1.0 else share * left
                 if recorded == record.shape[0]:
@@ -136,7 +141,9 @@ def go(system, table, to_bernstein, z, contact, on_line, at_rest, s, record, rec
 @kernel
 def stopped(count, limit):
     """Return the status of a period with more than `limit` events, as counted by `go`."""
-    return EVENT_LIMIT if count == limit + 1 else JAMMED
+    if count == limit + 1:
+        return EVENT_LIMIT
+    return JAMMED if count == limit + 2 else UNRESOLVED
 
 
 @kernel
@@ -254,11 +261,11 @@ def run_linear(
     """
     orbit.clear_summary(summary)
     n = z.shape[0]
-    kept = min(periods, orbit.STROBE_PERIODS)
+    kept = min(periods, orbit.strobe_periods(system.repeats))
     strobes = np.empty((kept + 1, 2))
     unseen = periods - record_periods
     found = 0
-    set_harmonics(system, z, 0.0)
+    set_harmonics(system, z, 2.0 * math.pi * system.first)
     contact, on_line, at_rest = contact_at(system, z)
     speed = _velocity(system)
     x, v = dot(system.position, z), dot(speed, z)
@@ -267,7 +274,7 @@ def run_linear(
         short, rest = image(part.into, z), image(part.rest_into, z)
         for i in range(unseen):
             # Harmonics are put to their values: their rounding must not grow with the run.
-            set_harmonics(own, short, 2.0 * math.pi * i)
+            set_harmonics(own, short, 2.0 * math.pi * (system.first + i))
             row = i - (periods - kept)
             if row >= 0:
                 strobes[row, 0], strobes[row, 1] = x, v
@@ -287,7 +294,7 @@ def run_linear(
     record = np.empty((64, 4 + (ORDER + 1) * n))
     previous = float(contact)
     for i in range(unseen, periods):
-        set_harmonics(system, z, 2.0 * math.pi * i)
+        set_harmonics(system, z, 2.0 * math.pi * (system.first + i))
         row = i - (periods - kept)
         if row >= 0:
             strobes[row, 0], strobes[row, 1] = x, v
@@ -302,6 +309,8 @@ def run_linear(
             return x, v, 0, events, 0, OVERFLOW
         for j in range(rows):
             _summarise(system, to_bernstein, record[j], n, s, summary)
+            if orbit.unresolved(summary):
+                return x, v, 0, events, 0, UNRESOLVED
             if record[j, 2] != previous:
                 if previous == NORMAL:
                     summary[orbit.BOUNCES] += 1.0
@@ -323,4 +332,5 @@ def run_linear(
             _sample(system, record, rows, n, outputs, rows_of, s)
     strobes[kept, 0], strobes[kept, 1] = x, v
     height = summary[orbit.X_MAX] - summary[orbit.X_MIN]
-    return x, v, orbit.orbit_period(strobes, system.tuning, height), events, found, OK
+    period = orbit.orbit_period(strobes, system.tuning, height, system.repeats)
+    return x, v, period, events, found, OK

@@ -29,7 +29,7 @@ def _saltation(before, after, functional, z, n):
 
 @kernel
 def vary_linear(system, to_bernstein, z, moving, periods, limit, matrices):
-    """Go through mesh periods from z at tau = 0 and fill the map of each.
+    """Go through mesh periods from z at the start of one and fill the map of each.
 
     Parameters
     ----------
@@ -54,11 +54,11 @@ def vary_linear(system, to_bernstein, z, moving, periods, limit, matrices):
     whole = np.zeros((3, system.knots.shape[0], moving, moving))
     known = np.zeros((3, system.knots.shape[0]), dtype=np.bool_)
     # The lines of contact need the constants, which come with the harmonics.
-    set_harmonics(system, z, 0.0)
+    set_harmonics(system, z, 2.0 * np.pi * system.first)
     contact, on_line, at_rest = contact_at(system, z)
     previous = contact
     for i in range(periods):
-        set_harmonics(system, z, 2.0 * np.pi * i)
+        set_harmonics(system, z, 2.0 * np.pi * (system.first + i))
         contact, count, record, rows = go(
             system, table, to_bernstein, z, contact, on_line, at_rest, s, record, 0, limit
         )

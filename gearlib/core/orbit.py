@@ -30,9 +30,10 @@ SAMPLE_COLUMNS = 6
 EVENT_PERIOD, EVENT_PHASE, EVENT_FROM, EVENT_TO, EVENT_VELOCITY = range(5)
 EVENT_COLUMNS = 5
 
-#: Longest orbit that is looked for, in mesh periods.
+#: Longest orbit that is looked for, in mesh periods; with run-out also in repeats of it.
 MAX_PERIOD = 16
-#: Mesh periods before the end whose states are kept, to compare two spans of the longest orbit.
+#: Mesh periods before the end whose states are kept, to compare two spans of the longest orbit;
+#: with run-out `strobe_periods`.
 STROBE_PERIODS = 2 * MAX_PERIOD - 1
 #: Stroboscopic states this close, in units of the orbit's height (or of the static deflection if
 #: that is larger), are the same: far above the rounding of a run, far below a visible difference.
@@ -47,6 +48,12 @@ def clear_summary(summary):
     summary[X_MIN] = math.inf
     summary[FORCE_MAX] = -math.inf
     summary[FORCE_MIN] = math.inf
+
+
+@kernel
+def unresolved(summary):
+    """Return whether an extremum could not be found."""
+    return np.isnan(summary[: FORCE_MIN + 1]).any()
 
 
 @kernel
@@ -179,8 +186,18 @@ def sample_arcs(m, arcs, count, samples):
 
 
 @kernel
-def orbit_period(strobes, tuning, height):
-    """Return the smallest n <= 16 such that the last n stroboscopic states repeat after n periods.
+def strobe_periods(repeats):
+    """Return how many periods before the end `orbit_period` looks at."""
+    return 2 * MAX_PERIOD * repeats - 1
+
+
+@kernel
+def orbit_period(strobes, tuning, height, repeats=1):
+    """Return the smallest n such that the last n stroboscopic states repeat after n periods.
+
+    n is at most 16 mesh periods, or a multiple, up to the 16th, of the `repeats` mesh periods after
+    which a run-out repeats. An n that is none has to hold all through a repeat, since a slow
+    run-out moves little from a period to the next.
 
     Parameters
     ----------
@@ -190,6 +207,8 @@ def orbit_period(strobes, tuning, height):
         nu; turns dx/dtau into a displacement.
     height : float
         Height of the orbit, the scale of the comparison.
+    repeats : int, default 1
+        Mesh periods after which the excitation repeats.
 
     Returns
     -------
@@ -198,13 +217,15 @@ def orbit_period(strobes, tuning, height):
     """
     last = strobes.shape[0] - 1
     tolerance = SAME_STATE * max(1.0, height)
-    for n in range(1, MAX_PERIOD + 1):
-        if last < 2 * n - 1:
+    for i in range(2 * MAX_PERIOD):
+        n = i + 1 if i < MAX_PERIOD else (i + 1 - MAX_PERIOD) * repeats
+        span = max(n, repeats)
+        if last < n + span - 1:
             return 0
         same = True
-        for j in range(n):
-            dx = abs(strobes[last - j, 0] - strobes[last - j - n, 0])
-            dv = abs(strobes[last - j, 1] - strobes[last - j - n, 1])
+        for j in range(span):
+            dx = abs(strobes[last - j % n, 0] - strobes[last - j - n, 0])
+            dv = abs(strobes[last - j % n, 1] - strobes[last - j - n, 1])
             if not (dx <= tolerance and tuning * dv <= tolerance):
                 same = False
                 break

@@ -180,7 +180,8 @@ def _stays_above(rows, tail, i, p, side, z, wide):
 def _fall(rows, tail, i, p, side, share, on_line, at_rest, z, wide, to_bernstein, work):
     """Return where side times a functional first falls through zero, as a part of `share` knots.
 
-    `on_line`, `at_rest`: whether it starts at zero, and at rest; rows, tail: fields of `Ways`.
+    2 and -1 as of `first_fall`. `on_line`, `at_rest`: whether it starts at zero, and at rest;
+    rows, tail: fields of `Ways`.
     """
     if _stays_above(rows, tail, i, p, side, z, wide) and not on_line:
         return 2.0
@@ -216,7 +217,7 @@ def pass_period(system, table, to_bernstein, z, contact, on_line, at_rest, limit
     -------
     contact : int
     events : int
-        Number of events, limit + 1 when there were more, limit + 2 where the flanks jam.
+        Number of events, or more than `limit` as of `gearlib.core.linear.go`.
     """
     # Arrays instead of `Ways`: every look into a tuple counts references, which would cost more
     # than the sums.
@@ -281,6 +282,8 @@ def pass_period(system, table, to_bernstein, z, contact, on_line, at_rest, limit
                     else:
                         _advance(fine, rate, i, p, h, left, state, term, image)
                     break
+                if best < 0.0:
+                    return contact, limit + 3
                 length = best * left
                 _advance(fine, rate, i, p, h, length, state, term, image)
                 events += 1

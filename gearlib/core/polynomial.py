@@ -3,7 +3,8 @@
 A polynomial on [0, 1] lies between its smallest and its largest Bernstein coefficient. So an
 interval without a negative coefficient holds no crossing, one with falling coefficients and a
 negative end holds exactly one, and any other is halved (de Casteljau). Nothing is sampled: a dip
-below zero, however short, makes a coefficient negative.
+below zero, however short, makes a coefficient negative. What would take too many halvings is not
+guessed: the answer is then that there is none.
 """
 
 import math
@@ -12,11 +13,13 @@ import numpy as np
 
 from gearlib.core.jit import inlined, kernel
 
-#: Halvings of the interval before what is left is called grazing.
+#: Halvings after which an interval is as short as rounding.
 _MAX_DEPTH = 48
-_MAX_NEWTON = 60
-#: Intervals looked at before what is left is called grazing: a polynomial that hugs the line
-#: within its rounding would have all its halves looked at.
+#: Steps of Newton's method, of which every eighth halves the bracket: 60 halvings leave nothing.
+_MAX_NEWTON = 480
+#: Steps from a start so close that none has ever needed ten.
+_FEW_NEWTON = 60
+#: Intervals looked at; polynomials with up to ten nearly double roots take 140.
 _MAX_INTERVALS = 1000
 #: A dip smaller than this share of the coefficients cannot be told from their rounding.
 _ROUNDING = 4e-16
@@ -60,14 +63,14 @@ def _to_bernstein(coefficients, matrix, out):
 def _bracketed_root(coefficients, low, high):
     """Return the root on [low, high] of a polynomial that falls through zero once there."""
     s = 0.5 * (low + high)
-    for _ in range(_MAX_NEWTON):
+    for step in range(_MAX_NEWTON):
         value, slope = horner(coefficients, s)
         if value > 0.0:
             low = s
         else:
             high = s
         new = s - value / slope if slope < 0.0 else low
-        if not low < new < high:
+        if not low < new < high or step % 8 == 7:
             new = 0.5 * (low + high)
         moved = abs(new - s)
         s = new
@@ -89,11 +92,14 @@ def lowest_of_parabola(a, b, c):
 def first_fall(coefficients, to_bernstein, work):
     """Return the first s in [0, 1] where a polynomial falls through zero, 2 if there is none.
 
+    -1 if the budget of intervals does not suffice to tell.
+
     Parameters
     ----------
     coefficients : ndarray, shape (n + 1,)
-        Power coefficients, constant first; may be changed. The polynomial starts at or above zero;
-        from exactly zero it counts as falling at once when its slope is negative.
+        Power coefficients, constant first; may be changed. From zero, or below it by the rounding
+        of whoever starts there, the polynomial counts as falling at once when its slope is
+        negative; else what counts is where it falls after it has come up.
     to_bernstein : ndarray, shape (n + 1, n + 1)
         `bernstein_matrix` of degree n.
     work : ndarray, shape (50, n + 2)
@@ -108,6 +114,9 @@ def first_fall(coefficients, to_bernstein, work):
     for k in range(n + 1):
         noise += abs(coefficients[k])
     noise *= _ROUNDING
+    if not noise < math.inf:
+        # Beyond the range of numbers: so is the end of the step, whose status says so.
+        return 2.0
     if coefficients[0] <= 0.0 and coefficients[1] < -noise:
         return 0.0
     # From a start on the line a factor s is divided out, and another from a start at rest: beside
@@ -132,12 +141,12 @@ def first_fall(coefficients, to_bernstein, work):
     work[0, n + 1] = 1.0
     for _ in range(_MAX_INTERVALS):
         if depth < 0:
-            break
+            return 2.0
         b = work[depth]
         width = b[n + 1]
-        smallest, falling = b[0], True
+        smallest, largest, falling = b[0], b[0], True
         for j in range(1, n + 1):
-            smallest = min(smallest, b[j])
+            smallest, largest = min(smallest, b[j]), max(largest, b[j])
             if b[j] > b[j - 1]:
                 falling = False
         if smallest >= -noise:
@@ -145,7 +154,14 @@ def first_fall(coefficients, to_bernstein, work):
             depth -= 1
         elif falling and b[n] < -noise:
             return _bracketed_root(coefficients, low, low + width)
-        elif depth == _MAX_DEPTH or width < 1e-15:
+        elif largest < 0.0 and b[n] >= b[0]:
+            # Below from the start, and coming up.
+            low += width
+            depth -= 1
+        elif depth == _MAX_DEPTH:
+            if b[n] < -noise and b[n] < b[0]:
+                # Rounding hides how it falls, not that it does.
+                return low
             low += width
             depth -= 1
         else:
@@ -159,7 +175,7 @@ def first_fall(coefficients, to_bernstein, work):
             b[n + 1] = 0.5 * width
             left[n + 1] = 0.5 * width
             depth += 1
-    return 2.0
+    return 2.0 if depth < 0 else -1.0
 
 
 @inlined
@@ -243,7 +259,7 @@ def fall_by_shape(coefficients, first):
             break
         s -= value / slope
     low, high = 0.0, 1.0
-    for _ in range(_MAX_NEWTON):
+    for _ in range(_FEW_NEWTON):
         value, slope = _value_and_slope(c, first, top, s)
         if value > 0.0:
             low = s
@@ -258,7 +274,7 @@ def fall_by_shape(coefficients, first):
         else:
             new = 0.5 * (low + high)
         s = new
-    return s
+    return -1.0
 
 
 @kernel
@@ -266,7 +282,8 @@ def highest(coefficients, to_bernstein, work, floor):
     """Return the largest value of a polynomial on [0, 1], or `floor` if that is larger.
 
     Branch and bound on the Bernstein coefficients: an interval is dropped when none of them lies
-    above the best value so far. Arguments as of `first_fall`.
+    above the best value so far. NaN if the budget of intervals does not suffice. Arguments as of
+    `first_fall`.
     """
     n = coefficients.shape[0] - 1
     reach = 0.0
@@ -279,7 +296,7 @@ def highest(coefficients, to_bernstein, work, floor):
     depth = 0
     for _ in range(_MAX_INTERVALS):
         if depth < 0:
-            break
+            return floor
         b = work[depth]
         floor = max(floor, b[0], b[n])
         bound = b[0]
@@ -295,4 +312,4 @@ def highest(coefficients, to_bernstein, work, floor):
                 b[i] = 0.5 * (b[i] + b[i + 1])
             left[j] = b[0]
         depth += 1
-    return floor
+    return floor if depth < 0 else math.nan

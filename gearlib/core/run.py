@@ -8,7 +8,7 @@ from gearlib.core.march import ARC_COLUMNS, march, march_period, within_range
 from gearlib.core.mesh import contact_of
 from gearlib.core.transit import transit
 
-OK, EVENT_LIMIT, OVERFLOW, NOT_CONVERGED, STALLED, JAMMED = range(6)
+OK, EVENT_LIMIT, OVERFLOW, NOT_CONVERGED, STALLED, JAMMED, UNRESOLVED = range(7)
 
 _FIRST_ARCS = 32
 

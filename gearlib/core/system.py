@@ -33,6 +33,8 @@ class System(NamedTuple):
     fix: int  #: the component that is moved by rounding to put a state on a line
     harmonics: np.ndarray  #: frequencies of the cosine-sine pairs at the end of z, shape (m,)
     tuning: float
+    repeats: int = 1  #: mesh periods after which the excitation repeats
+    first: int = 0  #: mesh period of the excitation in which runs begin
 
 
 class Tables(NamedTuple):

@@ -17,11 +17,27 @@ import numpy as np
 
 from gearlib.core.jit import inlined, kernel
 from gearlib.core.march import ARC_COLUMNS, CONTACT, DURATION, LEVEL, march_period, within_range
-from gearlib.core.mesh import BACKLASH, NORMAL, contact_between, contact_of
+from gearlib.core.mesh import BACKLASH, contact_between, contact_of
 from gearlib.core.nonlinear import take_step
 from gearlib.core.oscillator import propagators
-from gearlib.core.run import EVENT_LIMIT, OK, OVERFLOW
-from gearlib.core.series import ORDER, damping_of, storage
+from gearlib.core.run import EVENT_LIMIT, OK, OVERFLOW, UNRESOLVED
+from gearlib.core.series import (
+    D1,
+    D2,
+    D3,
+    GROUND,
+    LINE,
+    ORDER,
+    P2,
+    P3,
+    ROWS,
+    U_SQUARE,
+    V_SQUARE,
+    C,
+    U,
+    V,
+    tables,
+)
 
 #: x^20 / 20! = 1e-17 at x = 1.18.
 _CONVERGED = 1.18
@@ -100,31 +116,22 @@ def vary(m, x, v, periods, limit, matrices):
 
 
 @kernel
-def _follow_step(law, contact, sign, h, s, work, matrix):
-    """Multiply `matrix` by the map of one Taylor step, whose series are in `s`."""
-    drag, stiffness, a, b = work[0], work[1], work[2], work[3]
-    damping = damping_of(law, contact)
-    d1, d2, d3 = damping[0], sign * damping[1], damping[2]
-    side = 1.0 if contact > 0 else -1.0
-    p2, p3 = side * law.powers[0], law.powers[1]
+def _follow_step(constants, piece, contact, sign, h, series, work, matrix):
+    """Multiply `matrix` by the map of one Taylor step."""
+    row = constants[contact + 1, piece]
+    # Derivatives of the damping force by x' and of the mesh force by x, as series of time.
+    drag, slope, stiffness, a, b, image = work[0], work[1], work[2], work[3], work[4], work[5]
     for k in range(ORDER):
-        # Derivatives of the damping force by x' and of the mesh force by x, as series of time.
-        drag[k] = 2.0 * d2 * s.v[k]
-        slope = 2.0 * p2 * s.u[k] if contact != BACKLASH else 0.0
-        for i in range(k + 1):
-            drag[k] += 3.0 * d3 * s.v[i] * s.v[k - i]
-            if contact != BACKLASH:
-                slope += 3.0 * p3 * s.u[i] * s.u[k - i]
-        work[4, k] = slope
-    drag[0] += d1
-    work[4, 0] += 1.0
+        drag[k] = 2.0 * sign * row[D2] * series[V, k] + 3.0 * row[D3] * series[V_SQUARE, k]
+        slope[k] = 2.0 * row[P2] * series[U, k] + 3.0 * row[P3] * series[U_SQUARE, k]
+    drag[0] += row[D1]
+    slope[0] += 1.0
     for k in range(ORDER):
         stiffness[k] = 0.0
         if contact != BACKLASH:
             for i in range(k + 1):
-                stiffness[k] += s.c[i] * work[4, k - i]
-    stiffness[0] += law.ground
-    image = work[5]
+                stiffness[k] += series[C, i] * slope[k - i]
+    stiffness[0] += row[GROUND]
     for j in range(2):
         a[0], b[0] = (1.0, 0.0) if j == 0 else (0.0, 1.0)
         for k in range(ORDER):
@@ -151,25 +158,23 @@ def _stiffest(pieces, waves):
 
 
 @inlined
-def _reach(law, stiffest, contact, x, v):
+def _reach(row, stiffest, contact, x, v):
     """Return how far the series of a deviation at (x, x') carries.
 
     A deviation swings with the frequency of the contact though the motion may be slow, or rest:
     its own terms, (frequency h)^k / k!, have to fall below rounding by k = ORDER.
     """
-    u = 0.0
-    if contact != BACKLASH:
-        u = abs(x - (law.upper if contact == NORMAL else law.lower))
-    slope = 1.0 + (2.0 * law.powers[0] + 3.0 * law.powers[1] * u) * u
-    damping = damping_of(law, contact)
-    drag = damping[0] + (2.0 * damping[1] + 3.0 * damping[2] * abs(v)) * abs(v)
-    return _CONVERGED / (math.sqrt(law.ground + stiffest * slope) + drag)
+    u = abs(x - row[LINE]) if contact != BACKLASH else 0.0
+    slope = 1.0 + (2.0 * abs(row[P2]) + 3.0 * row[P3] * u) * u
+    drag = row[D1] + (2.0 * row[D2] + 3.0 * row[D3] * abs(v)) * abs(v)
+    return _CONVERGED / (math.sqrt(row[GROUND] + stiffest * slope) + drag)
 
 
 @kernel
 def vary_nonlinear(law, to_bernstein, x, v, periods, limit, matrices):
     """The same as `vary` for the nonlinear mesh, in Taylor steps."""
-    s = storage()
+    constants, harmonics = tables(law)
+    series, isolation = np.zeros((ROWS, ORDER + 1)), np.empty((50, ORDER + 2))
     work = np.zeros((6, ORDER + 1))
     contact, sign = contact_between(law.upper, law.lower, x, v), math.copysign(1.0, v)
     previous = contact
@@ -188,19 +193,33 @@ def vary_nonlinear(law, to_bernstein, x, v, periods, limit, matrices):
                 steps += 1
                 speed = v
                 old = sign
-                stop = min(end, phase + _reach(law, stiffest, contact, x, v))
+                row = constants[contact + 1, piece]
+                stop = min(end, phase + _reach(row, stiffest, contact, x, v))
                 h, during, contact, sign, x, v = take_step(
-                    law, to_bernstein, piece, phase, stop, contact, sign, x, v, s
+                    constants,
+                    harmonics,
+                    to_bernstein,
+                    piece,
+                    phase,
+                    stop,
+                    contact,
+                    sign,
+                    x,
+                    v,
+                    series,
+                    isolation,
                 )
+                if h < 0.0:
+                    return x, v, UNRESOLVED
                 # A step from rest sets out with the sign of its acceleration.
-                old = math.copysign(1.0, s.v[1]) if speed == 0.0 else old
+                old = math.copysign(1.0, series[V, 1]) if speed == 0.0 else old
                 if during != previous:
-                    before, after = damping_of(law, previous), damping_of(law, during)
-                    jump = after[0] - before[0] + (after[1] - before[1]) * abs(speed)
-                    jump += (after[2] - before[2]) * speed * speed
+                    before, after = constants[previous + 1, piece], constants[during + 1, piece]
+                    jump = after[D1] - before[D1] + (after[D2] - before[D2]) * abs(speed)
+                    jump += (after[D3] - before[D3]) * speed * speed
                     _multiply(1.0, 0.0, -jump, 1.0, matrix)
                     previous = during
-                _follow_step(law, during, old, h, s, work, matrix)
+                _follow_step(constants, piece, during, old, h, series, work, matrix)
                 phase += h
                 if not within_range(x, v):
                     return x, v, OVERFLOW

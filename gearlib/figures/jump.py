@@ -22,24 +22,24 @@ _KINDS = {
 }
 #: Shifts below this, in tuning, are drawn on a linear scale.
 _LINEAR = 1e-7
-#: The two tunings of the paper's Fig. 6.
-_PAPER = (0.815, 0.8151)
 
 
 @style.styled()
-def draw(jumps):
+def draw(jumps, marked=()):
     """Draw the orbit's height over the tuning and the jump over everything that may move it.
 
     Parameters
     ----------
     jumps : xarray.Dataset
         As computed by `gearlib.jump.compute`.
+    marked : sequence of float
+        Tunings to compare with, at most two.
 
     Returns
     -------
     matplotlib.figure.Figure
         Shifts on a logarithm to both sides of zero; the orange band is where the jump would lie
-        between the paper's two tunings. A variation without a jump in the scan is named above
+        between the marked tunings. A variation without a jump in the scan is named above
         its panel.
     """
     kinds = [kind for kind in _KINDS if kind in jumps.kind.values]
@@ -48,13 +48,13 @@ def draw(jumps):
     heights = [_TOP_HEIGHT] + [_ROW_HEIGHT] * rows
     figure = Figure((style.PAGE_WIDTH, sum(heights)), layout="constrained")
     grid = figure.add_gridspec(1 + rows, 2, height_ratios=heights)
-    _draw_scan(figure.add_subplot(grid[0, :]), jumps)
+    _draw_scan(figure.add_subplot(grid[0, :]), jumps, marked)
     first = None
     for i, kind in enumerate(kinds):
         axes = figure.add_subplot(grid[1 + i // 2, i % 2], sharey=first)
         first = first or axes
         shown = jumps.isel(variation=np.flatnonzero(jumps.kind.values == kind)).sortby("value")
-        _draw_kind(axes, shown, float(jumps.jump[0]), *_KINDS[kind])
+        _draw_kind(axes, shown, float(jumps.jump[0]), marked, *_KINDS[kind])
         if i % 2:
             axes.tick_params(labelleft=False)
         else:
@@ -64,7 +64,7 @@ def draw(jumps):
     return figure
 
 
-def _draw_scan(top, jumps):
+def _draw_scan(top, jumps, marked):
     """Draw the orbit's height over the tuning."""
     tuning, base = jumps.tuning.values, float(jumps.jump[0])
     top.plot(
@@ -73,23 +73,23 @@ def _draw_scan(top, jumps):
     words = "from rest the orbit does not jump in this scan: there is no shift to draw"
     if np.isfinite(base):
         words = f"from rest the orbit jumps at $\\nu_s$ = {base:.7f}"
-    paper = [nu for nu in _PAPER if tuning[0] <= nu <= tuning[-1]]
-    for nu in paper:
+    marked = [nu for nu in marked if tuning[0] <= nu <= tuning[-1]]
+    for nu in marked:
         top.axvline(nu, color=style.PALETTE[4], linewidth=0.6, linestyle="--")
-    if paper:
-        words += f" (dashed: the paper's {' and '.join(f'{nu:.4f}' for nu in paper)})"
+    if marked:
+        words += f" (dashed: {' and '.join(f'{nu:.4f}' for nu in marked)})"
     top.set_title(words)
     top.set_xlabel("tuning $\\nu_s$")
     top.set_ylabel("height of the orbit\n(static defl.)")
     top.set_xlim(tuning[0], tuning[-1])
 
 
-def _draw_kind(axes, rows, base, label, logarithmic):
+def _draw_kind(axes, rows, base, marked, label, logarithmic):
     """Draw the jump over the values of one kind of variation."""
     value, shift = rows.value.values, rows["shift"].values
-    if np.isfinite(base):
-        low, high = (nu - base for nu in _PAPER)
-        axes.axhspan(low, high, color=style.PALETTE[4], alpha=0.6, linewidth=0)
+    if np.isfinite(base) and marked:
+        low, high = min(marked) - base, max(marked) - base
+        axes.axhspan(low, high, color=style.PALETTE[4], alpha=0.6, linewidth=0.6)
     axes.axhline(0.0, color="black", linewidth=0.6, linestyle=":")
     many = rows.switches.values > 1
     # The panel also holds the values without a jump.

@@ -7,25 +7,25 @@ from gearlib.figures import style
 from gearlib.figures.work_precision import FAMILIES
 
 _ROW_HEIGHT, _HEAD = 0.125, 0.75
-#: The two tunings of the paper's Fig. 6.
-_PAPER = (0.815, 0.8151)
 _COLUMNS = (1.01, 1.12)
 
 
 @style.styled()
-def draw(jumps):
+def draw(jumps, marked=()):
     """Draw the switch points of all methods over the tuning, the cheapest methods above.
 
     Parameters
     ----------
     jumps : list of xarray.Dataset
         Results of `gearlib.trials.jump_by_method.compute`, one for each method.
+    marked : sequence of float
+        Tunings to compare with, at most two.
 
     Returns
     -------
     matplotlib.figure.Figure
         Ticks lie in the middle of a step of the scan, that of the largest switch where bisection
-        puts it. The black line is the exact jump, the band the paper's pair of tunings; a thin
+        puts it. The black line is the exact jump, the band lies between the marked tunings; a thin
         line shows how far a scan went. Beside each row the evaluations per mesh period and the
         error of the largest switch; "none": the scan has no switch.
     """
@@ -37,9 +37,17 @@ def draw(jumps):
         ),
         key=lambda row: row[:3],
     )
-    figure = Figure((style.PAGE_WIDTH, _HEAD + _ROW_HEIGHT * len(rows)), layout="constrained")
+    # A single row would leave no room for the axes.
+    height = max(len(rows), 6)
+    figure = Figure((style.PAGE_WIDTH, _HEAD + _ROW_HEIGHT * height), layout="constrained")
     axes = figure.subplots()
-    axes.axvspan(*_PAPER, color=style.PALETTE[1], alpha=0.45, linewidth=0, zorder=0)
+    words = "line: exact jump"
+    if marked:
+        axes.axvspan(
+            min(marked), max(marked), color=style.PALETTE[1], alpha=0.45, linewidth=0.6, zorder=0
+        )
+        words += f"; band: {' to '.join(f'{nu:g}' for nu in marked)}"
+    axes.set_xlabel(f"tuning $\\nu_s$ ({words})")
     exact = float(jumps[0].exact_jump)
     if np.isfinite(exact):
         axes.axvline(exact, color="black", linewidth=0.7, zorder=1)
@@ -70,8 +78,7 @@ def draw(jumps):
         axes.set_xlim(min(starts), max(stops))
     axes.set_yticks(range(len(names)), names, fontsize=6)
     axes.tick_params(axis="y", length=0)
-    axes.set_ylim(len(names) - 0.4, -0.6)
-    axes.set_xlabel("tuning $\\nu_s$ (line: exact jump; band: the paper's two tunings)")
+    axes.set_ylim(height - 0.4, -0.6)
     return figure
 
 

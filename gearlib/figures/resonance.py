@@ -1,7 +1,8 @@
 """Fig. 3: resonance characteristics, the largest and smallest displacement over the tuning.
 
-Above, the paper's picture with its three scales of tuning. Below, one panel for each damping: the
-sweeps up and down over the cold one, so that the hysteresis shows.
+Above, the paper's picture alone, with its three scales of tuning. Below, one panel for each
+damping: the sweeps up and down over the cold one, so that the hysteresis shows, and what else is
+known of the motions.
 """
 
 import numpy as np
@@ -20,7 +21,7 @@ SHOWN_SHARE = 0.95
 SYMBOLS = 14
 
 _EXTREMA = ("displacement_max", "displacement_min")
-_MAIN_HEIGHT, _PANEL_HEIGHT, _COLUMNS = 4.2, 1.8, 2
+_MAIN_HEIGHT, _PANEL_HEIGHT, _FOOT, _COLUMNS = 4.4, 1.8, 0.4, 2
 _Y_LABEL = r"$y_\mathrm{max}$, $y_\mathrm{min}$ (static deflections)"
 _SHORT_Y_LABEL = "$y$ (static defl.)"
 
@@ -53,11 +54,11 @@ def draw(resonance, *, colours=None, labels=None, branches=None, tongues=None):
     colours : dict of str to str, optional
         Colours of the dampings by name.
     labels : xarray.Dataset, optional
-        label over (damping, tuning) as of `gearlib.labelling.scan`, for cold runs: marks on the
+        label over (damping, tuning) as of `gearlib.labelling.scan`, for cold runs: a strip on the
         lower rim of the panel of each damping.
     branches : dict of str to xarray.Dataset, optional
-        Branches of periodic orbits by damping, as of `gearlib.branches.compute`: thin lines behind
-        the curves, solid where stable, dashed where unstable.
+        Branches of periodic orbits by damping, as of `gearlib.branches.compute`: thin lines in the
+        panel of each damping, solid where stable, dashed where unstable.
     tongues : xarray.Dataset, optional
         tuning_from and tuning_to over (damping, order) as of
         `gearlib.parametric_resonance.explanation`: shades in the panel of each damping.
@@ -73,21 +74,21 @@ def draw(resonance, *, colours=None, labels=None, branches=None, tongues=None):
     directions = [str(name) for name in resonance.direction.values]
     main_direction = "cold" if "cold" in directions else directions[0]
     carried = [name for name in directions if name != main_direction]
-    rows = -(-len(looks) // _COLUMNS) if carried else 0
+    beside = [one for one in (carried, labels, branches, tongues) if one is not None and len(one)]
+    rows = -(-len(looks) // _COLUMNS) if beside else 0
     limits = displacement_limits(resonance.sel(direction=main_direction))
 
-    figure = Figure((style.PAGE_WIDTH, _MAIN_HEIGHT + rows * _PANEL_HEIGHT), layout="constrained")
+    height = _MAIN_HEIGHT + rows * _PANEL_HEIGHT + (_FOOT if rows else 0.0)
+    figure = Figure((style.PAGE_WIDTH, height), layout="constrained")
     grid = figure.add_gridspec(
         1 + rows, _COLUMNS, height_ratios=[_MAIN_HEIGHT] + rows * [_PANEL_HEIGHT]
     )
     axes = figure.add_subplot(grid[0, :])
     _prepare(axes, resonance, limits, named=True)
-    for name, look in looks.items():
-        _draw_branches(axes, branches, name, look.colour, 0.5)
     _draw_all(axes, resonance.sel(direction=main_direction), looks)
     _add_scales(axes, resonance)
     axes.set_ylabel(_Y_LABEL)
-    if carried:
+    if rows:
         panels = (
             grid[1:, :]
             .subgridspec(rows, _COLUMNS)
@@ -95,22 +96,20 @@ def draw(resonance, *, colours=None, labels=None, branches=None, tongues=None):
         )
         for panel in panels.flat[len(looks) :]:
             panel.remove()
+        limits = _wider(limits, resonance)
         for panel, (name, look) in zip(panels.flat, looks.items(), strict=False):
             _prepare(panel, resonance, limits)
-            _draw_branches(panel, branches, name, "black", 0.7)
+            _draw_branches(panel, branches, name)
             _draw_hysteresis(panel, resonance.sel(damping=name), look, main_direction, carried)
             panel.set_title(style.damping_label(name))
             if labels is not None and name in labels.damping.values:
                 _mark_labels(panel, labels.sel(damping=name))
             if tongues is not None and name in tongues.damping.values:
                 shade_tongues(panel, tongues.sel(damping=name))
-        handles = []
-        if labels is not None:
-            handles += [Patch(facecolor=c, label=f"from rest: {n}") for n, c in _LABEL_COLOURS]
-        if tongues is not None:
-            handles.append(Patch(facecolor=TONGUE_COLOUR, label="tongue"))
-        if handles:
-            figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
+        handles = _handles(main_direction, carried, labels, branches, tongues)
+        figure.legend(
+            handles=handles, loc="outside lower center", ncols=5, fontsize=6.5, columnspacing=1.2
+        )
         # The lowest ones: the last row may be short.
         for panel in panels.flat[: len(looks)][-_COLUMNS:]:
             panel.set_xlabel("tuning $\\nu_s$")
@@ -140,6 +139,20 @@ def displacement_limits(curves):
     return low - margin, high + margin
 
 
+def _wider(limits, curves):
+    """Return limits that also hold the steady orbits up to as far again beyond them.
+
+    Sweeps that carry their state go where none from rest does; undamped ones without bound.
+    """
+    low, high = limits
+    span = high - low
+    extrema = np.array([curves[name].values for name in _EXTREMA])
+    near = (curves.period.values > 0) & (extrema > low - span) & (extrema < high + span)
+    shown = extrema[near]
+    margin = 0.05 * span
+    return min([low, *(shown - margin)]), max([high, *(shown + margin)])
+
+
 def _prepare(axes, resonance, limits, named=False):
     """Give an axes its limits, its areas and, if wanted, their names."""
     tuning = resonance.tuning.values
@@ -166,7 +179,8 @@ def _draw_all(axes, curves, looks):
     handles = []
     for number, (name, look) in enumerate(looks.items()):
         curve = curves.sel(damping=name)
-        _draw_curve(axes, curve, look.colour, look.line, look.marker, number / len(looks))
+        offset = number / len(looks)
+        _draw_curve(axes, curve, look.colour, look.line, look.marker, offset, width=1.6)
         handles.append(
             Line2D(
                 [],
@@ -190,11 +204,33 @@ def _draw_hysteresis(axes, curves, look, main_direction, carried):
         _draw_curve(axes, curves.sel(direction=name), look.colour, line, marker, number / 2)
 
 
-def _draw_branches(axes, branches, name, colour, width):
+def _draw_branches(axes, branches, name):
     """Draw the branches of one damping, if there are any, behind everything else."""
     if branches is not None and name in branches:
         for variable in _EXTREMA:
-            draw_curve(axes, branches[name], variable, colour, width, zorder=1.5)
+            draw_curve(axes, branches[name], variable, "black", 0.7, zorder=1.5)
+
+
+def _handles(main_direction, carried, labels, branches, tongues):
+    """Return what the legend of the panels explains."""
+    words = {"cold": "from rest", "up": "tuning going up", "down": "tuning going down"}
+    handles = [Line2D([], [], color=COLD_COLOUR, linewidth=3.0, label=words[main_direction])]
+    for name in carried:
+        line, marker = _CARRIED[name]
+        handles.append(
+            Line2D([], [], color="black", linestyle=line, marker=marker, label=words[name])
+        )
+    if branches is not None:
+        handles.append(Line2D([], [], color="black", linewidth=0.7, label="stable orbit"))
+        line = (0, (4, 1.5))
+        handles.append(
+            Line2D([], [], color="black", linewidth=0.7, linestyle=line, label="unstable orbit")
+        )
+    if labels is not None:
+        handles += [Patch(facecolor=c, label=f"from rest: {n}") for n, c in _LABEL_COLOURS]
+    if tongues is not None:
+        handles.append(Patch(facecolor=TONGUE_COLOUR, label="tongue"))
+    return handles
 
 
 def _mark_labels(axes, labels):
@@ -243,8 +279,10 @@ def _draw_curve(axes, curve, colour, line, marker, offset, width=1.0):
             color=colour,
             linestyle="none",
             marker=marker,
-            markersize=2,
+            markersize=1.8,
             markeredgewidth=0.4,
+            # Behind the orbits that repeat, which a cloud of these would hide.
+            zorder=1.8,
         )
         for rim, beyond, caret in ((low, values < low, "v"), (high, values > high, "^")):
             axes.plot(

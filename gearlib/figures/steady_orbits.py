@@ -53,7 +53,7 @@ def draw_orbits(errors):
             if np.isfinite(values).any():
                 draw_panel(axes, [(errors.line.values, cost[i])], [values], lines, floors[i])
             else:
-                axes.text(0.5, 0.5, "no bounce", transform=axes.transAxes, ha="center")
+                axes.text(0.5, 0.5, "nothing to compare", transform=axes.transAxes, ha="center")
         row[0].set_ylabel(label)
     for axes, name in zip(panels[0], names, strict=True):
         axes.set_title(PROBLEMS[name], fontsize=7)
@@ -75,7 +75,7 @@ def draw_orbit_times(errors, times):
     Returns
     -------
     matplotlib.figure.Figure
-        Dotted: the time of shooting, by whose orbit errors are measured.
+        Dotted: the time of shooting for the same orbit.
     """
     names, lines = errors.problem.values, lines_of([errors])
     figure, panels = panelled(names.size, 2)

@@ -159,10 +159,11 @@ def panels(count, height, most=2):
 
 
 def note_absent(figure, methods):
-    """Note below a figure which methods are left out because their packages are not installed."""
+    """Note above a figure which methods are left out because their packages are not installed."""
     if methods:
         words = f"not installed, left out: {', '.join(methods)} (make peers)"
-        figure.supxlabel(words, fontsize=6, x=0.99, ha="right")
+        # Above: legends lie below.
+        figure.suptitle(words, fontsize=6, x=0.99, ha="right")
 
 
 def _freeze(figure):

@@ -23,10 +23,11 @@ _COLUMNS = 2
 _ROW_HEIGHT, _FOOT = 2.15, 1.25
 _GREY = style.AREA_COLOURS["backlash"]
 
+#: What a problem is, of any gear pair; its name says what it is of the paper's.
 PROBLEMS = {
-    "smooth": "no bounce, $\\nu_s$ = 0.7",
-    "bouncing": "a bounce in every period, $\\nu_s$ = 0.9",
-    "near_fold": "next to a fold, $\\nu_s$ = 0.815",
+    "smooth": "damped, $\\nu_s$ = 0.7",
+    "bouncing": "damped, $\\nu_s$ = 0.9",
+    "near_fold": "damped in contact, $\\nu_s$ = 0.815",
     "conservative": "conservative, $\\nu_s$ = 0.9",
     "six_degrees": "six degrees of freedom, $\\nu_s$ = 0.82",
     "cubic": "cubic damping, $\\nu_s$ = 0.9",
@@ -240,7 +241,7 @@ def draw_measures(errors):
             named = [(data.line.values, cost) for data, cost in zip(errors, costs, strict=True)]
             draw_panel(axes, named, rows, lines, float(floors[i]))
             words = PROBLEMS.get(names[i], names[i])
-            axes.set_title(words.split(",")[0], fontsize=7)
+            axes.set_title(words.replace(", ", ",\n"), fontsize=7)
         row[0].set_ylabel(label)
     if shown:
         last = len([*shown.values()][-1])

@@ -119,7 +119,7 @@ class PeriodicSolution:
             "equation_residual": self.residual,
             "iterations": np.int32(self.iterations),
             "evaluations": np.int64(self.evaluations),
-            "period": np.int8(self.period),
+            "period": np.int32(self.period),
             "tuning": self.tuning,
             **self._facts(),
         }

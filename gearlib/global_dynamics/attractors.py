@@ -1,10 +1,12 @@
-"""Attractors: found among final states, refined by shooting, and what surely comes to them.
+"""Attractors: found among final states, refined by shooting, and where a motion has arrived.
 
-Around every point of a stable periodic orbit lies a *trap*: an ellipse in which all states come to
-the orbit. The ellipses are level lines of a quadratic form that the linearised map shrinks; how
-far the nonlinear map still does so is checked on nested rings: the map carries each ring into the
-next smaller one, and, being one-to-one and continuous, with the ring all that lies within (for
-two coordinates; for more, the rings are samples of ellipsoids). A state in a trap is done.
+Around every point of a stable periodic orbit lies a *trap*, an ellipse that no sampled direction
+leaves. The ellipses are level lines of a quadratic form that the linearised map shrinks; how far
+the nonlinear map still does so is sampled on nested rings: it carries 32 states of each ring (with
+more than two coordinates, 128 of each ellipsoid, in random directions) into the next smaller one.
+If it did so with the whole of each ring, all within would come to the orbit, for two coordinates,
+as the map is one-to-one and continuous; what lies between the samples is not proved. A state in a
+trap counts as arrived; `gearlib.basins` with ``stop_early=False`` runs on.
 """
 
 from dataclasses import dataclass, field
@@ -37,7 +39,7 @@ _MORE_DIRECTIONS = 128
 
 @dataclass(frozen=True)
 class Trap:
-    """Ellipses around the points of an orbit, in which all states come to it."""
+    """Ellipses around the points of an orbit, which no sampled direction leaves."""
 
     points: np.ndarray  #: shape (m, n), in the coordinates of `Stroboscope.seen`
     forms: np.ndarray  #: shape (m, n, n)
@@ -164,7 +166,7 @@ def attractor_of(strobe, orbit):
 
 
 def _trap(strobe, points, seen, size):
-    """Return the trap of a stable orbit through `points`."""
+    """Return the trap of a stable orbit through `points`: the largest that no sample leaves."""
     count, n = seen.shape
     maps = strobe.cycle_maps(points[0], count)
     forms, factors = np.empty((count, n, n)), np.empty((count, n, n))

@@ -33,7 +33,7 @@ def basin_stability(
 
     Parameters
     ----------
-    pair : GearPair, OneDegreePair or SixDegreePair
+    pair : GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator
         With damping.
     tunings : array_like of float, shape (n,)
         All different.
@@ -75,7 +75,7 @@ def basin_stability(
         cycles = -(-periods // strobe.cycle)
         attractors, labels = classify(strobe, low + shares * (high - low), cycles, seed=seed)
         found.append((attractors, np.bincount(labels, minlength=len(attractors)) / labels.size))
-    dataset = _families(values, found, cells * cells)
+    dataset = _families(pair, values, found, cells * cells)
     dataset.attrs = provenance.attributes(
         "Basin stability of a gear mesh",
         pair,
@@ -88,7 +88,7 @@ def basin_stability(
     return dataset
 
 
-def _families(tunings, found, samples):
+def _families(pair, tunings, found, samples):
     """Return the dataset of families, following attractors from tuning to tuning."""
     families = []  # latest attractor of each
     places = [None] * len(tunings)
@@ -123,10 +123,10 @@ def _families(tunings, found, samples):
         "share_error": (dims, np.sqrt(share * (1.0 - share) / samples)),
         **{name: (dims, table) for name, table in columns.items()},
         "attractor_kind": ("attractor_family", np.array([one.kind for one in families], np.int8)),
-        "period": ("attractor_family", np.array([one.period for one in families], np.int16)),
+        "period": ("attractor_family", np.array([one.period for one in families], np.int32)),
     }
     coords = {"tuning": tunings, "attractor_family": np.arange(len(families))}
-    dataset = describe(xr.Dataset(data, coords))
+    dataset = describe(xr.Dataset(data, coords), pair)
     dataset["attractor_kind"].attrs |= KIND_FLAGS
     return dataset
 

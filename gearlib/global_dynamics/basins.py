@@ -36,14 +36,16 @@ def basins(
     States are compared n cycles apart for n = 1, 2, ... (a cycle is one mesh period, with run-out
     as many as it repeats after), a candidate is refined by `gearlib.periodic_orbit`, and all n
     points of a period-n orbit are one attractor, whatever the phase in which a motion comes.
-    Around its points lie traps, ellipses in which all states come to the orbit (see
-    `gearlib.global_dynamics.attractors`): a motion has arrived when it is in one of them.
+    Around its points lie traps, ellipses that no sampled direction leaves (32 of each, or 128 with
+    more than two coordinates; no proof for those between): a motion counts as arrived when it is in
+    one of them. See `gearlib.global_dynamics.attractors`.
 
     Parameters
     ----------
-    pair : GearPair, OneDegreePair or SixDegreePair
+    pair : GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator
         With damping. Grids of a `GearPair` are fast; of the others take thousands of states, not
-        millions. Of six degrees the grid is the plane of states in which the bearings are in
+        millions; a `DeadZoneOscillator` has its own unit of length instead of the static
+        deflection. Of six degrees the grid is the plane of states in which the bearings are in
         their initial deflection, as of `gearlib.simulate`.
     tuning : float
     grid : tuple
@@ -53,7 +55,7 @@ def basins(
         Mesh periods of a run, rounded up to cycles; a motion that has no attractor by then gets
         as many again.
     stop_early : bool, default True
-        Whether a run ends in a trap. False runs all periods, to cross-check.
+        Whether a run ends in a trap. False runs all periods, as a check of the traps.
     seed : int, default 0
         Of the choice of states that are looked at first for attractors.
     max_events, threads
@@ -103,7 +105,8 @@ def basins(
     }
     dataset = xr.Dataset(data, {"displacement": x, "velocity": v})
     numbers = ("attractor", "point", "coordinate", "multiplier")
-    dataset = describe(dataset.assign_coords({n: np.arange(dataset.sizes[n]) for n in numbers}))
+    dataset = dataset.assign_coords({n: np.arange(dataset.sizes[n]) for n in numbers})
+    dataset = describe(dataset, pair)
     dataset["attractor_kind"].attrs |= KIND_FLAGS
     dataset.attrs = provenance.attributes(
         "Basins of attraction of a gear mesh",
@@ -141,7 +144,7 @@ def attractor_variables(attractors):
     radii = [one.trap.radii.min() if one.trap else math.nan for one in attractors]
     each = {
         "attractor_kind": np.array([one.kind for one in attractors], np.int8),
-        "period": np.array([one.period for one in attractors], np.int16),
+        "period": np.array([one.period for one in attractors], np.int32),
         "displacement_max": np.array([one.displacement_max for one in attractors]),
         "displacement_min": np.array([one.displacement_min for one in attractors]),
         "exponent": np.array([one.exponent for one in attractors]),

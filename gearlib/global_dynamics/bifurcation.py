@@ -34,7 +34,7 @@ def bifurcation_diagram(
 
     Parameters
     ----------
-    pair : GearPair, OneDegreePair or SixDegreePair
+    pair : GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator
     values : array_like of float, shape (n,)
         Of the parameter, all different.
     parameter : {"tuning", "damping", "backlash_damping", "backlash", "contact_ratio", \
@@ -87,13 +87,13 @@ def bifurcation_diagram(
         states[i], ends[i], codes[i, 1] = table[0], end[0], code[0]
         # Only whole records repeat; their range is the scale of the comparison.
         height = float(np.ptp(table[0, :, 0]))
-        codes[i, 0] = 0 if code[0] else orbit.orbit_period(table[0], nu, height)
+        codes[i, 0] = 0 if code[0] else orbit.orbit_period(table[0], nu, height, model.repeats)
         start = tuple(end[0]) if direction != "cold" and code[0] == status.OK else initial_state
     data = {
         "displacement": ((parameter, "strobe"), states[..., 0]),
         "velocity": ((parameter, "strobe"), states[..., 1]),
         "final_state": ((parameter, "component"), ends),
-        "period": (parameter, codes[:, 0].astype(np.int8)),
+        "period": (parameter, codes[:, 0].astype(np.int32)),
         "status": (parameter, codes[:, 1].astype(np.int8)),
     }
     coords = {
@@ -101,7 +101,7 @@ def bifurcation_diagram(
         "strobe": np.arange(settle, settle + strobes),
         "component": ["displacement", "velocity"],
     }
-    dataset = name_parameter(describe(xr.Dataset(data, coords)), parameter)
+    dataset = name_parameter(describe(xr.Dataset(data, coords), pair), parameter)
     dataset.attrs = provenance.attributes(
         "Bifurcation diagram of a gear mesh",
         pair,

@@ -1,5 +1,7 @@
 """To which attractor each of many initial states comes."""
 
+import math
+
 import numpy as np
 
 from gearlib import lyapunov, status
@@ -11,6 +13,7 @@ from gearlib.global_dynamics.attractors import (
     Attractor,
     find,
 )
+from gearlib.models.dead_zone import DeadZoneOscillator
 from gearlib.models.one_degree import OneDegreePair
 from gearlib.pair import GearPair
 from gearlib.variational import record
@@ -32,12 +35,15 @@ def refuse_undamped(pair):
     if any(value > 0.0 for value in _dampings(pair)):
         return
     raise ValueError(
-        "damping = 0 is not allowed: a mesh without any damping keeps phase volume and has no "
+        "damping = 0 is not allowed: a model without any damping keeps phase volume and has no "
         "attractors; see gearlib.poincare_section for its motions"
     )
 
 
 def _dampings(pair):
+    if isinstance(pair, DeadZoneOscillator):
+        lower = pair.lower_damping if math.isfinite(pair.lower_edge) else 0.0
+        return pair.damping, pair.upper_damping, lower
     if isinstance(pair, GearPair):
         return pair.material_damping, pair.backlash_damping
     inner = _dampings(pair.pair)

@@ -82,7 +82,7 @@ def lyapunov_exponents(
     with ThreadPoolExecutor(threads) as pool:
         found = np.array(list(pool.map(one, range(values.size))))
     data = {"exponent": (parameter, found[:, 0]), "uncertainty": (parameter, found[:, 1])}
-    dataset = name_parameter(describe(xr.Dataset(data, {parameter: values})), parameter)
+    dataset = name_parameter(describe(xr.Dataset(data, {parameter: values}), pair), parameter)
     dataset.attrs = provenance.attributes(
         "Largest Lyapunov exponents of a gear mesh",
         pair,

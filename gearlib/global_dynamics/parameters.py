@@ -14,7 +14,7 @@ def models(pair, tuning, parameter, values):
 
     Parameters
     ----------
-    pair : GearPair, OneDegreePair or SixDegreePair
+    pair : GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator
         Ratios other than the tuning are varied of a `GearPair` only.
     tuning : float or None
         Where another parameter is varied.

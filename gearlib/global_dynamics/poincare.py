@@ -27,7 +27,7 @@ def poincare_section(pair, tuning, states, *, periods, settle=0, phase=0.0, max_
 
     Parameters
     ----------
-    pair : GearPair, OneDegreePair or SixDegreePair
+    pair : GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator
     tuning : float
     states : array_like of float, shape (n, 2)
         Initial displacements in static deflections and dx/dtau at tau = 0, one row per orbit.
@@ -78,7 +78,7 @@ def poincare_section(pair, tuning, states, *, periods, settle=0, phase=0.0, max_
         "strobe": np.arange(settle, settle + periods),
         "component": ["displacement", "velocity"],
     }
-    dataset = describe(xr.Dataset(data, coords))
+    dataset = describe(xr.Dataset(data, coords), pair)
     dataset.attrs = provenance.attributes(
         "Poincare section of a gear mesh",
         pair,

@@ -40,7 +40,7 @@ class Stroboscope:
         self.max_events = checks.integer("max_events", max_events, 1)
         count = os.cpu_count() or 1
         self.threads = count if threads is None else checks.integer("threads", threads, 1)
-        self.cycle = getattr(pair, "repeats", 1)
+        self.cycle = pair.repeats
         self._reduce, self.lift = rotation_free(pair)
         #: Turn rates into displacements.
         self.weights = np.repeat([1.0, self.tuning], len(self._reduce) // 2)

@@ -40,9 +40,12 @@ codes, **options)``
 
 from collections import UserDict
 from importlib import import_module
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from gearlib import checks
+
+if TYPE_CHECKING:  # what any run may load by name, for `workflow.sources`: that of AUTOMATIC
+    from gearlib.integrators import exact, taylor  # noqa: F401
 
 
 class _Modules(UserDict):
@@ -89,17 +92,14 @@ class Method(NamedTuple):
 
 def methods():
     """Return the methods that ``method=`` knows, as a list of `Method`."""
-    return [
-        Method(
-            name,
-            module.ORDER,
-            module.EVENTS,
-            module.MODELS,
-            {key: (option.default, option.meaning) for key, option in module.OPTIONS.items()},
-            *_availability(module),
-        )
-        for name, module in METHODS.items()
-    ]
+    return [about(name) for name in METHODS]
+
+
+def about(name):
+    """Return the `Method` of a name; no other is loaded."""
+    module = METHODS[name]
+    options = {key: (option.default, option.meaning) for key, option in module.OPTIONS.items()}
+    return Method(name, module.ORDER, module.EVENTS, module.MODELS, options, *_availability(module))
 
 
 def _availability(module):
@@ -109,6 +109,17 @@ def _availability(module):
 
 def _takers(pair):
     return [name for name, module in METHODS.items() if module.takes(pair)]
+
+
+def refusal(pair, method):
+    """Return why a method does not take a model, a clause; empty where it does."""
+    module = METHODS[method]
+    if module.takes(pair):
+        return ""
+    return (
+        f"method = {method!r} is not allowed for this {type(pair).__name__}: it takes "
+        f"{module.MODELS}"
+    )
 
 
 def choose(pair, method, options):
@@ -122,25 +133,24 @@ def choose(pair, method, options):
     """
     if method is None:
         method = next((name for name in AUTOMATIC if METHODS[name].takes(pair)), None)
-    able = [method] if method in AUTOMATIC and METHODS[method].takes(pair) else _takers(pair)
-    if not able:
-        raise ValueError(
-            f"pair = {pair!r} is not allowed: it must be a GearPair, OneDegreePair, "
-            "SixDegreePair or DeadZoneOscillator"
-        )
-    checks.one_of("method", method, tuple(METHODS))
-    if method not in able:
-        raise ValueError(
-            f"method = {method!r} is not allowed for this {type(pair).__name__}: it takes "
-            f"{METHODS[method].MODELS}; it must be one of {', '.join(map(repr, able))}"
-        )
+    # Where nothing is refused, no other method is loaded.
+    if method not in tuple(METHODS) or refusal(pair, method):
+        able = _takers(pair)
+        if not able:
+            raise ValueError(
+                f"pair = {pair!r} is not allowed: it must be a GearPair, OneDegreePair, "
+                "SixDegreePair or DeadZoneOscillator"
+            )
+        checks.one_of("method", method, tuple(METHODS))
+        names = ", ".join(map(repr, able))
+        raise ValueError(f"{refusal(pair, method)}; it must be one of {names}")
     available, note = _availability(METHODS[method])
     if not available:
         from gearlib.integrators.peers.package import MissingPackage
 
         raise MissingPackage(
             f"method = {method!r} needs a package that is not installed: {note}, or take one of "
-            f"{', '.join(repr(name) for name in able if _availability(METHODS[name])[0])}"
+            f"{', '.join(repr(name) for name in _takers(pair) if about(name).available)}"
         )
     known = METHODS[method].OPTIONS
     chosen = {name: option.default for name, option in known.items()}

@@ -77,15 +77,18 @@ def _with_matrices(pair):
 
 
 def _run_many_linear(pair, tunings, order, state, *arguments):
-    z = None
+    z, first = None, 0
 
-    def run_one(tuning, current, *rest):
-        nonlocal z
+    def run_one(tuning, current, periods, *rest):
+        nonlocal z, first
         system, outputs = pair.system(tuning)
-        # All coordinates are carried along, not only the two of the final state.
+        # All coordinates are carried along, not only the two of the final state, and the gears stay
+        # where they have turned to.
         if current is state:
-            z = pair.initial(system, state)
+            z, first = pair.initial(system, state), 0
+        system = system._replace(first=first)
+        first = (first + periods) % pair.repeats
         part = pair.part(system)
-        return *linear.run_linear(system, part, outputs, _TO_BERNSTEIN, z, *rest), 0
+        return *linear.run_linear(system, part, outputs, _TO_BERNSTEIN, z, periods, *rest), 0
 
     run_each(run_one, tunings, order, state, *arguments)

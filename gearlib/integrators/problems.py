@@ -4,6 +4,8 @@ A branch of a model is one piece of the stiffness with one contact code. Both cl
 
 ``breaks, low``
     phases that bound the pieces of one mesh period, and whether a piece lies below the mean;
+``repeats``
+    mesh periods after which the excitation repeats;
 ``start(state)``
     (z, contact code) at phase 0;
 ``rate(t, z, piece, contact)``
@@ -42,6 +44,7 @@ class OneDegree:
     def __init__(self, pair, tuning):
         law = law_of(pair, tuning)
         self.breaks, self.low, self.gap = law.breaks, law.low, law.gap
+        self.repeats = 1
         self._upper, self._lower, self._ground = law.upper, law.lower, law.ground
         near = law.pieces.tolist(), law.stiffness.tolist()
         far = law.far_pieces.tolist(), law.far_stiffness.tolist()
@@ -98,7 +101,7 @@ class Linear:
         self._pair = pair
         self._system, self._outputs = pair.system(tuning)
         self.breaks, self.low = self._system.starts, self._system.low
-        self.gap = pair.backlash_ratio
+        self.gap, self.repeats = pair.backlash_ratio, pair.repeats
         n = self._system.near.size
         self._moving = n - 1 - 2 * self._system.harmonics.size
 

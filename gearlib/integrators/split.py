@@ -35,7 +35,7 @@ class March:
         self.per_period = samples.shape[0] // record_periods
         self.first, self.periods = periods - record_periods, periods
         self.taken, self.found = 0, 0
-        self.kept = min(periods, orbit.STROBE_PERIODS)
+        self.kept = min(periods, orbit.strobe_periods(self.problem.repeats))
         self.strobes = np.empty((self.kept + 1, 2))
         z, contact = self.problem.start(state)
         x, v = self.problem.observe(0.0, z)
@@ -49,7 +49,7 @@ class March:
             return x, v, 0, self.events, 0, code, self.evaluations
         self.strobes[self.kept] = x, v
         height = summary[orbit.X_MAX] - summary[orbit.X_MIN]
-        period = orbit.orbit_period(self.strobes, tuning, height)
+        period = orbit.orbit_period(self.strobes, tuning, height, self.problem.repeats)
         return x, v, period, self.events, self.found, code, self.evaluations
 
     def go(self, z, contact):

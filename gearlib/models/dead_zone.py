@@ -42,6 +42,7 @@ import numpy as np
 from gearlib import checks
 from gearlib.harmonics import Harmonics
 from gearlib.models.oscillator import Equation, OneDegree
+from gearlib.models.with_pair import replaced
 from gearlib.profiles import Series, Steps
 
 _DAMPINGS = ("damping", "upper_damping", "lower_damping")
@@ -68,11 +69,13 @@ _LONG_NAMES = {
     "fraction_inverse": "fraction of time in lower contact",
     "fraction_min_stiffness": "fraction of time in contact below the mean upper stiffness",
     "bounces": "losses of upper contact per period of the forcing",
-    "period": "period of the orbit in periods of the forcing, 0 if none up to 16 was found",
+    "period": "period of the orbit in periods of the forcing, 0 if none was found",
     "final_state": "displacement and velocity by phase at the end of the run",
     "state": "displacement and velocity by phase at phase 0",
     "exponent": "largest Lyapunov exponent per period of the forcing",
     "grazing": "whether the orbit touches an edge",
+    "strobe": "period of the forcing of the stroboscopic state",
+    "trap_radius": "radius of the smallest trap of the orbit",
 }
 
 
@@ -108,17 +111,20 @@ class DeadZoneOscillator(OneDegree):
     #: What the datasets of this model say instead of what they say of a gear mesh.
     long_names = _LONG_NAMES
     title_noun = "a dead-zone oscillator"
+    by_default = {
+        "lower_stiffness": lambda model: model.upper_stiffness,
+        "upper_damping": lambda model: model.damping,
+        "lower_damping": lambda model: model.damping,
+    }
     references = "Kahraman, Singh: Journal of Sound and Vibration 142 (1990) 49-75"
 
     def __post_init__(self):
         def put(name, value):
             object.__setattr__(self, name, value)
 
-        if self.lower_stiffness is None:
-            put("lower_stiffness", self.upper_stiffness)
-        for name in _DAMPINGS[1:]:
+        for name, default in self.by_default.items():
             if getattr(self, name) is None:
-                put(name, self.damping)
+                put(name, default(self))
         for name in (*_DAMPINGS, "ground_stiffness"):
             put(name, checks.finite_nonnegative(name, getattr(self, name)))
         for name in ("upper_edge", "load"):
@@ -165,6 +171,14 @@ class DeadZoneOscillator(OneDegree):
     def flank_lines(self):
         """Displacements at which the upper and the lower contact begin."""
         return self.upper_edge, self.lower_edge
+
+    def replace(self, **changes):
+        """Return a copy with some parameters changed (and checked).
+
+        A lower stiffness or a damping of a contact that is what it would be by default goes on
+        following the upper stiffness or the damping of the gap, unless it is changed itself.
+        """
+        return replaced(self, changes)
 
     def scales(self):
         """Return no scales: the variables are dimensionless."""

@@ -35,6 +35,7 @@ import numpy as np
 from gearlib import checks
 from gearlib.harmonics import Harmonics
 from gearlib.models.oscillator import Equation, OneDegree
+from gearlib.models.with_pair import WithPair
 from gearlib.pair import GearPair
 from gearlib.profiles import Fourier, Rectangular, Tabulated
 
@@ -50,7 +51,7 @@ NONLINEAR = _DAMPINGS + _STIFFNESSES
 
 
 @dataclass(frozen=True, kw_only=True)
-class OneDegreePair(OneDegree):
+class OneDegreePair(WithPair, OneDegree):
     """A gear pair with nonlinear damping, other stiffness profiles and external excitation.
 
     Parameters and units: see the table of the module. All but `pair` are optional; without
@@ -89,12 +90,6 @@ class OneDegreePair(OneDegree):
                 allowed = kinds if isinstance(kinds, tuple) else (kinds,)
                 names = " or ".join(kind.__name__ for kind in allowed)
                 raise ValueError(f"{name} = {value!r} is not allowed: it must be a {names}")
-
-    def __getattr__(self, name):
-        # Scales, ratios and stiffness of the pair are those of the model.
-        if name.startswith("_") or name == "pair":
-            raise AttributeError(name)
-        return getattr(self.pair, name)
 
     @cached_property
     def equation(self):

@@ -136,6 +136,9 @@ class Equation:
 class OneDegree:
     """A model with one degree of freedom; a subclass gives its `Equation`."""
 
+    #: Periods of phase after which the excitation repeats.
+    repeats = 1
+
     @property
     def equation(self) -> Equation:
         """The `Equation` of the model."""

@@ -1,9 +1,9 @@
 """Six degrees of freedom: rotations and bearing motions of both gears, Eq. (3), (4).
 
-    (J3 / Rb3^2) u3'' = M3 / Rb3 - P          m3 y3'' = -P - C3y y3 - k3y y3'
-    (J2 / Rb2^2) u2'' = M2 / Rb2 - P          m2 y2'' = +P - C2y y2 - k2y y2'
-                                              m3 z3'' = -F_T - C3z z3 - k3z z3'
-                                              m2 z2'' = +F_T - C2z z2 - k2z z2'
+    (J3 / Rb3^2) u3'' = M3 / Rb3 - P - Q     m3 y3'' = -P - b Q - C3y y3 - k3y y3'
+    (J2 / Rb2^2) u2'' = M2 / Rb2 - P - Q     m2 y2'' = +P + b Q - C2y y2 - k2y y2'
+                                             m3 z3'' = -F_T - C3z z3 - k3z z3'
+                                             m2 z2'' = +F_T - C2z z2 - k2z z2'
 
 with the rotations as arc lengths u_j = Rb_j phi_j, y along the line of action, z across it, the
 relative mesh displacement and the backlash line of Eq. (4)
@@ -11,9 +11,16 @@ relative mesh displacement and the backlash line of Eq. (4)
     y(tau) = u3 + u2 + y3 - y2 + e3 sin phi3 - e2 sin(Delta - phi2) + f(tau)
     s(tau) = -s_k + y3 - y2 + e3 sin phi3 - e2 sin(Delta - phi2) + f(tau) - f_far(tau)
 
-and the mesh force P = C(tau) g + k y', g = y in normal mesh, y - s in inverse mesh, 0 in the
-backlash, where k is that of the oil. Friction F_T = mu sigma(tau) C g acts across the line of
-action; its direction sigma reverses at the pitch point and half a mesh period later.
+and the forces between the normal flanks, over y, and between the far ones, over y - s,
+
+    P = k_m y' + H1 (C(tau) y + (k - k_m) y'),        Q = H2 (C(tau) (y - s) + (k - k_m) (y - s)').
+
+H1 is 1 in normal mesh, H2 in inverse mesh, else 0. A force acts on a coordinate by the derivative
+of its own distance, by virtual work: b = d(y - s)/dy3, 0 for the s above, 1 if the backlash does
+not move. At a flank that is just touched no force jumps; why in this way, and where k_m > k makes
+dampers drive: `docs/theory/model.md`. Friction F_T = mu sigma(tau) C g acts across the line of
+action, with g = y in normal mesh, y - s in inverse mesh, 0 in the backlash; its direction sigma
+reverses at the pitch point and half a mesh period later.
 
 In the run-out the rotations are those of the steady speed, phi_j = tau / teeth_j: the vibration
 of an angle, 1e-5 rad, moves the run-out by 1e-5 of itself. So the system is linear between events.
@@ -54,10 +61,10 @@ from gearlib import checks
 from gearlib.core.system import Part, System
 from gearlib.harmonics import Harmonics
 from gearlib.models import piecewise_linear
+from gearlib.models.with_pair import WithPair
 from gearlib.pair import GearPair
 from gearlib.stiffness import levels, stretches
 
-_PAIRS = {"base_radii": True, "inertias": True, "masses": True, "bearing_damping": False}
 _BEARINGS = ("y3", "z3", "y2", "z2")
 #: How the bearing coordinates enter y; z does not.
 _IN_Y = {"y3": 1.0, "y2": -1.0, "z3": 0.0, "z2": 0.0}
@@ -80,15 +87,14 @@ OUTPUTS = (
 
 
 @dataclass(frozen=True, kw_only=True)
-class SixDegreePair:
+class SixDegreePair(WithPair):
     """A pair of gears on elastic bearings, in SI units; immutable.
 
     Parameters and units: see the table of the module; pairs are (gear 3, gear 2), bearings
     (y3, z3, y2, z2).
 
-    The reduced mass of `pair` is only the reference of the tuning: the inertias decide the
-    motion. `SixDegreePair.reduced_mass_torsional` and `.reduced_mass_free` give the two readings
-    of the paper.
+    The reduced mass of `pair` is only the reference of the tuning: the inertias decide the motion.
+    `reduced_mass_torsional` and `reduced_mass_free` give the two readings of the paper.
 
     Raises
     ------
@@ -115,12 +121,16 @@ class SixDegreePair:
 
     #: Recorded beyond what a model of one degree has.
     extra_samples = OUTPUTS
+    by_default = {
+        "inverse_deviation": lambda model: model.deviation,
+        "teeth": lambda model: (model.pair.teeth, model.pair.teeth),
+        "torques": lambda model: tuple(model.pair.load * radius for radius in model.base_radii),
+    }
 
     def __post_init__(self):
         if not isinstance(self.pair, GearPair):
             raise ValueError(f"pair = {self.pair!r} is not allowed: it must be a GearPair")
-        if self.inverse_deviation is None:
-            object.__setattr__(self, "inverse_deviation", self.deviation)
+        self._fill("inverse_deviation")
         for name in ("deviation", "inverse_deviation"):
             value = getattr(self, name)
             if not isinstance(value, Harmonics):
@@ -139,12 +149,9 @@ class SixDegreePair:
         put("bearing_damping", 4, checks.finite_nonnegative)
         put("eccentricities", 2, checks.finite_nonnegative)
         put("friction", 2, checks.finite_nonnegative)
-        if self.teeth is None:
-            object.__setattr__(self, "teeth", (self.pair.teeth, self.pair.teeth))
+        self._fill("teeth")
         put("teeth", 2, lambda name, value: checks.integer(name, value, 1))
-        if self.torques is None:
-            load = self.pair.load
-            object.__setattr__(self, "torques", tuple(load * radius for radius in self.base_radii))
+        self._fill("torques")
         put("torques", 2, lambda name, value: checks.number(name, value, "finite", math.isfinite))
         for name in ("run_out_phase", "pitch_phase"):
             value = checks.number(name, getattr(self, name), "finite", math.isfinite)
@@ -152,11 +159,9 @@ class SixDegreePair:
         for name in ("moving_backlash", "preload"):
             checks.one_of(name, getattr(self, name), (False, True))
 
-    def __getattr__(self, name):
-        # Scales, ratios and stiffness of the pair are those of the model.
-        if name.startswith("_") or name == "pair":
-            raise AttributeError(name)
-        return getattr(self.pair, name)
+    def _fill(self, name):
+        if getattr(self, name) is None:
+            object.__setattr__(self, name, self.by_default[name](self))
 
     @property
     def reduced_mass_torsional(self):
@@ -242,30 +247,27 @@ class SixDegreePair:
             free[row, 2 + k] -= self.bearing_stiffness[i] * share
             speed = pair.mean_eigenfrequency * tuning
             free[row, m + 2 + k] -= self.bearing_damping[i] * speed * share
-        # How P enters the accelerations, and how F_T does.
-        mesh = -near[:m] * unit / inertia
         across = np.zeros(m)
         for k, i in enumerate(moving):
             if _BEARINGS[i] in ("z3", "z2"):
                 across[2 + k] = (-1.0 if _BEARINGS[i] == "z3" else 1.0) * unit / inertia[2 + k]
-        # y' = near . z' of the free motion; the accelerations have no part in it.
-        rate = near @ free
         starts, stiffness, low, sense = self._stretches()
         p = stiffness.size
-        a = np.empty((3, p, n, n))
         outputs = np.zeros((len(OUTPUTS), 3, p, n))
-        for code in (-1, 0, 1):
-            damping = pair.backlash_damping_ratio if code == 0 else pair.damping_ratio
-            elastic = {1: near, 0: np.zeros(n), -1: far}[code]
-            grip = {1: self.friction[0], 0: 0.0, -1: self.friction[1]}[code]
+        # line @ free is the rate of a distance: the accelerations have no part in it.
+        oil = 2.0 * pair.backlash_damping_ratio * tuning * (near @ free)
+        more = 2.0 * (pair.damping_ratio - pair.backlash_damping_ratio) * tuning
+        a = np.tile(free, (3, p, 1, 1))
+        a[:, :, m : 2 * m] += np.outer(-near[:m] * unit / inertia, oil)
+        grips = self.friction[1], 0.0, self.friction[0]
+        for code, line in enumerate((far, np.zeros(n), near)):
             for q in range(p):
-                a[code + 1, q] = free
-                force = stiffness[q] * elastic
-                total = force + 2.0 * damping * tuning * rate
-                a[code + 1, q][m : 2 * m] += np.outer(mesh, total)
-                friction = grip * sense[q] * force
-                a[code + 1, q][m : 2 * m] += np.outer(across, friction)
-                self._outputs(outputs[:, code + 1, q], moving, near - far, friction, m, tuning)
+                elastic = stiffness[q] * line
+                total = elastic + more * (line @ free)
+                a[code, q, m : 2 * m] += np.outer(-line[:m] * unit / inertia, total)
+                friction = grips[code] * sense[q] * elastic
+                a[code, q, m : 2 * m] += np.outer(across, friction)
+                self._outputs(outputs[:, code, q], moving, near - far, friction, m, tuning)
         outputs[OUTPUTS.index("backlash"), :, :, one] = -pair.backlash_ratio
         system = System(
             a,
@@ -280,6 +282,7 @@ class SixDegreePair:
             0,
             frequencies,
             tuning,
+            self.repeats,
         )
         return system, outputs
 

@@ -251,7 +251,7 @@ def _dataset(problem, points, name, to):
         "displacement_min": ("point", low),
         "orbit_height": ("point", high - low),
         "residual": ("point", np.array([point.residual for point in points])),
-        "period": np.int8(problem.period),
+        "period": np.int32(problem.period),
         "backlash_ratio": problem.pair.backlash_ratio,
         "static_deflection": problem.pair.static_deflection,
     }
@@ -299,7 +299,7 @@ def orbit_at(pair, branch, point, *, max_events=MAX_EVENTS):
 def restored(pair, branch, point, max_events):
     """Return (problem, point) of a branch that is given as a dataset."""
     point = checks.integer("point", point, 0, branch.sizes["point"] - 1)
-    name = branch.attrs["parameter"]
+    name = check_parameter(pair, branch.attrs["parameter"])
     value = float(branch[name][point])
     tuning = value if name == "tuning" else float(branch.tuning)
     scale = float(np.ptp(branch[name].values)) or 1.0

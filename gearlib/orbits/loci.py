@@ -236,7 +236,7 @@ def _dataset(problem, points, to, ended):
         "multiplier_real": (("point", "multiplier"), multipliers.real),
         "multiplier_imaginary": (("point", "multiplier"), multipliers.imag),
         "residual": ("point", np.array([found.inner.residual for _, found in points])),
-        "period": np.int8(shooting.period),
+        "period": np.int32(shooting.period),
     }
     if "tuning" not in shooting.names:
         data["tuning"] = shooting.tuning

@@ -18,6 +18,7 @@ from gearlib import checks, provenance, status
 from gearlib.arguments import MAX_EVENTS, check_tuning
 from gearlib.contact import FLAGS
 from gearlib.core import orbit as columns
+from gearlib.integrators import choose
 from gearlib.variables import describe
 from gearlib.variational import (
     full_state,
@@ -70,7 +71,7 @@ class Orbit:
             "stable": np.int8(self.stable),
             "grazing": np.int8(self.grazing),
             "residual": self.residual,
-            "period": np.int8(self.period),
+            "period": np.int32(self.period),
             "tuning": self.tuning,
         }
         dataset = describe(xr.Dataset(data), self.pair)
@@ -107,8 +108,9 @@ def periodic_orbit(pair, tuning, *, guess=None, period=1, max_events=MAX_EVENTS)
     NoOrbit
         If there is none near the guess; the message says what to try.
     """
+    choose(pair, None, None)
     tuning, period = check_tuning("tuning", tuning), checks.integer("period", period, 1)
-    repeats = getattr(pair, "repeats", 1)
+    repeats = pair.repeats
     if period % repeats:
         raise ValueError(
             f"period = {period} is not allowed: it must be a multiple of the {repeats} mesh "

@@ -26,7 +26,7 @@ inaccurate          none of these
 """
 
 import math
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -37,6 +37,9 @@ from gearlib.simulation import simulate
 from gearlib.trials.hostile import problems
 from gearlib.variables import describe
 from gearlib.version import __version__
+
+if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
+    from gearlib.integrators import scipy_ivp  # noqa: F401
 
 #: From right to worse; their order is that of the flags in the matrix.
 VERDICTS = (
@@ -216,10 +219,9 @@ def judge_of(problem, method):
 
 def try_method(problem, method, options):
     """Return (verdict, error, periods, evaluations, name of the judge, message) of one cell."""
-    try:
-        integrators.choose(problem.model, method, {})
-    except ValueError as refusal:
-        return "refused", math.nan, 0, 0, "", str(refusal)
+    refusal = integrators.refusal(problem.model, method)
+    if refusal:
+        return "refused", math.nan, 0, 0, "", refusal
     brief = method in INTERPRETED and problem.brief_periods is not None
     periods = problem.brief_periods if brief else problem.periods
     judge, judge_options = judge_of(problem, method)

@@ -21,9 +21,6 @@ from gearlib.trials.work_precision import Line
 from gearlib.variables import describe
 from gearlib.version import __version__
 
-#: Methods whose runs are compiled by this library: they go through the whole scan.
-FAST = ("exact", "taylor", "rk4", "newmark", "generalised_alpha", "rk45", "smoothed")
-
 #: scipy's right-hand side is Python: what fits into a minute.
 SCIPY = [
     Line("scipy RK45", "controlled", "rtol", (1e-3,), {"solver": "RK45"}, True),
@@ -49,8 +46,14 @@ class Scan(NamedTuple):
 
 
 def rungs(method):
-    """Return (line, text of the knob, options) of a method, as of `work_precision.rungs`."""
-    return work_precision.rungs_of(SCIPY) if method == "scipy" else work_precision.rungs(method)
+    """Return (line, text of the knob, options) of a method, as of `work_precision.rungs`.
+
+    Solvers of other packages, whose runs are slow, take few values.
+    """
+    if method in work_precision.OWN:
+        return work_precision.rungs(method)
+    lines = SCIPY if method == "scipy" else [work_precision.generic_line(method)]
+    return work_precision.rungs_of(lines)
 
 
 def scan(pair, tunings, resolution, method, options, run):
@@ -124,7 +127,7 @@ def compute(method, pair, tunings, slow_tunings, settings, run):
     """
     model = GearPair(**pair)
     exact = scan(model, tunings, settings["resolution"], "exact", {}, run).jump
-    fast = method in FAST
+    fast = method in work_precision.OWN
     nus = tunings if fast else slow_tunings
     resolution = (settings if fast else settings["slow"])["resolution"]
     table = rungs(method)

@@ -1,13 +1,7 @@
-"""Test problems for methods: models, runs of any method, and references to measure them by.
-
-The reference of a problem is the exact propagator where it takes the model, else Taylor steps to
-rounding. No method is measured by itself: where it would be, the reference is the other of the
-two, or scipy's DOP853, split at switches and contact, at a relative tolerance of 1e-13; a
-difference from that is an upper bound. Tests hold the references against 50 digits.
-"""
+"""Test problems for methods: models, and runs of any method."""
 
 import math
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -17,14 +11,15 @@ from gearlib.core import orbit
 from gearlib.models.one_degree import OneDegreePair
 from gearlib.models.six_degrees import SixDegreePair
 from gearlib.pair import GearPair
-from gearlib.variational import period_maps
+
+if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
+    from gearlib.integrators import scipy_ivp  # noqa: F401
 
 #: Mesh periods in which the slowest of the damped problems settles to rounding.
 SETTLING = 400
-_START = (0.0, 0.0)
+#: At rest on the flank line.
+START = (0.0, 0.0)
 _FIRST_EVENTS = 64
-#: For what neither the exact propagator nor Taylor steps may judge.
-_SCIPY = ("scipy", {"solver": "DOP853", "rtol": 1e-13, "atol": 1e-13, "events": True})
 
 
 class Case(NamedTuple):
@@ -144,39 +139,10 @@ class Bound:
         )
 
 
-def judge(model, method=None):
-    """Return (method, options) of the reference of a model by which a method is measured."""
-    for name in ("exact", "taylor"):
-        if name != method and takes(name, model):
-            return name, {}
-    return _SCIPY
-
-
-def reference(problem, method=None):
-    """Return the `Run` by which a method is measured on a problem."""
-    bound = Bound(problem.model, problem.tuning, *judge(problem.model, method))
-    return bound.run(_START, problem.periods, problem.record_periods)
-
-
 def attempt(problem, method, options):
     """Return the `Run` of a method on a problem."""
     bound = Bound(problem.model, problem.tuning, method, options)
-    return bound.run(_START, problem.periods, problem.record_periods)
-
-
-def steady_orbit(problem):
-    """Return (start, largest |Floquet multiplier|) of the orbit a steady problem settles on.
-
-    The start, at tau = 0, shape (2,), is that of the settled run, polished by Newton's method
-    with the maps of `gearlib.variational`, of which the multiplier is.
-    """
-    model, nu = problem.model, problem.tuning
-    z = Bound(model, nu, *judge(model)).run(_START, SETTLING).state
-    for _ in range(3):
-        end, maps, _ = period_maps(model, nu, z, 1, MAX_EVENTS)
-        z = z - np.linalg.solve(maps[0] - np.eye(2), end - z)
-    _, maps, _ = period_maps(model, nu, z, 1, MAX_EVENTS)
-    return z, largest_multiplier(maps[0])
+    return bound.run(START, problem.periods, problem.record_periods)
 
 
 def largest_multiplier(matrix):

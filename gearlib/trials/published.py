@@ -21,7 +21,7 @@ scipy that ends at every contact, and, for the soft impact, the closed form of t
 
 import math
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -34,6 +34,9 @@ from gearlib.orbits.shooting import periodic_orbit
 from gearlib.profiles import Series
 from gearlib.simulation import simulate
 from gearlib.variables import describe
+
+if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
+    from gearlib.integrators import scipy_ivp  # noqa: F401
 
 #: Runs whose extrema differ by less, in heights of the orbit, are on the same one.
 _SAME = 1e-4
@@ -258,7 +261,7 @@ def _motion(model, frequency, state, settle, exponent_periods, check_periods):
     judge = simulate(model, frequency, method="scipy", options=_JUDGE, **course)
     row = {
         "label": np.int8(LABELS.index(found.label)),
-        "period": np.int8(found.period),
+        "period": np.int32(found.period),
         "exponent": found.exponent,
         "uncertainty": found.uncertainty,
         "largest_multiplier": multiplier,

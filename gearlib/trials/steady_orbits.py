@@ -2,8 +2,8 @@
 
 Methods behind ``method=`` march from rest until the slowest problem has settled; harmonic balance
 and E. Schmidt's method seek the periodic motion at once, from no guess. All are measured by the
-orbit that shooting finds (`gearlib.periodic_orbit`), with the multipliers of its exact maps; those
-of a marching method are from central differences of its own map.
+orbit in 50 digits of `gearlib.trials.references`. The multipliers of a marching method are from
+central differences of its own map. What shooting takes for the same orbit is timed beside them.
 """
 
 import math
@@ -14,13 +14,11 @@ import numpy as np
 import xarray as xr
 
 from gearlib import status
-from gearlib.frequency_domain.accuracy import errors as solution_errors
-from gearlib.frequency_domain.accuracy import exact_course
 from gearlib.frequency_domain.harmonic_balance import harmonic_balance
 from gearlib.frequency_domain.schmidt import schmidt
 from gearlib.orbits.shooting import NoOrbit, periodic_orbit
 from gearlib.provenance import canonical_json
-from gearlib.trials import problems, work_precision
+from gearlib.trials import problems, references, work_precision
 from gearlib.trials.work_precision import DIFFERENCE, Line
 from gearlib.variables import describe
 from gearlib.version import __version__
@@ -75,17 +73,15 @@ def errors(methods, names, pair, settings):
     floors = np.empty((3, len(names)))
     for i, name in enumerate(names):
         problem = problems.build(name, pair, {}, settings)
-        orbit = _reference(problem)
-        *_, phases, kinds = exact_course(orbit, 1)
-        largest = np.abs(orbit.multipliers).max()
+        orbit, largest = references.settled(problem)
         half = np.spacing(np.abs(orbit.state).max()) / 2.0
-        floors[:, i] = half, np.spacing(2.0 * math.pi) / 2.0 if phases.size else math.nan, half
+        phase = np.spacing(2.0 * math.pi) / 2.0 if orbit.phases.size else math.nan
+        floors[:, i] = half, phase, half
         for j, (method, _, _, options) in enumerate(table):
             if method in SOLVERS:
-                measures[:, i, j] = _solved(problem, orbit, method, options)
+                measures[:, i, j] = _solved(problem, orbit, largest, method, options)
             elif problems.takes(method, problem.model):
-                expected = problems.Run(orbit.state, phases, kinds, math.nan, 0, status.OK)
-                measures[:, i, j] = _marched(problem, expected, largest, method, options)
+                measures[:, i, j] = _marched(problem, orbit, largest, method, options)
     columns = ("state_error", "event_error", "multiplier_error", "orbit_evaluations")
     data: dict = {
         name: (("problem", "rung"), values) for name, values in zip(columns, measures, strict=True)
@@ -103,14 +99,16 @@ def times(methods, names, pair, settings, repeats):
     -------
     xarray.Dataset
         Over (problem, rung): orbit_time, median of `repeats` runs; NaN as of `errors`. Over
-        (problem,): shooting_time, of the reference from its own guess.
+        (problem,): shooting_time, of the orbit by shooting from its own guess.
     """
     table = rungs(methods)
     values = np.full((len(names), len(table)), math.nan)
     shooting = np.empty(len(names))
     for i, name in enumerate(names):
         problem = problems.build(name, pair, {}, settings)
-        shooting[i] = _median(lambda problem=problem: _reference(problem), repeats)
+        shooting[i] = _median(
+            lambda problem=problem: periodic_orbit(problem.model, problem.tuning), repeats
+        )
         for j, (method, _, _, options) in enumerate(table):
             if method in SOLVERS or problems.takes(method, problem.model):
                 values[i, j] = _median(
@@ -123,10 +121,6 @@ def times(methods, names, pair, settings, repeats):
     title = "Wall times of settled orbits"
     parameters = {"settings": settings, "repeats": repeats}
     return _dataset(title, methods, names, table, data, pair, parameters)
-
-
-def _reference(problem):
-    return periodic_orbit(problem.model, problem.tuning)
 
 
 def _orbit(problem, method, options):
@@ -142,13 +136,19 @@ def _orbit(problem, method, options):
     return found if getattr(found, "converged", True) else None
 
 
-def _solved(problem, orbit, method, options):
+def _solved(problem, expected, largest, method, options):
     """Return the errors of a solution over harmonics, and its evaluations."""
-    found = _orbit(problem, method, options)
-    if found is None:
+    solution = _orbit(problem, method, options)
+    if solution is None:
         return (math.nan,) * 4
-    error = solution_errors(found, orbit)
-    return error.state, error.event, error.multiplier, found.evaluations
+    phases, kinds = solution.crossings()
+    found = expected._replace(state=solution.state, phases=phases, kinds=kinds)
+    return (
+        work_precision.state_error(found, expected),
+        work_precision.event_error(found, expected),
+        abs(np.abs(solution.multipliers).max() - largest),
+        solution.evaluations,
+    )
 
 
 def _marched(problem, expected, largest, method, options):

@@ -1,7 +1,7 @@
 """Errors of methods against what they cost, knob by knob: evaluations, and wall time.
 
 Errors and evaluations are the same in every run; wall times are not, and keep to datasets of
-their own. Errors of one method on one problem:
+their own. Errors of one method on one problem, against `gearlib.trials.references`:
 
 ``state_error``
     of the final state: the larger of displacement and dx/dtau;
@@ -10,10 +10,9 @@ their own. Errors of one method on one problem:
     or others;
 ``multiplier_error``
     of the largest |Floquet multiplier| of the settled orbit, from central differences of the
-    method's own period map; NaN if the problem has no orbit of one mesh period.
+    method's own period map; NaN if the problem settles on no orbit of one mesh period.
 """
 
-import csv
 import math
 import statistics
 import time
@@ -25,9 +24,8 @@ import xarray as xr
 from gearlib import integrators, status
 from gearlib.core.jit import kernel
 from gearlib.core.oscillator import evolve, level
-from gearlib.files import replacing
 from gearlib.provenance import canonical_json
-from gearlib.trials import problems
+from gearlib.trials import problems, references
 from gearlib.variables import describe
 from gearlib.version import __version__
 
@@ -60,7 +58,15 @@ class Line(NamedTuple):
         return options
 
 
-#: method -> its lines. scipy's right-hand side is Python: few values.
+_SCIPY = (1e-3, 1e-6, 1e-9, 1e-12, 2.3e-14)
+_TOLERANCES = tuple(10.0**-k for k in range(3, 16, 2))
+
+#: Methods of this library, compiled; the others are solvers of other packages.
+OWN = ("exact", "taylor", "rk4", "rk45", "newmark", "generalised_alpha", "smoothed")
+
+#: method -> its lines, each down to the floor of its errors, or to what its package accepts:
+#: below 1e-12 LSODA stalls, below 100 times the last place of 1 scipy's pairs take that instead.
+#: scipy's right-hand side is Python: few values, and of Radau none that takes minutes.
 LADDERS = {
     "exact": [Line("exact", "located", None)],
     "taylor": [Line("taylor", "located", "tolerance", (1e-2, 1e-4, 1e-6, 1e-8, 1e-12, 1e-16))],
@@ -78,18 +84,24 @@ LADDERS = {
         )
     ],
     "scipy": [
-        Line("scipy RK45", "controlled", "rtol", (1e-3, 1e-6), {"solver": "RK45"}, True),
-        Line("scipy LSODA", "controlled", "rtol", (1e-3, 1e-6, 1e-9), {"solver": "LSODA"}, True),
-        Line("scipy Radau", "controlled", "rtol", (1e-3,), {"solver": "Radau"}, True),
+        Line("scipy RK45", "controlled", "rtol", _SCIPY[:4], {"solver": "RK45"}, True),
+        Line("scipy LSODA", "controlled", "rtol", _SCIPY[:4], {"solver": "LSODA"}, True),
+        Line("scipy Radau", "controlled", "rtol", _SCIPY[:2], {"solver": "Radau"}, True),
         Line(
             "scipy DOP853, split",
             "located",
             "rtol",
-            (1e-3, 1e-6, 1e-9, 1e-12),
+            _SCIPY,
             {"solver": "DOP853", "events": True},
             True,
         ),
     ],
+    # From 2.2e-16 on its steps are the same.
+    "heyoka": [Line("heyoka", "other", "tol", (*_TOLERANCES, 1e-16))],
+    "cvode": [Line("cvode", "other", "rtol", _TOLERANCES, follows=True)],
+    "diffrax": [Line("diffrax", "other", "rtol", _TOLERANCES, follows=True)],
+    "cyrk": [Line("cyrk", "other", "rtol", _TOLERANCES, follows=True)],
+    "numbalsoda": [Line("numbalsoda", "other", "rtol", _TOLERANCES, follows=True)],
 }
 
 #: Knobs of methods without lines of their own: the first that a method has.
@@ -116,19 +128,20 @@ def lines_of(method):
     ValueError
         If there is no such method here.
     """
-    known = {one.name: one for one in integrators.methods()}
-    if method not in known or not getattr(known[method], "available", True):
+    if method not in integrators.METHODS or not integrators.about(method).available:
         raise ValueError(
             f"method = {method!r} is not allowed: it must be one of "
-            f"{', '.join(map(repr, known))}, and installed"
+            f"{', '.join(map(repr, integrators.METHODS))}, and installed"
         )
-    if method in LADDERS:
-        return LADDERS[method]
-    options = known[method].options
+    return LADDERS[method] if method in LADDERS else [generic_line(method)]
+
+
+def generic_line(method):
+    """Return the line of a method that its options suggest."""
+    options = integrators.about(method).options
     knob = next((name for name in GENERIC if name in options), None)
     follows = knob == "rtol" and "atol" in options
-    line = Line(method, "other", knob, GENERIC.get(knob, (None,)), follows=follows)
-    return [line]
+    return Line(method, "other", knob, GENERIC.get(knob, (None,)), follows=follows)
 
 
 def rungs(method):
@@ -169,14 +182,14 @@ def event_error(found, expected):
     return float(np.abs(found.phases - expected.phases).max())
 
 
-def errors(method, names, pair, six_degrees, settings):
+def errors(method, known, pair, six_degrees, settings):
     """Return the errors and evaluations of a method on the problems.
 
     Parameters
     ----------
     method : str
-    names : list of str
-        Of `gearlib.trials.problems.CASES`.
+    known : xarray.Dataset
+        Of `gearlib.trials.references.compute`, of the same parameters.
     pair, six_degrees, settings
         As of `gearlib.trials.problems.build`.
 
@@ -188,17 +201,14 @@ def errors(method, names, pair, six_degrees, settings):
         knob, options. Over (problem,): state_floor, event_floor, half the last place of the
         reference, and multiplier_floor, rounding over the width of the differences.
     """
-    table = rungs(method)
+    table, names = rungs(method), known.problem.values.tolist()
     measures = np.full((4, len(names), len(table)), math.nan)
     floors = np.full((3, len(names)), math.nan)
     for i, name in enumerate(names):
         problem = problems.build(name, pair, six_degrees, settings)
-        # Floors belong to the problem, whatever the methods: from the common reference.
-        common = problems.reference(problem)
-        floors[:, i] = _floors(problem, common)
+        expected, orbit = references.run_of(known, name), references.orbit_of(known, name)
+        floors[:, i] = _floors(problem, expected)
         if problems.takes(method, problem.model):
-            expected = problems.reference(problem, method)
-            orbit = problems.steady_orbit(problem) if problem.steady else None
             measures[:, i] = np.transpose(
                 [_measures(problem, expected, orbit, method, options) for _, _, options in table]
             )
@@ -225,8 +235,8 @@ def _measures(problem, expected, orbit, method, options):
     """Return the three errors of a method, and its evaluations per mesh period."""
     found = problems.attempt(problem, method, options)
     multiplier = math.nan
-    if orbit is not None:
-        start, exact = orbit
+    start, exact = orbit
+    if not math.isnan(exact):
         matrix = problems.difference_map(problem, start, DIFFERENCE, method, options)
         multiplier = abs(problems.largest_multiplier(matrix) - exact)
     evaluations = found.evaluations / problem.periods if found.code == status.OK else math.nan
@@ -242,6 +252,7 @@ def _dataset(title, method, names, table, data, pair, parameters):
         "Conventions": "CF-1.11",
         "title": title,
         "source": f"gearlib {__version__}, method {method}",
+        "method": method,
         "references": "Hortel, Skuderova: Engineering Mechanics 14 (2007) 91-104",
         "gear_pair": canonical_json(pair),
         "parameters": canonical_json(parameters),
@@ -249,7 +260,7 @@ def _dataset(title, method, names, table, data, pair, parameters):
     return describe(dataset)
 
 
-def times(method, names, pair, six_degrees, settings, repeats):
+def times(method, known, pair, six_degrees, settings, repeats):
     """Return the wall times of a method on the problems; nothing else may run beside.
 
     Parameters as of `errors`; `repeats` runs are timed (long ones three times at most), of which
@@ -259,26 +270,27 @@ def times(method, names, pair, six_degrees, settings, repeats):
     -------
     xarray.Dataset
         Over (problem, rung): period_time, the slope between a short and a long run from the state
-        at the end of the problem, so that start, record and compilation do not count; NaN as of
-        `errors`. closed_form_time: of one evaluation of the closed form of contact;
-        warm_up_time: of the first run of the method in this process, which compiles its kernels
-        or loads them. The other variables as of `errors`.
+        at the end of the problem, so that start, record and compilation do not count; NaN where
+        the method does not take the model or could not go on. closed_form_time: of one evaluation
+        of the closed form of contact; warm_up_time: of the first run of the method in this
+        process, which compiles its kernels or loads them. The other variables as of `errors`.
     """
-    table = rungs(method)
+    table, names = rungs(method), known.problem.values.tolist()
     values = np.full((len(names), len(table)), math.nan)
     first = math.nan
     for i, name in enumerate(names):
         problem = problems.build(name, pair, six_degrees, settings)
         if not problems.takes(method, problem.model):
             continue
-        start = tuple(problems.reference(problem).state)
+        start = tuple(references.run_of(known, name).state)
         for j, (_, _, options) in enumerate(table):
             run = problems.Bound(problem.model, problem.tuning, method, options)
             if math.isnan(first):
                 first = _seconds(lambda run=run, start=start: run.raw(start, 1))
-            if run.run(start, problem.periods).code == status.OK:
-                call = _call(run, start)
-                values[i, j] = seconds_per_period(call, repeats)
+            codes: set = set()
+            seconds = seconds_per_period(_call(run, start, codes), repeats)
+            if codes == {status.OK}:
+                values[i, j] = seconds
     data = {
         "period_time": (("problem", "rung"), values),
         "closed_form_time": closed_form_time(repeats),
@@ -289,8 +301,9 @@ def times(method, names, pair, six_degrees, settings, repeats):
     return _dataset(title, method, names, table, data, pair, parameters)
 
 
-def _call(run, start):
-    return lambda periods: run.raw(start, periods)
+def _call(run, start, codes):
+    """Return a call that runs some periods, and adds its status to `codes`."""
+    return lambda periods: codes.add(run.raw(start, periods)[5])
 
 
 def _seconds(call):
@@ -307,14 +320,16 @@ def seconds_per_period(call, repeats):
         return _seconds(lambda: call(periods))
 
     call(short)
+    wholes, bases = [once(long), once(long)], [once(short)]
     # The lesser of two: an interruption must not pass for a long run.
-    while min(once(long), once(long)) - once(short) < _SPAN and long < _LONGEST:
+    while min(wholes) - bases[0] < _SPAN and long < _LONGEST:
         long *= 2
-    if once(long) > _LONG:
+        wholes = [once(long), once(long)]
+    if wholes[-1] > _LONG:
         repeats = min(repeats, 3)
-    whole = statistics.median([once(long) for _ in range(repeats)])
-    base = statistics.median([once(short) for _ in range(repeats)])
-    return (whole - base) / (long - short)
+    wholes += [once(long) for _ in range(repeats - 2)]
+    bases += [once(short) for _ in range(repeats - 1)]
+    return (statistics.median(wholes) - statistics.median(bases)) / (long - short)
 
 
 @kernel
@@ -330,68 +345,3 @@ def closed_form_time(repeats, count=100_000):
     _evolve_again(lev, 1.0, 0.0, 1.0, 1)
     times = [_seconds(lambda: _evolve_again(lev, 1.0, 0.0, 1.0, count)) for _ in range(repeats)]
     return statistics.median(times) / count
-
-
-class Row(NamedTuple):
-    """The fastest method of one problem within one accuracy."""
-
-    problem: str
-    decade: int  #: state error <= 10^-decade
-    line: str
-    knob: str
-    time: float  #: per mesh period, s
-    evaluations: float  #: per mesh period
-    error: float
-
-
-def fastest(error, seconds):
-    """Return (decade, index) of the fastest with an error <= 10^-decade, for every decade.
-
-    Parameters
-    ----------
-    error, seconds : ndarray, shape (n,)
-        NaN: no candidate.
-
-    Returns
-    -------
-    list of (int, int)
-        From 10^0 on, up to the last decade that anyone reaches, 10^-15 at most.
-    """
-    rows = []
-    for decade in range(16):
-        # A decade is reached with its bound, rounding of the power included.
-        able = np.flatnonzero((error <= 10.0**-decade * (1.0 + 1e-9)) & np.isfinite(seconds))
-        if able.size == 0:
-            break
-        rows.append((decade, int(able[np.argmin(seconds[able])])))
-    return rows
-
-
-def joined(datasets, name):
-    """Return a variable over (problem, rung) or (rung,) of all methods, end to end."""
-    return np.concatenate([data[name].values for data in datasets], axis=-1)
-
-
-def table(error_datasets, time_datasets):
-    """Return the `Row` of every problem and decade, from the datasets of the same methods."""
-    line, knob = joined(error_datasets, "line"), joined(error_datasets, "knob")
-    error, evaluations = (
-        joined(error_datasets, name) for name in ("state_error", "period_evaluations")
-    )
-    seconds = joined(time_datasets, "period_time")
-    return [
-        Row(str(problem), decade, line[k], knob[k], seconds[i, k], evaluations[i, k], error[i, k])
-        for i, problem in enumerate(error_datasets[0].problem.values)
-        for decade, k in fastest(error[i], seconds[i])
-    ]
-
-
-def write_csv(rows, path):
-    """Write `Row`s as a table, replacing the file in one step."""
-    with replacing(path) as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        names = ("seconds_per_period", "evaluations_per_period", "state_error")
-        writer.writerow(["problem", "accuracy", "fastest", "knob", *names])
-        for row in rows:
-            numbers = [f"{value:.3g}" for value in (row.time, row.evaluations, row.error)]
-            writer.writerow([row.problem, f"1e-{row.decade:02d}", row.line, row.knob, *numbers])

@@ -1,6 +1,7 @@
 """The documentation: it builds without a warning, its examples run, what it copies is current."""
 
 import importlib
+import inspect
 import re
 import shlex
 import subprocess
@@ -163,3 +164,21 @@ def test_the_picture_shows_the_contract_and_all_folders(hook):
     ).stdout.split()
     beside = [name for name in tracked if not name.startswith(".") and name != "gearlib"]
     assert all(name in shown for name in beside), beside
+
+
+def test_names_in_the_glossary_are_those_of_the_code():
+    """Each is a public name, an attribute or argument of one, or a variable of datasets."""
+    import gearlib
+    from gearlib.variables import DESCRIPTIONS
+
+    public = {name: getattr(gearlib, name) for name in gearlib.__all__}
+    known = {*public, *DESCRIPTIONS}
+    for name, thing in public.items():
+        arguments = inspect.signature(thing).parameters
+        known |= {*arguments, *(f"{name}.{attribute}" for attribute in [*arguments, *dir(thing)])}
+    text = (DOCS / "glossary.md").read_text(encoding="utf-8")
+    found = re.findall(r"`([^`]+)`", text.split("\n## ", 1)[1])
+    assert len(found) > 50
+    # `direction="up"` is the argument `direction`; a second value of it stands in quotes alone.
+    names = {name.split("=")[0] for name in found if not name.startswith('"')}
+    assert names <= known

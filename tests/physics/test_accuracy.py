@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 
 from gearlib import GearPair, simulate
-from tests.physics.high_precision import Arc, propagate
+from tests.physics.high_precision import Arc
+from tests.references import Stored
+
+REFERENCES = Stored("accuracy")
 
 EPS, KAPPA = 1.569, 0.5879
 #: Rounding of a few hundred arcs, each a few units in the last place of states of order one.
@@ -21,7 +24,7 @@ def compare(
     beta, beta_m, gap, nu, periods, state_tolerance, *, state=(0.0, 0.0), eps=EPS, kappa=KAPPA
 ):
     """Compare a run with the reference: events one by one, final state."""
-    x, v, expected = propagate(eps, kappa, beta, beta_m, gap, nu, periods, state)
+    x, v, expected = REFERENCES.propagate(eps, kappa, beta, beta_m, gap, nu, periods, state)
     pair = GearPair.from_ratios(
         contact_ratio=eps,
         stiffness_ratio=kappa,

@@ -93,7 +93,7 @@ def test_the_result_does_not_depend_on_threads_and_repeats():
     assert one.identical(two)
 
 
-def test_all_states_of_a_trap_come_to_its_orbit():
+def test_states_of_a_trap_in_other_directions_come_to_its_orbit():
     rng = np.random.default_rng(3)
     found = basins(BOTH, 1.75, grid(20))
     strobe = Stroboscope(BOTH, 1.75)

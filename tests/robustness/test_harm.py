@@ -21,32 +21,46 @@ def cut(project):
     return whole[: len(whole) // 2]
 
 
-HARM = {
-    "another shard": (SHARD, "phase_plane", lambda project: (project / FOREIGN).read_bytes()),
-    "no figure": (FIGURE, "draw_phase_lag", lambda project: b"not PNG\n"),
-}
+REFUSED = "Not what their jobs wrote"
 
 
-@pytest.mark.parametrize(("path", "rule", "content"), HARM.values(), ids=HARM)
-def test_a_replaced_result_is_named(project, path, rule, content):
+def replace(project, path, content):
+    """Put another content into a result, by its time neither new nor old."""
     times = os.stat(project / path)
-    (project / path).write_bytes(content(project))
-    # Neither new nor old: it would be up to date for whoever compares times.
+    (project / path).write_bytes(content)
+    # It would be up to date for whoever compares times.
     os.utime(project / path, ns=(times.st_atime_ns, times.st_mtime_ns + 1000))
-    printed = project.snakemake("-n", succeed=False)
-    (sentence,) = (line for line in printed.splitlines() if path in line)
-    assert sentence.startswith(f"Not what their jobs wrote: {path}. To have them computed anew,")
+
+
+def test_a_replaced_result_is_named(project):
+    replace(project, SHARD, (project / FOREIGN).read_bytes())
+    printed = project.snakemake("-j2", succeed=False)
+    (sentence,) = (line for line in printed.splitlines() if SHARD in line)
+    assert sentence.startswith(f"{REFUSED}: {SHARD}. To have them computed anew,")
     assert "Traceback" not in printed
-    (project / path).unlink()
-    assert project.planned(path) == {rule: 1}
+    # Who only asks is answered.
+    for question in ("-n", "--dag", "--unlock"):
+        assert f"{REFUSED}: {SHARD}" in project.snakemake(question)
+    (project / SHARD).unlink()
+    assert project.planned(SHARD) == {"phase_plane": 1}
+
+
+def test_a_picture_changed_by_hand_stays(project):
+    replace(project, FIGURE, b"not PNG\n")
+    assert project.jobs("-j2") == {}
+    assert (project / FIGURE).read_bytes() == b"not PNG\n"
+    # Until its data change.
+    project.configure(lambda settings: settings["phase_lag"].update(periods=110))
+    assert project.planned()["draw_phase_lag"] == 1
 
 
 def test_results_from_another_folder_are_named(project):
     shutil.rmtree(project / ".snakemake")
-    printed = project.snakemake("-n", succeed=False)
+    printed = project.snakemake("-j2", succeed=False)
     (sentence,) = (line for line in printed.splitlines() if "No record says how" in line)
     assert "come from another folder, or .snakemake was removed" in sentence
     assert "Traceback" not in printed
+    assert "No record says how" in project.snakemake("-n")
     shutil.rmtree(project / "results")
     assert project.planned()
 

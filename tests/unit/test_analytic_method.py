@@ -69,6 +69,8 @@ def test_steady_orbits(monkeypatch):
     assert (over_harmonics[:, -1] < 1e-2 * over_harmonics[:, 0]).all()
     assert np.isnan(errors.event_error.values[0]).all()
     assert (errors.event_error.values[1, 1:] < 1e-2).all()
+    # Damping is the same everywhere: Liouville's formula, which Hill's method keeps to rounding.
+    assert (errors.multiplier_error.values[:, lines == "harmonic balance"] < 1e-12).all()
     assert orbit_figures.draw_orbits(errors).axes
 
 

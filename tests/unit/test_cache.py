@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from gearlib.core.cache import KeyedFiles
+from gearlib.core.cache import KeyedFiles, remove_unused
 
 #: A kernel for two types of argument, which the processes meet in different order.
 PROGRAM = """
@@ -15,6 +15,23 @@ import kernels
 for value in [2, 0.5][:: int(sys.argv[1])]:
     assert kernels.twice(value) == 2 * value and type(kernels.twice(value)) is type(value)
 print(sum(kernels.twice.stats.cache_misses.values()))
+"""
+#: What is looked for in the cache by the warm-up, and after it.
+WARM = """
+from gearlib import core, simulate, sweep
+from gearlib.core.cache import KeyedFiles
+from tests.paper import PAPER
+asked, load = [], KeyedFiles.load
+def noted(files, key):
+    asked.append(files._index_name)
+    return load(files, key)
+KeyedFiles.load = noted
+core.warm_up()
+before = len(asked)
+simulate(PAPER, 0.9, periods=3)
+for direction in ("cold", "up", "down"):
+    sweep(PAPER, [0.8, 0.9], direction=direction, periods=3, record_periods=1)
+print(before > 0, asked[before:])
 """
 KERNELS = """
 from gearlib.core.jit import kernel
@@ -29,12 +46,12 @@ def twice(x):
 """
 
 
-def start(folder, order):
-    """Start a process that calls the kernels, its machine code under `folder`."""
+def start(folder, program, *arguments):
+    """Start a process that runs a program, its machine code under `folder`."""
     # By the folder of this checkout: an installed one may be another.
     path = os.pathsep.join([str(folder), os.getcwd()])
     return subprocess.Popen(
-        [sys.executable, "-c", PROGRAM, order],
+        [sys.executable, "-c", program, *arguments],
         env={**os.environ, "NUMBA_CACHE_DIR": str(folder / "cache"), "PYTHONPATH": path},
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
@@ -45,12 +62,54 @@ def start(folder, order):
 def test_processes_that_compile_at_once_into_an_empty_folder(tmp_path):
     (tmp_path / "kernels.py").write_text(KERNELS, encoding="utf-8")
     for orders in (["1", "-1", "1"], ["1"]):
-        for process in [start(tmp_path, order) for order in orders]:
+        for process in [start(tmp_path, PROGRAM, order) for order in orders]:
             out, err = process.communicate(timeout=120)
             assert process.returncode == 0, err
     assert int(out) == 0, "the last process had to compile what the others had compiled"
     names = [path.name for path in (tmp_path / "cache").rglob("*.*")]
     assert len(names) == 4 and all(name.endswith(".nbc") for name in names)
+
+
+def test_after_the_warm_up_a_gear_pair_compiles_nothing(tmp_path):
+    # Of this process's folder: from nothing it would take half a minute of processor time.
+    done = subprocess.run([sys.executable, "-c", WARM], capture_output=True, text=True)
+    assert done.returncode == 0 and done.stdout == "True []\n", done.stdout + done.stderr
+
+
+def test_an_edited_kernel_outside_of_core_is_compiled_anew(tmp_path):
+    # Where it stands and what calls it stay as they are: to numba `twice` is the same as before.
+    for text, printed in (
+        (KERNELS, "2.5"),
+        (KERNELS.replace("return x\n", "return 2 * x\n"), "5.0"),
+    ):
+        (tmp_path / "kernels.py").write_text(text, encoding="utf-8")
+        process = start(tmp_path, "import kernels; print(kernels.twice(1.25))")
+        assert process.communicate(timeout=120)[0].strip() == printed
+
+
+def test_unused_folders_are_removed(tmp_path):
+    now, day = 2e9, 24 * 3600.0
+    ages = {"kernels-" + "0" * 16: 29, "kernels-" + "1" * 16: 31, "kernels-mine": 31, "other": 31}
+    for name, age in ages.items():
+        (tmp_path / name / "core").mkdir(parents=True)
+        (tmp_path / name / "core/code.nbc").touch()
+        os.utime(tmp_path / name, times=(now - age * day,) * 2)
+    remove_unused(tmp_path, now)
+    assert sorted(ages.keys() - {path.name for path in tmp_path.iterdir()}) == [
+        "kernels-" + "1" * 16
+    ]
+
+
+def test_a_start_marks_its_folder_as_used_and_a_first_one_clears_up(tmp_path):
+    left = tmp_path / "cache" / ("kernels-" + "0" * 16)
+    left.mkdir(parents=True)
+    os.utime(left, times=(0, 0))
+    start(tmp_path, "import gearlib.core.cache").communicate(timeout=120)
+    (folder,) = (tmp_path / "cache").iterdir()
+    assert folder != left
+    os.utime(folder, times=(0, 0))
+    start(tmp_path, "import gearlib.core.cache").communicate(timeout=120)
+    assert folder.stat().st_mtime > 0
 
 
 def test_two_writers_keep_their_entries_apart(tmp_path):

@@ -22,6 +22,7 @@ GEARS = {
 #: What suits the paper's gears only, or is a choice of the scenes: config.yaml differs there.
 OWN = {
     "phase_lag.material_dampings",
+    "jump.marked",
     "six_degrees.inertias",
     "six_degrees.masses",
     "six_degrees.bearing_damping",

@@ -56,29 +56,6 @@ def planes(tunings, backlash=4.0):
 GRID = np.linspace(0.6, 1.2, 31)
 
 
-def test_resonance_has_scales_units_and_every_curve():
-    figure = resonance.draw(curves(GRID))
-    main, *panels = figure.axes
-    assert main.get_xlabel() == "tuning $\\nu_s$" and "static deflections" in main.get_ylabel()
-    labels = [axis.get_xlabel() for axis in main.child_axes]
-    assert "tuning $\\nu_\\mathrm{max}$" in labels and "tuning $\\nu_\\mathrm{min}$" in labels
-    assert [axis.get_ylabel() for axis in main.child_axes][-1].endswith("(m)")
-    names = [text.get_text() for text in main.get_legend().get_texts()]
-    assert names == ["$k_{1}$", "my own + oil", "conservative"]
-    assert len(panels) == 3
-    low, high = main.get_xlim()
-    assert low < 0.6 and high > 1.2
-
-
-@pytest.mark.parametrize("count", [1, 2, 3])
-def test_any_number_of_dampings(count):
-    figure = resonance.draw(curves(GRID).isel(damping=slice(count)))
-    main, *panels = figure.axes
-    assert len(panels) == count
-    lowest = [panel.get_xlabel() for panel in panels][-2:]
-    assert lowest == [main.get_xlabel()] * len(lowest)
-
-
 @pytest.mark.parametrize("backlash", [math.inf, 0.0, 0.5])
 def test_any_backlash(backlash):
     figure = resonance.draw(curves(GRID, backlash=backlash))
@@ -95,11 +72,6 @@ def test_runs_that_could_not_go_on_are_left_out():
     data.displacement[0, 0] = np.nan
     labels = [text.get_text() for text in phase_planes.draw(data).axes[0].texts]
     assert labels == ["no result"]
-
-
-def test_a_single_direction_and_a_single_tuning():
-    assert len(resonance.draw(curves(GRID, directions=("up",))).axes) == 1
-    resonance.draw(curves([0.8]))
 
 
 def test_phase_planes_are_a_labelled_grid():
@@ -239,6 +211,17 @@ def test_jump_has_a_panel_for_each_kind():
     ]
     assert all(axes.get_ylabel() == "shift of the jump\n(tuning)" for axes in panels[::2])
     assert len({axes.get_ylim() for axes in panels}) == 1
+
+
+def test_marked_tunings_of_the_jump():
+    data = jumps(factors=[0.9])
+    assert "dashed" not in jump.draw(data).axes[0].get_title()
+    assert len(jump.draw(data).axes[1].patches) == 0
+    scan, panel, _ = jump.draw(data, [0.82, 0.81]).axes
+    assert scan.get_title().endswith("(dashed: 0.8200 and 0.8100)")
+    (band,) = panel.patches
+    ends = [band.get_y(), band.get_y() + band.get_height()]
+    assert ends == pytest.approx([0.81, 0.82] - data.jump.values[0])
 
 
 def test_a_single_kind_of_jump():

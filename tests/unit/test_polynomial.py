@@ -1,13 +1,27 @@
 """First crossings and largest values of polynomials, against their known roots."""
 
+import math
+import types
+from fractions import Fraction
+
 import numpy as np
 import pytest
 
+from gearlib.core import polynomial
+from gearlib.core.nonlinear import first_crossing
 from gearlib.core.polynomial import bernstein_matrix, first_fall, highest
+from gearlib.core.series import ROWS, X
 
 DEGREE = 20
 MATRIX = bernstein_matrix(DEGREE)
 WORK = np.empty((50, DEGREE + 2))
+
+
+def of_a_step(coefficients):
+    """Return what a Taylor step finds on a polynomial, its bounds and its shape asked first."""
+    h, series = 0.3, np.zeros((ROWS, DEGREE + 1))
+    series[X] = coefficients / h ** np.arange(DEGREE + 1)
+    return first_crossing(series, X, 0.0, 1.0, h, MATRIX, WORK)
 
 
 def with_roots(roots, rng):
@@ -20,13 +34,14 @@ def with_roots(roots, rng):
     return np.convolve(c, rest)
 
 
+@pytest.mark.parametrize("find", [lambda c: first_fall(c, MATRIX, WORK), of_a_step])
 @pytest.mark.parametrize("seed", range(4))
-def test_first_of_many_roots(seed):
+def test_first_of_many_roots(seed, find):
     rng = np.random.default_rng(seed)
     for _ in range(2000):
         roots = np.sort(rng.uniform(0.0, 1.0, rng.integers(0, 6)))
         apart = np.diff(np.append(roots, 2.0)).min() if roots.size else 1.0
-        found = first_fall(with_roots(roots, rng), MATRIX, WORK)
+        found = find(with_roots(roots, rng))
         # Coefficients carry 1e-16; a root near others moves by that over the distance to them.
         expected = roots[0] if roots.size else 2.0
         assert abs(found - expected) <= 1e-12 / apart ** max(1, roots.size - 1)
@@ -45,6 +60,84 @@ def test_a_start_on_the_line():
     assert first_fall(c, MATRIX, WORK) == pytest.approx(2 / 3, abs=1e-14)
     c[:3] = 0.0, -1.0, -1.5
     assert first_fall(c, MATRIX, WORK) == 0.0
+
+
+@pytest.mark.parametrize("below", [1e-12, 1e-9, 1e-3])
+def test_a_start_below_the_line_does_not_hide_the_fall(below):
+    # Behind the line by the rounding of what the distance is the difference of.
+    c = np.zeros(DEGREE + 1)
+    c[:3] = -below, 1.0, -1.5
+    expected = (1.0 + math.sqrt(1.0 - 6.0 * below)) / 3.0
+    assert first_fall(c, MATRIX, WORK) == pytest.approx(expected, abs=1e-14)
+
+
+def exactly(c, s):
+    """Return the value at s, a Fraction, without rounding."""
+    value = Fraction(0)
+    for one in c[::-1]:
+        value = value * s + Fraction(float(one))
+    return value
+
+
+def nearly_multiple(rng):
+    """Return a polynomial with double or fourfold roots, moved by a few roundings of its terms."""
+    count = int(rng.integers(1, 11))
+    c = np.array([1.0])
+    for root in rng.uniform(0.0, 1.0, count):
+        for _ in range(2 * (1 + (count < 6 and rng.random() < 0.3))):
+            c = np.convolve(c, [root, -1.0])
+    c = np.append(c, np.zeros(DEGREE + 1 - len(c)))
+    c[0] += abs(c).sum() * rng.choice([-1.0, 0.0, 1.0]) * 10 ** rng.uniform(-17, -14)
+    return c
+
+
+def test_roots_that_are_nearly_multiple_and_plateaus():
+    rng = np.random.default_rng(2)
+    grid = [Fraction(k, 64) for k in range(65)]
+    told = 0
+    for _ in range(600):
+        c = nearly_multiple(rng)
+        if c[0] < 0.0:
+            continue
+        found = first_fall(c.copy(), MATRIX, WORK)
+        assert found == 2.0 or 0.0 <= found <= 1.0
+        # Rounding of 21 Bernstein coefficients of the size of the terms, and of their halvings.
+        rounding = 1e-14 * abs(c).sum()
+        before = [s for s in grid if s < found]
+        assert min(exactly(c, s) for s in before) >= -rounding
+        if found <= 1.0:
+            assert abs(exactly(c, Fraction(found))) <= rounding
+            told += 1
+    assert told > 50
+
+
+def with_budget(kernel, intervals):
+    """Return a kernel as Python, with another budget; the compiled one keeps its own."""
+    code = kernel.py_func.__code__
+    return types.FunctionType(code, vars(polynomial) | {"_MAX_INTERVALS": intervals})
+
+
+def test_a_budget_that_is_spent_is_told():
+    rng = np.random.default_rng(2)
+    hard = [nearly_multiple(rng) for _ in range(40)]
+    full = [first_fall(c.copy(), MATRIX, WORK) for c in hard]
+    short = [with_budget(first_fall, 12)(c.copy(), MATRIX, WORK) for c in hard]
+    spent = [one == -1.0 for one in short]
+    assert 10 < sum(spent) < 40
+    # What is told all the same is as true as with all of the budget.
+    rest = [(a, b) for a, b, gone in zip(short, full, spent, strict=True) if not gone]
+    np.testing.assert_allclose(*zip(*rest, strict=True), rtol=0, atol=1e-15)
+    hill = np.zeros(DEGREE + 1)
+    hill[1:3] = 1.0, -0.75
+    assert math.isnan(with_budget(highest, 12)(hill, MATRIX, WORK, -math.inf))
+    assert highest(hill, MATRIX, WORK, -math.inf) == pytest.approx(1.0 / 3.0, abs=1e-13)
+
+
+def test_a_flat_root_is_placed_to_the_end():
+    # Newton's method takes a twentieth off the distance at a time; 60 steps would end at 0.02.
+    c = np.zeros(DEGREE + 1)
+    c[0], c[20] = 1e-40, -1.0
+    assert polynomial._bracketed_root(c, 0.0, 1.0) == pytest.approx(0.01, rel=1e-12)
 
 
 def test_a_polynomial_that_hugs_the_line_ends():

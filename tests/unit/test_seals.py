@@ -36,6 +36,17 @@ def test_other_content_is_noticed(results, content):
     assert replaced(results) == [path]
 
 
+@pytest.mark.parametrize("suffix", ["png", "svg", "pdf", "html"])
+def test_drawings_are_not_watched(results, suffix):
+    log, drawing = Path("results/case/logs/draw.log"), Path(f"results/a.{suffix}")
+    drawing.write_bytes(b"drawn")
+    log.write_text(seal(log, [drawing]), encoding="utf-8")
+    drawing.write_bytes(b"by hand")
+    assert replaced(results) == []
+    shutil.rmtree(".snakemake")
+    assert drawing not in foreign(results)
+
+
 def test_missing_files_and_cut_logs_are_left_to_snakemake(results):
     path = results / "case/some result.nc"
     path.unlink()

@@ -10,7 +10,7 @@ from gearlib import integrators, jump
 from gearlib.figures import jump_by_method as jump_figure
 from gearlib.figures import work_precision as figures
 from gearlib.integrators.option import Option
-from gearlib.trials import jump_by_method, problems
+from gearlib.trials import fastest, jump_by_method, problems, references
 from gearlib.trials import work_precision as wp
 
 PAIR = {
@@ -42,7 +42,7 @@ def run(state=(0.0, 0.0), phases=(), kinds=()):
 
 
 def datasets(method, names=("smooth", "bouncing")):
-    arguments = method, list(names), PAIR, {}, SETTINGS
+    arguments = method, references.compute(list(names), PAIR, {}, SETTINGS), PAIR, {}, SETTINGS
     return wp.errors(*arguments), wp.times(*arguments, repeats=1)
 
 
@@ -76,7 +76,7 @@ def test_every_method_has_a_ladder_that_it_accepts():
 def test_a_ladder_goes_from_coarse_to_fine():
     for lines in wp.LADDERS.values():
         for line in lines:
-            if line.knob in ("rtol", "tolerance"):
+            if line.knob in ("rtol", "tol", "tolerance"):
                 assert list(line.values) == sorted(line.values, reverse=True)
             elif line.knob:
                 assert list(line.values) == sorted(line.values)
@@ -121,21 +121,13 @@ def test_problems():
     assert problems.build("cubic", PAIR, {}, SETTINGS).model.cubic_damping == 4e5
 
 
-def test_no_method_is_measured_by_itself():
-    for name in ("smooth", "cubic"):
-        model = problems.build(name, PAIR, {}, SETTINGS).model
-        for method in integrators.METHODS:
-            judge, _ = problems.judge(model, method)
-            assert judge != method and problems.takes(judge, model)
-
-
-def test_the_fastest_of_every_decade():
-    error = np.array([1e-2, 1e-9, 3e-5, np.nan, 1e-12])
-    seconds = np.array([1.0, 5.0, 2.0, 0.1, np.nan])
-    found = wp.fastest(error, seconds)
-    # The third is the quickest within 1e-3 and 1e-4, the second from there on to its own error.
-    assert found == [(0, 0), (1, 0), (2, 0), (3, 2), (4, 2), *((d, 1) for d in range(5, 10))]
-    assert wp.fastest(np.array([np.nan]), np.array([1.0])) == []
+def test_the_fastest_of_a_decade():
+    error = np.array([1e-2, 1e-9, 3e-5, np.nan, 1e-12, 1e-3])
+    seconds = np.array([1.0, 5.0, 2.0, 0.1, np.nan, -1.0])
+    # The third is the quickest within 1e-3 and 1e-4, the second from there on to its own error; a
+    # time below zero is none.
+    found = [fastest.fastest(error, seconds, decade) for decade in fastest.DECADES]
+    assert found == [0, 0, 2, 2, 1, 1, 1, 1, 1, *[None] * 6]
 
 
 @pytest.mark.parametrize("cost", [1e-8, 1e-3, 0.1])
@@ -154,17 +146,58 @@ def both():
     return [datasets(method) for method in ("exact", "taylor")]
 
 
-def test_the_table(both, tmp_path):
-    errors, times = zip(*both, strict=True)
-    rows = wp.table(errors, times)
-    assert {row.problem for row in rows} == {"smooth", "bouncing"}
-    for row in rows:
-        assert row.error <= 10.0**-row.decade * 1.001
-    wp.write_csv(rows, tmp_path / "table.csv")
+def measured(method, line, error, seconds):
+    """Return datasets of errors and times of one line with some rungs on one problem."""
+    count = len(error)
+    named = {
+        "line": ("rung", [line] * count),
+        "knob": ("rung", [f"{line} = {k}" for k in range(count)]),
+    }
+    errors = {"state_error": error, "period_evaluations": 10.0 * np.arange(count)}
+    parts = [errors, {"period_time": seconds}]
+    return [
+        xr.Dataset(
+            named | {name: (("problem", "rung"), [values]) for name, values in part.items()},
+            {"problem": ["smooth"]},
+            {"method": method},
+        )
+        for part in parts
+    ]
+
+
+def test_the_table_names_the_fastest_of_ours_and_of_the_others(tmp_path):
+    pairs = [
+        measured("exact", "exact", [2e-12], [1e-6]),
+        measured("rk4", "rk4", [1e-4, 1e-13], [5e-7, 1.0]),
+        measured("heyoka", "heyoka", [3e-6, 3e-15], [4e-6, 7e-6]),
+        measured("scipy", "scipy RK45", [5e-2, 1e-7], [3e-6, 9e-6]),
+    ]
+    errors, times = zip(*pairs, strict=True)
+    fastest.write_csv(fastest.table(errors, times), tmp_path / "table.csv")
     with open(tmp_path / "table.csv", newline="") as file:
-        table = list(csv.DictReader(file))
-    assert len(table) == len(rows)
-    assert table[0]["accuracy"] == "1e-00" and float(table[0]["seconds_per_period"]) > 0.0
+        rows = {row["accuracy_in_static_deflections"]: row for row in csv.DictReader(file)}
+    assert list(rows) == [f"1e-{decade:02d}" for decade in range(1, 16)]
+
+    def short(accuracy):
+        columns = ("own_method", "own_time_us_per_mesh_period", "other_method", "other_knob")
+        return [rows[accuracy][c] for c in ("own_is_times_faster", *columns)]
+
+    assert short("1e-01") == ["6", "rk4", "0.5", "scipy RK45", "scipy RK45 = 0"]
+    assert short("1e-03") == ["8", "rk4", "0.5", "heyoka", "heyoka = 0"]
+    assert short("1e-06") == ["7", "exact", "1", "heyoka", "heyoka = 1"]
+    # Slower, and said so.
+    assert short("1e-12") == ["7e-06", "rk4", "1e+06", "heyoka", "heyoka = 1"]
+    assert rows["1e-12"]["other_error_in_static_deflections"] == "3e-15"
+    assert rows["1e-12"]["other_evaluations_per_mesh_period"] == "10"
+    ours, others = "no method of this library reaches it", "no solver of another package reaches it"
+    assert short("1e-14") == ["", ours, "", "heyoka", "heyoka = 1"]
+    assert short("1e-15") == ["", ours, "", others, ""]
+
+
+def test_own_methods_are_those_without_a_package_of_others():
+    for name, module in integrators.METHODS.items():
+        others = hasattr(module, "PACKAGE") or module.__name__.endswith("scipy_ivp")
+        assert (name in wp.OWN) == (not others)
 
 
 def test_units_and_shapes(both):
@@ -177,7 +210,8 @@ def test_units_and_shapes(both):
 
 
 def test_a_method_that_does_not_take_a_model_has_no_numbers():
-    data = wp.errors("exact", ["cubic"], PAIR, {}, SETTINGS)
+    known = references.compute(["cubic"], PAIR, {}, SETTINGS | {"periods": 1})
+    data = wp.errors("exact", known, PAIR, {}, SETTINGS)
     assert np.isnan(data.state_error).all() and np.isnan(data.period_evaluations).all()
     # The floor of the problem is known all the same.
     assert np.isfinite(data.state_floor).all()
@@ -189,7 +223,9 @@ def test_figures(both):
         assert len(figure.axes) == 2
         assert all(np.isfinite(axes.get_xlim()).all() for axes in figure.axes)
     titles = [axes.get_title() for axes in figures.draw_measures(errors).axes]
-    assert titles == ["a bounce in every period", "no bounce", "a bounce in every period"]
+    smooth, bouncing = (figures.PROBLEMS[n].replace(", ", ",\n") for n in ("smooth", "bouncing"))
+    # Errors of events, of which the smooth problem has none, then those of multipliers.
+    assert titles == [bouncing, smooth, bouncing]
 
 
 def test_switches_of_a_scan():

@@ -1,12 +1,15 @@
 """The small project: built once, copied for every test that changes it."""
 
 import fcntl
+import json
 import os
 import shutil
 
 import pytest
 
-from tests.workflow.project import Project, small_project
+from tests.workflow.project import ROOT, Project, small_project
+
+RECORDER = ROOT / "tests/workflow/recorder"
 
 
 @pytest.fixture(scope="session")
@@ -23,9 +26,26 @@ def first_run(tmp_path_factory):
         fcntl.flock(lock, fcntl.LOCK_EX)
         if not printed.exists():
             shutil.rmtree(folder / "workflow", ignore_errors=True)
-            output = small_project(folder / "workflow").snakemake("-j2")
+            shutil.rmtree(folder / "records", ignore_errors=True)
+            (folder / "records").mkdir()
+            recorded = {
+                "GEARLIB_RECORDS": str(folder / "records"),
+                "PYTHONPATH": os.pathsep.join(
+                    filter(None, [str(RECORDER), os.getenv("PYTHONPATH")])
+                ),
+                "PYTHONDONTWRITEBYTECODE": "1",
+            }
+            project = small_project(folder / "workflow")
+            output = project.snakemake("-j2", environment=recorded)
             printed.write_text(output, encoding="utf-8")
     return Project(folder / "workflow"), printed.read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="session")
+def records(first_run):
+    """What each process of the first run loaded and compiled, see `recorder/sitecustomize.py`."""
+    found = (first_run[0].folder.parent / "records").glob("*.json")
+    return [json.loads(path.read_text(encoding="utf-8")) for path in found]
 
 
 @pytest.fixture

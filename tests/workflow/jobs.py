@@ -76,7 +76,12 @@ EXPERIMENTS = {
         {"trial": 2, "gather_failures": 1}, {"draw_failures": 1}, simulates=True
     ),
     "work_precision": Experiment(
-        {"work_precision_errors": 2, "work_precision_times": 2, "work_precision_table": 1},
+        {
+            "work_precision_references": 1,
+            "work_precision_errors": 2,
+            "work_precision_times": 2,
+            "work_precision_table": 1,
+        },
         {"draw_work_precision": 1, "draw_work_precision_time": 1},
     ),
     "steady_orbits": Experiment(

@@ -1,5 +1,6 @@
 """A small project in a temporary folder, on which the tests run the real Snakemake."""
 
+import os
 import re
 import shutil
 import subprocess
@@ -21,11 +22,12 @@ class Project:
     def __truediv__(self, path):
         return self.folder / path
 
-    def snakemake(self, *arguments, succeed=True):
-        """Run Snakemake and return what it printed."""
+    def snakemake(self, *arguments, succeed=True, environment=None):
+        """Run Snakemake, in an environment with these changes, and return what it printed."""
         done = subprocess.run(
             [Path(sys.executable).with_name("snakemake"), *arguments],
             cwd=self.folder,
+            env=os.environ | (environment or {}),
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,

@@ -79,7 +79,25 @@ def test_imports_are_followed(tmp_path):
     ]
 
 
-@pytest.mark.parametrize("line", ["from gearlib import GearPair", "from . import pair"])
+def test_modules_loaded_by_name_count_where_they_are_declared(tmp_path):
+    names = "import importlib\n{}importlib.import_module('gearlib.one')"
+    declared = names.format("if TYPE_CHECKING:\n    from gearlib import one\n")
+    files = {"__init__": "", "one": "import gearlib.below", "two": "", "below": "", "by": declared}
+    make(tmp_path, {f"gearlib/{name}.py": text for name, text in files.items()})
+    make(tmp_path, {"run.py": "import gearlib.by"})
+    found = [path.stem for path in sources(tmp_path / "run.py", tmp_path)]
+    assert found == ["below", "by", "one", "run"]
+    told = [path.stem for path in sources(tmp_path / "run.py", tmp_path, ["gearlib.two"])]
+    assert told == ["below", "by", "one", "two", "run"]
+    make(tmp_path, {"gearlib/silent.py": names.format(""), "run2.py": "import gearlib.silent"})
+    with pytest.raises(ImportError, match="import under TYPE_CHECKING what is loaded by name"):
+        sources(tmp_path / "run2.py", tmp_path)
+
+
+LAZY = ["from gearlib import GearPair", "import gearlib"]
+
+
+@pytest.mark.parametrize("line", [*LAZY, "from . import pair"])
 def test_lazy_and_relative_imports_are_refused(tmp_path, line):
     make(tmp_path, {"gearlib/__init__.py": "", "run.py": line})
     with pytest.raises(ImportError, match="full names"):

@@ -14,7 +14,7 @@ from pathlib import Path
 from snakemake.exceptions import WorkflowError
 
 from gearlib import config as configuration
-from gearlib import tunings
+from gearlib import integrators, tunings
 from gearlib.config.trials import PEERS
 from workflow.sources import sources
 from workflow.yaml_keys import repeated_keys
@@ -40,6 +40,9 @@ PUBLISHED_PART = "5 Published problems"
 #: What the report shows of a figure, the first that there is; browsers zoom pixels best.
 SHOWN_FORMATS = ["png", "svg", "pdf"]
 
+# What a first job has to compile is kept for all others, also where Python is told to keep nothing.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+
 # Scripts import the library beside this Snakefile, whatever else is installed.
 os.environ.update(
     PYTHONPATH=os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
@@ -53,6 +56,8 @@ try:
     if repeated:
         raise configuration.ConfigError("\n".join(repeated))
     CONFIG = configuration.load(config)
+    # Captions of the report read this, and find what the configuration leaves out as well.
+    config.update(CONFIG.model_dump())
 except configuration.ConfigError as error:
     raise WorkflowError(f"The configuration is refused.\n{error}") from None
 
@@ -69,10 +74,19 @@ wildcard_constraints:
     trial=r"[A-Za-z0-9+_-]+",
 
 
-def script_sources(name):
-    """Return the source files on which the results of a script depend."""
-    files = sources(ROOT / "workflow" / "scripts" / f"{name}.py", ROOT)
+def script_sources(name, *methods):
+    """Return the source files on which the results of a script depend, told to run these methods.
+
+    Of those that are always loaded a script says so itself, see `workflow.sources`.
+    """
+    loaded = [f"gearlib.integrators.{integrators.METHODS.data[method]}" for method in methods]
+    files = sources(ROOT / "workflow" / "scripts" / f"{name}.py", ROOT, loaded)
     return [os.path.relpath(path) for path in files]
+
+
+def sources_with_method(name):
+    """Return the input function of a script that runs the method in the name of its output."""
+    return lambda wildcards: script_sources(name, wildcards.method)
 
 
 def figure_files(name):
@@ -122,6 +136,16 @@ def resonance_shards():
     ]
 
 
+def beside_resonance():
+    """Return the files of what Fig. 3 shows below its curves: those that are targets too."""
+    files = {
+        "labels": expand("results/labels/{damping}.nc", damping=CONFIG.dampings),
+        "branches": expand("results/branches/{damping}.nc", damping=CONFIG.dampings),
+        "parametric_resonance": ["results/tongues.nc"],
+    }
+    return {name: files[name] for name in files if name in CONFIG.targets}
+
+
 def nonlinear_damping_files():
     """Return the files of all models of the study of nonlinear damping."""
     return expand(
@@ -131,9 +155,15 @@ def nonlinear_damping_files():
     )
 
 
+def trial_named(name):
+    """Return a trial of the configuration."""
+    (trial,) = (trial for trial in CONFIG.failures.trials if trial.name == name)
+    return trial
+
+
 def trial_of(wildcards):
     """Return method and options of a trial."""
-    (trial,) = (t for t in CONFIG.failures.trials if t.name == wildcards.trial)
+    trial = trial_named(wildcards.trial)
     return canonical({"method": trial.method, "options": trial.options})
 
 
@@ -164,6 +194,11 @@ def work_precision_files(kind):
     return [f"results/work_precision/{kind}_{name}.nc" for name in methods if installed(name)]
 
 
+def marching_methods():
+    """Return the methods of settled orbits that are behind ``method=``."""
+    return [name for name in CONFIG.steady_orbits.methods if name in integrators.METHODS]
+
+
 def work_precision_settings():
     """Return what the test problems take from the configuration, without methods and repeats."""
     apart = {"methods", "problems", "repeats"}
@@ -179,6 +214,7 @@ def files_by_target():
         "phase_planes": figure_files("fig5_phase_planes"),
         "scenes": scenes,
         "jump": figure_files("fig6_jump"),
+        "labels": expand("results/labels/{damping}.nc", damping=CONFIG.dampings),
         "branches": figure_files("branches"),
         "nonlinear_damping": [
             *figure_files("nonlinear_damping"),

@@ -1,7 +1,7 @@
 """Compute: one job for each window of a sweep, one for each phase plane."""
 
 
-# Without this rule the first jobs would each compile the same kernels. Its stamp is an ordinary
+# Without this rule the first jobs would each compile the kernels of a gear pair. Its stamp is an ordinary
 # input: behind an "ancient" one Snakemake would overlook edits of sources that both rules share.
 rule compile_kernels:
     input:

@@ -3,10 +3,8 @@
 
 rule draw_resonance:
     input:
+        **beside_resonance(),
         resonance=rules.gather_resonance.output.dataset,
-        labels=expand("results/labels/{damping}.nc", damping=CONFIG.dampings),
-        branches=expand("results/branches/{damping}.nc", damping=CONFIG.dampings),
-        tongues=rules.tongues.output.dataset,
         sources=script_sources("draw_resonance"),
     output:
         figure("fig3_resonance", "Fig. 3: resonance characteristics, all dampings", PAPER),

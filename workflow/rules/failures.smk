@@ -4,7 +4,7 @@
 rule trial:
     input:
         kernels=rules.compile_kernels.output.stamp,
-        sources=script_sources("trial"),
+        sources=lambda wildcards: script_sources("trial", trial_named(wildcards.trial).method),
     output:
         dataset="results/failures/{trial}.nc",
     log:

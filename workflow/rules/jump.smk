@@ -14,7 +14,7 @@ rule jump:
     threads: 1
     params:
         pair=canonical(CONFIG.pair_parameters(CONFIG.jump.damping)),
-        settings=canonical(CONFIG.jump.model_dump()),
+        settings=canonical(CONFIG.jump.model_dump(exclude={"marked"})),
         run=canonical(run_length()),
     conda:
         "../envs/gearlib.yaml"
@@ -35,6 +35,7 @@ rule draw_jump:
     threads: 1
     params:
         dpi=CONFIG.figures.dpi,
+        marked=canonical(CONFIG.jump.marked),
     conda:
         "../envs/gearlib.yaml"
     script:

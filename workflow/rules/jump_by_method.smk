@@ -4,7 +4,7 @@
 rule jump_by_method:
     input:
         kernels=rules.compile_kernels.output.stamp,
-        sources=script_sources("jump_by_method"),
+        sources=sources_with_method("jump_by_method"),
     output:
         dataset="results/jump_by_method/{method}.nc",
     log:
@@ -53,6 +53,7 @@ rule draw_jump_by_method:
     threads: 1
     params:
         dpi=CONFIG.figures.dpi,
+        marked=canonical(CONFIG.jump.marked),
         absent=absent(CONFIG.jump_by_method.methods),
     conda:
         "../envs/gearlib.yaml"

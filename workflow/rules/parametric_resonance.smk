@@ -53,7 +53,7 @@ rule draw_parametric_resonance:
         pictures=figure("parametric_resonance", "Parametric resonance: tongues", EXPLANATIONS),
         page=table_page(
             "parametric_resonance",
-            "Parametric resonance: the singular region in words",
+            "Parametric resonance: the tuning in question, in words",
             EXPLANATIONS,
         ),
     log:

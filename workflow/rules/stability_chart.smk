@@ -4,7 +4,9 @@
 rule stability_chart:
     input:
         kernels=rules.compile_kernels.output.stamp,
-        sources=script_sources("stability_chart"),
+        sources=script_sources(
+            "stability_chart", *(m.method for m in CONFIG.stability_chart.methods.values())
+        ),
     output:
         dataset="results/stability_chart.nc",
     log:

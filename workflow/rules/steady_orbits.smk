@@ -4,7 +4,7 @@
 rule steady_orbits:
     input:
         kernels=rules.compile_kernels.output.stamp,
-        sources=script_sources("steady_orbits"),
+        sources=script_sources("steady_orbits", *marching_methods()),
     output:
         dataset="results/steady_orbits/errors.nc",
     log:
@@ -27,7 +27,7 @@ rule steady_orbits:
 rule steady_orbit_times:
     input:
         kernels=rules.compile_kernels.output.stamp,
-        sources=script_sources("steady_orbit_times"),
+        sources=script_sources("steady_orbit_times", *marching_methods()),
     output:
         dataset="results/steady_orbits/times.nc",
     log:

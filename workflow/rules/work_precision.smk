@@ -1,10 +1,34 @@
-"""Work and precision: errors and evaluations of each method, their wall times apart, figures."""
+"""Work and precision: references, errors and evaluations of each method, their wall times apart."""
+
+
+# The kernels are those of long runs, which say where Newton's method starts.
+rule work_precision_references:
+    input:
+        kernels=rules.compile_kernels.output.stamp,
+        sources=script_sources("work_precision_references"),
+    output:
+        dataset="results/work_precision/references.nc",
+    log:
+        "results/logs/work_precision/references.log",
+    benchmark:
+        "results/benchmarks/work_precision/references.tsv"
+    threads: 1
+    params:
+        problems=CONFIG.work_precision.problems,
+        pair=canonical(CONFIG.gear_pair.model_dump()),
+        six_degrees=canonical(CONFIG.six_degrees.model_dump()),
+        settings=work_precision_settings(),
+    conda:
+        "../envs/gearlib.yaml"
+    script:
+        "../scripts/work_precision_references.py"
 
 
 rule work_precision_errors:
     input:
         kernels=rules.compile_kernels.output.stamp,
-        sources=script_sources("work_precision_errors"),
+        references=rules.work_precision_references.output.dataset,
+        sources=sources_with_method("work_precision_errors"),
     output:
         dataset="results/work_precision/errors_{method}.nc",
     log:
@@ -13,7 +37,6 @@ rule work_precision_errors:
         "results/benchmarks/work_precision/errors_{method}.tsv"
     threads: 1
     params:
-        problems=CONFIG.work_precision.problems,
         pair=canonical(CONFIG.gear_pair.model_dump()),
         six_degrees=canonical(CONFIG.six_degrees.model_dump()),
         settings=work_precision_settings(),
@@ -29,7 +52,8 @@ rule work_precision_errors:
 rule work_precision_times:
     input:
         kernels=rules.compile_kernels.output.stamp,
-        sources=script_sources("work_precision_times"),
+        references=rules.work_precision_references.output.dataset,
+        sources=sources_with_method("work_precision_times"),
     output:
         dataset="results/work_precision/times_{method}.nc",
     log:
@@ -38,7 +62,6 @@ rule work_precision_times:
         "results/benchmarks/work_precision/times_{method}.tsv"
     threads: 1024
     params:
-        problems=CONFIG.work_precision.problems,
         pair=canonical(CONFIG.gear_pair.model_dump()),
         six_degrees=canonical(CONFIG.six_degrees.model_dump()),
         settings=work_precision_settings(),
@@ -62,6 +85,8 @@ rule work_precision_table:
     benchmark:
         "results/benchmarks/work_precision_table.tsv"
     threads: 1
+    params:
+        absent=absent(CONFIG.work_precision.methods),
     conda:
         "../envs/gearlib.yaml"
     script:

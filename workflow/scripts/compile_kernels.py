@@ -1,4 +1,4 @@
-"""Compile all kernels into the cache; the stamp says for which sources."""
+"""Compile the kernels of a gear pair into the cache; the stamp says for which sources."""
 
 from pathlib import Path
 

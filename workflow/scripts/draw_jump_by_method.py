@@ -8,7 +8,8 @@ from gearlib.figures import jump_by_method, style
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])
-    figure = jump_by_method.draw([storage.read(path) for path in snakemake.input.jumps])
+    jumps = [storage.read(path) for path in snakemake.input.jumps]
+    figure = jump_by_method.draw(jumps, json.loads(snakemake.params.marked))
     style.note_absent(figure, json.loads(snakemake.params.absent))
     figure.set_dpi(snakemake.params.dpi)
     for path in snakemake.output:

@@ -10,7 +10,7 @@ if __name__ == "__main__":
     redirect_output(snakemake.log[0])
     dataset = work_precision.times(
         snakemake.wildcards.method,
-        snakemake.params.problems,
+        storage.read(snakemake.input.references),
         json.loads(snakemake.params.pair),
         json.loads(snakemake.params.six_degrees),
         json.loads(snakemake.params.settings),

@@ -1,0 +1,154 @@
+"""Runs in many digits against closed forms, matrix exponentials and Taylor steps of mpmath."""
+
+import math
+from decimal import Decimal, localcontext
+
+import mpmath
+import numpy as np
+import pytest
+
+from gearlib import GearPair, OneDegreePair, SixDegreePair
+from gearlib.core.mesh import NORMAL
+from gearlib.trials import high_precision, problems, references
+from tests.paper import CONFIG, PAPER
+from tests.physics.high_precision import propagate
+
+RATIOS = {"contact_ratio": 1.569, "stiffness_ratio": 0.5879, "damping": 0.06}
+#: Of 50 digits ten may go to the growth of rounding over six periods of bouncing.
+DIGITS = mpmath.mpf(10) ** -40
+
+
+def digits_of(value):
+    return mpmath.mpf(str(value))
+
+
+@pytest.mark.parametrize(
+    ("changes", "tuning", "state"),
+    [
+        ({"backlash": 4.0}, 0.7, (0.0, 0.0)),  # never leaves the flank
+        ({"backlash": 4.0, "backlash_damping": 0.06}, 0.9, (0.0, 0.0)),  # bounces
+        ({"backlash": 4.0, "damping": 0.0}, 0.9, (0.0, 0.0)),  # reaches the far flank
+        ({"backlash": 1.0, "damping": 2.0, "backlash_damping": 1.0}, 0.3, (-3.0, 1.0)),
+        ({"backlash": 0.0, "damping": 0.05}, 0.85, (0.0, -1.5)),  # no way between the flanks
+        ({"backlash": math.inf}, 0.9, (0.5, -2.0)),
+        ({"backlash": 4.0}, 0.75, (-4.0, -1.0)),  # from the far flank line, through it
+        ({"backlash": 4.0}, 0.75, (-4.0, 0.0)),  # from rest on it
+        ({"backlash": 2.0, "contact_ratio": 1.0}, 0.9, (-1.0, 0.3)),  # constant stiffness
+        ({"backlash": 2.0, "contact_ratio": 2.0, "stiffness_ratio": 1.0}, 0.9, (2.0, -2.0)),
+    ],
+)
+def test_one_degree_against_closed_forms(changes, tuning, state):
+    pair = GearPair.from_ratios(**(RATIOS | changes))
+    found = high_precision.run(pair, tuning, 6, 50, state)
+    x, v, events = propagate(
+        pair.contact_ratio,
+        pair.stiffness_ratio,
+        pair.damping_ratio,
+        pair.backlash_damping_ratio,
+        pair.backlash_ratio,
+        tuning,
+        6,
+        state,
+    )
+    assert [event[1:] for event in found.events] == [event[1:3] for event in events]
+    assert max(abs(digits_of(a) - b) for a, b in zip(found.state, (x, v), strict=True)) < DIGITS
+    for event, expected in zip(found.events, events, strict=True):
+        assert abs(digits_of(event.phase) - expected[0]) < DIGITS
+
+
+def test_cubic_damping_against_taylor_steps_of_mpmath():
+    # The first half stretch of C_max, before contact is lost.
+    pair = OneDegreePair(pair=PAPER.replace(contact_ratio=2.0), cubic_damping=4e5)
+    nu, d = mpmath.mpf(0.9), mpmath.mpf(float(pair.equation.damping[NORMAL + 1, 2]))
+    with mpmath.workdps(25):
+
+        def rate(t, z):
+            return [z[1], (1 - z[0]) / nu**2 - d * nu * z[1] ** 3]
+
+        expected = mpmath.odefun(rate, 0, [0, 0], tol=mpmath.mpf(10) ** -22)(2 * mpmath.pi)
+    found = high_precision.run(pair, 0.9, 1, 30)
+    assert not found.events
+    for a, b in zip(found.state, expected, strict=True):
+        assert abs(digits_of(a) - b) < mpmath.mpf(10) ** -18
+
+
+def test_cubic_damping_with_bounces_against_the_library():
+    settings = CONFIG["work_precision"] | {"periods": 6}
+    problem = problems.build("cubic", CONFIG["gear_pair"], {}, settings)
+    expected = references.reference(problem)
+    found = problems.attempt(problem, "taylor", {})
+    # Rounding of some forty phases.
+    np.testing.assert_allclose(found.state, expected.state, rtol=0, atol=1e-14)
+    np.testing.assert_allclose(found.phases, expected.phases, rtol=0, atol=1e-13)
+    assert found.kinds.tolist() == expected.kinds.tolist() and len(expected.kinds) > 3
+
+
+def test_six_degrees_against_matrix_exponentials():
+    # At this tuning the first period is one of contact.
+    six = SixDegreePair(pair=PAPER.replace(material_damping=3953.7), **CONFIG["six_degrees"])
+    nu = 0.8
+    found = high_precision.run(six, nu, 1, 40)
+    assert not found.events
+    system, _ = six.system(nu)
+    epsilon = mpmath.mpf(six.pair.contact_ratio)
+    # Friction turns at 0 and pi; the stiffness switches at pi (eps - 1) and pi (3 - eps).
+    cuts = [0, mpmath.pi * (epsilon - 1), mpmath.pi, mpmath.pi * (3 - epsilon), 2 * mpmath.pi]
+    with localcontext(prec=50):
+        start = high_precision.equations_of(six, nu).start
+    np.testing.assert_allclose(
+        np.array(start, float), six.initial(system, (0.0, 0.0)), rtol=0, atol=1e-14
+    )
+    z = mpmath.matrix([digits_of(value) for value in start])
+    for matrix, begin, end in zip(system.a[NORMAL + 1], cuts, cuts[1:], strict=False):
+        z = mpmath.expm(mpmath.matrix(matrix.tolist()) * (end - begin), method="taylor") * z
+    y = mpmath.fdot(system.near.tolist(), z)
+    rate = mpmath.matrix(system.a[1, 0].tolist()) * z
+    speed = mpmath.fdot(system.near.tolist(), rate)
+    for a, b in zip(found.state, (y, speed), strict=True):
+        assert abs(digits_of(a) - b) < mpmath.mpf(10) ** -36
+
+
+def test_six_degrees_with_bounces_against_the_library():
+    problem = problems.build(
+        "six_degrees", CONFIG["gear_pair"], CONFIG["six_degrees"], CONFIG["work_precision"]
+    )
+    expected = references.reference(problem)
+    found = problems.attempt(problem, "exact", {})
+    # Fifty times the last place of the bearings' deflections, 7e-15, after 20 periods of bouncing.
+    np.testing.assert_allclose(found.state, expected.state, rtol=0, atol=5e-13)
+    assert found.kinds.tolist() == expected.kinds.tolist() and len(expected.kinds) > 3
+
+
+def series(*coefficients):
+    return [Decimal(value) for value in coefficients]
+
+
+def test_the_first_zero_of_a_series():
+    with localcontext(prec=50):
+        # (t - 1/2)^2 - 1e-20, falling at 1/2 - 1e-10 and rising again; a sampled sign misses it.
+        dip = series("0.25", "-1", "1")
+        dip[0] -= Decimal("1e-20")
+        root = high_precision._first_zero(dip, Decimal(1))
+        assert abs(root - (Decimal("0.5") - Decimal("1e-10"))) < Decimal("1e-35")
+        dip[0] += Decimal("2e-20")
+        assert high_precision._first_zero(dip, Decimal(1)) is None
+        # Of two zeros the first: (1/4 - t) (3/4 - t).
+        first = high_precision._first_zero(series("0.1875", "-1", "1"), Decimal(1))
+        assert abs(first - Decimal("0.25")) < Decimal("1e-40")
+        # (t - 1/3)^2, to the last digit.
+        touch = [Decimal(1) / 9, Decimal(-2) / 3, Decimal(1)]
+        with pytest.raises(high_precision.Unresolved):
+            high_precision._first_zero(touch, Decimal(1))
+
+
+def test_digits_are_added_until_they_are_enough(monkeypatch):
+    # Twenty periods without damping lose some twenty digits.
+    settings = CONFIG["work_precision"] | {"conservative_periods": 20}
+    problem = problems.build("conservative", CONFIG["gear_pair"], {}, settings)
+    expected = references.reference(problem)
+    monkeypatch.setattr(references, "_DIGITS", (12, 24, 48, 96))
+    found = references.reference(problem)
+    np.testing.assert_array_equal(found.state, expected.state)
+    monkeypatch.setattr(references, "_DIGITS", (12, 24))
+    with pytest.raises(ValueError, match="periods = 20 is not allowed for .*'conservative'"):
+        references.reference(problem)

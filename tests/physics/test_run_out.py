@@ -1,0 +1,146 @@
+"""Run-out: motions that repeat with it, over single runs, sweeps and Lyapunov exponents."""
+
+import math
+
+import numpy as np
+import pytest
+
+from gearlib import (
+    bifurcation_diagram,
+    continue_orbit,
+    harmonic_balance,
+    lyapunov,
+    periodic_orbit,
+    simulate,
+    sweep,
+    trust,
+)
+from gearlib.core import orbit
+from gearlib.labelling import scan
+from tests.paper import PAPER
+from tests.physics.test_six_degrees import EVERYTHING, gears
+
+EQUAL, UNEQUAL = (24, 24), (24, 31)
+
+
+def damped(teeth, **more):
+    """Return damped gears with run-out, friction and deviations on soft bearings."""
+    everything = EVERYTHING | {"teeth": teeth} | more
+    return gears(3e7, 3953.7, 3953.7, free=True, share=0.2, **everything)
+
+
+@pytest.mark.parametrize(("teeth", "repeats"), [(EQUAL, 24), (UNEQUAL, 744)])
+@pytest.mark.parametrize("nu", [0.7, 0.9])
+def test_a_damped_motion_repeats_with_the_run_out(teeth, repeats, nu):
+    pair = damped(teeth)
+    assert pair.repeats == repeats
+    settings = {"periods": 2 * repeats + 300, "record_periods": 1}
+    run = simulate(pair, nu, **settings)
+    assert int(run.period) == repeats
+    assert int(sweep(pair, [nu], **settings).period[0]) == repeats
+    # Shooting, which knows nothing of it, closes after as many periods, and on the same motion.
+    found = periodic_orbit(pair, nu, period=repeats)
+    assert found.stable and int(found.dataset().period) == repeats
+    back = sweep(pair, [nu], periods=10 * repeats, record_periods=1)
+    np.testing.assert_allclose(back.final_state[0], relative(pair, nu, found.state), atol=1e-9)
+
+
+def relative(pair, nu, state):
+    """Return displacement and velocity at tau = 0 of a full state without constants."""
+    system, _ = pair.system(nu)
+    z = pair.initial(system, (0.0, 0.0))
+    z[: state.size] = state
+    return system.position @ z, system.position @ (system.a[1, 0] @ z)
+
+
+@pytest.mark.parametrize(("teeth", "repeats"), [(EQUAL, 24), (UNEQUAL, 744)])
+def test_trust_says_periodic(teeth, repeats):
+    # 2000 periods and four times as many end at different angles: a whole repeat is recorded.
+    found = trust(damped(teeth), 0.9, exponent_periods=100)
+    assert (found.label, found.period) == ("periodic", repeats), found.message
+    assert found.digits > 6
+    labels = scan(damped(teeth), [0.9], exponent_periods=100)
+    assert int(labels.period[0]) == repeats
+
+
+def test_trust_asks_for_two_repeats():
+    found = trust(damped(UNEQUAL), 0.9, periods=1000, exponent_periods=100)
+    assert found.label == "undecided"
+    assert "two repeats of the run-out, of 744 periods each" in found.message
+
+
+def test_a_doubled_run_out_and_a_slow_one():
+    # States over 2 R periods that repeat after R, or after 2 R only, or hardly move at all.
+    repeats = 30
+    phase = 2.0 * math.pi * np.arange(4 * repeats + 40) / repeats
+    states = np.stack([np.sin(phase), np.cos(phase)], axis=1)
+    assert orbit.orbit_period(states, 1.0, 1.0, repeats) == repeats
+    assert orbit.orbit_period(states[: 2 * repeats], 1.0, 1.0, repeats) == repeats
+    assert orbit.orbit_period(states[: 2 * repeats - 1], 1.0, 1.0, repeats) == 0
+    doubled = np.stack([np.sin(phase) + 0.1 * np.sin(phase / 2.0), np.cos(phase)], axis=1)
+    assert orbit.orbit_period(doubled, 1.0, 1.0, repeats) == 2 * repeats
+    # Gears whose run-outs cancel: what repeats all through a repeat has its own period.
+    third = np.stack([np.arange(400) % 3, np.zeros(400)], axis=1).astype(float)
+    assert orbit.orbit_period(third, 1.0, 1.0, repeats) == 3
+    # 2e-7 from a period to the next is less than the tolerance, 0.06 in half a repeat is not.
+    slow = 0.03 * np.sin(2.0 * math.pi * np.arange(2_000_000) / 1_000_000)
+    states = np.stack([slow, np.zeros_like(slow)], axis=1)
+    assert orbit.orbit_period(states, 1.0, 1.0, 1_000_000) == 1_000_000
+
+
+def test_solvers_of_others_find_the_period_too():
+    pair = gears(math.inf, 3953.7, 3953.7, eccentricities=(2e-6, 1e-6), teeth=(17, 17))
+    state = relative(pair, 0.7, periodic_orbit(pair, 0.7, period=17).state)
+    judge = {"solver": "DOP853", "rtol": 1e-10, "atol": 1e-12, "events": True}
+    run = simulate(pair, 0.7, periods=34, initial_state=tuple(state), method="scipy", options=judge)
+    assert int(run.period) == 17
+
+
+@pytest.mark.parametrize("way", ["up", "down"])
+def test_a_sweep_lets_the_gears_turn_on(way):
+    # Tunings equal to rounding, ten periods each: one run, were it not for the order.
+    pair, nu = damped(UNEQUAL), 0.9
+    tunings = nu + 1e-13 * np.arange(5)
+    swept = sweep(pair, tunings, periods=10, record_periods=10, direction=way)
+    order = range(5) if way == "up" else range(4, -1, -1)
+    for count, i in enumerate(order, 1):
+        run = simulate(pair, nu, periods=10 * count, record_periods=10)
+        # Rounding of the tuning over fifty periods with bounces.
+        np.testing.assert_allclose(swept.final_state[i], run.final_state, atol=1e-9)
+        assert float(swept.displacement_max[i]) == pytest.approx(float(run.displacement_max))
+
+
+def test_after_a_failed_run_a_sweep_begins_anew():
+    pair = damped(EQUAL)
+    settings = {"periods": 10, "record_periods": 1, "max_events": 1}
+    tunings = [0.7, 0.8]
+    down = sweep(pair, tunings, direction="down", **settings)
+    cold = sweep(pair, tunings, **settings)
+    assert down.status.values.tolist() == [0, 1]
+    np.testing.assert_array_equal(down.final_state, cold.final_state)
+
+
+def test_six_degrees_are_carried_along_by_the_exact_method_only():
+    with pytest.raises(ValueError, match="direction = 'up' is not allowed for six degrees"):
+        sweep(damped(EQUAL), [0.9], periods=2, record_periods=1, direction="up", method="scipy")
+    sweep(PAPER, [0.9], periods=2, record_periods=1, direction="up", method="scipy")
+
+
+def test_the_exponent_does_not_depend_on_how_maps_are_cut(monkeypatch):
+    pair = damped(EQUAL)
+    whole = lyapunov.largest(pair, 0.9, settle=200, periods=240)
+    monkeypatch.setattr(lyapunov, "_CHUNK", 7)
+    parts = lyapunov.largest(pair, 0.9, settle=200, periods=240)
+    assert parts.value == pytest.approx(whole.value, abs=1e-9)
+
+
+def test_periods_above_127_fit_into_datasets():
+    pair = damped(UNEQUAL)
+    found = periodic_orbit(pair, 0.7, period=744)
+    assert int(found.dataset().period) == 744
+    branch = continue_orbit(found, to=0.701, max_points=2)
+    assert int(branch.period) == 744
+    diagram = bifurcation_diagram(damped(EQUAL), [0.7], settle=200, strobes=48)
+    assert int(diagram.period[0]) == 24
+    solution = harmonic_balance(PAPER.replace(material_damping=4e4), 0.7, harmonics=130, period=130)
+    assert int(solution.dataset().period) == 130

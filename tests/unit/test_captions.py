@@ -1,0 +1,112 @@
+"""Captions and words of figures hold no numbers but those of their configuration and data."""
+
+import ast
+import re
+from pathlib import Path
+from types import SimpleNamespace
+
+import jinja2
+import pytest
+import yaml
+
+from gearlib import config, provenance
+from gearlib.figures import work_precision
+from gearlib.trials import problems, published
+from tests.unit.test_defaults import GEARS
+
+ROOT = Path(__file__).resolve().parents[2]
+CAPTIONS = sorted((ROOT / "workflow/report").glob("*.rst"))
+FIGURES = sorted((ROOT / "gearlib/figures").glob("*.py"))
+#: Names of figures are no numbers, nor are powers, symbols with an index and options of artists.
+NUMBER = re.compile(r"(?<![\w.^{-])(?<!pad=)(?<!Fig\. )\d+(?:\.\d+)?(?:e-?\d+)?(?![\w}])")
+#: Counts in words, from four on.
+WORDS = re.compile(
+    r"\b(four|five|six|seven|eight|nine|ten|eleven|twelve|dozen|hundred|tenth|fifth|quarter)\b"
+)
+#: Neither the gears nor anything else of the project's configuration.
+LEAST = {"gear_pair": GEARS, "dampings": {"oil": {"material": 0.0, "backlash": 20.0}}}
+PROJECT = yaml.safe_load((ROOT / "config.yaml").read_text(encoding="utf-8"))
+
+
+def shifted(value):
+    """Return a configuration all of whose numbers are others, such as nobody types."""
+    if isinstance(value, dict):
+        return {key: shifted(one) for key, one in value.items()}
+    if isinstance(value, list):
+        return [shifted(one) for one in value]
+    return value + 7351.125 if isinstance(value, int | float) else value
+
+
+def numbers(text):
+    """Return the numbers of a text; what counts up to three (τ = 0, 2/n, 1 %) is left out."""
+    found = {float(one) for one in NUMBER.findall(text)}
+    return found - {0.0, 1.0, 2.0, 3.0}
+
+
+def values(settings):
+    """Return all numbers of a configuration."""
+    if isinstance(settings, dict):
+        settings = [*settings.values()]
+    if isinstance(settings, list):
+        return set().union(*map(values, settings))
+    return {float(settings)} if isinstance(settings, int | float) else set()
+
+
+def caption(path, settings):
+    """Return a caption as the report makes it of a checked configuration."""
+    environment = jinja2.Environment(
+        trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined
+    )
+    job = SimpleNamespace(config=settings, wildcards=SimpleNamespace(scene="mine"))
+    return environment.from_string(path.read_text(encoding="utf-8")).render(snakemake=job)
+
+
+def defined(path):
+    """Return the numbers that belong to a caption whatever is computed: what it cites, defines."""
+    name = path.stem.removeprefix("published_")
+    if name in published.PROBLEMS:
+        # Equations and references of published problems.
+        return numbers(Path(published.__file__).read_text(encoding="utf-8"))
+    return numbers(provenance._PAPER.replace("-", " ")) if path.stem == "workflow" else set()
+
+
+@pytest.mark.parametrize("path", CAPTIONS, ids=lambda path: path.stem)
+@pytest.mark.parametrize("given", [LEAST, PROJECT], ids=["least", "project"])
+def test_every_number_of_a_caption_is_its_configuration_s(path, given):
+    settings = shifted(config.load(given).model_dump())
+    text = caption(path, settings)
+    assert numbers(text) <= values(settings) | defined(path)
+    assert not WORDS.findall(text)
+
+
+def words_of(path):
+    """Return the texts of a module, without docstrings and formats."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    skipped = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.FormattedValue) and node.format_spec is not None:
+            skipped |= {id(one) for one in ast.walk(node.format_spec)}
+        elif isinstance(node, ast.Expr):
+            skipped |= {id(node.value)}
+    texts = [node for node in ast.walk(tree) if isinstance(node, ast.Constant)]
+    return [one.value for one in texts if isinstance(one.value, str) and id(one) not in skipped]
+
+
+@pytest.mark.parametrize("path", FIGURES, ids=lambda path: path.stem)
+def test_no_tuning_is_typed_into_the_words_of_a_figure(path):
+    for text in words_of(path):
+        if text in work_precision.PROBLEMS.values():
+            continue
+        typed = {found for found in numbers(text) if found % 1}
+        # Ticks and colours of the axes, not words: they stand alone.
+        assert not typed or NUMBER.fullmatch(text), text
+        assert "paper" not in text, text
+
+
+@pytest.mark.parametrize("name", problems.CASES)
+def test_titles_of_problems_say_what_they_are(name):
+    title, case = work_precision.PROBLEMS[name], problems.CASES[name]
+    assert numbers(title) == {case.tuning}
+    damped = title.startswith("damped")
+    assert damped == (case.kind == "linear" and any(case.damped))
+    assert ("in contact" in title) == (case.damped == (True, False))

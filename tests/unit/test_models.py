@@ -1,0 +1,83 @@
+"""Models with a `GearPair` inside: what they offer of it, and copies with some values changed."""
+
+import dataclasses
+import math
+
+import pytest
+
+from gearlib import DeadZoneOscillator, GearPair, Harmonics, OneDegreePair, SixDegreePair
+from tests.paper import PAPER
+
+ONE = OneDegreePair(pair=PAPER, cubic_damping=4e5, deviation=Harmonics((1e-6,)))
+SIX = SixDegreePair(
+    pair=PAPER,
+    base_radii=(0.1, 0.08),
+    inertias=(0.06, 0.05),
+    masses=(17.0, 12.0),
+    bearing_stiffness=(1e8,) * 4,
+    deviation=Harmonics((1e-6,)),
+)
+OSCILLATOR = DeadZoneOscillator(lower_edge=-1.0, upper_stiffness=2.0, damping=0.1)
+#: What the pair has and the model has not, or has in its own sense.
+OWN = {"from_ratios", "as_dict", "replace", "repeats"}
+
+
+@pytest.mark.parametrize("model", [ONE, SIX])
+def test_scales_and_ratios_of_the_pair_are_those_of_the_model(model):
+    for name in dir(PAPER):
+        if name.startswith("_") or name in OWN or name in vars(model):
+            continue
+        found, expected = getattr(model, name), getattr(PAPER, name)
+        if name in ("tuning_max", "tuning_min", "mesh_frequency", "speed_scales"):
+            found, expected = found(0.8), expected(0.8)
+        elif name == "scales":
+            found, expected = found(), expected()
+        assert found == expected, name
+    assert SIX.teeth == (24, 24)
+    with pytest.raises(AttributeError):
+        model.from_ratios  # noqa: B018
+
+
+@pytest.mark.parametrize("model", [PAPER, ONE, SIX, OSCILLATOR])
+def test_a_copy_is_a_model_of_the_same_kind(model):
+    assert model.replace() == model
+    names = {field.name for field in dataclasses.fields(model)}
+    for name in names - {"pair"}:
+        assert model.replace(**{name: getattr(model, name)}) == model
+    with pytest.raises(ValueError, match="stiffness_raito is not allowed: .* are .*stiffness"):
+        model.replace(stiffness_raito=0.5)
+
+
+@pytest.mark.parametrize("model", [ONE, SIX])
+def test_a_copy_changes_the_model_or_its_pair(model):
+    found = model.replace(backlash=20e-6, deviation=Harmonics((2e-6,)))
+    assert type(found) is type(model)
+    assert found.pair == PAPER.replace(backlash=20e-6)
+    assert found.deviation == Harmonics((2e-6,))
+    other = PAPER.replace(contact_ratio=1.4)
+    assert model.replace(pair=other, backlash=math.inf).pair == other.replace(backlash=math.inf)
+    with pytest.raises(ValueError, match="backlash = -1"):
+        model.replace(backlash=-1)
+    with pytest.raises(ValueError, match="pair = 3"):
+        model.replace(pair=3, backlash=1e-5)
+
+
+def test_what_follows_by_default_goes_on_following():
+    heavier = SIX.replace(load=2.0 * PAPER.load)
+    assert heavier.torques == tuple(2.0 * torque for torque in SIX.torques)
+    assert SIX.replace(base_radii=(0.2, 0.1)).torques == (0.2 * PAPER.load, 0.1 * PAPER.load)
+    assert SIX.replace(deviation=Harmonics((2e-6,))).inverse_deviation == Harmonics((2e-6,))
+    assert SIX.replace(pair=PAPER.replace(teeth=31)).teeth == (31, 31)
+    # What was set stays.
+    own = SIX.replace(torques=(1.0, 2.0), teeth=(24, 31), inverse_deviation=Harmonics())
+    found = own.replace(load=1.0, deviation=Harmonics(), pair=PAPER.replace(teeth=20))
+    assert found.torques == (1.0, 2.0) and found.teeth == (24, 31) and found.pair.load == 1.0
+    damped = OSCILLATOR.replace(damping=0.3, upper_stiffness=3.0)
+    assert (damped.upper_damping, damped.lower_damping, damped.lower_stiffness) == (0.3, 0.3, 3.0)
+    unequal = OSCILLATOR.replace(upper_damping=0.2).replace(damping=0.0)
+    assert (unequal.upper_damping, unequal.lower_damping) == (0.2, 0.0)
+
+
+def test_a_pair_alone_is_no_model_of_its_own():
+    assert type(ONE.replace(load=1.0)) is OneDegreePair
+    assert type(PAPER.replace(load=1.0)) is GearPair

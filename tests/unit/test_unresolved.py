@@ -1,0 +1,86 @@
+"""A crossing or an extremum that rounding hides ends a run with a status, wherever it is asked for.
+
+The kernels run as plain Python here, so that the question can be answered with "cannot tell".
+"""
+
+import math
+
+import numpy as np
+import pytest
+
+from gearlib import OneDegreePair, simulate, status
+from gearlib.core import linear, linear_variation, nonlinear, passage, variation
+from gearlib.integrators import taylor
+from gearlib.variational import full_state, period_maps
+from tests.paper import PAPER
+from tests.physics.test_six_degrees import gears
+
+SIX = gears(3e7, 3953.7, 500.0, free=True)
+CURVED = OneDegreePair(pair=PAPER, cubic_damping=4e5)
+
+
+def plain(monkeypatch, home, name, *users):
+    """Let a kernel run as Python in its module and in those that import it."""
+    function = getattr(home, name).py_func
+    for module in (home, *users):
+        monkeypatch.setattr(module, name, function)
+
+
+def unknown(monkeypatch, module, name, answer):
+    monkeypatch.setattr(module, name, lambda *_: answer)
+
+
+@pytest.fixture
+def python(monkeypatch):
+    """Run the marches in Python."""
+    for name in ("run_linear", "_first_event", "_summarise"):
+        plain(monkeypatch, linear, name)
+    plain(monkeypatch, linear, "go", linear_variation)
+    plain(monkeypatch, passage, "pass_period", linear)
+    plain(monkeypatch, passage, "_fall")
+    plain(monkeypatch, nonlinear, "take_step", variation)
+    plain(monkeypatch, nonlinear, "run_nonlinear", taylor)
+    plain(monkeypatch, nonlinear, "_add_step")
+    return monkeypatch
+
+
+def is_unresolved(run):
+    assert run.status == status.UNRESOLVED
+    assert "initial state" in run.status.attrs["message"]
+    assert np.isnan(run.displacement_max) and np.isnan(run.final_state).all()
+
+
+@pytest.mark.parametrize("periods", [1, 2])
+def test_a_crossing_in_many_coordinates(python, periods):
+    # With two periods the first one, which nobody looks at, meets it.
+    unknown(python, linear, "first_fall", -1.0)
+    unknown(python, passage, "fall_by_shape", -1.0)
+    unknown(python, passage, "first_fall", -1.0)
+    is_unresolved(simulate(SIX, 0.9, periods=periods, initial_state=(0.5, -2.0)))
+
+
+def test_an_extremum_in_many_coordinates(python):
+    unknown(python, linear, "highest", math.nan)
+    is_unresolved(simulate(SIX, 0.9, periods=1))
+
+
+@pytest.mark.parametrize(("name", "answer"), [("first_fall", -1.0), ("highest", math.nan)])
+def test_one_degree_in_taylor_steps(python, name, answer):
+    unknown(python, nonlinear, name, answer)
+    is_unresolved(simulate(CURVED, 0.9, periods=1))
+
+
+@pytest.mark.parametrize(("model", "kernel"), [(SIX, "vary_linear"), (CURVED, "vary_nonlinear")])
+def test_maps(python, model, kernel):
+    unknown(python, linear, "first_fall", -1.0)
+    unknown(python, nonlinear, "first_fall", -1.0)
+    home = linear_variation if model is SIX else variation
+    python.setattr(f"gearlib.variational.{kernel}", getattr(home, kernel).py_func)
+    _, maps, code = period_maps(model, 0.9, full_state(model, 0.9, (0.5, -2.0)), 1, 1000)
+    assert code == status.UNRESOLVED and np.isnan(maps).all()
+
+
+def test_every_status_has_its_words_and_its_flag():
+    codes = list(status.FLAGS["flag_values"])
+    assert codes == list(range(len(codes)))
+    assert len(status.FLAGS["flag_meanings"].split()) == len(codes)

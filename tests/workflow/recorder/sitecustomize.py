@@ -1,0 +1,35 @@
+"""In every process of the small workflow: what it really loaded, and what it had to compile."""
+
+import atexit
+import json
+import os
+import sys
+import time
+from importlib.machinery import SourceFileLoader
+from pathlib import Path
+
+_compiled = []
+_source_to_code = SourceFileLoader.source_to_code
+
+
+def _compile(loader, data, path, **options):
+    _compiled.append(str(path))
+    return _source_to_code(loader, data, path, **options)
+
+
+def _write():
+    # Snakemake puts this into the main module of a job.
+    job = getattr(sys.modules["__main__"], "snakemake", None)
+    files = {getattr(module, "__file__", None) for module in list(sys.modules.values())}
+    record = {
+        "rule": getattr(job, "rule", ""),
+        "declared": list(job.input.sources) if hasattr(job, "rule") else [],
+        "loaded": sorted(filter(None, files)),
+        "compiled": _compiled,
+    }
+    path = Path(os.environ["GEARLIB_RECORDS"], f"{os.getpid()}-{time.time_ns()}.json")
+    path.write_text(json.dumps(record), encoding="utf-8")
+
+
+SourceFileLoader.source_to_code = _compile
+atexit.register(_write)

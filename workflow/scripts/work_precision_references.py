@@ -1,0 +1,17 @@
+"""Compute the references of the test problems."""
+
+import json
+
+from joblog import redirect_output
+from gearlib import storage
+from gearlib.trials import references
+
+if __name__ == "__main__":
+    redirect_output(snakemake.log[0])
+    dataset = references.compute(
+        snakemake.params.problems,
+        json.loads(snakemake.params.pair),
+        json.loads(snakemake.params.six_degrees),
+        json.loads(snakemake.params.settings),
+    )
+    storage.write(dataset, snakemake.output.dataset)
