@@ -14,7 +14,7 @@ import numpy as np
 import yaml
 
 from tests.golden import data, drawn
-from tests.workflow.project import ROOT, small_project
+from tests.workflow.project import ROOT, merge, small_project
 
 FOLDER = Path(__file__).with_name("drawn")
 
@@ -48,7 +48,9 @@ def redraw(folder, figures=()):
         As of `drawn.read`, by name.
     """
     project = small_project(folder)
-    project.configure(lambda settings: settings["figures"].update(formats=["png"]))
+    # A colour that is no default: it shows whether that of the configuration is taken.
+    look = {"formats": ["png"], "colours": {"k1": "#AA3377"}}
+    project.configure(lambda settings: merge(settings["figures"], look))
     shutil.copy(drawn.__file__, project / "workflow/scripts/drawn.py")
     style = project / "gearlib/figures/style.py"
     style.write_text(style.read_text(encoding="utf-8") + _RECORD, encoding="utf-8")

@@ -46,6 +46,17 @@ def test_time_course_agrees_with_the_summary(bouncing):
     assert float(total) == pytest.approx(1.0, abs=1e-13)
 
 
+def test_extrema_of_the_force_on_both_flanks():
+    run = simulate(CHAOTIC, 1.0, samples_per_period=512, **RUN)
+    assert run.fraction_inverse > 0.0 and run.fraction_normal > 0.0
+    force = run.dynamic_force
+    # Largest at a switch of the stiffness, a sample off at most: c |x'| d tau, with c < 2.
+    room = 2.0 * float(abs(run.velocity).max()) * 2.0 * math.pi / 512
+    assert force.min() < 0.0 < force.max()
+    assert 0.0 <= run.dynamic_force_max - force.max() < room
+    assert 0.0 <= force.min() - run.dynamic_force_min < room
+
+
 def test_equation_of_motion_holds_at_every_sample(bouncing):
     d = bouncing
     damping = np.where(d.contact == 0, PAIR.backlash_damping_ratio, PAIR.damping_ratio)
