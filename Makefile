@@ -3,6 +3,7 @@
 # make lint    the checks of style, formatting, imports and types only
 # make golden  renew the golden numbers and pictures of tests/golden
 # make references  renew the references in 50 digits that tests take from tests/references
+# make faults  plant known faults one at a time and see that the tests notice: an hour
 # make peers   add to .venv the solvers of others that method= can call, where they install
 # make torture  50 times kill -9, full and read-only disks, damaged files: minutes
 # make slurm-test  the workflow on a real Slurm of one node; installs Debian's packages for root
@@ -16,7 +17,7 @@ JOBS ?= 2
 BIN := .venv/bin
 INSTALLED := .venv/installed.stamp
 
-.PHONY: all lint golden references test torture peers slurm-test bench report docs clean distclean
+.PHONY: all lint golden references test faults torture peers slurm-test bench report docs clean distclean
 
 all: $(INSTALLED)
 	$(BIN)/snakemake -j$(JOBS)
@@ -37,6 +38,9 @@ references: $(INSTALLED)
 
 test: lint
 	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder -rs
+
+faults: $(INSTALLED)
+	$(BIN)/python -m tests.faults
 
 torture: $(INSTALLED)
 	GEARLIB_KILLS=50 $(BIN)/python -m pytest tests/robustness -rs

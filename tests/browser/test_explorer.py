@@ -7,8 +7,10 @@ import sys
 from dataclasses import replace
 
 import numpy as np
+import panel as pn
 import pytest
 import yaml
+from bokeh.models import Span
 from selenium.webdriver.common.keys import Keys
 
 import gearlib
@@ -71,6 +73,62 @@ def test_moving_a_slider_updates_every_source(mapping):
     for name, source in shown._sources.items():
         assert source.data["y"] is not before[name], name
         assert len(source.data["x"]) > 0, name
+
+
+def _plots(shown):
+    """Return the plots of the page by their titles' first words."""
+    panes = shown.layout().select(pn.pane.Bokeh)
+    return {pane.object.title.text.split(":")[0].split(",")[0]: pane.object for pane in panes}
+
+
+def _named(plot):
+    """Return what the legend of a plot names."""
+    (legend,) = plot.legend
+    return {item.label.value: item.renderers[0] for item in legend.items}
+
+
+def _points(renderer):
+    """Return the points that a glyph draws."""
+    data, glyph = renderer.data_source.data, renderer.glyph
+    return np.array([data[glyph.x], data[glyph.y]])
+
+
+def test_each_glyph_holds_what_it_is_called(mapping, pair):
+    shown = page.Page(mapping, "k1")
+    # Between the folds, where sweeps up and down differ.
+    shown.sliders["tuning"].value = 0.81
+    plots = _plots(shown)
+    characteristic, nu = plots["Resonance characteristic"], shown.sliders["tuning"].value
+    extrema = ("displacement_max", "displacement_min")
+    sweeps = {
+        way: gearlib.sweep(pair, shown.grid, periods=70, record_periods=10, direction=way)
+        for way in ("up", "down")
+    }
+    assert np.abs(sweeps["up"].displacement_max - sweeps["down"].displacement_max).max() > 0.5
+    for way, swept in sweeps.items():
+        named = _named(characteristic)[f"sweep {way}"]
+        alike = [
+            r for r in characteristic.renderers if r.glyph.line_color == named.glyph.line_color
+        ]
+        assert alike[0] is named
+        for name, renderer in zip(extrema, alike, strict=True):
+            np.testing.assert_array_equal(_points(renderer), [shown.grid, swept[name]])
+    (marker,) = characteristic.select(Span)
+    assert (marker.location, marker.dimension) == (nu, "height")
+
+    run = gearlib.simulate(pair, nu, periods=300, record_periods=2, samples_per_period=256)
+    orbit = gearlib.periodic_orbit(pair, nu, guess=run.final_state.values)
+    (plane,) = plots["Phase plane"].renderers
+    np.testing.assert_array_equal(_points(plane), [run.displacement, run.velocity])
+    course = _named(plots["Time course"])
+    np.testing.assert_array_equal(_points(course["displacement"])[1], run.displacement)
+    force = _points(course["dynamic force / load"])
+    np.testing.assert_allclose(force[0], 2.0 * np.pi * np.arange(512) / 256, atol=1e-9)
+    np.testing.assert_array_equal(force[1], run.dynamic_force)
+    circle, roots = plots["Floquet multipliers"].renderers
+    np.testing.assert_allclose(np.hypot(*_points(circle)), 1.0, rtol=1e-14)
+    real, imaginary = _points(roots)
+    np.testing.assert_array_equal(real + 1j * imaginary, orbit.multipliers)
 
 
 @pytest.fixture(scope="module")

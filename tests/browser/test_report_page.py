@@ -28,13 +28,18 @@ def ends():
 
 
 @pytest.fixture(scope="module")
-def address(ends, tmp_path_factory):
+def sweeps():
+    return {
+        (name, way): sweep(pair, TUNINGS, direction=way, **RUN)
+        for name, pair in PAIRS.items()
+        for way in ("cold", "up", "down")
+    }
+
+
+@pytest.fixture(scope="module")
+def address(sweeps, ends, tmp_path_factory):
     resonance = gather_resonance(
-        [
-            sweep(pair, TUNINGS, direction=way, **RUN).assign_coords(damping=name, direction=way)
-            for name, pair in PAIRS.items()
-            for way in ("cold", "up", "down")
-        ]
+        [one.assign_coords(damping=name, direction=way) for (name, way), one in sweeps.items()]
     )
     path = tmp_path_factory.mktemp("page") / "index.html"
     path.write_text(page.build(resonance, ends), encoding="utf-8")
@@ -42,17 +47,24 @@ def address(ends, tmp_path_factory):
 
 
 def seen(driver):
-    """Return what the page shows: tuning, damping, phase plane, time course."""
+    """Return what the page shows: tuning, damping, named curves, phase plane, time course."""
     return driver.execute_script(
         """
         const [page] = Bokeh.documents;
         const model = name => page.get_model_by_name(name);
-        const {plane, course} = model("choose").args;
+        const {plane, course, marks, shown} = model("choose").args;
+        const visible = shown.flat().filter(model => model.visible);
+        const points = ({data_source: {data}}) =>
+            Array.from(data.x).map((x, i) => [x, data.y[i]]).filter(([_, y]) => isFinite(y));
         return {
             tuning: model("tuning").value,
             damping: model("damping").active,
             x: plane.data.x, y: plane.data.y, displacement: course.data.displacement,
-            force: course.data.force,
+            force: course.data.force, marks: marks.data.y,
+            // Of each sweep: line and dots of the largest displacement, of the smallest, its name.
+            curves: visible.flatMap((item, i) => item.label ? [[
+                item.label.value, [...points(visible[i - 4]), ...points(visible[i - 3])]
+            ]] : []),
         };
         """
     )
@@ -70,13 +82,26 @@ def agrees(found, ends, damping, tuning):
         np.testing.assert_array_equal(np.float32(found[axis][:-1]), orbit[name].values)
     np.testing.assert_array_equal(np.float32(found["force"]), orbit.dynamic_force.values)
     np.testing.assert_array_equal(np.float32(found["displacement"]), orbit.displacement.values)
+    extrema = [orbit.displacement_max, orbit.displacement_min]
+    np.testing.assert_array_equal(np.float32(found["marks"]), np.float32(extrema))
 
 
-def test_choosing_shows_the_motion(browser, address, ends):
+def curves_agree(found, sweeps, damping):
+    words = {"from rest": "cold", "sweep up": "up", "sweep down": "down"}
+    assert [label for label, _ in found["curves"]] == list(words)
+    for label, points in found["curves"]:
+        swept = sweeps[damping, words[label]]
+        np.testing.assert_array_equal(
+            np.float32(sorted(points)).T, np.float32([swept.tuning, swept.displacement_max])
+        )
+
+
+def test_choosing_shows_the_motion(browser, address, sweeps, ends):
     browser.get(address)
     wait_for(lambda: browser.execute_script("return window.Bokeh && Bokeh.documents.length == 1"))
     first = wait_for(lambda: len(seen(browser)["x"]) > 2 and seen(browser))
     agrees(first, ends, 0, first["tuning"])
+    curves_agree(first, sweeps, "k1")
     before = pixels(browser)
     assert len(before) == 3
 
@@ -99,6 +124,7 @@ def test_choosing_shows_the_motion(browser, address, ends):
     button.click()
     fourth = wait_for(lambda: seen(browser)["damping"] == 1 and seen(browser))
     agrees(fourth, ends, 1, third["tuning"])
+    curves_agree(fourth, sweeps, "light")
     (words,) = [e for e in everywhere(browser, ".bk-clearfix") if "motion from rest" in e.text]
     assert words.text.startswith(f"light, tuning {third['tuning']:.2f}. The motion from rest")
 

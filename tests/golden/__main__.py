@@ -1,15 +1,16 @@
-"""Renew golden numbers and pictures: `make golden`.
+"""Renew golden numbers, what figures hold, and pictures: `make golden`.
 
 Runs the small workflow of tests/workflow in a temporary folder, says what has moved and writes only
 that: review the difference before it is committed, and say why in the commit. Results of a small
-workflow that is there already are taken with ``--results FOLDER``.
+workflow that is there already are taken with ``--results FOLDER``; after a change of nothing but
+figures, ``--drawn`` draws them again from the golden numbers, in a minute.
 """
 
 import argparse
 import tempfile
 from pathlib import Path
 
-from tests.golden import data, pictures, test_golden_numbers
+from tests.golden import data, pictures, redraw, test_golden_numbers
 from tests.workflow.project import small_project
 
 
@@ -27,16 +28,27 @@ def renew(results):
         if str(path.relative_to(data.FOLDER)) not in names:
             print(f"{path.relative_to(data.FOLDER)}: gone")
             path.unlink()
+    renew_drawn()
     print(pictures.compare(results, Path("build/pictures")))
     pictures.renew(results)
+
+
+def renew_drawn():
+    """Write what figures hold where it differs; print it."""
+    with tempfile.TemporaryDirectory() as folder:
+        print(*redraw.renew(redraw.redraw(Path(folder) / "drawn")), sep="\n")
 
 
 def main():
     parser = argparse.ArgumentParser(prog="python -m tests.golden", description=__doc__)
     parser.add_argument("--results", type=Path, help="results of a small workflow")
-    given = parser.parse_args().results
-    if given:
-        renew(given)
+    parser.add_argument("--drawn", action="store_true", help="what figures hold, nothing else")
+    given = parser.parse_args()
+    if given.drawn:
+        renew_drawn()
+        return
+    if given.results:
+        renew(given.results)
         return
     test_golden_numbers.write()
     with tempfile.TemporaryDirectory() as folder:

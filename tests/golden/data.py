@@ -4,6 +4,7 @@ Motions that do not settle (no period was found) carry rounding without bound: o
 label and, widely, the fractions of time in each phase of contact are compared.
 """
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +24,10 @@ UNSETTLED_FRACTION = 0.5
 _LABELS = ("period", "label", "status")
 
 #: Sentences, with digits inside.
-_PROSE = ("message", "words")
+_PROSE = "message"
+
+#: Attributes that figures show, by variable; "" stands for the dataset.
+_SHOWN = {"": "explanation", "verdict": "flag_meanings"}
 
 
 def datasets(results):
@@ -45,12 +49,19 @@ def kept(path):
     with xr.open_dataset(path) as file:
         dataset = file.load()
     times = [name for name, one in dataset.items() if one.attrs.get("units") == "s"]
-    dataset = dataset.drop_vars([*times, *(name for name in _PROSE if name in dataset)])
+    dataset = dataset.drop_vars([*times, *({_PROSE} & set(dataset))])
     steps = {name: -(-size // SAMPLES) for name, size in dataset.sizes.items()}
     dataset = dataset.isel({name: slice(None, None, step) for name, step in steps.items()})
     for name in ["", *dataset.variables]:
-        (dataset[name] if name else dataset).attrs.clear()
+        attributes = _attributes(dataset, name)
+        shown = {key: attributes[key] for key in attributes if key == _SHOWN.get(name)}
+        attributes.clear()
+        attributes.update(shown)
     return dataset.load()
+
+
+def _attributes(dataset, name):
+    return (dataset[name] if name else dataset).attrs
 
 
 def write(dataset, path):
@@ -93,10 +104,26 @@ def differences(name, golden, found):
     if golden.sizes != found.sizes:
         return [*sentences, f"{name}: sizes {dict(golden.sizes)} are now {dict(found.sizes)}"]
     steady = settled(golden)
+    sentences += _other_words(name, golden, found)
     for each in golden.variables:
         if each not in lost:
             sentences += _difference(name, each, golden[each], found[each], steady)
     return sentences
+
+
+def _other_words(name, golden, found):
+    """Return a sentence for each attribute whose words, but for digits, have moved."""
+    sentences = []
+    for each, key in _SHOWN.items():
+        if not each or {each} <= set(golden.variables) & set(found.variables):
+            old, new = (_attributes(one, each).get(key) for one in (golden, found))
+            if _without_digits(old) != _without_digits(new):
+                sentences.append(f"{name}: {key} was {old!r}, is {new!r}")
+    return sentences
+
+
+def _without_digits(text):
+    return re.sub(r"[0-9.]+", "0", str(text))
 
 
 def _difference(name, each, golden, found, steady):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from tests.golden import data, pictures
+from tests.golden import data, pictures, redraw
 from tests.golden.tolerances import TABLE, tolerance
 
 KNOWN = sorted(str(path.relative_to(data.FOLDER)) for path in data.FOLDER.rglob("*.nc"))
@@ -19,6 +19,14 @@ def curve():
     values["period"] = ("tuning", np.array([1, 2, 0, 1]))
     coords = {"tuning": [0.5, 0.6, 0.7, 0.8], "direction": "up", "damping": "k1"}
     return xr.Dataset(values, coords)
+
+
+def test_words_count_but_for_their_digits():
+    golden = curve().assign_attrs(explanation="closed from 0.00885 on")
+    other = golden.assign_attrs(explanation="closed from 0.0089 on")
+    assert data.differences("a.nc", golden, other) == []
+    (words,) = data.differences("a.nc", golden, golden.assign_attrs(explanation="open"))
+    assert "explanation was 'closed from 0.00885 on', is 'open'" in words
 
 
 @pytest.mark.parametrize(
@@ -60,10 +68,13 @@ def test_variables_sizes_and_texts():
 
 def test_what_is_kept(tmp_path):
     times = xr.DataArray([1.0], dims="rung", attrs={"units": "s"})
-    whole = xr.Dataset({"x": ("phase", np.arange(200.0)), "period_time": times, "words": "a"})
+    whole = xr.Dataset(
+        {"x": ("phase", np.arange(200.0)), "period_time": times, "message": "a"},
+        attrs={"explanation": "b", "title": "c"},
+    )
     whole.to_netcdf(tmp_path / "a.nc")
     kept = data.kept(tmp_path / "a.nc")
-    assert set(kept.variables) == {"x"}
+    assert set(kept.variables) == {"x"} and set(kept.attrs) == {"explanation"}
     assert kept.x.size <= data.SAMPLES and kept.x[1] == 4.0
     for name in ("a/shard.nc", "times.nc", "work/times_rk4.nc", "work/errors_rk4.nc"):
         (tmp_path / name).parent.mkdir(exist_ok=True)
@@ -82,6 +93,7 @@ def test_every_row_of_the_table_is_used():
 
 def test_golden_files_are_small():
     assert sum((data.FOLDER / name).stat().st_size for name in KNOWN) < 1_000_000
+    assert sum(path.stat().st_size for path in redraw.FOLDER.iterdir()) < 1_000_000
     assert sum(path.stat().st_size for path in pictures.FOLDER.iterdir()) < 2_000_000
 
 

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from scipy.integrate import quad
+from scipy.sparse.linalg import eigs as sparse_eigs
 
 from gearlib import (
     GearPair,
@@ -16,6 +17,7 @@ from gearlib import (
     schmidt,
     sweep,
 )
+from gearlib.frequency_domain import hill
 from gearlib.frequency_domain.accuracy import errors, exact_course
 from gearlib.frequency_domain.equation import MeshEquation, stiffness_coefficients
 from gearlib.frequency_domain.green import green, remainder_norm, weights
@@ -193,10 +195,11 @@ def ordered(multipliers):
     return sorted(multipliers, key=lambda m: (round(m.imag, 6), m.real))
 
 
-@pytest.mark.parametrize("nu", [0.95, 1.5, 2.0])
-def test_multipliers_without_loss(nu):
+# With more damping only their product tells the two from one that is found twice.
+@pytest.mark.parametrize(("nu", "damping"), [(0.95, 800), (1.5, 800), (2.0, 800), (2.0, 4000)])
+def test_multipliers_without_loss(nu, damping):
     # Inside the tongue around nu = 2 they are real and negative, one beyond -1.
-    pair = FREE.replace(backlash=0.0, material_damping=800.0, backlash_damping=800.0)
+    pair = FREE.replace(backlash=0.0, material_damping=damping, backlash_damping=damping)
     orbit, found = periodic_orbit(pair, nu, guess=(1.0, 0.0)), harmonic_balance(pair, nu)
     # Hill's matrix cut at 64 harmonics: its exponents err by some 1 / 64^3.
     np.testing.assert_allclose(
@@ -205,6 +208,36 @@ def test_multipliers_without_loss(nu):
     assert found.stable == orbit.stable == (nu < 2.0)
     if nu == 2.0:
         assert orbit.multipliers[0].real < -1.0 and abs(orbit.multipliers[1]) < 1.0
+
+
+@pytest.mark.parametrize("most", [10, 16])
+def test_shares_choose_the_multipliers(monkeypatch, most):
+    # Of the copies l + i k of an exponent that with the least mean wave number counts: by Parseval
+    # the integral of conj(y) y' / i over that of |y|^2, here taken in time, not over harmonics.
+    pair = FREE.replace(stiffness_ratio=0.2493, contact_ratio=1.8269, material_damping=785.44)
+    pair = pair.replace(backlash=0.0, backlash_damping=785.44)
+    found, seen = harmonic_balance(pair, 0.7644, harmonics=32), []
+
+    def eigs(*arguments, **options):
+        seen.append(sparse_eigs(*arguments, **options))
+        return seen[-1]
+
+    monkeypatch.setattr(hill, "eigs", eigs)
+    equation = MeshEquation(pair, 0.7644, 32)
+    multipliers = hill.multipliers(equation, found.coefficients, most)
+    ((exponents, vectors),) = seen
+    phase = 2.0 * np.pi * np.arange(4 * most) / (4 * most)
+    k = np.arange(-most, most + 1)
+    waves = np.exp(1j * np.outer(phase, k))
+    courses, rates = waves @ vectors[: k.size], waves @ (1j * k[:, None] * vectors[: k.size])
+    mean = np.sum(courses.conj() * rates / 1j, axis=0) / np.sum(np.abs(courses) ** 2, axis=0)
+    best = np.exp(2.0 * np.pi * exponents[np.argmin(np.abs(mean))])
+    # An exponent and its conjugate are equally symmetric.
+    np.testing.assert_allclose(
+        sorted(multipliers, key=lambda m: m.imag),
+        sorted([best, best.conj()], key=lambda m: m.imag),
+        rtol=1e-9,
+    )
 
 
 def test_more_degenerate_terms_contract_more():

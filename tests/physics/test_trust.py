@@ -91,6 +91,7 @@ def table(high, low, period, status=0):
     [
         (table([2.0, 2.0], [0.0, 0.0], [3, 3]), (-0.1, 0.01, -100.0), "periodic", "agree"),
         (table([2.0, 2.1], [0.0, 0.0], [1, 1]), (-0.1, 0.01, -100.0), "undecided", "attracts"),
+        (table([2.0, 2.0], [0.0, -0.1], [1, 1]), (-0.1, 0.01, -100.0), "undecided", "attracts"),
         (table([2.0, 2.0], [0.0, 0.0], [1, 0]), (-0.1, 0.01, -100.0), "undecided", "settle"),
         (table([2.0, 3.0], [0.0, 0.0], [0, 0]), (0.1, 0.01, 100.0), "chaotic", "factor e"),
         (table([2.0, 3.0], [0.0, 0.0], [0, 0]), (0.1, 0.05, 100.0), "quasi-periodic", "neither"),

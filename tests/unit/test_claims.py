@@ -2,6 +2,7 @@
 
 import csv
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,8 +10,10 @@ import xarray as xr
 import yaml
 
 from gearlib import branches, claims, config, jump, phase_lag, scenes, simulate, sweep
+from gearlib.claims import characteristics
 from gearlib.claims.characteristics import drift, spread
 from gearlib.claims.data import LINE
+from gearlib.claims.explanations import GRAZING, Facts
 from gearlib.gathering import gather_phase_planes, gather_resonance
 from gearlib.parametric_resonance import explanation
 from tests.paper import PAPER
@@ -151,6 +154,28 @@ def test_explanations_are_made_from_computed_facts(paper):
     assert "deviations grow" in said["P10"]
     assert "0.816045045" in said["P11"] and "0.81569" in said["P11"]
     assert said["P1"] == said["P12"] == ""
+
+
+def test_the_thickness_of_a_line_is_a_touch():
+    # Losses of contact of 5e-6 static deflections count, dips of 5e-7 do not.
+    tunings = [0.60, 0.66, 0.78, 0.80, 0.81, 0.82]
+    lost, inverse = np.isin(tunings, [0.66, 0.80, 0.81, 0.82]), np.isin(tunings, [0.81, 0.82])
+    planes = xr.Dataset(
+        {
+            "period": ("tuning", np.zeros(6)),
+            "displacement_min": ("tuning", np.where(lost, -5e-6, -5e-7)),
+            "fraction_inverse": ("tuning", np.where(inverse, 0.1, 0.0)),
+        },
+        {"tuning": tunings},
+    )
+    data = SimpleNamespace(names=lambda *_: ["none"], planes=lambda *_: planes)
+    holds, words = characteristics.conservative_planes(data)
+    assert holds and "bounces at 0.66, 0.80, 0.81, 0.82" in words
+    point = {"period": np.ones(3), "label": np.full(3, GRAZING), "tuning": [0.7, 0.8, 0.9]}
+    point["displacement_min"] = np.array([5e-6, -5e-7, 5e-7])
+    branch = xr.Dataset({name: ("point", values) for name, values in point.items()})
+    facts = Facts(None, None, {"k1": branch})
+    assert facts.grazings("k1").tolist() == [0.8, 0.9]
 
 
 def test_verdicts_follow_the_data(paper):

@@ -95,6 +95,15 @@ def test_defaults_fit_the_gears(teeth, count):
     assert load(given | {"run": {"samples_per_period": 8}}).phase_lag.harmonics == 1
 
 
+def test_default_bodies_have_the_reduced_mass_of_the_pair():
+    # Along the line of action both rotations and both bearings yield.
+    config = load({"gear_pair": GEARS, "dampings": {"a": {"material": 1.0, "backlash": 0.0}}})
+    bodies = config.six_degrees
+    rotations = zip(bodies.base_radii, bodies.inertias, strict=True)
+    compliance = sum(r * r / j for r, j in rotations) + sum(1.0 / m for m in bodies.masses)
+    assert 1.0 / compliance == pytest.approx(GEARS["reduced_mass"], rel=1e-12)
+
+
 def test_a_configuration_written_out_is_the_same():
     config = load({"gear_pair": GEARS, "dampings": {"a": {"material": 1.0, "backlash": 0.0}}})
     assert load(config.model_dump()) == config

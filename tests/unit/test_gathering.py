@@ -131,3 +131,5 @@ def test_shards_that_do_not_match_are_refused(windows, planes):
     heavier = [*planes[:-1], planes[-1].assign(force_scale=2.0)]
     with pytest.raises(ValueError, match="differ in their scales"):
         gather_phase_planes(heavier)
+    with pytest.raises(ValueError, match="differ in their scales"):
+        gather_phase_planes([planes[0], planes[1].assign(force_scale=2.0)])

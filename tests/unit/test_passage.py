@@ -8,8 +8,13 @@ import pytest
 from gearlib import GearPair, Harmonics, OneDegreePair, SixDegreePair
 from gearlib.core.jit import kernel
 from gearlib.core.linear import contact_at, go, set_harmonics
-from gearlib.core.passage import pass_period, ways
-from gearlib.core.polynomial import bernstein_matrix, fall_by_shape, first_fall
+from gearlib.core.passage import _prepare, pass_period, ways
+from gearlib.core.polynomial import (
+    bernstein_matrix,
+    fall_by_shape,
+    first_fall,
+    lowest_of_parabola,
+)
 from gearlib.core.system import ORDER, carry, dot, image, scratch, tables
 
 CASES, SEEDS, PERIODS, LIMIT = 500, 4, 2, 1000
@@ -101,6 +106,40 @@ def random_model(rng):
         moving_backlash=bool(rng.random() < 0.7),
         preload=bool(rng.random() < 0.7),
     )
+
+
+@kernel
+def prepared(system, i, p):
+    """Return the tables with those of one contact code and stretch filled."""
+    table = ways(system)
+    _prepare(system, table, i, p)
+    return table
+
+
+def test_the_tail_bounds_all_higher_terms():
+    # Terms from degree 8 on: g (A h)^k / k!, summed in magnitude, by numpy.
+    rng = np.random.default_rng(1)
+    for _ in range(20):
+        system = random_model(rng).system(rng.uniform(0.4, 1.4))[0]
+        i, p = rng.integers(3), rng.integers(system.knots.size)
+        table = prepared(system, i, p)
+        h = (system.starts[p + 1] - system.starts[p]) / system.knots[p]
+        for functional, tail in ((system.near, table.near_tail), (system.far, table.far_tail)):
+            row, expected = functional.copy(), np.zeros_like(functional)
+            for k in range(1, ORDER + 1):
+                row = row @ system.a[i, p] * (h / k)
+                expected += np.abs(row) * (k >= 8)
+            np.testing.assert_allclose(tail[i, p], expected, rtol=1e-12, atol=1e-300)
+
+
+def test_a_parabola_is_lowest_where_it_is():
+    rng = np.random.default_rng(2)
+    s = np.linspace(0.0, 1.0, 2001)
+    for a, b, c in rng.normal(size=(500, 3)):
+        looked = (a + b * s + c * s * s).min()
+        found = lowest_of_parabola(a, b, c)
+        # A look misses the lowest point by half a step at most.
+        assert looked - abs(c) * 0.25e-3**2 - 1e-15 <= found <= looked + 1e-15
 
 
 @pytest.mark.parametrize("seed", range(SEEDS))

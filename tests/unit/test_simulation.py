@@ -2,12 +2,15 @@
 
 import json
 import math
+import re
 
 import numpy as np
+import pint
 import pytest
 import xarray as xr
 
 from gearlib import GearPair, simulate, storage, sweep
+from tests.paper import PAPER
 
 PAIR = GearPair.from_ratios(
     contact_ratio=1.569, stiffness_ratio=0.5879, damping=0.0617, backlash_damping=0.0617, backlash=4
@@ -43,6 +46,17 @@ def test_time_course_agrees_with_the_summary(bouncing):
     assert float(total) == pytest.approx(1.0, abs=1e-13)
 
 
+def test_extrema_of_the_force_on_both_flanks():
+    run = simulate(CHAOTIC, 1.0, samples_per_period=512, **RUN)
+    assert run.fraction_inverse > 0.0 and run.fraction_normal > 0.0
+    force = run.dynamic_force
+    # Largest at a switch of the stiffness, a sample off at most: c |x'| d tau, with c < 2.
+    room = 2.0 * float(abs(run.velocity).max()) * 2.0 * math.pi / 512
+    assert force.min() < 0.0 < force.max()
+    assert 0.0 <= run.dynamic_force_max - force.max() < room
+    assert 0.0 <= force.min() - run.dynamic_force_min < room
+
+
 def test_equation_of_motion_holds_at_every_sample(bouncing):
     d = bouncing
     damping = np.where(d.contact == 0, PAIR.backlash_damping_ratio, PAIR.damping_ratio)
@@ -75,6 +89,31 @@ def test_every_variable_has_units_and_name(bouncing):
         assert variable.attrs["long_name"], name
         assert "units" in variable.attrs or name == "component"
     assert json.loads(bouncing.attrs["gear_pair"])["contact_ratio"] == 1.569
+
+
+def test_units_tell_what_scales_with_load_and_size():
+    # The same pair in other units of length, mass and time: powers of two change no digit.
+    length, mass, time = 2.0, 4.0, 2.0
+    scales = {"[length]": length, "[mass]": mass, "[time]": time}
+    pair = PAPER.replace(material_damping=3953.7, backlash_damping=500.0)
+    other = pair.replace(
+        max_stiffness=pair.max_stiffness * mass / time**2,
+        reduced_mass=pair.reduced_mass * mass,
+        load=pair.load * mass * length / time**2,
+        backlash=pair.backlash * length,
+        material_damping=pair.material_damping * mass / time,
+        backlash_damping=pair.backlash_damping * mass / time,
+    )
+    registry = pint.UnitRegistry()
+    for call in (lambda p: simulate(p, 0.9, **RUN), lambda p: sweep(p, [0.7, 0.9], **RUN)):
+        first, second = call(pair), call(other)
+        for name, variable in first.variables.items():
+            if variable.dtype.kind in "fi":
+                # CF writes powers without a sign for them.
+                text = re.sub(r"(?<=[a-z])(-?[0-9])", r"**\1", variable.attrs["units"])
+                unit = registry.Unit(text).dimensionality
+                factor = math.prod(scales[part] ** power for part, power in unit.items())
+                np.testing.assert_array_equal(second[name], factor * variable, err_msg=name)
 
 
 def test_netcdf_round_trip_and_same_bytes(bouncing, tmp_path):

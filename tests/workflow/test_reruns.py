@@ -15,7 +15,7 @@ import yaml
 from gearlib import storage
 from tests.browser.chromium import browser, errors, wait_for
 from tests.golden import data as golden
-from tests.golden import pictures
+from tests.golden import pictures, redraw
 from tests.workflow.jobs import (
     DAMPINGS,
     EVERYTHING,
@@ -60,6 +60,12 @@ def test_numbers_behind_the_figures_are_the_golden_ones(first_run):
     for name in sorted(set(found) & set(known)):
         sentences += golden.differences(name, golden.read(name), golden.kept(results / name))
     assert not sentences, "\n".join(sentences)
+
+
+def test_what_every_figure_holds_is_stored(first_run):
+    # tests/golden/test_drawn.py compares it.
+    made = sorted(path.stem for path in (first_run[0] / "results/figures").glob("*.png"))
+    assert made == redraw.stored(), "`make golden` renews it"
 
 
 def test_pictures_inform(first_run):

@@ -1,0 +1,111 @@
+"""Every figure drawn again from golden data, by the rules and scripts of the workflow itself.
+
+What comes out depends on nothing but these data and on what draws: no motion has to be computed,
+and no rounding of chaotic ones comes in between.
+"""
+
+import os
+import re
+import shutil
+import time
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from tests.golden import data, drawn
+from tests.workflow.project import ROOT, merge, small_project
+
+FOLDER = Path(__file__).with_name("drawn")
+
+_LACKING = "golden data of a figure are lacking: `make golden` adds them"
+
+#: In the project, instead of pictures.
+_RECORD = '''
+
+def save(figure, path):
+    """Write what the figure holds instead of a picture of it."""
+    import drawn
+
+    with styled():
+        drawn.write(drawn.read(figure), Path(path))
+'''
+
+
+def redraw(folder, figures=()):
+    """Draw figures, by default all.
+
+    Parameters
+    ----------
+    folder : pathlib.Path
+        For the project, whose results they are afterwards.
+    figures : iterable of str
+        Names of files below results/figures, without suffix.
+
+    Returns
+    -------
+    dict of str to dict
+        As of `drawn.read`, by name.
+    """
+    project = small_project(folder)
+    # A colour that is no default: it shows whether that of the configuration is taken.
+    look = {"formats": ["png"], "colours": {"k1": "#AA3377"}}
+    project.configure(lambda settings: merge(settings["figures"], look))
+    shutil.copy(drawn.__file__, project / "workflow/scripts/drawn.py")
+    style = project / "gearlib/figures/style.py"
+    style.write_text(style.read_text(encoding="utf-8") + _RECORD, encoding="utf-8")
+    # What is not there would be computed, and this comes first.
+    (project / "workflow/scripts/compile_kernels.py").write_text(f"raise SystemExit({_LACKING!r})")
+    targets = [f"results/figures/{name}.png" for name in figures]
+    if not targets:
+        settings = yaml.safe_load((project / "config.yaml").read_text(encoding="utf-8"))
+        targets = [f"results/figures/{name}.png" for name in settings["scenes"]]
+        rules = [path.read_text("utf-8") for path in (ROOT / "workflow/rules").glob("*.smk")]
+        drawing = re.findall(r"^rule (draw_\w+):", "\n".join(rules), re.M)
+        targets += sorted({*drawing} - {"draw_scene", "draw_report_page"})
+    _put_data(project)
+    project.snakemake("-j2", *targets)
+    found = sorted((project / "results/figures").glob("*.png"))
+    return {path.stem: drawn.load(path) for path in found}
+
+
+def _put_data(project):
+    """Lay golden data where the rules look for results."""
+    shutil.copytree(data.FOLDER, project / "results")
+    for path in (project / "results").rglob("errors*.nc"):
+        # Wall times, which are no golden data.
+        one = data.read(path.relative_to(project / "results"))
+        counted = {name: one[name] for name in one if str(name).endswith("_evaluations")}
+        times = {
+            name.replace("evaluations", "time"): 1e-6 + 1e-7 * n for name, n in counted.items()
+        }
+        times["shooting_time"] = "problem", 1e-5 * np.arange(1, one.sizes["problem"] + 1)
+        times["closed_form_time"] = (), 1e-6
+        data.write(one.assign(times), path.with_name(path.name.replace("errors", "times")))
+    # One time for all, later than that of the sources: to Snakemake they are up to date.
+    now = time.time()
+    for path in (project / "results").rglob("*"):
+        os.utime(path, (now, now))
+
+
+def stored():
+    """Return the names of the figures of which golden data are stored."""
+    return sorted(path.stem for path in FOLDER.glob("*.json"))
+
+
+def renew(found):
+    """Store what figures hold where it differs; return sentences on what has moved."""
+    sentences = []
+    FOLDER.mkdir(exist_ok=True)
+    for name, facts in found.items():
+        path = FOLDER / f"{name}.json"
+        moved = [f"{name}: new"]
+        if path.exists():
+            moved = drawn.differences(name, drawn.load(path), facts)
+        if moved:
+            drawn.write(facts, path)
+        sentences += moved
+    for name in set(stored()) - set(found):
+        (FOLDER / f"{name}.json").unlink()
+        sentences.append(f"{name}: gone")
+    return sentences
