@@ -11,7 +11,7 @@ from pathlib import Path
 from snakemake.exceptions import WorkflowError
 from snakemake.logging import logger
 from snakemake.utils import min_version
-from gearlib.files import remove_leftovers
+from gearlib.data.files import remove_leftovers
 from workflow.provenance import write as write_provenance
 from workflow.seals import foreign, replaced
 

@@ -8,8 +8,9 @@ import time
 
 import numpy as np
 
-from gearlib import integrators, sweep
-from gearlib.core import orbit
+from gearlib import methods as integrators
+from gearlib import sweep
+from gearlib.kernels import orbit
 
 _TUNING, _REPEATS = 0.9, 5
 

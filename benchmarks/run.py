@@ -19,11 +19,12 @@ import numpy as np
 from benchmarks import from_rest, peers
 from benchmarks.scipy_split import run as scipy_split
 from gearlib import GearPair, OneDegreePair, SixDegreePair, simulate, sweep
-from gearlib.core import linear, orbit
-from gearlib.core.nonlinear import run_nonlinear
-from gearlib.core.polynomial import bernstein_matrix
-from gearlib.core.series import ORDER
-from gearlib.explorer.view import look
+from gearlib.kernels import orbit
+from gearlib.kernels.piecewise_linear import run as linear
+from gearlib.kernels.polynomial import bernstein_matrix
+from gearlib.kernels.taylor.run import run_nonlinear
+from gearlib.kernels.taylor.series import ORDER
+from gearlib.pages.explorer.view import look
 
 REPEATS = 7
 DAMPED = GearPair.from_ratios(

@@ -18,8 +18,9 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.run import machine, models
-from gearlib import storage, sweep
-from gearlib.gathering import gather_resonance
+from gearlib import sweep
+from gearlib.data import storage
+from gearlib.data.gathering import gather_resonance
 
 PERIODS = {"periods": 120, "record_periods": 24, "threads": 1}
 ROOT = Path(__file__).resolve().parents[1]

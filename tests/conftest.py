@@ -12,7 +12,8 @@ def pytest_sessionstart(session):
 
 
 def _warm_up():
-    from gearlib import Harmonics, OneDegreePair, SixDegreePair, core, simulate
+    from gearlib import Harmonics, OneDegreePair, SixDegreePair, simulate
+    from gearlib import kernels as core
     from tests.paper import PAPER
 
     core.warm_up()

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import yaml
 
-from gearlib.pair import GearPair
+from gearlib.models.pair import GearPair
 
 CONFIG = yaml.safe_load((Path(__file__).parents[1] / "config.yaml").read_text(encoding="utf-8"))
 

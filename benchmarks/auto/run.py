@@ -20,7 +20,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicHermiteSpline
 
 from gearlib import GearPair, continue_orbit, periodic_orbit
-from gearlib.orbits.special_points import FOLD
+from gearlib.analysis.orbits.special_points import FOLD
 
 HERE = Path(__file__).parent
 #: The paper's mesh, damped alike in contact and in the backlash: only g and c have to be smoothed.

@@ -7,7 +7,7 @@ with which a wrong value is refused.
 from mkdocs.structure.files import File
 
 from gearlib.config import CASE_NAME, schema
-from gearlib.validation import allowed
+from gearlib.config.validation import allowed
 
 PAGE = "reference/configuration.md"
 _HEAD = f"""# Configuration

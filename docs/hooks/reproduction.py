@@ -15,7 +15,7 @@ from pathlib import Path
 
 import yaml
 
-from gearlib.claims.statements import CHECKS
+from gearlib.studies.claims.statements import CHECKS
 
 FOLDER = Path(__file__).resolve().parents[1] / "claims"
 IMAGES = FOLDER.with_name("images")
@@ -46,7 +46,7 @@ def claims(path=FOLDER / "claims.csv"):
     have = [(row["id"], row["statement"], row["where"], row["figure"]) for row in found]
     if have != [check[:4] for check in CHECKS]:
         raise ValueError(
-            f"{path} is not of this version of gearlib/claims: run the workflow, then "
+            f"{path} is not of this version of gearlib/studies/claims: run the workflow, then "
             "`python -m docs.hooks.reproduction results`"
         )
     return found

@@ -140,7 +140,7 @@ def sweep(
             curve = gearlib.sweep(pair, grid, **settings)
     failed = int((curve.status != 0).sum())
     if failed == points:
-        output.fail("no run could go on: see gearlib.status for what each code says")
+        output.fail("no run could go on: see gearlib.data.status for what each code says")
     top = curve.isel(tuning=int(curve.displacement_max.argmax("tuning")))
     click.echo(f"{points} tunings, {failed} of them could not go on; the highest displacement:")
     output.table(top, ["tuning", "displacement_max", "displacement_min", "dynamic_force_max"])
@@ -157,7 +157,7 @@ def orbit(pair, tuning, period, guess, output_path, force):
     """Find a periodic orbit and its Floquet multipliers."""
     output.check(output_path, force)
     import gearlib
-    from gearlib.orbits.shooting import NoOrbit
+    from gearlib.analysis.orbits.shooting import NoOrbit
 
     try:
         with progress.clock("shooting"):
@@ -199,7 +199,7 @@ def trust(pair, tuning, state, periods, output_path, force):
 def explore(mapping, damping, port, show):
     """Explore the gear mesh with sliders, in the browser."""
     try:
-        from gearlib.explorer import page
+        from gearlib.pages.explorer import page
     except ModuleNotFoundError as error:
         output.fail(f"{error.name} is missing: install gearlib[explore]")
     page.serve(mapping, damping, port, show)

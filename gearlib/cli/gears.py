@@ -11,7 +11,7 @@ from gearlib import config
 from gearlib.config.defaults import laid_over
 from gearlib.config.mesh import GearPairSection
 from gearlib.config.types import DampingCoefficient
-from gearlib.validation import sentences
+from gearlib.config.validation import sentences
 
 MODELS = ("one_degree", "six_degrees")
 _DEFAULT_CONFIG = "config.yaml"

@@ -33,7 +33,7 @@ def check(output, force):
 
 def save(dataset, output):
     """Write a dataset where asked."""
-    from gearlib import storage
+    from gearlib.data import storage
 
     if output is not None:
         storage.write(dataset, output)

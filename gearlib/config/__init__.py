@@ -31,7 +31,7 @@ from pydantic import ValidationError
 
 from gearlib.config import defaults
 from gearlib.config.model import Config
-from gearlib.validation import sentences, show
+from gearlib.config.validation import sentences, show
 
 #: Where the generated schema lies, seen from the root of the project.
 SCHEMA_PATH = Path("workflow/schemas/config.schema.json")

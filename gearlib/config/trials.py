@@ -128,7 +128,7 @@ def _trial(name, method, **options):
 
 
 class Failures(Section):
-    """The methods that are put to the hostile problems of `gearlib.trials.hostile`."""
+    """The methods that are put to difficult problems."""
 
     trials: Annotated[
         list[Trial],
@@ -172,7 +172,7 @@ class WorkPrecision(Section):
     """Errors of the methods on test problems, against evaluations and wall time."""
 
     methods: listing(MethodName, "Names of `gearlib.methods()`.") = list(get_args(MethodName))
-    problems: listing(Problem, "Test problems, see gearlib/trials/problems.py.") = list(
+    problems: listing(Problem, "Test problems, see gearlib/studies/trials/problems.py.") = list(
         get_args(Problem)
     )
     damping: PositiveDampingCoefficient = Field(
@@ -199,7 +199,7 @@ class WorkPrecision(Section):
 
 
 class Published(Section):
-    """Published problems of dead-zone oscillators, see gearlib/trials/published.py."""
+    """Published problems of dead-zone oscillators, see gearlib/studies/trials/published.py."""
 
     starts: integer_within(ge=1, le=100_000) = Field(
         default=120, description="Initial states whose motions are told apart."
@@ -230,7 +230,7 @@ class SteadyOrbits(Section):
     ) = ["exact", "taylor", "rk4", "rk45", "harmonic_balance", "schmidt"]
     problems: listing(
         Literal["smooth", "bouncing", "near_fold", "cubic"],
-        "Test problems that settle, see gearlib/trials/problems.py.",
+        "Test problems that settle, see gearlib/studies/trials/problems.py.",
     ) = ["smooth", "bouncing", "near_fold", "cubic"]
     repeats: integer_within(ge=1, le=1000) = Field(
         default=1, description="Timed runs, of which the median counts."

@@ -24,8 +24,7 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
-from gearlib import tunings
-from gearlib.config import units
+from gearlib.config import tunings, units
 
 #: Limit that catches a mistyped step before it makes as many jobs or tunings.
 MAX_JOBS = 10_000

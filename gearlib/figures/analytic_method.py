@@ -25,7 +25,7 @@ def draw_convergence(data):
     Parameters
     ----------
     data : xarray.Dataset
-        Of `gearlib.analytic_method.compute`.
+        Of `gearlib.studies.analytic_method.compute`.
 
     Returns
     -------
@@ -106,7 +106,7 @@ def draw_harmonics(data):
     Parameters
     ----------
     data : xarray.Dataset
-        Of `gearlib.analytic_method.compute`.
+        Of `gearlib.studies.analytic_method.compute`.
 
     Returns
     -------

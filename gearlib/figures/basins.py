@@ -32,7 +32,7 @@ def draw(data):
     Parameters
     ----------
     data : xarray.Dataset
-        As computed by `gearlib.global_dynamics.studies.basin_cases`.
+        As computed by `gearlib.analysis.global_dynamics.studies.basin_cases`.
 
     Returns
     -------

@@ -25,7 +25,7 @@ def draw(diagram, shares, branches=()):
     Parameters
     ----------
     diagram, shares : xarray.Dataset
-        As computed by `gearlib.global_dynamics.studies.bifurcation`.
+        As computed by `gearlib.analysis.global_dynamics.studies.bifurcation`.
     branches : sequence of xarray.Dataset
         Continued branches, laid over the diagram: tuning, state (point, coordinate) and stable
         along ``point``; dashed where unstable.

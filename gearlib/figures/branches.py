@@ -9,7 +9,7 @@ from gearlib.figures import style
 _HEIGHT = 6.6
 #: Points on both sides of a fold that tell on which side it lies.
 _FAR = 6
-#: label -> (name, colour, marker), in the codes of `gearlib.orbits.special_points`.
+#: label -> (name, colour, marker), in the codes of `gearlib.analysis.orbits.special_points`.
 _SPECIAL = {
     1: ("fold", style.PALETTE[4], "o"),
     2: ("period doubling", style.PALETTE[5], "D"),
@@ -26,7 +26,7 @@ def draw_curve(axes, branches, variable, colour, width=1.0, zorder=2.0):
     ----------
     axes : matplotlib.axes.Axes
     branches : xarray.Dataset
-        As of `gearlib.branches.compute`.
+        As of `gearlib.studies.resonance_branches.compute`.
     variable : str
     colour, width, zorder
         Of the lines.
@@ -57,9 +57,9 @@ def draw(branches, loci):
     Parameters
     ----------
     branches : xarray.Dataset
-        As of `gearlib.branches.compute`.
+        As of `gearlib.studies.resonance_branches.compute`.
     loci : xarray.Dataset
-        As of `gearlib.branches.compute_loci`.
+        As of `gearlib.studies.resonance_branches.compute_loci`.
 
     Returns
     -------

@@ -39,7 +39,7 @@ def draw(matrix):
     Parameters
     ----------
     matrix : xarray.Dataset
-        As gathered from `gearlib.trials.failures.compute`.
+        As gathered from `gearlib.studies.trials.failures.compute`.
 
     Returns
     -------

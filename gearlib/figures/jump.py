@@ -31,7 +31,7 @@ def draw(jumps, marked=()):
     Parameters
     ----------
     jumps : xarray.Dataset
-        As computed by `gearlib.jump.compute`.
+        As computed by `gearlib.studies.jump.compute`.
     marked : sequence of float
         Tunings to compare with, at most two.
 

@@ -17,7 +17,7 @@ def draw(jumps, marked=()):
     Parameters
     ----------
     jumps : list of xarray.Dataset
-        Results of `gearlib.trials.jump_by_method.compute`, one for each method.
+        Results of `gearlib.studies.trials.jump_by_method.compute`, one for each method.
     marked : sequence of float
         Tunings to compare with, at most two.
 

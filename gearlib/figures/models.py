@@ -23,7 +23,7 @@ def draw(comparisons):
     Parameters
     ----------
     comparisons : dict of str to xarray.Dataset
-        Results of `gearlib.model_comparison.compute` by scene.
+        Results of `gearlib.studies.model_comparison.compute` by scene.
 
     Returns
     -------

@@ -20,7 +20,7 @@ def draw(studies):
     Parameters
     ----------
     studies : list of xarray.Dataset
-        Results of `gearlib.nonlinear_damping.compute`.
+        Results of `gearlib.studies.nonlinear_damping.compute`.
 
     Returns
     -------

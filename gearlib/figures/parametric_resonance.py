@@ -26,9 +26,9 @@ def draw(chart, facts):
     Parameters
     ----------
     chart : xarray.Dataset
-        As of `gearlib.parametric_resonance.chart.compute`.
+        As of `gearlib.analysis.tongues.chart.compute`.
     facts : xarray.Dataset
-        As of `gearlib.parametric_resonance.explanation.compute`; its sentence goes below, its
+        As of `gearlib.analysis.tongues.explanation.compute`; its sentence goes below, its
         dampings into the plane of damping.
 
     Returns

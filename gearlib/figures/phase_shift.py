@@ -15,7 +15,7 @@ def draw(lags):
     Parameters
     ----------
     lags : xarray.Dataset
-        As computed by `gearlib.phase_lag.compute`.
+        As computed by `gearlib.studies.phase_lag.compute`.
 
     Returns
     -------

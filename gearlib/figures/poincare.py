@@ -16,7 +16,7 @@ def draw(data):
     Parameters
     ----------
     data : xarray.Dataset
-        As computed by `gearlib.global_dynamics.studies.sections`.
+        As computed by `gearlib.analysis.global_dynamics.studies.sections`.
 
     Returns
     -------

@@ -27,7 +27,7 @@ def draw(survey, name):
     Parameters
     ----------
     survey : xarray.Dataset
-        As of `gearlib.trials.published.survey`.
+        As of `gearlib.studies.trials.published.survey`.
     name : str
         A key of `SYMBOLS`.
 

@@ -32,7 +32,7 @@ COLD_COLOUR = "#8C8C8C"
 #: Where the motion without loss of contact is unstable.
 TONGUE_COLOUR = "#F0E44299"
 
-#: In the order of the codes of `gearlib.labelling`.
+#: In the order of the codes of `gearlib.analysis.trust`.
 _LABEL_COLOURS = (
     ("periodic", "#009E73"),
     ("quasi-periodic", "#56B4E9"),
@@ -54,14 +54,14 @@ def draw(resonance, *, colours=None, labels=None, branches=None, tongues=None):
     colours : dict of str to str, optional
         Colours of the dampings by name.
     labels : xarray.Dataset, optional
-        label over (damping, tuning) as of `gearlib.labelling.scan`, for cold runs: a strip on the
-        lower rim of the panel of each damping.
+        label over (damping, tuning) as of `gearlib.analysis.trust.scan`, for cold runs: a strip on
+        the lower rim of the panel of each damping.
     branches : dict of str to xarray.Dataset, optional
-        Branches of periodic orbits by damping, as of `gearlib.branches.compute`: thin lines in the
-        panel of each damping, solid where stable, dashed where unstable.
+        Branches of periodic orbits by damping, as of `gearlib.studies.resonance_branches.compute`:
+        thin lines in the panel of each damping, solid where stable, dashed where unstable.
     tongues : xarray.Dataset, optional
         tuning_from and tuning_to over (damping, order) as of
-        `gearlib.parametric_resonance.explanation`: shades in the panel of each damping.
+        `gearlib.analysis.tongues.explanation`: shades in the panel of each damping.
 
     Returns
     -------

@@ -39,7 +39,7 @@ def draw(chart):
     Parameters
     ----------
     chart : xarray.Dataset
-        As computed by `gearlib.trials.stability.compute`.
+        As computed by `gearlib.studies.trials.stability.compute`.
 
     Returns
     -------

@@ -30,7 +30,7 @@ def draw_orbits(errors):
     Parameters
     ----------
     errors : xarray.Dataset
-        Of `gearlib.trials.steady_orbits.errors`.
+        Of `gearlib.studies.trials.steady_orbits.errors`.
 
     Returns
     -------
@@ -70,7 +70,7 @@ def draw_orbit_times(errors, times):
     Parameters
     ----------
     errors, times : xarray.Dataset
-        Of `gearlib.trials.steady_orbits.errors` and `times`, with the same methods.
+        Of `gearlib.studies.trials.steady_orbits.errors` and `times`, with the same methods.
 
     Returns
     -------

@@ -12,7 +12,7 @@ from pathlib import Path
 import matplotlib.style
 from matplotlib.figure import Figure
 
-from gearlib.files import replacing
+from gearlib.data.files import replacing
 
 #: Width of a figure, inches: the type area of a page.
 PAGE_WIDTH = 7.2

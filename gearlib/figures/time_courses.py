@@ -36,7 +36,7 @@ def draw(scene, *, courses, periods_shown):
     Parameters
     ----------
     scene : xarray.Dataset
-        As computed by `gearlib.scenes.compute`.
+        As computed by `gearlib.studies.scenes.compute`.
     courses : list of str
         Variables over (case, phase) that are drawn below the phase planes, from above.
     periods_shown : int

@@ -165,7 +165,7 @@ def draw_evaluations(errors):
     Parameters
     ----------
     errors : list of xarray.Dataset
-        Results of `gearlib.trials.work_precision.errors`, one for each method.
+        Results of `gearlib.studies.trials.work_precision.errors`, one for each method.
 
     Returns
     -------
@@ -184,7 +184,7 @@ def draw_time(errors, times):
     Parameters
     ----------
     errors, times : list of xarray.Dataset
-        Results of `gearlib.trials.work_precision.errors` and `times` of the same methods.
+        Results of `gearlib.studies.trials.work_precision.errors` and `times` of the same methods.
 
     Returns
     -------

@@ -1,0 +1,18 @@
+"""What can be simulated: parameters in SI, their ratios, their equations of motion.
+
+====================  =================================================================
+module                responsibility
+====================  =================================================================
+``pair``              `GearPair`: one pair of gears; the border between SI and ratios
+``one_degree``        `OneDegreePair`: nonlinear damping, other stiffness, excitation
+``six_degrees``       `SixDegreePair`: bearings, run-out, friction, moving backlash
+``dead_zone``         `DeadZoneOscillator`: any oscillator between two elastic contacts
+``with_pair``         what models that contain a `GearPair` offer of it
+``oscillator``        the equation that all models of one degree share
+``piecewise_linear``  what the piecewise-linear models share
+``stiffness``         mesh stiffness over one mesh period, Eq. (1) and (2)
+``profiles``          rectangular, Fourier and tabulated mesh stiffness
+``harmonics``         periodic functions of the mesh phase
+``contact_states``    flank lines, phases of contact and their codes
+====================  =================================================================
+"""

@@ -7,7 +7,7 @@
       = c_l(t) (x - lower_edge)     x <= lower_edge:               lower contact
 
 Rattling gears, a gear pair in Kahraman's and Singh's variables and an oscillator with an elastic
-stop are three sets of these parameters, see `gearlib.trials.published`.
+stop are three sets of these parameters, see `gearlib.studies.trials.published`.
 
 ====================  ===========  ================================================================
 name                  symbol       meaning
@@ -40,10 +40,10 @@ from numbers import Real
 import numpy as np
 
 from gearlib import checks
-from gearlib.harmonics import Harmonics
+from gearlib.models.harmonics import Harmonics
 from gearlib.models.oscillator import Equation, OneDegree
+from gearlib.models.profiles import Series, Steps
 from gearlib.models.with_pair import replaced
-from gearlib.profiles import Series, Steps
 
 _DAMPINGS = ("damping", "upper_damping", "lower_damping")
 _STIFFNESSES = ("upper_stiffness", "lower_stiffness")

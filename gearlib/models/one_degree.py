@@ -6,7 +6,7 @@
 Eq. (3) of Hortel & Skuderova (2007) for one coordinate, the relative mesh displacement
 y = q + f(tau) of Eq. (4): rigid-body motion q of the flanks plus deviation f from the involute,
 whose inertia appears as a force. Contact (normal and inverse mesh) takes the material values of
-k, D2, D3, the backlash those of the oil; g(y) as in `gearlib.contact`.
+k, D2, D3, the backlash those of the oil; g(y) as in `gearlib.models.contact_states`.
 
 =============================  =========  =====================================================
 name                           symbol     unit
@@ -33,11 +33,11 @@ from functools import cached_property
 import numpy as np
 
 from gearlib import checks
-from gearlib.harmonics import Harmonics
+from gearlib.models.harmonics import Harmonics
 from gearlib.models.oscillator import Equation, OneDegree
+from gearlib.models.pair import GearPair
+from gearlib.models.profiles import Fourier, Rectangular, Tabulated
 from gearlib.models.with_pair import WithPair
-from gearlib.pair import GearPair
-from gearlib.profiles import Fourier, Rectangular, Tabulated
 
 _DAMPINGS = (
     "quadratic_damping",

@@ -17,11 +17,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gearlib.core.mesh import BACKLASH, INVERSE, NORMAL
-from gearlib.core.series import Law
-from gearlib.core.system import System
+from gearlib.kernels.closed_form.mesh import BACKLASH, INVERSE, NORMAL
+from gearlib.kernels.piecewise_linear.system import System
+from gearlib.kernels.taylor.series import Law
 from gearlib.models import piecewise_linear
-from gearlib.profiles import Pieces
+from gearlib.models.profiles import Pieces
 
 
 @dataclass(frozen=True)

@@ -1,13 +1,13 @@
 """What the piecewise-linear models share: harmonics as components, an absent flank, knots.
 
-See `gearlib.core.system` for the form of these models.
+See `gearlib.kernels.piecewise_linear.system` for the form of these models.
 """
 
 import math
 
 import numpy as np
 
-from gearlib.core.system import REACH, Part
+from gearlib.kernels.piecewise_linear.system import REACH, Part
 
 
 def waves(n, first, frequencies):

@@ -58,18 +58,18 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from gearlib import checks
-from gearlib.core.system import Part, System
-from gearlib.harmonics import Harmonics
+from gearlib.kernels.piecewise_linear.system import Part, System
 from gearlib.models import piecewise_linear
+from gearlib.models.harmonics import Harmonics
+from gearlib.models.pair import GearPair
+from gearlib.models.stiffness import levels, stretches
 from gearlib.models.with_pair import WithPair
-from gearlib.pair import GearPair
-from gearlib.stiffness import levels, stretches
 
 _BEARINGS = ("y3", "z3", "y2", "z2")
 #: How the bearing coordinates enter y; z does not.
 _IN_Y = {"y3": 1.0, "y2": -1.0, "z3": 0.0, "z2": 0.0}
 
-#: Names of the recorded functionals, after the columns of `gearlib.core.orbit`.
+#: Names of the recorded functionals, after the columns of `gearlib.kernels.orbit`.
 OUTPUTS = (
     "rotation_3",
     "rotation_2",

@@ -7,7 +7,7 @@ does not reach the pair unseen.
 import dataclasses
 
 from gearlib import checks
-from gearlib.pair import GearPair
+from gearlib.models.pair import GearPair
 
 
 def replaced(model, changes):

@@ -15,7 +15,7 @@ from selenium.webdriver.common.keys import Keys
 
 import gearlib
 from gearlib import config
-from gearlib.explorer import page, view
+from gearlib.pages.explorer import page, view
 from tests.browser.chromium import browser, errors, everywhere, wait_for
 
 assert browser  # a fixture

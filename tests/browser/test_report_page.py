@@ -5,9 +5,9 @@ import pytest
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.keys import Keys
 
-from gearlib.gathering import gather_resonance
-from gearlib.reporting import orbits, page
-from gearlib.sweeping import sweep
+from gearlib.data.gathering import gather_resonance
+from gearlib.pages.report import orbits, page
+from gearlib.runs.sweeping import sweep
 from tests.browser.chromium import browser, errors, everywhere, wait_for
 from tests.paper import PAPER
 

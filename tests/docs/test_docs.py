@@ -169,7 +169,7 @@ def test_the_picture_shows_the_contract_and_all_folders(hook):
 def test_names_in_the_glossary_are_those_of_the_code():
     """Each is a public name, an attribute or argument of one, or a variable of datasets."""
     import gearlib
-    from gearlib.variables import DESCRIPTIONS
+    from gearlib.data.variables import DESCRIPTIONS
 
     public = {name: getattr(gearlib, name) for name in gearlib.__all__}
     known = {*public, *DESCRIPTIONS}

@@ -57,7 +57,7 @@ def verdict(fault, tree):
     path.write_text(planted, encoding="utf-8")
     try:
         with tempfile.TemporaryDirectory() as kernels:
-            inside = fault.file.startswith("gearlib/core/")
+            inside = fault.file.startswith("gearlib/kernels/")
             status, output = run(tree, fault.tests, kernels if inside else None)
     finally:
         path.write_text(sound, encoding="utf-8")

@@ -16,13 +16,13 @@ from gearlib import (
     sweep,
     switch_branch,
 )
-from gearlib.orbits.continuation import orbit_at
-from gearlib.orbits.parameters import value_of, with_parameter
-from gearlib.orbits.shooting import NoOrbit
-from gearlib.orbits.special_points import DOUBLING, END, FOLD, GRAZING
-from gearlib.orbits.touching import turning_points
-from gearlib.parametric_resonance import no_loss
-from gearlib.stiffness import levels, stretches
+from gearlib.analysis.orbits.continuation import orbit_at
+from gearlib.analysis.orbits.parameters import value_of, with_parameter
+from gearlib.analysis.orbits.shooting import NoOrbit
+from gearlib.analysis.orbits.special_points import DOUBLING, END, FOLD, GRAZING
+from gearlib.analysis.orbits.touching import turning_points
+from gearlib.analysis.tongues import no_loss
+from gearlib.models.stiffness import levels, stretches
 from tests.paper import PAPER as FREE
 from tests.physics.test_periodic_orbits import DAMPED
 from tests.physics.test_six_degrees import gears

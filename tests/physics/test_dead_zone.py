@@ -15,16 +15,16 @@ from gearlib import (
     Steps,
     periodic_orbit,
     simulate,
-    storage,
     sweep,
 )
-from gearlib.core.linear_variation import vary_linear
-from gearlib.core.polynomial import bernstein_matrix
-from gearlib.core.system import ORDER
+from gearlib.analysis.lyapunov import largest
+from gearlib.data import storage
 from gearlib.figures import published as picture
-from gearlib.lyapunov import largest
-from gearlib.trials import published
-from gearlib.variational import period_maps
+from gearlib.kernels.piecewise_linear.system import ORDER
+from gearlib.kernels.piecewise_linear.variation import vary_linear
+from gearlib.kernels.polynomial import bernstein_matrix
+from gearlib.runs.variational import period_maps
+from gearlib.studies.trials import published
 
 LIMIT = 10_000
 JUDGE = {"solver": "DOP853", "rtol": 1e-13, "atol": 1e-14, "events": True}

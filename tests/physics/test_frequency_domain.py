@@ -17,13 +17,13 @@ from gearlib import (
     schmidt,
     sweep,
 )
-from gearlib.frequency_domain import hill
-from gearlib.frequency_domain.accuracy import errors, exact_course
-from gearlib.frequency_domain.equation import MeshEquation, stiffness_coefficients
-from gearlib.frequency_domain.green import green, remainder_norm, weights
-from gearlib.frequency_domain.harmonic_balance import jacobian
-from gearlib.frequency_domain.schmidt import contraction
-from gearlib.orbits.shooting import NoOrbit
+from gearlib.analysis.harmonics import hill
+from gearlib.analysis.harmonics.accuracy import errors, exact_course
+from gearlib.analysis.harmonics.equation import MeshEquation, stiffness_coefficients
+from gearlib.analysis.harmonics.green import green, remainder_norm, weights
+from gearlib.analysis.harmonics.harmonic_balance import jacobian
+from gearlib.analysis.harmonics.schmidt import contraction
+from gearlib.analysis.orbits.shooting import NoOrbit
 from tests.physics.test_six_degrees import EVERYTHING, gears
 
 FREE = GearPair(

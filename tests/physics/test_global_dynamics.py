@@ -18,14 +18,14 @@ from gearlib import (
     simulate,
     sweep,
 )
-from gearlib.core.jit import kernel
-from gearlib.core.march import ARC_COLUMNS, march_period
-from gearlib.core.mesh import contact_of, mesh
-from gearlib.global_dynamics.attractors import attractor_of
-from gearlib.global_dynamics.stroboscope import Stroboscope
-from gearlib.integrators.exact import ratios
-from gearlib.orbits.parameters import RATIOS, value_of, with_parameter
-from gearlib.variational import period_maps
+from gearlib.analysis.global_dynamics.attractors import attractor_of
+from gearlib.analysis.global_dynamics.stroboscope import Stroboscope
+from gearlib.analysis.orbits.parameters import RATIOS, value_of, with_parameter
+from gearlib.kernels.closed_form.event_by_event import ARC_COLUMNS, march_period
+from gearlib.kernels.closed_form.mesh import contact_of, mesh
+from gearlib.kernels.jit import kernel
+from gearlib.methods.exact import ratios
+from gearlib.runs.variational import period_maps
 
 LIMIT = 1_000_000
 

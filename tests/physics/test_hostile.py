@@ -5,10 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from gearlib import integrators, simulate
-from gearlib.pair import GearPair
-from gearlib.parametric_resonance import no_loss
-from gearlib.trials import failures, hostile
+from gearlib import methods as integrators
+from gearlib import simulate
+from gearlib.analysis.tongues import no_loss
+from gearlib.models.pair import GearPair
+from gearlib.studies.trials import difficult_problems as hostile
+from gearlib.studies.trials import failures
 from tests.physics.high_precision import propagate
 
 PROBLEMS = hostile.problems()

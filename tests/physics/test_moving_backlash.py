@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from gearlib import periodic_orbit, simulate
-from gearlib.orbits.shooting import contacts
-from gearlib.variational import (
+from gearlib.analysis.orbits.shooting import contacts
+from gearlib.runs.variational import (
     full_state,
     moving_components,
     period_maps,

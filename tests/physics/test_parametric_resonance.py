@@ -9,8 +9,8 @@ from scipy.integrate import solve_ivp
 from scipy.special import mathieu_a, mathieu_b
 
 from gearlib import Fourier, GearPair, Harmonics, OneDegreePair, Tabulated, simulate, tongues
-from gearlib.parametric_resonance import find, hill, meissner, no_loss
-from gearlib.variational import period_maps
+from gearlib.analysis.tongues import find, hill, meissner, no_loss
+from gearlib.runs.variational import period_maps
 from tests.physics.test_six_degrees import EVERYTHING, gears
 
 PAPER = (1.569, 0.5879)

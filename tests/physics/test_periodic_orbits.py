@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gearlib import OneDegreePair, periodic_orbit, simulate
-from gearlib.orbits.shooting import NoOrbit
+from gearlib.analysis.orbits.shooting import NoOrbit
 from tests.paper import PAPER
 from tests.physics.high_precision import propagate
 from tests.physics.test_six_degrees import EVERYTHING, gears

@@ -9,14 +9,14 @@ from gearlib import (
     bifurcation_diagram,
     continue_orbit,
     harmonic_balance,
-    lyapunov,
     periodic_orbit,
     simulate,
     sweep,
     trust,
 )
-from gearlib.core import orbit
-from gearlib.labelling import scan
+from gearlib.analysis import lyapunov
+from gearlib.analysis.trust import scan
+from gearlib.kernels import orbit
 from tests.paper import PAPER
 from tests.physics.test_six_degrees import EVERYTHING, gears
 

@@ -7,10 +7,11 @@ import pytest
 from scipy.linalg import eigh
 
 from benchmarks.scipy_split import run as scipy_run
-from gearlib import Harmonics, SixDegreePair, simulate, status, sweep
-from gearlib.core import linear
-from gearlib.core import system as core_system
-from gearlib.integrators.exact import _TO_BERNSTEIN
+from gearlib import Harmonics, SixDegreePair, simulate, sweep
+from gearlib.data import status
+from gearlib.kernels.piecewise_linear import run as linear
+from gearlib.kernels.piecewise_linear import system as core_system
+from gearlib.methods.exact import _TO_BERNSTEIN
 from tests.paper import PAPER
 
 RADIUS, BODY = 0.1, 17.27

@@ -14,13 +14,13 @@ from gearlib import (
     OneDegreePair,
     SixDegreePair,
     Tabulated,
-    integrators,
     simulate,
     sweep,
 )
-from gearlib.core.field import Contact
-from gearlib.core.steps import Scheme, alpha_step
-from gearlib.stiffness import levels
+from gearlib import methods as integrators
+from gearlib.kernels.steps.equation_of_motion import Contact
+from gearlib.kernels.steps.fixed import Scheme, alpha_step
+from gearlib.models.stiffness import levels
 from tests.paper import PAPER
 
 PAIR = PAPER.replace(contact_ratio=1.5, material_damping=3953.7, backlash_damping=3953.7)

@@ -7,8 +7,8 @@ import pytest
 import xarray as xr
 
 from gearlib import Fourier, OneDegreePair, trust
-from gearlib.labelling import decide
-from gearlib.lyapunov import Exponent, largest
+from gearlib.analysis.lyapunov import Exponent, largest
+from gearlib.analysis.trust import decide
 from tests.paper import PAPER
 from tests.physics.test_six_degrees import gears
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gearlib import Fourier, Harmonics, OneDegreePair, simulate
-from gearlib.variational import full_state, moving_components, period_maps, without_rotation
+from gearlib.runs.variational import full_state, moving_components, period_maps, without_rotation
 from tests.paper import PAPER
 from tests.physics.test_six_degrees import EVERYTHING, gears
 

@@ -7,9 +7,9 @@ import pytest
 
 import gearlib
 from gearlib import OneDegreePair
-from gearlib.trials import high_precision, jump_by_method, problems, references
-from gearlib.trials import work_precision as wp
-from gearlib.variational import period_maps
+from gearlib.runs.variational import period_maps
+from gearlib.studies.trials import high_precision, jump_by_method, problems, references
+from gearlib.studies.trials import work_precision as wp
 from tests.paper import CONFIG
 
 PAIR, SIX, SETTINGS = CONFIG["gear_pair"], CONFIG["six_degrees"], CONFIG["work_precision"]

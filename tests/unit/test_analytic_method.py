@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
-from gearlib import GearPair, analytic_method
+from gearlib import GearPair
 from gearlib.figures import analytic_method as figures
 from gearlib.figures import steady_orbits as orbit_figures
-from gearlib.trials import steady_orbits
+from gearlib.studies import analytic_method
+from gearlib.studies.trials import steady_orbits
 from tests.unit.test_work_precision import PAIR, SETTINGS
 
 

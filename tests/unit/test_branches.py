@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
-from gearlib import branches, storage
+from gearlib.analysis.orbits.special_points import DOUBLING, FOLD, GRAZING
+from gearlib.data import storage
 from gearlib.figures import branches as picture
 from gearlib.figures import style
-from gearlib.orbits.special_points import DOUBLING, FOLD, GRAZING
+from gearlib.studies import resonance_branches as branches
 from tests.paper import PAPER
 
 RANGE = {"start": 0.79, "stop": 0.83}

@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from gearlib.core.cache import KeyedFiles, remove_unused
+from gearlib.kernels.cache import KeyedFiles, remove_unused
 
 #: A kernel for two types of argument, which the processes meet in different order.
 PROGRAM = """
@@ -19,7 +19,7 @@ print(sum(kernels.twice.stats.cache_misses.values()))
 #: What is looked for in the cache by the warm-up, and after it.
 WARM = """
 from gearlib import core, simulate, sweep
-from gearlib.core.cache import KeyedFiles
+from gearlib.kernels.cache import KeyedFiles
 from tests.paper import PAPER
 asked, load = [], KeyedFiles.load
 def noted(files, key):
@@ -34,7 +34,7 @@ for direction in ("cold", "up", "down"):
 print(before > 0, asked[before:])
 """
 KERNELS = """
-from gearlib.core.jit import kernel
+from gearlib.kernels.jit import kernel
 
 @kernel
 def half_of_it(x):
@@ -104,11 +104,11 @@ def test_a_start_marks_its_folder_as_used_and_a_first_one_clears_up(tmp_path):
     left = tmp_path / "cache" / ("kernels-" + "0" * 16)
     left.mkdir(parents=True)
     os.utime(left, times=(0, 0))
-    start(tmp_path, "import gearlib.core.cache").communicate(timeout=120)
+    start(tmp_path, "import gearlib.kernels.cache").communicate(timeout=120)
     (folder,) = (tmp_path / "cache").iterdir()
     assert folder != left
     os.utime(folder, times=(0, 0))
-    start(tmp_path, "import gearlib.core.cache").communicate(timeout=120)
+    start(tmp_path, "import gearlib.kernels.cache").communicate(timeout=120)
     assert folder.stat().st_mtime > 0
 
 

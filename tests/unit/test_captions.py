@@ -9,9 +9,10 @@ import jinja2
 import pytest
 import yaml
 
-from gearlib import config, provenance
+from gearlib import config
+from gearlib.data import provenance
 from gearlib.figures import work_precision
-from gearlib.trials import problems, published
+from gearlib.studies.trials import problems, published
 from tests.unit.test_defaults import GEARS
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -9,13 +9,15 @@ import pytest
 import xarray as xr
 import yaml
 
-from gearlib import branches, claims, config, jump, phase_lag, scenes, simulate, sweep
-from gearlib.claims import characteristics
-from gearlib.claims.characteristics import drift, spread
-from gearlib.claims.data import LINE
-from gearlib.claims.explanations import GRAZING, Facts
-from gearlib.gathering import gather_phase_planes, gather_resonance
-from gearlib.parametric_resonance import explanation
+from gearlib import config, simulate, sweep
+from gearlib.analysis.tongues import explanation
+from gearlib.data.gathering import gather_phase_planes, gather_resonance
+from gearlib.studies import claims, jump, phase_lag, scenes
+from gearlib.studies import resonance_branches as branches
+from gearlib.studies.claims import characteristics
+from gearlib.studies.claims.characteristics import drift, spread
+from gearlib.studies.claims.data import LINE
+from gearlib.studies.claims.explanations import GRAZING, Facts
 from tests.paper import PAPER
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -11,8 +11,8 @@ import yaml
 from click.testing import CliRunner
 
 import gearlib
+from gearlib.analysis.orbits.shooting import NoOrbit
 from gearlib.cli import main, progress
-from gearlib.orbits.shooting import NoOrbit
 
 PAIR = ["--max-stiffness", "4e5 N/mm", "--stiffness-ratio", "0.5879", "--contact-ratio", "1.569"]
 PAIR += ["--reduced-mass", "3123 g", "--load", "3.2895396 kN", "--backlash", "40 um"]

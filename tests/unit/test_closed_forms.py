@@ -10,13 +10,20 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from gearlib.core.crossing import descent_time, landing
-from gearlib.core.flight import climb_time, fall_time, fly, lowest_time, phi, phi_below_two
-from gearlib.core.mesh import BACKLASH, INVERSE, NORMAL, contact_of, mesh
-from gearlib.core.orbit import orbit_period
-from gearlib.core.oscillator import evolve, level, turning_time
-from gearlib.core.system import carry
-from gearlib.integrators.exact import ratios
+from gearlib.kernels.closed_form.crossing import descent_time, landing
+from gearlib.kernels.closed_form.flight import (
+    climb_time,
+    fall_time,
+    fly,
+    lowest_time,
+    phi,
+    phi_below_two,
+)
+from gearlib.kernels.closed_form.mesh import BACKLASH, INVERSE, NORMAL, contact_of, mesh
+from gearlib.kernels.closed_form.oscillator import evolve, level, turning_time
+from gearlib.kernels.orbit import orbit_period
+from gearlib.kernels.piecewise_linear.system import carry
+from gearlib.methods.exact import ratios
 from tests.paper import PAPER
 
 #: (stiffness, damping ratio, tuning): without, light, heavy, critical and more than critical.

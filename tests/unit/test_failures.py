@@ -7,13 +7,16 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from gearlib import GearPair, gathering, integrators, status, storage
+from gearlib import GearPair
+from gearlib import methods as integrators
+from gearlib.analysis.tongues import no_loss
+from gearlib.data import gathering, status, storage
 from gearlib.figures import failures as figure
 from gearlib.figures import style
-from gearlib.parametric_resonance import no_loss
-from gearlib.trials import failures, hostile
-from gearlib.trials.failures import VERDICTS, Outcome, decide
-from gearlib.trials.hostile import Problem
+from gearlib.studies.trials import difficult_problems as hostile
+from gearlib.studies.trials import failures
+from gearlib.studies.trials.difficult_problems import Problem
+from gearlib.studies.trials.failures import VERDICTS, Outcome, decide
 
 PAIR = GearPair.from_ratios(contact_ratio=1.5, stiffness_ratio=0.6, backlash=4.0)
 CONTACTS = ((1, 0), (0, 1))

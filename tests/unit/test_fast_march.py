@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from gearlib.core.contact_table import (
+from gearlib.kernels.closed_form.contact_table import (
     LAST,
     LEVEL_COLUMNS,
     NONE,
@@ -15,15 +15,15 @@ from gearlib.core.contact_table import (
     set_level,
     step,
 )
-from gearlib.core.elementary import cos_sin, decay
-from gearlib.core.fast_march import ENTRY, advance, new_work, set_mesh, set_start
-from gearlib.core.flight import climb_time, fly, lowest_time, return_flight
-from gearlib.core.jit import kernel
-from gearlib.core.many import skip_many
-from gearlib.core.march import ARC_COLUMNS, march_period
-from gearlib.core.mesh import contact_of, mesh
-from gearlib.core.oscillator import evolve, level
-from gearlib.stiffness import levels, stretches
+from gearlib.kernels.closed_form.elementary import cos_sin, decay
+from gearlib.kernels.closed_form.event_by_event import ARC_COLUMNS, march_period
+from gearlib.kernels.closed_form.flight import climb_time, fly, lowest_time, return_flight
+from gearlib.kernels.closed_form.many_runs import skip_many
+from gearlib.kernels.closed_form.mesh import contact_of, mesh
+from gearlib.kernels.closed_form.oscillator import evolve, level
+from gearlib.kernels.closed_form.whole_periods import ENTRY, advance, new_work, set_mesh, set_start
+from gearlib.kernels.jit import kernel
+from gearlib.models.stiffness import levels, stretches
 
 PERIODS = 8
 LIMIT = 10**6

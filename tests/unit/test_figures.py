@@ -5,10 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from gearlib import GearPair, phase_lag, scenes, simulate, sweep
-from gearlib import jump as jump_study
-from gearlib import model_comparison as comparison
-from gearlib import nonlinear_damping as damping_study
+from gearlib import GearPair, simulate, sweep
+from gearlib.data.gathering import gather_phase_planes, gather_resonance
 from gearlib.figures import (
     jump,
     models,
@@ -19,7 +17,10 @@ from gearlib.figures import (
     style,
     time_courses,
 )
-from gearlib.gathering import gather_phase_planes, gather_resonance
+from gearlib.studies import jump as jump_study
+from gearlib.studies import model_comparison as comparison
+from gearlib.studies import nonlinear_damping as damping_study
+from gearlib.studies import phase_lag, scenes
 
 RUN = {"periods": 40, "record_periods": 8}
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from gearlib.files import remove_leftovers, replacing
+from gearlib.data.files import remove_leftovers, replacing
 
 
 def test_a_file_appears_whole_or_stays_as_it_was(tmp_path):

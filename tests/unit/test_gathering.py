@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from gearlib import GearPair, simulate, storage, sweep, tunings
-from gearlib.gathering import gather_phase_planes, gather_resonance
+from gearlib import GearPair, simulate, sweep
+from gearlib.config import tunings
+from gearlib.data import storage
+from gearlib.data.gathering import gather_phase_planes, gather_resonance
 
 TUNINGS = [0.6, 0.7, 0.8, 0.9]
 DAMPINGS = {"k1": (0.06, 0.0), "conservative": (0.0, 0.0)}

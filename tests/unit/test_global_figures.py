@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from gearlib import storage
+from gearlib.analysis.global_dynamics import studies
+from gearlib.data import storage
 from gearlib.figures import basins, bifurcation, poincare, style
-from gearlib.global_dynamics import studies
 
 PAIR = {
     "max_stiffness": 4e8,

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from gearlib import jump, simulate
+from gearlib import simulate
+from gearlib.studies import jump
 from tests.paper import PAPER
 
 PAIR = PAPER.replace(material_damping=3953.7)

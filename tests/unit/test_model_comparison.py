@@ -6,8 +6,8 @@ import math
 import numpy as np
 import pytest
 
-from gearlib import model_comparison as models
-from gearlib import scenes
+from gearlib.studies import model_comparison as models
+from gearlib.studies import scenes
 
 PAIR = {
     "max_stiffness": 4e8,

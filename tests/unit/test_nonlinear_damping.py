@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import quad
 
 from gearlib import GearPair, OneDegreePair
-from gearlib import nonlinear_damping as study
+from gearlib.studies import nonlinear_damping as study
 
 PAIR = {
     "max_stiffness": 4e8,

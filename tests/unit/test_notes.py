@@ -4,7 +4,7 @@ import pytest
 
 from gearlib.config.trials import PEERS
 from gearlib.figures import failures, jump_by_method, style, work_precision
-from gearlib.trials.failures import VERDICTS
+from gearlib.studies.trials.failures import VERDICTS
 from tests.golden import data as golden
 
 

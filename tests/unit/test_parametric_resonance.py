@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from gearlib import GearPair
+from gearlib.analysis.tongues import chart, explanation
+from gearlib.data.storage import read, write
 from gearlib.figures import parametric_resonance as picture
 from gearlib.figures import resonance
-from gearlib.parametric_resonance import chart, explanation
-from gearlib.storage import read, write
 from tests.unit.test_figures import GRID, curves
 
 MESH = {

@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 
 from gearlib import GearPair, Harmonics, OneDegreePair, SixDegreePair
-from gearlib.core.jit import kernel
-from gearlib.core.linear import contact_at, go, set_harmonics
-from gearlib.core.passage import _prepare, pass_period, ways
-from gearlib.core.polynomial import (
+from gearlib.kernels.jit import kernel
+from gearlib.kernels.piecewise_linear.run import contact_at, go, set_harmonics
+from gearlib.kernels.piecewise_linear.system import ORDER, carry, dot, image, scratch, tables
+from gearlib.kernels.piecewise_linear.whole_periods import _prepare, pass_period, ways
+from gearlib.kernels.polynomial import (
     bernstein_matrix,
     fall_by_shape,
     first_fall,
     lowest_of_parabola,
 )
-from gearlib.core.system import ORDER, carry, dot, image, scratch, tables
 
 CASES, SEEDS, PERIODS, LIMIT = 500, 4, 2, 1000
 MATRIX = bernstein_matrix(ORDER)

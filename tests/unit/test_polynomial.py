@@ -7,10 +7,10 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from gearlib.core import polynomial
-from gearlib.core.nonlinear import first_crossing
-from gearlib.core.polynomial import bernstein_matrix, first_fall, highest
-from gearlib.core.series import ROWS, X
+from gearlib.kernels import polynomial
+from gearlib.kernels.polynomial import bernstein_matrix, first_fall, highest
+from gearlib.kernels.taylor.run import first_crossing
+from gearlib.kernels.taylor.series import ROWS, X
 
 DEGREE = 20
 MATRIX = bernstein_matrix(DEGREE)

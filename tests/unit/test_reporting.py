@@ -11,12 +11,12 @@ import pytest
 from bokeh.document import Document
 from bokeh.models import BoxAnnotation, Plot
 
+from gearlib.data.gathering import gather_resonance
+from gearlib.data.summary import in_words
 from gearlib.figures import style
-from gearlib.gathering import gather_resonance
-from gearlib.reporting import orbits, page, tables
-from gearlib.simulation import simulate
-from gearlib.summary import in_words
-from gearlib.sweeping import sweep
+from gearlib.pages.report import orbits, page, tables
+from gearlib.runs.simulation import simulate
+from gearlib.runs.sweeping import sweep
 from tests.paper import PAPER
 
 TUNINGS = [0.7, 0.8, 0.9]

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from gearlib import Fourier, Harmonics, OneDegreePair
-from gearlib.core.mesh import BACKLASH, INVERSE, NORMAL
-from gearlib.core.series import ORDER, ROWS, V, X, expand, tables
+from gearlib.kernels.closed_form.mesh import BACKLASH, INVERSE, NORMAL
+from gearlib.kernels.taylor.series import ORDER, ROWS, V, X, expand, tables
 from tests.paper import PAPER
 
 

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from gearlib import GearPair, simulate, sweep
-from gearlib.core import orbit
-from gearlib.core.fast_march import new_work, set_mesh, set_start
-from gearlib.core.march import ARC_COLUMNS, march_period
-from gearlib.core.mesh import contact_of, mesh
-from gearlib.core.run import skip
-from gearlib.core.settled import clear_of_grazing, sum_of_powers
-from gearlib.integrators.exact import ratios
+from gearlib.kernels import orbit
+from gearlib.kernels.closed_form.event_by_event import ARC_COLUMNS, march_period
+from gearlib.kernels.closed_form.mesh import contact_of, mesh
+from gearlib.kernels.closed_form.run import skip
+from gearlib.kernels.closed_form.settled import clear_of_grazing, sum_of_powers
+from gearlib.kernels.closed_form.whole_periods import new_work, set_mesh, set_start
+from gearlib.methods.exact import ratios
 from tests.unit.test_fast_march import LIMIT, bouncing_case, fast_march, ratios_of
 
 PAIR = {"contact_ratio": 1.569, "stiffness_ratio": 0.5879, "backlash": 4.0}

@@ -9,7 +9,8 @@ import pint
 import pytest
 import xarray as xr
 
-from gearlib import GearPair, simulate, storage, sweep
+from gearlib import GearPair, simulate, sweep
+from gearlib.data import storage
 from tests.paper import PAPER
 
 PAIR = GearPair.from_ratios(

@@ -8,10 +8,15 @@ import math
 import numpy as np
 import pytest
 
-from gearlib import OneDegreePair, simulate, status
-from gearlib.core import linear, linear_variation, nonlinear, passage, variation
-from gearlib.integrators import taylor
-from gearlib.variational import full_state, period_maps
+from gearlib import OneDegreePair, simulate
+from gearlib.data import status
+from gearlib.kernels.closed_form import variation
+from gearlib.kernels.piecewise_linear import run as linear
+from gearlib.kernels.piecewise_linear import variation as linear_variation
+from gearlib.kernels.piecewise_linear import whole_periods as passage
+from gearlib.kernels.taylor import run as nonlinear
+from gearlib.methods import taylor
+from gearlib.runs.variational import full_state, period_maps
 from tests.paper import PAPER
 from tests.physics.test_six_degrees import gears
 
@@ -75,7 +80,7 @@ def test_maps(python, model, kernel):
     unknown(python, linear, "first_fall", -1.0)
     unknown(python, nonlinear, "first_fall", -1.0)
     home = linear_variation if model is SIX else variation
-    python.setattr(f"gearlib.variational.{kernel}", getattr(home, kernel).py_func)
+    python.setattr(f"gearlib.runs.variational.{kernel}", getattr(home, kernel).py_func)
     _, maps, code = period_maps(model, 0.9, full_state(model, 0.9, (0.5, -2.0)), 1, 1000)
     assert code == status.UNRESOLVED and np.isnan(maps).all()
 

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from gearlib import integrators, jump
+from gearlib import methods as integrators
 from gearlib.figures import jump_by_method as jump_figure
 from gearlib.figures import work_precision as figures
-from gearlib.integrators.option import Option
-from gearlib.trials import fastest, jump_by_method, problems, references
-from gearlib.trials import work_precision as wp
+from gearlib.methods.option import Option
+from gearlib.studies import jump
+from gearlib.studies.trials import fastest, jump_by_method, problems, references
+from gearlib.studies.trials import work_precision as wp
 
 PAIR = {
     "max_stiffness": 4e8,

@@ -12,7 +12,7 @@ from importlib import metadata
 import pytest
 import yaml
 
-from gearlib import storage
+from gearlib.data import storage
 from tests.browser.chromium import browser, errors, wait_for
 from tests.golden import data as golden
 from tests.golden import pictures, redraw
@@ -175,23 +175,23 @@ def test_a_method_more_runs_its_trial(project):
 @pytest.mark.parametrize(
     ("path", "expected"),
     [
-        ("gearlib/core/march.py", EVERYTHING),
-        ("gearlib/core/sections.py", jobs("basins", "bifurcation", "poincare")),
-        ("gearlib/simulation.py", after_an_edit_of_simulate()),
-        ("gearlib/integrators/newmark.py", jobs("stability_chart")),
-        ("gearlib/integrators/rk4.py", {**jobs("stability_chart", "failures"), "trial": 1}),
-        ("gearlib/trials/hostile.py", jobs("failures")),
+        ("gearlib/kernels/closed_form/event_by_event.py", EVERYTHING),
+        ("gearlib/kernels/closed_form/sections.py", jobs("basins", "bifurcation", "poincare")),
+        ("gearlib/runs/simulation.py", after_an_edit_of_simulate()),
+        ("gearlib/methods/newmark.py", jobs("stability_chart")),
+        ("gearlib/methods/rk4.py", {**jobs("stability_chart", "failures"), "trial": 1}),
+        ("gearlib/studies/trials/difficult_problems.py", jobs("failures")),
         ("gearlib/figures/resonance.py", {"draw_resonance": 1, "draw_report_page": 1}),
         ("gearlib/figures/style.py", drawn()),
         ("gearlib/figures/time_courses.py", drawn("scenes")),
         ("gearlib/figures/poincare.py", drawn("poincare")),
         ("gearlib/figures/work_precision.py", drawn(*MEASURED)),
         (
-            "gearlib/trials/work_precision.py",
+            "gearlib/studies/trials/work_precision.py",
             {rule: n for rule, n in jobs(*MEASURED).items() if rule != "work_precision_references"},
         ),
-        ("gearlib/trials/high_precision.py", jobs("work_precision", "steady_orbits")),
-        ("gearlib/claims/scenes.py", jobs("claims")),
+        ("gearlib/studies/trials/high_precision.py", jobs("work_precision", "steady_orbits")),
+        ("gearlib/studies/claims/scenes.py", jobs("claims")),
         ("workflow/scripts/draw_phase_planes.py", {"draw_phase_planes": 1}),
         ("gearlib/config/experiments.py", {}),
     ],
@@ -262,7 +262,9 @@ def test_the_configuration_of_the_paper(tmp_path):
 
 
 def test_a_failed_job_shows_its_log_and_leaves_no_output(project):
-    edit(project / "gearlib/claims/scenes.py", "\nraise RuntimeError('claims are broken')\n")
+    edit(
+        project / "gearlib/studies/claims/scenes.py", "\nraise RuntimeError('claims are broken')\n"
+    )
     output = project.snakemake("-j2", succeed=False)
     assert "claims are broken" in output
     assert not (project / "results/claims.csv").exists()
@@ -334,8 +336,8 @@ def _shown(driver, before):
 
 def test_the_library_beside_the_snakefile_is_used(project):
     # Whatever else is installed: a job that gathers says where its library lies.
-    edit(project / "gearlib/gathering.py", "\nprint(__file__)\n")
-    assert str(project / "gearlib/gathering.py") in project.snakemake("-j2")
+    edit(project / "gearlib/data/gathering.py", "\nprint(__file__)\n")
+    assert str(project / "gearlib/data/gathering.py") in project.snakemake("-j2")
 
 
 @pytest.fixture(scope="module")

@@ -19,7 +19,7 @@ from gearlib.config.trials import PEERS
 from workflow.sources import sources
 from workflow.yaml_keys import repeated_keys
 
-#: Published problems and what the report calls them; names of gearlib.trials.published, which would
+#: Published problems and what the report calls them; names of gearlib.studies.trials.published, which would
 #: load the numerical stack.
 PUBLISHED = {
     "gear_rattle": "Gear rattle",
@@ -79,7 +79,7 @@ def script_sources(name, *methods):
 
     Of those that are always loaded a script says so itself, see `workflow.sources`.
     """
-    loaded = [f"gearlib.integrators.{integrators.METHODS.data[method]}" for method in methods]
+    loaded = [f"gearlib.methods.{integrators.METHODS.data[method]}" for method in methods]
     files = sources(ROOT / "workflow" / "scripts" / f"{name}.py", ROOT, loaded)
     return [os.path.relpath(path) for path in files]
 

@@ -3,8 +3,8 @@
 import json
 
 from joblog import redirect_output
-from gearlib import storage
-from gearlib.global_dynamics import studies
+from gearlib.analysis.global_dynamics import studies
+from gearlib.data import storage
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])

@@ -4,9 +4,10 @@ import json
 from pathlib import Path
 
 from joblog import redirect_output
-from gearlib import claims, storage
-from gearlib.pair import GearPair
-from gearlib.reporting import tables
+from gearlib.data import storage
+from gearlib.models.pair import GearPair
+from gearlib.pages.report import tables
+from gearlib.studies import claims
 
 
 def _by_name(paths):

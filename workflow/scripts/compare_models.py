@@ -3,7 +3,8 @@
 import json
 
 from joblog import redirect_output
-from gearlib import model_comparison, storage
+from gearlib.data import storage
+from gearlib.studies import model_comparison
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])

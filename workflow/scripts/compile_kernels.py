@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from joblog import redirect_output
-from gearlib import core
+from gearlib import kernels as core
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])

@@ -1,7 +1,7 @@
 """Draw the analytic method and harmonic balance, in all formats."""
 
 from joblog import redirect_output
-from gearlib import storage
+from gearlib.data import storage
 from gearlib.figures import analytic_method, style
 
 if __name__ == "__main__":

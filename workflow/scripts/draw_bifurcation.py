@@ -1,7 +1,7 @@
 """Draw the bifurcation diagram in all formats."""
 
 from joblog import redirect_output
-from gearlib import storage
+from gearlib.data import storage
 from gearlib.figures import bifurcation, style
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """Draw the branches with their special points, and the loci of these, in all formats."""
 
 from joblog import redirect_output
-from gearlib import storage
+from gearlib.data import storage
 from gearlib.figures import branches, style
 
 if __name__ == "__main__":

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from joblog import redirect_output
-from gearlib import storage
+from gearlib.data import storage
 from gearlib.figures import models, style
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """Draw the study of nonlinear damping in all formats."""
 
 from joblog import redirect_output
-from gearlib import storage
+from gearlib.data import storage
 from gearlib.figures import nonlinear_damping, style
 
 if __name__ == "__main__":

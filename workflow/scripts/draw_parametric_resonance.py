@@ -1,9 +1,9 @@
 """Draw the chart of parametric resonance in all formats."""
 
 from joblog import redirect_output
-from gearlib import storage
+from gearlib.data import storage
 from gearlib.figures import parametric_resonance, style
-from gearlib.reporting import tables
+from gearlib.pages.report import tables
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])

@@ -1,7 +1,7 @@
 """Draw the phase lag (Fig. 2) in all formats."""
 
 from joblog import redirect_output
-from gearlib import storage
+from gearlib.data import storage
 from gearlib.figures import phase_shift, style
 
 if __name__ == "__main__":

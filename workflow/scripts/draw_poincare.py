@@ -1,7 +1,7 @@
 """Draw the Poincare sections in all formats."""
 
 from joblog import redirect_output
-from gearlib import storage
+from gearlib.data import storage
 from gearlib.figures import poincare, style
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@ import json
 import xarray as xr
 
 from joblog import redirect_output
-from gearlib import storage
+from gearlib.data import storage
 from gearlib.figures import resonance, style
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """Draw the errors of settled orbits over evaluations, in all formats."""
 
 from joblog import redirect_output
-from gearlib import storage
+from gearlib.data import storage
 from gearlib.figures import steady_orbits, style
 
 if __name__ == "__main__":

@@ -3,7 +3,7 @@
 import json
 
 from joblog import redirect_output
-from gearlib import storage
+from gearlib.data import storage
 from gearlib.figures import style, work_precision
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """Gather the columns of all methods into the matrix of failures."""
 
 from joblog import redirect_output
-from gearlib import gathering, storage
+from gearlib.data import gathering, storage
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])

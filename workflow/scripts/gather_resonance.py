@@ -1,8 +1,8 @@
 """Gather the shards of the resonance characteristic into one dataset."""
 
 from joblog import redirect_output
-from gearlib import storage
-from gearlib.gathering import gather_resonance
+from gearlib.data import storage
+from gearlib.data.gathering import gather_resonance
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])

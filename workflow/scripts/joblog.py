@@ -9,7 +9,7 @@ import traceback
 from pathlib import Path
 
 import __main__
-from gearlib.provenance import declare_sources
+from gearlib.data.provenance import declare_sources
 from workflow.seals import seal
 
 # Imports make objects that stay: to look for garbage among them takes a sixth of a short job.

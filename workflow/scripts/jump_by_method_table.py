@@ -1,9 +1,9 @@
 """Write the jumps of all methods as one table."""
 
 from joblog import redirect_output
-from gearlib import storage
-from gearlib.reporting import tables
-from gearlib.trials import jump_by_method
+from gearlib.data import storage
+from gearlib.pages.report import tables
+from gearlib.studies.trials import jump_by_method
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])

@@ -3,8 +3,9 @@
 import json
 
 from joblog import redirect_output
-from gearlib import branches, storage
-from gearlib.pair import GearPair
+from gearlib.data import storage
+from gearlib.models.pair import GearPair
+from gearlib.studies import resonance_branches as branches
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])

@@ -3,8 +3,9 @@
 from pathlib import Path
 
 from joblog import redirect_output
-from gearlib import model_comparison, storage
-from gearlib.reporting import tables
+from gearlib.data import storage
+from gearlib.pages.report import tables
+from gearlib.studies import model_comparison
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])

@@ -1,8 +1,9 @@
 """Write the table of the study of nonlinear damping."""
 
 from joblog import redirect_output
-from gearlib import nonlinear_damping, storage
-from gearlib.reporting import tables
+from gearlib.data import storage
+from gearlib.pages.report import tables
+from gearlib.studies import nonlinear_damping
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])

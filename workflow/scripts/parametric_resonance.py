@@ -3,9 +3,9 @@
 import json
 
 from joblog import redirect_output
-from gearlib import storage
-from gearlib.parametric_resonance import chart
-from gearlib.tunings import grid
+from gearlib.analysis.tongues import chart
+from gearlib.config.tunings import grid
+from gearlib.data import storage
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])

@@ -3,8 +3,9 @@
 import json
 
 from joblog import redirect_output
-from gearlib import phase_lag, storage
-from gearlib.tunings import grid
+from gearlib.config.tunings import grid
+from gearlib.data import storage
+from gearlib.studies import phase_lag
 
 
 def compute(pair, lag, samples_per_period):

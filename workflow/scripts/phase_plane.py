@@ -3,9 +3,9 @@
 import json
 
 from joblog import redirect_output
-from gearlib import storage
-from gearlib.pair import GearPair
-from gearlib.simulation import simulate
+from gearlib.data import storage
+from gearlib.models.pair import GearPair
+from gearlib.runs.simulation import simulate
 
 
 def compute(pair, tuning, run, *, damping):

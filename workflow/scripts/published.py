@@ -3,8 +3,8 @@
 import json
 
 from joblog import redirect_output
-from gearlib import storage
-from gearlib.trials import published
+from gearlib.data import storage
+from gearlib.studies.trials import published
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])

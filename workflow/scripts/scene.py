@@ -3,7 +3,8 @@
 import json
 
 from joblog import redirect_output
-from gearlib import scenes, storage
+from gearlib.data import storage
+from gearlib.studies import scenes
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])

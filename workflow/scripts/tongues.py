@@ -3,9 +3,9 @@
 import json
 
 from joblog import redirect_output
-from gearlib import storage
-from gearlib.files import replacing
-from gearlib.parametric_resonance import explanation
+from gearlib.analysis.tongues import explanation
+from gearlib.data import storage
+from gearlib.data.files import replacing
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])

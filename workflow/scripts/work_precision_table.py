@@ -1,9 +1,9 @@
 """Write the fastest methods of every problem and accuracy as one table."""
 
 from joblog import redirect_output
-from gearlib import storage
-from gearlib.reporting import tables
-from gearlib.trials import fastest
+from gearlib.data import storage
+from gearlib.pages.report import tables
+from gearlib.studies.trials import fastest
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])

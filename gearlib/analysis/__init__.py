@@ -1,0 +1,13 @@
+"""What is asked of a model: its motions, their stability, where they come from.
+
+===================  ==============================================================
+name                 responsibility
+===================  ==============================================================
+``orbits``           periodic orbits, their branches, folds, doublings, grazings
+``tongues``          `tongues`: where contact without loss is unstable
+``harmonics``        periodic motions over harmonics: `schmidt`, `harmonic_balance`
+``global_dynamics``  attractors and their basins, sections, bifurcation diagrams
+``lyapunov``         largest Lyapunov exponent of a motion
+``trust``            `trust`: chaos or artefact: one point run in several ways
+===================  ==============================================================
+"""

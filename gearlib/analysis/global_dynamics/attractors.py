@@ -1,0 +1,207 @@
+"""Attractors: found among final states, refined by shooting, and where a motion has arrived.
+
+Around every point of a stable periodic orbit lies a *trap*, an ellipse that no sampled direction
+leaves. The ellipses are level lines of a quadratic form that the linearised map shrinks; how far
+the nonlinear map still does so is sampled on nested rings: it carries 32 states of each ring (with
+more than two coordinates, 128 of each ellipsoid, in random directions) into the next smaller one.
+If it did so with the whole of each ring, all within would come to the orbit, for two coordinates,
+as the map is one-to-one and continuous; what lies between the samples is not proved. A state in a
+trap counts as arrived; `gearlib.basins` with ``stop_early=False`` runs on.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.linalg import solve_discrete_lyapunov
+
+from gearlib.analysis.global_dynamics.stroboscope import chain
+from gearlib.analysis.orbits.shooting import NoOrbit, Orbit, periodic_orbit
+from gearlib.kernels import orbit as columns
+from gearlib.runs.variational import record
+
+KINDS = ("periodic", "chaotic", "unbounded", "undecided")
+PERIODIC, CHAOTIC, UNBOUNDED, UNDECIDED = range(4)
+
+#: Longest orbit that is looked for, in cycles.
+MAX_CYCLES = 32
+#: A guess for shooting: states that come back this close, in shares of the size of the motion.
+_CLOSE = 1e-2
+#: Points closer than this, static deflections (over the size of the motion), are one.
+SAME = 1e-6
+#: Multipliers nearer to the unit circle attract too slowly to tell.
+_LEAST_DECAY = 1e-6
+# The linearised map shrinks the form to _SHRINK, rings are _RING apart, between rounding and the
+# size of the motion.
+_SHRINK, _RING, _RINGS = 0.5, 0.7, 40
+_DIRECTIONS = {2: 32}
+_MORE_DIRECTIONS = 128
+
+
+@dataclass(frozen=True)
+class Trap:
+    """Ellipses around the points of an orbit, which no sampled direction leaves."""
+
+    points: np.ndarray  #: shape (m, n), in the coordinates of `Stroboscope.seen`
+    forms: np.ndarray  #: shape (m, n, n)
+    radii: np.ndarray  #: shape (m,): form of the difference <= radius^2; static deflections
+
+    def holds(self, seen):
+        """Return which of the states, shape (k, n), lie in it."""
+        inside = np.zeros(len(seen), bool)
+        for point, form, radius in zip(self.points, self.forms, self.radii, strict=True):
+            away = seen - point
+            inside |= np.einsum("ki,ij,kj->k", away, form, away) <= radius * radius
+        return inside
+
+
+@dataclass(frozen=True)
+class Attractor:
+    """Where motions end."""
+
+    kind: int  #: index in `KINDS`
+    displacement_max: float = np.nan
+    displacement_min: float = np.nan
+    orbit: Orbit | None = None
+    trap: Trap | None = field(default=None, repr=False)
+    points: np.ndarray | None = field(default=None, repr=False)  #: full states, shape (m, n)
+    exponent: float = np.nan  #: largest Lyapunov exponent per mesh period
+    uncertainty: float = np.nan  #: of the exponent
+
+    @property
+    def period(self):
+        """Mesh periods; 0 unless periodic."""
+        return self.orbit.period if self.orbit else 0
+
+    @property
+    def order(self):
+        """Key by which attractors are sorted: kind, period, height."""
+        height = self.displacement_max - self.displacement_min
+        return self.kind, self.period, height if np.isfinite(height) else np.inf
+
+
+def find(strobe, states, known):
+    """Return the periodic attractors that settled states are near, without those known.
+
+    Parameters
+    ----------
+    strobe : Stroboscope
+    states : ndarray, shape (k, n)
+        After a transient; finite.
+    known : list of Attractor
+
+    Returns
+    -------
+    list of Attractor
+    """
+    series = [states]
+    for _ in range(2 * MAX_CYCLES):
+        series.append(strobe(series[-1], 1)[0])
+    # From the latest to the earliest: the latest is settled best.
+    series = np.array(series[::-1])
+    seen = strobe.seen(series)
+    found = []
+    for k in range(len(states)):
+        if not np.isfinite(seen[:, k]).all():
+            continue
+        if any(one.trap.holds(seen[:1, k])[0] for one in known + found):
+            continue
+        one = _at(strobe, series[0, k], seen[:, k])
+        if one and not any(_same(one, other) for other in known + found):
+            found.append(one)
+    return found
+
+
+def _same(one, other):
+    size = max(1.0, np.abs(one.trap.points).max())
+    return bool((np.abs(other.trap.points - one.trap.points[0]).max(axis=1) < SAME * size).any())
+
+
+def _at(strobe, state, seen):
+    """Return the attractor at a settled state, or None; `seen`: it and the states before it."""
+    size = max(1.0, np.ptp(seen, axis=0).max())
+    for n in range(1, MAX_CYCLES + 1):
+        if np.abs(seen[n] - seen[0]).max() > _CLOSE * size:
+            continue
+        try:
+            orbit = periodic_orbit(
+                strobe.pair,
+                strobe.tuning,
+                guess=state,
+                period=n * strobe.cycle,
+                max_events=strobe.max_events,
+            )
+        except NoOrbit:
+            continue
+        if np.abs(orbit.multipliers).max() < 1.0 - _LEAST_DECAY:
+            return attractor_of(strobe, orbit)
+    return None
+
+
+def attractor_of(strobe, orbit):
+    """Return the attractor of a stable orbit, with its trap; of its shortest period."""
+    points = [orbit.state]
+    for _ in range(orbit.period // strobe.cycle - 1):
+        points.append(strobe(points[-1][None], 1)[0][0])
+    points = np.array(points)
+    seen = strobe.seen(points)
+    size = max(1.0, np.abs(seen).max())
+    for n in range(1, len(points)):
+        if len(points) % n == 0 and np.abs(seen[n] - seen[0]).max() < SAME * size:
+            shorter = periodic_orbit(
+                strobe.pair, strobe.tuning, guess=orbit.state, period=n * strobe.cycle
+            )
+            return attractor_of(strobe, shorter)
+    _, summary, _ = record(strobe.pair, strobe.tuning, orbit.state, orbit.period, strobe.max_events)
+    rate = float(np.log(np.abs(orbit.multipliers).max())) / orbit.period
+    return Attractor(
+        PERIODIC,
+        float(summary[columns.X_MAX]),
+        float(summary[columns.X_MIN]),
+        orbit,
+        _trap(strobe, points, seen, size),
+        points,
+        rate,
+        0.0,
+    )
+
+
+def _trap(strobe, points, seen, size):
+    """Return the trap of a stable orbit through `points`: the largest that no sample leaves."""
+    count, n = seen.shape
+    maps = strobe.cycle_maps(points[0], count)
+    forms, factors = np.empty((count, n, n)), np.empty((count, n, n))
+    radius = np.abs(np.linalg.eigvals(chain(maps))).max()
+    turns = max(1, int(np.ceil(2.0 * np.log(_SHRINK) / np.log(max(radius, 1e-12)))))
+    for j in range(count):
+        around = np.linalg.matrix_power(chain(np.roll(maps, -j, axis=0)), turns)
+        # Smallest solution of around^T S around = _SHRINK^2 (S - 1): shrunk by _SHRINK at least.
+        forms[j] = solve_discrete_lyapunov(around.T / _SHRINK, np.eye(n))
+        factors[j] = np.linalg.inv(np.linalg.cholesky(forms[j]).T)
+    rings = size * _RING ** np.arange(_RINGS)
+    ways = _directions(n)
+    # Shape (points, rings, directions, n).
+    away = np.einsum("jab,db->jda", factors, ways)[:, None] * rings[:, None, None]
+    around = (seen[:, None, None] + away).reshape(-1, n) / strobe.weights
+    base = np.repeat(points, rings.size * len(ways), axis=0)
+    starts = base + (around - strobe.seen(base) / strobe.weights) @ strobe.lift.T
+    ends, _ = strobe(starts, turns * count)
+    back = strobe.seen(ends).reshape(count, rings.size, -1, n) - seen[:, None, None]
+    size_of = np.sqrt(np.einsum("jrda,jab,jrdb->jrd", back, forms, back)).max(axis=2)
+    # A NaN, of a run that could not go on, is not inside.
+    inside = size_of <= _RING * rings
+    radii = np.empty(count)
+    for j in range(count):
+        failed = np.flatnonzero(~inside[j])
+        first = failed[-1] + 1 if failed.size else 0
+        # Below the last ring rounding rules: there only the states of the orbit itself.
+        radii[j] = rings[first] if first < rings.size else SAME * size
+    return Trap(seen, forms, radii)
+
+
+def _directions(n):
+    """Return unit vectors, shape (k, n), spread over all directions."""
+    if n == 2:
+        angles = 2.0 * np.pi * np.arange(_DIRECTIONS[2]) / _DIRECTIONS[2]
+        return np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    ways = np.random.default_rng(0).normal(size=(_MORE_DIRECTIONS, n))
+    return ways / np.linalg.norm(ways, axis=1, keepdims=True)

@@ -1,0 +1,161 @@
+"""`basins`: to which attractor every initial state of a grid comes."""
+
+import math
+
+import numpy as np
+import xarray as xr
+
+from gearlib import checks
+from gearlib.analysis.global_dynamics.attractors import KINDS
+from gearlib.analysis.global_dynamics.classification import classify, refuse_undamped
+from gearlib.analysis.global_dynamics.grids import initial_states, mesh_states
+from gearlib.analysis.global_dynamics.stroboscope import Stroboscope
+from gearlib.data import provenance
+from gearlib.data.variables import describe
+from gearlib.runs.run_arguments import MAX_EVENTS
+
+#: CF flags of the kind of an attractor.
+KIND_FLAGS = {
+    "flag_values": np.arange(len(KINDS), dtype=np.int8),
+    "flag_meanings": " ".join(KINDS),
+}
+
+
+def basins(
+    pair,
+    tuning,
+    grid,
+    *,
+    periods=500,
+    stop_early=True,
+    seed=0,
+    max_events=MAX_EVENTS,
+    threads=None,
+):
+    """Find the attractors of a damped mesh and the basin of each on a grid of initial states.
+
+    States are compared n cycles apart for n = 1, 2, ... (a cycle is one mesh period, with run-out
+    as many as it repeats after), a candidate is refined by `gearlib.periodic_orbit`, and all n
+    points of a period-n orbit are one attractor, whatever the phase in which a motion comes.
+    Around its points lie traps, ellipses that no sampled direction leaves (32 of each, or 128 with
+    more than two coordinates; no proof for those between): a motion counts as arrived when it is in
+    one of them. See `gearlib.analysis.global_dynamics.attractors`.
+
+    Parameters
+    ----------
+    pair : GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator
+        With damping. Grids of a `GearPair` are fast; of the others take thousands of states, not
+        millions; a `DeadZoneOscillator` has its own unit of length instead of the static
+        deflection. Of six degrees the grid is the plane of states in which the bearings are in
+        their initial deflection, as of `gearlib.simulate`.
+    tuning : float
+    grid : tuple
+        Initial displacements in static deflections, and dx/dtau, at tau = 0: each a tuple (first,
+        last, count) or an array of different values.
+    periods : int, default 500
+        Mesh periods of a run, rounded up to cycles; a motion that has no attractor by then gets
+        as many again.
+    stop_early : bool, default True
+        Whether a run ends in a trap. False runs all periods, as a check of the traps.
+    seed : int, default 0
+        Of the choice of states that are looked at first for attractors.
+    max_events, threads
+        As of `gearlib.sweep`.
+
+    Returns
+    -------
+    xarray.Dataset
+        basin (displacement, velocity), the number of the attractor. Over ``attractor``, sorted by
+        kind, period and height: attractor_kind (CF flags: periodic, chaotic, unbounded, undecided;
+        the last three are classes, not single attractors), period (mesh periods, 0 if none), share
+        of the grid and share_error, the standard error of a share of as many random states;
+        displacement_max and displacement_min (of other than periodic motions those of a few over
+        256 periods); exponent, uncertainty (largest Lyapunov exponent per mesh period, of a
+        periodic orbit from its multipliers); state (attractor, point, coordinate), the points of
+        the orbit in its order, tau = 0 in every cycle; multiplier_real, multiplier_imaginary;
+        contact_pattern, the contact codes in the order met; grazing; trap_radius, the smallest of
+        its traps in static deflections. NaN where there is none.
+
+    Raises
+    ------
+    ValueError
+        Naming the argument, its value and the allowed range; without any damping there are no
+        attractors.
+    RuntimeError
+        If a run met more than `max_events` events in a mesh period.
+
+    References
+    ----------
+    Menck, Heitzig, Marwan, Kurths: Nature Physics 9 (2013) 89-92, for the shares.
+    """
+    strobe = Stroboscope(pair, tuning, max_events=max_events, threads=threads)
+    refuse_undamped(pair)
+    periods = checks.integer("periods", periods, 1)
+    seed = checks.integer("seed", seed, 0)
+    x, v = initial_states(grid)
+    cycles = -(-periods // strobe.cycle)
+    attractors, labels = classify(
+        strobe, mesh_states(x, v), cycles, stop_early=bool(stop_early), seed=seed
+    )
+    data = {
+        "basin": (("displacement", "velocity"), labels.reshape(x.size, v.size).astype(np.int16)),
+        **attractor_variables(attractors),
+        **share_variables(labels, len(attractors)),
+        **pair.scales(),
+        "tuning": strobe.tuning,
+    }
+    dataset = xr.Dataset(data, {"displacement": x, "velocity": v})
+    numbers = ("attractor", "point", "coordinate", "multiplier")
+    dataset = dataset.assign_coords({n: np.arange(dataset.sizes[n]) for n in numbers})
+    dataset = describe(dataset, pair)
+    dataset["attractor_kind"].attrs |= KIND_FLAGS
+    dataset.attrs = provenance.attributes(
+        "Basins of attraction of a gear mesh",
+        pair,
+        method="closed forms" if strobe.exact else "Taylor steps",
+        tuning=strobe.tuning,
+        periods=cycles * strobe.cycle,
+        stop_early=bool(stop_early),
+        seed=seed,
+    )
+    return dataset
+
+
+def share_variables(labels, count):
+    """Return share and share_error of each of `count` attractors among the labels."""
+    share = np.bincount(labels, minlength=count) / labels.size
+    error = np.sqrt(share * (1.0 - share) / labels.size)
+    return {"share": ("attractor", share), "share_error": ("attractor", error)}
+
+
+def attractor_variables(attractors):
+    """Return name -> (dims, values) of what is known of attractors."""
+    count = len(attractors)
+    orbits = [one.orbit for one in attractors]
+    points = max((len(one.points) for one in attractors if one.orbit), default=1)
+    size = max((orbit.state.size for orbit in orbits if orbit), default=2)
+    multipliers = max((orbit.multipliers.size for orbit in orbits if orbit), default=2)
+    states = np.full((count, points, size), math.nan)
+    real, imaginary = np.full((2, count, multipliers), math.nan)
+    for i, one in enumerate(attractors):
+        if one.orbit:
+            states[i, : len(one.points)] = one.points
+            real[i], imaginary[i] = one.orbit.multipliers.real, one.orbit.multipliers.imag
+    patterns = [" ".join(map(str, orbit.pattern)) if orbit else "" for orbit in orbits]
+    radii = [one.trap.radii.min() if one.trap else math.nan for one in attractors]
+    each = {
+        "attractor_kind": np.array([one.kind for one in attractors], np.int8),
+        "period": np.array([one.period for one in attractors], np.int32),
+        "displacement_max": np.array([one.displacement_max for one in attractors]),
+        "displacement_min": np.array([one.displacement_min for one in attractors]),
+        "exponent": np.array([one.exponent for one in attractors]),
+        "uncertainty": np.array([one.uncertainty for one in attractors]),
+        "contact_pattern": np.array(patterns, object),
+        "grazing": np.array([bool(orbit and orbit.grazing) for orbit in orbits], np.int8),
+        "trap_radius": np.array(radii),
+    }
+    data = {name: ("attractor", values) for name, values in each.items()}
+    data["state"] = (("attractor", "point", "coordinate"), states)
+    data["multiplier_real"] = (("attractor", "multiplier"), real)
+    data["multiplier_imaginary"] = (("attractor", "multiplier"), imaginary)
+    return data

@@ -1,0 +1,212 @@
+"""To which attractor each of many initial states comes."""
+
+import math
+
+import numpy as np
+
+from gearlib.analysis import lyapunov
+from gearlib.analysis.global_dynamics.attractors import (
+    CHAOTIC,
+    UNBOUNDED,
+    UNDECIDED,
+    Attractor,
+    find,
+)
+from gearlib.data import status
+from gearlib.kernels import orbit as columns
+from gearlib.models.dead_zone import DeadZoneOscillator
+from gearlib.models.one_degree import OneDegreePair
+from gearlib.models.pair import GearPair
+from gearlib.runs.variational import record
+
+#: Random states that run first, to find the attractors.
+_SCOUTS = 128
+#: States without an attractor that are looked at more closely, at a time, and how often.
+_CLOSER, _LOOKS = 8, 6
+#: Cycles of the first rounds after which states that are caught leave.
+_ROUND = 24
+#: Displacements beyond this, static deflections, are on the way to infinity.
+_FAR = 1e6
+_EXPONENT_PERIODS = 2000
+_RECORD = 256
+
+
+def refuse_undamped(pair):
+    """Refuse a model without any damping: it has no attractors."""
+    if any(value > 0.0 for value in _dampings(pair)):
+        return
+    raise ValueError(
+        "damping = 0 is not allowed: a model without any damping keeps phase volume and has no "
+        "attractors; see gearlib.poincare_section for its motions"
+    )
+
+
+def _dampings(pair):
+    if isinstance(pair, DeadZoneOscillator):
+        lower = pair.lower_damping if math.isfinite(pair.lower_edge) else 0.0
+        return pair.damping, pair.upper_damping, lower
+    if isinstance(pair, GearPair):
+        return pair.material_damping, pair.backlash_damping
+    inner = _dampings(pair.pair)
+    if isinstance(pair, OneDegreePair):
+        return (
+            *inner,
+            pair.quadratic_damping,
+            pair.cubic_damping,
+            pair.backlash_quadratic_damping,
+            pair.backlash_cubic_damping,
+        )
+    return (*inner, *pair.bearing_damping)
+
+
+def classify(strobe, states, cycles, *, stop_early=True, seed=0):
+    """Return the attractors, and the label of each initial state.
+
+    Parameters
+    ----------
+    strobe : Stroboscope
+    states : ndarray, shape (k, 2)
+        Displacements and velocities.
+    cycles : int
+        Of each run; states without an attractor by then get as many again.
+    stop_early : bool
+        Whether a run ends when it is in the trap of an attractor.
+    seed : int
+        Of the choice of states that are looked at first.
+
+    Returns
+    -------
+    attractors : list of Attractor
+        By kind, period and height; kinds other than periodic once at most.
+    labels : ndarray of int, shape (k,)
+        Index in `attractors`.
+    """
+    rng = np.random.default_rng(seed)
+    run = _Run(strobe, states, rng)
+    scouts = rng.choice(len(states), min(_SCOUTS, len(states)), replace=False)
+    run.learn(strobe(strobe.start(states[np.sort(scouts)]), cycles)[0])
+    run.march(cycles, stop_early)
+    run.look_closer()
+    if run.left.size and not run.all_chaotic():
+        run.march(cycles, True)
+        run.look_closer()
+    run.name_the_rest()
+    return run.sorted()
+
+
+class _Run:
+    """The states of one classification, on their way."""
+
+    def __init__(self, strobe, states, rng):
+        self.strobe, self.states, self.rng = strobe, states, rng
+        self.known = []
+        self.labels = np.full(len(states), -1)
+        self.unbounded = np.zeros(len(states), bool)
+        #: States without a label: their numbers, where they are.
+        self.left, self.at = np.arange(len(states)), strobe.start(states)
+        self.others = {}
+
+    def learn(self, ends):
+        """Add the attractors near `ends`; return whether there is a new one."""
+        before = len(self.known)
+        ends = ends[np.isfinite(ends).all(axis=1)]
+        while len(ends):
+            # A few at a time: most of the others are then in a trap.
+            few, ends = ends[:_CLOSER], ends[_CLOSER:]
+            self.known += find(self.strobe, few, self.known)
+            for one in self.known:
+                ends = ends[~one.trap.holds(self.strobe.seen(ends))]
+        return len(self.known) > before
+
+    def catch(self):
+        """Label the states that are in a trap, and those that have left all bounds."""
+        seen = self.strobe.seen(self.at)
+        gone = ~np.isfinite(seen).all(axis=1)
+        gone |= np.abs(np.nan_to_num(seen)).max(axis=1) > _FAR
+        self.unbounded[self.left[gone]] = True
+        caught = gone.copy()
+        for i, one in enumerate(self.known):
+            inside = one.trap.holds(seen) & ~caught
+            self.labels[self.left[inside]] = i
+            caught |= inside
+        self.left, self.at = self.left[~caught], self.at[~caught]
+
+    def march(self, cycles, stop_early):
+        """Take the states on, for `cycles` cycles or to a trap."""
+        done, step = 0, _ROUND if stop_early else cycles
+        while done < cycles and self.left.size:
+            step = min(step, cycles - done)
+            self.at, codes = self.strobe(self.at, step)
+            stopped = (codes != status.OK) & (codes != status.OVERFLOW)
+            if stopped.any():
+                raise RuntimeError(status.MESSAGES[int(codes[stopped][0])])
+            self.catch()
+            done += step
+            step = done
+
+    def sample(self):
+        """Return places in `left` of a few states."""
+        count = min(_CLOSER, self.left.size)
+        return np.sort(self.rng.choice(self.left.size, count, replace=False))
+
+    def look_closer(self):
+        """Look for attractors that the scouts have missed."""
+        for _ in range(_LOOKS):
+            if not self.left.size or not self.learn(self.at[self.sample()]):
+                return
+            self.catch()
+
+    def all_chaotic(self):
+        """Return whether deviations grow exponentially in a few states; note the rate.
+
+        All must grow, and the mean of their rates be positive beyond its error.
+        """
+        strobe, found = self.strobe, []
+        for i in self.left[self.sample()]:
+            one = lyapunov.largest(
+                strobe.pair,
+                strobe.tuning,
+                state=tuple(self.states[i]),
+                settle=500,
+                periods=_EXPONENT_PERIODS,
+                max_events=strobe.max_events,
+            )
+            if not one.growth > 0.0:
+                return False
+            found.append(one)
+        value, uncertainty, growth, periods = np.array(found).T
+        # Of weak chaos one motion alone may not suffice to tell.
+        error = np.sqrt((uncertainty**2).sum()) / len(found)
+        mean = lyapunov.Exponent(value.mean(), error, growth.sum(), int(periods.sum()))
+        if mean.positive:
+            self.others[CHAOTIC] = self._extent(CHAOTIC, float(mean.value), float(error))
+        return bool(mean.positive)
+
+    def _extent(self, kind, exponent=np.nan, uncertainty=np.nan):
+        """Return an attractor that is not periodic, with the extrema of a few of its motions."""
+        high, low = -np.inf, np.inf
+        for state in self.at[self.sample()]:
+            strobe = self.strobe
+            _, summary, _ = record(strobe.pair, strobe.tuning, state, _RECORD, strobe.max_events)
+            high = max(high, float(summary[columns.X_MAX]))
+            low = min(low, float(summary[columns.X_MIN]))
+        return Attractor(kind, high, low, exponent=exponent, uncertainty=uncertainty)
+
+    def name_the_rest(self):
+        """Label what has no periodic attractor."""
+        if self.left.size:
+            if CHAOTIC not in self.others and not self.all_chaotic():
+                self.others[UNDECIDED] = self._extent(UNDECIDED)
+            kind = CHAOTIC if CHAOTIC in self.others else UNDECIDED
+            self.labels[self.left] = len(self.known)
+            self.known.append(self.others[kind])
+        if self.unbounded.any():
+            self.labels[self.unbounded] = len(self.known)
+            self.known.append(Attractor(UNBOUNDED))
+
+    def sorted(self):
+        """Return (attractors, labels) in the order of `Attractor.order`."""
+        order = sorted(range(len(self.known)), key=lambda i: self.known[i].order)
+        places = np.empty(len(order), np.int64)
+        places[order] = np.arange(len(order))
+        return [self.known[i] for i in order], places[self.labels]

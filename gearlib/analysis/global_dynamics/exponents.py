@@ -1,0 +1,97 @@
+"""`lyapunov_exponents`: the largest Lyapunov exponent over a parameter."""
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import xarray as xr
+
+from gearlib import checks
+from gearlib.analysis import lyapunov
+from gearlib.analysis.global_dynamics import grids
+from gearlib.analysis.global_dynamics.parameters import models, name_parameter
+from gearlib.data import provenance
+from gearlib.data.variables import describe
+from gearlib.methods import choose
+from gearlib.runs.run_arguments import MAX_EVENTS
+
+
+def lyapunov_exponents(
+    pair,
+    values,
+    *,
+    parameter="tuning",
+    tuning=None,
+    states=(0.0, 0.0),
+    settle=500,
+    periods=2000,
+    max_events=MAX_EVENTS,
+    threads=None,
+):
+    """Return the largest Lyapunov exponent of motions over a parameter.
+
+    Deviations are carried along by the exact maps of `gearlib.runs.variational`, with saltation at
+    the flank lines: on a periodic attractor the exponent is ln|multiplier| / period, and without
+    damping a positive one is chaos, a motion of zero exponent regular.
+
+    Parameters
+    ----------
+    pair, values, parameter, tuning, max_events
+        As of `gearlib.bifurcation_diagram`.
+    states : array_like of float, shape (2,) or (n, 2)
+        Displacement in static deflections and dx/dtau at tau = 0, for all or for each value: the
+        final states of a diagram follow its branch.
+    settle, periods : int
+        Mesh periods before the count, and counted (at least 20).
+    threads : int, optional
+        All processors by default. The result does not depend on it.
+
+    Returns
+    -------
+    xarray.Dataset
+        Over the parameter under its name: exponent, per mesh period, and uncertainty, the
+        standard error of its mean over 20 batches. NaN for a run that could not go on.
+
+    Raises
+    ------
+    ValueError
+        Naming the argument, its value and the allowed range.
+    """
+    choose(pair, None, None)
+    values = grids.values("values", values)
+    settle = checks.integer("settle", settle, 0)
+    periods = checks.integer("periods", periods, lyapunov.BATCHES)
+    max_events = checks.integer("max_events", max_events, 1)
+    threads = os.cpu_count() if threads is None else checks.integer("threads", threads, 1)
+    cases = models(pair, tuning, parameter, values)
+    rows = np.asarray(states, float)
+    if rows.shape not in ((2,), (values.size, 2)):
+        raise ValueError(
+            f"states of shape {rows.shape} are not allowed: there must be two numbers, or two for "
+            f"each of the {values.size} values"
+        )
+    rows = np.broadcast_to(rows, (values.size, 2))
+
+    def one(i):
+        model, nu = cases[i]
+        if not np.isfinite(rows[i]).all():
+            return np.nan, np.nan
+        found = lyapunov.largest(
+            model, nu, state=tuple(rows[i]), settle=settle, periods=periods, max_events=max_events
+        )
+        return found.value, found.uncertainty
+
+    with ThreadPoolExecutor(threads) as pool:
+        found = np.array(list(pool.map(one, range(values.size))))
+    data = {"exponent": (parameter, found[:, 0]), "uncertainty": (parameter, found[:, 1])}
+    dataset = name_parameter(describe(xr.Dataset(data, {parameter: values}), pair), parameter)
+    dataset.attrs = provenance.attributes(
+        "Largest Lyapunov exponents of a gear mesh",
+        pair,
+        method="variational maps",
+        parameter=parameter,
+        tuning=tuning,
+        settle=settle,
+        periods=periods,
+    )
+    return dataset

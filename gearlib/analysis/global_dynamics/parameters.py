@@ -1,0 +1,52 @@
+"""One dimensionless ratio of a pair varied, all others held."""
+
+from gearlib import checks
+from gearlib.analysis.orbits.parameters import RATIOS, with_parameter
+from gearlib.models.pair import GearPair
+from gearlib.runs.run_arguments import check_tuning
+
+#: What may be varied.
+PARAMETERS = tuple(RATIOS)
+
+
+def models(pair, tuning, parameter, values):
+    """Return (pair, tuning) for each value of a parameter.
+
+    Parameters
+    ----------
+    pair : GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator
+        Ratios other than the tuning are varied of a `GearPair` only.
+    tuning : float or None
+        Where another parameter is varied.
+    parameter : str
+        One of `PARAMETERS`.
+    values : ndarray, shape (n,)
+
+    Raises
+    ------
+    ValueError
+        Naming the argument, its value and the allowed range.
+    """
+    checks.one_of("parameter", parameter, PARAMETERS)
+    if parameter == "tuning":
+        if tuning is not None:
+            raise ValueError(
+                f"tuning = {tuning!r} is not allowed: it must be left out where it is varied"
+            )
+        return [(pair, check_tuning(f"values[{i}]", nu)) for i, nu in enumerate(values.tolist())]
+    if tuning is None:
+        raise ValueError(f"tuning = None is not allowed: {parameter} is varied at one tuning")
+    if not isinstance(pair, GearPair):
+        raise ValueError(
+            f"parameter = {parameter!r} is not allowed for this {type(pair).__name__}: it must be "
+            "'tuning', or the pair a GearPair"
+        )
+    tuning = check_tuning("tuning", tuning)
+    return [with_parameter(pair, tuning, parameter, value) for value in values.tolist()]
+
+
+def name_parameter(dataset, parameter):
+    """Give a varied backlash its name: as a course, the word means the line of Eq. (4)."""
+    if parameter == "backlash":
+        dataset[parameter].attrs["long_name"] = "backlash in static deflections"
+    return dataset

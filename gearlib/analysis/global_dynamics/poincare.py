@@ -1,0 +1,143 @@
+"""`poincare_section`: states of many orbits at one mesh phase of every period."""
+
+import math
+from fractions import Fraction
+
+import numpy as np
+import xarray as xr
+
+from gearlib import checks
+from gearlib.data import provenance, status
+from gearlib.data.variables import describe
+from gearlib.kernels.closed_form import sections
+from gearlib.kernels.closed_form.mesh import mesh
+from gearlib.methods import choose
+from gearlib.methods.exact import ratios
+from gearlib.models.pair import GearPair
+from gearlib.runs.run_arguments import MAX_EVENTS, check_tuning
+from gearlib.runs.simulation import simulate
+
+#: Models without closed forms sample a period in so many equal steps at most.
+_MOST_SAMPLES = 360
+#: Most states of one section.
+MAX_POINTS = 50_000_000
+
+
+def poincare_section(pair, tuning, states, *, periods, settle=0, phase=0.0, max_events=MAX_EVENTS):
+    """Record the states of orbits at one mesh phase of every period.
+
+    Parameters
+    ----------
+    pair : GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator
+    tuning : float
+    states : array_like of float, shape (n, 2)
+        Initial displacements in static deflections and dx/dtau at tau = 0, one row per orbit.
+    periods : int
+        Mesh periods that are recorded.
+    settle : int, default 0
+        Mesh periods before them.
+    phase : float, default 0
+        Mesh phase of the section, from 0 to less than 2 pi. Of models other than a `GearPair` a
+        multiple of one degree.
+    max_events : int
+        As of `gearlib.simulate`.
+
+    Returns
+    -------
+    xarray.Dataset
+        displacement, velocity (orbit, strobe); final_state (orbit, component) at the end of the
+        last period, where tau is a multiple of 2 pi; status (orbit): if it is not 0, the states
+        are NaN from where the run could not go on.
+
+    Raises
+    ------
+    ValueError
+        Naming the argument, its value and the allowed range.
+    """
+    tuning, phase = check_tuning("tuning", tuning), check_phase(phase)
+    states = _check_states(states)
+    periods, settle = checks.integer("periods", periods, 1), checks.integer("settle", settle, 0)
+    if len(states) * periods > MAX_POINTS:
+        raise ValueError(
+            f"states x periods = {len(states):,} x {periods:,} is not allowed: there must be at "
+            f"most {MAX_POINTS:,} states in a section"
+        )
+    max_events = checks.integer("max_events", max_events, 1)
+    choose(pair, None, None)
+    table, ends, codes = section(pair, tuning, states, settle, periods, phase, max_events)
+    data = {
+        "displacement": (("orbit", "strobe"), table[..., 0]),
+        "velocity": (("orbit", "strobe"), table[..., 1]),
+        "final_state": (("orbit", "component"), ends),
+        "status": ("orbit", codes.astype(np.int8)),
+        "tuning": tuning,
+        "phase": phase,
+        **pair.scales(),
+    }
+    coords = {
+        "orbit": np.arange(len(states)),
+        "strobe": np.arange(settle, settle + periods),
+        "component": ["displacement", "velocity"],
+    }
+    dataset = describe(xr.Dataset(data, coords), pair)
+    dataset.attrs = provenance.attributes(
+        "Poincare section of a gear mesh",
+        pair,
+        method=choose(pair, None, None)[0],
+        tuning=tuning,
+        phase=phase,
+        periods=periods,
+        settle=settle,
+    )
+    return dataset
+
+
+def check_phase(phase):
+    """Return the mesh phase of a section: from 0 to less than 2 pi."""
+    return checks.number(
+        "phase", phase, "from 0 to less than 2 pi", lambda p: 0.0 <= p < 2.0 * math.pi
+    )
+
+
+def _check_states(states):
+    try:
+        array = np.atleast_2d(np.asarray(states, float))
+    except (TypeError, ValueError):
+        array = np.empty((0, 0))
+    if array.ndim != 2 or array.shape[1] != 2 or not len(array) or not np.isfinite(array).all():
+        raise ValueError(
+            f"states = {states!r} is not allowed: it must be rows of two finite numbers "
+            "(displacement in static deflections, dx/dtau)"
+        )
+    return array
+
+
+def section(pair, tuning, states, settle, periods, phase, max_events):
+    """Return (table, ends, codes), shapes (n, periods, 2), (n, 2), (n,); arguments checked."""
+    table = np.full((len(states), periods, 2), math.nan)
+    ends, codes = np.empty((len(states), 2)), np.zeros(len(states), np.int64)
+    if isinstance(pair, GearPair):
+        m = mesh(ratios(pair), tuning)
+        sections.section(m, states, settle, phase, max_events, table, ends, codes)
+    else:
+        share = Fraction(phase / (2.0 * math.pi)).limit_denominator(_MOST_SAMPLES)
+        if abs(share - phase / (2.0 * math.pi)) > 1e-12:
+            raise ValueError(
+                f"phase = {phase!r} is not allowed for this {type(pair).__name__}: it must be a "
+                "multiple of one degree, pi / 180"
+            )
+        for i, state in enumerate(states):
+            run = simulate(
+                pair,
+                tuning,
+                periods=settle + periods,
+                record_periods=periods,
+                samples_per_period=share.denominator,
+                initial_state=tuple(state),
+                max_events=max_events,
+            )
+            chosen = slice(share.numerator, None, share.denominator)
+            table[i, :, 0], table[i, :, 1] = run.displacement[chosen], run.velocity[chosen]
+            ends[i], codes[i] = run.final_state, run.status
+    ends[codes != status.OK] = math.nan
+    return table, ends, codes

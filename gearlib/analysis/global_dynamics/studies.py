@@ -1,0 +1,161 @@
+"""The studies of the workflow: basins, bifurcation diagram with exponents and shares, sections."""
+
+import numpy as np
+import xarray as xr
+
+from gearlib.analysis import lyapunov
+from gearlib.analysis.global_dynamics.attractors import UNDECIDED
+from gearlib.analysis.global_dynamics.basin_stability import basin_stability
+from gearlib.analysis.global_dynamics.basins import KIND_FLAGS, basins
+from gearlib.analysis.global_dynamics.bifurcation import bifurcation_diagram
+from gearlib.analysis.global_dynamics.exponents import lyapunov_exponents
+from gearlib.analysis.global_dynamics.poincare import poincare_section
+from gearlib.data.variables import describe
+from gearlib.models.pair import GearPair
+
+DIRECTIONS = ("up", "down")
+#: What fills the table of a case with fewer attractors than another.
+_FILL = {
+    "basin": -1,
+    "attractor_kind": UNDECIDED,
+    "period": 0,
+    "contact_pattern": "",
+    "grazing": 0,
+}
+
+
+def basin_cases(cases, settings, threads=None):
+    """Return the basins of several cases, over ``case``.
+
+    Parameters
+    ----------
+    cases : list of dict
+        title, tuning, and pair: keyword arguments of `GearPair`.
+    settings : dict
+        displacement and velocity: (lowest, highest); count in each direction; periods.
+    threads : int, optional
+    """
+    grid = tuple((*settings[name], settings["count"]) for name in ("displacement", "velocity"))
+    found = [
+        basins(
+            GearPair(**case["pair"]),
+            case["tuning"],
+            grid,
+            periods=settings["periods"],
+            threads=threads,
+        )
+        for case in cases
+    ]
+    titles = xr.DataArray([case["title"] for case in cases], dims="case", name="case")
+    dataset = xr.concat(
+        found, titles, join="outer", fill_value=_FILL, data_vars="all", combine_attrs="drop"
+    )
+    dataset = describe(dataset)
+    dataset["attractor_kind"].attrs |= KIND_FLAGS
+    # What was asked is the same in all cases; the pair and the tuning are not.
+    dataset.attrs = found[0].attrs
+    return dataset
+
+
+def bifurcation(pair, tunings, coarse, settings, threads=None):
+    """Return a diagram up and down with its exponents, and the shares of the attractors.
+
+    Parameters
+    ----------
+    pair : dict
+        Keyword arguments of `GearPair`.
+    tunings, coarse : sequence of float
+        Of the diagram, and of the shares.
+    settings : dict
+        settle, strobes, exponent_periods, starts, displacement, velocity, samples, periods.
+    threads : int, optional
+
+    Returns
+    -------
+    diagram : xarray.Dataset
+        displacement, velocity (direction, tuning, strobe); exponent, uncertainty, period
+        (direction, tuning). Directions: up, down, and "cold 1", "cold 2", ... from as many random
+        initial states as `starts`.
+    shares : xarray.Dataset
+        As of `gearlib.basin_stability`.
+    """
+    pair = GearPair(**pair)
+    region = settings["displacement"], settings["velocity"]
+    names = [*DIRECTIONS, *(f"cold {i + 1}" for i in range(settings["starts"]))]
+    starts = [(0.0, 0.0)] * len(DIRECTIONS) + _random_states(region, settings["starts"]).tolist()
+    found = []
+    for name, start in zip(names, starts, strict=True):
+        diagram = bifurcation_diagram(
+            pair,
+            tunings,
+            direction=name.split()[0],
+            settle=settings["settle"],
+            strobes=settings["strobes"],
+            initial_state=start,
+        )
+        rates = lyapunov_exponents(
+            pair,
+            tunings,
+            states=diagram.final_state.values,
+            settle=0,
+            periods=settings["exponent_periods"],
+            threads=threads,
+        )
+        found.append(diagram.assign(rates.data_vars))
+    names = xr.DataArray(names, dims="direction", name="direction")
+    both = describe(xr.concat(found, names, combine_attrs="drop"))
+    both.attrs = found[0].attrs
+    shares = basin_stability(
+        pair,
+        coarse,
+        region,
+        samples=settings["samples"],
+        periods=settings["periods"],
+        threads=threads,
+    )
+    return both, shares
+
+
+def _random_states(region, count):
+    """Return random initial states in a region, shape (count, 2), always the same ones."""
+    low, high = np.array(region).T
+    return low + np.random.default_rng(0).random((count, 2)) * (high - low)
+
+
+def sections(cases, settings):
+    """Return Poincare sections of random initial states, over ``case``.
+
+    Parameters
+    ----------
+    cases : list of dict
+        title, tuning, phase (rad), settle, and pair: keyword arguments of `GearPair`.
+    settings : dict
+        displacement and velocity: (lowest, highest); orbits; periods.
+
+    Returns
+    -------
+    xarray.Dataset
+        displacement, velocity (case, orbit, strobe); chaotic, exponent (case, orbit).
+    """
+    # The same initial states in all cases.
+    states = _random_states((settings["displacement"], settings["velocity"]), settings["orbits"])
+    found = []
+    for case in cases:
+        pair, tuning = GearPair(**case["pair"]), case["tuning"]
+        settle, periods = case["settle"], settings["periods"]
+        section = poincare_section(
+            pair, tuning, states, periods=periods, settle=settle, phase=case["phase"]
+        )
+        rates = [
+            lyapunov.largest(pair, tuning, state=tuple(state), settle=settle, periods=periods)
+            for state in states
+        ]
+        chaotic = np.array([rate.positive for rate in rates], np.int8)
+        section = section.assign(
+            chaotic=("orbit", chaotic), exponent=("orbit", np.array([rate.value for rate in rates]))
+        )
+        found.append(section.drop_vars("strobe"))
+    titles = xr.DataArray([case["title"] for case in cases], dims="case", name="case")
+    dataset = describe(xr.concat(found, titles, data_vars="all", combine_attrs="drop"))
+    dataset.attrs = found[0].attrs
+    return dataset

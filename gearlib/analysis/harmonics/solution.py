@@ -1,0 +1,220 @@
+"""A periodic motion as harmonics: its course, flank crossings, multipliers, as a dataset."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from gearlib import checks
+from gearlib.analysis.harmonics import accuracy
+from gearlib.analysis.harmonics.equation import LEAST_SAMPLES, MeshEquation, default_samples, takes
+from gearlib.data import provenance
+from gearlib.data.variables import describe
+from gearlib.kernels.closed_form.mesh import contact_of
+from gearlib.models.contact_states import FLAGS
+from gearlib.runs.run_arguments import check_tuning
+
+_POLISH = 8
+#: Damping forces x' added on the way to a first guess, from a motion that hardly moves down to
+#: that of the mesh itself; on harmonics enough to tell contacts.
+EASING = (1.0, 0.3, 0.1, 0.03, 0.0)
+_COARSE = 32
+#: Accuracy of the motions on that way.
+ROUGH = 1e-3
+
+
+@dataclass(frozen=True)
+class PeriodicSolution:
+    """A periodic motion x = Re sum_k X_k exp(i k tau / period), k >= 1 twice."""
+
+    pair: Any
+    tuning: float
+    period: int  #: mesh periods
+    method: str  #: "harmonic balance" or "schmidt"
+    coefficients: np.ndarray  #: X_0 ... X_harmonics, complex, static deflections
+    samples: int  #: grid points on which forces were evaluated
+    residual: float  #: of the balanced harmonics, over the load
+    iterations: int  #: Newton steps, or applications of the kernel
+    evaluations: int  #: of the force law, or its derivative along a variation, at one phase
+    multipliers: np.ndarray  #: Floquet multipliers of the period by Hill's method
+
+    @property
+    def harmonics(self):
+        """Highest harmonic, in units of 1 / period."""
+        return self.coefficients.size - 1
+
+    @property
+    def stable(self):
+        """Whether all multipliers lie inside the unit circle."""
+        return bool(np.abs(self.multipliers).max() < 1.0)
+
+    @property
+    def state(self):
+        """Displacement and dx/dtau at tau = 0, shape (2,)."""
+        return np.array(self.at([0.0])).ravel()
+
+    def at(self, phase):
+        """Return displacement and dx/dtau at phases (rad), each of the shape of `phase`."""
+        phase = np.asarray(phase, float)
+        orders = self._orders()
+        doubled = np.where(orders == 0.0, 1.0, 2.0) * self.coefficients
+        waves = np.exp(1j * phase[..., None] * orders)
+        return (waves @ doubled).real, (waves @ (1j * orders * doubled)).real
+
+    def courses(self, samples_per_period):
+        """Return displacement and dx/dtau at equal steps of phase over the whole period."""
+        points = samples_per_period * self.period
+        fold = -(-(2 * self.harmonics + 1) // points)
+        orders = self._orders()
+        return tuple(
+            np.fft.irfft(values, fold * points, norm="forward")[::fold]
+            for values in (self.coefficients, 1j * orders * self.coefficients)
+        )
+
+    def crossings(self):
+        """Return the phases of the flank crossings, rad, rising, and contact codes (from, to).
+
+        Found between the points of a grid and polished by Newton's method on the harmonics: two
+        crossings within one cell of the grid are not seen.
+        """
+        points = default_samples(self.harmonics)
+        x, _ = self.courses(-(-points // self.period))
+        gap = self.pair.backlash_ratio
+        length = 2.0 * np.pi * self.period
+        phases = np.arange(x.size) * (length / x.size)
+        found = []
+        for line, codes in ((0.0, (1, 0)), (-gap, (0, -1))):
+            if not np.isfinite(line):
+                continue
+            above = x >= line
+            for i in np.flatnonzero(above != np.roll(above, -1)):
+                a, b = x[i] - line, x[(i + 1) % x.size] - line
+                phase = phases[i] + a / (a - b) * length / x.size
+                for _ in range(_POLISH):
+                    at, speed = self.at(phase)
+                    phase -= (at - line) / speed if speed else 0.0
+                found.append((float(phase) % length, codes if above[i] else codes[::-1]))
+        found.sort()
+        kinds = np.array([codes for _, codes in found], np.int8).reshape(-1, 2)
+        return np.array([phase for phase, _ in found]), kinds
+
+    def dataset(self, samples_per_period=256, orbit=None):
+        """Return course, harmonics, multipliers and the facts of the solution as a dataset.
+
+        With an exact `orbit` (`gearlib.periodic_orbit`) the errors against it are added.
+        """
+        x, v = self.courses(samples_per_period)
+        phase = np.arange(x.size) * (2.0 * np.pi / samples_per_period)
+        twice = np.where(self._orders() == 0.0, 1.0, 2.0)
+        contact = [contact_of(self.pair.backlash_ratio, a, b) for a, b in zip(x, v, strict=True)]
+        data = {
+            "displacement": ("phase", x),
+            "velocity": ("phase", v),
+            "contact": ("phase", np.array(contact, np.int8)),
+            "cosine": ("harmonic", twice * self.coefficients.real),
+            "sine": ("harmonic", -twice * self.coefficients.imag),
+            "multiplier_real": ("multiplier", self.multipliers.real),
+            "multiplier_imaginary": ("multiplier", self.multipliers.imag),
+            "stable": np.int8(self.stable),
+            "equation_residual": self.residual,
+            "iterations": np.int32(self.iterations),
+            "evaluations": np.int64(self.evaluations),
+            "period": np.int32(self.period),
+            "tuning": self.tuning,
+            **self._facts(),
+        }
+        if orbit is not None:
+            found = accuracy.errors(self, orbit)
+            data |= {f"{name}_error": value for name, value in found._asdict().items()}
+        coords = {"phase": phase, "harmonic": self._orders()}
+        dataset = describe(xr.Dataset(data, coords))
+        dataset["contact"].attrs |= FLAGS
+        dataset.attrs = provenance.attributes(
+            "Periodic motion of a gear mesh over harmonics",
+            self.pair,
+            method=self.method,
+            tuning=self.tuning,
+            harmonics=self.harmonics,
+            samples=self.samples,
+        )
+        return dataset
+
+    def _orders(self):
+        return np.arange(self.harmonics + 1) / self.period
+
+    def _facts(self):
+        """Return what a method adds to the dataset."""
+        return {}
+
+
+def check_problem(pair, tuning, harmonics, samples, period):
+    """Return the `MeshEquation` of checked arguments.
+
+    Raises
+    ------
+    ValueError
+        Naming the argument, its value and the allowed range.
+    """
+    takes(pair)
+    tuning = check_tuning("tuning", tuning)
+    period = checks.integer("period", period, 1)
+    harmonics = checks.integer("harmonics", harmonics, period)
+    if samples is not None:
+        samples = checks.integer("samples", samples, LEAST_SAMPLES * harmonics + 1)
+    return MeshEquation(pair, tuning, harmonics, samples, period)
+
+
+def easing(equation, guess):
+    """Return the equations to be solved roughly one after the other where there is no guess."""
+    if guess is not None:
+        return []
+    harmonics = min(equation.harmonics, _COARSE * equation.period)
+    coarse = MeshEquation(equation.pair, equation.tuning, harmonics, None, equation.period)
+    return [coarse.damped(extra) for extra in EASING]
+
+
+def first_coefficients(equation, guess):
+    """Return the harmonics from which a search starts, shape (harmonics + 1,).
+
+    Parameters
+    ----------
+    equation : MeshEquation
+    guess : PeriodicSolution, array_like of float, shape (n,), or None
+        A solution of the same period; displacements at n equal steps of phase over the period;
+        or None, the static deflection.
+
+    Raises
+    ------
+    ValueError
+        Naming the argument, its value and the allowed range.
+    """
+    result = np.zeros(equation.harmonics + 1, complex)
+    if guess is None:
+        result[0] = 1.0
+        return result
+    if isinstance(guess, PeriodicSolution):
+        if guess.period != equation.period:
+            raise ValueError(
+                f"guess with period = {guess.period} is not allowed: its period must be "
+                f"{equation.period}"
+            )
+        known = guess.coefficients
+    else:
+        values = np.asarray(guess, float)
+        if values.ndim != 1 or values.size < 3 or not np.isfinite(values).all():
+            raise ValueError(
+                f"guess = {guess!r} is not allowed: it must be a PeriodicSolution or at least 3 "
+                "finite displacements over the period"
+            )
+        # The highest harmonic of an even number of points has no phase: left out.
+        known = np.fft.rfft(values, norm="forward")[: (values.size + 1) // 2]
+    return resized(known, equation)
+
+
+def resized(coefficients, equation):
+    """Return harmonics cut, or filled with zeros, to those of an equation."""
+    result = np.zeros(equation.harmonics + 1, complex)
+    count = min(coefficients.size, result.size)
+    result[:count] = coefficients[:count]
+    return result

@@ -1,0 +1,196 @@
+"""The points of a branch of periodic orbits, and the equation that they solve.
+
+Unknowns are the state at tau = 0, without free rotation, and the parameter. The residual and its
+derivative by the state are those of shooting, exact; the derivative by the parameter is a central
+difference, which decides how fast Newton's method converges, not where to.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from gearlib.analysis.orbits.parameters import with_parameter
+from gearlib.analysis.orbits.shooting import (
+    RESIDUAL,
+    Orbit,
+    contacts,
+    is_stable,
+    multipliers_of,
+    product,
+    size_of,
+)
+from gearlib.analysis.orbits.tracing import Lost
+from gearlib.data import status
+from gearlib.kernels import orbit as columns
+from gearlib.runs.variational import period_maps, record, rotation_free
+
+#: Step of the difference by a parameter, in shares of its scale.
+_DIFFERENCE = 1e-5
+_LETTERS = {1: "N", 0: "B", -1: "I"}
+
+
+class Evaluation:
+    """The shooting equation at one state and parameter, in scaled unknowns."""
+
+    def __init__(self, problem, y, miss, residual, matrix):
+        self.problem, self.y = problem, y
+        self.miss = miss  #: shape (n,)
+        self.residual = residual
+        self.matrix = matrix  #: map of the whole period, shape (n, n)
+
+    @property
+    def small(self):
+        """Whether the residual counts as none."""
+        return self.residual <= RESIDUAL
+
+    @cached_property
+    def jacobian(self):
+        """Derivative of the residuals, shape (n, n + parameters)."""
+        n, y, units = len(self.matrix), self.y, self.problem.units
+        jacobian = np.empty((n, y.size))
+        jacobian[:, :n] = (self.matrix - np.eye(n)) * units[:n] / units[:n, None]
+        for column in range(n, y.size):
+            jacobian[:, column] = self.problem.slope(y, column)
+        return jacobian
+
+
+class Shooting:
+    """Orbits of one period of a model, over the state and one parameter or more.
+
+    Parameters
+    ----------
+    pair : GearPair, OneDegreePair or SixDegreePair
+    tuning : float
+    period : int
+    names, scales : sequence of str, of float
+        The parameters that vary, and what change of each weighs as much as a static deflection.
+    max_events : int
+    """
+
+    def __init__(self, pair, tuning, period, names, scales, max_events):
+        self.pair, self.tuning, self.period = pair, tuning, period
+        self.names, self.max_events = names, max_events
+        self.reduce, self.lift = rotation_free(pair)
+        n = len(self.reduce)
+        rates = np.full(n // 2, 1.0 / tuning)
+        #: Size of one scaled unit of each unknown.
+        self.units = np.concatenate([np.ones(n // 2), rates, scales])
+
+    def unknowns(self, state, values):
+        """Return the scaled unknowns y for a full state and the parameters."""
+        return np.append(self.reduce @ state, values) / self.units
+
+    def model(self, y):
+        """Return (pair, tuning, full state) for scaled unknowns.
+
+        Raises
+        ------
+        ValueError
+            If a parameter has left its range.
+        """
+        n = len(self.reduce)
+        pair, tuning = self.pair, self.tuning
+        for name, value in zip(self.names, (y * self.units)[n:], strict=True):
+            pair, tuning = with_parameter(pair, tuning, name, float(value))
+        return pair, tuning, self.lift @ (y * self.units)[:n]
+
+    def _end(self, y):
+        pair, tuning, z = self.model(y)
+        end, maps, code = period_maps(pair, tuning, z, self.period, self.max_events)
+        if code != status.OK:
+            raise Lost(f"the motion could not go on: {status.MESSAGES[code]}")
+        return tuning, z, end, maps
+
+    def evaluate(self, y):
+        """Return the `Evaluation` at scaled unknowns."""
+        try:
+            tuning, z, end, maps = self._end(y)
+        except ValueError as error:
+            raise Lost(str(error)) from None
+        miss = self.reduce @ (end - z)
+        matrix = self.reduce @ product(maps) @ self.lift
+        residual = size_of(miss, z, tuning)
+        return Evaluation(self, y, miss / self.units[: miss.size], residual, matrix)
+
+    def slope(self, y, column):
+        """Return the derivative of the scaled residuals by a scaled parameter, shape (n,)."""
+        ends, steps = [], []
+        for step in (-_DIFFERENCE, _DIFFERENCE):
+            moved = y.copy()
+            moved[column] += step
+            try:
+                ends.append(self._end(moved)[2])
+            except ValueError:
+                # On the rim of the parameter's range the difference is one-sided.
+                moved[column] = y[column]
+                ends.append(self._end(moved)[2])
+            steps.append(moved[column])
+        change = self.reduce @ (ends[1] - ends[0])
+        return change / (steps[1] - steps[0]) / self.units[: change.size]
+
+
+@dataclass(frozen=True)
+class BranchPoint:
+    """One orbit of a branch."""
+
+    y: np.ndarray  #: scaled unknowns
+    tangent: np.ndarray  #: of the branch, unit length
+    value: float  #: of the parameter
+    state: np.ndarray  #: full state at tau = 0
+    residual: float
+    matrix: np.ndarray
+    pattern: str  #: phases of contact in cyclic order, as letters
+    high: float  #: largest displacement
+    low: float  #: and smallest
+    label: int = 0  #: of `gearlib.analysis.orbits.special_points.LABELS`
+
+    @property
+    def multipliers(self):
+        """Floquet multipliers, complex, largest first."""
+        return multipliers_of(self.matrix)
+
+    @property
+    def stable(self):
+        """As of `gearlib.analysis.orbits.shooting.is_stable`."""
+        return is_stable(self.multipliers)
+
+
+def branch_point(problem, y, found, tangent):
+    """Return the `BranchPoint` of a solution of a one-parameter `Shooting`."""
+    pair, tuning, z = problem.model(y)
+    rest = problem.period, problem.max_events
+    events, summary, _ = record(pair, tuning, z, *rest)
+    return BranchPoint(
+        y,
+        tangent,
+        float(y[-1] * problem.units[-1]),
+        z,
+        found.residual,
+        found.matrix,
+        _cyclic(events, summary, pair.backlash_ratio),
+        summary[columns.X_MAX],
+        summary[columns.X_MIN],
+    )
+
+
+def as_orbit(problem, point):
+    """Return the `Orbit` of a point of a branch."""
+    pair, tuning, z = problem.model(point.y)
+    pattern, grazing = contacts(pair, tuning, z, problem.period, problem.max_events)
+    return Orbit(
+        pair, tuning, problem.period, z, point.residual, point.multipliers, pattern, grazing
+    )
+
+
+def _cyclic(events, summary, backlash):
+    """Return the phases of contact as letters, the same from wherever the orbit is looked at.
+
+    An event that passes tau = 0 changes the order in which the phases are met, not the orbit.
+    """
+    if not len(events):
+        middle = 0.5 * (summary[columns.X_MAX] + summary[columns.X_MIN])
+        return "N" if middle > 0.0 else ("B" if middle > -backlash else "I")
+    letters = "".join(_LETTERS[int(code)] for code in events[:, columns.EVENT_TO])
+    # Of all beginnings the last in the alphabet: normal mesh first.
+    return max(letters[i:] + letters[:i] for i in range(len(letters)))

@@ -1,0 +1,100 @@
+"""The parameters over which orbits are followed: one number of a model changed, the rest kept.
+
+The ratios of the pair and the tuning are changed in their dimensionless form, and all other ratios
+keep their values: another contact ratio moves neither the mean stiffness nor the damping ratios.
+"""
+
+import dataclasses
+
+from gearlib import checks
+from gearlib.models.one_degree import OneDegreePair
+from gearlib.models.pair import GearPair
+from gearlib.models.six_degrees import SixDegreePair
+from gearlib.models.stiffness import mean_over_max
+
+#: name -> (CF units, long_name) of the parameters of every model
+RATIOS = {
+    "tuning": ("1", "tuning nu, mesh frequency over mean eigenfrequency"),
+    "damping": ("1", "damping ratio beta of the material in contact"),
+    "backlash_damping": ("1", "damping ratio beta_m of the oil in the backlash"),
+    "backlash": ("1", "backlash in static deflections"),
+    "contact_ratio": ("1", "contact ratio epsilon"),
+    "stiffness_ratio": ("1", "stiffness ratio kappa = C_min / C_max"),
+}
+#: Those of single models beside them, in SI units.
+_OWN = {
+    OneDegreePair: {
+        "quadratic_damping": ("N s2 m-2", "quadratic damping D2 in contact"),
+        "cubic_damping": ("N s3 m-3", "cubic damping D3 in contact"),
+        "backlash_quadratic_damping": ("N s2 m-2", "quadratic damping D2m of the oil"),
+        "backlash_cubic_damping": ("N s3 m-3", "cubic damping D3m of the oil"),
+        "quadratic_stiffness": ("m-1", "quadratic stiffness g2"),
+        "cubic_stiffness": ("m-2", "cubic stiffness g3"),
+    },
+    SixDegreePair: {
+        "run_out_phase": ("rad", "relative phase of the run-outs"),
+        "pitch_phase": ("rad", "mesh phase at which the friction turns"),
+    },
+}
+
+
+def known(pair):
+    """Return the parameters of a model as a dict name -> (CF units, long_name)."""
+    return RATIOS | _OWN.get(type(pair), {})
+
+
+def check_parameter(pair, name):
+    """Return the name of a parameter of a model.
+
+    Raises
+    ------
+    ValueError
+        If the model has none of this name, the message lists those it has; or if orbits of the
+        model are not followed.
+    """
+    if not isinstance(pair, (GearPair, OneDegreePair, SixDegreePair)):
+        raise ValueError(
+            f"pair = {type(pair).__name__} is not allowed: it must be a GearPair, a OneDegreePair "
+            "or a SixDegreePair"
+        )
+    return checks.one_of("parameter", name, known(pair))
+
+
+def value_of(pair, tuning, name):
+    """Return the value of a parameter at a model and a tuning."""
+    if name == "tuning":
+        return float(tuning)
+    read = {
+        "damping": "damping_ratio",
+        "backlash_damping": "backlash_damping_ratio",
+        "backlash": "backlash_ratio",
+    }
+    return float(getattr(pair, read.get(name, name)))
+
+
+def with_parameter(pair, tuning, name, value):
+    """Return (pair, tuning) with one parameter set.
+
+    Raises
+    ------
+    ValueError
+        If the model does not allow the value; the message names parameter, value and range.
+    """
+    if name == "tuning":
+        return pair, checks.finite_positive(name, value)
+    if name not in RATIOS:
+        return dataclasses.replace(pair, **{name: value}), tuning
+    if not isinstance(pair, GearPair):
+        inner, _ = with_parameter(pair.pair, tuning, name, value)
+        return dataclasses.replace(pair, pair=inner), tuning
+    if name == "backlash":
+        value = checks.number(name, value, "a number >= 0, inf included", lambda v: v >= 0.0)
+        return pair.replace(backlash=value * pair.static_deflection), tuning
+    if name in ("damping", "backlash_damping"):
+        value = checks.finite_nonnegative(name, value)
+        field = "material_damping" if name == "damping" else name
+        unit = 2.0 * pair.reduced_mass * pair.mean_eigenfrequency
+        return pair.replace(**{field: value * unit}), tuning
+    changed = pair.replace(**{name: value})
+    over_max = mean_over_max(changed.contact_ratio, changed.stiffness_ratio)
+    return changed.replace(max_stiffness=pair.mean_stiffness / over_max), tuning

@@ -1,0 +1,218 @@
+"""Periodic orbits by shooting on the map of n mesh periods, with their Floquet multipliers.
+
+An orbit of period n is a fixed point of the map that takes the state at tau = 0 through n mesh
+periods. Newton's method needs the derivative of that map, which `gearlib.runs.variational` has from
+the variational equations and the saltation at flank crossings; its eigenvalues are the Floquet
+multipliers. Nothing is differenced, so that orbits are found to rounding, unstable ones included.
+
+At grazing the derivative depends on the side from which it is taken: an orbit that touches a flank
+line says so, its multipliers are those of the side on which it was found.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+
+from gearlib import checks
+from gearlib.data import provenance, status
+from gearlib.data.variables import describe
+from gearlib.kernels import orbit as columns
+from gearlib.methods import choose
+from gearlib.models.contact_states import FLAGS
+from gearlib.runs.run_arguments import MAX_EVENTS, check_tuning
+from gearlib.runs.variational import (
+    full_state,
+    moving_components,
+    period_maps,
+    record,
+    rotation_free,
+)
+
+#: Residual of an orbit, in static deflections, that counts as none; height times this if larger.
+RESIDUAL = 1e-12
+#: Mesh periods from rest after which a motion is taken as the first guess.
+_SETTLE = 400
+_MAX_NEWTON, _MAX_HALVINGS = 60, 12
+#: Rounding of a multiplier on the unit circle: that of a double one, the root of a map's.
+_NEUTRAL = 1e-7
+#: An orbit this close to a flank line, in shares of its height, touches it.
+_TOUCH = 1e-9
+
+
+class NoOrbit(RuntimeError):
+    """Newton's method found no orbit; the message says what to try."""
+
+
+@dataclass(frozen=True)
+class Orbit:
+    """A periodic orbit."""
+
+    pair: object  #: the model
+    tuning: float
+    period: int  #: mesh periods
+    state: np.ndarray  #: at tau = 0, shape (n,), as of `gearlib.runs.variational.full_state`
+    residual: float  #: largest difference of the states at start and end
+    multipliers: np.ndarray  #: Floquet multipliers of the n periods, complex, largest first
+    pattern: tuple  #: contact codes in the order met, from tau = 0
+    grazing: bool  #: whether it touches a flank line: then its linearisation is one-sided
+
+    @property
+    def stable(self):
+        """Whether no multiplier lies outside the unit circle; see `is_stable`."""
+        return is_stable(self.multipliers)
+
+    def dataset(self):
+        """Return the orbit as a dataset: state, multipliers, pattern and what they say."""
+        data = {
+            "state": ("coordinate", self.state),
+            "multiplier_real": ("multiplier", self.multipliers.real),
+            "multiplier_imaginary": ("multiplier", self.multipliers.imag),
+            "pattern": ("contact_phase", np.array(self.pattern, np.int8)),
+            "stable": np.int8(self.stable),
+            "grazing": np.int8(self.grazing),
+            "residual": self.residual,
+            "period": np.int32(self.period),
+            "tuning": self.tuning,
+        }
+        dataset = describe(xr.Dataset(data), self.pair)
+        dataset["pattern"].attrs |= FLAGS
+        dataset.attrs = provenance.attributes(
+            "Periodic orbit of a gear mesh", self.pair, method="shooting", tuning=self.tuning
+        )
+        return dataset
+
+
+def periodic_orbit(pair, tuning, *, guess=None, period=1, max_events=MAX_EVENTS):
+    """Find a periodic orbit near a guess.
+
+    Parameters
+    ----------
+    pair : GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator
+    tuning : float
+    guess : array_like of float, shape (2,) or (n,), optional
+        Displacement and dx/dtau at tau = 0, or a full state; by default where the motion from
+        rest is after 400 mesh periods.
+    period : int, default 1
+        Mesh periods after which the orbit repeats; with run-out a multiple of its own.
+    max_events : int
+        As of `gearlib.simulate`.
+
+    Returns
+    -------
+    Orbit
+
+    Raises
+    ------
+    ValueError
+        Naming the argument, its value and the allowed range.
+    NoOrbit
+        If there is none near the guess; the message says what to try.
+    """
+    choose(pair, None, None)
+    tuning, period = check_tuning("tuning", tuning), checks.integer("period", period, 1)
+    repeats = pair.repeats
+    if period % repeats:
+        raise ValueError(
+            f"period = {period} is not allowed: it must be a multiple of the {repeats} mesh "
+            "periods after which the run-out repeats"
+        )
+    z = _guess(pair, tuning, guess, period, max_events)
+    reduce, lift = rotation_free(pair)
+
+    def shoot(z):
+        end, maps, code = period_maps(pair, tuning, z, period, max_events)
+        if code != status.OK:
+            raise NoOrbit(f"the motion could not go on: {status.MESSAGES[code]}")
+        return reduce @ (end - z), reduce @ product(maps) @ lift
+
+    miss, matrix = shoot(z)
+    for _ in range(_MAX_NEWTON):
+        size = size_of(miss, z, tuning)
+        if size <= RESIDUAL:
+            break
+        try:
+            step = lift @ np.linalg.solve(np.eye(len(matrix)) - matrix, miss)
+        except np.linalg.LinAlgError:
+            raise NoOrbit(
+                f"the map has a multiplier 1 at tuning = {tuning!r}: a fold is here; guess an "
+                "orbit on one of its sides"
+            ) from None
+        for _ in range(_MAX_HALVINGS):
+            new_miss, new_matrix = shoot(z + step)
+            if size_of(new_miss, z + step, tuning) < size:
+                break
+            step *= 0.5
+        else:
+            break
+        z, miss, matrix = z + step, new_miss, new_matrix
+    size = size_of(miss, z, tuning)
+    if size > RESIDUAL:
+        raise NoOrbit(
+            f"no orbit of period {period} was found near the guess at tuning = {tuning!r}, the "
+            f"best residual is {size:.2g}: guess closer, or another period"
+        )
+    multipliers = multipliers_of(matrix)
+    pattern, grazing = contacts(pair, tuning, z, period, max_events)
+    return Orbit(pair, tuning, period, z, float(size), multipliers, pattern, grazing)
+
+
+def _guess(pair, tuning, guess, period, max_events):
+    if guess is None:
+        z = full_state(pair, tuning, (0.0, 0.0))
+        turns = -(-_SETTLE // period) * period
+        z, _, code = period_maps(pair, tuning, z, turns, max_events)
+        if code != status.OK:
+            raise NoOrbit(f"the motion from rest could not go on: {status.MESSAGES[code]}")
+        return z
+    values = np.asarray(guess, float)
+    n = moving_components(pair)
+    if values.shape not in ((2,), (n,)) or not np.isfinite(values).all():
+        raise ValueError(f"guess = {guess!r} is not allowed: it must be 2 or {n} finite numbers")
+    return values if values.size == n else full_state(pair, tuning, values)
+
+
+def multipliers_of(matrix):
+    """Return the eigenvalues of the map of all periods, complex, largest first."""
+    multipliers = np.linalg.eigvals(matrix).astype(complex)
+    return multipliers[np.argsort(-np.abs(multipliers), kind="stable")]
+
+
+def is_stable(multipliers):
+    """Return whether no multiplier lies outside the unit circle.
+
+    Without damping on its way an orbit has them on the circle, where rounding shifts them to
+    either side: such an orbit counts as stable.
+    """
+    return bool(np.abs(multipliers).max() < 1.0 + _NEUTRAL)
+
+
+def product(maps):
+    """Return the map of all periods from those of each, shape (periods, n, n)."""
+    matrix = np.eye(maps.shape[1])
+    for one in maps:
+        matrix = one @ matrix
+    return matrix
+
+
+def size_of(miss, z, tuning):
+    """Return a residual in static deflections, over the size of the state if that is larger."""
+    half = miss.size // 2
+    weights = np.repeat([1.0, tuning], half)
+    return float(np.abs(weights * miss).max() / max(1.0, np.abs(z).max() * 1e-2))
+
+
+def contacts(pair, tuning, z, period, max_events):
+    """Return (contact codes in the order met, whether the orbit touches a flank line)."""
+    events, summary, _ = record(pair, tuning, z, period, max_events)
+    low, high = summary[columns.X_MIN], summary[columns.X_MAX]
+    near, far = pair.flank_lines
+    close = _TOUCH * max(1.0, high - low)
+    touches = min(abs(end - line) for end in (low, high) for line in (near, far)) < close
+    if not len(events):
+        # Without a crossing the orbit stays on one side; it may still come to the line.
+        return (1 if high > near else (0 if low > far else -1),), bool(touches)
+    codes = events[:, columns.EVENT_TO].astype(int).tolist()
+    pattern = (int(events[0, columns.EVENT_FROM]), *codes)
+    speeds = np.abs(events[:, columns.EVENT_VELOCITY]) * tuning
+    return pattern, bool(touches or speeds.min() < np.sqrt(close))

@@ -1,0 +1,154 @@
+"""Special points of a branch: fold, period doubling, Neimark-Sacker, grazing, branch point.
+
+Between two neighbouring points of a branch a special point shows as a change of sign of
+
+================  =============================================================
+fold              det(M - I), and the parameter turns round
+branch point      det(M - I), and the parameter goes on
+period doubling   det(M + I)
+Neimark-Sacker    |mu| - 1 of the largest pair of complex multipliers mu
+grazing           the order in which the phases of contact are met
+================  =============================================================
+
+with M the map of the whole period (Kuznetsov, Elements of Applied Bifurcation Theory, ch. 10). It
+is located by Brent's method on the chord between the two, a grazing by bisection, with a Newton
+correction to the branch in every step, so that the located point is an orbit to rounding.
+
+The mesh force is zero on a flank line. M is therefore continuous at a grazing, but beyond it
+changes like the root of the distance: the branch goes on without a corner, with a curvature that
+jumps, and folds and doublings often lie close behind a grazing, never exactly on it.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.optimize import brentq
+
+from gearlib.analysis.orbits.branch_points import branch_point
+from gearlib.analysis.orbits.tracing import correct, tangent
+
+#: Names of the labels; a label is the place in this list.
+LABELS = (
+    "regular",
+    "fold",
+    "period doubling",
+    "Neimark-Sacker",
+    "grazing",
+    "branch point",
+    "end",
+)
+REGULAR, FOLD, DOUBLING, NEIMARK_SACKER, GRAZING, BRANCH_POINT, END = range(len(LABELS))
+
+#: Places on a chord are found to this share of it.
+_PLACE = 1e-14
+#: How far behind a grazing, in shares of the chord, the branch is taken up: so that rounding does
+#: not show as contact.
+_BEHIND = 1e-7
+#: A complex pair whose modulus is this far from 1, squared, is not on the circle.
+_ON_CIRCLE = 1e-6
+#: Changes of a test function below this are rounding: nothing is lost or gained on the way.
+_ROUNDING = 1e-9
+
+
+def _fold(point):
+    return np.prod(point.multipliers - 1.0).real
+
+
+def _doubling(point):
+    return np.prod(point.multipliers + 1.0).real
+
+
+def _torus(point):
+    multipliers = point.multipliers
+    pairs = multipliers[multipliers.imag > 1e-9]
+    return np.abs(pairs).max() ** 2 - 1.0 if pairs.size else -1.0
+
+
+_TESTS = ((FOLD, _fold), (DOUBLING, _doubling), (NEIMARK_SACKER, _torus))
+
+
+def between(problem, a, b, share):
+    """Return the `BranchPoint` at a share of the chord from point `a` to point `b`.
+
+    Its tangent is the chord's: that of the branch costs more and may not be there.
+    """
+    chord = b.y - a.y
+    row = chord / np.linalg.norm(chord)
+    y, found, _ = correct(problem, a.y + share * chord, row)
+    return branch_point(problem, y, found, row)
+
+
+def special_points(problem, a, b):
+    """Return the special points other than grazings from point `a` to `b`, in branch order.
+
+    Parameters
+    ----------
+    problem : Shooting
+    a, b : BranchPoint
+        Neighbours of one contact pattern.
+
+    Raises
+    ------
+    Lost
+        If the branch could not be followed on the chord.
+    """
+    found = []
+    for label, test in _TESTS:
+        first, last = test(a), test(b)
+        if not first * last < 0.0:
+            continue
+        if label == NEIMARK_SACKER and min(abs(first), abs(last)) < _ROUNDING:
+            continue
+        share, point = _root(problem, a, b, test)
+        if label == NEIMARK_SACKER and abs(test(point)) > _ON_CIRCLE:
+            # The pair became real on the way.
+            continue
+        if label == FOLD and a.tangent[-1] * b.tangent[-1] > 0.0:
+            label = BRANCH_POINT
+        found.append((share, replace(point, label=label)))
+    return [point for _, point in sorted(found, key=lambda row: row[0])]
+
+
+def _root(problem, a, b, test):
+    """Return (share of the chord, point) where a test function is zero."""
+    cache = {0.0: a, 1.0: b}
+
+    def value(share):
+        if share not in cache:
+            cache[share] = between(problem, a, b, share)
+        return test(cache[share])
+
+    share = brentq(value, 0.0, 1.0, xtol=_PLACE, rtol=4.0 * np.finfo(float).eps)
+    value(share)
+    return share, cache[share]
+
+
+def grazing(problem, a, b):
+    """Return the points just before and just after the first change of the contact pattern.
+
+    The first of them carries the label.
+
+    Raises
+    ------
+    Lost
+        If the branch could not be followed on the chord.
+    """
+    low, high, before = 0.0, 1.0, a
+    while high - low > _PLACE:
+        middle = 0.5 * (low + high)
+        if not low < middle < high:
+            break
+        point = between(problem, a, b, middle)
+        if point.pattern == a.pattern:
+            low, before = middle, point
+        else:
+            high = middle
+    if before is a:
+        # The point itself touches: its place is taken by its neighbour with a label.
+        before = between(problem, a, b, low)
+    after = b
+    if high + _BEHIND < 1.0:
+        after = between(problem, a, b, high + _BEHIND)
+        jacobian = problem.evaluate(after.y).jacobian
+        after = replace(after, tangent=tangent(jacobian, after.tangent))
+    return replace(before, label=GRAZING), after

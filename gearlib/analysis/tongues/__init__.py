@@ -1,0 +1,194 @@
+"""Parametric resonance: where the motion without loss of contact is unstable.
+
+================  ======================================================
+module            responsibility
+================  ======================================================
+``meissner``      rectangular stiffness: tongues in closed form
+``hill``          other stiffness, six degrees: tongues from monodromy
+``no_loss``       motion without loss of contact: period map, orbit
+``chart``         stability over tuning and one other parameter
+``explanation``   what begins at a tuning: parametric or forced motion
+================  ======================================================
+"""
+
+import dataclasses
+import math
+from collections.abc import Iterable
+
+import numpy as np
+import xarray as xr
+
+from gearlib import checks
+from gearlib.analysis.tongues import hill, meissner
+from gearlib.data import provenance
+from gearlib.data.variables import describe
+from gearlib.models.one_degree import NONLINEAR, OneDegreePair
+from gearlib.models.pair import GearPair
+from gearlib.models.profiles import Rectangular, Tabulated
+from gearlib.models.six_degrees import SixDegreePair
+from gearlib.runs.run_arguments import check_tuning
+
+#: What may vary beside the tuning.
+PARAMETERS = ("stiffness_ratio", "contact_ratio", "damping")
+#: Smallest tuning: below it there are hundreds of tongues, and growth over a period overflows.
+LEAST_TUNING = 0.02
+
+
+def tongues(pair, *, start=0.3, stop=3.0, parameter=None, values=None, step=0.002):
+    """Find the tongues of parametric resonance: tunings at which contact without loss is unstable.
+
+    Small deviations from the motion without loss of contact obey Hill's equation, for the
+    rectangular stiffness that of Meissner. A tongue of order n, near nu = 2 / n, is an interval of
+    tunings in which they grow from mesh period to mesh period; on its edges a Floquet multiplier is
+    (-1)^n. Damping narrows and then closes it.
+
+    Parameters
+    ----------
+    pair : GearPair, OneDegreePair or SixDegreePair
+        Its backlash plays no part. Closed forms for the rectangular stiffness of one degree of
+        freedom; else numerical monodromy, see `gearlib.analysis.tongues.hill`.
+    start, stop : float
+        Tongues that meet this range of tunings are given, with both their edges; with six degrees
+        they are cut off at it. 0.02 <= start < stop.
+    parameter : {"stiffness_ratio", "contact_ratio", "damping"}, optional
+        A second parameter: kappa, epsilon, or the damping ratio beta of the contact. The first two
+        keep the damping ratio; a table and six degrees of freedom only have the last one.
+    values : sequence of float, shape (v,), optional
+        Its values.
+    step : float, default 0.002
+        With six degrees: distance of the tunings of the scan.
+
+    Returns
+    -------
+    xarray.Dataset
+        Over order (six degrees: tongue, not numbered), and over the parameter before it if there
+        is one: tuning_from and tuning_to, the edges, equal where a tongue is a point, NaN where it
+        is closed or out of range; edge_multiplier, 0 for a complex pair; growth, the largest
+        logarithm of the largest multiplier in the tongue, below 0 if it is closed, and
+        growth_tuning, where that is. Without `parameter` also closing_damping, the damping ratio
+        of the contact from which the tongue stays closed (six degrees: is closed; NaN: never).
+
+    Raises
+    ------
+    ValueError
+        Naming the argument, its value and the allowed range; also for nonlinear damping or
+        stiffness, with which the stability depends on the motion: see `gearlib.periodic_orbit`.
+
+    Notes
+    -----
+    Edges of closed form are those of the exact equation to about 1e-15, less next to the damping
+    that closes a tongue, where they meet. Equations: `gearlib.analysis.tongues.meissner`.
+    """
+    start = checks.number("start", start, f">= {LEAST_TUNING}", lambda nu: LEAST_TUNING <= nu < 1e6)
+    stop = check_tuning("stop", stop)
+    if stop <= start:
+        raise ValueError(f"stop = {stop!r} is not allowed: it must be > start = {start!r}")
+    pair, step = linear(pair), check_tuning("step", step)
+    if parameter is None:
+        rows = [find(pair, start, stop, step)]
+    else:
+        checks.one_of("parameter", parameter, PARAMETERS)
+        values = _values(values)
+        rows = [find(varied(pair, parameter, value), start, stop, step) for value in values]
+    six = isinstance(pair, SixDegreePair)
+    dataset = _dataset(rows, parameter, values, "tongue" if six else "order")
+    if parameter is None:
+        closings = [closing_damping(pair, one) for one in rows[0]]
+        dataset["closing_damping"] = "tongue" if six else "order", np.array(closings, float)
+    dataset.attrs = provenance.attributes(
+        "Tongues of parametric resonance",
+        pair,
+        method="closed form" if isinstance(pair, GearPair) else "monodromy",
+        start=start,
+        stop=stop,
+    )
+    return describe(dataset)
+
+
+def linear(pair):
+    """Return the smallest model with the stability of `pair`; raise ValueError if nonlinear."""
+    if isinstance(pair, (GearPair, SixDegreePair)):
+        return pair
+    if not isinstance(pair, OneDegreePair):
+        raise ValueError(
+            f"pair = {pair!r} is not allowed: it must be a GearPair, OneDegreePair or SixDegreePair"
+        )
+    for name in NONLINEAR:
+        # The oil acts only where contact is lost.
+        if getattr(pair, name) and not name.startswith("backlash"):
+            raise ValueError(
+                f"{name} = {getattr(pair, name)!r} is not allowed: it must be 0, or the stability "
+                "depends on the motion: see gearlib.periodic_orbit"
+            )
+    return pair.pair if isinstance(pair.profile, Rectangular) else pair
+
+
+def find(pair, start, stop, step=0.002):
+    """Return the `Tongue`s that meet a range of tunings, of a model as of `linear`."""
+    if isinstance(pair, GearPair):
+        equation = meissner.equation_of(pair)
+        return [meissner.tongue(equation, n) for n in meissner.orders(equation, start, stop)]
+    if isinstance(pair, OneDegreePair):
+        return hill.one_degree(pair, start, stop)
+    return hill.six_degrees(pair, start, stop, step)
+
+
+def closing_damping(pair, tongue):
+    """Return the damping ratio of the contact from which a tongue stays closed."""
+    if isinstance(pair, GearPair):
+        return meissner.closing_damping(pair.contact_ratio, pair.stiffness_ratio, tongue.order)
+    if isinstance(pair, SixDegreePair):
+        return hill.closing_six(pair, tongue)
+    return hill.closing_damping(pair, tongue)
+
+
+def varied(pair, parameter, value):
+    """Return a model with another stiffness ratio, contact ratio or damping ratio."""
+    mesh = pair if isinstance(pair, GearPair) else pair.pair
+    damping = mesh.damping_ratio
+    if parameter == "damping":
+        damping = checks.finite_nonnegative("damping", value)
+    elif isinstance(pair, SixDegreePair) or isinstance(getattr(pair, "profile", None), Tabulated):
+        raise ValueError(
+            f"parameter = {parameter!r} is not allowed: it must be 'damping' for a table of the "
+            "stiffness and for six degrees"
+        )
+    else:
+        mesh = mesh.replace(**{parameter: value})
+    material = 2.0 * damping * mesh.reduced_mass * mesh.mean_eigenfrequency
+    mesh = mesh.replace(material_damping=material)
+    return mesh if isinstance(pair, GearPair) else dataclasses.replace(pair, pair=mesh)
+
+
+def _values(values):
+    if not isinstance(values, Iterable) or isinstance(values, str) or not len(values):
+        raise ValueError(f"values = {values!r} is not allowed: it must be a sequence of numbers")
+    return [checks.number(f"values[{i}]", v, "finite", math.isfinite) for i, v in enumerate(values)]
+
+
+def _dataset(rows, parameter, values, dimension):
+    """Return the rows of tongues, one for each value, as a dataset; see `tongues`."""
+    if dimension == "order":
+        found = sorted({one.order for row in rows for one in row})
+        numbered = [{one.order: one for one in row} for row in rows]
+    else:
+        found = range(1, 1 + max(map(len, rows)))
+        numbered = [dict(enumerate(row, 1)) for row in rows]
+    columns = {
+        "tuning_from": ("start", math.nan),
+        "tuning_to": ("stop", math.nan),
+        "edge_multiplier": ("multiplier", 0),
+        "growth": ("growth", math.nan),
+        "growth_tuning": ("peak", math.nan),
+    }
+    data = {}
+    for name, (field, absent) in columns.items():
+        table = [[getattr(row.get(n), field, absent) for n in found] for row in numbered]
+        kind = np.int8 if name == "edge_multiplier" else float
+        data[name] = ((parameter, dimension), np.array(table, kind).reshape(len(rows), -1))
+    coordinates = {dimension: np.array(found, np.int32)}
+    if parameter is None:
+        data = {name: (dimension, table[0]) for name, (_, table) in data.items()}
+    else:
+        coordinates[parameter] = np.array(values)
+    return xr.Dataset(data, coordinates)

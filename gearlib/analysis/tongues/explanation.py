@@ -1,0 +1,250 @@
+"""What begins at a tuning: contact lost by parametric instability, or by the forced motion.
+
+Without loss of contact the mesh has one orbit of one mesh period, which its mean load and the
+changing stiffness force upon it. Contact is lost either because that orbit itself leaves the flank,
+or although it does not, because deviations from it grow: in a tongue.
+"""
+
+import math
+
+import numpy as np
+import xarray as xr
+from scipy.optimize import brentq
+
+from gearlib.analysis.tongues import closing_damping, find, meissner, no_loss
+from gearlib.data import provenance
+from gearlib.data.variables import describe
+from gearlib.models.pair import GearPair
+from gearlib.runs.sweeping import sweep
+
+#: Tunings of the scan for contact lost from rest, about the tongue, and its reach in gap widths.
+_SCAN, _REACH = 301, 1.5
+#: Tunings of the scan for the forced loss of contact, and how far it looks, in tuning.
+_FORCED_SCAN, _FORCED_REACH = 51, 0.5
+#: Where tongues next to a tuning are looked for, in shares of it.
+_NEXT = 0.7, 1.5
+#: Contact lost by less, in static deflections, is rounding.
+_TOUCH = 1e-9
+
+NONE, PARAMETRIC, FORCED = 0, 1, 2
+CAUSES = {NONE: "none", PARAMETRIC: "parametric instability", FORCED: "forced response"}
+
+
+def compute(pairs, tuning, start, stop, run):
+    """Return the tongues of the dampings of one pair, and what happens at a tuning.
+
+    Parameters
+    ----------
+    pairs : dict of str to dict
+        Keyword arguments of `GearPair` by the name of the damping.
+    tuning : float
+        The tuning in question.
+    start, stop : float
+        Range of tunings whose tongues are listed; widened to those next to the tuning.
+    run : dict
+        periods, initial_state of the motion from rest.
+
+    Returns
+    -------
+    xarray.Dataset
+        Over (damping, order): tuning_from, tuning_to (NaN: closed), closing_damping over order.
+        Over damping, at the tuning in question, `asked`: damping_ratio; nearest_order, of the
+        tongue next to it; growth of deviations; orbit_min, the least displacement of the orbit
+        without loss of contact; lost, whether the motion from rest loses contact; loss_from and
+        loss_to, the tunings around between which it does (NaN: beyond the scan); forced_from, the
+        first tuning above at which that orbit itself leaves the flank (NaN: none near); cause, as
+        of `CAUSES`.
+        The attribute explanation is the sentence of `explanation`.
+    """
+    low, high = _NEXT
+    start, stop = min(start, low * tuning), max(stop, high * tuning)
+    models = {name: GearPair(**parameters) for name, parameters in pairs.items()}
+    tongues = {name: find(pair, start, stop) for name, pair in models.items()}
+    orders = sorted({one.order for found in tongues.values() for one in found})
+    edges = np.full((2, len(models), len(orders)), np.nan)
+    for i, found in enumerate(tongues.values()):
+        for one in found:
+            edges[:, i, orders.index(one.order)] = one.start, one.stop
+    some = next(iter(models.values()))
+    free = {one.order: one for one in find(some.replace(material_damping=0.0), start, stop)}
+    closings = [closing_damping(some, free[n]) if n in free else math.nan for n in orders]
+    rows = [_facts(pair, tuning, run) for pair in models.values()]
+    columns = {name: ("damping", np.array([row[name] for row in rows])) for name in rows[0]}
+    dataset = xr.Dataset(
+        {
+            "tuning_from": (("damping", "order"), edges[0]),
+            "tuning_to": (("damping", "order"), edges[1]),
+            "closing_damping": ("order", closings),
+            "asked": tuning,
+            **columns,
+        },
+        {"damping": list(models), "order": np.array(orders, np.int32)},
+    )
+    dataset.attrs = provenance.attributes(
+        "Parametric resonance of the dampings", some, method="closed form", pairs=pairs, **run
+    )
+    dataset = describe(dataset)
+    dataset["cause"].attrs |= {
+        "flag_values": np.array(list(CAUSES), np.int8),
+        "flag_meanings": " ".join(text.replace(" ", "_") for text in CAUSES.values()),
+    }
+    dataset.attrs["explanation"] = explanation(dataset)
+    return dataset
+
+
+def _facts(pair, tuning, run):
+    """Return the facts about one pair at a tuning, by their names."""
+    equation = meissner.equation_of(pair)
+    near = find(pair, *(share * tuning for share in _NEXT))
+    nearest = min(near, key=lambda one: _distance(one, tuning), default=None)
+    least = orbit_min(pair, tuning)
+    contact_ratio, stiffness_ratio, damping = ratios(pair)
+    growth = float(meissner.growth(contact_ratio, stiffness_ratio, damping, tuning))
+    loss = _loss_about(pair, tuning, equation, nearest, run)
+    cause = FORCED if least < -_TOUCH else (PARAMETRIC if growth > 0.0 else NONE)
+    return {
+        "damping_ratio": pair.damping_ratio,
+        "nearest_order": np.int32(nearest.order if nearest else 0),
+        "growth": growth,
+        "orbit_min": least,
+        "lost": np.int8(loss[0]),
+        "loss_from": loss[1],
+        "loss_to": loss[2],
+        "forced_from": _forced_from(pair, tuning),
+        "cause": np.int8(cause),
+    }
+
+
+def _distance(tongue, tuning):
+    """Return 0 inside a tongue, else the distance to its strongest tuning."""
+    return 0.0 if tongue.start <= tuning <= tongue.stop else abs(tongue.peak - tuning)
+
+
+def ratios(pair):
+    """Return (contact ratio, stiffness ratio, damping ratio) of a `GearPair`."""
+    return pair.contact_ratio, pair.stiffness_ratio, pair.damping_ratio
+
+
+def orbit_min(pair, tuning):
+    """Return the least displacement, static deflections, of the orbit without loss of contact."""
+    state = no_loss.orbit(pair, tuning)
+    linear = no_loss.linear_pair(pair)
+    one = sweep(linear, [tuning], periods=1, record_periods=1, initial_state=state)
+    return float(one.displacement_min[0])
+
+
+def _loss_about(pair, tuning, equation, nearest, run):
+    """Return (whether the motion from rest parts flanks, first, last tuning about where it does).
+
+    To the step of the scan, which spans some widths of the gap; NaN: beyond it.
+    """
+    if nearest is None:
+        curve = sweep(pair, [tuning], record_periods=run["periods"], **run)
+        return float(curve.displacement_min[0]) < -_TOUCH, math.nan, math.nan
+    low, high = (1.0 / k for k in reversed(meissner.gap(equation, nearest.order)))
+    reach = _REACH * (high - low) + 1e-3
+    scan = np.linspace(min(low, tuning) - reach, max(high, tuning) + reach, _SCAN)
+    curve = sweep(pair, scan, record_periods=run["periods"], **run)
+    lost = curve.displacement_min.values < -_TOUCH
+    here = int(np.argmin(np.abs(scan - tuning)))
+    if not lost[here]:
+        return False, math.nan, math.nan
+    kept = np.nonzero(~lost)[0]
+    before, after = kept[kept < here], kept[kept > here]
+    first = scan[before[-1] + 1] if before.size else math.nan
+    last = scan[after[0] - 1] if after.size else math.nan
+    return True, float(first), float(last)
+
+
+def _forced_from(pair, tuning):
+    """Return the first tuning from one up at which the orbit itself leaves the flank, or NaN."""
+    scan = np.linspace(tuning, tuning + _FORCED_REACH, _FORCED_SCAN)
+    values = [orbit_min(pair, nu) for nu in scan]
+    if values[0] < 0.0:
+        return tuning
+    below = np.nonzero(np.array(values) < 0.0)[0]
+    if not below.size:
+        return math.nan
+    i = below[0]
+    return float(brentq(lambda nu: orbit_min(pair, nu), scan[i - 1], scan[i], xtol=1e-12))
+
+
+def explanation(facts):
+    """Return what the data say about the tuning in question, in a few sentences.
+
+    Parameters
+    ----------
+    facts : xarray.Dataset
+        As of `compute`.
+    """
+    nu = float(facts.asked)
+    names = [str(name) for name in facts.damping.values]
+    by_cause = {
+        cause: [name for name in names if facts.cause.sel(damping=name) == cause]
+        for cause in CAUSES
+    }
+    parts = []
+    growing = facts.sel(damping=by_cause[PARAMETRIC])
+    for ratio in np.unique(growing.damping_ratio.values):
+        parts.append(_parametric(growing.sel(damping=growing.damping_ratio == ratio), nu))
+    if by_cause[FORCED]:
+        who = ", ".join(by_cause[FORCED])
+        parts.append(
+            f"With {who} the orbit of one mesh period itself leaves the flank at nu = {nu:g}: "
+            "contact is lost by the forced response."
+        )
+    if by_cause[NONE]:
+        parts.append(_quiet(facts, nu, by_cause[NONE]))
+    forced = facts.forced_from.where(facts.forced_from > nu)
+    if np.isfinite(forced).any():
+        low, high = float(forced.min()), float(forced.max())
+        span = f"{low:.4f}" if high - low < 5e-5 else f"{low:.4f} to {high:.4f}, by damping"
+        parts.append(
+            f"The orbit without loss of contact itself leaves the flank only from nu = {span}: "
+            "forced response."
+        )
+    return " ".join(parts)
+
+
+def _parametric(alike, nu):
+    """Return the sentence on dampings inside a tongue, alike in contact."""
+    one = alike.isel(damping=0)
+    order = int(one.nearest_order)
+    edges = one.sel(order=order)
+    names = ", ".join(map(str, alike.damping.values))
+    text = (
+        f"nu = {nu:g} lies in the tongue of order {order}, {float(edges.tuning_from):.4f} to "
+        f"{float(edges.tuning_to):.4f} ({names}): deviations from the orbit without loss of "
+        f"contact grow by {100.0 * math.expm1(float(one.growth)):.1f} % per mesh period, although "
+        f"that orbit keeps contact (least displacement {float(one.orbit_min):.3f} static "
+        "deflections)."
+    )
+    if not alike.lost.any():
+        return f"{text} From rest contact is not lost within the run."
+    text += " Contact is lost by parametric instability"
+    if np.isfinite(alike.loss_from).all() and np.isfinite(alike.loss_to).all():
+        low, high = float(alike.loss_from.min()), float(alike.loss_to.max())
+        text += f", from rest between nu = {low:.4f} and {high:.4f}"
+        if high > edges.tuning_to:
+            text += " (beyond the tongue deviations beat without growing)"
+    return text + "."
+
+
+def _quiet(facts, nu, names):
+    """Return the sentence on dampings with which deviations decay, or at least do not grow."""
+    quiet = facts.sel(damping=names)
+    lost = [name for name in names if quiet.lost.sel(damping=name)]
+    order = int(quiet.nearest_order[0])
+    verb = "decay" if (quiet.growth < 0.0).all() else "do not grow"
+    text = f"With {', '.join(names)} deviations {verb} at nu = {nu:g}"
+    if order and np.isfinite(quiet.tuning_from.sel(order=order)).any():
+        text += f", outside of the tongue of order {order}"
+    elif order:
+        closing = float(facts.closing_damping.sel(order=order))
+        text += (
+            f": the tongue of order {order} is closed from the damping ratio {closing:.5f} on, "
+            f"theirs is {float(quiet.damping_ratio.min()):.4f} at least"
+        )
+    if lost:
+        text += f"; contact is lost from rest all the same with {', '.join(lost)}"
+    return text + "."

@@ -1,0 +1,247 @@
+"""Chaos or artefact? One point run again in other ways, and what all of them agree on.
+
+A settled motion of a damped mesh does not depend on how it was computed, started and how long it
+ran. `trust` runs a point again, longer, from a disturbed state, by another method, with another
+tolerance and, for a truncated stiffness, with more harmonics, and takes the largest Lyapunov
+exponent of the motion from its variational maps. Its label follows from stated rules:
+
+=================  ===========================================================================
+label              rule
+=================  ===========================================================================
+periodic           all runs repeat after the same number of mesh periods, deviations decay, and
+                   the extrema agree in at least `DIGITS` digits
+chaotic            deviations grow: exponent above three times its uncertainty, and a growth
+                   beyond what linear growth would reach in the counted periods
+quasi-periodic     no run repeats, and deviations neither grow nor decay exponentially
+undecided          everything else; the message says why and what to do
+=================  ===========================================================================
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+import xarray as xr
+
+from gearlib import checks
+from gearlib import methods as integrators
+from gearlib.analysis import lyapunov
+from gearlib.checks import finite_positive, integer
+from gearlib.data import provenance, status
+from gearlib.data.variables import describe
+from gearlib.kernels import orbit
+from gearlib.models.profiles import Fourier
+from gearlib.runs.run_arguments import check_tuning
+from gearlib.runs.simulation import march
+
+LABELS = ("periodic", "quasi-periodic", "chaotic", "undecided")
+
+#: Agreement in fewer digits is none.
+DIGITS = 4
+
+#: A decay slower than this over the counted periods is none.
+_DECAY = -3.0
+
+
+@dataclass(frozen=True)
+class Trust:
+    """What all runs of one point agree on."""
+
+    label: str  #: one of `LABELS`
+    message: str  #: the reason in one sentence
+    period: int  #: in mesh periods; 0 unless periodic
+    digits: float  #: decimal digits to which the extrema of all runs agree; NaN unless periodic
+    exponent: float  #: largest Lyapunov exponent per mesh period
+    uncertainty: float  #: of the exponent, one standard error
+    runs: xr.Dataset  #: displacement_max, displacement_min, period, status over run
+
+
+def trust(
+    pair,
+    tuning,
+    *,
+    periods=2000,
+    record_periods=32,
+    initial_state=(0.0, 0.0),
+    disturbance=1e-3,
+    exponent_periods=4000,
+):
+    """Run one point in several ways and say what its motion is.
+
+    Parameters
+    ----------
+    pair : GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator
+    tuning : float
+    periods, record_periods : int
+        As of `gearlib.simulate`; the longer run takes four times the periods. With run-out at least
+        a repeat of it is recorded, and `periods` have to hold two beside the transient.
+    initial_state : tuple of float
+        As of `gearlib.simulate`.
+    disturbance : float
+        Added to the initial displacement in the disturbed run, static deflections.
+    exponent_periods : int
+        Mesh periods over which the Lyapunov exponent is averaged, after `periods` to settle.
+
+    Returns
+    -------
+    Trust
+
+    Raises
+    ------
+    ValueError
+        Naming the argument, its value and the allowed range.
+    """
+    integrators.choose(pair, None, None)
+    tuning = check_tuning("tuning", tuning)
+    disturbance = finite_positive("disturbance", disturbance)
+    exponent_periods = integer("exponent_periods", exponent_periods, lyapunov.BATCHES)
+    periods = integer("periods", periods, 1)
+    record_periods = integer("record_periods", record_periods, 1, periods)
+    base = {
+        "periods": periods,
+        "record_periods": max(record_periods, min(pair.repeats, periods)),
+        "initial_state": initial_state,
+        "samples_per_period": 1,
+    }
+    x, v = checks.state("initial_state", initial_state)
+    names, runs = [], []
+    for name, model, changed in (
+        ("as asked", pair, {}),
+        ("longer", pair, {"periods": 4 * periods}),
+        ("disturbed", pair, {"initial_state": (x + disturbance, v)}),
+        *_other_ways(pair),
+    ):
+        names.append(name)
+        runs.append(march(model, tuning, **base | changed))
+    found = lyapunov.largest(
+        pair, tuning, state=initial_state, settle=periods, periods=exponent_periods
+    )
+    columns = {
+        "displacement_max": np.array([run.table[orbit.X_MAX] for run in runs]),
+        "displacement_min": np.array([run.table[orbit.X_MIN] for run in runs]),
+        "period": np.array([run.period for run in runs]),
+        "status": np.array([run.status for run in runs]),
+    }
+    data = {key: ("run", values) for key, values in columns.items()}
+    table = describe(xr.Dataset(data, {"run": names}), pair)
+    table.attrs = provenance.attributes(
+        "Runs of one point in several ways",
+        pair,
+        method=", ".join(dict.fromkeys(run.method for run in runs)),
+        tuning=tuning,
+        periods=periods,
+        disturbance=disturbance,
+        exponent_periods=exponent_periods,
+    )
+    return decide(table, found, pair.repeats)
+
+
+def scan(pair, tunings, **options):
+    """Return the labels of many tunings.
+
+    Parameters
+    ----------
+    pair : GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator
+    tunings : sequence of float, shape (n,)
+    **options
+        Of `trust`.
+
+    Returns
+    -------
+    xarray.Dataset
+        Over ``tuning``: label (index in `LABELS`, CF flags), period, digits, exponent,
+        uncertainty.
+    """
+    found = [trust(pair, nu, **options) for nu in tunings]
+    data = {
+        "label": ("tuning", np.array([LABELS.index(one.label) for one in found], np.int8)),
+        "period": ("tuning", np.array([one.period for one in found], np.int32)),
+        "digits": ("tuning", np.array([one.digits for one in found])),
+        "exponent": ("tuning", np.array([one.exponent for one in found])),
+        "uncertainty": ("tuning", np.array([one.uncertainty for one in found])),
+    }
+    dataset = describe(xr.Dataset(data, {"tuning": np.asarray(tunings, float)}), pair)
+    dataset["label"].attrs |= {
+        "flag_values": np.arange(len(LABELS), dtype=np.int8),
+        "flag_meanings": " ".join(name.replace("-", "_") for name in LABELS),
+    }
+    dataset.attrs = provenance.attributes(
+        "Labels of the motion of a gear mesh", pair, method="several", **options
+    )
+    return dataset
+
+
+def _other_ways(pair):
+    """Yield (name, model, changed arguments) of other methods, tolerances and harmonics."""
+    able = [name for name in integrators.AUTOMATIC if integrators.METHODS[name].takes(pair)]
+    if len(able) > 1:
+        yield f"method {able[1]}", pair, {"method": able[1]}
+    if "taylor" in able:
+        yield "tolerance 1e-12", pair, {"method": "taylor", "options": {"tolerance": 1e-12}}
+    profile = getattr(pair, "profile", None)
+    if isinstance(profile, Fourier):
+        finer = replace(pair, profile=Fourier(2 * profile.harmonics))
+        yield f"{2 * profile.harmonics} harmonics", finer, {}
+
+
+def decide(runs, found, repeats=1):
+    """Return the `Trust` that follows from the runs and the exponent; see the rules above.
+
+    Parameters
+    ----------
+    runs : xarray.Dataset
+        displacement_max, displacement_min, period, status over run.
+    found : gearlib.analysis.lyapunov.Exponent
+    repeats : int, default 1
+        Mesh periods after which the excitation repeats.
+    """
+
+    def verdict(label, message, period=0, digits=math.nan):
+        return Trust(label, message, period, digits, found.value, found.uncertainty, runs)
+
+    failed = runs.run.values[runs.status.values != status.OK]
+    if failed.size or math.isnan(found.value):
+        return verdict(
+            "undecided", f"could not go on: {', '.join(failed) or 'the variational run'}"
+        )
+    if found.positive:
+        return verdict(
+            "chaotic",
+            f"deviations grow by a factor e every {1.0 / found.value:.3g} mesh periods",
+        )
+    periods = set(runs.period.values.tolist())
+    if found.growth < _DECAY:
+        if periods == {0} or len(periods) > 1:
+            message = "deviations decay, but not all runs repeat: run more periods to settle"
+            if repeats > 1:
+                message += (
+                    f", and beyond that two repeats of the run-out, of {repeats} periods each"
+                )
+            return verdict("undecided", message)
+        period = periods.pop()
+        digits = _digits(runs)
+        if digits < DIGITS:
+            return verdict(
+                "undecided",
+                f"every run repeats, but their extrema agree in {max(digits, 0.0):.1f} digits "
+                "only: more than one orbit attracts, or its period is more than record_periods; "
+                "see the runs",
+            )
+        return verdict(
+            "periodic", f"all runs agree in {digits:.1f} digits", period=period, digits=digits
+        )
+    if periods == {0}:
+        return verdict(
+            "quasi-periodic", "no run repeats; deviations neither grow nor decay exponentially"
+        )
+    return verdict(
+        "undecided", "deviations neither grow nor decay, yet some run repeats: run more periods"
+    )
+
+
+def _digits(runs):
+    """Return the decimal digits to which the extrema agree, over the height of the orbit."""
+    high, low = runs.displacement_max.values, runs.displacement_min.values
+    height = max(float(high[0] - low[0]), np.finfo(float).tiny)
+    spread = max(np.ptp(high), np.ptp(low)) / height
+    return -math.log10(max(spread, np.finfo(float).eps))

@@ -1,0 +1,143 @@
+"""From the shards of the workflow to one dataset for each experiment.
+
+A shard says by its scalar coordinates where it belongs: `damping`, and `direction` or `tuning`.
+The order of dampings, directions and tunings is that of their first appearance. Attributes on
+which the shards disagree (the parameters of the single run) stay with the shards.
+"""
+
+import xarray as xr
+
+#: Variables that depend on the pair alone, and on pair and tuning, but never on the damping.
+PAIR_SCALES = {
+    "static_deflection",
+    "force_scale",
+    "stiffness_scale",
+    "backlash_ratio",
+    "tuning_factor_max",
+    "tuning_factor_min",
+}
+TUNING_SCALES = {"mesh_frequency", "velocity_scale", "acceleration_scale"}
+
+#: What the phase planes keep of a time course; the rest is in the shards.
+_DRAWN = {"displacement", "velocity", "contact"}
+
+
+def gather_resonance(shards):
+    """Return the resonance characteristics of all dampings and directions.
+
+    Parameters
+    ----------
+    shards : list of xarray.Dataset
+        Results of `gearlib.sweep`, one for each window of tunings, with scalar coordinates
+        `damping` and `direction`.
+
+    Returns
+    -------
+    xarray.Dataset
+        The variables of `gearlib.sweep` over (damping, direction, tuning); the scales to SI as
+        they are.
+
+    Raises
+    ------
+    ValueError
+        If dampings or directions do not share their tunings.
+    """
+    shared = PAIR_SCALES | TUNING_SCALES
+
+    def windows(datasets):
+        return _stack(sorted(datasets, key=lambda d: float(d.tuning[0])), "tuning", PAIR_SCALES)
+
+    def directions(datasets):
+        return _stack(
+            [windows(group) for group in _groups(datasets, "direction")], "direction", shared
+        )
+
+    return _stack([directions(group) for group in _groups(shards, "damping")], "damping", shared)
+
+
+def gather_phase_planes(shards):
+    """Return the phase planes of all dampings and tunings.
+
+    Parameters
+    ----------
+    shards : list of xarray.Dataset
+        Results of `gearlib.simulate` with a scalar coordinate `damping`.
+
+    Returns
+    -------
+    xarray.Dataset
+        displacement, velocity, contact over (damping, tuning, phase), the phase counted from the
+        start of the record; orbit summary, final state and status over (damping, tuning); the
+        scales to SI.
+
+    Raises
+    ------
+    ValueError
+        If dampings do not share their tunings, or runs their recorded phases.
+    """
+
+    def tunings(datasets):
+        return _stack([_drawn_part(dataset) for dataset in datasets], "tuning", PAIR_SCALES)
+
+    shared = PAIR_SCALES | TUNING_SCALES
+    return _stack([tunings(group) for group in _groups(shards, "damping")], "damping", shared)
+
+
+def gather_failures(columns):
+    """Return the matrix of failures.
+
+    Parameters
+    ----------
+    columns : list of xarray.Dataset
+        Results of `gearlib.studies.trials.failures.compute`, one trial each, in the order of the
+        figure.
+
+    Returns
+    -------
+    xarray.Dataset
+        The variables of the columns over (problem, trial); what describes a problem, once.
+
+    Raises
+    ------
+    ValueError
+        If trials do not share their problems.
+    """
+    shared = {name for name in columns[0].data_vars if columns[0][name].dims == ("problem",)}
+    return _stack(columns, "trial", shared)
+
+
+def _drawn_part(run):
+    """Return what a phase plane needs of a run, its tuning as a coordinate."""
+    courses = {name for name in run.data_vars if {"phase", "event"} & set(run[name].dims)}
+    phase = (run.phase - run.phase[0]).assign_attrs(run.phase.attrs)
+    phase.attrs["long_name"] = "mesh phase from the start of the record"
+    drawn = run.drop_encoding().drop_vars(courses - _DRAWN)
+    return drawn.set_coords("tuning").assign_coords(phase=phase)
+
+
+def _groups(datasets, coordinate):
+    """Return the datasets in groups of equal scalar coordinate, in order of appearance."""
+    groups = {}
+    for dataset in datasets:
+        groups.setdefault(dataset[coordinate].item(), []).append(dataset)
+    return groups.values()
+
+
+def _stack(datasets, dim, shared):
+    """Return the datasets side by side along `dim`; variables in `shared` must agree and stay."""
+    # Which variables gain the dimension is a matter of their names. Left to itself xarray would
+    # decide by their values, and the shape of the result would depend on the numbers in it.
+    kept = [name for name in datasets[0].data_vars if name in shared]
+    scales = [dataset[kept].drop_vars(dim, errors="ignore") for dataset in datasets]
+    if not all(other.equals(scales[0]) for other in scales[1:]):
+        raise ValueError(f"shards along {dim} differ in their scales or in their tunings")
+    stacked = xr.concat(
+        [dataset.drop_vars(kept) for dataset in datasets],
+        dim=dim,
+        data_vars="all",
+        coords="minimal",
+        compat="equals",
+        join="exact",
+        combine_attrs="drop_conflicts",
+    )
+    return stacked.assign({name: scales[0][name].variable for name in kept})

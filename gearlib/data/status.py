@@ -1,0 +1,47 @@
+"""How a run ended, and what to do when it could not go on."""
+
+import numpy as np
+
+from gearlib.kernels.closed_form.run import (
+    EVENT_LIMIT,
+    JAMMED,
+    NOT_CONVERGED,
+    OK,
+    OVERFLOW,
+    STALLED,
+    UNRESOLVED,
+)
+
+MESSAGES = {
+    OK: "the run is complete",
+    EVENT_LIMIT: (
+        "the run met more contact events in one mesh period than max_events allows: "
+        "raise max_events, or the tuning (slow meshes bounce many times per period)"
+    ),
+    OVERFLOW: (
+        "the motion grew beyond the range of floating-point numbers: "
+        "add damping, leave the parametric-resonance tongue or run fewer periods"
+    ),
+    NOT_CONVERGED: (
+        "the iterations on the contact force did not come to rest within a step: "
+        'raise steps_per_period, or take method "exact" or "taylor"'
+    ),
+    STALLED: (
+        "the step control asked for steps below the spacing of floating-point numbers: "
+        'loosen the tolerances, or take method "exact" or "taylor"'
+    ),
+    JAMMED: (
+        "the moving bearings closed the backlash, so that both flanks would touch at once: "
+        "raise the backlash, stiffen the bearings, or take moving_backlash=False"
+    ),
+    UNRESOLVED: (
+        "the motion kept so close to a flank line that rounding hides whether it crosses it: "
+        'move the initial state or the tuning by a millionth, or take method "scipy"'
+    ),
+}
+
+#: CF flag attributes of every variable that holds a status.
+FLAGS = {
+    "flag_values": np.array(list(MESSAGES), dtype=np.int8),
+    "flag_meanings": "ok event_limit overflow not_converged stalled jammed unresolved",
+}

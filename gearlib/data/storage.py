@@ -1,0 +1,63 @@
+"""Datasets to and from netCDF: the same bytes for the same data, whole files or none."""
+
+import shutil
+from pathlib import Path
+
+import xarray as xr
+
+from gearlib.data.files import replacing
+from gearlib.data.provenance import source_hash
+from gearlib.version import __version__
+
+
+def write(dataset, path):
+    """Write `dataset` to the netCDF file `path`, replacing it in one step.
+
+    The file appears complete or not at all, and holds nothing that changes between two equal
+    calculations.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+    path : str or os.PathLike
+
+    Raises
+    ------
+    OSError
+        If the file cannot be written.
+    """
+    # CF asks for a history. It usually tells the time, which would change the bytes.
+    history = f"{dataset.attrs.get('title', 'dataset')}: written by gearlib {__version__}"
+    # What is gathered keeps the hash of what computed it.
+    made = {"source_hash": dataset.attrs.get("source_hash", source_hash()), "history": history}
+    dataset = dataset.assign_attrs(made)
+    # xarray would give NaN as fill value to every float, which CF forbids for coordinates.
+    encoding = {name: {"_FillValue": None} for name in dataset.variables}
+    for name, variable in dataset.variables.items():
+        if variable.ndim and variable.dtype.kind in "if":
+            encoding[name] |= {"zlib": True, "complevel": 4, "shuffle": True}
+    with replacing(path) as temporary:
+        try:
+            dataset.to_netcdf(temporary, engine="netcdf4", format="NETCDF4", encoding=encoding)
+        except (OSError, RuntimeError) as error:
+            # On a full disk netCDF says no more than "HDF error".
+            free = shutil.disk_usage(Path(path).parent).free // 1024
+            raise OSError(f"{path} cannot be written ({error}); {free} kB are free there") from None
+
+
+def read(path):
+    """Return the dataset in the netCDF file `path`, in memory, the file closed.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    OSError
+        If it cannot be read: cut short, damaged, or something else than netCDF.
+    """
+    try:
+        return xr.load_dataset(path, engine="netcdf4")
+    except FileNotFoundError:
+        raise
+    except (OSError, RuntimeError) as error:
+        raise OSError(f"{path} cannot be read as netCDF ({error}); remove it") from None

@@ -1,0 +1,66 @@
+"""From the summary table of the kernels to named variables."""
+
+import math
+
+import numpy as np
+
+from gearlib.kernels import orbit
+
+COMPONENTS = ("displacement", "velocity")
+
+
+def variables(dims, table, ends, codes, record_periods):
+    """Return name -> (dims, values) of orbit summaries.
+
+    Parameters
+    ----------
+    dims : tuple of str
+        Leading dimensions of the variables; () for one run.
+    table : ndarray, shape (..., 9)
+        Summaries as filled by `gearlib.kernels.closed_form.run`.
+    ends : ndarray, shape (..., 2)
+        Final states.
+    codes : ndarray of int, shape (..., 2)
+        Period of the orbit, status.
+    record_periods : int
+        Mesh periods that the summaries cover.
+    """
+    span = 2.0 * math.pi * record_periods
+    columns = {
+        "displacement_max": table[..., orbit.X_MAX],
+        "displacement_min": table[..., orbit.X_MIN],
+        "dynamic_force_max": table[..., orbit.FORCE_MAX],
+        "dynamic_force_min": table[..., orbit.FORCE_MIN],
+        "fraction_normal": table[..., orbit.TIME_NORMAL] / span,
+        "fraction_backlash": table[..., orbit.TIME_BACKLASH] / span,
+        "fraction_inverse": table[..., orbit.TIME_INVERSE] / span,
+        "fraction_min_stiffness": table[..., orbit.TIME_LOW] / span,
+        "bounces": table[..., orbit.BOUNCES] / record_periods,
+        "period": codes[..., 0].astype(np.int32),
+        "status": codes[..., 1].astype(np.int8),
+    }
+    named = {name: (dims, values) for name, values in columns.items()}
+    named["final_state"] = ((*dims, "component"), ends)
+    return named
+
+
+def in_words(run):
+    """Return in a sentence what the motion of a run of `gearlib.simulate` is.
+
+    Parameters
+    ----------
+    run : xarray.Dataset
+    """
+    if int(run.status):
+        return run.status.attrs["message"]
+    period = int(run.period)
+    motion = f"repeats every {period} mesh periods" if period > 1 else "repeats every mesh period"
+    if not period:
+        motion = "does not repeat within 16 mesh periods"
+    contact = "the flanks never part"
+    if float(run.fraction_inverse) > 0.0:
+        contact = "it strikes both flanks"
+    elif float(run.bounces) > 0.0:
+        times = f"{float(run.bounces):.3g} times"
+        contact = f"it loses contact {'once' if times == '1 times' else times} per mesh period"
+    return f"The motion from rest {motion}; {contact}."

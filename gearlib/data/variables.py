@@ -1,0 +1,284 @@
+"""Names, units and descriptions of every variable that a dataset may hold.
+
+All displacements are in static deflections F / C_s, all times are mesh phase (rad), so that
+velocities are dx/dtau; the scale variables lead to SI.
+"""
+
+from gearlib.data import status
+from gearlib.models import contact_states as contact
+
+#: name -> (CF units, long_name)
+DESCRIPTIONS = {
+    # coordinates
+    "phase": ("rad", "mesh phase, 2 pi per mesh period"),
+    "tuning": ("1", "tuning nu, mesh frequency over mean eigenfrequency"),
+    "component": ("1", "component of the state"),
+    "event": ("1", "number of the event"),
+    # time courses
+    "displacement": ("1", "relative mesh displacement in static deflections"),
+    "velocity": ("1", "relative mesh velocity dx/dtau in static deflections"),
+    "acceleration": ("1", "relative mesh acceleration d2x/dtau2 in static deflections"),
+    "stiffness": ("1", "mesh stiffness over mean mesh stiffness"),
+    "modified_stiffness": ("1", "modified stiffness function C (H1 + H2) over mean mesh stiffness"),
+    "dynamic_force": ("1", "dynamic mesh force over load"),
+    "contact": ("1", "phase of contact"),
+    # six degrees of freedom
+    "rotation_3": ("1", "rotation of gear 3 as arc length on the base circle, static deflections"),
+    "rotation_2": ("1", "rotation of gear 2 as arc length on the base circle, static deflections"),
+    "bearing_y3": ("1", "motion of gear 3 along the line of action in static deflections"),
+    "bearing_z3": ("1", "motion of gear 3 across the line of action in static deflections"),
+    "bearing_y2": ("1", "motion of gear 2 along the line of action in static deflections"),
+    "bearing_z2": ("1", "motion of gear 2 across the line of action in static deflections"),
+    "backlash": ("1", "backlash line s of Eq. (4) in static deflections"),
+    "friction_force": ("1", "friction force across the line of action over load"),
+    "bearing_force_y3": ("1", "force of the bearing of gear 3 along the line of action over load"),
+    "bearing_force_z3": ("1", "force of the bearing of gear 3 across the line of action over load"),
+    "bearing_force_y2": ("1", "force of the bearing of gear 2 along the line of action over load"),
+    "bearing_force_z2": ("1", "force of the bearing of gear 2 across the line of action over load"),
+    # events
+    "event_phase": ("rad", "mesh phase of the crossing of a flank line"),
+    "event_from": ("1", "phase of contact before the event"),
+    "event_to": ("1", "phase of contact after the event"),
+    "event_velocity": ("1", "relative mesh velocity dx/dtau at the event"),
+    # summary of the recorded orbit
+    "displacement_max": ("1", "largest displacement in static deflections"),
+    "displacement_min": ("1", "smallest displacement in static deflections"),
+    "dynamic_force_max": ("1", "largest dynamic mesh force over load"),
+    "dynamic_force_min": ("1", "smallest dynamic mesh force over load"),
+    "fraction_normal": ("1", "fraction of time in normal mesh"),
+    "fraction_backlash": ("1", "fraction of time in the backlash"),
+    "fraction_inverse": ("1", "fraction of time in inverse mesh"),
+    "fraction_min_stiffness": ("1", "fraction of time in mesh at the lower stiffness"),
+    "bounces": ("1", "losses of normal contact per mesh period"),
+    "period": ("1", "period of the orbit in mesh periods, 0 if none was found"),
+    "final_state": ("1", "displacement and dx/dtau at the end of the run, in static deflections"),
+    "status": ("1", "how the run ended"),
+    "evaluations": ("1", "evaluations of the right-hand side in the whole run"),
+    # the jump of the motion from rest
+    "variation": ("1", "number of the variation"),
+    "kind": ("1", "what is varied"),
+    "value": ("1", "value"),
+    "height": ("1", "height of the orbit from rest in static deflections"),
+    "jump": ("1", "tuning at which the orbit jumps"),
+    "shift": ("1", "shift of the jump against the base"),
+    "height_below": ("1", "height of the orbit just below the jump in static deflections"),
+    "height_above": ("1", "height of the orbit just above the jump in static deflections"),
+    "switches": ("1", "large changes of height between neighbouring tunings of the scan"),
+    # page of the report
+    "motion": ("1", "what the motion is, in words"),
+    # periodic orbits
+    "state": ("1", "state at tau = 0 in static deflections and mesh phase"),
+    "multiplier_real": ("1", "real part of the Floquet multipliers"),
+    "multiplier_imaginary": ("1", "imaginary part of the Floquet multipliers"),
+    "pattern": ("1", "phases of contact in the order met"),
+    "stable": ("1", "whether no multiplier lies outside the unit circle"),
+    "grazing": ("1", "whether the orbit touches a flank line"),
+    "residual": ("1", "difference of the states at start and end"),
+    "branch": ("1", "number of the branch"),
+    "locus": ("1", "number of the locus"),
+    "own_damping": ("1", "damping ratio of the pair whose branches they are"),
+    "contacts": ("1", "phases of contact in cyclic order: N normal, B backlash, I inverse mesh"),
+    "orbit_height": ("1", "largest less smallest displacement in static deflections"),
+    # parametric resonance
+    "order": ("1", "half waves per mesh period, order of the tongue"),
+    "tongue": ("1", "number of the tongue"),
+    "tuning_from": ("1", "first tuning of the tongue"),
+    "tuning_to": ("1", "last tuning of the tongue"),
+    "edge_multiplier": ("1", "Floquet multiplier on the edges of the tongue, 0: complex"),
+    "growth": ("1", "logarithm of the largest Floquet multiplier per mesh period"),
+    "growth_tuning": ("1", "tuning of the largest growth in the tongue"),
+    "closing_damping": ("1", "damping ratio from which the tongue stays closed"),
+    "stiffness_ratio": ("1", "stiffness ratio kappa"),
+    "contact_ratio": ("1", "contact ratio epsilon"),
+    "damping": ("1", "damping: ratio beta while the flanks touch, or name of the combination"),
+    "plane": ("1", "parameter beside the tuning"),
+    "row": ("1", "number of the value"),
+    "own_value": ("1", "value of the gear pair"),
+    "point": ("1", "number of the point"),
+    "point_plane": ("1", "parameter beside the tuning, of the point"),
+    "point_value": ("1", "its value where an undamped tongue has width zero"),
+    "point_tuning": ("1", "tuning where an undamped tongue has width zero"),
+    "asked": ("1", "tuning in question"),
+    "damping_ratio": ("1", "damping ratio beta while the flanks touch"),
+    "nearest_order": ("1", "order of the tongue nearest to the tuning in question"),
+    "orbit_min": ("1", "least displacement of the orbit without loss, static deflections"),
+    "lost": ("1", "whether the motion from rest loses contact at the tuning in question"),
+    "loss_from": ("1", "first tuning around at which the motion from rest loses contact"),
+    "loss_to": ("1", "last tuning around at which the motion from rest loses contact"),
+    "forced_from": ("1", "first tuning at which the orbit without loss leaves the flank"),
+    "cause": ("1", "what makes contact be lost at the tuning in question"),
+    # periodic motions over harmonics
+    "harmonic": ("1", "number of the harmonic of the mesh phase"),
+    "cosine": ("1", "cosine amplitude of the displacement in static deflections"),
+    "sine": ("1", "sine amplitude of the displacement in static deflections"),
+    "equation_residual": ("1", "largest residual of the balanced harmonics over the load"),
+    "iterations": ("1", "Newton steps, or applications of the kernel"),
+    "converged": ("1", "whether the iteration converged"),
+    "degenerate": ("1", "harmonics of the degenerate kernel"),
+    "terms": ("1", "real terms of the degenerate kernel"),
+    "norm_bound": ("1", "bound of the norm of the remainder along the motion"),
+    "contraction": ("1", "factor by which an iteration shrinks deviations"),
+    "displacement_error": ("1", "largest error of the displacement in static deflections"),
+    "velocity_error": ("1", "largest error of dx/dtau in static deflections"),
+    # the analytic method at work
+    "iteration": ("1", "applications of the kernel to the motion"),
+    "contact_loss": ("1", "whether contact is lost"),
+    "degenerate_count": ("1", "degenerate harmonics"),
+    "degenerate_chosen": ("1", "degenerate harmonics, chosen automatically"),
+    "automatic": ("1", "degenerate harmonics, chosen automatically"),
+    "balance_harmonics": ("1", "harmonics of harmonic balance"),
+    "schmidt_harmonics": ("1", "harmonics of E. Schmidt's method"),
+    "iterate_displacement": ("1", "displacement of an iterate in static deflections"),
+    "iterate_error": ("1", "largest error of an iterate's displacement in static deflections"),
+    "algebraic_step": ("1", "whether a step of the degenerate part follows the iterate"),
+    "exact_displacement": ("1", "displacement of the exact orbit in static deflections"),
+    "balance_displacement_error": ("1", "largest error of the displacement, harmonic balance"),
+    "balance_velocity_error": ("1", "largest error of dx/dtau, harmonic balance"),
+    "balance_multiplier_error": ("1", "error of the largest multiplier, harmonic balance"),
+    "schmidt_displacement_error": ("1", "largest error of the displacement, E. Schmidt's method"),
+    "schmidt_velocity_error": ("1", "largest error of dx/dtau, E. Schmidt's method"),
+    "schmidt_multiplier_error": ("1", "error of the largest multiplier, E. Schmidt's method"),
+    "balance_max": ("1", "largest displacement by harmonic balance in static deflections"),
+    "balance_min": ("1", "smallest displacement by harmonic balance in static deflections"),
+    # global picture
+    "attractor": ("1", "number of the attractor"),
+    "attractor_kind": ("1", "kind of the attractor"),
+    "basin": ("1", "number of the attractor to which an initial state comes"),
+    "share": ("1", "share of the initial states that come to the attractor"),
+    "share_error": ("1", "standard error of the share of as many random initial states"),
+    "contact_pattern": ("1", "phases of contact in the order met, as text"),
+    "trap_radius": (
+        "1",
+        "radius, in static deflections, of the smallest ellipse around the orbit that no sampled "
+        "direction leaves",
+    ),
+    "attractor_family": ("1", "number of the family of attractors"),
+    "coordinate": ("1", "number of the coordinate of the state"),
+    "multiplier": ("1", "number of the Floquet multiplier"),
+    "orbit": ("1", "number of the orbit"),
+    "chaotic": ("1", "whether deviations from the orbit grow exponentially"),
+    "strobe": ("1", "mesh period of the stroboscopic state"),
+    "backlash_damping": ("1", "damping ratio of the oil in the backlash"),
+    # numerical stability
+    "method": ("1", "method"),
+    "steps": ("1", "steps per mesh period"),
+    "radius": ("1", "spectral radius of one mesh period of the method"),
+    "true_radius": ("1", "spectral radius of one mesh period of the mesh"),
+    "stiffness_max": ("1", "largest stiffness over mean mesh stiffness"),
+    # trust
+    "run": ("1", "how the point was run"),
+    "label": ("1", "what the motion is"),
+    "digits": ("1", "decimal digits to which all runs agree"),
+    "exponent": ("1", "largest Lyapunov exponent per mesh period"),
+    "uncertainty": ("1", "standard error of the exponent"),
+    "fine_tuning": ("1", "tuning of the true radius"),
+    # nonlinear damping
+    "direction": ("1", "direction of the sweep"),
+    "place": ("1", "where the damping acts"),
+    "power": ("1", "power of the velocity in the damping force"),
+    "shown": ("1", "tuning of the phase planes"),
+    "coefficient": ("1", "damping coefficient"),
+    "jump_size": ("1", "change of the orbit's height at the jump in static deflections"),
+    "peak": ("1", "largest displacement of the characteristic in static deflections"),
+    "peak_tuning": ("1", "tuning of the largest displacement"),
+    "lost_from": ("1", "first tuning of the widest stretch with contact lost"),
+    "lost_to": ("1", "last tuning of the widest stretch with contact lost"),
+    # comparison of models
+    "model": ("1", "model"),
+    "case": ("1", "case of the scene"),
+    "observable": ("1", "observable of the scene"),
+    "change": ("1", "largest change of an observable that a larger model makes"),
+    "cost": ("1", "components of the state advanced per mesh period"),
+    "chosen": ("1", "smallest model that carries the scene"),
+    "tolerance": ("1", "largest change that counts as none"),
+    "harmonics": ("1", "harmonics of the truncated stiffness"),
+    # trials of methods by hostile problems
+    "problem": ("1", "test problem"),
+    "trial": ("1", "method with its options"),
+    "options": ("1", "options of the method"),
+    "verdict": ("1", "what became of the problem"),
+    "error": ("1", "error in the quantity that is compared"),
+    "periods": ("1", "mesh periods of the run"),
+    "judge": ("1", "method of the reference"),
+    "message": ("1", "how the run ended, or why it was refused"),
+    "words": ("1", "the problem in words"),
+    "quantity": ("1", "quantity that is compared"),
+    # errors of methods and what they cost
+    "rung": ("1", "number of the line and of the value of its knob"),
+    "line": ("1", "method, and how it is used"),
+    "family": ("1", "family of methods"),
+    "knob": ("1", "accuracy knob and its value"),
+    "orbit_state": ("1", "displacement and dx/dtau of the settled orbit at phase 0"),
+    "event_problem": ("1", "test problem of the event"),
+    "state_error": ("1", "error of the final state, displacement in static deflections or dx/dtau"),
+    "event_error": ("rad", "largest error of the phases of the recorded events"),
+    "multiplier_error": ("1", "error of the largest absolute Floquet multiplier"),
+    "period_evaluations": ("1", "evaluations of the right-hand side per mesh period"),
+    "state_floor": ("1", "half the last place of the final state"),
+    "event_floor": ("rad", "half the last place of the phase of the last event"),
+    "multiplier_floor": ("1", "half the last place of the state over the width of differences"),
+    "period_time": ("s", "wall time per mesh period"),
+    "closed_form_time": ("s", "wall time of one evaluation of the closed form of contact"),
+    "warm_up_time": ("s", "wall time of the first run, in which kernels are compiled or loaded"),
+    "orbit_evaluations": ("1", "evaluations of the right-hand side until the orbit is found"),
+    "orbit_time": ("s", "wall time until the orbit is found"),
+    "shooting_time": ("s", "wall time of shooting for the same orbit"),
+    # the jump from rest, method by method
+    "exact_jump": ("1", "tuning at which the exact orbit from rest jumps"),
+    "jump_error": ("1", "largest jump of the scan less the exact one, in tuning"),
+    "switch": ("1", "number of the switch point"),
+    "switch_tuning": ("1", "tuning between whose neighbours the height of the orbit switches"),
+    "switch_rung": ("1", "rung of the switch point"),
+    "scan_from": ("1", "first tuning of the scan"),
+    "scan_to": ("1", "last tuning of the scan"),
+    "scan_step": ("1", "distance of the tunings of the scan"),
+    "resolution": ("1", "width of the tuning interval to which the jump is bisected"),
+    "left_out": ("1", "rungs left out because they cost more evaluations per period than allowed"),
+    # published problems
+    "largest_multiplier": ("1", "largest absolute Floquet multiplier of the orbit"),
+    "disagreement": ("1", "largest difference in displacement from an independent integration"),
+    "strobe_displacement": ("1", "displacement at phase 0"),
+    "strobe_velocity": ("1", "velocity by phase at phase 0"),
+    "scan_displacement": ("1", "displacement at phase 0 after settling, value by value"),
+    "chosen_value": ("1", "value of the scanned parameter in the source"),
+    "upper_edge": ("1", "displacement where the upper contact begins"),
+    "lower_edge": ("1", "displacement where the lower contact begins, -inf: there is none"),
+    # scales to SI
+    "static_deflection": ("m", "static deflection, scale of displacements"),
+    "mesh_frequency": ("rad s-1", "angular mesh frequency, phase over time"),
+    "velocity_scale": ("m s-1", "scale of velocities"),
+    "acceleration_scale": ("m s-2", "scale of accelerations"),
+    "force_scale": ("N", "load, scale of forces"),
+    "stiffness_scale": ("N m-1", "mean mesh stiffness, scale of stiffnesses"),
+    "backlash_ratio": ("1", "backlash in static deflections"),
+    "tuning_factor_max": ("1", "tuning towards the maximum stiffness over tuning"),
+    "tuning_factor_min": ("1", "tuning towards the minimum stiffness over tuning"),
+}
+
+_FLAGS = {
+    "contact": contact.FLAGS,
+    "event_from": contact.FLAGS,
+    "event_to": contact.FLAGS,
+    "status": status.FLAGS,
+}
+
+
+def describe(dataset, model=None):
+    """Give every variable of `dataset` its units, long_name and flags; return the dataset.
+
+    A model whose variables are no gear mesh's names them itself, in ``long_names``.
+
+    Raises
+    ------
+    KeyError
+        If a variable has no entry here: nothing leaves without units.
+    """
+    own = getattr(model, "long_names", {})
+    for name, variable in dataset.variables.items():
+        units, long_name = DESCRIPTIONS[name]
+        long_name = own.get(name, long_name)
+        if variable.dtype.kind not in "OUST":
+            variable.attrs["units"] = units
+        variable.attrs["long_name"] = long_name
+        variable.attrs.update(_FLAGS.get(name, {}))
+    return dataset

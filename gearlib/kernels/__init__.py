@@ -1,0 +1,42 @@
+"""Compiled kernels: floats and arrays only, a folder for each mathematics.
+
+====================  =============================================================================
+name                  responsibility
+====================  =============================================================================
+``closed_form``       one degree, linear damping: phases of contact and free flights in closed form
+``piecewise_linear``  many coordinates: matrix exponentials between events
+``taylor``            nonlinear mesh: Taylor steps of order 20 that end at events
+``steps``             for comparison: fixed steps, and an embedded pair under step control
+``polynomial``        first crossing and largest value of a polynomial, isolated
+``orbit``             what is recorded of an orbit: extrema, fractions, samples, events
+``growth``            growth of a deviation carried along by maps
+``jit``               how every kernel is compiled
+``cache``             where its machine code is kept, for any number of processes
+====================  =============================================================================
+
+Units: displacement in static deflections, time as mesh phase tau (2 pi per mesh period).
+Kernels check nothing; the calls above them do.
+"""
+
+
+def warm_up():
+    """Compile, or load, what `simulate` and `sweep` need for a `GearPair`; return the source hash.
+
+    Parallel jobs that start without machine code would each compile these kernels, which nearly all
+    share. The others are compiled by the first job that needs them: were they here, an edit of any
+    of them would rerun every job.
+    """
+    import numpy as np
+
+    from gearlib.kernels.cache import source_hash
+    from gearlib.kernels.closed_form.many_runs import run_many
+    from gearlib.kernels.closed_form.mesh import mesh
+    from gearlib.kernels.closed_form.run import run
+    from gearlib.kernels.orbit import EVENT_COLUMNS, SAMPLE_COLUMNS, SUMMARY_COLUMNS
+
+    ratios = np.array([1.2, 0.7, 1.8, 2.7, 0.06, 0.06, 4.0])
+    rows = np.empty((1, SUMMARY_COLUMNS)), np.empty((1, 2)), np.empty((1, 2), dtype=np.int64)
+    run_many(ratios, np.array([0.9]), np.argsort([0.9]), np.zeros(2), False, 2, 1, 100, *rows)
+    samples, events = np.empty((4, SAMPLE_COLUMNS)), np.empty((4, EVENT_COLUMNS))
+    run(mesh(ratios, 0.9), 0.0, 0.0, 2, 1, samples, events, 100, rows[0][0])
+    return source_hash()

@@ -1,0 +1,21 @@
+"""One degree of freedom, linear damping, rectangular stiffness: closed forms between events.
+
+==================  =====================================================================
+module              responsibility
+==================  =====================================================================
+``mesh``            all constants of one mesh at one tuning
+``oscillator``      contact: closed form of the damped linear oscillator
+``flight``          backlash: closed form of the free flight under load and oil drag
+``crossing``        first crossing of a flank line, proven to be the first
+``event_by_event``  from one event to the next through a stretch of constant stiffness
+``contact_table``   contact in a table of equal times, and when it leaves a flank
+``whole_periods``   whole mesh periods without exp, sine or cosine
+``settled``         when a run has settled, and where it then ends
+``run``             a whole run: its periods gone through fast, those at its end recorded
+``many_runs``       runs over many tunings, and over many initial states
+``sections``        states of many orbits at one mesh phase of every period
+``deviation``       linearised maps of phases and flank crossings
+``variation``       growth of small deviations over mesh periods
+``elementary``      exp, sine and cosine as plain arithmetic
+==================  =====================================================================
+"""

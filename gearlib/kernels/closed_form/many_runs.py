@@ -1,0 +1,80 @@
+"""Runs over many tunings, and over many initial states."""
+
+import math
+
+import numpy as np
+
+from gearlib.kernels import orbit
+from gearlib.kernels.closed_form.event_by_event import within_range
+from gearlib.kernels.closed_form.mesh import contact_of, mesh
+from gearlib.kernels.closed_form.run import OK, OVERFLOW, run_at, skip
+from gearlib.kernels.closed_form.whole_periods import new_work, set_mesh, set_start
+from gearlib.kernels.jit import kernel
+
+
+@kernel
+def run_many(
+    ratios, tunings, order, state, carry, periods, record_periods, limit, summaries, ends, codes
+):
+    """Run the tunings ``tunings[order]``.
+
+    Parameters
+    ----------
+    ratios : ndarray, shape (7,)
+        See `gearlib.kernels.closed_form.mesh.mesh`.
+    tunings : ndarray, shape (n,)
+    order : ndarray of int, shape (k,)
+        Which tunings, and in which order.
+    state : ndarray, shape (2,)
+        Initial displacement and velocity.
+    carry : bool
+        Whether a run starts from the end of the one before it (after a failed one: from `state`).
+    summaries, ends : ndarray, shapes (n, 9), (n, 2)
+        Summary and final state of every tuning.
+    codes : ndarray of int, shape (n, 2)
+        Period and status of every tuning.
+    """
+    samples = np.empty((0, orbit.SAMPLE_COLUMNS))
+    events = np.empty((0, orbit.EVENT_COLUMNS))
+    work = new_work()
+    x, v = state[0], state[1]
+    for i in order:
+        m = mesh(ratios, tunings[i])
+        set_mesh(work, m)
+        x, v, period, _, _, status = run_at(
+            m, work, x, v, periods, record_periods, samples, events, limit, summaries[i]
+        )
+        if status != OK:
+            summaries[i, :] = math.nan
+            ends[i, :] = math.nan
+        else:
+            ends[i, 0], ends[i, 1] = x, v
+        if status != OK or not carry:
+            x, v = state[0], state[1]
+        codes[i, 0], codes[i, 1] = period, status
+
+
+@kernel
+def skip_many(m, states, periods, limit, ends, statuses):
+    """Take many states through `periods` mesh periods from tau = 0, unrecorded.
+
+    Parameters
+    ----------
+    m : Mesh
+    states, ends : ndarray, shape (k, 2)
+        Displacement and velocity at the start and at the end.
+    periods : int
+        >= 0.
+    limit : int
+        Most arcs in one mesh period.
+    statuses : ndarray of int, shape (k,)
+    """
+    work = new_work()
+    set_mesh(work, m)
+    for i in range(states.shape[0]):
+        x, v = states[i, 0], states[i, 1]
+        status = OVERFLOW
+        if within_range(x, v):
+            set_start(work, x, v)
+            _, x, v, status, _, _ = skip(m, work, contact_of(m.gap, x, v), x, v, periods, limit)
+        ends[i, 0], ends[i, 1], statuses[i] = x, v, status

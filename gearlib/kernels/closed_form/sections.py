@@ -1,0 +1,61 @@
+"""Sections: the states of many orbits at one mesh phase of every period."""
+
+import numpy as np
+
+from gearlib.kernels import orbit
+from gearlib.kernels.closed_form.event_by_event import ARC_COLUMNS, START, within_range
+from gearlib.kernels.closed_form.mesh import contact_of
+from gearlib.kernels.closed_form.run import EVENT_LIMIT, OK, OVERFLOW, outcome, skip, whole_period
+from gearlib.kernels.closed_form.whole_periods import new_work, set_mesh, set_start
+from gearlib.kernels.jit import kernel
+
+
+@kernel
+def section(m, states, settle, phase, limit, table, ends, statuses):
+    """Fill the section of every orbit.
+
+    Parameters
+    ----------
+    m : Mesh
+    states : ndarray, shape (n, 2)
+        Displacement and velocity at tau = 0.
+    settle : int
+        Mesh periods before the section begins.
+    phase : float
+        Mesh phase of the section, 0 <= phase < 2 pi.
+    limit : int
+        Most arcs in one mesh period.
+    table : ndarray, shape (n, periods, 2)
+        Filled with the states; what a run that could not go on has not reached stays as it was.
+    ends : ndarray, shape (n, 2)
+        States after all periods.
+    statuses : ndarray of int, shape (n,)
+    """
+    work = new_work()
+    set_mesh(work, m)
+    for j in range(states.shape[0]):
+        ends[j, 0], ends[j, 1], statuses[j] = _one(
+            m, work, states[j, 0], states[j, 1], settle, phase, limit, table[j]
+        )
+
+
+@kernel
+def _one(m, work, x, v, settle, phase, limit, table):
+    if not within_range(x, v):
+        return x, v, OVERFLOW
+    set_start(work, x, v)
+    contact = contact_of(m.gap, x, v)
+    contact, x, v, status, _, _ = skip(m, work, contact, x, v, settle, limit)
+    arcs = np.empty((16, ARC_COLUMNS))
+    for row in range(table.shape[0]):
+        if status != OK:
+            break
+        contact, x, v, count, arcs = whole_period(m, work, settle + row, contact, x, v, limit, arcs)
+        status = outcome(x, v, count, limit)
+        if status == EVENT_LIMIT:
+            break
+        i = 0
+        while i + 1 < count and arcs[i + 1, START] <= phase:
+            i += 1
+        table[row, 0], table[row, 1], _, _ = orbit.in_arc(m, arcs[i], phase)
+    return x, v, status

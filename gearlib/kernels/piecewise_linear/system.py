@@ -1,0 +1,212 @@
+"""Piecewise-linear systems with many coordinates: their matrices and Taylor series.
+
+While a contact code and a stretch of the mesh period last, the state obeys z' = A z. Constants and
+harmonics are components of z (of frequency zero and n), so that excitation needs nothing of its
+own. A stretch is cut into equal *knots*, so short that the Taylor polynomial of degree ORDER is
+the solution to rounding, by the bound |remainder| <= (|A| h)^(ORDER + 1) / (ORDER + 1)! e^(|A| h).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from gearlib.kernels.jit import kernel
+
+ORDER = 20
+#: |A| h of a knot: (1.3)^21 / 21! e^1.3 = 2e-17.
+REACH = 1.3
+#: Overlap of the flank lines, in shares of the terms of their distance, that is more than rounding.
+_JAM = 1e-9
+
+
+class System(NamedTuple):
+    """All matrices of one model at one tuning: n components, p stretches."""
+
+    a: np.ndarray  #: z' = a[contact + 1, stretch] z, shape (3, p, n, n)
+    starts: np.ndarray  #: phases that bound the stretches, shape (p + 1,), 0 to 2 pi
+    knots: np.ndarray  #: knots of every stretch, int, shape (p,)
+    low: np.ndarray  #: whether a stretch is one of C_min, shape (p,)
+    stiffness: np.ndarray  #: c by contact code (0: that of the normal flank), shape (3, p)
+    near: np.ndarray  #: functional y, displacement over the normal flank, shape (n,)
+    far: np.ndarray  #: functional y - s, displacement over the far flank, shape (n,)
+    position: np.ndarray  #: functional x, the displacement that is recorded, shape (n,)
+    fix: int  #: the component that is moved by rounding to put a state on a line
+    harmonics: np.ndarray  #: frequencies of the cosine-sine pairs at the end of z, shape (m,)
+    tuning: float
+    repeats: int = 1  #: mesh periods after which the excitation repeats
+    first: int = 0  #: mesh period of the excitation in which runs begin
+
+
+class Tables(NamedTuple):
+    """Where the entries of the matrices are, for series that skip the zeros."""
+
+    counts: np.ndarray  #: entries of every row of A, shape (3, p, n)
+    columns: np.ndarray  #: their columns, shape (3, p, n, n)
+
+
+class Part(NamedTuple):
+    """The part of a `System` that decides its events, and the rest, which goes its own way.
+
+    The state of the whole is ``back @ (state of the part) + rest_back @ (state of the rest)``, with
+    a rest that obeys one constant matrix whatever the contact.
+    """
+
+    system: System  #: of the part, r components
+    into: np.ndarray  #: from the whole to the part, shape (r, n)
+    back: np.ndarray  #: shape (n, r)
+    rest: np.ndarray  #: matrix of the rest, shape (q, q)
+    rest_into: np.ndarray  #: shape (q, n)
+    rest_back: np.ndarray  #: shape (n, q)
+
+
+class Scratch(NamedTuple):
+    """Arrays that a march writes to."""
+
+    z: np.ndarray  #: shape (n,)
+    other: np.ndarray  #: shape (n,)
+    series: np.ndarray  #: Taylor coefficients of the state, shape (ORDER + 1, n)
+    gap: np.ndarray  #: shape (ORDER + 1,)
+    scaled: np.ndarray  #: shape (ORDER + 1,)
+    work: np.ndarray  #: of `polynomial.first_fall`
+
+
+@kernel
+def tables(system):
+    """Return the `Tables` of a system."""
+    counts = np.zeros(system.a.shape[:3], dtype=np.int64)
+    columns = np.empty(system.a.shape, dtype=np.int64)
+    for i in range(counts.shape[0]):
+        for p in range(counts.shape[1]):
+            for r in range(counts.shape[2]):
+                for c in range(counts.shape[2]):
+                    if system.a[i, p, r, c] != 0.0:
+                        columns[i, p, r, counts[i, p, r]] = c
+                        counts[i, p, r] += 1
+    return Tables(counts, columns)
+
+
+@kernel
+def scratch(n):
+    """Return `Scratch` for n components."""
+    return Scratch(
+        np.empty(n),
+        np.empty(n),
+        np.empty((ORDER + 1, n)),
+        np.empty(ORDER + 1),
+        np.empty(ORDER + 1),
+        np.empty((50, ORDER + 2)),
+    )
+
+
+@kernel
+def exponential(a, n, length):
+    """Return exp(a length) of the leading (n, n) block, |a| length within REACH: its series."""
+    total, term = np.eye(n), np.eye(n)
+    for k in range(1, ORDER + 1):
+        new = np.zeros((n, n))
+        for r in range(n):
+            for c in range(n):
+                if a[r, c] != 0.0:
+                    new[r] += (a[r, c] * length / k) * term[c]
+        term = new
+        total += term
+    return total
+
+
+@kernel
+def carry(a, z, length, times):
+    """Take z, shape (q,), along z' = a z by `times` equal lengths: powers of its exponential."""
+    q = z.shape[0]
+    if q == 0:
+        return
+    norm = 0.0
+    for r in range(q):
+        norm = max(norm, np.abs(a[r]).sum() * length)
+    halvings = 0
+    while norm > REACH:
+        norm *= 0.5
+        halvings += 1
+    power = exponential(a, q, length / 2.0**halvings)
+    for _ in range(halvings):
+        power = product(power, power)
+    while times > 0:
+        if times % 2:
+            z[:] = image(power, z)
+        power = product(power, power)
+        times //= 2
+
+
+@kernel
+def image(matrix, z):
+    """Return matrix z: small ones are faster by hand than by a linear algebra library."""
+    out = np.zeros(matrix.shape[0])
+    for r in range(matrix.shape[0]):
+        for c in range(matrix.shape[1]):
+            out[r] += matrix[r, c] * z[c]
+    return out
+
+
+@kernel
+def product(a, b):
+    """Return the product of two matrices."""
+    out = np.zeros((a.shape[0], b.shape[1]))
+    for r in range(a.shape[0]):
+        for k in range(a.shape[1]):
+            for c in range(b.shape[1]):
+                out[r, c] += a[r, k] * b[k, c]
+    return out
+
+
+@kernel
+def expand(a, counts, columns, z, series):
+    """Fill the Taylor coefficients of the state from z; `a` has few entries in a row."""
+    n = z.shape[0]
+    series[0] = z
+    for k in range(1, ORDER + 1):
+        share = 1.0 / k
+        for r in range(n):
+            total = 0.0
+            for j in range(counts[r]):
+                c = columns[r, j]
+                total += a[r, c] * series[k - 1, c]
+            series[k, r] = total * share
+
+
+@kernel
+def evaluate(series, t, out):
+    """Fill `out` with the state of a Taylor series at t."""
+    out[:] = series[ORDER]
+    for k in range(ORDER - 1, -1, -1):
+        for r in range(out.shape[0]):
+            out[r] = out[r] * t + series[k, r]
+
+
+@kernel
+def functional_of(series, functional, h, out):
+    """Fill `out` with a functional of a Taylor series as a polynomial of t / h."""
+    power = 1.0
+    for k in range(ORDER + 1):
+        total = 0.0
+        for r in range(functional.shape[0]):
+            total += functional[r] * series[k, r]
+        out[k] = total * power
+        power *= h
+
+
+@kernel
+def dot(functional, z):
+    total = 0.0
+    for r in range(z.shape[0]):
+        total += functional[r] * z[r]
+    return total
+
+
+@kernel
+def jammed(system, z, line):
+    """Return whether a state that has just left a flank lies behind the other one already.
+
+    Then moving bearings have closed the backlash; of two flanks in contact at once the model says
+    nothing. `line` is that of the flank left, 1 the normal, -1 the far one.
+    """
+    functional = system.far if line == 1 else system.near
+    return line * dot(functional, z) < -_JAM * np.abs(functional * z).sum()

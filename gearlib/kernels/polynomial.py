@@ -1,0 +1,315 @@
+"""First crossing of a polynomial on an interval, isolated in Bernstein form.
+
+A polynomial on [0, 1] lies between its smallest and its largest Bernstein coefficient. So an
+interval without a negative coefficient holds no crossing, one with falling coefficients and a
+negative end holds exactly one, and any other is halved (de Casteljau). Nothing is sampled: a dip
+below zero, however short, makes a coefficient negative. What would take too many halvings is not
+guessed: the answer is then that there is none.
+"""
+
+import math
+
+import numpy as np
+
+from gearlib.kernels.jit import inlined, kernel
+
+#: Halvings after which an interval is as short as rounding.
+_MAX_DEPTH = 48
+#: Steps of Newton's method, of which every eighth halves the bracket: 60 halvings leave nothing.
+_MAX_NEWTON = 480
+#: Steps from a start so close that none has ever needed ten.
+_FEW_NEWTON = 60
+#: Intervals looked at; polynomials with up to ten nearly double roots take 140.
+_MAX_INTERVALS = 1000
+#: A dip smaller than this share of the coefficients cannot be told from their rounding.
+_ROUNDING = 4e-16
+#: Largest values are sought to this share of the coefficients, a hundred roundings.
+_CLOSE = 4e-14
+
+
+def bernstein_matrix(degree):
+    """Return the matrix, shape (degree + 1, degree + 1), from power to Bernstein coefficients.
+
+    Row i holds what the i-th power coefficient adds to the Bernstein coefficients.
+    """
+    matrix = np.zeros((degree + 1, degree + 1))
+    for j in range(degree + 1):
+        for i in range(j + 1):
+            matrix[i, j] = math.comb(j, i) / math.comb(degree, i)
+    return matrix
+
+
+@kernel
+def horner(coefficients, s):
+    """Return the value and the derivative at s of the polynomial with power `coefficients`."""
+    value, slope = 0.0, 0.0
+    for k in range(coefficients.shape[0] - 1, -1, -1):
+        slope = slope * s + value
+        value = value * s + coefficients[k]
+    return value, slope
+
+
+@kernel
+def _to_bernstein(coefficients, matrix, out):
+    """Fill `out` with the Bernstein coefficients of a polynomial."""
+    out[: coefficients.shape[0]] = coefficients[0]
+    for i in range(1, coefficients.shape[0]):
+        c = coefficients[i]
+        for j in range(i, coefficients.shape[0]):
+            out[j] += matrix[i, j] * c
+
+
+@kernel
+def _bracketed_root(coefficients, low, high):
+    """Return the root on [low, high] of a polynomial that falls through zero once there."""
+    s = 0.5 * (low + high)
+    for step in range(_MAX_NEWTON):
+        value, slope = horner(coefficients, s)
+        if value > 0.0:
+            low = s
+        else:
+            high = s
+        new = s - value / slope if slope < 0.0 else low
+        if not low < new < high or step % 8 == 7:
+            new = 0.5 * (low + high)
+        moved = abs(new - s)
+        s = new
+        if moved <= 2e-16 * high:
+            break
+    return s
+
+
+@kernel
+def lowest_of_parabola(a, b, c):
+    """Return the smallest value of a + b s + c s^2 on [0, 1]."""
+    lowest = min(a, a + b + c)
+    if c > 0.0 and 0.0 < -b < 2.0 * c:
+        lowest = a - 0.25 * b * b / c
+    return lowest
+
+
+@kernel
+def first_fall(coefficients, to_bernstein, work):
+    """Return the first s in [0, 1] where a polynomial falls through zero, 2 if there is none.
+
+    -1 if the budget of intervals does not suffice to tell.
+
+    Parameters
+    ----------
+    coefficients : ndarray, shape (n + 1,)
+        Power coefficients, constant first; may be changed. From zero, or below it by the rounding
+        of whoever starts there, the polynomial counts as falling at once when its slope is
+        negative; else what counts is where it falls after it has come up.
+    to_bernstein : ndarray, shape (n + 1, n + 1)
+        `bernstein_matrix` of degree n.
+    work : ndarray, shape (50, n + 2)
+        Storage: a row per waiting interval, its Bernstein coefficients and its width.
+
+    Returns
+    -------
+    float
+    """
+    n = coefficients.shape[0] - 1
+    noise = 0.0
+    for k in range(n + 1):
+        noise += abs(coefficients[k])
+    noise *= _ROUNDING
+    if not noise < math.inf:
+        # Beyond the range of numbers: so is the end of the step, whose status says so.
+        return 2.0
+    if coefficients[0] <= 0.0 and coefficients[1] < -noise:
+        return 0.0
+    # From a start on the line a factor s is divided out, and another from a start at rest: beside
+    # that root the next one could not be told from rounding.
+    for _ in range(2):
+        if coefficients[0] == 0.0:
+            for k in range(n):
+                coefficients[k] = coefficients[k + 1]
+            coefficients[n] = 0.0
+            if abs(coefficients[0]) <= noise and coefficients[1] < -noise:
+                # Its root is closer than rounding can place it.
+                return max(-coefficients[0] / coefficients[1], 0.0)
+    # Most steps are far from the line.
+    tail = 0.0
+    for k in range(3, n + 1):
+        tail += abs(coefficients[k])
+    if lowest_of_parabola(coefficients[0], coefficients[1], coefficients[2]) > tail:
+        return 2.0
+    _to_bernstein(coefficients, to_bernstein, work[0])
+    depth = 0  # rows 0 ... depth of `work` hold the intervals still to be looked at
+    low = 0.0
+    work[0, n + 1] = 1.0
+    for _ in range(_MAX_INTERVALS):
+        if depth < 0:
+            return 2.0
+        b = work[depth]
+        width = b[n + 1]
+        smallest, largest, falling = b[0], b[0], True
+        for j in range(1, n + 1):
+            smallest, largest = min(smallest, b[j]), max(largest, b[j])
+            if b[j] > b[j - 1]:
+                falling = False
+        if smallest >= -noise:
+            low += width
+            depth -= 1
+        elif falling and b[n] < -noise:
+            return _bracketed_root(coefficients, low, low + width)
+        elif largest < 0.0 and b[n] >= b[0]:
+            # Below from the start, and coming up.
+            low += width
+            depth -= 1
+        elif depth == _MAX_DEPTH:
+            if b[n] < -noise and b[n] < b[0]:
+                # Rounding hides how it falls, not that it does.
+                return low
+            low += width
+            depth -= 1
+        else:
+            # The right half stays in this row, the left half goes on top.
+            left = work[depth + 1]
+            left[0] = b[0]
+            for j in range(1, n + 1):
+                for i in range(n + 1 - j):
+                    b[i] = 0.5 * (b[i] + b[i + 1])
+                left[j] = b[0]
+            b[n + 1] = 0.5 * width
+            left[n + 1] = 0.5 * width
+            depth += 1
+    return 2.0 if depth < 0 else -1.0
+
+
+@inlined
+def _value_and_slope(c, first, top, s):
+    """Return sum c_k s^(k - first) from `first` to `top` and its derivative.
+
+    Even and odd powers apart: two short chains of operations instead of a long one.
+    """
+    square = s * s
+    even, odd, even_slope, odd_slope = 0.0, 0.0, 0.0, 0.0
+    last = top - (top - first) % 2
+    if last < top:
+        odd = c[top]
+    for k in range(last, first, -2):
+        even_slope = even_slope * square + even
+        odd_slope = odd_slope * square + odd
+        even = even * square + c[k]
+        odd = odd * square + c[k - 1]
+    even_slope = even_slope * square + even
+    even = even * square + c[first]
+    return even + s * odd, odd + 2.0 * s * (even_slope + s * odd_slope)
+
+
+@kernel
+def fall_by_shape(coefficients, first):
+    """Return where a polynomial falls through zero, 2 if it does not, -1 where this cannot tell.
+
+    A polynomial that falls all along, or is bent one way all along, has at most one crossing
+    between ends of opposite signs and, when it is not bent upwards, none between positive ones.
+    Slope and bend are bounded by their parabolas and the magnitudes of all higher terms.
+
+    Parameters
+    ----------
+    coefficients : ndarray, shape (n + 1,)
+        As of `first_fall`, n >= 4.
+    first : int
+        1 to divide a factor s out (the start is on the line), else 0.
+
+    Returns
+    -------
+    float
+    """
+    c, n = coefficients, coefficients.shape[0] - 1
+    end, size, steep, bend = 0.0, 0.0, 0.0, 0.0
+    slope_sum, slope_tail, bend_tail = 0.0, 0.0, 0.0
+    for k in range(n, first - 1, -1):
+        j = k - first
+        value, large = c[k], abs(c[k])
+        end += value
+        size += large
+        steep += j * value
+        bend += (j * (j - 1)) * large
+        slope_sum += j * large
+        if j == 5:
+            bend_tail = bend
+        if j == 4:
+            slope_tail = slope_sum
+    noise = _ROUNDING * size
+    c0, c1, c2, c3, c4 = c[first], c[first + 1], c[first + 2], c[first + 3], c[first + 4]
+    if c0 <= noise or abs(end) <= noise:
+        return -1.0
+    falls = -lowest_of_parabola(-c1, -2.0 * c2, -3.0 * c3) + slope_tail < -noise
+    if not falls:
+        up = lowest_of_parabola(2.0 * c2, 6.0 * c3, 12.0 * c4) > bend_tail + noise
+        if not up and lowest_of_parabola(-2.0 * c2, -6.0 * c3, -12.0 * c4) <= bend_tail + noise:
+            return -1.0
+        if up and end > 0.0 and c1 < noise and steep > -noise:
+            return -1.0
+    if end > 0.0:
+        return 2.0
+    # Newton's method from the parabola through value and slope at 0 and the value at 1.
+    top = n
+    while top > first + 4 and abs(c[top]) <= 1e-19 * size:
+        top -= 1
+    a = end - c0 - c1
+    s = 2.0 * c0 / (math.sqrt(c1 * c1 - 4.0 * a * c0) - c1)
+    # The first steps need few terms.
+    for _ in range(3):
+        value, slope = _value_and_slope(c, first, min(top, first + 7), s)
+        if not 0.0 < s - value / slope < 1.0:
+            break
+        s -= value / slope
+    low, high = 0.0, 1.0
+    for _ in range(_FEW_NEWTON):
+        value, slope = _value_and_slope(c, first, top, s)
+        if value > 0.0:
+            low = s
+        else:
+            high = s
+        new = s - value / slope if slope < 0.0 else -1.0
+        if low <= new <= high:
+            # What a step of Newton's method leaves: its square times the bend.
+            moved = abs(new - s)
+            if moved <= 2e-16 * high or bend * moved * moved <= -1e-17 * slope * new:
+                return new
+        else:
+            new = 0.5 * (low + high)
+        s = new
+    return -1.0
+
+
+@kernel
+def highest(coefficients, to_bernstein, work, floor):
+    """Return the largest value of a polynomial on [0, 1], or `floor` if that is larger.
+
+    Branch and bound on the Bernstein coefficients: an interval is dropped when none of them lies
+    above the best value so far. NaN if the budget of intervals does not suffice. Arguments as of
+    `first_fall`.
+    """
+    n = coefficients.shape[0] - 1
+    reach = 0.0
+    for k in range(1, n + 1):
+        reach += abs(coefficients[k])
+    if coefficients[0] + reach <= floor:
+        return floor
+    _to_bernstein(coefficients, to_bernstein, work[0])
+    noise = _CLOSE * (abs(coefficients[0]) + reach)
+    depth = 0
+    for _ in range(_MAX_INTERVALS):
+        if depth < 0:
+            return floor
+        b = work[depth]
+        floor = max(floor, b[0], b[n])
+        bound = b[0]
+        for j in range(1, n + 1):
+            bound = max(bound, b[j])
+        if bound <= floor + noise or depth == _MAX_DEPTH:
+            depth -= 1
+            continue
+        left = work[depth + 1]
+        left[0] = b[0]
+        for j in range(1, n + 1):
+            for i in range(n + 1 - j):
+                b[i] = 0.5 * (b[i] + b[i + 1])
+            left[j] = b[0]
+        depth += 1
+    return floor if depth < 0 else math.nan

@@ -1,0 +1,9 @@
+"""Nonlinear mesh of one degree of freedom: Taylor steps that end at events.
+
+==========  ==========================================
+module      responsibility
+==========  ==========================================
+``series``  Taylor series of the motion
+``run``     steps from event to event, and a whole run
+==========  ==========================================
+"""

@@ -1,0 +1,37 @@
+"""Many tunings for a method that runs one: a loop, with or without the state carried along."""
+
+import math
+
+import numpy as np
+
+from gearlib.data import status
+from gearlib.kernels import orbit
+
+
+def run_each(
+    run, tunings, order, state, carry, periods, record_periods, limit, summaries, ends, codes
+):
+    """Run the tunings ``tunings[order]`` one after the other.
+
+    ``run(tuning, state, periods, record_periods, samples, events, limit, summary)`` is one run of
+    a method; the other arguments are those of `gearlib.kernels.closed_form.many_runs.run_many`.
+    """
+    samples, events = np.empty((0, orbit.SAMPLE_COLUMNS)), np.empty((0, orbit.EVENT_COLUMNS))
+    current = state
+    for i in order:
+        x, v, period, _, _, code, _ = run(
+            float(tunings[i]),
+            current,
+            periods,
+            record_periods,
+            samples,
+            events,
+            limit,
+            summaries[i],
+        )
+        ok = code == status.OK
+        if not ok:
+            summaries[i] = math.nan
+        ends[i] = (x, v) if ok else math.nan
+        codes[i] = period, code
+        current = (x, v) if ok and carry else state

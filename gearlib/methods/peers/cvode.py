@@ -1,0 +1,133 @@
+"""SUNDIALS CVODE with its root functions, restarted behind each (scikit-sundae)."""
+
+from functools import partial
+
+import numpy as np
+
+from gearlib import checks
+from gearlib.methods.each import run_each
+from gearlib.methods.one_degree import law_of
+from gearlib.methods.option import Option
+from gearlib.methods.peers import contact_branches as branches
+from gearlib.methods.peers.package import Package
+from gearlib.methods.problems import problem_of
+from gearlib.methods.scipy_ivp import takes
+from gearlib.methods.split import Phase, Split, Stall
+from gearlib.models.six_degrees import SixDegreePair
+
+__all__ = ["EVENTS", "MODELS", "OPTIONS", "ORDER", "PACKAGE", "run", "run_many", "takes"]
+
+PACKAGE = Package("sksundae", "scikit-sundae")
+#: Variable: 1 to 12 with Adams, 1 to 5 with BDF.
+ORDER = None
+EVENTS = "switches end a run, contact is a root function"
+MODELS = "all, one or six degrees of freedom"
+FORMULAS = ("Adams", "BDF")
+OPTIONS = {
+    "rtol": Option(1e-10, checks.finite_positive, "relative tolerance of a step"),
+    "atol": Option(
+        1e-10, checks.finite_positive, "absolute tolerance, static deflections and dx/dtau"
+    ),
+    "formula": Option("Adams", partial(checks.one_of, choices=FORMULAS), f"one of {FORMULAS}"),
+}
+#: Steps in one phase before the solver gives up; a phase takes hundreds.
+_MOST_STEPS = 1_000_000
+#: Status of a run that a root function ended.
+_ROOT = 2
+
+
+def run(pair, tuning, state, *arguments, rtol, atol, formula):
+    """Run one tuning; see `gearlib.methods`."""
+    problem = problem_of(pair, tuning)
+    law = None if isinstance(pair, SixDegreePair) else law_of(pair, tuning)
+    options = {"rtol": rtol, "atol": atol, "method": formula, "max_num_steps": _MOST_STEPS}
+    return _Run(problem, law, options).run(tuning, state, *arguments)
+
+
+def run_many(pair, *arguments, **options):
+    """Run many tunings; see `gearlib.methods`."""
+    run_each(partial(run, pair, **options), *arguments)
+
+
+class _Run(Split):
+    """One CVODE memory for each branch, initialised anew for each phase."""
+
+    def __init__(self, problem, law, options):
+        super().__init__(problem)
+        self.law, self.options = law, options
+        self._solvers = {}
+        #: Phase at which the mesh period starts, for what has not its period.
+        self._turn = 0.0
+
+    def _solver(self, piece, contact):
+        """Return (solver with root functions, solver without) of a branch."""
+        key = piece, contact
+        if key not in self._solvers:
+            from sksundae.cvode import CVODE
+
+            rate = self._rate(piece, contact)
+            exits = [(i, leave.line) for i, leave in enumerate(self.exits[contact])]
+            lines = self.problem.lines
+
+            def roots(t, z, values):
+                both = lines(self._turn + t, z)
+                for i, line in exits:
+                    values[i] = both[line]
+
+            roots.terminal = [True] * len(exits)  # type: ignore[attr-defined]
+            directions = [leave.direction for leave in self.exits[contact]]
+            roots.direction = directions  # type: ignore[attr-defined]
+            self._solvers[key] = (
+                CVODE(rate, eventsfn=roots, num_events=len(exits), **self.options),
+                CVODE(rate, **self.options),
+            )
+        return self._solvers[key]
+
+    def _rate(self, piece, contact):
+        if self.law is None:
+
+            def rate(t, z, out):
+                out[:] = self.problem.rate(self._turn + t, z, piece, contact)
+
+        else:
+            numbers = branches.pack(self.law, piece, contact)
+
+            def rate(t, z, out):
+                branches.fill_rate(t, z, out, numbers)
+
+        return rate
+
+    def solve(self, n, start, end, z, piece, contact, keep):
+        """Take one phase; see `Split`."""
+        self._turn = 2.0 * np.pi * n
+        solver, plain = self._solver(piece, contact)
+        if keep:
+            done = solver.solve([start, end], z)
+        else:
+            solver.init_step(start, z)
+            done = solver.step(end, tstop=end)
+        if not done.success:
+            raise Stall
+        self.evaluations += done.nfev
+        hit = None
+        # The table of roots is that of an earlier phase where none was found in this one.
+        if done.status == _ROOT:
+            hit = int(np.flatnonzero(np.atleast_2d(done.i_events)[-1])[0])
+        if not keep:
+            return Phase(float(done.t), done.y.copy(), hit)
+        t, z0 = float(done.t[-1]), z
+
+        def dense(times):
+            # The solver shows its interpolant only at times it is given; evaluations for the
+            # record are not counted.
+            inside = (times > start) & (times < t)
+            if not inside.any():
+                return np.repeat([z0], len(times), 0)
+            states = plain.solve(np.concatenate([[start], times[inside], [end]]), z0).y
+            out = np.empty((len(times), len(z0)))
+            out[times <= start], out[times >= t] = z0, done.y[-1]
+            out[inside] = states[1:-1]
+            return out
+
+        points = list(zip(done.t, done.y, strict=True))
+        return Phase(t, done.y[-1].copy(), hit, points, dense)

@@ -1,0 +1,30 @@
+"""Classical Runge-Kutta in fixed steps over switches and contact, as Simulink's ode4 takes them."""
+
+from functools import partial
+
+from gearlib import checks
+from gearlib.kernels.steps.fixed import Scheme, run_steps
+from gearlib.methods.each import run_each
+from gearlib.methods.one_degree import MODELS, law_of, takes
+from gearlib.methods.option import Option
+
+__all__ = ["EVENTS", "MODELS", "OPTIONS", "ORDER", "run", "run_many", "takes"]
+
+ORDER = 4
+EVENTS = "steps go over switches and contact; changes between step ends, by a straight line"
+OPTIONS = {
+    "steps_per_period": Option(
+        200, partial(checks.integer, low=1), "equal steps of one mesh period"
+    )
+}
+_SCHEME = Scheme(True, False, 0.0, 0.0, 0.0, 0.0)
+
+
+def run(pair, tuning, state, *arguments, steps_per_period):
+    """Run one tuning; see `gearlib.methods`."""
+    return run_steps(law_of(pair, tuning), _SCHEME, steps_per_period, *state, *arguments)
+
+
+def run_many(pair, *arguments, **options):
+    """Run many tunings; see `gearlib.methods`."""
+    run_each(partial(run, pair, **options), *arguments)

@@ -1,0 +1,247 @@
+"""Parameters of a gear pair: the border between SI units and dimensionless ratios.
+
+=====================  ======================  ==========================================
+name                   symbol                  unit or definition
+=====================  ======================  ==========================================
+max_stiffness          C_max                   N/m
+stiffness_ratio        kappa = C_min / C_max   1, in (0, 1]
+contact_ratio          epsilon                 1, in [1, 2]
+reduced_mass           m_red                   kg
+load                   F                       N, along the line of action
+backlash               s_k                     m
+material_damping       k_1                     N s/m, while the flanks touch
+backlash_damping       k_1m                    N s/m, of the oil while they do not
+teeth                  z                       mesh periods per revolution
+mean_stiffness         C_s                     Eq. (2)
+mean_eigenfrequency    Omega_s                 sqrt(C_s / m_red), rad/s
+damping_ratio          beta                    k_1 / (2 m_red Omega_s)
+backlash_damping_ratio beta_m                  k_1m / (2 m_red Omega_s)
+static_deflection      F / C_s                 m
+backlash_ratio         s_k C_s / F             1
+=====================  ======================  ==========================================
+
+Nothing below this module knows a unit: kernels see the ratios and the tuning
+``nu = omega_c / Omega_s`` only.
+
+Source: Hortel & Skuderova, Engineering Mechanics 14 (2007) 91-104. The paper
+prints ``m_red = 0.003123 kg``; only 0.003123 N s^2/mm = 3.123 kg agrees with its
+damping ratios.
+"""
+
+import dataclasses
+import math
+from dataclasses import dataclass
+
+from gearlib import checks
+from gearlib.models.stiffness import mean_over_max
+
+
+@dataclass(frozen=True, kw_only=True)
+class GearPair:
+    """One pair of spur gears, in SI units; immutable.
+
+    Parameters
+    ----------
+    max_stiffness : float
+        Maximum mesh stiffness C_max, N/m; finite, > 0.
+    stiffness_ratio : float
+        kappa = C_min / C_max, in (0, 1].
+    contact_ratio : float
+        epsilon, in [1, 2]. Both ends mean constant stiffness.
+    reduced_mass : float
+        m_red, kg; finite, > 0.
+    load : float
+        Mean force along the line of action, N; finite, > 0.
+    backlash : float
+        s_k, m; >= 0, ``math.inf`` for a pair without a second flank.
+    material_damping, backlash_damping : float
+        k_1 in contact and k_1m in the backlash, N s/m; finite, >= 0.
+    teeth : int, default 24
+        Teeth of the gear whose revolutions are counted; >= 1.
+
+    Raises
+    ------
+    ValueError
+        If a value is impossible; the message names parameter, value and range.
+    """
+
+    max_stiffness: float
+    stiffness_ratio: float
+    contact_ratio: float
+    reduced_mass: float
+    load: float
+    backlash: float
+    material_damping: float = 0.0
+    backlash_damping: float = 0.0
+    teeth: int = 24
+
+    #: Mesh periods after which the excitation repeats.
+    repeats = 1
+
+    def __post_init__(self):
+        def put(name, value):
+            # The one place where the frozen fields are set, to plain floats.
+            object.__setattr__(self, name, value)
+
+        for name in ("max_stiffness", "reduced_mass", "load"):
+            put(name, checks.finite_positive(name, getattr(self, name)))
+        for name in ("material_damping", "backlash_damping"):
+            put(name, checks.finite_nonnegative(name, getattr(self, name)))
+        put("stiffness_ratio", _stiffness_ratio(self.stiffness_ratio))
+        put("contact_ratio", _contact_ratio(self.contact_ratio))
+        put("backlash", _backlash("backlash", self.backlash))
+        put("teeth", checks.integer("teeth", self.teeth, 1))
+
+    @classmethod
+    def from_ratios(
+        cls,
+        *,
+        contact_ratio,
+        stiffness_ratio,
+        damping=0.0,
+        backlash_damping=0.0,
+        backlash=math.inf,
+        teeth=24,
+    ):
+        """Return a pair given by its dimensionless ratios, in unit scales.
+
+        Mean stiffness, reduced mass and load are 1 N/m, 1 kg and 1 N, so that one
+        static deflection is 1 m and the mean eigenfrequency is 1 rad/s.
+
+        Parameters
+        ----------
+        contact_ratio, stiffness_ratio : float
+            epsilon in [1, 2], kappa in (0, 1].
+        damping, backlash_damping : float, default 0
+            Damping ratios beta (contact) and beta_m (backlash); finite, >= 0.
+        backlash : float, default infinite
+            In static deflections; >= 0.
+        teeth : int, default 24
+            Mesh periods per revolution.
+
+        Raises
+        ------
+        ValueError
+            If a value is impossible; the message names parameter, value and range.
+        """
+        damping = checks.finite_nonnegative("damping", damping)
+        backlash_damping = checks.finite_nonnegative("backlash_damping", backlash_damping)
+        over_max = mean_over_max(_contact_ratio(contact_ratio), _stiffness_ratio(stiffness_ratio))
+        # The mean stiffness is 1 up to rounding. Mass and load are the very same number, so that
+        # static deflection and eigenfrequency are exactly 1 and ratios keep their last digit.
+        unit = 1.0 / over_max * over_max
+        return cls(
+            max_stiffness=1.0 / over_max,
+            stiffness_ratio=stiffness_ratio,
+            contact_ratio=contact_ratio,
+            reduced_mass=unit,
+            load=unit,
+            backlash=backlash,
+            material_damping=2.0 * damping * unit,
+            backlash_damping=2.0 * backlash_damping * unit,
+            teeth=teeth,
+        )
+
+    @property
+    def min_stiffness(self):
+        """Minimum mesh stiffness C_min, N/m."""
+        return self.stiffness_ratio * self.max_stiffness
+
+    @property
+    def mean_stiffness(self):
+        """Mean mesh stiffness C_s, N/m; Eq. (2)."""
+        return self.max_stiffness * mean_over_max(self.contact_ratio, self.stiffness_ratio)
+
+    @property
+    def mean_eigenfrequency(self):
+        """Omega_s = sqrt(C_s / m_red), rad/s."""
+        return math.sqrt(self.mean_stiffness / self.reduced_mass)
+
+    @property
+    def damping_ratio(self):
+        """beta = k_1 / (2 m_red Omega_s), of the material in contact."""
+        return self.material_damping / (2.0 * self.reduced_mass * self.mean_eigenfrequency)
+
+    @property
+    def backlash_damping_ratio(self):
+        """beta_m = k_1m / (2 m_red Omega_s), of the oil in the backlash."""
+        return self.backlash_damping / (2.0 * self.reduced_mass * self.mean_eigenfrequency)
+
+    @property
+    def static_deflection(self):
+        """F / C_s, m: the unit of every dimensionless displacement."""
+        return self.load / self.mean_stiffness
+
+    @property
+    def backlash_ratio(self):
+        """Backlash in static deflections."""
+        return self.backlash / self.static_deflection
+
+    @property
+    def tuning_factor_max(self):
+        """sqrt(C_s / C_max), so that nu_max = nu * tuning_factor_max."""
+        return math.sqrt(self.mean_stiffness / self.max_stiffness)
+
+    @property
+    def tuning_factor_min(self):
+        """sqrt(C_s / C_min), so that nu_min = nu * tuning_factor_min."""
+        return math.sqrt(self.mean_stiffness / self.min_stiffness)
+
+    def tuning_max(self, tuning):
+        """Return nu_max = omega_c / Omega_max for a tuning nu (float or array)."""
+        return tuning * self.tuning_factor_max
+
+    def tuning_min(self, tuning):
+        """Return nu_min = omega_c / Omega_min for a tuning nu (float or array)."""
+        return tuning * self.tuning_factor_min
+
+    def mesh_frequency(self, tuning):
+        """Return omega_c = nu Omega_s, rad/s (float or array)."""
+        return tuning * self.mean_eigenfrequency
+
+    @property
+    def flank_lines(self):
+        """Displacements, in static deflections, at which normal and inverse mesh begin."""
+        return 0.0, -self.backlash_ratio
+
+    def scales(self):
+        """Return the scalar variables of datasets that depend on the pair alone."""
+        return {
+            "static_deflection": self.static_deflection,
+            "force_scale": self.load,
+            "stiffness_scale": self.mean_stiffness,
+            "backlash_ratio": self.backlash_ratio,
+            "tuning_factor_max": self.tuning_factor_max,
+            "tuning_factor_min": self.tuning_factor_min,
+        }
+
+    def speed_scales(self, tuning):
+        """Return mesh frequency, velocity and acceleration scale at a tuning (float or array)."""
+        frequency = self.mesh_frequency(tuning)
+        return {
+            "mesh_frequency": frequency,
+            "velocity_scale": self.static_deflection * frequency,
+            "acceleration_scale": self.static_deflection * frequency**2,
+        }
+
+    def replace(self, **changes):
+        """Return a copy with some SI parameters changed (and checked)."""
+        names = [field.name for field in dataclasses.fields(self)]
+        checks.known(type(self).__name__, changes, names)
+        return dataclasses.replace(self, **changes)
+
+    def as_dict(self):
+        """Return the SI parameters as a plain dict, in the order of the fields."""
+        return dataclasses.asdict(self)
+
+
+def _contact_ratio(value):
+    return checks.number("contact_ratio", value, "from 1 to 2", lambda v: 1.0 <= v <= 2.0)
+
+
+def _stiffness_ratio(value):
+    return checks.number("stiffness_ratio", value, "> 0 and <= 1", lambda v: 0.0 < v <= 1.0)
+
+
+def _backlash(name, value):
+    return checks.number(name, value, ">= 0 (infinity included)", lambda v: v >= 0.0)

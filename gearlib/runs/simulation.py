@@ -1,0 +1,228 @@
+"""`simulate`: one gear pair at one tuning, its time course, events and orbit summary."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import xarray as xr
+
+from gearlib import checks
+from gearlib.data import provenance, status, summary
+from gearlib.data.variables import describe
+from gearlib.kernels import orbit
+from gearlib.models import contact_states as contact
+from gearlib.runs.run_arguments import MAX_EVENTS, check_run, check_tuning
+
+_FIRST_EVENTS = 64
+
+
+def simulate(
+    pair,
+    tuning,
+    *,
+    periods,
+    record_periods=1,
+    samples_per_period=256,
+    initial_state=(0.0, 0.0),
+    method=None,
+    options=None,
+    max_events=MAX_EVENTS,
+):
+    """Run a gear pair at one tuning and record the end of the run.
+
+    The model is x'' + (2 beta / nu) x' + (c(tau) / nu^2) g(x) = 1 / nu^2 in static deflections
+    and mesh phase, with beta_m instead of beta in the backlash; tau = 0 is the middle of the
+    stretch of maximum stiffness. Every phase is propagated in closed form: there is no step size.
+    With a `OneDegreePair` it is that of `gearlib.models.one_degree`, in Taylor steps to rounding,
+    with a `DeadZoneOscillator` that of `gearlib.models.dead_zone`, in its own variables.
+
+    Parameters
+    ----------
+    pair : GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator
+    tuning : float
+        nu = mesh frequency / mean eigenfrequency; finite, > 0.
+    periods : int
+        Mesh periods from tau = 0.
+    record_periods : int, default 1
+        How many of them, at the end, are recorded.
+    samples_per_period : int, default 256
+        Equal steps of phase per recorded period; the end of a period is the start of the next
+        and is not repeated.
+    initial_state : tuple of float, default (0, 0)
+        Displacement in static deflections and dx/dtau at tau = 0. The default: flanks just touch.
+    method : str, optional
+        A name of `gearlib.methods`; by default "exact" where it takes the model, else "taylor".
+        The others, for comparison, show what a user of theirs sees: extrema over step ends and
+        samples, events between step ends.
+    options : dict, optional
+        Options of the method, see `gearlib.methods`.
+    max_events : int
+        Most phases of contact and flights in one mesh period before the run gives up.
+
+    Returns
+    -------
+    xarray.Dataset
+        Over ``phase`` (rad, from tau = 0): displacement, velocity, acceleration, stiffness,
+        modified_stiffness, dynamic_force, contact (1 normal, 0 backlash, -1 inverse); at an
+        event or a stiffness switch the value just after it. Over ``event``: event_phase,
+        event_from, event_to, event_velocity, all crossings of flank lines in the recorded
+        periods. Scalars: final_state (component), the orbit summary described at
+        `gearlib.sweep`, evaluations (of the right-hand side in the whole run), the scales to SI,
+        and status. When status is not 0, the run could not go
+        on: all results are NaN and ``status.attrs["message"]`` says what to do.
+
+    Raises
+    ------
+    ValueError
+        Naming the argument, its value and the allowed range.
+
+    References
+    ----------
+    Hortel, Skuderova: Engineering Mechanics 14 (2007) 91-104, Eq. (1)-(3).
+    """
+    tuning = check_tuning("tuning", tuning)
+    ran = march(
+        pair,
+        tuning,
+        periods=periods,
+        record_periods=record_periods,
+        samples_per_period=samples_per_period,
+        initial_state=initial_state,
+        method=method,
+        options=options,
+        max_events=max_events,
+    )
+    periods, record_periods = ran.periods, ran.record_periods
+    step = 2.0 * math.pi / samples_per_period
+    first = (periods - record_periods) * samples_per_period
+    data = {
+        **_time_course(ran.samples, getattr(pair, "extra_samples", ()), ran.status),
+        **_event_table(ran.events),
+        **summary.variables(
+            (), ran.table, ran.end, np.array([ran.period, ran.status]), record_periods
+        ),
+        **pair.scales(),
+        **pair.speed_scales(tuning),
+        "tuning": tuning,
+        "evaluations": ran.evaluations,
+    }
+    coords = {
+        "phase": (first + np.arange(len(ran.samples))) * step,
+        "component": list(summary.COMPONENTS),
+    }
+    dataset = describe(xr.Dataset(data, coords), pair)
+    dataset["status"].attrs["message"] = status.MESSAGES[ran.status]
+    dataset.attrs = provenance.attributes(
+        "Time course of a gear mesh",
+        pair,
+        method=ran.method,
+        options=ran.options,
+        tuning=tuning,
+        periods=periods,
+        record_periods=record_periods,
+        initial_state=ran.initial_state,
+    )
+    return dataset
+
+
+class Run(NamedTuple):
+    """What a run leaves behind; when its status is not 0, numbers are NaN and events are none."""
+
+    samples: np.ndarray  #: shape (record_periods * samples_per_period, 6 + extra)
+    events: np.ndarray  #: shape (n, 5)
+    table: np.ndarray  #: shape (9,), the orbit summary
+    end: np.ndarray  #: shape (2,), the final state
+    period: int
+    status: int
+    evaluations: int
+    method: str
+    options: dict
+    initial_state: tuple
+    periods: int
+    record_periods: int
+
+
+def march(
+    pair,
+    tuning,
+    *,
+    periods,
+    record_periods,
+    samples_per_period,
+    initial_state,
+    method=None,
+    options=None,
+    max_events=MAX_EVENTS,
+):
+    """Run a gear pair at one tuning as `simulate` does, and return bare numbers, a `Run`."""
+    samples_per_period = checks.integer("samples_per_period", samples_per_period, 1)
+    periods, record_periods, initial_state, method, module, options, max_events = check_run(
+        pair, periods, record_periods, initial_state, method, options, max_events
+    )
+    columns = orbit.SAMPLE_COLUMNS + len(getattr(pair, "extra_samples", ()))
+    samples = np.empty((record_periods * samples_per_period, columns))
+    table = np.empty(orbit.SUMMARY_COLUMNS)
+    x, v, period, events, found, code, evaluations = module.run(
+        pair,
+        tuning,
+        initial_state,
+        periods,
+        record_periods,
+        samples,
+        np.empty((_FIRST_EVENTS, orbit.EVENT_COLUMNS)),
+        max_events,
+        table,
+        **options,
+    )
+    end = np.array([x, v])
+    if code != status.OK:
+        for array in (samples, table, end):
+            array[...] = math.nan
+        found = 0
+    return Run(
+        samples,
+        events[:found],
+        table,
+        end,
+        period,
+        code,
+        evaluations,
+        method,
+        options,
+        initial_state,
+        periods,
+        record_periods,
+    )
+
+
+def _time_course(samples, extra, code):
+    """Return the variables over ``phase`` from the sample table, shape (n, 6 + extra)."""
+    if code == status.OK:
+        touching = samples[:, orbit.SAMPLE_CONTACT].astype(np.int8)
+    else:
+        touching = np.zeros(len(samples), np.int8)
+    stiffness = samples[:, orbit.SAMPLE_STIFFNESS]
+    columns = {
+        "displacement": samples[:, orbit.SAMPLE_X],
+        "velocity": samples[:, orbit.SAMPLE_V],
+        "acceleration": samples[:, orbit.SAMPLE_A],
+        "stiffness": stiffness,
+        "modified_stiffness": np.where(touching == contact.BACKLASH, 0.0 * stiffness, stiffness),
+        "dynamic_force": samples[:, orbit.SAMPLE_FORCE],
+        "contact": touching,
+    }
+    for i, name in enumerate(extra):
+        columns[name] = samples[:, orbit.SAMPLE_COLUMNS + i]
+    return {name: (("phase",), values) for name, values in columns.items()}
+
+
+def _event_table(events):
+    """Return the variables over ``event`` from the event table, shape (n, 5)."""
+    phase = 2.0 * math.pi * events[:, orbit.EVENT_PERIOD] + events[:, orbit.EVENT_PHASE]
+    columns = {
+        "event_phase": phase,
+        "event_from": events[:, orbit.EVENT_FROM].astype(np.int8),
+        "event_to": events[:, orbit.EVENT_TO].astype(np.int8),
+        "event_velocity": events[:, orbit.EVENT_VELOCITY].copy(),
+    }
+    return {name: (("event",), values) for name, values in columns.items()}

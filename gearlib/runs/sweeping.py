@@ -1,0 +1,167 @@
+"""`sweep`: one gear pair over many tunings, the summary of each orbit."""
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import xarray as xr
+
+from gearlib import checks
+from gearlib.data import provenance, summary
+from gearlib.data.variables import describe
+from gearlib.kernels import orbit
+from gearlib.models.six_degrees import SixDegreePair
+from gearlib.runs.run_arguments import MAX_EVENTS, check_run, check_tuning
+
+DIRECTIONS = ("cold", "up", "down")
+
+#: Tunings handed to a thread at a time: enough to hide the hand-over, few enough to share out the
+#: chaotic end of a sweep.
+_FEWEST, _MOST = 16, 128
+
+
+def sweep(
+    pair,
+    tunings,
+    *,
+    periods,
+    record_periods,
+    initial_state=(0.0, 0.0),
+    direction="cold",
+    method=None,
+    options=None,
+    max_events=MAX_EVENTS,
+    threads=None,
+):
+    """Run a gear pair at many tunings and summarise the end of each run.
+
+    Parameters
+    ----------
+    pair : GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator
+    tunings : array_like of float, shape (n,)
+        Each finite and > 0, all different.
+    periods, record_periods : int
+        Mesh periods of each run, and how many of them, at the end, are summarised.
+    initial_state : tuple of float, default (0, 0)
+        Displacement in static deflections and dx/dtau at tau = 0.
+    direction : {"cold", "up", "down"}
+        "cold" starts every tuning from `initial_state`. "up" and "down" go through the tunings
+        in ascending or descending order, each run starting from the final state of the one
+        before it, which shows hysteresis; after a run that could not go on, from `initial_state`.
+        With run-out the gears go on turning from where they are, as in a slow run-up; six degrees
+        of freedom do so by method "exact" only.
+    method : str, optional
+        A name of `gearlib.methods`; by default "exact" where it takes the model, else "taylor".
+        The others are for comparison; their extrema are those of their step ends.
+    options : dict, optional
+        Options of the method, see `gearlib.methods`.
+    max_events : int
+        Most phases of contact and flights in one mesh period before a run gives up.
+    threads : int, optional
+        Threads of a cold sweep, all processors by default. The result does not depend on it.
+
+    Returns
+    -------
+    xarray.Dataset
+        Over ``tuning``, in the order given: displacement_max, displacement_min,
+        dynamic_force_max, dynamic_force_min, extrema of the closed forms (not of samples);
+        fraction_normal, fraction_backlash, fraction_inverse, fraction_min_stiffness (in mesh at
+        C_min), shares of time; bounces, losses of normal contact per mesh period; period, the
+        smallest n <= 16 for which the last n stroboscopic states repeat those of n periods
+        before within 1e-6 of the orbit's height (of a static deflection if that is larger), 0
+        if there is none, or the run is shorter than 2 n - 1 periods; with run-out n may also be
+        1 to 16 times the mesh periods after which that repeats; final_state (tuning, component);
+        status, with NaN in all other variables where it is not 0; the scales to SI.
+
+    Raises
+    ------
+    ValueError
+        Naming the argument, its value and the allowed range.
+    """
+    tunings = _check_tunings(tunings)
+    periods, record_periods, initial_state, method, module, options, max_events = check_run(
+        pair, periods, record_periods, initial_state, method, options, max_events
+    )
+    checks.one_of("direction", direction, DIRECTIONS)
+    if direction != "cold" and method != "exact" and isinstance(pair, SixDegreePair):
+        raise ValueError(
+            f"direction = {direction!r} is not allowed for six degrees of freedom by method "
+            f"{method!r}: it must be 'cold', or the method 'exact', which carries all coordinates "
+            "along"
+        )
+    threads = os.cpu_count() if threads is None else checks.integer("threads", threads, 1)
+
+    table = np.empty((tunings.size, orbit.SUMMARY_COLUMNS))
+    ends = np.empty((tunings.size, 2))
+    codes = np.empty((tunings.size, 2), dtype=np.int64)
+    carry = direction != "cold"
+
+    def go_through(order):
+        module.run_many(
+            pair,
+            tunings,
+            order,
+            initial_state,
+            carry,
+            periods,
+            record_periods,
+            max_events,
+            table,
+            ends,
+            codes,
+            **options,
+        )
+
+    order = np.argsort(tunings)
+    if direction == "down":
+        order = order[::-1].copy()
+    chunk = min(max(order.size // (4 * threads), _FEWEST), _MOST)
+    chunks = [order[i : i + chunk] for i in range(0, order.size, chunk)]
+    if carry or threads == 1 or len(chunks) < 2:
+        go_through(order)
+    else:
+        # The kernels release the interpreter lock and every tuning has its own rows, so plain
+        # threads suffice.
+        with ThreadPoolExecutor(threads) as pool:
+            list(pool.map(go_through, chunks))
+
+    data = {
+        **summary.variables(("tuning",), table, ends, codes, record_periods),
+        **pair.scales(),
+        **{name: (("tuning",), x) for name, x in pair.speed_scales(tunings).items()},
+    }
+    coords = {"tuning": tunings, "component": list(summary.COMPONENTS)}
+    dataset = describe(xr.Dataset(data, coords), pair)
+    dataset.attrs = provenance.attributes(
+        "Resonance characteristic of a gear mesh",
+        pair,
+        method=method,
+        options=options,
+        direction=direction,
+        periods=periods,
+        record_periods=record_periods,
+        initial_state=initial_state,
+    )
+    return dataset
+
+
+def _check_tunings(tunings):
+    """Return the tunings as a float array, shape (n,)."""
+    try:
+        values = np.atleast_1d(np.asarray(tunings))
+    except ValueError:
+        values = np.empty((0, 0))
+    if values.ndim != 1 or values.size == 0:
+        raise ValueError(
+            f"tunings = {tunings!r} is not allowed: it must be a non-empty sequence of numbers"
+        )
+    if values.dtype.kind in "iuf" and np.isfinite(values).all() and (values > 0.0).all():
+        values = values.astype(float)
+    else:
+        # One after the other, to name the first that is not allowed.
+        values = np.array([check_tuning(f"tunings[{i}]", v) for i, v in enumerate(values.tolist())])
+    unique, counts = np.unique(values, return_counts=True)
+    if unique.size < values.size:
+        twice = float(unique[counts > 1][0])
+        raise ValueError(f"tunings contains {twice!r} twice: all tunings must be different")
+    return values

@@ -1,0 +1,16 @@
+"""What stands behind one figure or table; nothing else imports it.
+
+======================  ==============================================================
+name                    responsibility
+======================  ==============================================================
+``scenes``              the time courses of a few runs, side by side
+``model_comparison``    what larger models would change in a scene, and what they cost
+``phase_lag``           lag of the motion behind the mesh stiffness
+``jump``                where the motion from rest jumps, and what moves the jump
+``resonance_branches``  the branches behind Fig. 3, and loci of their special points
+``nonlinear_damping``   equivalent linear, quadratic and cubic damping side by side
+``analytic_method``     the paper's analytic method at work, against exact orbits
+``claims``              the paper's statements, checked against computed data
+``trials``              which method is right, at what cost, and where each fails
+======================  ==============================================================
+"""

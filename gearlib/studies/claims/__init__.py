@@ -1,0 +1,117 @@
+"""The paper's statements, checked against computed data.
+
+Every verdict follows from numbers by a stated rule, with the accuracy of the paper's plots;
+nothing is typed in. Where a strict reading answers otherwise, the verdict names both. A statement
+that differs stays in the table with its numbers; one for which the configuration has no data is
+"not evaluated". Statements P1 ... P13 are those of Hortel & Skuderova (2007).
+
+===================  ======================================================
+module               responsibility
+===================  ======================================================
+``data``             the data of one configuration
+``statements``       the statements and their rules
+``characteristics``  rules on scales, characteristics and phase planes
+``scenes``           rules on single runs
+``explanations``     why they come out so: tongues, folds, grazings
+===================  ======================================================
+"""
+
+import csv
+import io
+from dataclasses import asdict, dataclass, fields
+
+from gearlib.data.files import replacing
+from gearlib.studies.claims.data import Data, NoData
+from gearlib.studies.claims.explanations import Facts, explain
+from gearlib.studies.claims.statements import CHECKS
+
+HOLDS, DIFFERS, OPEN = "holds", "differs", "not evaluated"
+
+
+@dataclass(frozen=True)
+class Claim:
+    """One statement: what the paper says, what was computed, and the verdict."""
+
+    id: str
+    statement: str
+    where: str
+    computed: str
+    verdict: str
+    explanation: str
+    figure: str
+
+
+def evaluate(pair, dampings, resonance, phase_planes, phase_lag, jump, scenes, tongues, branches):
+    """Return the claims P1-P13.
+
+    Parameters
+    ----------
+    pair : GearPair
+        The gear pair; its damping is not used.
+    dampings : dict of str to {"material": float, "backlash": float}
+        The damping combinations, N s/m, by name.
+    resonance, phase_planes : xarray.Dataset
+        As gathered by `gearlib.data.gathering`.
+    phase_lag : xarray.Dataset
+        As computed by `gearlib.studies.phase_lag`.
+    jump : xarray.Dataset
+        As computed by `gearlib.studies.jump`.
+    scenes : dict of str to xarray.Dataset
+        As computed by `gearlib.studies.scenes`, by name; P8 and P11-P13 look at those whose names
+        begin with fig4, fig6, fig7, fig8.
+    tongues : xarray.Dataset
+        As computed by `gearlib.analysis.tongues.explanation`.
+    branches : dict of str to xarray.Dataset
+        As computed by `gearlib.studies.resonance_branches`, by the name of the damping.
+
+    Returns
+    -------
+    list of Claim
+    """
+    resonance = resonance.sortby("tuning")
+    data = Data(pair, dampings, resonance, phase_planes, phase_lag, jump, scenes)
+    facts = Facts(data, tongues, branches)
+    return [_evaluate(check, data, facts) for check in CHECKS]
+
+
+def _evaluate(check, data, facts):
+    identifier, statement, where, figure, rule = check
+    try:
+        holds, computed, *strictly = rule(data)
+        verdict = HOLDS if holds else DIFFERS
+        if strictly:
+            verdict += f" at plot resolution; strictly {strictly[0]}"
+    except NoData as reason:
+        verdict, computed = OPEN, str(reason)
+    explanation = "" if verdict == OPEN else explain(identifier, facts)
+    return Claim(identifier, statement, where, computed, verdict, explanation, figure)
+
+
+def write_csv(claims, path):
+    """Write the claims as CSV, a row per statement, replacing the file in one step."""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, [f.name for f in fields(Claim)], lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(asdict(claim) for claim in claims)
+    _replace(path, text.getvalue())
+
+
+def write_markdown(claims, path):
+    """Write the claims as a Markdown table, replacing the file in one step."""
+    lines = [
+        "# Statements of the paper against computed data",
+        "",
+        "| id | the paper | computed | verdict | explanation | figure |",
+        "|---|---|---|---|---|---|",
+    ]
+    lines += [
+        f"| {c.id} | {c.statement} ({c.where}) | {c.computed} | **{c.verdict}** "
+        f"| {c.explanation} | {c.figure} |"
+        for c in claims
+    ]
+    _replace(path, "\n".join(lines) + "\n")
+
+
+def _replace(path, text):
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")

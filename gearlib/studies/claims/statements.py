@@ -1,0 +1,99 @@
+"""The statements: id, the paper's words, where it says so, our figure, the rule."""
+
+from gearlib.studies.claims import characteristics, scenes
+
+CHECKS = (
+    (
+        "P1",
+        "nu = 0.815: nu_max 0.7391, nu_min 0.9639; nu = 0.8151: 0.7392, 0.9640",
+        "text to Fig. 6",
+        "Fig. 3",
+        characteristics.scales,
+    ),
+    (
+        "P2",
+        "k1 = 3.95, 4, 0.04 N s/mm: beta 0.062, 0.0624, 0.000624",
+        "text, Fig. 2",
+        "Fig. 3",
+        characteristics.damping_ratios,
+    ),
+    (
+        "P3",
+        "the size of k1 shifts the phase of y(t) against C(t)",
+        "Fig. 2",
+        "Fig. 2",
+        scenes.phase_shift,
+    ),
+    (
+        "P4",
+        "conservative: normal mesh for 0.6 <= nu < 0.8 except a small region near 0.66",
+        "Fig. 3",
+        "Fig. 3",
+        characteristics.conservative_smooth,
+    ),
+    (
+        "P5",
+        "conservative: contact bounces begin at nu = 0.8; above, bounces and inverse mesh, chaotic",
+        "Fig. 3",
+        "Fig. 3",
+        characteristics.conservative_chaotic,
+    ),
+    (
+        "P6",
+        "k1 > 0: normal mesh on 0.6 ... 0.8, bounces on 0.8 ... 1.12 without inverse mesh, normal "
+        "mesh again above",
+        "Fig. 3",
+        "Fig. 3",
+        characteristics.damped_bounces,
+    ),
+    (
+        "P7",
+        "k1 = 0, k1m > 0 is the only damped variant not in purely normal mesh above 1.12",
+        "Fig. 3",
+        "Fig. 3",
+        characteristics.only_oil_bounces_above,
+    ),
+    (
+        "P8",
+        "contact ratio 1.1: mesh mostly at C_min; 1.9: mostly at C_max",
+        "Fig. 4",
+        "Fig. 4",
+        scenes.contact_ratios,
+    ),
+    (
+        "P9",
+        "conservative phase planes: all unsteady, bounces at 0.66, 0.80, 0.81, 0.82, inverse mesh "
+        "at 0.81, 0.82 only",
+        "Fig. 5",
+        "Fig. 5",
+        characteristics.conservative_planes,
+    ),
+    (
+        "P10",
+        "k1 = 0, k1m > 0: unsteady at 0.60, 0.66, 0.78; every other damped cell steady",
+        "Fig. 5",
+        "Fig. 5",
+        characteristics.damped_planes,
+    ),
+    (
+        "P11",
+        "nu = 0.815 and 0.8151 give drastically different orbits: small and large bounces",
+        "Fig. 6",
+        "Fig. 6",
+        scenes.two_tunings,
+    ),
+    (
+        "P12",
+        "time in mesh at C_min at nu = 0.82: t(k1,k1m) > t(k1,0) > t(0,k1m)",
+        "Fig. 7",
+        "Fig. 7",
+        scenes.time_at_min_stiffness,
+    ),
+    (
+        "P13",
+        "conservative, nu = 0.66, six degrees of freedom: unsteady, contact bounces",
+        "Fig. 8",
+        "Fig. 8",
+        scenes.six_degrees,
+    ),
+)

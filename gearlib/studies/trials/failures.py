@@ -1,0 +1,298 @@
+"""The verdict of one method on one problem, by rule; the whole matrix.
+
+A run is judged against the reference that shares nothing with it but the model: the exact
+propagator where it takes the model, else Taylor steps to rounding. These two are judged by each
+other, and where only one of them takes the model, by scipy's DOP853 split at events at a
+tolerance of 1e-13. The first rule that holds gives the verdict:
+
+==================  ===========================================================================
+verdict             rule
+==================  ===========================================================================
+refused             the method does not take the model
+diverged            the motion left the range of floating-point numbers, or its height is more
+                    than `FAR` times that of the reference (one static deflection if larger)
+stalled             no end within `MAX_EVENTS` steps or phases a mesh period, iterations without
+                    rest, or steps below the spacing of numbers
+right               the error is within the tolerance of the problem (where fractions are
+                    compared: and both motions repeat, or neither does)
+wrong attractor     orbit or fractions are compared, and the period differs, or height (over that
+                    of the reference), bounces per period or a fraction by more than `SHARE`
+invented motion     energy or deviation is compared, and is larger than that of the reference; or
+                    the reference rests or repeats, and the height is more than `GROWTH` times its
+missed event        the record has other contact events, or in another order (not where orbit or
+                    fractions are compared: those have no events in common one by one)
+inaccurate          none of these
+==================  ===========================================================================
+"""
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+import xarray as xr
+
+from gearlib import methods as integrators
+from gearlib.data import status
+from gearlib.data.provenance import canonical_json
+from gearlib.data.variables import describe
+from gearlib.runs.simulation import simulate
+from gearlib.studies.trials.difficult_problems import problems
+from gearlib.version import __version__
+
+if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
+    from gearlib.methods import scipy_ivp  # noqa: F401
+
+#: From right to worse; their order is that of the flags in the matrix.
+VERDICTS = (
+    "right",
+    "inaccurate",
+    "missed_event",
+    "wrong_attractor",
+    "invented_motion",
+    "diverged",
+    "stalled",
+    "refused",
+)
+#: Quantities of motions that have forgotten their start.
+SETTLED = ("orbit", "fractions")
+#: Change of an orbit that makes it another one; all of its quantities are of order 1.
+SHARE = 0.05
+#: Height over that of a steady reference which the problem does not have.
+GROWTH = 2.0
+#: Height over that of the reference which no motion of the problem can have.
+FAR = 1e3
+#: Most steps or phases in one mesh period: more than any problem needs, few enough to end.
+MAX_EVENTS = 30_000
+#: Judge of the library's own solvers where the other one does not take the model.
+_SPLIT = ("scipy", {"solver": "DOP853", "rtol": 1e-13, "atol": 1e-13, "events": True})
+#: Methods whose steps are interpreted: thousands of times slower than compiled ones.
+INTERPRETED = ("scipy",)
+
+
+class Outcome(NamedTuple):
+    """What the rules see of a run."""
+
+    status: int
+    state: tuple = (math.nan, math.nan)  #: at the end
+    low: float = math.nan  #: extrema of the record
+    high: float = math.nan
+    fractions: tuple = (math.nan,) * 3  #: of time in normal mesh, backlash, inverse mesh
+    bounces: float = math.nan  #: per mesh period
+    period: int = 0  #: mesh periods after which the motion repeats; 0: it does not
+    contacts: tuple = ()  #: pairs of contact codes (before, after), one per event
+    evaluations: int = 0
+
+    @property
+    def height(self):
+        """Height of the recorded motion, static deflections."""
+        return self.high - self.low
+
+
+def outcome_of(run):
+    """Return the `Outcome` of a result of `gearlib.simulate`."""
+    if int(run.status) != status.OK:
+        return Outcome(int(run.status))
+    pairs = zip(run.event_from.values.tolist(), run.event_to.values.tolist(), strict=True)
+    names = ("fraction_normal", "fraction_backlash", "fraction_inverse")
+    return Outcome(
+        status.OK,
+        tuple(run.final_state.values.tolist()),
+        float(run.displacement_min),
+        float(run.displacement_max),
+        tuple(float(run[name]) for name in names),
+        float(run.bounces),
+        int(run.period),
+        tuple(pairs),
+        int(run.evaluations),
+    )
+
+
+def _distance(tuning, state, other):
+    """Return the distance of two states, velocities in units of displacements."""
+    return max(abs(state[0] - other[0]), tuning * abs(state[1] - other[1]))
+
+
+def alien_contacts(contacts, expected):
+    """Return how many events are missing, alien or out of order."""
+    differing = sum(a != b for a, b in zip(contacts, expected, strict=False))
+    return differing + abs(len(contacts) - len(expected))
+
+
+def amount(problem, outcome):
+    """Return energy or deviation, where one is compared: what a method must not make more of."""
+    if problem.quantity == "energy":
+        # Constant stiffness, the mean one: rest position 1, natural frequency 1 / nu.
+        return 0.5 * sum(
+            value**2 for value in (outcome.state[0] - 1.0, problem.tuning * outcome.state[1])
+        )
+    return _distance(problem.tuning, outcome.state, problem.orbit)
+
+
+def error(problem, outcome, reference):
+    """Return the error of a complete run in the quantity of its problem."""
+    if problem.quantity == "contacts":
+        return float(alien_contacts(outcome.contacts, reference.contacts))
+    if problem.quantity == "fractions":
+        pairs = zip(outcome.fractions, reference.fractions, strict=True)
+        return max(abs(a - b) for a, b in pairs)
+    if problem.quantity in ("energy", "deviation"):
+        expected = amount(problem, reference)
+        return abs(amount(problem, outcome) - expected) / expected
+    if problem.quantity == "orbit":
+        off = max(abs(outcome.low - reference.low), abs(outcome.high - reference.high))
+        return off / reference.height
+    return _distance(problem.tuning, outcome.state, reference.state) / max(1.0, reference.height)
+
+
+def _is_right(problem, off, outcome, reference):
+    if problem.quantity == "fractions" and (outcome.period == 0) != (reference.period == 0):
+        return False
+    return off <= problem.tolerance
+
+
+def _is_other_attractor(problem, outcome, reference):
+    if problem.quantity not in SETTLED:
+        return False
+    # Motions that do not repeat have no height in common, only fractions.
+    if outcome.period != reference.period:
+        return True
+    changes = [abs(a - b) for a, b in zip(outcome.fractions, reference.fractions, strict=True)]
+    if problem.quantity == "orbit":
+        changes.append(abs(outcome.bounces - reference.bounces))
+        changes.append(abs(outcome.height - reference.height) / reference.height)
+    return max(changes) > SHARE
+
+
+def _is_invented(problem, outcome, reference):
+    if problem.quantity in ("energy", "deviation"):
+        return amount(problem, outcome) > amount(problem, reference)
+    # A reference at rest has a period as well, with a height of rounding.
+    steady = reference.period > 0
+    return steady and outcome.height > GROWTH * max(reference.height, problem.tolerance)
+
+
+def decide(problem, outcome, reference):
+    """Return (verdict, error) of a run against its reference, by the rules of the module."""
+    if outcome.status == status.OVERFLOW:
+        return "diverged", math.nan
+    if outcome.status != status.OK:
+        return "stalled", math.nan
+    off = error(problem, outcome, reference)
+    if not outcome.height <= FAR * max(1.0, reference.height):
+        return "diverged", off
+    if _is_right(problem, off, outcome, reference):
+        return "right", off
+    if _is_other_attractor(problem, outcome, reference):
+        return "wrong_attractor", off
+    if _is_invented(problem, outcome, reference):
+        return "invented_motion", off
+    if problem.quantity not in SETTLED and outcome.contacts != reference.contacts:
+        return "missed_event", off
+    return "inaccurate", off
+
+
+def run(problem, method, options, periods, max_events=MAX_EVENTS):
+    """Return the `Outcome` of a method on a problem."""
+    result = simulate(
+        problem.model,
+        problem.tuning,
+        periods=periods,
+        record_periods=problem.recorded(periods),
+        # Extrema of step methods are those of step ends and samples.
+        samples_per_period=256 if problem.quantity == "orbit" else 1,
+        initial_state=problem.state,
+        method=method,
+        options=options,
+        max_events=max_events,
+    )
+    return outcome_of(result)
+
+
+def judge_of(problem, method):
+    """Return (method, options) of the reference for a method on a problem."""
+    able = [
+        name
+        for name in ("exact", "taylor")
+        if name != method and integrators.METHODS[name].takes(problem.model)
+    ]
+    return (able[0], {}) if able else _SPLIT
+
+
+def try_method(problem, method, options):
+    """Return (verdict, error, periods, evaluations, name of the judge, message) of one cell."""
+    refusal = integrators.refusal(problem.model, method)
+    if refusal:
+        return "refused", math.nan, 0, 0, "", refusal
+    brief = method in INTERPRETED and problem.brief_periods is not None
+    periods = problem.brief_periods if brief else problem.periods
+    judge, judge_options = judge_of(problem, method)
+    outcome = run(problem, method, options, periods)
+    # The judge has no such bound: whatever it needs, the problem needs.
+    reference = run(problem, judge, judge_options, periods, 1_000_000)
+    verdict, off = decide(problem, outcome, reference)
+    return verdict, off, periods, outcome.evaluations, judge, status.MESSAGES[outcome.status]
+
+
+def compute(name, method, options, chosen=None):
+    """Return the verdicts of one method on all problems: a column of the matrix.
+
+    Parameters
+    ----------
+    name : str
+        Of the column.
+    method : str
+        One of `gearlib.methods`.
+    options : dict
+        Options of the method.
+    chosen : list of str, optional
+        Names of problems; by default all.
+
+    Returns
+    -------
+    xarray.Dataset
+        Over (problem, trial), one trial: verdict (flags), error, periods, evaluations, judge,
+        message. Over problem: words, model, tuning, displacement and velocity at the start,
+        quantity, tolerance. Over trial: method, options.
+    """
+    known = problems()
+    names = list(known) if chosen is None else list(chosen)
+    rows = [try_method(known[key], method, options) for key in names]
+    verdict, off, periods, evaluations, judge, message = zip(*rows, strict=True)
+
+    def column(values, dtype):
+        return ("problem", "trial"), np.array(values, dtype=dtype)[:, None]
+
+    def about(value, dtype=object):
+        return "problem", np.array([value(known[key]) for key in names], dtype=dtype)
+
+    dataset = xr.Dataset(
+        {
+            "verdict": column([VERDICTS.index(v) for v in verdict], np.int8),
+            "error": column(off, float),
+            "periods": column(periods, np.int32),
+            "evaluations": column(evaluations, np.int64),
+            "judge": column(judge, object),
+            "message": column(message, object),
+            "words": about(lambda p: p.words),
+            "model": about(lambda p: canonical_json(p.model.as_dict())),
+            "tuning": about(lambda p: p.tuning, float),
+            "displacement": about(lambda p: p.state[0], float),
+            "velocity": about(lambda p: p.state[1], float),
+            "quantity": about(lambda p: p.quantity),
+            "tolerance": about(lambda p: p.tolerance, float),
+            "method": ("trial", np.array([method], dtype=object)),
+            "options": ("trial", np.array([canonical_json(options)], dtype=object)),
+        },
+        {"problem": names, "trial": [name]},
+    )
+    dataset.attrs = {
+        "Conventions": "CF-1.11",
+        "title": "Verdicts on methods by hostile problems",
+        "source": f"gearlib {__version__}",
+        "references": "Hortel, Skuderova: Engineering Mechanics 14 (2007) 91-104",
+    }
+    describe(dataset)
+    dataset["verdict"].attrs.update(
+        flag_values=np.arange(len(VERDICTS), dtype=np.int8), flag_meanings=" ".join(VERDICTS)
+    )
+    return dataset

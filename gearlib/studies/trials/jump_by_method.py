@@ -1,0 +1,200 @@
+"""Where each method puts the jump of the motion from rest, and what that costs.
+
+The scan is cold, every tuning from rest, and what jumps is the height of the orbit, as in
+`gearlib.studies.jump`. A method may switch between the orbits many times: every switch of its scan
+is kept. Its jump is the largest of them, bisected. Costs are evaluations of the right-hand side.
+"""
+
+import csv
+import math
+from typing import NamedTuple
+
+import numpy as np
+import xarray as xr
+
+from gearlib.data.files import replacing
+from gearlib.data.provenance import canonical_json
+from gearlib.data.variables import describe
+from gearlib.models.pair import GearPair
+from gearlib.studies import jump
+from gearlib.studies.trials import problems, work_precision
+from gearlib.studies.trials.work_precision import Line
+from gearlib.version import __version__
+
+#: scipy's right-hand side is Python: what fits into a minute.
+SCIPY = [
+    Line("scipy RK45", "controlled", "rtol", (1e-3,), {"solver": "RK45"}, True),
+    Line("scipy LSODA", "controlled", "rtol", (1e-6,), {"solver": "LSODA"}, True),
+    Line(
+        "scipy DOP853, split",
+        "located",
+        "rtol",
+        (1e-5,),
+        {"solver": "DOP853", "events": True},
+        True,
+    ),
+]
+
+
+class Scan(NamedTuple):
+    """What a method says of the jump."""
+
+    tunings: np.ndarray  #: of the scan
+    switches: np.ndarray  #: tunings between whose neighbours the height switches
+    jump: float  #: the largest, bisected; NaN: none
+    evaluations: float  #: of the scan, per mesh period
+
+
+def rungs(method):
+    """Return (line, text of the knob, options) of a method, as of `work_precision.rungs`.
+
+    Solvers of other packages, whose runs are slow, take few values.
+    """
+    if method in work_precision.OWN:
+        return work_precision.rungs(method)
+    lines = SCIPY if method == "scipy" else [work_precision.generic_line(method)]
+    return work_precision.rungs_of(lines)
+
+
+def scan(pair, tunings, resolution, method, options, run):
+    """Return the `Scan` of a method.
+
+    Parameters
+    ----------
+    pair : GearPair
+    tunings : sequence of float, shape (n,)
+        Rising, n >= 2.
+    resolution : float
+        Width of the last interval of the bisection.
+    method, options : str, dict
+    run : dict
+        periods, record_periods, initial_state.
+    """
+    tunings = np.asarray(tunings, float)
+
+    def at(nu):
+        bound = problems.Bound(pair, float(nu), method, options)
+        return bound.run(tuple(run["initial_state"]), run["periods"], run["record_periods"])
+
+    runs = [at(nu) for nu in tunings]
+    height = np.array([one.height for one in runs])
+    cost = sum(one.evaluations for one in runs) / (len(runs) * run["periods"])
+    steps, large = jump.height_steps(height)
+    middles = 0.5 * (tunings[:-1] + tunings[1:])
+    if not large.any():
+        return Scan(tunings, middles[large], math.nan, cost)
+    i = int(np.argmax(steps))
+    low, high = tunings[i], tunings[i + 1]
+    while high - low > resolution:
+        middle = 0.5 * (low + high)
+        found = at(middle).height
+        if abs(found - height[i]) <= abs(found - height[i + 1]):
+            low = middle
+        else:
+            high = middle
+    return Scan(tunings, middles[large], 0.5 * (low + high), cost)
+
+
+def period_cost(pair, nu, method, options, run):
+    """Return the evaluations per mesh period of a short run from the initial state."""
+    bound = problems.Bound(pair, nu, method, options)
+    periods = min(run["periods"], 5)
+    return bound.run(tuple(run["initial_state"]), periods).evaluations / periods
+
+
+def compute(method, pair, tunings, slow_tunings, settings, run):
+    """Return the jump by one method, for every value of its knob that is within the cost allowed.
+
+    Parameters
+    ----------
+    method : str
+    pair : dict
+        Keyword arguments of `GearPair`.
+    tunings, slow_tunings : sequence of float, shape (n,)
+        The scan, and that of methods which are not compiled by this library; rising, n >= 2.
+    settings : dict
+        resolution, slow: resolution of the slow scan, most_evaluations per mesh period.
+    run : dict
+        periods, record_periods, initial_state.
+
+    Returns
+    -------
+    xarray.Dataset
+        Over (rung,): line, family, knob, options, switches (their number), jump (NaN: none),
+        jump_error, period_evaluations, scan_from, scan_to, scan_step, resolution. Over
+        (switch,): switch_tuning and switch_rung. exact_jump; left_out, the number of rungs that
+        cost more than allowed.
+    """
+    model = GearPair(**pair)
+    exact = scan(model, tunings, settings["resolution"], "exact", {}, run).jump
+    fast = method in work_precision.OWN
+    nus = tunings if fast else slow_tunings
+    resolution = (settings if fast else settings["slow"])["resolution"]
+    table = rungs(method)
+    kept = [
+        rung
+        for rung in table
+        if period_cost(model, nus[0], method, rung[2], run) <= settings["most_evaluations"]
+    ]
+    scans = [scan(model, nus, resolution, method, options, run) for _, _, options in kept]
+    jumps = np.array([one.jump for one in scans])
+    count = len(kept)
+    # Without the binary digits of a difference of decimals.
+    step = round(float(nus[1] - nus[0]), 12)
+    data = {
+        **work_precision.rung_variables(kept),
+        "switches": ("rung", np.array([one.switches.size for one in scans], np.int32)),
+        "jump": ("rung", jumps),
+        "jump_error": ("rung", jumps - exact),
+        "period_evaluations": ("rung", np.array([one.evaluations for one in scans])),
+        "scan_from": ("rung", np.full(count, float(nus[0]))),
+        "scan_to": ("rung", np.full(count, float(nus[-1]))),
+        "scan_step": ("rung", np.full(count, step)),
+        "resolution": ("rung", np.full(count, resolution)),
+        "switch_tuning": ("switch", np.concatenate([[], *(one.switches for one in scans)])),
+        "switch_rung": (
+            "switch",
+            np.repeat(np.arange(count, dtype=np.int32), [one.switches.size for one in scans]),
+        ),
+        "exact_jump": exact,
+        "left_out": np.int32(len(table) - count),
+    }
+    coords = {"rung": np.arange(count, dtype=np.int32)}
+    dataset = xr.Dataset(data, coords)
+    dataset.attrs = {
+        "Conventions": "CF-1.11",
+        "title": f"Jump of the motion from rest by method {method}",
+        "source": f"gearlib {__version__}, method {method}",
+        "references": "Hortel, Skuderova: Engineering Mechanics 14 (2007) 91-104",
+        "comment": "Methods that are not compiled by this library go through a shorter scan.",
+        "gear_pair": canonical_json(pair),
+        "parameters": canonical_json({"settings": settings, "run": run}),
+    }
+    return describe(dataset)
+
+
+def write_csv(datasets, path):
+    """Write the jumps of all methods as one table, the cheapest first, replacing the file."""
+    rows = []
+    for data in datasets:
+        for k in range(data.sizes["rung"]):
+            one = data.isel(rung=k)
+            switches = data.switch_tuning.values[data.switch_rung.values == k]
+            rows.append(
+                (
+                    float(one.period_evaluations),
+                    one.line.item(),
+                    one.knob.item(),
+                    int(one.switches),
+                    f"{float(one.jump):.8f}",
+                    f"{float(one.jump_error):.2e}",
+                    " ".join(f"{nu:.6g}" for nu in switches),
+                    f"{float(one.scan_from):g} to {float(one.scan_to):g}",
+                )
+            )
+    names = ("switches", "jump", "error", "switch_tunings", "scan")
+    with replacing(path) as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(["line", "knob", "evaluations_per_period", *names])
+        for cost, line, knob, *rest in sorted(rows, key=lambda row: row[:3]):
+            writer.writerow([line, knob, f"{cost:.4g}", *rest])

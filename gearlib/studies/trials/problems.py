@@ -1,0 +1,175 @@
+"""Test problems for methods: models, and runs of any method."""
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from gearlib import methods as integrators
+from gearlib.data import status
+from gearlib.kernels import orbit
+from gearlib.models.one_degree import OneDegreePair
+from gearlib.models.pair import GearPair
+from gearlib.models.six_degrees import SixDegreePair
+from gearlib.runs.run_arguments import MAX_EVENTS
+
+if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
+    from gearlib.methods import scipy_ivp  # noqa: F401
+
+#: Mesh periods in which the slowest of the damped problems settles to rounding.
+SETTLING = 400
+#: At rest on the flank line.
+START = (0.0, 0.0)
+_FIRST_EVENTS = 64
+
+
+class Case(NamedTuple):
+    """What makes a problem of the gear pair."""
+
+    tuning: float
+    damped: tuple[bool, bool]  #: whether linear damping acts in contact and in the backlash
+    kind: str = "linear"  #: or "cubic", "six_degrees"
+    steady: bool = True  #: whether it has an orbit of one mesh period to settle on
+
+
+#: name -> `Case`. With run-out, six degrees repeat after a revolution only.
+CASES = {
+    "smooth": Case(0.7, (True, True)),
+    "bouncing": Case(0.9, (True, True)),
+    "near_fold": Case(0.815, (True, False)),
+    "conservative": Case(0.9, (False, False), steady=False),
+    "six_degrees": Case(0.82, (True, True), "six_degrees", False),
+    "cubic": Case(0.9, (False, False), "cubic"),
+}
+
+
+class Problem(NamedTuple):
+    """One test problem: a motion from rest on the flank line."""
+
+    name: str
+    model: GearPair | OneDegreePair | SixDegreePair
+    tuning: float
+    periods: int
+    record_periods: int
+    steady: bool
+
+
+class Run(NamedTuple):
+    """What a method returns of a run; NaN and no events where it could not go on."""
+
+    state: np.ndarray  #: (x, dx/dtau) at the end
+    phases: np.ndarray  #: of the events of the recorded periods, rad from the start of the run
+    kinds: np.ndarray  #: contact codes (from, to) of the events, shape (n, 2)
+    height: float  #: of the recorded orbit, static deflections
+    evaluations: int
+    code: int
+
+
+def build(name, pair, six_degrees, settings):
+    """Return a `Problem`.
+
+    Parameters
+    ----------
+    name : str
+        Of `CASES`.
+    pair : dict
+        Keyword arguments of `GearPair`, without damping.
+    six_degrees : dict
+        What `SixDegreePair` needs beyond the pair.
+    settings : dict
+        damping (N s/m), cubic_damping (N s^3/m^3), periods, conservative_periods, record_periods.
+    """
+    case = CASES[name]
+    material, oil = (settings["damping"] if damped else 0.0 for damped in case.damped)
+    model = GearPair(**pair).replace(material_damping=material, backlash_damping=oil)
+    if case.kind == "six_degrees":
+        model = SixDegreePair(pair=model, **six_degrees)
+    elif case.kind == "cubic":
+        cubic = settings["cubic_damping"]
+        model = OneDegreePair(pair=model, cubic_damping=cubic, backlash_cubic_damping=cubic)
+    # Without damping rounding errors grow with every bounce: longer runs compare nothing.
+    periods = settings["conservative_periods" if name == "conservative" else "periods"]
+    recorded = min(settings["record_periods"], periods)
+    return Problem(name, model, case.tuning, periods, recorded, case.steady)
+
+
+def takes(method, model):
+    """Return whether a method takes a model."""
+    return integrators.METHODS[method].takes(model)
+
+
+class Bound:
+    """A method with its options, bound to a model at one tuning."""
+
+    def __init__(self, model, tuning, method, options):
+        _, self._module, self._options = integrators.choose(model, method, options)
+        self._model, self._tuning = model, tuning
+        extra = len(getattr(model, "extra_samples", ()))
+        self._samples = np.empty((0, orbit.SAMPLE_COLUMNS + extra))
+        self._summary = np.empty(orbit.SUMMARY_COLUMNS)
+
+    def raw(self, state, periods, record_periods=1):
+        """Run; return what the method does, see `gearlib.methods`."""
+        return self._module.run(
+            self._model,
+            self._tuning,
+            state,
+            periods,
+            record_periods,
+            self._samples,
+            np.empty((_FIRST_EVENTS, orbit.EVENT_COLUMNS)),
+            MAX_EVENTS,
+            self._summary,
+            **self._options,
+        )
+
+    def run(self, state, periods, record_periods=1):
+        """Run; return a `Run`."""
+        x, v, _, events, found, code, evaluations = self.raw(state, periods, record_periods)
+        if code != status.OK:
+            nothing = np.empty(0), np.empty((0, 2), np.int8)
+            return Run(np.full(2, math.nan), *nothing, math.nan, int(evaluations), int(code))
+        rows = events[:found]
+        return Run(
+            np.array([x, v]),
+            2.0 * math.pi * rows[:, orbit.EVENT_PERIOD] + rows[:, orbit.EVENT_PHASE],
+            rows[:, [orbit.EVENT_FROM, orbit.EVENT_TO]].astype(np.int8),
+            float(self._summary[orbit.X_MAX] - self._summary[orbit.X_MIN]),
+            int(evaluations),
+            int(code),
+        )
+
+
+def attempt(problem, method, options):
+    """Return the `Run` of a method on a problem."""
+    bound = Bound(problem.model, problem.tuning, method, options)
+    return bound.run(START, problem.periods, problem.record_periods)
+
+
+def largest_multiplier(matrix):
+    """Return the largest absolute eigenvalue; NaN if the matrix holds NaN."""
+    return float(np.abs(np.linalg.eigvals(matrix)).max()) if np.isfinite(matrix).all() else math.nan
+
+
+def difference_map(problem, state, step, method, options):
+    """Return the central differences, half width `step`, of a method's own map of one period.
+
+    Parameters
+    ----------
+    problem : Problem
+    state : ndarray, shape (2,)
+        Start of the period.
+    step : float
+        Static deflections, and dx/dtau.
+    method, options : str, dict
+
+    Returns
+    -------
+    ndarray, shape (2, 2)
+    """
+    bound = Bound(problem.model, problem.tuning, method, options)
+    columns = []
+    for direction in step * np.eye(2):
+        ends = [bound.run(tuple(state + side * direction), 1).state for side in (1, -1)]
+        columns.append((ends[0] - ends[1]) / (2.0 * step))
+    return np.transpose(columns)

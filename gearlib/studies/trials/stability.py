@@ -1,0 +1,112 @@
+"""Numerical stability of fixed-step methods on the mesh that never loses contact.
+
+Without backlash and with equal damping the mesh is the linear equation of Hill and Meissner,
+
+    x'' + (2 beta / nu) x' + (c(tau) / nu^2) x = 1 / nu^2,
+
+and one mesh period of a method is an affine map of (x, x'). Its linear part, read off three runs,
+has a spectral radius that can be laid beside the true one: above one where the truth is not,
+the method invents motion (false instability); below the truth, it damps falsely.
+"""
+
+import numpy as np
+import xarray as xr
+
+from gearlib import methods as integrators
+from gearlib.analysis.tongues.no_loss import linear_pair
+from gearlib.data import provenance
+from gearlib.data.variables import describe
+from gearlib.kernels import orbit
+from gearlib.models.pair import GearPair
+from gearlib.runs.variational import period_maps
+
+#: Radii are cut at this: what explodes faster explodes all the same.
+LARGEST = 1e6
+
+
+def true_radius(pair, tuning):
+    """Return the spectral radius of one mesh period of the linear mesh, from closed forms."""
+    _, maps, _ = period_maps(linear_pair(pair), tuning, np.zeros(2), 1, 10**6)
+    return float(np.abs(np.linalg.eigvals(maps[0])).max())
+
+
+def method_radius(pair, tuning, method, options):
+    """Return the spectral radius of one mesh period of a method on the linear mesh.
+
+    Parameters
+    ----------
+    pair : GearPair
+    tuning : float
+    method : str
+        A name of `gearlib.methods`.
+    options : dict
+        Its options.
+
+    Returns
+    -------
+    float
+        At most `LARGEST`, which also stands for a run that could not go on.
+    """
+    linear = linear_pair(pair)
+    _, module, options = integrators.choose(linear, method, options)
+    samples, events = np.empty((0, orbit.SAMPLE_COLUMNS)), np.empty((0, orbit.EVENT_COLUMNS))
+    summary = np.empty(orbit.SUMMARY_COLUMNS)
+    ends = []
+    for state in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0)):
+        x, v, *_, code, _ = module.run(
+            linear, tuning, state, 1, 1, samples, events, 10**6, summary, **options
+        )
+        if code != 0:
+            return LARGEST
+        ends.append((x, v))
+    rest, first, second = np.array(ends)
+    matrix = np.column_stack([first - rest, second - rest])
+    if not np.isfinite(matrix).all():
+        return LARGEST
+    return float(min(np.abs(np.linalg.eigvals(matrix)).max(), LARGEST))
+
+
+def compute(pair, tunings, fine_tunings, steps, methods):
+    """Return the spectral radii of fixed-step methods and of the mesh itself.
+
+    Parameters
+    ----------
+    pair : dict
+        Keyword arguments of `GearPair`; made linear by `linear_pair`.
+    tunings, fine_tunings : sequence of float, shapes (t,), (f,)
+        Of the methods; of the mesh alone, which costs little.
+    steps : sequence of int, shape (s,)
+        Steps per mesh period.
+    methods : dict of str to dict
+        name -> {"method": name of `gearlib.methods`, "options": options but the steps}.
+
+    Returns
+    -------
+    xarray.Dataset
+        radius over (method, steps, tuning); true_radius over (fine_tuning,); stiffness_max, the
+        largest stiffness over the mean.
+    """
+    pair = GearPair(**pair)
+    radius = np.empty((len(methods), len(steps), len(tunings)))
+    for i, chosen in enumerate(methods.values()):
+        for j, count in enumerate(steps):
+            options = chosen["options"] | {"steps_per_period": int(count)}
+            for k, nu in enumerate(tunings):
+                radius[i, j, k] = method_radius(pair, nu, chosen["method"], options)
+    dataset = xr.Dataset(
+        {
+            "radius": (("method", "steps", "tuning"), radius),
+            "true_radius": ("fine_tuning", [true_radius(pair, nu) for nu in fine_tunings]),
+            "stiffness_max": pair.max_stiffness / pair.mean_stiffness,
+        },
+        {
+            "method": list(methods),
+            "steps": np.asarray(steps, np.int32),
+            "tuning": np.asarray(tunings, float),
+            "fine_tuning": np.asarray(fine_tunings, float),
+        },
+    )
+    dataset.attrs = provenance.attributes(
+        "Numerical stability of fixed-step methods", pair, method=", ".join(methods)
+    )
+    return describe(dataset)

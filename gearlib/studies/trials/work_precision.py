@@ -1,0 +1,348 @@
+"""Errors of methods against what they cost, knob by knob: evaluations, and wall time.
+
+Errors and evaluations are the same in every run; wall times are not, and keep to datasets of
+their own. Errors of one method on one problem, against `gearlib.studies.trials.references`:
+
+``state_error``
+    of the final state: the larger of displacement and dx/dtau;
+``event_error``
+    of the phases of the recorded events: the largest; NaN if there are none, or another number,
+    or others;
+``multiplier_error``
+    of the largest |Floquet multiplier| of the settled orbit, from central differences of the
+    method's own period map; NaN if the problem settles on no orbit of one mesh period.
+"""
+
+import math
+import statistics
+import time
+from typing import NamedTuple
+
+import numpy as np
+import xarray as xr
+
+from gearlib import methods as integrators
+from gearlib.data import status
+from gearlib.data.provenance import canonical_json
+from gearlib.data.variables import describe
+from gearlib.kernels.closed_form.oscillator import evolve, level
+from gearlib.kernels.jit import kernel
+from gearlib.studies.trials import problems, references
+from gearlib.version import __version__
+
+#: Half width of the central differences, static deflections: rounding over it, 1e-10, and its
+#: square times third derivatives, about the same, are the least error of a multiplier.
+DIFFERENCE = 1e-6
+
+# Steps that never end at a stiffness switch of the paper's contact ratio, 1.569: its half stretch
+# of 0.2845 periods is a whole number of steps only if their number is a multiple of 2000.
+_STEPS = tuple(25 * 2**k for k in range(10))
+_RTOL = tuple(10.0**-k for k in range(2, 13))
+
+
+class Line(NamedTuple):
+    """A way to use a method, and the values of its accuracy knob from coarse to fine."""
+
+    name: str
+    family: str  #: located (events), controlled (steps only), fixed, smoothed, other
+    knob: str | None  #: name of the option; None: there is none
+    values: tuple = (None,)
+    options: dict = {}  #: other options, fixed
+    follows: bool = False  #: whether an absolute tolerance, atol, follows the knob
+
+    def at(self, value):
+        """Return the options of the method at a value of the knob."""
+        options = dict(self.options) if self.knob is None else self.options | {self.knob: value}
+        if self.follows:
+            # ode45's defaults keep this ratio of the two.
+            options["atol"] = 1e-3 * value
+        return options
+
+
+_SCIPY = (1e-3, 1e-6, 1e-9, 1e-12, 2.3e-14)
+_TOLERANCES = tuple(10.0**-k for k in range(3, 16, 2))
+
+#: Methods of this library, compiled; the others are solvers of other packages.
+OWN = ("exact", "taylor", "rk4", "rk45", "newmark", "generalised_alpha", "smoothed")
+
+#: method -> its lines, each down to the floor of its errors, or to what its package accepts:
+#: below 1e-12 LSODA stalls, below 100 times the last place of 1 scipy's pairs take that instead.
+#: scipy's right-hand side is Python: few values, and of Radau none that takes minutes.
+LADDERS = {
+    "exact": [Line("exact", "located", None)],
+    "taylor": [Line("taylor", "located", "tolerance", (1e-2, 1e-4, 1e-6, 1e-8, 1e-12, 1e-16))],
+    "rk4": [Line("rk4", "fixed", "steps_per_period", _STEPS)],
+    "newmark": [Line("newmark", "fixed", "steps_per_period", _STEPS)],
+    "generalised_alpha": [Line("generalised alpha", "fixed", "steps_per_period", _STEPS)],
+    "rk45": [Line("rk45", "controlled", "rtol", _RTOL, follows=True)],
+    "smoothed": [
+        Line(
+            "smoothed",
+            "smoothed",
+            "sharpness",
+            (10.0, 30.0, 100.0, 300.0, 1e3, 3e3, 1e4),
+            {"rtol": 1e-11},
+        )
+    ],
+    "scipy": [
+        Line("scipy RK45", "controlled", "rtol", _SCIPY[:4], {"solver": "RK45"}, True),
+        Line("scipy LSODA", "controlled", "rtol", _SCIPY[:4], {"solver": "LSODA"}, True),
+        Line("scipy Radau", "controlled", "rtol", _SCIPY[:2], {"solver": "Radau"}, True),
+        Line(
+            "scipy DOP853, split",
+            "located",
+            "rtol",
+            _SCIPY,
+            {"solver": "DOP853", "events": True},
+            True,
+        ),
+    ],
+    # From 2.2e-16 on its steps are the same.
+    "heyoka": [Line("heyoka", "other", "tol", (*_TOLERANCES, 1e-16))],
+    "cvode": [Line("cvode", "other", "rtol", _TOLERANCES, follows=True)],
+    "diffrax": [Line("diffrax", "other", "rtol", _TOLERANCES, follows=True)],
+    "cyrk": [Line("cyrk", "other", "rtol", _TOLERANCES, follows=True)],
+    "numbalsoda": [Line("numbalsoda", "other", "rtol", _TOLERANCES, follows=True)],
+}
+
+#: Knobs of methods without lines of their own: the first that a method has.
+GENERIC = {
+    "rtol": (1e-3, 1e-5, 1e-7, 1e-9, 1e-11),
+    "tolerance": (1e-3, 1e-5, 1e-7, 1e-9, 1e-11),
+    "tol": (1e-3, 1e-5, 1e-7, 1e-9, 1e-11),
+    "steps_per_period": (50, 200, 800, 3200),
+}
+
+# Span of a timed run, seconds: far above the clock's resolution and the start of a run.
+_SPAN = 4e-3
+_LONGEST = 2**18
+# Runs longer than this, seconds, are timed three times at most: Python's, and no interruption
+# is long against them.
+_LONG = 0.04
+
+
+def lines_of(method):
+    """Return the lines of a method; of one without an entry in `LADDERS` by its options.
+
+    Raises
+    ------
+    ValueError
+        If there is no such method here.
+    """
+    if method not in integrators.METHODS or not integrators.about(method).available:
+        raise ValueError(
+            f"method = {method!r} is not allowed: it must be one of "
+            f"{', '.join(map(repr, integrators.METHODS))}, and installed"
+        )
+    return LADDERS[method] if method in LADDERS else [generic_line(method)]
+
+
+def generic_line(method):
+    """Return the line of a method that its options suggest."""
+    options = integrators.about(method).options
+    knob = next((name for name in GENERIC if name in options), None)
+    follows = knob == "rtol" and "atol" in options
+    return Line(method, "other", knob, GENERIC.get(knob, (None,)), follows=follows)
+
+
+def rungs(method):
+    """Return (line, text of the knob, options) of every value of every line of a method."""
+    return rungs_of(lines_of(method))
+
+
+def rungs_of(lines):
+    """Return (line, text of the knob, options) of every value of lines."""
+    return [
+        (line, "" if value is None else f"{line.knob} = {value:g}", line.at(value))
+        for line in lines
+        for value in line.values
+    ]
+
+
+def rung_variables(table):
+    """Return the variables line, family, knob, options over (rung,) of what `rungs` returns."""
+    columns = {
+        "line": [line.name for line, _, _ in table],
+        "family": [line.family for line, _, _ in table],
+        "knob": [text for _, text, _ in table],
+        "options": [canonical_json(options) for _, _, options in table],
+    }
+    return {name: ("rung", np.array(values, object)) for name, values in columns.items()}
+
+
+def state_error(found, expected):
+    """Return the larger error of displacement and dx/dtau; NaN for a run that could not go on."""
+    return float(np.abs(found.state - expected.state).max())
+
+
+def event_error(found, expected):
+    """Return the largest error of the phases of events; NaN if there is nothing to compare."""
+    same = found.kinds.shape == expected.kinds.shape and (found.kinds == expected.kinds).all()
+    if not same or found.phases.size == 0:
+        return math.nan
+    return float(np.abs(found.phases - expected.phases).max())
+
+
+def errors(method, known, pair, six_degrees, settings):
+    """Return the errors and evaluations of a method on the problems.
+
+    Parameters
+    ----------
+    method : str
+    known : xarray.Dataset
+        Of `gearlib.studies.trials.references.compute`, of the same parameters.
+    pair, six_degrees, settings
+        As of `gearlib.studies.trials.problems.build`.
+
+    Returns
+    -------
+    xarray.Dataset
+        Over (problem, rung): state_error, event_error, multiplier_error, period_evaluations, NaN
+        where the method does not take the model or could not go on. Over (rung,): line, family,
+        knob, options. Over (problem,): state_floor, event_floor, half the last place of the
+        reference, and multiplier_floor, rounding over the width of the differences.
+    """
+    table, names = rungs(method), known.problem.values.tolist()
+    measures = np.full((4, len(names), len(table)), math.nan)
+    floors = np.full((3, len(names)), math.nan)
+    for i, name in enumerate(names):
+        problem = problems.build(name, pair, six_degrees, settings)
+        expected, orbit = references.run_of(known, name), references.orbit_of(known, name)
+        floors[:, i] = _floors(problem, expected)
+        if problems.takes(method, problem.model):
+            measures[:, i] = np.transpose(
+                [_measures(problem, expected, orbit, method, options) for _, _, options in table]
+            )
+    columns = ("state_error", "event_error", "multiplier_error", "period_evaluations")
+    data: dict = {
+        name: (("problem", "rung"), values) for name, values in zip(columns, measures, strict=True)
+    }
+    floor_names = ("state_floor", "event_floor", "multiplier_floor")
+    data |= {name: ("problem", v) for name, v in zip(floor_names, floors, strict=True)}
+    title = f"Errors of method {method} and what they cost in evaluations"
+    parameters = {"settings": settings, "six_degrees": six_degrees, "difference": DIFFERENCE}
+    return _dataset(title, method, names, table, data, pair, parameters)
+
+
+def _floors(problem, expected):
+    """Return the least errors of state, event phases and multiplier that numbers can show."""
+    phase = np.spacing(expected.phases.max()) / 2.0 if expected.phases.size else math.nan
+    size = np.abs(expected.state).max()
+    quotient = np.spacing(size) / (2.0 * DIFFERENCE) if problem.steady else math.nan
+    return np.spacing(size) / 2.0, phase, quotient
+
+
+def _measures(problem, expected, orbit, method, options):
+    """Return the three errors of a method, and its evaluations per mesh period."""
+    found = problems.attempt(problem, method, options)
+    multiplier = math.nan
+    start, exact = orbit
+    if not math.isnan(exact):
+        matrix = problems.difference_map(problem, start, DIFFERENCE, method, options)
+        multiplier = abs(problems.largest_multiplier(matrix) - exact)
+    evaluations = found.evaluations / problem.periods if found.code == status.OK else math.nan
+    return state_error(found, expected), event_error(found, expected), multiplier, evaluations
+
+
+def _dataset(title, method, names, table, data, pair, parameters):
+    """Return a dataset over problem and rung, described."""
+    data = data | rung_variables(table)
+    coords = {"problem": list(names), "rung": np.arange(len(table), dtype=np.int32)}
+    dataset = xr.Dataset(data, coords)
+    dataset.attrs = {
+        "Conventions": "CF-1.11",
+        "title": title,
+        "source": f"gearlib {__version__}, method {method}",
+        "method": method,
+        "references": "Hortel, Skuderova: Engineering Mechanics 14 (2007) 91-104",
+        "gear_pair": canonical_json(pair),
+        "parameters": canonical_json(parameters),
+    }
+    return describe(dataset)
+
+
+def times(method, known, pair, six_degrees, settings, repeats):
+    """Return the wall times of a method on the problems; nothing else may run beside.
+
+    Parameters as of `errors`; `repeats` runs are timed (long ones three times at most), of which
+    the median counts.
+
+    Returns
+    -------
+    xarray.Dataset
+        Over (problem, rung): period_time, the slope between a short and a long run from the state
+        at the end of the problem, so that start, record and compilation do not count; NaN where
+        the method does not take the model or could not go on. closed_form_time: of one evaluation
+        of the closed form of contact; warm_up_time: of the first run of the method in this
+        process, which compiles its kernels or loads them. The other variables as of `errors`.
+    """
+    table, names = rungs(method), known.problem.values.tolist()
+    values = np.full((len(names), len(table)), math.nan)
+    first = math.nan
+    for i, name in enumerate(names):
+        problem = problems.build(name, pair, six_degrees, settings)
+        if not problems.takes(method, problem.model):
+            continue
+        start = tuple(references.run_of(known, name).state)
+        for j, (_, _, options) in enumerate(table):
+            run = problems.Bound(problem.model, problem.tuning, method, options)
+            if math.isnan(first):
+                first = _seconds(lambda run=run, start=start: run.raw(start, 1))
+            codes: set = set()
+            seconds = seconds_per_period(_call(run, start, codes), repeats)
+            if codes == {status.OK}:
+                values[i, j] = seconds
+    data = {
+        "period_time": (("problem", "rung"), values),
+        "closed_form_time": closed_form_time(repeats),
+        "warm_up_time": first,
+    }
+    title = f"Wall times of method {method}"
+    parameters = {"settings": settings, "six_degrees": six_degrees, "repeats": repeats}
+    return _dataset(title, method, names, table, data, pair, parameters)
+
+
+def _call(run, start, codes):
+    """Return a call that runs some periods, and adds its status to `codes`."""
+    return lambda periods: codes.add(run.raw(start, periods)[5])
+
+
+def _seconds(call):
+    start = time.perf_counter()
+    call()
+    return time.perf_counter() - start
+
+
+def seconds_per_period(call, repeats):
+    """Return the time of ``call(periods)`` per period: median, without the start of a run."""
+    short, long = 1, 6
+
+    def once(periods):
+        return _seconds(lambda: call(periods))
+
+    call(short)
+    wholes, bases = [once(long), once(long)], [once(short)]
+    # The lesser of two: an interruption must not pass for a long run.
+    while min(wholes) - bases[0] < _SPAN and long < _LONGEST:
+        long *= 2
+        wholes = [once(long), once(long)]
+    if wholes[-1] > _LONG:
+        repeats = min(repeats, 3)
+    wholes += [once(long) for _ in range(repeats - 2)]
+    bases += [once(short) for _ in range(repeats - 1)]
+    return (statistics.median(wholes) - statistics.median(bases)) / (long - short)
+
+
+@kernel
+def _evolve_again(lev, u, v, t, n):
+    for _ in range(n):
+        u, v = evolve(lev, u, v, t)
+    return u, v
+
+
+def closed_form_time(repeats, count=100_000):
+    """Return the median time of one evaluation of the closed form of contact, seconds."""
+    lev = level(1.0, 0.06, 0.9)
+    _evolve_again(lev, 1.0, 0.0, 1.0, 1)
+    times = [_seconds(lambda: _evolve_again(lev, 1.0, 0.0, 1.0, count)) for _ in range(repeats)]
+    return statistics.median(times) / count
