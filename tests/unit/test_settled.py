@@ -173,6 +173,8 @@ def test_an_orbit_recorded_once_is_the_orbit_marched_to_its_end():
             phases = 2.0 * math.pi * events[:found, 0] + events[:found, 1]
             np.testing.assert_allclose(one.event_phase, phases, rtol=0, atol=1e-10)
             assert one.period == orbit.orbit_period(np.array(strobes), nu, 1.0)
+            # The states before the one recorded period lie where the run has not gone.
+            assert simulate(pair, nu, periods=3000, record_periods=1).period == one.period
             repeats.add(int(one.period))
     assert {1, 2, 3, 5} <= repeats
 
