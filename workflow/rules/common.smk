@@ -14,7 +14,8 @@ from pathlib import Path
 from snakemake.exceptions import WorkflowError
 
 from gearlib import config as configuration
-from gearlib import integrators, tunings
+from gearlib import methods as integrators
+from gearlib.config import tunings
 from gearlib.config.trials import PEERS
 from workflow.sources import sources
 from workflow.yaml_keys import repeated_keys
