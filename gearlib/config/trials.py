@@ -191,10 +191,11 @@ class WorkPrecision(Section):
         default=3, description="The same without damping, where rounding errors grow fast."
     )
     record_periods: integer_within(ge=1, le=100) = Field(
-        default=3, description="The last mesh periods, whose events are compared; at most `periods`."
+        default=3,
+        description="The last mesh periods, whose events are compared; at most `periods`.",
     )
     repeats: integer_within(ge=1, le=1000) = Field(
-        default=9, description="Largest number of timed runs; their median is taken."
+        default=9, description="Largest number of timed runs, of which the shortest counts."
     )
 
 
@@ -226,7 +227,7 @@ class SteadyOrbits(Section):
 
     methods: listing(
         Literal["exact", "taylor", "rk4", "rk45", "newmark", "harmonic_balance", "schmidt"],
-        "Time integration by the names of `gearlib.methods()`, and methods of the frequency domain.",
+        "Names of `gearlib.methods()`, for time integration; methods of the frequency domain.",
     ) = ["exact", "taylor", "rk4", "rk45", "harmonic_balance", "schmidt"]
     problems: listing(
         Literal["smooth", "bouncing", "near_fold", "cubic"],

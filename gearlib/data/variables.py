@@ -233,7 +233,10 @@ DESCRIPTIONS = {
     "scan_to": ("1", "last tuning of the scan"),
     "scan_step": ("1", "distance of the tunings of the scan"),
     "resolution": ("1", "width of the tuning interval to which the jump is bisected"),
-    "left_out": ("1", "settings left out because they cost more evaluations per period than allowed"),
+    "left_out": (
+        "1",
+        "settings left out because they cost more evaluations per period than allowed",
+    ),
     # published problems
     "largest_multiplier": ("1", "largest absolute Floquet multiplier of the orbit"),
     "disagreement": ("1", "largest difference in displacement from an independent integration"),

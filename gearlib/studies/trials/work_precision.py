@@ -1,8 +1,8 @@
 """Work-precision data: the errors of each method over its cost in evaluations and wall time.
 
 A method is run with several values of its accuracy parameter, such as a tolerance or the number of
-steps; in the datasets one setting is a `rung`, the parameter a `knob`. Errors and evaluations repeat
-exactly, wall times do not and are kept in separate datasets. The errors of one method on one
+steps; in the datasets one setting is a `rung`, the parameter a `knob`. Errors and evaluations
+repeat exactly, wall times do not and are kept in separate datasets. The errors of one method on one
 problem, against `gearlib.studies.trials.references`:
 
 ``state_error``
@@ -36,8 +36,8 @@ from gearlib.version import __version__
 #: square times third derivatives, about the same, are the least error of a multiplier.
 DIFFERENCE = 1e-6
 
-# Steps that never end at a stiffness switch of the paper's contact ratio, 1.569: half its segment of
-# C_max, 0.2845 periods, is a whole number of steps only if their number is a multiple of 2000.
+# Steps that never end at a stiffness switch of the paper's contact ratio, 1.569: half its segment
+# of C_max, 0.2845 periods, is a whole number of steps only if their number is a multiple of 2000.
 _STEPS = tuple(25 * 2**k for k in range(10))
 _RTOL = tuple(10.0**-k for k in range(2, 13))
 
@@ -115,9 +115,9 @@ GENERIC = {
     "steps_per_period": (50, 200, 800, 3200),
 }
 
-# Span of a timed run, seconds: far above the clock's resolution and the start of a run.
+# Span of the timed runs without their starts, seconds: far above the clock's resolution.
 _SPAN = 4e-3
-_LONGEST = 2**18
+_LONGEST, _MOST = 2**18, 2**11  #: periods of a run, and runs timed together
 # Runs longer than this, seconds, are timed three times at most: Python's, and no interruption
 # is long against them.
 _LONG = 0.04
@@ -267,16 +267,18 @@ def times(method, known, pair, six_degrees, settings, repeats):
     """Return the wall times of a method on the problems; nothing else may run beside.
 
     Parameters as of `errors`; `repeats` runs are timed (long ones three times at most), of which
-    the median counts.
+    the shortest counts.
 
     Returns
     -------
     xarray.Dataset
-        Over (problem, rung): period_time, the slope between a short and a long run from the state
-        at the end of the problem, so that start, record and compilation do not count; NaN where
-        the method does not take the model or could not go on. closed_form_time: of one evaluation
-        of the closed form of contact; warm_up_time: of the first run of the method in this
-        process, which compiles its kernels or loads them. The other variables as of `errors`.
+        Over (problem, rung): period_time, the slope between a short and a long run from rest, so
+        that start, tables, record and compilation do not count; NaN where the method does not take
+        the model or stopped early. Where the problem settles, the long run is the one whose error
+        is known: a longer one may be known to have settled, and end early. closed_form_time: of
+        one evaluation of the closed form of contact; warm_up_time: of the first run of the method
+        in this process, which compiles its kernels or loads them. The other variables as of
+        `errors`.
     """
     table, names = rungs(method), known.problem.values.tolist()
     values = np.full((len(names), len(table)), math.nan)
@@ -285,13 +287,14 @@ def times(method, known, pair, six_degrees, settings, repeats):
         problem = problems.build(name, pair, six_degrees, settings)
         if not problems.takes(method, problem.model):
             continue
-        start = tuple(references.run_of(known, name).state)
         for j, (_, _, options) in enumerate(table):
             run = problems.Bound(problem.model, problem.tuning, method, options)
             if math.isnan(first):
-                first = _seconds(lambda run=run, start=start: run.raw(start, 1))
+                first = _seconds(lambda run=run: run.raw(problems.START, 1))
             codes: set = set()
-            seconds = seconds_per_period(_call(run, start, codes), repeats)
+            short = max(1, problem.periods // 2)
+            longest = problem.periods if problem.steady else _LONGEST
+            seconds = seconds_per_period(_call(run, codes), short, longest, repeats)
             if codes == {status.OK}:
                 values[i, j] = seconds
     data = {
@@ -304,9 +307,9 @@ def times(method, known, pair, six_degrees, settings, repeats):
     return _dataset(title, method, names, table, data, pair, parameters)
 
 
-def _call(run, start, codes):
-    """Return a call that runs some periods, and adds its status to `codes`."""
-    return lambda periods: codes.add(run.raw(start, periods)[5])
+def _call(run, codes):
+    """Return a call that runs some periods from rest, and adds its status to `codes`."""
+    return lambda periods: codes.add(run.raw(problems.START, periods)[5])
 
 
 def _seconds(call):
@@ -315,24 +318,34 @@ def _seconds(call):
     return time.perf_counter() - start
 
 
-def seconds_per_period(call, repeats):
-    """Return the time of ``call(periods)`` per period: median, without the start of a run."""
-    short, long = 1, 6
+def seconds_per_period(call, short, longest, repeats):
+    """Return the time of ``call(periods)`` per period, without the start of a run.
+
+    It is the difference of a long run, of at most `longest` periods, and a short one. If that is
+    too quick, many runs are timed together. The shortest of `repeats` times counts, since other
+    work on the machine can only lengthen them.
+    """
+    longest = max(longest, short + 1)
+    long, count = min(short + 5, longest), 1
 
     def once(periods):
-        return _seconds(lambda: call(periods))
+        return _seconds(lambda: [call(periods) for _ in range(count)])
+
+    def least(repeats):
+        pairs = [(once(long), once(short)) for _ in range(repeats)]
+        return [min(times) for times in zip(*pairs, strict=True)]
 
     call(short)
-    wholes, bases = [once(long), once(long)], [once(short)]
-    # The lesser of two: an interruption must not pass for a long run.
-    while min(wholes) - bases[0] < _SPAN and long < _LONGEST:
-        long *= 2
-        wholes = [once(long), once(long)]
-    if wholes[-1] > _LONG:
-        repeats = min(repeats, 3)
-    wholes += [once(long) for _ in range(repeats - 2)]
-    bases += [once(short) for _ in range(repeats - 1)]
-    return (statistics.median(wholes) - statistics.median(bases)) / (long - short)
+    whole, base = least(2)
+    while whole - base < _SPAN and count < _MOST:
+        if long < longest:
+            long = min(2 * long, longest)
+        else:
+            count *= 2
+        whole, base = least(2)
+    more = least(min(repeats, 3) if whole > _LONG * count else repeats)
+    whole, base = min(whole, more[0]), min(base, more[1])
+    return (whole - base) / (count * (long - short))
 
 
 @kernel
