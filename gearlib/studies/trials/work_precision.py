@@ -115,6 +115,9 @@ GENERIC = {
     "steps_per_period": (50, 200, 800, 3200),
 }
 
+#: Methods whose runs end early when they have provably settled: only the run is timed whose error is
+#: known, which has not settled.
+_EARLY = ("exact",)
 # Span of the timed runs without their starts, seconds: far above the clock's resolution.
 _SPAN = 4e-3
 _LONGEST, _MOST = 2**18, 2**11  #: periods of a run, and runs timed together
@@ -274,11 +277,9 @@ def times(method, known, pair, six_degrees, settings, repeats):
     xarray.Dataset
         Over (problem, rung): period_time, the slope between a short and a long run from rest, so
         that start, tables, record and compilation do not count; NaN where the method does not take
-        the model or stopped early. Where the problem settles, the long run is the one whose error
-        is known: a longer one may be known to have settled, and end early. closed_form_time: of
-        one evaluation of the closed form of contact; warm_up_time: of the first run of the method
-        in this process, which compiles its kernels or loads them. The other variables as of
-        `errors`.
+        the model or stopped early. closed_form_time: of one evaluation of the closed form of
+        contact; warm_up_time: of the first run of the method in this process, which compiles its
+        kernels or loads them. The other variables as of `errors`.
     """
     table, names = rungs(method), known.problem.values.tolist()
     values = np.full((len(names), len(table)), math.nan)
@@ -293,7 +294,7 @@ def times(method, known, pair, six_degrees, settings, repeats):
                 first = _seconds(lambda run=run: run.raw(problems.START, 1))
             codes: set = set()
             short = max(1, problem.periods // 2)
-            longest = problem.periods if problem.steady else _LONGEST
+            longest = problem.periods if method in _EARLY and problem.steady else _LONGEST
             seconds = seconds_per_period(_call(run, codes), short, longest, repeats)
             if codes == {status.OK}:
                 values[i, j] = seconds
