@@ -114,11 +114,10 @@ GENERIC = {
 }
 
 # Span of a timed run, seconds: far above the clock's resolution and the start of a run.
-_SPAN = 4e-3
+_SPAN = 2e-3
 _LONGEST = 2**18
-# Runs longer than this, seconds, are timed three times at most: Python's, and no interruption
-# is long against them.
-_LONG = 0.04
+# Seconds for the repeats of a run: a long one is timed once, no interruption is long against it.
+_ALL = 0.02
 
 
 def lines_of(method):
@@ -264,8 +263,8 @@ def _dataset(title, method, names, table, data, pair, parameters):
 def times(method, known, pair, six_degrees, settings, repeats):
     """Return the wall times of a method on the problems; nothing else may run beside.
 
-    Parameters as of `errors`; `repeats` runs are timed (long ones three times at most), of which
-    the median counts.
+    Parameters as of `errors`; `repeats` runs are timed (of long ones fewer), of which the median
+    counts.
 
     Returns
     -------
@@ -287,7 +286,7 @@ def times(method, known, pair, six_degrees, settings, repeats):
         for j, (_, _, options) in enumerate(table):
             run = problems.Bound(problem.model, problem.tuning, method, options)
             if math.isnan(first):
-                first = _seconds(lambda run=run, start=start: run.raw(start, 1))
+                first = seconds_of(lambda run=run, start=start: run.raw(start, 1))
             codes: set = set()
             seconds = seconds_per_period(_call(run, start, codes), repeats)
             if codes == {status.OK}:
@@ -307,7 +306,8 @@ def _call(run, start, codes):
     return lambda periods: codes.add(run.raw(start, periods)[5])
 
 
-def _seconds(call):
+def seconds_of(call):
+    """Return the wall time of a call."""
     start = time.perf_counter()
     call()
     return time.perf_counter() - start
@@ -315,20 +315,20 @@ def _seconds(call):
 
 def seconds_per_period(call, repeats):
     """Return the time of ``call(periods)`` per period: median, without the start of a run."""
-    short, long = 1, 6
+    short, long = 1, 2
 
     def once(periods):
-        return _seconds(lambda: call(periods))
+        return seconds_of(lambda: call(periods))
 
     call(short)
-    wholes, bases = [once(long), once(long)], [once(short)]
+    bases = [once(short)]
+    wholes = [once(long) for _ in range(1 if bases[0] > _SPAN else 2)]
     # The lesser of two: an interruption must not pass for a long run.
     while min(wholes) - bases[0] < _SPAN and long < _LONGEST:
         long *= 2
         wholes = [once(long), once(long)]
-    if wholes[-1] > _LONG:
-        repeats = min(repeats, 3)
-    wholes += [once(long) for _ in range(repeats - 2)]
+    repeats = min(repeats, max(1, round(_ALL / wholes[-1])))
+    wholes += [once(long) for _ in range(repeats - len(wholes))]
     bases += [once(short) for _ in range(repeats - 1)]
     return (statistics.median(wholes) - statistics.median(bases)) / (long - short)
 
@@ -344,5 +344,5 @@ def closed_form_time(repeats, count=100_000):
     """Return the median time of one evaluation of the closed form of contact, seconds."""
     lev = level(1.0, 0.06, 0.9)
     _evolve_again(lev, 1.0, 0.0, 1.0, 1)
-    times = [_seconds(lambda: _evolve_again(lev, 1.0, 0.0, 1.0, count)) for _ in range(repeats)]
+    times = [seconds_of(lambda: _evolve_again(lev, 1.0, 0.0, 1.0, count)) for _ in range(repeats)]
     return statistics.median(times) / count
