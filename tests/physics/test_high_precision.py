@@ -146,9 +146,9 @@ def test_digits_are_added_until_they_are_enough(monkeypatch):
     settings = CONFIG["work_precision"] | {"conservative_periods": 20}
     problem = problems.build("conservative", CONFIG["gear_pair"], {}, settings)
     expected = references.reference(problem)
-    monkeypatch.setattr(references, "_DIGITS", (12, 24, 48, 96))
+    monkeypatch.setattr(references, "DIGITS", (12, 24, 48, 96))
     found = references.reference(problem)
     np.testing.assert_array_equal(found.state, expected.state)
-    monkeypatch.setattr(references, "_DIGITS", (12, 24))
+    monkeypatch.setattr(references, "DIGITS", (12, 24))
     with pytest.raises(ValueError, match="periods = 20 is not allowed for .*'conservative'"):
         references.reference(problem)

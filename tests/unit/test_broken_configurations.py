@@ -61,7 +61,10 @@ def wrong_values(node, value):
         if "enum" in node or "pattern" in node:
             yield "no such ~ text"
     if kind == "array":
-        yield from [[], None, 7, "text", {}]
+        yield from [None, 7, "text", {}]
+        # What is empty by default may be.
+        if node.get("default") != []:
+            yield []
         if node.get("uniqueItems"):
             yield [value[0], value[0]]
     if kind == "object":

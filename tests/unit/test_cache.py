@@ -18,7 +18,7 @@ print(sum(kernels.twice.stats.cache_misses.values()))
 """
 #: What is looked for in the cache by the warm-up, and after it.
 WARM = """
-from gearlib import core, simulate, sweep
+from gearlib import kernels, simulate, sweep
 from gearlib.kernels.cache import KeyedFiles
 from tests.paper import PAPER
 asked, load = [], KeyedFiles.load
@@ -26,7 +26,7 @@ def noted(files, key):
     asked.append(files._index_name)
     return load(files, key)
 KeyedFiles.load = noted
-core.warm_up()
+kernels.warm_up()
 before = len(asked)
 simulate(PAPER, 0.9, periods=3)
 for direction in ("cold", "up", "down"):

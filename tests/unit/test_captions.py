@@ -12,7 +12,7 @@ import yaml
 from gearlib import config
 from gearlib.data import provenance
 from gearlib.figures import work_precision
-from gearlib.studies.trials import problems, published
+from gearlib.studies.trials import problems, published, references
 from tests.unit.test_defaults import GEARS
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -59,6 +59,7 @@ def caption(path, settings):
         trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined
     )
     job = SimpleNamespace(config=settings, wildcards=SimpleNamespace(scene="mine"))
+    job.params = SimpleNamespace(absent='["mine"]')
     return environment.from_string(path.read_text(encoding="utf-8")).render(snakemake=job)
 
 
@@ -68,6 +69,8 @@ def defined(path):
     if name in published.PROBLEMS:
         # Equations and references of published problems.
         return numbers(Path(published.__file__).read_text(encoding="utf-8"))
+    if path.stem.startswith(("work_precision", "steady_orbits")):
+        return {float(references.DIGITS[1])}
     return numbers(provenance._PAPER.replace("-", " ")) if path.stem == "workflow" else set()
 
 

@@ -167,8 +167,10 @@ def test_the_thickness_of_a_line_is_a_touch():
             "period": ("tuning", np.zeros(6)),
             "displacement_min": ("tuning", np.where(lost, -5e-6, -5e-7)),
             "fraction_inverse": ("tuning", np.where(inverse, 0.1, 0.0)),
+            # Two mesh periods, the second higher by all: unsteady.
+            "displacement": (("tuning", "phase"), np.tile([0.0, 1.0, 2.0, 3.0], (6, 1))),
         },
-        {"tuning": tunings},
+        {"tuning": tunings, "phase": np.pi * np.arange(4)},
     )
     data = SimpleNamespace(names=lambda *_: ["none"], planes=lambda *_: planes)
     holds, words = characteristics.conservative_planes(data)

@@ -17,7 +17,6 @@ from gearlib.kernels.closed_form.flight import (
     fly,
     lowest_time,
     phi,
-    phi_below_two,
 )
 from gearlib.kernels.closed_form.mesh import BACKLASH, INVERSE, NORMAL, contact_of, mesh
 from gearlib.kernels.closed_form.oscillator import evolve, level, turning_time
@@ -126,7 +125,6 @@ def test_functions_of_the_flight(z):
         expected = float(mpmath.exp(-exact)), float(gone), float((1 - gone) / exact) if z else 0.5
     # One minus a number of at most two digits' loss above 0.5.
     np.testing.assert_allclose(phi(z), expected, rtol=1e-15)
-    np.testing.assert_allclose(phi_below_two(z), expected, rtol=2e-15)
 
 
 @pytest.mark.parametrize("drag", [0.0, 0.05, 0.8])

@@ -142,22 +142,25 @@ def test_closeness_to_the_far_flank_is_seen(miss):
 
 def test_an_orbit_recorded_once_is_the_orbit_marched_to_its_end():
     # Every period that a run records, by the plain march: summary, events and samples.
-    longer = 0
-    for damping, first, last in ((0.0617, 0.5, 1.4), (0.02, 0.9, 2.2)):
+    repeats = set()
+    cases = (0.0617, 0.5, 1.4), (0.02, 0.9, 2.2), (0.01, 0.508, 0.511), (0.005, 1.124, 1.126)
+    for damping, first, last in cases:
         pair = GearPair.from_ratios(**PAIR, damping=damping, backlash_damping=damping)
-        for nu in np.linspace(first, last, 30):
-            one = simulate(pair, nu, periods=600, record_periods=24, samples_per_period=8)
+        for nu in np.linspace(first, last, 16):
+            one = simulate(pair, nu, periods=3000, record_periods=24, samples_per_period=8)
             m = mesh(ratios(pair), nu)
-            contact, x, v, _ = fast_march(m, 0.0, 0.0, 576)
+            contact, x, v, _ = fast_march(m, 0.0, 0.0, 2976)
             summary, samples = np.empty(orbit.SUMMARY_COLUMNS), np.empty((8, orbit.SAMPLE_COLUMNS))
             orbit.clear_summary(summary)
             arcs, events = np.empty((50, ARC_COLUMNS)), np.empty((1, orbit.EVENT_COLUMNS))
             found, seen, previous = 0, [], contact
-            for n in range(576, 600):
+            strobes = [(x, v)]
+            for n in range(2976, 3000):
                 contact, x, v, count = march_period(m, contact, x, v, arcs, LIMIT)
                 orbit.add_arcs(m, arcs, count, summary)
                 orbit.sample_arcs(m, arcs, count, samples)
                 seen.append(samples[:, 0].copy())
+                strobes.append((x, v))
                 events, found, previous = orbit.add_events(arcs, count, previous, n, events, found)
             expected = summary[[orbit.X_MAX, orbit.X_MIN, orbit.FORCE_MAX]]
             got = one.displacement_max, one.displacement_min, one.dynamic_force_max
@@ -169,8 +172,22 @@ def test_an_orbit_recorded_once_is_the_orbit_marched_to_its_end():
             np.testing.assert_allclose(one.final_state, (x, v), rtol=0, atol=1e-11)
             phases = 2.0 * math.pi * events[:found, 0] + events[:found, 1]
             np.testing.assert_allclose(one.event_phase, phases, rtol=0, atol=1e-10)
-            longer += int(one.period) > 1
-    assert longer > 3
+            assert one.period == orbit.orbit_period(np.array(strobes), nu, 1.0)
+            # The states before the one recorded period lie where the run has not gone.
+            assert simulate(pair, nu, periods=3000, record_periods=1).period == one.period
+            repeats.add(int(one.period))
+    assert {1, 2, 3, 5} <= repeats
+
+
+def test_a_record_begins_on_the_orbit_or_goes_to_its_end():
+    # Just settled, periods still differ by what is left of the transient.
+    pair = GearPair.from_ratios(**PAIR, damping=0.0617, backlash_damping=0.0617)
+    m = mesh(ratios(pair), 0.9)
+    for periods in range(60, 110):
+        one = simulate(pair, 0.9, periods=periods, record_periods=24)
+        _, x, v, _ = fast_march(m, 0.0, 0.0, periods)
+        # A record of one repeat may begin 1e-13 from the orbit.
+        np.testing.assert_allclose(one.final_state, (x, v), rtol=0, atol=4e-13)
 
 
 def test_results_do_not_depend_on_windows_of_a_sweep():

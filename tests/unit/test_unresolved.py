@@ -44,6 +44,8 @@ def python(monkeypatch):
     plain(monkeypatch, passage, "pass_period", linear)
     plain(monkeypatch, passage, "_fall")
     plain(monkeypatch, nonlinear, "take_step", variation)
+    plain(monkeypatch, nonlinear, "first_crossing")
+    plain(monkeypatch, nonlinear, "_highest")
     plain(monkeypatch, nonlinear, "run_nonlinear", taylor)
     plain(monkeypatch, nonlinear, "_add_step")
     return monkeypatch
@@ -79,6 +81,7 @@ def test_one_degree_in_taylor_steps(python, name, answer):
 def test_maps(python, model, kernel):
     unknown(python, linear, "first_fall", -1.0)
     unknown(python, nonlinear, "first_fall", -1.0)
+    unknown(python, nonlinear, "fall_by_shape", -1.0)
     home = linear_variation if model is SIX else variation
     python.setattr(f"gearlib.runs.variational.{kernel}", getattr(home, kernel).py_func)
     _, maps, code = period_maps(model, 0.9, full_state(model, 0.9, (0.5, -2.0)), 1, 1000)

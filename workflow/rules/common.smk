@@ -14,13 +14,14 @@ from pathlib import Path
 from snakemake.exceptions import WorkflowError
 
 from gearlib import config as configuration
-from gearlib import integrators, tunings
+from gearlib import methods as integrators
+from gearlib.config import tunings
 from gearlib.config.trials import PEERS
 from workflow.sources import sources
 from workflow.yaml_keys import repeated_keys
 
-#: Published problems and what the report calls them; names of gearlib.studies.trials.published, which would
-#: load the numerical stack.
+#: Published problems and what the report calls them; names of gearlib.studies.trials.published,
+#: which would load the numerical stack.
 PUBLISHED = {
     "gear_rattle": "Gear rattle",
     "gear_pair": "Gear pair with periodic stiffness and dead zone",

@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from joblog import redirect_output
-from gearlib import kernels as core
+from gearlib import kernels
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])
-    Path(snakemake.output.stamp).write_text(f"{core.warm_up()}\n", encoding="utf-8")
+    Path(snakemake.output.stamp).write_text(f"{kernels.warm_up()}\n", encoding="utf-8")

@@ -18,7 +18,7 @@ from gearlib.studies.trials.high_precision import Unresolved
 from gearlib.version import __version__
 
 #: Digits of the runs; the first is the check of the second, and so on while they differ.
-_DIGITS = (30, 50, 100, 200, 400)
+DIGITS = (30, 50, 100, 200, 400)
 #: What two runs may differ by: 1e-4 of the last place of a float of 1.
 _AGREEMENT = Decimal("1e-20")
 #: Half width of central differences: its square and the last of 50 digits over it are alike.
@@ -36,7 +36,7 @@ def reference(problem):
         If 400 digits do not follow the motion.
     """
     last = None
-    for digits in _DIGITS:
+    for digits in DIGITS:
         try:
             motion = high_precision.run(problem.model, problem.tuning, problem.periods, digits)
         except Unresolved:
@@ -47,7 +47,7 @@ def reference(problem):
         last = motion
     raise ValueError(
         f"periods = {problem.periods} is not allowed for the problem {problem.name!r} of this gear "
-        f"pair: {_DIGITS[-1]} digits must follow its motion"
+        f"pair: {DIGITS[-1]} digits must follow its motion"
     )
 
 
