@@ -178,7 +178,7 @@ def _other_ways(pair):
         yield f"method {able[1]}", pair, {"method": able[1]}
     if "taylor" in able:
         yield "tolerance 1e-12", pair, {"method": "taylor", "options": {"tolerance": 1e-12}}
-    profile = getattr(pair, "profile", None)
+    profile = pair.profile
     if isinstance(profile, Fourier):
         finer = replace(pair, profile=Fourier(2 * profile.harmonics))
         yield f"{2 * profile.harmonics} harmonics", finer, {}

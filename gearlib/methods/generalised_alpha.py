@@ -10,7 +10,7 @@ from gearlib import checks
 from gearlib.kernels.steps.fixed import Scheme, run_steps
 from gearlib.methods.each import run_each
 from gearlib.methods.newmark import STEP_OPTIONS
-from gearlib.methods.one_degree import MODELS, law_of, takes
+from gearlib.methods.one_degree import MODELS, takes
 from gearlib.methods.option import Option
 
 __all__ = ["EVENTS", "MODELS", "OPTIONS", "ORDER", "run", "run_many", "takes"]
@@ -38,7 +38,7 @@ def scheme(spectral_radius, iterated):
 def run(pair, tuning, state, *arguments, steps_per_period, contact, spectral_radius):
     """Run one tuning; see `gearlib.methods`."""
     constants = scheme(spectral_radius, contact == "iterated")
-    return run_steps(law_of(pair, tuning), constants, steps_per_period, *state, *arguments)
+    return run_steps(pair.law(tuning), constants, steps_per_period, *state, *arguments)
 
 
 def run_many(pair, *arguments, **options):

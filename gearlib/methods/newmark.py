@@ -5,7 +5,7 @@ from functools import partial
 from gearlib import checks
 from gearlib.kernels.steps.fixed import Scheme, run_steps
 from gearlib.methods.each import run_each
-from gearlib.methods.one_degree import MODELS, law_of, takes
+from gearlib.methods.one_degree import MODELS, takes
 from gearlib.methods.option import Option
 
 __all__ = ["EVENTS", "MODELS", "OPTIONS", "ORDER", "run", "run_many", "takes"]
@@ -29,7 +29,7 @@ OPTIONS = STEP_OPTIONS
 def run(pair, tuning, state, *arguments, steps_per_period, contact):
     """Run one tuning; see `gearlib.methods`."""
     scheme = Scheme(False, contact == "iterated", 0.0, 0.0, 0.25, 0.5)
-    return run_steps(law_of(pair, tuning), scheme, steps_per_period, *state, *arguments)
+    return run_steps(pair.law(tuning), scheme, steps_per_period, *state, *arguments)
 
 
 def run_many(pair, *arguments, **options):

@@ -5,7 +5,7 @@ from functools import partial
 from gearlib import checks
 from gearlib.kernels.steps.fixed import Scheme, run_steps
 from gearlib.methods.each import run_each
-from gearlib.methods.one_degree import MODELS, law_of, takes
+from gearlib.methods.one_degree import MODELS, takes
 from gearlib.methods.option import Option
 
 __all__ = ["EVENTS", "MODELS", "OPTIONS", "ORDER", "run", "run_many", "takes"]
@@ -22,7 +22,7 @@ _SCHEME = Scheme(True, False, 0.0, 0.0, 0.0, 0.0)
 
 def run(pair, tuning, state, *arguments, steps_per_period):
     """Run one tuning; see `gearlib.methods`."""
-    return run_steps(law_of(pair, tuning), _SCHEME, steps_per_period, *state, *arguments)
+    return run_steps(pair.law(tuning), _SCHEME, steps_per_period, *state, *arguments)
 
 
 def run_many(pair, *arguments, **options):

@@ -6,7 +6,7 @@ from functools import partial
 from gearlib import checks
 from gearlib.kernels.steps.embedded import Control, run_embedded
 from gearlib.methods.each import run_each
-from gearlib.methods.one_degree import MODELS, law_of, takes
+from gearlib.methods.one_degree import MODELS, takes
 from gearlib.methods.option import Option
 
 __all__ = ["EVENTS", "MODELS", "OPTIONS", "ORDER", "run", "run_many", "takes"]
@@ -34,7 +34,7 @@ def run(pair, tuning, state, periods, *arguments, rtol, atol, max_step):
     """Run one tuning; see `gearlib.methods`."""
     longest = 0.1 * 2.0 * math.pi * periods if max_step is None else max_step
     control = Control(rtol, atol, longest)
-    return run_embedded(law_of(pair, tuning), 0.0, control, *state, periods, *arguments)
+    return run_embedded(pair.law(tuning), 0.0, control, *state, periods, *arguments)
 
 
 def run_many(pair, *arguments, **options):

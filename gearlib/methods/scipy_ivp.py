@@ -20,9 +20,6 @@ from gearlib.methods.each import run_each
 from gearlib.methods.option import Option
 from gearlib.methods.problems import problem_of
 from gearlib.methods.split import March, Phase, Split, Stall
-from gearlib.models.oscillator import OneDegree
-from gearlib.models.pair import GearPair
-from gearlib.models.six_degrees import SixDegreePair
 
 #: That of the solver: 5, 8, 5, or up to 12.
 ORDER = None
@@ -45,8 +42,8 @@ _TURN = 2.0 * math.pi
 
 
 def takes(pair):
-    """Return whether the model is one of the library's."""
-    return isinstance(pair, (GearPair, OneDegree, SixDegreePair))
+    """Return whether it takes a model: it takes all."""
+    return True
 
 
 def run(pair, tuning, state, *arguments, solver, rtol, atol, events):

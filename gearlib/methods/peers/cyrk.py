@@ -10,7 +10,7 @@ import numpy as np
 
 from gearlib import checks
 from gearlib.methods.each import run_each
-from gearlib.methods.one_degree import MODELS, law_of, takes
+from gearlib.methods.one_degree import MODELS, takes
 from gearlib.methods.option import Option
 from gearlib.methods.peers import contact_branches as branches
 from gearlib.methods.peers.package import Package
@@ -39,7 +39,7 @@ _NONE = np.empty(0)
 
 def run(pair, tuning, state, *arguments, rtol, atol, solver):
     """Run one tuning; see `gearlib.methods`."""
-    law = law_of(pair, tuning)
+    law = pair.law(tuning)
     return _Run(problem_of(pair, tuning), law, solver, rtol, atol).run(tuning, state, *arguments)
 
 

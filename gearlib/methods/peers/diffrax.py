@@ -9,7 +9,7 @@ from gearlib.data import status
 from gearlib.kernels.closed_form.event_by_event import within_range
 from gearlib.kernels.closed_form.mesh import BACKLASH, INVERSE, NORMAL
 from gearlib.methods.each import run_each
-from gearlib.methods.one_degree import MODELS, law_of, takes
+from gearlib.methods.one_degree import MODELS, takes
 from gearlib.methods.option import Option
 from gearlib.methods.peers import contact_branches as branches
 from gearlib.methods.peers.package import Package
@@ -39,7 +39,7 @@ def run(pair, tuning, state, *arguments, rtol, atol, solver):
     """Run one tuning; see `gearlib.methods`."""
     import jax
 
-    law = law_of(pair, tuning)
+    law = pair.law(tuning)
     # Only within the run: the precision that the caller's own JAX works in is not ours to set.
     with jax.enable_x64(True):
         march = _Run(problem_of(pair, tuning), law, solver, rtol, atol)

@@ -104,7 +104,7 @@ class Bound:
     def __init__(self, model, tuning, method, options):
         _, self._module, self._options = integrators.choose(model, method, options)
         self._model, self._tuning = model, tuning
-        extra = len(getattr(model, "extra_samples", ()))
+        extra = len(model.extra_samples)
         self._samples = np.empty((0, orbit.SAMPLE_COLUMNS + extra))
         self._summary = np.empty(orbit.SUMMARY_COLUMNS)
 
