@@ -23,8 +23,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import xarray as xr
 
-from gearlib import checks
-from gearlib import methods as integrators
+from gearlib import checks, integrators
 from gearlib.analysis import lyapunov
 from gearlib.checks import finite_positive, integer
 from gearlib.data import provenance, status

@@ -8,9 +8,17 @@ import numpy as np
 import pytest
 
 import gearlib
-from gearlib import Fourier, Harmonics, OneDegreePair, SixDegreePair, Tabulated, simulate, sweep
-from gearlib import methods as integrators
-from gearlib.methods.peers import heyoka as peer_heyoka
+from gearlib import (
+    Fourier,
+    Harmonics,
+    OneDegreePair,
+    SixDegreePair,
+    Tabulated,
+    integrators,
+    simulate,
+    sweep,
+)
+from gearlib.integrators.peers import heyoka as peer_heyoka
 from tests.paper import PAPER
 
 PEERS = ("heyoka", "cvode", "diffrax", "cyrk", "numbalsoda")
@@ -190,7 +198,7 @@ def test_missing_package_is_told(name, monkeypatch):
     package = integrators.METHODS[name].PACKAGE
     found = importlib.util.find_spec
     monkeypatch.setattr(
-        "gearlib.methods.peers.package.find_spec",
+        "gearlib.integrators.peers.package.find_spec",
         lambda module: None if module == package.module else found(module),
     )
     listed = {method.name: method for method in gearlib.methods()}[name]

@@ -14,10 +14,10 @@ from gearlib import (
     OneDegreePair,
     SixDegreePair,
     Tabulated,
+    integrators,
     simulate,
     sweep,
 )
-from gearlib import methods as integrators
 from gearlib.kernels.steps.equation_of_motion import Contact
 from gearlib.kernels.steps.fixed import Scheme, alpha_step
 from gearlib.models.stiffness import levels

@@ -10,12 +10,12 @@ import pytest
 
 from gearlib import OneDegreePair, simulate
 from gearlib.data import status
+from gearlib.integrators import taylor
 from gearlib.kernels.closed_form import variation
 from gearlib.kernels.piecewise_linear import run as linear
 from gearlib.kernels.piecewise_linear import variation as linear_variation
 from gearlib.kernels.piecewise_linear import whole_periods as passage
 from gearlib.kernels.taylor import run as nonlinear
-from gearlib.methods import taylor
 from gearlib.runs.variational import full_state, period_maps
 from tests.paper import PAPER
 from tests.physics.test_six_degrees import gears

@@ -146,8 +146,8 @@ def test_a_method_more_runs_its_trial(project):
         ("gearlib/kernels/closed_form/event_by_event.py", EVERYTHING),
         ("gearlib/kernels/closed_form/sections.py", jobs("basins", "bifurcation", "poincare")),
         ("gearlib/runs/simulation.py", after_an_edit_of_simulate()),
-        ("gearlib/methods/newmark.py", jobs("stability_chart")),
-        ("gearlib/methods/rk4.py", {**jobs("stability_chart", "failures"), "trial": 1}),
+        ("gearlib/integrators/newmark.py", jobs("stability_chart")),
+        ("gearlib/integrators/rk4.py", {**jobs("stability_chart", "failures"), "trial": 1}),
         ("gearlib/studies/trials/difficult_problems.py", jobs("failures")),
         ("gearlib/figures/resonance.py", {"draw_resonance": 1, "draw_report_page": 1}),
         ("gearlib/figures/style.py", drawn()),
@@ -169,7 +169,7 @@ def test_an_edited_source_reruns_what_depends_on_it(records, path, expected):
 
 
 @pytest.mark.parametrize(
-    "path", ["gearlib/kernels/closed_form/event_by_event.py", "gearlib/methods/rk4.py"]
+    "path", ["gearlib/kernels/closed_form/event_by_event.py", "gearlib/integrators/rk4.py"]
 )
 def test_snakemake_finds_the_same(project, records, path):
     edit(project / path, "\n# one more line\n")

@@ -14,7 +14,7 @@ from pathlib import Path
 from snakemake.exceptions import WorkflowError
 
 from gearlib import config as configuration
-from gearlib import methods as integrators
+from gearlib import integrators
 from gearlib.config import tunings
 from gearlib.config.trials import PEERS
 from workflow.sources import sources
@@ -80,7 +80,7 @@ def script_sources(name, *methods):
 
     Of those that are always loaded a script says so itself, see `workflow.sources`.
     """
-    loaded = [f"gearlib.methods.{integrators.METHODS.data[method]}" for method in methods]
+    loaded = [f"gearlib.integrators.{integrators.METHODS.data[method]}" for method in methods]
     files = sources(ROOT / "workflow" / "scripts" / f"{name}.py", ROOT, loaded)
     return [os.path.relpath(path) for path in files]
 

@@ -11,8 +11,8 @@ from gearlib.analysis.global_dynamics.parameters import models, name_parameter
 from gearlib.analysis.global_dynamics.poincare import check_phase, section
 from gearlib.data import provenance, status
 from gearlib.data.variables import describe
+from gearlib.integrators import choose
 from gearlib.kernels import orbit
-from gearlib.methods import choose
 from gearlib.runs.run_arguments import MAX_EVENTS
 from gearlib.runs.sweeping import DIRECTIONS
 

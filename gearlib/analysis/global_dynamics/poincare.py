@@ -9,7 +9,7 @@ import xarray as xr
 from gearlib import checks
 from gearlib.data import provenance, status
 from gearlib.data.variables import describe
-from gearlib.methods import choose
+from gearlib.integrators import choose
 from gearlib.runs.run_arguments import MAX_EVENTS, check_tuning
 from gearlib.runs.simulation import simulate
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from gearlib import checks
 from gearlib.data import status
-from gearlib.methods import choose
+from gearlib.integrators import choose
 from gearlib.runs.run_arguments import MAX_EVENTS, check_tuning
 from gearlib.runs.variational import rotation_free
 

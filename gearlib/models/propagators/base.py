@@ -21,8 +21,8 @@ class Base:
     chunk = 16
     #: Components of the state, and pieces of a mesh period beside its phases of contact.
     components, pieces = 2, 0
-    #: Many tunings in one call, arguments as of `gearlib.methods` with the model before them, and
-    #: states at one phase of every period, as of `gearlib.kernels.closed_form.sections.section`
+    #: Many tunings in one call, arguments as of `gearlib.integrators` with the model before them,
+    #: and states at one phase of every period, as of `gearlib.kernels.closed_form.sections.section`
     #: without the mesh; None: not in one call.
     run_many: Callable | None = None
     sections: Callable | None = None

@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
-from gearlib import methods as integrators
+from gearlib import integrators
 from gearlib.data import status
 from gearlib.data.provenance import canonical_json
 from gearlib.data.variables import describe

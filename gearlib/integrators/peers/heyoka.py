@@ -12,13 +12,13 @@ from functools import partial
 import numpy as np
 
 from gearlib import checks
+from gearlib.integrators.each import run_each
+from gearlib.integrators.option import Option
+from gearlib.integrators.peers.package import Package
+from gearlib.integrators.problems import problem_of
+from gearlib.integrators.scipy_ivp import takes
+from gearlib.integrators.split import Phase, Split, Stall, exits_of
 from gearlib.kernels.closed_form.mesh import BACKLASH, INVERSE, NORMAL
-from gearlib.methods.each import run_each
-from gearlib.methods.option import Option
-from gearlib.methods.peers.package import Package
-from gearlib.methods.problems import problem_of
-from gearlib.methods.scipy_ivp import takes
-from gearlib.methods.split import Phase, Split, Stall, exits_of
 
 __all__ = ["EVENTS", "MODELS", "OPTIONS", "ORDER", "PACKAGE", "run", "run_many", "takes"]
 
@@ -35,14 +35,14 @@ OPTIONS = {
 
 
 def run(pair, tuning, state, *arguments, tol):
-    """Run one tuning; see `gearlib.methods`."""
+    """Run one tuning; see `gearlib.integrators`."""
     kind = _SixDegrees if pair.equation is None else _OneDegree
     problem = problem_of(pair, tuning)
     return _Run(problem, kind(pair, tuning, problem), tol).run(tuning, state, *arguments)
 
 
 def run_many(pair, *arguments, **options):
-    """Run many tunings; see `gearlib.methods`."""
+    """Run many tunings; see `gearlib.integrators`."""
     run_each(partial(run, pair, **options), *arguments)
 
 

@@ -46,7 +46,7 @@ from gearlib import checks
 from gearlib.models.model import is_model
 
 if TYPE_CHECKING:  # what any run may load by name, for `workflow.sources`: that of AUTOMATIC
-    from gearlib.methods import exact, taylor  # noqa: F401
+    from gearlib.integrators import exact, taylor  # noqa: F401
 
 
 class _Modules(UserDict):
@@ -146,7 +146,7 @@ def choose(pair, method, options):
         raise ValueError(f"{refusal(pair, method)}; it must be one of {names}")
     available, note = _availability(METHODS[method])
     if not available:
-        from gearlib.methods.peers.package import MissingPackage
+        from gearlib.integrators.peers.package import MissingPackage
 
         raise MissingPackage(
             f"method = {method!r} needs a package that is not installed: {note}, or take one of "

@@ -4,7 +4,7 @@ One degree of freedom goes by scalar closed forms; with harmonic excitation, and
 freedom, by matrix exponentials: see `gearlib.models.propagators`.
 """
 
-from gearlib.methods.each import run_each
+from gearlib.integrators.each import run_each
 
 ORDER = None
 EVENTS = "phases end at switches and crossings, which are isolated by proof"
@@ -18,13 +18,13 @@ def takes(pair):
 
 
 def run(pair, tuning, state, *arguments):
-    """Run one tuning; see `gearlib.methods`."""
+    """Run one tuning; see `gearlib.integrators`."""
     propagator = pair.propagator(tuning, "exact")
     return propagator.run(propagator.start(state), *arguments)
 
 
 def run_many(pair, tunings, order, state, *arguments):
-    """Run many tunings; see `gearlib.methods`."""
+    """Run many tunings; see `gearlib.integrators`."""
     kind, z, first = pair.kind("exact"), None, 0
     if kind.run_many is not None:
         return kind.run_many(pair, tunings, order, state, *arguments)

@@ -3,8 +3,8 @@
 from functools import partial
 
 from gearlib import checks
-from gearlib.methods.each import run_each
-from gearlib.methods.option import Option
+from gearlib.integrators.each import run_each
+from gearlib.integrators.option import Option
 from gearlib.models.propagators.taylor import ORDER, TOLERANCE
 
 __all__ = ["EVENTS", "MODELS", "OPTIONS", "ORDER", "run", "run_many", "takes"]
@@ -26,11 +26,11 @@ def takes(pair):
 
 
 def run(pair, tuning, state, *arguments, tolerance):
-    """Run one tuning; see `gearlib.methods`."""
+    """Run one tuning; see `gearlib.integrators`."""
     propagator = pair.propagator(tuning, "taylor", tolerance=tolerance)
     return propagator.run(propagator.start(state), *arguments)
 
 
 def run_many(pair, *arguments, tolerance):
-    """Run many tunings; see `gearlib.methods`."""
+    """Run many tunings; see `gearlib.integrators`."""
     run_each(partial(run, pair, tolerance=tolerance), *arguments)
