@@ -76,7 +76,7 @@ def compare(model, nu, name, periods, factor=1.0, **arguments):
     assert int(run.status) == 0 and int(run.evaluations) > 0
     assert run.event_to.values.tolist() == exact.event_to.values.tolist()
     columns = ["displacement", "velocity", "dynamic_force", "final_state", "event_phase"]
-    columns += list(getattr(model, "extra_samples", ()))
+    columns += model.extra_samples
     for column in (*columns, "fraction_backlash", "fraction_min_stiffness", "bounces"):
         np.testing.assert_allclose(
             run[column], exact[column], rtol=0, atol=factor * tolerance, err_msg=column
