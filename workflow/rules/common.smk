@@ -38,6 +38,9 @@ PAPER, CLAIMS = "1 The paper's figures", "2 The paper's statements"
 EXPLANATIONS, METHODS = "3 Explanations", "4 Methods"
 PUBLISHED_PART = "5 Published problems"
 
+#: Priority of jobs that take long: at the end of a build none of them runs alone.
+LONG = 1
+
 #: What the report shows of a figure, the first that there is; browsers zoom pixels best.
 SHOWN_FORMATS = ["png", "svg", "pdf"]
 
