@@ -14,7 +14,7 @@ from snakemake.logging import logger
 from snakemake.utils import min_version
 from gearlib.data.files import remove_leftovers
 from workflow.provenance import write as write_provenance
-from workflow.seals import foreign, replaced
+from workflow.checksums import foreign, replaced
 
 min_version("9.0")
 

@@ -23,12 +23,12 @@ def _wave(table, phase, derivative=0):
 
 
 def _stiffness(model):
-    """Return (C(phase, middle of the stretch), phases of the kinks in one period)."""
+    """Return (C(phase, middle of the segment), phases of the kinks in one period)."""
     pair = model.pair
     half = math.pi * (pair.contact_ratio - 1.0)
     profile = model.profile or Rectangular()
     if isinstance(profile, Rectangular):
-        # Decided by the middle of the stretch: its ends belong to both sides.
+        # Decided by the middle of the segment: its ends belong to both sides.
         def stiffness(_phase, middle):
             high = middle % (2 * math.pi) < half or middle % (2 * math.pi) > 2 * math.pi - half
             return pair.max_stiffness if high else pair.min_stiffness

@@ -91,7 +91,7 @@ struct Motion {
         return step(entry(s, k), t - k * h);
     }
 
-    // Across a whole stretch.
+    // Across a whole segment.
     State across(State s) const {
         return {s.u * whole_u.u + s.v * whole_v.u, s.u * whole_u.v + s.v * whole_v.v};
     }

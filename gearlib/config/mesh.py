@@ -95,7 +95,7 @@ class Damping(Section):
 
 
 class State(Section):
-    """State at the start, tau = 0: the middle of the C_max stretch."""
+    """State at the start, tau = 0: the middle of the segment of C_max."""
 
     displacement: Finite = Field(default=0.0, description="x, in static deflections.")
     velocity: Finite = Field(default=0.0, description="dx/dtau, in static deflections per radian.")

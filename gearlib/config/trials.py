@@ -58,12 +58,12 @@ class FixedStepMethod(Section):
 
     method: Literal["rk4", "newmark", "generalised_alpha"] = Field(description="Its name.")
     options: dict[Name, Finite] = Field(
-        default={}, description="Its options, but the steps per period."
+        default={}, description="Its options, except the steps per period."
     )
 
 
 class StabilityChart(Grid):
-    """Spectral radii of fixed-step methods on the mesh that never loses contact."""
+    """Spectral radii of fixed-step methods on the mesh without contact loss."""
 
     key: ClassVar = "stability_chart"
 
@@ -74,7 +74,7 @@ class StabilityChart(Grid):
         DampingName, Field(description="One of the dampings. Default: the lightest.")
     ]
     fine_step: number_within(gt=0, le=10) = Field(
-        default=0.002, description="Distance of the tunings of the true radius."
+        default=0.002, description="Distance of the tunings of the exact spectral radius."
     )
     steps: listing(Steps, "Steps per mesh period.") = [
         4,
@@ -128,7 +128,7 @@ def _trial(name, method, **options):
 
 
 class Failures(Section):
-    """The methods that are put to difficult problems."""
+    """The methods that are tried on difficult problems."""
 
     trials: Annotated[
         list[Trial],
@@ -176,7 +176,7 @@ class WorkPrecision(Section):
         get_args(Problem)
     )
     damping: PositiveDampingCoefficient = Field(
-        description="Linear damping where a problem has any, N s/m. Default: the largest one."
+        description="Linear damping of the damped problems, N s/m. Default: the largest one."
     )
     cubic_damping: CubicDamping = Field(
         description=(
@@ -191,10 +191,11 @@ class WorkPrecision(Section):
         default=3, description="The same without damping, where rounding errors grow fast."
     )
     record_periods: integer_within(ge=1, le=100) = Field(
-        default=3, description="The last ones, whose events are compared; at most those run."
+        default=3,
+        description="The last mesh periods, whose events are compared; at most `periods`.",
     )
     repeats: integer_within(ge=1, le=1000) = Field(
-        default=9, description="Timed runs at most, of which the median counts."
+        default=9, description="Largest number of timed runs; their median is taken."
     )
 
 
@@ -202,10 +203,10 @@ class Published(Section):
     """Published problems of dead-zone oscillators, see gearlib/studies/trials/published.py."""
 
     starts: integer_within(ge=1, le=100_000) = Field(
-        default=120, description="Initial states whose motions are told apart."
+        default=120, description="Initial states from which coexisting motions are sought."
     )
     settle: integer_within(ge=1, le=1_000_000) = Field(
-        default=400, description="Periods of the forcing before a run is looked at."
+        default=400, description="Periods of the forcing before a run is recorded."
     )
     exponent_periods: integer_within(ge=20, le=1_000_000) = Field(
         default=1500, description="Periods over which the exponent is averaged."
@@ -222,18 +223,18 @@ class Published(Section):
 
 
 class SteadyOrbits(Section):
-    """Errors of settled orbits: the frequency domain beside time marching."""
+    """Errors of settled orbits: methods of the frequency domain beside time integration."""
 
     methods: listing(
         Literal["exact", "taylor", "rk4", "rk45", "newmark", "harmonic_balance", "schmidt"],
-        "Methods that march, and those that work on harmonics.",
+        "Time integration by the names of `gearlib.methods()`, and methods of the frequency domain.",
     ) = ["exact", "taylor", "rk4", "rk45", "harmonic_balance", "schmidt"]
     problems: listing(
         Literal["smooth", "bouncing", "near_fold", "cubic"],
         "Test problems that settle, see gearlib/studies/trials/problems.py.",
     ) = ["smooth", "bouncing", "near_fold", "cubic"]
     repeats: integer_within(ge=1, le=1000) = Field(
-        default=1, description="Timed runs, of which the median counts."
+        default=1, description="Number of timed runs; their median is taken."
     )
 
 
@@ -265,6 +266,6 @@ class JumpByMethod(Grid):
     )
     most_evaluations: Positive = Field(
         default=7000.0,
-        description="Values of a knob that cost more evaluations per mesh period are left out.",
+        description="Settings that cost more evaluations per mesh period are left out.",
     )
     slow: SlowScan = SlowScan()

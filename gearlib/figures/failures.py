@@ -1,4 +1,4 @@
-"""Hostile problems against methods: a heat map of verdicts with the measured errors."""
+"""Difficult problems against methods: a heat map of verdicts with the measured errors."""
 
 import math
 

@@ -44,7 +44,7 @@ def draw(chart):
     Returns
     -------
     matplotlib.figure.Figure
-        The dashed line is the limit of explicit Runge-Kutta steps on the stiffer stretch.
+        The dashed line is the limit of explicit Runge-Kutta steps at the maximum stiffness.
     """
     methods = [str(name) for name in chart.method.values]
     rows = -(-len(methods) // 2)

@@ -1,4 +1,4 @@
-"""Settled orbits: errors of marching methods and of the frequency domain over their cost.
+"""Settled orbits: errors of time integration and of the frequency domain over their cost.
 
 Panels and looks are those of `gearlib.figures.work_precision`; costs are those of the whole search,
 from rest or from no guess.

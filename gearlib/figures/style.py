@@ -130,17 +130,17 @@ def shade_areas(axes, backlash, direction):
     Returns
     -------
     dict of str to tuple of float
-        The visible stretch (low, high) of every area that is in the picture.
+        The visible range (low, high) of every area that is in the picture.
     """
     low, high = sorted(axes.get_ylim() if direction == "y" else axes.get_xlim())
-    stretches = {
+    ranges = {
         "normal mesh": (0.0, high),
         "backlash": (max(-backlash, low), 0.0),
         "inverse mesh": (low, -backlash),
     }
     visible = {
         name: (max(first, low), min(last, high))
-        for name, (first, last) in stretches.items()
+        for name, (first, last) in ranges.items()
         if max(first, low) < min(last, high)
     }
     span = axes.axhspan if direction == "y" else axes.axvspan

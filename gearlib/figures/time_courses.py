@@ -124,7 +124,7 @@ def _draw_course(axes, run, name):
 
 
 def _shade_times(axes, periods, where, colour, low, high):
-    """Shade the stretches of time in which `where` holds."""
+    """Shade the intervals of time in which `where` holds."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], where.astype(np.int8), [0]])))
     step = periods[1] - periods[0]
     for first, last in zip(edges[::2], edges[1::2], strict=True):

@@ -101,7 +101,7 @@ def draw_panel(axes, costs, errors, lines, floor):
     ----------
     axes : matplotlib.axes.Axes
     costs, errors : list of (line names, ndarray) and list of ndarray
-        For each method, over its rungs; a cost of 0 is drawn at the left edge.
+        For each method, over its settings; a cost of 0 is drawn at the left edge.
     lines : dict
         As of `lines_of`.
     floor : float

@@ -1,15 +1,15 @@
-"""Compiled kernels: floats and arrays only, a folder for each mathematics.
+"""Compiled kernels: floats and arrays only, a folder for each kind of mathematics.
 
 ====================  =============================================================================
 name                  responsibility
 ====================  =============================================================================
-``closed_form``       one degree, linear damping: phases of contact and free flights in closed form
+``closed_form``       one degree of freedom, linear damping: contact and flight in closed form
 ``piecewise_linear``  many coordinates: matrix exponentials between events
 ``taylor``            nonlinear mesh: Taylor steps of order 20 that end at events
 ``steps``             for comparison: fixed steps, and an embedded pair under step control
-``polynomial``        first crossing and largest value of a polynomial, isolated
+``polynomial``        first crossing and largest value of a polynomial, guaranteed
 ``orbit``             what is recorded of an orbit: extrema, fractions, samples, events
-``growth``            growth of a deviation carried along by maps
+``growth``            growth of a small deviation under the maps of a run
 ``jit``               how every kernel is compiled
 ``cache``             where its machine code is kept, for any number of processes
 ====================  =============================================================================

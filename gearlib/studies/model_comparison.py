@@ -63,9 +63,9 @@ def cost(model, tuning, result, run):
     """Return the deterministic cost of a run: components advanced per mesh period.
 
     Components of the state times the pieces of a period: phases of contact for closed forms,
-    series coefficients for Taylor steps, knots and phases for matrix exponentials.
+    series coefficients for Taylor steps, substeps and phases for matrix exponentials.
     """
-    # Three stretches of stiffness, and what the contact events add.
+    # Three segments of stiffness, and what the contact events add.
     phases = result.event.size / run["record_periods"] + 3
     propagator, evaluations = model.propagator(tuning), int(result.evaluations)
     pieces = evaluations / run["periods"] if evaluations else propagator.pieces + phases

@@ -123,7 +123,7 @@ def compute(pair, place, power, tunings, settings, run, samples_per_period):
     xarray.Dataset
         displacement_max, displacement_min, period over (direction, tuning); over (direction,):
         jump (NaN: none) and jump_size, peak and peak_tuning, lost_from and lost_to (ends of the
-        widest stretch of tunings with contact lost);
+        widest range of tunings with contact loss);
         displacement and velocity over (shown, phase); coefficient; scalar coordinates place and
         power.
     """
@@ -180,7 +180,7 @@ def _facts(damped, curve, direction, run):
 
 
 def _widest(where):
-    """Return the first and last index of the longest stretch in which `where` holds, or None."""
+    """Return the first and last index of the longest range in which `where` holds, or None."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], where.astype(np.int8), [0]])))
     starts, ends = edges[::2], edges[1::2]
     if starts.size == 0:

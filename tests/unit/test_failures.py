@@ -87,13 +87,13 @@ def test_other_events_are_missed_events_if_the_state_is_off(contacts):
     assert verdict("state", contacts=contacts, state=(1.5, 0.0))[0] == "missed_event"
     assert verdict("state", contacts=contacts)[0] == "right"
     found, off = verdict("contacts", tolerance=0.0, contacts=contacts)
-    assert (found, off) == ("missed_event", failures.alien_contacts(contacts, CONTACTS))
+    assert (found, off) == ("missed_event", failures.wrong_contacts(contacts, CONTACTS))
 
 
-def test_alien_contacts_are_counted():
-    assert failures.alien_contacts((), CONTACTS) == 2
-    assert failures.alien_contacts(CONTACTS, CONTACTS) == 0
-    assert failures.alien_contacts(((1, 0), (0, -1), (-1, 0)), CONTACTS) == 2
+def test_wrong_contacts_are_counted():
+    assert failures.wrong_contacts((), CONTACTS) == 2
+    assert failures.wrong_contacts(CONTACTS, CONTACTS) == 0
+    assert failures.wrong_contacts(((1, 0), (0, -1), (-1, 0)), CONTACTS) == 2
 
 
 @pytest.mark.parametrize(

@@ -24,7 +24,7 @@ for script in scripts:
     ours = {name: file for name, file in files.items() if file and file.startswith(root + "/")}
     ours = {name: file for name, file in ours.items() if "/.venv/" not in file}
     # Checksums change no result.
-    ours = {name: file for name, file in ours.items() if file != root + "/workflow/seals.py"}
+    ours = {name: file for name, file in ours.items() if file != root + "/workflow/checksums.py"}
     loaded[script] = list(ours.values())
     for name in ours:
         del sys.modules[name]

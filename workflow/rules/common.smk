@@ -198,7 +198,7 @@ def work_precision_files(kind):
     return [f"results/work_precision/{kind}_{name}.nc" for name in methods if installed(name)]
 
 
-def marching_methods():
+def time_integration_methods():
     """Return the methods of settled orbits that are behind ``method=``."""
     return [name for name in CONFIG.steady_orbits.methods if name in integrators.METHODS]
 

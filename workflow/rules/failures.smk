@@ -1,4 +1,4 @@
-"""Failures: hostile problems against methods, a job for each method, one matrix, one figure."""
+"""Failures: difficult problems against methods, a job for each method, one matrix, one figure."""
 
 
 rule trial:
@@ -43,7 +43,7 @@ rule draw_failures:
         dataset=rules.gather_failures.output.dataset,
         sources=script_sources("draw_failures"),
     output:
-        figure("failures", "Failures: hostile problems against methods", METHODS),
+        figure("failures", "Failures: difficult problems against methods", METHODS),
     log:
         "results/logs/draw_failures.log",
     benchmark:

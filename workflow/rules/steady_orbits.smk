@@ -1,10 +1,10 @@
-"""Settled orbits: errors of the frequency domain beside time marching, wall times apart."""
+"""Settled orbits: errors of the frequency domain beside time integration, wall times apart."""
 
 
 rule steady_orbits:
     input:
         kernels=rules.compile_kernels.output.stamp,
-        sources=script_sources("steady_orbits", *marching_methods()),
+        sources=script_sources("steady_orbits", *time_integration_methods()),
     output:
         dataset="results/steady_orbits/errors.nc",
     log:
@@ -28,7 +28,7 @@ rule steady_orbits:
 rule steady_orbit_times:
     input:
         kernels=rules.compile_kernels.output.stamp,
-        sources=script_sources("steady_orbit_times", *marching_methods()),
+        sources=script_sources("steady_orbit_times", *time_integration_methods()),
     output:
         dataset="results/steady_orbits/times.nc",
     log:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import __main__
 from gearlib.data.provenance import declare_sources
-from workflow.seals import seal
+from workflow.checksums import record
 
 # Imports make objects that stay: to look for garbage among them takes a sixth of a short job.
 gc.set_threshold(200_000)
@@ -24,7 +24,7 @@ if "xarray" not in sys.modules:
 def redirect_output(path):
     """Send standard output and standard error, of Python and of compiled code, to a file.
 
-    When the job ends, the file gets a line for each output, by which `workflow.seals` finds out
+    When the job ends, the file gets a line for each output, by which `workflow.checksums` finds out
     whether somebody else has replaced it. The job's source files are declared: netCDF files hold
     their hash.
     """
@@ -37,12 +37,12 @@ def redirect_output(path):
     with open(path, "w", encoding="utf-8") as log:
         os.dup2(log.fileno(), 1)
         os.dup2(log.fileno(), 2)
-    atexit.register(_seal_outputs, path)
+    atexit.register(_record_outputs, path)
     sys.excepthook = lambda *fault: _report(terminal, *fault)
 
 
-def _seal_outputs(log):
-    print(seal(log, map(Path, __main__.snakemake.output)), end="")
+def _record_outputs(log):
+    print(record(log, map(Path, __main__.snakemake.output)), end="")
 
 
 def _report(terminal, kind, error, trace):

@@ -1,4 +1,4 @@
-"""Put one method to all hostile problems."""
+"""Try one method on all difficult problems."""
 
 import json
 

@@ -7,11 +7,11 @@ module              responsibility
 ``oscillator``      contact: closed form of the damped linear oscillator
 ``flight``          backlash: closed form of the free flight under load and oil drag
 ``crossing``        first crossing of a flank line, proven to be the first
-``event_by_event``  from one event to the next through a stretch of constant stiffness
-``contact_table``   contact in a table of equal times, and when it leaves a flank
+``event_by_event``  from one event to the next through a segment of constant stiffness
+``contact_table``   contact by a table over equal times, and when contact is lost
 ``whole_periods``   whole mesh periods without exp, sine or cosine
 ``settled``         when a run has settled, and where it then ends
-``run``             a whole run: its periods gone through fast, those at its end recorded
+``run``             a whole run: fast until its last periods, which are recorded
 ``many_runs``       runs over many tunings, and over many initial states
 ``sections``        states of many orbits at one mesh phase of every period
 ``deviation``       linearised maps of phases and flank crossings

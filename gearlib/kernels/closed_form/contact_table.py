@@ -13,7 +13,7 @@ a turn of the oscillator, since the next way down starts half a turn after the f
 earliest; from a start that does not fall, within a whole turn, since the first way down ends, and
 the second starts, later. What this does not decide is left to the closed forms of `crossing`.
 
-A level is a row of numbers, so that the march can look up either level by its index.
+A level is a row of numbers, so that either level is found by its index.
 """
 
 import math
@@ -40,7 +40,7 @@ _STRIDE = 3
 
 # Columns of a level. LAST is the last entry of its table, EMPTY before that is filled, NONE when
 # there is none; X2 to X8 and S2 to S8 are coefficients of the polynomials; the END columns are the
-# map of the whole stretch; WITHIN_HALF, WITHIN_TURN say whether the stretch is shorter than that.
+# map of the whole segment; WITHIN_HALF, WITHIN_TURN say whether the segment is shorter than that.
 (
     LENGTH,
     REST,
@@ -77,7 +77,7 @@ EMPTY, NONE = -1.0, -2.0
 
 @kernel
 def set_level(lev, length, row):
-    """Fill the row of a level whose stretches have the given length; its table stays empty."""
+    """Fill the row of a level whose segments have the given length; its table stays empty."""
     natural = math.sqrt(lev.square)
     swings = lev.kind == UNDERDAMPED
     row[LENGTH], row[REST], row[SQUARE], row[TWICE_A] = length, lev.rest, lev.square, 2.0 * lev.a

@@ -1,4 +1,4 @@
-"""The plain march: arc by arc through a stretch of constant stiffness, no shortcuts.
+"""From one event to the next through a segment of constant stiffness, by closed forms only.
 
 An *arc* is a piece of orbit with one closed form. A row of the arc table holds
 
@@ -55,17 +55,17 @@ def next_event(m, lev, contact, x, v, horizon):
 
 @kernel
 def march(m, which, start, length, contact, x, v, arcs, count, limit):
-    """Go through one stretch; return (contact, x, v, count) at its end.
+    """Go through one segment; return (contact, x, v, count) at its end.
 
     Parameters
     ----------
     m : Mesh
     which : int
-        Stiffness level of the stretch: 0 C_min, 1 C_max.
+        Stiffness level of the segment: 0 C_min, 1 C_max.
     start, length : float
-        Phase from the start of the mesh period to the stretch, and its length.
+        Phase from the start of the mesh period to the segment, and its length.
     contact, x, v : int, float, float
-        State at the start of the stretch.
+        State at the start of the segment.
     arcs : ndarray, shape (n, 6)
         Arc table, filled from row `count` on; with n = 0 nothing is written.
     count : int
@@ -81,7 +81,7 @@ def march(m, which, start, length, contact, x, v, arcs, count, limit):
 
 @kernel
 def march_on(m, which, start, t, length, contact, x, v, arcs, count, limit, to_landing):
-    """Go on in a stretch from t after its start; arguments otherwise as of `march`.
+    """Go on in a segment from t after its start; arguments otherwise as of `march`.
 
     With `to_landing` only to the next landing on the normal flank. Returns (t, contact, x, v,
     count).
@@ -111,7 +111,7 @@ def march_on(m, which, start, t, length, contact, x, v, arcs, count, limit, to_l
 
 @kernel
 def march_period(m, contact, x, v, arcs, limit):
-    """Go through one mesh period from the middle of a C_max stretch; return as `march`."""
+    """Go through one mesh period from the middle of a C_max segment; return as `march`."""
     contact, x, v, count = march(m, 1, 0.0, m.half_high, contact, x, v, arcs, 0, limit)
     if count <= limit:
         contact, x, v, count = march(

@@ -13,8 +13,8 @@ class Mesh(NamedTuple):
 
     low: Level  #: C_min
     high: Level  #: C_max
-    half_high: float  #: phase length of half the C_max stretch
-    whole_low: float  #: phase length of the C_min stretch
+    half_high: float  #: phase length of half the C_max segment
+    whole_low: float  #: phase length of the C_min segment
     drag: float  #: b = beta_m / nu
     pull: float  #: f = 1 / nu^2
     gap: float  #: backlash in static deflections
@@ -25,7 +25,7 @@ class Mesh(NamedTuple):
 def mesh(ratios, tuning):
     """Return the `Mesh` at one tuning.
 
-    `ratios`, shape (7,): C_max / C_s, C_min / C_s, half the C_max stretch, the C_min stretch,
+    `ratios`, shape (7,): C_max / C_s, C_min / C_s, half the C_max segment, the C_min segment,
     beta, beta_m, backlash in static deflections.
     """
     return Mesh(

@@ -28,7 +28,7 @@ _ON_ORBIT = 1e-13
 
 @kernel
 def outcome(x, v, count, limit):
-    """Return the status of a march that ended in (x, v) after `count` arcs of a period."""
+    """Return the status of a run that ended in (x, v) after `count` arcs of a period."""
     if count > limit:
         return EVENT_LIMIT
     return OK if within_range(x, v) else OVERFLOW

@@ -153,7 +153,7 @@ def sum_of_powers(m, matrix):
 def look_for_rest(m, work, n, contact, x, v, repeat, limit):
     """Go through `repeat` periods, and see whether the run has settled.
 
-    Arguments as of `fast_march.advance`.
+    Arguments as of `whole_periods.advance`.
 
     Returns
     -------

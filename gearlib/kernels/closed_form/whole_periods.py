@@ -1,15 +1,14 @@
-"""The fast march: whole mesh periods, stretch by stretch, without exp, sine or cosine.
+"""Whole mesh periods, segment by segment, without exp, sine or cosine.
 
-It takes the same orbit as the plain march, by shortcuts that are proven:
+The orbit is that of `event_by_event`, with shortcuts that are proven:
 
-* A whole stretch in contact is one 2 x 2 map when no flank line can be reached: when the amplitude
+* A whole segment in contact is one 2 x 2 map when no flank line can be reached: when the amplitude
   is below the equilibrium deflection, or when the velocities at both ends and the length of the
-  stretch leave room for no minimum in between.
-* The way from a landing to the end of the stretch, and to where the flank is left, goes by
-  `contact_table`.
+  segment leave room for no minimum in between.
+* From a landing to the end of the segment, or to where contact is lost, by `contact_table`.
 * A flight from x = 0 that cannot reach the far flank returns once: by `flight.return_flight`.
 
-Whatever none of them covers goes through closed forms, or through the plain march.
+All other cases use the closed forms, or `event_by_event`.
 """
 
 from typing import NamedTuple
@@ -55,7 +54,7 @@ from gearlib.kernels.orbit import STROBE_PERIODS
 KEPT = STROBE_PERIODS + 1
 # What is remembered from one call to the next. Of a flight under way: how much of it lies ahead
 # (negative: there is none), its duration, its speeds at the start and at the landing; and the
-# entries of the tables at which the flank was left last in the three stretches of a period.
+# entries of the tables at which the flank was left last in the three segments of a period.
 AHEAD, DURATION, START_SPEED, LANDING_SPEED, ENTRY = range(5)
 MEMORY = ENTRY + 3
 #: Contact code, within `advance` only, of such a flight.
@@ -63,9 +62,9 @@ _FLYING = 2
 
 
 class Work(NamedTuple):
-    """What the fast march works with at one mesh; used again for the next one."""
+    """Tables and memory of the whole periods of one mesh; used again for the next mesh."""
 
-    levels: np.ndarray  #: rows of `contact_table` for C_min and half a stretch of C_max
+    levels: np.ndarray  #: rows of `contact_table` for C_min and half a segment of C_max
     tables: np.ndarray  #: shape (2, ENTRIES, 2)
     memory: np.ndarray  #: shape (MEMORY,)
     states: np.ndarray  #: at the end of period n in row n % KEPT, shape (KEPT, 2)
@@ -131,7 +130,7 @@ def advance(m, work, n, contact, x, v, periods, limit, arcs):
         State at the end.
     count : int
         Arcs of the last period, of which k are in the table; more than `limit` when that did not
-        suffice. The state may be out of range, see `march.within_range`.
+        suffice. The state may be out of range, see `event_by_event.within_range`.
     """
     levels, tables, memory, states = work
     escape = 2.0 * m.pull * m.gap * MARGIN
@@ -146,11 +145,11 @@ def advance(m, work, n, contact, x, v, periods, limit, arcs):
             break
         count = 0
         start = 0.0
-        for stretch in range(3):
-            i = 1 - (stretch & 1)
+        for segment in range(3):
+            i = 1 - (segment & 1)
             length, rest = levels[i, LENGTH], levels[i, REST]
-            if stretch > 0:
-                start += levels[2 - stretch, LENGTH]
+            if segment > 0:
+                start += levels[2 - segment, LENGTH]
             if length == 0.0:
                 continue
             t, landed = 0.0, False
@@ -183,7 +182,7 @@ def advance(m, work, n, contact, x, v, periods, limit, arcs):
                     continue
                 u, landed = -rest, True
 
-            # Contact, flight, landing, contact ... until a stretch ends in contact or in flight.
+            # Contact, flight, landing, contact ... until a segment ends in contact or in flight.
             lev = m.high if i == 1 else m.low
             if levels[i, LAST] == EMPTY:
                 fill_table(lev, levels[i], tables[i])
@@ -201,7 +200,7 @@ def advance(m, work, n, contact, x, v, periods, limit, arcs):
                         if stays(half, turn, v, end_u + rest, end_v):
                             x, v = end_u + rest, end_v
                             break
-                k = int(memory[ENTRY + stretch])
+                k = int(memory[ENTRY + segment])
                 leave, speed, k = leaving(levels, tables, i, u, v, k, left)
                 if leave < 0.0 and levels[i, LAST] > 0.0:
                     k, below = lowest_entry(levels, tables, i, u, v)
@@ -219,11 +218,11 @@ def advance(m, work, n, contact, x, v, periods, limit, arcs):
                         x += rest
                         break
                     k = int(leave * levels[i, PER_TIME] + 0.5)
-                memory[ENTRY + stretch] = k
+                memory[ENTRY + segment] = k
                 if count <= arcs.shape[0]:
                     arcs[count - 1, 1] = leave
                 if speed * speed >= escape:
-                    # The far flank may be met: by the plain march to the next landing.
+                    # The far flank may be met: event by event to the next landing.
                     flying = BACKLASH if m.gap > 0.0 else INVERSE
                     t, contact, x, v, count = march_on(
                         m, i, start, t + leave, length, flying, 0.0, speed, arcs, count, limit, True

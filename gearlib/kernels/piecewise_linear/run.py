@@ -1,10 +1,10 @@
-"""Piecewise-linear systems with many coordinates: exact march between guaranteed events.
+"""Piecewise-linear systems with many coordinates: exact propagation between guaranteed events.
 
-The plain march, which is also the one that records, goes knot by knot (see
-`gearlib.kernels.piecewise_linear.system`) by the Taylor polynomial of the whole state. A flank line
-is a linear functional g z, along a knot a polynomial, whose first crossing is isolated in Bernstein
-form (`polynomial.first_fall`): nothing is sampled, no margin is guessed. Periods nobody looks at go
-by `gearlib.kernels.piecewise_linear.whole_periods`.
+Recorded mesh periods are propagated substep by substep (see
+`gearlib.kernels.piecewise_linear.system`), by the Taylor polynomial of the whole state. The distance
+from a flank line is a linear functional g z, and on a substep a polynomial whose first crossing is
+isolated in Bernstein form (`polynomial.first_fall`): nothing is sampled, no margin is guessed. Mesh
+periods that are not recorded use `gearlib.kernels.piecewise_linear.whole_periods`.
 """
 
 import math
@@ -74,7 +74,7 @@ def go(system, table, to_bernstein, z, contact, on_line, at_rest, s, record, rec
         Whether the period starts exactly on a line (1 the normal, -1 the far one, 0 none), and at
         rest relative to it.
     record : ndarray, shape (k, 4 + (ORDER + 1) n)
-        Filled with one row per step: phase, length, contact, stretch, Taylor coefficients of the
+        Filled with one row per step: phase, length, contact, segment, Taylor coefficients of the
         state; enlarged as needed, k > 0.
     recorded : int
         Rows in use.
@@ -186,7 +186,7 @@ def _sample(system, record, recorded, n, outputs, samples, s):
     """Fill the samples of one period from its recorded steps.
 
     Columns as of `orbit`, then one per row of `outputs`, a functional for each contact code and
-    stretch, shape (outputs, 3, p, n).
+    segment, shape (outputs, 3, p, n).
     """
     i = 0
     for k in range(samples.shape[0]):

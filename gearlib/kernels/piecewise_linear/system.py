@@ -1,9 +1,10 @@
 """Piecewise-linear systems with many coordinates: their matrices and Taylor series.
 
-While a contact code and a stretch of the mesh period last, the state obeys z' = A z. Constants and
-harmonics are components of z (of frequency zero and n), so that excitation needs nothing of its
-own. A stretch is cut into equal *knots*, so short that the Taylor polynomial of degree ORDER is
-the solution to rounding, by the bound |remainder| <= (|A| h)^(ORDER + 1) / (ORDER + 1)! e^(|A| h).
+Within a segment of the mesh period with constant stiffness, and as long as the contact state does
+not change, the state obeys z' = A z. Constants and harmonics are components of z (of frequency zero
+and n), so that the excitation needs no separate terms. A segment is divided into equal substeps
+(`knots` is their number), so short that the Taylor polynomial of degree ORDER is the solution to
+rounding, by the bound |remainder| <= (|A| h)^(ORDER + 1) / (ORDER + 1)! e^(|A| h).
 """
 
 from typing import NamedTuple
@@ -13,19 +14,19 @@ import numpy as np
 from gearlib.kernels.jit import kernel
 
 ORDER = 20
-#: |A| h of a knot: (1.3)^21 / 21! e^1.3 = 2e-17.
+#: |A| h of a substep: (1.3)^21 / 21! e^1.3 = 2e-17.
 REACH = 1.3
 #: Overlap of the flank lines, in shares of the terms of their distance, that is more than rounding.
 _JAM = 1e-9
 
 
 class System(NamedTuple):
-    """All matrices of one model at one tuning: n components, p stretches."""
+    """All matrices of one model at one tuning: n components, p segments."""
 
-    a: np.ndarray  #: z' = a[contact + 1, stretch] z, shape (3, p, n, n)
-    starts: np.ndarray  #: phases that bound the stretches, shape (p + 1,), 0 to 2 pi
-    knots: np.ndarray  #: knots of every stretch, int, shape (p,)
-    low: np.ndarray  #: whether a stretch is one of C_min, shape (p,)
+    a: np.ndarray  #: z' = a[contact + 1, segment] z, shape (3, p, n, n)
+    starts: np.ndarray  #: phases that bound the segments, shape (p + 1,), 0 to 2 pi
+    knots: np.ndarray  #: number of substeps of every segment, int, shape (p,)
+    low: np.ndarray  #: whether a segment is one of C_min, shape (p,)
     stiffness: np.ndarray  #: c by contact code (0: that of the normal flank), shape (3, p)
     near: np.ndarray  #: functional y, displacement over the normal flank, shape (n,)
     far: np.ndarray  #: functional y - s, displacement over the far flank, shape (n,)
@@ -45,7 +46,7 @@ class Tables(NamedTuple):
 
 
 class Part(NamedTuple):
-    """The part of a `System` that decides its events, and the rest, which goes its own way.
+    """The part of a `System` that decides its events, and the rest, which does not act on it.
 
     The state of the whole is ``back @ (state of the part) + rest_back @ (state of the rest)``, with
     a rest that obeys one constant matrix whatever the contact.
@@ -60,7 +61,7 @@ class Part(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    """Arrays that a march writes to."""
+    """Work arrays of a run."""
 
     z: np.ndarray  #: shape (n,)
     other: np.ndarray  #: shape (n,)

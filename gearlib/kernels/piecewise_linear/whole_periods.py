@@ -1,14 +1,15 @@
-"""Piecewise-linear systems with many coordinates: the fast march through periods nobody looks at.
+"""Piecewise-linear systems with many coordinates: mesh periods that are not recorded.
 
-It takes the same way as the plain march of `gearlib.kernels.piecewise_linear.run`, with tables
-instead of series:
+The solution is that of the recorded periods, `gearlib.kernels.piecewise_linear.run`, with precomputed
+tables instead of series:
 
-* Across a knot (see `gearlib.kernels.piecewise_linear.system`) the state goes by the precomputed
+* A substep without an event (see `gearlib.kernels.piecewise_linear.system`) is one product with
   exp(A h).
-* A flank line is a linear functional g z; along a knot it is a polynomial whose coefficients are
-  precomputed rows times the state. Most knots are far from a line, and its first terms prove it;
-  else the first crossing is proved by the shape of the polynomial, or isolated in Bernstein form.
-* Within a knot the state goes by a precomputed exponential and a short Taylor series.
+* The distance from a flank line is a linear functional g z, and on a substep a polynomial whose
+  coefficients are precomputed rows times the state. On most substeps its first terms prove that no
+  flank line is reached; otherwise the first crossing is proved by the shape of the polynomial, or
+  isolated in Bernstein form.
+* A part of a substep is one product with a precomputed exponential and a short Taylor series.
 
 All tables are stored in blocks of four rows, a block column by column: its product with a state is
 a sum of columns of four, which the compiler keeps in one vector register.
@@ -25,9 +26,9 @@ from gearlib.kernels.polynomial import fall_by_shape, first_fall, lowest_of_para
 
 #: Terms from this degree on are bounded together: (1.3)^8 / 8! = 2e-4 of the state.
 _TAIL = 8
-#: Rows of a functional along a knot, in whole blocks.
+#: Rows of a functional on a substep, in whole blocks.
 _ROWS = 24
-#: A way within a knot goes by an exponential of so many equal parts and a short series.
+#: A substep has so many equal parts with an exponential each; the remainder is a short series.
 _PARTS = 32
 #: Pairs of terms of that series: (1.3 / 64)^9 / 9! = 2e-21, with room for unlike scales.
 _PAIRS = 4
@@ -38,12 +39,12 @@ class Ways(NamedTuple):
 
     ready: np.ndarray  #: bool, shape (3, p)
     step: np.ndarray  #: exp(A h), shape (3, p, b, n, 4)
-    near: np.ndarray  #: rows of y along a knot, shape (3, p, 6, n, 4)
+    near: np.ndarray  #: rows of y on a substep, shape (3, p, 6, n, 4)
     far: np.ndarray  #: rows of y - s
     near_tail: np.ndarray  #: sums of the magnitudes of rows 8 to ORDER, shape (3, p, n)
     far_tail: np.ndarray
     rate: np.ndarray  #: A, shape (3, p, b, n, 4)
-    fine: np.ndarray  #: exp(A h j / 32), j = 1 ... 32, shape (3, 32 p, b, n, 4), stretch by stretch
+    fine: np.ndarray  #: exp(A h j / 32), j = 1 ... 32, shape (3, 32 p, b, n, 4), segment by segment
     state: np.ndarray  #: work, shape (b, 4)
     term: np.ndarray  #: work, shape (b, 4)
     image: np.ndarray  #: work, shape (b, 4)
@@ -97,7 +98,7 @@ def _fill_rows(functional, a, h, blocks, tail):
 
 @kernel
 def _prepare(system, table, i, p):
-    """Fill the tables of contact code i - 1 on stretch p."""
+    """Fill the tables of contact code i - 1 on segment p."""
     n = system.near.shape[0]
     h = (system.starts[p + 1] - system.starts[p]) / system.knots[p]
     a = system.a[i, p]
@@ -145,7 +146,7 @@ def _add_term(rate, i, p, factor, old, new, z):
 
 @kernel
 def _advance(fine, rate, i, p, h, t, z, term, image):
-    """Take z by t along a knot of length h; arrays are fields of `Ways`."""
+    """Take z by t on a substep of length h; arrays are fields of `Ways`."""
     flat_term, flat_image = term.reshape(term.size), image.reshape(image.size)
     part = int(_PARTS * t / h + 0.5)
     if part > 0:
@@ -164,7 +165,7 @@ def _advance(fine, rate, i, p, h, t, z, term, image):
 
 @inlined
 def _stays_above(rows, tail, i, p, side, z, wide):
-    """Return whether side times a functional provably stays above zero along a whole knot.
+    """Return whether side times a functional provably stays above zero on a whole substep.
 
     Its parabola does, by more than all the higher terms can make: those below _TAIL one by one, the
     rest by the magnitudes of their rows. Leaves the lower terms in `wide`.
@@ -180,7 +181,7 @@ def _stays_above(rows, tail, i, p, side, z, wide):
 
 @kernel
 def _fall(rows, tail, i, p, side, share, on_line, at_rest, z, wide, to_bernstein, work):
-    """Return where side times a functional first falls through zero, as a part of `share` knots.
+    """Return where side times a functional first falls through zero, as a part of `share` substeps.
 
     2 and -1 as of `first_fall`. `on_line`, `at_rest`: whether it starts at zero, and at rest;
     rows, tail: fields of `Ways`.

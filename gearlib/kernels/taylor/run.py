@@ -1,4 +1,4 @@
-"""The march of the nonlinear mesh: Taylor steps that end where the law changes.
+"""The run of a nonlinear mesh: Taylor steps that end where the law of motion changes.
 
 A step ends at the end of a piece of c(tau), at the first crossing of a flank line and, where the
 damping has a quadratic part, at a change of sign of x'. Crossings are those of the step's own

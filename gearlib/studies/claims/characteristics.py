@@ -15,7 +15,7 @@ SMALL_REGION = 0.02
 
 
 def intervals(tuning, where):
-    """Return the stretches of tuning in which `where` is true, in words."""
+    """Return the ranges of tuning in which `where` is true, in words."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], where.astype(np.int8), [0]])))
     pairs = [(tuning[i], tuning[j - 1]) for i, j in zip(edges[::2], edges[1::2], strict=True)]
     return ", ".join(f"{a:.4g}" if a == b else f"{a:.4g} ... {b:.4g}" for a, b in pairs) or "none"

@@ -150,7 +150,7 @@ def _six_degrees(facts):
 
 
 def _share_at_max(facts):
-    return "the stretch at C_max is epsilon - 1 of a mesh period"
+    return "the segment of C_max lasts epsilon - 1 of a mesh period"
 
 
 #: id of the statement -> sentence from the facts.

@@ -7,7 +7,7 @@ quantity       error
 =============  ==================================================================================
 ``state``      difference of the final states, displacement or nu times velocity, over the height
                of the recorded motion (over one static deflection if that is larger)
-``contacts``   contact events of the record that are missing, alien or out of order
+``contacts``   contact events of the record that are missing, spurious or out of order
 ``orbit``      difference of the extrema of the settled orbit over its height
 ``fractions``  difference of the fractions of time in normal mesh, backlash and inverse mesh
 ``energy``     relative difference of the energy about the rest position, constant stiffness

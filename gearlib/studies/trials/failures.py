@@ -112,8 +112,8 @@ def _distance(tuning, state, other):
     return max(abs(state[0] - other[0]), tuning * abs(state[1] - other[1]))
 
 
-def alien_contacts(contacts, expected):
-    """Return how many events are missing, alien or out of order."""
+def wrong_contacts(contacts, expected):
+    """Return how many events are missing, spurious or out of order."""
     differing = sum(a != b for a, b in zip(contacts, expected, strict=False))
     return differing + abs(len(contacts) - len(expected))
 
@@ -131,7 +131,7 @@ def amount(problem, outcome):
 def error(problem, outcome, reference):
     """Return the error of a complete run in the quantity of its problem."""
     if problem.quantity == "contacts":
-        return float(alien_contacts(outcome.contacts, reference.contacts))
+        return float(wrong_contacts(outcome.contacts, reference.contacts))
     if problem.quantity == "fractions":
         pairs = zip(outcome.fractions, reference.fractions, strict=True)
         return max(abs(a - b) for a, b in pairs)

@@ -21,7 +21,7 @@ class Entry(NamedTuple):
 
 
 class Row(NamedTuple):
-    """The fastest methods of one problem within one accuracy; None: nobody reaches it."""
+    """The fastest methods of one problem within one accuracy; None: no method reaches it."""
 
     problem: str
     decade: int  #: state error <= 10^-decade
@@ -81,7 +81,7 @@ def table(error_datasets, time_datasets):
 
 
 #: What the table says in the place of a method where there is none.
-NOBODY = {"own": "no method of this library", "other": "no solver of another package"}
+UNREACHED = {"own": "no method of this library", "other": "no solver of another package"}
 _COLUMNS = (
     "method",
     "knob",
@@ -95,7 +95,7 @@ def write_csv(rows, path):
     """Write `Row`s as a table, replacing the file in one step."""
     with replacing(path) as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
-        names = [f"{who}_{column}" for who in NOBODY for column in _COLUMNS]
+        names = [f"{who}_{column}" for who in UNREACHED for column in _COLUMNS]
         writer.writerow(
             ["problem", "accuracy_in_static_deflections", "own_is_times_faster", *names]
         )
@@ -107,6 +107,6 @@ def write_csv(rows, path):
 
 def _cells(entry, who):
     if entry is None:
-        return [f"{NOBODY[who]} reaches it", *[""] * (len(_COLUMNS) - 1)]
+        return [f"{UNREACHED[who]} reaches it", *[""] * (len(_COLUMNS) - 1)]
     numbers = (1e6 * entry.time, entry.evaluations, entry.error)
     return [entry.line, entry.knob, *(f"{value:.3g}" for value in numbers)]

@@ -1,7 +1,7 @@
 """Runs in as many decimal digits as are asked for: power series of the motion between its events.
 
 The references of `gearlib.studies.trials.problems`, for any parameters of its models. While a
-contact code and a stretch of the mesh period last, the equation is
+contact code and a segment of the mesh period last, the equation is
 
     z' = A z - d z[1]^3 e_1,
 
@@ -33,9 +33,9 @@ class Unresolved(ArithmeticError):
 class Equations(NamedTuple):
     """One model at one tuning; rows and functionals are lists of (component, coefficient)."""
 
-    rows: dict  #: (contact code, stretch) -> rows of A
+    rows: dict  #: (contact code, segment) -> rows of A
     cubic: dict  #: contact code -> d
-    starts: list  #: phases that bound the stretches, 0 to 2 pi
+    starts: list  #: phases that bound the segments, 0 to 2 pi
     near: list  #: functional y, displacement over the normal flank
     far: list  #: functional y - s, displacement over the far flank
     start: list  #: z at rest on the normal flank line
@@ -87,7 +87,7 @@ def run(model, tuning, periods, digits=50, state=(0, 0)):
         z = list(equations.start)
         if any(state):
             z[:2] = map(Decimal, state)
-        return _march(equations, z, periods, digits)
+        return _integrate(equations, z, periods, digits)
 
 
 def equations_of(model, tuning):
@@ -107,11 +107,11 @@ def _one_degree(model, nu):
     rows = {}
     for code in (INVERSE, BACKLASH, NORMAL):
         ratio = pair.backlash_damping_ratio if code == BACKLASH else pair.damping_ratio
-        for stretch, c in enumerate((high, low, high)):
+        for segment, c in enumerate((high, low, high)):
             push = [] if code == BACKLASH else [(0, -c)]
             load = 1 / nu**2 - (c * gap if code == INVERSE else 0)
             force = [*push, (1, -2 * Decimal(ratio) / nu), (2, load)]
-            rows[code, stretch] = [[(1, _ONE)], force, []]
+            rows[code, segment] = [[(1, _ONE)], force, []]
     starts = [_pi() * share for share in (0, epsilon - 1, 3 - epsilon, 2)]
     far = [(0, _ONE), (2, gap)] if two_sided else [(2, _ONE)]
     damping = {code: Decimal(cubic[code + 1]) * nu for code in (INVERSE, BACKLASH, NORMAL)}
@@ -122,14 +122,14 @@ def _six_degrees(model, tuning):
     system, _ = model.system(tuning)
     count = system.starts.size - 1
     rows = {
-        (code, stretch): [_sparse(row) for row in system.a[code + 1, stretch]]
+        (code, segment): [_sparse(row) for row in system.a[code + 1, segment]]
         for code in (INVERSE, BACKLASH, NORMAL)
-        for stretch in range(count)
+        for segment in range(count)
     }
     pi, epsilon, turn = _pi(), Decimal(model.pair.contact_ratio), Decimal(model.pitch_phase)
     exact = [pi * share for share in (0, epsilon - 1, 3 - epsilon, 2)]
     exact += [(turn + k * pi) % (2 * pi) for k in range(2)]
-    # Which stretches there are is known from the floats; where they end, in all digits.
+    # Which segments there are is known from the floats; where they end, in all digits.
     starts = [min(exact, key=lambda cut: abs(cut - Decimal(phase))) for phase in system.starts]
     near, far = _sparse(system.near), _sparse(system.far)
     z = [Decimal(value) for value in model.initial(system, (0.0, 0.0)).tolist()]
@@ -168,14 +168,14 @@ def _pi():
     return +pi
 
 
-def _march(equations, z, periods, digits):
+def _integrate(equations, z, periods, digits):
     turn, tiny = equations.starts[-1], Decimal(10) ** (3 - digits)
     contact, line = _start(equations, z, tiny)
     events = []
     for n in range(periods):
-        for stretch, (t, end) in enumerate(pairwise(equations.starts)):
+        for segment, (t, end) in enumerate(pairwise(equations.starts)):
             while t < end:
-                series, length = _step(equations, contact, stretch, z, digits)
+                series, length = _step(equations, contact, segment, z, digits)
                 left, hit = end - t, None
                 length = min(length, left)
                 for exit_line, sign, after in _exits(contact):
@@ -228,10 +228,10 @@ def _exits(contact):
     return [(NORMAL, -1, NORMAL), (INVERSE, 1, INVERSE)]
 
 
-def _step(equations, contact, stretch, z, digits):
+def _step(equations, contact, segment, z, digits):
     """Return (series of every component, length at which they end below the last digit)."""
     order = round(_ORDER_PER_DIGIT * digits)
-    rows, cubic = equations.rows[contact, stretch], equations.cubic[contact]
+    rows, cubic = equations.rows[contact, segment], equations.cubic[contact]
     series, squares = [[value] for value in z], []
     for k in range(order):
         rates = [sum((a * series[i][k] for i, a in row), _ZERO) for row in rows]

@@ -1,8 +1,9 @@
-"""Where each method puts the jump of the motion from rest, and what that costs.
+"""The tuning at which the motion from rest jumps, as each method computes it, and its cost.
 
-The scan is cold, every tuning from rest, and what jumps is the height of the orbit, as in
-`gearlib.studies.jump`. A method may switch between the orbits many times: every switch of its scan
-is kept. Its jump is the largest of them, bisected. Costs are evaluations of the right-hand side.
+Every tuning of the scan starts from rest, and the jump is one of the orbit's height, as in
+`gearlib.studies.jump`. A method may switch between the orbits many times; all switches of its scan
+are kept, and the largest one, refined by bisection, is its jump. The cost is the number of
+evaluations of the right-hand side.
 """
 
 import csv
@@ -37,7 +38,7 @@ SCIPY = [
 
 
 class Scan(NamedTuple):
-    """What a method says of the jump."""
+    """The jump as a method computes it."""
 
     tunings: np.ndarray  #: of the scan
     switches: np.ndarray  #: tunings between whose neighbours the height switches
@@ -46,7 +47,7 @@ class Scan(NamedTuple):
 
 
 def rungs(method):
-    """Return (line, text of the knob, options) of a method, as of `work_precision.rungs`.
+    """Return the settings of a method, as of `work_precision.rungs`.
 
     Solvers of other packages, whose runs are slow, take few values.
     """

@@ -1,10 +1,9 @@
-"""Errors of settled orbits against what they cost: time marching beside the frequency domain.
+"""Errors of settled orbits over their cost: time integration beside the frequency domain.
 
-Methods behind ``method=`` march from rest until the slowest problem has settled; harmonic balance
-and E. Schmidt's method seek the periodic motion at once, from no guess. All are measured by the
-orbit in 50 digits of `gearlib.studies.trials.references`. The multipliers of a marching method are
-from central differences of its own map. What shooting takes for the same orbit is timed beside
-them.
+Methods behind ``method=`` run from rest until the slowest problem has settled; harmonic balance
+and E. Schmidt's method seek the periodic motion at once, from no guess. All are compared with the
+orbit in 50 digits of `gearlib.studies.trials.references`. Multipliers of time integration come from
+central differences of its own period map. Shooting for the same orbit is timed beside them.
 """
 
 import math
@@ -26,7 +25,7 @@ from gearlib.version import __version__
 _REST = (0.0, 0.0)
 #: Calls that take longer, seconds, are timed once, without one before.
 _LONG = 0.1
-#: The frequency domain: method -> its lines, the accuracy knob is the number of harmonics.
+#: The frequency domain: method -> its lines, the accuracy parameter is the number of harmonics.
 SOLVERS = {"harmonic_balance": harmonic_balance, "schmidt": schmidt}
 LADDERS = {
     "harmonic_balance": [
@@ -37,7 +36,7 @@ LADDERS = {
 
 
 def rungs(methods):
-    """Return (method, line, text of the knob, options) of all values of all methods."""
+    """Return (method, line, text of the accuracy parameter, options) of all settings."""
     return [
         (method, *rung)
         for method in methods
@@ -83,7 +82,7 @@ def errors(methods, names, pair, settings):
             if method in SOLVERS:
                 measures[:, i, j] = _solved(problem, orbit, largest, method, options)
             elif problems.takes(method, problem.model):
-                measures[:, i, j] = _marched(problem, orbit, largest, method, options)
+                measures[:, i, j] = _settled_run(problem, orbit, largest, method, options)
     columns = ("state_error", "event_error", "multiplier_error", "orbit_evaluations")
     data: dict = {
         name: (("problem", "rung"), values) for name, values in zip(columns, measures, strict=True)
@@ -156,8 +155,8 @@ def _solved(problem, expected, largest, method, options):
     )
 
 
-def _marched(problem, expected, largest, method, options):
-    """Return the errors of a settled march, and its evaluations."""
+def _settled_run(problem, expected, largest, method, options):
+    """Return the errors of a settled run, and its evaluations."""
     found = _orbit(problem, method, options)
     if found is None:
         return (math.nan,) * 4

@@ -1,7 +1,9 @@
-"""Errors of methods against what they cost, knob by knob: evaluations, and wall time.
+"""Work-precision data: the errors of each method over its cost in evaluations and wall time.
 
-Errors and evaluations are the same in every run; wall times are not, and keep to datasets of
-their own. Errors of one method on one problem, against `gearlib.studies.trials.references`:
+A method is run with several values of its accuracy parameter, such as a tolerance or the number of
+steps; in the datasets one setting is a `rung`, the parameter a `knob`. Errors and evaluations repeat
+exactly, wall times do not and are kept in separate datasets. The errors of one method on one
+problem, against `gearlib.studies.trials.references`:
 
 ``state_error``
     of the final state: the larger of displacement and dx/dtau;
@@ -34,24 +36,24 @@ from gearlib.version import __version__
 #: square times third derivatives, about the same, are the least error of a multiplier.
 DIFFERENCE = 1e-6
 
-# Steps that never end at a stiffness switch of the paper's contact ratio, 1.569: its half stretch
-# of 0.2845 periods is a whole number of steps only if their number is a multiple of 2000.
+# Steps that never end at a stiffness switch of the paper's contact ratio, 1.569: half its segment of
+# C_max, 0.2845 periods, is a whole number of steps only if their number is a multiple of 2000.
 _STEPS = tuple(25 * 2**k for k in range(10))
 _RTOL = tuple(10.0**-k for k in range(2, 13))
 
 
 class Line(NamedTuple):
-    """A way to use a method, and the values of its accuracy knob from coarse to fine."""
+    """A way to use a method, and the values of its accuracy parameter from coarse to fine."""
 
     name: str
     family: str  #: located (events), controlled (steps only), fixed, smoothed, other
     knob: str | None  #: name of the option; None: there is none
     values: tuple = (None,)
     options: dict = {}  #: other options, fixed
-    follows: bool = False  #: whether an absolute tolerance, atol, follows the knob
+    follows: bool = False  #: whether an absolute tolerance, atol, is set in proportion
 
     def at(self, value):
-        """Return the options of the method at a value of the knob."""
+        """Return the options of the method at a value of its accuracy parameter."""
         options = dict(self.options) if self.knob is None else self.options | {self.knob: value}
         if self.follows:
             # ode45's defaults keep this ratio of the two.
@@ -65,7 +67,7 @@ _TOLERANCES = tuple(10.0**-k for k in range(3, 16, 2))
 #: Methods of this library, compiled; the others are solvers of other packages.
 OWN = ("exact", "taylor", "rk4", "rk45", "newmark", "generalised_alpha", "smoothed")
 
-#: method -> its lines, each down to the floor of its errors, or to what its package accepts:
+#: method -> its lines, each down to its smallest error, or to what its package accepts:
 #: below 1e-12 LSODA stalls, below 100 times the last place of 1 scipy's pairs take that instead.
 #: scipy's right-hand side is Python: few values, and of Radau none that takes minutes.
 LADDERS = {
@@ -105,7 +107,7 @@ LADDERS = {
     "numbalsoda": [Line("numbalsoda", "other", "rtol", _TOLERANCES, follows=True)],
 }
 
-#: Knobs of methods without lines of their own: the first that a method has.
+#: Accuracy parameters of methods that are not in `LADDERS`: the first that a method has.
 GENERIC = {
     "rtol": (1e-3, 1e-5, 1e-7, 1e-9, 1e-11),
     "tolerance": (1e-3, 1e-5, 1e-7, 1e-9, 1e-11),
@@ -145,12 +147,12 @@ def generic_line(method):
 
 
 def rungs(method):
-    """Return (line, text of the knob, options) of every value of every line of a method."""
+    """Return (line, text of the accuracy parameter, options) of every setting of a method."""
     return rungs_of(lines_of(method))
 
 
 def rungs_of(lines):
-    """Return (line, text of the knob, options) of every value of lines."""
+    """Return (line, text of the accuracy parameter, options) of every setting of the lines."""
     return [
         (line, "" if value is None else f"{line.knob} = {value:g}", line.at(value))
         for line in lines
@@ -170,7 +172,7 @@ def rung_variables(table):
 
 
 def state_error(found, expected):
-    """Return the larger error of displacement and dx/dtau; NaN for a run that could not go on."""
+    """Return the larger error of displacement and dx/dtau; NaN for a run that stopped early."""
     return float(np.abs(found.state - expected.state).max())
 
 
@@ -197,7 +199,7 @@ def errors(method, known, pair, six_degrees, settings):
     -------
     xarray.Dataset
         Over (problem, rung): state_error, event_error, multiplier_error, period_evaluations, NaN
-        where the method does not take the model or could not go on. Over (rung,): line, family,
+        where the method does not take the model or stopped early. Over (rung,): line, family,
         knob, options. Over (problem,): state_floor, event_floor, half the last place of the
         reference, and multiplier_floor, rounding over the width of the differences.
     """

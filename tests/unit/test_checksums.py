@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from workflow.seals import foreign, replaced, seal
+from workflow.checksums import foreign, record, replaced
 
 
 @pytest.fixture
@@ -17,7 +17,7 @@ def results(tmp_path, monkeypatch):
     log.parent.mkdir(parents=True)
     result = Path("results/case/some result.nc")
     result.write_bytes(b"0123456789")
-    log.write_text(f"a warning\n{seal(log, [result, Path('none')])}", encoding="utf-8")
+    log.write_text(f"a warning\n{record(log, [result, Path('none')])}", encoding="utf-8")
     return Path("results")
 
 
@@ -40,7 +40,7 @@ def test_other_content_is_noticed(results, content):
 def test_drawings_are_not_watched(results, suffix):
     log, drawing = Path("results/case/logs/draw.log"), Path(f"results/a.{suffix}")
     drawing.write_bytes(b"drawn")
-    log.write_text(seal(log, [drawing]), encoding="utf-8")
+    log.write_text(record(log, [drawing]), encoding="utf-8")
     drawing.write_bytes(b"by hand")
     assert replaced(results) == []
     shutil.rmtree(".snakemake")
@@ -66,7 +66,7 @@ def test_results_of_another_folder_are_noticed(results):
     # The record of another job under the same name is none.
     other = Path("results/other.nc")
     other.write_bytes(b"other")
-    seal(Path("results/case/logs/a/b.log"), [other])
+    record(Path("results/case/logs/a/b.log"), [other])
     assert foreign(results) == [path]
     shutil.rmtree(".snakemake")
     shutil.move("kept", ".snakemake")

@@ -1,16 +1,15 @@
-"""Whether the results are still what their jobs wrote, and whether these were jobs of this folder.
+"""Checksums of results: are they still what their jobs wrote, and did these jobs run in this folder?
 
 To Snakemake a file that is newer than its inputs is up to date, whoever wrote it. Each job
 therefore ends its log with the checksums of its outputs, and every start of Snakemake compares
-them. A file whose time stamp is that of its checksum is not read again. A job that is running,
-or was killed, has no checksums in its log: Snakemake itself knows that its outputs do not count.
+them. A file with an unchanged time stamp is not read again. A job that is running, or was killed,
+has no checksums in its log: Snakemake itself knows that its outputs are incomplete.
 
-Drawings and pages do not count: no job reads them, and no number is taken from them. A picture that
-somebody has changed stays until its data change, as for Snakemake it is up to date.
+Pictures and pages are not checked: no job reads them, and no number is taken from them. A picture
+that was changed by hand stays until its data change, because to Snakemake it is up to date.
 
-The same lines go into a record beside Snakemake's own records of what its jobs were given. Logs
-whose lines are not there came with results from another folder, made with nobody knows which
-configuration.
+The same lines are recorded beside Snakemake's metadata of its jobs. Logs whose lines are not
+recorded there came with results from another folder, of an unknown configuration.
 """
 
 import hashlib
@@ -19,15 +18,15 @@ import re
 from pathlib import Path
 
 #: Below the working folder, as all that Snakemake knows of earlier runs.
-RECORDS = Path(".snakemake/seals")
+RECORDS = Path(".snakemake/checksums")
 
 #: What shows data and holds none that others take.
 DRAWN = {".png", ".svg", ".pdf", ".html"}
 
-_SEAL = re.compile(r"^wrote sha256 ([0-9a-f]{64}) at ([0-9]+) ns: (.+)$", re.M)
+_LINE = re.compile(r"^wrote sha256 ([0-9a-f]{64}) at ([0-9]+) ns: (.+)$", re.M)
 
 
-def seal(log, outputs):
+def record(log, outputs):
     """Return the lines that say what the outputs of a job hold now, and record them.
 
     Parameters
@@ -47,9 +46,9 @@ def seal(log, outputs):
         if path.is_file()
     )
     # Before the log has them: a job that is killed here is not taken for one from elsewhere.
-    record = RECORDS / os.path.relpath(log)
-    record.parent.mkdir(parents=True, exist_ok=True)
-    record.write_text(lines, encoding="utf-8")
+    kept = RECORDS / os.path.relpath(log)
+    kept.parent.mkdir(parents=True, exist_ok=True)
+    kept.write_text(lines, encoding="utf-8")
     return lines
 
 
@@ -63,9 +62,9 @@ def foreign(results):
     """
     found = set()
     for log in results.rglob("logs/**/*.log"):
-        record = RECORDS / log
-        known = _seals(record) if record.is_file() else set()
-        found |= {path for *_, path in _seals(log) - known}
+        kept = RECORDS / log
+        known = _checksums(kept) if kept.is_file() else set()
+        found |= {path for *_, path in _checksums(log) - known}
     return sorted(path for path in found if path.is_file())
 
 
@@ -85,17 +84,17 @@ def replaced(results):
     """
     found = set()
     for log in results.rglob("logs/**/*.log"):
-        for digest, time, path in _seals(log):
+        for digest, time, path in _checksums(log):
             if path.is_file() and path.stat().st_mtime_ns != time and _digest(path) != digest:
                 found.add(path)
     return sorted(found)
 
 
-def _seals(log):
+def _checksums(log):
     """Return the (digest, time, path) of data in a log."""
-    lines = _SEAL.findall(log.read_text(encoding="utf-8", errors="replace"))
-    seals = {(digest, int(time), Path(name)) for digest, time, name in lines}
-    return {seal for seal in seals if seal[-1].suffix not in DRAWN}
+    lines = _LINE.findall(log.read_text(encoding="utf-8", errors="replace"))
+    found = {(digest, int(time), Path(name)) for digest, time, name in lines}
+    return {one for one in found if one[-1].suffix not in DRAWN}
 
 
 def _digest(path):
