@@ -1,5 +1,5 @@
 # make         set up .venv with the pinned packages and compute everything, results/
-# make test    the same set-up and all checks: style, imports, tests (a small workflow included)
+# make test    the packages of the tests as well, and all checks: style, imports, a small workflow
 # make lint    the checks of style, formatting, imports and types only
 # make golden  renew the golden numbers and pictures of tests/golden
 # make references  renew the references in 50 digits that tests take from tests/references
@@ -17,6 +17,8 @@ PYTHON ?= python3
 JOBS ?= 2
 BIN := .venv/bin
 INSTALLED := .venv/installed.stamp
+TESTING := .venv/testing.stamp
+COMMA := ,
 
 .PHONY: all lint golden references test faults torture peers slurm-test bench report docs \
     speed-and-accuracy clean distclean
@@ -24,7 +26,7 @@ INSTALLED := .venv/installed.stamp
 all: $(INSTALLED)
 	$(BIN)/snakemake -j$(JOBS)
 
-lint: $(INSTALLED)
+lint: $(TESTING)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/snakefmt --check Snakefile workflow
@@ -32,19 +34,19 @@ lint: $(INSTALLED)
 	$(BIN)/mypy
 
 # Review what has moved, and why, before it is committed.
-golden: $(INSTALLED)
+golden: $(TESTING)
 	$(BIN)/python -m tests.golden
 
-references: $(INSTALLED)
+references: $(TESTING)
 	$(BIN)/python -m tests.references
 
 test: lint
 	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder -rs
 
-faults: $(INSTALLED)
+faults: $(TESTING)
 	$(BIN)/python -m tests.faults
 
-torture: $(INSTALLED)
+torture: $(TESTING)
 	GEARLIB_KILLS=50 $(BIN)/python -m pytest tests/robustness -rs
 
 peers: $(INSTALLED)
@@ -58,7 +60,7 @@ peers: $(INSTALLED)
 	fi
 
 # The test itself, part of `make test` too, installs nothing, and says why where it cannot run.
-slurm-test: $(INSTALLED)
+slurm-test: $(TESTING)
 	@if [ "$$(id -u)" = 0 ] && command -v apt-get > /dev/null && \
 	    ! { command -v slurmctld && command -v slurmd && command -v munged; } > /dev/null; then \
 	    apt-get update && apt-get install --yes --no-install-recommends \
@@ -78,19 +80,20 @@ speed-and-accuracy: $(INSTALLED)
 	    draw_jump_by_method jump_by_method_table draw_work_precision draw_work_precision_time
 	$(BIN)/python -m docs.hooks.speed_and_accuracy results
 
-docs: $(INSTALLED)
+docs: $(TESTING)
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
-$(INSTALLED): pyproject.toml requirements/constraints.txt
+# With tools and tests only those wait for their packages who ask for them.
+$(INSTALLED) $(TESTING): pyproject.toml requirements/constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 	    { echo "Python 3.11 or newer is needed: make PYTHON=python3.12" >&2; exit 1; }
 	test -x $(BIN)/python || $(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --no-compile \
-	    --constraint requirements/constraints.txt --editable '.[workflow,test]'
+	$(BIN)/python -m pip install --quiet --no-compile --constraint requirements/constraints.txt \
+	    --editable '.[workflow$(if $(filter $@,$(TESTING)),$(COMMA)test)]'
 	@# Here, by two processes: left to first use, every job would compile its packages anew where
 	@# PYTHONDONTWRITEBYTECODE is set. Some packages hold files that are wrong on purpose.
 	PYTHONPYCACHEPREFIX= $(BIN)/python -m compileall -qq -j 2 .venv || true
-	touch $@
+	touch $@ $(INSTALLED)
 
 clean:
 	rm -rf .snakemake

@@ -4,6 +4,7 @@ One gear pair, or several side by side: each of `cases` lays its keys over the o
 results go to results/<case>/.
 """
 
+import gc
 import os
 import sys
 from pathlib import Path
@@ -16,6 +17,10 @@ from workflow.provenance import write as write_provenance
 from workflow.checksums import foreign, replaced
 
 min_version("9.0")
+
+# Jobs and their files are many objects that stay: to look for garbage among them takes an eighth of
+# a start.
+gc.set_threshold(200_000)
 
 #: Calls that compute nothing; of a dry run Snakemake itself tells.
 ASKING = {"--unlock", "--lint", "--dag", "--rulegraph", "--filegraph", "--summary", "--list-rules"}

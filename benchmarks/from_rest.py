@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from gearlib import sweep
-from gearlib.methods.exact import ratios
+from gearlib.models.propagators.closed_form import ratios
 
 TUNINGS, ROUNDS = 4096, 7
 #: Range of tunings, periods: the paper's characteristic, and where nothing settles.

@@ -8,8 +8,7 @@ import time
 
 import numpy as np
 
-from gearlib import methods as integrators
-from gearlib import sweep
+from gearlib import integrators, sweep
 from gearlib.kernels import orbit
 
 _TUNING, _REPEATS = 0.9, 5

@@ -26,7 +26,7 @@ def _stiffness(model):
     """Return (C(phase, middle of the segment), phases of the kinks in one period)."""
     pair = model.pair
     half = math.pi * (pair.contact_ratio - 1.0)
-    profile = getattr(model, "profile", Rectangular())
+    profile = model.profile or Rectangular()
     if isinstance(profile, Rectangular):
         # Decided by the middle of the segment: its ends belong to both sides.
         def stiffness(_phase, middle):

@@ -1,20 +1,20 @@
 """gearlib: an open laboratory for the nonlinear dynamics of gear meshes.
 
-============  ================================================================================
-room          responsibility
-============  ================================================================================
-``models``    what can be simulated: parameters, mesh stiffness, equations of motion
-``kernels``   compiled code, floats and arrays only; one folder for each mathematics
-``data``      from tables of numbers to named datasets and files
-``methods``   what stands behind ``method=``: own propagators, and solvers of other packages
-``runs``      `simulate`, `sweep`, maps of small deviations
-``analysis``  periodic orbits, instability tongues, harmonics, attractors, `trust`
-``studies``   what stands behind one figure or table: scenes, the jump, the paper's statements
-``figures``   one file per figure, functions that return a `Figure`
-``pages``     the page of the report, the explorer with its sliders
-``cli``       the command ``gearlib``
-``config``    the typed model of ``config.yaml``
-============  ================================================================================
+===============  ================================================================================
+room             responsibility
+===============  ================================================================================
+``models``       what can be simulated: parameters, mesh stiffness, equations of motion
+``kernels``      compiled code, floats and arrays only; one folder for each mathematics
+``data``         from tables of numbers to named datasets and files
+``integrators``  what stands behind ``method=``: own propagators, and solvers of other packages
+``runs``         `simulate`, `sweep`, maps of small deviations
+``analysis``     periodic orbits, instability tongues, harmonics, attractors, `trust`
+``studies``      what stands behind one figure or table: scenes, the jump, the paper's statements
+``figures``      one file per figure, functions that return a `Figure`
+``pages``        the page of the report, the explorer with its sliders
+``cli``          the command ``gearlib``
+``config``       the typed model of ``config.yaml``
+===============  ================================================================================
 
 Beside them lie ``checks``, checks of single values, and ``version``. The names below are loaded on
 first use, so that reading a configuration does not pay for the numerical stack.
@@ -41,7 +41,7 @@ _PUBLIC = {
     "harmonic_balance": "analysis.harmonics.harmonic_balance",
     "locus": "analysis.orbits.loci",
     "lyapunov_exponents": "analysis.global_dynamics.exponents",
-    "methods": "methods",
+    "methods": "integrators",
     "periodic_orbit": "analysis.orbits.shooting",
     "poincare_section": "analysis.global_dynamics.poincare",
     "schmidt": "analysis.harmonics.schmidt",

@@ -9,11 +9,20 @@ load are imported under `if TYPE_CHECKING`, where they are named; those that a j
 are given by its rule.
 """
 
-import ast
+import os
+import re
 from functools import cache
 from pathlib import Path
 
 PACKAGE = "gearlib"
+
+# Every start of Snakemake lists the sources of all scripts: to parse them takes ten times as long.
+# Text between quotes that looks like an import counts as one; `ruff` sees to one import a line.
+_IMPORT = re.compile(
+    r"^[ \t]*(?:import[ \t]+([^\n#;]+)"
+    r"|from[ \t]+([\w.]+)[ \t]+import[ \t]*(?:\(([^)]*)\)|([^\n#;]+)))",
+    re.M,
+)
 
 
 def sources(script, root, loaded=()):
@@ -42,68 +51,68 @@ def sources(script, root, loaded=()):
         If a file imports from the package what is no module of it, the lazy names; or loads modules
         by name and says not which.
     """
-    script, root = Path(script), Path(root)
+    script, root = os.fspath(script), os.fspath(root)
     found, waiting = set(), [script]
     for name in loaded:
-        waiting += _module_files(name, script, root)
+        waiting += _module_files(name, os.path.dirname(script), root, script)
     while waiting:
         path = waiting.pop()
         if path not in found:
             found.add(path)
             waiting += _imported_files(path, root)
-    return sorted(found)
+    return sorted(map(Path, found))
 
 
-# Most scripts share most modules, and every start of Snakemake lists the sources of all scripts.
+# Most scripts share most modules.
 @cache
 def _imported_files(path, root):
     return list(_follow_imports(path, root))
 
 
 def _follow_imports(path, root):
-    text = path.read_text(encoding="utf-8")
+    with open(path, encoding="utf-8") as file:
+        text = file.read()
     if ("import_module" in text or "__import__" in text) and "if TYPE_CHECKING:" not in text:
         raise ImportError(f"{path}: import under TYPE_CHECKING what is loaded by name")
-    module = ast.parse(text, filename=str(path))
-    for node in _statements(module):
-        if isinstance(node, ast.Import):
-            for alias in node.names:
-                if alias.name == PACKAGE:
-                    raise ImportError(f"{path}:{node.lineno}: import modules by full names")
-                yield from _module_files(alias.name, path, root)
-        elif isinstance(node, ast.ImportFrom):
-            if node.level:
-                raise ImportError(f"{path}:{node.lineno}: import {PACKAGE} modules by full names")
-            yield from _module_files(node.module, path, root)
-            for alias in node.names:
-                name = f"{node.module}.{alias.name}"
-                yield from _module_files(name, path, root, optional=node.module != PACKAGE)
+    folder = os.path.dirname(path)
+    for modules, origin, inside, beside in _IMPORT.findall(text):
+        for name in _names(modules):
+            if name == PACKAGE:
+                raise ImportError(f"{path}: import {name}: import modules by full names")
+            yield from _module_files(name, folder, root, path)
+        if not origin:
+            continue
+        if origin.startswith("."):
+            raise ImportError(f"{path}: from {origin}: import {PACKAGE} modules by full names")
+        yield from _module_files(origin, folder, root, path)
+        for name in _names(re.sub("#.*", "", inside) or beside):
+            name, optional = f"{origin}.{name}", origin != PACKAGE
+            yield from _module_files(name, folder, root, path, optional)
 
 
-def _statements(node):
-    """Yield all statements below a node; expressions, which hold no imports, are not entered."""
-    for field in ("body", "orelse", "handlers", "finalbody", "cases"):
-        inner = getattr(node, field, ())
-        # The body of a lambda or of a conditional expression is no list.
-        for child in inner if isinstance(inner, list) else ():
-            yield child
-            yield from _statements(child)
+def _names(text):
+    """Return the names of an import, without what they are called."""
+    return [part.split()[0] for part in text.split(",") if part.strip()]
 
 
-def _module_files(name, importer, root, optional=False):
-    """Yield the files that ``import name`` runs, of the package or beside the importer."""
+def _module_files(name, folder, root, importer, optional=False):
+    """Return the files that ``import name`` runs, of the package or in the importer's folder."""
+    files = _files(name, root) if name.split(".")[0] == PACKAGE else _beside(name, folder)
+    if None in files and not optional:
+        raise ImportError(f"{importer}: {name} is no module of {PACKAGE}; import by full names")
+    return [path for path in files if path]
+
+
+@cache
+def _beside(name, folder):
+    path = os.path.join(folder, f"{name}.py")
+    return [path] if os.path.isfile(path) else []
+
+
+@cache
+def _files(name, root):
+    """Return a file for each part of a name below the package, None where there is no such one."""
     parts = name.split(".")
-    if parts[0] != PACKAGE:
-        beside = importer.parent / f"{name}.py"
-        if beside.is_file():
-            yield beside
-        return
-    for depth in range(2, len(parts) + 1):
-        folder = root.joinpath(*parts[:depth])
-        module, package = folder.with_suffix(".py"), folder / "__init__.py"
-        if module.is_file():
-            yield module
-        elif package.is_file():
-            yield package
-        elif not optional:
-            raise ImportError(f"{importer}: {name} is no module of {PACKAGE}; import by full names")
+    folders = [os.path.join(root, *parts[:depth]) for depth in range(2, len(parts) + 1)]
+    candidates = [(f"{folder}.py", os.path.join(folder, "__init__.py")) for folder in folders]
+    return [next(filter(os.path.isfile, pair), None) for pair in candidates]

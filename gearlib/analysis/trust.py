@@ -23,8 +23,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import xarray as xr
 
-from gearlib import checks
-from gearlib import methods as integrators
+from gearlib import checks, integrators
 from gearlib.analysis import lyapunov
 from gearlib.checks import finite_positive, integer
 from gearlib.data import provenance, status
@@ -178,7 +177,7 @@ def _other_ways(pair):
         yield f"method {able[1]}", pair, {"method": able[1]}
     if "taylor" in able:
         yield "tolerance 1e-12", pair, {"method": "taylor", "options": {"tolerance": 1e-12}}
-    profile = getattr(pair, "profile", None)
+    profile = pair.profile
     if isinstance(profile, Fourier):
         finer = replace(pair, profile=Fourier(2 * profile.harmonics))
         yield f"{2 * profile.harmonics} harmonics", finer, {}

@@ -11,8 +11,6 @@ from pathlib import Path
 
 from gearlib.version import __version__
 
-_PAPER = "Hortel, Skuderova: Engineering Mechanics 14 (2007) 91-104"
-
 
 def canonical_json(value):
     """Return JSON with sorted keys and plain numbers, the same text for the same content."""
@@ -32,13 +30,12 @@ def _plain(value):
 
 def attributes(title, pair, *, method, **parameters):
     """Return the global attributes of a dataset, in a fixed order."""
-    noun = "a gear mesh"
     return {
         "Conventions": "CF-1.11",
-        "title": title.replace(noun, getattr(pair, "title_noun", noun)),
+        "title": title.replace("a gear mesh", pair.title_noun),
         "source": f"gearlib {__version__}, method {method}",
-        "references": getattr(pair, "references", _PAPER),
-        "model" if hasattr(pair, "title_noun") else "gear_pair": canonical_json(pair.as_dict()),
+        "references": pair.references,
+        "gear_pair" if pair.mesh else "model": canonical_json(pair.as_dict()),
         "parameters": canonical_json(parameters),
     }
 

@@ -276,7 +276,7 @@ def describe(dataset, model=None):
     KeyError
         If a variable has no entry here: nothing leaves without units.
     """
-    own = getattr(model, "long_names", {})
+    own = {} if model is None else model.long_names
     for name, variable in dataset.variables.items():
         units, long_name = DESCRIPTIONS[name]
         long_name = own.get(name, long_name)

@@ -3,6 +3,8 @@
 ====================  =================================================================
 module                responsibility
 ====================  =================================================================
+``model``             `Model`, the protocol: all that runs and analyses ask of a model
+``propagators``       what takes states through mesh periods, one module a mathematics
 ``pair``              `GearPair`: one pair of gears; the border between SI and ratios
 ``one_degree``        `OneDegreePair`: nonlinear damping, other stiffness, excitation
 ``six_degrees``       `SixDegreePair`: bearings, run-out, friction, moving backlash

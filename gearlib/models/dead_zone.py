@@ -41,9 +41,9 @@ import numpy as np
 
 from gearlib import checks
 from gearlib.models.harmonics import Harmonics
-from gearlib.models.oscillator import Equation, OneDegree
+from gearlib.models.model import Model
+from gearlib.models.oscillator import Equation
 from gearlib.models.profiles import Series, Steps
-from gearlib.models.with_pair import replaced
 
 _DAMPINGS = ("damping", "upper_damping", "lower_damping")
 _STIFFNESSES = ("upper_stiffness", "lower_stiffness")
@@ -80,7 +80,7 @@ _LONG_NAMES = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class DeadZoneOscillator(OneDegree):
+class DeadZoneOscillator(Model):
     """A driven oscillator between two elastic contacts with a gap; immutable.
 
     Parameters and their meaning: see the table of the module.
@@ -166,27 +166,6 @@ class DeadZoneOscillator(OneDegree):
             deviation=self.deviation.table(),
             natural=math.sqrt(self.ground_stiffness + max(means)),
         )
-
-    @property
-    def flank_lines(self):
-        """Displacements at which the upper and the lower contact begin."""
-        return self.upper_edge, self.lower_edge
-
-    def replace(self, **changes):
-        """Return a copy with some parameters changed (and checked).
-
-        A lower stiffness or a damping of a contact that is what it would be by default goes on
-        following the upper stiffness or the damping of the gap, unless it is changed itself.
-        """
-        return replaced(self, changes)
-
-    def scales(self):
-        """Return no scales: the variables are dimensionless."""
-        return {}
-
-    def speed_scales(self, tuning):
-        """Return no scales: the variables are dimensionless."""
-        return {}
 
     def as_dict(self):
         """Return the parameters as plain values, in the order of the fields."""

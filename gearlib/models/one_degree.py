@@ -34,24 +34,14 @@ import numpy as np
 
 from gearlib import checks
 from gearlib.models.harmonics import Harmonics
-from gearlib.models.oscillator import Equation, OneDegree
+from gearlib.models.oscillator import Equation
 from gearlib.models.pair import GearPair
 from gearlib.models.profiles import Fourier, Rectangular, Tabulated
 from gearlib.models.with_pair import WithPair
 
-_DAMPINGS = (
-    "quadratic_damping",
-    "cubic_damping",
-    "backlash_quadratic_damping",
-    "backlash_cubic_damping",
-)
-_STIFFNESSES = ("quadratic_stiffness", "cubic_stiffness")
-#: Parameters that make the phases between events nonlinear.
-NONLINEAR = _DAMPINGS + _STIFFNESSES
-
 
 @dataclass(frozen=True, kw_only=True)
-class OneDegreePair(WithPair, OneDegree):
+class OneDegreePair(WithPair):
     """A gear pair with nonlinear damping, other stiffness profiles and external excitation.
 
     Parameters and units: see the table of the module. All but `pair` are optional; without
@@ -74,8 +64,19 @@ class OneDegreePair(WithPair, OneDegree):
     excitation: Harmonics = field(default_factory=Harmonics)
     deviation: Harmonics = field(default_factory=Harmonics)
 
+    one_mesh = True
+    nonlinear = ("quadratic_damping", "cubic_damping", "quadratic_stiffness", "cubic_stiffness")
+    parameters = {
+        "quadratic_damping": ("N s2 m-2", "quadratic damping D2 in contact"),
+        "cubic_damping": ("N s3 m-3", "cubic damping D3 in contact"),
+        "backlash_quadratic_damping": ("N s2 m-2", "quadratic damping D2m of the oil"),
+        "backlash_cubic_damping": ("N s3 m-3", "cubic damping D3m of the oil"),
+        "quadratic_stiffness": ("m-1", "quadratic stiffness g2"),
+        "cubic_stiffness": ("m-2", "cubic stiffness g3"),
+    }
+
     def __post_init__(self):
-        for name in NONLINEAR:
+        for name in self.parameters:
             # A softening stiffness would let the flanks pass through each other.
             value = checks.finite_nonnegative(name, getattr(self, name))
             object.__setattr__(self, name, value)
@@ -127,7 +128,7 @@ class OneDegreePair(WithPair, OneDegree):
 
     def as_dict(self):
         """Return the parameters as plain values, in the order of the fields."""
-        values = {name: getattr(self, name) for name in NONLINEAR}
+        values = {name: getattr(self, name) for name in self.parameters}
         for name in ("excitation", "deviation"):
             harmonics = getattr(self, name)
             values[name] = {"cosines": harmonics.cosines, "sines": harmonics.sines}

@@ -131,37 +131,3 @@ class Equation:
             return self.near, self.far
         breaks = np.union1d(self.near.breaks, self.far.breaks)
         return self.near.at(breaks), self.far.at(breaks)
-
-
-class OneDegree:
-    """A model with one degree of freedom; a subclass gives its `Equation`."""
-
-    #: Periods of phase after which the excitation repeats.
-    repeats = 1
-
-    @property
-    def equation(self) -> Equation:
-        """The `Equation` of the model."""
-        raise NotImplementedError
-
-    def law(self, tuning, tolerance):
-        """Return the `Law` at one tuning, see `Equation.law`."""
-        return self.equation.law(tuning, tolerance)
-
-    def is_piecewise_linear(self):
-        """Return whether the phases between events have closed forms."""
-        return self.equation.is_piecewise_linear()
-
-    def system(self, tuning):
-        """Return (`System`, outputs) at one tuning, see `Equation.system`."""
-        return self.equation.system(tuning)
-
-    def part(self, system):
-        """Return the `Part` that decides the events: all of it."""
-        return piecewise_linear.undivided(system)
-
-    def initial(self, system, state):
-        """Return the full state z at tau = 0 for a displacement and velocity."""
-        z = np.zeros(system.near.size)
-        z[:2] = state
-        return z

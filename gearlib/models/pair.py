@@ -28,16 +28,20 @@ prints ``m_red = 0.003123 kg``; only 0.003123 N s^2/mm = 3.123 kg agrees with it
 damping ratios.
 """
 
-import dataclasses
 import math
 from dataclasses import dataclass
 
 from gearlib import checks
+from gearlib.models.model import Model
 from gearlib.models.stiffness import mean_over_max
+
+#: Below, the rest position of the softer stretch lies so far away that the scalar closed forms,
+#: which are written about it, lose more than four digits.
+_LEAST_STIFFNESS_RATIO = 1e-4
 
 
 @dataclass(frozen=True, kw_only=True)
-class GearPair:
+class GearPair(Model):
     """One pair of spur gears, in SI units; immutable.
 
     Parameters
@@ -75,8 +79,7 @@ class GearPair:
     backlash_damping: float = 0.0
     teeth: int = 24
 
-    #: Mesh periods after which the excitation repeats.
-    repeats = 1
+    one_mesh = True
 
     def __post_init__(self):
         def put(name, value):
@@ -141,6 +144,28 @@ class GearPair:
             backlash_damping=2.0 * backlash_damping * unit,
             teeth=teeth,
         )
+
+    @property
+    def mesh(self):
+        """The pair itself."""
+        return self
+
+    @property
+    def equation(self):
+        """The `Equation`, of the pair as a `OneDegreePair`."""
+        from gearlib.models.one_degree import OneDegreePair
+
+        return OneDegreePair(pair=self).equation
+
+    @property
+    def mathematics(self):
+        """Scalar closed forms where they keep their digits; see `Model.mathematics`."""
+        scalar = self.stiffness_ratio >= _LEAST_STIFFNESS_RATIO
+        return {"exact": "closed_form" if scalar else "piecewise_linear", "taylor": "taylor"}
+
+    def damped(self):
+        """Return whether there is any damping on the way of the motion."""
+        return self.material_damping > 0.0 or self.backlash_damping > 0.0
 
     @property
     def min_stiffness(self):
@@ -223,16 +248,6 @@ class GearPair:
             "velocity_scale": self.static_deflection * frequency,
             "acceleration_scale": self.static_deflection * frequency**2,
         }
-
-    def replace(self, **changes):
-        """Return a copy with some SI parameters changed (and checked)."""
-        names = [field.name for field in dataclasses.fields(self)]
-        checks.known(type(self).__name__, changes, names)
-        return dataclasses.replace(self, **changes)
-
-    def as_dict(self):
-        """Return the SI parameters as a plain dict, in the order of the fields."""
-        return dataclasses.asdict(self)
 
 
 def _contact_ratio(value):

@@ -119,8 +119,13 @@ class SixDegreePair(WithPair):
     moving_backlash: bool = True
     preload: bool = True
 
-    #: Recorded beyond what a model of one degree has.
     extra_samples = OUTPUTS
+    mathematics = {"exact": "piecewise_linear"}
+    free_rotation = moving_flank = True
+    parameters = {
+        "run_out_phase": ("rad", "relative phase of the run-outs"),
+        "pitch_phase": ("rad", "mesh phase at which the friction turns"),
+    }
     by_default = {
         "inverse_deviation": lambda model: model.deviation,
         "teeth": lambda model: (model.pair.teeth, model.pair.teeth),
@@ -178,6 +183,15 @@ class SixDegreePair(WithPair):
         """Mesh periods after which the excitation repeats: 1, or those of the run-out."""
         pairs = zip(self.teeth, self.eccentricities, strict=True)
         return math.lcm(*(teeth for teeth, e in pairs if e > 0.0))
+
+    @property
+    def size(self):
+        """Components that vary: 4, and two for each flexible bearing."""
+        return 4 + 2 * len(self.flexible())
+
+    def damped(self):
+        """Return whether there is any damping on the way of the motion."""
+        return self.pair.damped() or any(self.bearing_damping)
 
     def flexible(self):
         """Return the indices of the bearing coordinates that can move."""

@@ -1,7 +1,6 @@
 """Arguments that all runs share, checked."""
 
-from gearlib import checks
-from gearlib import methods as integrators
+from gearlib import checks, integrators
 
 #: Most arcs (phases of contact and flights; Taylor steps) in one mesh period before a run gives up.
 MAX_EVENTS = 1_000_000

@@ -96,7 +96,7 @@ def simulate(
     step = 2.0 * math.pi / samples_per_period
     first = (periods - record_periods) * samples_per_period
     data = {
-        **_time_course(ran.samples, getattr(pair, "extra_samples", ()), ran.status),
+        **_time_course(ran.samples, pair.extra_samples, ran.status),
         **_event_table(ran.events),
         **summary.variables(
             (), ran.table, ran.end, np.array([ran.period, ran.status]), record_periods
@@ -159,7 +159,7 @@ def march(
     periods, record_periods, initial_state, method, module, options, max_events = check_run(
         pair, periods, record_periods, initial_state, method, options, max_events
     )
-    columns = orbit.SAMPLE_COLUMNS + len(getattr(pair, "extra_samples", ()))
+    columns = orbit.SAMPLE_COLUMNS + len(pair.extra_samples)
     samples = np.empty((record_periods * samples_per_period, columns))
     table = np.empty(orbit.SUMMARY_COLUMNS)
     x, v, period, events, found, code, evaluations = module.run(

@@ -10,7 +10,6 @@ from gearlib import checks
 from gearlib.data import provenance, summary
 from gearlib.data.variables import describe
 from gearlib.kernels import orbit
-from gearlib.models.six_degrees import SixDegreePair
 from gearlib.runs.run_arguments import MAX_EVENTS, check_run, check_tuning
 
 DIRECTIONS = ("cold", "up", "down")
@@ -83,7 +82,7 @@ def sweep(
         pair, periods, record_periods, initial_state, method, options, max_events
     )
     checks.one_of("direction", direction, DIRECTIONS)
-    if direction != "cold" and method != "exact" and isinstance(pair, SixDegreePair):
+    if direction != "cold" and method != "exact" and pair.size > 2:
         raise ValueError(
             f"direction = {direction!r} is not allowed for six degrees of freedom by method "
             f"{method!r}: it must be 'cold', or the method 'exact', which carries all coordinates "

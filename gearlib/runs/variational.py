@@ -7,39 +7,14 @@ contact that of the motion itself, at flank crossings the saltation matrix; see
 
 import numpy as np
 
-from gearlib.data import status
-from gearlib.kernels import orbit
-from gearlib.kernels.closed_form import run as core_run
-from gearlib.kernels.closed_form.mesh import mesh
-from gearlib.kernels.closed_form.variation import vary, vary_nonlinear
-from gearlib.kernels.piecewise_linear.run import run_linear
-from gearlib.kernels.piecewise_linear.system import ORDER
-from gearlib.kernels.piecewise_linear.variation import vary_linear
-from gearlib.kernels.polynomial import bernstein_matrix
-from gearlib.kernels.taylor.run import run_nonlinear
-from gearlib.methods import exact
-from gearlib.models.oscillator import OneDegree
-from gearlib.models.pair import GearPair
-
-_TO_BERNSTEIN = bernstein_matrix(ORDER)
-_TOLERANCE = 1e-16
-
-
-def moving_components(pair):
-    """Return the size of the state that varies: 2, or 4 and two for each flexible bearing."""
-    return 2 if isinstance(pair, (GearPair, OneDegree)) else 4 + 2 * len(pair.flexible())
-
 
 def full_state(pair, tuning, state):
     """Return the state whose variations are followed, shape (n,), for (x, dx/dtau) at tau = 0.
 
     For one degree of freedom the two numbers themselves; else all coordinates and their rates, in
-    static deflections and mesh phase.
+    static deflections and mesh phase. n is the ``size`` of the model.
     """
-    if moving_components(pair) == 2:
-        return np.array(state, float)
-    system, _ = pair.system(tuning)
-    return pair.initial(system, state)[: moving_components(pair)]
+    return pair.propagator(tuning).start(state)
 
 
 def period_maps(pair, tuning, state, periods, limit, first=0):
@@ -47,7 +22,7 @@ def period_maps(pair, tuning, state, periods, limit, first=0):
 
     Parameters
     ----------
-    pair : GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator
+    pair : Model
     tuning : float
     state : ndarray, shape (n,)
         As of `full_state`.
@@ -65,35 +40,18 @@ def period_maps(pair, tuning, state, periods, limit, first=0):
     code : int
         `gearlib.data.status`; if not OK, the maps are NaN.
     """
-    n = moving_components(pair)
-    maps = np.empty((periods, n, n))
-    if isinstance(pair, GearPair):
-        x, v, code = vary(mesh(exact.ratios(pair), tuning), *state, periods, limit, maps)
-        end = np.array([x, v])
-    elif isinstance(pair, OneDegree):
-        law = pair.law(tuning, _TOLERANCE)
-        x, v, code = vary_nonlinear(law, _TO_BERNSTEIN, *state, periods, limit, maps)
-        end = np.array([x, v])
-    else:
-        system, _ = pair.system(tuning)
-        z = np.zeros(system.near.size)
-        z[:n] = state
-        code = vary_linear(system._replace(first=first), _TO_BERNSTEIN, z, n, periods, limit, maps)
-        end = z[:n].copy()
-    if code != status.OK:
-        maps[:] = np.nan
-    return end, maps, code
+    return pair.propagator(tuning).maps(state, periods, limit, first)
 
 
 def rotation_free(pair):
     """Return the matrices (reduce, lift) between the state and the one without free rotation.
 
     Only the sum of the two rotations enters the mesh; their difference turns freely and would add
-    two multipliers 1. Shapes (n - 2, n), (n, n - 2); identities for one degree of freedom.
+    two multipliers 1. Shapes (n - 2, n), (n, n - 2); identities where nothing turns freely.
     """
-    n = moving_components(pair)
-    if n == 2:
-        return np.eye(2), np.eye(2)
+    n = pair.size
+    if not pair.free_rotation:
+        return np.eye(n), np.eye(n)
     # Rows u3 + u2, bearings, and their rates; lifted back with all of the sum in u3.
     lift = np.delete(np.eye(n), [1, n // 2 + 1], axis=1)
     reduce = lift.T.copy()
@@ -102,7 +60,7 @@ def rotation_free(pair):
 
 
 def without_rotation(pair, maps):
-    """Return the maps without the free rotation, shape (periods, n - 2, n - 2)."""
+    """Return the maps without the free rotation, shape as of `rotation_free`."""
     reduce, lift = rotation_free(pair)
     return reduce @ maps @ lift
 
@@ -113,17 +71,4 @@ def record(pair, tuning, state, periods, limit, samples_per_period=0):
     Returns (events, summary, samples) as of `gearlib.kernels.closed_form.run`; `samples` of shape
     (periods * samples_per_period, 6 or more).
     """
-    columns = orbit.SAMPLE_COLUMNS + len(getattr(pair, "extra_samples", ()))
-    samples = np.empty((periods * samples_per_period, columns))
-    events, summary = np.empty((16, orbit.EVENT_COLUMNS)), np.empty(orbit.SUMMARY_COLUMNS)
-    rest = periods, periods, samples, events, limit, summary
-    if isinstance(pair, GearPair):
-        done = core_run.run(mesh(exact.ratios(pair), tuning), *state, *rest)
-    elif isinstance(pair, OneDegree):
-        done = run_nonlinear(pair.law(tuning, _TOLERANCE), _TO_BERNSTEIN, *state, *rest)
-    else:
-        system, outputs = pair.system(tuning)
-        z = np.zeros(system.near.size)
-        z[: state.size] = state
-        done = run_linear(system, pair.part(system), outputs, _TO_BERNSTEIN, z, *rest)
-    return done[3][: done[4]], summary, samples
+    return pair.propagator(tuning).record(state, periods, limit, samples_per_period)

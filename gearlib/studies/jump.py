@@ -18,7 +18,7 @@ from gearlib.models.profiles import Fourier
 from gearlib.runs.sweeping import sweep
 
 if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
-    from gearlib.methods import rk45  # noqa: F401
+    from gearlib.integrators import rk45  # noqa: F401
 
 #: Heights closer than this, in static deflections, are those of one orbit.
 SAME_HEIGHT = 0.1

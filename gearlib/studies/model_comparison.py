@@ -67,11 +67,9 @@ def cost(model, tuning, result, run):
     """
     # Three segments of stiffness, and what the contact events add.
     phases = result.event.size / run["record_periods"] + 3
-    if isinstance(model, SixDegreePair):
-        system, _ = model.system(tuning)
-        return system.near.size * (int(system.knots.sum()) + phases)
-    evaluations = int(result.evaluations)
-    return 2.0 * (evaluations / run["periods"] if evaluations else phases)
+    propagator, evaluations = model.propagator(tuning), int(result.evaluations)
+    pieces = evaluations / run["periods"] if evaluations else propagator.pieces + phases
+    return propagator.components * pieces
 
 
 def compute(cases, six_degrees, harmonics, observables, tolerance, candidates, run):

@@ -5,8 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from gearlib import methods as integrators
-from gearlib import simulate
+from gearlib import integrators, simulate
 from gearlib.analysis.tongues import no_loss
 from gearlib.models.pair import GearPair
 from gearlib.studies.trials import difficult_problems, failures

@@ -24,7 +24,7 @@ from gearlib.analysis.orbits.parameters import RATIOS, value_of, with_parameter
 from gearlib.kernels.closed_form.event_by_event import ARC_COLUMNS, march_period
 from gearlib.kernels.closed_form.mesh import contact_of, mesh
 from gearlib.kernels.jit import kernel
-from gearlib.methods.exact import ratios
+from gearlib.models.propagators.closed_form import ratios
 from gearlib.runs.variational import period_maps
 
 LIMIT = 1_000_000

@@ -8,9 +8,17 @@ import numpy as np
 import pytest
 
 import gearlib
-from gearlib import Fourier, Harmonics, OneDegreePair, SixDegreePair, Tabulated, simulate, sweep
-from gearlib import methods as integrators
-from gearlib.methods.peers import heyoka as peer_heyoka
+from gearlib import (
+    Fourier,
+    Harmonics,
+    OneDegreePair,
+    SixDegreePair,
+    Tabulated,
+    integrators,
+    simulate,
+    sweep,
+)
+from gearlib.integrators.peers import heyoka as peer_heyoka
 from tests.paper import PAPER
 
 PEERS = ("heyoka", "cvode", "diffrax", "cyrk", "numbalsoda")
@@ -68,7 +76,7 @@ def compare(model, nu, name, periods, factor=1.0, **arguments):
     assert int(run.status) == 0 and int(run.evaluations) > 0
     assert run.event_to.values.tolist() == exact.event_to.values.tolist()
     columns = ["displacement", "velocity", "dynamic_force", "final_state", "event_phase"]
-    columns += list(getattr(model, "extra_samples", ()))
+    columns += model.extra_samples
     for column in (*columns, "fraction_backlash", "fraction_min_stiffness", "bounces"):
         np.testing.assert_allclose(
             run[column], exact[column], rtol=0, atol=factor * tolerance, err_msg=column
@@ -190,7 +198,7 @@ def test_missing_package_is_told(name, monkeypatch):
     package = integrators.METHODS[name].PACKAGE
     found = importlib.util.find_spec
     monkeypatch.setattr(
-        "gearlib.methods.peers.package.find_spec",
+        "gearlib.integrators.peers.package.find_spec",
         lambda module: None if module == package.module else found(module),
     )
     listed = {method.name: method for method in gearlib.methods()}[name]

@@ -11,7 +11,7 @@ from gearlib import Harmonics, SixDegreePair, simulate, sweep
 from gearlib.data import status
 from gearlib.kernels.piecewise_linear import run as linear
 from gearlib.kernels.piecewise_linear import system as core_system
-from gearlib.methods.exact import _TO_BERNSTEIN
+from gearlib.models.propagators.piecewise_linear import _TO_BERNSTEIN
 from tests.paper import PAPER
 
 RADIUS, BODY = 0.1, 17.27

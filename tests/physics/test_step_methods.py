@@ -14,10 +14,10 @@ from gearlib import (
     OneDegreePair,
     SixDegreePair,
     Tabulated,
+    integrators,
     simulate,
     sweep,
 )
-from gearlib import methods as integrators
 from gearlib.kernels.steps.equation_of_motion import Contact
 from gearlib.kernels.steps.fixed import Scheme, alpha_step
 from gearlib.models.stiffness import levels
@@ -173,7 +173,7 @@ def test_scipy_split_at_events_equals_the_exact_methods(model, state):
     # scipy's own error at rtol 1e-12 is about 1e-9 here.
     np.testing.assert_allclose(run.final_state, exact.final_state, rtol=0, atol=1e-8)
     columns = ["displacement", "velocity", "acceleration", "dynamic_force", "event_phase"]
-    columns += list(getattr(model, "extra_samples", ()))
+    columns += model.extra_samples
     for name in (*columns, "fraction_backlash", "fraction_min_stiffness", "bounces"):
         np.testing.assert_allclose(run[name], exact[name], rtol=0, atol=1e-7, err_msg=name)
 

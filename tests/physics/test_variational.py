@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gearlib import Fourier, Harmonics, OneDegreePair, simulate
-from gearlib.runs.variational import full_state, moving_components, period_maps, without_rotation
+from gearlib.runs.variational import full_state, period_maps, without_rotation
 from tests.paper import PAPER
 from tests.physics.test_six_degrees import EVERYTHING, gears
 
@@ -87,7 +87,7 @@ def test_the_two_kernels_of_one_degree_agree():
     ],
 )
 def test_six_degrees(pair, nu):
-    n = moving_components(pair)
+    n = pair.size
     state = full_state(pair, nu, (1.0, -2.0))
     assert state.size == n
     _, maps, code = period_maps(pair, nu, state, 1, LIMIT)

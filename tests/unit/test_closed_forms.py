@@ -22,7 +22,7 @@ from gearlib.kernels.closed_form.mesh import BACKLASH, INVERSE, NORMAL, contact_
 from gearlib.kernels.closed_form.oscillator import evolve, level, turning_time
 from gearlib.kernels.orbit import orbit_period
 from gearlib.kernels.piecewise_linear.system import carry
-from gearlib.methods.exact import ratios
+from gearlib.models.propagators.closed_form import ratios
 from tests.paper import PAPER
 
 #: (stiffness, damping ratio, tuning): without, light, heavy, critical and more than critical.

@@ -14,7 +14,7 @@ import gearlib
 from gearlib import GearPair
 from gearlib.config import SCHEMA_PATH, ConfigError, load, schema, schema_text
 from gearlib.config.trials import PEERS
-from gearlib.methods import METHODS
+from gearlib.integrators import METHODS
 
 ROOT = Path(__file__).resolve().parents[2]
 PAPER = yaml.safe_load((ROOT / "config.yaml").read_text(encoding="utf-8"))

@@ -2,6 +2,8 @@
 
 import math
 import re
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import pytest
@@ -29,8 +31,44 @@ from gearlib import (
     tongues,
     trust,
 )
+from gearlib.analysis.orbits.parameters import known, value_of, with_parameter
+from gearlib.data.provenance import canonical_json
+from gearlib.data.variables import DESCRIPTIONS
+from gearlib.kernels import orbit as columns
+from gearlib.models.model import Model
+from gearlib.models.oscillator import Equation
+from gearlib.models.profiles import Steps
 from tests.paper import PAPER
 from tests.physics.test_dead_zone import as_oscillator
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stop(Model):
+    """A model that the library does not know: a driven mass that meets a stop at x = 0."""
+
+    stiffness: float
+    hardening: float = 0.0
+
+    title_noun = "a mass at a stop"
+
+    @cached_property
+    def equation(self):
+        side, damping = Steps((0.0,), (self.stiffness,)).pieces(), np.zeros((3, 3))
+        damping[:, 0] = 0.1
+        return Equation(
+            upper=0.0,
+            lower=-math.inf,
+            near=side,
+            far=side,
+            damping=damping,
+            powers=np.array([0.0, self.hardening]),
+            ground=0.0,
+            load=1.0,
+            force=Harmonics((0.5,)).table(),
+            deviation=Harmonics().table(),
+            natural=math.sqrt(self.stiffness),
+        )
+
 
 NU, BOX = 0.9, (-1.0, 1.0)
 DAMPED = PAPER.replace(material_damping=3953.7, backlash_damping=3953.7)
@@ -55,12 +93,14 @@ MODELS = {
         load=1.0,
         forcing=Harmonics((0.5,)),
     ),
+    "linear stop": Stop(stiffness=1.0),
+    "hard stop": Stop(stiffness=1.0, hardening=0.2),
     "number": 7,
 }
 
 
 def orbit(pair):
-    return periodic_orbit(pair, NU, period=getattr(pair, "repeats", 1))
+    return periodic_orbit(pair, NU, period=1 if pair == 7 else pair.repeats)
 
 
 def branch_and_point():
@@ -88,11 +128,12 @@ CALLS = {
     "harmonic_balance": lambda pair: harmonic_balance(pair, NU, harmonics=16).dataset(),
 }
 #: What a call does not take beside the number; one branch serves those of one kind only.
+NO_GEARS = {"oscillator", "linear stop", "hard stop"}
 REFUSED = {
-    "continue_orbit": {"oscillator"},
-    "tongues": {"oscillator"},
-    "schmidt": {"six degrees", "run-out", "oscillator"},
-    "harmonic_balance": {"six degrees", "run-out", "oscillator"},
+    "continue_orbit": NO_GEARS,
+    "tongues": NO_GEARS,
+    "schmidt": {"six degrees", "run-out", *NO_GEARS},
+    "harmonic_balance": {"six degrees", "run-out", *NO_GEARS},
 }
 BRANCHES = {"switch_branch", "locus"}
 #: Words of a gear mesh, which an oscillator has not.
@@ -129,6 +170,72 @@ def test_it_works_or_says_why_not(call, model):
 def test_branches_are_those_of_gears(call, model):
     with pytest.raises(ValueError, match="pair = .* is not allowed: it must be a GearPair"):
         CALLS[call](MODELS[model])
+
+
+@pytest.mark.parametrize("name", [name for name in MODELS if name != "number"])
+def test_a_model_has_what_the_protocol_says(name):
+    model = MODELS[name]
+    assert isinstance(model, Model)
+    assert model.size >= 2 and model.size % 2 == 0 and model.repeats >= 1
+    assert model.mesh is None or model.mesh.mesh is model.mesh and type(model.mesh) is GearPair
+    assert (model.equation is None) == (model.size > 2)
+    assert [float(line) for line in model.flank_lines][0] == 0.0
+    assert model.damped() is True
+    assert canonical_json(model.as_dict()) and model.replace() == model
+    named = [*model.scales(), *model.speed_scales(NU), *model.extra_samples, *model.long_names]
+    assert set(named) <= set(DESCRIPTIONS)
+    for parameter in known(model) if model.mesh else ():
+        value = value_of(model, NU, parameter)
+        moved, tuning = with_parameter(model, NU, parameter, 0.9 * value + 0.01)
+        assert value_of(moved, tuning, parameter) == pytest.approx(0.9 * value + 0.01, rel=1e-12)
+
+
+@pytest.mark.parametrize("name", [name for name in MODELS if name != "number"])
+def test_all_ways_through_the_periods_are_one(name):
+    # A run, the maps, a record and many states at once go by the same propagator.
+    model, periods = MODELS[name], 6
+    n = model.size
+    asked = simulate(model, NU, periods=periods, record_periods=periods, samples_per_period=4)
+    for method in model.mathematics:
+        propagator = model.propagator(NU, method)
+        start = propagator.start((0.0, 0.0))
+        assert start.shape == (n,)
+        end, maps, code = propagator.maps(start, periods, 1000)
+        assert (end.shape, maps.shape, code) == ((n,), (periods, n, n), 0)
+        events, summary, samples = propagator.record(start, periods, 1000, 4)
+        assert (start == propagator.start((0.0, 0.0))).all()
+        assert summary.shape == (columns.SUMMARY_COLUMNS,)
+        assert samples.shape == (4 * periods, columns.SAMPLE_COLUMNS + len(model.extra_samples))
+        ends, codes = np.empty((2, n)), np.ones(2, int)
+        propagator.skip(np.array([start, start]), periods, 1000, ends, codes)
+        # Rounding, over a few bounces.
+        close = {"rtol": 0, "atol": 1e-11 * max(1.0, np.abs(end).max())}
+        np.testing.assert_allclose(ends, [end, end], **close)
+        np.testing.assert_allclose(samples[:, 0], asked.displacement, **close)
+        assert not codes.any()
+        # What the run says of its own method is what the propagator did, to the last bit.
+        if method == next(iter(model.mathematics)):
+            np.testing.assert_array_equal(samples[:, 0], asked.displacement)
+            np.testing.assert_array_equal(len(events), asked.sizes["event"])
+            np.testing.assert_array_equal(maps, model.propagator(NU).maps(start, periods, 1000)[1])
+        other = model.propagator(NU).maps(start, periods, 1000)[1]
+        np.testing.assert_allclose(maps, other, rtol=0, atol=1e-11 * np.abs(other).max())
+
+
+def test_a_new_model_moves_as_its_equation_says():
+    # The same oscillator in the parameters of a model of the library.
+    twin = DeadZoneOscillator(upper_stiffness=1.0, damping=0.1, load=1.0, forcing=Harmonics((0.5,)))
+    new = MODELS["linear stop"]
+    assert new.mathematics == {"exact": "piecewise_linear", "taylor": "taylor"}
+    assert MODELS["hard stop"].mathematics == {"taylor": "taylor"}
+    one, other = (sweep(model, [0.5, NU], periods=50, record_periods=8) for model in (new, twin))
+    for variable in one.data_vars:
+        np.testing.assert_array_equal(one[variable], other[variable])
+    assert "a mass at a stop" in one.attrs["title"]
+    orbits = [periodic_orbit(model, NU) for model in (new, twin)]
+    np.testing.assert_array_equal(orbits[0].multipliers, orbits[1].multipliers)
+    with pytest.raises(ValueError, match="method = 'rk4' is not allowed for this Stop"):
+        simulate(new, NU, periods=1, method="rk4")
 
 
 def test_an_oscillator_without_damping_has_no_basins():

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from gearlib import GearPair
-from gearlib import methods as integrators
+from gearlib import GearPair, integrators
 from gearlib.analysis.tongues import no_loss
 from gearlib.data import gathering, status, storage
 from gearlib.figures import failures as figure

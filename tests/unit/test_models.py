@@ -6,6 +6,7 @@ import math
 import pytest
 
 from gearlib import DeadZoneOscillator, GearPair, Harmonics, OneDegreePair, SixDegreePair
+from gearlib.models.model import Model
 from tests.paper import PAPER
 
 ONE = OneDegreePair(pair=PAPER, cubic_damping=4e5, deviation=Harmonics((1e-6,)))
@@ -19,7 +20,7 @@ SIX = SixDegreePair(
 )
 OSCILLATOR = DeadZoneOscillator(lower_edge=-1.0, upper_stiffness=2.0, damping=0.1)
 #: What the pair has and the model has not, or has in its own sense.
-OWN = {"from_ratios", "as_dict", "replace", "repeats"}
+OWN = {"from_ratios", *vars(Model)} - {"flank_lines", "scales", "speed_scales"}
 
 
 @pytest.mark.parametrize("model", [ONE, SIX])

@@ -12,7 +12,7 @@ from gearlib.kernels.closed_form.mesh import contact_of, mesh
 from gearlib.kernels.closed_form.run import skip
 from gearlib.kernels.closed_form.settled import clear_of_grazing, sum_of_powers
 from gearlib.kernels.closed_form.whole_periods import new_work, set_mesh, set_start
-from gearlib.methods.exact import ratios
+from gearlib.models.propagators.closed_form import ratios
 from tests.unit.test_whole_periods import LIMIT, bouncing_case, ratios_of, whole_periods
 
 PAIR = {"contact_ratio": 1.569, "stiffness_ratio": 0.5879, "backlash": 4.0}

@@ -15,7 +15,7 @@ from gearlib.kernels.piecewise_linear import run as linear
 from gearlib.kernels.piecewise_linear import variation as linear_variation
 from gearlib.kernels.piecewise_linear import whole_periods as linear_periods
 from gearlib.kernels.taylor import run as nonlinear
-from gearlib.methods import taylor
+from gearlib.models.propagators import piecewise_linear, taylor
 from gearlib.runs.variational import full_state, period_maps
 from tests.paper import PAPER
 from tests.physics.test_six_degrees import gears
@@ -38,8 +38,9 @@ def unknown(monkeypatch, module, name, answer):
 @pytest.fixture
 def python(monkeypatch):
     """Run the kernels in Python."""
-    for name in ("run_linear", "_first_event", "_summarise"):
-        plain(monkeypatch, linear, name)
+    plain(monkeypatch, linear, "run_linear", piecewise_linear)
+    plain(monkeypatch, linear, "_first_event")
+    plain(monkeypatch, linear, "_summarise")
     plain(monkeypatch, linear, "go", linear_variation)
     plain(monkeypatch, linear_periods, "pass_period", linear)
     plain(monkeypatch, linear_periods, "_fall")
@@ -82,8 +83,10 @@ def test_maps(python, model, kernel):
     unknown(python, linear, "first_fall", -1.0)
     unknown(python, nonlinear, "first_fall", -1.0)
     unknown(python, nonlinear, "fall_by_shape", -1.0)
-    home = linear_variation if model is SIX else variation
-    python.setattr(f"gearlib.runs.variational.{kernel}", getattr(home, kernel).py_func)
+    if model is SIX:
+        plain(python, linear_variation, kernel, piecewise_linear)
+    else:
+        plain(python, variation, kernel, taylor)
     _, maps, code = period_maps(model, 0.9, full_state(model, 0.9, (0.5, -2.0)), 1, 1000)
     assert code == status.UNRESOLVED and np.isnan(maps).all()
 

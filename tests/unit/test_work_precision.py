@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from gearlib import methods as integrators
+from gearlib import integrators
 from gearlib.figures import jump_by_method as jump_figure
 from gearlib.figures import work_precision as figures
-from gearlib.methods.option import Option
+from gearlib.integrators.option import Option
 from gearlib.studies import jump
 from gearlib.studies.trials import fastest, jump_by_method, problems, references
 from gearlib.studies.trials import work_precision as wp

@@ -14,7 +14,7 @@ from pathlib import Path
 from snakemake.exceptions import WorkflowError
 
 from gearlib import config as configuration
-from gearlib import methods as integrators
+from gearlib import integrators
 from gearlib.config import tunings
 from gearlib.config.trials import PEERS
 from workflow.sources import sources
@@ -37,6 +37,9 @@ PAPER_TARGETS = ["phase_lag", "resonance", "phase_planes", "scenes", "jump", "cl
 PAPER, CLAIMS = "1 The paper's figures", "2 The paper's statements"
 EXPLANATIONS, METHODS = "3 Explanations", "4 Methods"
 PUBLISHED_PART = "5 Published problems"
+
+#: Priority of jobs that take long: at the end of a build none of them runs alone.
+LONG = 1
 
 #: What the report shows of a figure, the first that there is; browsers zoom pixels best.
 SHOWN_FORMATS = ["png", "svg", "pdf"]
@@ -80,7 +83,7 @@ def script_sources(name, *methods):
 
     Of those that are always loaded a script says so itself, see `workflow.sources`.
     """
-    loaded = [f"gearlib.methods.{integrators.METHODS.data[method]}" for method in methods]
+    loaded = [f"gearlib.integrators.{integrators.METHODS.data[method]}" for method in methods]
     files = sources(ROOT / "workflow" / "scripts" / f"{name}.py", ROOT, loaded)
     return [os.path.relpath(path) for path in files]
 

@@ -12,6 +12,7 @@ rule trial:
     benchmark:
         "results/benchmarks/failures/{trial}.tsv"
     threads: 1
+    priority: LONG
     params:
         trial=trial_of,
     conda:

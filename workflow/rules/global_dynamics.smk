@@ -12,6 +12,7 @@ rule basins:
     benchmark:
         "results/benchmarks/basins.tsv"
     threads: 1
+    priority: LONG
     params:
         cases=global_cases(CONFIG.basins),
         settings=canonical(CONFIG.basins.model_dump(exclude={"cases"})),
@@ -52,6 +53,7 @@ rule bifurcation:
     benchmark:
         "results/benchmarks/bifurcation.tsv"
     threads: 1
+    priority: LONG
     params:
         pair=canonical(CONFIG.damped_parameters(CONFIG.bifurcation.damping)),
         settings=canonical(CONFIG.bifurcation.model_dump(exclude={"damping"})),

@@ -12,6 +12,7 @@ rule jump_by_method:
     benchmark:
         "results/benchmarks/jump_by_method/{method}.tsv"
     threads: 1
+    priority: LONG
     params:
         pair=canonical(CONFIG.pair_parameters(CONFIG.jump_by_method.damping)),
         settings=canonical(CONFIG.jump_by_method.model_dump(exclude={"methods", "damping"})),

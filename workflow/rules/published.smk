@@ -12,6 +12,7 @@ rule published:
     benchmark:
         "results/benchmarks/published.tsv"
     threads: 1
+    priority: LONG
     params:
         settings=canonical(CONFIG.published.model_dump()),
     conda:

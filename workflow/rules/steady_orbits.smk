@@ -12,6 +12,7 @@ rule steady_orbits:
     benchmark:
         "results/benchmarks/steady_orbits.tsv"
     threads: 1
+    priority: LONG
     params:
         methods=CONFIG.steady_orbits.methods,
         problems=CONFIG.steady_orbits.problems,

@@ -13,6 +13,7 @@ rule work_precision_references:
     benchmark:
         "results/benchmarks/work_precision/references.tsv"
     threads: 1
+    priority: LONG
     params:
         problems=CONFIG.work_precision.problems,
         pair=canonical(CONFIG.gear_pair.model_dump()),
@@ -36,6 +37,7 @@ rule work_precision_errors:
     benchmark:
         "results/benchmarks/work_precision/errors_{method}.tsv"
     threads: 1
+    priority: LONG
     params:
         pair=canonical(CONFIG.gear_pair.model_dump()),
         six_degrees=canonical(CONFIG.six_degrees.model_dump()),

@@ -2,6 +2,7 @@
 
 import json
 
+import one_thread  # noqa: F401
 from joblog import redirect_output
 from gearlib.data import storage
 from gearlib.studies.trials import work_precision

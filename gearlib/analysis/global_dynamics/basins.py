@@ -112,7 +112,7 @@ def basins(
     dataset.attrs = provenance.attributes(
         "Basins of attraction of a gear mesh",
         pair,
-        method="closed forms" if strobe.exact else "Taylor steps",
+        method=strobe.propagator.words,
         tuning=strobe.tuning,
         periods=cycles * strobe.cycle,
         stop_early=bool(stop_early),

@@ -11,9 +11,8 @@ from gearlib.analysis.global_dynamics.parameters import models, name_parameter
 from gearlib.analysis.global_dynamics.poincare import check_phase, section
 from gearlib.data import provenance, status
 from gearlib.data.variables import describe
+from gearlib.integrators import choose
 from gearlib.kernels import orbit
-from gearlib.methods import choose
-from gearlib.models.six_degrees import SixDegreePair
 from gearlib.runs.run_arguments import MAX_EVENTS
 from gearlib.runs.sweeping import DIRECTIONS
 
@@ -67,7 +66,7 @@ def bifurcation_diagram(
     choose(pair, None, None)
     values = grids.values("values", values)
     checks.one_of("direction", direction, DIRECTIONS)
-    if direction != "cold" and isinstance(pair, SixDegreePair):
+    if direction != "cold" and pair.size > 2:
         raise ValueError(
             f"direction = {direction!r} is not allowed for six degrees of freedom: it must be "
             "'cold', because only two of the states that would be carried along are known"

@@ -1,7 +1,5 @@
 """To which attractor each of many initial states comes."""
 
-import math
-
 import numpy as np
 
 from gearlib.analysis import lyapunov
@@ -14,9 +12,6 @@ from gearlib.analysis.global_dynamics.attractors import (
 )
 from gearlib.data import status
 from gearlib.kernels import orbit as columns
-from gearlib.models.dead_zone import DeadZoneOscillator
-from gearlib.models.one_degree import OneDegreePair
-from gearlib.models.pair import GearPair
 from gearlib.runs.variational import record
 
 #: Random states that run first, to find the attractors.
@@ -33,30 +28,12 @@ _RECORD = 256
 
 def refuse_undamped(pair):
     """Refuse a model without any damping: it has no attractors."""
-    if any(value > 0.0 for value in _dampings(pair)):
+    if pair.damped():
         return
     raise ValueError(
         "damping = 0 is not allowed: a model without any damping keeps phase volume and has no "
         "attractors; see gearlib.poincare_section for its motions"
     )
-
-
-def _dampings(pair):
-    if isinstance(pair, DeadZoneOscillator):
-        lower = pair.lower_damping if math.isfinite(pair.lower_edge) else 0.0
-        return pair.damping, pair.upper_damping, lower
-    if isinstance(pair, GearPair):
-        return pair.material_damping, pair.backlash_damping
-    inner = _dampings(pair.pair)
-    if isinstance(pair, OneDegreePair):
-        return (
-            *inner,
-            pair.quadratic_damping,
-            pair.cubic_damping,
-            pair.backlash_quadratic_damping,
-            pair.backlash_cubic_damping,
-        )
-    return (*inner, *pair.bearing_damping)
 
 
 def classify(strobe, states, cycles, *, stop_early=True, seed=0):

@@ -12,7 +12,7 @@ from gearlib.analysis.global_dynamics import grids
 from gearlib.analysis.global_dynamics.parameters import models, name_parameter
 from gearlib.data import provenance
 from gearlib.data.variables import describe
-from gearlib.methods import choose
+from gearlib.integrators import choose
 from gearlib.runs.run_arguments import MAX_EVENTS
 
 

@@ -2,7 +2,6 @@
 
 from gearlib import checks
 from gearlib.analysis.orbits.parameters import RATIOS, with_parameter
-from gearlib.models.pair import GearPair
 from gearlib.runs.run_arguments import check_tuning
 
 #: What may be varied.
@@ -36,7 +35,7 @@ def models(pair, tuning, parameter, values):
         return [(pair, check_tuning(f"values[{i}]", nu)) for i, nu in enumerate(values.tolist())]
     if tuning is None:
         raise ValueError(f"tuning = None is not allowed: {parameter} is varied at one tuning")
-    if not isinstance(pair, GearPair):
+    if pair.mesh is not pair:
         raise ValueError(
             f"parameter = {parameter!r} is not allowed for this {type(pair).__name__}: it must be "
             "'tuning', or the pair a GearPair"

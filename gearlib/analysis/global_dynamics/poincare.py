@@ -9,11 +9,7 @@ import xarray as xr
 from gearlib import checks
 from gearlib.data import provenance, status
 from gearlib.data.variables import describe
-from gearlib.kernels.closed_form import sections
-from gearlib.kernels.closed_form.mesh import mesh
-from gearlib.methods import choose
-from gearlib.methods.exact import ratios
-from gearlib.models.pair import GearPair
+from gearlib.integrators import choose
 from gearlib.runs.run_arguments import MAX_EVENTS, check_tuning
 from gearlib.runs.simulation import simulate
 
@@ -116,9 +112,9 @@ def section(pair, tuning, states, settle, periods, phase, max_events):
     """Return (table, ends, codes), shapes (n, periods, 2), (n, 2), (n,); arguments checked."""
     table = np.full((len(states), periods, 2), math.nan)
     ends, codes = np.empty((len(states), 2)), np.zeros(len(states), np.int64)
-    if isinstance(pair, GearPair):
-        m = mesh(ratios(pair), tuning)
-        sections.section(m, states, settle, phase, max_events, table, ends, codes)
+    propagator = pair.propagator(tuning)
+    if propagator.sections is not None:
+        propagator.sections(states, settle, phase, max_events, table, ends, codes)
     else:
         share = Fraction(phase / (2.0 * math.pi)).limit_denominator(_MOST_SAMPLES)
         if abs(share - phase / (2.0 * math.pi)) > 1e-12:

@@ -20,8 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gearlib.models.one_degree import OneDegreePair
-from gearlib.models.pair import GearPair
+from gearlib.models.model import is_model
 
 #: Samples per harmonic, at least: the product of c and x is then free of aliasing.
 LEAST_SAMPLES = 4
@@ -61,11 +60,10 @@ class MeshEquation:
     """
 
     def __init__(self, pair, tuning, harmonics, samples=None, period=1):
-        model = pair if isinstance(pair, OneDegreePair) else OneDegreePair(pair=pair)
         self.pair, self.tuning = pair, tuning
         self.harmonics, self.period = harmonics, period
         self.samples = default_samples(harmonics) if samples is None else samples
-        self.law = model.law(tuning, 0.0)
+        self.law = pair.law(tuning)
         #: Orders of the harmonics in the mesh phase: k / period.
         self.orders = np.arange(harmonics + 1) / period
         self.excitation = np.zeros(harmonics + 1, complex)
@@ -241,7 +239,7 @@ def stiffness_coefficients(law, highest):
 
 def takes(pair):
     """Return `pair` if it has one degree of freedom, else raise ValueError."""
-    if not isinstance(pair, (GearPair, OneDegreePair)):
+    if not (is_model(pair) and pair.one_mesh):
         raise ValueError(
             f"pair = {type(pair).__name__} is not allowed: it must be a GearPair or a "
             "OneDegreePair, one degree of freedom"

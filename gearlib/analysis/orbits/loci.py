@@ -25,7 +25,6 @@ from gearlib.analysis.orbits.shooting import NoOrbit, multipliers_of
 from gearlib.analysis.orbits.tracing import Lost, advance, at_value, tangent
 from gearlib.data import provenance
 from gearlib.data.variables import describe
-from gearlib.models.six_degrees import SixDegreePair
 from gearlib.runs.run_arguments import MAX_EVENTS
 
 #: Step of the differences of the defining function, scaled.
@@ -181,10 +180,10 @@ def _touch(shooting, y):
     """Return (phase, number of the line) of the turning point that touches."""
     pair, tuning, z = shooting.model(y)
     touch = touching.nearest_touch(pair, tuning, z, shooting.period, shooting.max_events)
-    if touch[1] and isinstance(pair, SixDegreePair):
+    if touch[1] and pair.moving_flank:
         raise ValueError(
-            "point: the far flank of a SixDegreePair moves; only grazings of the normal flank are "
-            "followed"
+            f"point: the far flank of a {type(pair).__name__} moves; only grazings of the normal "
+            "flank are followed"
         )
     return touch
 

@@ -7,9 +7,7 @@ keep their values: another contact ratio moves neither the mean stiffness nor th
 import dataclasses
 
 from gearlib import checks
-from gearlib.models.one_degree import OneDegreePair
-from gearlib.models.pair import GearPair
-from gearlib.models.six_degrees import SixDegreePair
+from gearlib.models.model import is_model
 from gearlib.models.stiffness import mean_over_max
 
 #: name -> (CF units, long_name) of the parameters of every model
@@ -21,26 +19,11 @@ RATIOS = {
     "contact_ratio": ("1", "contact ratio epsilon"),
     "stiffness_ratio": ("1", "stiffness ratio kappa = C_min / C_max"),
 }
-#: Those of single models beside them, in SI units.
-_OWN = {
-    OneDegreePair: {
-        "quadratic_damping": ("N s2 m-2", "quadratic damping D2 in contact"),
-        "cubic_damping": ("N s3 m-3", "cubic damping D3 in contact"),
-        "backlash_quadratic_damping": ("N s2 m-2", "quadratic damping D2m of the oil"),
-        "backlash_cubic_damping": ("N s3 m-3", "cubic damping D3m of the oil"),
-        "quadratic_stiffness": ("m-1", "quadratic stiffness g2"),
-        "cubic_stiffness": ("m-2", "cubic stiffness g3"),
-    },
-    SixDegreePair: {
-        "run_out_phase": ("rad", "relative phase of the run-outs"),
-        "pitch_phase": ("rad", "mesh phase at which the friction turns"),
-    },
-}
 
 
 def known(pair):
     """Return the parameters of a model as a dict name -> (CF units, long_name)."""
-    return RATIOS | _OWN.get(type(pair), {})
+    return RATIOS | pair.parameters
 
 
 def check_parameter(pair, name):
@@ -52,7 +35,7 @@ def check_parameter(pair, name):
         If the model has none of this name, the message lists those it has; or if orbits of the
         model are not followed.
     """
-    if not isinstance(pair, (GearPair, OneDegreePair, SixDegreePair)):
+    if not (is_model(pair) and pair.mesh):
         raise ValueError(
             f"pair = {type(pair).__name__} is not allowed: it must be a GearPair, a OneDegreePair "
             "or a SixDegreePair"
@@ -84,8 +67,8 @@ def with_parameter(pair, tuning, name, value):
         return pair, checks.finite_positive(name, value)
     if name not in RATIOS:
         return dataclasses.replace(pair, **{name: value}), tuning
-    if not isinstance(pair, GearPair):
-        inner, _ = with_parameter(pair.pair, tuning, name, value)
+    if pair.mesh is not pair:
+        inner, _ = with_parameter(pair.mesh, tuning, name, value)
         return dataclasses.replace(pair, pair=inner), tuning
     if name == "backlash":
         value = checks.number(name, value, "a number >= 0, inf included", lambda v: v >= 0.0)

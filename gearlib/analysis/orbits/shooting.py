@@ -17,13 +17,12 @@ import xarray as xr
 from gearlib import checks
 from gearlib.data import provenance, status
 from gearlib.data.variables import describe
+from gearlib.integrators import choose
 from gearlib.kernels import orbit as columns
-from gearlib.methods import choose
 from gearlib.models.contact_states import FLAGS
 from gearlib.runs.run_arguments import MAX_EVENTS, check_tuning
 from gearlib.runs.variational import (
     full_state,
-    moving_components,
     period_maps,
     record,
     rotation_free,
@@ -166,7 +165,7 @@ def _guess(pair, tuning, guess, period, max_events):
             raise NoOrbit(f"the motion from rest could not go on: {status.MESSAGES[code]}")
         return z
     values = np.asarray(guess, float)
-    n = moving_components(pair)
+    n = pair.size
     if values.shape not in ((2,), (n,)) or not np.isfinite(values).all():
         raise ValueError(f"guess = {guess!r} is not allowed: it must be 2 or {n} finite numbers")
     return values if values.size == n else full_state(pair, tuning, values)

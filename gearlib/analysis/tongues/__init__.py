@@ -22,10 +22,8 @@ from gearlib import checks
 from gearlib.analysis.tongues import hill, meissner
 from gearlib.data import provenance
 from gearlib.data.variables import describe
-from gearlib.models.one_degree import NONLINEAR, OneDegreePair
-from gearlib.models.pair import GearPair
+from gearlib.models.model import is_model
 from gearlib.models.profiles import Rectangular, Tabulated
-from gearlib.models.six_degrees import SixDegreePair
 from gearlib.runs.run_arguments import check_tuning
 
 #: What may vary beside the tuning.
@@ -90,7 +88,7 @@ def tongues(pair, *, start=0.3, stop=3.0, parameter=None, values=None, step=0.00
         checks.one_of("parameter", parameter, PARAMETERS)
         values = _values(values)
         rows = [find(varied(pair, parameter, value), start, stop, step) for value in values]
-    six = isinstance(pair, SixDegreePair)
+    six = pair.size > 2
     dataset = _dataset(rows, parameter, values, "tongue" if six else "order")
     if parameter is None:
         closings = [closing_damping(pair, one) for one in rows[0]]
@@ -98,7 +96,7 @@ def tongues(pair, *, start=0.3, stop=3.0, parameter=None, values=None, step=0.00
     dataset.attrs = provenance.attributes(
         "Tongues of parametric resonance",
         pair,
-        method="closed form" if isinstance(pair, GearPair) else "monodromy",
+        method="closed form" if pair.mesh is pair else "monodromy",
         start=start,
         stop=stop,
     )
@@ -107,48 +105,43 @@ def tongues(pair, *, start=0.3, stop=3.0, parameter=None, values=None, step=0.00
 
 def linear(pair):
     """Return the smallest model with the stability of `pair`; raise ValueError if nonlinear."""
-    if isinstance(pair, (GearPair, SixDegreePair)):
-        return pair
-    if not isinstance(pair, OneDegreePair):
+    if not (is_model(pair) and pair.mesh):
         raise ValueError(
             f"pair = {pair!r} is not allowed: it must be a GearPair, OneDegreePair or SixDegreePair"
         )
-    for name in NONLINEAR:
-        # The oil acts only where contact is lost.
-        if getattr(pair, name) and not name.startswith("backlash"):
+    for name in pair.nonlinear:
+        if getattr(pair, name):
             raise ValueError(
                 f"{name} = {getattr(pair, name)!r} is not allowed: it must be 0, or the stability "
                 "depends on the motion: see gearlib.periodic_orbit"
             )
-    return pair.pair if isinstance(pair.profile, Rectangular) else pair
+    return pair.mesh if isinstance(pair.profile, Rectangular) else pair
 
 
 def find(pair, start, stop, step=0.002):
     """Return the `Tongue`s that meet a range of tunings, of a model as of `linear`."""
-    if isinstance(pair, GearPair):
+    if pair.mesh is pair:
         equation = meissner.equation_of(pair)
         return [meissner.tongue(equation, n) for n in meissner.orders(equation, start, stop)]
-    if isinstance(pair, OneDegreePair):
-        return hill.one_degree(pair, start, stop)
-    return hill.six_degrees(pair, start, stop, step)
+    if pair.size > 2:
+        return hill.six_degrees(pair, start, stop, step)
+    return hill.one_degree(pair, start, stop)
 
 
 def closing_damping(pair, tongue):
     """Return the damping ratio of the contact from which a tongue stays closed."""
-    if isinstance(pair, GearPair):
+    if pair.mesh is pair:
         return meissner.closing_damping(pair.contact_ratio, pair.stiffness_ratio, tongue.order)
-    if isinstance(pair, SixDegreePair):
-        return hill.closing_six(pair, tongue)
-    return hill.closing_damping(pair, tongue)
+    return (hill.closing_six if pair.size > 2 else hill.closing_damping)(pair, tongue)
 
 
 def varied(pair, parameter, value):
     """Return a model with another stiffness ratio, contact ratio or damping ratio."""
-    mesh = pair if isinstance(pair, GearPair) else pair.pair
+    mesh = pair.mesh
     damping = mesh.damping_ratio
     if parameter == "damping":
         damping = checks.finite_nonnegative("damping", value)
-    elif isinstance(pair, SixDegreePair) or isinstance(getattr(pair, "profile", None), Tabulated):
+    elif pair.size > 2 or isinstance(pair.profile, Tabulated):
         raise ValueError(
             f"parameter = {parameter!r} is not allowed: it must be 'damping' for a table of the "
             "stiffness and for six degrees"
@@ -157,7 +150,7 @@ def varied(pair, parameter, value):
         mesh = mesh.replace(**{parameter: value})
     material = 2.0 * damping * mesh.reduced_mass * mesh.mean_eigenfrequency
     mesh = mesh.replace(material_damping=material)
-    return mesh if isinstance(pair, GearPair) else dataclasses.replace(pair, pair=mesh)
+    return mesh if pair.mesh is pair else dataclasses.replace(pair, pair=mesh)
 
 
 def _values(values):

@@ -25,7 +25,7 @@ from gearlib.data import status
 from gearlib.kernels.piecewise_linear.system import exponential
 from gearlib.models.harmonics import Harmonics
 from gearlib.runs.run_arguments import MAX_EVENTS
-from gearlib.runs.variational import moving_components, period_maps, rotation_free
+from gearlib.runs.variational import period_maps, rotation_free
 
 #: Steps of the scan over 1 / nu; a tongue comes about every half.
 _STEP = 1.0 / 32.0
@@ -54,7 +54,7 @@ def six_degree_map(pair, tuning):
     Without the free rotation, shape (n, n), n = 2 + 2 for each flexible bearing.
     """
     system, _ = pair.system(tuning)
-    n = moving_components(pair)
+    n = pair.size
     matrix = np.eye(n)
     for stretch, (start, end) in enumerate(pairwise(system.starts)):
         # The middle one of the three contact codes -1, 0, 1 is the backlash.

@@ -31,7 +31,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import xarray as xr
 
-from gearlib import methods as integrators
+from gearlib import integrators
 from gearlib.data import status
 from gearlib.data.provenance import canonical_json
 from gearlib.data.variables import describe
@@ -40,7 +40,7 @@ from gearlib.studies.trials.difficult_problems import problems
 from gearlib.version import __version__
 
 if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
-    from gearlib.methods import scipy_ivp  # noqa: F401
+    from gearlib.integrators import scipy_ivp  # noqa: F401
 
 #: From right to worse; their order is that of the flags in the matrix.
 VERDICTS = (

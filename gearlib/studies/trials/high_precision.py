@@ -18,7 +18,6 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from gearlib.kernels.closed_form.mesh import BACKLASH, INVERSE, NORMAL
-from gearlib.models.six_degrees import SixDegreePair
 
 #: Coefficients of a series, per digit: steps of about a radian of the fastest oscillation.
 _ORDER_PER_DIGIT = 0.8
@@ -93,14 +92,13 @@ def run(model, tuning, periods, digits=50, state=(0, 0)):
 
 def equations_of(model, tuning):
     """Return the `Equations` of a model, in the digits of the present context."""
-    six = isinstance(model, SixDegreePair)
-    return _six_degrees(model, tuning) if six else _one_degree(model, Decimal(tuning))
+    if model.equation is None:
+        return _six_degrees(model, tuning)
+    return _one_degree(model, Decimal(tuning))
 
 
 def _one_degree(model, nu):
-    # Cubic damping is a property of the models that have it.
-    pair = getattr(model, "pair", model)
-    cubic = [0.0] * 3 if pair is model else model.equation.damping[:, 2].tolist()
+    pair, cubic = model.mesh, model.equation.damping[:, 2].tolist()
     epsilon, kappa = Decimal(pair.contact_ratio), Decimal(pair.stiffness_ratio)
     mean = kappa + (1 - kappa) * (epsilon - 1)
     high, low = (1 / mean / nu**2, kappa / mean / nu**2)

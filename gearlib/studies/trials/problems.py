@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from gearlib import methods as integrators
+from gearlib import integrators
 from gearlib.data import status
 from gearlib.kernels import orbit
 from gearlib.models.one_degree import OneDegreePair
@@ -14,7 +14,7 @@ from gearlib.models.six_degrees import SixDegreePair
 from gearlib.runs.run_arguments import MAX_EVENTS
 
 if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
-    from gearlib.methods import scipy_ivp  # noqa: F401
+    from gearlib.integrators import scipy_ivp  # noqa: F401
 
 #: Mesh periods in which the slowest of the damped problems settles to rounding.
 SETTLING = 400
@@ -104,12 +104,12 @@ class Bound:
     def __init__(self, model, tuning, method, options):
         _, self._module, self._options = integrators.choose(model, method, options)
         self._model, self._tuning = model, tuning
-        extra = len(getattr(model, "extra_samples", ()))
+        extra = len(model.extra_samples)
         self._samples = np.empty((0, orbit.SAMPLE_COLUMNS + extra))
         self._summary = np.empty(orbit.SUMMARY_COLUMNS)
 
     def raw(self, state, periods, record_periods=1):
-        """Run; return what the method does, see `gearlib.methods`."""
+        """Run; return what the method does, see `gearlib.integrators`."""
         return self._module.run(
             self._model,
             self._tuning,

@@ -36,7 +36,7 @@ from gearlib.models.profiles import Series
 from gearlib.runs.simulation import simulate
 
 if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
-    from gearlib.methods import scipy_ivp  # noqa: F401
+    from gearlib.integrators import scipy_ivp  # noqa: F401
 
 #: Runs whose extrema differ by less, in heights of the orbit, are on the same one.
 _SAME = 1e-4

@@ -12,7 +12,7 @@ method invents motion (false instability); below the exact one, it adds numerica
 import numpy as np
 import xarray as xr
 
-from gearlib import methods as integrators
+from gearlib import integrators
 from gearlib.analysis.tongues.no_loss import linear_pair
 from gearlib.data import provenance
 from gearlib.data.variables import describe

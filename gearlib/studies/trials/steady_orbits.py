@@ -8,7 +8,6 @@ central differences of its own period map. Shooting for the same orbit is timed 
 
 import math
 import statistics
-import time
 
 import numpy as np
 import xarray as xr
@@ -24,6 +23,8 @@ from gearlib.studies.trials.work_precision import DIFFERENCE, Line
 from gearlib.version import __version__
 
 _REST = (0.0, 0.0)
+#: Calls that take longer, seconds, are timed once, without one before.
+_LONG = 0.1
 #: The frequency domain: method -> its lines, the accuracy parameter is the number of harmonics.
 SOLVERS = {"harmonic_balance": harmonic_balance, "schmidt": schmidt}
 LADDERS = {
@@ -98,8 +99,8 @@ def times(methods, names, pair, settings, repeats):
     Returns
     -------
     xarray.Dataset
-        Over (problem, rung): orbit_time, median of `repeats` runs; NaN as of `errors`. Over
-        (problem,): shooting_time, of the orbit by shooting from its own guess.
+        Over (problem, rung): orbit_time, median of `repeats` runs, of a long run one; NaN as of
+        `errors`. Over (problem,): shooting_time, of the orbit by shooting from its own guess.
     """
     table = rungs(methods)
     values = np.full((len(names), len(table)), math.nan)
@@ -107,8 +108,9 @@ def times(methods, names, pair, settings, repeats):
     for i, name in enumerate(names):
         problem = problems.build(name, pair, {}, settings)
         shooting[i] = _median(
-            lambda problem=problem: periodic_orbit(problem.model, problem.tuning), repeats
+            lambda problem=problem: periodic_orbit(problem.model, problem.tuning), repeats, True
         )
+        known = set()
         for j, (method, _, _, options) in enumerate(table):
             if method in SOLVERS or problems.takes(method, problem.model):
                 values[i, j] = _median(
@@ -116,7 +118,9 @@ def times(methods, names, pair, settings, repeats):
                         problem, method, options
                     ),
                     repeats,
+                    method not in known,
                 )
+            known.add(method)
     data = {"orbit_time": (("problem", "rung"), values), "shooting_time": ("problem", shooting)}
     title = "Wall times of settled orbits"
     parameters = {"settings": settings, "repeats": repeats}
@@ -168,14 +172,15 @@ def _settled_run(problem, expected, largest, method, options):
     )
 
 
-def _median(call, repeats):
-    """Return the median wall time of a call, of one run more than counts."""
-    seconds = []
-    for _ in range(repeats + 1):
-        start = time.perf_counter()
-        call()
-        seconds.append(time.perf_counter() - start)
-    return statistics.median(seconds[1:])
+def _median(call, repeats, loads):
+    """Return the median wall time of a call, after another one if it is short, or loads its code.
+
+    The first value of a knob is the coarsest: what a method has to load comes with a short call.
+    """
+    seconds = [work_precision.seconds_of(call)]
+    if loads or seconds[0] < _LONG:
+        seconds = [work_precision.seconds_of(call) for _ in range(repeats)]
+    return statistics.median(seconds)
 
 
 def _dataset(title, methods, names, table, data, pair, parameters):

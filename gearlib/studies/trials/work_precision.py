@@ -23,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
-from gearlib import methods as integrators
+from gearlib import integrators
 from gearlib.data import status
 from gearlib.data.provenance import canonical_json
 from gearlib.data.variables import describe
@@ -115,15 +115,14 @@ GENERIC = {
     "steps_per_period": (50, 200, 800, 3200),
 }
 
-#: Methods whose runs end early when they have provably settled: only the run is timed whose error is
-#: known, which has not settled.
+#: Methods whose runs end early when they have provably settled: only the run is timed whose error
+#: is known, which has not settled.
 _EARLY = ("exact",)
 # Span of the timed runs without their starts, seconds: far above the clock's resolution.
-_SPAN = 4e-3
+_SPAN = 2e-3
 _LONGEST, _MOST = 2**18, 2**11  #: periods of a run, and runs timed together
-# Runs longer than this, seconds, are timed three times at most: Python's, and no interruption
-# is long against them.
-_LONG = 0.04
+# Seconds for the repeats of a run: a long one is timed once, no interruption is long against it.
+_ALL = 0.02
 
 
 def lines_of(method):
@@ -269,8 +268,8 @@ def _dataset(title, method, names, table, data, pair, parameters):
 def times(method, known, pair, six_degrees, settings, repeats):
     """Return the wall times of a method on the problems; nothing else may run beside.
 
-    Parameters as of `errors`; `repeats` runs are timed (long ones three times at most), of which
-    the shortest counts.
+    Parameters as of `errors`; `repeats` runs are timed (of long ones fewer), of which the shortest
+    counts.
 
     Returns
     -------
@@ -291,10 +290,12 @@ def times(method, known, pair, six_degrees, settings, repeats):
         for j, (_, _, options) in enumerate(table):
             run = problems.Bound(problem.model, problem.tuning, method, options)
             if math.isnan(first):
-                first = _seconds(lambda run=run: run.raw(problems.START, 1))
+                first = seconds_of(lambda run=run: run.raw(problems.START, 1))
             codes: set = set()
-            short = max(1, problem.periods // 2)
-            longest = problem.periods if method in _EARLY and problem.steady else _LONGEST
+            early = method in _EARLY
+            # Half the run: what prepares tables lies in the first half.
+            short = max(1, problem.periods // 2) if early else 1
+            longest = problem.periods if early and problem.steady else _LONGEST
             seconds = seconds_per_period(_call(run, codes), short, longest, repeats)
             if codes == {status.OK}:
                 values[i, j] = seconds
@@ -313,7 +314,8 @@ def _call(run, codes):
     return lambda periods: codes.add(run.raw(problems.START, periods)[5])
 
 
-def _seconds(call):
+def seconds_of(call):
+    """Return the wall time of a call."""
     start = time.perf_counter()
     call()
     return time.perf_counter() - start
@@ -327,26 +329,25 @@ def seconds_per_period(call, short, longest, repeats):
     work on the machine can only lengthen them.
     """
     longest = max(longest, short + 1)
-    long, count = min(short + 5, longest), 1
+    long, count = short + 1, 1
 
     def once(periods):
-        return _seconds(lambda: [call(periods) for _ in range(count)])
+        return seconds_of(lambda: [call(periods) for _ in range(count)])
 
     def least(repeats):
         pairs = [(once(long), once(short)) for _ in range(repeats)]
         return [min(times) for times in zip(*pairs, strict=True)]
 
     call(short)
-    whole, base = least(2)
+    whole, base = least(1)
     while whole - base < _SPAN and count < _MOST:
         if long < longest:
             long = min(2 * long, longest)
         else:
             count *= 2
         whole, base = least(2)
-    more = least(min(repeats, 3) if whole > _LONG * count else repeats)
-    whole, base = min(whole, more[0]), min(base, more[1])
-    return (whole - base) / (count * (long - short))
+    more = least(min(repeats, max(1, round(_ALL * count / whole))))
+    return (min(whole, more[0]) - min(base, more[1])) / (count * (long - short))
 
 
 @kernel
@@ -360,5 +361,5 @@ def closed_form_time(repeats, count=100_000):
     """Return the median time of one evaluation of the closed form of contact, seconds."""
     lev = level(1.0, 0.06, 0.9)
     _evolve_again(lev, 1.0, 0.0, 1.0, 1)
-    times = [_seconds(lambda: _evolve_again(lev, 1.0, 0.0, 1.0, count)) for _ in range(repeats)]
+    times = [seconds_of(lambda: _evolve_again(lev, 1.0, 0.0, 1.0, count)) for _ in range(repeats)]
     return statistics.median(times) / count

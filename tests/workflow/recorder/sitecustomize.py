@@ -24,6 +24,8 @@ def _write():
     record = {
         "rule": getattr(job, "rule", ""),
         "declared": list(job.input.sources) if hasattr(job, "rule") else [],
+        "read": list(job.input) if hasattr(job, "rule") else [],
+        "written": list(job.output) if hasattr(job, "rule") else [],
         "loaded": sorted(filter(None, files)),
         "compiled": _compiled,
     }

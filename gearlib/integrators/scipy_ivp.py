@@ -13,16 +13,13 @@ import numpy as np
 
 from gearlib import checks
 from gearlib.data import status
+from gearlib.integrators.each import run_each
+from gearlib.integrators.option import Option
+from gearlib.integrators.problems import problem_of
+from gearlib.integrators.split import March, Phase, Split, Stall
 from gearlib.kernels.closed_form.event_by_event import within_range
 from gearlib.kernels.closed_form.mesh import BACKLASH, NORMAL
 from gearlib.kernels.steps.equation_of_motion import SIDE
-from gearlib.methods.each import run_each
-from gearlib.methods.option import Option
-from gearlib.methods.problems import problem_of
-from gearlib.methods.split import March, Phase, Split, Stall
-from gearlib.models.oscillator import OneDegree
-from gearlib.models.pair import GearPair
-from gearlib.models.six_degrees import SixDegreePair
 
 #: That of the solver: 5, 8, 5, or up to 12.
 ORDER = None
@@ -45,18 +42,18 @@ _TURN = 2.0 * math.pi
 
 
 def takes(pair):
-    """Return whether the model is one of the library's."""
-    return isinstance(pair, (GearPair, OneDegree, SixDegreePair))
+    """Return whether it takes a model: it takes all."""
+    return True
 
 
 def run(pair, tuning, state, *arguments, solver, rtol, atol, events):
-    """Run one tuning; see `gearlib.methods`."""
+    """Run one tuning; see `gearlib.integrators`."""
     march = _Split if events else _Whole
     return march(problem_of(pair, tuning), solver, rtol, atol).run(tuning, state, *arguments)
 
 
 def run_many(pair, *arguments, **options):
-    """Run many tunings; see `gearlib.methods`."""
+    """Run many tunings; see `gearlib.integrators`."""
     run_each(partial(run, pair, **options), *arguments)
 
 

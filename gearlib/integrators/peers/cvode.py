@@ -5,15 +5,13 @@ from functools import partial
 import numpy as np
 
 from gearlib import checks
-from gearlib.methods.each import run_each
-from gearlib.methods.one_degree import law_of
-from gearlib.methods.option import Option
-from gearlib.methods.peers import contact_branches as branches
-from gearlib.methods.peers.package import Package
-from gearlib.methods.problems import problem_of
-from gearlib.methods.scipy_ivp import takes
-from gearlib.methods.split import Phase, Split, Stall
-from gearlib.models.six_degrees import SixDegreePair
+from gearlib.integrators.each import run_each
+from gearlib.integrators.option import Option
+from gearlib.integrators.peers import contact_branches as branches
+from gearlib.integrators.peers.package import Package
+from gearlib.integrators.problems import problem_of
+from gearlib.integrators.scipy_ivp import takes
+from gearlib.integrators.split import Phase, Split, Stall
 
 __all__ = ["EVENTS", "MODELS", "OPTIONS", "ORDER", "PACKAGE", "run", "run_many", "takes"]
 
@@ -37,15 +35,15 @@ _ROOT = 2
 
 
 def run(pair, tuning, state, *arguments, rtol, atol, formula):
-    """Run one tuning; see `gearlib.methods`."""
+    """Run one tuning; see `gearlib.integrators`."""
     problem = problem_of(pair, tuning)
-    law = None if isinstance(pair, SixDegreePair) else law_of(pair, tuning)
+    law = None if pair.equation is None else pair.law(tuning)
     options = {"rtol": rtol, "atol": atol, "method": formula, "max_num_steps": _MOST_STEPS}
     return _Run(problem, law, options).run(tuning, state, *arguments)
 
 
 def run_many(pair, *arguments, **options):
-    """Run many tunings; see `gearlib.methods`."""
+    """Run many tunings; see `gearlib.integrators`."""
     run_each(partial(run, pair, **options), *arguments)
 
 

@@ -12,15 +12,13 @@ from functools import partial
 import numpy as np
 
 from gearlib import checks
+from gearlib.integrators.each import run_each
+from gearlib.integrators.option import Option
+from gearlib.integrators.peers.package import Package
+from gearlib.integrators.problems import problem_of
+from gearlib.integrators.scipy_ivp import takes
+from gearlib.integrators.split import Phase, Split, Stall, exits_of
 from gearlib.kernels.closed_form.mesh import BACKLASH, INVERSE, NORMAL
-from gearlib.methods.each import run_each
-from gearlib.methods.one_degree import law_of
-from gearlib.methods.option import Option
-from gearlib.methods.peers.package import Package
-from gearlib.methods.problems import problem_of
-from gearlib.methods.scipy_ivp import takes
-from gearlib.methods.split import Phase, Split, Stall, exits_of
-from gearlib.models.six_degrees import SixDegreePair
 
 __all__ = ["EVENTS", "MODELS", "OPTIONS", "ORDER", "PACKAGE", "run", "run_many", "takes"]
 
@@ -37,14 +35,14 @@ OPTIONS = {
 
 
 def run(pair, tuning, state, *arguments, tol):
-    """Run one tuning; see `gearlib.methods`."""
-    kind = _SixDegrees if isinstance(pair, SixDegreePair) else _OneDegree
+    """Run one tuning; see `gearlib.integrators`."""
+    kind = _SixDegrees if pair.equation is None else _OneDegree
     problem = problem_of(pair, tuning)
     return _Run(problem, kind(pair, tuning, problem), tol).run(tuning, state, *arguments)
 
 
 def run_many(pair, *arguments, **options):
-    """Run many tunings; see `gearlib.methods`."""
+    """Run many tunings; see `gearlib.integrators`."""
     run_each(partial(run, pair, **options), *arguments)
 
 
@@ -69,7 +67,7 @@ class _OneDegree:
     aperiodic = False
 
     def __init__(self, pair, tuning, problem):
-        self.law = law_of(pair, tuning)
+        self.law = pair.law(tuning)
         law = self.law
         self.gap = law.gap
         #: Per contact code, whether |x'| comes in.

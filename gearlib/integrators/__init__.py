@@ -43,9 +43,10 @@ from importlib import import_module
 from typing import TYPE_CHECKING, NamedTuple
 
 from gearlib import checks
+from gearlib.models.model import is_model
 
 if TYPE_CHECKING:  # what any run may load by name, for `workflow.sources`: that of AUTOMATIC
-    from gearlib.methods import exact, taylor  # noqa: F401
+    from gearlib.integrators import exact, taylor  # noqa: F401
 
 
 class _Modules(UserDict):
@@ -131,22 +132,21 @@ def choose(pair, method, options):
         If the method is unknown or does not take the model, or an option is unknown or has an
         impossible value. Also an ImportError if the method's package is not installed.
     """
+    if not is_model(pair):
+        raise ValueError(
+            f"pair = {pair!r} is not allowed: it must be a GearPair, OneDegreePair, SixDegreePair "
+            "or DeadZoneOscillator"
+        )
     if method is None:
         method = next((name for name in AUTOMATIC if METHODS[name].takes(pair)), None)
     # Where nothing is refused, no other method is loaded.
     if method not in tuple(METHODS) or refusal(pair, method):
-        able = _takers(pair)
-        if not able:
-            raise ValueError(
-                f"pair = {pair!r} is not allowed: it must be a GearPair, OneDegreePair, "
-                "SixDegreePair or DeadZoneOscillator"
-            )
         checks.one_of("method", method, tuple(METHODS))
-        names = ", ".join(map(repr, able))
+        names = ", ".join(map(repr, _takers(pair)))
         raise ValueError(f"{refusal(pair, method)}; it must be one of {names}")
     available, note = _availability(METHODS[method])
     if not available:
-        from gearlib.methods.peers.package import MissingPackage
+        from gearlib.integrators.peers.package import MissingPackage
 
         raise MissingPackage(
             f"method = {method!r} needs a package that is not installed: {note}, or take one of "

@@ -29,7 +29,7 @@ class March:
         self.evaluations = 0
 
     def run(self, tuning, state, periods, record_periods, samples, events, limit, summary):
-        """Run; arguments and returns as of `gearlib.methods`."""
+        """Run; arguments and returns as of `gearlib.integrators`."""
         orbit.clear_summary(summary)
         self.samples, self.events, self.summary, self.limit = samples, events, summary, limit
         self.per_period = samples.shape[0] // record_periods

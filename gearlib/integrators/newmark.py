@@ -3,16 +3,16 @@
 from functools import partial
 
 from gearlib import checks
+from gearlib.integrators.each import run_each
+from gearlib.integrators.one_degree import MODELS, takes
+from gearlib.integrators.option import Option
 from gearlib.kernels.steps.fixed import Scheme, run_steps
-from gearlib.methods.each import run_each
-from gearlib.methods.one_degree import MODELS, law_of, takes
-from gearlib.methods.option import Option
 
 __all__ = ["EVENTS", "MODELS", "OPTIONS", "ORDER", "run", "run_many", "takes"]
 
 ORDER = 2
 EVENTS = "steps go over switches and contact; changes between step ends, by a straight line"
-#: Shared with `gearlib.methods.generalised_alpha`.
+#: Shared with `gearlib.integrators.generalised_alpha`.
 STEP_OPTIONS = {
     "steps_per_period": Option(
         200, partial(checks.integer, low=1), "equal steps of one mesh period"
@@ -27,11 +27,11 @@ OPTIONS = STEP_OPTIONS
 
 
 def run(pair, tuning, state, *arguments, steps_per_period, contact):
-    """Run one tuning; see `gearlib.methods`."""
+    """Run one tuning; see `gearlib.integrators`."""
     scheme = Scheme(False, contact == "iterated", 0.0, 0.0, 0.25, 0.5)
-    return run_steps(law_of(pair, tuning), scheme, steps_per_period, *state, *arguments)
+    return run_steps(pair.law(tuning), scheme, steps_per_period, *state, *arguments)
 
 
 def run_many(pair, *arguments, **options):
-    """Run many tunings; see `gearlib.methods`."""
+    """Run many tunings; see `gearlib.integrators`."""
     run_each(partial(run, pair, **options), *arguments)

@@ -9,10 +9,10 @@ import math
 from functools import partial
 
 from gearlib import checks
+from gearlib.integrators.each import run_each
+from gearlib.integrators.one_degree import MODELS, takes
+from gearlib.integrators.option import Option
 from gearlib.kernels.steps.embedded import Control, run_embedded
-from gearlib.methods.each import run_each
-from gearlib.methods.one_degree import MODELS, law_of, takes
-from gearlib.methods.option import Option
 
 __all__ = ["EVENTS", "MODELS", "OPTIONS", "ORDER", "run", "run_many", "takes"]
 
@@ -31,11 +31,11 @@ OPTIONS = {
 
 
 def run(pair, tuning, state, periods, *arguments, sharpness, rtol):
-    """Run one tuning; see `gearlib.methods`."""
+    """Run one tuning; see `gearlib.integrators`."""
     control = Control(rtol, rtol, 0.1 * 2.0 * math.pi * periods)
-    return run_embedded(law_of(pair, tuning), sharpness, control, *state, periods, *arguments)
+    return run_embedded(pair.law(tuning), sharpness, control, *state, periods, *arguments)
 
 
 def run_many(pair, *arguments, **options):
-    """Run many tunings; see `gearlib.methods`."""
+    """Run many tunings; see `gearlib.integrators`."""
     run_each(partial(run, pair, **options), *arguments)

@@ -9,13 +9,13 @@ from functools import cache, partial
 import numpy as np
 
 from gearlib import checks
-from gearlib.methods.each import run_each
-from gearlib.methods.one_degree import MODELS, law_of, takes
-from gearlib.methods.option import Option
-from gearlib.methods.peers import contact_branches as branches
-from gearlib.methods.peers.package import Package
-from gearlib.methods.problems import problem_of
-from gearlib.methods.split import NEAR, Phase, Split, Stall
+from gearlib.integrators.each import run_each
+from gearlib.integrators.one_degree import MODELS, takes
+from gearlib.integrators.option import Option
+from gearlib.integrators.peers import contact_branches as branches
+from gearlib.integrators.peers.package import Package
+from gearlib.integrators.problems import problem_of
+from gearlib.integrators.split import NEAR, Phase, Split, Stall
 
 __all__ = ["EVENTS", "MODELS", "OPTIONS", "ORDER", "PACKAGE", "run", "run_many", "takes"]
 
@@ -38,13 +38,13 @@ _NONE = np.empty(0)
 
 
 def run(pair, tuning, state, *arguments, rtol, atol, solver):
-    """Run one tuning; see `gearlib.methods`."""
-    law = law_of(pair, tuning)
+    """Run one tuning; see `gearlib.integrators`."""
+    law = pair.law(tuning)
     return _Run(problem_of(pair, tuning), law, solver, rtol, atol).run(tuning, state, *arguments)
 
 
 def run_many(pair, *arguments, **options):
-    """Run many tunings; see `gearlib.methods`."""
+    """Run many tunings; see `gearlib.integrators`."""
     run_each(partial(run, pair, **options), *arguments)
 
 

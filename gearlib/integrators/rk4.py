@@ -3,10 +3,10 @@
 from functools import partial
 
 from gearlib import checks
+from gearlib.integrators.each import run_each
+from gearlib.integrators.one_degree import MODELS, takes
+from gearlib.integrators.option import Option
 from gearlib.kernels.steps.fixed import Scheme, run_steps
-from gearlib.methods.each import run_each
-from gearlib.methods.one_degree import MODELS, law_of, takes
-from gearlib.methods.option import Option
 
 __all__ = ["EVENTS", "MODELS", "OPTIONS", "ORDER", "run", "run_many", "takes"]
 
@@ -21,10 +21,10 @@ _SCHEME = Scheme(True, False, 0.0, 0.0, 0.0, 0.0)
 
 
 def run(pair, tuning, state, *arguments, steps_per_period):
-    """Run one tuning; see `gearlib.methods`."""
-    return run_steps(law_of(pair, tuning), _SCHEME, steps_per_period, *state, *arguments)
+    """Run one tuning; see `gearlib.integrators`."""
+    return run_steps(pair.law(tuning), _SCHEME, steps_per_period, *state, *arguments)
 
 
 def run_many(pair, *arguments, **options):
-    """Run many tunings; see `gearlib.methods`."""
+    """Run many tunings; see `gearlib.integrators`."""
     run_each(partial(run, pair, **options), *arguments)

@@ -7,11 +7,11 @@ state at share 1 - alpha_f of the step.
 from functools import partial
 
 from gearlib import checks
+from gearlib.integrators.each import run_each
+from gearlib.integrators.newmark import STEP_OPTIONS
+from gearlib.integrators.one_degree import MODELS, takes
+from gearlib.integrators.option import Option
 from gearlib.kernels.steps.fixed import Scheme, run_steps
-from gearlib.methods.each import run_each
-from gearlib.methods.newmark import STEP_OPTIONS
-from gearlib.methods.one_degree import MODELS, law_of, takes
-from gearlib.methods.option import Option
 
 __all__ = ["EVENTS", "MODELS", "OPTIONS", "ORDER", "run", "run_many", "takes"]
 
@@ -36,11 +36,11 @@ def scheme(spectral_radius, iterated):
 
 
 def run(pair, tuning, state, *arguments, steps_per_period, contact, spectral_radius):
-    """Run one tuning; see `gearlib.methods`."""
+    """Run one tuning; see `gearlib.integrators`."""
     constants = scheme(spectral_radius, contact == "iterated")
-    return run_steps(law_of(pair, tuning), constants, steps_per_period, *state, *arguments)
+    return run_steps(pair.law(tuning), constants, steps_per_period, *state, *arguments)
 
 
 def run_many(pair, *arguments, **options):
-    """Run many tunings; see `gearlib.methods`."""
+    """Run many tunings; see `gearlib.integrators`."""
     run_each(partial(run, pair, **options), *arguments)

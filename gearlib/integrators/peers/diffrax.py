@@ -6,15 +6,15 @@ import numpy as np
 
 from gearlib import checks
 from gearlib.data import status
+from gearlib.integrators.each import run_each
+from gearlib.integrators.one_degree import MODELS, takes
+from gearlib.integrators.option import Option
+from gearlib.integrators.peers import contact_branches as branches
+from gearlib.integrators.peers.package import Package
+from gearlib.integrators.problems import problem_of
+from gearlib.integrators.split import NEAR, Phase, Split, Stall
 from gearlib.kernels.closed_form.event_by_event import within_range
 from gearlib.kernels.closed_form.mesh import BACKLASH, INVERSE, NORMAL
-from gearlib.methods.each import run_each
-from gearlib.methods.one_degree import MODELS, law_of, takes
-from gearlib.methods.option import Option
-from gearlib.methods.peers import contact_branches as branches
-from gearlib.methods.peers.package import Package
-from gearlib.methods.problems import problem_of
-from gearlib.methods.split import NEAR, Phase, Split, Stall
 
 __all__ = ["EVENTS", "MODELS", "OPTIONS", "ORDER", "PACKAGE", "run", "run_many", "takes"]
 
@@ -36,10 +36,10 @@ _MOST_STEPS = 4096
 
 
 def run(pair, tuning, state, *arguments, rtol, atol, solver):
-    """Run one tuning; see `gearlib.methods`."""
+    """Run one tuning; see `gearlib.integrators`."""
     import jax
 
-    law = law_of(pair, tuning)
+    law = pair.law(tuning)
     # Only within the run: the precision that the caller's own JAX works in is not ours to set.
     with jax.enable_x64(True):
         march = _Run(problem_of(pair, tuning), law, solver, rtol, atol)
@@ -47,7 +47,7 @@ def run(pair, tuning, state, *arguments, rtol, atol, solver):
 
 
 def run_many(pair, *arguments, **options):
-    """Run many tunings; see `gearlib.methods`."""
+    """Run many tunings; see `gearlib.integrators`."""
     run_each(partial(run, pair, **options), *arguments)
 
 

@@ -12,6 +12,6 @@ module          package                responsibility
 ``branches``    --                     one degree of freedom as a compiled right-hand side
 ==============  =====================  ==========================================================
 
-Besides what `gearlib.methods` asks of a method, each offers ``PACKAGE``, a
+Besides what `gearlib.integrators` asks of a method, each offers ``PACKAGE``, a
 `package.Package`.
 """

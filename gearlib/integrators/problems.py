@@ -25,13 +25,11 @@ import numpy as np
 from gearlib.kernels.closed_form.mesh import BACKLASH, INVERSE, NORMAL, contact_between
 from gearlib.kernels.piecewise_linear.run import contact_at, set_harmonics
 from gearlib.kernels.taylor.series import damping_of
-from gearlib.methods.one_degree import law_of
-from gearlib.models.six_degrees import SixDegreePair
 
 
 def problem_of(pair, tuning):
     """Return the right-hand side of a model at one tuning."""
-    return Linear(pair, tuning) if isinstance(pair, SixDegreePair) else OneDegree(pair, tuning)
+    return Linear(pair, tuning) if pair.equation is None else OneDegree(pair, tuning)
 
 
 def _wave(rows, phase):
@@ -42,7 +40,7 @@ class OneDegree:
     """One degree of freedom, any damping, stiffness and excitation; z = (x, x')."""
 
     def __init__(self, pair, tuning):
-        law = law_of(pair, tuning)
+        law = pair.law(tuning)
         self.breaks, self.low, self.gap = law.breaks, law.low, law.gap
         self.repeats = 1
         self._upper, self._lower, self._ground = law.upper, law.lower, law.ground

@@ -1,0 +1,161 @@
+"""The protocol of all models: what runs and analyses may ask of one, and nothing else.
+
+A new model is a subclass of `Model` in one file, a frozen dataclass, and its entry in
+``gearlib/__init__.py``. With one degree of freedom it gives its ``equation``, and all the rest has
+a default. With more coordinates it gives instead ``size``, a piecewise-linear ``system`` with
+``part`` and ``initial``, ``mathematics``, ``flank_lines`` and ``damped``.
+
+Nobody asks a model for its class: what depends on the model stands below. Which kernels take it
+through its periods is decided by its ``mathematics`` alone.
+"""
+
+import dataclasses
+import math
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from gearlib import checks
+
+if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
+    from gearlib.models.propagators import closed_form, piecewise_linear, taylor  # noqa: F401
+
+
+class Model:
+    """What can be simulated: parameters, the words for its variables, its propagators."""
+
+    #: Components of the state that varies: coordinates, then their rates by phase.
+    size: Any = 2
+    #: Periods of phase after which the excitation repeats.
+    repeats: Any = 1
+    #: The `GearPair` that the model rests on, which gives tuning and scales; None: it has none.
+    mesh: Any = None
+    #: The `Equation` of one degree of freedom; None: the model has more, see `system`.
+    equation: Any = None
+    #: The profile of the mesh stiffness where it can be chosen, of `gearlib.models.profiles`.
+    profile: Any = None
+    #: Whether it moves by Eq. (3) for one coordinate between two equal flanks at 0 and -s, for
+    #: which methods with steps and the harmonics are written.
+    one_mesh: bool = False
+    #: Whether the first two coordinates are rotations of which only the sum enters the mesh.
+    free_rotation: bool = False
+    #: Whether the far flank moves, so that `flank_lines` has only its mean position.
+    moving_flank: bool = False
+
+    #: Variables beside those of every time course, over the phase.
+    extra_samples: tuple = ()
+    #: name of a variable -> its long_name, where it is not that of a gear mesh
+    long_names: dict = {}
+    #: What titles of datasets call the model.
+    title_noun: str = "a gear mesh"
+    #: The source of the model.
+    references: str = "Hortel, Skuderova: Engineering Mechanics 14 (2007) 91-104"
+    #: name of a field -> its value by default, from the model
+    by_default: dict = {}
+    #: Its parameters over which orbits are followed, beside ratios: name -> (CF units, long_name)
+    parameters: dict = {}
+    #: Parameters that make the motion in normal mesh nonlinear, if they are not 0.
+    nonlinear: tuple = ()
+
+    @property
+    def mathematics(self):
+        """Name of a method -> module of `gearlib.models.propagators`; the default comes first."""
+        exact = {"exact": "piecewise_linear"} if self.equation.is_piecewise_linear() else {}
+        return exact | {"taylor": "taylor"}
+
+    def kind(self, method=None):
+        """Return the class of propagators of a method, by default the first of `mathematics`."""
+        name = self.mathematics[method or next(iter(self.mathematics))]
+        return import_module(f"gearlib.models.propagators.{name}").Propagator
+
+    def propagator(self, tuning, method=None, **options):
+        """Return what takes states through mesh periods at one tuning.
+
+        Parameters
+        ----------
+        tuning : float
+        method : {"exact", "taylor"}, optional
+            Of those in `mathematics`.
+        **options
+            Of Taylor steps: tolerance.
+
+        Returns
+        -------
+        gearlib.models.propagators.base.Base
+        """
+        return self.kind(method)(self, tuning, **options)
+
+    def law(self, tuning, tolerance=0.0):
+        """Return the `Law` of one degree of freedom; its tolerance is that of Taylor steps."""
+        return self.equation.law(tuning, tolerance)
+
+    def system(self, tuning):
+        """Return (`System`, outputs) of a piecewise-linear model, see `Equation.system`."""
+        return self.equation.system(tuning)
+
+    def part(self, system):
+        """Return the `Part` of a system that decides the events: by default all of it."""
+        from gearlib.models.piecewise_linear import undivided
+
+        return undivided(system)
+
+    def initial(self, system, state):
+        """Return the full state z of a system at tau = 0 for a displacement and velocity."""
+        z = 0.0 * system.near
+        z[:2] = state
+        return z
+
+    @property
+    def flank_lines(self):
+        """Displacements at which normal and inverse mesh begin."""
+        return self.equation.upper, self.equation.lower
+
+    def damped(self):
+        """Return whether there is any damping on the way of the motion."""
+        equation = self.equation
+        return bool(equation.damping[0 if math.isfinite(equation.lower) else 1 :].any())
+
+    def scales(self):
+        """Return the scalar variables of datasets that depend on the model alone."""
+        return {}
+
+    def speed_scales(self, tuning):
+        """Return the variables of datasets that depend on the tuning (float or array)."""
+        return {}
+
+    def as_dict(self):
+        """Return the parameters as plain values, in the order of the fields."""
+        return dataclasses.asdict(self)
+
+    def replace(self, **changes):
+        """Return a copy with some parameters changed (and checked): its own, or of its `GearPair`.
+
+        A name that both have is that of the model. A field that has the value which others give it
+        by default, as ``by_default`` has it, goes on following them, unless it is changed itself: a
+        `SixDegreePair` takes new torques from a new load, unless its torques are others than those
+        of the load.
+
+        Raises
+        ------
+        ValueError
+            If there is no field of a name, or the model does not allow a value.
+        """
+        own = [field.name for field in dataclasses.fields(self)]
+        mesh = [field.name for field in dataclasses.fields(self.mesh)] if self.mesh else []
+        checks.known(type(self).__name__, changes, list(dict.fromkeys(own + mesh)))
+        following = {
+            name: None
+            for name, default in self.by_default.items()
+            if name not in changes and getattr(self, name) == default(self)
+        }
+        inner = {name: value for name, value in changes.items() if name not in own}
+        changes = {name: value for name, value in changes.items() if name in own}
+        model = dataclasses.replace(self, **changes, **following)  # type: ignore[type-var]
+        if inner:
+            pair = model.mesh.replace(**inner)
+            model = dataclasses.replace(model, pair=pair, **following)  # type: ignore[type-var]
+        return model
+
+
+def is_model(value):
+    """Return whether a value is a model."""
+    return isinstance(value, Model)

@@ -1,0 +1,14 @@
+"""What takes states of a model through mesh periods: one module for each mathematics.
+
+====================  ============================================================================
+module                responsibility
+====================  ============================================================================
+``base``              what all propagators offer
+``closed_form``       a `GearPair`: scalar closed forms between events
+``piecewise_linear``  matrix exponentials between events, any number of coordinates
+``taylor``            Taylor steps that end at events: any one degree of freedom
+====================  ============================================================================
+
+Each is a thin layer over the folder of `gearlib.kernels` with its name. `Model.propagator` makes
+the choice between them, and nobody else does.
+"""

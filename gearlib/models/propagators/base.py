@@ -1,0 +1,73 @@
+"""What all propagators offer: runs, their record, maps of small deviations, many states at once."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from gearlib.kernels import orbit
+from gearlib.kernels.closed_form.run import OK
+
+
+class Base:
+    """A model at one tuning; a subclass, named ``Propagator``, gives `run` and `vary`.
+
+    States z have the shape (size,) of the model: coordinates in static deflections and their rates
+    by mesh phase, at the start of a mesh period.
+    """
+
+    #: What goes on between events, in words.
+    words = "closed forms"
+    #: States that a thread takes at a time: many to hide the hand-over, few to share out slow ones.
+    chunk = 16
+    #: Components of the state, and pieces of a mesh period beside its phases of contact.
+    components, pieces = 2, 0
+    #: Many tunings in one call, arguments as of `gearlib.integrators` with the model before them,
+    #: and states at one phase of every period, as of `gearlib.kernels.closed_form.sections.section`
+    #: without the mesh; None: not in one call.
+    run_many: Callable | None = None
+    sections: Callable | None = None
+
+    def __init__(self, model, tuning):
+        self.model = model
+
+    def start(self, state):
+        """Return the state z for a displacement and dx/dtau at tau = 0."""
+        return np.array(state, float)
+
+    def run(self, z, periods, record_periods, samples, events, limit, summary, first=0):
+        """Run from z, which is changed in place to the end of the run.
+
+        Arguments and returns as of `gearlib.kernels.closed_form.run.run`, whose returns are
+        followed by the number of evaluations of the right-hand side; `first` is the mesh period of
+        the run-out in which the run begins.
+        """
+        raise NotImplementedError
+
+    def vary(self, z, periods, limit, maps, first):
+        """Fill `maps` as `maps` has it, z changed in place to the end; return the status."""
+        raise NotImplementedError
+
+    def maps(self, z, periods, limit, first=0):
+        """Return (end, maps, status), as of `gearlib.runs.variational.period_maps`."""
+        z = np.array(z, float)
+        maps = np.empty((periods, z.size, z.size))
+        code = self.vary(z, periods, limit, maps, first)
+        if code != OK:
+            maps[:] = np.nan
+        return z, maps, code
+
+    def record(self, z, periods, limit, samples_per_period=0):
+        """Return (events, summary, samples), as of `gearlib.runs.variational.record`."""
+        columns = orbit.SAMPLE_COLUMNS + len(self.model.extra_samples)
+        samples = np.empty((periods * samples_per_period, columns))
+        events, summary = np.empty((16, orbit.EVENT_COLUMNS)), np.empty(orbit.SUMMARY_COLUMNS)
+        done = self.run(np.array(z, float), periods, periods, samples, events, limit, summary)
+        return done[3][: done[4]], summary, samples
+
+    def skip(self, states, periods, limit, ends, codes):
+        """Take states, shape (k, size), through mesh periods; fill their ends and their status."""
+        samples = np.empty((0, orbit.SAMPLE_COLUMNS))
+        events, summary = np.empty((0, orbit.EVENT_COLUMNS)), np.empty(orbit.SUMMARY_COLUMNS)
+        ends[:] = states
+        for i, z in enumerate(ends):
+            codes[i] = self.run(z, periods, 1, samples, events, limit, summary)[5]

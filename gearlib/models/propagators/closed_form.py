@@ -1,0 +1,56 @@
+"""Scalar closed forms between events: a `GearPair`."""
+
+import numpy as np
+
+from gearlib.kernels.closed_form import many_runs, run, sections
+from gearlib.kernels.closed_form.mesh import mesh
+from gearlib.kernels.closed_form.variation import vary
+from gearlib.models.propagators.base import Base
+from gearlib.models.stiffness import levels, stretches
+
+
+def ratios(pair):
+    """Return the dimensionless ratios of a `GearPair`, shape (7,), in the order of `mesh`."""
+    return np.array(
+        [
+            *levels(pair.contact_ratio, pair.stiffness_ratio),
+            *stretches(pair.contact_ratio),
+            pair.damping_ratio,
+            pair.backlash_damping_ratio,
+            pair.backlash_ratio,
+        ]
+    )
+
+
+class Propagator(Base):
+    """A `GearPair` at one tuning."""
+
+    chunk = 2048
+
+    def __init__(self, model, tuning):
+        super().__init__(model, tuning)
+        self.mesh = mesh(ratios(model), tuning)
+
+    def run(self, z, *arguments, first=0):
+        """Run from z; see `Base.run`."""
+        *z[:], period, events, found, code = run.run(self.mesh, *z, *arguments)
+        # Closed forms evaluate no right-hand side: 0.
+        return *z, period, events, found, code, 0
+
+    @staticmethod
+    def run_many(model, tunings, order, state, *arguments):
+        """Run many tunings in one call of the kernel."""
+        many_runs.run_many(ratios(model), tunings, order, np.array(state), *arguments)
+
+    def vary(self, z, periods, limit, maps, first):
+        """Fill the maps; see `Base.vary`."""
+        *z[:], code = vary(self.mesh, *z, periods, limit, maps)
+        return code
+
+    def skip(self, states, periods, limit, ends, codes):
+        """Take many states on; see `Base.skip`."""
+        many_runs.skip_many(self.mesh, np.ascontiguousarray(states), periods, limit, ends, codes)
+
+    def sections(self, *arguments):
+        """Fill the states at one phase of every period."""
+        sections.section(self.mesh, *arguments)

@@ -1,0 +1,33 @@
+"""Taylor steps that end at events: one degree of freedom, any damping, stiffness and excitation."""
+
+from gearlib.kernels.closed_form.variation import vary_nonlinear
+from gearlib.kernels.polynomial import bernstein_matrix
+from gearlib.kernels.taylor.run import run_nonlinear
+from gearlib.kernels.taylor.series import ORDER
+from gearlib.models.propagators.base import Base
+
+#: Truncation error of a step, static deflections: that of rounding.
+TOLERANCE = 1e-16
+_TO_BERNSTEIN = bernstein_matrix(ORDER)
+
+
+class Propagator(Base):
+    """A model with one degree of freedom at one tuning."""
+
+    words = "Taylor steps"
+
+    def __init__(self, model, tuning, tolerance=TOLERANCE):
+        super().__init__(model, tuning)
+        self.law = model.law(tuning, tolerance)
+
+    def run(self, z, *arguments, first=0):
+        """Run from z; see `Base.run`."""
+        done = run_nonlinear(self.law, _TO_BERNSTEIN, *z, *arguments)
+        *z[:], period, events, found, code, steps = done
+        # Each coefficient of the series takes what an evaluation of the right-hand side takes.
+        return *z, period, events, found, code, steps * ORDER
+
+    def vary(self, z, periods, limit, maps, first):
+        """Fill the maps; see `Base.vary`."""
+        *z[:], code = vary_nonlinear(self.law, _TO_BERNSTEIN, *z, periods, limit, maps)
+        return code

@@ -1,0 +1,101 @@
+"""What the sources may not do: ask a model for its class, or choose its kernels."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+import gearlib
+from gearlib.models.model import Model
+
+PACKAGE = Path(gearlib.__file__).parent
+SOURCES = [path for path in PACKAGE.rglob("*.py") if PACKAGE / "models" not in path.parents]
+#: Kernels that take a state through mesh periods.
+GOING = {
+    "gearlib.kernels.closed_form.run": {"run"},
+    "gearlib.kernels.closed_form.many_runs": {"run_many", "skip_many"},
+    "gearlib.kernels.closed_form.sections": {"section"},
+    "gearlib.kernels.closed_form.variation": {"vary", "vary_nonlinear"},
+    "gearlib.kernels.piecewise_linear.run": {"run_linear"},
+    "gearlib.kernels.piecewise_linear.variation": {"vary_linear"},
+    "gearlib.kernels.taylor.run": {"run_nonlinear"},
+}
+
+
+def models():
+    """Return the classes of the public models and all their bases."""
+    public = [getattr(gearlib, name) for name in gearlib.__all__]
+    return {
+        base
+        for one in public
+        if isinstance(one, type) and issubclass(one, Model)
+        for base in one.__mro__[:-1]
+    }
+
+
+NAMES = {model.__name__ for model in models()}
+MEMBERS = {name for model in models() for name in dir(model) if not name.startswith("__")}
+
+
+def names_in(node):
+    return {
+        n.id if isinstance(n, ast.Name) else n.attr
+        for n in ast.walk(node)
+        if hasattr(n, "ctx") and isinstance(n, (ast.Name, ast.Attribute))
+    }
+
+
+def faults(tree):
+    """Yield the line of every place that asks for the class of a model, or doubts a member."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
+            arguments, called = node.args, node.func.id
+            asks = called in ("isinstance", "issubclass") and names_in(arguments[1]) & NAMES
+            doubts = (called == "hasattr" or called == "getattr" and len(arguments) == 3) and (
+                isinstance(arguments[1], ast.Constant) and arguments[1].value in MEMBERS
+            )
+            if asks or doubts:
+                yield node.lineno
+        elif isinstance(node, ast.MatchClass) and names_in(node.cls) & NAMES:
+            yield node.pattern.lineno
+        elif isinstance(node, ast.Compare) and "type" in names_in(node) and names_in(node) & NAMES:
+            yield node.lineno
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "isinstance(pair, (GearPair, pair.OneDegreePair))",
+        "isinstance(pair, Model)",
+        "getattr(pair, 'extra_samples', ())",
+        "hasattr(pair, 'title_noun')",
+        "type(pair) is SixDegreePair",
+    ],
+)
+def test_a_fault_is_seen(text):
+    assert list(faults(ast.parse(text)))
+
+
+def test_nobody_asks_a_model_for_its_class():
+    assert len(NAMES) >= 6 and len(SOURCES) > 100
+    found = [
+        f"{path.relative_to(PACKAGE)}:{line}"
+        for path in SOURCES
+        for line in faults(ast.parse(path.read_text(encoding="utf-8")))
+    ]
+    assert found == []
+
+
+def test_models_alone_choose_their_kernels():
+    found = set()
+    for path in SOURCES:
+        if PACKAGE / "kernels" in path.parents:
+            continue
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom):
+                wanted = {alias.name for alias in node.names}
+                # A module of them, or one of their functions.
+                modules = {f"{node.module}.{name}" for name in wanted} & set(GOING)
+                if wanted & GOING.get(node.module, set()) or modules:
+                    found.add(str(path.relative_to(PACKAGE)))
+    assert found == set()
