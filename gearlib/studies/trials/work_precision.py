@@ -339,13 +339,14 @@ def seconds_per_period(call, short, longest, repeats):
         return [min(times) for times in zip(*pairs, strict=True)]
 
     call(short)
-    whole, base = least(1)
+    # The least of three: an interruption must not pass for a long run.
+    whole, base = least(1 if once(short) > _SPAN else 3)
     while whole - base < _SPAN and count < _MOST:
         if long < longest:
             long = min(2 * long, longest)
         else:
             count *= 2
-        whole, base = least(2)
+        whole, base = least(3)
     more = least(min(repeats, max(1, round(_ALL * count / whole))))
     return (min(whole, more[0]) - min(base, more[1])) / (count * (long - short))
 
