@@ -1,10 +1,10 @@
 """Piecewise-linear systems with many coordinates: exact propagation between guaranteed events.
 
 Recorded mesh periods are propagated substep by substep (see
-`gearlib.kernels.piecewise_linear.system`), by the Taylor polynomial of the whole state. The distance
-from a flank line is a linear functional g z, and on a substep a polynomial whose first crossing is
-isolated in Bernstein form (`polynomial.first_fall`): nothing is sampled, no margin is guessed. Mesh
-periods that are not recorded use `gearlib.kernels.piecewise_linear.whole_periods`.
+`gearlib.kernels.piecewise_linear.system`), by the Taylor polynomial of the whole state. The
+distance from a flank line is a linear functional g z, and on a substep a polynomial whose first
+crossing is isolated in Bernstein form (`polynomial.first_fall`): nothing is sampled, no margin is
+guessed. Mesh periods that are not recorded use `gearlib.kernels.piecewise_linear.whole_periods`.
 """
 
 import math

@@ -1,7 +1,7 @@
 """Piecewise-linear systems with many coordinates: mesh periods that are not recorded.
 
-The solution is that of the recorded periods, `gearlib.kernels.piecewise_linear.run`, with precomputed
-tables instead of series:
+The solution is that of the recorded periods, `gearlib.kernels.piecewise_linear.run`, with
+precomputed tables instead of series:
 
 * A substep without an event (see `gearlib.kernels.piecewise_linear.system`) is one product with
   exp(A h).

@@ -1,8 +1,8 @@
 """Work-precision data: the errors of each method over its cost in evaluations and wall time.
 
 A method is run with several values of its accuracy parameter, such as a tolerance or the number of
-steps; in the datasets one setting is a `rung`, the parameter a `knob`. Errors and evaluations repeat
-exactly, wall times do not and are kept in separate datasets. The errors of one method on one
+steps; in the datasets one setting is a `rung`, the parameter a `knob`. Errors and evaluations
+repeat exactly, wall times do not and are kept in separate datasets. The errors of one method on one
 problem, against `gearlib.studies.trials.references`:
 
 ``state_error``
@@ -36,8 +36,8 @@ from gearlib.version import __version__
 #: square times third derivatives, about the same, are the least error of a multiplier.
 DIFFERENCE = 1e-6
 
-# Steps that never end at a stiffness switch of the paper's contact ratio, 1.569: half its segment of
-# C_max, 0.2845 periods, is a whole number of steps only if their number is a multiple of 2000.
+# Steps that never end at a stiffness switch of the paper's contact ratio, 1.569: half its segment
+# of C_max, 0.2845 periods, is a whole number of steps only if their number is a multiple of 2000.
 _STEPS = tuple(25 * 2**k for k in range(10))
 _RTOL = tuple(10.0**-k for k in range(2, 13))
 
