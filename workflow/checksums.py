@@ -1,4 +1,4 @@
-"""Checksums of results: are they still what their jobs wrote, and did these jobs run in this folder?
+"""Checksums of results: are they what their jobs wrote, and did these jobs run in this folder?
 
 To Snakemake a file that is newer than its inputs is up to date, whoever wrote it. Each job
 therefore ends its log with the checksums of its outputs, and every start of Snakemake compares
