@@ -1,6 +1,6 @@
 """Largest Lyapunov exponent of a motion, from its variational maps.
 
-A small deviation is carried along by the maps of `gearlib.runs.variational`, scaled back to length
+A small deviation is carried along by the maps of `Model.propagator`, scaled back to length
 one after each mesh period; the mean of the logarithms of its growth is the exponent, per mesh
 period. Lengths are those of (dx, nu dx'): displacements, and velocities over the mean
 eigenfrequency.
@@ -13,7 +13,7 @@ import numpy as np
 
 from gearlib.data import status
 from gearlib.kernels.growth import carry
-from gearlib.runs.variational import full_state, period_maps, without_rotation
+from gearlib.runs.variational import without_rotation
 
 #: Maps held in memory at a time.
 _CHUNK = 512
@@ -62,13 +62,14 @@ def largest(pair, tuning, *, state=(0.0, 0.0), settle=1000, periods=4000, max_ev
     -------
     Exponent
     """
-    z = full_state(pair, tuning, state)
+    propagator = pair.propagator(tuning)
+    z = propagator.start(state)
     logs, weights, vector = np.empty(periods), None, None
     done = -settle
     while done < periods:
         count = min(_CHUNK, periods - done) if done >= 0 else min(_CHUNK, -done)
         first = (settle + done) % pair.repeats
-        z, maps, code = period_maps(pair, tuning, z, count, max_events, first)
+        z, maps, code = propagator.maps(z, count, max_events, first)
         if code != status.OK:
             return Exponent(math.nan, math.nan, math.nan, periods)
         maps = without_rotation(pair, maps)

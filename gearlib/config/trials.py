@@ -227,7 +227,7 @@ class SteadyOrbits(Section):
 
     methods: listing(
         Literal["exact", "taylor", "rk4", "rk45", "newmark", "harmonic_balance", "schmidt"],
-        "Names of `gearlib.methods()`, for time integration; methods of the frequency domain.",
+        "Time integration: names of `gearlib.methods()`; and methods of the frequency domain.",
     ) = ["exact", "taylor", "rk4", "rk45", "harmonic_balance", "schmidt"]
     problems: listing(
         Literal["smooth", "bouncing", "near_fold", "cubic"],

@@ -23,7 +23,6 @@ from gearlib.figures import published as picture
 from gearlib.kernels.piecewise_linear.system import ORDER
 from gearlib.kernels.piecewise_linear.variation import vary_linear
 from gearlib.kernels.polynomial import bernstein_matrix
-from gearlib.runs.variational import period_maps
 from gearlib.studies.trials import published
 
 LIMIT = 10_000
@@ -173,7 +172,7 @@ def test_variational_maps_obey_liouville(name):
     model, frequency = MODELS[name]
     periods = 5
     state = np.array([0.2, 0.9])
-    _, maps, code = period_maps(model, frequency, state, periods, LIMIT)
+    _, maps, code = model.propagator(frequency).maps(state, periods, LIMIT)
     assert code == 0
     run = simulate(
         model, frequency, periods=periods, record_periods=periods, initial_state=tuple(state)
@@ -191,7 +190,7 @@ def test_variational_maps_obey_liouville(name):
 def test_two_codes_for_the_variations_agree(name):
     model, frequency = MODELS[name]
     state = np.array([0.2, 0.9])
-    end, maps, _ = period_maps(model, frequency, state, 5, LIMIT)
+    end, maps, _ = model.propagator(frequency).maps(state, 5, LIMIT)
     system, _ = model.system(frequency)
     z, other = model.initial(system, state), np.empty((5, 2, 2))
     vary_linear(system, bernstein_matrix(ORDER), z, 2, 5, LIMIT, other)
@@ -211,7 +210,7 @@ def test_deviations_from_rest_swing_as_the_contact_does(model):
     # The motion itself rests at its static deflection: its own series ends at once.
     x = 1.0 if model.flank_lines[0] == 0.0 else 0.0
     frequency = 0.31
-    _, maps, _ = period_maps(model, frequency, np.array([x, 0.0]), 1, LIMIT)
+    _, maps, _ = model.propagator(frequency).maps(np.array([x, 0.0]), 1, LIMIT)
     angle = 2.0 * math.pi / frequency
     c, s = math.cos(angle), math.sin(angle)
     exact = [[c, s * frequency], [-s / frequency, c]]

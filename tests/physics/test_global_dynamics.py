@@ -25,7 +25,6 @@ from gearlib.kernels.closed_form.event_by_event import ARC_COLUMNS, march_period
 from gearlib.kernels.closed_form.mesh import contact_of, mesh
 from gearlib.kernels.jit import kernel
 from gearlib.models.propagators.closed_form import ratios
-from gearlib.runs.variational import period_maps
 
 LIMIT = 1_000_000
 
@@ -135,7 +134,7 @@ def test_the_boundary_is_the_stable_manifold_of_a_saddle():
     large, small = saddle.multipliers.real
     assert large > 1.0 > small > 0.0
     assert np.linalg.norm(saddle.state - near) < 1e-3
-    _, maps, _ = period_maps(BOTH, nu, saddle.state, 1, LIMIT)
+    _, maps, _ = BOTH.propagator(nu).maps(saddle.state, 1, LIMIT)
     values, vectors = np.linalg.eig(maps[0])
     unstable, stable = vectors[:, np.argmax(values)], vectors[:, np.argmin(values)]
     # 1e-3 along the stable direction the boundary lies within the square of that, times its bend.

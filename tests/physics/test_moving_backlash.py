@@ -8,12 +8,7 @@ import pytest
 
 from gearlib import periodic_orbit, simulate
 from gearlib.analysis.orbits.shooting import contacts
-from gearlib.runs.variational import (
-    full_state,
-    period_maps,
-    record,
-    without_rotation,
-)
+from gearlib.runs.variational import without_rotation
 from tests.physics.test_six_degrees import EVERYTHING, gears
 from tests.physics.test_variational import differences
 
@@ -67,12 +62,12 @@ def test_conservative_gears_keep_their_energy(moving):
         kinetic = nu**2 * (mass @ v**2) / pair.reduced_mass
         return 0.5 * (kinetic + bearings @ q[2:] ** 2 + mesh) - turn
 
-    state = full_state(model, nu, (5.0, 0.0))
+    state = model.propagator(nu).start((5.0, 0.0))
     run = simulate(model, nu, periods=12, record_periods=12, initial_state=(5.0, 0.0))
     assert float(run.fraction_inverse) > 0.1
     energies = [energy(state)]
     for _ in range(12):
-        state = period_maps(model, nu, state, 1, LIMIT)[0]
+        state = model.propagator(nu).maps(state, 1, LIMIT)[0]
         energies.append(energy(state))
     # Some fifty events, each placed to rounding times the energies of the parts.
     np.testing.assert_allclose(energies, energies[0], rtol=0, atol=1e-11)
@@ -94,9 +89,9 @@ def test_the_far_flank_is_grazed_without_chatter(material, oil):
     ends = {}
     for speed in (-1e-6, 0.0, 1e-6):
         state = touching(model, speed)
-        events, _, _ = record(model, 0.9, state.copy(), 1, LIMIT)
+        events, _, _ = model.propagator(0.9).record(state.copy(), 1, LIMIT)
         assert len(events) <= 2
-        ends[speed] = period_maps(model, 0.9, state, 1, LIMIT)
+        ends[speed] = model.propagator(0.9).maps(state, 1, LIMIT)
         assert ends[speed][2] == 0
     # A microscopic difference stays one; the map of a touch is one of the two sides, and no spike.
     for speed in (-1e-6, 1e-6):
@@ -108,15 +103,15 @@ def test_the_far_flank_is_grazed_without_chatter(material, oil):
 @pytest.mark.parametrize("more", [FRICTION, EVERYTHING])
 def test_maps_through_inverse_mesh_are_the_differences(material, oil, more):
     model = gears(3e9, material, oil, backlash=14e-6, **more)
-    state = full_state(model, 0.8, (5.0, 0.0))
+    state = model.propagator(0.8).start((5.0, 0.0))
     for _ in range(2):
-        _, maps, code = period_maps(model, 0.8, state, 1, LIMIT)
-        events, _, _ = record(model, 0.8, state.copy(), 1, LIMIT)
+        _, maps, code = model.propagator(0.8).maps(state, 1, LIMIT)
+        events, _, _ = model.propagator(0.8).record(state.copy(), 1, LIMIT)
         assert code == 0 and -1 in events[:, 3]
         expected = differences(model, 0.8, state)
         # Truncation of the differences, as in test_variational.
         np.testing.assert_allclose(maps[0], expected, rtol=0, atol=2e-6 * abs(expected).max())
-        state = period_maps(model, 0.8, state, 1, LIMIT)[0]
+        state = model.propagator(0.8).maps(state, 1, LIMIT)[0]
 
 
 @pytest.mark.parametrize(("material", "oil"), [(1500.0, 300.0), (600.0, 1200.0)])
@@ -125,7 +120,7 @@ def test_a_periodic_orbit_with_inverse_mesh(material, oil):
     orbit = periodic_orbit(model, 0.8)
     pattern, _ = contacts(model, 0.8, orbit.state, 1, LIMIT)
     assert -1 in pattern and 1 in pattern
-    end = period_maps(model, 0.8, orbit.state, 1, LIMIT)[0]
+    end = model.propagator(0.8).maps(orbit.state, 1, LIMIT)[0]
     np.testing.assert_allclose(end[2:6], orbit.state[2:6], rtol=0, atol=1e-11)
     reduced = without_rotation(model, differences(model, 0.8, orbit.state))
     found = np.linalg.eigvals(reduced)

@@ -10,7 +10,6 @@ from scipy.special import mathieu_a, mathieu_b
 
 from gearlib import Fourier, GearPair, Harmonics, OneDegreePair, Tabulated, simulate, tongues
 from gearlib.analysis.tongues import find, hill, meissner, no_loss
-from gearlib.runs.variational import period_maps
 from tests.physics.test_six_degrees import EVERYTHING, gears
 
 PAPER = (1.569, 0.5879)
@@ -83,7 +82,7 @@ def test_the_map_of_one_period(ratios, nu):
         true = np.array(map_in_50_digits(*ratios, nu).tolist(), float)
     # The phases of a period round by themselves times 1e-16, the slower of them up to 100 rad.
     np.testing.assert_allclose(found, true, rtol=0, atol=1e-12 * max(1.0, np.abs(true).max()))
-    _, numerical, _ = period_maps(no_loss.linear_pair(pair), nu, np.zeros(2), 1, 10**6)
+    _, numerical, _ = no_loss.linear_pair(pair).propagator(nu).maps(np.zeros(2), 1, 10**6)
     np.testing.assert_allclose(found, numerical[0], rtol=0, atol=1e-12 * np.abs(true).max())
     liouville = math.exp(-4.0 * math.pi * ratios[2] / nu)
     assert np.linalg.det(found) == pytest.approx(liouville, rel=1e-10, abs=1e-13)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gearlib import Fourier, Harmonics, OneDegreePair, simulate
-from gearlib.runs.variational import full_state, period_maps, without_rotation
+from gearlib.runs.variational import without_rotation
 from tests.paper import PAPER
 from tests.physics.test_six_degrees import EVERYTHING, gears
 
@@ -34,7 +34,7 @@ def differences(pair, nu, state, step=1e-6):
     for j in range(n):
         d = np.zeros(n)
         d[j] = step
-        ends = [period_maps(pair, nu, state + side * d, 1, LIMIT)[0] for side in (1, -1)]
+        ends = [pair.propagator(nu).maps(state + side * d, 1, LIMIT)[0] for side in (1, -1)]
         matrix[:, j] = (ends[0] - ends[1]) / (2 * step)
     return matrix
 
@@ -45,8 +45,8 @@ def differences(pair, nu, state, step=1e-6):
 def test_one_degree(pair, nu, start):
     state = np.array(start)
     # The starts lie exactly on no flank line after half a period more.
-    state = period_maps(pair, nu, state, 1, LIMIT)[0]
-    end, maps, code = period_maps(pair, nu, state, 3, LIMIT)
+    state = pair.propagator(nu).maps(state, 1, LIMIT)[0]
+    end, maps, code = pair.propagator(nu).maps(state, 3, LIMIT)
     assert code == 0
     for i in range(3):
         # Truncation of the differences: 1e-12 times third derivatives, which a nearly tangential
@@ -54,7 +54,7 @@ def test_one_degree(pair, nu, start):
         expected = differences(pair, nu, state)
         scale = np.abs(expected).max()
         np.testing.assert_allclose(maps[i], expected, rtol=0, atol=2e-6 * scale)
-        state = period_maps(pair, nu, state, 1, LIMIT)[0]
+        state = pair.propagator(nu).maps(state, 1, LIMIT)[0]
     np.testing.assert_allclose(state, end, atol=1e-9)
 
 
@@ -63,7 +63,7 @@ def test_one_degree(pair, nu, start):
 def test_liouville(nu, backlash):
     pair = PAIR.replace(backlash=backlash)
     run = simulate(pair, nu, periods=50, record_periods=50)
-    _, maps, _ = period_maps(pair, nu, np.zeros(2), 50, LIMIT)
+    _, maps, _ = pair.propagator(nu).maps(np.zeros(2), 50, LIMIT)
     logarithm = np.log(np.linalg.det(maps)).sum()
     lost = float(run.fraction_backlash)
     rate = 2.0 / nu * (pair.damping_ratio * (1 - lost) + pair.backlash_damping_ratio * lost)
@@ -72,8 +72,8 @@ def test_liouville(nu, backlash):
 
 def test_the_two_kernels_of_one_degree_agree():
     state = np.array([1.0, -2.0])
-    plain = period_maps(PAIR, 0.9, state, 10, LIMIT)
-    taylor = period_maps(OneDegreePair(pair=PAIR), 0.9, state, 10, LIMIT)
+    plain = PAIR.propagator(0.9).maps(state, 10, LIMIT)
+    taylor = OneDegreePair(pair=PAIR).propagator(0.9).maps(state, 10, LIMIT)
     np.testing.assert_allclose(taylor[1], plain[1], rtol=0, atol=1e-12)
 
 
@@ -88,9 +88,9 @@ def test_the_two_kernels_of_one_degree_agree():
 )
 def test_six_degrees(pair, nu):
     n = pair.size
-    state = full_state(pair, nu, (1.0, -2.0))
+    state = pair.propagator(nu).start((1.0, -2.0))
     assert state.size == n
-    _, maps, code = period_maps(pair, nu, state, 1, LIMIT)
+    _, maps, code = pair.propagator(nu).maps(state, 1, LIMIT)
     assert code == 0
     expected = differences(pair, nu, state)
     np.testing.assert_allclose(maps[0], expected, rtol=0, atol=1e-6 * np.abs(expected).max())
@@ -98,8 +98,8 @@ def test_six_degrees(pair, nu):
 
 def test_rigid_bearings_have_the_map_of_one_degree():
     pair = gears(math.inf, 3953.7, 800.0)
-    _, six, _ = period_maps(pair, 0.9, full_state(pair, 0.9, (1.0, -2.0)), 20, LIMIT)
-    _, one, _ = period_maps(pair.pair, 0.9, np.array([1.0, -2.0]), 20, LIMIT)
+    _, six, _ = pair.propagator(0.9).maps(pair.propagator(0.9).start((1.0, -2.0)), 20, LIMIT)
+    _, one, _ = pair.pair.propagator(0.9).maps(np.array([1.0, -2.0]), 20, LIMIT)
     product = np.linalg.multi_dot(six[::-1])
     found = np.linalg.eigvals(product)
     # The free rotation adds two multipliers 1.
@@ -109,7 +109,7 @@ def test_rigid_bearings_have_the_map_of_one_degree():
 
 
 def test_failed_runs_say_so():
-    _, maps, code = period_maps(PAIR, 0.05, np.zeros(2), 2, 2)
+    _, maps, code = PAIR.propagator(0.05).maps(np.zeros(2), 2, 2)
     assert code == 1 and np.isnan(maps).all()
 
 
@@ -117,7 +117,7 @@ def test_a_start_within_the_backlash():
     # On rigid bearings the maps are those of one degree of freedom, from wherever they start.
     rigid = gears(math.inf, 3953.7, 3953.7)
     for x in (1e-6, -1e-6, -1.0):
-        end, maps, _ = period_maps(rigid.pair, 0.8, np.array([x, -0.26]), 1, 10**6)
-        six, six_maps, _ = period_maps(rigid, 0.8, np.array([x, 0.0, -0.26, 0.0]), 1, 10**6)
+        end, maps, _ = rigid.pair.propagator(0.8).maps(np.array([x, -0.26]), 1, 10**6)
+        six, six_maps, _ = rigid.propagator(0.8).maps(np.array([x, 0.0, -0.26, 0.0]), 1, 10**6)
         np.testing.assert_allclose(six[::2] + six[1::2], end, atol=1e-12)
         np.testing.assert_allclose(without_rotation(rigid, six_maps), maps, atol=1e-11)

@@ -7,7 +7,6 @@ import pytest
 
 import gearlib
 from gearlib import OneDegreePair
-from gearlib.runs.variational import period_maps
 from gearlib.studies.trials import high_precision, jump_by_method, problems, references
 from gearlib.studies.trials import work_precision as wp
 from tests.paper import CONFIG
@@ -130,7 +129,7 @@ def test_errors_and_evaluations_are_the_same_in_every_run():
 def test_the_settled_orbit(known, name):
     problem = build(name)
     start, multiplier = references.orbit_of(known, name)
-    end, maps, _ = period_maps(problem.model, problem.tuning, start, 1, 100)
+    end, maps, _ = problem.model.propagator(problem.tuning).maps(start, 1, 100)
     # It repeats, and its multiplier is that of the variational equations: rounding of a period.
     np.testing.assert_allclose(end, start, rtol=0, atol=1e-14)
     assert multiplier == pytest.approx(problems.largest_multiplier(maps[0]), rel=1e-12)

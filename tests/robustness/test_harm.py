@@ -1,4 +1,7 @@
-"""Damaged files and refusing disks: one clear sentence, then the bytes of an undisturbed run."""
+"""Damaged files, refusing disks, kill -9: one clear sentence, then the bytes of an undisturbed run.
+
+One file, so that one worker makes the undisturbed run, once.
+"""
 
 import os
 import shutil
@@ -7,9 +10,20 @@ from contextlib import contextmanager
 
 import pytest
 
-from tests.robustness.disturbed import SNAKEMAKE, data, end, start, wait
+from tests.robustness.disturbed import (
+    SNAKEMAKE,
+    data,
+    disturb,
+    end,
+    start,
+    tiny_project,
+    wait,
+)
 
 pytestmark = pytest.mark.slow
+
+# `make torture` asks for more.
+KILLS = int(os.environ.get("GEARLIB_KILLS", "3"))
 
 SHARD = "results/phase_planes/k1/0.8200.nc"
 FOREIGN = "results/phase_planes/k1m/0.8200.nc"
@@ -152,3 +166,21 @@ def test_what_killed_processes_left_is_removed(project, undisturbed):
     (project / FIGURE).unlink()
     project.snakemake("-j2")
     assert data(project) == undisturbed.data
+
+
+def test_nothing_is_lost_by_kills(undisturbed, tmp_path, capsys):
+    def check(project):
+        found = data(project)
+        assert found.keys() == undisturbed.data.keys()
+        assert [path for path in found if found[path] != undisturbed.data[path]] == []
+
+    happened = disturb(
+        tiny_project(tmp_path / "project"),
+        KILLS,
+        # The later part of a run is reached by what earlier, killed runs have left.
+        duration=undisturbed.seconds / 3,
+        seed=20070414,
+        check=check,
+    )
+    with capsys.disabled():
+        print(f"\n{KILLS} kills:", dict(happened))

@@ -64,6 +64,9 @@ def test_the_first_turning_point(stiffness, damping, tuning):
         assert (speeds > 0.0).all() or (speeds < 0.0).all()
         if turn < math.inf:
             assert abs(evolve(lev, u, v, turn)[1]) < 1e-13
+        else:
+            # What oscillates turns.
+            assert damping**2 >= stiffness
 
 
 @pytest.mark.parametrize(("stiffness", "damping", "tuning"), LEVELS)

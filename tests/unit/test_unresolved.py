@@ -16,7 +16,6 @@ from gearlib.kernels.piecewise_linear import variation as linear_variation
 from gearlib.kernels.piecewise_linear import whole_periods as linear_periods
 from gearlib.kernels.taylor import run as nonlinear
 from gearlib.models.propagators import piecewise_linear, taylor
-from gearlib.runs.variational import full_state, period_maps
 from tests.paper import PAPER
 from tests.physics.test_six_degrees import gears
 
@@ -87,7 +86,7 @@ def test_maps(python, model, kernel):
         plain(python, linear_variation, kernel, piecewise_linear)
     else:
         plain(python, variation, kernel, taylor)
-    _, maps, code = period_maps(model, 0.9, full_state(model, 0.9, (0.5, -2.0)), 1, 1000)
+    _, maps, code = model.propagator(0.9).maps(model.propagator(0.9).start((0.5, -2.0)), 1, 1000)
     assert code == status.UNRESOLVED and np.isnan(maps).all()
 
 

@@ -17,7 +17,6 @@ from scipy.linalg import solve_discrete_lyapunov
 from gearlib.analysis.global_dynamics.stroboscope import chain
 from gearlib.analysis.orbits.shooting import NoOrbit, Orbit, periodic_orbit
 from gearlib.kernels import orbit as columns
-from gearlib.runs.variational import record
 
 KINDS = ("periodic", "chaotic", "unbounded", "undecided")
 PERIODIC, CHAOTIC, UNBOUNDED, UNDECIDED = range(4)
@@ -151,7 +150,7 @@ def attractor_of(strobe, orbit):
                 strobe.pair, strobe.tuning, guess=orbit.state, period=n * strobe.cycle
             )
             return attractor_of(strobe, shorter)
-    _, summary, _ = record(strobe.pair, strobe.tuning, orbit.state, orbit.period, strobe.max_events)
+    _, summary, _ = strobe.propagator.record(orbit.state, orbit.period, strobe.max_events)
     rate = float(np.log(np.abs(orbit.multipliers).max())) / orbit.period
     return Attractor(
         PERIODIC,

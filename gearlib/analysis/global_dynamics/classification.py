@@ -12,7 +12,6 @@ from gearlib.analysis.global_dynamics.attractors import (
 )
 from gearlib.data import status
 from gearlib.kernels import orbit as columns
-from gearlib.runs.variational import record
 
 #: Random states that run first, to find the attractors.
 _SCOUTS = 128
@@ -164,7 +163,7 @@ class _Run:
         high, low = -np.inf, np.inf
         for state in self.at[self.sample()]:
             strobe = self.strobe
-            _, summary, _ = record(strobe.pair, strobe.tuning, state, _RECORD, strobe.max_events)
+            _, summary, _ = strobe.propagator.record(state, _RECORD, strobe.max_events)
             high = max(high, float(summary[columns.X_MAX]))
             low = min(low, float(summary[columns.X_MIN]))
         return Attractor(kind, high, low, exponent=exponent, uncertainty=uncertainty)

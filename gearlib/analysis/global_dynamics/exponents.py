@@ -30,7 +30,7 @@ def lyapunov_exponents(
 ):
     """Return the largest Lyapunov exponent of motions over a parameter.
 
-    Deviations are carried along by the exact maps of `gearlib.runs.variational`, with saltation at
+    Deviations are carried along by the exact maps of `Model.propagator`, with saltation at
     the flank lines: on a periodic attractor the exponent is ln|multiplier| / period, and without
     damping a positive one is chaos, a motion of zero exponent regular.
 

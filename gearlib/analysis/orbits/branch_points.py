@@ -23,7 +23,7 @@ from gearlib.analysis.orbits.shooting import (
 from gearlib.analysis.orbits.tracing import Lost
 from gearlib.data import status
 from gearlib.kernels import orbit as columns
-from gearlib.runs.variational import period_maps, record, rotation_free
+from gearlib.runs.variational import rotation_free
 
 #: Step of the difference by a parameter, in shares of its scale.
 _DIFFERENCE = 1e-5
@@ -97,7 +97,7 @@ class Shooting:
 
     def _end(self, y):
         pair, tuning, z = self.model(y)
-        end, maps, code = period_maps(pair, tuning, z, self.period, self.max_events)
+        end, maps, code = pair.propagator(tuning).maps(z, self.period, self.max_events)
         if code != status.OK:
             raise Lost(f"the motion could not go on: {status.MESSAGES[code]}")
         return tuning, z, end, maps
@@ -160,7 +160,7 @@ def branch_point(problem, y, found, tangent):
     """Return the `BranchPoint` of a solution of a one-parameter `Shooting`."""
     pair, tuning, z = problem.model(y)
     rest = problem.period, problem.max_events
-    events, summary, _ = record(pair, tuning, z, *rest)
+    events, summary, _ = pair.propagator(tuning).record(z, *rest)
     return BranchPoint(
         y,
         tangent,

@@ -1,7 +1,7 @@
 """Periodic orbits by shooting on the map of n mesh periods, with their Floquet multipliers.
 
 An orbit of period n is a fixed point of the map that takes the state at tau = 0 through n mesh
-periods. Newton's method needs the derivative of that map, which `gearlib.runs.variational` has from
+periods. Newton's method needs the derivative of that map, which `Model.propagator` has from
 the variational equations and the saltation at flank crossings; its eigenvalues are the Floquet
 multipliers. Nothing is differenced, so that orbits are found to rounding, unstable ones included.
 
@@ -21,12 +21,7 @@ from gearlib.integrators import choose
 from gearlib.kernels import orbit as columns
 from gearlib.models.contact_states import FLAGS
 from gearlib.runs.run_arguments import MAX_EVENTS, check_tuning
-from gearlib.runs.variational import (
-    full_state,
-    period_maps,
-    record,
-    rotation_free,
-)
+from gearlib.runs.variational import rotation_free
 
 #: Residual of an orbit, in static deflections, that counts as none; height times this if larger.
 RESIDUAL = 1e-12
@@ -50,7 +45,7 @@ class Orbit:
     pair: object  #: the model
     tuning: float
     period: int  #: mesh periods
-    state: np.ndarray  #: at tau = 0, shape (n,), as of `gearlib.runs.variational.full_state`
+    state: np.ndarray  #: at tau = 0, shape (n,), as of `Propagator.start`
     residual: float  #: largest difference of the states at start and end
     multipliers: np.ndarray  #: Floquet multipliers of the n periods, complex, largest first
     pattern: tuple  #: contact codes in the order met, from tau = 0
@@ -120,7 +115,7 @@ def periodic_orbit(pair, tuning, *, guess=None, period=1, max_events=MAX_EVENTS)
     reduce, lift = rotation_free(pair)
 
     def shoot(z):
-        end, maps, code = period_maps(pair, tuning, z, period, max_events)
+        end, maps, code = pair.propagator(tuning).maps(z, period, max_events)
         if code != status.OK:
             raise NoOrbit(f"the motion could not go on: {status.MESSAGES[code]}")
         return reduce @ (end - z), reduce @ product(maps) @ lift
@@ -158,9 +153,9 @@ def periodic_orbit(pair, tuning, *, guess=None, period=1, max_events=MAX_EVENTS)
 
 def _guess(pair, tuning, guess, period, max_events):
     if guess is None:
-        z = full_state(pair, tuning, (0.0, 0.0))
+        z = pair.propagator(tuning).start((0.0, 0.0))
         turns = -(-_SETTLE // period) * period
-        z, _, code = period_maps(pair, tuning, z, turns, max_events)
+        z, _, code = pair.propagator(tuning).maps(z, turns, max_events)
         if code != status.OK:
             raise NoOrbit(f"the motion from rest could not go on: {status.MESSAGES[code]}")
         return z
@@ -168,7 +163,7 @@ def _guess(pair, tuning, guess, period, max_events):
     n = pair.size
     if values.shape not in ((2,), (n,)) or not np.isfinite(values).all():
         raise ValueError(f"guess = {guess!r} is not allowed: it must be 2 or {n} finite numbers")
-    return values if values.size == n else full_state(pair, tuning, values)
+    return values if values.size == n else pair.propagator(tuning).start(values)
 
 
 def multipliers_of(matrix):
@@ -203,7 +198,7 @@ def size_of(miss, z, tuning):
 
 def contacts(pair, tuning, z, period, max_events):
     """Return (contact codes in the order met, whether the orbit touches a flank line)."""
-    events, summary, _ = record(pair, tuning, z, period, max_events)
+    events, summary, _ = pair.propagator(tuning).record(z, period, max_events)
     low, high = summary[columns.X_MIN], summary[columns.X_MAX]
     near, far = pair.flank_lines
     close = _TOUCH * max(1.0, high - low)

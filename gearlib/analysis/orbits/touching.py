@@ -12,7 +12,6 @@ import numpy as np
 
 from gearlib.analysis.orbits.tracing import Lost
 from gearlib.kernels import orbit as columns
-from gearlib.runs.variational import record
 
 _SAMPLES = 512
 #: From the secant through neighbouring velocities two corrections lead to rounding.
@@ -25,7 +24,7 @@ def turning_points(pair, tuning, state, period, max_events):
     Parameters
     ----------
     pair, tuning, state, max_events
-        As of `gearlib.runs.variational.record`.
+        As of `Propagator.record`.
     period : int
         One mesh period more is gone through, so that no turning point of an orbit lies on a rim.
 
@@ -33,7 +32,7 @@ def turning_points(pair, tuning, state, period, max_events):
     -------
     phases, displacements : ndarray, shape (k,)
     """
-    _, _, samples = record(pair, tuning, state, period + 1, max_events, _SAMPLES)
+    _, _, samples = pair.propagator(tuning).record(state, period + 1, max_events, _SAMPLES)
     x, v, a = (
         samples[:, column] for column in (columns.SAMPLE_X, columns.SAMPLE_V, columns.SAMPLE_A)
     )

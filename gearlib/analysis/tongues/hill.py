@@ -25,7 +25,7 @@ from gearlib.data import status
 from gearlib.kernels.piecewise_linear.system import exponential
 from gearlib.models.harmonics import Harmonics
 from gearlib.runs.run_arguments import MAX_EVENTS
-from gearlib.runs.variational import period_maps, rotation_free
+from gearlib.runs.variational import rotation_free
 
 #: Steps of the scan over 1 / nu; a tongue comes about every half.
 _STEP = 1.0 / 32.0
@@ -42,7 +42,7 @@ def one_degree_map(pair, tuning):
     mesh = dataclasses.replace(
         pair, pair=linear_pair(pair.pair), excitation=Harmonics(), deviation=Harmonics()
     )
-    _, maps, code = period_maps(mesh, tuning, np.array([1.0, 0.0]), 1, MAX_EVENTS)
+    _, maps, code = mesh.propagator(tuning).maps(np.array([1.0, 0.0]), 1, MAX_EVENTS)
     if code != status.OK:
         raise RuntimeError(f"the motion could not go on: {status.MESSAGES[code]}")
     return maps[0]

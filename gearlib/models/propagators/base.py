@@ -44,11 +44,27 @@ class Base:
         raise NotImplementedError
 
     def vary(self, z, periods, limit, maps, first):
-        """Fill `maps` as `maps` has it, z changed in place to the end; return the status."""
+        """Fill `maps`, shape (periods, size, size); z is changed in place to the end.
+
+        Returns the status. See `maps`.
+        """
         raise NotImplementedError
 
     def maps(self, z, periods, limit, first=0):
-        """Return (end, maps, status), as of `gearlib.runs.variational.period_maps`."""
+        """Go through mesh periods from z and linearise each; no finite differences.
+
+        Along the phases of contact the derivative is that of the motion itself, at flank crossings
+        the saltation matrix; see `gearlib.kernels.closed_form.variation`. `limit` is the most
+        events in one period, `first` as of `run`.
+
+        Returns
+        -------
+        end : ndarray, shape (size,)
+        maps : ndarray, shape (periods, size, size)
+            Derivative of the state at the end of each period by that at its start.
+        code : int
+            `gearlib.data.status`; if not OK, the maps are NaN.
+        """
         z = np.array(z, float)
         maps = np.empty((periods, z.size, z.size))
         code = self.vary(z, periods, limit, maps, first)
@@ -57,7 +73,11 @@ class Base:
         return z, maps, code
 
     def record(self, z, periods, limit, samples_per_period=0):
-        """Return (events, summary, samples), as of `gearlib.runs.variational.record`."""
+        """Run from z and record it all; z stays.
+
+        Returns (events, summary, samples) as of `gearlib.kernels.closed_form.run`; `samples` of
+        shape (periods * samples_per_period, 6 or more).
+        """
         columns = orbit.SAMPLE_COLUMNS + len(self.model.extra_samples)
         samples = np.empty((periods * samples_per_period, columns))
         events, summary = np.empty((16, orbit.EVENT_COLUMNS)), np.empty(orbit.SUMMARY_COLUMNS)

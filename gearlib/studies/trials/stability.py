@@ -18,7 +18,6 @@ from gearlib.data import provenance
 from gearlib.data.variables import describe
 from gearlib.kernels import orbit
 from gearlib.models.pair import GearPair
-from gearlib.runs.variational import period_maps
 
 #: Radii are cut at this: larger ones say no more.
 LARGEST = 1e6
@@ -26,7 +25,7 @@ LARGEST = 1e6
 
 def true_radius(pair, tuning):
     """Return the spectral radius of one mesh period of the linear mesh, from closed forms."""
-    _, maps, _ = period_maps(linear_pair(pair), tuning, np.zeros(2), 1, 10**6)
+    _, maps, _ = linear_pair(pair).propagator(tuning).maps(np.zeros(2), 1, 10**6)
     return float(np.abs(np.linalg.eigvals(maps[0])).max())
 
 
