@@ -10,6 +10,7 @@
 # make bench   speed of the library on this machine
 # make report  results/report.html, all figures, tables and claims on one page
 # make docs    build/docs/index.html, the documentation as a site
+# make speed-and-accuracy  after `make peers`: renew numbers and pictures of that page: 20 min
 # make clean   remove the results; `make distclean` the environment as well
 
 PYTHON ?= python3
@@ -19,7 +20,8 @@ INSTALLED := .venv/installed.stamp
 TESTING := .venv/testing.stamp
 COMMA := ,
 
-.PHONY: all lint golden references test faults torture peers slurm-test bench report docs clean distclean
+.PHONY: all lint golden references test faults torture peers slurm-test bench report docs \
+    speed-and-accuracy clean distclean
 
 all: $(INSTALLED)
 	$(BIN)/snakemake -j$(JOBS)
@@ -71,6 +73,12 @@ bench: $(INSTALLED)
 
 report: all
 	$(BIN)/snakemake --report results/report.html
+
+# Jobs that measure wall times run alone anyway.
+speed-and-accuracy: $(INSTALLED)
+	$(BIN)/snakemake -j$(JOBS) draw_failures draw_stability_chart draw_models model_table \
+	    draw_jump_by_method jump_by_method_table draw_work_precision draw_work_precision_time
+	$(BIN)/python -m docs.hooks.speed_and_accuracy results
 
 docs: $(TESTING)
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet

@@ -77,13 +77,18 @@ def anchor(figure):
 
 
 def take_over(results):
-    """Copy the claims and, smaller, the figures of `results` into the documentation."""
-    from PIL import Image
-
+    """Copy the claims and the figures of `results` into the documentation."""
     source = Path(results) / "claims.csv"
     claims(source)
     (FOLDER / "claims.csv").write_bytes(source.read_bytes())
-    for name in PICTURES:
+    copy_pictures(results, PICTURES)
+
+
+def copy_pictures(results, names):
+    """Copy figures of `results`, made smaller, into the documentation."""
+    from PIL import Image
+
+    for name in names:
         with Image.open(Path(results) / "figures" / f"{name}.png") as picture:
             small = picture.convert("RGB")
             small.thumbnail((_WIDTH, 10 * _WIDTH))

@@ -195,7 +195,7 @@ class WorkPrecision(Section):
         description="The last mesh periods, whose events are compared; at most `periods`.",
     )
     repeats: integer_within(ge=1, le=1000) = Field(
-        default=9, description="Largest number of timed runs; their median is taken."
+        default=9, description="Largest number of timed runs, of which the shortest counts."
     )
 
 

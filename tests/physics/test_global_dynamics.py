@@ -1,4 +1,4 @@
-"""Attractors, basins, sections and exponents against plain marching and exact orbits."""
+"""Attractors, basins, sections and exponents against runs event by event and exact orbits."""
 
 import math
 
@@ -47,8 +47,8 @@ def grid(count):
 
 
 @kernel
-def plain_march(m, states, periods, ends):
-    """Fill `ends`, shape (n, 2), by the plain march: no lanes, no traps."""
+def event_by_event(m, states, periods, ends):
+    """Fill `ends`, shape (n, 2), event by event: no runs side by side, no trapping ellipses."""
     no_arcs = np.empty((0, ARC_COLUMNS))
     for j in range(states.shape[0]):
         x, v = states[j]
@@ -61,12 +61,12 @@ def plain_march(m, states, periods, ends):
 @pytest.mark.parametrize(
     ("pair", "tuning", "periods"), [(MATERIAL, 0.72, 1), (BOTH, 1.75, 2), (LIGHT, 2.05, 3)]
 )
-def test_labels_are_those_of_plain_marching(pair, tuning, periods):
+def test_labels_are_those_of_runs_event_by_event(pair, tuning, periods):
     found = basins(pair, tuning, grid(45))
     states = np.stack(np.meshgrid(found.displacement, found.velocity, indexing="ij"), axis=-1)
     ends = np.empty((45 * 45, 2))
     # All are settled by then: the slowest orbit here decays by exp(-0.03) per period.
-    plain_march(mesh(ratios(pair), tuning), states.reshape(-1, 2), 600, ends)
+    event_by_event(mesh(ratios(pair), tuning), states.reshape(-1, 2), 600, ends)
     points = found.state.values
     away = np.linalg.norm(ends[:, None, None] - points, axis=-1)
     nearest = np.where(np.isnan(away), np.inf, away).min(axis=2)

@@ -212,7 +212,7 @@ def test_soft_and_rigid_bearings_bounce_near_two_thirds():
         assert (curve.bounces.values > 0).tolist() == [False, True, False]
 
 
-def test_recorded_and_unrecorded_march_agree():
+def test_recorded_and_unrecorded_periods_agree():
     rng = np.random.default_rng(1)
     compared = 0
     for _ in range(60):

@@ -57,7 +57,7 @@ def test_sweep_writes_what_the_library_computes(run, direction):
     expected = gearlib.sweep(
         pair(), np.linspace(0.7, 0.9, 101), periods=60, record_periods=10, direction=direction
     )
-    # Lanes are filled with other neighbours in the pieces of a cold sweep: equal to rounding.
+    # Runs side by side have other neighbours in the pieces of a cold sweep: equal to rounding.
     xr.testing.assert_allclose(xr.load_dataset("curve.nc"), expected, rtol=1e-12)
 
 

@@ -72,7 +72,8 @@ class Stop(Model):
 
 NU, BOX = 0.9, (-1.0, 1.0)
 DAMPED = PAPER.replace(material_damping=3953.7, backlash_damping=3953.7)
-#: Rigid bearings: two coordinates without the free rotation, of which traps are found soon.
+#: Rigid bearings: two coordinates without the free rotation, of which trapping ellipses are found
+#: soon.
 RIGID = SixDegreePair(
     pair=DAMPED,
     base_radii=(0.1, 0.1),

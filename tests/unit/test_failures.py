@@ -1,4 +1,4 @@
-"""The verdicts on methods by hostile problems: every rule, on constructed outcomes; the matrix."""
+"""Verdicts on methods by difficult problems: every rule, on constructed outcomes; the matrix."""
 
 import inspect
 import math
@@ -12,8 +12,7 @@ from gearlib.analysis.tongues import no_loss
 from gearlib.data import gathering, status, storage
 from gearlib.figures import failures as figure
 from gearlib.figures import style
-from gearlib.studies.trials import difficult_problems as hostile
-from gearlib.studies.trials import failures
+from gearlib.studies.trials import difficult_problems, failures
 from gearlib.studies.trials.difficult_problems import Problem
 from gearlib.studies.trials.failures import VERDICTS, Outcome, decide
 
@@ -33,7 +32,7 @@ def verdict(quantity, reference=REFERENCE, tolerance=1e-2, orbit=(), **changes):
     return decide(question, reference._replace(**changes), reference)
 
 
-@pytest.mark.parametrize("quantity", hostile.QUANTITIES)
+@pytest.mark.parametrize("quantity", difficult_problems.QUANTITIES)
 def test_the_reference_itself_is_right(quantity):
     reference = REFERENCE._replace(state=(2.0, 0.0))
     assert verdict(quantity, reference, orbit=(0.0, 0.0)) == ("right", 0.0)
@@ -162,7 +161,7 @@ def test_every_rule_of_the_docstring_has_its_verdict():
 
 
 def test_the_judge_is_never_the_method_itself():
-    known = hostile.problems()
+    known = difficult_problems.problems()
     for key, question in known.items():
         for method, module in integrators.METHODS.items():
             if module.takes(question.model):
@@ -176,19 +175,21 @@ def test_the_judge_is_never_the_method_itself():
 
 
 def test_interpreted_solvers_run_the_brief_periods_of_long_problems():
-    question = hostile.problems()["conservative"]._replace(periods=40, brief_periods=3)
+    question = difficult_problems.problems()["conservative"]._replace(periods=40, brief_periods=3)
     assert failures.try_method(question, "scipy", {})[2] == 3
     assert failures.try_method(question, "rk4", {})[2] == 40
 
 
 def test_a_wrong_option_is_an_error_and_not_a_refusal():
     with pytest.raises(ValueError, match="steps_per_period"):
-        failures.try_method(hostile.problems()["rest_near"], "rk4", {"steps_per_period": 0})
+        failures.try_method(
+            difficult_problems.problems()["rest_near"], "rk4", {"steps_per_period": 0}
+        )
 
 
 def test_problems_say_what_is_compared():
-    for key, question in hostile.problems().items():
-        assert question.quantity in hostile.QUANTITIES, key
+    for key, question in difficult_problems.problems().items():
+        assert question.quantity in difficult_problems.QUANTITIES, key
         assert question.words and question.tolerance >= 0.0
         assert (question.quantity == "deviation") == bool(question.orbit)
         assert question.recorded(question.periods) <= question.periods

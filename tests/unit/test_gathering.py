@@ -51,7 +51,8 @@ def planes():
 
 
 def test_bytes_do_not_depend_on_how_a_sweep_is_cut(tmp_path):
-    # With a jump; in lanes where it bounces. The narrowest windows hold one tuning.
+    # With a jump; several runs side by side where it bounces. The narrowest windows hold one
+    # tuning.
     grid, whole = (0.5, 1.4, 0.025), []
     for width in (0.9, 0.3, 0.025):
         shards = []

@@ -1,4 +1,4 @@
-"""A run that has settled ends where marching it to its end does, and no other is taken for one."""
+"""A run that has settled ends where one propagated in full does, and no other is taken for one."""
 
 import math
 
@@ -13,7 +13,7 @@ from gearlib.kernels.closed_form.run import skip
 from gearlib.kernels.closed_form.settled import clear_of_grazing, sum_of_powers
 from gearlib.kernels.closed_form.whole_periods import new_work, set_mesh, set_start
 from gearlib.models.propagators.closed_form import ratios
-from tests.unit.test_fast_march import LIMIT, bouncing_case, fast_march, ratios_of
+from tests.unit.test_whole_periods import LIMIT, bouncing_case, ratios_of, whole_periods
 
 PAIR = {"contact_ratio": 1.569, "stiffness_ratio": 0.5879, "backlash": 4.0}
 #: The small motion of the pair with equal damping ends here in a fold, by bisection over runs of a
@@ -36,7 +36,7 @@ def damped_case(rng):
     return mesh(ratios, tuning), x, v
 
 
-def test_settled_runs_end_where_marching_them_does():
+def test_settled_runs_end_where_propagating_them_does():
     rng = np.random.default_rng(1)
     settled = longer = 0
     for _ in range(400):
@@ -47,7 +47,7 @@ def test_settled_runs_end_where_marching_them_does():
             continue
         settled += 1
         longer += repeat > 1
-        _, *plain, _ = fast_march(m, x, v, periods)
+        _, *plain, _ = whole_periods(m, x, v, periods)
         # NEAR^2 by the least speed of an event, and rounding by the slowest contraction.
         assert np.abs(np.subtract(end, plain)).max() < 2e-12 * (1.0 + abs(plain[0])), (m, x, v)
     assert settled > 300 and longer > 10
@@ -56,13 +56,13 @@ def test_settled_runs_end_where_marching_them_does():
 def test_transients_are_cut_short_and_followed_to_the_last_digit():
     # Just settled: what is left of the transient is still to be seen, and has to be right.
     m = mesh(ratios_of(1.569, 0.5879, 0.0617, 0.0617, 4.0), 0.9)
-    rest = fast_march(m, 0.0, 0.0, 1000)[1:3]
+    rest = whole_periods(m, 0.0, 0.0, 1000)[1:3]
     seen = 0
     for periods in range(40, 120):
         *end, repeat, _ = run(m, 0.0, 0.0, periods)
-        marched = fast_march(m, 0.0, 0.0, periods)[1:3]
-        assert np.abs(np.subtract(end, marched)).max() < 1e-14
-        seen += repeat > 0 and np.abs(np.subtract(marched, rest)).max() > 1e-13
+        propagated = whole_periods(m, 0.0, 0.0, periods)[1:3]
+        assert np.abs(np.subtract(end, propagated)).max() < 1e-14
+        seen += repeat > 0 and np.abs(np.subtract(propagated, rest)).max() > 1e-13
     assert seen > 5
 
 
@@ -74,7 +74,7 @@ def test_the_ghost_of_a_fold_is_not_an_orbit(past):
     creeping = 0
     for periods in (300, 3_000, 30_000, 300_000, 1_000_000):
         x, v, repeat, _ = run(m, *AT_FOLD, periods)
-        _, *plain, _ = fast_march(m, *AT_FOLD, periods)
+        _, *plain, _ = whole_periods(m, *AT_FOLD, periods)
         assert abs(x - plain[0]) + abs(v - plain[1]) < 1e-12
         assert repeat == 0 or x > 0.28
         creeping += x < 0.0
@@ -84,7 +84,7 @@ def test_the_ghost_of_a_fold_is_not_an_orbit(past):
 def test_a_billion_settled_periods():
     m = mesh(ratios_of(1.569, 0.5879, 0.0617, 0.0617, 4.0), 0.9)
     assert run(m, 0.0, 0.0, 10**9)[2:] == (1, True)
-    end, before = run(m, 0.0, 0.0, 10**9)[:2], fast_march(m, 0.0, 0.0, 10**4)[1:3]
+    end, before = run(m, 0.0, 0.0, 10**9)[:2], whole_periods(m, 0.0, 0.0, 10**4)[1:3]
     np.testing.assert_allclose(end, before, rtol=0, atol=1e-14)
 
 
@@ -94,7 +94,7 @@ def test_without_damping_nothing_settles(damping):
     for nu in (0.3, 0.7, 3.0):
         m = mesh(ratios_of(1.569, 0.999, damping, damping, 4.0), nu)
         *end, repeat, _ = run(m, 1.0, 0.0, 2000)
-        assert repeat == 0 and tuple(end) == fast_march(m, 1.0, 0.0, 2000)[1:3]
+        assert repeat == 0 and tuple(end) == whole_periods(m, 1.0, 0.0, 2000)[1:3]
 
 
 def test_sum_of_powers():
@@ -140,8 +140,8 @@ def test_closeness_to_the_far_flank_is_seen(miss):
     assert clear_of_grazing(m, arc, 1) is (miss > 1e-5)
 
 
-def test_an_orbit_recorded_once_is_the_orbit_marched_to_its_end():
-    # Every period that a run records, by the plain march: summary, events and samples.
+def test_an_orbit_recorded_once_is_the_orbit_propagated_to_its_end():
+    # Every period that a run records, event by event: summary, events and samples.
     repeats = set()
     cases = (0.0617, 0.5, 1.4), (0.02, 0.9, 2.2), (0.01, 0.508, 0.511), (0.005, 1.124, 1.126)
     for damping, first, last in cases:
@@ -149,7 +149,7 @@ def test_an_orbit_recorded_once_is_the_orbit_marched_to_its_end():
         for nu in np.linspace(first, last, 16):
             one = simulate(pair, nu, periods=3000, record_periods=24, samples_per_period=8)
             m = mesh(ratios(pair), nu)
-            contact, x, v, _ = fast_march(m, 0.0, 0.0, 2976)
+            contact, x, v, _ = whole_periods(m, 0.0, 0.0, 2976)
             summary, samples = np.empty(orbit.SUMMARY_COLUMNS), np.empty((8, orbit.SAMPLE_COLUMNS))
             orbit.clear_summary(summary)
             arcs, events = np.empty((50, ARC_COLUMNS)), np.empty((1, orbit.EVENT_COLUMNS))
@@ -185,7 +185,7 @@ def test_a_record_begins_on_the_orbit_or_goes_to_its_end():
     m = mesh(ratios(pair), 0.9)
     for periods in range(60, 110):
         one = simulate(pair, 0.9, periods=periods, record_periods=24)
-        _, x, v, _ = fast_march(m, 0.0, 0.0, periods)
+        _, x, v, _ = whole_periods(m, 0.0, 0.0, periods)
         # A record of one repeat may begin 1e-13 from the orbit.
         np.testing.assert_allclose(one.final_state, (x, v), rtol=0, atol=4e-13)
 

@@ -13,7 +13,7 @@ from gearlib.data import status
 from gearlib.kernels.closed_form import variation
 from gearlib.kernels.piecewise_linear import run as linear
 from gearlib.kernels.piecewise_linear import variation as linear_variation
-from gearlib.kernels.piecewise_linear import whole_periods as passage
+from gearlib.kernels.piecewise_linear import whole_periods as linear_periods
 from gearlib.kernels.taylor import run as nonlinear
 from gearlib.models.propagators import piecewise_linear, taylor
 from tests.paper import PAPER
@@ -36,13 +36,13 @@ def unknown(monkeypatch, module, name, answer):
 
 @pytest.fixture
 def python(monkeypatch):
-    """Run the marches in Python."""
+    """Run the kernels in Python."""
     plain(monkeypatch, linear, "run_linear", piecewise_linear)
     plain(monkeypatch, linear, "_first_event")
     plain(monkeypatch, linear, "_summarise")
     plain(monkeypatch, linear, "go", linear_variation)
-    plain(monkeypatch, passage, "pass_period", linear)
-    plain(monkeypatch, passage, "_fall")
+    plain(monkeypatch, linear_periods, "pass_period", linear)
+    plain(monkeypatch, linear_periods, "_fall")
     plain(monkeypatch, nonlinear, "take_step", variation)
     plain(monkeypatch, nonlinear, "first_crossing")
     plain(monkeypatch, nonlinear, "_highest")
@@ -59,10 +59,10 @@ def is_unresolved(run):
 
 @pytest.mark.parametrize("periods", [1, 2])
 def test_a_crossing_in_many_coordinates(python, periods):
-    # With two periods the first one, which nobody looks at, meets it.
+    # With two periods the first one, which is not recorded, meets it.
     unknown(python, linear, "first_fall", -1.0)
-    unknown(python, passage, "fall_by_shape", -1.0)
-    unknown(python, passage, "first_fall", -1.0)
+    unknown(python, linear_periods, "fall_by_shape", -1.0)
+    unknown(python, linear_periods, "first_fall", -1.0)
     is_unresolved(simulate(SIX, 0.9, periods=periods, initial_state=(0.5, -2.0)))
 
 

@@ -139,7 +139,20 @@ def test_the_slope_of_the_time_leaves_out_the_start(monkeypatch, cost):
         clock[0] += 0.02 + cost * periods
 
     monkeypatch.setattr(wp.time, "perf_counter", lambda: clock[0])
-    assert wp.seconds_per_period(call, 3) == pytest.approx(cost, rel=1e-6)
+    assert wp.seconds_per_period(call, 10, 20, 3) == pytest.approx(cost, rel=1e-6)
+
+
+def test_no_timed_run_is_longer_than_the_one_whose_error_is_known(monkeypatch):
+    # A run that has settled ends early: its time over its periods would be that of no period.
+    clock, most = [0.0], []
+
+    def call(periods):
+        most.append(periods)
+        clock[0] += 1e-6 * min(periods, 30)
+
+    monkeypatch.setattr(wp.time, "perf_counter", lambda: clock[0])
+    assert wp.seconds_per_period(call, 10, 20, 3) == pytest.approx(1e-6, rel=1e-6)
+    assert max(most) == 20
 
 
 @pytest.fixture(scope="module")

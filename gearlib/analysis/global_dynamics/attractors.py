@@ -1,12 +1,12 @@
 """Attractors: found among final states, refined by shooting, and where a motion has arrived.
 
-Around every point of a stable periodic orbit lies a *trap*, an ellipse that no sampled direction
-leaves. The ellipses are level lines of a quadratic form that the linearised map shrinks; how far
-the nonlinear map still does so is sampled on nested rings: it carries 32 states of each ring (with
-more than two coordinates, 128 of each ellipsoid, in random directions) into the next smaller one.
-If it did so with the whole of each ring, all within would come to the orbit, for two coordinates,
-as the map is one-to-one and continuous; what lies between the samples is not proved. A state in a
-trap counts as arrived; `gearlib.basins` with ``stop_early=False`` runs on.
+Every point of a stable periodic orbit lies in a *trapping ellipse* that no sampled motion leaves.
+The ellipses are level lines of a quadratic form that the linearised map contracts; how far the
+nonlinear map still does so is sampled on nested rings: it maps 32 states of each ring (with more
+than two coordinates, 128 of each ellipsoid, in random directions) into the next smaller one. If
+this held for the whole of each ring, all states within would lead to the orbit, for two
+coordinates, as the map is one-to-one and continuous; between the samples it is not proved. A run
+ends inside a trapping ellipse; `gearlib.basins` with ``stop_early=False`` goes on.
 """
 
 from dataclasses import dataclass, field
@@ -137,7 +137,7 @@ def _at(strobe, state, seen):
 
 
 def attractor_of(strobe, orbit):
-    """Return the attractor of a stable orbit, with its trap; of its shortest period."""
+    """Return the attractor of a stable orbit, of its shortest period, and its trapping ellipses."""
     points = [orbit.state]
     for _ in range(orbit.period // strobe.cycle - 1):
         points.append(strobe(points[-1][None], 1)[0][0])
@@ -165,7 +165,7 @@ def attractor_of(strobe, orbit):
 
 
 def _trap(strobe, points, seen, size):
-    """Return the trap of a stable orbit through `points`: the largest that no sample leaves."""
+    """Return the largest trapping ellipses at the `points` of an orbit that no sample leaves."""
     count, n = seen.shape
     maps = strobe.cycle_maps(points[0], count)
     forms, factors = np.empty((count, n, n)), np.empty((count, n, n))

@@ -37,9 +37,9 @@ def basins(
     States are compared n cycles apart for n = 1, 2, ... (a cycle is one mesh period, with run-out
     as many as it repeats after), a candidate is refined by `gearlib.periodic_orbit`, and all n
     points of a period-n orbit are one attractor, whatever the phase in which a motion comes.
-    Around its points lie traps, ellipses that no sampled direction leaves (32 of each, or 128 with
-    more than two coordinates; no proof for those between): a motion counts as arrived when it is in
-    one of them. See `gearlib.analysis.global_dynamics.attractors`.
+    Each point lies in a trapping ellipse that no sampled motion leaves (32 directions, or 128 with
+    more than two coordinates; no proof for those between): a run ends when it is in one of them.
+    See `gearlib.analysis.global_dynamics.attractors`.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ def basins(
         Mesh periods of a run, rounded up to cycles; a motion that has no attractor by then gets
         as many again.
     stop_early : bool, default True
-        Whether a run ends in a trap. False runs all periods, as a check of the traps.
+        Whether a run ends in a trapping ellipse. False runs all periods, as a check of these.
     seed : int, default 0
         Of the choice of states that are looked at first for attractors.
     max_events, threads
@@ -74,7 +74,7 @@ def basins(
         periodic orbit from its multipliers); state (attractor, point, coordinate), the points of
         the orbit in its order, tau = 0 in every cycle; multiplier_real, multiplier_imaginary;
         contact_pattern, the contact codes in the order met; grazing; trap_radius, the smallest of
-        its traps in static deflections. NaN where there is none.
+        its trapping ellipses in static deflections. NaN where there is none.
 
     Raises
     ------

@@ -8,7 +8,7 @@ from gearlib import checks
 
 #: Most initial states of one call: all of them are held in memory.
 MAX_STATES = 50_000_000
-#: Bytes that a state takes while it is marched: itself, its end, its labels.
+#: Bytes that a state takes while it is propagated: itself, its end, its labels.
 _BYTES = 120
 
 

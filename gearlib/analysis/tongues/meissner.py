@@ -5,7 +5,7 @@ In the time t = tau / nu deviations from the orbit without loss of contact obey
     x'' + 2 beta x' + c(t) x = 0,      c = C / C_s in two levels,
 
 and with x = exp(-beta t) u there is no damping left: u'' + q u = 0, q = c - beta^2. Let u1 (even)
-and u2 (odd) be the solutions that start in the middle of the stiffer stretch, taken half a mesh
+and u2 (odd) be the solutions that start in the middle of the segment of C_max, taken half a mesh
 period on, to the middle of the other. Since the stiffness is even, the trace T of u over one period
 factorises,
 
@@ -19,7 +19,7 @@ order n deviations grow where
     |T| / 2 - 1 > 2 sinh^2(pi beta / nu),
 
 the tongue of order n, near nu = 2 / n; on its edges the multiplier is (-1)^n. The logarithm of the
-growth is concave over 1 / nu in a gap without over-damped stretch (it is a sum of logarithms of
+growth is concave over 1 / nu in a gap without over-damped segment (it is a sum of logarithms of
 |1 - E nu^2| with E outside of the gap, less a linear term), so that a tongue is one interval.
 
 Theory: Magnus, Winkler, Hill's Equation (1966), chapters 1, 2 and 7; E. Meissner, Schweizerische
@@ -38,14 +38,14 @@ from gearlib.models.stiffness import levels, stretches
 _LAST_PLACES = 4.0 * np.finfo(float).eps
 #: Beyond this exponent exp is taken apart, so that nothing overflows.
 _LARGE = 300.0
-#: Phase of the softer stretch below which its angle is taken from the ends, not from its speed.
+#: Phase of the segment of C_min below which its angle is taken from the ends, not from its speed.
 _SLOW = 0.5
 #: Dampings at which the growth of a tongue is looked at to bracket the one that closes it.
 _SCAN = 40
 
 
 class Meissner(NamedTuple):
-    """The equation of u: lengths of the half stretches, q on them, and the damping ratio."""
+    """The equation of u: lengths of the half segments, q on them, and the damping ratio."""
 
     half_high: float
     half_low: float
@@ -140,7 +140,7 @@ def angle(m, k, odd):
     cosine, sine = math.cos(a), math.sin(a)
     b = math.sqrt(max(m.low, 0.0)) * k * m.half_low
     if b > _SLOW:
-        # On the softer stretch the angle turns evenly once it is measured with its own speed.
+        # On the segment of C_min the angle turns evenly once it is measured with its own speed.
         ratio = math.sqrt(m.high / m.low) ** (-1.0 if odd else 1.0)
         turn = math.atan2((ratio - 1.0) * sine * cosine, cosine * cosine + ratio * sine * sine)
         return a + turn + b
@@ -259,7 +259,7 @@ def closing(growth, dampings):
     dampings : sequence of float
         Where it is looked at; rising, the last one closes the tongue.
     """
-    # Damping also changes q: a softer stretch close to over-damping may open a closed tongue
+    # Damping also changes q: a segment of C_min close to over-damping may open a closed tongue
     # again. So the last damping that leaves it open is bracketed.
     for low, high in zip(dampings[-2::-1], dampings[:0:-1], strict=True):
         if growth(low) > 0.0:
@@ -270,7 +270,7 @@ def closing(growth, dampings):
 def growth(contact_ratio, stiffness_ratio, damping, tuning):
     """Return the logarithm of the largest multiplier per mesh period; arrays are broadcast.
 
-    From the discriminant T, with complex speeds: under-damped, critical and over-damped stretches
+    From the discriminant T, with complex speeds: under-damped, critical and over-damped segments
     alike. Stable motion decays by it; between the tongues it is -2 pi beta / nu.
     """
     arrays = np.broadcast_arrays(contact_ratio, stiffness_ratio, damping, tuning)
@@ -291,8 +291,8 @@ def coexistence(order, *, contact_ratio=None, stiffness_ratio=None):
     """Return (value, tuning) where the tongue of an order is a point without damping, shape (j, 2).
 
     The value is that of the stiffness ratio for a given contact ratio, or the other way round. At
-    such a point the stiffer stretch holds m half waves, m = 1 ... n - 1, the softer one the others:
-    sqrt(kappa) = (epsilon - 1) (n - m) / ((2 - epsilon) m).
+    such a point the segment of C_max holds m half waves, m = 1 ... n - 1, the softer one the
+    others: sqrt(kappa) = (epsilon - 1) (n - m) / ((2 - epsilon) m).
     """
     points = []
     for m in range(1, order):

@@ -1,6 +1,6 @@
 """Motion that never leaves the normal flank: closed form of one mesh period, its orbit.
 
-x'' + (2 beta / nu) x' + c / nu^2 (x - 1 / c) = 0 on every stretch of constant stiffness c (over
+x'' + (2 beta / nu) x' + c / nu^2 (x - 1 / c) = 0 on every segment of constant stiffness c (over
 its mean). One mesh period is the affine map z -> M z + b of z = (x, x'), with Liouville's
 det M = exp(-4 pi beta / nu). Its fixed point is the orbit without loss of contact; M takes
 deviations from it through one period.
@@ -15,7 +15,7 @@ from gearlib.models.stiffness import levels, stretches
 
 
 def go(state, stiffness, damping, tuning, phase):
-    """Return the state a phase later (negative: earlier) on a stretch of constant stiffness.
+    """Return the state a phase later (negative: earlier) on a segment of constant stiffness.
 
     Parameters
     ----------

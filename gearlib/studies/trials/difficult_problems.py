@@ -1,4 +1,4 @@
-"""Hostile problems: where methods that work on a textbook mesh miss, drift, invent or give up.
+"""Difficult problems, on which methods miss events, drift, invent motion or stop.
 
 A problem states what is compared, and how far that may be off:
 

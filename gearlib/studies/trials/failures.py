@@ -287,7 +287,7 @@ def compute(name, method, options, chosen=None):
     )
     dataset.attrs = {
         "Conventions": "CF-1.11",
-        "title": "Verdicts on methods by hostile problems",
+        "title": "Verdicts on methods by difficult problems",
         "source": f"gearlib {__version__}",
         "references": "Hortel, Skuderova: Engineering Mechanics 14 (2007) 91-104",
     }

@@ -1,12 +1,12 @@
-"""Numerical stability of fixed-step methods on the mesh that never loses contact.
+"""Numerical stability of fixed-step methods on the mesh without contact loss.
 
 Without backlash and with equal damping the mesh is the linear equation of Hill and Meissner,
 
     x'' + (2 beta / nu) x' + (c(tau) / nu^2) x = 1 / nu^2,
 
 and one mesh period of a method is an affine map of (x, x'). Its linear part, read off three runs,
-has a spectral radius that can be laid beside the true one: above one where the truth is not,
-the method invents motion (false instability); below the truth, it damps falsely.
+has a spectral radius to compare with the exact one. Above one where the exact one is not, the
+method invents motion (false instability); below the exact one, it adds numerical damping.
 """
 
 import numpy as np
@@ -19,7 +19,7 @@ from gearlib.data.variables import describe
 from gearlib.kernels import orbit
 from gearlib.models.pair import GearPair
 
-#: Radii are cut at this: what explodes faster explodes all the same.
+#: Radii are cut at this: larger ones say no more.
 LARGEST = 1e6
 
 
@@ -44,7 +44,7 @@ def method_radius(pair, tuning, method, options):
     Returns
     -------
     float
-        At most `LARGEST`, which also stands for a run that could not go on.
+        At most `LARGEST`, which also stands for a run that stopped early.
     """
     linear = linear_pair(pair)
     _, module, options = integrators.choose(linear, method, options)

@@ -115,9 +115,12 @@ GENERIC = {
     "steps_per_period": (50, 200, 800, 3200),
 }
 
-# Span of a timed run, seconds: far above the clock's resolution and the start of a run.
+#: Methods whose runs end early when they have provably settled: only the run is timed whose error
+#: is known, which has not settled.
+_EARLY = ("exact",)
+# Span of the timed runs without their starts, seconds: far above the clock's resolution.
 _SPAN = 2e-3
-_LONGEST = 2**18
+_LONGEST, _MOST = 2**18, 2**11  #: periods of a run, and runs timed together
 # Seconds for the repeats of a run: a long one is timed once, no interruption is long against it.
 _ALL = 0.02
 
@@ -265,17 +268,17 @@ def _dataset(title, method, names, table, data, pair, parameters):
 def times(method, known, pair, six_degrees, settings, repeats):
     """Return the wall times of a method on the problems; nothing else may run beside.
 
-    Parameters as of `errors`; `repeats` runs are timed (of long ones fewer), of which the median
+    Parameters as of `errors`; `repeats` runs are timed (of long ones fewer), of which the shortest
     counts.
 
     Returns
     -------
     xarray.Dataset
-        Over (problem, rung): period_time, the slope between a short and a long run from the state
-        at the end of the problem, so that start, record and compilation do not count; NaN where
-        the method does not take the model or could not go on. closed_form_time: of one evaluation
-        of the closed form of contact; warm_up_time: of the first run of the method in this
-        process, which compiles its kernels or loads them. The other variables as of `errors`.
+        Over (problem, rung): period_time, the slope between a short and a long run from rest, so
+        that start, tables, record and compilation do not count; NaN where the method does not take
+        the model or stopped early. closed_form_time: of one evaluation of the closed form of
+        contact; warm_up_time: of the first run of the method in this process, which compiles its
+        kernels or loads them. The other variables as of `errors`.
     """
     table, names = rungs(method), known.problem.values.tolist()
     values = np.full((len(names), len(table)), math.nan)
@@ -284,13 +287,16 @@ def times(method, known, pair, six_degrees, settings, repeats):
         problem = problems.build(name, pair, six_degrees, settings)
         if not problems.takes(method, problem.model):
             continue
-        start = tuple(references.run_of(known, name).state)
         for j, (_, _, options) in enumerate(table):
             run = problems.Bound(problem.model, problem.tuning, method, options)
             if math.isnan(first):
-                first = seconds_of(lambda run=run, start=start: run.raw(start, 1))
+                first = seconds_of(lambda run=run: run.raw(problems.START, 1))
             codes: set = set()
-            seconds = seconds_per_period(_call(run, start, codes), repeats)
+            early = method in _EARLY
+            # Half the run: what prepares tables lies in the first half.
+            short = max(1, problem.periods // 2) if early else 1
+            longest = problem.periods if early and problem.steady else _LONGEST
+            seconds = seconds_per_period(_call(run, codes), short, longest, repeats)
             if codes == {status.OK}:
                 values[i, j] = seconds
     data = {
@@ -303,9 +309,9 @@ def times(method, known, pair, six_degrees, settings, repeats):
     return _dataset(title, method, names, table, data, pair, parameters)
 
 
-def _call(run, start, codes):
-    """Return a call that runs some periods, and adds its status to `codes`."""
-    return lambda periods: codes.add(run.raw(start, periods)[5])
+def _call(run, codes):
+    """Return a call that runs some periods from rest, and adds its status to `codes`."""
+    return lambda periods: codes.add(run.raw(problems.START, periods)[5])
 
 
 def seconds_of(call):
@@ -315,24 +321,33 @@ def seconds_of(call):
     return time.perf_counter() - start
 
 
-def seconds_per_period(call, repeats):
-    """Return the time of ``call(periods)`` per period: median, without the start of a run."""
-    short, long = 1, 2
+def seconds_per_period(call, short, longest, repeats):
+    """Return the time of ``call(periods)`` per period, without the start of a run.
+
+    It is the difference of a long run, of at most `longest` periods, and a short one. If that is
+    too quick, many runs are timed together. The shortest of `repeats` times counts, since other
+    work on the machine can only lengthen them.
+    """
+    longest = max(longest, short + 1)
+    long, count = short + 1, 1
 
     def once(periods):
-        return seconds_of(lambda: call(periods))
+        return seconds_of(lambda: [call(periods) for _ in range(count)])
+
+    def least(repeats):
+        pairs = [(once(long), once(short)) for _ in range(repeats)]
+        return [min(times) for times in zip(*pairs, strict=True)]
 
     call(short)
-    bases = [once(short)]
-    wholes = [once(long) for _ in range(1 if bases[0] > _SPAN else 2)]
-    # The lesser of two: an interruption must not pass for a long run.
-    while min(wholes) - bases[0] < _SPAN and long < _LONGEST:
-        long *= 2
-        wholes = [once(long), once(long)]
-    repeats = min(repeats, max(1, round(_ALL / wholes[-1])))
-    wholes += [once(long) for _ in range(repeats - len(wholes))]
-    bases += [once(short) for _ in range(repeats - 1)]
-    return (statistics.median(wholes) - statistics.median(bases)) / (long - short)
+    whole, base = least(1)
+    while whole - base < _SPAN and count < _MOST:
+        if long < longest:
+            long = min(2 * long, longest)
+        else:
+            count *= 2
+        whole, base = least(2)
+    more = least(min(repeats, max(1, round(_ALL * count / whole))))
+    return (min(whole, more[0]) - min(base, more[1])) / (count * (long - short))
 
 
 @kernel

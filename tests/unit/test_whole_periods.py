@@ -1,4 +1,4 @@
-"""The fast march takes the same orbits as the plain one: thousands of random meshes and states."""
+"""Whole periods follow the orbit of events one by one: thousands of random meshes and states."""
 
 import math
 
@@ -61,8 +61,8 @@ def bouncing_case(rng):
 
 
 @kernel
-def plain_march(m, x, v, periods):
-    """Return (contact, x, v) by the plain march."""
+def event_by_event(m, x, v, periods):
+    """Return (contact, x, v) event by event."""
     no_arcs = np.empty((0, ARC_COLUMNS))
     contact = contact_of(m.gap, x, v)
     for _ in range(periods):
@@ -71,8 +71,8 @@ def plain_march(m, x, v, periods):
 
 
 @kernel
-def fast_march(m, x, v, periods):
-    """Return (contact, x, v) by the fast march."""
+def whole_periods(m, x, v, periods):
+    """Return (contact, x, v) by whole periods."""
     work = new_work()
     set_mesh(work, m)
     set_start(work, x, v)
@@ -82,14 +82,14 @@ def fast_march(m, x, v, periods):
 
 
 def compare(m, x, v, periods):
-    """Compare both marches; return the error where rounding stays small, else 0."""
-    fast, plain = fast_march(m, x, v, periods), plain_march(m, x, v, periods)
+    """Compare both ways; return the error where rounding stays small, else 0."""
+    fast, plain = whole_periods(m, x, v, periods), event_by_event(m, x, v, periods)
     assert fast[3] <= LIMIT
-    # What rounding alone does to this orbit: the plain march from starts moved by one part in
-    # 1e13, a thousand roundings. Chaotic and undamped orbits amplify it by any factor.
+    # What rounding alone does to this orbit: the run event by event from starts moved by one part
+    # in 1e13, a thousand roundings. Chaotic and undamped orbits amplify it by any factor.
     spread = 0.0
     for dx, dv in ((1e-13, 0.0), (-1e-13, 0.0), (0.0, 1e-13)):
-        moved = plain_march(m, x + dx * max(1.0, abs(x)), v + dv, periods)
+        moved = event_by_event(m, x + dx * max(1.0, abs(x)), v + dv, periods)
         spread = max(spread, abs(moved[1] - plain[1]) + abs(moved[2] - plain[2]))
     scale = 1.0 + abs(plain[1]) + abs(plain[2])
     error = abs(fast[1] - plain[1]) + abs(fast[2] - plain[2])
@@ -99,7 +99,7 @@ def compare(m, x, v, periods):
 
 @pytest.mark.parametrize("case", [random_case, bouncing_case])
 @pytest.mark.parametrize("seed", range(4))
-def test_fast_march_equals_plain_march(case, seed):
+def test_whole_periods_equal_events_one_by_one(case, seed):
     rng = np.random.default_rng(seed)
     for _ in range(2000):
         ratios, tuning, x, v = case(rng)
@@ -130,7 +130,7 @@ def changes(arcs, count):
 
 
 def one_period(m, work, state, entries):
-    """Return the changes of contact in one period by both marches, from the same state."""
+    """Return the changes of contact in one period both ways, from the same state."""
     fast, plain = np.empty((200, ARC_COLUMNS)), np.empty((200, ARC_COLUMNS))
     set_start(work, *state[1:])
     work.memory[ENTRY:] = entries
@@ -140,7 +140,7 @@ def one_period(m, work, state, entries):
 
 
 def test_one_period_at_a_time():
-    # From every state of the plain march anew: chaotic orbits cannot hide behind their own spread,
+    # From every state of that run anew: chaotic orbits cannot hide behind their own spread,
     # nor a wrong event behind damping. The search starts from entries all over the table.
     rng = np.random.default_rng(5)
     work, events = new_work(), 0
@@ -226,7 +226,7 @@ def test_calls_of_any_length_give_the_same_bits():
     state, arcs = (1, 0.0, 0.0), np.empty((50, ARC_COLUMNS))
     for n in range(40):
         *state, _ = advance(m, work, n, *state, 1, LIMIT, arcs)
-    assert tuple(state) == fast_march(m, 0.0, 0.0, 40)[:3]
+    assert tuple(state) == whole_periods(m, 0.0, 0.0, 40)[:3]
 
 
 def test_limit_of_events_is_kept():

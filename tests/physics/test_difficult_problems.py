@@ -1,4 +1,4 @@
-"""Hostile problems: their references against 50 digits, and the library's own solvers on them."""
+"""Difficult problems: their references against 50 digits, and the library's own solvers on them."""
 
 import math
 
@@ -8,11 +8,10 @@ import pytest
 from gearlib import integrators, simulate
 from gearlib.analysis.tongues import no_loss
 from gearlib.models.pair import GearPair
-from gearlib.studies.trials import difficult_problems as hostile
-from gearlib.studies.trials import failures
+from gearlib.studies.trials import difficult_problems, failures
 from tests.physics.high_precision import propagate
 
-PROBLEMS = hostile.problems()
+PROBLEMS = difficult_problems.problems()
 #: Those of the linear one-degree mesh that 50 digits finish in seconds.
 LINEAR = [
     name

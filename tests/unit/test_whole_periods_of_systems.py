@@ -1,4 +1,4 @@
-"""The fast march through many coordinates is the plain one: thousands of random systems."""
+"""Whole periods with many coordinates equal events one by one: thousands of random systems."""
 
 import math
 
@@ -23,8 +23,8 @@ WORK = np.empty((50, ORDER + 2))
 
 
 @kernel
-def plain_march(system, to_bernstein, z, periods):
-    """Take z through mesh periods by the plain march.
+def event_by_event(system, to_bernstein, z, periods):
+    """Take z through mesh periods event by event.
 
     Return the number of events and the largest s among the states at the ends of steps.
     """
@@ -46,7 +46,7 @@ def plain_march(system, to_bernstein, z, periods):
 
 
 @kernel
-def fast_march(system, part, to_bernstein, z, periods):
+def whole_periods(system, part, to_bernstein, z, periods):
     """The same by the part that decides the events."""
     contact, on_line, at_rest = contact_at(system, z)
     short, rest, way = image(part.into, z), image(part.rest_into, z), ways(part.system)
@@ -143,7 +143,7 @@ def test_a_parabola_is_lowest_where_it_is():
 
 
 @pytest.mark.parametrize("seed", range(SEEDS))
-def test_fast_march_is_the_plain_one(seed):
+def test_whole_periods_equal_events_one_by_one(seed):
     rng = np.random.default_rng(seed)
     events, calm = 0, 0
     for _ in range(CASES):
@@ -165,13 +165,13 @@ def test_fast_march_is_the_plain_one(seed):
         fast, nudged = plain.copy(), plain.copy()
         # What one part in 1e12 does to this orbit: rounding cannot do more.
         nudged[: 2 if plain.size < 5 else 4] += 1e-12
-        count, backlash = plain_march(system, MATRIX, plain, PERIODS)
-        plain_march(system, MATRIX, nudged, PERIODS)
+        count, backlash = event_by_event(system, MATRIX, plain, PERIODS)
+        event_by_event(system, MATRIX, nudged, PERIODS)
         part = model.part(system)
-        fast_count = fast_march(system, part, MATRIX, fast, PERIODS)
+        fast_count = whole_periods(system, part, MATRIX, fast, PERIODS)
         jammed = max(count, fast_count) > LIMIT
         if jammed or (math.isfinite(model.backlash_ratio) and backlash > 1e-9):
-            # Moving bearings closed the backlash altogether, which ends a march where a flank is
+            # Moving bearings closed the backlash altogether, which ends a run where a flank is
             # left; before, the order of the two lines hangs on rounding.
             continue
         compared = np.concatenate([part.into, part.rest_into])
@@ -181,7 +181,7 @@ def test_fast_march_is_the_plain_one(seed):
         assert error <= 1e-11 * scale + 10.0 * spread, (model, nu, state, error, spread)
         if spread < 1e-10 * scale:
             calm += 1
-            # A touch within rounding is two events to one march and none to the other.
+            # A touch within rounding is two events one way and none the other.
             assert (fast_count - count) % 2 == 0, (model, nu, state)
             assert fast_count == count or error < 1e-11 * scale, (model, nu, state)
             events += fast_count

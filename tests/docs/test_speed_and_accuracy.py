@@ -1,0 +1,63 @@
+"""The page on speed and accuracy: its numbers are those of its data, its data those of the code."""
+
+from pathlib import Path
+
+import pytest
+import xarray as xr
+import yaml
+
+from docs.hooks import speed_and_accuracy as page
+from gearlib import config
+from gearlib.studies.trials import difficult_problems, problems, work_precision
+
+ROOT = Path(__file__).resolve().parents[2]
+GOLDEN = ROOT / "tests/golden/data"
+SETTINGS = config.load(yaml.safe_load((ROOT / "config.yaml").read_text(encoding="utf-8")))
+
+
+def test_the_page_says_what_its_data_say():
+    text = page.PAGE.read_text(encoding="utf-8")
+    assert page.renewed(text) == text
+
+
+def test_a_block_that_is_not_there_is_refused():
+    with pytest.raises(ValueError, match="0 blocks `machine`"):
+        page.renewed("nothing")
+
+
+def test_problems_and_methods_are_those_of_the_code():
+    rows = page.read("failures")
+    known = list(difficult_problems.problems())
+    assert [row["problem"] for row in rows] == known
+    assert sorted(sum((words.split() for words, _ in page.DIFFICULTIES.values()), [])) == sorted(
+        known
+    )
+    assert list(rows[0])[1:] == [trial.name for trial in SETTINGS.failures.trials]
+    points = page.points()
+    assert {row["problem"] for row in points} == set(problems.CASES)
+    for method in work_precision.OWN:
+        for line, knob, _ in work_precision.rungs(method):
+            assert any((row["line"], row["knob"]) == (line.name, knob) for row in points)
+
+
+def test_verdicts_on_the_exact_method_are_the_golden_ones():
+    with xr.open_dataset(GOLDEN / "failures.nc") as golden:
+        meanings = golden.verdict.attrs["flag_meanings"].split()
+        codes = golden.verdict.sel(trial="exact").values
+    assert [row["exact"] for row in page.read("failures")] == [meanings[int(k)] for k in codes]
+
+
+@pytest.mark.parametrize("scene", SETTINGS.scenes)
+def test_models_are_the_golden_ones(scene):
+    with xr.open_dataset(GOLDEN / f"models/{scene}.nc") as golden:
+        chosen = golden.chosen.item()
+    rows = {row["model"]: row for row in page.read("models") if row["scene"] == scene}
+    assert rows[chosen]["chosen"] == "yes"
+
+
+def test_the_jump_is_the_golden_one():
+    with xr.open_dataset(GOLDEN / "jump_by_method/exact.nc") as golden:
+        exact, width = float(golden.exact_jump), float(golden.resolution.max())
+    (row,) = (row for row in page.read("jump_by_method") if row["line"] == "exact")
+    # Golden data are bisected less finely: to `resolution`.
+    assert float(row["jump"]) == pytest.approx(exact, abs=width)
