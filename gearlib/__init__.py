@@ -16,8 +16,8 @@ room             responsibility
 ``config``       the typed model of ``config.yaml``
 ===============  ================================================================================
 
-Beside them lie ``checks``, checks of single values, and ``version``. The names below are loaded on
-first use, so that reading a configuration does not pay for the numerical stack.
+Beside them lie ``checks`` of single values, ``tunings`` as exact decimals, ``version``. The names
+below are loaded on first use, so that reading a configuration does not pay for the numerical stack.
 """
 
 from importlib import import_module

@@ -4,7 +4,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
-from gearlib.config import tunings
+from gearlib import tunings
 from gearlib.config.mesh import MeshCase
 from gearlib.config.types import (
     Colour,

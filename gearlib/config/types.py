@@ -24,7 +24,8 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
-from gearlib.config import tunings, units
+from gearlib import tunings
+from gearlib.config import units
 
 #: Limit that catches a mistyped step before it makes as many jobs or tunings.
 MAX_JOBS = 10_000

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from gearlib import GearPair, simulate, sweep
-from gearlib.config import tunings
+from gearlib import GearPair, simulate, sweep, tunings
 from gearlib.data import storage
 from gearlib.data.gathering import gather_phase_planes, gather_resonance
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from gearlib.config.tunings import grid, label, windows
+from gearlib.tunings import grid, label, windows
 
 
 @pytest.mark.parametrize(

@@ -158,7 +158,7 @@ def test_a_method_more_runs_its_trial(project):
             "gearlib/studies/trials/work_precision.py",
             {rule: n for rule, n in jobs(*MEASURED).items() if rule != "work_precision_references"},
         ),
-        ("gearlib/studies/trials/high_precision.py", jobs("work_precision", "steady_orbits")),
+        ("gearlib/studies/trials/high_precision.py", jobs(*MEASURED)),
         ("gearlib/studies/claims/scenes.py", jobs("claims")),
         ("workflow/scripts/draw_phase_planes.py", {"draw_phase_planes": 1}),
         ("gearlib/config/experiments.py", {}),

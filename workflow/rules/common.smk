@@ -15,7 +15,7 @@ from snakemake.exceptions import WorkflowError
 
 from gearlib import config as configuration
 from gearlib import integrators
-from gearlib.config import tunings
+from gearlib import tunings
 from gearlib.config.trials import PEERS
 from workflow.sources import sources
 from workflow.yaml_keys import repeated_keys

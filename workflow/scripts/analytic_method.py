@@ -3,9 +3,9 @@
 import json
 
 from joblog import redirect_output
-from gearlib.config.tunings import grid
 from gearlib.data import storage
 from gearlib.studies import analytic_method
+from gearlib.tunings import grid
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])

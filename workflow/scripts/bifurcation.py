@@ -4,8 +4,8 @@ import json
 
 from joblog import redirect_output
 from gearlib.analysis.global_dynamics import studies
-from gearlib.config.tunings import grid
 from gearlib.data import storage
+from gearlib.tunings import grid
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])

@@ -4,9 +4,9 @@ import json
 
 from joblog import redirect_output
 from gearlib.analysis import trust as labelling
-from gearlib.config.tunings import grid
 from gearlib.data import storage
 from gearlib.models.pair import GearPair
+from gearlib.tunings import grid
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])

@@ -3,9 +3,9 @@
 import json
 
 from joblog import redirect_output
-from gearlib.config.tunings import grid
 from gearlib.data import storage
 from gearlib.studies import phase_lag
+from gearlib.tunings import grid
 
 
 def compute(pair, lag, samples_per_period):

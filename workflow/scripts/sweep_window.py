@@ -3,10 +3,10 @@
 import json
 
 from joblog import redirect_output
-from gearlib.config.tunings import grid
 from gearlib.data import storage
 from gearlib.models.pair import GearPair
 from gearlib.runs.sweeping import sweep
+from gearlib.tunings import grid
 
 
 def compute(pair, window, run, *, damping, direction, threads):
