@@ -10,8 +10,8 @@ import pytest
 import yaml
 
 from gearlib import config
-from gearlib.data import provenance
 from gearlib.figures import work_precision
+from gearlib.models.model import Model
 from gearlib.studies.trials import problems, published, references
 from tests.unit.test_defaults import GEARS
 
@@ -71,7 +71,7 @@ def defined(path):
         return numbers(Path(published.__file__).read_text(encoding="utf-8"))
     if path.stem.startswith(("work_precision", "steady_orbits")):
         return {float(references.DIGITS[1])}
-    return numbers(provenance._PAPER.replace("-", " ")) if path.stem == "workflow" else set()
+    return numbers(Model.references.replace("-", " ")) if path.stem == "workflow" else set()
 
 
 @pytest.mark.parametrize("path", CAPTIONS, ids=lambda path: path.stem)
