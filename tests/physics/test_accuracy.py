@@ -36,7 +36,10 @@ def compare(
     assert whole.event_from.values.tolist() == [event[1] for event in expected]
     assert whole.event_to.values.tolist() == [event[2] for event in expected]
     phases = np.array([float(event[0]) for event in expected])
-    np.testing.assert_allclose(whole.event_phase, phases, rtol=0, atol=EVENT_PHASE)
+    # Next to grazing the rounding of the displacement, of order one, counts over the speed.
+    speeds = np.maximum(np.abs(whole.event_velocity.values), 1e-8)
+    allowed = EVENT_PHASE + 4.0 * np.finfo(float).eps / speeds
+    assert (np.abs(whole.event_phase.values - phases) <= allowed).all()
     # All periods recorded, and all but the last gone through unrecorded.
     fast = simulate(pair, nu, periods=periods, initial_state=state)
     for run in (whole, fast):

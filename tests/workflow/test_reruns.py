@@ -144,7 +144,10 @@ def test_a_method_more_runs_its_trial(project):
     ("path", "expected"),
     [
         ("gearlib/kernels/closed_form/event_by_event.py", EVERYTHING),
-        ("gearlib/kernels/closed_form/sections.py", jobs("basins", "bifurcation", "poincare")),
+        (
+            "gearlib/analysis/global_dynamics/poincare.py",
+            jobs("basins", "bifurcation", "poincare"),
+        ),
         ("gearlib/runs/simulation.py", after_an_edit_of_simulate()),
         ("gearlib/integrators/newmark.py", jobs("stability_chart")),
         ("gearlib/integrators/rk4.py", {**jobs("stability_chart", "failures"), "trial": 1}),
