@@ -12,11 +12,10 @@ def pytest_sessionstart(session):
 
 
 def _warm_up():
-    from gearlib import Harmonics, OneDegreePair, SixDegreePair, simulate
-    from gearlib import kernels as core
+    from gearlib import Harmonics, OneDegreePair, SixDegreePair, kernels, simulate
     from tests.paper import PAPER
 
-    core.warm_up()
+    kernels.warm_up()
     run = {"periods": 2, "record_periods": 1}
     simulate(OneDegreePair(pair=PAPER, deviation=Harmonics((1e-6,))), 0.9, **run)
     simulate(OneDegreePair(pair=PAPER, cubic_damping=4e5), 0.9, **run)

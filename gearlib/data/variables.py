@@ -5,7 +5,7 @@ velocities are dx/dtau; the scale variables lead to SI.
 """
 
 from gearlib.data import status
-from gearlib.models import contact_states as contact
+from gearlib.models import contact_states
 
 #: name -> (CF units, long_name)
 DESCRIPTIONS = {
@@ -259,9 +259,9 @@ DESCRIPTIONS = {
 }
 
 _FLAGS = {
-    "contact": contact.FLAGS,
-    "event_from": contact.FLAGS,
-    "event_to": contact.FLAGS,
+    "contact": contact_states.FLAGS,
+    "event_from": contact_states.FLAGS,
+    "event_to": contact_states.FLAGS,
     "status": status.FLAGS,
 }
 

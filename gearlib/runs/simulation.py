@@ -10,7 +10,7 @@ from gearlib import checks
 from gearlib.data import provenance, status, summary
 from gearlib.data.variables import describe
 from gearlib.kernels import orbit
-from gearlib.models import contact_states as contact
+from gearlib.models import contact_states
 from gearlib.runs.run_arguments import MAX_EVENTS, check_run, check_tuning
 
 _FIRST_EVENTS = 64
@@ -207,7 +207,9 @@ def _time_course(samples, extra, code):
         "velocity": samples[:, orbit.SAMPLE_V],
         "acceleration": samples[:, orbit.SAMPLE_A],
         "stiffness": stiffness,
-        "modified_stiffness": np.where(touching == contact.BACKLASH, 0.0 * stiffness, stiffness),
+        "modified_stiffness": np.where(
+            touching == contact_states.BACKLASH, 0.0 * stiffness, stiffness
+        ),
         "dynamic_force": samples[:, orbit.SAMPLE_FORCE],
         "contact": touching,
     }

@@ -7,7 +7,7 @@ from gearlib.analysis.orbits.special_points import DOUBLING, FOLD, GRAZING
 from gearlib.data import storage
 from gearlib.figures import branches as picture
 from gearlib.figures import style
-from gearlib.studies import resonance_branches as branches
+from gearlib.studies import resonance_branches
 from tests.paper import PAPER
 
 RANGE = {"start": 0.79, "stop": 0.83}
@@ -16,7 +16,7 @@ SETTINGS = {**RANGE, "step": 0.05, "max_height": 3.0, "max_points": 500}
 
 @pytest.fixture(scope="module")
 def damped():
-    return branches.compute(PAPER.replace(material_damping=3953.7), **SETTINGS)
+    return resonance_branches.compute(PAPER.replace(material_damping=3953.7), **SETTINGS)
 
 
 def test_both_ends_begin_branches(damped):
@@ -29,7 +29,7 @@ def test_both_ends_begin_branches(damped):
 
 def test_doubled_branches_follow():
     free = PAPER.replace(backlash_damping=3953.7)
-    found = branches.compute(free, **SETTINGS | {"start": 0.64, "stop": 0.68})
+    found = resonance_branches.compute(free, **SETTINGS | {"start": 0.64, "stop": 0.68})
     assert set(found.period.values) == {1, 2}
     doublings = found.tuning.values[(found.label == DOUBLING) & (found.period == 1)]
     starts = [found.tuning.values[found.branch == k][0] for k in (1, 2)]
@@ -38,7 +38,7 @@ def test_doubled_branches_follow():
 
 def test_loci_and_pictures(damped, tmp_path):
     pair = PAPER.replace(material_damping=3953.7)
-    loci = branches.compute_loci(pair, damped, **RANGE, lowest=0.06, highest=0.063)
+    loci = resonance_branches.compute_loci(pair, damped, **RANGE, lowest=0.06, highest=0.063)
     assert set(loci.label.values) == {FOLD, GRAZING}
     assert loci.damping_ratio.min() >= 0.06 - 1e-12 and loci.damping_ratio.max() <= 0.063 + 1e-12
     for name, dataset in (("branches", damped), ("loci", loci)):
@@ -54,6 +54,6 @@ def test_loci_and_pictures(damped, tmp_path):
 
 def test_a_branch_without_special_points_has_no_loci(damped):
     none = damped.isel(point=slice(0, 2))
-    loci = branches.compute_loci(PAPER, none, **RANGE, lowest=0.01, highest=0.1)
+    loci = resonance_branches.compute_loci(PAPER, none, **RANGE, lowest=0.01, highest=0.1)
     assert loci.sizes["point"] == 0
     picture.draw(none, loci)

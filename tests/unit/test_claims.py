@@ -12,8 +12,7 @@ import yaml
 from gearlib import config, simulate, sweep
 from gearlib.analysis.tongues import explanation
 from gearlib.data.gathering import gather_phase_planes, gather_resonance
-from gearlib.studies import claims, jump, phase_lag, scenes
-from gearlib.studies import resonance_branches as branches
+from gearlib.studies import claims, jump, phase_lag, resonance_branches, scenes
 from gearlib.studies.claims import characteristics
 from gearlib.studies.claims.characteristics import drift, spread
 from gearlib.studies.claims.data import LINE
@@ -89,7 +88,9 @@ def facts(dampings=DAMPINGS):
         {"periods": 120, "initial_state": (0.0, 0.0)},
     )
     step = {"step": 0.05, "max_height": 20.0, "max_points": 2000}
-    return tongues, {name: branches.compute(pair, 0.5, 1.4, **step) for name, pair in pairs.items()}
+    return tongues, {
+        name: resonance_branches.compute(pair, 0.5, 1.4, **step) for name, pair in pairs.items()
+    }
 
 
 @pytest.fixture(scope="module")

@@ -10,11 +10,11 @@ import pytest
 
 from gearlib import OneDegreePair, simulate
 from gearlib.data import status
-from gearlib.kernels.closed_form import variation
 from gearlib.kernels.piecewise_linear import run as linear
 from gearlib.kernels.piecewise_linear import variation as linear_variation
 from gearlib.kernels.piecewise_linear import whole_periods as linear_periods
 from gearlib.kernels.taylor import run as nonlinear
+from gearlib.kernels.taylor import variation
 from gearlib.models.propagators import piecewise_linear, taylor
 from tests.paper import PAPER
 from tests.physics.test_six_degrees import gears

@@ -1,8 +1,9 @@
 """Compute: one job for each window of a sweep, one for each phase plane."""
 
 
-# Without this rule the first jobs would each compile the kernels of a gear pair. Its stamp is an ordinary
-# input: behind an "ancient" one Snakemake would overlook edits of sources that both rules share.
+# Without this rule the first jobs would each compile the kernels of a gear pair. Its stamp is an
+# ordinary input: behind an "ancient" one Snakemake would overlook edits of sources that both rules
+# share.
 rule compile_kernels:
     input:
         sources=script_sources("compile_kernels"),

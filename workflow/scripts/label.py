@@ -3,7 +3,7 @@
 import json
 
 from joblog import redirect_output
-from gearlib.analysis import trust as labelling
+from gearlib.analysis import trust
 from gearlib.data import storage
 from gearlib.models.pair import GearPair
 from gearlib.tunings import grid
@@ -12,7 +12,7 @@ if __name__ == "__main__":
     redirect_output(snakemake.log[0])
     settings = json.loads(snakemake.params.settings)
     tunings = grid(*(settings.pop(key) for key in ("start", "stop", "step")))
-    dataset = labelling.scan(GearPair(**json.loads(snakemake.params.pair)), tunings, **settings)
+    dataset = trust.scan(GearPair(**json.loads(snakemake.params.pair)), tunings, **settings)
     storage.write(
         dataset.assign_coords(damping=snakemake.wildcards.damping), snakemake.output.dataset
     )

@@ -5,11 +5,11 @@ import json
 from joblog import redirect_output
 from gearlib.data import storage
 from gearlib.models.pair import GearPair
-from gearlib.studies import resonance_branches as branches
+from gearlib.studies import resonance_branches
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])
     pair = GearPair(**json.loads(snakemake.params.pair))
     found = storage.read(snakemake.input.branches)
-    dataset = branches.compute_loci(pair, found, **json.loads(snakemake.params.settings))
+    dataset = resonance_branches.compute_loci(pair, found, **json.loads(snakemake.params.settings))
     storage.write(dataset, snakemake.output.dataset)

@@ -7,7 +7,7 @@ import numpy as np
 from gearlib import checks
 from gearlib.integrators.each import run_each
 from gearlib.integrators.option import Option
-from gearlib.integrators.peers import contact_branches as branches
+from gearlib.integrators.peers import contact_branches
 from gearlib.integrators.peers.package import Package
 from gearlib.integrators.problems import problem_of
 from gearlib.integrators.scipy_ivp import takes
@@ -88,10 +88,10 @@ class _Run(Split):
                 out[:] = self.problem.rate(self._turn + t, z, piece, contact)
 
         else:
-            numbers = branches.pack(self.law, piece, contact)
+            numbers = contact_branches.pack(self.law, piece, contact)
 
             def rate(t, z, out):
-                branches.fill_rate(t, z, out, numbers)
+                contact_branches.fill_rate(t, z, out, numbers)
 
         return rate
 

@@ -12,7 +12,7 @@ from gearlib import checks
 from gearlib.integrators.each import run_each
 from gearlib.integrators.one_degree import MODELS, takes
 from gearlib.integrators.option import Option
-from gearlib.integrators.peers import contact_branches as branches
+from gearlib.integrators.peers import contact_branches
 from gearlib.integrators.peers.package import Package
 from gearlib.integrators.problems import problem_of
 from gearlib.integrators.split import NEAR, Phase, Split, Stall
@@ -54,7 +54,7 @@ def _compiled():
     from CyRK import cyjit, nbsolve2_ivp
     from numba import njit
 
-    acceleration = branches.acceleration
+    acceleration = contact_branches.acceleration
 
     @cyjit
     def rate(out, t, z, numbers):
@@ -130,7 +130,7 @@ class _Run(Split):
                 (0.0 if leave.line == NEAR else self.law.gap, leave.direction)
                 for leave in self.exits[contact]
             ]
-            numbers = branches.pack(self.law, piece, contact)
+            numbers = contact_branches.pack(self.law, piece, contact)
             self._branches[key] = numbers, np.array(exits, dtype=float)
         return self._branches[key]
 

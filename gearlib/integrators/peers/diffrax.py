@@ -9,7 +9,7 @@ from gearlib.data import status
 from gearlib.integrators.each import run_each
 from gearlib.integrators.one_degree import MODELS, takes
 from gearlib.integrators.option import Option
-from gearlib.integrators.peers import contact_branches as branches
+from gearlib.integrators.peers import contact_branches
 from gearlib.integrators.peers.package import Package
 from gearlib.integrators.problems import problem_of
 from gearlib.integrators.split import NEAR, Phase, Split, Stall
@@ -173,7 +173,7 @@ class _Run(Split):
             exits = np.array([[0.0, 0.0, -1.0]] * 2)
             for row, leave in zip(exits, self.exits[contact], strict=False):
                 row[:] = (0.0 if leave.line == NEAR else self.law.gap), leave.direction, 0.0
-            numbers = branches.pack(self.law, piece, contact)
+            numbers = contact_branches.pack(self.law, piece, contact)
             # Behind no flank there is no distance to it.
             numbers[7] = numbers[7] if np.isfinite(numbers[7]) else 0.0
             self._branches[key] = jnp.array(numbers), jnp.array(exits), *self.tolerances

@@ -9,7 +9,7 @@ from gearlib import checks
 from gearlib.integrators.each import run_each
 from gearlib.integrators.one_degree import MODELS, takes
 from gearlib.integrators.option import Option
-from gearlib.integrators.peers import contact_branches as branches
+from gearlib.integrators.peers import contact_branches
 from gearlib.integrators.peers.package import Package
 from gearlib.integrators.problems import problem_of
 from gearlib.integrators.split import Phase, Split, Stall
@@ -45,7 +45,7 @@ def _compiled():
     from numba import cfunc, njit, types
     from numbalsoda import solve_ivp
 
-    acceleration = branches.acceleration
+    acceleration = contact_branches.acceleration
     pointer = types.CPointer(types.double)
     signature = types.void(types.double, pointer, pointer, pointer)
 
@@ -102,7 +102,7 @@ class _Run(Split):
     def _branch(self, piece, contact):
         key = piece, contact
         if key not in self._branches:
-            numbers = branches.pack(self.law, piece, contact)
+            numbers = contact_branches.pack(self.law, piece, contact)
             self._branches[key] = numbers, len(self.exits[contact]), *self.options
         return self._branches[key]
 
