@@ -8,6 +8,7 @@ module                responsibility
 ``pair``              `GearPair`: one pair of gears; the border between SI and ratios
 ``one_degree``        `OneDegreePair`: nonlinear damping, other stiffness, excitation
 ``six_degrees``       `SixDegreePair`: bearings, run-out, friction, moving backlash
+``trains``            `GearTrain`: any number of meshes; planetary trains, the reducer
 ``dead_zone``         `DeadZoneOscillator`: any oscillator between two elastic contacts
 ``with_pair``         what models that contain a `GearPair` offer of it
 ``oscillator``        the equation that all models of one degree share
