@@ -16,6 +16,5 @@ module                responsibility
 ``stiffness``         mesh stiffness over one mesh period, Eq. (1) and (2)
 ``profiles``          rectangular, Fourier and tabulated mesh stiffness
 ``harmonics``         periodic functions of the mesh phase
-``contact_states``    flank lines, phases of contact and their codes
 ====================  =================================================================
 """

@@ -8,14 +8,12 @@ import numpy as np
 
 from gearlib import checks
 from gearlib.models.model import Model
-from gearlib.models.trains import turning, waves
+from gearlib.models.trains import assembly, turning, waves
 from gearlib.models.trains.elements import Body, Mesh, Shaft
 from gearlib.models.trains.structure import free_motions, structure
 
 #: Of the static deflection where the reference mesh carries no load, m.
 _FALLBACK = 1e-6
-#: Relative difference of base pitches that is rounding of base radii.
-_PITCH = 1e-4
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,83 +87,9 @@ class GearTrain(Model):
         if self.reference_frequency is not None:
             value = checks.finite_positive("reference_frequency", self.reference_frequency)
             object.__setattr__(self, "reference_frequency", value)
-        self._check_names()
-        self._check_gears()
-        self._check_balance()
-
-    def _check_names(self):
-        for shaft in self.shafts:
-            for name in shaft.bodies:
-                checks.one_of("bodies of a shaft", name, self.body_names)
-        for mesh in self.meshes:
-            for side in ("pinion", "wheel"):
-                name = getattr(mesh, side)
-                checks.one_of(f"{side} of mesh {mesh.name}", name, self.body_names)
-            if mesh.pinion == mesh.wheel:
-                raise ValueError(
-                    f"wheel of mesh {mesh.name} = {mesh.wheel!r} is not allowed: it must be "
-                    "another body than the pinion"
-                )
-        for body in self.bodies:
-            if body.carrier is not None:
-                checks.one_of(f"carrier of body {body.name}", body.carrier, self.body_names)
-                if body.carrier == body.name or self.by_name[body.carrier].carrier is not None:
-                    raise ValueError(
-                        f"carrier of body {body.name} = {body.carrier!r} is not allowed: it must "
-                        "be another body, which no carrier carries"
-                    )
-            equal = all(
-                len(set(getattr(body, f"support_{name}"))) == 1 for name in ("stiffness", "damping")
-            )
-            if self.gyroscopic and body.carrier is None and not equal:
-                raise ValueError(
-                    f"support_stiffness of body {body.name} = {body.support_stiffness!r} is not "
-                    "allowed: it must be, as its damping, the same along x and y in a turning frame"
-                )
-
-    def _check_gears(self):
-        for mesh in self.meshes:
-            pinion, wheel = self.by_name[mesh.pinion], self.by_name[mesh.wheel]
-            for body in (pinion, wheel):
-                if body.teeth is None:
-                    raise ValueError(
-                        f"teeth of body {body.name} = None is not allowed: it must be an integer "
-                        f">= 3, because it is in mesh {mesh.name}"
-                    )
-            pitches = [2.0 * math.pi * body.base_radius / body.teeth for body in (pinion, wheel)]
-            if abs(pitches[0] - pitches[1]) > _PITCH * max(pitches):
-                raise ValueError(
-                    f"base_radius of body {wheel.name} = {wheel.base_radius!r} is not allowed: it "
-                    f"must be {pinion.base_radius * wheel.teeth / pinion.teeth:.6g} to have the "
-                    f"base pitch (module) of {pinion.name} in mesh {mesh.name}"
-                )
-            if mesh.internal and wheel.teeth <= pinion.teeth:
-                raise ValueError(
-                    f"teeth of body {wheel.name} = {wheel.teeth!r} is not allowed: it must be more "
-                    f"than the {pinion.teeth} of {pinion.name}, which meshes inside it"
-                )
-        self.phases  # noqa: B018 (refuses what does not turn or fit)
-
-    def _check_balance(self):
-        if not self.structure.coordinates:
-            raise ValueError("bodies is not allowed: at least one of them must be able to move")
-        mass = self.structure.mass
-        if np.linalg.eigvalsh(mass)[0] <= 0.0:
-            raise ValueError("bodies is not allowed: every motion must have a mass")
-        load = self.structure.load
-        for motion in self.free_motions.T:
-            work = motion * load
-            if abs(work.sum()) > 1e-9 * np.abs(work).sum():
-                turned = [
-                    body.name
-                    for body, rows in zip(self.bodies, self.structure.motions, strict=True)
-                    if np.abs(rows @ motion).max() > 1e-6 * np.abs(motion).max()
-                ]
-                raise ValueError(
-                    f"torque of bodies {', '.join(turned)} is not allowed: they must balance on "
-                    "the free rotation of the train, whose power is now "
-                    f"{work.sum() / np.abs(work).sum():.3g} of that of the single torques"
-                )
+        assembly.check_names(self)
+        assembly.check_gears(self)
+        assembly.check_balance(self)
 
     # What follows is computed once.
 
@@ -332,6 +256,60 @@ class GearTrain(Model):
         from gearlib.models.trains.system import train_system
 
         return train_system(self, tuning)
+
+    def static(self, phase=0.0):
+        """Return how the meshes share the load at rest, with gaps and errors.
+
+        Parameters
+        ----------
+        phase : float, default 0
+            Of the reference mesh, rad: decides stiffness, deviations and run-out.
+
+        Returns
+        -------
+        xarray.Dataset
+            Over `mesh`: mesh_force (N), contact, load_sharing (force over the mean of the meshes of
+            the same central gear); over `body` and `axis`: body_displacement (m).
+
+        Raises
+        ------
+        ValueError
+            If there is no equilibrium.
+        """
+        from gearlib.models.trains.statics import static
+
+        return static(self, checks.number("phase", phase, "finite", math.isfinite))
+
+    def modes(self):
+        """Return the natural modes at mean stiffness, all flanks in contact.
+
+        Returns
+        -------
+        xarray.Dataset
+            Over `mode`: natural_frequency (Hz), mode_kind (rigid, rotational, translational,
+            satellite, other), mode_shape over body and axis, strain_energy over mesh.
+        """
+        from gearlib.models.trains.modes import modes
+
+        return modes(self)
+
+    def phasing(self, count=12):
+        """Return which harmonics of the mesh stiffness excite which modes.
+
+        Parameters
+        ----------
+        count : int, default 12
+            Highest order, over the reference mesh frequency.
+
+        Returns
+        -------
+        xarray.Dataset
+            Over `stiffness_order` and `mode`: modal_force, phase_sum (0: the phases cancel, 1: all
+            meshes in phase), excites.
+        """
+        from gearlib.models.trains.modes import phasing
+
+        return phasing(self, checks.integer("count", count, 1))
 
     def start_state(self, initial_state, tuning):
         """Return the state (q, dq/dtheta) at tau = 0, shape (size,).
