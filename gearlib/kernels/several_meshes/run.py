@@ -10,7 +10,8 @@ from gearlib.kernels.closed_form.run import OK, OVERFLOW, UNRESOLVED
 from gearlib.kernels.jit import kernel
 from gearlib.kernels.piecewise_linear.system import dot, image
 from gearlib.kernels.several_meshes.combinations import matrix_of
-from gearlib.kernels.several_meshes.periods import go, work_of
+from gearlib.kernels.several_meshes.grid import work_of
+from gearlib.kernels.several_meshes.periods import go
 
 #: A sum this small, as a share of its parts, is the rounding of zero.
 _REST = 1e-14
@@ -117,11 +118,11 @@ def run_train(
     periods, record_periods : int
         Of the reference mesh, and how many at the end are recorded; 0: none.
     samples : ndarray, shape (record_periods k, n + m + 1)
-    events : ndarray, shape (k, 6), k > 0
-        Enlarged as needed.
+    events : ndarray, shape (k, 6)
+        Enlarged as needed; none are recorded if it has no rows.
     limit : int
         Most events in one mesh period.
-    summary : ndarray, shape (m, 9)
+    summary : ndarray, shape (m, 10)
     maps : ndarray, shape (periods, 2 N, 2 N)
         Filled with the growth of small deviations over each period; or of shape (0, 2 N, 2 N).
 
@@ -203,6 +204,7 @@ def run_train(
 
 @kernel
 def _strobe(system, grid, z, strobes, row):
+    own = z[: system.near.shape[1]]
     for j in range(strobes.shape[0]):
-        strobes[j, row, 0] = dot(system.near[j], z)
-        strobes[j, row, 1] = dot(grid.rate[j], z) / system.tuning
+        strobes[j, row, 0] = dot(system.near[j], own)
+        strobes[j, row, 1] = dot(grid.rate[j], own) / system.tuning
