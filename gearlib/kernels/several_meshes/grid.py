@@ -36,8 +36,10 @@ class Work(NamedTuple):
     target: np.ndarray  #: int, its contact after that, shape (m,)
     spread: np.ndarray  #: rounding of that share, shape (m,)
     z: np.ndarray  #: the state, filled up
+    other: np.ndarray
     term: np.ndarray
     image: np.ndarray
+    found: np.ndarray  #: int, events recorded so far, shape (1,)
     look: np.ndarray  #: shape (LOOK m,)
     tail: np.ndarray
     behind: np.ndarray
@@ -86,6 +88,8 @@ def work_of(n, m):
         np.zeros(wide),
         np.zeros(wide),
         np.zeros(wide),
+        np.zeros(wide),
+        np.zeros(1, np.int64),
         np.empty(LOOK * m),
         np.empty((m + 7) // 8 * 8),
         np.empty(BEHIND),

@@ -14,6 +14,7 @@ from gearlib.kernels.jit import kernel
 from gearlib.kernels.piecewise_linear.system import dot
 from gearlib.kernels.several_meshes.combinations import (
     combination,
+    copy,
     forget,
     multiply,
     whole_step,
@@ -42,13 +43,15 @@ def _cross(system, grid, w, j, p, vectors):
     old, new = system.effect[w.contact[j] + 1, p, j], system.effect[w.target[j] + 1, p, j]
     # A tangential crossing varies nothing: the force of the mesh does not jump.
     if vectors.shape[0] > 0 and speed != 0.0:
-        jump = np.zeros(w.z.shape[0])
+        jump = np.zeros(n)
         for k in range(2):
             more, less = dot(system.grip[j, new, k], z), dot(system.grip[j, old, k], z)
             for r in range(n):
                 jump[r] += system.push[j, new, k, r] * more - system.push[j, old, k, r] * less
         for i in range(vectors.shape[0]):
-            vectors[i] += jump * (dot(system.near[j], vectors[i, :n]) / speed)
+            share = dot(system.near[j], vectors[i, :n]) / speed
+            for r in range(n):
+                vectors[i, r] += jump[r] * share
     w.rest[j] = 1
     w.contact[j] = w.target[j]
     return dot(grid.rate[j], z)
@@ -81,7 +84,6 @@ def go(
     summary,
     samples,
     events,
-    found,
 ):
     """Go through one mesh period from its start; the state of `Work` is changed in place.
 
@@ -101,15 +103,13 @@ def go(
     samples : ndarray, shape (k, n + m + 1)
         At equal steps of the period, as of `record.sample`.
     events : ndarray, shape (k, 6)
-        As of `orbit`, and the number of the mesh; the period is 0. Enlarged as needed; none are recorded
-        if it has no rows.
-    found : int
-        Rows in use.
+        As of `orbit`, and the number of the mesh; the period is 0. Enlarged as needed; none are
+        recorded if it has no rows. How many there are stands in `Work`.
 
     Returns
     -------
     status : int
-    events, found
+    events
     """
     m, n = system.near.shape
     first, last = system.first_segment[number], system.first_segment[number + 1]
@@ -136,7 +136,7 @@ def go(
                     w.rest[:] = 0
                     on_line = False
                 if best < 0.0:
-                    return UNRESOLVED, events, found
+                    return UNRESOLVED, events
                 length = left if best > 1.0 else best * left
                 if recording:
                     phase = system.starts[p] - system.starts[first]
@@ -150,10 +150,10 @@ def go(
                         c = combination(system, tables, w.effects)
                         s = whole_step(tables, c, grid.kind[p], h)
                     multiply(step, s, z, term)
-                    z[:n] = term[:n]
+                    copy(term, z, n)
                     for i in range(vectors.shape[0]):
                         multiply(step, s, vectors[i], term)
-                        vectors[i, :n] = term[:n]
+                        copy(term, vectors[i], n)
                 else:
                     advance(fine, rate, c, spin, longest, length, z, term, image_)
                     for i in range(vectors.shape[0]):
@@ -175,10 +175,11 @@ def go(
                         summary[j, orbit.BOUNCES] += 1.0
                     if recording and events.shape[0] > 0:
                         at = phase + length * system.tuning
-                        row = found
+                        row = w.found[0]
                         if row == events.shape[0]:
                             larger = np.empty((2 * row, EVENT_COLUMNS))
-                            larger[:row] = events
+                            for k in range(row):
+                                copy(events[k], larger[k], EVENT_COLUMNS)
                             events = larger
                         events[row, orbit.EVENT_PERIOD] = 0.0
                         events[row, orbit.EVENT_PHASE] = at
@@ -186,11 +187,11 @@ def go(
                         events[row, orbit.EVENT_TO] = w.contact[j]
                         events[row, orbit.EVENT_VELOCITY] = speed / system.tuning
                         events[row, EVENT_MESH] = j
-                        found += 1
+                        w.found[0] = row + 1
                     if _closed(system, grid, w, j):
-                        return JAMMED, events, found
+                        return JAMMED, events
                 if count > limit:
-                    return EVENT_LIMIT, events, found
+                    return EVENT_LIMIT, events
                 t += length
                 c, on_line = -1, True
-    return OK, events, found
+    return OK, events

@@ -7,6 +7,7 @@ from gearlib.kernels.closed_form.mesh import BACKLASH, INVERSE, NORMAL
 from gearlib.kernels.jit import kernel
 from gearlib.kernels.piecewise_linear.system import ORDER
 from gearlib.kernels.polynomial import highest
+from gearlib.kernels.several_meshes.combinations import copy
 from gearlib.kernels.several_meshes.substeps import advance, polynomial, to_far
 
 #: Columns of a summary: those of `orbit` and the integral of the elastic force over the phase.
@@ -57,11 +58,12 @@ def sample(system, grid, tables, c, w, p, phase, length, samples, taken):
         at = 2.0 * math.pi * taken / samples.shape[0]
         if at >= end:
             break
-        z = w.z.copy()
+        copy(w.z, w.other, w.z.shape[0])
         t = max(at - phase, 0.0) / system.tuning
-        advance(tables.fine, tables.rate, c, grid.spin, system.longest, t, z, w.term, w.image)
-        samples[taken, :n] = z[:n]
-        samples[taken, n : n + m] = w.contact
+        advance(tables.fine, tables.rate, c, grid.spin, system.longest, t, w.other, w.term, w.image)
+        copy(w.other, samples[taken], n)
+        for j in range(m):
+            samples[taken, n + j] = w.contact[j]
         samples[taken, n + m] = p
         taken += 1
     return taken

@@ -10,7 +10,13 @@ from gearlib.kernels.closed_form.mesh import BACKLASH, INVERSE, NORMAL
 from gearlib.kernels.jit import inlined, kernel
 from gearlib.kernels.piecewise_linear.system import ORDER
 from gearlib.kernels.polynomial import fall_by_shape, first_fall, horner, lowest_of_parabola
-from gearlib.kernels.several_meshes.combinations import LOOK, PARTS, TERMS, multiply
+from gearlib.kernels.several_meshes.combinations import (
+    LOOK,
+    PARTS,
+    TERMS,
+    copy,
+    multiply,
+)
 
 
 @kernel
@@ -106,7 +112,7 @@ def _fall(curve, scaled, rest, to_bernstein, bernstein):
     """Return (where a curve falls through zero first, as `first_fall`; rounding of that)."""
     for k in range(rest):
         curve[k] = 0.0
-    scaled[:] = curve
+    copy(curve, scaled, ORDER + 1)
     found = fall_by_shape(curve, rest) if rest < 2 else -1.0
     if found < 0.0:
         found = first_fall(curve, to_bernstein, bernstein)
