@@ -39,8 +39,6 @@ class Model:
     #: Whether it moves by Eq. (3) for one coordinate between two equal flanks at 0 and -s, for
     #: which methods with steps and the harmonics are written.
     one_mesh: bool = False
-    #: Whether the first two coordinates are rotations of which only the sum enters the mesh.
-    free_rotation: bool = False
     #: Whether the far flank moves, so that `flank_lines` has only its mean position.
     moving_flank: bool = False
 
@@ -134,6 +132,13 @@ class Model:
     def coordinates(self):
         """Return name -> values of the dimensions of results that belong to the model."""
         return {"component": list(self.components)}
+
+    def reduction(self):
+        """Return the matrices (reduce, lift) between the state and the one without free rotation.
+
+        A free rotation would add two multipliers 1. Identities where nothing turns freely.
+        """
+        return np.eye(self.size), np.eye(self.size)
 
     @property
     def flank_lines(self):

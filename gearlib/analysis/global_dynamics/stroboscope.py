@@ -13,7 +13,6 @@ from gearlib import checks
 from gearlib.data import status
 from gearlib.integrators import choose
 from gearlib.runs.run_arguments import MAX_EVENTS, check_tuning
-from gearlib.runs.variational import rotation_free
 
 
 class Stroboscope:
@@ -27,7 +26,7 @@ class Stroboscope:
         count = os.cpu_count() or 1
         self.threads = count if threads is None else checks.integer("threads", threads, 1)
         self.cycle = pair.repeats
-        self._reduce, self.lift = rotation_free(pair)
+        self._reduce, self.lift = pair.reduction()
         #: Turn rates into displacements.
         self.weights = np.repeat([1.0, self.tuning], len(self._reduce) // 2)
 

@@ -25,7 +25,6 @@ from gearlib.data import status
 from gearlib.kernels.piecewise_linear.system import exponential
 from gearlib.models.harmonics import Harmonics
 from gearlib.runs.run_arguments import MAX_EVENTS
-from gearlib.runs.variational import rotation_free
 
 #: Steps of the scan over 1 / nu; a tongue comes about every half.
 _STEP = 1.0 / 32.0
@@ -61,7 +60,7 @@ def six_degree_map(pair, tuning):
         knots = int(system.knots[stretch])
         one = exponential(system.a[2, stretch], n, (end - start) / knots)
         matrix = np.linalg.matrix_power(one, knots) @ matrix
-    reduce, lift = rotation_free(pair)
+    reduce, lift = pair.reduction()
     return reduce @ matrix @ lift
 
 

@@ -83,3 +83,28 @@ class TrainResults(Model):
         deflection = shapes @ ((shapes.T @ self.structure.load) / squares)
         means = np.array([mesh.mean_stiffness for mesh in self.meshes])
         return means * (self.structure.lines @ deflection) / self.load
+
+    def reduction(self):
+        """Return (reduce, lift), see `Model.reduction`: elastic modes span what is left.
+
+        Raises
+        ------
+        ValueError
+            If a free rotation is damped or feels the turning of the frame: then it is not neutral.
+        """
+        free, (_, shapes) = self.free_motions, self.linear_modes
+        structure = self.structure
+        forces = [structure.damping @ free]
+        if self.gyroscopic:
+            forces.append(structure.turning @ free)
+        size = np.abs(structure.damping).max() + np.abs(structure.turning).max() + 1e-300
+        if np.abs(forces).max(initial=0.0) > 1e-9 * size * np.abs(free).max(initial=0.0):
+            raise ValueError(
+                "this train is not allowed here: its free rotation must feel neither damping nor "
+                "gyroscopic forces"
+            )
+        # Columns of largest entry 1, so that residuals count in static deflections.
+        scale = np.abs(shapes).max(axis=0)
+        half_reduce = (structure.mass @ shapes * scale).T
+        half_lift = shapes / scale
+        return np.kron(np.eye(2), half_reduce), np.kron(np.eye(2), half_lift)

@@ -51,7 +51,6 @@ class GearTrain(TrainResults):
     gyroscopic: bool = False
 
     mathematics = {"exact": "several_meshes"}
-    free_rotation = True
     title_noun = "a gear train"
     references = (
         "Lin, Parker: J. Vib. Acoust. 121 (1999) 316-321; "
