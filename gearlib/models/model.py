@@ -113,6 +113,18 @@ class Model:
         """Return an initial state, checked: displacement and dx/dtau."""
         return checks.state("initial_state", value)
 
+    def parameter(self, name):
+        """Return the value of one of `parameters`."""
+        return getattr(self, name)
+
+    def with_parameter(self, name, value):
+        """Return the model with one of `parameters` set."""
+        return dataclasses.replace(self, **{name: value})  # type: ignore[type-var]
+
+    def disturbed(self, state, disturbance):
+        """Return an initial state with so much added to the displacement."""
+        return state[0] + disturbance, state[1]
+
     def room(self, samples=0, events=16):
         """Return empty tables (samples, events, summary) for the record of a run.
 

@@ -58,7 +58,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from gearlib import checks
-from gearlib.kernels.piecewise_linear.system import Part, System
+from gearlib.kernels.piecewise_linear.system import Part, System, exponential
 from gearlib.models import piecewise_linear
 from gearlib.models.harmonics import Harmonics
 from gearlib.models.pair import GearPair
@@ -200,6 +200,19 @@ class SixDegreePair(WithPair):
         reduce = lift.T.copy()
         reduce[0, 1] = reduce[n // 2 - 1, n // 2 + 1] = 1.0
         return reduce, lift
+
+    def contact_map(self, tuning):
+        """Return the map of deviations over one mesh period in normal mesh; see `reduction`."""
+        system, _ = self.system(tuning)
+        n = self.size
+        matrix = np.eye(n)
+        for p, span in enumerate(np.diff(system.starts)):
+            # The middle one of the three contact codes -1, 0, 1 is the backlash.
+            knots = int(system.knots[p])
+            one = exponential(system.a[2, p], n, span / knots)
+            matrix = np.linalg.matrix_power(one, knots) @ matrix
+        reduce, lift = self.reduction()
+        return reduce @ matrix @ lift
 
     def damped(self):
         """Return whether there is any damping on the way of the motion."""

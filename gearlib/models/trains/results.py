@@ -5,9 +5,12 @@ import math
 import numpy as np
 
 from gearlib.kernels import orbit
+from gearlib.kernels.piecewise_linear.system import exponential
+from gearlib.kernels.several_meshes.combinations import matrix_of
 from gearlib.kernels.several_meshes.periods import EVENT_COLUMNS
 from gearlib.kernels.several_meshes.record import FORCE_SUM, SUMMARY_COLUMNS
 from gearlib.models.model import Model
+from gearlib.models.trains.parameters import PARAMETERS, value_of, with_value
 from gearlib.models.trains.statics import branches
 
 AXES = ("x", "y", "rotation")
@@ -32,6 +35,34 @@ class TrainResults(Model):
         """Return an initial state, checked, as of `start_state`."""
         state = self.start_state(value)
         return value if isinstance(value, str) else tuple(map(float, np.ravel(value)[: state.size]))
+
+    parameters = PARAMETERS
+
+    def parameter(self, name):
+        """Return the value of one of `parameters` that all meshes share."""
+        return value_of(self, name)
+
+    def with_parameter(self, name, value):
+        """Return the train with one of `parameters` set in all meshes."""
+        return with_value(self, name, value)
+
+    def contact_map(self, tuning):
+        """Return the map of deviations over `repeats` periods in normal mesh; see `reduction`."""
+        system, n = self.system(tuning), self.size
+        matrix, whole = np.eye(n), np.empty_like(system.free)
+        for p, span in enumerate(np.diff(system.starts) / tuning):
+            matrix_of(system, system.effect[2, p], whole)
+            knots = int(np.ceil(span / system.longest))
+            one = exponential(whole, n, span / knots)
+            matrix = np.linalg.matrix_power(one, knots) @ matrix
+        reduce, lift = self.reduction()
+        return reduce @ matrix @ lift
+
+    def disturbed(self, state, disturbance):
+        """Return an initial state with so much added to the first coordinate that can bend."""
+        state = self.start_state(state)
+        _, lift = self.reduction()
+        return tuple(map(float, state + disturbance * lift[:, 0]))
 
     def coordinates(self):
         """Return name -> values of the dimensions of results."""
