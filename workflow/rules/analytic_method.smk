@@ -20,23 +20,3 @@ rule analytic_method:
         "../envs/gearlib.yaml"
     script:
         "../scripts/analytic_method.py"
-
-
-rule draw_analytic_method:
-    input:
-        dataset=rules.analytic_method.output.dataset,
-        sources=script_sources("draw_analytic_method"),
-    output:
-        convergence=figure("analytic_method", "The paper's analytic method", METHODS),
-        harmonics=figure("harmonic_balance", "Harmonic balance", METHODS),
-    log:
-        "results/logs/draw_analytic_method.log",
-    benchmark:
-        "results/benchmarks/draw_analytic_method.tsv"
-    threads: 1
-    params:
-        dpi=CONFIG.figures.dpi,
-    conda:
-        "../envs/gearlib.yaml"
-    script:
-        "../scripts/draw_analytic_method.py"

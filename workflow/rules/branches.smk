@@ -43,23 +43,3 @@ rule loci:
         "../envs/gearlib.yaml"
     script:
         "../scripts/loci.py"
-
-
-rule draw_branches:
-    input:
-        branches=rules.loci.input.branches,
-        loci=rules.loci.output.dataset,
-        sources=script_sources("draw_branches"),
-    output:
-        figure("branches", "Beside Fig. 3: folds and grazings, and what moves them", EXPLANATIONS),
-    log:
-        "results/logs/draw_branches.log",
-    benchmark:
-        "results/benchmarks/draw_branches.tsv"
-    threads: 1
-    params:
-        dpi=CONFIG.figures.dpi,
-    conda:
-        "../envs/gearlib.yaml"
-    script:
-        "../scripts/draw_branches.py"

@@ -78,13 +78,14 @@ wildcard_constraints:
     trial=r"[A-Za-z0-9+_-]+",
 
 
-def script_sources(name, *methods):
-    """Return the source files on which the results of a script depend, told to run these methods.
+def script_sources(name, *methods, loaded=()):
+    """Return the source files on which the results of a script depend.
 
-    Of those that are always loaded a script says so itself, see `workflow.sources`.
+    It is told to run these methods, and to load these modules; of those that are always loaded a
+    script says so itself, see `workflow.sources`.
     """
-    loaded = [f"gearlib.integrators.{integrators.METHODS.data[method]}" for method in methods]
-    files = sources(ROOT / "workflow" / "scripts" / f"{name}.py", ROOT, loaded)
+    methods = [f"gearlib.integrators.{integrators.METHODS.data[method]}" for method in methods]
+    files = sources(ROOT / "workflow" / "scripts" / f"{name}.py", ROOT, [*methods, *loaded])
     return [os.path.relpath(path) for path in files]
 
 
@@ -98,14 +99,14 @@ def figure_files(name):
     return expand("results/figures/{name}.{format}", name=name, format=CONFIG.figures.formats)
 
 
-def figure(name, label, part, caption=None):
+def figure(name, label, part):
     """Return the files of one figure, of which one is shown in the report.
 
     One label only: of two, where a part has two results, the report makes a switch that breaks.
     """
     shown = f".{min(CONFIG.figures.formats, key=SHOWN_FORMATS.index)}"
     in_report = dict(
-        caption=f"../report/{caption or name}.rst",
+        caption=f"../report/{name.strip('{}')}.rst",
         category=part,
         labels=label if callable(label) else {"figure": label},
     )
@@ -142,12 +143,13 @@ def resonance_shards():
 
 def beside_resonance():
     """Return the files of what Fig. 3 shows below its curves: those that are targets too."""
-    files = {
-        "labels": expand("results/labels/{damping}.nc", damping=CONFIG.dampings),
-        "branches": expand("results/branches/{damping}.nc", damping=CONFIG.dampings),
-        "parametric_resonance": ["results/tongues.nc"],
+    shown = {
+        "labels": {"labels": expand("results/labels/{damping}.nc", damping=CONFIG.dampings)},
+        "branches": {"branches": expand("results/branches/{damping}.nc", damping=CONFIG.dampings)},
+        "parametric_resonance": {"tongues": "results/tongues.nc"},
     }
-    return {name: files[name] for name in files if name in CONFIG.targets}
+    wanted = [shown[target] for target in shown if target in CONFIG.targets]
+    return {name: files for data in wanted for name, files in data.items()}
 
 
 def nonlinear_damping_files():
@@ -209,62 +211,28 @@ def work_precision_settings():
     return canonical(CONFIG.work_precision.model_dump(exclude=apart))
 
 
-def files_by_target():
-    """Return the files of every target, by its name."""
-    scenes = [path for name in CONFIG.scenes for path in figure_files(name)]
-    return {
-        "phase_lag": figure_files("fig2_phase_shift"),
-        "resonance": figure_files("fig3_resonance"),
-        "phase_planes": figure_files("fig5_phase_planes"),
-        "scenes": scenes,
-        "jump": figure_files("fig6_jump"),
+def drawn(target):
+    """Return the files of the figures of a target."""
+    rows = [row for name, row in DRAWINGS.items() if target == (row.target or name)]
+    names = [name for row in rows for name in row.figures]
+    names = CONFIG.scenes if names == ["{scene}"] else names
+    return [path for name in names for path in figure_files(name)]
+
+
+def target_files(targets):
+    """Return the files of targets of the configuration."""
+    beside = {
         "labels": expand("results/labels/{damping}.nc", damping=CONFIG.dampings),
-        "branches": figure_files("branches"),
-        "nonlinear_damping": [
-            *figure_files("nonlinear_damping"),
-            "results/nonlinear_damping.csv",
-        ],
-        "analytic_method": [
-            *figure_files("analytic_method"),
-            *figure_files("harmonic_balance"),
-        ],
-        "models": [*figure_files("models"), "results/models.csv"] if CONFIG.scenes else [],
-        "parametric_resonance": [
-            *figure_files("parametric_resonance"),
-            "results/parametric_resonance.txt",
-        ],
-        "stability_chart": figure_files("stability_chart"),
-        "failures": figure_files("failures"),
-        "work_precision": [
-            *figure_files("work_precision_evaluations"),
-            *figure_files("work_precision_measures"),
-            *figure_files("work_precision_time"),
-            "results/work_precision.csv",
-        ],
-        "steady_orbits": [
-            *figure_files("steady_orbits"),
-            *figure_files("steady_orbits_time"),
-        ],
-        "jump_by_method": [*figure_files("jump_by_method"), "results/jump_by_method.csv"],
-        "published": [path for name in PUBLISHED for path in figure_files(f"published_{name}")],
-        "basins": figure_files("basins"),
-        "bifurcation": figure_files("bifurcation"),
-        "poincare": figure_files("poincare"),
+        "nonlinear_damping": ["results/nonlinear_damping.csv"],
+        "models": ["results/models.csv"],
+        "parametric_resonance": ["results/tables/parametric_resonance.html"],
+        "work_precision": ["results/work_precision.csv"],
+        "jump_by_method": ["results/jump_by_method.csv"],
         "claims": ["results/claims.csv", "results/claims.md"],
         "report_page": ["results/report/index.html"],
     }
-
-
-def target_files():
-    """Return the files that the configuration asks for."""
-    files = files_by_target()
-    return [path for target in CONFIG.targets for path in files[target]]
-
-
-def paper_files():
-    """Return the files of the paper's figures and statements."""
-    files = files_by_target()
-    return [path for target in PAPER_TARGETS for path in files[target]]
+    wanted = [name for name in targets if name != "models" or CONFIG.scenes]
+    return [path for name in wanted for path in drawn(name) + beside.get(name, [])]
 
 
 def phase_plane_shards():

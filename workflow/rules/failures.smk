@@ -36,23 +36,3 @@ rule gather_failures:
         "../envs/gearlib.yaml"
     script:
         "../scripts/gather_failures.py"
-
-
-rule draw_failures:
-    input:
-        dataset=rules.gather_failures.output.dataset,
-        sources=script_sources("draw_failures"),
-    output:
-        figure("failures", "Failures: difficult problems against methods", METHODS),
-    log:
-        "results/logs/draw_failures.log",
-    benchmark:
-        "results/benchmarks/draw_failures.tsv"
-    threads: 1
-    params:
-        dpi=CONFIG.figures.dpi,
-        absent=absent([trial.method for trial in CONFIG.failures.trials]),
-    conda:
-        "../envs/gearlib.yaml"
-    script:
-        "../scripts/draw_failures.py"

@@ -22,25 +22,6 @@ rule basins:
         "../scripts/basins.py"
 
 
-rule draw_basins:
-    input:
-        dataset=rules.basins.output.dataset,
-        sources=script_sources("draw_basins"),
-    output:
-        figure("basins", "Basins of attraction", EXPLANATIONS),
-    log:
-        "results/logs/draw_basins.log",
-    benchmark:
-        "results/benchmarks/draw_basins.tsv"
-    threads: 1
-    params:
-        dpi=CONFIG.figures.dpi,
-    conda:
-        "../envs/gearlib.yaml"
-    script:
-        "../scripts/draw_basins.py"
-
-
 rule bifurcation:
     input:
         kernels=rules.compile_kernels.output.stamp,
@@ -87,27 +68,6 @@ rule bifurcation_branches:
         "../scripts/branches.py"
 
 
-rule draw_bifurcation:
-    input:
-        diagram=rules.bifurcation.output.diagram,
-        branches=rules.bifurcation_branches.output.dataset,
-        shares=rules.bifurcation.output.shares,
-        sources=script_sources("draw_bifurcation"),
-    output:
-        figure("bifurcation", "Bifurcation diagram, exponents, shares of the basins", EXPLANATIONS),
-    log:
-        "results/logs/draw_bifurcation.log",
-    benchmark:
-        "results/benchmarks/draw_bifurcation.tsv"
-    threads: 1
-    params:
-        dpi=CONFIG.figures.dpi,
-    conda:
-        "../envs/gearlib.yaml"
-    script:
-        "../scripts/draw_bifurcation.py"
-
-
 rule poincare:
     input:
         kernels=rules.compile_kernels.output.stamp,
@@ -126,22 +86,3 @@ rule poincare:
         "../envs/gearlib.yaml"
     script:
         "../scripts/poincare.py"
-
-
-rule draw_poincare:
-    input:
-        dataset=rules.poincare.output.dataset,
-        sources=script_sources("draw_poincare"),
-    output:
-        figure("poincare", "Poincaré sections", EXPLANATIONS),
-    log:
-        "results/logs/draw_poincare.log",
-    benchmark:
-        "results/benchmarks/draw_poincare.tsv"
-    threads: 1
-    params:
-        dpi=CONFIG.figures.dpi,
-    conda:
-        "../envs/gearlib.yaml"
-    script:
-        "../scripts/draw_poincare.py"

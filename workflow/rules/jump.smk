@@ -20,23 +20,3 @@ rule jump:
         "../envs/gearlib.yaml"
     script:
         "../scripts/jump.py"
-
-
-rule draw_jump:
-    input:
-        dataset=rules.jump.output.dataset,
-        sources=script_sources("draw_jump"),
-    output:
-        figure("fig6_jump", "Beside Fig. 6: what moves the jump from rest", EXPLANATIONS),
-    log:
-        "results/logs/draw_jump.log",
-    benchmark:
-        "results/benchmarks/draw_jump.tsv"
-    threads: 1
-    params:
-        dpi=CONFIG.figures.dpi,
-        marked=canonical(CONFIG.jump.marked),
-    conda:
-        "../envs/gearlib.yaml"
-    script:
-        "../scripts/draw_jump.py"

@@ -39,24 +39,3 @@ rule jump_by_method_table:
         "../envs/gearlib.yaml"
     script:
         "../scripts/jump_by_method_table.py"
-
-
-rule draw_jump_by_method:
-    input:
-        jumps=jump_by_method_files(),
-        sources=script_sources("draw_jump_by_method"),
-    output:
-        figure("jump_by_method", "Jump from rest by method", METHODS),
-    log:
-        "results/logs/draw_jump_by_method.log",
-    benchmark:
-        "results/benchmarks/draw_jump_by_method.tsv"
-    threads: 1
-    params:
-        dpi=CONFIG.figures.dpi,
-        marked=canonical(CONFIG.jump.marked),
-        absent=absent(CONFIG.jump_by_method.methods),
-    conda:
-        "../envs/gearlib.yaml"
-    script:
-        "../scripts/draw_jump_by_method.py"

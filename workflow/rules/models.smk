@@ -40,22 +40,3 @@ rule model_table:
         "../envs/gearlib.yaml"
     script:
         "../scripts/model_table.py"
-
-
-rule draw_models:
-    input:
-        comparisons=[f"results/models/{name}.nc" for name in CONFIG.scenes],
-        sources=script_sources("draw_models"),
-    output:
-        figure("models", "Models: what larger ones would change", EXPLANATIONS),
-    log:
-        "results/logs/draw_models.log",
-    benchmark:
-        "results/benchmarks/draw_models.tsv"
-    threads: 1
-    params:
-        dpi=CONFIG.figures.dpi,
-    conda:
-        "../envs/gearlib.yaml"
-    script:
-        "../scripts/draw_models.py"

@@ -39,22 +39,3 @@ rule nonlinear_damping_table:
         "../envs/gearlib.yaml"
     script:
         "../scripts/nonlinear_damping_table.py"
-
-
-rule draw_nonlinear_damping:
-    input:
-        studies=nonlinear_damping_files(),
-        sources=script_sources("draw_nonlinear_damping"),
-    output:
-        figure("nonlinear_damping", "Nonlinear damping of equal work", EXPLANATIONS),
-    log:
-        "results/logs/draw_nonlinear_damping.log",
-    benchmark:
-        "results/benchmarks/draw_nonlinear_damping.tsv"
-    threads: 1
-    params:
-        dpi=CONFIG.figures.dpi,
-    conda:
-        "../envs/gearlib.yaml"
-    script:
-        "../scripts/draw_nonlinear_damping.py"

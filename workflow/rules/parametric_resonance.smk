@@ -1,4 +1,4 @@
-"""Parametric resonance: the chart, the tongues of the dampings, and the picture of both."""
+"""Parametric resonance: the chart, and the tongues of the dampings."""
 
 
 rule parametric_resonance:
@@ -44,26 +44,22 @@ rule tongues:
         "../scripts/tongues.py"
 
 
-rule draw_parametric_resonance:
+rule parametric_resonance_page:
     input:
-        chart=rules.parametric_resonance.output.dataset,
-        tongues=rules.tongues.output.dataset,
-        sources=script_sources("draw_parametric_resonance"),
+        sentence=rules.tongues.output.sentence,
+        sources=script_sources("text_page"),
     output:
-        pictures=figure("parametric_resonance", "Parametric resonance: tongues", EXPLANATIONS),
         page=table_page(
             "parametric_resonance",
             "Parametric resonance: the tuning in question, in words",
             EXPLANATIONS,
         ),
     log:
-        "results/logs/draw_parametric_resonance.log",
+        "results/logs/parametric_resonance_page.log",
     benchmark:
-        "results/benchmarks/draw_parametric_resonance.tsv"
+        "results/benchmarks/parametric_resonance_page.tsv"
     threads: 1
-    params:
-        dpi=CONFIG.figures.dpi,
     conda:
         "../envs/gearlib.yaml"
     script:
-        "../scripts/draw_parametric_resonance.py"
+        "../scripts/text_page.py"

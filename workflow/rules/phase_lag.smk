@@ -20,22 +20,3 @@ rule phase_lag:
         "../envs/gearlib.yaml"
     script:
         "../scripts/phase_lag.py"
-
-
-rule draw_phase_lag:
-    input:
-        dataset=rules.phase_lag.output.dataset,
-        sources=script_sources("draw_phase_lag"),
-    output:
-        figure("fig2_phase_shift", "Fig. 2: phase lag, material damping", PAPER),
-    log:
-        "results/logs/draw_phase_lag.log",
-    benchmark:
-        "results/benchmarks/draw_phase_lag.tsv"
-    threads: 1
-    params:
-        dpi=CONFIG.figures.dpi,
-    conda:
-        "../envs/gearlib.yaml"
-    script:
-        "../scripts/draw_phase_lag.py"

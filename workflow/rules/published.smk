@@ -19,25 +19,3 @@ rule published:
         "../envs/gearlib.yaml"
     script:
         "../scripts/published.py"
-
-
-rule draw_published:
-    input:
-        **rules.published.output,
-        sources=script_sources("draw_published"),
-    output:
-        **{
-            name: figure(f"published_{name}", label, PUBLISHED_PART)
-            for name, label in PUBLISHED.items()
-        },
-    log:
-        "results/logs/draw_published.log",
-    benchmark:
-        "results/benchmarks/draw_published.tsv"
-    threads: 1
-    params:
-        dpi=CONFIG.figures.dpi,
-    conda:
-        "../envs/gearlib.yaml"
-    script:
-        "../scripts/draw_published.py"

@@ -21,23 +21,3 @@ rule scene:
         "../envs/gearlib.yaml"
     script:
         "../scripts/scene.py"
-
-
-rule draw_scene:
-    input:
-        dataset=rules.scene.output.dataset,
-        sources=script_sources("draw_scene"),
-    output:
-        figure("{scene}", label_of_scene, PAPER, caption="scene"),
-    log:
-        "results/logs/draw_scene/{scene}.log",
-    benchmark:
-        "results/benchmarks/draw_scene/{scene}.tsv"
-    threads: 1
-    params:
-        look=look_of,
-        dpi=CONFIG.figures.dpi,
-    conda:
-        "../envs/gearlib.yaml"
-    script:
-        "../scripts/draw_scene.py"

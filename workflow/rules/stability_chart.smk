@@ -21,22 +21,3 @@ rule stability_chart:
         "../envs/gearlib.yaml"
     script:
         "../scripts/stability_chart.py"
-
-
-rule draw_stability_chart:
-    input:
-        dataset=rules.stability_chart.output.dataset,
-        sources=script_sources("draw_stability_chart"),
-    output:
-        figure("stability_chart", "Numerical stability of fixed steps", METHODS),
-    log:
-        "results/logs/draw_stability_chart.log",
-    benchmark:
-        "results/benchmarks/draw_stability_chart.tsv"
-    threads: 1
-    params:
-        dpi=CONFIG.figures.dpi,
-    conda:
-        "../envs/gearlib.yaml"
-    script:
-        "../scripts/draw_stability_chart.py"
