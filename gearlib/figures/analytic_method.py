@@ -19,7 +19,7 @@ _LIMITS = (0.01, 10.0)
 
 
 def draw(data):
-    """Draw both figures of `gearlib.studies.analytic_method.compute`; return them by their names."""
+    """Draw both figures of `gearlib.studies.analytic_method`; return them by their names."""
     return {"analytic_method": draw_convergence(data), "harmonic_balance": draw_harmonics(data)}
 
 

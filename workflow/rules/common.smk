@@ -1,8 +1,8 @@
 """What the rules share: the checked configuration, and names of files and parameters.
 
 Rules see the configuration through these functions only: a job's `params` hold exactly the
-values that it uses, as JSON texts with sorted keys, so that order and spelling of numbers in
-config.yaml (2 or 2.0) rerun nothing.
+values that it uses, with sorted keys, so that order and spelling of numbers in config.yaml (2 or
+2.0) rerun nothing.
 """
 
 import json
@@ -134,10 +134,10 @@ def label_of_scene(wildcards):
 def resonance_shards():
     """Return the files of all windows of the resonance characteristic."""
     return [
-        f"results/resonance/{damping}/{direction}/{tunings.label(first)}-{tunings.label(last)}.nc"
+        f"results/resonance/{damping}/{direction}/{tunings.name_of(*window)}.nc"
         for damping in CONFIG.dampings
         for direction in CONFIG.resonance.directions
-        for first, last in CONFIG.resonance.windows(direction)
+        for window in CONFIG.resonance.windows(direction)
     ]
 
 
@@ -238,26 +238,20 @@ def target_files(targets):
 def phase_plane_shards():
     """Return the files of all phase planes."""
     return [
-        f"results/phase_planes/{damping}/{tunings.label(tuning)}.nc"
+        f"results/phase_planes/{damping}/{tunings.name_of(tuning)}.nc"
         for damping in CONFIG.dampings
         for tuning in CONFIG.phase_planes.tunings
     ]
 
 
 def canonical(value):
-    """Return a value as the JSON text that stands for it in `params`."""
-    return json.dumps(value, sort_keys=True)
+    """Return a value as it stands in `params`: Snakemake compares texts, in which order counts."""
+    return json.loads(json.dumps(value, sort_keys=True))
 
 
 def pair_of(wildcards):
     """Return the parameters of the gear pair with the damping of a job."""
     return canonical(CONFIG.pair_parameters(wildcards.damping))
-
-
-def window_of(wildcards):
-    """Return first tuning, last tuning and step of a job."""
-    first, last = map(float, wildcards.window.split("-"))
-    return canonical([first, last, CONFIG.resonance.step])
 
 
 def run_length():

@@ -33,7 +33,7 @@ rule sweep_window:
     threads: 1
     params:
         pair=pair_of,
-        window=window_of,
+        step=CONFIG.resonance.step,
         run=canonical(run_length()),
     conda:
         "../envs/gearlib.yaml"

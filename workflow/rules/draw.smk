@@ -15,10 +15,10 @@ class Drawing(NamedTuple):
     figures: dict
     #: Part of the report.
     part: str
-    #: Its other arguments, as JSON or as a function of the wildcards.
-    settings: object = "{}"
-    #: Methods that a note calls left out, as JSON.
-    absent: str = "[]"
+    #: Its other arguments, or a function that returns them for the wildcards.
+    settings: object = {}
+    #: Methods that a note calls left out.
+    absent: list = []
     #: Target of the configuration, where it has another name.
     target: str = ""
     #: What tells its jobs apart.

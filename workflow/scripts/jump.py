@@ -1,7 +1,5 @@
 """Compute the jump of the motion from rest and its variations."""
 
-import json
-
 from joblog import redirect_output
 from gearlib.data import storage
 from gearlib.studies import jump
@@ -9,11 +7,11 @@ from gearlib.tunings import grid
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])
-    settings = json.loads(snakemake.params.settings)
+    settings = snakemake.params.settings
     dataset = jump.compute(
-        json.loads(snakemake.params.pair),
+        snakemake.params.pair,
         grid(settings["start"], settings["stop"], settings["step"]),
         settings,
-        json.loads(snakemake.params.run),
+        snakemake.params.run,
     )
     storage.write(dataset, snakemake.output.dataset)

@@ -1,7 +1,5 @@
 """Compute the jump of the motion from rest by one method."""
 
-import json
-
 from joblog import redirect_output
 from gearlib.data import storage
 from gearlib.studies.trials import jump_by_method
@@ -9,15 +7,15 @@ from gearlib.tunings import grid
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])
-    settings = json.loads(snakemake.params.settings)
+    settings = snakemake.params.settings
     scans = [
         grid(part["start"], part["stop"], part["step"]) for part in (settings, settings["slow"])
     ]
     dataset = jump_by_method.compute(
         snakemake.wildcards.method,
-        json.loads(snakemake.params.pair),
+        snakemake.params.pair,
         *scans,
         settings,
-        json.loads(snakemake.params.run),
+        snakemake.params.run,
     )
     storage.write(dataset, snakemake.output.dataset)

@@ -1,7 +1,5 @@
 """Compute one model of the study of nonlinear damping."""
 
-import json
-
 from joblog import redirect_output
 from gearlib.data import storage
 from gearlib.studies import nonlinear_damping
@@ -9,14 +7,14 @@ from gearlib.tunings import grid
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])
-    settings = json.loads(snakemake.params.settings)
+    settings = snakemake.params.settings
     dataset = nonlinear_damping.compute(
-        json.loads(snakemake.params.pair),
+        snakemake.params.pair,
         snakemake.wildcards.place,
         snakemake.wildcards.power,
         grid(settings["start"], settings["stop"], settings["step"]),
         settings,
-        json.loads(snakemake.params.run),
+        snakemake.params.run,
         snakemake.params.samples_per_period,
     )
     storage.write(dataset, snakemake.output.dataset)

@@ -1,7 +1,5 @@
 """Compute the chart of parametric resonance."""
 
-import json
-
 from joblog import redirect_output
 from gearlib.analysis.tongues import chart
 from gearlib.data import storage
@@ -9,7 +7,7 @@ from gearlib.tunings import grid
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])
-    settings = json.loads(snakemake.params.settings)
+    settings = snakemake.params.settings
     tunings = grid(*(settings.pop(key) for key in ("start", "stop", "step")))
-    dataset = chart.compute(json.loads(snakemake.params.pair), tunings, settings)
+    dataset = chart.compute(snakemake.params.pair, tunings, settings)
     storage.write(dataset, snakemake.output.dataset)

@@ -1,7 +1,5 @@
 """Compute the phase lag."""
 
-import json
-
 from joblog import redirect_output
 from gearlib.data import storage
 from gearlib.studies import phase_lag
@@ -24,8 +22,8 @@ def compute(pair, lag, samples_per_period):
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])
     dataset = compute(
-        json.loads(snakemake.params.pair),
-        json.loads(snakemake.params.lag),
+        snakemake.params.pair,
+        snakemake.params.lag,
         snakemake.params.samples_per_period,
     )
     storage.write(dataset, snakemake.output.dataset)

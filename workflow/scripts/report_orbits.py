@@ -1,7 +1,5 @@
 """Compute the ends of the motions from rest that the page of the report shows."""
 
-import json
-
 from joblog import redirect_output
 from gearlib.data import storage
 from gearlib.pages.report import orbits
@@ -10,9 +8,9 @@ from gearlib.tunings import grid
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])
     dataset = orbits.compute(
-        json.loads(snakemake.params.pairs),
-        grid(*json.loads(snakemake.params.tunings)),
-        json.loads(snakemake.params.run),
+        snakemake.params.pairs,
+        grid(*snakemake.params.tunings),
+        snakemake.params.run,
         snakemake.params.periods_shown,
     )
     storage.write(dataset, snakemake.output.dataset)

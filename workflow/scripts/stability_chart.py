@@ -1,7 +1,5 @@
 """Compute the chart of numerical stability."""
 
-import json
-
 from joblog import redirect_output
 from gearlib.data import storage
 from gearlib.studies.trials import stability
@@ -9,9 +7,9 @@ from gearlib.tunings import grid
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])
-    settings = json.loads(snakemake.params.settings)
+    settings = snakemake.params.settings
     dataset = stability.compute(
-        json.loads(snakemake.params.pair),
+        snakemake.params.pair,
         grid(settings["start"], settings["stop"], settings["step"]),
         grid(settings["start"], settings["stop"], settings["fine_step"]),
         settings["steps"],

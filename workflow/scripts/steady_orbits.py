@@ -1,7 +1,5 @@
 """Compute the errors and evaluations of settled orbits."""
 
-import json
-
 from joblog import redirect_output
 from gearlib.data import storage
 from gearlib.studies.trials import steady_orbits
@@ -11,7 +9,7 @@ if __name__ == "__main__":
     dataset = steady_orbits.errors(
         snakemake.params.methods,
         snakemake.params.problems,
-        json.loads(snakemake.params.pair),
-        json.loads(snakemake.params.settings),
+        snakemake.params.pair,
+        snakemake.params.settings,
     )
     storage.write(dataset, snakemake.output.dataset)

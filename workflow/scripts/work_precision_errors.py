@@ -1,7 +1,5 @@
 """Compute the errors and evaluations of one method on the test problems."""
 
-import json
-
 from joblog import redirect_output
 from gearlib.data import storage
 from gearlib.studies.trials import work_precision
@@ -11,8 +9,8 @@ if __name__ == "__main__":
     dataset = work_precision.errors(
         snakemake.wildcards.method,
         storage.read(snakemake.input.references),
-        json.loads(snakemake.params.pair),
-        json.loads(snakemake.params.six_degrees),
-        json.loads(snakemake.params.settings),
+        snakemake.params.pair,
+        snakemake.params.six_degrees,
+        snakemake.params.settings,
     )
     storage.write(dataset, snakemake.output.dataset)

@@ -1,7 +1,5 @@
 """Compute the references of the test problems."""
 
-import json
-
 from joblog import redirect_output
 from gearlib.data import storage
 from gearlib.studies.trials import references
@@ -10,8 +8,8 @@ if __name__ == "__main__":
     redirect_output(snakemake.log[0])
     dataset = references.compute(
         snakemake.params.problems,
-        json.loads(snakemake.params.pair),
-        json.loads(snakemake.params.six_degrees),
-        json.loads(snakemake.params.settings),
+        snakemake.params.pair,
+        snakemake.params.six_degrees,
+        snakemake.params.settings,
     )
     storage.write(dataset, snakemake.output.dataset)
