@@ -1,22 +1,16 @@
-"""The paper's analytic method and harmonic balance: computed and drawn."""
+"""The paper's analytic method and harmonic balance."""
 
 
-rule analytic_method:
+use rule job as analytic_method with:
+    pathvars:
+        job="analytic_method",
     input:
         kernels=rules.compile_kernels.output.stamp,
         sources=script_sources("analytic_method"),
     output:
         dataset="results/analytic_method.nc",
-    log:
-        "results/logs/analytic_method.log",
-    benchmark:
-        "results/benchmarks/analytic_method.tsv"
-    threads: 1
     params:
+        script="analytic_method",
         pair=canonical(CONFIG.pair_parameters(CONFIG.analytic_method.damping)),
         settings=canonical(CONFIG.analytic_method.model_dump()),
         run=canonical(run_length()),
-    conda:
-        "../envs/gearlib.yaml"
-    script:
-        "../scripts/analytic_method.py"

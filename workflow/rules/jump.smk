@@ -1,22 +1,16 @@
-"""Jump of the motion from rest, and what moves it: computed and drawn (beside Fig. 6)."""
+"""Jump of the motion from rest, and what moves it (beside Fig. 6)."""
 
 
-rule jump:
+use rule job as jump with:
+    pathvars:
+        job="jump",
     input:
         kernels=rules.compile_kernels.output.stamp,
         sources=script_sources("jump"),
     output:
         dataset="results/jump.nc",
-    log:
-        "results/logs/jump.log",
-    benchmark:
-        "results/benchmarks/jump.tsv"
-    threads: 1
     params:
+        script="jump",
         pair=canonical(CONFIG.pair_parameters(CONFIG.jump.damping)),
         settings=canonical(CONFIG.jump.model_dump(exclude={"marked"})),
         run=canonical(run_length()),
-    conda:
-        "../envs/gearlib.yaml"
-    script:
-        "../scripts/jump.py"

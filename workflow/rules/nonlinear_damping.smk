@@ -1,41 +1,30 @@
-"""Nonlinear damping: one job for each place and power, one figure."""
+"""Nonlinear damping: one job for each place and power, one table."""
 
 
-rule nonlinear_damping:
+use rule job as nonlinear_damping with:
+    pathvars:
+        job="nonlinear_damping/{place}_{power}",
     input:
         kernels=rules.compile_kernels.output.stamp,
         sources=script_sources("nonlinear_damping"),
     output:
         dataset="results/nonlinear_damping/{place}_{power}.nc",
-    log:
-        "results/logs/nonlinear_damping/{place}_{power}.log",
-    benchmark:
-        "results/benchmarks/nonlinear_damping/{place}_{power}.tsv"
-    threads: 1
     params:
+        script="nonlinear_damping",
         pair=canonical(CONFIG.gear_pair.model_dump()),
         settings=canonical(CONFIG.nonlinear_damping.model_dump()),
         run=canonical(run_length()),
         samples_per_period=CONFIG.run.samples_per_period,
-    conda:
-        "../envs/gearlib.yaml"
-    script:
-        "../scripts/nonlinear_damping.py"
 
 
-rule nonlinear_damping_table:
+use rule job as nonlinear_damping_table with:
+    pathvars:
+        job="nonlinear_damping_table",
     input:
         studies=nonlinear_damping_files(),
         sources=script_sources("nonlinear_damping_table"),
     output:
         csv="results/nonlinear_damping.csv",
         page=table_page("nonlinear_damping", "Nonlinear damping: table", EXPLANATIONS),
-    log:
-        "results/logs/nonlinear_damping_table.log",
-    benchmark:
-        "results/benchmarks/nonlinear_damping_table.tsv"
-    threads: 1
-    conda:
-        "../envs/gearlib.yaml"
-    script:
-        "../scripts/nonlinear_damping_table.py"
+    params:
+        script="nonlinear_damping_table",

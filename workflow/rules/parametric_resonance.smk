@@ -1,50 +1,40 @@
 """Parametric resonance: the chart, and the tongues of the dampings."""
 
 
-rule parametric_resonance:
+use rule job as parametric_resonance with:
+    pathvars:
+        job="parametric_resonance",
     input:
         sources=script_sources("parametric_resonance"),
         kernels=rules.compile_kernels.output.stamp,
     output:
         dataset="results/parametric_resonance.nc",
-    log:
-        "results/logs/parametric_resonance.log",
-    benchmark:
-        "results/benchmarks/parametric_resonance.tsv"
-    threads: 1
     params:
+        script="parametric_resonance",
         pair=canonical(CONFIG.gear_pair.model_dump()),
         settings=canonical(CONFIG.parametric_resonance.model_dump(exclude={"asked"})),
-    conda:
-        "../envs/gearlib.yaml"
-    script:
-        "../scripts/parametric_resonance.py"
 
 
-rule tongues:
+use rule job as tongues with:
+    pathvars:
+        job="tongues",
     input:
         sources=script_sources("tongues"),
         kernels=rules.compile_kernels.output.stamp,
     output:
         dataset="results/tongues.nc",
         sentence="results/parametric_resonance.txt",
-    log:
-        "results/logs/tongues.log",
-    benchmark:
-        "results/benchmarks/tongues.tsv"
-    threads: 1
     params:
+        script="tongues",
         pairs=canonical({name: CONFIG.pair_parameters(name) for name in CONFIG.dampings}),
         asked=CONFIG.parametric_resonance.asked,
         tunings=canonical([CONFIG.parametric_resonance.start, CONFIG.parametric_resonance.stop]),
         run=canonical(run_length()),
-    conda:
-        "../envs/gearlib.yaml"
-    script:
-        "../scripts/tongues.py"
 
 
-rule parametric_resonance_page:
+use rule job as parametric_resonance_page with:
+    pathvars:
+        job="parametric_resonance_page",
     input:
         sentence=rules.tongues.output.sentence,
         sources=script_sources("text_page"),
@@ -54,12 +44,5 @@ rule parametric_resonance_page:
             "Parametric resonance: the tuning in question, in words",
             EXPLANATIONS,
         ),
-    log:
-        "results/logs/parametric_resonance_page.log",
-    benchmark:
-        "results/benchmarks/parametric_resonance_page.tsv"
-    threads: 1
-    conda:
-        "../envs/gearlib.yaml"
-    script:
-        "../scripts/text_page.py"
+    params:
+        script="text_page",

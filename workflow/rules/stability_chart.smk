@@ -1,7 +1,9 @@
-"""Numerical stability of fixed-step methods: computed and drawn."""
+"""Numerical stability of fixed-step methods."""
 
 
-rule stability_chart:
+use rule job as stability_chart with:
+    pathvars:
+        job="stability_chart",
     input:
         kernels=rules.compile_kernels.output.stamp,
         sources=script_sources(
@@ -9,15 +11,7 @@ rule stability_chart:
         ),
     output:
         dataset="results/stability_chart.nc",
-    log:
-        "results/logs/stability_chart.log",
-    benchmark:
-        "results/benchmarks/stability_chart.tsv"
-    threads: 1
     params:
+        script="stability_chart",
         pair=canonical(CONFIG.pair_parameters(CONFIG.stability_chart.damping)),
         settings=canonical(CONFIG.stability_chart.model_dump()),
-    conda:
-        "../envs/gearlib.yaml"
-    script:
-        "../scripts/stability_chart.py"
