@@ -1,14 +1,15 @@
 """From tables of numbers to named datasets and files.
 
-==============  ========================================================
-module          responsibility
-==============  ========================================================
-``variables``   names, units and descriptions of every variable
-``summary``     from the summary table of the kernels to named variables
-``status``      how a run ended, and what to do when it could not go on
-``provenance``  what a dataset says of its own making
-``storage``     datasets to and from netCDF
-``files``       whole files or none
-``gathering``   shards of the workflow into one dataset per experiment
-==============  ========================================================
+==================  ========================================================
+module              responsibility
+==================  ========================================================
+``variables``       names, units and descriptions of every variable
+``contact_states``  flank lines, phases of contact and their codes
+``summary``         from the summary table of the kernels to named variables
+``status``          how a run ended, and what to do when it could not go on
+``provenance``      what a dataset says of its own making
+``storage``         datasets to and from netCDF
+``files``           whole files or none
+``gathering``       shards of the workflow into one dataset per experiment
+==================  ========================================================
 """

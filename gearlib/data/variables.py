@@ -4,8 +4,7 @@ All displacements are in static deflections F / C_s, all times are mesh phase (r
 velocities are dx/dtau; the scale variables lead to SI.
 """
 
-from gearlib.data import status
-from gearlib.models import contact_states
+from gearlib.data import contact_states, status
 
 #: name -> (CF units, long_name)
 DESCRIPTIONS = {
@@ -35,6 +34,24 @@ DESCRIPTIONS = {
     "bearing_force_z3": ("1", "force of the bearing of gear 3 across the line of action over load"),
     "bearing_force_y2": ("1", "force of the bearing of gear 2 along the line of action over load"),
     "bearing_force_z2": ("1", "force of the bearing of gear 2 across the line of action over load"),
+    # gear trains
+    "mesh": ("1", "name of the mesh"),
+    "body": ("1", "name of the body"),
+    "axis": ("1", "direction of the motion; rotation: as arc length on the base circle"),
+    "mesh_force": ("N", "static mesh force, negative on the coast side"),
+    "load_sharing": ("1", "mesh force over the mean of all meshes of the same central gear"),
+    "body_displacement": ("m", "static displacement of the body"),
+    "reference_phase": ("rad", "phase of the reference mesh"),
+    "mode": ("1", "number of the natural mode"),
+    "natural_frequency": ("Hz", "natural frequency at mean stiffness, all flanks in contact"),
+    "mode_kind": ("1", "kind of the natural mode"),
+    "mode_shape": ("1", "motion of the body in the natural mode, the largest of all 1"),
+    "strain_energy": ("1", "share of the mesh in the strain energy of the natural mode"),
+    "stiffness_order": ("1", "frequency of the stiffness over the reference mesh frequency"),
+    "modal_force": ("N", "amplitude of stiffness times static deflection on the shape of the mode"),
+    "phase_sum": ("1", "modal force over that of meshes all in phase"),
+    "excites": ("1", "whether the stiffness excites the natural mode at this order"),
+    "speed": ("min-1", "revolutions of the reference pinion"),
     # events
     "event_phase": ("rad", "mesh phase of the crossing of a flank line"),
     "event_from": ("1", "phase of contact before the event"),

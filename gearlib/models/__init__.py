@@ -8,6 +8,7 @@ module                responsibility
 ``pair``              `GearPair`: one pair of gears; the border between SI and ratios
 ``one_degree``        `OneDegreePair`: nonlinear damping, other stiffness, excitation
 ``six_degrees``       `SixDegreePair`: bearings, run-out, friction, moving backlash
+``trains``            `GearTrain`: any number of meshes; planetary trains, the reducer
 ``dead_zone``         `DeadZoneOscillator`: any oscillator between two elastic contacts
 ``with_pair``         what models that contain a `GearPair` offer of it
 ``oscillator``        the equation that all models of one degree share
@@ -15,6 +16,5 @@ module                responsibility
 ``stiffness``         mesh stiffness over one mesh period, Eq. (1) and (2)
 ``profiles``          rectangular, Fourier and tabulated mesh stiffness
 ``harmonics``         periodic functions of the mesh phase
-``contact_states``    flank lines, phases of contact and their codes
 ====================  =================================================================
 """

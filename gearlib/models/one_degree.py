@@ -6,7 +6,7 @@
 Eq. (3) of Hortel & Skuderova (2007) for one coordinate, the relative mesh displacement
 y = q + f(tau) of Eq. (4): rigid-body motion q of the flanks plus deviation f from the involute,
 whose inertia appears as a force. Contact (normal and inverse mesh) takes the material values of
-k, D2, D3, the backlash those of the oil; g(y) as in `gearlib.models.contact_states`.
+k, D2, D3, the backlash those of the oil; g(y) as in `gearlib.data.contact_states`.
 
 =============================  =========  =====================================================
 name                           symbol     unit

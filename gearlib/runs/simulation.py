@@ -7,10 +7,9 @@ import numpy as np
 import xarray as xr
 
 from gearlib import checks
-from gearlib.data import provenance, status, summary
+from gearlib.data import contact_states, provenance, status, summary
 from gearlib.data.variables import describe
 from gearlib.kernels import orbit
-from gearlib.models import contact_states
 from gearlib.runs.run_arguments import MAX_EVENTS, check_run, check_tuning
 
 _FIRST_EVENTS = 64

@@ -16,10 +16,10 @@ import xarray as xr
 
 from gearlib import checks
 from gearlib.data import provenance, status
+from gearlib.data.contact_states import FLAGS
 from gearlib.data.variables import describe
 from gearlib.integrators import choose
 from gearlib.kernels import orbit as columns
-from gearlib.models.contact_states import FLAGS
 from gearlib.runs.run_arguments import MAX_EVENTS, check_tuning
 from gearlib.runs.variational import rotation_free
 

@@ -1,0 +1,90 @@
+"""What a gear train has to be: its names known, its gears able to mesh, its torques in balance."""
+
+import math
+
+import numpy as np
+
+from gearlib import checks
+
+#: Relative difference of base pitches that is rounding of base radii.
+_PITCH = 1e-4
+
+
+def check_names(train):
+    """Refuse unknown names, and supports that a turning frame does not allow."""
+    for shaft in train.shafts:
+        for name in shaft.bodies:
+            checks.one_of("bodies of a shaft", name, train.body_names)
+    for mesh in train.meshes:
+        for side in ("pinion", "wheel"):
+            name = getattr(mesh, side)
+            checks.one_of(f"{side} of mesh {mesh.name}", name, train.body_names)
+        if mesh.pinion == mesh.wheel:
+            raise ValueError(
+                f"wheel of mesh {mesh.name} = {mesh.wheel!r} is not allowed: it must be "
+                "another body than the pinion"
+            )
+    for body in train.bodies:
+        if body.carrier is not None:
+            checks.one_of(f"carrier of body {body.name}", body.carrier, train.body_names)
+            if body.carrier == body.name or train.by_name[body.carrier].carrier is not None:
+                raise ValueError(
+                    f"carrier of body {body.name} = {body.carrier!r} is not allowed: it must "
+                    "be another body, which no carrier carries"
+                )
+        equal = all(
+            len(set(getattr(body, f"support_{name}"))) == 1 for name in ("stiffness", "damping")
+        )
+        if train.gyroscopic and body.carrier is None and not equal:
+            raise ValueError(
+                f"support_stiffness of body {body.name} = {body.support_stiffness!r} is not "
+                "allowed: it must be, as its damping, the same along x and y in a turning frame"
+            )
+
+
+def check_gears(train):
+    """Refuse gears that do not mesh, turn or fit together."""
+    for mesh in train.meshes:
+        pinion, wheel = train.by_name[mesh.pinion], train.by_name[mesh.wheel]
+        for body in (pinion, wheel):
+            if body.teeth is None:
+                raise ValueError(
+                    f"teeth of body {body.name} = None is not allowed: it must be an integer "
+                    f">= 3, because it is in mesh {mesh.name}"
+                )
+        pitches = [2.0 * math.pi * body.base_radius / body.teeth for body in (pinion, wheel)]
+        if abs(pitches[0] - pitches[1]) > _PITCH * max(pitches):
+            raise ValueError(
+                f"base_radius of body {wheel.name} = {wheel.base_radius!r} is not allowed: it "
+                f"must be {pinion.base_radius * wheel.teeth / pinion.teeth:.6g} to have the "
+                f"base pitch (module) of {pinion.name} in mesh {mesh.name}"
+            )
+        if mesh.internal and wheel.teeth <= pinion.teeth:
+            raise ValueError(
+                f"teeth of body {wheel.name} = {wheel.teeth!r} is not allowed: it must be more "
+                f"than the {pinion.teeth} of {pinion.name}, which meshes inside it"
+            )
+    train.phases  # noqa: B018 (refuses what does not turn or fit)
+
+
+def check_balance(train):
+    """Refuse what cannot move, has no mass or is driven away by its torques."""
+    if not train.structure.coordinates:
+        raise ValueError("bodies is not allowed: at least one of them must be able to move")
+    mass = train.structure.mass
+    if np.linalg.eigvalsh(mass)[0] <= 0.0:
+        raise ValueError("bodies is not allowed: every motion must have a mass")
+    load = train.structure.load
+    for motion in train.free_motions.T:
+        work = motion * load
+        if abs(work.sum()) > 1e-9 * np.abs(work).sum():
+            turned = [
+                body.name
+                for body, rows in zip(train.bodies, train.structure.motions, strict=True)
+                if np.abs(rows @ motion).max() > 1e-6 * np.abs(motion).max()
+            ]
+            raise ValueError(
+                f"torque of bodies {', '.join(turned)} is not allowed: they must balance on "
+                "the free rotation of the train, whose power is now "
+                f"{work.sum() / np.abs(work).sum():.3g} of that of the single torques"
+            )

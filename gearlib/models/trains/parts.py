@@ -1,0 +1,64 @@
+"""Parts of ready-made trains: gears by module and teeth, meshes by a `GearPair`."""
+
+import math
+
+from gearlib import checks
+from gearlib.models.pair import GearPair
+from gearlib.models.trains.elements import Mesh
+
+#: Of supports and shafts, s times their stiffness: choice, as in the trial of speed.
+STRUCTURAL_DAMPING = 1e-6
+#: In operation, rad.
+PRESSURE_ANGLE = math.radians(20.0)
+
+
+def mesh_of(pair, pinion, wheel, **more):
+    """Return a `Mesh` with the values of a `GearPair`."""
+    if not isinstance(pair, GearPair):
+        raise ValueError(f"pair = {pair!r} is not allowed: it must be a GearPair")
+    own = ("max_stiffness", "stiffness_ratio", "contact_ratio", "backlash", "material_damping")
+    values = {name: getattr(pair, name) for name in (*own, "backlash_damping")}
+    return Mesh(pinion=pinion, wheel=wheel, **(values | more))
+
+
+def gear(name, teeth, module, pressure_angle, reduced, mass, force):
+    """Return the parameters of a `Body`; `force` acts at the base circle."""
+    radius = base_radius(teeth, module, pressure_angle)
+    inertia = reduced * radius**2
+    torque = force * radius
+    return dict(
+        name=name, teeth=teeth, base_radius=radius, inertia=inertia, mass=mass, torque=torque
+    )
+
+
+def base_radius(teeth, module, pressure_angle):
+    """Return the base radius of a gear, m."""
+    return checks.finite_positive("module", module) * teeth / 2.0 * math.cos(pressure_angle)
+
+
+def gear_masses(pair, first, second, *others):
+    """Return I / r^2 in proportion to z^2, the first two gears with the reduced mass of a pair."""
+    if not isinstance(pair, GearPair):
+        raise ValueError(f"pair = {pair!r} is not allowed: it must be a GearPair")
+    unit = pair.reduced_mass * (1.0 / first**2 + 1.0 / second**2)
+    return [unit * z**2 for z in (first, second, *others)]
+
+
+def support(stiffness, structural_damping):
+    damping = damping_of(stiffness, structural_damping)
+    return dict(support_stiffness=stiffness, support_damping=damping)
+
+
+def damping_of(stiffness, structural_damping):
+    return 0.0 if stiffness == math.inf else structural_damping * stiffness
+
+
+def teeth_of(teeth, count):
+    values = many("teeth", teeth, count)
+    return [checks.integer(f"teeth[{i}]", z, 3) for i, z in enumerate(values)]
+
+
+def many(name, values, count):
+    if not isinstance(values, (tuple, list)) or len(values) != count:
+        raise ValueError(f"{name} = {values!r} is not allowed: it must be {count} values")
+    return list(values)

@@ -1,0 +1,147 @@
+"""The paper's machine, its Fig. 1 a: three double satellites between two central gears.
+
+Hortel & Skuderova, Engineering Mechanics 14 (2007) 91-104, name a pseudoplanetary reducer with
+three double satellites and split power flow; they print no number of it beyond those of one mesh.
+All others are choices, stated here:
+
+* teeth 24 : 36 in the first stage, 24 : 36 (external) or 24 : 84 (internal second central gear) in
+  the second, of one module of 4 mm: equal centre distances, the branches in phase, and three
+  periods of the first mesh to two of the second;
+* the pair of the paper, `GearPair`, as every mesh: its load on each first mesh, its reduced mass as
+  that of the first mesh without its neighbours, with I / r^2 in proportion to z^2, and gears twice
+  as heavy, 2 I / r^2, as discs are;
+* shafts of 1e6 N m/rad, steel of 60 mm diameter and 100 mm length;
+* bearings of 1e9 N/m for all gears, some three times as stiff as a mesh.
+"""
+
+import math
+
+from gearlib import checks
+from gearlib.models.trains.elements import Body, Shaft
+from gearlib.models.trains.parts import (
+    PRESSURE_ANGLE,
+    STRUCTURAL_DAMPING,
+    base_radius,
+    gear,
+    gear_masses,
+    many,
+    mesh_of,
+    support,
+    teeth_of,
+)
+from gearlib.models.trains.train import GearTrain
+
+
+def split_power_reducer(
+    pair,
+    *,
+    branches=3,
+    teeth=None,
+    internal=False,
+    modules=(0.004, 0.004),
+    pressure_angle=PRESSURE_ANGLE,
+    reduced_inertias=None,
+    masses=None,
+    shaft_stiffness=1e6,
+    support_stiffness=1e9,
+    structural_damping=STRUCTURAL_DAMPING,
+    pin_errors=None,
+    backlashes=None,
+    **options,
+):
+    """Return the reducer with double satellites whose axes stand still in the housing.
+
+    Bodies are called ``input``, ``output``, ``satellite 1 a``, ``satellite 1 b``, ...; the meshes
+    of branch i ``first i`` (input and a) and ``second i`` (b and output).
+
+    Parameters
+    ----------
+    pair : GearPair
+        Every mesh; its load acts on each of the first stage.
+    branches : int, default 3
+        Double satellites, equally spaced.
+    teeth : 4 ints, optional
+        Of input, a, b and output; by default (24, 36, 24, 36), with internal output
+        (24, 36, 24, 84).
+    internal : bool, default False
+        Whether the output is a ring gear.
+    modules : pair of float
+        Of both stages, m.
+    pressure_angle : float
+        rad.
+    reduced_inertias, masses : 4 floats, optional
+        Of input, a, b and output, kg, see the module.
+    shaft_stiffness : float
+        Of every satellite's shaft against torsion, N m/rad.
+    support_stiffness : float
+        Of all axes, N/m; infinity: rigid.
+    structural_damping : float
+        Damping of supports and shafts over their stiffness, s.
+    pin_errors : sequence of pair of float, optional
+        By how much the axis of each satellite is misplaced, radial and tangential, m.
+    backlashes : sequence of pair of float, optional
+        Backlash of both meshes of each branch, m; by default that of the pair.
+    **options
+        Of `GearTrain`.
+
+    Raises
+    ------
+    ValueError
+        If a value is impossible or the two stages have different centre distances.
+    """
+    n = checks.integer("branches", branches, 1)
+    checks.one_of("internal", internal, (False, True))
+    z = teeth_of(teeth or ((24, 36, 24, 84) if internal else (24, 36, 24, 36)), 4)
+    sizes = [many("modules", modules, 2)[i // 2] for i in range(4)]
+    centres = sizes[0] * (z[0] + z[1]), sizes[2] * (z[3] - z[2] if internal else z[3] + z[2])
+    if abs(centres[0] - centres[1]) > 1e-9 * centres[0]:
+        raise ValueError(
+            f"teeth = {z!r} is not allowed: both stages must have one centre distance, and it is "
+            f"{centres[0] / 2.0:.6g} m in the first, {centres[1] / 2.0:.6g} m in the second"
+        )
+    reduced = reduced_inertias or gear_masses(pair, *z)
+    reduced = many("reduced_inertias", reduced, 4)
+    masses = many("masses", masses or [2.0 * value for value in reduced], 4)
+    errors = many("pin_errors", pin_errors or [(0.0, 0.0)] * n, n)
+    gaps = many("backlashes", backlashes or [(pair.backlash,) * 2] * n, n)
+    radii = [base_radius(z[i], sizes[i], pressure_angle) for i in range(4)]
+    # The satellites turn clockwise. They push an external output counterclockwise, against its
+    # load, and a ring gear clockwise.
+    out = n * pair.load * radii[1] / radii[2] * (1.0 if internal else -1.0)
+    bearing = support(support_stiffness, structural_damping)
+
+    def body(i, name, force, offset=(0.0, 0.0)):
+        values = gear(name, z[i], sizes[i], pressure_angle, reduced[i], masses[i], force)
+        return Body(**values, **bearing, offset=offset)
+
+    bodies = [body(0, "input", n * pair.load), body(3, "output", out)]
+    first, second, shafts = [], [], []
+    for i in range(n):
+        psi = 2.0 * math.pi * i / n
+        a, b = f"satellite {i + 1} a", f"satellite {i + 1} b"
+        radial, tangential = errors[i]
+        c, s = math.cos(psi), math.sin(psi)
+        offset = c * radial - s * tangential, s * radial + c * tangential
+        bodies += [body(1, a, 0.0, offset), body(2, b, 0.0, offset)]
+        common = dict(pressure_angle=pressure_angle)
+        first.append(
+            mesh_of(
+                pair, "input", a, name=f"first {i + 1}", position=psi, backlash=gaps[i][0], **common
+            )
+        )
+        second.append(
+            mesh_of(
+                pair,
+                b,
+                "output",
+                name=f"second {i + 1}",
+                internal=internal,
+                position=psi if internal else psi + math.pi,
+                direction=1 if internal else -1,
+                backlash=gaps[i][1],
+                **common,
+            )
+        )
+        damping = structural_damping * shaft_stiffness
+        shafts.append(Shaft(bodies=(a, b), stiffness=shaft_stiffness, damping=damping))
+    return GearTrain(bodies=bodies, meshes=first + second, shafts=shafts, **options)

@@ -1,0 +1,186 @@
+"""Static equilibrium of a train with gaps and errors: how the meshes share the load.
+
+In every mesh at most one of two conditions holds with a force, drive side or coast side,
+
+    P >= 0, d <= P / C, P (d - P / C) = 0        and the same for Q at the far flank:
+
+a linear complementarity problem. Its solutions are the minima of a convex, piecewise quadratic
+energy, so the forces are unique. Newton's method on the set of touching flanks, with an exact
+search along each step, ends after finitely many steps; what it returns is checked against all
+conditions.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import xarray as xr
+
+from gearlib.data.variables import describe
+from gearlib.models.trains.system import functionals
+
+_STEPS = 200
+#: Of the forces: residual of a solution, some thousand units of rounding.
+_BALANCED = 1e-10
+
+
+class Equilibrium(NamedTuple):
+    """A proven solution: n coordinates, m meshes."""
+
+    q: np.ndarray  #: m, shape (n,); no part in free motions
+    force: np.ndarray  #: N, of drive sides positive, of coast sides negative, shape (m,)
+    contact: np.ndarray  #: 1, 0, -1 as of `contact_states`, shape (m,)
+
+
+def equilibrium(train, phase=0.0):
+    """Return the `Equilibrium` under the stiffness, errors and run-out at a reference mesh phase.
+
+    Raises
+    ------
+    ValueError
+        If there is none: the load opens a mesh without a far flank for good.
+    """
+    frequencies, waves, constants = train.excitation
+    near, far = functionals(train, frequencies, waves, constants)
+    n = train.size // 2
+    excited = np.ones(near.shape[1] - 2 * n)
+    excited[1::2], excited[2::2] = np.cos(frequencies * phase), np.sin(frequencies * phase)
+    gaps = np.stack([far[:, 2 * n :], near[:, 2 * n :]]) @ excited * train.static_deflection
+    for j, mesh in enumerate(train.meshes):
+        if math.isinf(mesh.backlash):
+            gaps[0, j] = math.inf
+    stiffness = _levels(train, phase)
+    # In coordinates in which the linear train has unit stiffness; free motions take no part.
+    squares, shapes = train.linear_modes
+    basis = shapes / np.sqrt(squares)
+    lines = train.structure.lines @ basis
+    elastic, load = basis.T @ train.structure.stiffness @ basis, basis.T @ train.structure.load
+    a = _minimum(elastic, lines, stiffness, gaps, load)
+    if a is None:
+        raise ValueError(
+            "the train has no static equilibrium: its torques or errors open a mesh without a far "
+            "flank for good; a finite backlash would close"
+        )
+    distances = lines @ a + gaps
+    forces = _forces(stiffness, distances)
+    residual = elastic @ a + lines.T @ forces - load
+    scale = np.abs(load).sum() + (np.abs(lines.T) @ np.abs(forces)).sum()
+    if not np.abs(residual).max(initial=0.0) <= _BALANCED * max(scale, 1e-300):
+        raise ValueError("the static equilibrium is not found to rounding; no result")
+    contact = np.where(distances[1] >= 0.0, 1, np.where(distances[0] <= 0.0, -1, 0))
+    return Equilibrium(basis @ a, forces, contact.astype(np.int8))
+
+
+def static(train, phase=0.0):
+    """Return the load sharing of a train, see `GearTrain.static`."""
+    found = equilibrium(train, phase)
+    groups = branches(train)
+    shares = np.empty(found.force.size)
+    for group in set(groups):
+        own = np.array([other == group for other in groups])
+        total = found.force[own].sum()
+        shares[own] = found.force[own] * own.sum() / total if total else math.nan
+    dataset = xr.Dataset(
+        {
+            "mesh_force": ("mesh", found.force),
+            "contact": ("mesh", found.contact),
+            "load_sharing": ("mesh", shares),
+            "body_displacement": (("body", "axis"), train.structure.motions @ found.q),
+            "reference_phase": ((), float(phase)),
+        },
+        coords={
+            "mesh": list(train.mesh_names),
+            "body": list(train.body_names),
+            "axis": ["x", "y", "rotation"],
+        },
+        attrs={"title": "Static equilibrium of a gear train"},
+    )
+    return describe(dataset)
+
+
+def branches(train):
+    """Return the branch group of every mesh: of meshes that share a pinion or a wheel, one."""
+    pinions = [mesh.pinion for mesh in train.meshes]
+    wheels = [mesh.wheel for mesh in train.meshes]
+    groups = []
+    for mesh in train.meshes:
+        if pinions.count(mesh.pinion) > 1:
+            groups.append(("pinion", mesh.pinion))
+        elif wheels.count(mesh.wheel) > 1:
+            groups.append(("wheel", mesh.wheel))
+        else:
+            groups.append(("mesh", mesh.name))
+    return groups
+
+
+def _levels(train, phase):
+    """Return the stiffness of coast and drive sides at a phase, N/m, shape (2, m)."""
+    stretches = train.stretches
+    tau = phase % (2.0 * math.pi * train.repeats)
+    segment = np.searchsorted(stretches.starts, tau, side="right") - 1
+    low = stretches.low[:, min(segment, stretches.starts.size - 2)]
+    largest = np.array([mesh.max_stiffness for mesh in train.meshes])
+    return largest * np.where(low, [mesh.stiffness_ratio for mesh in train.meshes], 1.0)
+
+
+def _forces(stiffness, distances):
+    """Return the forces of meshes, positive on the drive side; distances of (coast, drive)."""
+    coast, drive = distances
+    return np.where(drive >= 0.0, stiffness[1] * drive, 0.0) + np.where(
+        coast <= 0.0, stiffness[0] * np.minimum(coast, 0.0), 0.0
+    )
+
+
+def _minimum(elastic, lines, stiffness, gaps, load):
+    """Return the minimum of the energy, or None if it falls for ever."""
+    a = load.copy()
+    size = a.size
+    for _ in range(_STEPS):
+        distances = lines @ a + gaps
+        touching = stiffness * np.stack([distances[0] <= 0.0, distances[1] >= 0.0])
+        hessian = elastic + lines.T @ (touching.sum(axis=0)[:, None] * lines)
+        slope = elastic @ a + lines.T @ _forces(stiffness, distances) - load
+        if np.linalg.eigvalsh(hessian)[0] < 1e-11:
+            # A part is loose: a step that is long in its direction, for the search to cut.
+            hessian = hessian + 1e-9 * np.eye(size)
+        step = -np.linalg.solve(hessian, slope)
+        length = _search(elastic, lines, stiffness, gaps, load, a, step)
+        if length is None:
+            return None
+        a = a + length * step
+        scale = np.abs(load).max(initial=0.0) + np.abs(elastic @ a).max(initial=0.0)
+        distances = lines @ a + gaps
+        forces = _forces(stiffness, distances)
+        slope = elastic @ a + lines.T @ forces - load
+        scale += (np.abs(lines.T) @ np.abs(forces)).max(initial=0.0)
+        if np.abs(slope).max(initial=0.0) <= 1e-14 * size * scale:
+            break
+    return a
+
+
+def _search(elastic, lines, stiffness, gaps, load, a, step):
+    """Return where the energy along a step is least: its slope is piecewise linear and rises."""
+    distances, rates = lines @ a + gaps, lines @ step
+    with np.errstate(divide="ignore", invalid="ignore"):
+        breaks = -distances / rates
+    breaks = np.sort(breaks[np.isfinite(breaks) & (breaks > 0.0)])
+
+    def slope(t):
+        forces = _forces(stiffness, distances + t * rates)
+        return step @ (elastic @ (a + t * step) - load) + rates @ forces
+
+    before, value = 0.0, slope(0.0)
+    if value >= 0.0:
+        return 0.0
+    for t in breaks:
+        at = slope(t)
+        if at >= 0.0:
+            return before + (t - before) * value / (value - at)
+        before, value = t, at
+    # Beyond the last flank the slope is linear.
+    ahead = 2.0 * before + 1.0
+    at = slope(ahead)
+    rise = at - value
+    if rise <= 1e-13 * (abs(at) + abs(value)):
+        return None
+    return before - value * (ahead - before) / rise

@@ -1,0 +1,148 @@
+"""Matrices of a gear train in SI units: every element is a stiffness times a functional, twice.
+
+The axis of a body moves by (x, y) and the body turns by u = r theta; each is a functional of the
+coordinates q, so that rigid supports and rigid pins of a carrier need no coordinates. With the
+functionals f of supports, pins and shafts and b of the meshes
+
+    K = sum k f f^T,   D = sum d f f^T,   M = sum m (x x^T + y y^T) + I / r^2 u u^T,
+    d_j = b_j q + e_j(t),   b_j = e . (x, y)_pinion - e . (x, y)_wheel + u_pinion + u_wheel
+
+with e the direction of the line of action; for an internal mesh pinion and wheel change places and
+the arc length of the pinion counts less. In a frame that turns with its carrier by W there are also
+m (2 W (x y'^T ...) ...) and the damping of supports that stand still.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+
+class Structure(NamedTuple):
+    """The linear parts of a train: n coordinates, m meshes, b bodies."""
+
+    coordinates: tuple  #: names, (body, "x", "y" or "u")
+    motions: np.ndarray  #: x, y, u of every body as functionals, along fixed axes, (b, 3, n)
+    mass: np.ndarray  #: kg, shape (n, n)
+    stiffness: np.ndarray  #: of all but the meshes, N/m, shape (n, n)
+    damping: np.ndarray  #: N s/m, shape (n, n)
+    lines: np.ndarray  #: b_j, shape (m, n)
+    across: np.ndarray  #: the same across the line of action, of the axes only, shape (m, n)
+    arms: np.ndarray  #: by what an axis moves along the line: direction and sign, (m, 2, 2)
+    load: np.ndarray  #: N, shape (n,)
+    turning: np.ndarray  #: rate-dependent forces by unit of frame speed, kg, shape (n, n)
+    centrifugal: np.ndarray  #: stiffness by the square of the frame speed, kg, shape (n, n)
+    circulating: np.ndarray  #: stiffness by frame speed of supports at rest, N s/m, shape (n, n)
+    outward: np.ndarray  #: centrifugal load by the square of the frame speed, kg m, shape (n,)
+
+
+def structure(bodies, meshes, shafts):
+    """Return the `Structure`; `bodies` is a dict by name."""
+    coordinates = []
+    for body in bodies.values():
+        moves = [
+            (axis, math.isfinite(k)) for axis, k in zip("xy", body.support_stiffness, strict=True)
+        ]
+        moves.append(("u", math.isfinite(body.torsional_stiffness)))
+        coordinates += [(body.name, axis) for axis, free in moves if free]
+    n = len(coordinates)
+    own = {body: np.zeros((3, n)) for body in bodies}
+    for i, (name, axis) in enumerate(coordinates):
+        own[name]["xyu".index(axis), i] = 1.0
+    # Of a carried body: radial and tangential motion of its pin.
+    pins = {
+        name: _pin(body.angle, own[body.carrier]) for name, body in bodies.items() if body.carrier
+    }
+    motions = {}
+    mass, stiffness, damping = np.zeros((3, n, n))
+    turning, centrifugal, circulating = np.zeros((3, n, n))
+    load, outward = np.zeros((2, n))
+    for name, body in bodies.items():
+        rows = own[name]
+        supports = rows[:2].copy()
+        if name in pins:
+            supports -= pins[name]
+            for axis in range(2):
+                if math.isinf(body.support_stiffness[axis]):
+                    rows[axis] = pins[name][axis]
+        (x, y, u), r = rows, body.base_radius
+        m = body.mass or 0.0
+        mass += m * (np.outer(x, x) + np.outer(y, y)) + body.inertia / r**2 * np.outer(u, u)
+        turning += 2.0 * m * (np.outer(y, x) - np.outer(x, y))
+        centrifugal -= m * (np.outer(x, x) + np.outer(y, y))
+        for axis, row in enumerate(supports):
+            if math.isfinite(body.support_stiffness[axis]):
+                stiffness += body.support_stiffness[axis] * np.outer(row, row)
+                damping += body.support_damping[axis] * np.outer(row, row)
+        if body.carrier:
+            outward += m * bodies[body.carrier].base_radius * x
+        else:
+            c = body.support_damping
+            circulating += c[1] * np.outer(y, x) - c[0] * np.outer(x, y)
+        if math.isfinite(body.torsional_stiffness):
+            stiffness += body.torsional_stiffness / r**2 * np.outer(u, u)
+            damping += body.torsional_damping / r**2 * np.outer(u, u)
+        load += body.torque / r * u
+        motions[name] = np.stack([*_turned(rows[:2], body.angle if body.carrier else 0.0), u])
+    for shaft in shafts:
+        (xa, ya, ua), (xb, yb, ub) = (motions[name] for name in shaft.bodies)
+        ra, rb = (bodies[name].base_radius for name in shaft.bodies)
+        for row, k, d in (
+            (ua / ra - ub / rb, shaft.stiffness, shaft.damping),
+            (xa - xb, shaft.bending_stiffness, shaft.bending_damping),
+            (ya - yb, shaft.bending_stiffness, shaft.bending_damping),
+        ):
+            stiffness += k * np.outer(row, row)
+            damping += d * np.outer(row, row)
+    lines, across = np.zeros((2, len(meshes), n))
+    arms = np.zeros((len(meshes), 2, 2))
+    for j, mesh in enumerate(meshes):
+        pinion, wheel = motions[mesh.pinion], motions[mesh.wheel]
+        first, second = (wheel, pinion) if mesh.internal else (pinion, wheel)
+        e = np.array([math.cos(mesh.line), math.sin(mesh.line)])
+        arms[j] = (-e, e) if mesh.internal else (e, -e)
+        turn = -1.0 if mesh.internal else 1.0
+        lines[j] = e @ (first[:2] - second[:2]) + mesh.direction * (first[2] + turn * second[2])
+        across[j] = np.array([-e[1], e[0]]) @ (first[:2] - second[:2])
+    return Structure(
+        tuple(coordinates),
+        np.array(list(motions.values())),
+        mass,
+        stiffness,
+        damping,
+        lines,
+        across,
+        arms,
+        load,
+        turning,
+        centrifugal,
+        circulating,
+        outward,
+    )
+
+
+def _pin(angle, carrier):
+    """Return the radial and tangential motion of a pin on a carrier, shape (2, n)."""
+    radial, tangential = _turned(carrier[:2], -angle)
+    return np.stack([radial, tangential + carrier[2]])
+
+
+def _turned(rows, angle):
+    """Return the components along fixed axes of a motion along axes at an angle."""
+    c, s = math.cos(angle), math.sin(angle)
+    return np.stack([c * rows[0] - s * rows[1], s * rows[0] + c * rows[1]])
+
+
+def free_motions(stiffness, mass):
+    """Return the motions that no stiffness resists, shape (n, k), and the modes of all others.
+
+    Returns (free, squares, shapes): squared angular frequencies, shape (n - k,), and
+    mass-normalised shapes, (n, n - k).
+    """
+    root = np.linalg.cholesky(mass)
+    inverse = np.linalg.inv(root)
+    squares, vectors = np.linalg.eigh(inverse @ stiffness @ inverse.T)
+    shapes = inverse.T @ vectors
+    # Rounding of an eigenvalue is some n units in the last place of the largest.
+    rigid = squares <= 1e-13 * squares.size * max(squares[-1], 0.0)
+    return shapes[:, rigid], squares[~rigid], shapes[:, ~rigid]

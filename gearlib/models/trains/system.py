@@ -1,0 +1,171 @@
+"""From a train in SI units to the `TrainSystem` of the kernels, at one tuning.
+
+With lengths in static deflections, forces over the load, stiffness over C_s of the reference mesh
+and theta = Omega t the equation of motion is
+
+    M~ q'' + D~ q' + K~ q = f~ - sum_j (b_j P_j + b_j Q_j) - friction across the lines of action,
+
+M~ = M Omega^2 / C_s, D~ = D Omega / C_s, with the forces of `gearlib.models.six_degrees`
+
+    P = k_m d' + H1 (C d + (k - k_m) d'),    Q = H2 (C (d - s) + (k - k_m) (d - s)').
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from gearlib.kernels.piecewise_linear.system import REACH
+from gearlib.kernels.several_meshes.system import TrainSystem
+from gearlib.models import piecewise_linear
+
+
+class Scaled(NamedTuple):
+    """A train without dimensions, at one tuning: n coordinates."""
+
+    mass: np.ndarray
+    stiffness: np.ndarray
+    damping: np.ndarray
+    load: np.ndarray
+
+
+def scaled(train, tuning):
+    """Return the `Scaled` matrices without the meshes."""
+    s, unit, omega = train.structure, train.stiffness_scale, train.reference_angular_frequency
+    turn = float(train.speeds[train.reference_pinion.name])
+    frame = train.carrier_ratio * tuning * turn if train.gyroscopic else 0.0
+    mass = s.mass * (omega**2 / unit)
+    turning = s.turning * (omega**2 / unit * frame)
+    centrifugal = s.centrifugal * (omega**2 / unit * frame**2)
+    circulating = s.circulating * (omega / unit * frame)
+    outward = s.outward * (omega**2 * frame**2 / train.load)
+    return Scaled(
+        mass,
+        s.stiffness / unit + centrifugal + circulating,
+        s.damping * (omega / unit) + turning,
+        s.load / train.load + outward,
+    )
+
+
+def functionals(train, frequencies, waves, constants):
+    """Return (near, far), shape (m, n) each, in static deflections."""
+    lines = train.structure.lines
+    m, n = lines.shape
+    near = np.zeros((m, 2 * n + 1 + 2 * frequencies.size))
+    near[:, :n] = lines
+    far = near.copy()
+    unit = 1.0 / train.static_deflection
+    for side, functional in ((1, near), (0, far)):
+        functional[:, 2 * n] = constants[side] * unit
+        functional[:, 2 * n + 1 :] = waves[side] * unit
+    for j, mesh in enumerate(train.meshes):
+        if math.isfinite(mesh.backlash):
+            far[j, 2 * n] += mesh.backlash * unit
+        else:
+            far[j] = piecewise_linear.never(far.shape[1], 2 * n)
+    return near, far
+
+
+def train_system(train, tuning):
+    """Return the `TrainSystem` of a `GearTrain` at one tuning."""
+    frequencies, waves, constants = train.excitation
+    parts, stretches = scaled(train, tuning), train.stretches
+    inverse = np.linalg.inv(parts.mass)
+    lines = train.structure.lines
+    m, n = lines.shape
+    near, far = functionals(train, frequencies, waves, constants)
+    size = near.shape[1]
+    free = piecewise_linear.waves(size, 2 * n + 1, tuning * frequencies)
+    free[:n, n : 2 * n] = np.eye(n)
+    free[n : 2 * n, :n] = -inverse @ parts.stiffness
+    free[n : 2 * n, n : 2 * n] = -inverse @ parts.damping
+    free[n : 2 * n, 2 * n] = inverse @ parts.load
+    rate = train.reference_angular_frequency / train.stiffness_scale
+    # The rates of distances: the accelerations have no part in them.
+    speeds_near, speeds_far = near @ free, far @ free
+    film = np.array([mesh.backlash_damping for mesh in train.meshes]) * rate
+    for j in range(m):
+        free[n : 2 * n] -= np.outer(inverse @ lines[j], film[j] * speeds_near[j])
+
+    p = stretches.starts.size - 1
+    highest = max(_count(mesh) for mesh in train.meshes)
+    push, grip = np.zeros((2, m, highest, 2, size))
+    effect = np.zeros((3, p, m), dtype=np.int64)
+    stiffness = np.zeros((3, p, m))
+    low = np.stack([stretches.low[0], stretches.low[1], stretches.low[1]])
+    for j, mesh in enumerate(train.meshes):
+        levels = np.array([1.0, mesh.stiffness_ratio]) * mesh.max_stiffness / train.stiffness_scale
+        stiffness[:, :, j] = levels[low[:, :, j].astype(int)]
+        more = (mesh.material_damping - mesh.backlash_damping) * rate
+        senses = (1.0, -1.0) if any(mesh.friction) else (1.0,)
+        d = 1
+        for code, line, speed, mu in (
+            (2, near[j], speeds_near[j], mesh.friction[0]),
+            (0, far[j], speeds_far[j], mesh.friction[1]),
+        ):
+            if code == 0 and math.isinf(mesh.backlash):
+                continue
+            for level in range(2 if mesh.stiffness_ratio < 1.0 else 1):
+                for sense in senses:
+                    elastic = levels[level] * line
+                    push[j, d, 0, n : 2 * n] = -inverse @ lines[j]
+                    grip[j, d, 0] = elastic + more * speed
+                    push[j, d, 1, n : 2 * n] = -inverse @ train.structure.across[j]
+                    grip[j, d, 1] = mu * sense * elastic
+                    here = low[code, :, j] == bool(level)
+                    if len(senses) == 2:
+                        here &= stretches.sense[:, j] == sense
+                    effect[code, here, j] = d
+                    d += 1
+    return TrainSystem(
+        free,
+        near,
+        far,
+        push,
+        grip,
+        effect,
+        stiffness,
+        low,
+        stretches.starts,
+        stretches.first_segment,
+        _longest(train, parts, frequencies * tuning),
+        frequencies,
+        tuning,
+        train.repeats,
+    )
+
+
+def _count(mesh):
+    """Return how many effects a mesh has, the backlash included."""
+    sides = 1 if math.isinf(mesh.backlash) else 2
+    return 1 + sides * (2 if mesh.stiffness_ratio < 1.0 else 1) * (2 if any(mesh.friction) else 1)
+
+
+def _longest(train, parts, frequencies):
+    """Return the longest substep: REACH over a norm that no matrix of the train exceeds.
+
+    The norm is that of coordinates in which the mass is 1, with velocities over the highest natural
+    frequency: there stiffness and damping are symmetric, and all meshes in contact have the most.
+    """
+    lines, meshes = train.structure.lines, train.meshes
+    rate = train.reference_angular_frequency / train.stiffness_scale
+    stiffness, damping = parts.stiffness.copy(), parts.damping.copy()
+    rubbing = np.zeros_like(stiffness)
+    for j, mesh in enumerate(meshes):
+        most = max(mesh.material_damping, mesh.backlash_damping) * rate
+        upper = mesh.max_stiffness / train.stiffness_scale
+        stiffness += upper * np.outer(lines[j], lines[j])
+        damping += most * np.outer(lines[j], lines[j])
+        rubbing += (
+            max(mesh.friction) * upper * np.abs(np.outer(train.structure.across[j], lines[j]))
+        )
+    root = np.linalg.inv(np.linalg.cholesky(parts.mass))
+    n = root.shape[0]
+    k, d, f = (root @ a @ root.T for a in (stiffness, damping, rubbing))
+    highest = math.sqrt(max(np.linalg.norm(k, 2), 1e-300))
+    a = np.zeros((2 * n, 2 * n))
+    a[:n, n:] = highest * np.eye(n)
+    a[n:, :n] = -k / highest
+    a[n:, n:] = -d
+    norm = np.linalg.norm(a, 2) + np.linalg.norm(f, 2) / highest
+    return REACH / max(norm, np.abs(frequencies).max(initial=0.0))

@@ -1,0 +1,344 @@
+"""`GearTrain`: bodies, shafts and meshes as one piecewise-linear model."""
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from gearlib import checks
+from gearlib.models.model import Model
+from gearlib.models.trains import assembly, turning, waves
+from gearlib.models.trains.elements import Body, Mesh, Shaft
+from gearlib.models.trains.structure import free_motions, structure
+
+#: Of the static deflection where the reference mesh carries no load, m.
+_FALLBACK = 1e-6
+
+
+@dataclass(frozen=True, kw_only=True)
+class GearTrain(Model):
+    """Any number of gears in mesh, in SI units; immutable.
+
+    Parameters
+    ----------
+    bodies : sequence of Body
+    meshes : sequence of Mesh
+    shafts : sequence of Shaft, default none
+    reference : str, optional
+        Name of the mesh that sets scales, mesh phase and tuning; by default the first.
+    reference_frequency : float, optional
+        Hz, what the tuning is counted in; by default that of the elastic mode with the most strain
+        energy in the reference mesh, with mean stiffness and all flanks in contact.
+    carrier_ratio : float, default 0
+        Speed of the frame in which positions are given, over that of the reference pinion in this
+        frame; not 0 where a carrier turns.
+    gyroscopic : bool, default False
+        Whether the forces of the turning frame act on axes that can move.
+
+    Raises
+    ------
+    ValueError
+        If a value is impossible or the train cannot be assembled, turn, or stay in balance.
+    """
+
+    bodies: tuple
+    meshes: tuple
+    shafts: tuple = ()
+    reference: str | None = None
+    reference_frequency: float | None = None
+    carrier_ratio: float = 0.0
+    gyroscopic: bool = False
+
+    mathematics = {"exact": "several_meshes"}
+    free_rotation = True
+    title_noun = "a gear train"
+    references = (
+        "Lin, Parker: J. Vib. Acoust. 121 (1999) 316-321; "
+        "Hortel, Skuderova: Engineering Mechanics 14 (2007) 91-104"
+    )
+
+    def __post_init__(self):
+        for name, kind in (("bodies", Body), ("meshes", Mesh), ("shafts", Shaft)):
+            values = getattr(self, name)
+            least = 0 if name == "shafts" else 1
+            if (
+                not isinstance(values, (tuple, list))
+                or len(values) < least
+                or not all(isinstance(value, kind) for value in values)
+            ):
+                raise ValueError(
+                    f"{name} = {values!r} is not allowed: it must be a sequence of {kind.__name__}"
+                )
+            object.__setattr__(self, name, tuple(values))
+        for name in ("bodies", "meshes"):
+            names = [value.name for value in getattr(self, name)]
+            twice = next((one for one in names if names.count(one) > 1), None)
+            if twice is not None:
+                raise ValueError(
+                    f"{name} = {names!r} is not allowed: the name {twice!r} must occur once"
+                )
+        if self.reference is None:
+            object.__setattr__(self, "reference", self.meshes[0].name)
+        checks.one_of("reference", self.reference, self.mesh_names)
+        ratio = checks.number("carrier_ratio", self.carrier_ratio, "finite", math.isfinite)
+        object.__setattr__(self, "carrier_ratio", ratio)
+        checks.one_of("gyroscopic", self.gyroscopic, (False, True))
+        if self.reference_frequency is not None:
+            value = checks.finite_positive("reference_frequency", self.reference_frequency)
+            object.__setattr__(self, "reference_frequency", value)
+        assembly.check_names(self)
+        assembly.check_gears(self)
+        assembly.check_balance(self)
+
+    # What follows is computed once.
+
+    @property
+    def body_names(self):
+        """Names of the bodies."""
+        return tuple(body.name for body in self.bodies)
+
+    @property
+    def mesh_names(self):
+        """Names of the meshes."""
+        return tuple(mesh.name for mesh in self.meshes)
+
+    @cached_property
+    def by_name(self):
+        """Name -> `Body`."""
+        return {body.name: body for body in self.bodies}
+
+    @cached_property
+    def structure(self):
+        """The `Structure`: matrices in SI units."""
+        return structure(self.by_name, self.meshes, self.shafts)
+
+    @cached_property
+    def speeds(self):
+        """Name of a body -> its speed by reference mesh phase, a signed `Fraction`."""
+        return turning.speeds(self.by_name, self.meshes, self.shafts, self.reference)
+
+    @cached_property
+    def rates(self):
+        """Mesh frequencies over that of the reference mesh, `Fraction`."""
+        return tuple(
+            abs(self.speeds[mesh.pinion]) * self.by_name[mesh.pinion].teeth for mesh in self.meshes
+        )
+
+    @cached_property
+    def phases(self):
+        """Name of a mesh -> phase of its stiffness in its mesh periods."""
+        return turning.phases(self.by_name, self.meshes, self.shafts, self.reference, self.speeds)
+
+    @cached_property
+    def repeats(self):
+        """Reference mesh periods after which stiffness, deviations and run-out repeat."""
+        return waves.common_period(self)
+
+    @cached_property
+    def excitation(self):
+        """Deviations, run-out and errors, see `waves.excitation`."""
+        return waves.excitation(self)
+
+    @cached_property
+    def stretches(self):
+        """Segments of constant stiffness, see `waves.stretches`."""
+        drive = [self.phases[mesh.name] for mesh in self.meshes]
+        coast = [
+            g if mesh.inverse_phase is None else mesh.inverse_phase % 1.0
+            for g, mesh in zip(drive, self.meshes, strict=True)
+        ]
+        both = list(zip(coast, drive, strict=True))
+        return waves.stretches(self.meshes, self.rates, both, self.repeats)
+
+    @property
+    def size(self):
+        """Components that vary: coordinates and their rates."""
+        return 2 * len(self.structure.coordinates)
+
+    @cached_property
+    def mean_stiffness_matrix(self):
+        """Stiffness with all flanks in contact at mean stiffness, N/m."""
+        lines = self.structure.lines
+        means = np.array([mesh.mean_stiffness for mesh in self.meshes])
+        return self.structure.stiffness + lines.T @ (means[:, None] * lines)
+
+    @cached_property
+    def _linear(self):
+        return free_motions(self.mean_stiffness_matrix, self.structure.mass)
+
+    @property
+    def free_motions(self):
+        """Motions of the train that no stiffness resists, mass-normalised, shape (n, k)."""
+        return self._linear[0]
+
+    @cached_property
+    def linear_modes(self):
+        """(squared angular frequencies, mass-normalised shapes) of the elastic modes."""
+        return self._linear[1:]
+
+    @property
+    def reference_mesh(self):
+        """The `Mesh` that sets scales, phase and tuning."""
+        return self.meshes[self.mesh_names.index(self.reference)]
+
+    @property
+    def reference_pinion(self):
+        """The `Body` whose revolutions are counted."""
+        return self.by_name[self.reference_mesh.pinion]
+
+    @property
+    def stiffness_scale(self):
+        """Mean stiffness of the reference mesh, N/m."""
+        return self.reference_mesh.mean_stiffness
+
+    @cached_property
+    def static_deflection(self):
+        """Static force in the reference mesh over its mean stiffness, m; 1 um without load.
+
+        The force is that of the linear train: mean stiffness, all flanks in contact, no errors.
+        """
+        squares, shapes = self.linear_modes
+        deflection = shapes @ ((shapes.T @ self.structure.load) / squares)
+        lines = self.structure.lines
+        own = lines[self.mesh_names.index(self.reference)]
+        value = abs(own @ deflection)
+        largest = np.abs(shapes @ ((shapes.T @ np.abs(self.structure.load)) / squares)).max()
+        return float(value) if value > 1e-9 * largest else _FALLBACK
+
+    @property
+    def load(self):
+        """Static deflection times mean stiffness of the reference mesh, N."""
+        return self.static_deflection * self.stiffness_scale
+
+    @cached_property
+    def reference_angular_frequency(self):
+        """What the tuning is counted in, rad/s."""
+        if self.reference_frequency is not None:
+            return 2.0 * math.pi * self.reference_frequency
+        squares, shapes = self.linear_modes
+        own = self.structure.lines[self.mesh_names.index(self.reference)]
+        share = (own @ shapes) ** 2 / squares
+        # Modes of one frequency are one: in them the energy may lie in any direction.
+        together = [share[np.abs(squares - w) < 1e-6 * w].sum() for w in squares]
+        return math.sqrt(squares[int(np.argmax(np.array(together) > 0.999999 * max(together)))])
+
+    def mesh_frequency(self, tuning):
+        """Return the angular frequency of the reference mesh, rad/s (float or array)."""
+        return tuning * self.reference_angular_frequency
+
+    def scales(self):
+        """Return the scalar variables of datasets that depend on the train alone."""
+        return {
+            "static_deflection": self.static_deflection,
+            "force_scale": self.load,
+            "stiffness_scale": self.stiffness_scale,
+        }
+
+    def speed_scales(self, tuning):
+        """Return the variables of datasets that depend on the tuning (float or array)."""
+        frequency = self.mesh_frequency(tuning)
+        turns = frequency / (2.0 * math.pi) / self.reference_pinion.teeth
+        return {
+            "mesh_frequency": frequency,
+            "velocity_scale": self.static_deflection * frequency,
+            "acceleration_scale": self.static_deflection * frequency**2,
+            "speed": 60.0 * turns * abs(1.0 + self.carrier_ratio),
+        }
+
+    def damped(self):
+        """Return whether there is any damping on the way of the motion."""
+        meshes = any(mesh.material_damping or mesh.backlash_damping for mesh in self.meshes)
+        return meshes or bool(self.structure.damping.any())
+
+    def system(self, tuning):
+        """Return the `TrainSystem` of the kernels at one tuning."""
+        from gearlib.models.trains.system import train_system
+
+        return train_system(self, tuning)
+
+    def static(self, phase=0.0):
+        """Return how the meshes share the load at rest, with gaps and errors.
+
+        Parameters
+        ----------
+        phase : float, default 0
+            Of the reference mesh, rad: decides stiffness, deviations and run-out.
+
+        Returns
+        -------
+        xarray.Dataset
+            Over `mesh`: mesh_force (N), contact, load_sharing (force over the mean of the meshes of
+            the same central gear); over `body` and `axis`: body_displacement (m).
+
+        Raises
+        ------
+        ValueError
+            If there is no equilibrium.
+        """
+        from gearlib.models.trains.statics import static
+
+        return static(self, checks.number("phase", phase, "finite", math.isfinite))
+
+    def modes(self):
+        """Return the natural modes at mean stiffness, all flanks in contact.
+
+        Returns
+        -------
+        xarray.Dataset
+            Over `mode`: natural_frequency (Hz), mode_kind (rigid, rotational, translational,
+            satellite, other), mode_shape over body and axis, strain_energy over mesh.
+        """
+        from gearlib.models.trains.modes import modes
+
+        return modes(self)
+
+    def phasing(self, count=12):
+        """Return which harmonics of the mesh stiffness excite which modes.
+
+        Parameters
+        ----------
+        count : int, default 12
+            Highest order, over the reference mesh frequency.
+
+        Returns
+        -------
+        xarray.Dataset
+            Over `stiffness_order` and `mode`: modal_force, phase_sum (0: the phases cancel, 1: all
+            meshes in phase), excites.
+        """
+        from gearlib.models.trains.modes import phasing
+
+        return phasing(self, checks.integer("count", count, 1))
+
+    def start_state(self, initial_state, tuning):
+        """Return the state (q, dq/dtheta) at tau = 0, shape (size,).
+
+        Parameters
+        ----------
+        initial_state : pair of 0, "static", or array_like of float, shape (size,)
+            (0, 0): at rest, every flank just touching where there are no errors; "static": at
+            rest in static equilibrium under the stiffness at tau = 0.
+        tuning : float
+
+        Raises
+        ------
+        ValueError
+            If it is none of these.
+        """
+        if isinstance(initial_state, str):
+            checks.one_of("initial_state", initial_state, ("static",))
+            from gearlib.models.trains.statics import equilibrium
+
+            state = np.zeros(self.size)
+            state[: self.size // 2] = equilibrium(self).q / self.static_deflection
+            return state
+        state = np.asarray(initial_state, float)
+        if state.shape == (2,) and not state.any():
+            return np.zeros(self.size)
+        if state.shape != (self.size,) or not np.all(np.isfinite(state)):
+            raise ValueError(
+                f"initial_state = {initial_state!r} is not allowed: it must be (0, 0), 'static' or "
+                f"{self.size} finite numbers"
+            )
+        return state.copy()

@@ -1,0 +1,115 @@
+"""What drives a train over the phase of its reference mesh: stiffness levels, deviations, run-out.
+
+The stiffness of a mesh is at its upper level while its own phase rate tau - 2 pi g, g being its
+phase in mesh periods, lies within pi (epsilon - 1) of a whole period; `gearlib.models.stiffness`.
+"""
+
+import math
+from fractions import Fraction
+from typing import NamedTuple
+
+import numpy as np
+
+#: Boundaries that are closer in phase are one.
+_ONE = 1e-12
+
+
+class Stretches(NamedTuple):
+    """Segments of the common period in which no stiffness and no sliding changes."""
+
+    starts: np.ndarray  #: phases of the reference mesh, shape (p + 1,)
+    first_segment: np.ndarray  #: where each reference mesh period begins, shape (repeats + 1,)
+    low: np.ndarray  #: whether at the lower level, coast and drive side, shape (2, p, m)
+    sense: np.ndarray  #: of the sliding, 1 or -1, shape (p, m)
+
+
+def stretches(meshes, rates, phases, repeats):
+    """Return the `Stretches`; `rates` and `phases` (coast, drive) by mesh, m each."""
+    whole = 2.0 * math.pi
+    cuts = [whole * k for k in range(repeats + 1)]
+    for mesh, rate, shifts in zip(meshes, rates, phases, strict=True):
+        local = set()
+        if mesh.varies:
+            half = (mesh.contact_ratio - 1.0) / 2.0
+            local |= {(g + side) for g in shifts for side in (half, -half)}
+        if any(mesh.friction):
+            turn = shifts[1] + mesh.pitch_phase / whole
+            local |= {turn, turn + 0.5}
+        # A cut at c mesh periods comes back every mesh period.
+        count = int(repeats * rate)
+        cuts += [whole * float((c % 1.0 + k) / rate) for c in local for k in range(count)]
+    ordered = sorted(cuts)
+    kept = [0.0]
+    marks = {whole * k for k in range(repeats + 1)}
+    for cut in ordered[1:]:
+        if cut - kept[-1] > _ONE:
+            kept.append(cut)
+        elif cut in marks:
+            kept[-1] = cut
+    starts = np.array(kept)
+    if starts[-1] - whole * repeats > -_ONE:
+        starts[-1] = whole * repeats
+    middle = (starts[:-1] + starts[1:]) / 2.0
+    low = np.zeros((2, middle.size, len(meshes)), dtype=bool)
+    sense = np.ones((middle.size, len(meshes)))
+    for j, (mesh, rate, shifts) in enumerate(zip(meshes, rates, phases, strict=True)):
+        turns = middle * float(rate) / whole
+        for side, g in enumerate(shifts):
+            away = np.abs(np.mod(turns - g + 0.5, 1.0) - 0.5)
+            low[side, :, j] = away > (mesh.contact_ratio - 1.0) / 2.0
+        if not mesh.varies:
+            low[:, :, j] = mesh.contact_ratio < 2.0 and mesh.stiffness_ratio < 1.0
+        since = np.mod(turns - shifts[1] - mesh.pitch_phase / whole, 1.0)
+        sense[:, j] = np.where(since < 0.5, 1.0, -1.0)
+    first = np.searchsorted(starts, [whole * k - _ONE for k in range(repeats + 1)])
+    return Stretches(starts, first, low, sense)
+
+
+def excitation(train):
+    """Return (frequencies, waves, constants): what is added to d_j beside the motion, m.
+
+    Frequencies by reference mesh phase, shape (h,); waves of shape (2, m, 2 h), cosines and sines
+    by turns, and constants of shape (2, m), each for coast and drive side.
+    """
+    rows = {}
+    constants = np.zeros((2, len(train.meshes)))
+
+    def add(frequency, j, sides, cosine, sine):
+        # A pair for each frequency; -sin of a gear that turns clockwise.
+        entry = rows.setdefault(abs(frequency), np.zeros((2, len(train.meshes), 2)))
+        entry[sides, j] += (cosine, math.copysign(1.0, frequency) * sine)
+
+    for j, mesh in enumerate(train.meshes):
+        constants[:, j] += mesh.error
+        for name, arm in zip((mesh.pinion, mesh.wheel), train.structure.arms[j], strict=True):
+            body = train.by_name[name]
+            c, s = (math.cos(body.angle), math.sin(body.angle)) if body.carrier else (1.0, 0.0)
+            x, y = body.offset
+            constants[:, j] += arm @ (c * x - s * y, s * x + c * y)
+            if body.eccentricity:
+                # arm . e (cos(theta + phase), sin(theta + phase))
+                size = body.eccentricity * math.hypot(*arm)
+                lead = body.eccentricity_phase - math.atan2(arm[1], arm[0])
+                frequency = train.speeds[name]
+                add(frequency, j, [0, 1], size * math.cos(lead), -size * math.sin(lead))
+        rate, g = train.rates[j], train.phases[mesh.name]
+        deviations = (mesh.inverse_deviation, mesh.deviation)
+        for side, deviation in enumerate(deviations):
+            for order, cosine, sine in deviation.table():
+                lag = 2.0 * math.pi * order * g
+                c, s = math.cos(lag), math.sin(lag)
+                add(int(order) * rate, j, [side], cosine * c - sine * s, cosine * s + sine * c)
+    frequencies = sorted(rows)
+    waves = np.array([rows[f] for f in frequencies]).reshape(-1, 2, len(train.meshes), 2)
+    waves = waves.transpose(1, 2, 0, 3).reshape(2, len(train.meshes), -1)
+    return np.array([float(f) for f in frequencies]), waves, constants
+
+
+def common_period(train):
+    """Return after how many reference mesh periods stiffness, deviations and run-out repeat."""
+    rates = list(train.rates)
+    for mesh in train.meshes:
+        rates += [
+            train.speeds[b] for b in (mesh.pinion, mesh.wheel) if train.by_name[b].eccentricity
+        ]
+    return math.lcm(*(Fraction(rate).denominator for rate in rates))
