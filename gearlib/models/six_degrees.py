@@ -53,7 +53,7 @@ The paper prints none of the values beyond those of the pair; whoever sets them 
 """
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 
@@ -388,25 +388,9 @@ class SixDegreePair(WithPair):
 
     def as_dict(self):
         """Return the parameters as plain values, in the order of the fields."""
-        names = (
-            "base_radii",
-            "inertias",
-            "masses",
-            "bearing_stiffness",
-            "bearing_damping",
-            "eccentricities",
-            "run_out_phase",
-            "teeth",
-            "torques",
-            "friction",
-            "pitch_phase",
-            "moving_backlash",
-            "preload",
-        )
-        values = {name: getattr(self, name) for name in names}
+        values = {one.name: getattr(self, one.name) for one in fields(self)[1:]}
         for name in ("deviation", "inverse_deviation"):
-            harmonics = getattr(self, name)
-            values[name] = {"cosines": harmonics.cosines, "sines": harmonics.sines}
+            values[name] = {"cosines": values[name].cosines, "sines": values[name].sines}
         return {"pair": self.pair.as_dict(), **values}
 
 
