@@ -62,7 +62,7 @@ from gearlib.kernels.piecewise_linear.system import Part, System
 from gearlib.models import piecewise_linear
 from gearlib.models.harmonics import Harmonics
 from gearlib.models.pair import GearPair
-from gearlib.models.stiffness import levels, stretches
+from gearlib.models.stiffness import levels, segment_lengths
 from gearlib.models.with_pair import WithPair
 
 _BEARINGS = ("y3", "z3", "y2", "z2")
@@ -265,7 +265,7 @@ class SixDegreePair(WithPair):
         for k, i in enumerate(moving):
             if _BEARINGS[i] in ("z3", "z2"):
                 across[2 + k] = (-1.0 if _BEARINGS[i] == "z3" else 1.0) * unit / inertia[2 + k]
-        starts, stiffness, low, sense = self._stretches()
+        starts, stiffness, low, sense = self._segments()
         p = stiffness.size
         outputs = np.zeros((len(OUTPUTS), 3, p, n))
         # line @ free is the rate of a distance: the accelerations have no part in it.
@@ -287,7 +287,7 @@ class SixDegreePair(WithPair):
             a,
             starts,
             # In 1 / nu of phase the mesh turns by a radian: velocities weigh like displacements.
-            piecewise_linear.knots(a, starts, m, one, 1.0 / tuning),
+            piecewise_linear.substeps(a, starts, m, one, 1.0 / tuning),
             low,
             np.tile(stiffness, (3, 1)),
             near,
@@ -325,8 +325,8 @@ class SixDegreePair(WithPair):
         rest = rest_into @ system.a[1, 0] @ np.stack([*rest_back, units[2 * m]], axis=1)
         rest_back = np.stack([*rest_back, np.zeros(n)], axis=1)
         near, far = system.near @ back, system.far @ back
-        own = system._replace(a=into @ system.a @ back, near=near, far=far, position=near)
-        return Part(own, into, back, rest, rest_into, rest_back)
+        reduced = system._replace(a=into @ system.a @ back, near=near, far=far, position=near)
+        return Part(reduced, into, back, rest, rest_into, rest_back)
 
     def _shares(self):
         """Return what the gears take of a motion of the mesh without free rotation, sum 1."""
@@ -334,7 +334,7 @@ class SixDegreePair(WithPair):
         return shares / shares.sum()
 
     def _outputs(self, rows, moving, line, friction, m, tuning):
-        """Fill the functionals of OUTPUTS for one contact code and stretch, shape (12, n)."""
+        """Fill the functionals of OUTPUTS for one contact code and segment, shape (12, n)."""
         pair = self.pair
         rows[0, 0] = rows[1, 1] = 1.0
         # s = y - (y - s)
@@ -346,11 +346,11 @@ class SixDegreePair(WithPair):
             speed = pair.mean_eigenfrequency * tuning
             rows[8 + i, m + 2 + k] = self.bearing_damping[i] * speed / pair.mean_stiffness
 
-    def _stretches(self):
-        """Return (starts, stiffness, low, friction sense) of the stretches of one period."""
+    def _segments(self):
+        """Return (starts, stiffness, low, friction sense) of the segments of one period."""
         pair = self.pair
         high, low = levels(pair.contact_ratio, pair.stiffness_ratio)
-        half_high, whole_low = stretches(pair.contact_ratio)
+        half_high, whole_low = segment_lengths(pair.contact_ratio)
         cuts = {0.0, half_high, half_high + whole_low}
         if any(self.friction):
             turn = self.pitch_phase % (2.0 * math.pi)

@@ -56,11 +56,11 @@ def six_degree_map(pair, tuning):
     system, _ = pair.system(tuning)
     n = pair.size
     matrix = np.eye(n)
-    for stretch, (start, end) in enumerate(pairwise(system.starts)):
+    for segment, (start, end) in enumerate(pairwise(system.starts)):
         # The middle one of the three contact codes -1, 0, 1 is the backlash.
-        knots = int(system.knots[stretch])
-        one = exponential(system.a[2, stretch], n, (end - start) / knots)
-        matrix = np.linalg.matrix_power(one, knots) @ matrix
+        substeps = int(system.knots[segment])
+        one = exponential(system.a[2, segment], n, (end - start) / substeps)
+        matrix = np.linalg.matrix_power(one, substeps) @ matrix
     reduce, lift = rotation_free(pair)
     return reduce @ matrix @ lift
 
