@@ -38,6 +38,9 @@ PAPER, CLAIMS = "1 The paper's figures", "2 The paper's statements"
 EXPLANATIONS, METHODS = "3 Explanations", "4 Methods"
 PUBLISHED_PART = "5 Published problems"
 
+#: The keys of a grid of tunings.
+GRID = {"start", "stop", "step"}
+
 #: Priority of jobs that take long: at the end of a build none of them runs alone.
 LONG = 1
 
@@ -89,9 +92,19 @@ def script_sources(name, *methods, loaded=()):
     return [os.path.relpath(path) for path in files]
 
 
-def sources_with_method(name):
-    """Return the input function of a script that runs the method in the name of its output."""
-    return lambda wildcards: script_sources(name, wildcards.method)
+def function_sources(function, *methods):
+    """Return the source files of a function that the script `compute` calls."""
+    return script_sources("compute", *methods, loaded=[function.split(":")[0]])
+
+
+def sources_with_method(sources, name):
+    """Return the input function of a rule that runs the method in the name of its output."""
+    return lambda wildcards: sources(name, wildcards.method)
+
+
+def grid_of(section, step="step"):
+    """Return the tunings of a section."""
+    return tunings.grid(section.start, section.stop, getattr(section, step))
 
 
 def figure_files(name):

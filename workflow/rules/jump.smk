@@ -6,11 +6,13 @@ use rule job as jump with:
         job="jump",
     input:
         kernels=rules.compile_kernels.output.stamp,
-        sources=script_sources("jump"),
+        sources=function_sources("gearlib.studies.jump:compute"),
     output:
         dataset="results/jump.nc",
     params:
-        script="jump",
+        script="compute",
+        function="gearlib.studies.jump:compute",
         pair=canonical(CONFIG.pair_parameters(CONFIG.jump.damping)),
         settings=canonical(CONFIG.jump.model_dump(exclude={"marked"})),
         run=canonical(run_length()),
+        tunings=grid_of(CONFIG.jump),

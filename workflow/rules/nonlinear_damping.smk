@@ -6,15 +6,19 @@ use rule job as nonlinear_damping with:
         job="nonlinear_damping/{place}_{power}",
     input:
         kernels=rules.compile_kernels.output.stamp,
-        sources=script_sources("nonlinear_damping"),
+        sources=function_sources("gearlib.studies.nonlinear_damping:compute"),
     output:
         dataset="results/nonlinear_damping/{place}_{power}.nc",
     params:
-        script="nonlinear_damping",
+        script="compute",
+        function="gearlib.studies.nonlinear_damping:compute",
         pair=canonical(CONFIG.gear_pair.model_dump()),
         settings=canonical(CONFIG.nonlinear_damping.model_dump()),
         run=canonical(run_length()),
         samples_per_period=CONFIG.run.samples_per_period,
+        tunings=grid_of(CONFIG.nonlinear_damping),
+        place="{place}",
+        power="{power}",
 
 
 use rule job as nonlinear_damping_table with:

@@ -5,14 +5,16 @@ use rule job as parametric_resonance with:
     pathvars:
         job="parametric_resonance",
     input:
-        sources=script_sources("parametric_resonance"),
+        sources=function_sources("gearlib.analysis.tongues.chart:compute"),
         kernels=rules.compile_kernels.output.stamp,
     output:
         dataset="results/parametric_resonance.nc",
     params:
-        script="parametric_resonance",
+        script="compute",
+        function="gearlib.analysis.tongues.chart:compute",
         pair=canonical(CONFIG.gear_pair.model_dump()),
-        settings=canonical(CONFIG.parametric_resonance.model_dump(exclude={"asked"})),
+        settings=canonical(CONFIG.parametric_resonance.model_dump(exclude={"asked", *GRID})),
+        tunings=grid_of(CONFIG.parametric_resonance),
 
 
 use rule job as tongues with:

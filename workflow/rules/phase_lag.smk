@@ -6,11 +6,14 @@ use rule job as phase_lag with:
         job="phase_lag",
     input:
         kernels=rules.compile_kernels.output.stamp,
-        sources=script_sources("phase_lag"),
+        sources=function_sources("gearlib.studies.phase_lag:compute"),
     output:
         dataset="results/phase_lag.nc",
     params:
-        script="phase_lag",
+        **CONFIG.phase_lag.model_dump(include={"tuning", "harmonics", "periods"}),
+        script="compute",
+        function="gearlib.studies.phase_lag:compute",
         pair=canonical(CONFIG.gear_pair.model_dump()),
-        lag=canonical(CONFIG.phase_lag.model_dump()),
+        dampings=CONFIG.phase_lag.material_dampings,
+        tunings=grid_of(CONFIG.phase_lag),
         samples_per_period=CONFIG.run.samples_per_period,

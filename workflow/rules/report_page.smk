@@ -6,15 +6,14 @@ use rule job as report_orbits with:
         job="report_orbits",
     input:
         kernels=rules.compile_kernels.output.stamp,
-        sources=script_sources("report_orbits"),
+        sources=function_sources("gearlib.pages.report.orbits:compute"),
     output:
         dataset="results/report_orbits.nc",
     params:
-        script="report_orbits",
+        script="compute",
+        function="gearlib.pages.report.orbits:compute",
         pairs=canonical({name: CONFIG.pair_parameters(name) for name in CONFIG.dampings}),
-        tunings=canonical(
-            [CONFIG.report_page.start, CONFIG.report_page.stop, CONFIG.report_page.step]
-        ),
+        tunings=grid_of(CONFIG.report_page),
         run=canonical(run_length() | {"samples_per_period": CONFIG.report_page.samples_per_period}),
         periods_shown=CONFIG.report_page.periods_shown,
 

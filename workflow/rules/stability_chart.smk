@@ -6,12 +6,17 @@ use rule job as stability_chart with:
         job="stability_chart",
     input:
         kernels=rules.compile_kernels.output.stamp,
-        sources=script_sources(
-            "stability_chart", *(m.method for m in CONFIG.stability_chart.methods.values())
+        sources=function_sources(
+            "gearlib.studies.trials.stability:compute",
+            *(m.method for m in CONFIG.stability_chart.methods.values()),
         ),
     output:
         dataset="results/stability_chart.nc",
     params:
-        script="stability_chart",
+        script="compute",
+        function="gearlib.studies.trials.stability:compute",
         pair=canonical(CONFIG.pair_parameters(CONFIG.stability_chart.damping)),
-        settings=canonical(CONFIG.stability_chart.model_dump()),
+        tunings=grid_of(CONFIG.stability_chart),
+        fine_tunings=grid_of(CONFIG.stability_chart, "fine_step"),
+        steps=CONFIG.stability_chart.steps,
+        methods=canonical(CONFIG.stability_chart.model_dump()["methods"]),

@@ -6,14 +6,17 @@ use rule job as steady_orbits with:
         job="steady_orbits",
     input:
         kernels=rules.compile_kernels.output.stamp,
-        sources=script_sources("steady_orbits", *time_integration_methods()),
+        sources=function_sources(
+            "gearlib.studies.trials.steady_orbits:errors", *time_integration_methods()
+        ),
     output:
         dataset="results/steady_orbits/errors.nc",
     priority: LONG
     params:
-        script="steady_orbits",
+        script="compute",
+        function="gearlib.studies.trials.steady_orbits:errors",
         methods=CONFIG.steady_orbits.methods,
-        problems=CONFIG.steady_orbits.problems,
+        names=CONFIG.steady_orbits.problems,
         pair=canonical(CONFIG.gear_pair.model_dump()),
         settings=work_precision_settings(),
 

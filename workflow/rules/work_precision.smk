@@ -7,13 +7,14 @@ use rule job as work_precision_references with:
         job="work_precision/references",
     input:
         kernels=rules.compile_kernels.output.stamp,
-        sources=script_sources("work_precision_references"),
+        sources=function_sources("gearlib.studies.trials.references:compute"),
     output:
         dataset="results/work_precision/references.nc",
     priority: LONG
     params:
-        script="work_precision_references",
-        problems=CONFIG.work_precision.problems,
+        script="compute",
+        function="gearlib.studies.trials.references:compute",
+        names=CONFIG.work_precision.problems,
         pair=canonical(CONFIG.gear_pair.model_dump()),
         six_degrees=canonical(CONFIG.six_degrees.model_dump()),
         settings=work_precision_settings(),
@@ -24,16 +25,20 @@ use rule job as work_precision_errors with:
         job="work_precision/errors_{method}",
     input:
         kernels=rules.compile_kernels.output.stamp,
-        references=rules.work_precision_references.output.dataset,
-        sources=sources_with_method("work_precision_errors"),
+        known=rules.work_precision_references.output.dataset,
+        sources=sources_with_method(
+            function_sources, "gearlib.studies.trials.work_precision:errors"
+        ),
     output:
         dataset="results/work_precision/errors_{method}.nc",
     priority: LONG
     params:
-        script="work_precision_errors",
+        script="compute",
+        function="gearlib.studies.trials.work_precision:errors",
         pair=canonical(CONFIG.gear_pair.model_dump()),
         six_degrees=canonical(CONFIG.six_degrees.model_dump()),
         settings=work_precision_settings(),
+        method="{method}",
 
 
 # Wall times: no two runs give the same, so nothing but the figure and the table of times may
@@ -45,7 +50,7 @@ use rule job as work_precision_times with:
     input:
         kernels=rules.compile_kernels.output.stamp,
         references=rules.work_precision_references.output.dataset,
-        sources=sources_with_method("work_precision_times"),
+        sources=sources_with_method(script_sources, "work_precision_times"),
     output:
         dataset="results/work_precision/times_{method}.nc",
     threads: 1024
