@@ -31,7 +31,7 @@ from gearlib.data.variables import describe
 from gearlib.kernels import orbit
 from gearlib.models.profiles import Fourier
 from gearlib.runs.run_arguments import check_tuning
-from gearlib.runs.simulation import march
+from gearlib.runs.simulation import run
 
 LABELS = ("periodic", "quasi-periodic", "chaotic", "undecided")
 
@@ -111,7 +111,7 @@ def trust(
         *_other_ways(pair),
     ):
         names.append(name)
-        runs.append(march(model, tuning, **base | changed))
+        runs.append(run(model, tuning, **base | changed))
     found = lyapunov.largest(
         pair, tuning, state=initial_state, settle=periods, periods=exponent_periods
     )

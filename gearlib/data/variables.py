@@ -297,10 +297,10 @@ def describe(dataset, model=None):
     KeyError
         If a variable has no entry here: nothing leaves without units.
     """
-    own = {} if model is None else model.long_names
+    names = {} if model is None else model.long_names
     for name, variable in dataset.variables.items():
         units, long_name = DESCRIPTIONS[name]
-        long_name = own.get(name, long_name)
+        long_name = names.get(name, long_name)
         if variable.dtype.kind not in "OUST":
             variable.attrs["units"] = units
         variable.attrs["long_name"] = long_name

@@ -187,16 +187,16 @@ class Model:
         ValueError
             If there is no field of a name, or the model does not allow a value.
         """
-        own = [field.name for field in dataclasses.fields(self)]
+        names = [field.name for field in dataclasses.fields(self)]
         mesh = [field.name for field in dataclasses.fields(self.mesh)] if self.mesh else []
-        checks.known(type(self).__name__, changes, list(dict.fromkeys(own + mesh)))
+        checks.known(type(self).__name__, changes, list(dict.fromkeys(names + mesh)))
         following = {
             name: None
             for name, default in self.by_default.items()
             if name not in changes and getattr(self, name) == default(self)
         }
-        inner = {name: value for name, value in changes.items() if name not in own}
-        changes = {name: value for name, value in changes.items() if name in own}
+        inner = {name: value for name, value in changes.items() if name not in names}
+        changes = {name: value for name, value in changes.items() if name in names}
         model = dataclasses.replace(self, **changes, **following)  # type: ignore[type-var]
         if inner:
             pair = model.mesh.replace(**inner)

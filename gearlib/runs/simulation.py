@@ -31,7 +31,7 @@ def simulate(
 
     The model is x'' + (2 beta / nu) x' + (c(tau) / nu^2) g(x) = 1 / nu^2 in static deflections
     and mesh phase, with beta_m instead of beta in the backlash; tau = 0 is the middle of the
-    stretch of maximum stiffness. Every phase is propagated in closed form: there is no step size.
+    segment of maximum stiffness. Every phase is propagated in closed form: there is no step size.
     With a `OneDegreePair` it is that of `gearlib.models.one_degree`, in Taylor steps to rounding,
     with a `DeadZoneOscillator` that of `gearlib.models.dead_zone`, in its own variables.
 
@@ -80,7 +80,7 @@ def simulate(
     Hortel, Skuderova: Engineering Mechanics 14 (2007) 91-104, Eq. (1)-(3).
     """
     tuning = check_tuning("tuning", tuning)
-    ran = march(
+    ran = run(
         pair,
         tuning,
         periods=periods,
@@ -141,7 +141,7 @@ class Run(NamedTuple):
     record_periods: int
 
 
-def march(
+def run(
     pair,
     tuning,
     *,
