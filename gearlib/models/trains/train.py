@@ -51,7 +51,6 @@ class GearTrain(Model):
     gyroscopic: bool = False
 
     mathematics = {"exact": "several_meshes"}
-    free_rotation = True
     title_noun = "a gear train"
     references = (
         "Lin, Parker: J. Vib. Acoust. 121 (1999) 316-321; "
@@ -318,7 +317,8 @@ class GearTrain(Model):
         ----------
         initial_state : pair of 0, "static", or array_like of float, shape (size,)
             (0, 0): at rest, every flank just touching where there are no errors; "static": at
-            rest in static equilibrium under the stiffness at tau = 0.
+            rest in static equilibrium under the stiffness at tau = 0, without the forces of a
+            turning frame.
         tuning : float
 
         Raises
