@@ -20,8 +20,8 @@ from gearlib.data.variables import describe
 from gearlib.models.trains.system import functionals
 
 _STEPS = 200
-#: Of the forces: residual of a solution, some thousand units of rounding.
-_BALANCED = 1e-10
+#: Of the forces: residual of a solution. Loose gears may lie far off, with the rounding of that.
+_BALANCED = 1e-9
 
 
 class Equilibrium(NamedTuple):
@@ -138,9 +138,10 @@ def _minimum(elastic, lines, stiffness, gaps, load, floor):
     """Return the minimum of the energy, or None if it falls for ever."""
     a = load.copy()
     size = a.size
-    # Far beyond all gaps and deflections there is nothing more to touch.
+    # Far beyond all gaps and deflections a load drives on what touches nothing.
     finite = np.abs(gaps[np.isfinite(gaps)]).max(initial=0.0)
-    horizon = 1e6 * (finite + np.abs(lines @ load).max(initial=0.0))
+    deflection = np.abs(lines @ load).max(initial=0.0)
+    horizon = 1e6 * (finite + deflection) if deflection > 0.0 else math.inf
     for _ in range(_STEPS):
         distances = lines @ a + gaps
         touching = stiffness * np.stack([distances[0] <= 0.0, distances[1] >= 0.0])
@@ -152,7 +153,8 @@ def _minimum(elastic, lines, stiffness, gaps, load, floor):
         step = -np.linalg.solve(hessian, slope)
         length = _search(elastic, lines, stiffness, gaps, load, a, step)
         if length is None:
-            return None
+            # Without load there is a rest; what is left of the slope is rounding.
+            return None if deflection > 0.0 else a
         a = a + length * step
         scale = floor + np.abs(load).max(initial=0.0) + np.abs(elastic @ a).max(initial=0.0)
         distances = lines @ a + gaps
