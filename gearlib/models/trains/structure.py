@@ -8,8 +8,9 @@ functionals f of supports, pins and shafts and b of the meshes
     d_j = b_j q + e_j(t),   b_j = e . (x, y)_pinion - e . (x, y)_wheel + u_pinion + u_wheel
 
 with e the direction of the line of action; for an internal mesh pinion and wheel change places and
-the arc length of the pinion counts less. In a frame that turns with its carrier by W there are also
-m (2 W (x y'^T ...) ...) and the damping of supports that stand still.
+that of the pinion counts negative; with direction -1 both rotations do. A frame that turns with its
+carrier by W adds m (2 W y', -2 W x') and m W^2 (x, y) to the forces on an axis, m W^2 r to those on a
+pin at the radius r, and supports that stand still damp x' - W y and y' + W x.
 """
 
 import math
