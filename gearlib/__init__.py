@@ -16,7 +16,7 @@ room             responsibility
 ``config``       the typed model of ``config.yaml``
 ===============  ================================================================================
 
-Beside them lie ``checks`` of single values, ``tunings`` as exact decimals, ``version``. The names
+Beside them lie ``checks`` of single values, ``tunings`` and their names, ``version``. The names
 below are loaded on first use, so that reading a configuration does not pay for the numerical stack.
 """
 

@@ -1,21 +1,25 @@
-"""Tunings as exact decimals: their labels in file names, equidistant grids, windows of a grid.
+"""Tunings: their names in paths and back, equidistant grids, windows of a grid.
 
-A tuning in a configuration is a decimal text. Counting in decimals keeps ``start + i step``
-the very float that a reader would type, whichever window of the grid it is reached from;
-in binary the 331st step of 0.0005 from 0.5 and the first from 0.665 need not agree.
+A tuning is a float wherever it goes; only here it is counted in decimals, which keeps
+``start + i step`` the very float that a reader would type, whichever window of the grid it is
+reached from; in binary the 331st step of 0.0005 from 0.5 and the first from 0.665 need not agree.
 """
 
 from decimal import Decimal
 
-#: Decimals that every label shows; a tuning with more digits keeps them all.
-LABEL_DECIMALS = 4
+#: Decimals that every name shows; a tuning with more digits keeps them all.
+NAME_DECIMALS = 4
 
 
-def label(tuning):
-    """Return a tuning as the text that names its files, e.g. ``0.6600``; ``float`` undoes it."""
-    exact = _decimal(tuning)
-    decimals = max(LABEL_DECIMALS, -exact.as_tuple().exponent)
-    return f"{exact:.{decimals}f}"
+def name_of(*tunings):
+    """Return what names the files of a tuning or a window: ``0.6600``, ``0.5000-1.4000``."""
+    exact = [_decimal(tuning) for tuning in tunings]
+    return "-".join(f"{one:.{max(NAME_DECIMALS, -one.as_tuple().exponent)}f}" for one in exact)
+
+
+def values_of(name):
+    """Return the tunings, list of float, that `name_of` has named."""
+    return [float(text) for text in name.split("-")]
 
 
 def steps(start, stop, step):
@@ -70,5 +74,5 @@ def windows(start, stop, step, width):
 
 def _decimal(value):
     # repr() gives the shortest decimal that reads back as the same float: what was typed.
-    # normalize() drops trailing zeros, so that 0.50 and 0.5 carry the same label.
+    # normalize() drops trailing zeros, so that 0.50 and 0.5 have the same name.
     return Decimal(repr(float(value))).normalize()

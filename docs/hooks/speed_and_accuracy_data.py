@@ -13,7 +13,7 @@ import yaml
 from docs.hooks.reproduction import copy_pictures
 from gearlib import config
 from gearlib.figures import stability
-from gearlib.studies.trials.work_precision import OWN
+from gearlib.studies.trials.work_precision import OF_LIBRARY
 
 DOCS = Path(__file__).resolve().parents[1]
 FOLDER = DOCS / "claims" / "speed_and_accuracy"
@@ -73,7 +73,11 @@ def _points_of(folder):
                     )
                     if math.isnan(cells[0]):
                         continue
-                    labels = (problem, errors.line.values[k], "yes" if method in OWN else "no")
+                    labels = (
+                        problem,
+                        errors.line.values[k],
+                        "yes" if method in OF_LIBRARY else "no",
+                    )
                     keys = ("problem", "line", "own", "knob", "state_error", "evaluations")
                     values = (*labels, errors.knob.values[k], *(f"{c:.3g}" for c in cells))
                     rows.append(dict(zip((*keys, "microseconds"), values, strict=True)))

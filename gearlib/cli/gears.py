@@ -16,7 +16,7 @@ from gearlib.config.validation import sentences
 MODELS = ("one_degree", "six_degrees")
 _DEFAULT_CONFIG = "config.yaml"
 #: Name of the damping that options alone describe.
-_OWN = "damping"
+_ONLY_DAMPING = "damping"
 
 
 class _Gears(GearPairSection):
@@ -100,7 +100,7 @@ def _gears(config_path, damping, changes):
     except ValidationError as error:
         found = sentences(error.errors(), _Gears.model_json_schema())
         raise click.UsageError("\n".join(found)) from None
-    return mapping, gears, damping or _OWN
+    return mapping, gears, damping or _ONLY_DAMPING
 
 
 def _sections(gears, damping):
@@ -120,7 +120,7 @@ def _model(mapping, gears, model):
     pair = GearPair(**gears.model_dump())
     if model == "one_degree":
         return pair
-    sections = _sections(gears, _OWN)
+    sections = _sections(gears, _ONLY_DAMPING)
     if "six_degrees" in mapping:
         sections["six_degrees"] = mapping["six_degrees"]
     settings = _load(sections, "six_degrees")

@@ -7,6 +7,7 @@ module               responsibility
 ``units``            texts with a unit, read as SI numbers
 ``mesh``             sections of the gears and the length of the runs
 ``experiments``      sections of the experiments and of the figures
+``scenes``           sections of the scenes and of their models
 ``trials``           sections of the trials of the methods
 ``global_dynamics``  basins, bifurcation diagram, Poincare sections
 ``model``            the whole, and what must agree between sections

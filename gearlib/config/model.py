@@ -5,24 +5,21 @@ from typing import Literal, get_args
 from pydantic import Field, model_validator
 
 from gearlib.config.experiments import (
-    FRICTION_ONLY,
-    SIX_ONLY,
     AnalyticMethod,
     Branches,
     Figures,
     Jump,
     Labels,
-    Models,
     NonlinearDamping,
     ParametricResonance,
     PhaseLag,
     PhasePlanes,
     ReportPage,
     Resonance,
-    Scene,
 )
 from gearlib.config.global_dynamics import Basins, Bifurcation, Poincare
 from gearlib.config.mesh import Damping, GearPairSection, Run, SixDegrees
+from gearlib.config.scenes import FRICTION_ONLY, SIX_ONLY, Models, Scene
 from gearlib.config.trials import (
     Failures,
     JumpByMethod,

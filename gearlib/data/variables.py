@@ -39,6 +39,10 @@ DESCRIPTIONS = {
     "body": ("1", "name of the body"),
     "axis": ("1", "direction of the motion; rotation: as arc length on the base circle"),
     "mesh_force": ("N", "static mesh force, negative on the coast side"),
+    "mean_force": ("1", "mean of the mesh force over time, over the load"),
+    "dynamic_factor": ("1", "largest mesh force over its static value"),
+    "body_motion": ("1", "displacement of the body in static deflections"),
+    "event_mesh": ("1", "number of the mesh in which the event is"),
     "load_sharing": ("1", "mesh force over the mean of all meshes of the same central gear"),
     "body_displacement": ("m", "static displacement of the body"),
     "reference_phase": ("rad", "phase of the reference mesh"),
@@ -293,10 +297,10 @@ def describe(dataset, model=None):
     KeyError
         If a variable has no entry here: nothing leaves without units.
     """
-    own = {} if model is None else model.long_names
+    names = {} if model is None else model.long_names
     for name, variable in dataset.variables.items():
         units, long_name = DESCRIPTIONS[name]
-        long_name = own.get(name, long_name)
+        long_name = names.get(name, long_name)
         if variable.dtype.kind not in "OUST":
             variable.attrs["units"] = units
         variable.attrs["long_name"] = long_name

@@ -18,6 +18,11 @@ _METHODS = {
 _LIMITS = (0.01, 10.0)
 
 
+def draw(data):
+    """Draw both figures of `gearlib.studies.analytic_method`; return them by their names."""
+    return {"analytic_method": draw_convergence(data), "harmonic_balance": draw_harmonics(data)}
+
+
 @style.styled()
 def draw_convergence(data):
     """Draw the iterates, their errors, and the range of convergence.

@@ -19,16 +19,16 @@ _NAMED = 0.04
 
 
 @style.styled()
-def draw(diagram, shares, branches=()):
+def draw(diagram, shares, branches=None):
     """Draw diagram, exponents and shares.
 
     Parameters
     ----------
     diagram, shares : xarray.Dataset
         As computed by `gearlib.analysis.global_dynamics.studies.bifurcation`.
-    branches : sequence of xarray.Dataset
-        Continued branches, laid over the diagram: tuning, state (point, coordinate) and stable
-        along ``point``; dashed where unstable.
+    branches : xarray.Dataset, optional
+        Continued branches, laid over the diagram: tuning, state (point, coordinate), stable and
+        branch along ``point``; dashed where unstable.
 
     Returns
     -------
@@ -65,7 +65,8 @@ def draw(diagram, shares, branches=()):
     for kind, words in _WORDS.items():
         if kind in kinds:
             top.plot([], [], ".", color=_COLOURS[kind], label=words)
-    _lay_over(top, branches)
+    if branches is not None:
+        _lay_over(top, [branch for _, branch in branches.groupby("branch")])
     top.legend(loc="lower left", markerscale=1.5)
     top.set_ylabel("displacement at $\\tau = 0$\n(static defl.)")
     middle.axhline(0.0, color="black", linewidth=0.5)

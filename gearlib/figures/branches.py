@@ -80,12 +80,12 @@ def draw(branches, loci):
     for number in np.unique(loci["locus"].values):
         one = loci.isel(point=np.flatnonzero(loci["locus"].values == number))
         _draw_locus(bottom, one)
-    own = float(loci.own_damping)
-    bottom.axhline(own, color="black", linewidth=0.6, linestyle=":")
+    given = float(loci.own_damping)
+    bottom.axhline(given, color="black", linewidth=0.6, linestyle=":")
     for code in shown:
         at = labels == code
         _, colour, marker = _SPECIAL[code]
-        bottom.plot(tuning[at], np.full(at.sum(), own), marker, color=colour, markersize=3.5)
+        bottom.plot(tuning[at], np.full(at.sum(), given), marker, color=colour, markersize=3.5)
     handles = [
         Line2D([], [], color="black", label="stable orbit"),
         Line2D([], [], color="black", linestyle=(0, (4, 1.5)), label="unstable orbit"),
@@ -105,8 +105,8 @@ def _draw_locus(axes, locus):
     _, colour, _ = _SPECIAL[int(locus.label[0])]
     tuning, damping = locus.tuning.values, locus.damping_ratio.values
     # The second half begins anew at the special point.
-    own = float(locus.own_damping)
-    starts = np.flatnonzero(np.isclose(damping, own, rtol=1e-12, atol=0.0))
+    given = float(locus.own_damping)
+    starts = np.flatnonzero(np.isclose(damping, given, rtol=1e-12, atol=0.0))
     for part in np.split(np.arange(tuning.size), starts[1:]):
         axes.plot(tuning[part], damping[part], color=colour, linewidth=1.0)
 

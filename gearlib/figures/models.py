@@ -17,13 +17,15 @@ _LEAST, _MOST = 1e-6, 100.0
 
 
 @style.styled()
-def draw(comparisons):
+def draw(comparisons, scenes):
     """Draw the change of every model as a bar, a row of bars per scene.
 
     Parameters
     ----------
-    comparisons : dict of str to xarray.Dataset
-        Results of `gearlib.studies.model_comparison.compute` by scene.
+    comparisons : list of xarray.Dataset
+        Results of `gearlib.studies.model_comparison.compute`.
+    scenes : list of str
+        The names of their scenes.
 
     Returns
     -------
@@ -35,7 +37,7 @@ def draw(comparisons):
         (style.PAGE_WIDTH, _HEAD + _ROW_HEIGHT * len(comparisons)), layout="constrained"
     )
     rows = figure.subplots(len(comparisons), 1, squeeze=False, sharex=True)[:, 0]
-    for axes, (scene, data) in zip(rows, comparisons.items(), strict=True):
+    for axes, scene, data in zip(rows, scenes, comparisons, strict=True):
         tolerance = float(data.tolerance)
         for i, name in enumerate(data.model.values):
             change, chosen = float(data.change[i]), name == data.chosen.item()

@@ -68,9 +68,9 @@ def draw(chart, facts):
         panels.append(axes)
     _draw_points(panels, chart)
     for axes, plane in zip(panels[:2], ("stiffness_ratio", "contact_ratio"), strict=True):
-        own = float(chart.own_value.sel(plane=plane))
-        axes.axhline(own, color="black", linewidth=0.7, linestyle=(0, (4, 3)))
-        axes.plot([float(facts.asked)], [own], "k+", markersize=7)
+        value = float(chart.own_value.sel(plane=plane))
+        axes.axhline(value, color="black", linewidth=0.7, linestyle=(0, (4, 3)))
+        axes.plot([float(facts.asked)], [value], "k+", markersize=7)
     _draw_dampings(panels[2], chart, facts)
     figure.colorbar(shade, ax=panels, label="growth per mesh period, ln |multiplier|", aspect=40)
     handles = [
@@ -135,10 +135,10 @@ def _draw_points(panels, chart):
 
 def _draw_dampings(axes, chart, facts):
     """Name the tongues in the plane of damping, and mark the dampings of the pair."""
-    own = chart.sel(plane="damping")
+    plane = chart.sel(plane="damping")
     for order in chart.order.values:
         closing = float(chart.closing_damping.sel(order=order))
-        tongue = own.isel(damping=0, row=0).sel(order=order)
+        tongue = plane.isel(damping=0, row=0).sel(order=order)
         centre = 0.5 * float(tongue.tuning_from + tongue.tuning_to)
         if np.isfinite(closing) and np.isfinite(centre):
             text = f"order {order}\n$\\beta$ < {closing:.2g}"

@@ -20,8 +20,13 @@ SYMBOLS = {
 }
 
 
+def draw(**surveys):
+    """Draw the surveys of problems, by their names; return the figures by theirs."""
+    return {f"published_{name}": draw_survey(survey, name) for name, survey in surveys.items()}
+
+
 @style.styled()
-def draw(survey, name):
+def draw_survey(survey, name):
     """Draw the survey of a problem.
 
     Parameters

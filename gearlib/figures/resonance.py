@@ -42,7 +42,7 @@ _LABEL_COLOURS = (
 
 
 @style.styled()
-def draw(resonance, *, colours=None, labels=None, branches=None, tongues=None):
+def draw(resonance, *, colours=None, labels=(), branches=(), tongues=None):
     """Draw resonance characteristics.
 
     Parameters
@@ -53,12 +53,13 @@ def draw(resonance, *, colours=None, labels=None, branches=None, tongues=None):
         tuning_factor_max and tuning_factor_min.
     colours : dict of str to str, optional
         Colours of the dampings by name.
-    labels : xarray.Dataset, optional
-        label over (damping, tuning) as of `gearlib.analysis.trust.scan`, for cold runs: a strip on
-        the lower rim of the panel of each damping.
-    branches : dict of str to xarray.Dataset, optional
-        Branches of periodic orbits by damping, as of `gearlib.studies.resonance_branches.compute`:
-        thin lines in the panel of each damping, solid where stable, dashed where unstable.
+    labels : list of xarray.Dataset, optional
+        For each damping its label over the tuning, as of `gearlib.analysis.trust.scan`, for cold
+        runs: a strip on the lower rim of its panel.
+    branches : list of xarray.Dataset, optional
+        For each damping its branches of periodic orbits, as of
+        `gearlib.studies.resonance_branches.compute`: thin lines in its panel, solid where stable,
+        dashed where unstable.
     tongues : xarray.Dataset, optional
         tuning_from and tuning_to over (damping, order) as of
         `gearlib.analysis.tongues.explanation`: shades in the panel of each damping.
@@ -70,6 +71,7 @@ def draw(resonance, *, colours=None, labels=None, branches=None, tongues=None):
         is marked by a caret on its rim. Runs that could not go on (NaN) are left out.
     """
     resonance = resonance.sortby("tuning")
+    labels, branches = _by_damping(labels), _by_damping(branches)
     looks = style.looks([str(name) for name in resonance.damping.values], colours)
     directions = [str(name) for name in resonance.direction.values]
     main_direction = "cold" if "cold" in directions else directions[0]
@@ -102,8 +104,8 @@ def draw(resonance, *, colours=None, labels=None, branches=None, tongues=None):
             _draw_branches(panel, branches, name)
             _draw_hysteresis(panel, resonance.sel(damping=name), look, main_direction, carried)
             panel.set_title(style.damping_label(name))
-            if labels is not None and name in labels.damping.values:
-                _mark_labels(panel, labels.sel(damping=name))
+            if name in labels:
+                _mark_labels(panel, labels[name])
             if tongues is not None and name in tongues.damping.values:
                 shade_tongues(panel, tongues.sel(damping=name))
         handles = _handles(main_direction, carried, labels, branches, tongues)
@@ -117,6 +119,10 @@ def draw(resonance, *, colours=None, labels=None, branches=None, tongues=None):
         for panel in panels[:, 0]:
             panel.set_ylabel(_SHORT_Y_LABEL)
     return figure
+
+
+def _by_damping(datasets):
+    return {str(one.damping.values): one for one in datasets}
 
 
 def displacement_limits(curves):
@@ -206,7 +212,7 @@ def _draw_hysteresis(axes, curves, look, main_direction, carried):
 
 def _draw_branches(axes, branches, name):
     """Draw the branches of one damping, if there are any, behind everything else."""
-    if branches is not None and name in branches:
+    if name in branches:
         for variable in _EXTREMA:
             draw_curve(axes, branches[name], variable, "black", 0.7, zorder=1.5)
 
@@ -220,13 +226,13 @@ def _handles(main_direction, carried, labels, branches, tongues):
         handles.append(
             Line2D([], [], color="black", linestyle=line, marker=marker, label=words[name])
         )
-    if branches is not None:
+    if branches:
         handles.append(Line2D([], [], color="black", linewidth=0.7, label="stable orbit"))
         line = (0, (4, 1.5))
         handles.append(
             Line2D([], [], color="black", linewidth=0.7, linestyle=line, label="unstable orbit")
         )
-    if labels is not None:
+    if labels:
         handles += [Patch(facecolor=c, label=f"from rest: {n}") for n, c in _LABEL_COLOURS]
     if tongues is not None:
         handles.append(Patch(facecolor=TONGUE_COLOUR, label="tongue"))

@@ -158,6 +158,14 @@ def _draw_states(errors, costs, label, words):
     return figure, panels
 
 
+def draw(errors):
+    """Draw both figures of errors over evaluations; return them by their names."""
+    return {
+        "work_precision_evaluations": draw_evaluations(errors),
+        "work_precision_measures": draw_measures(errors),
+    }
+
+
 @style.styled()
 def draw_evaluations(errors):
     """Draw the error of the final state over evaluations of the right-hand side.

@@ -16,7 +16,7 @@ from gearlib.data import status
 from gearlib.integrators.each import run_each
 from gearlib.integrators.option import Option
 from gearlib.integrators.problems import problem_of
-from gearlib.integrators.split import March, Phase, Split, Stall
+from gearlib.integrators.split import Phase, Recorded, Split, Stall
 from gearlib.kernels.closed_form.event_by_event import within_range
 from gearlib.kernels.closed_form.mesh import BACKLASH, NORMAL
 from gearlib.kernels.steps.equation_of_motion import SIDE
@@ -48,8 +48,8 @@ def takes(pair):
 
 def run(pair, tuning, state, *arguments, solver, rtol, atol, events):
     """Run one tuning; see `gearlib.integrators`."""
-    march = _Split if events else _Whole
-    return march(problem_of(pair, tuning), solver, rtol, atol).run(tuning, state, *arguments)
+    kind = _Split if events else _Whole
+    return kind(problem_of(pair, tuning), solver, rtol, atol).run(tuning, state, *arguments)
 
 
 def run_many(pair, *arguments, **options):
@@ -57,7 +57,7 @@ def run_many(pair, *arguments, **options):
     run_each(partial(run, pair, **options), *arguments)
 
 
-class _Whole(March):
+class _Whole(Recorded):
     """One run over the whole span."""
 
     def __init__(self, problem, solver, rtol, atol):

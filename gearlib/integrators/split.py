@@ -1,7 +1,7 @@
 """Runs of solvers in Python and their record; runs split at switches and at contact.
 
-`March` is a run and what is recorded of it. `Split` goes from switch to switch and from contact to
-contact; a subclass says how its solver takes one phase, which no event interrupts.
+`Recorded` is a run and what is recorded of it. `Split` goes from switch to switch and from contact
+to contact; a subclass says how its solver takes one phase, which no event interrupts.
 """
 
 import math
@@ -21,7 +21,7 @@ _TURN = 2.0 * math.pi
 NEAR, FAR = 0, 1
 
 
-class March:
+class Recorded:
     """A run and its record; subclasses say how the span is gone through."""
 
     def __init__(self, problem):
@@ -143,7 +143,7 @@ class Stall(Exception):
     """A solver that could not go on."""
 
 
-class Split(March):
+class Split(Recorded):
     """Runs from switch to switch, and from contact to contact.
 
     Phases are counted from the start of the mesh period, so that rounding does not grow with it.

@@ -106,7 +106,7 @@ class Equation:
         system = System(
             a,
             breaks,
-            piecewise_linear.knots(a, breaks, 1, 2, self.natural / tuning),
+            piecewise_linear.substeps(a, breaks, 1, 2, self.natural / tuning),
             sides[0].low,
             stiffness,
             near,

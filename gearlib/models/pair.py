@@ -35,7 +35,7 @@ from gearlib import checks
 from gearlib.models.model import Model
 from gearlib.models.stiffness import mean_over_max
 
-#: Below, the rest position of the softer stretch lies so far away that the scalar closed forms,
+#: Below, the rest position of the softer segment lies so far away that the scalar closed forms,
 #: which are written about it, lose more than four digits.
 _LEAST_STIFFNESS_RATIO = 1e-4
 

@@ -1,4 +1,4 @@
-"""What the piecewise-linear models share: harmonics as components, an absent flank, knots.
+"""What the piecewise-linear models share: harmonics as components, an absent flank, substeps.
 
 See `gearlib.kernels.piecewise_linear.system` for the form of these models.
 """
@@ -26,8 +26,8 @@ def never(n, one):
     return functional
 
 
-def knots(a, starts, m, one, frequency):
-    """Return the number of knots of every stretch, by the norm of its matrices.
+def substeps(a, starts, m, one, frequency):
+    """Return the number of substeps of every segment, by the norm of its matrices.
 
     The norm is that of scaled components: velocities over a natural frequency; constants and
     harmonics, whose columns drive and never feed back, by their own frequencies.

@@ -19,7 +19,7 @@ import xarray as xr
 
 from gearlib import checks
 from gearlib.models.harmonics import Harmonics
-from gearlib.models.stiffness import levels, stretches
+from gearlib.models.stiffness import levels, segment_lengths
 
 #: Phases per shortest wave at which a sum of harmonics is compared with its mean.
 _SCAN = 32
@@ -49,7 +49,7 @@ class Rectangular:
     def pieces(self, pair):
         """Return the `Pieces` for a `GearPair`."""
         high, low = levels(pair.contact_ratio, pair.stiffness_ratio)
-        half_high, whole_low = stretches(pair.contact_ratio)
+        half_high, whole_low = segment_lengths(pair.contact_ratio)
         lengths = np.array([half_high, whole_low, half_high])
         values = np.array([high, low, high])
         is_low = np.array([False, True, False])
@@ -126,12 +126,12 @@ class Series:
 
 @dataclass(frozen=True)
 class Steps:
-    """A stiffness of constant stretches, taken periodic, for `gearlib.DeadZoneOscillator`.
+    """A stiffness of constant segments, taken periodic, for `gearlib.DeadZoneOscillator`.
 
     Parameters
     ----------
     phase : sequence of float
-        Where each stretch starts, rad, strictly rising within [0, 2 pi).
+        Where each segment starts, rad, strictly rising within [0, 2 pi).
     stiffness : sequence of float
         Its stiffness, in the model's own unit; finite, >= 0.
 
@@ -234,15 +234,15 @@ class Tabulated:
         """Return the `Pieces`, the table scaled to the mean stiffness of a `GearPair`."""
         phase, values = self._closed()
         values = values / self.mean()
-        knots = [0.0]
+        breaks = [0.0]
         for i in range(phase.size - 1):
             a, b = values[i] - 1.0, values[i + 1] - 1.0
             if a * b < 0.0:
-                knots.append(phase[i] + (phase[i + 1] - phase[i]) * a / (a - b))
-            knots.append(phase[i + 1])
-        # The closed table starts at its own first phase: bring all knots into one period from 0.
-        knots = np.unique(np.mod(knots[1:] if phase[0] > 0.0 else knots, 2.0 * math.pi))
-        breaks = np.unique(np.concatenate([[0.0], knots, [2.0 * math.pi]]))
+                breaks.append(phase[i] + (phase[i + 1] - phase[i]) * a / (a - b))
+            breaks.append(phase[i + 1])
+        # The closed table starts at its own first phase: bring all breaks into one period from 0.
+        breaks = np.unique(np.mod(breaks[1:] if phase[0] > 0.0 else breaks, 2.0 * math.pi))
+        breaks = np.unique(np.concatenate([[0.0], breaks, [2.0 * math.pi]]))
         at = np.interp(breaks, phase, values, period=2.0 * math.pi)
         slopes = np.diff(at) / np.diff(breaks)
         low = (at[:-1] + at[1:]) / 2.0 < 1.0

@@ -53,16 +53,16 @@ The paper prints none of the values beyond those of the pair; whoever sets them 
 """
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 
 from gearlib import checks
-from gearlib.kernels.piecewise_linear.system import Part, System
+from gearlib.kernels.piecewise_linear.system import Part, System, exponential
 from gearlib.models import piecewise_linear
 from gearlib.models.harmonics import Harmonics
 from gearlib.models.pair import GearPair
-from gearlib.models.stiffness import levels, stretches
+from gearlib.models.stiffness import levels, segment_lengths
 from gearlib.models.with_pair import WithPair
 
 _BEARINGS = ("y3", "z3", "y2", "z2")
@@ -121,7 +121,7 @@ class SixDegreePair(WithPair):
 
     extra_samples = OUTPUTS
     mathematics = {"exact": "piecewise_linear"}
-    free_rotation = moving_flank = True
+    moving_flank = True
     parameters = {
         "run_out_phase": ("rad", "relative phase of the run-outs"),
         "pitch_phase": ("rad", "mesh phase at which the friction turns"),
@@ -188,6 +188,31 @@ class SixDegreePair(WithPair):
     def size(self):
         """Components that vary: 4, and two for each flexible bearing."""
         return 4 + 2 * len(self.flexible())
+
+    def reduction(self):
+        """Return (reduce, lift), see `Model.reduction`: shapes (n - 2, n), (n, n - 2).
+
+        Only the sum of the two rotations enters the mesh; their difference turns freely.
+        """
+        n = self.size
+        # Rows u3 + u2, bearings, and their rates; lifted back with all of the sum in u3.
+        lift = np.delete(np.eye(n), [1, n // 2 + 1], axis=1)
+        reduce = lift.T.copy()
+        reduce[0, 1] = reduce[n // 2 - 1, n // 2 + 1] = 1.0
+        return reduce, lift
+
+    def contact_map(self, tuning):
+        """Return the map of deviations over one mesh period in normal mesh; see `reduction`."""
+        system, _ = self.system(tuning)
+        n = self.size
+        matrix = np.eye(n)
+        for p, span in enumerate(np.diff(system.starts)):
+            # The middle one of the three contact codes -1, 0, 1 is the backlash.
+            knots = int(system.knots[p])
+            one = exponential(system.a[2, p], n, span / knots)
+            matrix = np.linalg.matrix_power(one, knots) @ matrix
+        reduce, lift = self.reduction()
+        return reduce @ matrix @ lift
 
     def damped(self):
         """Return whether there is any damping on the way of the motion."""
@@ -265,7 +290,7 @@ class SixDegreePair(WithPair):
         for k, i in enumerate(moving):
             if _BEARINGS[i] in ("z3", "z2"):
                 across[2 + k] = (-1.0 if _BEARINGS[i] == "z3" else 1.0) * unit / inertia[2 + k]
-        starts, stiffness, low, sense = self._stretches()
+        starts, stiffness, low, sense = self._segments()
         p = stiffness.size
         outputs = np.zeros((len(OUTPUTS), 3, p, n))
         # line @ free is the rate of a distance: the accelerations have no part in it.
@@ -287,7 +312,7 @@ class SixDegreePair(WithPair):
             a,
             starts,
             # In 1 / nu of phase the mesh turns by a radian: velocities weigh like displacements.
-            piecewise_linear.knots(a, starts, m, one, 1.0 / tuning),
+            piecewise_linear.substeps(a, starts, m, one, 1.0 / tuning),
             low,
             np.tile(stiffness, (3, 1)),
             near,
@@ -325,8 +350,8 @@ class SixDegreePair(WithPair):
         rest = rest_into @ system.a[1, 0] @ np.stack([*rest_back, units[2 * m]], axis=1)
         rest_back = np.stack([*rest_back, np.zeros(n)], axis=1)
         near, far = system.near @ back, system.far @ back
-        own = system._replace(a=into @ system.a @ back, near=near, far=far, position=near)
-        return Part(own, into, back, rest, rest_into, rest_back)
+        reduced = system._replace(a=into @ system.a @ back, near=near, far=far, position=near)
+        return Part(reduced, into, back, rest, rest_into, rest_back)
 
     def _shares(self):
         """Return what the gears take of a motion of the mesh without free rotation, sum 1."""
@@ -334,7 +359,7 @@ class SixDegreePair(WithPair):
         return shares / shares.sum()
 
     def _outputs(self, rows, moving, line, friction, m, tuning):
-        """Fill the functionals of OUTPUTS for one contact code and stretch, shape (12, n)."""
+        """Fill the functionals of OUTPUTS for one contact code and segment, shape (12, n)."""
         pair = self.pair
         rows[0, 0] = rows[1, 1] = 1.0
         # s = y - (y - s)
@@ -346,11 +371,11 @@ class SixDegreePair(WithPair):
             speed = pair.mean_eigenfrequency * tuning
             rows[8 + i, m + 2 + k] = self.bearing_damping[i] * speed / pair.mean_stiffness
 
-    def _stretches(self):
-        """Return (starts, stiffness, low, friction sense) of the stretches of one period."""
+    def _segments(self):
+        """Return (starts, stiffness, low, friction sense) of the segments of one period."""
         pair = self.pair
         high, low = levels(pair.contact_ratio, pair.stiffness_ratio)
-        half_high, whole_low = stretches(pair.contact_ratio)
+        half_high, whole_low = segment_lengths(pair.contact_ratio)
         cuts = {0.0, half_high, half_high + whole_low}
         if any(self.friction):
             turn = self.pitch_phase % (2.0 * math.pi)
@@ -388,25 +413,9 @@ class SixDegreePair(WithPair):
 
     def as_dict(self):
         """Return the parameters as plain values, in the order of the fields."""
-        names = (
-            "base_radii",
-            "inertias",
-            "masses",
-            "bearing_stiffness",
-            "bearing_damping",
-            "eccentricities",
-            "run_out_phase",
-            "teeth",
-            "torques",
-            "friction",
-            "pitch_phase",
-            "moving_backlash",
-            "preload",
-        )
-        values = {name: getattr(self, name) for name in names}
+        values = {one.name: getattr(self, one.name) for one in fields(self)[1:]}
         for name in ("deviation", "inverse_deviation"):
-            harmonics = getattr(self, name)
-            values[name] = {"cosines": harmonics.cosines, "sines": harmonics.sines}
+            values[name] = {"cosines": values[name].cosines, "sines": values[name].sines}
         return {"pair": self.pair.as_dict(), **values}
 
 

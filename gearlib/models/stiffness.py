@@ -23,9 +23,9 @@ def levels(contact_ratio, stiffness_ratio):
     return high, stiffness_ratio * high
 
 
-def stretches(contact_ratio):
-    """Return the phase lengths (half of the C_max stretch, whole C_min stretch) of one period.
+def segment_lengths(contact_ratio):
+    """Return the phase lengths (half of the C_max segment, whole C_min segment) of one period.
 
-    One mesh period from tau = 0 is: half a stretch of C_max, one of C_min, the other half of C_max.
+    One mesh period from tau = 0 is: half a segment of C_max, one of C_min, the other half of C_max.
     """
     return math.pi * (contact_ratio - 1.0), 2.0 * math.pi * (2.0 - contact_ratio)

@@ -116,12 +116,12 @@ def compute_loci(pair, branches, start, stop, lowest, highest):
         which the locus was followed, and state, multipliers, residual as of `gearlib.locus`.
     """
     parts = []
-    own = value_of(pair, 1.0, "damping")
+    given = value_of(pair, 1.0, "damping")
     labels = branches.label.values
     wanted = np.isin(labels, (FOLD, DOUBLING, GRAZING)) & (branches.period.values == 1)
     for point in np.flatnonzero(wanted):
         for to in (lowest, highest):
-            if to == own:
+            if to == given:
                 continue
             try:
                 curve = locus(pair, branches, int(point), "damping", to=to, limits=(start, stop))
@@ -142,7 +142,7 @@ def compute_loci(pair, branches, start, stop, lowest, highest):
             ].assign(damping_ratio=("point", np.empty(0)), locus=("point", np.empty(0, np.int32)))
         ]
     dataset = xr.concat(parts, "point", data_vars="minimal", combine_attrs="override")
-    dataset = dataset.assign(own_damping=own)
+    dataset = dataset.assign(own_damping=given)
     dataset["label"].attrs |= branches.label.attrs
     dataset.attrs = branches.attrs | {"title": "Loci of special points over tuning and damping"}
     return describe(dataset)

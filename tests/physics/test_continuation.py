@@ -22,7 +22,7 @@ from gearlib.analysis.orbits.shooting import NoOrbit
 from gearlib.analysis.orbits.special_points import DOUBLING, END, FOLD, GRAZING
 from gearlib.analysis.orbits.touching import turning_points
 from gearlib.analysis.tongues import no_loss
-from gearlib.models.stiffness import levels, stretches
+from gearlib.models.stiffness import levels, segment_lengths
 from tests.paper import PAPER as FREE
 from tests.physics.test_periodic_orbits import DAMPED
 from tests.physics.test_six_degrees import gears
@@ -55,7 +55,7 @@ def lowest(nu):
     """Return the smallest displacement of the undamped orbit that never loses contact."""
     top = no_loss.orbit(FREE, nu)
     # By symmetry it turns in the middle of both stretches: at phase 0 and at pi.
-    (high, low), (half_high, whole_low) = levels(1.569, 0.5879), stretches(1.569)
+    (high, low), (half_high, whole_low) = levels(1.569, 0.5879), segment_lengths(1.569)
     edge = no_loss.go(top, high, 0.0, nu, half_high)
     return min(top[0], no_loss.go(edge, low, 0.0, nu, 0.5 * whole_low)[0])
 

@@ -98,14 +98,14 @@ def test_states_of_a_trap_in_other_directions_come_to_its_orbit():
     strobe = Stroboscope(BOTH, 1.75)
     for state, period in zip(found.state.values, found.period.values, strict=True):
         orbit = periodic_orbit(BOTH, 1.75, guess=state[0], period=int(period))
-        trap = attractor_of(strobe, orbit).trap
+        ellipses = attractor_of(strobe, orbit).ellipses
         for j in range(int(period)):
             ways = rng.normal(size=(200, 2))
-            ways /= np.sqrt(np.einsum("ki,ij,kj->k", ways, trap.forms[j], ways))[:, None]
-            seen = trap.points[j] + 0.999 * trap.radii[j] * ways
+            ways /= np.sqrt(np.einsum("ki,ij,kj->k", ways, ellipses.forms[j], ways))[:, None]
+            seen = ellipses.points[j] + 0.999 * ellipses.radii[j] * ways
             ends, _ = strobe(seen / strobe.weights, 200 * int(period))
             # 200 periods at exp(-0.22) each leave nothing but rounding.
-            assert np.abs(strobe.seen(ends) - trap.points[j]).max() < 1e-9
+            assert np.abs(strobe.seen(ends) - ellipses.points[j]).max() < 1e-9
 
 
 def label(pair, tuning, x, v):

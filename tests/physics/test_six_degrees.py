@@ -159,7 +159,7 @@ def energy_gap(model, nu, periods=6, state=(0.0, 0.0)):
             oil = 2.0 * model.pair.backlash_damping_ratio * nu
             more = 2.0 * model.pair.damping_ratio * nu - oil if code else 0.0
             inverse += length if code == -1 else 0.0
-            sense = model._stretches()[3][p]
+            sense = model._segments()[3][p]
             mu = {1: model.friction[0], 0: 0.0, -1: model.friction[1]}[code]
 
             def stored(t, series=series, elastic=elastic, c=c):

@@ -194,7 +194,7 @@ def test_static_start_is_at_rest():
     ):
         system = train.system(0.8)
         z = np.zeros(system.near.shape[1])
-        z[: train.size] = train.start_state("static", 0.8)
+        z[: train.size] = train.start_state("static")
         z[train.size] = z[train.size + 1 :: 2] = 1.0
         a = system.free.copy()
         for j in range(len(train.meshes)):
@@ -202,6 +202,6 @@ def test_static_start_is_at_rest():
             effect = system.effect[code + 1, 0, j]
             a += np.einsum("ka,kb->ab", system.push[j, effect], system.grip[j, effect])
         assert np.abs((a @ z)[: train.size]).max() < 1e-10
-    assert not train.start_state((0, 0), 1.0).any()
+    assert not train.start_state((0, 0)).any()
     with pytest.raises(ValueError, match="initial_state = .* must be .0, 0., 'static' or 8 finite"):
-        train.start_state([1.0, 2.0, 3.0], 1.0)
+        train.start_state([1.0, 2.0, 3.0])

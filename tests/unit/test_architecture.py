@@ -1,6 +1,7 @@
-"""What the sources may not do: ask a model for its class, or choose its kernels."""
+"""What the sources may not do, ask a model for its class or choose its kernels; their page."""
 
 import ast
+import re
 from pathlib import Path
 
 import pytest
@@ -100,3 +101,11 @@ def test_models_alone_choose_their_kernels():
                 if wanted & GOING.get(node.module, set()) or modules:
                     found.add(str(path.relative_to(PACKAGE)))
     assert found == set()
+
+
+def test_every_file_on_the_page_of_the_architecture_is_there():
+    root = PACKAGE.parent
+    page = (root / "docs/architecture.md").read_text(encoding="utf-8")
+    named = {name for name in re.findall(r"`([\w./-]+/[\w./-]+)`", page) if "results/" not in name}
+    assert len(named) > 15
+    assert [name for name in sorted(named) if not (root / name).exists()] == []

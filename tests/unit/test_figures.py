@@ -302,7 +302,7 @@ def test_steady_orbits_are_drawn_once():
 
 def test_models_are_bars_with_their_cost():
     data = comparisons()
-    figure = models.draw(data)
+    figure = models.draw([*data.values()], [*data])
     assert [axes.get_title(loc="left") for axes in figure.axes] == [
         "first: displacement_max",
         "second: displacement_max",
@@ -321,7 +321,7 @@ def test_models_are_bars_with_their_cost():
 def test_words_on_bars_stay_in_the_panel():
     data = comparisons()
     data["first"].change[:] = [1e-9, 5.0, np.nan, 1e4]
-    figure = models.draw(data)
+    figure = models.draw([*data.values()], [*data])
     figure.draw_without_rendering()
     axes = figure.axes[0]
     frame = axes.get_window_extent()
@@ -336,7 +336,7 @@ def test_words_on_bars_stay_in_the_panel():
     [
         lambda: jump.draw(jumps(factors=[0.9, 2.0])),
         lambda: nonlinear_damping.draw(studies(["linear", "cubic"])),
-        lambda: models.draw(comparisons()),
+        lambda: models.draw([*comparisons().values()], [*comparisons()]),
     ],
     ids=["jump", "nonlinear_damping", "models"],
 )

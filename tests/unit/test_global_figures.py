@@ -69,9 +69,10 @@ def test_bifurcation_has_three_panels_and_branches_over_the_first():
             "tuning": ("point", [0.6, 0.7, 0.8]),
             "state": (("point", "coordinate"), [[0.1, 0.0], [0.2, 0.0], [0.3, 0.0]]),
             "stable": ("point", [1, 1, 0]),
+            "branch": ("point", [0, 0, 0]),
         }
     )
-    over = bifurcation.draw(diagram, shares, branches=[branch])
+    over = bifurcation.draw(diagram, shares, branches=branch)
     words = [text.get_text() for text in over.axes[0].get_legend().get_texts()]
     assert words[-2:] == ["continued, stable", "unstable"]
     dashed = [line for line in over.axes[0].lines if line.get_linestyle() == "--"]

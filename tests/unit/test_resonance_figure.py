@@ -23,8 +23,8 @@ def test_resonance_has_scales_units_and_every_curve():
 
 def test_what_is_known_of_the_motions_lies_below_the_characteristics():
     beside = {
-        "branches": {"k1": golden.read("branches/k1.nc")},
-        "labels": golden.read("labels/k1.nc").expand_dims("damping"),
+        "branches": [golden.read("branches/k1.nc")],
+        "labels": [golden.read("labels/k1.nc")],
         "tongues": golden.read("tongues.nc"),
     }
     for directions in (("cold",), ("cold", "up", "down")):
@@ -35,7 +35,7 @@ def test_what_is_known_of_the_motions_lies_below_the_characteristics():
         assert drawn[0] == drawn[1]
         assert len(plain) == (3 if len(directions) > 1 else 0)
         # The strip has a bar for each label, the branches two lines at least.
-        assert len(panel.containers[0]) == beside["labels"].tuning.size
+        assert len(panel.containers[0]) == beside["labels"][0].tuning.size
         assert len(panel.lines) >= 2 + (len(plain[0].lines) if plain else 0)
 
 

@@ -2,16 +2,17 @@
 
 import pytest
 
-from gearlib.tunings import grid, label, windows
+from gearlib.tunings import grid, name_of, values_of, windows
 
 
 @pytest.mark.parametrize(
     ("tuning", "text"),
     [(0.66, "0.6600"), (1, "1.0000"), (0.81505, "0.81505"), (1e-6, "0.000001"), (12.5, "12.5000")],
 )
-def test_label_names_the_tuning_exactly(tuning, text):
-    assert label(tuning) == text
-    assert float(text) == tuning
+def test_a_name_holds_the_tuning_exactly(tuning, text):
+    assert name_of(tuning) == text
+    assert values_of(text) == [tuning]
+    assert values_of(name_of(tuning, 2.5)) == [tuning, 2.5]
 
 
 def test_grid_holds_the_floats_that_a_reader_would_type():

@@ -23,7 +23,7 @@ from gearlib.kernels.closed_form.mesh import contact_of, mesh
 from gearlib.kernels.closed_form.oscillator import evolve, level
 from gearlib.kernels.closed_form.whole_periods import ENTRY, advance, new_work, set_mesh, set_start
 from gearlib.kernels.jit import kernel
-from gearlib.models.stiffness import levels, stretches
+from gearlib.models.stiffness import levels, segment_lengths
 
 PERIODS = 8
 LIMIT = 10**6
@@ -31,7 +31,13 @@ LIMIT = 10**6
 
 def ratios_of(contact_ratio, stiffness_ratio, damping, drag, gap):
     return np.array(
-        [*levels(contact_ratio, stiffness_ratio), *stretches(contact_ratio), damping, drag, gap]
+        [
+            *levels(contact_ratio, stiffness_ratio),
+            *segment_lengths(contact_ratio),
+            damping,
+            drag,
+            gap,
+        ]
     )
 
 

@@ -23,6 +23,8 @@ from tests.workflow.project import ROOT, small_project
 
 pytestmark = pytest.mark.slow
 
+DRAWN_BY_TABLE = {rule: n for rule, n in drawn().items() if rule != "draw_report_page"}
+
 # What rests on the charts of work and precision.
 MEASURED = ("work_precision", "jump_by_method", "steady_orbits")
 
@@ -84,8 +86,7 @@ def test_a_changed_colour_only_redraws(project):
 
 def test_a_new_format_only_redraws(project):
     project.configure(lambda settings: settings["figures"]["formats"].append("svg"))
-    pictures = {rule: count for rule, count in drawn().items() if rule != "draw_report_page"}
-    assert project.planned() == pictures
+    assert project.planned() == DRAWN_BY_TABLE
 
 
 def test_a_raised_stop_leaves_the_computed_windows(project):
@@ -154,6 +155,7 @@ def test_a_method_more_runs_its_trial(project):
         ("gearlib/studies/trials/difficult_problems.py", jobs("failures")),
         ("gearlib/figures/resonance.py", {"draw_resonance": 1, "draw_report_page": 1}),
         ("gearlib/figures/style.py", drawn()),
+        ("workflow/scripts/draw.py", DRAWN_BY_TABLE),
         ("gearlib/figures/time_courses.py", drawn("scenes")),
         ("gearlib/figures/poincare.py", drawn("poincare")),
         ("gearlib/figures/work_precision.py", drawn(*MEASURED)),
@@ -163,7 +165,7 @@ def test_a_method_more_runs_its_trial(project):
         ),
         ("gearlib/studies/trials/high_precision.py", jobs(*MEASURED)),
         ("gearlib/studies/claims/scenes.py", jobs("claims")),
-        ("workflow/scripts/draw_phase_planes.py", {"draw_phase_planes": 1}),
+        ("gearlib/figures/phase_planes.py", {"draw_phase_planes": 1}),
         ("gearlib/config/experiments.py", {}),
     ],
 )

@@ -1,65 +1,33 @@
 """Branches of periodic orbits, one job for each damping, and loci of their special points."""
 
 
-rule branches:
+use rule job as branches with:
+    pathvars:
+        job="branches/{damping}",
     input:
         kernels=rules.compile_kernels.output.stamp,
         sources=script_sources("branches"),
     output:
         dataset="results/branches/{damping}.nc",
-    log:
-        "results/logs/branches/{damping}.log",
-    benchmark:
-        "results/benchmarks/branches/{damping}.tsv"
-    threads: 1
     params:
+        script="branches",
         name="{damping}",
         pair=pair_of,
         settings=canonical(CONFIG.branches.model_dump(exclude={"loci"})),
-    conda:
-        "../envs/gearlib.yaml"
-    script:
-        "../scripts/branches.py"
 
 
-rule loci:
+use rule job as loci with:
+    pathvars:
+        job="loci",
     input:
         branches=f"results/branches/{CONFIG.branches.loci.damping}.nc",
         sources=script_sources("loci"),
     output:
         dataset="results/loci.nc",
-    log:
-        "results/logs/loci.log",
-    benchmark:
-        "results/benchmarks/loci.tsv"
-    threads: 1
     params:
+        script="loci",
         pair=canonical(CONFIG.pair_parameters(CONFIG.branches.loci.damping)),
         settings=canonical(
             CONFIG.branches.model_dump(include={"start", "stop"})
             | CONFIG.branches.loci.model_dump(include={"lowest", "highest"})
         ),
-    conda:
-        "../envs/gearlib.yaml"
-    script:
-        "../scripts/loci.py"
-
-
-rule draw_branches:
-    input:
-        branches=rules.loci.input.branches,
-        loci=rules.loci.output.dataset,
-        sources=script_sources("draw_branches"),
-    output:
-        figure("branches", "Beside Fig. 3: folds and grazings, and what moves them", EXPLANATIONS),
-    log:
-        "results/logs/draw_branches.log",
-    benchmark:
-        "results/benchmarks/draw_branches.tsv"
-    threads: 1
-    params:
-        dpi=CONFIG.figures.dpi,
-    conda:
-        "../envs/gearlib.yaml"
-    script:
-        "../scripts/draw_branches.py"

@@ -1,7 +1,9 @@
 """Claims: the paper's statements against the computed data."""
 
 
-rule claims:
+use rule job as claims with:
+    pathvars:
+        job="claims",
     input:
         resonance=rules.gather_resonance.output.dataset,
         phase_planes=rules.gather_phase_planes.output.dataset,
@@ -15,15 +17,7 @@ rule claims:
         csv="results/claims.csv",
         page=table_page("claims", "Statements, computed numbers, verdicts", CLAIMS),
         markdown="results/claims.md",
-    log:
-        "results/logs/claims.log",
-    benchmark:
-        "results/benchmarks/claims.tsv"
-    threads: 1
     params:
+        script="claims",
         pair=canonical(CONFIG.gear_pair.model_dump()),
         dampings=canonical(CONFIG.model_dump()["dampings"]),
-    conda:
-        "../envs/gearlib.yaml"
-    script:
-        "../scripts/claims.py"

@@ -1,8 +1,8 @@
 """What the rules share: the checked configuration, and names of files and parameters.
 
 Rules see the configuration through these functions only: a job's `params` hold exactly the
-values that it uses, as JSON texts with sorted keys, so that order and spelling of numbers in
-config.yaml (2 or 2.0) rerun nothing.
+values that it uses, with sorted keys, so that order and spelling of numbers in config.yaml (2 or
+2.0) rerun nothing.
 """
 
 import json
@@ -37,6 +37,9 @@ PAPER_TARGETS = ["phase_lag", "resonance", "phase_planes", "scenes", "jump", "cl
 PAPER, CLAIMS = "1 The paper's figures", "2 The paper's statements"
 EXPLANATIONS, METHODS = "3 Explanations", "4 Methods"
 PUBLISHED_PART = "5 Published problems"
+
+#: The keys of a grid of tunings.
+GRID = {"start", "stop", "step"}
 
 #: Priority of jobs that take long: at the end of a build none of them runs alone.
 LONG = 1
@@ -78,19 +81,30 @@ wildcard_constraints:
     trial=r"[A-Za-z0-9+_-]+",
 
 
-def script_sources(name, *methods):
-    """Return the source files on which the results of a script depend, told to run these methods.
+def script_sources(name, *methods, loaded=()):
+    """Return the source files on which the results of a script depend.
 
-    Of those that are always loaded a script says so itself, see `workflow.sources`.
+    It is told to run these methods, and to load these modules; of those that are always loaded a
+    script says so itself, see `workflow.sources`.
     """
-    loaded = [f"gearlib.integrators.{integrators.METHODS.data[method]}" for method in methods]
-    files = sources(ROOT / "workflow" / "scripts" / f"{name}.py", ROOT, loaded)
+    methods = [f"gearlib.integrators.{integrators.METHODS.data[method]}" for method in methods]
+    files = sources(ROOT / "workflow" / "scripts" / f"{name}.py", ROOT, [*methods, *loaded])
     return [os.path.relpath(path) for path in files]
 
 
-def sources_with_method(name):
-    """Return the input function of a script that runs the method in the name of its output."""
-    return lambda wildcards: script_sources(name, wildcards.method)
+def function_sources(function, *methods):
+    """Return the source files of a function that the script `compute` calls."""
+    return script_sources("compute", *methods, loaded=[function.split(":")[0]])
+
+
+def sources_with_method(sources, name):
+    """Return the input function of a rule that runs the method in the name of its output."""
+    return lambda wildcards: sources(name, wildcards.method)
+
+
+def grid_of(section, step="step"):
+    """Return the tunings of a section."""
+    return tunings.grid(section.start, section.stop, getattr(section, step))
 
 
 def figure_files(name):
@@ -98,14 +112,14 @@ def figure_files(name):
     return expand("results/figures/{name}.{format}", name=name, format=CONFIG.figures.formats)
 
 
-def figure(name, label, part, caption=None):
+def figure(name, label, part):
     """Return the files of one figure, of which one is shown in the report.
 
     One label only: of two, where a part has two results, the report makes a switch that breaks.
     """
     shown = f".{min(CONFIG.figures.formats, key=SHOWN_FORMATS.index)}"
     in_report = dict(
-        caption=f"../report/{caption or name}.rst",
+        caption=f"../report/{name.strip('{}')}.rst",
         category=part,
         labels=label if callable(label) else {"figure": label},
     )
@@ -133,21 +147,22 @@ def label_of_scene(wildcards):
 def resonance_shards():
     """Return the files of all windows of the resonance characteristic."""
     return [
-        f"results/resonance/{damping}/{direction}/{tunings.label(first)}-{tunings.label(last)}.nc"
+        f"results/resonance/{damping}/{direction}/{tunings.name_of(*window)}.nc"
         for damping in CONFIG.dampings
         for direction in CONFIG.resonance.directions
-        for first, last in CONFIG.resonance.windows(direction)
+        for window in CONFIG.resonance.windows(direction)
     ]
 
 
 def beside_resonance():
     """Return the files of what Fig. 3 shows below its curves: those that are targets too."""
-    files = {
-        "labels": expand("results/labels/{damping}.nc", damping=CONFIG.dampings),
-        "branches": expand("results/branches/{damping}.nc", damping=CONFIG.dampings),
-        "parametric_resonance": ["results/tongues.nc"],
+    shown = {
+        "labels": {"labels": expand("results/labels/{damping}.nc", damping=CONFIG.dampings)},
+        "branches": {"branches": expand("results/branches/{damping}.nc", damping=CONFIG.dampings)},
+        "parametric_resonance": {"tongues": "results/tongues.nc"},
     }
-    return {name: files[name] for name in files if name in CONFIG.targets}
+    wanted = [shown[target] for target in shown if target in CONFIG.targets]
+    return {name: files for data in wanted for name, files in data.items()}
 
 
 def nonlinear_damping_files():
@@ -209,87 +224,47 @@ def work_precision_settings():
     return canonical(CONFIG.work_precision.model_dump(exclude=apart))
 
 
-def files_by_target():
-    """Return the files of every target, by its name."""
-    scenes = [path for name in CONFIG.scenes for path in figure_files(name)]
-    return {
-        "phase_lag": figure_files("fig2_phase_shift"),
-        "resonance": figure_files("fig3_resonance"),
-        "phase_planes": figure_files("fig5_phase_planes"),
-        "scenes": scenes,
-        "jump": figure_files("fig6_jump"),
+def drawn(target):
+    """Return the files of the figures of a target."""
+    rows = [row for name, row in DRAWINGS.items() if target == (row.target or name)]
+    names = [name for row in rows for name in row.figures]
+    names = CONFIG.scenes if names == ["{scene}"] else names
+    return [path for name in names for path in figure_files(name)]
+
+
+def target_files(targets):
+    """Return the files of targets of the configuration."""
+    beside = {
         "labels": expand("results/labels/{damping}.nc", damping=CONFIG.dampings),
-        "branches": figure_files("branches"),
-        "nonlinear_damping": [
-            *figure_files("nonlinear_damping"),
-            "results/nonlinear_damping.csv",
-        ],
-        "analytic_method": [
-            *figure_files("analytic_method"),
-            *figure_files("harmonic_balance"),
-        ],
-        "models": [*figure_files("models"), "results/models.csv"] if CONFIG.scenes else [],
-        "parametric_resonance": [
-            *figure_files("parametric_resonance"),
-            "results/parametric_resonance.txt",
-        ],
-        "stability_chart": figure_files("stability_chart"),
-        "failures": figure_files("failures"),
-        "work_precision": [
-            *figure_files("work_precision_evaluations"),
-            *figure_files("work_precision_measures"),
-            *figure_files("work_precision_time"),
-            "results/work_precision.csv",
-        ],
-        "steady_orbits": [
-            *figure_files("steady_orbits"),
-            *figure_files("steady_orbits_time"),
-        ],
-        "jump_by_method": [*figure_files("jump_by_method"), "results/jump_by_method.csv"],
-        "published": [path for name in PUBLISHED for path in figure_files(f"published_{name}")],
-        "basins": figure_files("basins"),
-        "bifurcation": figure_files("bifurcation"),
-        "poincare": figure_files("poincare"),
+        "nonlinear_damping": ["results/nonlinear_damping.csv"],
+        "models": ["results/models.csv"],
+        "parametric_resonance": ["results/tables/parametric_resonance.html"],
+        "work_precision": ["results/work_precision.csv"],
+        "jump_by_method": ["results/jump_by_method.csv"],
         "claims": ["results/claims.csv", "results/claims.md"],
         "report_page": ["results/report/index.html"],
     }
-
-
-def target_files():
-    """Return the files that the configuration asks for."""
-    files = files_by_target()
-    return [path for target in CONFIG.targets for path in files[target]]
-
-
-def paper_files():
-    """Return the files of the paper's figures and statements."""
-    files = files_by_target()
-    return [path for target in PAPER_TARGETS for path in files[target]]
+    wanted = [name for name in targets if name != "models" or CONFIG.scenes]
+    return [path for name in wanted for path in drawn(name) + beside.get(name, [])]
 
 
 def phase_plane_shards():
     """Return the files of all phase planes."""
     return [
-        f"results/phase_planes/{damping}/{tunings.label(tuning)}.nc"
+        f"results/phase_planes/{damping}/{tunings.name_of(tuning)}.nc"
         for damping in CONFIG.dampings
         for tuning in CONFIG.phase_planes.tunings
     ]
 
 
 def canonical(value):
-    """Return a value as the JSON text that stands for it in `params`."""
-    return json.dumps(value, sort_keys=True)
+    """Return a value as it stands in `params`: Snakemake compares texts, in which order counts."""
+    return json.loads(json.dumps(value, sort_keys=True))
 
 
 def pair_of(wildcards):
     """Return the parameters of the gear pair with the damping of a job."""
     return canonical(CONFIG.pair_parameters(wildcards.damping))
-
-
-def window_of(wildcards):
-    """Return first tuning, last tuning and step of a job."""
-    first, last = map(float, wildcards.window.split("-"))
-    return canonical([first, last, CONFIG.resonance.step])
 
 
 def run_length():

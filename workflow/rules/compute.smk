@@ -4,58 +4,41 @@
 # Without this rule the first jobs would each compile the kernels of a gear pair. Its stamp is an
 # ordinary input: behind an "ancient" one Snakemake would overlook edits of sources that both rules
 # share.
-rule compile_kernels:
+use rule job as compile_kernels with:
+    pathvars:
+        job="compile_kernels",
     input:
         sources=script_sources("compile_kernels"),
     output:
         stamp="results/kernels.sha256",
-    log:
-        "results/logs/compile_kernels.log",
-    benchmark:
-        "results/benchmarks/compile_kernels.tsv"
-    threads: 1
-    conda:
-        "../envs/gearlib.yaml"
-    script:
-        "../scripts/compile_kernels.py"
+    params:
+        script="compile_kernels",
 
 
-rule sweep_window:
+use rule job as sweep_window with:
+    pathvars:
+        job="resonance/{damping}/{direction}/{window}",
     input:
         kernels=rules.compile_kernels.output.stamp,
         sources=script_sources("sweep_window"),
     output:
         window="results/resonance/{damping}/{direction}/{window}.nc",
-    log:
-        "results/logs/resonance/{damping}/{direction}/{window}.log",
-    benchmark:
-        "results/benchmarks/resonance/{damping}/{direction}/{window}.tsv"
-    threads: 1
     params:
+        script="sweep_window",
         pair=pair_of,
-        window=window_of,
+        step=CONFIG.resonance.step,
         run=canonical(run_length()),
-    conda:
-        "../envs/gearlib.yaml"
-    script:
-        "../scripts/sweep_window.py"
 
 
-rule phase_plane:
+use rule job as phase_plane with:
+    pathvars:
+        job="phase_planes/{damping}/{tuning}",
     input:
         kernels=rules.compile_kernels.output.stamp,
         sources=script_sources("phase_plane"),
     output:
         plane="results/phase_planes/{damping}/{tuning}.nc",
-    log:
-        "results/logs/phase_planes/{damping}/{tuning}.log",
-    benchmark:
-        "results/benchmarks/phase_planes/{damping}/{tuning}.tsv"
-    threads: 1
     params:
+        script="phase_plane",
         pair=pair_of,
         run=canonical(run_length() | {"samples_per_period": CONFIG.run.samples_per_period}),
-    conda:
-        "../envs/gearlib.yaml"
-    script:
-        "../scripts/phase_plane.py"

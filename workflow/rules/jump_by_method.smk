@@ -1,62 +1,36 @@
-"""The jump of the motion from rest, method by method: computed, tabled, drawn."""
+"""The jump of the motion from rest, method by method, and its table."""
 
 
-rule jump_by_method:
+use rule job as jump_by_method with:
+    pathvars:
+        job="jump_by_method/{method}",
     input:
         kernels=rules.compile_kernels.output.stamp,
-        sources=sources_with_method("jump_by_method"),
+        sources=sources_with_method(
+            function_sources, "gearlib.studies.trials.jump_by_method:compute"
+        ),
     output:
         dataset="results/jump_by_method/{method}.nc",
-    log:
-        "results/logs/jump_by_method/{method}.log",
-    benchmark:
-        "results/benchmarks/jump_by_method/{method}.tsv"
-    threads: 1
     priority: LONG
     params:
+        script="compute",
+        function="gearlib.studies.trials.jump_by_method:compute",
         pair=canonical(CONFIG.pair_parameters(CONFIG.jump_by_method.damping)),
         settings=canonical(CONFIG.jump_by_method.model_dump(exclude={"methods", "damping"})),
         run=canonical(run_length()),
-    conda:
-        "../envs/gearlib.yaml"
-    script:
-        "../scripts/jump_by_method.py"
+        tunings=grid_of(CONFIG.jump_by_method),
+        slow_tunings=grid_of(CONFIG.jump_by_method.slow),
+        method="{method}",
 
 
-rule jump_by_method_table:
+use rule job as jump_by_method_table with:
+    pathvars:
+        job="jump_by_method_table",
     input:
         jumps=jump_by_method_files(),
         sources=script_sources("jump_by_method_table"),
     output:
         csv="results/jump_by_method.csv",
         page=table_page("jump_by_method", "Jump from rest by method: table", METHODS),
-    log:
-        "results/logs/jump_by_method_table.log",
-    benchmark:
-        "results/benchmarks/jump_by_method_table.tsv"
-    threads: 1
-    conda:
-        "../envs/gearlib.yaml"
-    script:
-        "../scripts/jump_by_method_table.py"
-
-
-rule draw_jump_by_method:
-    input:
-        jumps=jump_by_method_files(),
-        sources=script_sources("draw_jump_by_method"),
-    output:
-        figure("jump_by_method", "Jump from rest by method", METHODS),
-    log:
-        "results/logs/draw_jump_by_method.log",
-    benchmark:
-        "results/benchmarks/draw_jump_by_method.tsv"
-    threads: 1
     params:
-        dpi=CONFIG.figures.dpi,
-        marked=canonical(CONFIG.jump.marked),
-        absent=absent(CONFIG.jump_by_method.methods),
-    conda:
-        "../envs/gearlib.yaml"
-    script:
-        "../scripts/draw_jump_by_method.py"
+        script="jump_by_method_table",

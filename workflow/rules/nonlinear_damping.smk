@@ -1,60 +1,34 @@
-"""Nonlinear damping: one job for each place and power, one figure."""
+"""Nonlinear damping: one job for each place and power, one table."""
 
 
-rule nonlinear_damping:
+use rule job as nonlinear_damping with:
+    pathvars:
+        job="nonlinear_damping/{place}_{power}",
     input:
         kernels=rules.compile_kernels.output.stamp,
-        sources=script_sources("nonlinear_damping"),
+        sources=function_sources("gearlib.studies.nonlinear_damping:compute"),
     output:
         dataset="results/nonlinear_damping/{place}_{power}.nc",
-    log:
-        "results/logs/nonlinear_damping/{place}_{power}.log",
-    benchmark:
-        "results/benchmarks/nonlinear_damping/{place}_{power}.tsv"
-    threads: 1
     params:
+        script="compute",
+        function="gearlib.studies.nonlinear_damping:compute",
         pair=canonical(CONFIG.gear_pair.model_dump()),
         settings=canonical(CONFIG.nonlinear_damping.model_dump()),
         run=canonical(run_length()),
         samples_per_period=CONFIG.run.samples_per_period,
-    conda:
-        "../envs/gearlib.yaml"
-    script:
-        "../scripts/nonlinear_damping.py"
+        tunings=grid_of(CONFIG.nonlinear_damping),
+        place="{place}",
+        power="{power}",
 
 
-rule nonlinear_damping_table:
+use rule job as nonlinear_damping_table with:
+    pathvars:
+        job="nonlinear_damping_table",
     input:
         studies=nonlinear_damping_files(),
         sources=script_sources("nonlinear_damping_table"),
     output:
         csv="results/nonlinear_damping.csv",
         page=table_page("nonlinear_damping", "Nonlinear damping: table", EXPLANATIONS),
-    log:
-        "results/logs/nonlinear_damping_table.log",
-    benchmark:
-        "results/benchmarks/nonlinear_damping_table.tsv"
-    threads: 1
-    conda:
-        "../envs/gearlib.yaml"
-    script:
-        "../scripts/nonlinear_damping_table.py"
-
-
-rule draw_nonlinear_damping:
-    input:
-        studies=nonlinear_damping_files(),
-        sources=script_sources("draw_nonlinear_damping"),
-    output:
-        figure("nonlinear_damping", "Nonlinear damping of equal work", EXPLANATIONS),
-    log:
-        "results/logs/draw_nonlinear_damping.log",
-    benchmark:
-        "results/benchmarks/draw_nonlinear_damping.tsv"
-    threads: 1
     params:
-        dpi=CONFIG.figures.dpi,
-    conda:
-        "../envs/gearlib.yaml"
-    script:
-        "../scripts/draw_nonlinear_damping.py"
+        script="nonlinear_damping_table",

@@ -1,69 +1,50 @@
-"""Parametric resonance: the chart, the tongues of the dampings, and the picture of both."""
+"""Parametric resonance: the chart, and the tongues of the dampings."""
 
 
-rule parametric_resonance:
+use rule job as parametric_resonance with:
+    pathvars:
+        job="parametric_resonance",
     input:
-        sources=script_sources("parametric_resonance"),
+        sources=function_sources("gearlib.analysis.tongues.chart:compute"),
         kernels=rules.compile_kernels.output.stamp,
     output:
         dataset="results/parametric_resonance.nc",
-    log:
-        "results/logs/parametric_resonance.log",
-    benchmark:
-        "results/benchmarks/parametric_resonance.tsv"
-    threads: 1
     params:
+        script="compute",
+        function="gearlib.analysis.tongues.chart:compute",
         pair=canonical(CONFIG.gear_pair.model_dump()),
-        settings=canonical(CONFIG.parametric_resonance.model_dump(exclude={"asked"})),
-    conda:
-        "../envs/gearlib.yaml"
-    script:
-        "../scripts/parametric_resonance.py"
+        settings=canonical(CONFIG.parametric_resonance.model_dump(exclude={"asked", *GRID})),
+        tunings=grid_of(CONFIG.parametric_resonance),
 
 
-rule tongues:
+use rule job as tongues with:
+    pathvars:
+        job="tongues",
     input:
         sources=script_sources("tongues"),
         kernels=rules.compile_kernels.output.stamp,
     output:
         dataset="results/tongues.nc",
         sentence="results/parametric_resonance.txt",
-    log:
-        "results/logs/tongues.log",
-    benchmark:
-        "results/benchmarks/tongues.tsv"
-    threads: 1
     params:
+        script="tongues",
         pairs=canonical({name: CONFIG.pair_parameters(name) for name in CONFIG.dampings}),
         asked=CONFIG.parametric_resonance.asked,
         tunings=canonical([CONFIG.parametric_resonance.start, CONFIG.parametric_resonance.stop]),
         run=canonical(run_length()),
-    conda:
-        "../envs/gearlib.yaml"
-    script:
-        "../scripts/tongues.py"
 
 
-rule draw_parametric_resonance:
+use rule job as parametric_resonance_page with:
+    pathvars:
+        job="parametric_resonance_page",
     input:
-        chart=rules.parametric_resonance.output.dataset,
-        tongues=rules.tongues.output.dataset,
-        sources=script_sources("draw_parametric_resonance"),
+        sentence=rules.tongues.output.sentence,
+        sources=script_sources("text_page"),
     output:
-        pictures=figure("parametric_resonance", "Parametric resonance: tongues", EXPLANATIONS),
         page=table_page(
             "parametric_resonance",
             "Parametric resonance: the tuning in question, in words",
             EXPLANATIONS,
         ),
-    log:
-        "results/logs/draw_parametric_resonance.log",
-    benchmark:
-        "results/benchmarks/draw_parametric_resonance.tsv"
-    threads: 1
     params:
-        dpi=CONFIG.figures.dpi,
-    conda:
-        "../envs/gearlib.yaml"
-    script:
-        "../scripts/draw_parametric_resonance.py"
+        script="text_page",

@@ -1,41 +1,19 @@
-"""Phase lag of the motion behind the mesh stiffness: computed and drawn (Fig. 2)."""
+"""Phase lag of the motion behind the mesh stiffness (Fig. 2)."""
 
 
-rule phase_lag:
+use rule job as phase_lag with:
+    pathvars:
+        job="phase_lag",
     input:
         kernels=rules.compile_kernels.output.stamp,
-        sources=script_sources("phase_lag"),
+        sources=function_sources("gearlib.studies.phase_lag:compute"),
     output:
         dataset="results/phase_lag.nc",
-    log:
-        "results/logs/phase_lag.log",
-    benchmark:
-        "results/benchmarks/phase_lag.tsv"
-    threads: 1
     params:
+        **CONFIG.phase_lag.model_dump(include={"tuning", "harmonics", "periods"}),
+        script="compute",
+        function="gearlib.studies.phase_lag:compute",
         pair=canonical(CONFIG.gear_pair.model_dump()),
-        lag=canonical(CONFIG.phase_lag.model_dump()),
+        dampings=CONFIG.phase_lag.material_dampings,
+        tunings=grid_of(CONFIG.phase_lag),
         samples_per_period=CONFIG.run.samples_per_period,
-    conda:
-        "../envs/gearlib.yaml"
-    script:
-        "../scripts/phase_lag.py"
-
-
-rule draw_phase_lag:
-    input:
-        dataset=rules.phase_lag.output.dataset,
-        sources=script_sources("draw_phase_lag"),
-    output:
-        figure("fig2_phase_shift", "Fig. 2: phase lag, material damping", PAPER),
-    log:
-        "results/logs/draw_phase_lag.log",
-    benchmark:
-        "results/benchmarks/draw_phase_lag.tsv"
-    threads: 1
-    params:
-        dpi=CONFIG.figures.dpi,
-    conda:
-        "../envs/gearlib.yaml"
-    script:
-        "../scripts/draw_phase_lag.py"

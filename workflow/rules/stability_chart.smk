@@ -1,42 +1,22 @@
-"""Numerical stability of fixed-step methods: computed and drawn."""
+"""Numerical stability of fixed-step methods."""
 
 
-rule stability_chart:
+use rule job as stability_chart with:
+    pathvars:
+        job="stability_chart",
     input:
         kernels=rules.compile_kernels.output.stamp,
-        sources=script_sources(
-            "stability_chart", *(m.method for m in CONFIG.stability_chart.methods.values())
+        sources=function_sources(
+            "gearlib.studies.trials.stability:compute",
+            *(m.method for m in CONFIG.stability_chart.methods.values()),
         ),
     output:
         dataset="results/stability_chart.nc",
-    log:
-        "results/logs/stability_chart.log",
-    benchmark:
-        "results/benchmarks/stability_chart.tsv"
-    threads: 1
     params:
+        script="compute",
+        function="gearlib.studies.trials.stability:compute",
         pair=canonical(CONFIG.pair_parameters(CONFIG.stability_chart.damping)),
-        settings=canonical(CONFIG.stability_chart.model_dump()),
-    conda:
-        "../envs/gearlib.yaml"
-    script:
-        "../scripts/stability_chart.py"
-
-
-rule draw_stability_chart:
-    input:
-        dataset=rules.stability_chart.output.dataset,
-        sources=script_sources("draw_stability_chart"),
-    output:
-        figure("stability_chart", "Numerical stability of fixed steps", METHODS),
-    log:
-        "results/logs/draw_stability_chart.log",
-    benchmark:
-        "results/benchmarks/draw_stability_chart.tsv"
-    threads: 1
-    params:
-        dpi=CONFIG.figures.dpi,
-    conda:
-        "../envs/gearlib.yaml"
-    script:
-        "../scripts/draw_stability_chart.py"
+        tunings=grid_of(CONFIG.stability_chart),
+        fine_tunings=grid_of(CONFIG.stability_chart, "fine_step"),
+        steps=CONFIG.stability_chart.steps,
+        methods=canonical(CONFIG.stability_chart.model_dump()["methods"]),

@@ -1,87 +1,40 @@
 """Settled orbits: errors of the frequency domain beside time integration, wall times apart."""
 
 
-rule steady_orbits:
+use rule job as steady_orbits with:
+    pathvars:
+        job="steady_orbits",
     input:
         kernels=rules.compile_kernels.output.stamp,
-        sources=script_sources("steady_orbits", *time_integration_methods()),
+        sources=function_sources(
+            "gearlib.studies.trials.steady_orbits:errors", *time_integration_methods()
+        ),
     output:
         dataset="results/steady_orbits/errors.nc",
-    log:
-        "results/logs/steady_orbits.log",
-    benchmark:
-        "results/benchmarks/steady_orbits.tsv"
-    threads: 1
     priority: LONG
     params:
+        script="compute",
+        function="gearlib.studies.trials.steady_orbits:errors",
         methods=CONFIG.steady_orbits.methods,
-        problems=CONFIG.steady_orbits.problems,
+        names=CONFIG.steady_orbits.problems,
         pair=canonical(CONFIG.gear_pair.model_dump()),
         settings=work_precision_settings(),
-    conda:
-        "../envs/gearlib.yaml"
-    script:
-        "../scripts/steady_orbits.py"
 
 
 # As work_precision_times: nothing may run beside it.
-rule steady_orbit_times:
+use rule job as steady_orbit_times with:
+    pathvars:
+        job="steady_orbit_times",
     input:
         kernels=rules.compile_kernels.output.stamp,
         sources=script_sources("steady_orbit_times", *time_integration_methods()),
     output:
         dataset="results/steady_orbits/times.nc",
-    log:
-        "results/logs/steady_orbit_times.log",
-    benchmark:
-        "results/benchmarks/steady_orbit_times.tsv"
     threads: 1024
     params:
+        script="steady_orbit_times",
         methods=CONFIG.steady_orbits.methods,
         problems=CONFIG.steady_orbits.problems,
         pair=canonical(CONFIG.gear_pair.model_dump()),
         settings=work_precision_settings(),
         repeats=CONFIG.steady_orbits.repeats,
-    conda:
-        "../envs/gearlib.yaml"
-    script:
-        "../scripts/steady_orbit_times.py"
-
-
-rule draw_steady_orbits:
-    input:
-        errors=rules.steady_orbits.output.dataset,
-        sources=script_sources("draw_steady_orbits"),
-    output:
-        figure("steady_orbits", "Settled orbits: errors over evaluations", METHODS),
-    log:
-        "results/logs/draw_steady_orbits.log",
-    benchmark:
-        "results/benchmarks/draw_steady_orbits.tsv"
-    threads: 1
-    params:
-        dpi=CONFIG.figures.dpi,
-    conda:
-        "../envs/gearlib.yaml"
-    script:
-        "../scripts/draw_steady_orbits.py"
-
-
-rule draw_steady_orbits_time:
-    input:
-        errors=rules.steady_orbits.output.dataset,
-        times=rules.steady_orbit_times.output.dataset,
-        sources=script_sources("draw_steady_orbits_time"),
-    output:
-        figure("steady_orbits_time", "Settled orbits: errors over wall time", METHODS),
-    log:
-        "results/logs/draw_steady_orbits_time.log",
-    benchmark:
-        "results/benchmarks/draw_steady_orbits_time.tsv"
-    threads: 1
-    params:
-        dpi=CONFIG.figures.dpi,
-    conda:
-        "../envs/gearlib.yaml"
-    script:
-        "../scripts/draw_steady_orbits_time.py"

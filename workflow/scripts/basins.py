@@ -1,7 +1,5 @@
 """Compute the basins of attraction of all cases."""
 
-import json
-
 from joblog import redirect_output
 from gearlib.analysis.global_dynamics import studies
 from gearlib.data import storage
@@ -9,8 +7,8 @@ from gearlib.data import storage
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])
     dataset = studies.basin_cases(
-        json.loads(snakemake.params.cases),
-        json.loads(snakemake.params.settings),
+        snakemake.params.cases,
+        snakemake.params.settings,
         threads=snakemake.threads,
     )
     storage.write(dataset, snakemake.output.dataset)

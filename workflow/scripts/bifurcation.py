@@ -1,7 +1,5 @@
 """Compute the bifurcation diagram, its Lyapunov exponents and the shares of the basins."""
 
-import json
-
 from joblog import redirect_output
 from gearlib.analysis.global_dynamics import studies
 from gearlib.data import storage
@@ -9,9 +7,9 @@ from gearlib.tunings import grid
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])
-    settings = json.loads(snakemake.params.settings)
+    settings = snakemake.params.settings
     diagram, shares = studies.bifurcation(
-        json.loads(snakemake.params.pair),
+        snakemake.params.pair,
         grid(settings["start"], settings["stop"], settings["step"]),
         grid(settings["start"], settings["stop"], settings["share_step"]),
         settings,

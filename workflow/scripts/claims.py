@@ -1,6 +1,5 @@
 """Check the paper's statements against the computed data."""
 
-import json
 from pathlib import Path
 
 from joblog import redirect_output
@@ -17,8 +16,8 @@ def _by_name(paths):
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])
     table = claims.evaluate(
-        GearPair(**json.loads(snakemake.params.pair)),
-        json.loads(snakemake.params.dampings),
+        GearPair(**snakemake.params.pair),
+        snakemake.params.dampings,
         storage.read(snakemake.input.resonance),
         storage.read(snakemake.input.phase_planes),
         storage.read(snakemake.input.phase_lag),

@@ -1,7 +1,5 @@
 """Write the page of the report on which tunings are chosen."""
 
-import json
-
 from joblog import redirect_output
 from gearlib.data import storage
 from gearlib.data.files import replacing
@@ -12,7 +10,7 @@ if __name__ == "__main__":
     text = page.build(
         storage.read(snakemake.input.resonance),
         storage.read(snakemake.input.orbits),
-        json.loads(snakemake.params.colours),
+        snakemake.params.colours,
     )
     with replacing(snakemake.output.page) as temporary:
         temporary.write_text(text, encoding="utf-8")

@@ -1,7 +1,5 @@
 """Label the motion from rest of one damping over the tuning."""
 
-import json
-
 from joblog import redirect_output
 from gearlib.analysis import trust
 from gearlib.data import storage
@@ -10,9 +8,9 @@ from gearlib.tunings import grid
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])
-    settings = json.loads(snakemake.params.settings)
+    settings = snakemake.params.settings
     tunings = grid(*(settings.pop(key) for key in ("start", "stop", "step")))
-    dataset = trust.scan(GearPair(**json.loads(snakemake.params.pair)), tunings, **settings)
+    dataset = trust.scan(GearPair(**snakemake.params.pair), tunings, **settings)
     storage.write(
         dataset.assign_coords(damping=snakemake.wildcards.damping), snakemake.output.dataset
     )

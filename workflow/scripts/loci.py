@@ -1,7 +1,5 @@
 """Follow the special points of the branches over tuning and damping."""
 
-import json
-
 from joblog import redirect_output
 from gearlib.data import storage
 from gearlib.models.pair import GearPair
@@ -9,7 +7,7 @@ from gearlib.studies import resonance_branches
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])
-    pair = GearPair(**json.loads(snakemake.params.pair))
+    pair = GearPair(**snakemake.params.pair)
     found = storage.read(snakemake.input.branches)
-    dataset = resonance_branches.compute_loci(pair, found, **json.loads(snakemake.params.settings))
+    dataset = resonance_branches.compute_loci(pair, found, **snakemake.params.settings)
     storage.write(dataset, snakemake.output.dataset)

@@ -1,11 +1,10 @@
 """Compute one phase plane: one damping, one tuning."""
 
-import json
-
 from joblog import redirect_output
 from gearlib.data import storage
 from gearlib.models.pair import GearPair
 from gearlib.runs.simulation import simulate
+from gearlib.tunings import values_of
 
 
 def compute(pair, tuning, run, *, damping):
@@ -16,9 +15,9 @@ def compute(pair, tuning, run, *, damping):
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])
     dataset = compute(
-        json.loads(snakemake.params.pair),
-        float(snakemake.wildcards.tuning),
-        json.loads(snakemake.params.run),
+        snakemake.params.pair,
+        *values_of(snakemake.wildcards.tuning),
+        snakemake.params.run,
         damping=snakemake.wildcards.damping,
     )
     storage.write(dataset, snakemake.output.plane)

@@ -1,6 +1,5 @@
 """Compute the Poincare sections of all cases."""
 
-import json
 import math
 
 from joblog import redirect_output
@@ -9,8 +8,8 @@ from gearlib.data import storage
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])
-    cases = json.loads(snakemake.params.cases)
+    cases = snakemake.params.cases
     for case in cases:
         case["phase"] = math.radians(case["phase"])
-    dataset = studies.sections(cases, json.loads(snakemake.params.settings))
+    dataset = studies.sections(cases, snakemake.params.settings)
     storage.write(dataset, snakemake.output.dataset)

@@ -1,13 +1,11 @@
 """Compute the surveys of the published problems."""
 
-import json
-
 from joblog import redirect_output
 from gearlib.data import storage
 from gearlib.studies.trials import published
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])
-    settings = json.loads(snakemake.params.settings)
+    settings = snakemake.params.settings
     for name in published.PROBLEMS:
         storage.write(published.survey(name, **settings), snakemake.output[name])

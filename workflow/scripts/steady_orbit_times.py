@@ -1,7 +1,5 @@
 """Compute the wall times of settled orbits."""
 
-import json
-
 import one_thread  # noqa: F401
 from joblog import redirect_output
 from gearlib.data import storage
@@ -12,8 +10,8 @@ if __name__ == "__main__":
     dataset = steady_orbits.times(
         snakemake.params.methods,
         snakemake.params.problems,
-        json.loads(snakemake.params.pair),
-        json.loads(snakemake.params.settings),
+        snakemake.params.pair,
+        snakemake.params.settings,
         snakemake.params.repeats,
     )
     storage.write(dataset, snakemake.output.dataset)

@@ -1,12 +1,10 @@
 """Compute one window of the resonance characteristic: one damping, one direction."""
 
-import json
-
 from joblog import redirect_output
 from gearlib.data import storage
 from gearlib.models.pair import GearPair
 from gearlib.runs.sweeping import sweep
-from gearlib.tunings import grid
+from gearlib.tunings import grid, values_of
 
 
 def compute(pair, window, run, *, damping, direction, threads):
@@ -18,9 +16,9 @@ def compute(pair, window, run, *, damping, direction, threads):
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])
     dataset = compute(
-        json.loads(snakemake.params.pair),
-        json.loads(snakemake.params.window),
-        json.loads(snakemake.params.run),
+        snakemake.params.pair,
+        [*values_of(snakemake.wildcards.window), snakemake.params.step],
+        snakemake.params.run,
         damping=snakemake.wildcards.damping,
         direction=snakemake.wildcards.direction,
         threads=snakemake.threads,

@@ -1,7 +1,5 @@
 """Compute the tongues of all dampings, and what the data say about one tuning."""
 
-import json
-
 from joblog import redirect_output
 from gearlib.analysis.tongues import explanation
 from gearlib.data import storage
@@ -9,11 +7,11 @@ from gearlib.data.files import replacing
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])
-    run = json.loads(snakemake.params.run)
+    run = snakemake.params.run
     dataset = explanation.compute(
-        json.loads(snakemake.params.pairs),
+        snakemake.params.pairs,
         snakemake.params.asked,
-        *json.loads(snakemake.params.tunings),
+        *snakemake.params.tunings,
         {"periods": run["periods"], "initial_state": run["initial_state"]},
     )
     storage.write(dataset, snakemake.output.dataset)

@@ -1,13 +1,11 @@
 """Try one method on all difficult problems."""
 
-import json
-
 from joblog import redirect_output
 from gearlib.data import storage
 from gearlib.studies.trials import failures
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])
-    trial = json.loads(snakemake.params.trial)
+    trial = snakemake.params.trial
     dataset = failures.compute(snakemake.wildcards.trial, **trial)
     storage.write(dataset, snakemake.output.dataset)

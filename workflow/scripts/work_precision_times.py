@@ -1,7 +1,5 @@
 """Compute the wall times of one method on the test problems."""
 
-import json
-
 import one_thread  # noqa: F401
 from joblog import redirect_output
 from gearlib.data import storage
@@ -12,9 +10,9 @@ if __name__ == "__main__":
     dataset = work_precision.times(
         snakemake.wildcards.method,
         storage.read(snakemake.input.references),
-        json.loads(snakemake.params.pair),
-        json.loads(snakemake.params.six_degrees),
-        json.loads(snakemake.params.settings),
+        snakemake.params.pair,
+        snakemake.params.six_degrees,
+        snakemake.params.settings,
         snakemake.params.repeats,
     )
     storage.write(dataset, snakemake.output.dataset)

@@ -37,7 +37,7 @@ _MORE_DIRECTIONS = 128
 
 
 @dataclass(frozen=True)
-class Trap:
+class TrappingEllipses:
     """Ellipses around the points of an orbit, which no sampled direction leaves."""
 
     points: np.ndarray  #: shape (m, n), in the coordinates of `Stroboscope.seen`
@@ -61,7 +61,7 @@ class Attractor:
     displacement_max: float = np.nan
     displacement_min: float = np.nan
     orbit: Orbit | None = None
-    trap: Trap | None = field(default=None, repr=False)
+    ellipses: TrappingEllipses | None = field(default=None, repr=False)
     points: np.ndarray | None = field(default=None, repr=False)  #: full states, shape (m, n)
     exponent: float = np.nan  #: largest Lyapunov exponent per mesh period
     uncertainty: float = np.nan  #: of the exponent
@@ -102,7 +102,7 @@ def find(strobe, states, known):
     for k in range(len(states)):
         if not np.isfinite(seen[:, k]).all():
             continue
-        if any(one.trap.holds(seen[:1, k])[0] for one in known + found):
+        if any(one.ellipses.holds(seen[:1, k])[0] for one in known + found):
             continue
         one = _at(strobe, series[0, k], seen[:, k])
         if one and not any(_same(one, other) for other in known + found):
@@ -111,8 +111,10 @@ def find(strobe, states, known):
 
 
 def _same(one, other):
-    size = max(1.0, np.abs(one.trap.points).max())
-    return bool((np.abs(other.trap.points - one.trap.points[0]).max(axis=1) < SAME * size).any())
+    size = max(1.0, np.abs(one.ellipses.points).max())
+    return bool(
+        (np.abs(other.ellipses.points - one.ellipses.points[0]).max(axis=1) < SAME * size).any()
+    )
 
 
 def _at(strobe, state, seen):
@@ -157,14 +159,14 @@ def attractor_of(strobe, orbit):
         float(summary[columns.X_MAX]),
         float(summary[columns.X_MIN]),
         orbit,
-        _trap(strobe, points, seen, size),
+        _ellipses(strobe, points, seen, size),
         points,
         rate,
         0.0,
     )
 
 
-def _trap(strobe, points, seen, size):
+def _ellipses(strobe, points, seen, size):
     """Return the largest trapping ellipses at the `points` of an orbit that no sample leaves."""
     count, n = seen.shape
     maps = strobe.cycle_maps(points[0], count)
@@ -177,11 +179,11 @@ def _trap(strobe, points, seen, size):
         forms[j] = solve_discrete_lyapunov(around.T / _SHRINK, np.eye(n))
         factors[j] = np.linalg.inv(np.linalg.cholesky(forms[j]).T)
     rings = size * _RING ** np.arange(_RINGS)
-    ways = _directions(n)
+    directions = _directions(n)
     # Shape (points, rings, directions, n).
-    away = np.einsum("jab,db->jda", factors, ways)[:, None] * rings[:, None, None]
+    away = np.einsum("jab,db->jda", factors, directions)[:, None] * rings[:, None, None]
     around = (seen[:, None, None] + away).reshape(-1, n) / strobe.weights
-    base = np.repeat(points, rings.size * len(ways), axis=0)
+    base = np.repeat(points, rings.size * len(directions), axis=0)
     starts = base + (around - strobe.seen(base) / strobe.weights) @ strobe.lift.T
     ends, _ = strobe(starts, turns * count)
     back = strobe.seen(ends).reshape(count, rings.size, -1, n) - seen[:, None, None]
@@ -194,7 +196,7 @@ def _trap(strobe, points, seen, size):
         first = failed[-1] + 1 if failed.size else 0
         # Below the last ring rounding rules: there only the states of the orbit itself.
         radii[j] = rings[first] if first < rings.size else SAME * size
-    return Trap(seen, forms, radii)
+    return TrappingEllipses(seen, forms, radii)
 
 
 def _directions(n):
@@ -202,5 +204,5 @@ def _directions(n):
     if n == 2:
         angles = 2.0 * np.pi * np.arange(_DIRECTIONS[2]) / _DIRECTIONS[2]
         return np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    ways = np.random.default_rng(0).normal(size=(_MORE_DIRECTIONS, n))
-    return ways / np.linalg.norm(ways, axis=1, keepdims=True)
+    directions = np.random.default_rng(0).normal(size=(_MORE_DIRECTIONS, n))
+    return directions / np.linalg.norm(directions, axis=1, keepdims=True)

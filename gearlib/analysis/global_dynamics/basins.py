@@ -142,7 +142,7 @@ def attractor_variables(attractors):
             states[i, : len(one.points)] = one.points
             real[i], imaginary[i] = one.orbit.multipliers.real, one.orbit.multipliers.imag
     patterns = [" ".join(map(str, orbit.pattern)) if orbit else "" for orbit in orbits]
-    radii = [one.trap.radii.min() if one.trap else math.nan for one in attractors]
+    radii = [one.ellipses.radii.min() if one.ellipses else math.nan for one in attractors]
     each = {
         "attractor_kind": np.array([one.kind for one in attractors], np.int8),
         "period": np.array([one.period for one in attractors], np.int32),

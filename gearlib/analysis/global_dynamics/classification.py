@@ -46,7 +46,7 @@ def classify(strobe, states, cycles, *, stop_early=True, seed=0):
     cycles : int
         Of each run; states without an attractor by then get as many again.
     stop_early : bool
-        Whether a run ends when it is in the trap of an attractor.
+        Whether a run ends when it is in a trapping ellipse of an attractor.
     seed : int
         Of the choice of states that are looked at first.
 
@@ -61,10 +61,10 @@ def classify(strobe, states, cycles, *, stop_early=True, seed=0):
     run = _Run(strobe, states, rng)
     scouts = rng.choice(len(states), min(_SCOUTS, len(states)), replace=False)
     run.learn(strobe(strobe.start(states[np.sort(scouts)]), cycles)[0])
-    run.march(cycles, stop_early)
+    run.advance(cycles, stop_early)
     run.look_closer()
     if run.left.size and not run.all_chaotic():
-        run.march(cycles, True)
+        run.advance(cycles, True)
         run.look_closer()
     run.name_the_rest()
     return run.sorted()
@@ -87,28 +87,28 @@ class _Run:
         before = len(self.known)
         ends = ends[np.isfinite(ends).all(axis=1)]
         while len(ends):
-            # A few at a time: most of the others are then in a trap.
+            # A few at a time: most of the others are then in a trapping ellipse.
             few, ends = ends[:_CLOSER], ends[_CLOSER:]
             self.known += find(self.strobe, few, self.known)
             for one in self.known:
-                ends = ends[~one.trap.holds(self.strobe.seen(ends))]
+                ends = ends[~one.ellipses.holds(self.strobe.seen(ends))]
         return len(self.known) > before
 
     def catch(self):
-        """Label the states that are in a trap, and those that have left all bounds."""
+        """Label the states that are in a trapping ellipse, and those that have left all bounds."""
         seen = self.strobe.seen(self.at)
         gone = ~np.isfinite(seen).all(axis=1)
         gone |= np.abs(np.nan_to_num(seen)).max(axis=1) > _FAR
         self.unbounded[self.left[gone]] = True
         caught = gone.copy()
         for i, one in enumerate(self.known):
-            inside = one.trap.holds(seen) & ~caught
+            inside = one.ellipses.holds(seen) & ~caught
             self.labels[self.left[inside]] = i
             caught |= inside
         self.left, self.at = self.left[~caught], self.at[~caught]
 
-    def march(self, cycles, stop_early):
-        """Take the states on, for `cycles` cycles or to a trap."""
+    def advance(self, cycles, stop_early):
+        """Take the states on, for `cycles` cycles or to a trapping ellipse."""
         done, step = 0, _ROUND if stop_early else cycles
         while done < cycles and self.left.size:
             step = min(step, cycles - done)

@@ -92,9 +92,9 @@ def compute(pair, tunings, settings):
 
 def _growths(pair, places, dampings, tunings):
     """Return the growth over (plane, row, tuning)."""
-    own = {name: getattr(pair, name) for name in PLANES[:2]} | {"damping": dampings[0]}
+    given = {name: getattr(pair, name) for name in PLANES[:2]} | {"damping": dampings[0]}
     nu = np.asarray(tunings, float)[None, :]
-    return [meissner.growth(**own | {name: places[name][:, None]}, tuning=nu) for name in PLANES]
+    return [meissner.growth(**given | {name: places[name][:, None]}, tuning=nu) for name in PLANES]
 
 
 def _points(pair, orders, least):

@@ -32,7 +32,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
-from gearlib.models.stiffness import levels, stretches
+from gearlib.models.stiffness import levels, segment_lengths
 
 #: Relative tolerance of roots, the smallest that the solver takes.
 _LAST_PLACES = 4.0 * np.finfo(float).eps
@@ -67,7 +67,7 @@ class Tongue(NamedTuple):
 
 def equation(contact_ratio, stiffness_ratio, damping):
     """Return the `Meissner` equation of contact ratio, stiffness ratio and damping ratio."""
-    half_high, whole_low = stretches(contact_ratio)
+    half_high, whole_low = segment_lengths(contact_ratio)
     high, low = levels(contact_ratio, stiffness_ratio)
     square = damping * damping
     return Meissner(half_high, 0.5 * whole_low, high - square, low - square, damping)
@@ -78,7 +78,7 @@ def equation_of(pair):
     return equation(pair.contact_ratio, pair.stiffness_ratio, pair.damping_ratio)
 
 
-def pass_stretch(q, time):
+def pass_segment(q, time):
     """Return (cos(w t), sin(w t) / w, s) of w^2 = q; for q < 0 both times exp(-s), s = |w t|."""
     w = math.sqrt(abs(q))
     angle = w * time
@@ -93,8 +93,8 @@ def pass_stretch(q, time):
 
 def _halfway(m, k):
     """Return (u1, u1', u2, u2', s) half a period on, all four times exp(-s); k = 1 / nu."""
-    c1, s1, e1 = pass_stretch(m.high, k * m.half_high)
-    c2, s2, e2 = pass_stretch(m.low, k * m.half_low)
+    c1, s1, e1 = pass_segment(m.high, k * m.half_high)
+    c2, s2, e2 = pass_segment(m.low, k * m.half_low)
     return (
         c1 * c2 - m.high * s1 * s2,
         -m.low * s2 * c1 - m.high * s1 * c2,

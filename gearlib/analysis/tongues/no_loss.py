@@ -10,8 +10,8 @@ import math
 
 import numpy as np
 
-from gearlib.analysis.tongues.meissner import pass_stretch
-from gearlib.models.stiffness import levels, stretches
+from gearlib.analysis.tongues.meissner import pass_segment
+from gearlib.models.stiffness import levels, segment_lengths
 
 
 def go(state, stiffness, damping, tuning, phase):
@@ -30,7 +30,7 @@ def go(state, stiffness, damping, tuning, phase):
     rest = 1.0 / stiffness
     u, v = state[0] - rest, tuning * state[1]
     time = phase / tuning
-    cosine, sine, scale = pass_stretch(stiffness - damping * damping, time)
+    cosine, sine, scale = pass_segment(stiffness - damping * damping, time)
     factor = math.exp(scale - damping * time)
     cosine, sine = factor * cosine, factor * sine
     v, u = v * cosine - (damping * v + stiffness * u) * sine, u * cosine + (v + damping * u) * sine
@@ -40,7 +40,7 @@ def go(state, stiffness, damping, tuning, phase):
 def period_map(pair, tuning):
     """Return (M, b) of one mesh period, shapes (2, 2) and (2,), of a `GearPair`."""
     high, low = levels(pair.contact_ratio, pair.stiffness_ratio)
-    half_high, whole_low = stretches(pair.contact_ratio)
+    half_high, whole_low = segment_lengths(pair.contact_ratio)
 
     def whole(state):
         for stiffness, length in ((high, half_high), (low, whole_low), (high, half_high)):

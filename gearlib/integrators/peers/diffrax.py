@@ -42,8 +42,8 @@ def run(pair, tuning, state, *arguments, rtol, atol, solver):
     law = pair.law(tuning)
     # Only within the run: the precision that the caller's own JAX works in is not ours to set.
     with jax.enable_x64(True):
-        march = _Run(problem_of(pair, tuning), law, solver, rtol, atol)
-        return march.run(tuning, state, *arguments)
+        one = _Run(problem_of(pair, tuning), law, solver, rtol, atol)
+        return one.run(tuning, state, *arguments)
 
 
 def run_many(pair, *arguments, **options):

@@ -6,7 +6,7 @@ from gearlib.kernels.closed_form import many_runs, run, sections
 from gearlib.kernels.closed_form.mesh import mesh
 from gearlib.kernels.closed_form.variation import vary
 from gearlib.models.propagators.base import Base
-from gearlib.models.stiffness import levels, stretches
+from gearlib.models.stiffness import levels, segment_lengths
 
 
 def ratios(pair):
@@ -14,7 +14,7 @@ def ratios(pair):
     return np.array(
         [
             *levels(pair.contact_ratio, pair.stiffness_ratio),
-            *stretches(pair.contact_ratio),
+            *segment_lengths(pair.contact_ratio),
             pair.damping_ratio,
             pair.backlash_damping_ratio,
             pair.backlash_ratio,

@@ -7,9 +7,9 @@ from functools import cached_property
 import numpy as np
 
 from gearlib import checks
-from gearlib.models.model import Model
 from gearlib.models.trains import assembly, turning, waves
 from gearlib.models.trains.elements import Body, Mesh, Shaft
+from gearlib.models.trains.results import TrainResults
 from gearlib.models.trains.structure import free_motions, structure
 
 #: Of the static deflection where the reference mesh carries no load, m.
@@ -17,7 +17,7 @@ _FALLBACK = 1e-6
 
 
 @dataclass(frozen=True, kw_only=True)
-class GearTrain(Model):
+class GearTrain(TrainResults):
     """Any number of gears in mesh, in SI units; immutable.
 
     Parameters
@@ -310,8 +310,8 @@ class GearTrain(Model):
 
         return phasing(self, checks.integer("count", count, 1))
 
-    def start_state(self, initial_state, tuning):
-        """Return the state (q, dq/dtheta) at tau = 0, shape (size,).
+    def start_state(self, initial_state):
+        """Return the state (q, dq/dtau) at tau = 0, shape (size,).
 
         Parameters
         ----------
@@ -319,7 +319,6 @@ class GearTrain(Model):
             (0, 0): at rest, every flank just touching where there are no errors; "static": at
             rest in static equilibrium under the stiffness at tau = 0, without the forces of a
             turning frame.
-        tuning : float
 
         Raises
         ------

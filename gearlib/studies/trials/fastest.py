@@ -62,7 +62,7 @@ def table(error_datasets, time_datasets):
     seconds = joined(time_datasets, "period_time")
     own = np.concatenate(
         [
-            np.full(data.sizes["rung"], data.attrs["method"] in work_precision.OWN)
+            np.full(data.sizes["rung"], data.attrs["method"] in work_precision.OF_LIBRARY)
             for data in error_datasets
         ]
     )

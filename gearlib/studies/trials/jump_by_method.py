@@ -51,7 +51,7 @@ def rungs(method):
 
     Solvers of other packages, whose runs are slow, take few values.
     """
-    if method in work_precision.OWN:
+    if method in work_precision.OF_LIBRARY:
         return work_precision.rungs(method)
     lines = SCIPY if method == "scipy" else [work_precision.generic_line(method)]
     return work_precision.rungs_of(lines)
@@ -128,7 +128,7 @@ def compute(method, pair, tunings, slow_tunings, settings, run):
     """
     model = GearPair(**pair)
     exact = scan(model, tunings, settings["resolution"], "exact", {}, run).jump
-    fast = method in work_precision.OWN
+    fast = method in work_precision.OF_LIBRARY
     nus = tunings if fast else slow_tunings
     resolution = (settings if fast else settings["slow"])["resolution"]
     table = rungs(method)

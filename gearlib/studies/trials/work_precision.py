@@ -65,7 +65,7 @@ _SCIPY = (1e-3, 1e-6, 1e-9, 1e-12, 2.3e-14)
 _TOLERANCES = tuple(10.0**-k for k in range(3, 16, 2))
 
 #: Methods of this library, compiled; the others are solvers of other packages.
-OWN = ("exact", "taylor", "rk4", "rk45", "newmark", "generalised_alpha", "smoothed")
+OF_LIBRARY = ("exact", "taylor", "rk4", "rk45", "newmark", "generalised_alpha", "smoothed")
 
 #: method -> its lines, each down to its smallest error, or to what its package accepts:
 #: below 1e-12 LSODA stalls, below 100 times the last place of 1 scipy's pairs take that instead.

@@ -23,6 +23,8 @@ def _write():
     files = {getattr(module, "__file__", None) for module in list(sys.modules.values())}
     record = {
         "rule": getattr(job, "rule", ""),
+        # Snakemake runs a copy, whose name begins with letters of its own.
+        "script": Path(sys.argv[0]).name.partition(".")[2] if job else "",
         "declared": list(job.input.sources) if hasattr(job, "rule") else [],
         "read": list(job.input) if hasattr(job, "rule") else [],
         "written": list(job.output) if hasattr(job, "rule") else [],

@@ -1,0 +1,212 @@
+"""A whole run of a gear train: from its start on, the mesh periods at its end recorded."""
+
+import math
+
+import numpy as np
+
+from gearlib.kernels import orbit
+from gearlib.kernels.closed_form.mesh import BACKLASH, INVERSE, NORMAL
+from gearlib.kernels.closed_form.run import OK, OVERFLOW, UNRESOLVED
+from gearlib.kernels.jit import kernel
+from gearlib.kernels.piecewise_linear.system import dot, image
+from gearlib.kernels.several_meshes.combinations import by_columns, copy, matrix_of
+from gearlib.kernels.several_meshes.grid import work_of
+from gearlib.kernels.several_meshes.periods import go
+
+#: A sum this small, as a share of its parts, is the rounding of zero.
+_REST = 1e-14
+#: Derivatives of a distance that are looked at where a motion starts on a flank line at rest.
+_DERIVATIVES = 10
+
+
+@kernel
+def set_harmonics(system, z, phase):
+    """Put the constant and the harmonics of z to their values at `phase`."""
+    n, h = system.near.shape[1], system.harmonics.shape[0]
+    z[n - 2 * h - 1] = 1.0
+    for j in range(h):
+        z[n - 2 * h + 2 * j] = math.cos(system.harmonics[j] * phase)
+        z[n - 2 * h + 2 * j + 1] = math.sin(system.harmonics[j] * phase)
+
+
+@kernel
+def _sign(functional, z):
+    """Return the sign of a functional, 0 where it is the rounding of zero."""
+    value, size = 0.0, 0.0
+    for r in range(z.shape[0]):
+        value += functional[r] * z[r]
+        size += abs(functional[r] * z[r])
+    if abs(value) <= _REST * size:
+        return 0.0
+    return 1.0 if value > 0.0 else -1.0
+
+
+@kernel
+def set_contacts(system, open_, w, p):
+    """Fill contact, line and rest of `Work` for its state at the start of segment p.
+
+    On a line the contact is that of the motion just after, by the first derivative of the distance
+    that is not zero. The forces of meshes whose distance begins with a higher one are zero so far.
+    """
+    m, n = system.near.shape
+    z = w.z[:n]
+    w.rest[:] = 0
+    w.line[:] = 0
+    waiting = np.zeros(m, dtype=np.bool_)
+    for j in range(m):
+        near = _sign(system.near[j], z)
+        far = 1.0 if open_[j] else _sign(system.far[j], z)
+        w.contact[j] = BACKLASH
+        if near > 0.0:
+            w.contact[j] = NORMAL
+        elif near == 0.0:
+            w.line[j], waiting[j] = 1, True
+        elif far < 0.0:
+            w.contact[j] = INVERSE
+        elif far == 0.0:
+            w.line[j], waiting[j] = -1, True
+    a = np.empty((n, n))
+    for order in range(1, _DERIVATIVES):
+        if not waiting.any():
+            break
+        for j in range(m):
+            w.effects[j] = system.effect[w.contact[j] + 1, p, j]
+        matrix_of(system, w.effects, a)
+        rate = image(a, z)
+        for _ in range(order - 1):
+            rate = image(a, rate)
+        for j in range(m):
+            if not waiting[j]:
+                continue
+            sign = _sign(system.near[j] if w.line[j] == 1 else system.far[j], rate)
+            if sign != 0.0:
+                waiting[j], w.rest[j] = False, order
+                if sign == w.line[j]:
+                    w.contact[j] = w.line[j]
+    for j in range(m):
+        if waiting[j]:
+            w.rest[j] = _DERIVATIVES
+            w.contact[j] = max(w.line[j], 0)
+
+
+@kernel
+def _too_large(z):
+    for r in range(z.shape[0]):
+        if not abs(z[r]) < 1e150:
+            return True
+    return False
+
+
+@kernel
+def run_train(
+    system,
+    grid,
+    tables,
+    to_bernstein,
+    z,
+    periods,
+    record_periods,
+    samples,
+    events,
+    limit,
+    summary,
+    maps,
+):
+    """Run a gear train from tau = 0; z is changed in place to the end of the run.
+
+    Parameters
+    ----------
+    system, grid, tables, to_bernstein : TrainSystem, Grid, Combinations, ndarray
+    z : ndarray, shape (n,)
+    periods, record_periods : int
+        Of the reference mesh, and how many at the end are recorded; 0: none.
+    samples : ndarray, shape (record_periods k, n + m + 1)
+    events : ndarray, shape (k, 6)
+        Enlarged as needed; none are recorded if it has no rows.
+    limit : int
+        Most events in one mesh period.
+    summary : ndarray, shape (m, 10)
+    maps : ndarray, shape (periods, 2 N, 2 N)
+        Filled with the growth of small deviations over each period; or of shape (0, 2 N, 2 N).
+
+    Returns
+    -------
+    period : int
+        As of `orbit.orbit_period`, for all meshes; 0 without record.
+    events, found : ndarray, int
+    status : int
+    """
+    m, n = system.near.shape
+    moving = maps.shape[1]
+    for j in range(m):
+        orbit.clear_summary(summary[j])
+    kept = min(periods, orbit.strobe_periods(system.repeats))
+    strobes = np.empty((m, kept + 1, 2))
+    w = work_of(n, m)
+    copy(z, w.z, n)
+    vectors = np.zeros((moving if maps.shape[0] > 0 else 0, w.z.shape[0]))
+    number = system.first % system.repeats
+    set_harmonics(system, w.z, 2.0 * math.pi * system.first)
+    set_contacts(system, grid.open, w, system.first_segment[number])
+    unseen = periods - record_periods
+    per_period = samples.shape[0] // max(record_periods, 1)
+    for i in range(periods):
+        number = (system.first + i) % system.repeats
+        # Harmonics are put to their values: their rounding must not grow with the run.
+        set_harmonics(system, w.z, 2.0 * math.pi * (system.first + i))
+        row = i - (periods - kept)
+        if row >= 0:
+            _strobe(system, grid, w.z, strobes, row)
+        recording = i >= unseen
+        begin = max(i - unseen, 0) * per_period
+        end = begin + per_period if recording else begin
+        vectors[:] = 0.0
+        for r in range(vectors.shape[0]):
+            vectors[r, r] = 1.0
+        before = w.found[0]
+        status, events = go(
+            system,
+            grid,
+            tables,
+            to_bernstein,
+            w,
+            number,
+            limit,
+            vectors,
+            recording,
+            summary,
+            samples[begin:end],
+            events,
+        )
+        for row in range(before, w.found[0]):
+            events[row, orbit.EVENT_PERIOD] = i
+        if status == OK and _too_large(w.z):
+            status = OVERFLOW
+        if recording and status == OK:
+            for j in range(m):
+                if orbit.unresolved(summary[j]):
+                    status = UNRESOLVED
+        if status != OK:
+            return 0, events, w.found[0], status
+        if maps.shape[0] > 0:
+            by_columns(vectors[:, :moving], maps[i])
+    copy(w.z, z, n)
+    if record_periods == 0:
+        return 0, events, w.found[0], status
+    _strobe(system, grid, w.z, strobes, kept)
+    period = 1
+    for j in range(m):
+        height = summary[j, orbit.X_MAX] - summary[j, orbit.X_MIN]
+        one = orbit.orbit_period(strobes[j], system.tuning, height, system.repeats)
+        period = period // math.gcd(period, one) * one if one > 0 else 0
+        if period == 0:
+            break
+    return period, events, w.found[0], status
+
+
+@kernel
+def _strobe(system, grid, z, strobes, row):
+    own = z[: system.near.shape[1]]
+    for j in range(strobes.shape[0]):
+        strobes[j, row, 0] = dot(system.near[j], own)
+        strobes[j, row, 1] = dot(grid.rate[j], own) / system.tuning

@@ -1,0 +1,19 @@
+"""Draw the figures of a rule from its datasets, in all formats."""
+
+from pathlib import Path
+from pkgutil import resolve_name
+
+from joblog import redirect_output
+from gearlib.figures import style
+from inputs import datasets
+
+if __name__ == "__main__":
+    redirect_output(snakemake.log[0])
+    draw = resolve_name(f"gearlib.figures.{snakemake.params.draw}")
+    drawn = draw(**datasets(snakemake.input), **snakemake.params.settings)
+    for path in map(Path, snakemake.output):
+        # A rule with several figures has a function that returns them by their names.
+        figure = drawn[path.stem] if isinstance(drawn, dict) else drawn
+        style.note_absent(figure, snakemake.params.absent)
+        figure.set_dpi(snakemake.params.dpi)
+        style.save(figure, path)
