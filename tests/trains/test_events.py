@@ -74,7 +74,7 @@ def assert_same_motion(one, train, mesh, periods):
     assert int(one.sizes["event"]) >= periods
 
 
-@pytest.mark.parametrize("tuning", [0.7, NU, 0.95])
+@pytest.mark.parametrize("tuning", [NU, 0.9, 0.95])
 def test_a_train_of_one_pair_is_the_pair(tuning):
     arguments = dict(periods=60, record_periods=20, samples_per_period=16)
     one = gearlib.simulate(PAIR, tuning, **arguments)
@@ -102,16 +102,15 @@ def test_pairs_that_do_not_touch_one_another_meet_their_flanks_at_once():
 def test_events_that_are_next_to_one_another_are_two(apart):
     train = pairs_as_train(PAIR, 2)
     propagator = train.propagator(NU)
-    state = np.array([0.2, 0.2, 0.2, 0.2, -0.2, -0.2, -0.2, -0.2])
+    state = np.array([0.2, 0.2, 0.2, 0.2, -2.0, -2.0, -2.0, -2.0])
     # The second pair is a little ahead of the first, both on their way out of contact.
-    state[2:4] += 0.5 * apart * -0.4
+    state[2:4] -= 0.5 * apart
     events, _, _ = propagator.record(state, 1, 100)
     first = [events[events[:, EVENT_MESH] == j][0] for j in (0, 1)]
     ahead = first[0][orbit.EVENT_PHASE] - first[1][orbit.EVENT_PHASE]
-    # x moves by -0.2 apart, and crosses with the speed of the event.
-    expected = -0.4 * apart / first[0][orbit.EVENT_VELOCITY]
-    assert ahead == pytest.approx(expected, rel=0.5, abs=4e-16)
-    assert ahead > 0.0
+    # On this short way distances keep, and it is passed at the speed of the event.
+    expected = -apart / first[0][orbit.EVENT_VELOCITY]
+    assert ahead == pytest.approx(expected, rel=0.05) and ahead > 0.0
 
 
 def test_planets_in_phase_bounce_at_once_and_deviations_go_through():

@@ -101,8 +101,10 @@ class Shooting:
     def propagator(self, pair, tuning):
         """Return the propagator of a model; that of the last tuning hands on what it can."""
         last = self._propagator
-        same = last is not None and last.model is pair
-        self._propagator = last.at(tuning) if same else pair.propagator(tuning)
+        if last is not None and last.model is pair:
+            self._propagator = last.at(tuning)
+        else:
+            self._propagator = pair.propagator(tuning)
         return self._propagator
 
     def _end(self, y):
