@@ -20,6 +20,23 @@ rule compile_kernels:
         "../scripts/compile_kernels.py"
 
 
+# Those of larger models, beside the others. Jobs that need most of them wait.
+rule compile_larger_kernels:
+    input:
+        sources=script_sources("compile_larger_kernels"),
+    output:
+        stamp="results/larger_kernels.sha256",
+    log:
+        "results/logs/compile_larger_kernels.log",
+    benchmark:
+        "results/benchmarks/compile_larger_kernels.tsv"
+    threads: 1
+    conda:
+        "../envs/gearlib.yaml"
+    script:
+        "../scripts/compile_larger_kernels.py"
+
+
 rule sweep_window:
     input:
         kernels=rules.compile_kernels.output.stamp,

@@ -4,6 +4,7 @@
 rule trial:
     input:
         kernels=rules.compile_kernels.output.stamp,
+        larger_kernels=rules.compile_larger_kernels.output.stamp,
         sources=lambda wildcards: script_sources("trial", trial_named(wildcards.trial).method),
     output:
         dataset="results/failures/{trial}.nc",

@@ -4,6 +4,7 @@
 rule compare_models:
     input:
         kernels=rules.compile_kernels.output.stamp,
+        larger_kernels=rules.compile_larger_kernels.output.stamp,
         sources=script_sources("compare_models"),
     output:
         dataset="results/models/{scene}.nc",

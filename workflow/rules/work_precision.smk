@@ -5,6 +5,7 @@
 rule work_precision_references:
     input:
         kernels=rules.compile_kernels.output.stamp,
+        larger_kernels=rules.compile_larger_kernels.output.stamp,
         sources=script_sources("work_precision_references"),
     output:
         dataset="results/work_precision/references.nc",

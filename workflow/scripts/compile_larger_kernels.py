@@ -1,0 +1,30 @@
+"""Compile the kernels with Taylor steps and with matrices; the stamp says for which sources."""
+
+from pathlib import Path
+
+import numpy as np
+
+from joblog import redirect_output
+from gearlib.kernels import orbit
+from gearlib.kernels.cache import source_hash
+from gearlib.models.one_degree import OneDegreePair
+from gearlib.models.pair import GearPair
+from gearlib.models.six_degrees import SixDegreePair
+
+
+def run(model):
+    """Run two mesh periods, by the kernels alone: an edit of `simulate` reruns nothing here."""
+    propagator = model.propagator(0.9)
+    samples, events = np.empty((0, orbit.SAMPLE_COLUMNS)), np.empty((0, orbit.EVENT_COLUMNS))
+    summary = np.empty(orbit.SUMMARY_COLUMNS)
+    propagator.run(propagator.start((0.0, 0.0)), 2, 1, samples, events, 100, summary)
+
+
+if __name__ == "__main__":
+    redirect_output(snakemake.log[0])
+    pair = GearPair.from_ratios(contact_ratio=1.6, stiffness_ratio=0.6, backlash=4.0)
+    # These first, in less time than those of a gear pair take in another job: more jobs need them.
+    run(OneDegreePair(pair=pair, cubic_damping=1.0))
+    gears = {"base_radii": (1.0,) * 2, "inertias": (2.0,) * 2, "masses": (5.0,) * 2}
+    run(SixDegreePair(pair=pair, bearing_stiffness=(0.1,) * 4, **gears))
+    Path(snakemake.output.stamp).write_text(f"{source_hash()}\n", encoding="utf-8")
