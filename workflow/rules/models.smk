@@ -6,6 +6,7 @@ use rule job as compare_models with:
         job="compare_models/{scene}",
     input:
         kernels=rules.compile_kernels.output.stamp,
+        larger_kernels=rules.compile_larger_kernels.output.stamp,
         sources=script_sources("compare_models"),
     output:
         dataset="results/models/{scene}.nc",

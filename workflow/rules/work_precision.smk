@@ -7,6 +7,7 @@ use rule job as work_precision_references with:
         job="work_precision/references",
     input:
         kernels=rules.compile_kernels.output.stamp,
+        larger_kernels=rules.compile_larger_kernels.output.stamp,
         sources=function_sources("gearlib.studies.trials.references:compute"),
     output:
         dataset="results/work_precision/references.nc",
