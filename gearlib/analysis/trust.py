@@ -23,7 +23,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import xarray as xr
 
-from gearlib import checks, integrators
+from gearlib import integrators
 from gearlib.analysis import lyapunov
 from gearlib.checks import finite_positive, integer
 from gearlib.data import provenance, status
@@ -102,12 +102,12 @@ def trust(
         "initial_state": initial_state,
         "samples_per_period": 1,
     }
-    x, v = checks.state("initial_state", initial_state)
+    initial_state = pair.check_state(initial_state)
     names, runs = [], []
     for name, model, changed in (
         ("as asked", pair, {}),
         ("longer", pair, {"periods": 4 * periods}),
-        ("disturbed", pair, {"initial_state": (x + disturbance, v)}),
+        ("disturbed", pair, {"initial_state": pair.disturbed(initial_state, disturbance)}),
         *_other_ways(pair),
     ):
         names.append(name)
@@ -116,12 +116,12 @@ def trust(
         pair, tuning, state=initial_state, settle=periods, periods=exponent_periods
     )
     columns = {
-        "displacement_max": np.array([run.table[orbit.X_MAX] for run in runs]),
-        "displacement_min": np.array([run.table[orbit.X_MIN] for run in runs]),
+        "displacement_max": np.array([run.table[..., orbit.X_MAX] for run in runs]),
+        "displacement_min": np.array([run.table[..., orbit.X_MIN] for run in runs]),
         "period": np.array([run.period for run in runs]),
         "status": np.array([run.status for run in runs]),
     }
-    data = {key: ("run", values) for key, values in columns.items()}
+    data = {key: (("run", "mesh")[: values.ndim], values) for key, values in columns.items()}
     table = describe(xr.Dataset(data, {"run": names}), pair)
     table.attrs = provenance.attributes(
         "Runs of one point in several ways",
@@ -241,6 +241,6 @@ def decide(runs, found, repeats=1):
 def _digits(runs):
     """Return the decimal digits to which the extrema agree, over the height of the orbit."""
     high, low = runs.displacement_max.values, runs.displacement_min.values
-    height = max(float(high[0] - low[0]), np.finfo(float).tiny)
-    spread = max(np.ptp(high), np.ptp(low)) / height
-    return -math.log10(max(spread, np.finfo(float).eps))
+    height = np.maximum(high[0] - low[0], np.finfo(float).tiny)
+    spread = np.maximum(np.ptp(high, axis=0), np.ptp(low, axis=0)) / height
+    return -math.log10(max(np.max(spread), np.finfo(float).eps))

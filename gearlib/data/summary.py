@@ -6,19 +6,18 @@ import numpy as np
 
 from gearlib.kernels import orbit
 
-COMPONENTS = ("displacement", "velocity")
 
-
-def variables(dims, table, ends, codes, record_periods):
+def variables(pair, dims, table, ends, codes, record_periods):
     """Return name -> (dims, values) of orbit summaries.
 
     Parameters
     ----------
+    pair : gearlib.models.model.Model
     dims : tuple of str
         Leading dimensions of the variables; () for one run.
-    table : ndarray, shape (..., 9)
-        Summaries as filled by `gearlib.kernels.closed_form.run`.
-    ends : ndarray, shape (..., 2)
+    table : ndarray, shape (..., 9) or (..., m, 10) of m meshes
+        Summaries as of `Model.room`.
+    ends : ndarray, shape (..., k)
         Final states.
     codes : ndarray of int, shape (..., 2)
         Period of the orbit, status.
@@ -36,10 +35,13 @@ def variables(dims, table, ends, codes, record_periods):
         "fraction_inverse": table[..., orbit.TIME_INVERSE] / span,
         "fraction_min_stiffness": table[..., orbit.TIME_LOW] / span,
         "bounces": table[..., orbit.BOUNCES] / record_periods,
-        "period": codes[..., 0].astype(np.int32),
-        "status": codes[..., 1].astype(np.int8),
     }
-    named = {name: (dims, values) for name, values in columns.items()}
+    over = (*dims, "mesh") if pair.mesh_names else dims
+    named = {name: (over, values) for name, values in columns.items()}
+    if pair.mesh_names:
+        named |= pair.load_sharing(over, table, span)
+    named["period"] = (dims, codes[..., 0].astype(np.int32))
+    named["status"] = (dims, codes[..., 1].astype(np.int8))
     named["final_state"] = ((*dims, "component"), ends)
     return named
 

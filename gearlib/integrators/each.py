@@ -32,6 +32,6 @@ def run_each(
         ok = code == status.OK
         if not ok:
             summaries[i] = math.nan
-        ends[i] = (x, v) if ok else math.nan
+        ends[i] = np.ravel([x, v]) if ok else math.nan
         codes[i] = period, code
         current = (x, v) if ok and carry else state

@@ -25,13 +25,13 @@ def run(pair, tuning, state, *arguments):
 
 def run_many(pair, tunings, order, state, *arguments):
     """Run many tunings; see `gearlib.integrators`."""
-    kind, z, first = pair.kind("exact"), None, 0
+    kind, propagator, z, first = pair.kind("exact"), None, None, 0
     if kind.run_many is not None:
         return kind.run_many(pair, tunings, order, state, *arguments)
 
     def run_one(tuning, current, periods, *rest):
-        nonlocal z, first
-        propagator = pair.propagator(tuning, "exact")
+        nonlocal propagator, z, first
+        propagator = propagator.at(tuning) if propagator else pair.propagator(tuning, "exact")
         # All coordinates are carried along, not only the two of the final state, and the gears stay
         # where they have turned to.
         if current is state:

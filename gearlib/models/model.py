@@ -14,7 +14,10 @@ import math
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from gearlib import checks
+from gearlib.kernels import orbit
 
 if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
     from gearlib.models.propagators import closed_form, piecewise_linear, taylor  # noqa: F401
@@ -36,11 +39,13 @@ class Model:
     #: Whether it moves by Eq. (3) for one coordinate between two equal flanks at 0 and -s, for
     #: which methods with steps and the harmonics are written.
     one_mesh: bool = False
-    #: Whether the first two coordinates are rotations of which only the sum enters the mesh.
-    free_rotation: bool = False
     #: Whether the far flank moves, so that `flank_lines` has only its mean position.
     moving_flank: bool = False
 
+    #: Names of the meshes, a dimension of results; (): the model has one, and no such dimension.
+    mesh_names: Any = ()
+    #: Names of the components of the final state.
+    components: Any = ("displacement", "velocity")
     #: Variables beside those of every time course, over the phase.
     extra_samples: tuple = ()
     #: name of a variable -> its long_name, where it is not that of a gear mesh
@@ -103,6 +108,49 @@ class Model:
         z = 0.0 * system.near
         z[:2] = state
         return z
+
+    def check_state(self, value):
+        """Return an initial state, checked: displacement and dx/dtau."""
+        return checks.state("initial_state", value)
+
+    def parameter(self, name):
+        """Return the value of one of `parameters`."""
+        return getattr(self, name)
+
+    def with_parameter(self, name, value):
+        """Return the model with one of `parameters` set."""
+        return dataclasses.replace(self, **{name: value})  # type: ignore[type-var]
+
+    def disturbed(self, state, disturbance):
+        """Return an initial state with so much added to the displacement."""
+        return state[0] + disturbance, state[1]
+
+    def room(self, samples=0, events=16):
+        """Return empty tables (samples, events, summary) for the record of a run.
+
+        Columns as of `gearlib.kernels.orbit`; samples also have those of `more_samples`.
+        """
+        columns = orbit.SAMPLE_COLUMNS + len(self.extra_samples)
+        tables = (samples, columns), (events, orbit.EVENT_COLUMNS), orbit.SUMMARY_COLUMNS
+        return tuple(np.empty(shape) for shape in tables)
+
+    def more_samples(self, samples):
+        """Return name -> (dims, values) of the columns of samples that not every model has."""
+        columns = samples[:, orbit.SAMPLE_COLUMNS :]
+        return {
+            name: (("phase",), x) for name, x in zip(self.extra_samples, columns.T, strict=True)
+        }
+
+    def coordinates(self):
+        """Return name -> values of the dimensions of results that belong to the model."""
+        return {"component": list(self.components)}
+
+    def reduction(self):
+        """Return the matrices (reduce, lift) between the state and the one without free rotation.
+
+        A free rotation would add two multipliers 1. Identities where nothing turns freely.
+        """
+        return np.eye(self.size), np.eye(self.size)
 
     @property
     def flank_lines(self):

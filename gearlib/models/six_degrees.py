@@ -58,7 +58,7 @@ from dataclasses import dataclass, field, fields
 import numpy as np
 
 from gearlib import checks
-from gearlib.kernels.piecewise_linear.system import Part, System
+from gearlib.kernels.piecewise_linear.system import Part, System, exponential
 from gearlib.models import piecewise_linear
 from gearlib.models.harmonics import Harmonics
 from gearlib.models.pair import GearPair
@@ -121,7 +121,7 @@ class SixDegreePair(WithPair):
 
     extra_samples = OUTPUTS
     mathematics = {"exact": "piecewise_linear"}
-    free_rotation = moving_flank = True
+    moving_flank = True
     parameters = {
         "run_out_phase": ("rad", "relative phase of the run-outs"),
         "pitch_phase": ("rad", "mesh phase at which the friction turns"),
@@ -188,6 +188,31 @@ class SixDegreePair(WithPair):
     def size(self):
         """Components that vary: 4, and two for each flexible bearing."""
         return 4 + 2 * len(self.flexible())
+
+    def reduction(self):
+        """Return (reduce, lift), see `Model.reduction`: shapes (n - 2, n), (n, n - 2).
+
+        Only the sum of the two rotations enters the mesh; their difference turns freely.
+        """
+        n = self.size
+        # Rows u3 + u2, bearings, and their rates; lifted back with all of the sum in u3.
+        lift = np.delete(np.eye(n), [1, n // 2 + 1], axis=1)
+        reduce = lift.T.copy()
+        reduce[0, 1] = reduce[n // 2 - 1, n // 2 + 1] = 1.0
+        return reduce, lift
+
+    def contact_map(self, tuning):
+        """Return the map of deviations over one mesh period in normal mesh; see `reduction`."""
+        system, _ = self.system(tuning)
+        n = self.size
+        matrix = np.eye(n)
+        for p, span in enumerate(np.diff(system.starts)):
+            # The middle one of the three contact codes -1, 0, 1 is the backlash.
+            knots = int(system.knots[p])
+            one = exponential(system.a[2, p], n, span / knots)
+            matrix = np.linalg.matrix_power(one, knots) @ matrix
+        reduce, lift = self.reduction()
+        return reduce @ matrix @ lift
 
     def damped(self):
         """Return whether there is any damping on the way of the motion."""

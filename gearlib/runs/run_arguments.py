@@ -19,11 +19,12 @@ def check_run(pair, periods, record_periods, initial_state, method, options, max
     ValueError
         Naming the argument, its value and the allowed range.
     """
+    chosen = integrators.choose(pair, method, options)
     periods = checks.integer("periods", periods, 1)
     return (
         periods,
         checks.integer("record_periods", record_periods, 1, periods),
-        checks.state("initial_state", initial_state),
-        *integrators.choose(pair, method, options),
+        pair.check_state(initial_state),
+        *chosen,
         checks.integer("max_events", max_events, 1),
     )

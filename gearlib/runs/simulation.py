@@ -95,10 +95,10 @@ def simulate(
     step = 2.0 * math.pi / samples_per_period
     first = (periods - record_periods) * samples_per_period
     data = {
-        **_time_course(ran.samples, pair.extra_samples, ran.status),
+        **_time_course(pair, ran.samples, ran.status),
         **_event_table(ran.events),
         **summary.variables(
-            (), ran.table, ran.end, np.array([ran.period, ran.status]), record_periods
+            pair, (), ran.table, ran.end, np.array([ran.period, ran.status]), record_periods
         ),
         **pair.scales(),
         **pair.speed_scales(tuning),
@@ -107,7 +107,7 @@ def simulate(
     }
     coords = {
         "phase": (first + np.arange(len(ran.samples))) * step,
-        "component": list(summary.COMPONENTS),
+        **pair.coordinates(),
     }
     dataset = describe(xr.Dataset(data, coords), pair)
     dataset["status"].attrs["message"] = status.MESSAGES[ran.status]
@@ -158,9 +158,7 @@ def run(
     periods, record_periods, initial_state, method, module, options, max_events = check_run(
         pair, periods, record_periods, initial_state, method, options, max_events
     )
-    columns = orbit.SAMPLE_COLUMNS + len(pair.extra_samples)
-    samples = np.empty((record_periods * samples_per_period, columns))
-    table = np.empty(orbit.SUMMARY_COLUMNS)
+    samples, events, table = pair.room(record_periods * samples_per_period, _FIRST_EVENTS)
     x, v, period, events, found, code, evaluations = module.run(
         pair,
         tuning,
@@ -168,12 +166,12 @@ def run(
         periods,
         record_periods,
         samples,
-        np.empty((_FIRST_EVENTS, orbit.EVENT_COLUMNS)),
+        events,
         max_events,
         table,
         **options,
     )
-    end = np.array([x, v])
+    end = np.ravel([x, v])
     if code != status.OK:
         for array in (samples, table, end):
             array[...] = math.nan
@@ -194,31 +192,35 @@ def run(
     )
 
 
-def _time_course(samples, extra, code):
-    """Return the variables over ``phase`` from the sample table, shape (n, 6 + extra)."""
+def _time_course(pair, samples, code):
+    """Return the variables over ``phase`` from the sample table of `Model.room`."""
+    dims, of_mesh = ("phase",), samples[:, : orbit.SAMPLE_COLUMNS]
+    if pair.mesh_names:
+        dims, meshes = ("phase", "mesh"), len(pair.mesh_names)
+        of_mesh = samples[:, : meshes * orbit.SAMPLE_COLUMNS].reshape(
+            -1, meshes, orbit.SAMPLE_COLUMNS
+        )
+    touching = np.zeros(of_mesh.shape[:-1], np.int8)
     if code == status.OK:
-        touching = samples[:, orbit.SAMPLE_CONTACT].astype(np.int8)
-    else:
-        touching = np.zeros(len(samples), np.int8)
-    stiffness = samples[:, orbit.SAMPLE_STIFFNESS]
+        touching[:] = of_mesh[..., orbit.SAMPLE_CONTACT]
+    stiffness = of_mesh[..., orbit.SAMPLE_STIFFNESS]
     columns = {
-        "displacement": samples[:, orbit.SAMPLE_X],
-        "velocity": samples[:, orbit.SAMPLE_V],
-        "acceleration": samples[:, orbit.SAMPLE_A],
+        "displacement": of_mesh[..., orbit.SAMPLE_X],
+        "velocity": of_mesh[..., orbit.SAMPLE_V],
+        "acceleration": of_mesh[..., orbit.SAMPLE_A],
         "stiffness": stiffness,
         "modified_stiffness": np.where(
             touching == contact_states.BACKLASH, 0.0 * stiffness, stiffness
         ),
-        "dynamic_force": samples[:, orbit.SAMPLE_FORCE],
+        "dynamic_force": of_mesh[..., orbit.SAMPLE_FORCE],
         "contact": touching,
     }
-    for i, name in enumerate(extra):
-        columns[name] = samples[:, orbit.SAMPLE_COLUMNS + i]
-    return {name: (("phase",), values) for name, values in columns.items()}
+    named = {name: (dims, values) for name, values in columns.items()}
+    return named | pair.more_samples(samples)
 
 
 def _event_table(events):
-    """Return the variables over ``event`` from the event table, shape (n, 5)."""
+    """Return the variables over ``event`` from the event table of `Model.room`."""
     phase = 2.0 * math.pi * events[:, orbit.EVENT_PERIOD] + events[:, orbit.EVENT_PHASE]
     columns = {
         "event_phase": phase,
@@ -226,4 +228,6 @@ def _event_table(events):
         "event_to": events[:, orbit.EVENT_TO].astype(np.int8),
         "event_velocity": events[:, orbit.EVENT_VELOCITY].copy(),
     }
+    if events.shape[1] > orbit.EVENT_COLUMNS:
+        columns["event_mesh"] = events[:, orbit.EVENT_COLUMNS].astype(np.int16)
     return {name: (("event",), values) for name, values in columns.items()}

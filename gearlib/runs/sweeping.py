@@ -9,7 +9,6 @@ import xarray as xr
 from gearlib import checks
 from gearlib.data import provenance, summary
 from gearlib.data.variables import describe
-from gearlib.kernels import orbit
 from gearlib.runs.run_arguments import MAX_EVENTS, check_run, check_tuning
 
 DIRECTIONS = ("cold", "up", "down")
@@ -90,8 +89,8 @@ def sweep(
         )
     threads = os.cpu_count() if threads is None else checks.integer("threads", threads, 1)
 
-    table = np.empty((tunings.size, orbit.SUMMARY_COLUMNS))
-    ends = np.empty((tunings.size, 2))
+    table = np.empty((tunings.size, *pair.room()[2].shape))
+    ends = np.empty((tunings.size, len(pair.components)))
     codes = np.empty((tunings.size, 2), dtype=np.int64)
     carry = direction != "cold"
 
@@ -125,11 +124,11 @@ def sweep(
             list(pool.map(go_through, chunks))
 
     data = {
-        **summary.variables(("tuning",), table, ends, codes, record_periods),
+        **summary.variables(pair, ("tuning",), table, ends, codes, record_periods),
         **pair.scales(),
         **{name: (("tuning",), x) for name, x in pair.speed_scales(tunings).items()},
     }
-    coords = {"tuning": tunings, "component": list(summary.COMPONENTS)}
+    coords = {"tuning": tunings, **pair.coordinates()}
     dataset = describe(xr.Dataset(data, coords), pair)
     dataset.attrs = provenance.attributes(
         "Resonance characteristic of a gear mesh",

@@ -64,13 +64,16 @@ def lyapunov_exponents(
     max_events = checks.integer("max_events", max_events, 1)
     threads = os.cpu_count() if threads is None else checks.integer("threads", threads, 1)
     cases = models(pair, tuning, parameter, values)
-    rows = np.asarray(states, float)
-    if rows.shape not in ((2,), (values.size, 2)):
+    if isinstance(states, str):
+        pair.check_state(states)
+        states = cases[0][0].start_state(states)
+    rows, sizes = np.asarray(states, float), {2, len(pair.components)}
+    if rows.shape not in {shape for n in sizes for shape in ((n,), (values.size, n))}:
         raise ValueError(
             f"states of shape {rows.shape} are not allowed: there must be two numbers, or two for "
             f"each of the {values.size} values"
         )
-    rows = np.broadcast_to(rows, (values.size, 2))
+    rows = np.broadcast_to(rows, (values.size, rows.shape[-1]))
 
     def one(i):
         model, nu = cases[i]

@@ -10,10 +10,10 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 
 from gearlib import checks
+from gearlib.analysis.global_dynamics.grids import check_one_mesh
 from gearlib.data import status
 from gearlib.integrators import choose
 from gearlib.runs.run_arguments import MAX_EVENTS, check_tuning
-from gearlib.runs.variational import rotation_free
 
 
 class Stroboscope:
@@ -21,13 +21,14 @@ class Stroboscope:
 
     def __init__(self, pair, tuning, *, max_events=MAX_EVENTS, threads=None):
         choose(pair, None, None)
+        check_one_mesh(pair)
         self.pair, self.tuning = pair, check_tuning("tuning", tuning)
         self.propagator = pair.propagator(self.tuning)
         self.max_events = checks.integer("max_events", max_events, 1)
         count = os.cpu_count() or 1
         self.threads = count if threads is None else checks.integer("threads", threads, 1)
         self.cycle = pair.repeats
-        self._reduce, self.lift = rotation_free(pair)
+        self._reduce, self.lift = pair.reduction()
         #: Turn rates into displacements.
         self.weights = np.repeat([1.0, self.tuning], len(self._reduce) // 2)
 

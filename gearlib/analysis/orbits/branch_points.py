@@ -18,15 +18,17 @@ from gearlib.analysis.orbits.shooting import (
     is_stable,
     multipliers_of,
     product,
+    resting,
     size_of,
 )
 from gearlib.analysis.orbits.tracing import Lost
 from gearlib.data import status
 from gearlib.kernels import orbit as columns
-from gearlib.runs.variational import rotation_free
 
 #: Step of the difference by a parameter, in shares of its scale.
 _DIFFERENCE = 1e-5
+#: Events of several meshes closer in phase than this are simultaneous.
+_AT_ONCE = 1e-9
 _LETTERS = {1: "N", 0: "B", -1: "I"}
 
 
@@ -71,7 +73,7 @@ class Shooting:
     def __init__(self, pair, tuning, period, names, scales, max_events):
         self.pair, self.tuning, self.period = pair, tuning, period
         self.names, self.max_events = names, max_events
-        self.reduce, self.lift = rotation_free(pair)
+        self.reduce, self.lift = pair.reduction()
         n = len(self.reduce)
         rates = np.full(n // 2, 1.0 / tuning)
         #: Size of one scaled unit of each unknown.
@@ -168,9 +170,9 @@ def branch_point(problem, y, found, tangent):
         z,
         found.residual,
         found.matrix,
-        _cyclic(events, summary, pair.backlash_ratio),
-        summary[columns.X_MAX],
-        summary[columns.X_MIN],
+        _cyclic(events, summary, pair.flank_lines),
+        np.max(summary[..., columns.X_MAX]),
+        np.min(summary[..., columns.X_MIN]),
     )
 
 
@@ -183,14 +185,21 @@ def as_orbit(problem, point):
     )
 
 
-def _cyclic(events, summary, backlash):
+def _cyclic(events, summary, lines):
     """Return the phases of contact as letters, the same from wherever the orbit is looked at.
 
-    An event that passes tau = 0 changes the order in which the phases are met, not the orbit.
+    An event that passes tau = 0 changes the order in which the phases are met, not the orbit. With
+    several meshes the number of the mesh stands before the letter, and those that cross at once
+    come in the order of their numbers.
     """
     if not len(events):
-        middle = 0.5 * (summary[columns.X_MAX] + summary[columns.X_MIN])
-        return "N" if middle > 0.0 else ("B" if middle > -backlash else "I")
-    letters = "".join(_LETTERS[int(code)] for code in events[:, columns.EVENT_TO])
+        middle = 0.5 * (summary[..., columns.X_MAX] + summary[..., columns.X_MIN])
+        return "".join(_LETTERS[code] for code in resting(middle, middle, *lines))
+    letters = [_LETTERS[int(code)] for code in events[:, columns.EVENT_TO]]
+    if events.shape[1] > columns.EVENT_COLUMNS:
+        times = 2.0 * np.pi * events[:, columns.EVENT_PERIOD] + events[:, columns.EVENT_PHASE]
+        at_once = np.cumsum(np.diff(times, prepend=times[0]) > _AT_ONCE)
+        meshes = events[:, columns.EVENT_COLUMNS].astype(int)
+        letters = [f"{meshes[i]}{letters[i]} " for i in np.lexsort((meshes, at_once))]
     # Of all beginnings the last in the alphabet: normal mesh first.
-    return max(letters[i:] + letters[:i] for i in range(len(letters)))
+    return max("".join(letters[i:] + letters[:i]) for i in range(len(letters))).strip()

@@ -260,9 +260,10 @@ def _dataset(problem, points, name, to):
         "orbit_height": ("point", high - low),
         "residual": ("point", np.array([point.residual for point in points])),
         "period": np.int32(problem.period),
-        "backlash_ratio": problem.pair.backlash_ratio,
         "static_deflection": problem.pair.static_deflection,
     }
+    if problem.pair.mesh:
+        data["backlash_ratio"] = problem.pair.backlash_ratio
     if name != "tuning":
         data["tuning"] = problem.tuning
     dataset = describe(xr.Dataset(data))

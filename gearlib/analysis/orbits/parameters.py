@@ -23,7 +23,7 @@ RATIOS = {
 
 def known(pair):
     """Return the parameters of a model as a dict name -> (CF units, long_name)."""
-    return RATIOS | pair.parameters
+    return (RATIOS if pair.mesh else {}) | pair.parameters
 
 
 def check_parameter(pair, name):
@@ -35,10 +35,10 @@ def check_parameter(pair, name):
         If the model has none of this name, the message lists those it has; or if orbits of the
         model are not followed.
     """
-    if not (is_model(pair) and pair.mesh):
+    if not (is_model(pair) and (pair.mesh or pair.mesh_names)):
         raise ValueError(
-            f"pair = {type(pair).__name__} is not allowed: it must be a GearPair, a OneDegreePair "
-            "or a SixDegreePair"
+            f"pair = {type(pair).__name__} is not allowed: it must be a GearPair, a OneDegreePair, "
+            "a SixDegreePair or a GearTrain"
         )
     return checks.one_of("parameter", name, known(pair))
 
@@ -47,6 +47,8 @@ def value_of(pair, tuning, name):
     """Return the value of a parameter at a model and a tuning."""
     if name == "tuning":
         return float(tuning)
+    if name in pair.parameters:
+        return float(pair.parameter(name))
     read = {
         "damping": "damping_ratio",
         "backlash_damping": "backlash_damping_ratio",
@@ -65,8 +67,8 @@ def with_parameter(pair, tuning, name, value):
     """
     if name == "tuning":
         return pair, checks.finite_positive(name, value)
-    if name not in RATIOS:
-        return dataclasses.replace(pair, **{name: value}), tuning
+    if name in pair.parameters:
+        return pair.with_parameter(name, value), tuning
     if pair.mesh is not pair:
         inner, _ = with_parameter(pair.mesh, tuning, name, value)
         return dataclasses.replace(pair, pair=inner), tuning

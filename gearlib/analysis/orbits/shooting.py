@@ -21,13 +21,14 @@ from gearlib.data.variables import describe
 from gearlib.integrators import choose
 from gearlib.kernels import orbit as columns
 from gearlib.runs.run_arguments import MAX_EVENTS, check_tuning
-from gearlib.runs.variational import rotation_free
 
 #: Residual of an orbit, in static deflections, that counts as none; height times this if larger.
 RESIDUAL = 1e-12
 #: Mesh periods from rest after which a motion is taken as the first guess.
 _SETTLE = 400
 _MAX_NEWTON, _MAX_HALVINGS = 60, 12
+#: Most mesh periods that are shot over in one piece.
+_LONGEST = 32
 #: Rounding of a multiplier on the unit circle: that of a double one, the root of a map's.
 _NEUTRAL = 1e-7
 #: An orbit this close to a flank line, in shares of its height, touches it.
@@ -111,54 +112,81 @@ def periodic_orbit(pair, tuning, *, guess=None, period=1, max_events=MAX_EVENTS)
             f"period = {period} is not allowed: it must be a multiple of the {repeats} mesh "
             "periods after which the run-out repeats"
         )
-    z = _guess(pair, tuning, guess, period, max_events)
-    reduce, lift = rotation_free(pair)
+    propagator = pair.propagator(tuning)
+    reduce, lift = pair.reduction()
+    n = len(reduce)
+    spans = _spans(period)
 
-    def shoot(z):
-        end, maps, code = pair.propagator(tuning).maps(z, period, max_events)
+    def go(z, i):
+        end, maps, code = propagator.maps(z, spans[i], max_events, sum(spans[:i]) % repeats)
         if code != status.OK:
             raise NoOrbit(f"the motion could not go on: {status.MESSAGES[code]}")
-        return reduce @ (end - z), reduce @ product(maps) @ lift
+        return end, reduce @ product(maps) @ lift
 
-    miss, matrix = shoot(z)
+    def shoot(z):
+        ends, maps = zip(*(go(one, i) for i, one in enumerate(z)), strict=True)
+        return (np.array(ends) - np.roll(z, -1, axis=0)) @ reduce.T, maps
+
+    def ahead(maps):
+        matrix = np.kron(np.roll(np.eye(len(maps)), 1, axis=1), np.eye(n))
+        for i, one in enumerate(maps):
+            matrix[i * n : (i + 1) * n, i * n : (i + 1) * n] -= one
+        return matrix
+
+    z = [_guess(pair, tuning, guess, period, max_events)]
+    for i in range(len(spans) - 1):
+        z.append(go(z[i], i)[0])
+    z = np.array(z)
+    miss, maps = shoot(z)
     for _ in range(_MAX_NEWTON):
         size = size_of(miss, z, tuning)
         if size <= RESIDUAL:
             break
         try:
-            step = lift @ np.linalg.solve(np.eye(len(matrix)) - matrix, miss)
+            step = np.linalg.solve(ahead(maps), miss.ravel()).reshape(miss.shape) @ lift.T
         except np.linalg.LinAlgError:
             raise NoOrbit(
                 f"the map has a multiplier 1 at tuning = {tuning!r}: a fold is here; guess an "
                 "orbit on one of its sides"
             ) from None
         for _ in range(_MAX_HALVINGS):
-            new_miss, new_matrix = shoot(z + step)
+            new_miss, new_maps = shoot(z + step)
             if size_of(new_miss, z + step, tuning) < size:
                 break
             step *= 0.5
         else:
             break
-        z, miss, matrix = z + step, new_miss, new_matrix
+        z, miss, maps = z + step, new_miss, new_maps
     size = size_of(miss, z, tuning)
     if size > RESIDUAL:
         raise NoOrbit(
             f"no orbit of period {period} was found near the guess at tuning = {tuning!r}, the "
             f"best residual is {size:.2g}: guess closer, or another period"
         )
-    multipliers = multipliers_of(matrix)
-    pattern, grazing = contacts(pair, tuning, z, period, max_events)
-    return Orbit(pair, tuning, period, z, float(size), multipliers, pattern, grazing)
+    multipliers = multipliers_of(product(np.array(maps)))
+    pattern, grazing = contacts(pair, tuning, z[0], period, max_events)
+    return Orbit(pair, tuning, period, z[0], float(size), multipliers, pattern, grazing)
+
+
+def _spans(period):
+    """Return the mesh periods of each piece that is shot over: a long orbit in several.
+
+    Deviations that grow along an unstable orbit would otherwise drown its end in rounding.
+    """
+    pieces = -(-period // _LONGEST)
+    return [period * (i + 1) // pieces - period * i // pieces for i in range(pieces)]
 
 
 def _guess(pair, tuning, guess, period, max_events):
     if guess is None:
-        z = pair.propagator(tuning).start((0.0, 0.0))
+        propagator = pair.propagator(tuning)
+        z, codes = propagator.start((0.0, 0.0))[None], np.zeros(1, np.int64)
         turns = -(-_SETTLE // period) * period
-        z, _, code = pair.propagator(tuning).maps(z, turns, max_events)
+        propagator.skip(z.copy(), turns, max_events, z, codes)
+        code = int(codes[0])
         if code != status.OK:
             raise NoOrbit(f"the motion from rest could not go on: {status.MESSAGES[code]}")
-        return z
+        return z[0]
     values = np.asarray(guess, float)
     n = pair.size
     if values.shape not in ((2,), (n,)) or not np.isfinite(values).all():
@@ -191,22 +219,28 @@ def product(maps):
 
 def size_of(miss, z, tuning):
     """Return a residual in static deflections, over the size of the state if that is larger."""
-    half = miss.size // 2
-    weights = np.repeat([1.0, tuning], half)
+    weights = np.repeat([1.0, tuning], miss.shape[-1] // 2)
     return float(np.abs(weights * miss).max() / max(1.0, np.abs(z).max() * 1e-2))
 
 
 def contacts(pair, tuning, z, period, max_events):
     """Return (contact codes in the order met, whether the orbit touches a flank line)."""
     events, summary, _ = pair.propagator(tuning).record(z, period, max_events)
-    low, high = summary[columns.X_MIN], summary[columns.X_MAX]
+    low, high = summary[..., columns.X_MIN], summary[..., columns.X_MAX]
     near, far = pair.flank_lines
-    close = _TOUCH * max(1.0, high - low)
-    touches = min(abs(end - line) for end in (low, high) for line in (near, far)) < close
+    close = _TOUCH * np.maximum(1.0, high - low)
+    touches = (
+        min(np.min(abs(end - line) - close) for end in (low, high) for line in (near, far)) < 0
+    )
     if not len(events):
-        # Without a crossing the orbit stays on one side; it may still come to the line.
-        return (1 if high > near else (0 if low > far else -1),), bool(touches)
+        # Without a crossing every mesh stays on one side; it may still come to the line.
+        return tuple(resting(low, high, near, far)), bool(touches)
     codes = events[:, columns.EVENT_TO].astype(int).tolist()
     pattern = (int(events[0, columns.EVENT_FROM]), *codes)
     speeds = np.abs(events[:, columns.EVENT_VELOCITY]) * tuning
-    return pattern, bool(touches or speeds.min() < np.sqrt(close))
+    return pattern, bool(touches or speeds.min() < np.sqrt(close.min()))
+
+
+def resting(low, high, near, far):
+    """Return the contact code of every mesh, shape (m,), of an orbit that crosses no flank line."""
+    return np.atleast_1d(np.where(high > near, 1, np.where(low > far, 0, -1))).tolist()

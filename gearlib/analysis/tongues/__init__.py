@@ -5,6 +5,7 @@ module            responsibility
 ================  ======================================================
 ``meissner``      rectangular stiffness: tongues in closed form
 ``hill``          other stiffness, six degrees: tongues from monodromy
+``first_order``   gear trains: widths to first order
 ``no_loss``       motion without loss of contact: period map, orbit
 ``chart``         stability over tuning and one other parameter
 ``explanation``   what begins at a tuning: parametric or forced motion
@@ -42,7 +43,7 @@ def tongues(pair, *, start=0.3, stop=3.0, parameter=None, values=None, step=0.00
 
     Parameters
     ----------
-    pair : GearPair, OneDegreePair or SixDegreePair
+    pair : GearPair, OneDegreePair, SixDegreePair or GearTrain
         Its backlash plays no part. Closed forms for the rectangular stiffness of one degree of
         freedom; else numerical monodromy, see `gearlib.analysis.tongues.hill`.
     start, stop : float
@@ -50,7 +51,8 @@ def tongues(pair, *, start=0.3, stop=3.0, parameter=None, values=None, step=0.00
         they are cut off at it. 0.02 <= start < stop.
     parameter : {"stiffness_ratio", "contact_ratio", "damping"}, optional
         A second parameter: kappa, epsilon, or the damping ratio beta of the contact. The first two
-        keep the damping ratio; a table and six degrees of freedom only have the last one.
+        keep the damping ratio; a table and six degrees of freedom only have the last one. Of a
+        `GearTrain` stiffness_ratio, contact_ratio or material_damping of all its meshes.
     values : sequence of float, shape (v,), optional
         Its values.
     step : float, default 0.002
@@ -85,12 +87,12 @@ def tongues(pair, *, start=0.3, stop=3.0, parameter=None, values=None, step=0.00
     if parameter is None:
         rows = [find(pair, start, stop, step)]
     else:
-        checks.one_of("parameter", parameter, PARAMETERS)
+        checks.one_of("parameter", parameter, PARAMETERS if pair.mesh else (*pair.parameters,)[1:])
         values = _values(values)
         rows = [find(varied(pair, parameter, value), start, stop, step) for value in values]
     six = pair.size > 2
     dataset = _dataset(rows, parameter, values, "tongue" if six else "order")
-    if parameter is None:
+    if parameter is None and pair.mesh:
         closings = [closing_damping(pair, one) for one in rows[0]]
         dataset["closing_damping"] = "tongue" if six else "order", np.array(closings, float)
     dataset.attrs = provenance.attributes(
@@ -105,9 +107,10 @@ def tongues(pair, *, start=0.3, stop=3.0, parameter=None, values=None, step=0.00
 
 def linear(pair):
     """Return the smallest model with the stability of `pair`; raise ValueError if nonlinear."""
-    if not (is_model(pair) and pair.mesh):
+    if not (is_model(pair) and (pair.mesh or pair.mesh_names)):
         raise ValueError(
-            f"pair = {pair!r} is not allowed: it must be a GearPair, OneDegreePair or SixDegreePair"
+            f"pair = {pair!r} is not allowed: it must be a GearPair, OneDegreePair, SixDegreePair "
+            "or GearTrain"
         )
     for name in pair.nonlinear:
         if getattr(pair, name):
@@ -124,7 +127,7 @@ def find(pair, start, stop, step=0.002):
         equation = meissner.equation_of(pair)
         return [meissner.tongue(equation, n) for n in meissner.orders(equation, start, stop)]
     if pair.size > 2:
-        return hill.six_degrees(pair, start, stop, step)
+        return hill.several_degrees(pair, start, stop, step)
     return hill.one_degree(pair, start, stop)
 
 
@@ -137,6 +140,8 @@ def closing_damping(pair, tongue):
 
 def varied(pair, parameter, value):
     """Return a model with another stiffness ratio, contact ratio or damping ratio."""
+    if pair.mesh_names:
+        return pair.with_parameter(parameter, value)
     mesh = pair.mesh
     damping = mesh.damping_ratio
     if parameter == "damping":

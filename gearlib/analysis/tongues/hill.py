@@ -22,10 +22,8 @@ from gearlib.analysis.tongues import meissner
 from gearlib.analysis.tongues.meissner import Tongue
 from gearlib.analysis.tongues.no_loss import linear_pair
 from gearlib.data import status
-from gearlib.kernels.piecewise_linear.system import exponential
 from gearlib.models.harmonics import Harmonics
 from gearlib.runs.run_arguments import MAX_EVENTS
-from gearlib.runs.variational import rotation_free
 
 #: Steps of the scan over 1 / nu; a tongue comes about every half.
 _STEP = 1.0 / 32.0
@@ -46,23 +44,6 @@ def one_degree_map(pair, tuning):
     if code != status.OK:
         raise RuntimeError(f"the motion could not go on: {status.MESSAGES[code]}")
     return maps[0]
-
-
-def six_degree_map(pair, tuning):
-    """Return the map of deviations over one mesh period of a `SixDegreePair` in normal mesh.
-
-    Without the free rotation, shape (n, n), n = 2 + 2 for each flexible bearing.
-    """
-    system, _ = pair.system(tuning)
-    n = pair.size
-    matrix = np.eye(n)
-    for segment, (start, end) in enumerate(pairwise(system.starts)):
-        # The middle one of the three contact codes -1, 0, 1 is the backlash.
-        substeps = int(system.knots[segment])
-        one = exponential(system.a[2, segment], n, (end - start) / substeps)
-        matrix = np.linalg.matrix_power(one, substeps) @ matrix
-    reduce, lift = rotation_free(pair)
-    return reduce @ matrix @ lift
 
 
 def one_degree(pair, start, stop):
@@ -115,7 +96,7 @@ def closing_six(pair, tongue):
         if tongue.multiplier:
             over = lambda nu: inside * _miss(damped, nu, tongue.multiplier)  # noqa: E731
         else:
-            over = lambda nu: _log_radius(six_degree_map(damped, nu)) - _NEUTRAL  # noqa: E731
+            over = lambda nu: _log_radius(damped.contact_map(nu)) - _NEUTRAL  # noqa: E731
         return meissner.strongest(over, tongue.start, tongue.stop)[0]
 
     # Growth less loss, as if damping changed nothing else.
@@ -204,19 +185,19 @@ def _tongue(pair, order, low, high):
     return meissner.within_gap(order, low, high, damping, growth, over)
 
 
-def six_degrees(pair, start, stop, step):
-    """Return the `Tongue`s of a `SixDegreePair` within a range of tunings, in their order.
+def several_degrees(pair, start, stop, step):
+    """Return the `Tongue`s of several degrees of freedom within a range of tunings, in order.
 
     Parameters
     ----------
-    pair : SixDegreePair
+    pair : SixDegreePair or GearTrain
     start, stop : float
         Tongues are cut off at these.
     step : float
         Distance of the tunings of the scan.
     """
     grid = np.linspace(start, stop, max(3, math.ceil((stop - start) / step) + 1))
-    maps = np.array([six_degree_map(pair, nu) for nu in grid])
+    maps = np.array([pair.contact_map(nu) for nu in grid])
     edges = [(nu, sign) for sign in (1, -1) for nu in _zeros(pair, sign, grid, maps)]
     unstable = [_log_radius(matrix) > _NEUTRAL for matrix in maps]
     for i, (low, high) in enumerate(pairwise(grid)):
@@ -244,19 +225,19 @@ def _strongest(pair, low, high, grid):
     """Return (growth, its tuning) between two edges: from grid points, refined about the best."""
     places = [low, *grid[(grid > low) & (grid < high)], high]
     inner = places[1:-1] or [0.5 * (low + high)]
-    growths = [_log_radius(six_degree_map(pair, nu)) for nu in inner]
+    growths = [_log_radius(pair.contact_map(nu)) for nu in inner]
     best = int(np.argmax(growths))
     if growths[best] <= _NEUTRAL:
         return growths[best], inner[best]
     around = places if len(places) > 2 else [low, inner[0], high]
     return meissner.strongest(
-        lambda nu: _log_radius(six_degree_map(pair, nu)), around[best], around[best + 2]
+        lambda nu: _log_radius(pair.contact_map(nu)), around[best], around[best + 2]
     )
 
 
 def _miss(pair, nu, sign):
     """Return det(M - sign I), zero where a multiplier is `sign`."""
-    matrix = six_degree_map(pair, nu)
+    matrix = pair.contact_map(nu)
     return float(np.linalg.det(matrix - sign * np.eye(len(matrix))))
 
 
@@ -300,7 +281,7 @@ def _leaves_circle(pair, low, high, unstable):
     """Return the tuning between two grid points at which the growth becomes, or ceases to be."""
     for _ in range(50):
         middle = 0.5 * (low + high)
-        if (_log_radius(six_degree_map(pair, middle)) > _NEUTRAL) == unstable:
+        if (_log_radius(pair.contact_map(middle)) > _NEUTRAL) == unstable:
             low = middle
         else:
             high = middle

@@ -125,15 +125,34 @@ def multiply(columns, c, z, out):
 
 
 @kernel
+def by_columns(matrix, columns):
+    """Store a matrix by columns."""
+    for r in range(matrix.shape[0]):
+        for i in range(matrix.shape[1]):
+            columns[i, r] = matrix[r, i]
+
+
+@kernel
+def copy(source, target, count):
+    """Copy so many values."""
+    for r in range(count):
+        target[r] = source[r]
+
+
+@kernel
 def matrix_of(system, effects, a):
     """Fill `a`, shape (n, n), with the matrix of a combination of effects, shape (m,)."""
-    a[:] = system.free
+    # Loops: an assignment of whole arrays takes seconds to compile.
+    for r in range(a.shape[0]):
+        for i in range(a.shape[0]):
+            a[r, i] = system.free[r, i]
     for j in range(effects.shape[0]):
         for k in range(2):
             push, grip = system.push[j, effects[j], k], system.grip[j, effects[j], k]
             for r in range(push.shape[0]):
                 if push[r] != 0.0:
-                    a[r] += push[r] * grip
+                    for i in range(push.shape[0]):
+                        a[r, i] += push[r] * grip[i]
 
 
 @kernel
@@ -143,26 +162,30 @@ def _fill(system, tables, c, effects):
     coordinates = (n - 1) // 2 - system.harmonics.shape[0]
     a, h = tables.a[c], system.longest
     matrix_of(system, effects, a)
-    tables.rate[c, :, :coordinates] = a[coordinates : 2 * coordinates].T
+    by_columns(a[coordinates : 2 * coordinates], tables.rate[c])
     part = exponential(a, n, h / PARTS)
     power = part
     for j in range(PARTS):
-        tables.fine[PARTS * c + j, :, :n] = power.T
+        by_columns(power, tables.fine[PARTS * c + j])
         power = product(part, power)
-    tables.tail[c] = 0.0
+    row, new = np.empty(n), np.empty(n)
     for j in range(m):
-        row = system.near[j].copy()
+        for i in range(n):
+            row[i], tables.tail[c, i, j] = system.near[j, i], 0.0
         for k in range(ORDER + 1):
-            if k < LOOK:
-                tables.look[c, :, LOOK * j + k] = row
-            else:
-                tables.behind[m * c + j, :, k - LOOK] = row
-                tables.tail[c, :, j] += np.abs(row)
-            new = np.zeros(n)
+            for i in range(n):
+                if k < LOOK:
+                    tables.look[c, i, LOOK * j + k] = row[i]
+                else:
+                    tables.behind[m * c + j, i, k - LOOK] = row[i]
+                    tables.tail[c, i, j] += abs(row[i])
+                new[i] = 0.0
             for r in range(n):
                 if row[r] != 0.0:
-                    new += (row[r] * h / (k + 1)) * a[r]
-            row = new
+                    share = row[r] * h / (k + 1)
+                    for i in range(n):
+                        new[i] += share * a[r, i]
+            row, new = new, row
 
 
 @kernel
@@ -200,7 +223,7 @@ def whole_step(tables, c, kind, length):
         if s == tables.step.shape[0]:
             return -1
         n = tables.a.shape[1]
-        tables.step[s, :, :n] = exponential(tables.a[c], n, length).T
+        by_columns(exponential(tables.a[c], n, length), tables.step[s])
         tables.at[c, kind] = s
         tables.known[1] = s + 1
     return tables.at[c, kind]

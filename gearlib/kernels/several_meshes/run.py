@@ -9,8 +9,9 @@ from gearlib.kernels.closed_form.mesh import BACKLASH, INVERSE, NORMAL
 from gearlib.kernels.closed_form.run import OK, OVERFLOW, UNRESOLVED
 from gearlib.kernels.jit import kernel
 from gearlib.kernels.piecewise_linear.system import dot, image
-from gearlib.kernels.several_meshes.combinations import matrix_of
-from gearlib.kernels.several_meshes.periods import go, work_of
+from gearlib.kernels.several_meshes.combinations import by_columns, copy, matrix_of
+from gearlib.kernels.several_meshes.grid import work_of
+from gearlib.kernels.several_meshes.periods import go
 
 #: A sum this small, as a share of its parts, is the rounding of zero.
 _REST = 1e-14
@@ -31,8 +32,11 @@ def set_harmonics(system, z, phase):
 @kernel
 def _sign(functional, z):
     """Return the sign of a functional, 0 where it is the rounding of zero."""
-    value = dot(functional, z)
-    if abs(value) <= _REST * np.abs(functional * z).sum():
+    value, size = 0.0, 0.0
+    for r in range(z.shape[0]):
+        value += functional[r] * z[r]
+        size += abs(functional[r] * z[r])
+    if abs(value) <= _REST * size:
         return 0.0
     return 1.0 if value > 0.0 else -1.0
 
@@ -68,8 +72,8 @@ def set_contacts(system, open_, w, p):
         for j in range(m):
             w.effects[j] = system.effect[w.contact[j] + 1, p, j]
         matrix_of(system, w.effects, a)
-        rate = z.copy()
-        for _ in range(order):
+        rate = image(a, z)
+        for _ in range(order - 1):
             rate = image(a, rate)
         for j in range(m):
             if not waiting[j]:
@@ -117,11 +121,11 @@ def run_train(
     periods, record_periods : int
         Of the reference mesh, and how many at the end are recorded; 0: none.
     samples : ndarray, shape (record_periods k, n + m + 1)
-    events : ndarray, shape (k, 6), k > 0
-        Enlarged as needed.
+    events : ndarray, shape (k, 6)
+        Enlarged as needed; none are recorded if it has no rows.
     limit : int
         Most events in one mesh period.
-    summary : ndarray, shape (m, 9)
+    summary : ndarray, shape (m, 10)
     maps : ndarray, shape (periods, 2 N, 2 N)
         Filled with the growth of small deviations over each period; or of shape (0, 2 N, 2 N).
 
@@ -139,14 +143,13 @@ def run_train(
     kept = min(periods, orbit.strobe_periods(system.repeats))
     strobes = np.empty((m, kept + 1, 2))
     w = work_of(n, m)
-    w.z[:n] = z
+    copy(z, w.z, n)
     vectors = np.zeros((moving if maps.shape[0] > 0 else 0, w.z.shape[0]))
     number = system.first % system.repeats
     set_harmonics(system, w.z, 2.0 * math.pi * system.first)
     set_contacts(system, grid.open, w, system.first_segment[number])
     unseen = periods - record_periods
     per_period = samples.shape[0] // max(record_periods, 1)
-    found, status = 0, OK
     for i in range(periods):
         number = (system.first + i) % system.repeats
         # Harmonics are put to their values: their rounding must not grow with the run.
@@ -160,8 +163,8 @@ def run_train(
         vectors[:] = 0.0
         for r in range(vectors.shape[0]):
             vectors[r, r] = 1.0
-        before = found
-        status, events, found = go(
+        before = w.found[0]
+        status, events = go(
             system,
             grid,
             tables,
@@ -174,9 +177,9 @@ def run_train(
             summary,
             samples[begin:end],
             events,
-            found,
         )
-        events[before:found, orbit.EVENT_PERIOD] = i
+        for row in range(before, w.found[0]):
+            events[row, orbit.EVENT_PERIOD] = i
         if status == OK and _too_large(w.z):
             status = OVERFLOW
         if recording and status == OK:
@@ -184,12 +187,12 @@ def run_train(
                 if orbit.unresolved(summary[j]):
                     status = UNRESOLVED
         if status != OK:
-            return 0, events, found, status
+            return 0, events, w.found[0], status
         if maps.shape[0] > 0:
-            maps[i] = vectors[:, :moving].T
-    z[:] = w.z[:n]
+            by_columns(vectors[:, :moving], maps[i])
+    copy(w.z, z, n)
     if record_periods == 0:
-        return 0, events, found, status
+        return 0, events, w.found[0], status
     _strobe(system, grid, w.z, strobes, kept)
     period = 1
     for j in range(m):
@@ -198,11 +201,12 @@ def run_train(
         period = period // math.gcd(period, one) * one if one > 0 else 0
         if period == 0:
             break
-    return period, events, found, status
+    return period, events, w.found[0], status
 
 
 @kernel
 def _strobe(system, grid, z, strobes, row):
+    own = z[: system.near.shape[1]]
     for j in range(strobes.shape[0]):
-        strobes[j, row, 0] = dot(system.near[j], z)
-        strobes[j, row, 1] = dot(grid.rate[j], z) / system.tuning
+        strobes[j, row, 0] = dot(system.near[j], own)
+        strobes[j, row, 1] = dot(grid.rate[j], own) / system.tuning

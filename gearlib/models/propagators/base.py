@@ -4,7 +4,6 @@ from collections.abc import Callable
 
 import numpy as np
 
-from gearlib.kernels import orbit
 from gearlib.kernels.closed_form.run import OK
 
 
@@ -29,6 +28,10 @@ class Base:
 
     def __init__(self, model, tuning):
         self.model = model
+
+    def at(self, tuning):
+        """Return the propagator of another tuning, with what does not depend on the tuning."""
+        return type(self)(self.model, tuning)
 
     def start(self, state):
         """Return the state z for a displacement and dx/dtau at tau = 0."""
@@ -78,16 +81,13 @@ class Base:
         Returns (events, summary, samples) as of `gearlib.kernels.closed_form.run`; `samples` of
         shape (periods * samples_per_period, 6 or more).
         """
-        columns = orbit.SAMPLE_COLUMNS + len(self.model.extra_samples)
-        samples = np.empty((periods * samples_per_period, columns))
-        events, summary = np.empty((16, orbit.EVENT_COLUMNS)), np.empty(orbit.SUMMARY_COLUMNS)
+        samples, events, summary = self.model.room(periods * samples_per_period)
         done = self.run(np.array(z, float), periods, periods, samples, events, limit, summary)
         return done[3][: done[4]], summary, samples
 
     def skip(self, states, periods, limit, ends, codes):
         """Take states, shape (k, size), through mesh periods; fill their ends and their status."""
-        samples = np.empty((0, orbit.SAMPLE_COLUMNS))
-        events, summary = np.empty((0, orbit.EVENT_COLUMNS)), np.empty(orbit.SUMMARY_COLUMNS)
+        samples, events, summary = self.model.room(events=0)
         ends[:] = states
         for i, z in enumerate(ends):
             codes[i] = self.run(z, periods, 1, samples, events, limit, summary)[5]

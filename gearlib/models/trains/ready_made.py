@@ -24,6 +24,8 @@ from gearlib.models.trains.train import GearTrain
 
 #: Of the planetary train, rad.
 _LIN_PARKER = math.radians(24.6)
+#: Of a ring's mesh, rad: teeth jam before.
+_STEEPEST = math.radians(45.0)
 
 
 def planetary(
@@ -126,10 +128,10 @@ def planetary(
     r_planet, r_ring = r_sun * planet_teeth / sun, r_sun * ring / sun
     centre = (r_sun + r_planet) / math.cos(pressure_angle)
     cosine = (r_ring - r_planet) / centre
-    if not 0.0 < cosine <= 1.0:
+    if not math.cos(_STEEPEST) <= cosine <= 1.0:
         raise ValueError(
             f"planet_teeth = {planet_teeth!r} is not allowed: at this pressure_angle the planets "
-            "must fit into the ring"
+            "must fit into the ring, where the pressure angle must be from 0 to 45 degrees"
         )
     ring_angle = pressure_angle if planet_teeth * 2 == ring - sun else math.acos(cosine)
     radii = (r_sun, r_ring, centre, r_planet)

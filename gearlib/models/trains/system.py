@@ -168,4 +168,4 @@ def _longest(train, parts, frequencies):
     a[n:, :n] = -k / highest
     a[n:, n:] = -d
     norm = np.linalg.norm(a, 2) + np.linalg.norm(f, 2) / highest
-    return REACH / max(norm, np.abs(frequencies).max(initial=0.0))
+    return float(REACH / max(norm, np.abs(frequencies).max(initial=0.0)))

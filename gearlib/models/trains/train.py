@@ -7,9 +7,9 @@ from functools import cached_property
 import numpy as np
 
 from gearlib import checks
-from gearlib.models.model import Model
 from gearlib.models.trains import assembly, turning, waves
 from gearlib.models.trains.elements import Body, Mesh, Shaft
+from gearlib.models.trains.results import TrainResults
 from gearlib.models.trains.structure import free_motions, structure
 
 #: Of the static deflection where the reference mesh carries no load, m.
@@ -17,7 +17,7 @@ _FALLBACK = 1e-6
 
 
 @dataclass(frozen=True, kw_only=True)
-class GearTrain(Model):
+class GearTrain(TrainResults):
     """Any number of gears in mesh, in SI units; immutable.
 
     Parameters
@@ -51,7 +51,6 @@ class GearTrain(Model):
     gyroscopic: bool = False
 
     mathematics = {"exact": "several_meshes"}
-    free_rotation = True
     title_noun = "a gear train"
     references = (
         "Lin, Parker: J. Vib. Acoust. 121 (1999) 316-321; "
@@ -311,15 +310,14 @@ class GearTrain(Model):
 
         return phasing(self, checks.integer("count", count, 1))
 
-    def start_state(self, initial_state, tuning):
-        """Return the state (q, dq/dtheta) at tau = 0, shape (size,).
+    def start_state(self, initial_state):
+        """Return the state (q, dq/dtau) at tau = 0, shape (size,).
 
         Parameters
         ----------
         initial_state : pair of 0, "static", or array_like of float, shape (size,)
             (0, 0): at rest, every flank just touching where there are no errors; "static": at
             rest in static equilibrium under the stiffness at tau = 0.
-        tuning : float
 
         Raises
         ------

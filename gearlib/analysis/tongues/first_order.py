@@ -1,0 +1,67 @@
+"""Instability tongues of a gear train to first order in the stiffness jump.
+
+With mass-normalised modes phi of the mean stiffness, jumps J_j, contact ratios c_j and phases g_j
+of the middle of the upper level, harmonic l of the mesh frequency W couples the modes p and q by
+
+    A = |sum_j 2 J_j sin(pi l (c_j - 1)) / (pi l) exp(-2 pi i l g_j) (b_j . phi_p) (b_j . phi_q)|
+
+and the motion without loss of contact is unstable, if there is no damping, where
+|l W - (w_p + w_q)| < A / (2 sqrt(w_p w_q)). The widths vanish where the sines do, by the contact
+ratio, or where the phases cancel, by the tooth numbers. Lin, Parker: J. Vib. Acoust. 124 (2002)
+68-76.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+
+class FirstOrder(NamedTuple):
+    """One tongue to first order."""
+
+    order: int  #: harmonic of the reference mesh frequency
+    modes: tuple  #: numbers of the two elastic modes, from 0
+    tuning: float  #: of its middle
+    width: float  #: of the interval of tunings
+
+
+def first_order(train, start, stop, orders=8):
+    """Return the first-order tongues of a train whose middles lie within a range of tunings.
+
+    Parameters
+    ----------
+    train : gearlib.GearTrain
+    start, stop : float
+        Tunings.
+    orders : int, default 8
+        Harmonics of the reference mesh frequency.
+
+    Returns
+    -------
+    list of FirstOrder
+        Those that are wider than rounding, by order and tuning.
+    """
+    squares, shapes = train.linear_modes
+    angular = np.sqrt(squares)
+    unit = train.reference_angular_frequency
+    along = train.structure.lines @ shapes
+    found = []
+    for order in range(1, orders + 1):
+        coupling = np.zeros((angular.size, angular.size), complex)
+        for j, mesh in enumerate(train.meshes):
+            # Meshes of another frequency take part with another harmonic, or not at all.
+            harmonic = order / train.rates[j]
+            if harmonic.denominator != 1 or not mesh.varies:
+                continue
+            k = int(harmonic)
+            jump = mesh.max_stiffness * (1.0 - mesh.stiffness_ratio)
+            size = 2.0 * jump * np.sin(np.pi * k * (mesh.contact_ratio - 1.0)) / (np.pi * k)
+            turn = np.exp(-2.0j * np.pi * k * train.phases[mesh.name])
+            coupling += size * turn * np.outer(along[j], along[j])
+        for p in range(angular.size):
+            for q in range(p, angular.size):
+                middle = (angular[p] + angular[q]) / order / unit
+                width = np.abs(coupling[p, q]) / np.sqrt(angular[p] * angular[q]) / order / unit
+                if start <= middle <= stop and width > 1e-9 * middle:
+                    found.append(FirstOrder(order, (p, q), float(middle), float(width)))
+    return sorted(found, key=lambda one: (one.order, one.tuning))

@@ -1,0 +1,141 @@
+"""What runs of a gear train record: tables of the kernels, dimensions and variables of datasets."""
+
+import math
+
+import numpy as np
+
+from gearlib.kernels import orbit
+from gearlib.kernels.piecewise_linear.system import exponential
+from gearlib.kernels.several_meshes.combinations import matrix_of
+from gearlib.kernels.several_meshes.periods import EVENT_COLUMNS
+from gearlib.kernels.several_meshes.record import FORCE_SUM, SUMMARY_COLUMNS
+from gearlib.models.model import Model
+from gearlib.models.trains.parameters import PARAMETERS, value_of, with_value
+from gearlib.models.trains.statics import branches
+
+AXES = ("x", "y", "rotation")
+
+
+class TrainResults(Model):
+    """The part of `GearTrain` that runs ask for their results."""
+
+    @property
+    def components(self):
+        """Names of the components of the state: coordinates, then their rates by phase."""
+        names = [f"{body} {axis}" for body, axis in self.structure.coordinates]
+        return (*names, *(f"{name}'" for name in names))
+
+    @property
+    def flank_lines(self):
+        """Displacements at which drive- and coast-side contact begin, a row each, shape (2, m)."""
+        backlash = np.array([mesh.backlash for mesh in self.meshes])
+        return np.stack([np.zeros(backlash.size), -backlash / self.static_deflection])
+
+    def check_state(self, value):
+        """Return an initial state, checked, as of `start_state`."""
+        state = self.start_state(value)
+        return value if isinstance(value, str) else tuple(map(float, np.ravel(value)[: state.size]))
+
+    parameters = PARAMETERS
+
+    def parameter(self, name):
+        """Return the value of one of `parameters` that all meshes share."""
+        return value_of(self, name)
+
+    def with_parameter(self, name, value):
+        """Return the train with one of `parameters` set in all meshes."""
+        return with_value(self, name, value)
+
+    def contact_map(self, tuning):
+        """Return the map of deviations over `repeats` periods in normal mesh; see `reduction`."""
+        system, n = self.system(tuning), self.size
+        matrix, whole = np.eye(n), np.empty_like(system.free)
+        for p, span in enumerate(np.diff(system.starts) / tuning):
+            matrix_of(system, system.effect[2, p], whole)
+            knots = int(np.ceil(span / system.longest))
+            one = exponential(whole, n, span / knots)
+            matrix = np.linalg.matrix_power(one, knots) @ matrix
+        reduce, lift = self.reduction()
+        return reduce @ matrix @ lift
+
+    def disturbed(self, state, disturbance):
+        """Return an initial state with so much added to the first coordinate that can bend."""
+        state = self.start_state(state)
+        _, lift = self.reduction()
+        return tuple(map(float, state + disturbance * lift[:, 0]))
+
+    def coordinates(self):
+        """Return name -> values of the dimensions of results."""
+        return {
+            "component": list(self.components),
+            "mesh": list(self.mesh_names),
+            "body": list(self.body_names),
+            "axis": list(AXES),
+        }
+
+    def room(self, samples=0, events=16):
+        """Return empty tables for the record of a run, see `Model.room`.
+
+        Samples have six columns for each mesh, then the coordinates.
+        """
+        m = len(self.meshes)
+        columns = m * orbit.SAMPLE_COLUMNS + self.size // 2
+        shapes = (samples, columns), (events, EVENT_COLUMNS), (m, SUMMARY_COLUMNS)
+        return tuple(np.empty(shape) for shape in shapes)
+
+    def more_samples(self, samples):
+        """Return the motions of the bodies from the samples of `room`."""
+        q = samples[:, len(self.meshes) * orbit.SAMPLE_COLUMNS :]
+        motion = np.einsum("bax,kx->kba", self.structure.motions, q)
+        return {"body_motion": (("phase", "body", "axis"), motion)}
+
+    def load_sharing(self, dims, table, span):
+        """Return mean forces, dynamic factors and load sharing of summaries, shape (..., m, 10).
+
+        Dynamic factors are largest forces over those of the static equilibrium of the linear train;
+        NaN in a mesh that it leaves without load.
+        """
+        mean = table[..., FORCE_SUM] / span
+        static = self.mean_forces
+        with np.errstate(divide="ignore", invalid="ignore"):
+            factor = np.where(static > 0.0, table[..., orbit.FORCE_MAX] / static, math.nan)
+            shares = np.empty_like(mean)
+            groups = branches(self)
+            for group in set(groups):
+                own = [j for j, other in enumerate(groups) if other == group]
+                shares[..., own] = mean[..., own] / mean[..., own].mean(axis=-1, keepdims=True)
+        columns = {"mean_force": mean, "dynamic_factor": factor, "load_sharing": shares}
+        return {name: (dims, values) for name, values in columns.items()}
+
+    @property
+    def mean_forces(self):
+        """Static forces of the linear train, without errors, over the load, shape (m,)."""
+        squares, shapes = self.linear_modes
+        deflection = shapes @ ((shapes.T @ self.structure.load) / squares)
+        means = np.array([mesh.mean_stiffness for mesh in self.meshes])
+        return means * (self.structure.lines @ deflection) / self.load
+
+    def reduction(self):
+        """Return (reduce, lift), see `Model.reduction`: elastic modes span what is left.
+
+        Raises
+        ------
+        ValueError
+            If a free rotation is damped or feels the turning of the frame: then it is not neutral.
+        """
+        free, (_, shapes) = self.free_motions, self.linear_modes
+        structure = self.structure
+        forces = [structure.damping @ free]
+        if self.gyroscopic:
+            forces.append(structure.turning @ free)
+        size = np.abs(structure.damping).max() + np.abs(structure.turning).max() + 1e-300
+        if np.abs(forces).max(initial=0.0) > 1e-9 * size * np.abs(free).max(initial=0.0):
+            raise ValueError(
+                "this train is not allowed here: its free rotation must feel neither damping nor "
+                "gyroscopic forces"
+            )
+        # Columns of largest entry 1, so that residuals count in static deflections.
+        scale = np.abs(shapes).max(axis=0)
+        half_reduce = (structure.mass @ shapes * scale).T
+        half_lift = shapes / scale
+        return np.kron(np.eye(2), half_reduce), np.kron(np.eye(2), half_lift)

@@ -1,0 +1,179 @@
+"""Random gear trains of 2 to 6 meshes, with tunings and start states."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+import gearlib
+
+
+def random_problem(rng):
+    """Return (train, tuning, state): a random train, driven near a resonance, from a random start.
+
+    Chains with shafts, planetary trains and reducers of 2 to 6 meshes.
+    """
+    kind = rng.choice(["chain", "planetary", "reducer"])
+    train = {"chain": chain_train, "planetary": planetary_train, "reducer": reducer_train}[kind](
+        rng
+    )
+    squares, _ = train.linear_modes
+    low, high = math.sqrt(squares[0]), math.sqrt(squares[-1])
+    speed = math.exp(rng.uniform(math.log(max(low, high / 12.0)), math.log(1.2 * high)))
+    tuning = float(speed / train.reference_angular_frequency)
+    n = train.size // 2
+    state = train.start_state("static", tuning)
+    if rng.random() < 0.7:
+        spread = rng.choice([1.0, 3.0, 8.0])
+        squares, shapes = train.linear_modes
+        # So much motion in every mode that distances change by static deflections.
+        unit = shapes / np.maximum(np.abs(train.structure.lines @ shapes).max(axis=0), 1e-3)
+        state[:n] += unit @ rng.normal(0.0, spread / math.sqrt(n), squares.size)
+    return train, tuning, state
+
+
+def random_train(rng):
+    """Return a random train, see `random_problem`."""
+    return random_problem(rng)[0]
+
+
+def _flank(rng):
+    """Return random parameters of a mesh, with a backlash and deviations of its own."""
+    damping = rng.choice([0.0, 500.0, 3000.0], size=2)
+    friction = (0.0, 0.0) if rng.random() < 0.7 else tuple(rng.uniform(0.0, 0.08, 2))
+    values = dict(
+        backlash=float(rng.choice([5e-6, 20e-6, 60e-6, math.inf])),
+        material_damping=float(damping.max()),
+        backlash_damping=float(damping.min()),
+        friction=friction,
+        pitch_phase=rng.uniform(0.0, 6.0),
+    )
+    if rng.random() < 0.4:
+        values["deviation"] = gearlib.Harmonics(tuple(rng.normal(0.0, 1e-6, 2)), (1e-6,))
+        if rng.random() < 0.5:
+            values["inverse_deviation"] = gearlib.Harmonics((), tuple(rng.normal(0.0, 1e-6, 2)))
+    if rng.random() < 0.3:
+        values["inverse_phase"] = rng.uniform()
+    if rng.random() < 0.3:
+        values["error"] = rng.normal(0.0, 2e-6)
+    return values
+
+
+def _pair(rng):
+    return gearlib.GearPair(
+        max_stiffness=rng.uniform(3e8, 6e8),
+        stiffness_ratio=rng.uniform(0.55, 0.95),
+        contact_ratio=rng.uniform(1.2, 1.9),
+        reduced_mass=rng.uniform(1.0, 4.0),
+        load=rng.uniform(1000.0, 4000.0),
+        backlash=30e-6,
+    )
+
+
+def _alike(rng, train):
+    """Return a train whose meshes have random parameters, all the same or each its own."""
+    if rng.random() < 0.4:
+        values = _flank(rng)
+        meshes = [replace(mesh, **values) for mesh in train.meshes]
+    else:
+        meshes = [replace(mesh, **_flank(rng)) for mesh in train.meshes]
+    bodies = list(train.bodies)
+    if rng.random() < 0.3:
+        i = next(i for i, body in enumerate(bodies) if body.teeth)
+        bodies[i] = replace(bodies[i], eccentricity=2e-6, eccentricity_phase=rng.uniform(0.0, 6.0))
+    return train.replace(meshes=meshes, bodies=bodies)
+
+
+def chain_train(rng):
+    """Return gears in a row, 2 to 6 meshes, some on shafts of two gears."""
+    count = int(rng.integers(2, 7))
+    radius, sense = 0.002, 1.0
+    bodies, meshes, shafts = [], [], []
+    pair = _pair(rng)
+    elastic = rng.random() < 0.6
+    force = pair.load
+
+    def add(teeth, torque=0.0):
+        r = radius * teeth
+        reduced = 2.0 * pair.reduced_mass * (teeth / 24.0) ** 2
+        more = {}
+        if elastic and rng.random() < 0.7:
+            stiffness = tuple(rng.uniform(1e8, 1e9, 2))
+            more = dict(
+                mass=2.0 * reduced,
+                support_stiffness=stiffness,
+                support_damping=tuple(1e-6 * k for k in stiffness),
+            )
+        name = f"gear {len(bodies) + 1}"
+        inertia = reduced * r**2
+        body = gearlib.Body(
+            name=name, teeth=teeth, base_radius=r, inertia=inertia, torque=torque, **more
+        )
+        bodies.append(body)
+        return body
+
+    first = add(int(rng.choice([18, 24])))
+    bodies[0] = first = replace(first, torque=force * first.base_radius)
+    for _ in range(count):
+        second = add(int(rng.choice([18, 24, 36])))
+        position = rng.uniform(0.0, 2.0 * math.pi)
+        meshes.append(
+            gearlib.Mesh(
+                pinion=first.name,
+                wheel=second.name,
+                position=position,
+                direction=int(sense),
+                max_stiffness=pair.max_stiffness,
+                stiffness_ratio=pair.stiffness_ratio,
+                contact_ratio=pair.contact_ratio,
+            )
+        )
+        sense = -sense
+        first = second
+        if rng.random() < 0.4 and len(meshes) < count:
+            other = add(int(rng.choice([18, 24])))
+            shafts.append(
+                gearlib.Shaft(
+                    bodies=(first.name, other.name),
+                    stiffness=rng.uniform(3e5, 2e6),
+                    damping=1.0,
+                    bending_stiffness=rng.choice([0.0, 1e8]),
+                )
+            )
+            force *= first.base_radius / other.base_radius
+            first = other
+    # The last gear turns as its mesh drives it; the load holds against that.
+    bodies[-1] = replace(bodies[-1], torque=-sense * force * bodies[-1].base_radius)
+    return _alike(rng, gearlib.GearTrain(bodies=bodies, meshes=meshes, shafts=shafts))
+
+
+def planetary_train(rng):
+    """Return a planetary train of 2 or 3 planets."""
+    planets = int(rng.choice([2, 3]))
+    teeth = [(27, 99), (28, 98), (30, 90)][rng.integers(3)]
+    kappa = rng.uniform(0.6, 0.95)
+    turning = bool(rng.random() < 0.3)
+    train = gearlib.planetary(
+        planets=planets,
+        teeth=teeth,
+        stiffness_ratio=(kappa, kappa),
+        contact_ratio=tuple(rng.uniform(1.2, 1.8, 2)),
+        turning=turning,
+        gyroscopic=turning,
+        sun_base_radius=0.0387 * teeth[0] / 27.0,
+        pin_errors=None if rng.random() < 0.7 else [(0.0, 5e-6)] + [(0.0, 0.0)] * (planets - 1),
+    )
+    return _alike(rng, train)
+
+
+def reducer_train(rng):
+    """Return a reducer of 2 or 3 branches."""
+    branches = int(rng.choice([2, 3]))
+    train = gearlib.split_power_reducer(
+        _pair(rng),
+        branches=branches,
+        internal=bool(rng.random() < 0.5),
+        support_stiffness=math.inf if rng.random() < 0.3 else 10.0 ** rng.uniform(8.3, 9.3),
+        pin_errors=None if rng.random() < 0.5 else [(0.0, 5e-6)] + [(0.0, 0.0)] * (branches - 1),
+    )
+    return _alike(rng, train)

@@ -1,0 +1,185 @@
+"""Load sharing: against every pattern of contact, against hand calculation, and by Willis."""
+
+import itertools
+import math
+from dataclasses import replace
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+from gearlib import idler, planetary, split_power_reducer, two_stage
+from gearlib.models.trains.statics import equilibrium
+from tests.paper import PAPER
+from tests.trains.random_trains import planetary_train, reducer_train
+from tests.trains.reference import Reference
+
+
+def by_patterns(train):
+    """Return the mesh forces of every pattern of contact that meets all conditions at phase 0."""
+    reference = Reference(train, 1.0)
+    meshes = train.meshes
+    k, lines, load = -reference.k, reference.distance, reference.still
+    levels = [row[:2] for row in reference.levels(1e-12)]
+    gaps = np.array(
+        [[reference.errors(j, side, 0.0)[0] for side in (0, 1)] for j in range(len(meshes))]
+    )
+    gaps[:, 0] += [mesh.backlash for mesh in meshes]
+    found = []
+    for codes in itertools.product((1, 0, -1), repeat=len(meshes)):
+        matrix, right = k.copy(), load.copy()
+        for j, code in enumerate(codes):
+            side = 1 if code > 0 else 0
+            if code and math.isfinite(gaps[j, side]):
+                matrix = matrix + levels[j][side] * np.outer(lines[j], lines[j])
+                right = right - levels[j][side] * gaps[j, side] * lines[j]
+        q = np.linalg.lstsq(matrix, right, rcond=1e-12)[0]
+        if np.abs(matrix @ q - right).max() > 1e-7 * np.abs(right).max():
+            continue
+        forces = np.zeros(len(meshes))
+        good = True
+        for j, code in enumerate(codes):
+            near, far = lines[j] @ q + gaps[j, 1], lines[j] @ q + gaps[j, 0]
+            forces[j] = levels[j][1] * near if code > 0 else levels[j][0] * far if code < 0 else 0.0
+            fits = {1: near >= 0.0, 0: near < 0.0 < far, -1: far <= 0.0}[code]
+            good &= bool(fits) and np.isfinite(forces[j])
+        if good:
+            found.append(forces)
+    return found
+
+
+def test_equilibrium_is_the_only_pattern_of_contact_that_meets_all_conditions():
+    lost = coast = 0
+    for seed in range(30):
+        rng = np.random.default_rng(seed)
+        train = (planetary_train, reducer_train)[seed % 2](rng)
+        # Errors of several deflections, so that meshes stay open or touch behind.
+        meshes = [
+            replace(mesh, error=rng.normal(0.0, 40e-6), backlash=rng.uniform(5e-6, 50e-6))
+            for mesh in train.meshes
+        ]
+        share = rng.choice([1.0, 0.2, -1.0])
+        bodies = [replace(body, torque=share * body.torque) for body in train.bodies]
+        train = train.replace(meshes=meshes, bodies=bodies, gyroscopic=False)
+        found = equilibrium(train)
+        patterns = by_patterns(train)
+        assert patterns
+        for forces in patterns:
+            # Two solutions of linear equations with condition numbers up to 1e5.
+            np.testing.assert_allclose(
+                found.force, forces, rtol=0, atol=1e-7 * np.abs(forces).max()
+            )
+        lost += np.any(found.contact == 0)
+        coast += np.any(found.contact < 0)
+    assert lost > 5 and coast > 4
+
+
+@pytest.mark.parametrize("internal", [False, True])
+def test_branches_share_as_a_displaced_pin_makes_them(internal):
+    """Three branches of two meshes and a shaft in series, one of which starts closer by e."""
+    pair = PAPER.replace(backlash=math.inf)
+    delta, k = 10e-6, 1e6
+    train = split_power_reducer(
+        pair,
+        internal=internal,
+        support_stiffness=math.inf,
+        shaft_stiffness=k,
+        pin_errors=[(0.0, delta), (0.0, 0.0), (0.0, 0.0)],
+    )
+    r_a, r_b = (train.by_name[f"satellite 1 {x}"].base_radius for x in "ab")
+    ratio, a = r_a / r_b, math.radians(20.0)
+    # At phase 0 the first meshes are at the upper level, the second, half a period off, the lower.
+    assert train.phases["second 1"] == 0.5
+    compliance = 1.0 / pair.max_stiffness + r_a**2 / k + ratio**2 / pair.min_stiffness
+    closer = -delta * math.cos(a) * (1.0 + ratio if internal else 1.0 - ratio)
+    force = pair.load + np.array([2.0, -1.0, -1.0]) / 3.0 * closer / compliance
+    force = force if force.min() > 0.0 else np.array([0.0, 1.5, 1.5]) * pair.load
+    static = train.static()
+    np.testing.assert_allclose(static.mesh_force.values[:3], force, rtol=1e-11, atol=1e-8)
+    np.testing.assert_allclose(static.mesh_force.values[3:], force * ratio, rtol=1e-11, atol=1e-8)
+    np.testing.assert_allclose(static.load_sharing.values[:3], force / pair.load, atol=1e-11)
+
+
+@pytest.mark.parametrize(
+    "train",
+    [
+        planetary(),
+        planetary(planets=5, teeth=(27, 98), planet_teeth=35),
+        split_power_reducer(PAPER),
+    ],
+)
+def test_each_branch_of_a_perfect_train_takes_its_share(train):
+    static = train.static()
+    np.testing.assert_allclose(static.load_sharing.values, 1.0, rtol=1e-11)
+    assert np.all(static.contact.values == 1)
+
+
+def test_torques_of_a_planetary_train_are_those_of_willis():
+    """Sun, ring and carrier held or free: T_r = T_s z_r / z_s, T_c = -T_s (1 + z_r / z_s)."""
+    z_s, z_r = 27, 99
+    train = planetary(torsional_stiffness=(0.0, 1e9, 2e9))
+    static = train.static()
+    torque = train.by_name["sun"].torque
+    for name, stiffness, expected in (
+        ("ring", 1e9, torque * z_r / z_s),
+        ("carrier", 2e9, -torque * (1.0 + z_r / z_s)),
+    ):
+        assert train.by_name[name].torque == 0.0
+        u = float(static.body_displacement.sel(body=name, axis="rotation"))
+        reaction = -stiffness * u * train.by_name[name].base_radius
+        assert reaction == pytest.approx(expected, rel=1e-10)
+    # Free members take the balancing torques, or the train would be refused.
+    for twists in ((0.0, 1e9, 0.0), (0.0, 0.0, 1e9), (0.0, 0.0, 0.0)):
+        static = planetary(torsional_stiffness=twists).static()
+        np.testing.assert_allclose(static.mesh_force.values, 2000.0, rtol=1e-10)
+
+
+def test_speeds_are_those_of_willis():
+    train = planetary(turning=True)
+    # The sun turns 1 + z_r / z_s times as fast as the carrier, with the ring at rest.
+    sun, carrier = 1.0 + train.carrier_ratio, train.carrier_ratio
+    assert sun / carrier == pytest.approx(1.0 + 99 / 27, rel=1e-14)
+    # In the frame of the carrier the ring turns backwards, as fast as the carrier forwards.
+    assert train.speeds["ring"] / train.speeds["sun"] == -Fraction(27, 99)
+    turns = train.mesh_frequency(1.0) / (2.0 * math.pi) / 27
+    assert train.speed_scales(1.0)["speed"] == pytest.approx(60.0 * turns * (1.0 + 27 / 99))
+    for internal, ratio in ((False, Fraction(4, 9)), (True, Fraction(-4, 21))):
+        train = split_power_reducer(PAPER, internal=internal)
+        assert train.speeds["output"] / train.speeds["input"] == ratio
+        # What goes in comes out.
+        power = sum(float(train.speeds[b.name]) * b.torque for b in train.bodies)
+        assert power == pytest.approx(0.0, abs=1e-12 * abs(train.by_name["input"].torque))
+    assert two_stage(PAPER).rates == (1, Fraction(2, 3))
+    assert idler(PAPER).speeds["wheel"] == idler(PAPER).speeds["pinion"]
+
+
+def test_a_train_that_its_load_opens_for_good_is_refused():
+    train = idler(PAPER.replace(backlash=math.inf))
+    turned = [replace(body, torque=-body.torque) for body in train.bodies]
+    with pytest.raises(ValueError, match="no static equilibrium"):
+        train.replace(bodies=turned).static()
+    finite = idler(PAPER).replace(bodies=turned).static()
+    assert list(finite.contact.values) == [-1, -1]
+    np.testing.assert_allclose(finite.mesh_force.values, -PAPER.load, rtol=1e-12)
+
+
+def test_static_start_is_at_rest():
+    """What the kernels' matrices make of it at phase 0 is no acceleration."""
+    for train in (
+        planetary(stiffness_ratio=(0.7, 0.7), pin_errors=[(1e-6, 2e-6), (0, 0), (0, 0)]),
+        split_power_reducer(PAPER, internal=True),
+        two_stage(PAPER),
+    ):
+        system = train.system(0.8)
+        z = np.zeros(system.near.shape[1])
+        z[: train.size] = train.start_state("static", 0.8)
+        z[train.size] = z[train.size + 1 :: 2] = 1.0
+        a = system.free.copy()
+        for j in range(len(train.meshes)):
+            code = 1 if system.near[j] @ z >= 0.0 else -1 if system.far[j] @ z <= 0.0 else 0
+            effect = system.effect[code + 1, 0, j]
+            a += np.einsum("ka,kb->ab", system.push[j, effect], system.grip[j, effect])
+        assert np.abs((a @ z)[: train.size]).max() < 1e-10
+    assert not train.start_state((0, 0), 1.0).any()
+    with pytest.raises(ValueError, match="initial_state = .* must be .0, 0., 'static' or 8 finite"):
+        train.start_state([1.0, 2.0, 3.0], 1.0)

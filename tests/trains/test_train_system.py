@@ -1,0 +1,245 @@
+"""What the kernels get: against the six-degree model, and against a code of its own."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from gearlib import (
+    Body,
+    GearPair,
+    GearTrain,
+    Harmonics,
+    Mesh,
+    SixDegreePair,
+    planetary,
+    split_power_reducer,
+    two_stage,
+)
+from gearlib.kernels.piecewise_linear.system import REACH
+from tests.paper import PAPER
+from tests.trains.random_trains import random_problem
+from tests.trains.reference import Reference
+
+
+def matrix(system, codes, segment):
+    """Return A for contact codes in a segment."""
+    a = system.free.copy()
+    for j, code in enumerate(codes):
+        effect = system.effect[code + 1, segment, j]
+        a += np.einsum("ka,kb->ab", system.push[j, effect], system.grip[j, effect])
+    return a
+
+
+def six_degrees(rng):
+    """Return a random `SixDegreePair` with a far flank at rest, and the same as a train."""
+    teeth = tuple(int(z) for z in rng.integers(3, 7, 2))
+    backlash = rng.choice([40e-6, math.inf])
+    damping = rng.uniform(0.0, 4000.0, 2)
+    pair = GearPair(
+        max_stiffness=rng.uniform(1e8, 5e8),
+        stiffness_ratio=rng.uniform(0.4, 1.0),
+        contact_ratio=rng.uniform(1.1, 1.9),
+        reduced_mass=rng.uniform(1.0, 4.0),
+        load=rng.uniform(1e3, 5e3),
+        backlash=backlash,
+        material_damping=damping[0],
+        backlash_damping=damping[1],
+    )
+    radii = tuple(0.01 * z for z in teeth)
+    stiffness = [math.inf if rng.random() < 0.3 else rng.uniform(1e8, 1e9) for _ in range(4)]
+    six = SixDegreePair(
+        pair=pair,
+        base_radii=radii,
+        inertias=tuple(rng.uniform(0.005, 0.05, 2)),
+        masses=tuple(rng.uniform(5.0, 20.0, 2)),
+        bearing_stiffness=tuple(stiffness),
+        bearing_damping=tuple(rng.uniform(0.0, 500.0, 4)),
+        eccentricities=tuple(rng.choice([0.0, 3e-6], 2)),
+        run_out_phase=rng.uniform(0.0, 6.0),
+        teeth=teeth,
+        deviation=Harmonics(tuple(rng.normal(0.0, 1e-6, 2)), (1e-6,)),
+        inverse_deviation=Harmonics((), tuple(rng.normal(0.0, 1e-6, 3))),
+        friction=tuple(rng.uniform(0.0, 0.1, 2)),
+        pitch_phase=rng.uniform(0.0, 6.0),
+        moving_backlash=False,
+    )
+    bodies = [
+        Body(
+            name=str(3 - i),
+            teeth=teeth[i],
+            inertia=six.inertias[i],
+            base_radius=radii[i],
+            mass=six.masses[i],
+            support_stiffness=stiffness[2 * i : 2 * i + 2],
+            support_damping=six.bearing_damping[2 * i : 2 * i + 2],
+            torque=six.torques[i],
+            eccentricity=six.eccentricities[i],
+            # e3 sin phi3 and -e2 sin(Delta - phi2), gear 2 turning backwards.
+            eccentricity_phase=-math.pi / 2 + (six.run_out_phase if i else 0.0),
+        )
+        for i in range(2)
+    ]
+    mesh = Mesh(
+        pinion="3",
+        wheel="2",
+        line_of_action=0.0,
+        max_stiffness=pair.max_stiffness,
+        stiffness_ratio=pair.stiffness_ratio,
+        contact_ratio=pair.contact_ratio,
+        phase=0.0,
+        backlash=backlash,
+        material_damping=damping[0],
+        backlash_damping=damping[1],
+        deviation=six.deviation,
+        inverse_deviation=six.inverse_deviation,
+        friction=six.friction,
+        pitch_phase=six.pitch_phase,
+    )
+    frequency = pair.mean_eigenfrequency / (2.0 * math.pi)
+    return six, GearTrain(bodies=bodies, meshes=[mesh], reference_frequency=frequency)
+
+
+def test_a_train_of_one_mesh_has_the_matrices_of_the_six_degree_pair():
+    for seed in range(30):
+        rng = np.random.default_rng(seed)
+        six, train = six_degrees(rng)
+        tuning = rng.uniform(0.3, 1.5)
+        one, _ = six.system(tuning)
+        system = train.system(tuning)
+        n, size = train.size // 2, one.near.size
+        assert train.size == six.size and train.repeats == six.repeats
+        assert train.static_deflection == pytest.approx(six.pair.static_deflection, rel=1e-13)
+        # Coordinates of the pair: u3, u2 and what can move of y3, z3, y2, z2.
+        names = ["u3", "u2", *[("y3", "z3", "y2", "z2")[i] for i in six.flexible()]]
+        own = [dict(x="y", y="z", u="u")[axis] + body for body, axis in train.structure.coordinates]
+        order = [names.index(name) for name in own]
+        order = [*order, *[n + i for i in order], *range(2 * n, size)]
+        scale = np.ones(size)
+        scale[n : 2 * n] = tuning
+        np.testing.assert_allclose(system.harmonics, one.harmonics, rtol=1e-14)
+        for name, row in (("near", 0), ("far", 0)):
+            np.testing.assert_allclose(
+                getattr(system, name)[row], getattr(one, name)[order], rtol=0, atol=1e-13
+            )
+        for segment, tau in enumerate((system.starts[:-1] + system.starts[1:]) / 2.0):
+            place = np.searchsorted(one.starts, tau % (2.0 * math.pi)) - 1
+            for code in (1, 0, -1):
+                if code < 0 and math.isinf(six.pair.backlash):
+                    continue
+                expected = one.a[code + 1, place][np.ix_(order, order)]
+                # From dq/dtheta to dq/dtau.
+                found = matrix(system, [code], segment) * scale[None, :] / scale[:, None] / tuning
+                close = 1e-13 * np.abs(expected).max()
+                np.testing.assert_allclose(found, expected, rtol=1e-12, atol=close)
+                assert system.stiffness[code + 1, segment, 0] == pytest.approx(
+                    one.stiffness[code + 1, place], rel=1e-14
+                )
+            assert system.low[2, segment, 0] == (one.low[place] and six.pair.stiffness_ratio < 1.0)
+
+
+@pytest.mark.parametrize("seed", [0, 1, 9, 20, 37, 39, 45, 51, 64, 76])
+def test_matrices_carry_random_trains_as_forces_body_by_body_do(seed):
+    """The events are those of the other code; between them exponentials of A."""
+    train, tuning, state = random_problem(np.random.default_rng(seed))
+    end, events = Reference(train, tuning).run(state, 2)
+    system = train.system(tuning)
+    n = train.size
+    z = np.zeros(system.near.shape[1])
+    z[:n], z[n], z[n + 1 :: 2] = state, 1.0, 1.0
+    near, far = system.near @ z, system.far @ z
+    codes = np.where(near >= 0.0, 1, np.where(far <= 0.0, -1, 0))
+    whole, last = 2.0 * math.pi * train.repeats, 4.0 * math.pi
+    bounds = {float(tau + whole * k) for k in range(3) for tau in system.starts[1:]}
+    stops = [(tau, None) for tau in bounds | {last} if tau <= last]
+    tau = 0.0
+    for stop, event in sorted([*stops, *[(e[0], e) for e in events]], key=lambda pair: pair[0]):
+        segment = np.searchsorted(system.starts, (tau + stop) / 2.0 % whole) - 1
+        z = expm(matrix(system, codes, segment) * ((stop - tau) / tuning)) @ z
+        tau = stop
+        if event is not None:
+            _, j, before, after, rate = event
+            assert codes[j] == before
+            line = system.near[j] if 1 in (before, after) else system.far[j]
+            assert abs(line @ z) < 1e-9
+            assert line @ matrix(system, codes, segment) @ z == pytest.approx(rate, abs=1e-9)
+            codes[j] = after
+    # Rounding and tolerances of both codes; they agree to 2e-12 in a hundred trains.
+    np.testing.assert_allclose(z[:n], end, rtol=0, atol=2e-11 * max(1.0, np.abs(end).max()))
+
+
+def test_segments_begin_where_a_stiffness_changes_and_nowhere_else():
+    in_phase = planetary(stiffness_ratio=(0.7, 0.7)).system(1.0)
+    # 1.4 at phase 0 and 1.6 half a period later switch at the same instants, three by three.
+    np.testing.assert_allclose(in_phase.starts / math.pi, [0, 0.4, 1.6, 2], atol=1e-15)
+    assert list(in_phase.first_segment) == [0, 3] and in_phase.repeats == 1
+    constant = planetary().system(1.0)
+    assert list(constant.starts) == [0.0, 2.0 * math.pi]
+    apart = planetary(teeth=(28, 98), stiffness_ratio=(0.7, 0.7)).system(1.0)
+    # Two switches of each of six meshes.
+    assert apart.starts.size == 1 + 12 + 1
+    stages = two_stage(PAPER).system(1.0)
+    assert stages.repeats == 3 and stages.first_segment.size == 4
+    for k, first in enumerate(stages.first_segment):
+        assert stages.starts[first] == 2.0 * math.pi * k
+    # Two meshes with 3 and 2 upper stretches each: 10 switches and three bounds of periods.
+    assert stages.starts.size == 10 + 3 + 1
+    middle = (stages.starts[:-1] + stages.starts[1:]) / 2.0
+    for j, (rate, phase) in enumerate(((1.0, 0.0), (2.0 / 3.0, 0.5))):
+        away = np.abs((middle * rate / (2.0 * math.pi) - phase + 0.5) % 1.0 - 0.5)
+        assert list(stages.low[2, :, j]) == list(away > (PAPER.contact_ratio - 1.0) / 2.0)
+
+
+def test_a_back_flank_has_its_own_phase():
+    train = planetary(stiffness_ratio=(0.7, 0.7))
+    meshes = [
+        m if j else m.__class__(**{**vars(m), "inverse_phase": 0.25})
+        for j, m in enumerate(train.meshes)
+    ]
+    system = train.replace(meshes=meshes).system(1.0)
+    middle = (system.starts[:-1] + system.starts[1:]) / (4.0 * math.pi)
+    assert list(system.low[0, :, 0]) == list(np.abs(middle - 0.25) > 0.2)
+    assert list(system.low[2, :, 0]) == list(np.abs((middle + 0.5) % 1.0 - 0.5) > 0.2)
+    np.testing.assert_array_equal(system.low[0, :, 1], system.low[2, :, 1])
+
+
+def test_no_matrix_exceeds_the_norm_of_the_longest_substep():
+    for train in (planetary(stiffness_ratio=(0.7, 0.7)), split_power_reducer(PAPER)):
+        system, n = train.system(0.9), train.size // 2
+        # In coordinates of mass 1, velocities over the highest natural frequency.
+        root = np.linalg.cholesky(train.structure.mass)
+        largest = 0.0
+        rng = np.random.default_rng(1)
+        for _ in range(50):
+            codes = rng.integers(-1, 2, len(train.meshes))
+            a = matrix(system, codes, int(rng.integers(system.starts.size - 1)))[: 2 * n, : 2 * n]
+            k = root.T @ a[n:, :n] @ np.linalg.inv(root.T)
+            d = root.T @ a[n:, n:] @ np.linalg.inv(root.T)
+            highest = math.sqrt(np.linalg.norm(system_stiffness(train), 2))
+            scaled = np.block([[np.zeros((n, n)), highest * np.eye(n)], [k / highest, d]])
+            largest = max(largest, np.linalg.norm(scaled, 2))
+        assert largest * system.longest <= REACH * (1.0 + 1e-12)
+        # And it is not far from the highest frequency.
+        assert system.longest > 0.5 * REACH / highest
+
+
+def system_stiffness(train):
+    """Return the stiffness with all meshes at their upper level, in theta and masses of 1."""
+    lines = train.structure.lines
+    upper = np.array([mesh.max_stiffness for mesh in train.meshes])
+    k = train.structure.stiffness + lines.T @ (upper[:, None] * lines)
+    root = np.linalg.inv(np.linalg.cholesky(train.structure.mass))
+    return root @ k @ root.T / train.reference_angular_frequency**2
+
+
+def test_gyroscopic_forces_depend_on_the_speed_and_do_no_work():
+    train = planetary(turning=True, gyroscopic=True, structural_damping=0.0)
+    still = planetary(structural_damping=0.0)
+    n = train.size // 2
+    one, two = (train.system(nu).free[n : 2 * n, n : 2 * n] for nu in (0.5, 1.0))
+    base = still.system(1.0).free[n : 2 * n, n : 2 * n]
+    np.testing.assert_allclose(two - base, 2.0 * (one - base), rtol=1e-12, atol=1e-15)
+    power = train.structure.mass @ (two - base)
+    np.testing.assert_allclose(power, -power.T, atol=1e-12 * np.abs(power).max())
+    assert np.abs(power).max() > 0.0
