@@ -24,9 +24,11 @@ use rule job as model_table with:
         job="model_table",
     input:
         comparisons=[f"results/models/{name}.nc" for name in CONFIG.scenes],
-        sources=script_sources("model_table"),
+        sources=function_sources("gearlib.studies.model_comparison:write_csv", script="table"),
     output:
         csv="results/models.csv",
         page=table_page("models", "Models: table", EXPLANATIONS),
     params:
-        script="model_table",
+        script="table",
+        function="gearlib.studies.model_comparison:write_csv",
+        settings=canonical({"scenes": list(CONFIG.scenes)}),
