@@ -54,7 +54,7 @@ def redraw(folder, figures=()):
     style = project / "gearlib/figures/style.py"
     style.write_text(style.read_text(encoding="utf-8") + _RECORD, encoding="utf-8")
     # What is not there would be computed, and this comes first.
-    for script in ("compile_kernels.py", "compile_larger_kernels.py"):
+    for script in ("compile_kernels.py", "compile_larger_kernels.py", "compile_train_kernels.py"):
         (project / "workflow/scripts" / script).write_text(f"raise SystemExit({_LACKING!r})")
     targets = [f"results/figures/{name}.png" for name in figures]
     if not targets:

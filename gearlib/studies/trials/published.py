@@ -34,7 +34,7 @@ from gearlib.kernels import orbit
 from gearlib.models.dead_zone import DeadZoneOscillator
 from gearlib.models.harmonics import Harmonics
 from gearlib.models.profiles import Series
-from gearlib.runs.simulation import march, simulate
+from gearlib.runs.simulation import run, simulate
 
 if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
     from gearlib.integrators import scipy_ivp  # noqa: F401
@@ -211,7 +211,7 @@ def _box(problem, count, frequency):
 
 def _run(model, frequency, state, periods, record_periods):
     """Return a `Run` whose samples are its stroboscopic states."""
-    return march(
+    return run(
         model,
         frequency,
         periods=periods,
