@@ -16,7 +16,7 @@ from gearlib.data.files import remove_leftovers
 from workflow.provenance import write as write_provenance
 from workflow.checksums import foreign, replaced
 
-min_version("9.0")
+min_version("9.12")
 
 # Jobs and their files are many objects that stay: to look for garbage among them takes an eighth of
 # a start.

@@ -24,7 +24,7 @@ AREA_COLOURS = {"backlash": "#EBEBEB", "inverse mesh": "#CFCFCF"}
 PALETTE = ("#0072B2", "#E69F00", "#009E73", "#4D4D4D", "#D55E00", "#CC79A7", "#56B4E9")
 
 # Square, dot, cross and open circle are the paper's, in its order of the damping combinations.
-_MARKERS = (("s", True), ("o", True), ("x", True), ("o", False), ("^", True), ("D", False))
+_MARKERS = ("s", "o", "x", "o", "^", "D")
 _LINES = ("-", (0, (5, 1.5)), (0, (1.5, 1.2)), (0, (6, 1.5, 1.5, 1.5)))
 
 _RC = {
@@ -66,16 +66,6 @@ class Look:
     colour: str
     line: str | tuple
     marker: str
-    filled: bool = True
-
-    def plot_options(self):
-        """Return the options of ``Axes.plot`` and `Line2D` that give this look."""
-        return {
-            "color": self.colour,
-            "linestyle": self.line,
-            "marker": self.marker,
-            "markerfacecolor": self.colour if self.filled else "white",
-        }
 
 
 def styled():
@@ -99,7 +89,7 @@ def looks(names, colours=None):
     """
     chosen = colours or {}
     return {
-        name: Look(chosen.get(name, colour), line, *marker)
+        name: Look(chosen.get(name, colour), line, marker)
         for name, colour, line, marker in zip(
             names, cycle(PALETTE), cycle(_LINES), cycle(_MARKERS), strict=False
         )

@@ -9,6 +9,7 @@ name                  responsibility
 ``steps``             for comparison: fixed steps, and an embedded pair under step control
 ``polynomial``        first crossing and largest value of a polynomial, guaranteed
 ``orbit``             what is recorded of an orbit: extrema, fractions, samples, events
+``arrays``            copies between arrays
 ``growth``            growth of a small deviation under the maps of a run
 ``jit``               how every kernel is compiled
 ``cache``             where its machine code is kept, for any number of processes

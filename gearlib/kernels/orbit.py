@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from gearlib.kernels.arrays import copy, enlarged
 from gearlib.kernels.closed_form.event_by_event import (
     CONTACT,
     DISPLACEMENT,
@@ -126,9 +127,7 @@ def add_arcs(m, arcs, count, summary):
 def add_event(events, found, period, phase, before, after, velocity):
     """Append one event to the table, enlarged as needed; return (events, rows in use)."""
     if found == events.shape[0]:
-        larger = np.empty((2 * found + 16, EVENT_COLUMNS))
-        larger[:found] = events
-        events = larger
+        events = enlarged(events, 2 * found + 16)
     events[found, EVENT_PERIOD] = period
     events[found, EVENT_PHASE] = phase
     events[found, EVENT_FROM] = before
@@ -145,7 +144,7 @@ def add_events(arcs, count, previous, period, events, found):
     `found` the rows in use. Returns (events, found, previous); `events` is enlarged as needed.
     """
     for i in range(count):
-        contact = arcs[i, CONTACT]
+        contact = int(arcs[i, CONTACT])
         if contact != previous:
             events, found = add_event(
                 events, found, period, arcs[i, START], previous, contact, arcs[i, VELOCITY]
@@ -162,11 +161,13 @@ def repeat_record(samples, events, found, seen, periods):
     """
     rows, first = samples.shape[0] // periods * seen, found
     for k in range(rows, samples.shape[0]):
-        samples[k] = samples[k - rows]
+        copy(samples[k - rows], samples[k])
     for n in range(seen, periods, seen):
         for i in range(first):
-            period, phase, before, after, velocity = events[i]
-            events, found = add_event(events, found, period + n, phase, before, after, velocity)
+            phase, velocity = events[i, EVENT_PHASE], events[i, EVENT_VELOCITY]
+            before, after = int(events[i, EVENT_FROM]), int(events[i, EVENT_TO])
+            period = int(events[i, EVENT_PERIOD]) + n
+            events, found = add_event(events, found, period, phase, before, after, velocity)
     return events, found
 
 

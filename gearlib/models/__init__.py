@@ -10,6 +10,7 @@ module                responsibility
 ``six_degrees``       `SixDegreePair`: bearings, run-out, friction, moving backlash
 ``trains``            `GearTrain`: any number of meshes; planetary trains, the reducer
 ``dead_zone``         `DeadZoneOscillator`: any oscillator between two elastic contacts
+``excitation``        what drives six degrees: run-out, deviations, segments of the period
 ``with_pair``         what models that contain a `GearPair` offer of it
 ``oscillator``        the equation that all models of one degree share
 ``piecewise_linear``  what the piecewise-linear models share

@@ -59,10 +59,9 @@ import numpy as np
 
 from gearlib import checks
 from gearlib.kernels.piecewise_linear.system import Part, System, exponential
-from gearlib.models import piecewise_linear
+from gearlib.models import excitation, piecewise_linear
 from gearlib.models.harmonics import Harmonics
 from gearlib.models.pair import GearPair
-from gearlib.models.stiffness import levels, segment_lengths
 from gearlib.models.with_pair import WithPair
 
 _BEARINGS = ("y3", "z3", "y2", "z2")
@@ -208,9 +207,9 @@ class SixDegreePair(WithPair):
         matrix = np.eye(n)
         for p, span in enumerate(np.diff(system.starts)):
             # The middle one of the three contact codes -1, 0, 1 is the backlash.
-            knots = int(system.knots[p])
-            one = exponential(system.a[2, p], n, span / knots)
-            matrix = np.linalg.matrix_power(one, knots) @ matrix
+            substeps = int(system.knots[p])
+            one = exponential(system.a[2, p], n, span / substeps)
+            matrix = np.linalg.matrix_power(one, substeps) @ matrix
         reduce, lift = self.reduction()
         return reduce @ matrix @ lift
 
@@ -222,39 +221,12 @@ class SixDegreePair(WithPair):
         """Return the indices of the bearing coordinates that can move."""
         return [i for i, c in enumerate(self.bearing_stiffness) if math.isfinite(c)]
 
-    def _excitation(self):
-        """Return (frequencies, amplitudes) of run-out and the two deviations as cosine-sine pairs.
-
-        Shapes (m,), (3, 2 m); amplitudes in static deflections.
-        """
-        unit = 1.0 / self.pair.static_deflection
-        e3, e2 = (e * unit for e in self.eccentricities)
-        z3, z2 = self.teeth
-        rows = {}
-
-        def add(frequency, which, cosine, sine):
-            entry = rows.setdefault(frequency, np.zeros((3, 2)))
-            entry[which] += (cosine, sine)
-
-        if e3:
-            add(1.0 / z3, 0, 0.0, e3)
-        if e2:
-            # -e2 sin(Delta - phi) = e2 (cos Delta sin phi - sin Delta cos phi)
-            delta = self.run_out_phase
-            add(1.0 / z2, 0, -e2 * math.sin(delta), e2 * math.cos(delta))
-        for which, deviation in ((1, self.deviation), (2, self.inverse_deviation)):
-            for order, cosine, sine in deviation.table(unit):
-                add(order, which, cosine, sine)
-        frequencies = np.array(sorted(rows))
-        amplitudes = np.array([rows[f] for f in frequencies]).reshape(-1, 3, 2)
-        return frequencies, amplitudes.transpose(1, 0, 2).reshape(3, -1)
-
     def system(self, tuning):
         """Return (`System`, outputs) at one tuning; outputs of shape (12, 3, p, n)."""
         pair, unit = self.pair, 1.0 / tuning**2
         moving = self.flexible()
         m = 2 + len(moving)
-        frequencies, amplitudes = self._excitation()
+        frequencies, amplitudes = excitation.waves_of(self)
         n = 2 * m + 1 + 2 * frequencies.size
         one, waves = 2 * m, 2 * m + 1
         pulse = np.zeros((3, n))
@@ -290,7 +262,7 @@ class SixDegreePair(WithPair):
         for k, i in enumerate(moving):
             if _BEARINGS[i] in ("z3", "z2"):
                 across[2 + k] = (-1.0 if _BEARINGS[i] == "z3" else 1.0) * unit / inertia[2 + k]
-        starts, stiffness, low, sense = self._segments()
+        starts, stiffness, low, sense = excitation.segments_of(self)
         p = stiffness.size
         outputs = np.zeros((len(OUTPUTS), 3, p, n))
         # line @ free is the rate of a distance: the accelerations have no part in it.
@@ -370,24 +342,6 @@ class SixDegreePair(WithPair):
             rows[8 + i, 2 + k] = self.bearing_stiffness[i] / pair.mean_stiffness
             speed = pair.mean_eigenfrequency * tuning
             rows[8 + i, m + 2 + k] = self.bearing_damping[i] * speed / pair.mean_stiffness
-
-    def _segments(self):
-        """Return (starts, stiffness, low, friction sense) of the segments of one period."""
-        pair = self.pair
-        high, low = levels(pair.contact_ratio, pair.stiffness_ratio)
-        half_high, whole_low = segment_lengths(pair.contact_ratio)
-        cuts = {0.0, half_high, half_high + whole_low}
-        if any(self.friction):
-            turn = self.pitch_phase % (2.0 * math.pi)
-            cuts |= {turn, (turn + math.pi) % (2.0 * math.pi)}
-        starts = np.array(sorted(c for c in cuts if c < 2.0 * math.pi) + [2.0 * math.pi])
-        starts = starts[np.concatenate([[True], np.diff(starts) > 1e-14])]
-        starts[-1] = 2.0 * math.pi
-        middle = (starts[:-1] + starts[1:]) / 2.0
-        is_low = (middle > half_high) & (middle < half_high + whole_low)
-        after = np.mod(middle - self.pitch_phase, 2.0 * math.pi)
-        sense = np.where(after < math.pi, 1.0, -1.0)
-        return starts, np.where(is_low, low, high), is_low, sense
 
     def initial(self, system, state):
         """Return the full state z at tau = 0 for a relative displacement and velocity.

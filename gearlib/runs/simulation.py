@@ -29,11 +29,11 @@ def simulate(
 ):
     """Run a gear pair at one tuning and record the end of the run.
 
-    The model is x'' + (2 beta / nu) x' + (c(tau) / nu^2) g(x) = 1 / nu^2 in static deflections
-    and mesh phase, with beta_m instead of beta in the backlash; tau = 0 is the middle of the
-    segment of maximum stiffness. Every phase is propagated in closed form: there is no step size.
-    With a `OneDegreePair` it is that of `gearlib.models.one_degree`, in Taylor steps to rounding,
-    with a `DeadZoneOscillator` that of `gearlib.models.dead_zone`, in its own variables.
+    For a `GearPair` the equation is x'' + (2 beta / nu) x' + (c(tau) / nu^2) g(x) = 1 / nu^2 in
+    static deflections and mesh phase, with beta_m instead of beta in the backlash; tau = 0 is the
+    middle of the segment of maximum stiffness. Other models have theirs, see their modules. What is
+    linear between events is propagated in closed form, without a step size; the rest goes in Taylor
+    steps, to rounding.
 
     Parameters
     ----------

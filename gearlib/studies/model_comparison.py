@@ -145,19 +145,21 @@ def _unit(run, observable):
     return 1.0
 
 
-def write_csv(comparisons, path):
+def write_csv(comparisons, scenes, path):
     """Write the comparisons of all scenes as one table, replacing the file in one step.
 
     Parameters
     ----------
-    comparisons : dict of str to xarray.Dataset
-        Results of `compute` by scene.
+    comparisons : list of xarray.Dataset
+        Results of `compute`.
+    scenes : list of str
+        The names of their scenes.
     path : str or os.PathLike
     """
     with replacing(path) as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(["scene", "model", "change", "tolerance", "cost", "chosen"])
-        for scene, data in comparisons.items():
+        for scene, data in zip(scenes, comparisons, strict=True):
             for name, change, work in zip(
                 data.model.values, data.change.values, data.cost.values, strict=True
             ):

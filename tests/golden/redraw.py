@@ -54,7 +54,8 @@ def redraw(folder, figures=()):
     style = project / "gearlib/figures/style.py"
     style.write_text(style.read_text(encoding="utf-8") + _RECORD, encoding="utf-8")
     # What is not there would be computed, and this comes first.
-    (project / "workflow/scripts/compile_kernels.py").write_text(f"raise SystemExit({_LACKING!r})")
+    for script in ("compile_kernels.py", "compile_larger_kernels.py", "compile_train_kernels.py"):
+        (project / "workflow/scripts" / script).write_text(f"raise SystemExit({_LACKING!r})")
     targets = [f"results/figures/{name}.png" for name in figures]
     if not targets:
         settings = yaml.safe_load((project / "config.yaml").read_text(encoding="utf-8"))

@@ -11,6 +11,7 @@ from gearlib import Harmonics, SixDegreePair, simulate, sweep
 from gearlib.data import status
 from gearlib.kernels.piecewise_linear import run as linear
 from gearlib.kernels.piecewise_linear import system as core_system
+from gearlib.models.excitation import segments_of
 from gearlib.models.propagators.piecewise_linear import _TO_BERNSTEIN
 from tests.paper import PAPER
 
@@ -159,7 +160,7 @@ def energy_gap(model, nu, periods=6, state=(0.0, 0.0)):
             oil = 2.0 * model.pair.backlash_damping_ratio * nu
             more = 2.0 * model.pair.damping_ratio * nu - oil if code else 0.0
             inverse += length if code == -1 else 0.0
-            sense = model._segments()[3][p]
+            sense = segments_of(model)[3][p]
             mu = {1: model.friction[0], 0: 0.0, -1: model.friction[1]}[code]
 
             def stored(t, series=series, elastic=elastic, c=c):

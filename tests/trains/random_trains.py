@@ -22,7 +22,7 @@ def random_problem(rng):
     speed = math.exp(rng.uniform(math.log(max(low, high / 12.0)), math.log(1.2 * high)))
     tuning = float(speed / train.reference_angular_frequency)
     n = train.size // 2
-    state = train.start_state("static", tuning)
+    state = train.start_state("static")
     if rng.random() < 0.7:
         spread = rng.choice([1.0, 3.0, 8.0])
         squares, shapes = train.linear_modes

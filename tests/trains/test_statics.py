@@ -11,7 +11,7 @@ import pytest
 from gearlib import idler, planetary, split_power_reducer, two_stage
 from gearlib.models.trains.statics import equilibrium
 from tests.paper import PAPER
-from tests.trains.random_trains import planetary_train, reducer_train
+from tests.trains.random_trains import planetary_train, random_problem, reducer_train
 from tests.trains.reference import Reference
 
 
@@ -163,6 +163,28 @@ def test_a_train_that_its_load_opens_for_good_is_refused():
     np.testing.assert_allclose(finite.mesh_force.values, -PAPER.load, rtol=1e-12)
 
 
+def test_every_train_has_an_equilibrium_unless_its_load_opens_it_for_good():
+    found = 0
+    for seed in range(80):
+        rng = np.random.default_rng(seed)
+        train = random_problem(rng)[0]
+        size, share = rng.choice([1e-7, 1e-5, 1e-4, 1e-3]), rng.choice([1.0, 0.01, -1.0, 0.0])
+        backlash = float(rng.choice([0.0, 1e-6, 3e-5, math.inf]))
+        meshes = [
+            replace(mesh, error=rng.normal(0.0, size), backlash=backlash) for mesh in train.meshes
+        ]
+        bodies = [replace(body, torque=share * body.torque) for body in train.bodies]
+        train = train.replace(meshes=meshes, bodies=bodies)
+        if share < 0.0 and math.isinf(backlash):
+            with pytest.raises(ValueError, match="no static equilibrium"):
+                train.static()
+        else:
+            # It checks itself.
+            train.static(phase=rng.uniform(0.0, 20.0))
+            found += 1
+    assert found > 50
+
+
 def test_static_start_is_at_rest():
     """What the kernels' matrices make of it at phase 0 is no acceleration."""
     for train in (
@@ -172,7 +194,7 @@ def test_static_start_is_at_rest():
     ):
         system = train.system(0.8)
         z = np.zeros(system.near.shape[1])
-        z[: train.size] = train.start_state("static", 0.8)
+        z[: train.size] = train.start_state("static")
         z[train.size] = z[train.size + 1 :: 2] = 1.0
         a = system.free.copy()
         for j in range(len(train.meshes)):
@@ -180,6 +202,6 @@ def test_static_start_is_at_rest():
             effect = system.effect[code + 1, 0, j]
             a += np.einsum("ka,kb->ab", system.push[j, effect], system.grip[j, effect])
         assert np.abs((a @ z)[: train.size]).max() < 1e-10
-    assert not train.start_state((0, 0), 1.0).any()
+    assert not train.start_state((0, 0)).any()
     with pytest.raises(ValueError, match="initial_state = .* must be .0, 0., 'static' or 8 finite"):
-        train.start_state([1.0, 2.0, 3.0], 1.0)
+        train.start_state([1.0, 2.0, 3.0])

@@ -174,6 +174,12 @@ def test_segments_begin_where_a_stiffness_changes_and_nowhere_else():
     # 1.4 at phase 0 and 1.6 half a period later switch at the same instants, three by three.
     np.testing.assert_allclose(in_phase.starts / math.pi, [0, 0.4, 1.6, 2], atol=1e-15)
     assert list(in_phase.first_segment) == [0, 3] and in_phase.repeats == 1
+    # Thirds of a mesh period: the ends of one stretch are the beginnings of the next, but for
+    # their last digits.
+    thirds = planetary(teeth=(28, 98), stiffness_ratio=(0.7, 0.7), contact_ratio=(4 / 3, 4 / 3))
+    np.testing.assert_allclose(
+        thirds.system(1.0).starts / math.pi, [0, 1 / 3, 1, 5 / 3, 2], atol=1e-12
+    )
     constant = planetary().system(1.0)
     assert list(constant.starts) == [0.0, 2.0 * math.pi]
     apart = planetary(teeth=(28, 98), stiffness_ratio=(0.7, 0.7)).system(1.0)

@@ -33,6 +33,38 @@ for direction in ("cold", "up", "down"):
     sweep(PAPER, [0.8, 0.9], direction=direction, periods=3, record_periods=1)
 print(before > 0, asked[before:])
 """
+#: The same of the job that compiles the kernels of larger models.
+WARM_LARGER = """
+import sys
+sys.path.insert(0, "workflow/scripts")
+import compile_larger_kernels as job
+from gearlib import simulate
+from gearlib.kernels.cache import KeyedFiles
+asked, load = [], KeyedFiles.load
+def noted(files, key):
+    asked.append(files._index_name)
+    return load(files, key)
+KeyedFiles.load = noted
+models = list(job.models())
+for model in models:
+    job.run(model)
+before = len(asked)
+for model in models:
+    simulate(model, 0.9, periods=3)
+print(before > 0, asked[before:])
+"""
+#: A kernel that another one calls with a constant, and with what is none.
+CONSTANTS = """
+from gearlib.kernels.jit import kernel
+
+@kernel
+def plus(x, n):
+    return x + n
+
+@kernel
+def both(x, n):
+    return plus(x, 3) + plus(x, n)
+"""
 KERNELS = """
 from gearlib.kernels.jit import kernel
 
@@ -74,6 +106,18 @@ def test_after_the_warm_up_a_gear_pair_compiles_nothing(tmp_path):
     # Of this process's folder: from nothing it would take half a minute of processor time.
     done = subprocess.run([sys.executable, "-c", WARM], capture_output=True, text=True)
     assert done.returncode == 0 and done.stdout == "True []\n", done.stdout + done.stderr
+
+
+def test_after_their_job_larger_models_compile_nothing():
+    done = subprocess.run([sys.executable, "-c", WARM_LARGER], capture_output=True, text=True)
+    assert done.returncode == 0 and done.stdout == "True []\n", done.stdout + done.stderr
+
+
+def test_a_constant_in_a_call_compiles_nothing_anew(tmp_path):
+    (tmp_path / "kernels.py").write_text(CONSTANTS, encoding="utf-8")
+    program = "import kernels; print(kernels.both(0.5, 4), len(kernels.plus.signatures))"
+    out, err = start(tmp_path, program).communicate(timeout=120)
+    assert out == "8.0 1\n", err
 
 
 def test_an_edited_kernel_outside_of_core_is_compiled_anew(tmp_path):

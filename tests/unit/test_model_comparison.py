@@ -69,7 +69,7 @@ def test_units_of_a_change():
 
 
 def test_table(tmp_path):
-    models.write_csv({"mine": compare()}, tmp_path / "models.csv")
+    models.write_csv([compare()], ["mine"], tmp_path / "models.csv")
     with open(tmp_path / "models.csv", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert [row["model"] for row in rows] == [*NAMES, models.TRUNCATED]

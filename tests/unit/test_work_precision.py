@@ -187,7 +187,7 @@ def test_the_table_names_the_fastest_of_ours_and_of_the_others(tmp_path):
         measured("scipy", "scipy RK45", [5e-2, 1e-7], [3e-6, 9e-6]),
     ]
     errors, times = zip(*pairs, strict=True)
-    fastest.write_csv(fastest.table(errors, times), tmp_path / "table.csv")
+    fastest.write_csv(errors, times, tmp_path / "table.csv")
     with open(tmp_path / "table.csv", newline="") as file:
         rows = {row["accuracy_in_static_deflections"]: row for row in csv.DictReader(file)}
     assert list(rows) == [f"1e-{decade:02d}" for decade in range(1, 16)]

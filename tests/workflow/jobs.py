@@ -141,4 +141,4 @@ def after_another_k1():
     return union([row.draws for row in rows] + [row.with_k1 for row in rows])
 
 
-EVERYTHING = {"compile_kernels": 1, **jobs(*EXPERIMENTS)}
+EVERYTHING = {"compile_kernels": 1, "compile_larger_kernels": 1, **jobs(*EXPERIMENTS)}

@@ -92,9 +92,9 @@ def script_sources(name, *methods, loaded=()):
     return [os.path.relpath(path) for path in files]
 
 
-def function_sources(function, *methods):
-    """Return the source files of a function that the script `compute` calls."""
-    return script_sources("compute", *methods, loaded=[function.split(":")[0]])
+def function_sources(function, *methods, script="compute"):
+    """Return the source files of a function that a script calls."""
+    return script_sources(script, *methods, loaded=[function.split(":")[0]])
 
 
 def sources_with_method(sources, name):

@@ -15,6 +15,29 @@ use rule job as compile_kernels with:
         script="compile_kernels",
 
 
+# Those of larger models, beside the others. Jobs that need most of them wait.
+use rule job as compile_larger_kernels with:
+    pathvars:
+        job="compile_larger_kernels",
+    input:
+        sources=script_sources("compile_larger_kernels"),
+    output:
+        stamp="results/larger_kernels.sha256",
+    params:
+        script="compile_larger_kernels",
+
+
+use rule job as compile_train_kernels with:
+    pathvars:
+        job="compile_train_kernels",
+    input:
+        sources=script_sources("compile_train_kernels"),
+    output:
+        stamp="results/train_kernels.sha256",
+    params:
+        script="compile_train_kernels",
+
+
 use rule job as sweep_window with:
     pathvars:
         job="resonance/{damping}/{direction}/{window}",

@@ -6,6 +6,7 @@ use rule job as trial with:
         job="failures/{trial}",
     input:
         kernels=rules.compile_kernels.output.stamp,
+        larger_kernels=rules.compile_larger_kernels.output.stamp,
         sources=lambda wildcards: script_sources("trial", trial_named(wildcards.trial).method),
     output:
         dataset="results/failures/{trial}.nc",

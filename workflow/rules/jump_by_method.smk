@@ -27,10 +27,11 @@ use rule job as jump_by_method_table with:
     pathvars:
         job="jump_by_method_table",
     input:
-        jumps=jump_by_method_files(),
-        sources=script_sources("jump_by_method_table"),
+        datasets=jump_by_method_files(),
+        sources=function_sources("gearlib.studies.trials.jump_by_method:write_csv", script="table"),
     output:
         csv="results/jump_by_method.csv",
         page=table_page("jump_by_method", "Jump from rest by method: table", METHODS),
     params:
-        script="jump_by_method_table",
+        script="table",
+        function="gearlib.studies.trials.jump_by_method:write_csv",

@@ -6,6 +6,7 @@ use rule job as compare_models with:
         job="compare_models/{scene}",
     input:
         kernels=rules.compile_kernels.output.stamp,
+        larger_kernels=rules.compile_larger_kernels.output.stamp,
         sources=script_sources("compare_models"),
     output:
         dataset="results/models/{scene}.nc",
@@ -23,9 +24,11 @@ use rule job as model_table with:
         job="model_table",
     input:
         comparisons=[f"results/models/{name}.nc" for name in CONFIG.scenes],
-        sources=script_sources("model_table"),
+        sources=function_sources("gearlib.studies.model_comparison:write_csv", script="table"),
     output:
         csv="results/models.csv",
         page=table_page("models", "Models: table", EXPLANATIONS),
     params:
-        script="model_table",
+        script="table",
+        function="gearlib.studies.model_comparison:write_csv",
+        settings=canonical({"scenes": list(CONFIG.scenes)}),

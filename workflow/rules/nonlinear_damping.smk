@@ -26,9 +26,10 @@ use rule job as nonlinear_damping_table with:
         job="nonlinear_damping_table",
     input:
         studies=nonlinear_damping_files(),
-        sources=script_sources("nonlinear_damping_table"),
+        sources=function_sources("gearlib.studies.nonlinear_damping:write_csv", script="table"),
     output:
         csv="results/nonlinear_damping.csv",
         page=table_page("nonlinear_damping", "Nonlinear damping: table", EXPLANATIONS),
     params:
-        script="nonlinear_damping_table",
+        script="table",
+        function="gearlib.studies.nonlinear_damping:write_csv",

@@ -7,6 +7,7 @@ use rule job as work_precision_references with:
         job="work_precision/references",
     input:
         kernels=rules.compile_kernels.output.stamp,
+        larger_kernels=rules.compile_larger_kernels.output.stamp,
         sources=function_sources("gearlib.studies.trials.references:compute"),
     output:
         dataset="results/work_precision/references.nc",
@@ -68,10 +69,10 @@ use rule job as work_precision_table with:
     input:
         errors=work_precision_files("errors"),
         times=work_precision_files("times"),
-        sources=script_sources("work_precision_table"),
+        sources=function_sources("gearlib.studies.trials.fastest:write_csv", script="table"),
     output:
         csv="results/work_precision.csv",
         page=table_page("work_precision", "Work and precision: table of the fastest", METHODS),
     params:
-        script="work_precision_table",
-        absent=absent(CONFIG.work_precision.methods),
+        script="table",
+        function="gearlib.studies.trials.fastest:write_csv",

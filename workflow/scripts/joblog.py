@@ -43,6 +43,8 @@ def redirect_output(path):
 
 def _record_outputs(log):
     print(record(log, map(Path, __main__.snakemake.output)), end="")
+    # Nor is there any need to look for it at the end: a quarter of a short job.
+    gc.freeze()
 
 
 def _report(terminal, kind, error, trace):

@@ -12,6 +12,15 @@ MAX_STATES = 50_000_000
 _BYTES = 120
 
 
+def check_one_mesh(pair):
+    """Refuse a model whose initial states are no pairs of numbers."""
+    if pair.mesh_names:
+        raise ValueError(
+            f"pair = {type(pair).__name__} is not allowed here: it must have one mesh, whose "
+            "displacement and velocity are the initial state"
+        )
+
+
 def initial_states(grid):
     """Return (displacements, velocities) of a grid of initial states, as float arrays.
 

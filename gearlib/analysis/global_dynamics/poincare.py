@@ -7,6 +7,7 @@ import numpy as np
 import xarray as xr
 
 from gearlib import checks
+from gearlib.analysis.global_dynamics.grids import check_one_mesh
 from gearlib.data import provenance, status
 from gearlib.data.variables import describe
 from gearlib.integrators import choose
@@ -112,6 +113,7 @@ def section(pair, tuning, states, settle, periods, phase, max_events):
     """Return (table, ends, codes), shapes (n, periods, 2), (n, 2), (n,); arguments checked."""
     table = np.full((len(states), periods, 2), math.nan)
     ends, codes = np.empty((len(states), 2)), np.zeros(len(states), np.int64)
+    check_one_mesh(pair)
     propagator = pair.propagator(tuning)
     if propagator.sections is not None:
         propagator.sections(states, settle, phase, max_events, table, ends, codes)

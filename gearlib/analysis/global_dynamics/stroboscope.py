@@ -10,6 +10,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 
 from gearlib import checks
+from gearlib.analysis.global_dynamics.grids import check_one_mesh
 from gearlib.data import status
 from gearlib.integrators import choose
 from gearlib.runs.run_arguments import MAX_EVENTS, check_tuning
@@ -20,6 +21,7 @@ class Stroboscope:
 
     def __init__(self, pair, tuning, *, max_events=MAX_EVENTS, threads=None):
         choose(pair, None, None)
+        check_one_mesh(pair)
         self.pair, self.tuning = pair, check_tuning("tuning", tuning)
         self.propagator = pair.propagator(self.tuning)
         self.max_events = checks.integer("max_events", max_events, 1)

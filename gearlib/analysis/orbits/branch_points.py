@@ -73,6 +73,7 @@ class Shooting:
     def __init__(self, pair, tuning, period, names, scales, max_events):
         self.pair, self.tuning, self.period = pair, tuning, period
         self.names, self.max_events = names, max_events
+        self._propagator = None
         self.reduce, self.lift = pair.reduction()
         n = len(self.reduce)
         rates = np.full(n // 2, 1.0 / tuning)
@@ -97,9 +98,18 @@ class Shooting:
             pair, tuning = with_parameter(pair, tuning, name, float(value))
         return pair, tuning, self.lift @ (y * self.units)[:n]
 
+    def propagator(self, pair, tuning):
+        """Return the propagator of a model; that of the last tuning hands on what it can."""
+        last = self._propagator
+        if last is not None and last.model is pair:
+            self._propagator = last.at(tuning)
+        else:
+            self._propagator = pair.propagator(tuning)
+        return self._propagator
+
     def _end(self, y):
         pair, tuning, z = self.model(y)
-        end, maps, code = pair.propagator(tuning).maps(z, self.period, self.max_events)
+        end, maps, code = self.propagator(pair, tuning).maps(z, self.period, self.max_events)
         if code != status.OK:
             raise Lost(f"the motion could not go on: {status.MESSAGES[code]}")
         return tuning, z, end, maps
@@ -162,7 +172,7 @@ def branch_point(problem, y, found, tangent):
     """Return the `BranchPoint` of a solution of a one-parameter `Shooting`."""
     pair, tuning, z = problem.model(y)
     rest = problem.period, problem.max_events
-    events, summary, _ = pair.propagator(tuning).record(z, *rest)
+    events, summary, _ = problem.propagator(pair, tuning).record(z, *rest)
     return BranchPoint(
         y,
         tangent,

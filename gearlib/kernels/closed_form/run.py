@@ -3,6 +3,7 @@
 import numpy as np
 
 from gearlib.kernels import orbit
+from gearlib.kernels.arrays import copy
 from gearlib.kernels.closed_form.event_by_event import ARC_COLUMNS, within_range
 from gearlib.kernels.closed_form.mesh import contact_of
 from gearlib.kernels.closed_form.settled import after_repeats, look_for_rest, not_settled, repeat_of
@@ -177,7 +178,8 @@ def run_at(m, work, x, v, periods, record_periods, samples, events, limit, summa
         if per_period > 0:
             orbit.sample_arcs(m, arcs, count, samples[i * per_period : (i + 1) * per_period])
         previous = last
-    summary[orbit.TIME_NORMAL :] *= record_periods / seen
+    for k in range(orbit.TIME_NORMAL, orbit.SUMMARY_COLUMNS):
+        summary[k] *= record_periods / seen
     if seen < record_periods:
         events, found = orbit.repeat_record(samples, events, found, seen, record_periods)
     period = _period(m, work, periods, unseen, unseen + seen, repeat, summary)
@@ -198,6 +200,6 @@ def _period(m, work, periods, unseen, end, repeat, summary):
             n += (unseen - n) // repeat * repeat
         if n > end:
             n -= (n - end + repeat - 1) // repeat * repeat
-        strobes[i] = work.states[n % KEPT]
+        copy(work.states[n % KEPT], strobes[i])
     height = summary[orbit.X_MAX] - summary[orbit.X_MIN]
     return orbit.orbit_period(strobes, m.tuning, height)

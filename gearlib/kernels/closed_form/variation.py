@@ -42,6 +42,7 @@ def vary(m, x, v, periods, limit, matrices):
             contact, x, v, count = march_period(m, contact, x, v, arcs, limit)
         if not within_range(x, v):
             return x, v, OVERFLOW
-        matrices[i] = np.eye(2)
+        matrices[i, 0, 0] = matrices[i, 1, 1] = 1.0
+        matrices[i, 0, 1] = matrices[i, 1, 0] = 0.0
         previous = follow_arcs(m, arcs, count, previous, matrices[i])
     return x, v, OK

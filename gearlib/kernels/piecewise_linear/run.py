@@ -12,6 +12,7 @@ import math
 import numpy as np
 
 from gearlib.kernels import orbit
+from gearlib.kernels.arrays import copy, enlarged
 from gearlib.kernels.closed_form.mesh import BACKLASH, INVERSE, NORMAL
 from gearlib.kernels.closed_form.run import EVENT_LIMIT, JAMMED, OK, OVERFLOW, UNRESOLVED
 from gearlib.kernels.jit import kernel
@@ -35,6 +36,12 @@ _REST = 1e-14
 
 
 @kernel
+def _multiply(factor, values, out):
+    for k in range(values.shape[0]):
+        out[k] = factor * values[k]
+
+
+@kernel
 def _first_event(contact, on_line, at_rest, near, far, to_bernstein, scaled, work):
     """Return (share of the step, next contact code) of the first event.
 
@@ -45,7 +52,7 @@ def _first_event(contact, on_line, at_rest, near, far, to_bernstein, scaled, wor
     """
     best, target = 2.0, contact
     if contact != INVERSE:
-        scaled[:] = near if contact == NORMAL else -near
+        _multiply(1.0 if contact == NORMAL else -1.0, near, scaled)
         if on_line == 1:
             scaled[0] = 0.0
             if at_rest:
@@ -53,7 +60,7 @@ def _first_event(contact, on_line, at_rest, near, far, to_bernstein, scaled, wor
         best = first_fall(scaled, to_bernstein, work)
         target = BACKLASH if contact == NORMAL else NORMAL
     if contact != NORMAL:
-        scaled[:] = -far if contact == INVERSE else far
+        _multiply(-1.0 if contact == INVERSE else 1.0, far, scaled)
         if on_line == -1:
             scaled[0] = 0.0
             if at_rest:
@@ -113,14 +120,12 @@ def go(system, table, to_bernstein, z, contact, on_line, at_rest, s, record, rec
                 at_rest = False
                 length = left if share > 1.0 else share * left
                 if recorded == record.shape[0]:
-                    larger = np.empty((2 * recorded, record.shape[1]))
-                    larger[:recorded] = record
-                    record = larger
+                    record = enlarged(record, 2 * recorded)
                 record[recorded, 0] = system.starts[p] + knot * h + t
                 record[recorded, 1] = length
                 record[recorded, 2] = contact
                 record[recorded, 3] = p
-                record[recorded, 4:] = s.series.reshape((ORDER + 1) * n)
+                copy(s.series.reshape((ORDER + 1) * n), record[recorded, 4:])
                 recorded += 1
                 evaluate(s.series, length, z)
                 on_line = 0
@@ -164,7 +169,7 @@ def _summarise(system, to_bernstein, row, n, s, summary):
     series = row[4:].reshape((ORDER + 1, n))
     functional_of(series, system.position, length, s.gap)
     summary[orbit.X_MAX] = highest(s.gap, to_bernstein, s.work, summary[orbit.X_MAX])
-    s.scaled[:] = -s.gap
+    _multiply(-1.0, s.gap, s.scaled)
     summary[orbit.X_MIN] = -highest(s.scaled, to_bernstein, s.work, -summary[orbit.X_MIN])
     if contact == BACKLASH:
         summary[orbit.TIME_BACKLASH] += length
@@ -175,9 +180,9 @@ def _summarise(system, to_bernstein, row, n, s, summary):
     if system.low[p]:
         summary[orbit.TIME_LOW] += length
     functional_of(series, system.near if contact == NORMAL else system.far, length, s.gap)
-    s.gap[:] *= system.stiffness[contact + 1, p]
+    _multiply(system.stiffness[contact + 1, p], s.gap, s.gap)
     summary[orbit.FORCE_MAX] = highest(s.gap, to_bernstein, s.work, summary[orbit.FORCE_MAX])
-    s.scaled[:] = -s.gap
+    _multiply(-1.0, s.gap, s.scaled)
     summary[orbit.FORCE_MIN] = -highest(s.scaled, to_bernstein, s.work, -summary[orbit.FORCE_MIN])
 
 
@@ -289,11 +294,11 @@ def run_linear(
             if not (abs(x) < 1e150 and abs(v) < 1e150):
                 return x, v, 0, events, 0, OVERFLOW
         carry(part.rest, rest, 2.0 * math.pi, unseen)
-        z[:] = image(part.back, short) + image(part.rest_back, rest)
+        copy(image(part.back, short) + image(part.rest_back, rest), z)
     s, table = scratch(n), tables(system)
     per_period = samples.shape[0] // record_periods
     record = np.empty((64, 4 + (ORDER + 1) * n))
-    previous = float(contact)
+    previous = contact
     for i in range(unseen, periods):
         set_harmonics(system, z, 2.0 * math.pi * (system.first + i))
         row = i - (periods - kept)
@@ -312,7 +317,8 @@ def run_linear(
             _summarise(system, to_bernstein, record[j], n, s, summary)
             if orbit.unresolved(summary):
                 return x, v, 0, events, 0, UNRESOLVED
-            if record[j, 2] != previous:
+            code = int(record[j, 2])
+            if code != previous:
                 if previous == NORMAL:
                     summary[orbit.BOUNCES] += 1.0
                 if events.shape[0] > 0:
@@ -323,10 +329,10 @@ def run_linear(
                         i,
                         record[j, 0],
                         previous,
-                        record[j, 2],
+                        code,
                         dot(system.near, series[1]),
                     )
-                previous = record[j, 2]
+                previous = code
         if per_period > 0:
             first = (i - unseen) * per_period
             rows_of = samples[first : first + per_period]

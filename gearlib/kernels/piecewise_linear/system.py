@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gearlib.kernels.arrays import copy
 from gearlib.kernels.jit import kernel
 
 ORDER = 20
@@ -108,7 +109,9 @@ def exponential(a, n, length):
         for r in range(n):
             for c in range(n):
                 if a[r, c] != 0.0:
-                    new[r] += (a[r, c] * length / k) * term[c]
+                    factor = a[r, c] * length / k
+                    for j in range(n):
+                        new[r, j] += factor * term[c, j]
         term = new
         total += term
     return total
@@ -132,7 +135,7 @@ def carry(a, z, length, times):
         power = product(power, power)
     while times > 0:
         if times % 2:
-            z[:] = image(power, z)
+            copy(image(power, z), z)
         power = product(power, power)
         times //= 2
 
@@ -162,7 +165,7 @@ def product(a, b):
 def expand(a, counts, columns, z, series):
     """Fill the Taylor coefficients of the state from z; `a` has few entries in a row."""
     n = z.shape[0]
-    series[0] = z
+    copy(z, series[0])
     for k in range(1, ORDER + 1):
         share = 1.0 / k
         for r in range(n):
@@ -176,7 +179,7 @@ def expand(a, counts, columns, z, series):
 @kernel
 def evaluate(series, t, out):
     """Fill `out` with the state of a Taylor series at t."""
-    out[:] = series[ORDER]
+    copy(series[ORDER], out)
     for k in range(ORDER - 1, -1, -1):
         for r in range(out.shape[0]):
             out[r] = out[r] * t + series[k, r]

@@ -6,19 +6,28 @@ do not.
 
 import numpy as np
 
+from gearlib.kernels.arrays import copy_rows
 from gearlib.kernels.closed_form.mesh import NORMAL
 from gearlib.kernels.closed_form.run import OK, OVERFLOW
 from gearlib.kernels.jit import kernel
 from gearlib.kernels.piecewise_linear.run import contact_at, go, set_harmonics, stopped
-from gearlib.kernels.piecewise_linear.system import ORDER, dot, exponential, scratch, tables
+from gearlib.kernels.piecewise_linear.system import (
+    ORDER,
+    dot,
+    exponential,
+    image,
+    product,
+    scratch,
+    tables,
+)
 
 
 @kernel
 def _saltation(before, after, functional, z, n):
     """Return the saltation matrix of a crossing at z, leading (n, n) block."""
     matrix = np.eye(n)
-    jump = (after - before) @ z
-    speed = dot(functional, before @ z)
+    jump = image(after - before, z)
+    speed = dot(functional, image(before, z))
     # A tangential crossing between equal fields varies nothing; else the jump is as small as the
     # speed, since the mesh force is zero on the line.
     if speed != 0.0:
@@ -75,15 +84,16 @@ def vary_linear(system, to_bernstein, z, moving, periods, limit, matrices):
                 line = system.near if NORMAL in (code, previous) else system.far
                 start = record[j, 4 : 4 + n]
                 before, after = system.a[previous + 1, p], system.a[code + 1, p]
-                matrix = _saltation(before, after, line, start, moving) @ matrix
+                matrix = product(_saltation(before, after, line, start, moving), matrix)
                 previous = code
             step = (system.starts[p + 1] - system.starts[p]) / system.knots[p]
             if length == step:
                 if not known[code + 1, p]:
-                    whole[code + 1, p] = exponential(system.a[code + 1, p], moving, length)
+                    power = exponential(system.a[code + 1, p], moving, length)
+                    copy_rows(power, whole[code + 1, p])
                     known[code + 1, p] = True
-                matrix = whole[code + 1, p] @ matrix
+                matrix = product(whole[code + 1, p], matrix)
             else:
-                matrix = exponential(system.a[code + 1, p], moving, length) @ matrix
-        matrices[i] = matrix
+                matrix = product(exponential(system.a[code + 1, p], moving, length), matrix)
+        copy_rows(matrix, matrices[i])
     return OK

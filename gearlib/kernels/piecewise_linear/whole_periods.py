@@ -19,6 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gearlib.kernels.arrays import copy
 from gearlib.kernels.closed_form.mesh import BACKLASH, INVERSE, NORMAL
 from gearlib.kernels.jit import inlined, kernel
 from gearlib.kernels.piecewise_linear.system import ORDER, dot, exponential, jammed, product
@@ -78,7 +79,8 @@ def ways(system):
 def _into_blocks(matrix, blocks):
     """Fill blocks, shape (b, n, 4), from a matrix of n columns."""
     for r in range(matrix.shape[0]):
-        blocks[r // 4, :, r % 4] = matrix[r]
+        for c in range(matrix.shape[1]):
+            blocks[r // 4, c, r % 4] = matrix[r, c]
 
 
 @kernel
@@ -86,11 +88,12 @@ def _fill_rows(functional, a, h, blocks, tail):
     """Fill the blocks of the rows g (A h)^k / k!, and the sums of their magnitudes."""
     n = functional.shape[0]
     rows = np.zeros((ORDER + 1, n))
-    rows[0] = functional
+    copy(functional, rows[0])
     for k in range(1, ORDER + 1):
         for r in range(n):
             if rows[k - 1, r] != 0.0:
-                rows[k] += rows[k - 1, r] * (h / k) * a[r]
+                for c in range(n):
+                    rows[k, c] += rows[k - 1, r] * (h / k) * a[r, c]
         if k >= _TAIL:
             tail += np.abs(rows[k])
     _into_blocks(rows, blocks)
@@ -227,7 +230,7 @@ def pass_period(system, table, to_bernstein, z, contact, on_line, at_rest, limit
     ready, step, near, far, near_tail, far_tail, rate, fine = table[:8]
     state, term, image, wide, work = table[8:]
     flat, n = state.reshape(state.size), z.shape[0]
-    flat[:n] = z
+    copy(z, flat[:n])
     events = 0
     for p in range(system.knots.shape[0]):
         h = (system.starts[p + 1] - system.starts[p]) / system.knots[p]
@@ -299,5 +302,5 @@ def pass_period(system, table, to_bernstein, z, contact, on_line, at_rest, limit
                 contact = target
                 if contact == BACKLASH and jammed(system, flat[:n], on_line):
                     return contact, limit + 2
-    z[:] = flat[:n]
+    copy(flat, z)
     return contact, events

@@ -133,13 +133,6 @@ def by_columns(matrix, columns):
 
 
 @kernel
-def copy(source, target, count):
-    """Copy so many values."""
-    for r in range(count):
-        target[r] = source[r]
-
-
-@kernel
 def matrix_of(system, effects, a):
     """Fill `a`, shape (n, n), with the matrix of a combination of effects, shape (m,)."""
     # Loops: an assignment of whole arrays takes seconds to compile.

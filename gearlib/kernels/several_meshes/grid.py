@@ -58,6 +58,7 @@ def grid_of(system):
     new = np.concatenate([[True], np.diff(length[order]) > 1e-13 * length[order][1:]])
     kind = np.empty(length.size, np.int64)
     kind[order] = np.cumsum(new) - 1
+    length = length[order][new][kind]
     n, h = system.free.shape[0], system.harmonics.size
     one = n - 1 - 2 * h
     apart = np.zeros((len(system.near), ORDER + 1, 1 + 2 * h))

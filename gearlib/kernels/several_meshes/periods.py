@@ -8,13 +8,13 @@ one event of them all: their saltation matrices commute, so that the order does 
 import numpy as np
 
 from gearlib.kernels import orbit
+from gearlib.kernels.arrays import copy, enlarged
 from gearlib.kernels.closed_form.mesh import BACKLASH, NORMAL
 from gearlib.kernels.closed_form.run import EVENT_LIMIT, JAMMED, OK, UNRESOLVED
 from gearlib.kernels.jit import kernel
 from gearlib.kernels.piecewise_linear.system import dot
 from gearlib.kernels.several_meshes.combinations import (
     combination,
-    copy,
     forget,
     multiply,
     whole_step,
@@ -114,7 +114,7 @@ def go(
     m, n = system.near.shape
     first, last = system.first_segment[number], system.first_segment[number + 1]
     fine, rate, step, spin = tables.fine, tables.rate, tables.step, grid.spin
-    z, term, image_, longest = w.z, w.term, w.image, system.longest
+    z, own, term, image_, longest = w.z, w.z[:n], w.term, w.image, system.longest
     look_rows, tail_rows, apart, never = tables.look, tables.tail, grid.apart, grid.open
     contact, look, tail = w.contact, w.look, w.tail
     count, taken, on_line = 0, 0, True
@@ -150,10 +150,10 @@ def go(
                         c = combination(system, tables, w.effects)
                         s = whole_step(tables, c, grid.kind[p], h)
                     multiply(step, s, z, term)
-                    copy(term, z, n)
+                    copy(term, own)
                     for i in range(vectors.shape[0]):
                         multiply(step, s, vectors[i], term)
-                        copy(term, vectors[i], n)
+                        copy(term, vectors[i, :n])
                 else:
                     advance(fine, rate, c, spin, longest, length, z, term, image_)
                     for i in range(vectors.shape[0]):
@@ -177,10 +177,7 @@ def go(
                         at = phase + length * system.tuning
                         row = w.found[0]
                         if row == events.shape[0]:
-                            larger = np.empty((2 * row, EVENT_COLUMNS))
-                            for k in range(row):
-                                copy(events[k], larger[k], EVENT_COLUMNS)
-                            events = larger
+                            events = enlarged(events, 2 * row)
                         events[row, orbit.EVENT_PERIOD] = 0.0
                         events[row, orbit.EVENT_PHASE] = at
                         events[row, orbit.EVENT_FROM] = before

@@ -3,11 +3,11 @@
 import math
 
 from gearlib.kernels import orbit
+from gearlib.kernels.arrays import copy
 from gearlib.kernels.closed_form.mesh import BACKLASH, INVERSE, NORMAL
 from gearlib.kernels.jit import kernel
 from gearlib.kernels.piecewise_linear.system import ORDER
 from gearlib.kernels.polynomial import highest
-from gearlib.kernels.several_meshes.combinations import copy
 from gearlib.kernels.several_meshes.substeps import advance, polynomial, to_far
 
 #: Columns of a summary: those of `orbit` and the integral of the elastic force over the phase.
@@ -58,10 +58,10 @@ def sample(system, grid, tables, c, w, p, phase, length, samples, taken):
         at = 2.0 * math.pi * taken / samples.shape[0]
         if at >= end:
             break
-        copy(w.z, w.other, w.z.shape[0])
+        copy(w.z, w.other)
         t = max(at - phase, 0.0) / system.tuning
         advance(tables.fine, tables.rate, c, grid.spin, system.longest, t, w.other, w.term, w.image)
-        copy(w.other, samples[taken], n)
+        copy(w.other, samples[taken, :n])
         for j in range(m):
             samples[taken, n + j] = w.contact[j]
         samples[taken, n + m] = p

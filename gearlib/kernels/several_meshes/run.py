@@ -5,11 +5,12 @@ import math
 import numpy as np
 
 from gearlib.kernels import orbit
+from gearlib.kernels.arrays import copy
 from gearlib.kernels.closed_form.mesh import BACKLASH, INVERSE, NORMAL
 from gearlib.kernels.closed_form.run import OK, OVERFLOW, UNRESOLVED
 from gearlib.kernels.jit import kernel
 from gearlib.kernels.piecewise_linear.system import dot, image
-from gearlib.kernels.several_meshes.combinations import by_columns, copy, matrix_of
+from gearlib.kernels.several_meshes.combinations import by_columns, matrix_of
 from gearlib.kernels.several_meshes.grid import work_of
 from gearlib.kernels.several_meshes.periods import go
 
@@ -143,7 +144,7 @@ def run_train(
     kept = min(periods, orbit.strobe_periods(system.repeats))
     strobes = np.empty((m, kept + 1, 2))
     w = work_of(n, m)
-    copy(z, w.z, n)
+    copy(z, w.z[:n])
     vectors = np.zeros((moving if maps.shape[0] > 0 else 0, w.z.shape[0]))
     number = system.first % system.repeats
     set_harmonics(system, w.z, 2.0 * math.pi * system.first)
@@ -190,7 +191,7 @@ def run_train(
             return 0, events, w.found[0], status
         if maps.shape[0] > 0:
             by_columns(vectors[:, :moving], maps[i])
-    copy(w.z, z, n)
+    copy(w.z, z)
     if record_periods == 0:
         return 0, events, w.found[0], status
     _strobe(system, grid, w.z, strobes, kept)

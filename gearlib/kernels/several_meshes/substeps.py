@@ -6,6 +6,7 @@ otherwise the first crossing is proved by the shape of the polynomial, or isolat
 (`gearlib.kernels.polynomial`).
 """
 
+from gearlib.kernels.arrays import copy
 from gearlib.kernels.closed_form.mesh import BACKLASH, INVERSE, NORMAL
 from gearlib.kernels.jit import inlined, kernel
 from gearlib.kernels.piecewise_linear.system import ORDER
@@ -14,7 +15,6 @@ from gearlib.kernels.several_meshes.combinations import (
     LOOK,
     PARTS,
     TERMS,
-    copy,
     multiply,
 )
 
@@ -112,7 +112,7 @@ def _fall(curve, scaled, rest, to_bernstein, bernstein):
     """Return (where a curve falls through zero first, as `first_fall`; rounding of that)."""
     for k in range(rest):
         curve[k] = 0.0
-    copy(curve, scaled, ORDER + 1)
+    copy(curve, scaled)
     found = fall_by_shape(curve, rest) if rest < 2 else -1.0
     if found < 0.0:
         found = first_fall(curve, to_bernstein, bernstein)

@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gearlib.kernels.arrays import copy
 from gearlib.kernels.closed_form.elementary import cos_sin
 from gearlib.kernels.closed_form.mesh import BACKLASH, INVERSE, NORMAL
 from gearlib.kernels.jit import inlined, kernel
@@ -79,7 +80,7 @@ def _fill_harmonics(table, rows):
         if n == 0.0:
             mean += table[i, 1]
             continue
-        rows[j, :3] = table[i]
+        copy(table[i], rows[j, :3])
         # n^k / k! with the signs of the derivatives of cosine and sine.
         rows[j, 3], rows[j, 4] = 1.0, n
         for k in range(2, ORDER + 1):

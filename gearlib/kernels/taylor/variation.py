@@ -103,7 +103,8 @@ def vary_nonlinear(law, to_bernstein, x, v, periods, limit, matrices):
     )
     for n in range(periods):
         matrix = matrices[n]
-        matrix[:] = np.eye(2)
+        matrix[0, 0] = matrix[1, 1] = 1.0
+        matrix[0, 1] = matrix[1, 0] = 0.0
         steps = 0
         for piece in range(law.pieces.shape[0]):
             phase, end = law.breaks[piece], law.breaks[piece + 1]

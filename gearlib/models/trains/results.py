@@ -1,6 +1,7 @@
 """What runs of a gear train record: tables of the kernels, dimensions and variables of datasets."""
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -18,6 +19,17 @@ AXES = ("x", "y", "rotation")
 
 class TrainResults(Model):
     """The part of `GearTrain` that runs ask for their results."""
+
+    #: Fields and properties of `GearTrain`.
+    meshes: Any
+    structure: Any
+    static_deflection: Any
+    body_names: Any
+    linear_modes: Any
+    free_motions: Any
+    load: Any
+    gyroscopic: Any
+    start_state: Any
 
     @property
     def components(self):

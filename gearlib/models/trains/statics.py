@@ -20,8 +20,8 @@ from gearlib.data.variables import describe
 from gearlib.models.trains.system import functionals
 
 _STEPS = 200
-#: Of the forces: residual of a solution, some thousand units of rounding.
-_BALANCED = 1e-10
+#: Of the forces: residual of a solution. Loose gears may lie far off, with the rounding of that.
+_BALANCED = 1e-9
 
 
 class Equilibrium(NamedTuple):
@@ -55,7 +55,10 @@ def equilibrium(train, phase=0.0):
     basis = shapes / np.sqrt(squares)
     lines = train.structure.lines @ basis
     elastic, load = basis.T @ train.structure.stiffness @ basis, basis.T @ train.structure.load
-    a = _minimum(elastic, lines, stiffness, gaps, load)
+    # What rounding of the gaps makes of the forces, where there is no load.
+    finite = np.where(np.isfinite(gaps), np.abs(gaps), 0.0)
+    floor = (np.abs(lines.T) @ (stiffness * finite).max(axis=0)).max(initial=0.0)
+    a = _minimum(elastic, lines, stiffness, gaps, load, floor)
     if a is None:
         raise ValueError(
             "the train has no static equilibrium: its torques or errors open a mesh without a far "
@@ -64,8 +67,8 @@ def equilibrium(train, phase=0.0):
     distances = lines @ a + gaps
     forces = _forces(stiffness, distances)
     residual = elastic @ a + lines.T @ forces - load
-    scale = np.abs(load).sum() + (np.abs(lines.T) @ np.abs(forces)).sum()
-    if not np.abs(residual).max(initial=0.0) <= _BALANCED * max(scale, 1e-300):
+    scale = floor + np.abs(load).sum() + (np.abs(lines.T) @ np.abs(forces)).sum()
+    if not np.abs(residual).max(initial=0.0) <= _BALANCED * scale:
         raise ValueError("the static equilibrium is not found to rounding; no result")
     contact = np.where(distances[1] >= 0.0, 1, np.where(distances[0] <= 0.0, -1, 0))
     return Equilibrium(basis @ a, forces, contact.astype(np.int8))
@@ -131,10 +134,14 @@ def _forces(stiffness, distances):
     )
 
 
-def _minimum(elastic, lines, stiffness, gaps, load):
+def _minimum(elastic, lines, stiffness, gaps, load, floor):
     """Return the minimum of the energy, or None if it falls for ever."""
     a = load.copy()
     size = a.size
+    # Far beyond all gaps and deflections a load drives on what touches nothing.
+    finite = np.abs(gaps[np.isfinite(gaps)]).max(initial=0.0)
+    deflection = np.abs(lines @ load).max(initial=0.0)
+    horizon = 1e6 * (finite + deflection) if deflection > 0.0 else math.inf
     for _ in range(_STEPS):
         distances = lines @ a + gaps
         touching = stiffness * np.stack([distances[0] <= 0.0, distances[1] >= 0.0])
@@ -146,10 +153,13 @@ def _minimum(elastic, lines, stiffness, gaps, load):
         step = -np.linalg.solve(hessian, slope)
         length = _search(elastic, lines, stiffness, gaps, load, a, step)
         if length is None:
-            return None
+            # Without load there is a rest; what is left of the slope is rounding.
+            return None if deflection > 0.0 else a
         a = a + length * step
-        scale = np.abs(load).max(initial=0.0) + np.abs(elastic @ a).max(initial=0.0)
+        scale = floor + np.abs(load).max(initial=0.0) + np.abs(elastic @ a).max(initial=0.0)
         distances = lines @ a + gaps
+        if -distances[1].min() > horizon:
+            return None
         forces = _forces(stiffness, distances)
         slope = elastic @ a + lines.T @ forces - load
         scale += (np.abs(lines.T) @ np.abs(forces)).max(initial=0.0)

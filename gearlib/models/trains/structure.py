@@ -7,9 +7,10 @@ functionals f of supports, pins and shafts and b of the meshes
     K = sum k f f^T,   D = sum d f f^T,   M = sum m (x x^T + y y^T) + I / r^2 u u^T,
     d_j = b_j q + e_j(t),   b_j = e . (x, y)_pinion - e . (x, y)_wheel + u_pinion + u_wheel
 
-with e the direction of the line of action; for an internal mesh pinion and wheel change places and
-the arc length of the pinion counts less. In a frame that turns with its carrier by W there are also
-m (2 W (x y'^T ...) ...) and the damping of supports that stand still.
+with e the direction of the line of action. In an internal mesh pinion and wheel change places and
+the rotation of the pinion counts negative; with direction -1 both rotations change sign. A frame
+that turns with its carrier by W adds m (2 W y', -2 W x') and m W^2 (x, y) to the forces on an axis,
+m W^2 r to those on a pin at the radius r, and supports that stand still damp x' - W y and y' + W x.
 """
 
 import math

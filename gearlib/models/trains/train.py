@@ -321,7 +321,8 @@ class GearTrain(TrainResults):
         ----------
         initial_state : pair of 0, "static", or array_like of float, shape (size,)
             (0, 0): at rest, every flank just touching where there are no errors; "static": at
-            rest in static equilibrium under the stiffness at tau = 0.
+            rest in static equilibrium under the stiffness at tau = 0, without the forces of a
+            turning frame.
 
         Raises
         ------

@@ -91,15 +91,15 @@ _COLUMNS = (
 )
 
 
-def write_csv(rows, path):
-    """Write `Row`s as a table, replacing the file in one step."""
+def write_csv(errors, times, path):
+    """Write the `table` of the datasets of methods, replacing the file in one step."""
     with replacing(path) as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         names = [f"{who}_{column}" for who in UNREACHED for column in _COLUMNS]
         writer.writerow(
             ["problem", "accuracy_in_static_deflections", "own_is_times_faster", *names]
         )
-        for row in rows:
+        for row in table(errors, times):
             ratio = f"{row.other.time / row.own.time:.3g}" if row.own and row.other else ""
             cells = [*_cells(row.own, "own"), *_cells(row.other, "other")]
             writer.writerow([row.problem, f"1e-{row.decade:02d}", ratio, *cells])

@@ -30,10 +30,11 @@ from gearlib.analysis.orbits.shooting import periodic_orbit
 from gearlib.analysis.trust import LABELS, trust
 from gearlib.data import provenance
 from gearlib.data.variables import describe
+from gearlib.kernels import orbit
 from gearlib.models.dead_zone import DeadZoneOscillator
 from gearlib.models.harmonics import Harmonics
 from gearlib.models.profiles import Series
-from gearlib.runs.simulation import simulate
+from gearlib.runs.simulation import run, simulate
 
 if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
     from gearlib.integrators import scipy_ivp  # noqa: F401
@@ -209,8 +210,8 @@ def _box(problem, count, frequency):
 
 
 def _run(model, frequency, state, periods, record_periods):
-    """Return a run whose samples are its stroboscopic states."""
-    return simulate(
+    """Return a `Run` whose samples are its stroboscopic states."""
+    return run(
         model,
         frequency,
         periods=periods,
@@ -225,17 +226,17 @@ def _attractors(model, frequency, states, settle):
     found = []
     for state in states:
         run = _run(model, frequency, state, settle, min(16, settle))
-        high, low = float(run.displacement_max), float(run.displacement_min)
+        high, low = run.table[orbit.X_MAX], run.table[orbit.X_MIN]
         for entry in found:
-            same = entry["period"] == int(run.period)
+            same = entry["period"] == run.period
             # Motions that do not repeat have no extrema to tell them apart.
             close = max(abs(high - entry["high"]), abs(low - entry["low"])) < _SAME * (high - low)
             if same and (close or entry["period"] == 0):
                 entry["count"] += 1
                 break
         else:
-            entry = {"period": int(run.period), "high": high, "low": low, "count": 1}
-            found.append(entry | {"state": run.final_state.values})
+            entry = {"period": run.period, "high": high, "low": low, "count": 1}
+            found.append(entry | {"state": run.end})
     found.sort(key=lambda entry: -entry["count"])
     return [(entry["state"], entry["count"]) for entry in found]
 
@@ -275,8 +276,8 @@ def _motion(model, frequency, state, settle, exponent_periods, check_periods):
 def _section(model, frequency, state, points):
     run = _run(model, frequency, state, points, points)
     return {
-        "strobe_displacement": run.displacement.values,
-        "strobe_velocity": run.velocity.values,
+        "strobe_displacement": run.samples[:, orbit.SAMPLE_X],
+        "strobe_velocity": run.samples[:, orbit.SAMPLE_V],
     }
 
 
@@ -290,5 +291,5 @@ def _scan(problem, count, settle):
         # Other starts for every value, so that no motion is missed throughout.
         for j, state in enumerate(_box(problem, 3 * (i + 1), frequency)[-3:]):
             run = _run(model, frequency, state, settle, kept)
-            seen[i, j] = run.displacement
+            seen[i, j] = run.samples[:, orbit.SAMPLE_X]
     return values, seen

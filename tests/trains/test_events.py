@@ -1,0 +1,173 @@
+"""Events of several meshes: one pair as a train, simultaneous and nearly simultaneous ones."""
+
+import math
+
+import numpy as np
+import pytest
+
+import gearlib
+from gearlib import Body, GearTrain, Mesh, Shaft
+from gearlib.kernels import orbit
+from gearlib.kernels.several_meshes.combinations import combinations
+from gearlib.kernels.several_meshes.grid import grid_of
+from gearlib.kernels.several_meshes.periods import EVENT_MESH
+from tests.paper import PAPER
+
+#: Bounces once a mesh period.
+PAIR = PAPER.replace(material_damping=3953.7, backlash_damping=800.0, backlash=120e-6)
+NU = 0.85
+#: In phase, all three ring meshes bounce at once.
+PLANETS = gearlib.planetary(stiffness_ratio=(0.7, 0.7), reference_frequency=1475.7)
+
+
+def pairs_as_train(pair, count=1):
+    """Return a train of so many equal pairs that do not touch one another."""
+    radius, teeth = 0.1, 20
+    bodies, meshes = [], []
+    for i in range(count):
+        for name, sign in ((f"pinion {i}", 1.0), (f"wheel {i}", 1.0)):
+            bodies.append(
+                Body(
+                    name=name,
+                    teeth=teeth,
+                    base_radius=radius,
+                    inertia=2.0 * pair.reduced_mass * radius**2,
+                    torque=sign * pair.load * radius,
+                )
+            )
+        meshes.append(
+            Mesh(
+                pinion=f"pinion {i}",
+                wheel=f"wheel {i}",
+                max_stiffness=pair.max_stiffness,
+                stiffness_ratio=pair.stiffness_ratio,
+                contact_ratio=pair.contact_ratio,
+                material_damping=pair.material_damping,
+                backlash_damping=pair.backlash_damping,
+                backlash=pair.backlash,
+                phase=0.0,
+            )
+        )
+    # A train is connected: by shafts that carry nothing.
+    nothing = [
+        Shaft(bodies=(f"pinion {i}", f"pinion {i + 1}"), stiffness=1e-200) for i in range(count - 1)
+    ]
+    return GearTrain(
+        bodies=bodies,
+        meshes=meshes,
+        shafts=nothing,
+        reference_frequency=pair.mean_eigenfrequency / (2.0 * math.pi),
+    )
+
+
+def assert_same_motion(one, train, mesh, periods):
+    # Rounding grows with the multipliers of a bounce or two per period; the motion is damped.
+    for name in ("displacement", "velocity", "dynamic_force"):
+        np.testing.assert_allclose(train[name][:, mesh], one[name], rtol=0, atol=1e-11)
+    for name in ("displacement_max", "displacement_min", "dynamic_force_max", "bounces"):
+        np.testing.assert_allclose(train[name][mesh], one[name], rtol=0, atol=1e-11)
+    for name in ("fraction_normal", "fraction_backlash", "fraction_inverse"):
+        np.testing.assert_allclose(train[name][mesh], one[name], rtol=0, atol=1e-12)
+    own = train.event_mesh.values == mesh
+    np.testing.assert_allclose(train.event_phase[own], one.event_phase, rtol=0, atol=1e-11)
+    np.testing.assert_array_equal(train.event_to[own], one.event_to)
+    assert int(one.sizes["event"]) >= periods
+
+
+@pytest.mark.parametrize("tuning", [NU, 0.9, 0.95])
+def test_a_train_of_one_pair_is_the_pair(tuning):
+    arguments = dict(periods=60, record_periods=20, samples_per_period=16)
+    one = gearlib.simulate(PAIR, tuning, **arguments)
+    train = gearlib.simulate(pairs_as_train(PAIR), tuning, **arguments)
+    assert_same_motion(one, train, 0, 20)
+    for name in ("static_deflection", "mesh_frequency", "force_scale"):
+        assert float(train[name]) == pytest.approx(float(one[name]), rel=1e-14)
+    # The mean force by the polynomials against that of the samples, which are equal steps.
+    fine = gearlib.simulate(pairs_as_train(PAIR), tuning, periods=60, samples_per_period=4096)
+    assert float(fine.mean_force[0]) == pytest.approx(float(fine.dynamic_force.mean()), abs=2e-3)
+
+
+def test_pairs_that_do_not_touch_one_another_meet_their_flanks_at_once():
+    arguments = dict(periods=60, record_periods=20, samples_per_period=16)
+    one = gearlib.simulate(PAIR, NU, **arguments)
+    train = gearlib.simulate(pairs_as_train(PAIR, 3), NU, **arguments)
+    for mesh in range(3):
+        assert_same_motion(one, train, mesh, 20)
+    # One event of three meshes has one phase, to the last bit.
+    phases = train.event_phase.values.reshape(-1, 3)
+    assert (phases == phases[:, :1]).all()
+
+
+@pytest.mark.parametrize("apart", [1e-12, 1e-10, 1e-6])
+def test_events_that_are_next_to_one_another_are_two(apart):
+    train = pairs_as_train(PAIR, 2)
+    propagator = train.propagator(NU)
+    state = np.array([0.2, 0.2, 0.2, 0.2, -2.0, -2.0, -2.0, -2.0])
+    # The second pair is a little ahead of the first, both on their way out of contact.
+    state[2:4] -= 0.5 * apart
+    events, _, _ = propagator.record(state, 1, 100)
+    first = [events[events[:, EVENT_MESH] == j][0] for j in (0, 1)]
+    ahead = first[0][orbit.EVENT_PHASE] - first[1][orbit.EVENT_PHASE]
+    # On this short way distances keep, and it is passed at the speed of the event.
+    expected = -apart / first[0][orbit.EVENT_VELOCITY]
+    assert ahead == pytest.approx(expected, rel=0.05) and ahead > 0.0
+
+
+def test_planets_in_phase_bounce_at_once_and_deviations_go_through():
+    propagator = PLANETS.propagator(1.0)
+    start = PLANETS.start_state("static")
+    events, summary, _ = propagator.record(start, 80, 100)
+    phases = events[:, orbit.EVENT_PERIOD] * 2.0 * math.pi + events[:, orbit.EVENT_PHASE]
+    late = phases > 2.0 * math.pi * 70
+    assert late.sum() >= 60 and set(events[late, EVENT_MESH]) == {3.0, 4.0, 5.0}
+    spread = np.ptp(np.sort(phases[late]).reshape(-1, 3), axis=1)
+    assert spread.max() < 1e-12
+    assert np.ptp(summary[3:, orbit.X_MAX]) < 1e-11
+    # The saltation of three meshes at once against finite differences along directions that keep
+    # the symmetry and that break it.
+    z = np.empty((1, start.size))
+    propagator.skip(start[None], 75, 100, z, np.zeros(1, np.int64))
+    _, maps, _ = propagator.maps(z[0], 1, 100)
+    rng = np.random.default_rng(3)
+    for _ in range(4):
+        direction = rng.normal(size=start.size)
+        ends = np.empty((2, start.size))
+        step = 1e-6
+        both = z + step * np.array([[1.0], [-1.0]]) * direction
+        propagator.skip(both, 1, 100, ends, np.zeros(2, np.int64))
+        slope = (ends[0] - ends[1]) / (2.0 * step)
+        # Rounding 1e-15 of states of 10 over the step, and the square of the step.
+        np.testing.assert_allclose(maps[0] @ direction, slope, rtol=0, atol=1e-7 * abs(slope).max())
+
+
+def test_tables_that_are_forgotten_change_nothing():
+    propagator = PLANETS.propagator(1.0)
+    start = PLANETS.start_state("static")
+    asked = propagator.record(start, 60, 100, 8)
+    n, m = propagator.system.near.shape[1], 6
+    lengths = int(grid_of(propagator.system).kind.max()) + 1
+    propagator.tables = combinations(n, PLANETS.size // 2, m, lengths, memory=1)
+    assert propagator.tables.keys.size == 2
+    for one, other in zip(asked, propagator.record(start, 60, 100, 8), strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+@pytest.mark.parametrize("train", [PLANETS, gearlib.idler(PAIR)], ids=["planetary", "idler"])
+def test_a_sweep_keeps_its_tables_to_the_last_bit(train):
+    tunings = [0.7, 1.0, 1.3]
+    arguments = dict(periods=40, record_periods=4, initial_state="static")
+    swept = gearlib.sweep(train, tunings, threads=1, **arguments)
+    for i, tuning in enumerate(tunings):
+        one = gearlib.simulate(train, tuning, **arguments)
+        for name in ("displacement_max", "dynamic_force_min", "mean_force", "final_state"):
+            np.testing.assert_array_equal(swept[name][i], one[name])
+
+
+def test_a_train_at_rest_on_its_flanks_begins_in_contact():
+    # The force of the load comes to the ring with the fourth power of time, and in the right order.
+    train = gearlib.planetary(stiffness_ratio=(0.7, 0.7))
+    events, _, _ = train.propagator(0.5).record(train.start_state((0.0, 0.0)), 1, 100)
+    at_start = events[events[:, orbit.EVENT_PHASE] < 1e-9]
+    assert not len(at_start)
+    run = gearlib.simulate(train, 0.5, periods=1, samples_per_period=4096)
+    assert (run.contact[0] == 1).all() and (run.displacement[1:9] > 0.0).all()

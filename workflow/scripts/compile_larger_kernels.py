@@ -1,0 +1,33 @@
+"""Compile the kernels with Taylor steps and with matrices; the stamp says for which sources."""
+
+from pathlib import Path
+
+from joblog import redirect_output
+from gearlib.kernels.cache import source_hash
+from gearlib.models.one_degree import OneDegreePair
+from gearlib.models.pair import GearPair
+from gearlib.models.six_degrees import SixDegreePair
+
+
+def models():
+    """Yield a model for each mathematics."""
+    pair = GearPair.from_ratios(contact_ratio=1.6, stiffness_ratio=0.6, backlash=4.0)
+    # Taylor steps first, in less time than the kernels of a gear pair take in another job: more
+    # jobs need them.
+    yield OneDegreePair(pair=pair, cubic_damping=1.0)
+    gears = {"base_radii": (1.0,) * 2, "inertias": (2.0,) * 2, "masses": (5.0,) * 2}
+    yield SixDegreePair(pair=pair, bearing_stiffness=(0.1,) * 4, **gears)
+
+
+def run(model):
+    """Run two mesh periods, by the kernels alone: an edit of `simulate` reruns nothing here."""
+    propagator = model.propagator(0.9)
+    samples, events, summary = model.room(events=0)
+    propagator.run(propagator.start((0.0, 0.0)), 2, 1, samples, events, 100, summary)
+
+
+if __name__ == "__main__":
+    redirect_output(snakemake.log[0])
+    for model in models():
+        run(model)
+    Path(snakemake.output.stamp).write_text(f"{source_hash()}\n", encoding="utf-8")

@@ -1,0 +1,13 @@
+"""Compile the kernels of gear trains; the stamp says for which sources."""
+
+from pathlib import Path
+
+from joblog import redirect_output
+from compile_larger_kernels import run
+from gearlib.kernels.cache import source_hash
+from gearlib.models.trains.ready_made import planetary
+
+if __name__ == "__main__":
+    redirect_output(snakemake.log[0])
+    run(planetary(stiffness_ratio=(0.8, 0.8)))
+    Path(snakemake.output.stamp).write_text(f"{source_hash()}\n", encoding="utf-8")
