@@ -7,6 +7,7 @@ For every case the smallest model is named whose answers are those of the whole 
 tolerance.
 """
 
+import csv
 import dataclasses
 import math
 
@@ -14,6 +15,7 @@ import numpy as np
 import xarray as xr
 
 from gearlib.data import provenance
+from gearlib.data.files import replacing
 from gearlib.data.variables import describe
 from gearlib.models.pair import GearPair
 from gearlib.models.trains.parts import gear_masses
@@ -229,3 +231,25 @@ def compute(pair, tunings, settings, changes):
         **run,
     )
     return describe(dataset)
+
+
+def write_csv(comparison, path):
+    """Write the answers as a table, a row for each case and model.
+
+    Parameters
+    ----------
+    comparison : xarray.Dataset
+        Of `compute`.
+    path : str or os.PathLike
+    """
+    names = [str(name) for name in comparison.observable.values]
+    with replacing(path) as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        changes = [f"change_of_{name}" for name in names[:-1]]
+        writer.writerow(["case", "model", *names, *changes, "smallest_that_suffices"])
+        for case in comparison.case.values:
+            for model in comparison.model.values:
+                one = comparison.sel(case=case, model=model)
+                values = [*one.answer.values, *one.answer_change.values[:-1]]
+                chosen = "yes" if model == one.sufficient.item() else "no"
+                writer.writerow([case, model, *(f"{x:.4g}" for x in values), chosen])
