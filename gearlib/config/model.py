@@ -20,6 +20,7 @@ from gearlib.config.experiments import (
 from gearlib.config.global_dynamics import Basins, Bifurcation, Poincare
 from gearlib.config.mesh import Damping, GearPairSection, Run, SixDegrees
 from gearlib.config.scenes import FRICTION_ONLY, SIX_ONLY, Models, Scene
+from gearlib.config.trains import OneMesh, Reducer, check_centres
 from gearlib.config.trials import (
     Failures,
     JumpByMethod,
@@ -55,6 +56,8 @@ Target = Literal[
     "steady_orbits",
     "jump_by_method",
     "published",
+    "reducer",
+    "one_mesh",
     "claims",
     "report_page",
 ]
@@ -91,6 +94,8 @@ class Config(Section):
     steady_orbits: SteadyOrbits = SteadyOrbits()
     jump_by_method: JumpByMethod
     published: Published = Published()
+    reducer: Reducer
+    one_mesh: OneMesh
     basins: Basins
     bifurcation: Bifurcation
     poincare: Poincare
@@ -103,7 +108,7 @@ class Config(Section):
         self._check_colours()
         self._check_size()
         self._check_report_page()
-        for key in ("jump", "analytic_method", "stability_chart", "jump_by_method"):
+        for key in ("jump", "analytic_method", "stability_chart", "jump_by_method", "reducer"):
             damping = getattr(self, key).damping
             if damping not in self.dampings:
                 raise ValueError(
@@ -115,6 +120,7 @@ class Config(Section):
                 f"branches.loci.damping = {self.branches.loci.damping!r} is not allowed: it must "
                 f"be one of {', '.join(self.dampings)}"
             )
+        check_centres("one_mesh.other_teeth", self.one_mesh.other_teeth, self.reducer.modules)
         for name, scene in self.scenes.items():
             self._check_scene(f"scenes.{name}", scene)
         for key in ("basins", "poincare"):

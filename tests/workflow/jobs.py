@@ -71,6 +71,8 @@ EXPERIMENTS = {
     ),
     "stability_chart": Experiment({"stability_chart": 1}, {"draw_stability_chart": 1}),
     "published": Experiment({"published": 1}, {"draw_published": 1}, simulates=True),
+    "reducer": Experiment({"reducer": 1}, {"draw_reducer": 1}, with_k1={"reducer": 1}),
+    "one_mesh": Experiment({"one_mesh": 1}, {"draw_one_mesh": 1}, with_k1={"one_mesh": 1}),
     # Two methods each.
     "failures": Experiment(
         {"trial": 2, "gather_failures": 1}, {"draw_failures": 1}, simulates=True

@@ -174,6 +174,18 @@ DRAWINGS = {
         MARKED,
         absent(CONFIG.jump_by_method.methods),
     ),
+    "reducer": Drawing(
+        "reducer.draw",
+        {"characteristics": rules.reducer.output.dataset},
+        {"reducer": "Fig. 1: all meshes of the reducer over speed"},
+        EXPLANATIONS,
+    ),
+    "one_mesh": Drawing(
+        "one_mesh.draw",
+        {"comparison": rules.one_mesh.output.dataset},
+        {"one_mesh": "Fig. 1: does one mesh stand for the reducer?"},
+        EXPLANATIONS,
+    ),
     "published": Drawing(
         "published.draw",
         dict(rules.published.output.items()),

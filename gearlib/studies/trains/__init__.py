@@ -1,0 +1,9 @@
+"""Gear trains: what only the whole machine shows.
+
+===================  ==========================================================
+module               responsibility
+===================  ==========================================================
+``reducer``          all meshes of the paper's reducer over speed, with errors
+``one_mesh``         whether one mesh stands for the reducer
+===================  ==========================================================
+"""
