@@ -19,6 +19,7 @@ from gearlib.config.experiments import (
 )
 from gearlib.config.global_dynamics import Basins, Bifurcation, Poincare
 from gearlib.config.mesh import Damping, GearPairSection, Run, SixDegrees
+from gearlib.config.planetary import Planetary, SymmetryBreaking, TrainChart
 from gearlib.config.scenes import FRICTION_ONLY, SIX_ONLY, Models, Scene
 from gearlib.config.trials import (
     Failures,
@@ -55,6 +56,8 @@ Target = Literal[
     "steady_orbits",
     "jump_by_method",
     "published",
+    "train_chart",
+    "symmetry_breaking",
     "claims",
     "report_page",
 ]
@@ -91,6 +94,9 @@ class Config(Section):
     steady_orbits: SteadyOrbits = SteadyOrbits()
     jump_by_method: JumpByMethod
     published: Published = Published()
+    planetary: Planetary = Planetary()
+    train_chart: TrainChart = TrainChart()
+    symmetry_breaking: SymmetryBreaking = SymmetryBreaking()
     basins: Basins
     bifurcation: Bifurcation
     poincare: Poincare
@@ -115,6 +121,10 @@ class Config(Section):
                 f"branches.loci.damping = {self.branches.loci.damping!r} is not allowed: it must "
                 f"be one of {', '.join(self.dampings)}"
             )
+        for i, teeth in enumerate(self.train_chart.teeth):
+            self.planetary.check_teeth(f"train_chart.teeth[{i}]", teeth)
+        breaking = self.symmetry_breaking.teeth
+        self.planetary.check_teeth("symmetry_breaking.teeth", breaking, in_phase=True)
         for name, scene in self.scenes.items():
             self._check_scene(f"scenes.{name}", scene)
         for key in ("basins", "poincare"):

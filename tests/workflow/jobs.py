@@ -71,6 +71,10 @@ EXPERIMENTS = {
     ),
     "stability_chart": Experiment({"stability_chart": 1}, {"draw_stability_chart": 1}),
     "published": Experiment({"published": 1}, {"draw_published": 1}, simulates=True),
+    "train_chart": Experiment({"train_chart": 1}, {"draw_train_chart": 1}),
+    "symmetry_breaking": Experiment(
+        {"symmetry_breaking": 1}, {"draw_symmetry_breaking": 1}, simulates=True
+    ),
     # Two methods each.
     "failures": Experiment(
         {"trial": 2, "gather_failures": 1}, {"draw_failures": 1}, simulates=True
