@@ -127,6 +127,17 @@ def symmetric(train):
     return np.tile(kinds == "rotational", 2)
 
 
+def _aside(train):
+    """Return a turn of one planet less what of it is alike for all, of largest entry 1."""
+    reduce, lift = train.reduction()
+    alike = symmetric(train)
+    turn = np.zeros(train.size)
+    planet = next(body.name for body in train.bodies if body.carrier)
+    turn[train.structure.coordinates.index((planet, "u"))] = 1.0
+    rest = lift[:, ~alike] @ (reduce[~alike] @ turn)
+    return rest / np.abs(rest).max()
+
+
 def compute(train, tunings, settings):
     """Return where the symmetric motion breaks, and what becomes of it.
 
@@ -155,9 +166,7 @@ def compute(train, tunings, settings):
     run = {name: settings[name] for name in ("record_periods", "samples_per_period")}
     rest = {"initial_state": "static", "periods": settings["settle"]}
     settled = sweep(small, tunings, record_periods=1, threads=1, **rest)
-    # No direction of its own: every disturbance that is not symmetric.
-    aside = train.reduction()[1][:, ~symmetric(train)].sum(axis=1)
-    aside *= settings["disturbance"] / np.abs(aside).max()
+    aside = settings["disturbance"] * _aside(train)
     largest = np.full((2, tunings.size), np.nan)
     verdict, period = np.zeros(tunings.size, np.int8), np.zeros(tunings.size, np.int32)
     shape = tunings.size, len(train.meshes)
