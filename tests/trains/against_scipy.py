@@ -19,6 +19,8 @@ PERIODS = 3
 KINDS = ("random", "random", "grazing", "simultaneous")
 #: Error of a state over its largest component: what both codes leave of 1e-12 after growth.
 CLOSE = 1e-9
+#: Phase between two changes of contact of one mesh that is rounding.
+TOUCH = 1e-11
 #: Growth of small deviations from which rounding and tolerances exceed that: chaos.
 CHAOTIC = 1e4
 
@@ -112,8 +114,7 @@ def compare(seed, periods=PERIODS):
         samples_per_period=1,
         initial_state=tuple(state / scale),
     )
-    propagator = train.propagator(tuning)
-    maps = propagator.maps(state / scale, periods, 10**6)[1]
+    maps = train.propagator(tuning).maps(state / scale, periods, 10**6)[1]
     growth = float(np.linalg.norm(np.linalg.multi_dot(maps[::-1]), 2))
     own = {j: [] for j in range(len(train.meshes))}
     theirs = {j: [] for j in own}
@@ -127,6 +128,9 @@ def compare(seed, periods=PERIODS):
         own[int(j)].append((int(before), int(after), phase))
     for phase, j, before, after, _ in events:
         theirs[j].append((before, after, phase))
+        if len(theirs[j]) > 1 and phase - theirs[j][-2][2] < TOUCH:
+            # To the other side and back at once: the rounding of an event.
+            del theirs[j][-2:]
     missed = tuple(j for j in own if [e[:2] for e in own[j]] != [e[:2] for e in theirs[j]])
     apart = [
         abs(a[2] - b[2])
@@ -147,6 +151,22 @@ def compare(seed, periods=PERIODS):
         growth,
         int(run.status),
     )
+
+
+def by_heyoka(seed, periods=PERIODS):
+    """Return how far the exact method is from heyoka, over the largest component.
+
+    It arbitrates where the reference differs: behind a grazing touch that has lost digits.
+    """
+    _, train, tuning, state = problem(seed)
+    start = tuple(state / np.repeat([1.0, tuning], train.size // 2))
+    ends = [
+        gearlib.simulate(
+            train, tuning, periods=periods, initial_state=start, method=method
+        ).final_state.values
+        for method in ("exact", "heyoka")
+    ]
+    return float(np.abs(ends[0] - ends[1]).max() / max(1.0, np.abs(ends[1]).max()))
 
 
 def _least(values):

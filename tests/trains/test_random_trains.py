@@ -12,10 +12,12 @@ import pytest
 
 import gearlib
 from tests.paper import PAPER
-from tests.trains.against_scipy import compare, problem
+from tests.trains.against_scipy import by_heyoka, compare, problem
 from tests.trains.reference import Reference
 
 COUNT = int(os.environ.get("GEARLIB_TRAINS", "16"))
+#: Of the first 500 the one in which the reference has lost digits: 1.2e-9 behind a grazing touch.
+ARBITRATED = (418,)
 #: `kernels.several_meshes.substeps.advance` numbers harmonics by `c`, which is the combination.
 FAULT = pytest.mark.xfail(reason="parts of substeps with harmonics use another combination")
 
@@ -44,6 +46,10 @@ def test_no_event_of_a_random_train_is_missed(seed, request):
     if problem(seed)[1].excitation[0].size:
         request.applymarker(FAULT)
     one = compared(seed)
+    if not one.right and seed in ARBITRATED:
+        pytest.importorskip("heyoka")
+        assert by_heyoka(seed) < 1e-11
+        return
     assert one.right, one
     # Times of events near grazing have half of the digits of the state.
     assert one.missed or one.apart < 1e-5
