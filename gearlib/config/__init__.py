@@ -9,6 +9,7 @@ module               responsibility
 ``experiments``      sections of the experiments and of the figures
 ``scenes``           sections of the scenes and of their models
 ``trials``           sections of the trials of the methods
+``planetary``        the planetary train and its charts
 ``global_dynamics``  basins, bifurcation diagram, Poincare sections
 ``model``            the whole, and what must agree between sections
 ``defaults``         defaults that depend on the gears

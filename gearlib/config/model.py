@@ -19,6 +19,7 @@ from gearlib.config.experiments import (
 )
 from gearlib.config.global_dynamics import Basins, Bifurcation, Poincare
 from gearlib.config.mesh import Damping, GearPairSection, Run, SixDegrees
+from gearlib.config.planetary import Planetary, SymmetryBreaking, TrainChart
 from gearlib.config.scenes import FRICTION_ONLY, SIX_ONLY, Models, Scene
 from gearlib.config.trains import OneMesh, Reducer, check_centres
 from gearlib.config.trials import (
@@ -58,6 +59,8 @@ Target = Literal[
     "published",
     "reducer",
     "one_mesh",
+    "train_chart",
+    "symmetry_breaking",
     "claims",
     "report_page",
 ]
@@ -96,6 +99,9 @@ class Config(Section):
     published: Published = Published()
     reducer: Reducer
     one_mesh: OneMesh
+    planetary: Planetary = Planetary()
+    train_chart: TrainChart = TrainChart()
+    symmetry_breaking: SymmetryBreaking = SymmetryBreaking()
     basins: Basins
     bifurcation: Bifurcation
     poincare: Poincare
@@ -121,6 +127,10 @@ class Config(Section):
                 f"be one of {', '.join(self.dampings)}"
             )
         check_centres("one_mesh.other_teeth", self.one_mesh.other_teeth, self.reducer.modules)
+        for i, teeth in enumerate(self.train_chart.teeth):
+            self.planetary.check_teeth(f"train_chart.teeth[{i}]", teeth)
+        breaking = self.symmetry_breaking.teeth
+        self.planetary.check_teeth("symmetry_breaking.teeth", breaking, in_phase=True)
         for name, scene in self.scenes.items():
             self._check_scene(f"scenes.{name}", scene)
         for key in ("basins", "poincare"):

@@ -119,11 +119,12 @@ def _legend(data):
     for direction, marker in _MARKS.items():
         words = f"speed {direction}, where it differs"
         handles.append(Line2D([], [], marker=marker, markerfacecolor="none", label=words, **point))
-    words = {
+    symbols = {
         "lost_alone": "contact lost in this branch only",
         "struck_alone": "far flank struck in this branch only",
     }
     handles += [
-        Line2D([], [], marker=_SYMBOLS[name], label=label, **point) for name, label in words.items()
+        Line2D([], [], marker=_SYMBOLS[name], label=label, **point)
+        for name, label in symbols.items()
     ]
     return handles

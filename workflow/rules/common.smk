@@ -37,6 +37,7 @@ PAPER_TARGETS = ["phase_lag", "resonance", "phase_planes", "scenes", "jump", "cl
 PAPER, CLAIMS = "1 The paper's figures", "2 The paper's statements"
 EXPLANATIONS, METHODS = "3 Explanations", "4 Methods"
 PUBLISHED_PART = "5 Published problems"
+TRAINS = "6 Gear trains"
 
 #: The keys of a grid of tunings.
 GRID = {"start", "stop", "step"}

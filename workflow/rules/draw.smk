@@ -192,6 +192,19 @@ DRAWINGS = {
         {f"published_{name}": label for name, label in PUBLISHED.items()},
         PUBLISHED_PART,
     ),
+    "train_chart": Drawing(
+        "train_chart.draw",
+        {"chart": rules.train_chart.output.dataset},
+        {"train_chart": "Planetary train: instability tongues"},
+        TRAINS,
+    ),
+    "symmetry_breaking": Drawing(
+        "symmetry_breaking.draw",
+        {"data": rules.symmetry_breaking.output.dataset},
+        {"symmetry_breaking": "Planetary train: symmetry breaking"},
+        TRAINS,
+        CONFIG.symmetry_breaking.model_dump(include={"periods_shown"}),
+    ),
 }
 
 

@@ -44,12 +44,12 @@ def advance(fine, rate, c, spin, longest, t, z, term, image):
             z[coordinates + r] += term[coordinates + r]
         term[2 * coordinates] = 0.0
         for j in range(h):
-            c = 2 * coordinates + 1 + 2 * j
-            cosine = -share * spin[j] * term[c + 1]
-            term[c + 1] = share * spin[j] * term[c]
-            term[c] = cosine
-            z[c] += term[c]
-            z[c + 1] += term[c + 1]
+            column = 2 * coordinates + 1 + 2 * j
+            cosine = -share * spin[j] * term[column + 1]
+            term[column + 1] = share * spin[j] * term[column]
+            term[column] = cosine
+            z[column] += term[column]
+            z[column + 1] += term[column + 1]
 
 
 @kernel

@@ -83,11 +83,11 @@ class Propagator(Base):
             z, periods, record_periods, raw, events, limit, summary, none, first
         )
         if code == OK and len(samples):
-            self._fill(raw, samples)
+            self.fill(raw, samples)
         half = z.size // 2
         return z[:half].copy(), z[half:].copy(), period, events, found, code, 0
 
-    def _fill(self, raw, samples):
+    def fill(self, raw, samples):
         """Fill samples, shape (k, 6 m + N), from states, contact codes and segments."""
         system, nu = self.system, self.system.tuning
         m, n = system.near.shape
