@@ -64,7 +64,7 @@ def test_first_order_widths_are_those_of_exact_multipliers(teeth, planets, modes
             model = train(teeth, jump, planets)
             same = [t for t in first_order(model, 0.5, 3.0, 1) if t.modes == one.modes]
             errors.append(abs(exact_width(model, same[0]) / same[0].width - 1.0))
-        # They agree to three digits at 1 and 2 %, and better for a smaller jump; to all digits they do not.
+        # To three digits at 1 and 2 %, better for the smaller jump; to all digits they differ.
         assert errors[1] < 2e-3 and 1e-7 < errors[0] < 0.7 * errors[1], (one, errors)
 
 
