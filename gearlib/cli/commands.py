@@ -260,9 +260,9 @@ def phasing(train, count, output_path, force):
 @click.option("--port", type=int, default=0, help="Port on this machine; any free one by default.")
 @click.option("--show/--no-show", default=True, help="Whether to open a browser.")
 def explore(mapping, damping, port, show):
-    """Explore the gear mesh with sliders, in the browser."""
+    """Explore the gear mesh or a gear train with sliders, in the browser."""
     try:
-        from gearlib.pages.explorer import page
+        from gearlib.pages.explorer import serving
     except ModuleNotFoundError as error:
         output.fail(f"{error.name} is missing: install gearlib[explore]")
-    page.serve(mapping, damping, port, show)
+    serving.serve(mapping, damping, port, show)
