@@ -362,11 +362,15 @@ class Split(Recorded):
         return z, status.OK
 
     def _due(self, t, z, exits):
-        """Return (mesh, line) of a flank that z is beyond already, on its way out; or None."""
+        """Return (mesh, line) of a flank that z is on or beyond, on its way out; or None.
+
+        On it within rounding: the solver may see the other sign and no change of sign.
+        """
         problem, full = self.problem, self.problem.full(t, z)
+        rounding = 0.5 * _OFF * max(1.0, np.abs(z).max())
         near, far = problem.system.near @ full, problem.system.far @ full
         for j, line, direction, _ in exits:
-            if direction * (near, far)[line][j] > 0.0:
+            if direction * (near, far)[line][j] > -rounding:
                 speed = (problem.grid.rate, problem.grid.far_rate)[line][j] @ full
                 if direction * speed > 0.0:
                     return j, line
