@@ -190,7 +190,7 @@ def _settling():
     }
 
 
-def planets(push=3.0, ahead=0.0, **changes):
+def planets(push=3.0, ahead=0.0, **changes) -> tuple[Any, float, tuple]:
     """Return (train, tuning, start state) of three planets in phase, whose sun is pushed.
 
     Parameters
