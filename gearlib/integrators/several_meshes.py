@@ -14,7 +14,7 @@ import numpy as np
 from gearlib.data import status
 from gearlib.integrators.split import Stall
 from gearlib.kernels import orbit
-from gearlib.kernels.closed_form.mesh import BACKLASH, INVERSE, NORMAL
+from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
 from gearlib.kernels.several_meshes.combinations import matrix_of
 from gearlib.kernels.several_meshes.record import FORCE_SUM
 from gearlib.kernels.steps.equation_of_motion import SIDE

@@ -7,7 +7,7 @@ otherwise the first crossing is proved by the shape of the polynomial, or isolat
 """
 
 from gearlib.kernels.arrays import copy
-from gearlib.kernels.closed_form.mesh import BACKLASH, INVERSE, NORMAL
+from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
 from gearlib.kernels.jit import inlined, kernel
 from gearlib.kernels.piecewise_linear.system import ORDER
 from gearlib.kernels.polynomial import fall_by_shape, first_fall, horner, lowest_of_parabola
