@@ -115,7 +115,7 @@ def test_multipliers_of_a_symmetric_orbit_are_those_of_the_reduced_train_and_oth
         (3, 11.0, False),
         (3, 10.0, True),
         (3, 19.5, True),
-        (4, 6.0, False),
+        (4, 10.0, False),
     ):
         full = trains[planets]
         small = symmetry.reduced(full)
