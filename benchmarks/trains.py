@@ -142,7 +142,7 @@ def rows():
 
 
 def growth():
-    """Return rows (degrees, meshes, seconds per mesh period bouncing, in contact), a row a train.
+    """Return rows (degrees, meshes, seconds per mesh period in resonance, above it) of trains.
 
     Planetary trains of 2 to 8 planets, axes elastic or fixed, at the first natural frequency of a
     rotational mode (1475 Hz for three planets) and 1.3 times that.
@@ -181,7 +181,7 @@ def draw(path):
         (axes[1], 1, "meshes", (4, 6, 8, 10, 12, 16)),
     ):
         for words_of, marker, colour, own in looks:
-            for k, kind, fill in ((2, "bouncing", colour), (3, "in contact", "white")):
+            for k, kind, fill in ((2, "in resonance", colour), (3, "above it", "white")):
                 label, look = f"{words_of}, {kind}", {"marker": marker, "mfc": fill}
                 axis.plot(own[:, column], 1e6 * own[:, k], color=colour, label=label, **look)
         axis.set(xlabel=words, xscale="log", yscale="log")

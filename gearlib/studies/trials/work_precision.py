@@ -347,7 +347,8 @@ def seconds_per_period(call, short, longest, repeats):
     call(short)
     # The least of three: an interruption must not pass for a long run.
     whole, base = least(1 if once(short) > _SPAN else 3)
-    while whole - base < _SPAN and count < _MOST:
+    # Starts of trains, with all their tables, take as long as hundreds of their periods.
+    while whole - base < max(_SPAN, 0.5 * base) and count < _MOST:
         if long < longest:
             long = min(2 * long, longest)
         else:
