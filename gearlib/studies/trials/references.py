@@ -2,8 +2,8 @@
 
 How many of the digits are right is not guessed: a run is repeated with more until two runs agree
 far below the last place of a float. So no method is measured by another, nor by itself. Gear trains
-have no such digits: theirs is an exact run, which two other codes confirm to `TRAINS` in a test, and
-no error below that is told.
+have no such digits: theirs is an exact run, which two other codes confirm to `TRAINS` in a test,
+and no error below that is told.
 """
 
 import math
