@@ -14,7 +14,6 @@ from gearlib.kernels.jit import kernel
 from gearlib.kernels.piecewise_linear.system import dot
 from gearlib.kernels.several_meshes.combinations import (
     combination,
-    forget,
     multiply,
     whole_step,
 )
@@ -112,7 +111,7 @@ def go(
     """
     m, n = system.near.shape
     first, last = system.first_segment[number], system.first_segment[number + 1]
-    fine, rate, step, spin = tables.fine, tables.rate, tables.step, grid.spin
+    rate, step, spin = tables.rate, tables.step, grid.spin
     z, own, term, image_, longest = w.z, w.z[:n], w.term, w.image, system.longest
     look_rows, tail_rows, apart, never = tables.look, tables.tail, grid.apart, grid.open
     contact, look, tail = w.contact, w.look, w.tail
@@ -144,19 +143,15 @@ def go(
                     taken = sample(system, grid, tables, c, w, p, phase, length, samples, taken)
                 if best > 1.0 and t == 0.0:
                     s = whole_step(tables, c, grid.kind[p], h)
-                    if s < 0:
-                        forget(tables.known, tables.slots, tables.at)
-                        c = combination(system, tables, w.effects)
-                        s = whole_step(tables, c, grid.kind[p], h)
                     multiply(step, s, z, term)
                     copy(term, own)
                     for i in range(vectors.shape[0]):
                         multiply(step, s, vectors[i], term)
                         copy(term, vectors[i, :n])
                 else:
-                    advance(fine, rate, c, spin, longest, length, z, term, image_)
+                    advance(rate, c, spin, longest, length, z, term, image_)
                     for i in range(vectors.shape[0]):
-                        advance(fine, rate, c, spin, longest, length, vectors[i], term, image_)
+                        advance(rate, c, spin, longest, length, vectors[i], term, image_)
                 if best > 1.0:
                     break
                 spread = 0.0
