@@ -40,8 +40,11 @@ def described(kind, arguments, pair):
         return _OF_PAIRS[kind](GearPair(**pair), **arguments)
     if kind == "planetary":
         return ready_made.planetary(**arguments)
-    parts = {"bodies": Body, "shafts": Shaft, "meshes": _mesh}
-    made = {key: [make(**one) for one in arguments[key]] for key, make in parts.items()}
+    made = {
+        "bodies": [Body(**one) for one in arguments["bodies"]],
+        "shafts": [Shaft(**one) for one in arguments["shafts"]],
+        "meshes": [_mesh(**one) for one in arguments["meshes"]],
+    }
     return GearTrain(**(arguments | made))
 
 

@@ -167,4 +167,3 @@ def _sliders(setting, pair, grid):
         )
         for name, (low, high, step) in ranges.items()
     }
-

@@ -93,9 +93,7 @@ class TrainPage:
         for i, mesh in enumerate(self.machine.meshes):
             label = {"legend_label": mesh} if named else {}
             colour = PALETTE[i % len(PALETTE)]
-            plot.line(
-                "x", "y", source=self._sources[what, mesh], color=colour, **label, **options
-            )
+            plot.line("x", "y", source=self._sources[what, mesh], color=colour, **label, **options)
 
     def _characteristic(self):
         plot = figure(
