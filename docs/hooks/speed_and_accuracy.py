@@ -62,6 +62,11 @@ DIFFICULTIES = {
         "damping, or its opposite, changes these, and every error of the orbit is a deviation "
         "itself.",
     ),
+    "gear trains": (
+        "planets_at_once planets_apart planets_alike",
+        "Equal planets part and touch at the same instant. A method that treats what comes at "
+        "once as one change after the other, or steps over it, has to keep up with all of them.",
+    ),
 }
 
 

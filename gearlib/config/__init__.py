@@ -10,6 +10,7 @@ module               responsibility
 ``scenes``           sections of the scenes and of their models
 ``trains``           section of the gear train
 ``trials``           sections of the trials of the methods
+``planetary``        the planetary train and its charts
 ``global_dynamics``  basins, bifurcation diagram, Poincare sections
 ``model``            the whole, and what must agree between sections
 ``defaults``         defaults that depend on the gears

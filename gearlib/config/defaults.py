@@ -143,6 +143,13 @@ def _made(pair, dampings):
             "cubic_damping": cubic if math.isfinite(cubic) else largest,
         },
         "jump_by_method": {"damping": first},
+        "reducer": {
+            "damping": first,
+            "support_stiffness": 2.5 * pair.max_stiffness,
+            "pin_error": [deflection, 0.0],
+            "backlashes": [0.25 * pair.backlash, pair.backlash, pair.backlash],
+        },
+        "one_mesh": {"soft_support": 0.25 * pair.max_stiffness},
         "basins": {
             "cases": [
                 {"title": _title(name, 0.72), "tuning": 0.72, "damping": damping}

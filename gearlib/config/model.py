@@ -19,8 +19,10 @@ from gearlib.config.experiments import (
 )
 from gearlib.config.global_dynamics import Basins, Bifurcation, Poincare
 from gearlib.config.mesh import Damping, GearPairSection, Run, SixDegrees
+from gearlib.config.planetary import Planetary, SymmetryBreaking, TrainChart
+from gearlib.config.reducer import OneMesh, Reducer, check_centres
 from gearlib.config.scenes import FRICTION_ONLY, SIX_ONLY, Models, Scene
-from gearlib.config.trains import Train
+from gearlib.config.train import Train
 from gearlib.config.trials import (
     Failures,
     JumpByMethod,
@@ -56,6 +58,10 @@ Target = Literal[
     "steady_orbits",
     "jump_by_method",
     "published",
+    "reducer",
+    "one_mesh",
+    "train_chart",
+    "symmetry_breaking",
     "claims",
     "report_page",
 ]
@@ -93,6 +99,11 @@ class Config(Section):
     steady_orbits: SteadyOrbits = SteadyOrbits()
     jump_by_method: JumpByMethod
     published: Published = Published()
+    reducer: Reducer
+    one_mesh: OneMesh
+    planetary: Planetary = Planetary()
+    train_chart: TrainChart = TrainChart()
+    symmetry_breaking: SymmetryBreaking = SymmetryBreaking()
     basins: Basins
     bifurcation: Bifurcation
     poincare: Poincare
@@ -105,7 +116,7 @@ class Config(Section):
         self._check_colours()
         self._check_size()
         self._check_report_page()
-        for key in ("jump", "analytic_method", "stability_chart", "jump_by_method"):
+        for key in ("jump", "analytic_method", "stability_chart", "jump_by_method", "reducer"):
             damping = getattr(self, key).damping
             if damping not in self.dampings:
                 raise ValueError(
@@ -117,6 +128,11 @@ class Config(Section):
                 f"branches.loci.damping = {self.branches.loci.damping!r} is not allowed: it must "
                 f"be one of {', '.join(self.dampings)}"
             )
+        check_centres("one_mesh.other_teeth", self.one_mesh.other_teeth, self.reducer.modules)
+        for i, teeth in enumerate(self.train_chart.teeth):
+            self.planetary.check_teeth(f"train_chart.teeth[{i}]", teeth)
+        breaking = self.symmetry_breaking.teeth
+        self.planetary.check_teeth("symmetry_breaking.teeth", breaking, in_phase=True)
         for name, scene in self.scenes.items():
             self._check_scene(f"scenes.{name}", scene)
         for key in ("basins", "poincare"):

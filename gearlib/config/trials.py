@@ -136,6 +136,7 @@ class Failures(Section):
     ] = [
         _trial("exact", "exact"),
         _trial("taylor", "taylor"),
+        _trial("rk4-64", "rk4", steps_per_period=64),
         _trial("rk4-200", "rk4", steps_per_period=200),
         _trial("rk4-2000", "rk4", steps_per_period=2000),
         _trial("rk45", "rk45"),

@@ -16,6 +16,7 @@ module                 responsibility
 ``one_degree``         models and law of the methods with steps
 ``problems``           models as right-hand sides for solvers in Python
 ``option``             an option of a method: default, check, meaning
+``several_meshes``     gear trains as right-hand sides, their record, runs split at events
 ``each``               many tunings for a method that runs one
 ``split``              record of solvers in Python; runs split at switches and at contact
 ``peers``              solvers from packages of others, which `methods` says whether are there

@@ -3,14 +3,13 @@
 from functools import partial
 
 from gearlib import checks
+from gearlib.integrators import one_degree, several_meshes
 from gearlib.integrators.each import run_each
-from gearlib.integrators.one_degree import MODELS, takes
 from gearlib.integrators.option import Option
 from gearlib.kernels.steps.fixed import Scheme, run_steps
 
-__all__ = ["EVENTS", "MODELS", "OPTIONS", "ORDER", "run", "run_many", "takes"]
-
 ORDER = 4
+MODELS = f"{one_degree.MODELS}, or gear trains"
 EVENTS = "steps go over switches and contact; changes between step ends, by a straight line"
 OPTIONS = {
     "steps_per_period": Option(
@@ -20,8 +19,16 @@ OPTIONS = {
 _SCHEME = Scheme(True, False, 0.0, 0.0, 0.0, 0.0)
 
 
+def takes(pair):
+    """Return whether the model is one mesh with one degree of freedom, or a gear train."""
+    return one_degree.takes(pair) or bool(pair.mesh_names)
+
+
 def run(pair, tuning, state, *arguments, steps_per_period):
     """Run one tuning; see `gearlib.integrators`."""
+    if pair.mesh_names:
+        problem = several_meshes.Problem(pair, tuning)
+        return several_meshes.FixedSteps(problem, steps_per_period).run(state, *arguments)
     return run_steps(pair.law(tuning), _SCHEME, steps_per_period, *state, *arguments)
 
 

@@ -13,18 +13,19 @@ import numpy as np
 
 from gearlib import checks
 from gearlib.data import status
+from gearlib.integrators import several_meshes
 from gearlib.integrators.each import run_each
 from gearlib.integrators.option import Option
 from gearlib.integrators.problems import problem_of
 from gearlib.integrators.split import Phase, Recorded, Split, Stall
 from gearlib.kernels.closed_form.event_by_event import within_range
-from gearlib.kernels.closed_form.mesh import BACKLASH, NORMAL
+from gearlib.kernels.codes import BACKLASH, NORMAL
 from gearlib.kernels.steps.equation_of_motion import SIDE
 
 #: That of the solver: 5, 8, 5, or up to 12.
 ORDER = None
 EVENTS = "as option events says: none, or switches end a run and contact is a terminal event"
-MODELS = "all, one or six degrees of freedom"
+MODELS = "all: one or six degrees of freedom, gear trains"
 SOLVERS = ("RK45", "DOP853", "Radau", "LSODA")
 OPTIONS = {
     "solver": Option("RK45", partial(checks.one_of, choices=SOLVERS), f"one of {SOLVERS}"),
@@ -48,6 +49,10 @@ def takes(pair):
 
 def run(pair, tuning, state, *arguments, solver, rtol, atol, events):
     """Run one tuning; see `gearlib.integrators`."""
+    if pair.mesh_names:
+        train = _SplitTrain if events else _WholeTrain
+        problem = several_meshes.Problem(pair, tuning)
+        return train(problem, solver, rtol, atol).run(state, *arguments)
     kind = _Split if events else _Whole
     return kind(problem_of(pair, tuning), solver, rtol, atol).run(tuning, state, *arguments)
 
@@ -168,3 +173,84 @@ class _Split(Split):
         dense = (lambda times: done.sol(times).T) if done.sol is not None else None
         points = zip(done.t, done.y.T, strict=True)
         return Phase(done.t[-1], done.y[:, -1].copy(), hit, points, dense)
+
+
+class _WholeTrain(several_meshes.Whole):
+    """One run of a gear train over the whole span."""
+
+    def __init__(self, problem, solver, rtol, atol):
+        super().__init__(problem)
+        self.solver, self.rtol, self.atol = solver, rtol, atol
+
+    def go(self, z):
+        """Go through the run; return (z, status)."""
+        from scipy import integrate
+
+        kind = getattr(integrate, self.solver)
+        end = _TURN * self.periods
+        solver = kind(self.right_side, 0.0, z, end, rtol=self.rtol, atol=self.atol)
+        self.add_strobe(0, z)
+        period, counted = 0, 0
+        while solver.status == "running":
+            t, z = solver.t, solver.y.copy()
+            if int(t // _TURN) > period:
+                period, counted = int(t // _TURN), 0
+            counted += 1
+            if counted > self.limit:
+                return z, status.EVENT_LIMIT
+            solver.step()
+            if not np.abs(solver.y).max() < several_meshes.RANGE:
+                return solver.y, status.OVERFLOW
+            if solver.status == "failed":
+                return z, status.STALLED
+            dense = solver.dense_output()
+            for n in range(math.floor(t / _TURN) + 1, math.floor(solver.t / _TURN) + 1):
+                self.add_strobe(n, dense(_TURN * n))
+            self.record(t, solver.t, z, solver.y.copy(), dense)
+        return solver.y, status.OK
+
+
+class _SplitTrain(several_meshes.Split):
+    """Runs of `solve_ivp` with terminal events of all meshes."""
+
+    def __init__(self, problem, solver, rtol, atol):
+        super().__init__(problem)
+        self.solver, self.rtol, self.atol = solver, rtol, atol
+
+    def _crossing(self, mesh, line, direction):
+        problem = self.problem
+        row = (problem.system.near, problem.system.far)[line][mesh]
+
+        def function(t, z):
+            return row @ problem.full(t, z)
+
+        function.terminal, function.direction = True, direction  # type: ignore[attr-defined]
+        return function
+
+    def solve(self, start, end, z, segment, codes, exits):
+        """Take one phase; see `several_meshes.Split`."""
+        from scipy.integrate import solve_ivp
+
+        problem = self.problem
+
+        def rate(t, z):
+            self.evaluations += 1
+            return problem.rate(problem.full(t, z), segment, codes)
+
+        done = solve_ivp(
+            rate,
+            (start, end),
+            z,
+            method=self.solver,
+            rtol=self.rtol,
+            atol=self.atol,
+            dense_output=self.keep,
+            events=[self._crossing(*leave[:3]) for leave in exits],
+        )
+        if done.status < 0:
+            raise Stall
+        hit = None
+        if done.status == 1:
+            hit = next(exits[i][:2] for i, times in enumerate(done.t_events) if times.size)
+        points = list(zip(done.t.tolist(), done.y.T, strict=True))
+        return several_meshes.Phase(done.t[-1], done.y[:, -1].copy(), hit, points, done.sol)

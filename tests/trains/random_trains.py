@@ -177,3 +177,32 @@ def reducer_train(rng):
         pin_errors=None if rng.random() < 0.5 else [(0.0, 5e-6)] + [(0.0, 0.0)] * (branches - 1),
     )
     return _alike(rng, train)
+
+
+def symmetric_problem(rng):
+    """Return (train, tuning, state) of planets in phase, all alike, whose flanks move as one.
+
+    A third of the problems starts with one planet 1e-12 static deflections off the others, so that
+    events come that far apart.
+    """
+    planets = int(rng.choice([2, 3]))
+    kappa = rng.uniform(0.6, 0.9)
+    train = gearlib.planetary(
+        planets=planets,
+        teeth=(30, 90) if planets == 2 else (27, 99),
+        stiffness_ratio=(kappa, kappa),
+        contact_ratio=tuple(rng.uniform(1.2, 1.8, 2)),
+        backlash=float(rng.choice([10e-6, 60e-6])),
+    )
+    tuning = float(rng.uniform(0.8, 1.3))
+    state = train.start_state("static")
+    unit = {}
+    for i, (body, axis) in enumerate(train.structure.coordinates):
+        # Symmetric: the central axes stay, planets do the same along and across their radius.
+        name = "planet" if body.startswith("planet") else body
+        if name == "planet" or axis == "u":
+            state[i] += unit.setdefault((name, axis), rng.normal(0.0, 2.0))
+    if rng.random() < 1.0 / 3.0:
+        first = [body for body, _ in train.structure.coordinates].index("planet 1")
+        state[first] += 1e-12
+    return train, tuning, state

@@ -381,15 +381,22 @@ class Reference:
             if gaps[i] >= 0.0 and rates[i - 1] < 0.0 < rates[i] and gaps[i - 1] > 0.0:
                 high = brentq(rate, low, high, xtol=1e-20)
                 if distance(high) < 0.0:
-                    return brentq(distance, low, high, xtol=1e-20)
+                    return _zero(distance, low, high)
             elif gaps[i] < 0.0:
                 if gaps[i - 1] > 0.0:
-                    return brentq(distance, low, high, xtol=1e-20)
+                    return _zero(distance, low, high)
                 # On the line at the start of the step: off it and back, or at once.
                 if rates[i - 1] > 0.0:
                     top = brentq(rate, low, high, xtol=1e-20) if rates[i] < 0.0 else low
                     if distance(top) > 0.0:
-                        return brentq(distance, top, high, xtol=1e-20)
+                        return _zero(distance, top, high)
                 elif i == 1:
                     return low
         return None
+
+
+def _zero(distance, low, high):
+    """Return where a distance falls through zero; its ends may be the rounding of zero."""
+    if distance(high) >= 0.0:
+        return high
+    return low if distance(low) <= 0.0 else brentq(distance, low, high, xtol=1e-20)

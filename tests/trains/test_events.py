@@ -12,6 +12,7 @@ from gearlib.kernels.several_meshes.combinations import combinations
 from gearlib.kernels.several_meshes.grid import grid_of
 from gearlib.kernels.several_meshes.periods import EVENT_MESH
 from tests.paper import PAPER
+from tests.trains.test_train_system import six_degrees
 
 #: Bounces once a mesh period.
 PAIR = PAPER.replace(material_damping=3953.7, backlash_damping=800.0, backlash=120e-6)
@@ -85,6 +86,29 @@ def test_a_train_of_one_pair_is_the_pair(tuning):
     # The mean force by the polynomials against that of the samples, which are equal steps.
     fine = gearlib.simulate(pairs_as_train(PAIR), tuning, periods=60, samples_per_period=4096)
     assert float(fine.mean_force[0]) == pytest.approx(float(fine.dynamic_force.mean()), abs=2e-3)
+
+
+@pytest.mark.parametrize("seed", [1, 4, 7])
+def test_a_train_of_one_mesh_moves_as_six_degrees(seed):
+    # Run-out, deviations that differ from flank to flank, friction, elastic or rigid bearings.
+    six, train = six_degrees(np.random.default_rng(seed))
+    tuning, arguments = 0.8, dict(periods=2 * six.repeats, record_periods=six.repeats)
+    one = gearlib.simulate(six, tuning, **arguments, samples_per_period=16)
+    start = six.propagator(tuning).start((0.0, 0.0))
+    tuning *= six.mean_eigenfrequency / train.reference_angular_frequency
+    order = {f"{body} {axis}": i for i, (body, axis) in enumerate(train.structure.coordinates)}
+    names = ["3 u", "2 u"] + [f"{'3322'[i]} {'xyxy'[i]}" for i in six.flexible()]
+    state = np.zeros(train.size)
+    half = len(order)
+    for k, name in enumerate(names):
+        state[order[name]], state[half + order[name]] = start[k], start[half + k]
+    state *= six.static_deflection / train.static_deflection
+    run = gearlib.simulate(train, tuning, initial_state=state, samples_per_period=16, **arguments)
+    unit = train.static_deflection / six.static_deflection
+    # Some dozen mesh periods of rounding, in states of a hundred static deflections.
+    np.testing.assert_allclose(unit * run.displacement[:, 0], one.displacement, rtol=0, atol=1e-9)
+    assert run.sizes["event"] == one.sizes["event"]
+    np.testing.assert_array_equal(run.event_to, one.event_to)
 
 
 def test_pairs_that_do_not_touch_one_another_meet_their_flanks_at_once():

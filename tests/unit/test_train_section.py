@@ -10,7 +10,8 @@ import pytest
 import yaml
 
 import gearlib
-from gearlib.config import ConfigError, load, trains
+from gearlib.config import ConfigError, load
+from gearlib.config import train as trains
 from gearlib.models.trains.described import described
 from tests.trains.random_trains import random_train
 

@@ -37,6 +37,7 @@ PAPER_TARGETS = ["phase_lag", "resonance", "phase_planes", "scenes", "jump", "cl
 PAPER, CLAIMS = "1 The paper's figures", "2 The paper's statements"
 EXPLANATIONS, METHODS = "3 Explanations", "4 Methods"
 PUBLISHED_PART = "5 Published problems"
+TRAINS = "6 Gear trains"
 
 #: The keys of a grid of tunings.
 GRID = {"start", "stop", "step"}
@@ -241,6 +242,8 @@ def target_files(targets):
         "parametric_resonance": ["results/tables/parametric_resonance.html"],
         "work_precision": ["results/work_precision.csv"],
         "jump_by_method": ["results/jump_by_method.csv"],
+        "reducer": ["results/reducer.csv"],
+        "one_mesh": ["results/one_mesh.csv"],
         "claims": ["results/claims.csv", "results/claims.md"],
         "report_page": ["results/report/index.html"],
     }

@@ -174,11 +174,36 @@ DRAWINGS = {
         MARKED,
         absent(CONFIG.jump_by_method.methods),
     ),
+    "reducer": Drawing(
+        "reducer.draw",
+        {"characteristics": rules.reducer.output.dataset},
+        {"reducer": "Fig. 1: all meshes of the reducer over speed"},
+        EXPLANATIONS,
+    ),
+    "one_mesh": Drawing(
+        "one_mesh.draw",
+        {"comparison": rules.one_mesh.output.dataset},
+        {"one_mesh": "Fig. 1: does one mesh stand for the reducer?"},
+        EXPLANATIONS,
+    ),
     "published": Drawing(
         "published.draw",
         dict(rules.published.output.items()),
         {f"published_{name}": label for name, label in PUBLISHED.items()},
         PUBLISHED_PART,
+    ),
+    "train_chart": Drawing(
+        "train_chart.draw",
+        {"chart": rules.train_chart.output.dataset},
+        {"train_chart": "Planetary train: instability tongues"},
+        TRAINS,
+    ),
+    "symmetry_breaking": Drawing(
+        "symmetry_breaking.draw",
+        {"data": rules.symmetry_breaking.output.dataset},
+        {"symmetry_breaking": "Planetary train: symmetry breaking"},
+        TRAINS,
+        CONFIG.symmetry_breaking.model_dump(include={"periods_shown"}),
     ),
 }
 

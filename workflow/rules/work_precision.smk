@@ -76,3 +76,5 @@ use rule job as work_precision_table with:
     params:
         script="table",
         function="gearlib.studies.trials.fastest:write_csv",
+        # The caption names them.
+        absent=absent(CONFIG.work_precision.methods),

@@ -6,6 +6,7 @@ module            responsibility
 ``meissner``      rectangular stiffness: tongues in closed form
 ``hill``          other stiffness, six degrees: tongues from monodromy
 ``first_order``   gear trains: widths to first order
+``undamped``      gear trains without damping: growth at many tunings
 ``no_loss``       motion without loss of contact: period map, orbit
 ``chart``         stability over tuning and one other parameter
 ``explanation``   what begins at a tuning: parametric or forced motion

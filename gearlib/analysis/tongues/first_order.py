@@ -6,21 +6,26 @@ of the middle of the upper level, harmonic l of the mesh frequency W couples the
     A = |sum_j 2 J_j sin(pi l (c_j - 1)) / (pi l) exp(-2 pi i l g_j) (b_j . phi_p) (b_j . phi_q)|
 
 and the motion without loss of contact is unstable, if there is no damping, where
-|l W - (w_p + w_q)| < A / (2 sqrt(w_p w_q)). The widths vanish where the sines do, by the contact
-ratio, or where the phases cancel, by the tooth numbers. Lin, Parker: J. Vib. Acoust. 124 (2002)
-68-76.
+|l W - (w_p + w_q)| < A / (2 sqrt(w_p w_q)). Of modes of one frequency all combinations take part: A
+is then the largest singular value of the block of all pairs. The widths vanish where the sines do,
+by the contact ratio, or where the phases cancel, by the tooth numbers. Lin, Parker: J. Vib. Acoust.
+124 (2002) 68-76.
 """
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+
+#: Squared frequencies of equal modes differ by rounding only.
+_EQUAL = 1e-9
 
 
 class FirstOrder(NamedTuple):
     """One tongue to first order."""
 
     order: int  #: harmonic of the reference mesh frequency
-    modes: tuple  #: numbers of the two elastic modes, from 0
+    modes: tuple  #: numbers of the two elastic modes, from 0; of equal modes the first
     tuning: float  #: of its middle
     width: float  #: of the interval of tunings
 
@@ -45,6 +50,8 @@ def first_order(train, start, stop, orders=8):
     angular = np.sqrt(squares)
     unit = train.reference_angular_frequency
     along = train.structure.lines @ shapes
+    ends = [0, *(np.nonzero(np.diff(squares) > _EQUAL * squares[1:])[0] + 1), squares.size]
+    groups = [slice(int(a), int(b)) for a, b in pairwise(ends)]
     found = []
     for order in range(1, orders + 1):
         coupling = np.zeros((angular.size, angular.size), complex)
@@ -58,10 +65,14 @@ def first_order(train, start, stop, orders=8):
             size = 2.0 * jump * np.sin(np.pi * k * (mesh.contact_ratio - 1.0)) / (np.pi * k)
             turn = np.exp(-2.0j * np.pi * k * train.phases[mesh.name])
             coupling += size * turn * np.outer(along[j], along[j])
-        for p in range(angular.size):
-            for q in range(p, angular.size):
+        for i, one in enumerate(groups):
+            for other in groups[i:]:
+                p, q = one.start, other.start
                 middle = (angular[p] + angular[q]) / order / unit
-                width = np.abs(coupling[p, q]) / np.sqrt(angular[p] * angular[q]) / order / unit
-                if start <= middle <= stop and width > 1e-9 * middle:
+                if not start <= middle <= stop:
+                    continue
+                size = np.linalg.norm(coupling[one, other], 2)
+                width = size / np.sqrt(angular[p] * angular[q]) / order / unit
+                if width > 1e-9 * middle:
                     found.append(FirstOrder(order, (p, q), float(middle), float(width)))
     return sorted(found, key=lambda one: (one.order, one.tuning))

@@ -10,16 +10,13 @@ from gearlib.integrators.option import Option
 from gearlib.integrators.peers import contact_branches
 from gearlib.integrators.peers.package import Package
 from gearlib.integrators.problems import problem_of
-from gearlib.integrators.scipy_ivp import takes
 from gearlib.integrators.split import Phase, Split, Stall
-
-__all__ = ["EVENTS", "MODELS", "OPTIONS", "ORDER", "PACKAGE", "run", "run_many", "takes"]
 
 PACKAGE = Package("sksundae", "scikit-sundae")
 #: Variable: 1 to 12 with Adams, 1 to 5 with BDF.
 ORDER = None
 EVENTS = "switches end a run, contact is a root function"
-MODELS = "all, one or six degrees of freedom"
+MODELS = "one or six degrees of freedom"
 FORMULAS = ("Adams", "BDF")
 OPTIONS = {
     "rtol": Option(1e-10, checks.finite_positive, "relative tolerance of a step"),
@@ -32,6 +29,11 @@ OPTIONS = {
 _MOST_STEPS = 1_000_000
 #: Status of a run that a root function ended.
 _ROOT = 2
+
+
+def takes(pair):
+    """Return whether a model has one mesh."""
+    return not pair.mesh_names
 
 
 def run(pair, tuning, state, *arguments, rtol, atol, formula):

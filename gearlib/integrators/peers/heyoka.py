@@ -14,11 +14,13 @@ import numpy as np
 from gearlib import checks
 from gearlib.integrators.each import run_each
 from gearlib.integrators.option import Option
+from gearlib.integrators.peers import heyoka_trains
 from gearlib.integrators.peers.package import Package
 from gearlib.integrators.problems import problem_of
-from gearlib.integrators.scipy_ivp import takes
+from gearlib.integrators.scipy_ivp import MODELS, takes
+from gearlib.integrators.several_meshes import Problem
 from gearlib.integrators.split import Phase, Split, Stall, exits_of
-from gearlib.kernels.closed_form.mesh import BACKLASH, INVERSE, NORMAL
+from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
 
 __all__ = ["EVENTS", "MODELS", "OPTIONS", "ORDER", "PACKAGE", "run", "run_many", "takes"]
 
@@ -26,7 +28,6 @@ PACKAGE = Package("heyoka", "heyoka")
 #: At the default tolerance; it follows from the tolerance.
 ORDER = 20
 EVENTS = "switches end a run, contact is a terminal event of the Taylor polynomial"
-MODELS = "all, one or six degrees of freedom"
 OPTIONS = {
     "tol": Option(
         2.2e-16, checks.finite_positive, "error of a step, relative; by default that of rounding"
@@ -36,6 +37,8 @@ OPTIONS = {
 
 def run(pair, tuning, state, *arguments, tol):
     """Run one tuning; see `gearlib.integrators`."""
+    if pair.mesh_names:
+        return heyoka_trains.Run(Problem(pair, tuning), tol).run(state, *arguments)
     kind = _SixDegrees if pair.equation is None else _OneDegree
     problem = problem_of(pair, tuning)
     return _Run(problem, kind(pair, tuning, problem), tol).run(tuning, state, *arguments)

@@ -9,8 +9,7 @@ import numpy as np
 
 from gearlib.kernels import orbit
 from gearlib.kernels.arrays import copy, enlarged
-from gearlib.kernels.closed_form.mesh import BACKLASH, NORMAL
-from gearlib.kernels.closed_form.run import EVENT_LIMIT, JAMMED, OK, UNRESOLVED
+from gearlib.kernels.codes import BACKLASH, EVENT_LIMIT, JAMMED, NORMAL, OK, UNRESOLVED
 from gearlib.kernels.jit import kernel
 from gearlib.kernels.piecewise_linear.system import dot
 from gearlib.kernels.several_meshes.combinations import (
@@ -120,7 +119,7 @@ def go(
     count, taken, on_line = 0, 0, True
     for p in range(first, last):
         c, h = -1, grid.length[p]
-        for knot in range(grid.knots[p]):
+        for index in range(grid.substeps[p]):
             t = 0.0
             while t < h:
                 if c < 0:
@@ -140,7 +139,7 @@ def go(
                 length = left if best > 1.0 else best * left
                 if recording:
                     phase = system.starts[p] - system.starts[first]
-                    phase += (knot * h + t) * system.tuning
+                    phase += (index * h + t) * system.tuning
                     summarise(system, grid, tables, c, w, p, length, summary, to_bernstein)
                     taken = sample(system, grid, tables, c, w, p, phase, length, samples, taken)
                 if best > 1.0 and t == 0.0:

@@ -4,7 +4,7 @@ import math
 
 from gearlib.kernels import orbit
 from gearlib.kernels.arrays import copy
-from gearlib.kernels.closed_form.mesh import BACKLASH, INVERSE, NORMAL
+from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
 from gearlib.kernels.jit import kernel
 from gearlib.kernels.piecewise_linear.system import ORDER
 from gearlib.kernels.polynomial import highest

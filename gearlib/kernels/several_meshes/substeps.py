@@ -7,7 +7,7 @@ otherwise the first crossing is proved by the shape of the polynomial, or isolat
 """
 
 from gearlib.kernels.arrays import copy
-from gearlib.kernels.closed_form.mesh import BACKLASH, INVERSE, NORMAL
+from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
 from gearlib.kernels.jit import inlined, kernel
 from gearlib.kernels.piecewise_linear.system import ORDER
 from gearlib.kernels.polynomial import fall_by_shape, first_fall, horner, lowest_of_parabola
@@ -44,12 +44,12 @@ def advance(fine, rate, c, spin, longest, t, z, term, image):
             z[coordinates + r] += term[coordinates + r]
         term[2 * coordinates] = 0.0
         for j in range(h):
-            c = 2 * coordinates + 1 + 2 * j
-            cosine = -share * spin[j] * term[c + 1]
-            term[c + 1] = share * spin[j] * term[c]
-            term[c] = cosine
-            z[c] += term[c]
-            z[c + 1] += term[c + 1]
+            column = 2 * coordinates + 1 + 2 * j
+            cosine = -share * spin[j] * term[column + 1]
+            term[column + 1] = share * spin[j] * term[column]
+            term[column] = cosine
+            z[column] += term[column]
+            z[column + 1] += term[column + 1]
 
 
 @kernel

@@ -3,7 +3,7 @@
 import numpy as np
 
 from gearlib.kernels import orbit
-from gearlib.kernels.closed_form.run import OK
+from gearlib.kernels.codes import OK
 from gearlib.kernels.piecewise_linear.system import ORDER
 from gearlib.kernels.polynomial import bernstein_matrix
 from gearlib.kernels.several_meshes.combinations import (
@@ -31,7 +31,7 @@ class Propagator(Base):
         self.grid = grid_of(system)
         m, n = system.near.shape
         lengths = int(self.grid.kind.max()) + 1
-        self.components, self.pieces = n, int(self.grid.knots.sum())
+        self.components, self.pieces = n, int(self.grid.substeps.sum())
         # Between coordinates and their rates by phase, and those by theta of the kernels.
         self.scale = np.repeat([1.0, tuning], model.size // 2)
         if other is not None and other.tables.at.shape[1] >= lengths:
@@ -83,11 +83,11 @@ class Propagator(Base):
             z, periods, record_periods, raw, events, limit, summary, none, first
         )
         if code == OK and len(samples):
-            self._fill(raw, samples)
+            self.fill(raw, samples)
         half = z.size // 2
         return z[:half].copy(), z[half:].copy(), period, events, found, code, 0
 
-    def _fill(self, raw, samples):
+    def fill(self, raw, samples):
         """Fill samples, shape (k, 6 m + N), from states, contact codes and segments."""
         system, nu = self.system, self.system.tuning
         m, n = system.near.shape

@@ -8,10 +8,17 @@ from gearlib import checks
 
 #: Relative difference of base pitches that is rounding of base radii.
 _PITCH = 1e-4
+#: Meshes of nine effects each whose combinations have numbers of 64 bits.
+_MOST_MESHES = 19
 
 
 def check_names(train):
-    """Refuse unknown names, and supports that a turning frame does not allow."""
+    """Refuse too many meshes, unknown names, and supports that a turning frame does not allow."""
+    if len(train.meshes) > _MOST_MESHES:
+        raise ValueError(
+            f"meshes = {len(train.meshes)} meshes is not allowed: there must be at most "
+            f"{_MOST_MESHES}"
+        )
     for shaft in train.shafts:
         for name in shaft.bodies:
             checks.one_of("bodies of a shaft", name, train.body_names)

@@ -1,5 +1,7 @@
 """From the values of a configuration to a `GearTrain`."""
 
+from collections.abc import Callable
+
 from gearlib.models.harmonics import Harmonics
 from gearlib.models.pair import GearPair
 from gearlib.models.trains import ready_made
@@ -40,11 +42,8 @@ def described(kind, arguments, pair):
         return _OF_PAIRS[kind](GearPair(**pair), **arguments)
     if kind == "planetary":
         return ready_made.planetary(**arguments)
-    made = {
-        "bodies": [Body(**one) for one in arguments["bodies"]],
-        "shafts": [Shaft(**one) for one in arguments["shafts"]],
-        "meshes": [_mesh(**one) for one in arguments["meshes"]],
-    }
+    parts: dict[str, Callable] = {"bodies": Body, "shafts": Shaft, "meshes": _mesh}
+    made = {key: [make(**one) for one in arguments[key]] for key, make in parts.items()}
     return GearTrain(**(arguments | made))
 
 

@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,6 +12,9 @@ from gearlib.models.trains import assembly, turning, waves
 from gearlib.models.trains.elements import Body, Mesh, Shaft
 from gearlib.models.trains.results import TrainResults
 from gearlib.models.trains.structure import free_motions, structure
+
+if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
+    from gearlib.models.propagators import several_meshes  # noqa: F401
 
 #: Of the static deflection where the reference mesh carries no load, m.
 _FALLBACK = 1e-6

@@ -3,7 +3,8 @@
 Every verdict follows from numbers by a stated rule, with the accuracy of the paper's plots;
 nothing is typed in. Where a strict reading answers otherwise, the verdict names both. A statement
 that differs stays in the table with its numbers; one for which the configuration has no data is
-"not evaluated". Statements P1 ... P13 are those of Hortel & Skuderova (2007).
+"not evaluated". Statements P1 ... P13 are those of Hortel & Skuderova (2007); A1 is none, but what
+they assume in passing from their Fig. 1 a to one mesh.
 
 ===================  ======================================================
 module               responsibility
@@ -12,6 +13,7 @@ module               responsibility
 ``statements``       the statements and their rules
 ``characteristics``  rules on scales, characteristics and phase planes
 ``scenes``           rules on single runs
+``machine``          the rule on the whole reducer
 ``explanations``     why they come out so: tongues, folds, grazings
 ===================  ======================================================
 """
@@ -41,8 +43,19 @@ class Claim:
     figure: str
 
 
-def evaluate(pair, dampings, resonance, phase_planes, phase_lag, jump, scenes, tongues, branches):
-    """Return the claims P1-P13.
+def evaluate(
+    pair,
+    dampings,
+    resonance,
+    phase_planes,
+    phase_lag,
+    jump,
+    scenes,
+    tongues,
+    branches,
+    one_mesh,
+):
+    """Return the claims P1-P13 and A1.
 
     Parameters
     ----------
@@ -63,13 +76,15 @@ def evaluate(pair, dampings, resonance, phase_planes, phase_lag, jump, scenes, t
         As computed by `gearlib.analysis.tongues.explanation`.
     branches : dict of str to xarray.Dataset
         As computed by `gearlib.studies.resonance_branches`, by the name of the damping.
+    one_mesh : xarray.Dataset
+        As computed by `gearlib.studies.trains.one_mesh`.
 
     Returns
     -------
     list of Claim
     """
     resonance = resonance.sortby("tuning")
-    data = Data(pair, dampings, resonance, phase_planes, phase_lag, jump, scenes)
+    data = Data(pair, dampings, resonance, phase_planes, phase_lag, jump, scenes, one_mesh)
     facts = Facts(data, tongues, branches)
     return [_evaluate(check, data, facts) for check in CHECKS]
 

@@ -1,0 +1,62 @@
+"""Growth of an undamped gear train without loss of contact, exactly, at many tunings in one go.
+
+Between switches of the stiffness q'' = -K_p q with mass-normalised coordinates, so that K_p = V
+diag(w^2) V^T carries a state through a span s by cos(w s) and sin(w s): one eigenproblem for each
+segment, whatever the tuning. The free rotation is left out; it is neutral.
+"""
+
+import numpy as np
+
+#: Growth per mesh period that is rounding: double multipliers part by its root.
+NEUTRAL = 1e-6
+
+
+def growth(train, tunings):
+    """Return the logarithm of the largest multiplier per mesh period, shape (t,).
+
+    Parameters
+    ----------
+    train : gearlib.GearTrain
+        Its damping is left out.
+    tunings : array_like of float, shape (t,)
+
+    Raises
+    ------
+    ValueError
+        If the train is gyroscopic: its stiffness is not symmetric.
+    """
+    matrices = maps(train, tunings)
+    radius = np.abs(np.linalg.eigvals(matrices)).max(axis=1)
+    return np.log(np.maximum(radius, 1.0)) / train.repeats
+
+
+def maps(train, tunings):
+    """Return the maps of modal displacements and rates over `repeats` periods, (t, 2n, 2n)."""
+    if train.gyroscopic:
+        raise ValueError("gyroscopic = True is not allowed here: the train must be without")
+    tunings = np.asarray(tunings, float)
+    _, shapes = train.linear_modes
+    lines = train.structure.lines @ shapes
+    still = shapes.T @ train.structure.stiffness @ shapes
+    upper = np.array([mesh.max_stiffness for mesh in train.meshes])
+    lower = upper * [mesh.stiffness_ratio for mesh in train.meshes]
+    stretches = train.stretches
+    n = len(still)
+    whole = np.broadcast_to(np.eye(2 * n), (tunings.size, 2 * n, 2 * n))
+    step = np.empty(whole.shape)
+    for p, span in enumerate(np.diff(stretches.starts)):
+        levels = np.where(stretches.low[1, p], lower, upper)
+        squares, v = np.linalg.eigh(still + (lines.T * levels) @ lines)
+        w = np.sqrt(squares) / train.reference_angular_frequency
+        angle = w * (span / tunings)[:, None]
+        c, s = np.cos(angle), np.sin(angle)
+        step[:, :n, :n] = step[:, n:, n:] = (v * c[:, None, :]) @ v.T
+        step[:, :n, n:] = (v * (s / w)[:, None, :]) @ v.T
+        step[:, n:, :n] = -(v * (s * w)[:, None, :]) @ v.T
+        whole = step @ whole
+    return whole
+
+
+def stiffness_ratio(jump, contact_ratio):
+    """Return kappa of a mesh with a jump C_max - C_min, over its mean stiffness."""
+    return 1.0 - jump / (1.0 + jump * (2.0 - contact_ratio))

@@ -1,0 +1,111 @@
+"""Symmetry breaking of a planetary train: multipliers, and the motions that follow."""
+
+import math
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from gearlib.figures import style
+
+#: Verdict -> words and shade.
+_SHADES = {
+    0: ("planets alike: no orbit of one period", "#D9D9D9"),
+    2: ("symmetry breaks", "#FBE3D3"),
+    3: ("planets alike: unstable in itself", "#C6DDEE"),
+}
+_MARKERS = ("o", "x", "^", "s", "D", "v")
+
+
+@style.styled()
+def draw(data, periods_shown):
+    """Draw multipliers, bounces and largest forces over the mesh frequency, and one course.
+
+    Parameters
+    ----------
+    data : xarray.Dataset
+        As of `gearlib.studies.trains.symmetry.compute`.
+    periods_shown : int
+        Mesh periods of the course.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    figure = Figure((style.PAGE_WIDTH, 8.0), layout="constrained")
+    axes = figure.subplots(4, 1, height_ratios=[1.0, 1.0, 1.0, 1.1])
+    unit = float(data.reference_frequency) / 1e3
+    frequency = data.tuning.values * unit
+    for panel in axes[:3]:
+        _shade(panel, frequency, data.verdict.values)
+        panel.set_xlim(frequency[0], frequency[-1])
+        panel.axvline(float(data.shown) * unit, color="black", linewidth=0.6, linestyle=(0, (1, 2)))
+    for key, colour, line in (
+        ("symmetric_multiplier", style.PALETTE[0], (0, (4, 2))),
+        ("other_multiplier", style.PALETTE[4], "-"),
+    ):
+        axes[0].plot(frequency, data[key].values, color=colour, linestyle=line)
+    axes[0].axhline(1.0, color="black", linewidth=0.5)
+    axes[0].set_ylabel("largest |multiplier|")
+    axes[2].set_xlabel("mesh frequency, kHz")
+    suns = [str(name) for name in data.mesh.values if str(name).startswith("sun")]
+    for panel, key, words in (
+        (axes[1], "bounces", "bounces per mesh period"),
+        (axes[2], "dynamic_force_max", "largest force over load"),
+    ):
+        alike = data[f"symmetric_{key}"].sel(mesh=suns[0]).values
+        panel.plot(frequency, alike, color=style.PALETTE[0], linestyle=(0, (4, 2)))
+        for i, name in enumerate(suns):
+            panel.plot(
+                frequency,
+                data[key].sel(mesh=name).values,
+                color=_colour(i),
+                marker=_MARKERS[i % len(_MARKERS)],
+                markersize=2.6,
+                linestyle="none",
+            )
+        panel.set_ylabel(f"{words},\nmeshes of the sun")
+        panel.set_ylim(bottom=0.0 if key != "bounces" else -0.05)
+    _draw_course(axes[3], data, suns, periods_shown)
+    lines = [
+        Line2D([], [], color=style.PALETTE[0], linestyle=(0, (4, 2)), label="planets alike"),
+        Line2D([], [], color=style.PALETTE[4], label="all other disturbances"),
+        *(
+            Line2D([], [], color=_colour(i), marker=_MARKERS[i % len(_MARKERS)], linestyle="none",
+                   markersize=3.5, label=f"mesh {name}")
+            for i, name in enumerate(suns)
+        ),
+    ]  # fmt: skip
+    present = [_SHADES[code] for code in _SHADES if code in data.verdict.values]
+    shades = [Patch(color=colour, label=words) for words, colour in present]
+    figure.legend(handles=[*lines, *shades], loc="outside upper center", ncols=3)
+    return figure
+
+
+def _colour(i):
+    return (style.PALETTE[3], style.PALETTE[2], style.PALETTE[1])[i % 3]
+
+
+def _shade(axes, frequency, verdict):
+    """Shade where the verdict is none of stability, half a step to either side."""
+    half = 0.5 * (frequency[1] - frequency[0])
+    for i, code in enumerate(verdict):
+        if int(code) in _SHADES:
+            colour = _SHADES[int(code)][1]
+            axes.axvspan(frequency[i] - half, frequency[i] + half, color=colour, linewidth=0)
+
+
+def _draw_course(axes, data, suns, periods):
+    """Draw the forces of the last periods at the tuning that is shown."""
+    phase = data.phase.values / (2.0 * math.pi)
+    last = phase >= phase[-1] - periods
+    for i, name in enumerate(suns):
+        force = data.dynamic_force.sel(mesh=name).values
+        axes.plot(phase[last] - phase[last][0], force[last], color=_colour(i), linewidth=1.0)
+    unit = float(data.reference_frequency) / 1e3
+    axes.set_xlabel(f"mesh periods, at {float(data.shown) * unit:g} kHz")
+    axes.set_ylabel("mesh force over load")
+    axes.set_xlim(0.0, periods)
+    if not np.isfinite(data.dynamic_force.values).all():
+        axes.text(0.5, 0.5, "no symmetric orbit", ha="center", transform=axes.transAxes)

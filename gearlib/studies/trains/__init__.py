@@ -1,0 +1,11 @@
+"""Gear trains: what only the whole machine shows.
+
+=============  ==============================================================
+module         responsibility
+=============  ==============================================================
+``reducer``    all meshes of the paper's reducer over speed, with errors
+``one_mesh``   whether one mesh stands for the reducer
+``stability``  chart of a planetary train: exact tongues, those of first order
+``symmetry``   where symmetric motions of equal planets break
+=============  ==============================================================
+"""

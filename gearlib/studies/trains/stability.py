@@ -1,0 +1,99 @@
+"""Stability chart of a planetary train: exact multipliers beside first-order tongues."""
+
+import math
+
+import numpy as np
+import xarray as xr
+
+from gearlib.analysis.tongues import undamped
+from gearlib.analysis.tongues.first_order import first_order
+from gearlib.data import provenance
+from gearlib.data.variables import describe
+from gearlib.models.trains.ready_made import planetary
+
+PLANES = ("stiffness_jump", "contact_ratio")
+
+
+def compute(train, tunings, settings):
+    """Return where the undamped motion without loss of contact is unstable.
+
+    Parameters
+    ----------
+    train : dict
+        Keyword arguments of `gearlib.planetary`; its damping is not used.
+    tunings : sequence of float, shape (t,)
+        Mesh frequencies over the reference frequency.
+    settings : dict
+        reference_frequency, Hz; teeth: pairs (z_s, z_r), one for each phasing; largest_jump: of
+        the plane of stiffness jumps; jump: that of the plane of contact ratios; values: how many of
+        each.
+
+    Returns
+    -------
+    xarray.Dataset
+        Over phasing, plane, row and tuning: growth, and whether the point is unstable to first
+        order. Over phasing, plane and row: the share of unstable tunings, of these the share that
+        the first order misses, and of those it names the share that is stable.
+    """
+    tunings = np.asarray(tunings, float)
+    count = settings["values"]
+    # Without a jump, and with a contact ratio of 1 or 2, nothing varies.
+    rows = {
+        "stiffness_jump": settings["largest_jump"] * np.arange(1, count + 1) / count,
+        "contact_ratio": 1.0 + np.arange(1, count + 1) / (count + 1),
+    }
+    shape = len(settings["teeth"]), len(PLANES), count
+    growth, named = np.empty((2, *shape, tunings.size))
+    for i, teeth in enumerate(settings["teeth"]):
+        for j, plane in enumerate(PLANES):
+            for k, value in enumerate(rows[plane]):
+                jump = value if plane == "stiffness_jump" else settings["jump"]
+                ratios = train["contact_ratio"] if plane == "stiffness_jump" else (value, value)
+                one = with_jump(train | {"teeth": teeth, "contact_ratio": ratios}, jump, settings)
+                growth[i, j, k] = undamped.growth(one, tunings)
+                named[i, j, k] = _named(one, tunings)
+    unstable, named = growth > undamped.NEUTRAL, named.astype(bool)
+    dims = ("phasing", "plane", "row")
+    dataset = xr.Dataset(
+        {
+            "teeth_sun": ("phasing", [sun for sun, _ in settings["teeth"]]),
+            "teeth_ring": ("phasing", [ring for _, ring in settings["teeth"]]),
+            "value": (("plane", "row"), [rows[plane] for plane in PLANES]),
+            "growth": ((*dims, "tuning"), growth),
+            "first_order_unstable": ((*dims, "tuning"), named.astype(np.int8)),
+            "unstable_share": (dims, unstable.mean(axis=-1)),
+            "missed_share": (dims, _share(unstable & ~named, unstable)),
+            "false_share": (dims, _share(named & ~unstable, named)),
+            "reference_frequency": settings["reference_frequency"],
+        },
+        {"plane": list(PLANES), "tuning": tunings},
+    )
+    dataset.attrs = provenance.attributes(
+        "Stability chart of a planetary train", one, method="exact multipliers", **settings
+    )
+    return describe(dataset)
+
+
+def with_jump(train, jump, settings):
+    """Return the planetary train whose meshes jump by so many times their mean stiffness."""
+    ratios = [undamped.stiffness_ratio(jump, epsilon) for epsilon in train["contact_ratio"]]
+    options = train | {"stiffness_ratio": ratios}
+    return planetary(**options, reference_frequency=settings["reference_frequency"])
+
+
+def _named(train, tunings):
+    """Return which tunings lie in a first-order tongue, bool, shape (t,)."""
+    # Every harmonic that reaches into the range, and tongues with their middle beside it.
+    squares, _ = train.linear_modes
+    highest = 2.0 * math.sqrt(squares[-1]) / train.reference_angular_frequency
+    low, high = 0.5 * tunings[0], 2.0 * tunings[-1]
+    inside = np.zeros(tunings.size, bool)
+    for one in first_order(train, low, high, math.ceil(highest / low)):
+        inside |= np.abs(tunings - one.tuning) < 0.5 * one.width
+    return inside
+
+
+def _share(part, whole):
+    """Return the share of points of the last axis, NaN where there are none."""
+    total = whole.sum(axis=-1)
+    return np.where(total > 0, part.sum(axis=-1) / np.maximum(total, 1), np.nan)

@@ -1,0 +1,136 @@
+"""Gear trains by methods for comparison: each against the exact one, in all that is recorded."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import gearlib
+from gearlib import integrators
+from tests.paper import PAPER
+from tests.trains.random_trains import random_problem
+from tests.trains.reference import Reference
+
+DEFLECTIONS = ("displacement", "velocity", "dynamic_force", "modified_stiffness", "body_motion")
+SUMMARY = ("mean_force", "fraction_normal", "fraction_backlash", "fraction_inverse", "bounces")
+MORE = ("fraction_min_stiffness", "final_state")
+SPLIT = {"solver": "DOP853", "events": True, "rtol": 1e-12, "atol": 1e-12}
+
+
+def bouncing():
+    """Return an idler whose flanks part and strike the far side, with friction; its start."""
+    train = gearlib.idler(PAPER.replace(backlash=12e-6, material_damping=3000.0))
+    return train.replace(meshes=[replace(m, friction=(0.05, 0.03)) for m in train.meshes])
+
+
+def run(train, method=None, options=None, tuning=0.9, **more):
+    known = dict(periods=6, record_periods=3, samples_per_period=50, initial_state="static")
+    return gearlib.simulate(train, tuning, method=method, options=options, **(known | more))
+
+
+def differences(found, expected):
+    return {
+        name: float(np.abs(found[name] - expected[name]).max())
+        for name in (*DEFLECTIONS, *SUMMARY, *MORE)
+    }
+
+
+@pytest.mark.parametrize(("method", "options"), [("scipy", SPLIT), ("heyoka", {})])
+def test_split_methods_record_what_the_exact_one_does(method, options):
+    if not integrators.about(method).available:
+        pytest.skip(integrators.about(method).note)
+    train, state = bouncing(), (0.5, 3.0, -2.0, 0.0, 1.0, 0.0)
+    expected = run(train, initial_state=state)
+    assert float(expected.fraction_inverse.max()) > 0.0 and expected.event.size > 6
+    found = run(train, method, options, initial_state=state)
+    for name, difference in differences(found, expected).items():
+        # The mean force is that of cubics through step ends, and steps of heyoka are long.
+        assert difference < (1e-3 if name == "mean_force" else 1e-9), name
+    for name in ("event_mesh", "event_from", "event_to"):
+        np.testing.assert_array_equal(found[name], expected[name])
+    np.testing.assert_allclose(found.event_phase, expected.event_phase, rtol=0.0, atol=1e-9)
+    np.testing.assert_allclose(found.event_velocity, expected.event_velocity, rtol=0.0, atol=1e-8)
+    assert int(found.period) == int(expected.period)
+
+
+@pytest.mark.parametrize(
+    ("method", "options", "close"),
+    [
+        # Over switches and contact order one or so is left.
+        ("rk4", {"steps_per_period": 1000}, 2e-2),
+        ("scipy", {"solver": "DOP853", "rtol": 1e-9, "atol": 1e-9}, 1e-4),
+        ("scipy", {"solver": "Radau", "rtol": 1e-6, "atol": 1e-6}, 1e-2),
+    ],
+)
+def test_steps_over_switches_come_close(method, options, close):
+    train, state = bouncing(), (0.5, 3.0, -2.0, 0.0, 1.0, 0.0)
+    expected, found = (
+        run(train, *way, initial_state=state, periods=2, record_periods=2)
+        for way in ((), (method, options))
+    )
+    off = differences(found, expected)
+    # Contact of a sample near an event may be the other one.
+    off.pop("modified_stiffness")
+    assert all(value < close for value in off.values()), off
+    assert found.event.size == expected.event.size
+    np.testing.assert_allclose(found.event_phase, expected.event_phase, rtol=0.0, atol=close)
+
+
+def test_rk4_converges_with_order_four_where_no_step_meets_a_change():
+    """Constant stiffness and contact throughout."""
+    train = bouncing()
+    train = train.replace(
+        meshes=[replace(m, stiffness_ratio=1.0, friction=(0.0, 0.0)) for m in train.meshes]
+    )
+    start = tuple(train.start_state("static") + [0.2, 0.0, 0.0, 0.0, 0.1, 0.0])
+    exact = run(train, initial_state=start, record_periods=6)
+    assert exact.event.size == 0
+    ends = [
+        run(train, "rk4", {"steps_per_period": n}, initial_state=start).final_state
+        for n in (64, 128)
+    ]
+    errors = [float(np.abs(end - exact.final_state).max()) for end in ends]
+    assert math.log2(errors[0] / errors[1]) == pytest.approx(4.0, abs=0.3)
+
+
+@pytest.mark.parametrize("method", ["scipy", "heyoka"])
+def test_harmonics_and_a_long_common_period(method):
+    """Against the reference: run-out, deviations of both flanks, friction, 24 mesh periods."""
+    if not integrators.about(method).available:
+        pytest.skip(integrators.about(method).note)
+    for seed in (0, 5):
+        train, tuning, state = random_problem(np.random.default_rng(seed))
+        assert train.repeats > 1 and train.excitation[0].size
+        end, events = Reference(train, tuning).run(state, 2)
+        options = SPLIT if method == "scipy" else {}
+        found = run(
+            train, method, options, tuning, periods=2, record_periods=2, initial_state=tuple(state)
+        )
+        scale = np.repeat([1.0, tuning], train.size // 2)
+        close = 1e-9 * np.abs(end).max()
+        np.testing.assert_allclose(found.final_state * scale, end, rtol=0.0, atol=close)
+        assert [event[1:4] for event in events] == list(
+            zip(found.event_mesh.values, found.event_from, found.event_to, strict=True)
+        )
+
+
+def test_sweeps_take_them_and_what_does_not_is_refused_in_a_sentence():
+    train = bouncing()
+    many = gearlib.sweep(
+        train, [0.8, 0.9], periods=2, record_periods=1, method="rk4", initial_state="static"
+    )
+    one = run(train, "rk4", periods=2, record_periods=1, samples_per_period=1)
+    assert many.dynamic_force_max.dims == ("tuning", "mesh")
+    np.testing.assert_array_equal(many.bounces[1], one.bounces)
+    np.testing.assert_array_equal(many.final_state[1], one.final_state)
+    for method in ("taylor", "rk45", "newmark", "cvode", "diffrax", "cyrk", "numbalsoda"):
+        with pytest.raises(ValueError, match=f"method = '{method}' .* it takes .* must be one of"):
+            run(train, method)
+
+
+def test_runs_that_cannot_go_on_say_so():
+    train = bouncing()
+    for method, options in (("rk4", {"steps_per_period": 2}), ("scipy", SPLIT)):
+        end = run(train, method, options, periods=900 if method == "rk4" else 3, max_events=1)
+        assert int(end.status) != 0 and np.isnan(end.final_state).all()
