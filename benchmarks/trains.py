@@ -142,7 +142,7 @@ def rows():
 
 
 def growth():
-    """Return rows (degrees, meshes, seconds per mesh period bouncing, in contact), a row a train.
+    """Return rows (degrees, meshes, seconds per mesh period in resonance, above it) of trains.
 
     Planetary trains of 2 to 8 planets, axes elastic or fixed, at the first natural frequency of a
     rotational mode (1475 Hz for three planets) and 1.3 times that.
@@ -158,13 +158,13 @@ def growth():
             for frequency in (first, 1.3 * first):
                 tuning = tuning_of(train, frequency)
                 state, bounces = run(train, tuning, tuple(train.start_state("static")), 400)[1:]
-                print(planets, frequency, bounces)
+                print(f"{planets} planets, {frequency:.0f} Hz: {bounces:g} bounces a period")
                 call = partial(run, train, tuning, state)
                 best = per_period({n: (call, n) for n in (50, 250)})
                 # The slope: without the start of a call and its tables.
                 spent.append((250 * best[250] - 50 * best[50]) / 200)
             found.append((train.size // 2, len(train.meshes), *spent))
-            print(*found[-1], flush=True)
+            print(*found[-1][:2], *(f"{1e6 * s:.3g} us" for s in found[-1][2:]), flush=True)
     return np.array(found)
 
 
@@ -173,22 +173,21 @@ def draw(path):
     from matplotlib.figure import Figure
 
     found = growth()
-    figure = Figure((6.3, 2.6), layout="constrained")
+    figure = Figure((6.3, 2.8), layout="constrained")
     axes = figure.subplots(1, 2, sharey=True)
-    looks = (("elastic axes", "o", found[:7]), ("fixed axes", "s", found[7:]))
-    for axis, column, words in zip(axes, (0, 1), ("degrees of freedom", "meshes"), strict=True):
-        for label, marker, own in looks:
-            for k, kind in ((2, "bouncing"), (3, "in contact")):
-                axis.plot(
-                    own[:, column],
-                    1e6 * own[:, k],
-                    marker=marker,
-                    mfc=None if k == 2 else "white",
-                    color="C0" if marker == "o" else "C1",
-                    label=f"{label}, {kind}",
-                )
+    looks = (("elastic axes", "o", "C0", found[:7]), ("fixed axes", "s", "C1", found[7:]))
+    for axis, column, words, ticks in (
+        (axes[0], 0, "degrees of freedom", (5, 7, 11, 15, 21, 33)),
+        (axes[1], 1, "meshes", (4, 6, 8, 10, 12, 16)),
+    ):
+        for words_of, marker, colour, own in looks:
+            for k, kind, fill in ((2, "in resonance", colour), (3, "above it", "white")):
+                label, look = f"{words_of}, {kind}", {"marker": marker, "mfc": fill}
+                axis.plot(own[:, column], 1e6 * own[:, k], color=colour, label=label, **look)
         axis.set(xlabel=words, xscale="log", yscale="log")
-    axes[0].set_ylabel("processor time of a mesh period, µs")
+        axis.set_xticks(ticks, map(str, ticks))
+        axis.set_xticks([], minor=True)
+    axes[0].set_ylabel("µs per mesh period")
     axes[1].legend(fontsize=7)
     figure.savefig(path, dpi=150)
 

@@ -166,7 +166,9 @@ class Failures(Section):
         return self
 
 
-Problem = Literal["smooth", "bouncing", "near_fold", "conservative", "six_degrees", "cubic"]
+Problem = Literal[
+    "smooth", "bouncing", "near_fold", "conservative", "six_degrees", "cubic", "reducer"
+]
 
 
 class WorkPrecision(Section):
@@ -189,7 +191,10 @@ class WorkPrecision(Section):
         default=20, description="Mesh periods of a run."
     )
     conservative_periods: integer_within(ge=1, le=10_000) = Field(
-        default=3, description="The same without damping, where rounding errors grow fast."
+        default=3,
+        description=(
+            "The same without damping, where rounding errors grow fast, and of the gear train."
+        ),
     )
     record_periods: integer_within(ge=1, le=100) = Field(
         default=3,

@@ -7,6 +7,7 @@ how its solver takes one phase.
 """
 
 import math
+from bisect import bisect_right
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -37,6 +38,7 @@ class Problem:
         self.meshes = range(len(train.meshes))
         self.gaps = np.array([mesh.backlash for mesh in train.meshes])
         self._starts = self.system.starts.tolist()
+        self._lines = np.concatenate([self.system.near, self.system.far])
         self._matrices: dict = {}
         # Moves of the coordinates that change the distance of one mesh only.
         self._apart = np.linalg.pinv(self.system.near[:, : self.size // 2])
@@ -48,24 +50,24 @@ class Problem:
     def full(self, t, z):
         """Return z with the constant and the harmonics at a phase."""
         harmonics = self.system.harmonics
-        if not harmonics.size:
-            return np.append(z, 1.0)
         whole = np.empty(self.size + 1 + 2 * harmonics.size)
         whole[: self.size], whole[self.size] = z, 1.0
+        if not harmonics.size:
+            return whole
         whole[self.size + 1 :: 2] = np.cos(harmonics * t)
         whole[self.size + 2 :: 2] = np.sin(harmonics * t)
         return whole
 
     def segment(self, t):
         """Return the segment of constant stiffness just after a phase."""
-        whole = _TURN * self.repeats
-        at = np.searchsorted(self.system.starts, (t + SIDE) % whole, side="right")
-        return min(int(at), len(self._starts) - 1) - 1
+        at = bisect_right(self._starts, (t + SIDE) % (_TURN * self.repeats))
+        return min(at, len(self._starts) - 1) - 1
 
     def codes(self, full):
         """Return the contact codes of distances, int, shape (m,)."""
-        near, far = self.system.near @ full, self.system.far @ full
-        return np.where(near >= 0.0, NORMAL, np.where(far <= 0.0, INVERSE, BACKLASH))
+        near, far = (self._lines @ full).reshape(2, -1)
+        normal = near >= 0.0
+        return normal * NORMAL + (~normal & (far <= 0.0)) * INVERSE
 
     def rate(self, full, segment, codes):
         """Return dz/dtau."""

@@ -216,7 +216,7 @@ def _trains():
     return {
         "planets_at_once": Problem("three meshes part at once", *planets()),
         "planets_apart": Problem("three meshes part 1e-12 apart", *planets(ahead=5e-12)),
-        "planets_alike": Problem("planets start alike", *planets(ring_phase=0.0), periods=30),
+        "planets_alike": Problem("all six meshes of a train part", *planets(6.0, ring_phase=0.0)),
     }
 
 
