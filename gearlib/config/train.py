@@ -170,7 +170,7 @@ class BodyPart(Given):
     name: Label = Field(description="Name of the body.")
     inertia: Inertia = Field(description="About its axis, kg m^2.")
     base_radius: Length = Field(description="m; of a carrier the radius of its pins.")
-    teeth: Teeth = Field(default=None, description="None for a carrier.")
+    teeth: Teeth = Field(default=None, description="Left out for a carrier.")
     mass: Mass = Field(default=None, description="kg; needed where the axis can move.")
     support_stiffness: numbers(Support, 2, "Along x and y, N/m.") = None
     support_damping: numbers(DampingCoefficient, 2, "Along x and y, N s/m.") = None

@@ -159,6 +159,7 @@ def _in_words(run):
         return run.status.attrs["message"]
     period = int(run.period)
     motion = f"repeats after {period} mesh periods" if period else "does not repeat soon"
-    parted = [str(name) for name in run.mesh.values[run.fraction_normal.values < 1.0]]
+    lost = (run.fraction_backlash + run.fraction_inverse).values > 0.0
+    parted = [str(name) for name in run.mesh.values[lost]]
     contact = f"contact is lost in {', '.join(parted)}" if parted else "all meshes stay in contact"
     return f"The motion from rest {motion}; {contact}."
