@@ -12,7 +12,7 @@ import pytest
 
 import gearlib
 from tests.paper import PAPER
-from tests.trains.against_scipy import by_heyoka, compare, problem
+from tests.trains.against_scipy import by_heyoka, compare
 from tests.trains.reference import Reference
 
 COUNT = int(os.environ.get("GEARLIB_TRAINS", "16"))
