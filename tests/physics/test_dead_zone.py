@@ -283,7 +283,7 @@ def test_survey_and_its_picture():
         # The chaotic motion amplifies what the independent solver leaves.
         assert float(survey.disagreement.max()) < 1e-9
         assert float(survey.share.sum()) == pytest.approx(1.0)
-        figure = picture.draw(survey, name)
+        figure = picture.draw_survey(survey, name)
         assert len(figure.axes) == 4
     assert set(picture.SYMBOLS) == set(published.PROBLEMS)
 

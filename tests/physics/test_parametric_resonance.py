@@ -242,7 +242,7 @@ def test_bearings_bring_combination_resonance():
     found = tongues(pair, start=1.3, stop=1.45, step=0.005)
     (i,) = np.nonzero(found.edge_multiplier.values == 0)[0]
     nu = float(found.growth_tuning[i])
-    largest = max(np.linalg.eigvals(hill.six_degree_map(pair, nu)), key=abs)
+    largest = max(np.linalg.eigvals(pair.contact_map(nu)), key=abs)
     assert abs(largest.imag) > 1e-3
     assert math.log(abs(largest)) == pytest.approx(float(found.growth[i]), rel=1e-9)
 
