@@ -1,7 +1,7 @@
 """Gears by their drawing: `SpurGear`, `Mesh` and what they are made of.
 
-The code lies in `gearlib.models.geometry`; `Mesh` here is one of two drawn gears, while `gearlib.Mesh`
-is one of a `GearTrain`.
+The code lies in `gearlib.models.geometry`; `Mesh` here is one of two drawn gears, while
+`gearlib.Mesh` is one of a `GearTrain`.
 """
 
 from gearlib.models.geometry.blank import RACKS, Material, Rack, Web

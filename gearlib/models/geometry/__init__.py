@@ -10,6 +10,7 @@ module          responsibility
 ``iso``         mesh stiffness after ISO 6336-1, method B
 ``energy``      mesh stiffness by the energy method
 ``stiffness``   `MeshStiffness`: a named choice of both or of a table, and its reduction
+``parameters``  from a mesh, its load and damping to the parameters of a `GearPair`
 ``involute``    the involute function and its inverse
 ==============  ===================================================================
 

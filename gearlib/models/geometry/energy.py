@@ -1,7 +1,7 @@
 """Mesh stiffness by the energy method: teeth, Hertz contact, and bodies counted once.
 
-A pair of teeth i has the compliance q_i of both teeth and of their contact. The body of a gear yields
-to the loads of all pairs: under the force F_j of another pair, the point of pair i moves by
+A pair of teeth i has the compliance q_i of both teeth and of their contact. The body of a gear
+yields to the loads of all pairs: under the force F_j of another pair, the point of pair i moves by
 coupling sqrt(f_i f_j) F_j, with the compliances f of the body by itself. So x = Q F with
 
     Q = diag(q) + sum over both gears of diag(f) (1 - coupling) + coupling sqrt(f) sqrt(f)^T,
@@ -9,9 +9,9 @@ coupling sqrt(f_i f_j) F_j, with the compliances f of the body by itself. So x =
 and C = 1^T Q^-1 1. Coupling 1, the default, counts the body once; 0 gives each pair a body of its
 own, which counts it twice in double contact, as many papers do.
 
-Sources: see `gearlib.models.geometry.tooth`; Hertz contact by Yang & Sun, J. Mech. Transm. Autom. Des.
-107 (1985) 529-535 (constant), or Weber & Banaschek (1953) (logarithmic in the load). Of helical gears
-each slice of the face is a spur gear of the transverse section.
+Sources: see `gearlib.models.geometry.tooth`; Hertz contact by Yang & Sun, J. Mech. Transm. Autom.
+Des. 107 (1985) 529-535 (constant), or Weber & Banaschek (1953) (logarithmic in the load). Of helical
+gears each slice of the face is a spur gear of the transverse section.
 """
 
 import math

@@ -12,8 +12,8 @@ from gearlib import checks
 from gearlib.models.geometry.blank import RACKS, Material, Rack, Web
 from gearlib.models.geometry.involute import inv
 
-#: By so much the shift may lie below the limit of undercut: 17 teeth without shift, the limit of the
-#: textbooks, lie 0.006 below; the rack takes away less than a thousandth of a module.
+#: By so much the shift may lie below the limit of undercut: 17 teeth without shift, the limit of
+#: the textbooks, lie 0.006 below; the rack takes away less than a thousandth of a module.
 _UNDERCUT = 0.02
 
 
@@ -53,8 +53,8 @@ class SpurGear:
     Raises
     ------
     ValueError
-        If a value is impossible, the rack undercuts the teeth or their tips are pointed; the message
-        names parameter, value and range.
+        If a value is impossible, the rack undercuts the teeth or their tips are pointed; the
+        message names parameter, value and range.
     """
 
     teeth: int
@@ -106,9 +106,12 @@ class SpurGear:
             lambda v: v * math.tan(self.pressure_angle) <= math.pi / 4.0,
         )
         if not self.internal:
-            limit = self.rack_form_height / self.module - self.teeth / (
-                2.0 * math.cos(self.helix_angle)
-            ) * math.sin(self.transverse_pressure_angle) ** 2
+            limit = (
+                self.rack_form_height / self.module
+                - self.teeth
+                / (2.0 * math.cos(self.helix_angle))
+                * math.sin(self.transverse_pressure_angle) ** 2
+            )
             checks.number(
                 "shift",
                 self.shift,
@@ -123,9 +126,7 @@ class SpurGear:
         else:
             low, high, words = least, math.inf, "base and root"
         allowed = f"above {low:.6g} m" if high == math.inf else f"from {low:.6g} to {high:.6g} m"
-        self._within(
-            "tip_diameter", f"{allowed}, by its {words} circles", lambda v: low < v < high
-        )
+        self._within("tip_diameter", f"{allowed}, by its {words} circles", lambda v: low < v < high)
         thickness = self.thickness_at(self.tip_diameter)
         checks.number(
             "tip_diameter",
@@ -258,7 +259,7 @@ class SpurGear:
         return (self.module * nominal + self.thickness_allowance) / math.cos(self.helix_angle)
 
     def thickness_at(self, diameter):
-        """Return the transverse tooth thickness on the circle of a diameter >= d_b, m; ISO 21771."""
+        """Return the transverse tooth thickness at a diameter >= d_b, m; ISO 21771."""
         angle = math.acos(min(self.base_diameter / diameter, 1.0))
         narrowing = inv(self.transverse_pressure_angle) - inv(angle)
         return diameter * (self.tooth_thickness / self.reference_diameter + self.sign * narrowing)

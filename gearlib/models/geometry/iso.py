@@ -41,8 +41,8 @@ def iso_stiffness(mesh, torque=None, application_factor=1.0):
     ----------
     mesh : Mesh
     torque : float, optional
-        Of the pinion, N m; finite, > 0. Below F_t K_A / b = 100 N/mm, c' falls with its fourth root;
-        without a torque it does not.
+        Of the pinion, N m; finite, > 0. Below F_t K_A / b = 100 N/mm, c' falls with its fourth
+        root; without a torque it does not.
     application_factor : float, default 1
         K_A; finite, > 0.
 

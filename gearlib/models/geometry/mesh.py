@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from gearlib import checks
 from gearlib.models.geometry.gear import SpurGear
 from gearlib.models.geometry.involute import angle_of, inv
+from gearlib.models.geometry.parameters import pair_parameters
 from gearlib.models.geometry.stiffness import mesh_stiffness
 
 #: Backlash between minus this times the module and 0 is 0: drawings print shifts and distances
@@ -177,7 +178,9 @@ class Mesh:
                 ">= 0; shifts, allowances of the tooth thickness and centre_distance leave too "
                 "little room"
             )
-        self._put("backlash", checks.number("backlash", backlash, words, lambda v: 0 <= v < math.inf))
+        self._put(
+            "backlash", checks.number("backlash", backlash, words, lambda v: 0 <= v < math.inf)
+        )
 
     def _geometric_backlash(self):
         """p_w minus both tooth thicknesses on the working circles, in the normal direction, m."""
@@ -291,6 +294,10 @@ class Mesh:
     def stiffness(self, method="iso", **options):
         """Return the `MeshStiffness` by a named method; see `mesh_stiffness`."""
         return mesh_stiffness(self, method, **options)
+
+    def pair_parameters(self, **options):
+        """Return what `GearPair.from_geometry` takes of the mesh, as a dict."""
+        return pair_parameters(self, **options)
 
 
 def _clear(name, value, fits, allowed):
