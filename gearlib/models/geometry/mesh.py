@@ -1,8 +1,8 @@
 """Two gears in mesh: working angle, path of contact, contact ratio, backlash, interference.
 
-Positions on the path of contact are radii of curvature of the pinion's flank, in m: 0 where the line
-of action touches the pinion's base circle. The pinion drives; contact begins at ``path[0]``, at the
-tip of the wheel, and ends at ``path[1]``, at its own tip.
+Positions on the path of contact are radii of curvature of the pinion's flank, in m: 0 where the
+line of action touches the pinion's base circle. The pinion drives; contact begins at ``path[0]``,
+at the tip of the wheel, and ends at ``path[1]``, at its own tip.
 
 The mesh phase 0 lies in the middle of the stretch with the larger number of pairs in contact, as in
 `gearlib.models.stiffness`; one transverse base pitch is 2 pi.
@@ -20,9 +20,9 @@ from gearlib.models.geometry.stiffness import mesh_stiffness
 #: Backlash between minus this times the module and 0 is 0: drawings print shifts and distances
 #: rounded to the fourth digit.
 _ROUNDING = 1e-3
-#: By so many modules contact may begin below the end of the fillet. The fillet leaves the involute
-#: along its tangent and is a thousandth of a module thick there; rings with full addenda, as of most
-#: published planetary sets, reach 0.03 modules below it.
+#: By so many modules contact may reach below the involute. The fillet leaves it along its tangent,
+#: by less than two thousandths of a module there; rings with full addenda, as in most published
+#: planetary sets, reach 0.03 modules below it.
 _INTO_FILLET = 0.05
 
 
@@ -199,7 +199,7 @@ class Mesh:
 
     @property
     def working_pressure_angle(self):
-        """alpha_wt, cos(alpha_wt) = (r_b1 + r_b2) / a, internal (r_b2 - r_b1) / a; rad; ISO 21771."""
+        """alpha_wt, rad: cos is (r_b1 + r_b2) / a, internal (r_b2 - r_b1) / a; ISO 21771."""
         base = abs(self._signed(self.pinion.base_diameter, self.wheel.base_diameter)) / 2.0
         return math.acos(base / self.centre_distance)
 

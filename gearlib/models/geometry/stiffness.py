@@ -1,10 +1,10 @@
 """Mesh stiffness from the drawing: named choices, their sources, and what a model takes of them.
 
-Over a mesh period ceil(eps_alpha) pairs touch on the stretch eps_alpha - floor(eps_alpha), one pair
-less on the rest. A position u in base pitches after the start of contact of the last pair has the mesh
-phase 2 pi (u - half of that stretch). The stiffness of a helical gear is the average of that course
-over the overlap ratio eps_beta, because the slices of the face are in mesh one after another: of the
-rectangle an exact trapezoid.
+Over a mesh period, floor(eps_alpha) + 1 pairs touch on the stretch eps_alpha - floor(eps_alpha), one
+pair less on the rest. A position u in base pitches after the start of contact of the last pair has
+the mesh phase 2 pi (u - half of that stretch). The stiffness of a helical gear is the average of that
+course over the overlap ratio eps_beta, because the slices of the face are in mesh one after another:
+of the rectangle an exact trapezoid.
 """
 
 import math
@@ -26,8 +26,8 @@ SOURCES = {
     "energy": "energy method, body after Sainsot, Velex & Duverger (2004)",
     "table": "a table of one's own",
 }
-#: Relative. "iso": the bounds quoted for its c', +5 % and -8 %. "energy": what the contact and the body
-#: leave open; with a logarithmic contact or a body for each pair, z 20/20 differs by -20 % and +23 %.
+#: Relative. "iso": the bounds quoted for its c', +5 % and -8 %. "energy": what contact and body leave
+#: open; with a logarithmic contact or a body for each pair, z 20/20 differs by -20 % and +23 %.
 UNCERTAINTY = {"iso": 0.08, "energy": 0.20, "table": math.nan}
 
 
@@ -69,9 +69,9 @@ def mesh_stiffness(mesh, method="iso", *, samples=64, **options):
     ----------
     mesh : Mesh
     method : {"iso", "energy"} or Tabulated, default "iso"
-        "iso": c' of ISO 6336-1 for one pair of teeth, and for each more 0.75 c', so that the mean is
-        c_gamma_alpha. "energy": the course by the energy method; its rectangle has the mean of each
-        stretch. A table stands for itself; its rectangle has its extrema and mean.
+        "iso": c' of ISO 6336-1 for one pair of teeth, and for each more 0.75 c', so that the mean
+        is c_gamma_alpha. "energy": the course by the energy method; its rectangle has the mean of
+        each stretch. A table stands for itself; its rectangle has its extrema and mean.
     samples : int, default 64
         Phases of the course by the energy method, >= 8.
     torque : float, optional

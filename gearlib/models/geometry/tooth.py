@@ -1,20 +1,20 @@
 """Outline of a tooth, and its compliance under a force on the flank, with that of the body.
 
-The tooth is seen in the transverse section: y from the axis of the gear along the centre line of the
-tooth, x half of its thickness. The force at a point of the flank is tangent to the base circle, by
-an angle b off the normal of the centre line. In phi = tan(pressure angle at the point), the radius of
-curvature over r_b, b = phi - psi with half the angle psi of the tooth at its base, and
+The tooth is seen in the transverse section: y from the axis of the gear along the centre line of
+the tooth, x half of its thickness. The force at a point of the flank is tangent to the base circle,
+by an angle b off the normal of the centre line. In phi = tan(pressure angle at the point), the radius
+of curvature over r_b, b = phi - psi with half the angle psi of the tooth at its base, and
 
     x = r_b (phi cos b - sin b),    y = r_b (cos b + phi sin b).
 
-A ring gear's tooth has b = phi + psi, the opposite x, and its root at larger y; its flank is taken to
-reach the root circle, its rim to be rigid.
+A ring gear's tooth has b = phi + psi, the opposite x, and its root at larger y; its flank is taken
+to reach the root circle, its rim to be rigid.
 
-Sources: Weber & Banaschek (1953), Yang & Lin, J. Mech. Transm. Autom. Des. 109 (1987) 189-196, for the
-energies; Sainsot, Velex & Duverger, J. Mech. Des. 126 (2004) 748-752, for a body clamped at its bore.
-Their term in h^2 is, to a tenth, the twist of a disc between bore and root, (1 + nu) (h^2 - 1) / (2 pi);
-it has no meaning without a bore. A gear without one is the half plane of Cornell, J. Mech. Des. 103
-(1981) 447-459, in plane stress.
+Sources: Weber & Banaschek (1953), Yang & Lin, J. Mech. Transm. Autom. Des. 109 (1987) 189-196, for
+the energies; Sainsot, Velex & Duverger, J. Mech. Des. 126 (2004) 748-752, for a body clamped at its
+bore. Their term in h^2 is, to a tenth, the twist of a disc between bore and root, (1 + nu) (h^2 - 1)
+/ (2 pi); it has no meaning without a bore. A gear without one is the half plane of Cornell, J. Mech.
+Des. 103 (1981) 447-459, in plane stress.
 """
 
 import math
@@ -26,7 +26,7 @@ from gearlib.models.geometry.involute import inv
 #: Nodes of Gauss and Legendre: integrals over fillet and flank have 10 digits.
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(32)
 
-#: Rows L, M, P, Q and columns A ... F of X = A/th^2 + B h^2 + C h/th + D/th + E h + F, Sainsot et al.
+#: Rows L, M, P, Q and columns A ... F of X = A/th^2 + B h^2 + C h/th + D/th + E h + F, Sainsot.
 _BODY = np.array(
     [
         [-5.574e-5, -1.9986e-3, -2.3015e-4, 4.7702e-3, 0.0271, 6.8045],
@@ -64,7 +64,7 @@ class Tooth:
         The round of the rack's tip has its centre `depth` below the rolling line, `side` from the
         centre line of the tooth; gamma runs from the pressure angle, at the flank, to pi / 2.
         """
-        gear, rolling = self.gear, self.gear.reference_diameter / 2.0
+        rolling = self.gear.reference_diameter / 2.0
         depth, side, round_off = self._rack_tip
         turn = (depth / np.tan(gamma) + side) / rolling
         reach = depth / np.sin(gamma) + round_off
@@ -138,7 +138,7 @@ class Tooth:
 
     @property
     def body_shape(self):
-        """Half the angle of the tooth at its root, rad, and r_root / r_bore, None without a bore."""
+        """Half the angle of the tooth at its root, rad, and r_root / r_bore or None."""
         x, y, _ = self.fillet(math.pi / 2.0)
         bore = self.gear.bore / 2.0
         return float(np.arctan2(x, y)), min(self.root / bore, MOST_RIM) if bore else None
