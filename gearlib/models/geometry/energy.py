@@ -10,8 +10,8 @@ and C = 1^T Q^-1 1. Coupling 1, the default, counts the body once; 0 gives each 
 own, which counts it twice in double contact, as many papers do.
 
 Sources: see `gearlib.models.geometry.tooth`; Hertz contact by Yang & Sun, J. Mech. Transm. Autom.
-Des. 107 (1985) 529-535 (constant), or Weber & Banaschek (1953) (logarithmic in the load). Of helical
-gears each slice of the face is a spur gear of the transverse section.
+Des. 107 (1985) 529-535 (constant), or Weber & Banaschek (1953) (logarithmic in the load). Of
+helical gears each slice of the face is a spur gear of the transverse section.
 """
 
 import math

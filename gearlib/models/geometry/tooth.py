@@ -2,8 +2,8 @@
 
 The tooth is seen in the transverse section: y from the axis of the gear along the centre line of
 the tooth, x half of its thickness. The force at a point of the flank is tangent to the base circle,
-by an angle b off the normal of the centre line. In phi = tan(pressure angle at the point), the radius
-of curvature over r_b, b = phi - psi with half the angle psi of the tooth at its base, and
+by an angle b off the normal of the centre line. In phi = tan(pressure angle at the point), the
+radius of curvature over r_b, b = phi - psi with half the angle psi of the tooth at its base, and
 
     x = r_b (phi cos b - sin b),    y = r_b (cos b + phi sin b).
 
@@ -12,9 +12,9 @@ to reach the root circle, its rim to be rigid.
 
 Sources: Weber & Banaschek (1953), Yang & Lin, J. Mech. Transm. Autom. Des. 109 (1987) 189-196, for
 the energies; Sainsot, Velex & Duverger, J. Mech. Des. 126 (2004) 748-752, for a body clamped at its
-bore. Their term in h^2 is, to a tenth, the twist of a disc between bore and root, (1 + nu) (h^2 - 1)
-/ (2 pi); it has no meaning without a bore. A gear without one is the half plane of Cornell, J. Mech.
-Des. 103 (1981) 447-459, in plane stress.
+bore. Their term in h^2 is, to a tenth, the twist of a disc between bore and root,
+(1 + nu) (h^2 - 1) / (2 pi); it has no meaning without a bore. A gear without one is the half plane
+of Cornell, J. Mech. Des. 103 (1981) 447-459, in plane stress.
 """
 
 import math
