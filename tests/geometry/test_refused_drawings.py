@@ -126,12 +126,12 @@ REFUSED = {
         "interference",
     ),
     "tip in the root": (
-        lambda: Mesh(gear(teeth=80), gear(teeth=80, rack=Rack(dedendum=1.05, addendum=1.08))),
-        "tip_diameter of the pinion = 0.328 ",
+        lambda: mesh(teeth=80, rack=Rack(addendum=0.9, dedendum=0.99, tip_radius=0.0)),
+        "tip_diameter of the pinion = 0.088 ",
         "clearance",
     ),
     "tips of ring and pinion": (
-        lambda: Mesh(gear(teeth=56), SpurGear(**RING)),
+        lambda: Mesh(gear(teeth=56), SpurGear(**RING | {"tip_diameter": 0.2362})),
         "teeth of the ring gear = 60 ",
         "tip interference",
     ),
@@ -161,7 +161,11 @@ REFUSED = {
     "no mesh": (lambda: GearPair.from_geometry("gears", torque=1.0), "mesh = 'gears' ", "Mesh"),
     "torque": (lambda: pair(torque=-1.0), "torque = -1.0 ", "> 0"),
     "no load": (lambda: pair(), "torque = None ", "either torque"),
-    "power without speed": (lambda: pair(power=1e3), "power = 1000.0 ", "power and speed"),
+    "power without speed": (
+        lambda: pair(power=1e3),
+        "torque = None with power = 1000.0 ",
+        "power and speed",
+    ),
     "speed": (lambda: pair(power=1e3, speed=0.0), "speed = 0.0 ", "> 0"),
     "two dampings": (
         lambda: pair(torque=1.0, damping_ratio=0.1, material_damping=1.0),
