@@ -1,4 +1,4 @@
-"""The page `reference/api.md`: the docstring of every name in `gearlib.__all__`, and of geometry."""
+"""The page `reference/api.md`: docstrings of `gearlib.__all__` and of `gearlib.geometry`."""
 
 import importlib
 import inspect

@@ -28,6 +28,20 @@ def test_iso_example_1_to_its_printed_digits():
     assert found.rack_factor == pytest.approx(0.9, rel=1e-12)
 
 
+def test_iso_coefficients():
+    """q' of the standard, written out once more, with each shift by itself and a ring gear."""
+    for x1, x2 in ((0.0, 0.0), (0.5, 0.0), (0.0, 0.5), (0.3, 0.4)):
+        gears = [
+            SpurGear(teeth=z, module=3e-3, width=0.02, shift=x) for z, x in ((25, x1), (40, x2))
+        ]
+        q = 0.04723 + 0.15551 / 25 + 0.25791 / 40 - 0.00635 * x1 - 0.11654 * x1 / 25
+        q += -0.00193 * x2 - 0.24188 * x2 / 40 + 0.00529 * x1**2 + 0.00182 * x2**2
+        assert iso_stiffness(Mesh(*gears)).theoretical == pytest.approx(1.0 / q, rel=1e-12)
+    ring_mesh = ring()
+    q = 0.04723 + 0.15551 / 36
+    assert iso_stiffness(ring_mesh).theoretical == pytest.approx(1.0 / q, rel=1e-12)
+
+
 def test_iso_of_fzg_c_as_in_the_worked_example():
     found = iso_stiffness(fzg_c(), torque=302.0)
     assert found.rack_factor == pytest.approx(0.975, rel=1e-12)
