@@ -291,6 +291,36 @@ def test_a_table_of_ones_own():
     assert found.mean_stiffness == pytest.approx(table.mean(), rel=1e-12)
 
 
+def test_random_drawings():
+    """Whatever is not refused has a stiffness, and no pair in contact pulls at the other."""
+    random = np.random.default_rng(1)
+    found = 0
+    for _ in range(300):
+        internal = bool(random.random() < 0.3)
+        teeth = random.integers(14, 60), random.integers(75, 150)
+        shifts = random.uniform(-0.2, 0.6, 2) * (1.0, -1.0 if internal else 1.0)
+        helix = random.choice([0.0, random.uniform(0.05, 0.5)])
+        common = {"module": 3e-3, "width": 0.02, "helix_angle": float(helix)}
+        bore = float(random.choice([0.0, 0.015]))
+        try:
+            pinion = SpurGear(teeth=int(teeth[0]), shift=shifts[0], bore=bore, **common)
+            wheel = SpurGear(teeth=int(teeth[1]), shift=shifts[1], internal=internal, **common)
+            mesh = Mesh(pinion, wheel)
+        except ValueError:
+            continue
+        found += 1
+        assert mesh.backlash < 1e-12
+        for method in ("iso", "energy"):
+            stiffness = mesh.stiffness(method)
+            assert 0.5 < stiffness.stiffness_ratio <= 1.0
+        count = math.floor(mesh.contact_ratio) + 1
+        u = np.linspace(0.0, mesh.contact_ratio % 1.0, 5)[:, None] + np.arange(count)
+        at = mesh.path[0] + u * mesh.base_pitch
+        shared = matrix(PairCompliance(mesh), at, np.ones(at.shape), 1.0)
+        assert np.linalg.solve(shared, np.ones((5, count, 1))).min() > 0.0
+    assert found > 200
+
+
 def test_three_pairs_in_contact():
     gear = SpurGear(teeth=60, module=2e-3, width=0.02, pressure_angle=math.radians(15.0))
     mesh = Mesh(gear, gear)

@@ -173,5 +173,6 @@ class _Course:
         u[jumps] += _RAMP
         kept = np.concatenate([[True], np.diff(u) > 0.0])
         phase = math.tau * ((u[kept] - stretch / 2.0) % 1.0)
-        order = np.argsort(phase)
-        return Tabulated(phase[order], values[kept][order])
+        # A phase just below 0 rounds to a whole turn.
+        phase, order = np.unique(np.where(phase < math.tau, phase, 0.0), return_index=True)
+        return Tabulated(phase, values[kept][order])
