@@ -21,7 +21,7 @@ from gearlib.models.geometry.stiffness import mesh_stiffness
 #: rounded to the fourth digit.
 _ROUNDING = 1e-3
 #: By so many modules contact may reach below the involute. The fillet leaves it along its tangent,
-#: by less than two thousandths of a module there; rings with full addenda, as in most published
+#: by some two thousandths of a module there; rings with full addenda, as in most published
 #: planetary sets, reach 0.03 modules below it.
 _INTO_FILLET = 0.05
 
