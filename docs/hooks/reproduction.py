@@ -20,8 +20,10 @@ from gearlib.studies.claims.statements import CHECKS
 FOLDER = Path(__file__).resolve().parents[1] / "claims"
 IMAGES = FOLDER.with_name("images")
 PAGE, MARK = "reproduction.md", "<!-- claims -->"
-#: Figures shown on the page.
+#: Figures shown on the page, and on that of gear trains.
 PICTURES = (
+    "reducer",
+    "one_mesh",
     "fig2_phase_shift",
     "fig3_resonance",
     "fig4_contact_ratio",

@@ -62,6 +62,11 @@ DIFFICULTIES = {
         "damping, or its opposite, changes these, and every error of the orbit is a deviation "
         "itself.",
     ),
+    "gear trains": (
+        "planets_at_once planets_apart planets_alike",
+        "Equal planets part and touch at the same instant. A method that treats what comes at "
+        "once as one change after the other, or steps over it, has to keep up with all of them.",
+    ),
 }
 
 
@@ -207,11 +212,13 @@ def short():
         for column in [[row[trial] for row in rows]]
     }
     rows = points()
-    first = [
-        _fastest(rows, problem, accuracy, True)["line"]
+    ours = [
+        _fastest(rows, problem, accuracy, True)
         for problem in dict.fromkeys(row["problem"] for row in rows)
         for accuracy in ACCURACIES
     ]
+    # Of the gear train nothing is known below 1e-11.
+    first = [one["line"] for one in ours if one]
     default = sum(line in ("exact", "taylor") for line in first)
     scenes = [row for row in read("models") if row["chosen"] == "yes"]
     small = [row for row in scenes if row["model"] == "one_degree"]

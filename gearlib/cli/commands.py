@@ -5,6 +5,18 @@ import click
 from gearlib.cli import gears, output, progress
 from gearlib.version import __version__
 
+#: What is printed of every mesh of a gear train.
+_MESHES = (
+    "displacement_max",
+    "displacement_min",
+    "dynamic_force_max",
+    "dynamic_factor",
+    "mean_force",
+    "load_sharing",
+    "fraction_normal",
+    "bounces",
+)
+
 _RUN = (
     click.option("--tuning", type=float, required=True, help="nu = mesh / mean eigenfrequency."),
     click.option(
@@ -44,7 +56,8 @@ def main():
     """Nonlinear dynamics of gear meshes.
 
     The gears come from a configuration of the workflow (--config, --damping), from options, or
-    from both, the options coming first; values take units, as in --backlash "40 um".
+    from both, the options coming first; values take units, as in --backlash "40 um". The train of
+    --model train, modes, static and phasing is that of the section `train`.
     """
 
 
@@ -73,18 +86,13 @@ def simulate(pair, tuning, state, periods, record_periods, samples, method, outp
         )
     if run.status != 0:
         output.fail(run.status.attrs["message"])
-    output.table(
-        run,
-        [
-            "displacement_max",
-            "displacement_min",
-            "dynamic_force_max",
-            "fraction_normal",
-            "bounces",
-            "period",
-            "static_deflection",
-        ],
-    )
+    scales = ["period", "static_deflection"]
+    if pair.mesh_names:
+        output.table(run, [*scales, "speed"])
+        output.columns(run, "mesh", _MESHES)
+    else:
+        own = ["displacement_max", "displacement_min", "dynamic_force_max", "fraction_normal"]
+        output.table(run, [*own, "bounces", *scales])
     output.save(run, output_path)
 
 
@@ -141,9 +149,16 @@ def sweep(
     failed = int((curve.status != 0).sum())
     if failed == points:
         output.fail("no run could go on: see gearlib.data.status for what each code says")
-    top = curve.isel(tuning=int(curve.displacement_max.argmax("tuning")))
+    heights = curve.displacement_max
+    if pair.mesh_names:
+        heights = heights.max("mesh")
+    top = curve.isel(tuning=int(heights.argmax("tuning")))
     click.echo(f"{points} tunings, {failed} of them could not go on; the highest displacement:")
-    output.table(top, ["tuning", "displacement_max", "displacement_min", "dynamic_force_max"])
+    if pair.mesh_names:
+        output.table(top, ["tuning", "speed"])
+        output.columns(top, "mesh", _MESHES)
+    else:
+        output.table(top, ["tuning", "displacement_max", "displacement_min", "dynamic_force_max"])
     output.save(curve, output_path)
 
 
@@ -165,12 +180,19 @@ def orbit(pair, tuning, period, guess, output_path, force):
     except NoOrbit as error:
         output.fail(str(error))
     click.echo(f"{'stable' if found.stable else 'unstable'} orbit of period {found.period}")
-    click.echo(f"state at tau = 0     {' '.join(f'{x:.15g}' for x in found.state)}")
-    click.echo(f"Floquet multipliers  {' '.join(f'{x:.12g}' for x in found.multipliers)}")
+    click.echo(f"state at tau = 0     {_first(f'{x:.15g}' for x in found.state)}")
+    click.echo(f"Floquet multipliers  {_first(f'{x:.12g}' for x in found.multipliers)}")
     click.echo(f"contact pattern      {' '.join(str(code) for code in found.pattern)}")
     if found.grazing:
         click.echo("It touches a flank line: the multipliers hold on one side of it only.")
     output.save(found.dataset(), output_path)
+
+
+def _first(texts, most=12):
+    """Return texts in a line, of a train's many the first ones."""
+    texts = list(texts)
+    more = f" ... {len(texts)} in all" if len(texts) > most else ""
+    return " ".join(texts[:most]) + more
 
 
 @main.command()
@@ -193,13 +215,54 @@ def trust(pair, tuning, state, periods, output_path, force):
 
 
 @main.command()
+@gears.train_options
+@output.options
+def modes(train, output_path, force):
+    """Natural frequencies of the gear train, and the kinds of its modes."""
+    output.check(output_path, force)
+    found = train.modes()
+    output.columns(found, "mode", ["natural_frequency", "mode_kind"])
+    output.save(found, output_path)
+
+
+@main.command()
+@gears.train_options
+@click.option("--phase", type=float, default=0.0, show_default=True, help="Mesh phase, rad.")
+@output.options
+def static(train, phase, output_path, force):
+    """Load sharing of the gear train at rest, with gaps and errors."""
+    output.check(output_path, force)
+    found = train.static(phase)
+    output.columns(found, "mesh", ["mesh_force", "contact", "load_sharing"])
+    output.save(found, output_path)
+
+
+@main.command()
+@gears.train_options
+@click.option("--count", type=int, default=6, show_default=True, help="Highest order.")
+@output.options
+def phasing(train, count, output_path, force):
+    """Which harmonics of the mesh stiffness excite which modes of the gear train."""
+    output.check(output_path, force)
+    found = train.phasing(count)
+    kinds = list(dict.fromkeys(found.mode_kind.values))
+    cells = []
+    for order in found.stiffness_order.values:
+        excites = found.excites.sel(stiffness_order=order).values
+        own = (excites[found.mode_kind.values == kind] for kind in kinds)
+        cells.append([f"{order:.6g}", *(f"{each.sum()} of {each.size}" for each in own)])
+    output.rows(["order", *kinds], cells)
+    output.save(found, output_path)
+
+
+@main.command()
 @gears.configuration_options
 @click.option("--port", type=int, default=0, help="Port on this machine; any free one by default.")
 @click.option("--show/--no-show", default=True, help="Whether to open a browser.")
 def explore(mapping, damping, port, show):
-    """Explore the gear mesh with sliders, in the browser."""
+    """Explore the gear mesh or a gear train with sliders, in the browser."""
     try:
-        from gearlib.pages.explorer import page
+        from gearlib.pages.explorer import serving
     except ModuleNotFoundError as error:
         output.fail(f"{error.name} is missing: install gearlib[explore]")
-    page.serve(mapping, damping, port, show)
+    serving.serve(mapping, damping, port, show)

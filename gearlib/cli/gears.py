@@ -13,7 +13,7 @@ from gearlib.config.mesh import GearPairSection
 from gearlib.config.types import DampingCoefficient
 from gearlib.config.validation import sentences
 
-MODELS = ("one_degree", "six_degrees")
+MODELS = ("one_degree", "six_degrees", "train")
 _DEFAULT_CONFIG = "config.yaml"
 #: Name of the damping that options alone describe.
 _ONLY_DAMPING = "damping"
@@ -34,6 +34,17 @@ def options(command):
     @functools.wraps(command)
     def wrapped(mapping, gears, damping, model, **rest):
         return command(pair=_model(mapping, gears, model), **rest)
+
+    return wrapped
+
+
+def train_options(command):
+    """Give a command the options that describe a gear train; it is called with it as `train`."""
+
+    @_gear_options
+    @functools.wraps(command)
+    def wrapped(mapping, gears, damping, **rest):
+        return command(train=_model(mapping, gears, "train"), **rest)
 
     return wrapped
 
@@ -113,21 +124,22 @@ def _sections(gears, damping):
 
 
 def _model(mapping, gears, model):
-    """Return the model of the gears; bodies and bearings are those of a configuration."""
+    """Return the model of the gears; a train, bodies and bearings are those of a configuration."""
     # Only here, so that --help does not pay for the numerical stack.
     from gearlib import GearPair, SixDegreePair
+    from gearlib.models.trains.described import described
 
     pair = GearPair(**gears.model_dump())
     if model == "one_degree":
         return pair
     sections = _sections(gears, _ONLY_DAMPING)
-    if "six_degrees" in mapping:
-        sections["six_degrees"] = mapping["six_degrees"]
-    settings = _load(sections, "six_degrees")
-    try:
-        return SixDegreePair(pair=pair, **settings.six_degrees.model_dump())
-    except ValueError as error:
-        raise click.UsageError(str(error)) from None
+    # Both names are those of a section.
+    if model in mapping:
+        sections[model] = mapping[model]
+    settings = _load(sections, model)
+    if model == "train":
+        return described(**settings.train_parameters(_ONLY_DAMPING))
+    return SixDegreePair(pair=pair, **settings.six_degrees.model_dump())
 
 
 def _choose_damping(settings, name):

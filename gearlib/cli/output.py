@@ -49,6 +49,33 @@ def table(dataset, names):
         click.echo(f"{name:20} {value:24} {variable.attrs.get('long_name', '')}")
 
 
+def columns(dataset, dim, names):
+    """Print variables over one dimension side by side, a row for each of its entries."""
+    heads = []
+    for name in names:
+        unit = dataset[name].attrs.get("units", "1")
+        heads.append(name if unit == "1" else f"{name} {unit}")
+    rows(
+        [dim, *heads],
+        [
+            [str(entry), *(_cell(dataset[name].values[i]) for name in names)]
+            for i, entry in enumerate(dataset[dim].values)
+        ],
+    )
+
+
+def rows(heads, cells):
+    """Print a table of texts, each column as wide as it needs."""
+    widths = [max(map(len, column)) for column in zip(heads, *cells, strict=True)]
+    for line in (heads, *cells):
+        texts = (text.ljust(width) for text, width in zip(line, widths, strict=True))
+        click.echo("  ".join(texts).rstrip())
+
+
+def _cell(value):
+    return value if isinstance(value, str) else f"{value:.6g}"
+
+
 def fail(message):
     """End with exit code 1."""
     raise click.ClickException(message)

@@ -8,6 +8,7 @@ module               responsibility
 ``mesh``             sections of the gears and the length of the runs
 ``experiments``      sections of the experiments and of the figures
 ``scenes``           sections of the scenes and of their models
+``trains``           section of the gear train
 ``trials``           sections of the trials of the methods
 ``planetary``        the planetary train and its charts
 ``global_dynamics``  basins, bifurcation diagram, Poincare sections

@@ -1,6 +1,6 @@
 """Sections that describe the gears and the length of the runs."""
 
-from pydantic import Field, model_serializer, model_validator
+from pydantic import Field, model_validator
 
 from gearlib.config.types import (
     Angle,
@@ -8,6 +8,7 @@ from gearlib.config.types import (
     ContactRatio,
     DampingCoefficient,
     Finite,
+    Given,
     Inertia,
     Length,
     Load,
@@ -70,7 +71,7 @@ class GearPairSection(Section):
         return self.max_stiffness * (high + (1.0 - high) * self.stiffness_ratio)
 
 
-class Change(Section):
+class Change(Given):
     """Other values for some keys of gear_pair, each as there; those left out stay."""
 
     max_stiffness: Stiffness = Field(default=None, description="Max stiffness of the case.")
@@ -81,10 +82,6 @@ class Change(Section):
     reduced_mass: Mass = Field(default=None, description="Reduced mass of the case.")
     load: Load = Field(default=None, description="Load of the case.")
     backlash: Backlash = Field(default=None, description="Backlash of the case.")
-
-    @model_serializer(mode="wrap")
-    def _given(self, dump):
-        return {key: value for key, value in dump(self).items() if value is not None}
 
 
 class Damping(Section):

@@ -20,8 +20,9 @@ from gearlib.config.experiments import (
 from gearlib.config.global_dynamics import Basins, Bifurcation, Poincare
 from gearlib.config.mesh import Damping, GearPairSection, Run, SixDegrees
 from gearlib.config.planetary import Planetary, SymmetryBreaking, TrainChart
+from gearlib.config.reducer import OneMesh, Reducer, check_centres
 from gearlib.config.scenes import FRICTION_ONLY, SIX_ONLY, Models, Scene
-from gearlib.config.trains import OneMesh, Reducer, check_centres
+from gearlib.config.train import Train
 from gearlib.config.trials import (
     Failures,
     JumpByMethod,
@@ -87,6 +88,7 @@ class Config(Section):
     nonlinear_damping: NonlinearDamping
     analytic_method: AnalyticMethod
     six_degrees: SixDegrees
+    train: Train = Train()
     models: Models = Models()
     labels: Labels = Labels()
     branches: Branches
@@ -249,6 +251,17 @@ class Config(Section):
         return self.gear_pair.model_dump() | {
             "material_damping": damping.material,
             "backlash_damping": damping.backlash,
+        }
+
+    def train_parameters(self, damping):
+        """Return the keyword arguments of `gearlib.models.trains.described.described`.
+
+        They are plain values; `damping` is the name of one, for the trains made of the gear pair.
+        """
+        return {
+            "kind": self.train.kind,
+            "arguments": self.train.arguments(),
+            "pair": self.pair_parameters(damping),
         }
 
     def global_parameters(self, case):

@@ -42,7 +42,7 @@ class Planetary(Section):
     J. Vib. Acoust. 121 (1999) 316-321. Pairs belong to the meshes of sun and ring.
     """
 
-    planets: integer_within(ge=1, le=20) = Field(default=3, description="Equally spaced planets.")
+    planets: integer_within(ge=3, le=20) = Field(default=3, description="Equally spaced planets.")
     masses: numbers(Mass, 4, "Of sun, ring, carrier and a planet, kg.") = [0.4, 2.35, 5.43, 0.66]
     reduced_inertias: numbers(Mass, 4, "I / r^2 of the same, kg; r: base radius, of pins.") = [
         0.39,

@@ -136,6 +136,7 @@ class Failures(Section):
     ] = [
         _trial("exact", "exact"),
         _trial("taylor", "taylor"),
+        _trial("rk4-64", "rk4", steps_per_period=64),
         _trial("rk4-200", "rk4", steps_per_period=200),
         _trial("rk4-2000", "rk4", steps_per_period=2000),
         _trial("rk45", "rk45"),
@@ -165,7 +166,9 @@ class Failures(Section):
         return self
 
 
-Problem = Literal["smooth", "bouncing", "near_fold", "conservative", "six_degrees", "cubic"]
+Problem = Literal[
+    "smooth", "bouncing", "near_fold", "conservative", "six_degrees", "cubic", "reducer"
+]
 
 
 class WorkPrecision(Section):
@@ -188,7 +191,10 @@ class WorkPrecision(Section):
         default=20, description="Mesh periods of a run."
     )
     conservative_periods: integer_within(ge=1, le=10_000) = Field(
-        default=3, description="The same without damping, where rounding errors grow fast."
+        default=3,
+        description=(
+            "The same without damping, where rounding errors grow fast, and of the gear train."
+        ),
     )
     record_periods: integer_within(ge=1, le=100) = Field(
         default=3,

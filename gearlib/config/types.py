@@ -20,6 +20,7 @@ from pydantic import (
     Field,
     PlainValidator,
     WithJsonSchema,
+    model_serializer,
     model_validator,
 )
 from pydantic_core import PydanticCustomError
@@ -43,7 +44,7 @@ def _read_number(value):
     return value
 
 
-def _read_integer(value):
+def read_integer(value):
     if isinstance(value, str) and _INTEGER.fullmatch(value):
         return int(value)
     return value
@@ -63,7 +64,7 @@ def _all_different(values):
 
 
 def _plain_value(value):
-    value = _read_number(_read_integer(_read_truth(value)))
+    value = _read_number(read_integer(_read_truth(value)))
     finite = not isinstance(value, float) or math.isfinite(value)
     if not isinstance(value, (bool, int, float, str)) or not finite:
         raise PydanticCustomError("plain_value", "no plain value")
@@ -79,7 +80,7 @@ def number_within(**bounds):
 
 def integer_within(**bounds):
     """Return the type of an integer within `bounds` (gt, ge, lt, le)."""
-    return Annotated[int, Field(**bounds), BeforeValidator(_read_integer)]
+    return Annotated[int, Field(**bounds), BeforeValidator(read_integer)]
 
 
 def quantity(unit, example, *, infinite=False, **bounds):
@@ -169,6 +170,14 @@ class Section(BaseModel):
     """Base of all sections: no unknown keys, no silent conversions, immutable."""
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+
+
+class Given(Section):
+    """Base of sections whose keys may be left out: what is not given is not dumped either."""
+
+    @model_serializer(mode="wrap")
+    def _given(self, dump):
+        return {key: value for key, value in dump(self).items() if value is not None}
 
 
 def numbers(item, count, description):

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gearlib.kernels.closed_form.run import (
+from gearlib.kernels.codes import (
     EVENT_LIMIT,
     JAMMED,
     NOT_CONVERGED,

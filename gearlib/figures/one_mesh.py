@@ -33,8 +33,8 @@ _COLOURS = ("#E69F00", "#D55E00", "#0072B2", "#009E73", "#000000")
 _WIDTHS = (1.0, 1.0, 2.0, 1.0, 0.7)
 #: Changes are shaded from the tolerance to so many times as much.
 _DARKEST = 10.0
-#: From here on changes are written without decimals.
-_WHOLE = 10.0
+#: Changes are written without decimals from the one on, as more than it from the other.
+_WHOLE, _MANY = 10.0, 99.0
 
 
 @style.styled()
@@ -109,6 +109,6 @@ def _draw_changes(axes, data):
 
 def _words(change):
     """Return a change in as few digits as a cell holds."""
-    if not np.isfinite(change):
-        return "∞"
+    if change > _MANY:
+        return "∞" if np.isinf(change) else f">{_MANY:.0f}"
     return f"{change:.0f}" if change >= _WHOLE else f"{change:.2f}".removeprefix("0")

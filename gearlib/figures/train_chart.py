@@ -14,11 +14,11 @@ _LABELS = {
 #: What a point is -> its colour.
 _POINTS = {
     "stable": "#FFFFFF",
-    "unstable, and by first order": "#B4B4B4",
-    "unstable, missed by first order": "#D55E00",
-    "stable, unstable by first order": "#56B4E9",
+    "unstable, in a tongue of first order": "#B4B4B4",
+    "unstable, in none of first order": "#D55E00",
+    "stable, in a tongue of first order": "#56B4E9",
 }
-_LINES = ("-", (0, (4, 2)), (0, (1.5, 1.2)))
+_LINES = ("-", (0, (4, 2)))
 
 
 @style.styled()
@@ -61,9 +61,11 @@ def draw(chart):
     for j, plane in enumerate(planes):
         panel = axes[-1, j]
         for i in phasings:
-            for name, key in (("missed", "missed_share"), ("false", "false_share")):
-                colour = list(_POINTS.values())[2 if name == "missed" else 3]
-                label = f"{name}, {_name(chart, i)}"
+            for code, key, words in (
+                (2, "missed_share", "missed"),
+                (3, "false_share", "not there"),
+            ):
+                colour, label = list(_POINTS.values())[code], f"{words}, {_name(chart, i)}"
                 share = 100.0 * chart[key].values[i, j]
                 panel.plot(
                     chart.value.values[j], share, color=colour, linestyle=_LINES[i], label=label

@@ -31,6 +31,7 @@ PROBLEMS = {
     "conservative": "conservative, $\\nu_s$ = 0.9",
     "six_degrees": "six degrees of freedom, $\\nu_s$ = 0.82",
     "cubic": "cubic damping, $\\nu_s$ = 0.9",
+    "reducer": "gear train of six meshes, $\\nu_s$ = 0.9",
 }
 #: family -> (words, colour, line style)
 FAMILIES = {

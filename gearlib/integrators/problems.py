@@ -22,7 +22,8 @@ import math
 
 import numpy as np
 
-from gearlib.kernels.closed_form.mesh import BACKLASH, INVERSE, NORMAL, contact_between
+from gearlib.kernels.closed_form.mesh import contact_between
+from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
 from gearlib.kernels.piecewise_linear.run import contact_at, set_harmonics
 from gearlib.kernels.taylor.series import damping_of
 

@@ -7,6 +7,7 @@ how its solver takes one phase.
 """
 
 import math
+from bisect import bisect_right
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,7 +15,7 @@ import numpy as np
 from gearlib.data import status
 from gearlib.integrators.split import Stall
 from gearlib.kernels import orbit
-from gearlib.kernels.closed_form.mesh import BACKLASH, INVERSE, NORMAL
+from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
 from gearlib.kernels.several_meshes.combinations import matrix_of
 from gearlib.kernels.several_meshes.record import FORCE_SUM
 from gearlib.kernels.steps.equation_of_motion import SIDE
@@ -37,6 +38,7 @@ class Problem:
         self.meshes = range(len(train.meshes))
         self.gaps = np.array([mesh.backlash for mesh in train.meshes])
         self._starts = self.system.starts.tolist()
+        self._lines = np.concatenate([self.system.near, self.system.far])
         self._matrices: dict = {}
         # Moves of the coordinates that change the distance of one mesh only.
         self._apart = np.linalg.pinv(self.system.near[:, : self.size // 2])
@@ -48,24 +50,24 @@ class Problem:
     def full(self, t, z):
         """Return z with the constant and the harmonics at a phase."""
         harmonics = self.system.harmonics
-        if not harmonics.size:
-            return np.append(z, 1.0)
         whole = np.empty(self.size + 1 + 2 * harmonics.size)
         whole[: self.size], whole[self.size] = z, 1.0
+        if not harmonics.size:
+            return whole
         whole[self.size + 1 :: 2] = np.cos(harmonics * t)
         whole[self.size + 2 :: 2] = np.sin(harmonics * t)
         return whole
 
     def segment(self, t):
         """Return the segment of constant stiffness just after a phase."""
-        whole = _TURN * self.repeats
-        at = np.searchsorted(self.system.starts, (t + SIDE) % whole, side="right")
-        return min(int(at), len(self._starts) - 1) - 1
+        at = bisect_right(self._starts, (t + SIDE) % (_TURN * self.repeats))
+        return min(at, len(self._starts) - 1) - 1
 
     def codes(self, full):
         """Return the contact codes of distances, int, shape (m,)."""
-        near, far = self.system.near @ full, self.system.far @ full
-        return np.where(near >= 0.0, NORMAL, np.where(far <= 0.0, INVERSE, BACKLASH))
+        near, far = (self._lines @ full).reshape(2, -1)
+        normal = near >= 0.0
+        return normal * NORMAL + (~normal & (far <= 0.0)) * INVERSE
 
     def rate(self, full, segment, codes):
         """Return dz/dtau."""
@@ -362,11 +364,15 @@ class Split(Recorded):
         return z, status.OK
 
     def _due(self, t, z, exits):
-        """Return (mesh, line) of a flank that z is beyond already, on its way out; or None."""
+        """Return (mesh, line) of a flank that z is on or beyond, on its way out; or None.
+
+        On it within rounding: the solver may see the other sign and no change of sign.
+        """
         problem, full = self.problem, self.problem.full(t, z)
+        rounding = 0.5 * _OFF * max(1.0, np.abs(z).max())
         near, far = problem.system.near @ full, problem.system.far @ full
         for j, line, direction, _ in exits:
-            if direction * (near, far)[line][j] > 0.0:
+            if direction * (near, far)[line][j] > -rounding:
                 speed = (problem.grid.rate, problem.grid.far_rate)[line][j] @ full
                 if direction * speed > 0.0:
                     return j, line

@@ -12,7 +12,7 @@ import numpy as np
 from gearlib.data import status
 from gearlib.kernels import orbit
 from gearlib.kernels.closed_form.event_by_event import within_range
-from gearlib.kernels.closed_form.mesh import BACKLASH, INVERSE, NORMAL
+from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
 from gearlib.kernels.steps.equation_of_motion import SIDE
 from gearlib.kernels.steps.recording import add_stretch, add_values, note
 

@@ -7,6 +7,8 @@ name                  responsibility
 ``piecewise_linear``  many coordinates: matrix exponentials between events
 ``taylor``            nonlinear mesh: Taylor steps of order 20 that end at events
 ``steps``             for comparison: fixed steps, and an embedded pair under step control
+``several_meshes``    gear trains: many coordinates, events of all meshes
+``codes``             contact of a mesh, how a run ended
 ``polynomial``        first crossing and largest value of a polynomial, guaranteed
 ``orbit``             what is recorded of an orbit: extrema, fractions, samples, events
 ``arrays``            copies between arrays

@@ -14,8 +14,8 @@ from gearlib.kernels.closed_form.event_by_event import (
     VELOCITY,
 )
 from gearlib.kernels.closed_form.flight import fly, lowest_time
-from gearlib.kernels.closed_form.mesh import BACKLASH, INVERSE, NORMAL
 from gearlib.kernels.closed_form.oscillator import UNDERDAMPED, evolve, turning_time
+from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
 from gearlib.kernels.jit import inlined, kernel
 
 # Columns of the summary of an orbit. The TIME columns hold phase, BOUNCES a count.

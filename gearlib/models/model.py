@@ -87,7 +87,7 @@ class Model:
         -------
         gearlib.models.propagators.base.Base
         """
-        return self.kind(method)(self, tuning, **options)
+        return self.kind(method)(self, float(tuning), **options)
 
     def law(self, tuning, tolerance=0.0):
         """Return the `Law` of one degree of freedom; its tolerance is that of Taylor steps."""

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gearlib.kernels.closed_form.mesh import BACKLASH, INVERSE, NORMAL
+from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
 from gearlib.kernels.piecewise_linear.system import System
 from gearlib.kernels.taylor.series import Law
 from gearlib.models import piecewise_linear

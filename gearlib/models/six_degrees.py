@@ -207,7 +207,7 @@ class SixDegreePair(WithPair):
         matrix = np.eye(n)
         for p, span in enumerate(np.diff(system.starts)):
             # The middle one of the three contact codes -1, 0, 1 is the backlash.
-            substeps = int(system.knots[p])
+            substeps = int(system.substeps[p])
             one = exponential(system.a[2, p], n, span / substeps)
             matrix = np.linalg.matrix_power(one, substeps) @ matrix
         reduce, lift = self.reduction()

@@ -11,11 +11,13 @@ import panel as pn
 import pytest
 import yaml
 from bokeh.models import Span
+from selenium.common.exceptions import StaleElementReferenceException
 from selenium.webdriver.common.keys import Keys
 
 import gearlib
 from gearlib import config
-from gearlib.pages.explorer import page, view
+from gearlib.models.trains.described import described
+from gearlib.pages.explorer import page, serving, train_page, trains, view
 from tests.browser.chromium import browser, errors, everywhere, wait_for
 
 assert browser  # a fixture
@@ -132,6 +134,94 @@ def test_each_glyph_holds_what_it_is_called(mapping, pair):
 
 
 @pytest.fixture(scope="module")
+def machines(mapping):
+    return {kind: trains.Machine(mapping, "k1", kind) for kind in trains.KINDS}
+
+
+def test_sliders_stand_for_the_trains_of_the_library(mapping, pair, machines):
+    setting = trains.Setting(
+        speed=3000.0, stiffness_jump=0.25, backlash=50e-6, load=1500.0, pin_error=12e-6
+    )
+    errors = [(0.0, 12e-6), (0.0, 0.0), (0.0, 0.0)]
+    own = pair.replace(stiffness_ratio=0.75, backlash=50e-6, load=1500.0)
+    expected = {
+        "split_power_reducer": gearlib.split_power_reducer(own, pin_errors=errors),
+        "planetary": gearlib.planetary(
+            stiffness_ratio=(0.75, 0.75), backlash=50e-6, load=1500.0, pin_errors=errors
+        ),
+    }
+    for kind, machine in machines.items():
+        assert machine.train(setting) == expected[kind]
+        # The file describes the same train to the commands.
+        saved = config.load(yaml.safe_load(machine.configuration(setting)))
+        assert described(**saved.train_parameters("k1")) == expected[kind]
+        assert saved.scenes == config.load(mapping).scenes
+
+
+def test_backlashes_of_branches_give_way_to_the_slider(mapping):
+    gaps = {"backlashes": [[1e-6, 2e-6]] * 3}
+    whole = {**mapping, "train": {"reference": "second 1", "split_power_reducer": gaps}}
+    machine = trains.Machine(whole, "k1", "split_power_reducer")
+    train = machine.train(replace(machine.start, backlash=30e-6))
+    assert {mesh.backlash for mesh in train.meshes} == {30e-6}
+    assert train.reference == "second 1"
+    # No mesh of the planetary set is called so.
+    assert trains.Machine(whole, "k1", "planetary").train(machine.start).reference == "sun 1"
+
+
+def test_each_curve_of_a_train_is_that_of_its_mesh(mapping):
+    shown = train_page.TrainPage(mapping, "k1", "planetary")
+    before = {name: source.data["y"] for name, source in shown._sources.items()}
+    slider = shown.sliders["pin_error"]
+    slider.value = 10.0
+    # As the browser does when the slider is let go.
+    slider.param.trigger("value_throttled")
+    for name, source in shown._sources.items():
+        assert source.data["y"] is not before[name], name
+    setting = shown.setting()
+    train, tuning = shown.machine.train(setting), setting.speed / shown.machine.rpm(setting)
+    run = gearlib.simulate(train, tuning, periods=180, record_periods=12, samples_per_period=64)
+    assert float(run.speed) == pytest.approx(setting.speed, rel=1e-12)
+    sweeps = {
+        way: gearlib.sweep(
+            train,
+            shown.machine.speeds / shown.machine.rpm(setting),
+            periods=36,
+            record_periods=12,
+            direction=way,
+        )
+        for way in ("up", "down")
+    }
+    assert float(run.load_sharing.std()) > 0.01
+    plots = _plots(shown)
+    meshes = train.mesh_names
+    speeds = shown.machine.speeds
+    named = _named(plots["Resonance characteristic of the planetary set"])
+    assert tuple(named) == meshes
+    curves = plots["Resonance characteristic of the planetary set"].renderers
+    shares, courses = plots["Load sharing"].renderers, plots["Time course"].renderers
+    for i, mesh in enumerate(meshes):
+        assert curves[i] is named[mesh]
+        for way, curve in (("up", curves[i]), ("down", curves[i + len(meshes)])):
+            factor = sweeps[way].dynamic_factor.sel(mesh=mesh)
+            np.testing.assert_array_equal(_points(curve), [speeds, factor])
+        sharing = sweeps["up"].load_sharing.sel(mesh=mesh)
+        np.testing.assert_array_equal(_points(shares[i]), [speeds, sharing])
+        force = run.dynamic_force.sel(mesh=mesh)
+        np.testing.assert_array_equal(_points(courses[i])[1], force)
+        colours = {r.glyph.line_color for r in (curves[i], shares[i], courses[i])}
+        assert len(colours) == 1
+
+
+def test_what_is_refused_is_said(mapping):
+    whole = {**mapping, "train": {"planetary": {"planets": 4}}}
+    shown = serving.Explorer(whole, "k1")
+    shown.choice.value = "planetary set"
+    (pane,) = shown.shown
+    assert "planets = 4 is not allowed" in pane.object
+
+
+@pytest.fixture(scope="module")
 def address(request):
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
@@ -145,11 +235,13 @@ def address(request):
     server.wait()
 
 
-def _note(driver):
-    for element in everywhere(driver, "p"):
-        if "The motion from rest" in element.text:
-            return element.text
-    return ""
+def _note(driver, old=""):
+    """Return what the page says of the motion, nothing as long as it says the old."""
+    try:
+        texts = [element.text for element in everywhere(driver, "p")]
+    except StaleElementReferenceException:  # the page is just being replaced
+        return ""
+    return next((t for t in texts if "The motion from rest" in t and t != old), "")
 
 
 def _reachable(driver, address):
@@ -167,12 +259,21 @@ def test_in_a_browser(browser, address, mapping):
     assert "the flanks never part" in first
     handle = wait_for(lambda: everywhere(browser, ".noUi-handle"))[0]
     handle.send_keys(Keys.PAGE_UP * 12)
-    second = wait_for(lambda: _note(browser) != first and _note(browser))
+    second = wait_for(lambda: _note(browser, first))
     assert re.search(r"Computed in \d+ ms", second)
-    (button,) = everywhere(browser, "a.bk-btn, button.bk-btn, a[download]")[:1]
-    button.click()
+    buttons = everywhere(browser, "a.bk-btn, button.bk-btn, a[download]")
+    next(b for b in buttons if "Save" in b.text).click()
     saved = wait_for(lambda: list(browser.downloads.glob("config*.yaml")))[0]
     text = wait_for(lambda: saved.read_text(encoding="utf-8"))
     tunings = config.load(yaml.safe_load(text)).phase_planes.tunings
     assert tunings[0] > mapping["phase_planes"]["tunings"][0]
+
+    # A train: a curve of each mesh, which follows the slider.
+    (button,) = [b for b in everywhere(browser, ".bk-btn") if b.text == "planetary set"]
+    button.click()
+    third = wait_for(lambda: _note(browser, second))
+    assert "all meshes stay in contact" in third
+    handle = wait_for(lambda: everywhere(browser, ".noUi-handle"))[1]
+    handle.send_keys(Keys.PAGE_UP)
+    wait_for(lambda: _note(browser, third))
     assert errors(browser) == []

@@ -73,7 +73,7 @@ def test_flight_across_the_gap_is_that_of_a_damped_mass(method):
     terminal, decay = 0.02 / 0.3, math.exp(-0.3 * t)
     end = x + terminal * t + (v - terminal) * (1.0 - decay) / 0.3
     speed = terminal + (v - terminal) * decay
-    # A few roundings of numbers of order one, over some tens of knots.
+    # A few roundings of numbers of order one, over some tens of substeps.
     assert run.final_state.values == pytest.approx([end, speed / frequency], abs=1e-13)
     assert run.sizes["event"] == 0
 

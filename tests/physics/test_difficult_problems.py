@@ -153,3 +153,39 @@ def test_no_tolerance_helps_a_sign_test_at_step_ends():
         failures.try_method(problem, "scipy", {**split, "rtol": 1e-12, "atol": 1e-12})[0]
         == "missed_event"
     )
+
+
+TRAINS = [name for name in PROBLEMS if name.startswith("planets")]
+
+
+@pytest.mark.parametrize("name", TRAINS)
+@pytest.mark.parametrize("other", [failures._SPLIT, ("heyoka", {})])
+def test_references_of_trains_agree_with_two_other_codes(name, other):
+    """There are no 50 digits for trains: two codes that share nothing with the exact one."""
+    if not integrators.about(other[0]).available:
+        pytest.skip(integrators.about(other[0]).note)
+    problem = PROBLEMS[name]
+    reference = failures.run(problem, *failures.judge_of(problem, "rk4"), problem.periods)
+    found = failures.run(problem, *other, problem.periods)
+    assert failures.error(problem, found, reference) < 1e-11
+    assert found.contacts == reference.contacts
+
+
+def test_planets_part_at_once_or_next_to_that():
+    phases = {}
+    for name in TRAINS:
+        problem = PROBLEMS[name]
+        run = simulate(
+            problem.model,
+            problem.tuning,
+            periods=problem.periods,
+            record_periods=problem.periods,
+            initial_state=problem.state,
+        )
+        at = run.event_phase.values.reshape(-1, 3)
+        phases[name] = at.max(axis=1) - at.min(axis=1)
+        assert len(at) >= 6
+    for name in ("planets_at_once", "planets_alike"):
+        # The rounding of a distance over its speed.
+        assert phases[name].max() < 1e-12, name
+    assert 2e-13 < np.median(phases["planets_apart"]) < 5e-12

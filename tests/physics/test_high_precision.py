@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gearlib import GearPair, OneDegreePair, SixDegreePair
-from gearlib.kernels.closed_form.mesh import NORMAL
+from gearlib.kernels.codes import NORMAL
 from gearlib.studies.trials import high_precision, problems, references
 from tests.paper import CONFIG, PAPER
 from tests.physics.high_precision import propagate

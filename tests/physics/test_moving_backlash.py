@@ -22,7 +22,7 @@ def test_no_force_jumps_at_a_flank_that_is_just_touched(moving):
     system, _ = model.system(0.9)
     rng = np.random.default_rng(0)
     for contact, line in ((0, system.far), (2, system.near)):
-        for q in range(system.knots.size):
+        for q in range(system.substeps.size):
             # States on the line, at rest relative to it.
             held = np.array([line, line @ system.a[1, q]])
             for _ in range(20):

@@ -12,17 +12,14 @@ import pytest
 
 import gearlib
 from tests.paper import PAPER
-from tests.trains.against_scipy import by_heyoka, compare, problem
+from tests.trains.against_scipy import by_heyoka, compare
 from tests.trains.reference import Reference
 
 COUNT = int(os.environ.get("GEARLIB_TRAINS", "16"))
 #: Of the first 500 the one in which the reference has lost digits: 1.2e-9 behind a grazing touch.
 ARBITRATED = (418,)
-#: `kernels.several_meshes.substeps.advance` numbers harmonics by `c`, which is the combination.
-FAULT = pytest.mark.xfail(reason="parts of substeps with harmonics use another combination")
 
 
-@FAULT
 def test_a_deviation_through_a_change_of_contact():
     """The smallest train with harmonics that has an event."""
     train = gearlib.idler(PAPER.replace(material_damping=3000.0))
@@ -42,9 +39,7 @@ def compared(seed):
 
 
 @pytest.mark.parametrize("seed", range(COUNT))
-def test_no_event_of_a_random_train_is_missed(seed, request):
-    if problem(seed)[1].excitation[0].size:
-        request.applymarker(FAULT)
+def test_no_event_of_a_random_train_is_missed(seed):
     one = compared(seed)
     if not one.right and seed in ARBITRATED:
         pytest.importorskip("heyoka")

@@ -10,6 +10,9 @@ import yaml
 from gearlib.config import ConfigError, load, schema
 
 PAPER = yaml.safe_load(Path("config.yaml").read_text(encoding="utf-8"))
+# All of its keys may be left out, so that config.yaml shows few; in SI, which is read faster.
+PAPER["train"] = yaml.safe_load(Path("tests/every_train.yaml").read_text(encoding="utf-8"))
+PAPER["train"] = load(PAPER).train.model_dump()
 SCHEMA = schema()
 
 
@@ -78,10 +81,11 @@ def wrong_values(node, value):
 
 
 def put(path, value):
-    settings = copy.deepcopy(PAPER)
     if not path:
         return value
-    section = settings
+    # With the gears it depends on nothing else whether a section is refused.
+    settings = {key: PAPER[key] for key in ("gear_pair", "dampings", path[0])}
+    settings = section = copy.deepcopy(settings)
     for part in path[:-1]:
         section = section[part]
     section[path[-1]] = value

@@ -148,6 +148,114 @@ def test_only_what_a_command_needs_is_asked_for(run, request, tmp_path):
     assert done.exit_code == 2 and "several cases" in done.output
 
 
+def cells(text, first):
+    """Return the row of a printed table that begins with a name, its columns as numbers."""
+    (line,) = [line for line in text.splitlines() if line.startswith(f"{first}  ")]
+    return [float(word) for word in line.removeprefix(first).split()]
+
+
+MESHES = ("displacement_max", "displacement_min", "dynamic_force_max", "dynamic_factor")
+MESHES += ("mean_force", "load_sharing", "fraction_normal", "bounces")
+
+
+@pytest.fixture
+def reducer(tmp_path):
+    """A reducer with a misplaced pin, and the configuration that describes it."""
+    section = {"split_power_reducer": {"pin_errors": [[0.0, "10 um"], [0, 0], [0, 0]]}}
+    (tmp_path / "train.yaml").write_text(yaml.safe_dump(mapping(section)), encoding="utf-8")
+    errors = [(0.0, 10e-6), (0.0, 0.0), (0.0, 0.0)]
+    return gearlib.split_power_reducer(pair(), pin_errors=errors)
+
+
+def mapping(train):
+    gears = {"max_stiffness": 4e8, "stiffness_ratio": 0.5879, "contact_ratio": 1.569}
+    gears |= {"reduced_mass": 3.123, "load": 3289.5396, "backlash": "40 um", "teeth": 24}
+    dampings = {"k1": {"material": 3953.7, "backlash": 0.0}}
+    return {"gear_pair": gears, "dampings": dampings, "train": train}
+
+
+def test_runs_of_a_train_print_a_row_for_each_mesh(run, reducer):
+    train = ["--config", "train.yaml", "--model", "train"]
+    done = run("simulate", *train, "--tuning", "0.7", "--periods", "30", "-o", "run.nc")
+    assert done.exit_code == 0, done.output
+    expected = gearlib.simulate(reducer, 0.7, periods=30)
+    found = xr.load_dataset("run.nc")
+    assert found.displacement.equals(expected.displacement)
+    assert f"{expected.speed.item():.10g} min-1" in done.output
+    # Where a pin is displaced, the branches differ.
+    assert float(expected.load_sharing.std()) > 0.01
+    for name in reducer.mesh_names:
+        row = [float(f"{expected[key].sel(mesh=name).item():.6g}") for key in MESHES]
+        assert cells(done.output, name) == row
+
+    # The mesh that moves most here is neither the first one nor the one that moves least.
+    grid = ["--start", "0.3", "--stop", "0.5", "--points", "3", "--periods", "30"]
+    done = run("sweep", *train, *grid)
+    assert done.exit_code == 0, done.output
+    tunings = np.linspace(0.3, 0.5, 3)
+    swept = gearlib.sweep(reducer, tunings, periods=30, record_periods=10)
+    top = swept.isel(tuning=int(swept.displacement_max.max("mesh").argmax("tuning")))
+    assert f"{top.tuning.item():.10g} " in done.output
+    for name in reducer.mesh_names:
+        row = [top[key].sel(mesh=name).item() for key in MESHES]
+        np.testing.assert_allclose(cells(done.output, name), row, rtol=1e-5, atol=1e-9)
+
+
+def test_an_orbit_of_a_train_is_found(run, tmp_path):
+    section = {"kind": "planetary", "planetary": {"stiffness_ratio": [0.9, 0.9]}}
+    (tmp_path / "train.yaml").write_text(yaml.safe_dump(mapping(section)), encoding="utf-8")
+    done = run("orbit", "--config", "train.yaml", "--model", "train", "--tuning", "1.5")
+    assert done.exit_code == 0, done.output
+    size = gearlib.planetary().size
+    assert "orbit of period 1" in done.output and f" ... {size} in all" in done.output
+
+
+def test_what_a_train_is_without_a_run(run, reducer):
+    found = reducer.modes()
+    done = run("modes", "--config", "train.yaml", "-o", "modes.nc")
+    assert done.exit_code == 0, done.output
+    xr.testing.assert_allclose(xr.load_dataset("modes.nc"), found)
+    for i, line in enumerate(done.output.splitlines()[1 : 1 + found.mode.size]):
+        frequency, kind = found.natural_frequency.values[i], found.mode_kind.values[i]
+        assert line.split() == [str(i), f"{frequency:.6g}", kind]
+
+    done = run("static", "--config", "train.yaml", "--phase", "1.0", "-o", "static.nc")
+    assert done.exit_code == 0, done.output
+    still = reducer.static(1.0)
+    for name in reducer.mesh_names:
+        row = [still[key].sel(mesh=name).item() for key in ("mesh_force", "contact")]
+        np.testing.assert_allclose(cells(done.output, name)[:2], row, rtol=1e-5)
+    assert xr.load_dataset("static.nc").load_sharing.equals(still.load_sharing)
+
+    done = run("phasing", "--config", "train.yaml", "--count", "3", "-o", "phasing.nc")
+    assert done.exit_code == 0, done.output
+    sums = reducer.phasing(3)
+    assert xr.load_dataset("phasing.nc").phase_sum.equals(sums.phase_sum)
+    own = sums.excites.sel(stiffness_order=2.0).values
+    rotational = sums.mode_kind.values == "rotational"
+    assert f"{own[rotational].sum()} of {rotational.sum()}" in done.output
+    assert own[rotational].all() and not own[~rotational].any()
+
+
+@pytest.mark.parametrize(
+    ("train", "fault"),
+    [
+        ({"kind": "belt"}, "train.kind = 'belt' is not allowed: it must be one of"),
+        ({"kind": "own"}, "train.own.bodies = [] is not allowed"),
+        ({"planetary": {"load": "2 kg"}}, "train.planetary.load = '2 kg' is not allowed"),
+        (
+            {"kind": "planetary", "planetary": {"planets": 4}},
+            "planets = 4 is not allowed: (z_s + z_r) / N = (27 + 99) / 4",
+        ),
+    ],
+)
+def test_a_wrong_train_is_refused_with_code_2(run, tmp_path, train, fault):
+    (tmp_path / "train.yaml").write_text(yaml.safe_dump(mapping(train)), encoding="utf-8")
+    done = run("modes", "--config", "train.yaml")
+    assert done.exit_code == 2
+    assert fault in done.output
+
+
 class Terminal(io.StringIO):
     def isatty(self):
         return True

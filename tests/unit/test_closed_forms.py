@@ -18,8 +18,9 @@ from gearlib.kernels.closed_form.flight import (
     lowest_time,
     phi,
 )
-from gearlib.kernels.closed_form.mesh import BACKLASH, INVERSE, NORMAL, contact_of, mesh
+from gearlib.kernels.closed_form.mesh import contact_of, mesh
 from gearlib.kernels.closed_form.oscillator import evolve, level, turning_time
+from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
 from gearlib.kernels.orbit import orbit_period
 from gearlib.kernels.piecewise_linear.system import carry
 from gearlib.models.propagators.closed_form import ratios

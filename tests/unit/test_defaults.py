@@ -31,6 +31,7 @@ OWN = {
     "work_precision.cubic_damping",
     "jump_by_method.methods",
     "basins.cases",
+    "basins.periods",
     "bifurcation.damping",
     "poincare.cases",
     "scenes",

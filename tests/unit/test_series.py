@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from gearlib import Fourier, Harmonics, OneDegreePair
-from gearlib.kernels.closed_form.mesh import BACKLASH, INVERSE, NORMAL
+from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
 from gearlib.kernels.taylor.series import ORDER, ROWS, V, X, expand, tables
 from tests.paper import PAPER
 

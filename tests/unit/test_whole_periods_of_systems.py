@@ -9,7 +9,7 @@ from gearlib import GearPair, Harmonics, OneDegreePair, SixDegreePair
 from gearlib.kernels.jit import kernel
 from gearlib.kernels.piecewise_linear.run import contact_at, go, set_harmonics
 from gearlib.kernels.piecewise_linear.system import ORDER, carry, dot, image, scratch, tables
-from gearlib.kernels.piecewise_linear.whole_periods import _prepare, pass_period, ways
+from gearlib.kernels.piecewise_linear.whole_periods import _prepare, pass_period, period_tables
 from gearlib.kernels.polynomial import (
     bernstein_matrix,
     fall_by_shape,
@@ -49,7 +49,7 @@ def event_by_event(system, to_bernstein, z, periods):
 def whole_periods(system, part, to_bernstein, z, periods):
     """The same by the part that decides the events."""
     contact, on_line, at_rest = contact_at(system, z)
-    short, rest, way = image(part.into, z), image(part.rest_into, z), ways(part.system)
+    short, rest, way = image(part.into, z), image(part.rest_into, z), period_tables(part.system)
     events = 0
     for i in range(periods):
         set_harmonics(part.system, short, 2.0 * np.pi * i)
@@ -111,7 +111,7 @@ def random_model(rng):
 @kernel
 def prepared(system, i, p):
     """Return the tables with those of one contact code and stretch filled."""
-    table = ways(system)
+    table = period_tables(system)
     _prepare(system, table, i, p)
     return table
 
@@ -121,9 +121,9 @@ def test_the_tail_bounds_all_higher_terms():
     rng = np.random.default_rng(1)
     for _ in range(20):
         system = random_model(rng).system(rng.uniform(0.4, 1.4))[0]
-        i, p = rng.integers(3), rng.integers(system.knots.size)
+        i, p = rng.integers(3), rng.integers(system.substeps.size)
         table = prepared(system, i, p)
-        h = (system.starts[p + 1] - system.starts[p]) / system.knots[p]
+        h = (system.starts[p + 1] - system.starts[p]) / system.substeps[p]
         for functional, tail in ((system.near, table.near_tail), (system.far, table.far_tail)):
             row, expected = functional.copy(), np.zeros_like(functional)
             for k in range(1, ORDER + 1):

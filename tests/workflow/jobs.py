@@ -71,8 +71,16 @@ EXPERIMENTS = {
     ),
     "stability_chart": Experiment({"stability_chart": 1}, {"draw_stability_chart": 1}),
     "published": Experiment({"published": 1}, {"draw_published": 1}, simulates=True),
-    "reducer": Experiment({"reducer": 1}, {"draw_reducer": 1}, with_k1={"reducer": 1}),
-    "one_mesh": Experiment({"one_mesh": 1}, {"draw_one_mesh": 1}, with_k1={"one_mesh": 1}),
+    "reducer": Experiment(
+        {"reducer": 1, "reducer_table": 1},
+        {"draw_reducer": 1},
+        with_k1={"reducer": 1, "reducer_table": 1},
+    ),
+    "one_mesh": Experiment(
+        {"one_mesh": 1, "one_mesh_table": 1},
+        {"draw_one_mesh": 1},
+        with_k1={"one_mesh": 1, "one_mesh_table": 1},
+    ),
     "train_chart": Experiment({"train_chart": 1}, {"draw_train_chart": 1}),
     "symmetry_breaking": Experiment(
         {"symmetry_breaking": 1}, {"draw_symmetry_breaking": 1}, simulates=True
@@ -145,4 +153,5 @@ def after_another_k1():
     return union([row.draws for row in rows] + [row.with_k1 for row in rows])
 
 
-EVERYTHING = {"compile_kernels": 1, "compile_larger_kernels": 1, **jobs(*EXPERIMENTS)}
+COMPILED = ("compile_kernels", "compile_larger_kernels", "compile_train_kernels")
+EVERYTHING = {**dict.fromkeys(COMPILED, 1), **jobs(*EXPERIMENTS)}

@@ -242,6 +242,8 @@ def target_files(targets):
         "parametric_resonance": ["results/tables/parametric_resonance.html"],
         "work_precision": ["results/work_precision.csv"],
         "jump_by_method": ["results/jump_by_method.csv"],
+        "reducer": ["results/reducer.csv"],
+        "one_mesh": ["results/one_mesh.csv"],
         "claims": ["results/claims.csv", "results/claims.md"],
         "report_page": ["results/report/index.html"],
     }

@@ -5,7 +5,7 @@ use rule job as reducer with:
     pathvars:
         job="reducer",
     input:
-        kernels=rules.compile_kernels.output.stamp,
+        train_kernels=rules.compile_train_kernels.output.stamp,
         sources=function_sources("gearlib.studies.trains.reducer:compute"),
     output:
         dataset="results/reducer.nc",
@@ -22,6 +22,7 @@ use rule job as one_mesh with:
         job="one_mesh",
     input:
         kernels=rules.compile_kernels.output.stamp,
+        train_kernels=rules.compile_train_kernels.output.stamp,
         sources=function_sources("gearlib.studies.trains.one_mesh:compute"),
     output:
         dataset="results/one_mesh.nc",
@@ -32,3 +33,31 @@ use rule job as one_mesh with:
         tunings=grid_of(CONFIG.one_mesh),
         settings=canonical(CONFIG.reducer.model_dump(exclude={"damping", "backlashes", *GRID})),
         changes=canonical(CONFIG.one_mesh.model_dump(exclude=GRID)),
+
+
+use rule job as reducer_table with:
+    pathvars:
+        job="reducer_table",
+    input:
+        characteristics=rules.reducer.output.dataset,
+        sources=function_sources("gearlib.studies.trains.reducer:write_csv", script="table"),
+    output:
+        csv="results/reducer.csv",
+        page=table_page("reducer", "Fig. 1: the reducer, table", EXPLANATIONS),
+    params:
+        script="table",
+        function="gearlib.studies.trains.reducer:write_csv",
+
+
+use rule job as one_mesh_table with:
+    pathvars:
+        job="one_mesh_table",
+    input:
+        comparison=rules.one_mesh.output.dataset,
+        sources=function_sources("gearlib.studies.trains.one_mesh:write_csv", script="table"),
+    output:
+        csv="results/one_mesh.csv",
+        page=table_page("one_mesh", "Fig. 1: one mesh, table", EXPLANATIONS),
+    params:
+        script="table",
+        function="gearlib.studies.trains.one_mesh:write_csv",

@@ -110,7 +110,7 @@ def periodic_orbit(pair, tuning, *, guess=None, period=1, max_events=MAX_EVENTS)
     if period % repeats:
         raise ValueError(
             f"period = {period} is not allowed: it must be a multiple of the {repeats} mesh "
-            "periods after which the run-out repeats"
+            "periods after which the excitation repeats"
         )
     propagator = pair.propagator(tuning)
     reduce, lift = pair.reduction()

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from gearlib.kernels.closed_form.mesh import BACKLASH, NORMAL
+from gearlib.kernels.codes import BACKLASH, NORMAL
 from gearlib.kernels.jit import kernel
 
 

@@ -14,7 +14,7 @@ from gearlib.integrators.peers.package import Package
 from gearlib.integrators.problems import problem_of
 from gearlib.integrators.split import NEAR, Phase, Split, Stall
 from gearlib.kernels.closed_form.event_by_event import within_range
-from gearlib.kernels.closed_form.mesh import BACKLASH, INVERSE, NORMAL
+from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
 
 __all__ = ["EVENTS", "MODELS", "OPTIONS", "ORDER", "PACKAGE", "run", "run_many", "takes"]
 

@@ -20,7 +20,7 @@ from gearlib.integrators.problems import problem_of
 from gearlib.integrators.scipy_ivp import MODELS, takes
 from gearlib.integrators.several_meshes import Problem
 from gearlib.integrators.split import Phase, Split, Stall, exits_of
-from gearlib.kernels.closed_form.mesh import BACKLASH, INVERSE, NORMAL
+from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
 
 __all__ = ["EVENTS", "MODELS", "OPTIONS", "ORDER", "PACKAGE", "run", "run_many", "takes"]
 

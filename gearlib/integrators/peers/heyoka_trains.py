@@ -10,7 +10,7 @@ import threading
 import numpy as np
 
 from gearlib.integrators.several_meshes import Phase, Split, Stall
-from gearlib.kernels.closed_form.mesh import BACKLASH, NORMAL
+from gearlib.kernels.codes import BACKLASH, NORMAL
 
 
 class _Compiled(threading.local):

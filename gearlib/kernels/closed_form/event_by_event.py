@@ -10,8 +10,8 @@ import math
 
 from gearlib.kernels.closed_form.crossing import descent_time, landing
 from gearlib.kernels.closed_form.flight import fly
-from gearlib.kernels.closed_form.mesh import BACKLASH, INVERSE, NORMAL
 from gearlib.kernels.closed_form.oscillator import evolve
+from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
 from gearlib.kernels.jit import kernel
 
 START, DURATION, CONTACT, LEVEL, DISPLACEMENT, VELOCITY = range(6)

@@ -3,9 +3,8 @@
 from typing import NamedTuple
 
 from gearlib.kernels.closed_form.oscillator import Level, level
+from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
 from gearlib.kernels.jit import kernel
-
-NORMAL, BACKLASH, INVERSE = 1, 0, -1
 
 
 class Mesh(NamedTuple):

@@ -15,9 +15,8 @@ from gearlib.kernels.closed_form.whole_periods import (
     set_mesh,
     set_start,
 )
+from gearlib.kernels.codes import EVENT_LIMIT, OK, OVERFLOW
 from gearlib.kernels.jit import inlined, kernel
-
-OK, EVENT_LIMIT, OVERFLOW, NOT_CONVERGED, STALLED, JAMMED, UNRESOLVED = range(7)
 
 _FIRST_ARCS = 32
 #: Periods between two looks at whether a run has settled; after each attempt to prove it twice as

@@ -28,9 +28,9 @@ from gearlib.kernels.closed_form.event_by_event import (
     within_range,
 )
 from gearlib.kernels.closed_form.flight import fly, lowest_time
-from gearlib.kernels.closed_form.mesh import BACKLASH, NORMAL
 from gearlib.kernels.closed_form.oscillator import UNDERDAMPED, evolve, turning_time
 from gearlib.kernels.closed_form.whole_periods import KEPT, advance
+from gearlib.kernels.codes import BACKLASH, NORMAL
 from gearlib.kernels.jit import inlined, kernel
 from gearlib.kernels.orbit import MAX_PERIOD
 

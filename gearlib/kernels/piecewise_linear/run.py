@@ -13,8 +13,16 @@ import numpy as np
 
 from gearlib.kernels import orbit
 from gearlib.kernels.arrays import copy, enlarged
-from gearlib.kernels.closed_form.mesh import BACKLASH, INVERSE, NORMAL
-from gearlib.kernels.closed_form.run import EVENT_LIMIT, JAMMED, OK, OVERFLOW, UNRESOLVED
+from gearlib.kernels.codes import (
+    BACKLASH,
+    EVENT_LIMIT,
+    INVERSE,
+    JAMMED,
+    NORMAL,
+    OK,
+    OVERFLOW,
+    UNRESOLVED,
+)
 from gearlib.kernels.jit import kernel
 from gearlib.kernels.piecewise_linear.system import (
     ORDER,
@@ -28,7 +36,7 @@ from gearlib.kernels.piecewise_linear.system import (
     scratch,
     tables,
 )
-from gearlib.kernels.piecewise_linear.whole_periods import pass_period, ways
+from gearlib.kernels.piecewise_linear.whole_periods import pass_period, period_tables
 from gearlib.kernels.polynomial import first_fall, highest, horner
 
 #: A sum this small, as a share of its parts, is the rounding of zero.
@@ -99,10 +107,10 @@ def go(system, table, to_bernstein, z, contact, on_line, at_rest, s, record, rec
     n = z.shape[0]
     near, far = np.empty(ORDER + 1), np.empty(ORDER + 1)
     events = 0
-    for p in range(system.knots.shape[0]):
-        knots = system.knots[p]
-        h = (system.starts[p + 1] - system.starts[p]) / knots
-        for knot in range(knots):
+    for p in range(system.substeps.shape[0]):
+        substeps = system.substeps[p]
+        h = (system.starts[p + 1] - system.starts[p]) / substeps
+        for step in range(substeps):
             t = 0.0
             while t < h:
                 i = contact + 1
@@ -121,7 +129,7 @@ def go(system, table, to_bernstein, z, contact, on_line, at_rest, s, record, rec
                 length = left if share > 1.0 else share * left
                 if recorded == record.shape[0]:
                     record = enlarged(record, 2 * recorded)
-                record[recorded, 0] = system.starts[p] + knot * h + t
+                record[recorded, 0] = system.starts[p] + step * h + t
                 record[recorded, 1] = length
                 record[recorded, 2] = contact
                 record[recorded, 3] = p
@@ -276,7 +284,7 @@ def run_linear(
     speed = _velocity(system)
     x, v = dot(system.position, z), dot(speed, z)
     if unseen > 0:
-        own, own_speed, way = part.system, _velocity(part.system), ways(part.system)
+        own, own_speed, way = part.system, _velocity(part.system), period_tables(part.system)
         short, rest = image(part.into, z), image(part.rest_into, z)
         for i in range(unseen):
             # Harmonics are put to their values: their rounding must not grow with the run.

@@ -3,7 +3,7 @@
 Within a segment of the mesh period with constant stiffness, and as long as the contact state does
 not change, the state obeys z' = A z. Constants and harmonics are components of z (of frequency zero
 and n), so that the excitation needs no separate terms. A segment is divided into equal substeps
-(`knots` is their number), so short that the Taylor polynomial of degree ORDER is the solution to
+(`substeps` is their number), so short that the Taylor polynomial of degree ORDER is the solution to
 rounding, by the bound |remainder| <= (|A| h)^(ORDER + 1) / (ORDER + 1)! e^(|A| h).
 """
 
@@ -26,7 +26,7 @@ class System(NamedTuple):
 
     a: np.ndarray  #: z' = a[contact + 1, segment] z, shape (3, p, n, n)
     starts: np.ndarray  #: phases that bound the segments, shape (p + 1,), 0 to 2 pi
-    knots: np.ndarray  #: number of substeps of every segment, int, shape (p,)
+    substeps: np.ndarray  #: number of substeps of every segment, int, shape (p,)
     low: np.ndarray  #: whether a segment is one of C_min, shape (p,)
     stiffness: np.ndarray  #: c by contact code (0: that of the normal flank), shape (3, p)
     near: np.ndarray  #: functional y, displacement over the normal flank, shape (n,)

@@ -7,8 +7,7 @@ do not.
 import numpy as np
 
 from gearlib.kernels.arrays import copy_rows
-from gearlib.kernels.closed_form.mesh import NORMAL
-from gearlib.kernels.closed_form.run import OK, OVERFLOW
+from gearlib.kernels.codes import NORMAL, OK, OVERFLOW
 from gearlib.kernels.jit import kernel
 from gearlib.kernels.piecewise_linear.run import contact_at, go, set_harmonics, stopped
 from gearlib.kernels.piecewise_linear.system import (
@@ -61,8 +60,8 @@ def vary_linear(system, to_bernstein, z, moving, periods, limit, matrices):
     n = z.shape[0]
     s, table = scratch(n), tables(system)
     record = np.empty((64, 4 + (ORDER + 1) * n))
-    whole = np.zeros((3, system.knots.shape[0], moving, moving))
-    known = np.zeros((3, system.knots.shape[0]), dtype=np.bool_)
+    whole = np.zeros((3, system.substeps.shape[0], moving, moving))
+    known = np.zeros((3, system.substeps.shape[0]), dtype=np.bool_)
     # The lines of contact need the constants, which come with the harmonics.
     set_harmonics(system, z, 2.0 * np.pi * system.first)
     contact, on_line, at_rest = contact_at(system, z)
@@ -86,7 +85,7 @@ def vary_linear(system, to_bernstein, z, moving, periods, limit, matrices):
                 before, after = system.a[previous + 1, p], system.a[code + 1, p]
                 matrix = product(_saltation(before, after, line, start, moving), matrix)
                 previous = code
-            step = (system.starts[p + 1] - system.starts[p]) / system.knots[p]
+            step = (system.starts[p + 1] - system.starts[p]) / system.substeps[p]
             if length == step:
                 if not known[code + 1, p]:
                     power = exponential(system.a[code + 1, p], moving, length)

@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gearlib.kernels.arrays import copy
-from gearlib.kernels.closed_form.mesh import BACKLASH, INVERSE, NORMAL
+from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
 from gearlib.kernels.jit import inlined, kernel
 from gearlib.kernels.piecewise_linear.system import ORDER, dot, exponential, jammed, product
 from gearlib.kernels.polynomial import fall_by_shape, first_fall, lowest_of_parabola
@@ -35,7 +35,7 @@ _PARTS = 32
 _PAIRS = 4
 
 
-class Ways(NamedTuple):
+class PeriodTables(NamedTuple):
     """Tables of a `System` of n components in b blocks; filled on first use."""
 
     ready: np.ndarray  #: bool, shape (3, p)
@@ -54,11 +54,11 @@ class Ways(NamedTuple):
 
 
 @kernel
-def ways(system):
-    """Return empty `Ways`."""
+def period_tables(system):
+    """Return empty `PeriodTables`."""
     contacts, p, n, _ = system.a.shape
     blocks = (n + 3) // 4
-    return Ways(
+    return PeriodTables(
         np.zeros((contacts, p), dtype=np.bool_),
         np.zeros((contacts, p, blocks, n, 4)),
         np.zeros((contacts, p, _ROWS // 4, n, 4)),
@@ -103,7 +103,7 @@ def _fill_rows(functional, a, h, blocks, tail):
 def _prepare(system, table, i, p):
     """Fill the tables of contact code i - 1 on segment p."""
     n = system.near.shape[0]
-    h = (system.starts[p + 1] - system.starts[p]) / system.knots[p]
+    h = (system.starts[p + 1] - system.starts[p]) / system.substeps[p]
     a = system.a[i, p]
     _into_blocks(a, table.rate[i, p])
     _into_blocks(exponential(a, n, h), table.step[i, p])
@@ -149,7 +149,7 @@ def _add_term(rate, i, p, factor, old, new, z):
 
 @kernel
 def _advance(fine, rate, i, p, h, t, z, term, image):
-    """Take z by t on a substep of length h; arrays are fields of `Ways`."""
+    """Take z by t on a substep of length h; arrays are fields of `PeriodTables`."""
     flat_term, flat_image = term.reshape(term.size), image.reshape(image.size)
     part = int(_PARTS * t / h + 0.5)
     if part > 0:
@@ -187,7 +187,7 @@ def _fall(rows, tail, i, p, side, share, on_line, at_rest, z, wide, to_bernstein
     """Return where side times a functional first falls through zero, as a part of `share` substeps.
 
     2 and -1 as of `first_fall`. `on_line`, `at_rest`: whether it starts at zero, and at rest;
-    rows, tail: fields of `Ways`.
+    rows, tail: fields of `PeriodTables`.
     """
     if _stays_above(rows, tail, i, p, side, z, wide) and not on_line:
         return 2.0
@@ -225,16 +225,16 @@ def pass_period(system, table, to_bernstein, z, contact, on_line, at_rest, limit
     events : int
         Number of events, or more than `limit` as of `gearlib.kernels.piecewise_linear.run.go`.
     """
-    # Arrays instead of `Ways`: every look into a tuple counts references, which would cost more
-    # than the sums.
+    # Arrays instead of `PeriodTables`: every look into a tuple counts references, which would cost
+    # more than the sums.
     ready, step, near, far, near_tail, far_tail, rate, fine = table[:8]
     state, term, image, wide, work = table[8:]
     flat, n = state.reshape(state.size), z.shape[0]
     copy(z, flat[:n])
     events = 0
-    for p in range(system.knots.shape[0]):
-        h = (system.starts[p + 1] - system.starts[p]) / system.knots[p]
-        for _ in range(system.knots[p]):
+    for p in range(system.substeps.shape[0]):
+        h = (system.starts[p + 1] - system.starts[p]) / system.substeps[p]
+        for _ in range(system.substeps[p]):
             t = 0.0
             while t < h:
                 i, left = contact + 1, h - t

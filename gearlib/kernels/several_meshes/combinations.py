@@ -3,8 +3,8 @@
 A motion visits few of the combinations that m meshes may form. Of each that it does visit, the
 tables hold what takes a state along and what tells whether a flank line is reached:
 
-* exp(A h) of a whole substep, one for each length of substep of the mesh period;
-* exp(A j H / PARTS), j = 1 ... PARTS, and the rows of A that give accelerations, for parts of one;
+* exp(A h) of a whole substep, one for each length of substep of the mesh period, when needed;
+* the rows of A that give accelerations, for the Taylor series over a part of one;
 * the rows d_j (A H)^k / k!, whose products with a state are the coefficients of the distance from a
   flank as a polynomial of theta / H, where H is the longest substep.
 
@@ -18,17 +18,14 @@ from typing import NamedTuple
 import numpy as np
 
 from gearlib.kernels.jit import inlined, kernel
-from gearlib.kernels.piecewise_linear.system import ORDER, exponential, product
+from gearlib.kernels.piecewise_linear.system import ORDER, exponential
 
 #: Rows of a distance that a first look takes; those of higher degree are bounded together.
 LOOK = 8
 #: Rows behind those, up to degree ORDER, filled up.
 BEHIND = 16
-#: A substep has so many equal parts with an exponential each; the remainder is a short series.
-PARTS = 16
-#: Terms of that series: (1.3 / 32)^9 / 9! = 8e-19, with room for unlike scales.
-TERMS = 8
-#: Bytes that the tables of one thread may take; beyond, all are forgotten and begun anew.
+#: Bytes that the tables of one thread may take, half of them exponentials; beyond, they are
+#: forgotten and begun anew, which changes no result.
 MEMORY = 2**28
 #: Combinations that are kept at most, whatever their size.
 _MOST = 4096
@@ -42,7 +39,6 @@ class Combinations(NamedTuple):
     keys: np.ndarray  #: int, shape (c,)
     a: np.ndarray  #: shape (c, n, n)
     rate: np.ndarray  #: accelerations by columns of A, shape (c, n, N filled up)
-    fine: np.ndarray  #: exponentials of parts, shape (c PARTS, n, n filled up)
     look: np.ndarray  #: first rows of all distances, shape (c, n, LOOK m)
     behind: np.ndarray  #: rows of higher degree, shape (c m, n, BEHIND)
     tail: np.ndarray  #: sums of the magnitudes of those, shape (c, n, m filled up)
@@ -67,9 +63,9 @@ def combinations(n, coordinates, meshes, lengths, memory=MEMORY):
         Bytes at most.
     """
     wide, narrow, lines = filled_up(n), filled_up(coordinates), filled_up(meshes)
-    each = n * n + n * (narrow + PARTS * wide + LOOK * meshes + lines) + meshes * n * BEHIND
-    each += min(lengths, 4) * n * wide
-    c = int(min(max(memory // (8 * each), 2), _MOST))
+    each = n * n + n * (narrow + LOOK * meshes + lines) + meshes * n * BEHIND
+    c = int(min(max(memory // (16 * each), 2), _MOST))
+    steps = int(min(max(memory // (16 * n * wide), 2), c * lengths))
     slots = 1
     while slots < 4 * c:
         slots *= 2
@@ -79,12 +75,11 @@ def combinations(n, coordinates, meshes, lengths, memory=MEMORY):
         np.empty(c, np.int64),
         np.empty((c, n, n)),
         np.zeros((c, n, narrow)),
-        np.zeros((c * PARTS, n, wide)),
         np.empty((c, n, LOOK * meshes)),
         np.zeros((c * meshes, n, BEHIND)),
         np.zeros((c, n, lines)),
         np.full((c, lengths), -1, np.int64),
-        np.zeros((c * min(lengths, 4), n, wide)),
+        np.zeros((steps, n, wide)),
     )
 
 
@@ -156,11 +151,6 @@ def _fill(system, tables, c, effects):
     a, h = tables.a[c], system.longest
     matrix_of(system, effects, a)
     by_columns(a[coordinates : 2 * coordinates], tables.rate[c])
-    part = exponential(a, n, h / PARTS)
-    power = part
-    for j in range(PARTS):
-        by_columns(power, tables.fine[PARTS * c + j])
-        power = product(part, power)
     row, new = np.empty(n), np.empty(n)
     for j in range(m):
         for i in range(n):
@@ -207,14 +197,11 @@ def combination(system, tables, effects):
 
 @kernel
 def whole_step(tables, c, kind, length):
-    """Return where exp(A length) of combination c is in ``step``; `kind` numbers the length.
-
-    -1 if there is no room: the caller forgets all and looks for the combination again.
-    """
+    """Return where exp(A length) of combination c is in ``step``; `kind` numbers the length."""
     if tables.at[c, kind] < 0:
+        if tables.known[1] == tables.step.shape[0]:
+            forget_lengths(tables.known, tables.at)
         s = tables.known[1]
-        if s == tables.step.shape[0]:
-            return -1
         n = tables.a.shape[1]
         by_columns(exponential(tables.a[c], n, length), tables.step[s])
         tables.at[c, kind] = s

@@ -12,7 +12,7 @@ from gearlib.kernels.several_meshes.combinations import BEHIND, LOOK
 class Grid(NamedTuple):
     """How the mesh periods of a system are divided."""
 
-    knots: np.ndarray  #: int, substeps of every segment, shape (p,)
+    substeps: np.ndarray  #: int, substeps of every segment, shape (p,)
     length: np.ndarray  #: theta of such a substep, shape (p,)
     kind: np.ndarray  #: int, number of that length, shape (p,)
     rate: np.ndarray  #: functionals of dd_j/dtheta, shape (m, n)
@@ -51,8 +51,8 @@ class Work(NamedTuple):
 def grid_of(system):
     """Return the `Grid` of a system; how many lengths it has is ``kind.max() + 1``."""
     spans = np.diff(system.starts) / system.tuning
-    knots = np.maximum(np.ceil(spans / system.longest * (1.0 - 1e-12)), 1.0).astype(np.int64)
-    length = spans / knots
+    substeps = np.maximum(np.ceil(spans / system.longest * (1.0 - 1e-12)), 1.0).astype(np.int64)
+    length = spans / substeps
     # Lengths that differ by rounding are one.
     order = np.argsort(length, kind="stable")
     new = np.concatenate([[True], np.diff(length[order]) > 1e-13 * length[order][1:]])
@@ -70,7 +70,7 @@ def grid_of(system):
     never = ~system.far[:, :one].any(axis=1)
     spin = system.harmonics * system.tuning
     near, far = system.near @ system.free, system.far @ system.free
-    return Grid(knots, length, kind, near, far, never, apart, spin)
+    return Grid(substeps, length, kind, near, far, never, apart, spin)
 
 
 @kernel

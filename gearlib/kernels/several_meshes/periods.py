@@ -9,13 +9,11 @@ import numpy as np
 
 from gearlib.kernels import orbit
 from gearlib.kernels.arrays import copy, enlarged
-from gearlib.kernels.closed_form.mesh import BACKLASH, NORMAL
-from gearlib.kernels.closed_form.run import EVENT_LIMIT, JAMMED, OK, UNRESOLVED
+from gearlib.kernels.codes import BACKLASH, EVENT_LIMIT, JAMMED, NORMAL, OK, UNRESOLVED
 from gearlib.kernels.jit import kernel
 from gearlib.kernels.piecewise_linear.system import dot
 from gearlib.kernels.several_meshes.combinations import (
     combination,
-    forget,
     multiply,
     whole_step,
 )
@@ -113,14 +111,14 @@ def go(
     """
     m, n = system.near.shape
     first, last = system.first_segment[number], system.first_segment[number + 1]
-    fine, rate, step, spin = tables.fine, tables.rate, tables.step, grid.spin
+    rate, step, spin = tables.rate, tables.step, grid.spin
     z, own, term, image_, longest = w.z, w.z[:n], w.term, w.image, system.longest
     look_rows, tail_rows, apart, never = tables.look, tables.tail, grid.apart, grid.open
     contact, look, tail = w.contact, w.look, w.tail
     count, taken, on_line = 0, 0, True
     for p in range(first, last):
         c, h = -1, grid.length[p]
-        for knot in range(grid.knots[p]):
+        for index in range(grid.substeps[p]):
             t = 0.0
             while t < h:
                 if c < 0:
@@ -140,24 +138,20 @@ def go(
                 length = left if best > 1.0 else best * left
                 if recording:
                     phase = system.starts[p] - system.starts[first]
-                    phase += (knot * h + t) * system.tuning
+                    phase += (index * h + t) * system.tuning
                     summarise(system, grid, tables, c, w, p, length, summary, to_bernstein)
                     taken = sample(system, grid, tables, c, w, p, phase, length, samples, taken)
                 if best > 1.0 and t == 0.0:
                     s = whole_step(tables, c, grid.kind[p], h)
-                    if s < 0:
-                        forget(tables.known, tables.slots, tables.at)
-                        c = combination(system, tables, w.effects)
-                        s = whole_step(tables, c, grid.kind[p], h)
                     multiply(step, s, z, term)
                     copy(term, own)
                     for i in range(vectors.shape[0]):
                         multiply(step, s, vectors[i], term)
                         copy(term, vectors[i, :n])
                 else:
-                    advance(fine, rate, c, spin, longest, length, z, term, image_)
+                    advance(rate, c, spin, longest, length, z, term, image_)
                     for i in range(vectors.shape[0]):
-                        advance(fine, rate, c, spin, longest, length, vectors[i], term, image_)
+                        advance(rate, c, spin, longest, length, vectors[i], term, image_)
                 if best > 1.0:
                     break
                 spread = 0.0

@@ -4,7 +4,7 @@ import math
 
 from gearlib.kernels import orbit
 from gearlib.kernels.arrays import copy
-from gearlib.kernels.closed_form.mesh import BACKLASH, INVERSE, NORMAL
+from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
 from gearlib.kernels.jit import kernel
 from gearlib.kernels.piecewise_linear.system import ORDER
 from gearlib.kernels.polynomial import highest
@@ -60,7 +60,7 @@ def sample(system, grid, tables, c, w, p, phase, length, samples, taken):
             break
         copy(w.z, w.other)
         t = max(at - phase, 0.0) / system.tuning
-        advance(tables.fine, tables.rate, c, grid.spin, system.longest, t, w.other, w.term, w.image)
+        advance(tables.rate, c, grid.spin, system.longest, t, w.other, w.term, w.image)
         copy(w.other, samples[taken, :n])
         for j in range(m):
             samples[taken, n + j] = w.contact[j]

@@ -6,8 +6,7 @@ import numpy as np
 
 from gearlib.kernels import orbit
 from gearlib.kernels.arrays import copy
-from gearlib.kernels.closed_form.mesh import BACKLASH, INVERSE, NORMAL
-from gearlib.kernels.closed_form.run import OK, OVERFLOW, UNRESOLVED
+from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL, OK, OVERFLOW, UNRESOLVED
 from gearlib.kernels.jit import kernel
 from gearlib.kernels.piecewise_linear.system import dot, image
 from gearlib.kernels.several_meshes.combinations import by_columns, matrix_of

@@ -7,34 +7,31 @@ otherwise the first crossing is proved by the shape of the polynomial, or isolat
 """
 
 from gearlib.kernels.arrays import copy
-from gearlib.kernels.closed_form.mesh import BACKLASH, INVERSE, NORMAL
+from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
 from gearlib.kernels.jit import inlined, kernel
-from gearlib.kernels.piecewise_linear.system import ORDER
+from gearlib.kernels.piecewise_linear.system import ORDER, REACH
 from gearlib.kernels.polynomial import fall_by_shape, first_fall, horner, lowest_of_parabola
-from gearlib.kernels.several_meshes.combinations import (
-    LOOK,
-    PARTS,
-    TERMS,
-    multiply,
-)
+from gearlib.kernels.several_meshes.combinations import LOOK, multiply
+
+#: Terms of a series below this share of the state are nothing, with room for unlike scales.
+_NOTHING = 1e-19
 
 
 @kernel
-def advance(fine, rate, c, spin, longest, t, z, term, image):
-    """Take z by t <= longest along A of combination c; arrays of `Combinations` and `Work`."""
+def advance(rate, c, spin, longest, t, z, term, image):
+    """Take z by t <= longest along A of combination c, by its Taylor series.
+
+    Its k-th term is at most (|A| t)^k / k! of the state; arrays of `Combinations` and `Work`.
+    """
     n = rate.shape[1]
     h = spin.shape[0]
     coordinates = (n - 1) // 2 - h
-    part = int(PARTS * t / longest + 0.5)
-    if part > 0:
-        multiply(fine, PARTS * c + part - 1, z, term)
-        for r in range(n):
-            z[r] = term[r]
-        t -= part * (longest / PARTS)
-    else:
-        for r in range(n):
-            term[r] = z[r]
-    for k in range(1, TERMS + 1):
+    for r in range(n):
+        term[r] = z[r]
+    k, size = 0, 1.0
+    while size > _NOTHING:
+        k += 1
+        size *= REACH * t / (longest * k)
         share = t / k
         multiply(rate, c, term, image)
         for r in range(coordinates):

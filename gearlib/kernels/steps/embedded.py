@@ -12,7 +12,7 @@ import numpy as np
 
 from gearlib.kernels import orbit
 from gearlib.kernels.closed_form.event_by_event import within_range
-from gearlib.kernels.closed_form.run import EVENT_LIMIT, OK, OVERFLOW, STALLED
+from gearlib.kernels.codes import EVENT_LIMIT, OK, OVERFLOW, STALLED
 from gearlib.kernels.jit import inlined, kernel
 from gearlib.kernels.steps.equation_of_motion import (
     SIDE,

@@ -11,7 +11,7 @@ H1 = (1 + tanh(sharpness x)) / 2 and H2 = (1 - tanh(sharpness (x + s))) / 2.
 import math
 from typing import NamedTuple
 
-from gearlib.kernels.closed_form.mesh import BACKLASH, INVERSE, NORMAL
+from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
 from gearlib.kernels.jit import inlined, kernel
 
 #: Phases this close to a switch of stiffness count as the switch: far above the rounding of a

@@ -8,7 +8,7 @@ import math
 from typing import NamedTuple
 
 from gearlib.kernels import orbit
-from gearlib.kernels.closed_form.mesh import BACKLASH, NORMAL
+from gearlib.kernels.codes import BACKLASH, NORMAL
 from gearlib.kernels.jit import inlined, kernel
 from gearlib.kernels.steps.equation_of_motion import (
     SIDE,

@@ -12,8 +12,8 @@ import numpy as np
 
 from gearlib.kernels import orbit
 from gearlib.kernels.closed_form.event_by_event import within_range
-from gearlib.kernels.closed_form.mesh import BACKLASH, INVERSE, NORMAL, contact_between
-from gearlib.kernels.closed_form.run import EVENT_LIMIT, OK, OVERFLOW, UNRESOLVED
+from gearlib.kernels.closed_form.mesh import contact_between
+from gearlib.kernels.codes import BACKLASH, EVENT_LIMIT, INVERSE, NORMAL, OK, OVERFLOW, UNRESOLVED
 from gearlib.kernels.jit import inlined, kernel
 from gearlib.kernels.polynomial import (
     fall_by_shape,

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from gearlib.kernels.closed_form.run import OK
+from gearlib.kernels.codes import OK
 
 
 class Base:

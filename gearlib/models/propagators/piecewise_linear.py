@@ -18,7 +18,7 @@ class Propagator(Base):
         super().__init__(model, tuning)
         self.system, self.outputs = model.system(tuning)
         self.part = model.part(self.system)
-        self.components, self.pieces = self.system.near.size, int(self.system.knots.sum())
+        self.components, self.pieces = self.system.near.size, int(self.system.substeps.sum())
 
     def start(self, state):
         """Return the state z; see `Base.start`."""

@@ -3,7 +3,7 @@
 import numpy as np
 
 from gearlib.kernels import orbit
-from gearlib.kernels.closed_form.run import OK
+from gearlib.kernels.codes import OK
 from gearlib.kernels.piecewise_linear.system import ORDER
 from gearlib.kernels.polynomial import bernstein_matrix
 from gearlib.kernels.several_meshes.combinations import (
@@ -31,7 +31,7 @@ class Propagator(Base):
         self.grid = grid_of(system)
         m, n = system.near.shape
         lengths = int(self.grid.kind.max()) + 1
-        self.components, self.pieces = n, int(self.grid.knots.sum())
+        self.components, self.pieces = n, int(self.grid.substeps.sum())
         # Between coordinates and their rates by phase, and those by theta of the kernels.
         self.scale = np.repeat([1.0, tuning], model.size // 2)
         if other is not None and other.tables.at.shape[1] >= lengths:

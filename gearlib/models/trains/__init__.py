@@ -15,5 +15,6 @@ module          responsibility
 ``ready_made``  `planetary`, `idler`, `two_stage`
 ``parts``       gears by module and teeth, meshes by a `GearPair`, for these
 ``reducer``     `split_power_reducer`, the paper's Fig. 1 a
+``described``   any of these from the values of a configuration
 ==============  ===================================================================================
 """

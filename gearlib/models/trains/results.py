@@ -64,9 +64,9 @@ class TrainResults(Model):
         matrix, whole = np.eye(n), np.empty_like(system.free)
         for p, span in enumerate(np.diff(system.starts) / tuning):
             matrix_of(system, system.effect[2, p], whole)
-            knots = int(np.ceil(span / system.longest))
-            one = exponential(whole, n, span / knots)
-            matrix = np.linalg.matrix_power(one, knots) @ matrix
+            substeps = int(np.ceil(span / system.longest))
+            one = exponential(whole, n, span / substeps)
+            matrix = np.linalg.matrix_power(one, substeps) @ matrix
         reduce, lift = self.reduction()
         return reduce @ matrix @ lift
 

@@ -1,4 +1,4 @@
-"""The explorer's page: sliders, figures and the button, with Panel and Bokeh."""
+"""The explorer's page of one pair: sliders, figures, the button; with Panel and Bokeh."""
 
 import io
 import time
@@ -167,30 +167,3 @@ def _sliders(setting, pair, grid):
         )
         for name, (low, high, step) in ranges.items()
     }
-
-
-def serve(mapping, damping, port=0, show=True):
-    """Serve the page on this machine until interrupted.
-
-    Parameters
-    ----------
-    mapping : dict
-        A configuration that `gearlib.config.load` accepts.
-    damping : str
-        One of its dampings.
-    port : int
-        0 takes any free one.
-    show : bool
-        Whether to open a browser.
-    """
-    pn.extension()
-    # The first view loads the compiled kernels, which is nothing to wait for while dragging.
-    Page(mapping, damping)
-    # Every visitor has sliders of his own.
-    pn.serve(
-        lambda: Page(mapping, damping).layout(),
-        port=port,
-        show=show,
-        title="gearlib explorer",
-        address="127.0.0.1",
-    )

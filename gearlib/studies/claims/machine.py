@@ -28,8 +28,8 @@ def one_mesh(data):
     peaks = base.answer.sel(observable="peak_tuning")
     words = ", ".join(f"{_MODELS[name]} {float(peaks.sel(model=name)):.4g}" for name in _SHOWN)
     words = f"largest dynamic factor, {_CASES[base.case.item()]}, at nu = {words}; "
-    words += f"within {float(found.tolerance):g} of the whole train "
+    words += f"smallest model within {float(found.tolerance):g} of the whole train, "
     suffices = zip(found.case.values, found.sufficient.values, strict=True)
-    words += ", ".join(f"{_CASES[case]}: {_MODELS[name]}" for case, name in suffices)
+    words += "; ".join(f"{_CASES[case]}: {_MODELS[name]}" for case, name in suffices)
     # The most favourable case counts: with it the replacement stands or falls.
     return base.sufficient.item() == "pair", words

@@ -7,6 +7,7 @@ For every case the smallest model is named whose answers are those of the whole 
 tolerance.
 """
 
+import csv
 import dataclasses
 import math
 
@@ -14,11 +15,12 @@ import numpy as np
 import xarray as xr
 
 from gearlib.data import provenance
+from gearlib.data.files import replacing
 from gearlib.data.variables import describe
 from gearlib.models.pair import GearPair
 from gearlib.models.trains.parts import gear_masses
 from gearlib.runs.sweeping import sweep
-from gearlib.studies.trains.reducer import BRANCHES, displaced, train_of
+from gearlib.studies.trains.reducer import BRANCHES, ROUNDING, displaced, train_of
 
 #: From the smallest to the whole. ``pair_in_train``: the pair with its share of the central gear.
 MODELS = ("pair", "pair_in_train", "two_meshes", "torsional", "whole")
@@ -131,12 +133,18 @@ def characteristic(model, pair, tunings, disturbance, run):
         start = (pair.mean_stiffness / pair.max_stiffness, 0.0)
         found = sweep(model, np.asarray(tunings) / unit, initial_state=start, **run)
         ones = np.ones(found.tuning.size)
-        return found.dynamic_force_max.values, 1.0 - found.fraction_normal.values, ones
+        return found.dynamic_force_max.values, _loss(found).values, ones
     start = model.disturbed("static", disturbance)
     found = sweep(model, tunings, initial_state=start, **run)
     found = found.isel(mesh=[name.startswith("first") for name in found.mesh.values])
+    kept = found.dynamic_factor, _loss(found), found.load_sharing
+    return tuple(one.max("mesh").values for one in kept)
+
+
+def _loss(found):
+    """Return the share of time without drive-side contact, 0 where it is rounding."""
     loss = 1.0 - found.fraction_normal
-    return tuple(one.max("mesh").values for one in (found.dynamic_factor, loss, found.load_sharing))
+    return loss.where(loss > ROUNDING, 0.0)
 
 
 def observe(tunings, factor, loss, sharing):
@@ -229,3 +237,25 @@ def compute(pair, tunings, settings, changes):
         **run,
     )
     return describe(dataset)
+
+
+def write_csv(comparison, path):
+    """Write the answers as a table, a row for each case and model.
+
+    Parameters
+    ----------
+    comparison : xarray.Dataset
+        Of `compute`.
+    path : str or os.PathLike
+    """
+    names = [str(name) for name in comparison.observable.values]
+    with replacing(path) as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        changes = [f"change_of_{name}" for name in names[:-1]]
+        writer.writerow(["case", "model", *names, *changes, "smallest_that_suffices"])
+        for case in comparison.case.values:
+            for model in comparison.model.values:
+                one = comparison.sel(case=case, model=model)
+                values = [*one.answer.values, *one.answer_change.values[:-1]]
+                chosen = "yes" if model == one.sufficient.item() else "no"
+                writer.writerow([case, model, *(f"{x:.4g}" for x in values), chosen])

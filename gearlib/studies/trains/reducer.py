@@ -5,10 +5,13 @@ section `reducer` of the configuration and in `gearlib.models.trains.reducer`. T
 the pair alone, mesh frequency of the first stage over the mean eigenfrequency of its `GearPair`.
 """
 
+import csv
+
 import numpy as np
 import xarray as xr
 
 from gearlib.data import provenance
+from gearlib.data.files import replacing
 from gearlib.data.variables import describe
 from gearlib.models.pair import GearPair
 from gearlib.models.trains.reducer import split_power_reducer
@@ -161,3 +164,34 @@ def compute(pair, tunings, settings):
         **run,
     )
     return describe(dataset)
+
+
+def write_csv(characteristics, path):
+    """Write what is found as a table, a row for each case, direction and mesh.
+
+    Parameters
+    ----------
+    characteristics : xarray.Dataset
+        Of `compute`.
+    path : str or os.PathLike
+    """
+    data = characteristics
+    with replacing(path) as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        factors = ["largest_dynamic_factor", "at_tuning", "at_speed_rpm"]
+        only = ["contact_lost_in_its_branch_only_at", "far_flank_struck_in_its_branch_only_at"]
+        writer.writerow(["case", "direction", "mesh", *factors, *only])
+        per_tuning = float(data.speed[0] / data.tuning[0])
+        for case in data.case.values:
+            for direction in data.direction.values:
+                shown = data.sel(case=case, direction=direction)
+                for j, mesh in enumerate(data.mesh.values):
+                    nu = float(shown.factor_tuning[j])
+                    numbers = [f"{float(shown.largest_factor[j]):.4g}", f"{nu:g}"]
+                    branch = int(data.mesh_branch[j])
+                    alone = [
+                        " ".join(f"{x:g}" for x in data.tuning.values[shown[name] == branch])
+                        for name in ("lost_alone", "struck_alone")
+                    ]
+                    speed = f"{per_tuning * nu:.0f}"
+                    writer.writerow([case, direction, mesh, *numbers, speed, *alone])

@@ -14,6 +14,8 @@ quantity       error
 ``deviation``  relative difference of the distance from the orbit without loss of contact
 =============  ==================================================================================
 
+Of trains the state has all coordinates, without the free rotation; velocities by theta.
+
 Solvers whose steps are interpreted run `brief_periods` of the long problems; their reference has
 as many.
 """
@@ -27,6 +29,7 @@ from gearlib.models.pair import GearPair
 from gearlib.models.profiles import Fourier
 from gearlib.models.six_degrees import SixDegreePair
 from gearlib.models.stiffness import levels
+from gearlib.models.trains.ready_made import planetary
 
 QUANTITIES = ("state", "contacts", "orbit", "fractions", "energy", "deviation")
 
@@ -35,9 +38,9 @@ class Problem(NamedTuple):
     """One problem; what is compared and how, see the module."""
 
     words: str  #: a line of the figure
-    model: Any  #: GearPair, OneDegreePair or SixDegreePair
+    model: Any  #: GearPair, OneDegreePair, SixDegreePair or GearTrain
     tuning: float
-    state: tuple = (0.0, 0.0)  #: at phase 0
+    state: tuple = (0.0, 0.0)  #: at phase 0; of a train all components
     periods: int = 10
     record_periods: int | None = None  #: the last ones; None: all
     brief_periods: int | None = None  #: for solvers with interpreted steps; None: as many
@@ -187,6 +190,36 @@ def _settling():
     }
 
 
+def planets(push=3.0, ahead=0.0, **changes) -> tuple[Any, float, tuple]:
+    """Return (train, tuning, start state) of three planets in phase, whose sun is pushed.
+
+    Parameters
+    ----------
+    push, ahead : float
+        Displacements of the sun, and of the first planet alone, from static equilibrium along
+        their base circles, static deflections.
+    **changes
+        Of `gearlib.planetary`.
+    """
+    # Lin and Parker's train at its second rotational mode, 1475 Hz, 30 % jump of the stiffness.
+    train = planetary(stiffness_ratio=(0.7458, 0.7321), **changes)
+    state = train.start_state("static")
+    coordinates = train.structure.coordinates
+    state[coordinates.index(("sun", "u"))] += push
+    state[coordinates.index(("planet 1", "u"))] += ahead
+    tuning = 2.0 * math.pi * 1475.0 / train.reference_angular_frequency
+    return train, tuning, tuple(state.tolist())
+
+
+def _trains():
+    """Return the problems of trains; their references are exact runs, against two other codes."""
+    return {
+        "planets_at_once": Problem("three meshes part at once", *planets()),
+        "planets_apart": Problem("three meshes part 1e-12 apart", *planets(ahead=5e-12)),
+        "planets_alike": Problem("all six meshes of a train part", *planets(6.0, ring_phase=0.0)),
+    }
+
+
 def problems():
     """Return all problems, as name -> `Problem`."""
     short = {"periods": 1, "quantity": "contacts", "tolerance": 0.0}
@@ -229,4 +262,5 @@ def problems():
         **_nonlinear(),
         "stiff_bearings": Problem("six degrees, bearings of 1e12 N/m", six, 0.9, periods=2),
         **_settling(),
+        **_trains(),
     }

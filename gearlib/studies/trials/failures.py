@@ -73,13 +73,13 @@ class Outcome(NamedTuple):
     """What the rules see of a run."""
 
     status: int
-    state: tuple = (math.nan, math.nan)  #: at the end
+    state: tuple = (math.nan, math.nan)  #: at the end, coordinates and rates; no free rotation
     low: float = math.nan  #: extrema of the record
     high: float = math.nan
     fractions: tuple = (math.nan,) * 3  #: of time in normal mesh, backlash, inverse mesh
     bounces: float = math.nan  #: per mesh period
     period: int = 0  #: mesh periods after which the motion repeats; 0: it does not
-    contacts: tuple = ()  #: pairs of contact codes (before, after), one per event
+    contacts: tuple = ()  #: contact codes (before, after) of every event; of trains mesh by mesh
     evaluations: int = 0
 
     @property
@@ -88,28 +88,35 @@ class Outcome(NamedTuple):
         return self.high - self.low
 
 
-def outcome_of(run):
-    """Return the `Outcome` of a result of `gearlib.simulate`."""
+def outcome_of(run, model):
+    """Return the `Outcome` of a result of `gearlib.simulate`; of trains, means over the meshes."""
     if int(run.status) != status.OK:
         return Outcome(int(run.status))
     pairs = zip(run.event_from.values.tolist(), run.event_to.values.tolist(), strict=True)
+    contacts, state = tuple(pairs), run.final_state.values
+    if model.mesh_names:
+        # What several meshes do at once has no order.
+        mesh = run.event_mesh.values
+        contacts = tuple((int(mesh[i]), *contacts[i]) for i in np.argsort(mesh, kind="stable"))
+        state = model.reduction()[0] @ state
     names = ("fraction_normal", "fraction_backlash", "fraction_inverse")
     return Outcome(
         status.OK,
-        tuple(run.final_state.values.tolist()),
-        float(run.displacement_min),
-        float(run.displacement_max),
-        tuple(float(run[name]) for name in names),
-        float(run.bounces),
+        tuple(state.tolist()),
+        float(run.displacement_min.min()),
+        float(run.displacement_max.max()),
+        tuple(float(run[name].mean()) for name in names),
+        float(run.bounces.mean()),
         int(run.period),
-        tuple(pairs),
+        contacts,
         int(run.evaluations),
     )
 
 
 def _distance(tuning, state, other):
     """Return the distance of two states, velocities in units of displacements."""
-    return max(abs(state[0] - other[0]), tuning * abs(state[1] - other[1]))
+    off, half = np.abs(np.subtract(state, other)), len(state) // 2
+    return float(max(off[:half].max(), tuning * off[half:].max()))
 
 
 def wrong_contacts(contacts, expected):
@@ -205,7 +212,7 @@ def run(problem, method, options, periods, max_events=MAX_EVENTS):
         options=options,
         max_events=max_events,
     )
-    return outcome_of(result)
+    return outcome_of(result, problem.model)
 
 
 def judge_of(problem, method):
@@ -276,8 +283,9 @@ def compute(name, method, options, chosen=None):
             "words": about(lambda p: p.words),
             "model": about(lambda p: canonical_json(p.model.as_dict())),
             "tuning": about(lambda p: p.tuning, float),
-            "displacement": about(lambda p: p.state[0], float),
-            "velocity": about(lambda p: p.state[1], float),
+            # The states of trains have as many components as they have coordinates and rates.
+            "displacement": about(lambda p: p.state[0] if len(p.state) == 2 else math.nan, float),
+            "velocity": about(lambda p: p.state[1] if len(p.state) == 2 else math.nan, float),
             "quantity": about(lambda p: p.quantity),
             "tolerance": about(lambda p: p.tolerance, float),
             "method": ("trial", np.array([method], dtype=object)),

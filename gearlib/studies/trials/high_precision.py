@@ -17,7 +17,7 @@ from decimal import Decimal, getcontext, localcontext
 from itertools import pairwise
 from typing import NamedTuple
 
-from gearlib.kernels.closed_form.mesh import BACKLASH, INVERSE, NORMAL
+from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
 
 #: Coefficients of a series, per digit: steps of about a radian of the fastest oscillation.
 _ORDER_PER_DIGIT = 0.8

@@ -1,7 +1,7 @@
 """Test problems for methods: models, and runs of any method."""
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from gearlib.kernels import orbit
 from gearlib.models.one_degree import OneDegreePair
 from gearlib.models.pair import GearPair
 from gearlib.models.six_degrees import SixDegreePair
+from gearlib.models.trains.reducer import split_power_reducer
 from gearlib.runs.run_arguments import MAX_EVENTS
 
 if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
@@ -28,7 +29,7 @@ class Case(NamedTuple):
 
     tuning: float
     damped: tuple[bool, bool]  #: whether linear damping acts in contact and in the backlash
-    kind: str = "linear"  #: or "cubic", "six_degrees"
+    kind: str = "linear"  #: or "cubic", "six_degrees", "train"
     steady: bool = True  #: whether it has an orbit of one mesh period to settle on
 
 
@@ -40,6 +41,7 @@ CASES = {
     "conservative": Case(0.9, (False, False), steady=False),
     "six_degrees": Case(0.82, (True, True), "six_degrees", False),
     "cubic": Case(0.9, (False, False), "cubic"),
+    "reducer": Case(0.9, (True, True), "train", False),
 }
 
 
@@ -47,7 +49,7 @@ class Problem(NamedTuple):
     """One test problem: a motion from rest on the flank line."""
 
     name: str
-    model: GearPair | OneDegreePair | SixDegreePair
+    model: Any  #: GearPair, OneDegreePair, SixDegreePair or GearTrain
     tuning: float
     periods: int
     record_periods: int
@@ -87,8 +89,13 @@ def build(name, pair, six_degrees, settings):
     elif case.kind == "cubic":
         cubic = settings["cubic_damping"]
         model = OneDegreePair(pair=model, cubic_damping=cubic, backlash_cubic_damping=cubic)
-    # Without damping rounding errors grow with every bounce: longer runs compare nothing.
-    periods = settings["conservative_periods" if name == "conservative" else "periods"]
+    elif case.kind == "train":
+        # Three equal branches, whose meshes part and touch at once; axes fixed.
+        model = split_power_reducer(model, support_stiffness=math.inf)
+    # Without damping rounding errors grow with every bounce: longer runs compare nothing. Steps of
+    # trains are interpreted.
+    brief = name == "conservative" or case.kind == "train"
+    periods = settings["conservative_periods" if brief else "periods"]
     recorded = min(settings["record_periods"], periods)
     return Problem(name, model, case.tuning, periods, recorded, case.steady)
 
@@ -104,9 +111,7 @@ class Bound:
     def __init__(self, model, tuning, method, options):
         _, self._module, self._options = integrators.choose(model, method, options)
         self._model, self._tuning = model, tuning
-        extra = len(model.extra_samples)
-        self._samples = np.empty((0, orbit.SAMPLE_COLUMNS + extra))
-        self._summary = np.empty(orbit.SUMMARY_COLUMNS)
+        self._samples, _, self._summary = model.room()
 
     def raw(self, state, periods, record_periods=1):
         """Run; return what the method does, see `gearlib.integrators`."""
@@ -117,24 +122,30 @@ class Bound:
             periods,
             record_periods,
             self._samples,
-            np.empty((_FIRST_EVENTS, orbit.EVENT_COLUMNS)),
+            self._model.room(events=_FIRST_EVENTS)[1],
             MAX_EVENTS,
             self._summary,
             **self._options,
         )
 
     def run(self, state, periods, record_periods=1):
-        """Run; return a `Run`."""
+        """Run; return a `Run`: of a train the state of its first mesh, events mesh by mesh."""
         x, v, _, events, found, code, evaluations = self.raw(state, periods, record_periods)
         if code != status.OK:
             nothing = np.empty(0), np.empty((0, 2), np.int8)
             return Run(np.full(2, math.nan), *nothing, math.nan, int(evaluations), int(code))
         rows = events[:found]
+        if self._model.mesh_names:
+            line = self._model.structure.lines[0]
+            x, v = line @ x, line @ v
+            # What several meshes do at once has no order.
+            rows = rows[np.argsort(rows[:, orbit.EVENT_COLUMNS], kind="stable")]
+        high, low = self._summary[..., orbit.X_MAX].max(), self._summary[..., orbit.X_MIN].min()
         return Run(
             np.array([x, v]),
             2.0 * math.pi * rows[:, orbit.EVENT_PERIOD] + rows[:, orbit.EVENT_PHASE],
             rows[:, [orbit.EVENT_FROM, orbit.EVENT_TO]].astype(np.int8),
-            float(self._summary[orbit.X_MAX] - self._summary[orbit.X_MIN]),
+            float(high - low),
             int(evaluations),
             int(code),
         )

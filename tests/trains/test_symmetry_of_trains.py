@@ -1,0 +1,146 @@
+"""What phasing forbids stays zero through bounces; N planets in phase are the train of one."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from gearlib import periodic_orbit, planetary, simulate, sweep
+from gearlib.analysis.tongues import undamped
+from gearlib.studies.trains import symmetry
+
+SAMPLES = 120
+
+
+def train(teeth, planets, **options):
+    """Return a planetary train with a stiffness jump of 60 %; tunings are kHz."""
+    ratios = [undamped.stiffness_ratio(0.6, epsilon) for epsilon in (1.4, 1.6)]
+    given = dict(planets=planets, teeth=teeth, stiffness_ratio=ratios, reference_frequency=1000.0)
+    return planetary(**given | options)
+
+
+def harmonics(model, tuning):
+    """Return amplitudes of the sun over axis and order, 1 to 12, and the bounces of an orbit."""
+    orbit = periodic_orbit(model, tuning)
+    run = simulate(
+        model, tuning, periods=1, samples_per_period=SAMPLES, initial_state=tuple(orbit.state)
+    )
+    sun = run.body_motion.sel(body="sun").values
+    # Samples in a multiple of 2, 3 and 4: harmonics that are folded keep their remainders.
+    return 2.0 * np.abs(np.fft.rfft(sun, axis=0)).T[:, 1:13] / SAMPLES, run.bounces.values
+
+
+@pytest.mark.parametrize(
+    ("teeth", "planets", "tuning"),
+    # Orders l with k = l z_s mod N: in phase; a third, half a mesh period apart.
+    [((27, 99), 3, 12.0), ((28, 98), 3, 9.0), ((28, 98), 3, 10.0), ((26, 98), 4, 8.0)],
+)
+def test_harmonics_that_phasing_forbids_are_zero_through_loss_of_contact(teeth, planets, tuning):
+    found, bounces = harmonics(train(teeth, planets), tuning)
+    assert bounces.max() == 1.0
+    k = np.arange(1, 13) * teeth[0] % planets
+    rotational, translational = k == 0, (k == 1) | (k == planets - 1)
+    # Orbits are found to 1e-12 static deflections, free rotation drifts by as much in a period.
+    assert found[:2, ~translational].max() < 1e-11
+    assert found[2, ~rotational].max(initial=0.0) < 1e-11
+    for motions, allowed in ((found[:2], translational), (found[2:], rotational)):
+        assert motions[:, allowed].min(initial=1.0) > 1e-6
+
+
+def shifted(model):
+    """Return the train with one mesh a thousandth of a mesh period late."""
+    mesh = dataclasses.replace(model.meshes[1], phase=model.phases[model.meshes[1].name] + 1e-3)
+    return model.replace(meshes=[model.meshes[0], mesh, *model.meshes[2:]])
+
+
+def test_a_late_mesh_lets_forbidden_harmonics_in():
+    for teeth, planets, tuning in (((28, 98), 3, 10.0), ((26, 98), 4, 8.0)):
+        found, _ = harmonics(shifted(train(teeth, planets)), tuning)
+        assert found[:2, 2 * planets - 3].min() > 1e-6
+
+
+@pytest.mark.parametrize(
+    ("planets", "teeth", "tuning", "growth"),
+    [
+        (3, (27, 99), 8.0, 1.0),
+        (3, (27, 99), 11.0, 1.0),
+        # Here the symmetry breaks: rounding grows, by no more than the largest multiplier.
+        (3, (27, 99), 10.0, 1.26),
+        (4, (28, 100), 6.0, 1.0),
+        (4, (28, 100), 8.0, 1.0),
+        # Three bounces in every mesh period.
+        (5, (30, 100), 2.0, 1.0),
+        (5, (30, 100), 8.0, 1.0),
+    ],
+)
+def test_equal_planets_in_phase_move_as_the_reduced_train(planets, teeth, tuning, growth):
+    """The reduced train has one planet and two meshes.
+
+    Where all planets move alike, the lateral forces of the meshes on sun, ring and carrier cancel,
+    N sin(psi_n) and N cos(psi_n) summing to zero: they only turn. With one planet (zeta, eta, u_n)
+
+        2 T = m_s u_s'^2 + m_r u_r'^2 + m_c u_c'^2 + N (m_p (zeta'^2 + eta'^2) + m_n u_n'^2),
+        2 U = k_r u_r^2 + N (k_1 d_s^2 + k_2 d_r^2 + k_p (zeta^2 + (u_c - eta)^2)),
+
+    m = I / r^2; both, dissipation and the work of the torques, divided by N, are those of a train
+    with one planet whose sun, ring and carrier cannot move sideways and have an N-th of inertia,
+    torque, torsional stiffness and damping: weights N of two meshes.
+    """
+    full = train(teeth, planets)
+    small = symmetry.reduced(full)
+    lift = symmetry.lifting(full, small)
+    reduce, _ = full.reduction()
+    run = dict(periods=60, record_periods=4, initial_state="static")
+    one, all_of_them = (simulate(model, tuning, **run) for model in (small, full))
+    assert one.bounces.values.max() > 0.0
+    for i, central in enumerate(("sun", "ring")):
+        own = [name for name in full.mesh_names if name.startswith(central)]
+        bounces = all_of_them.bounces.sel(mesh=own).values
+        np.testing.assert_array_equal(bounces, one.bounces.values[i])
+    # As many events, in every planet at the same instant.
+    assert all_of_them.event.size == planets * one.event.size
+    phases = np.sort(all_of_them.event_phase.values).reshape(-1, planets)
+    # A motion of unit size after 60 periods of a thousand substeps; 4e-13 seen without growth.
+    rounding = 4e-12 * growth**60
+    assert np.ptp(phases, axis=1).max() < 100.0 * rounding
+    difference = reduce @ (all_of_them.final_state.values - lift @ one.final_state.values)
+    assert np.abs(difference).max() < rounding
+    late = simulate(shifted(full), tuning, **run)
+    assert np.abs(reduce @ (late.final_state.values - lift @ one.final_state.values)).max() > 1e-4
+
+
+def test_multipliers_of_a_symmetric_orbit_are_those_of_the_reduced_train_and_others():
+    trains = {3: train((27, 99), 3), 4: train((28, 100), 4)}
+    for planets, tuning, outside in (
+        (3, 11.0, False),
+        (3, 10.0, True),
+        (3, 19.5, True),
+        (4, 10.0, False),
+    ):
+        full = trains[planets]
+        small = symmetry.reduced(full)
+        lift = symmetry.lifting(full, small)
+        orbit = periodic_orbit(small, tuning)
+        alike, others, coupling, miss = symmetry.multipliers(full, tuning, lift @ orbit.state)
+        assert miss < 1e-11 and coupling < 1e-11
+        # Double multipliers part by the root of rounding.
+        np.testing.assert_allclose(np.abs(alike), np.abs(orbit.multipliers), atol=1e-7)
+        assert alike.size + others.size == full.reduction()[0].shape[0]
+        assert orbit.stable and (abs(others[0]) > 1.0) == outside
+
+
+def test_what_the_symmetry_breaks_into():
+    """From rest at 19.5 kHz two planets bounce by turns, where the reduced train keeps contact."""
+    full = train((27, 99), 3, pin_errors=[(0.0, 1e-12), (0.0, 0.0), (0.0, 0.0)])
+    run = dict(periods=800, record_periods=8, initial_state="static", threads=1)
+    bounces = sweep(full, [19.5], **run).bounces.values[0]
+    assert sorted(bounces[:3]) == [0.0, 0.5, 0.5]
+    assert sweep(symmetry.reduced(train((27, 99), 3)), [19.5], **run).bounces.values.max() == 0.0
+
+
+@pytest.mark.parametrize(
+    "options", [dict(teeth=(28, 98)), dict(pin_errors=[(1e-6, 0.0), (0.0, 0.0), (0.0, 0.0)])]
+)
+def test_planets_that_differ_have_no_reduced_train(options):
+    with pytest.raises(ValueError, match="planet 2 is not allowed: all must be alike and in phase"):
+        symmetry.reduced(planetary(**options))

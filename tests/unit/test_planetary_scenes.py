@@ -1,0 +1,109 @@
+"""The scenes of the planetary train: configuration, data and figures."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from gearlib import planetary
+from gearlib.analysis.tongues import undamped
+from gearlib.config import ConfigError, load
+from gearlib.figures import style, symmetry_breaking, train_chart
+from gearlib.studies.trains import stability, symmetry
+from tests.unit.test_defaults import GEARS
+
+LEAST = {"gear_pair": GEARS, "dampings": {"oil": {"material": 0.0, "backlash": 20.0}}}
+CONFIG = load(LEAST)
+TRAIN = CONFIG.planetary.model_dump()
+GRID = {"start", "stop", "step"}
+
+
+def chart():
+    given = CONFIG.train_chart.model_dump(exclude=GRID) | {"values": 3}
+    return stability.compute(TRAIN, np.arange(12.0, 26.0, 0.5), given)
+
+
+def breaking(tunings, **other):
+    given = CONFIG.symmetry_breaking.model_dump(exclude={*GRID, "periods_shown"}) | other
+    return symmetry.compute(TRAIN, tunings, given | {"settle": 500, "disturbance": 1e-3})
+
+
+def test_the_default_train_is_the_library_s():
+    # Angles of the configuration have fewer digits than those of the library.
+    ours, theirs = planetary(**TRAIN), planetary()
+    assert ours.mesh_names == theirs.mesh_names
+    np.testing.assert_allclose(ours.linear_modes[0], theirs.linear_modes[0], rtol=1e-5)
+    for one, other in zip(ours.bodies, theirs.bodies, strict=True):
+        same = dataclasses.replace(one, base_radius=other.base_radius, inertia=other.inertia)
+        assert same.mass == other.mass and same.support_damping == other.support_damping
+
+
+def test_a_jump_is_the_difference_of_the_levels_over_the_mean():
+    train = stability.with_jump(TRAIN, 0.3, {"reference_frequency": 1000.0})
+    for mesh in train.meshes:
+        levels = mesh.max_stiffness * np.array([1.0, mesh.stiffness_ratio])
+        assert (levels[0] - levels[1]) / mesh.mean_stiffness == pytest.approx(0.3, rel=1e-12)
+        assert mesh.mean_stiffness == pytest.approx(5e8, rel=1e-12)
+
+
+def test_shares_of_the_chart_are_those_of_its_points(tmp_path):
+    data = chart()
+    unstable = data.growth.values > undamped.NEUTRAL
+    named = data.first_order_unstable.values == 1
+    missed = (unstable & ~named).sum(axis=-1) / unstable.sum(axis=-1)
+    np.testing.assert_allclose(data.missed_share, missed)
+    np.testing.assert_allclose(data.unstable_share, unstable.mean(axis=-1))
+    # What is unstable grows with the jump, and the wide tongues are mostly those of first order.
+    assert (np.diff(data.unstable_share.sel(plane="stiffness_jump")) > 0.0).all()
+    assert (missed < 0.15).all() and unstable.any(axis=-1).all()
+    style.save(train_chart.draw(data), tmp_path / "chart.png")
+
+
+def test_symmetry_breaks_where_only_other_multipliers_leave_the_circle(tmp_path):
+    data = breaking([16.0, 19.5, 15.0], shown=19.5)
+    assert data.verdict.values.tolist() == [1, 2, 3]
+    assert (data.symmetric_multiplier > 1.0).values.tolist() == [False, False, True]
+    suns = data.bounces.values[:2, :3]
+    assert suns[0].tolist() == [0.0, 0.0, 0.0] and sorted(suns[1]) == [0.0, 0.5, 0.5]
+    assert data.symmetric_bounces.values[1].max() == 0.0
+    force = data.dynamic_force_max.values / data.symmetric_dynamic_force_max.values
+    assert force[0].max() < 1.0 + 1e-4 and force[1].max() > 2.0
+    course = data.dynamic_force.sel(mesh="sun 1").values
+    assert np.isfinite(course).all() and course.min() == 0.0
+    figure = symmetry_breaking.draw(data, periods_shown=2)
+    style.save(figure, tmp_path / "breaking.png")
+    assert len(figure.axes) == 4
+
+
+def test_without_a_symmetric_orbit_the_figure_says_so():
+    data = breaking([16.0, 17.0], shown=20.0)
+    words = [text.get_text() for text in symmetry_breaking.draw(data, 1).axes[-1].texts]
+    assert words == ["no symmetric orbit"]
+
+
+@pytest.mark.parametrize(
+    ("changes", "fault"),
+    [
+        ({"train_chart": {"teeth": [[27, 99], [28, 99]]}}, "train_chart.teeth[1] = [28, 99]"),
+        ({"symmetry_breaking": {"teeth": [28, 98]}}, "symmetry_breaking.teeth = [28, 98]"),
+        ({"symmetry_breaking": {"shown": 19.55}}, "symmetry_breaking.shown = 19.55"),
+        ({"symmetry_breaking": {"periods_shown": 49}}, "symmetry_breaking.periods_shown = 49"),
+        ({"planetary": {"planets": 5}}, "train_chart.teeth[0] = [27, 99]"),
+        ({"planetary": {"load": "3 m"}}, "planetary.load = '3 m'"),
+        ({"planetary": {"pressure_angle": "50 deg"}}, "planetary.pressure_angle"),
+    ],
+)
+def test_what_does_not_fit_is_refused(changes, fault):
+    with pytest.raises(ConfigError) as refusal:
+        load(LEAST | changes)
+    assert str(refusal.value).startswith(fault) and "must be" in str(refusal.value)
+
+
+def test_units_are_read():
+    given = {
+        "planetary": {"pressure_angle": "24 deg"},
+        "train_chart": {"reference_frequency": "2 kHz"},
+    }
+    config = load(LEAST | given)
+    assert config.train_chart.reference_frequency == 2000.0
+    assert config.planetary.pressure_angle == pytest.approx(np.radians(24.0))
