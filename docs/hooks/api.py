@@ -1,4 +1,4 @@
-"""The page `reference/api.md`: the docstring of every name in `gearlib.__all__`."""
+"""The page `reference/api.md`: docstrings of `gearlib.__all__` and of `gearlib.geometry`."""
 
 import importlib
 import inspect
@@ -6,6 +6,7 @@ import inspect
 from mkdocs.structure.files import File
 
 import gearlib
+import gearlib.geometry
 from tables import markdown
 
 PAGE = "reference/api.md"
@@ -21,6 +22,11 @@ _GROUPS = (
     ("Gears and what they are made of", inspect.isclass),
 )
 _LONGEST = 96
+#: Title, where the names are, which of them.
+_SECTIONS = (
+    *((title, gearlib, belongs) for title, belongs in _GROUPS),
+    ("Gears by their drawing: gearlib.geometry", gearlib.geometry, callable),
+)
 
 
 def on_files(files, config):
@@ -32,17 +38,17 @@ def on_files(files, config):
 def reference():
     """Return the page as Markdown with a directive of mkdocstrings for each name."""
     lines = [_HEAD]
-    for title, belongs in _GROUPS:
+    for title, module, belongs in _SECTIONS:
         lines += [f"## {title}", ""]
-        for name in gearlib.__all__:
-            thing = getattr(gearlib, name)
+        for name in module.__all__:
+            thing = getattr(module, name)
             if not belongs(thing):
                 continue
             lines += [f"### {name}", "", "```python", signature(thing), "```", ""]
             if "table of the module" in inspect.getdoc(thing):
                 # The class leaves its parameters to the table at the head of its module.
-                module = importlib.import_module(thing.__module__)
-                lines += [markdown(inspect.getdoc(module)), ""]
+                home = importlib.import_module(thing.__module__)
+                lines += [markdown(inspect.getdoc(home)), ""]
             lines += [f"::: {thing.__module__}.{thing.__qualname__}", ""]
     return "\n".join(lines)
 

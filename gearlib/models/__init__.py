@@ -9,6 +9,7 @@ module                responsibility
 ``one_degree``        `OneDegreePair`: nonlinear damping, other stiffness, excitation
 ``six_degrees``       `SixDegreePair`: bearings, run-out, friction, moving backlash
 ``trains``            `GearTrain`: any number of meshes; planetary trains, the reducer
+``geometry``          drawn gears and what a mesh takes of them; public as `gearlib.geometry`
 ``dead_zone``         `DeadZoneOscillator`: any oscillator between two elastic contacts
 ``excitation``        what drives six degrees: run-out, deviations, segments of the period
 ``with_pair``         what models that contain a `GearPair` offer of it

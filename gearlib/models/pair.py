@@ -145,6 +145,36 @@ class GearPair(Model):
             teeth=teeth,
         )
 
+    @classmethod
+    def from_geometry(cls, mesh, **options):
+        """Return the pair of two drawn gears, free to turn, whose pinion counts the revolutions.
+
+        Parameters
+        ----------
+        mesh : gearlib.geometry.Mesh
+        torque : float
+            Of the pinion, N m; finite, > 0. Or instead of it:
+        power, speed : float
+            W and rpm of the pinion; finite, > 0.
+        damping_ratio, logarithmic_decrement, material_damping : float, optional
+            Damping in contact, one of them at most: beta; delta = 2 pi beta / sqrt(1 - beta^2);
+            k_1 in N s/m. Finite, >= 0; none by default.
+        backlash_damping_ratio : float, default 0
+            beta_m; finite, >= 0.
+        stiffness : {"iso", "energy"} or Tabulated, default "iso"
+            How the mesh stiffness is found; see `gearlib.geometry.mesh_stiffness`.
+        options : dict, optional
+            Of that method.
+
+        Raises
+        ------
+        ValueError
+            If a value is impossible; the message names parameter, value and range.
+        """
+        if not hasattr(mesh, "pair_parameters"):
+            raise ValueError(f"mesh = {mesh!r} is not allowed: it must be a gearlib.geometry.Mesh")
+        return cls(**mesh.pair_parameters(**options))
+
     @property
     def mesh(self):
         """The pair itself."""
@@ -223,6 +253,14 @@ class GearPair(Model):
     def mesh_frequency(self, tuning):
         """Return omega_c = nu Omega_s, rad/s (float or array)."""
         return tuning * self.mean_eigenfrequency
+
+    def speed(self, tuning):
+        """Return the speed in rpm of the gear whose teeth count, at a tuning (float or array)."""
+        return self.mesh_frequency(tuning) * 60.0 / (2.0 * math.pi * self.teeth)
+
+    def tuning_at(self, speed):
+        """Return the tuning nu at a speed in rpm of the gear whose teeth count (float or array)."""
+        return speed / self.speed(1.0)
 
     @property
     def flank_lines(self):

@@ -1,0 +1,24 @@
+"""Gears by their drawing: `SpurGear`, `Mesh` and what they are made of.
+
+The code lies in `gearlib.models.geometry`; `Mesh` here is one of two drawn gears, while
+`gearlib.Mesh` is one of a `GearTrain`.
+"""
+
+from gearlib.models.geometry.blank import RACKS, Material, Rack, Web
+from gearlib.models.geometry.gear import SpurGear
+from gearlib.models.geometry.iso import IsoStiffness, iso_stiffness
+from gearlib.models.geometry.mesh import Mesh
+from gearlib.models.geometry.stiffness import MeshStiffness, mesh_stiffness
+
+__all__ = [
+    "RACKS",
+    "IsoStiffness",
+    "Material",
+    "Mesh",
+    "MeshStiffness",
+    "Rack",
+    "SpurGear",
+    "Web",
+    "iso_stiffness",
+    "mesh_stiffness",
+]

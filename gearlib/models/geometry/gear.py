@@ -1,0 +1,295 @@
+"""One gear by its drawing: diameters, thicknesses, inertia (ISO 21771, ISO 6336-1).
+
+Formulas are those of ISO 21771, with a negative number of teeth for a ring gear there and
+``sign = -1`` here; all diameters are positive. A positive profile shift moves the teeth towards
+their tips, of a ring gear towards its axis.
+"""
+
+import math
+from dataclasses import dataclass
+
+from gearlib import checks
+from gearlib.models.geometry.blank import RACKS, Material, Rack, Web
+from gearlib.models.geometry.involute import inv
+
+#: By so much the shift may lie below the limit of undercut: 17 teeth without shift, the limit of
+#: the textbooks, lie 0.006 below; the rack takes away less than a thousandth of a module.
+_UNDERCUT = 0.02
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpurGear:
+    """A cylindrical gear, external or internal, spur or helical; immutable, in SI units.
+
+    Parameters
+    ----------
+    teeth : int
+        z, >= 3, of a ring gear too.
+    module : float
+        Normal module m_n, m; finite, > 0.
+    width : float
+        Face width b, m; finite, > 0.
+    shift : float, default 0
+        Profile shift coefficient x, from -3 to 3.
+    pressure_angle : float, default 20 degrees
+        Of the basic rack, alpha_n, rad; > 0 and < pi / 4.
+    helix_angle : float, default 0
+        At the reference circle, beta, rad; >= 0 and < pi / 3.
+    internal : bool, default False
+        Whether it is a ring gear.
+    tip_diameter : float, optional
+        d_a, m; by default d + 2 m_n (x + h_aP), of a ring gear d - 2 m_n (x + h_aP).
+    rack : {"A", "B", "C", "D"} or Rack, default "A"
+        Basic rack, by its letter in ISO 53.
+    thickness_allowance : float, default 0
+        Upper allowance of the normal tooth thickness E_sns, m; <= 0 (DIN 3967).
+    bore : float, default 0
+        Diameter, m; below that of the root.
+    outer_diameter : float, optional
+        Of the rim of a ring gear, m; its mass and inertia need it.
+    web : Web, optional
+    material : Material, default steel
+
+    Raises
+    ------
+    ValueError
+        If a value is impossible, the rack undercuts the teeth or their tips are pointed; the
+        message names parameter, value and range.
+    """
+
+    teeth: int
+    module: float
+    width: float
+    shift: float = 0.0
+    pressure_angle: float = math.radians(20.0)
+    helix_angle: float = 0.0
+    internal: bool = False
+    tip_diameter: float | None = None
+    rack: Rack | str = "A"
+    thickness_allowance: float = 0.0
+    bore: float = 0.0
+    outer_diameter: float | None = None
+    web: Web | None = None
+    material: Material = Material()
+
+    def __post_init__(self):
+        self._put("teeth", checks.integer("teeth", self.teeth, 3))
+        for name in ("module", "width"):
+            self._put(name, checks.finite_positive(name, getattr(self, name)))
+        self._within("shift", "from -3 to 3", lambda v: -3.0 <= v <= 3.0)
+        self._within("pressure_angle", "> 0 and < pi / 4 (rad)", lambda v: 0.0 < v < math.pi / 4)
+        self._within("helix_angle", ">= 0 and < pi / 3 (rad)", lambda v: 0.0 <= v < math.pi / 3)
+        self._within("thickness_allowance", "<= 0 and finite", lambda v: -math.inf < v <= 0.0)
+        checks.one_of("internal", self.internal, (False, True))
+        if not isinstance(self.rack, Rack):
+            checks.one_of("rack", self.rack, tuple(RACKS))
+            self._put("rack", RACKS[self.rack])
+        if not isinstance(self.material, Material):
+            raise ValueError(f"material = {self.material!r} is not allowed: it must be a Material")
+        self._check_teeth()
+        self._check_blank()
+
+    def _put(self, name, value):
+        # The one place where the frozen fields are set, to plain values.
+        object.__setattr__(self, name, value)
+
+    def _within(self, name, allowed, accept):
+        self._put(name, checks.number(name, getattr(self, name), allowed, accept))
+
+    def _check_teeth(self):
+        rack, least = self.rack, max(self.root_diameter, self.base_diameter)
+        checks.number(
+            "dedendum of a rack",
+            rack.dedendum,
+            f"<= {math.pi / 4.0 / math.tan(self.pressure_angle):.4g} at this pressure angle, where "
+            "its own tips are pointed",
+            lambda v: v * math.tan(self.pressure_angle) <= math.pi / 4.0,
+        )
+        if not self.internal:
+            limit = (
+                self.rack_form_height / self.module
+                - self.teeth
+                / (2.0 * math.cos(self.helix_angle))
+                * math.sin(self.transverse_pressure_angle) ** 2
+            )
+            checks.number(
+                "shift",
+                self.shift,
+                f">= {limit:.4f} for {self.teeth} teeth, or the rack undercuts them",
+                lambda v: v >= limit - _UNDERCUT,
+            )
+        if self.tip_diameter is None:
+            add = 2.0 * self.module * (self.shift + rack.addendum)
+            self._put("tip_diameter", self.reference_diameter + self.sign * add)
+        if self.internal:
+            low, high, words = self.base_diameter, self.root_diameter, "base and root"
+        else:
+            low, high, words = least, math.inf, "base and root"
+        allowed = f"above {low:.6g} m" if high == math.inf else f"from {low:.6g} to {high:.6g} m"
+        self._within("tip_diameter", f"{allowed}, by its {words} circles", lambda v: low < v < high)
+        thickness = self.thickness_at(self.tip_diameter)
+        checks.number(
+            "tip_diameter",
+            self.tip_diameter,
+            f"such that the tooth is not pointed (its tip would be {thickness:.3g} m thick; "
+            "> 0 is allowed)",
+            lambda v: thickness > 0.0,
+        )
+
+    def _check_blank(self):
+        self._within(
+            "bore",
+            "0 for a ring gear" if self.internal else f">= 0 and < {self.root_diameter:.6g} m",
+            lambda v: v == 0.0 if self.internal else 0.0 <= v < self.root_diameter,
+        )
+        if self.outer_diameter is not None:
+            self._within(
+                "outer_diameter",
+                f"above the root circle of a ring gear, {self.root_diameter:.6g} m"
+                if self.internal
+                else "left out: only a ring gear has one",
+                lambda v: self.internal and self.root_diameter < v < math.inf,
+            )
+        if self.web is None:
+            return
+        if not isinstance(self.web, Web) or self.internal:
+            raise ValueError(
+                f"web = {self.web!r} is not allowed: it must be a Web, of an external gear"
+            )
+        checks.number(
+            "thickness of the web",
+            self.web.thickness,
+            f"at most the face width, {self.width!r} m",
+            lambda v: v <= self.width,
+        )
+        checks.number(
+            "rim_diameter of the web",
+            self.web.rim_diameter,
+            f"below the root circle, {self.root_diameter:.6g} m",
+            lambda v: v < self.root_diameter,
+        )
+        checks.number(
+            "hub_diameter of the web",
+            self.web.hub_diameter,
+            f"at least the bore, {self.bore!r} m",
+            lambda v: v >= self.bore,
+        )
+
+    @property
+    def sign(self):
+        """1, of a ring gear -1: the sign of its number of teeth in ISO 21771."""
+        return -1 if self.internal else 1
+
+    @property
+    def transverse_module(self):
+        """m_t = m_n / cos(beta), m."""
+        return self.module / math.cos(self.helix_angle)
+
+    @property
+    def transverse_pressure_angle(self):
+        """alpha_t, tan(alpha_t) = tan(alpha_n) / cos(beta), rad."""
+        return math.atan(math.tan(self.pressure_angle) / math.cos(self.helix_angle))
+
+    @property
+    def base_helix_angle(self):
+        """beta_b, sin(beta_b) = sin(beta) cos(alpha_n), rad."""
+        return math.asin(math.sin(self.helix_angle) * math.cos(self.pressure_angle))
+
+    @property
+    def virtual_teeth(self):
+        """z_n = z / (cos^2(beta_b) cos(beta)), of the spur gear in the normal section."""
+        return self.teeth / (math.cos(self.base_helix_angle) ** 2 * math.cos(self.helix_angle))
+
+    @property
+    def reference_diameter(self):
+        """d = z m_t, m."""
+        return self.teeth * self.transverse_module
+
+    @property
+    def base_diameter(self):
+        """d_b = d cos(alpha_t), m."""
+        return self.reference_diameter * math.cos(self.transverse_pressure_angle)
+
+    @property
+    def root_diameter(self):
+        """d_f = d + 2 m_n (x - h_fP), of a ring gear d - 2 m_n (x - h_fP), m."""
+        depth = 2.0 * self.module * (self.shift - self.rack.dedendum)
+        return self.reference_diameter + self.sign * depth
+
+    @property
+    def fillet_radius(self):
+        """Radius of the rack's tip rho_fP, at most the full round, m."""
+        angle = self.transverse_pressure_angle
+        # Half the gap of the rack at its tip line, in which the round has to fit.
+        half = math.pi / 4.0 * self.transverse_module - self.rack.dedendum * self.module * math.tan(
+            angle
+        )
+        full = max(half, 0.0) * math.cos(angle) / (1.0 - math.sin(angle))
+        return min(self.rack.tip_radius * self.module, full)
+
+    @property
+    def rack_form_height(self):
+        """Height of the straight flank of the rack below its datum line, m."""
+        round_off = self.fillet_radius * (1.0 - math.sin(self.transverse_pressure_angle))
+        return self.rack.dedendum * self.module - round_off
+
+    @property
+    def form_roll_length(self):
+        """Radius of curvature at which the involute begins above the fillet, m; >= 0.
+
+        External gears, cut by the rack: r_b tan(alpha_t) - (h - x m_n) / sin(alpha_t), ISO 21771. A
+        ring gear's flank is taken to reach its root circle.
+        """
+        base = self.base_diameter / 2.0
+        if self.internal:
+            return math.sqrt((self.root_diameter / 2.0) ** 2 - base**2)
+        angle = self.transverse_pressure_angle
+        below = (self.rack_form_height - self.shift * self.module) / math.sin(angle)
+        return max(base * math.tan(angle) - below, 0.0)
+
+    @property
+    def tip_roll_length(self):
+        """Radius of curvature of the flank at the tip, sqrt(r_a^2 - r_b^2), m."""
+        return math.sqrt(self.tip_diameter**2 - self.base_diameter**2) / 2.0
+
+    @property
+    def tooth_thickness(self):
+        """Transverse, on the reference circle, allowance included: s_t, m."""
+        nominal = math.pi / 2.0 + 2.0 * self.shift * math.tan(self.pressure_angle)
+        return (self.module * nominal + self.thickness_allowance) / math.cos(self.helix_angle)
+
+    def thickness_at(self, diameter):
+        """Return the transverse tooth thickness at a diameter >= d_b, m; ISO 21771."""
+        angle = math.acos(min(self.base_diameter / diameter, 1.0))
+        narrowing = inv(self.transverse_pressure_angle) - inv(angle)
+        return diameter * (self.tooth_thickness / self.reference_diameter + self.sign * narrowing)
+
+    @property
+    def mean_diameter(self):
+        """(d_a + d_f) / 2, where ISO 6336-1 ends the disc that stands for the gear, m."""
+        return (self.tip_diameter + self.root_diameter) / 2.0
+
+    @property
+    def mass(self):
+        """Of disc, disc with bore, with web, or of the rim of a ring gear, kg."""
+        return self._moment(2, math.pi / 4.0)
+
+    @property
+    def inertia(self):
+        """About the axis, of the same bodies, kg m^2; ISO 6336-1."""
+        return self._moment(4, math.pi / 32.0)
+
+    def _moment(self, power, factor):
+        outer, inner = self.mean_diameter, self.bore
+        if self.internal:
+            if self.outer_diameter is None:
+                raise ValueError(
+                    "outer_diameter = None is not allowed: it must be given for the inertia of a "
+                    f"ring gear, above {self.root_diameter:.6g} m"
+                )
+            outer, inner = self.outer_diameter, self.mean_diameter
+        volume = self.width * (outer**power - inner**power)
+        if self.web is not None:
+            gap = self.web.rim_diameter**power - self.web.hub_diameter**power
+            volume -= (self.width - self.web.thickness) * gap
+        return factor * volume * self.material.density

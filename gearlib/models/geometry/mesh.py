@@ -1,0 +1,305 @@
+"""Two gears in mesh: working angle, path of contact, contact ratio, backlash, interference.
+
+Positions on the path of contact are radii of curvature of the pinion's flank, in m: 0 where the
+line of action touches the pinion's base circle. The pinion drives; contact begins at ``path[0]``,
+at the tip of the wheel, and ends at ``path[1]``, at its own tip.
+
+The mesh phase 0 lies in the middle of the stretch with the larger number of pairs in contact, as in
+`gearlib.models.stiffness`; one transverse base pitch is 2 pi.
+"""
+
+import math
+from dataclasses import dataclass
+
+from gearlib import checks
+from gearlib.models.geometry.gear import SpurGear
+from gearlib.models.geometry.involute import angle_of, inv
+from gearlib.models.geometry.parameters import pair_parameters
+from gearlib.models.geometry.stiffness import mesh_stiffness
+
+#: Backlash between minus this times the module and 0 is 0: drawings print shifts and distances
+#: rounded to the fourth digit.
+_ROUNDING = 1e-3
+#: By so many modules contact may reach below the involute. The fillet leaves it along its tangent,
+#: by some two thousandths of a module there; rings with full addenda, as in most published
+#: planetary sets, reach 0.03 modules below it.
+_INTO_FILLET = 0.05
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """A pinion and a wheel in mesh; immutable, in SI units.
+
+    Parameters
+    ----------
+    pinion, wheel : SpurGear
+        Of an internal mesh the wheel is the ring gear.
+    centre_distance : float, optional
+        a, m; by default that at which the nominal teeth touch on both flanks.
+    backlash : float, optional
+        Normal backlash j_bn, m; >= 0. By default what shifts, centre distance and tooth thickness
+        allowances leave.
+
+    Raises
+    ------
+    ValueError
+        If the gears do not fit together; the message names parameter, value and range.
+    """
+
+    pinion: SpurGear
+    wheel: SpurGear
+    centre_distance: float | None = None
+    backlash: float | None = None
+
+    def __post_init__(self):
+        for name in ("pinion", "wheel"):
+            if not isinstance(getattr(self, name), SpurGear):
+                raise ValueError(
+                    f"{name} = {getattr(self, name)!r} is not allowed: it must be a SpurGear"
+                )
+        self._check_gears()
+        least = abs(self._signed(self.pinion.base_diameter, self.wheel.base_diameter)) / 2.0
+        if self.centre_distance is None:
+            self._put("centre_distance", least / math.cos(self._nominal_angle()))
+        allowed = f"finite and > {least:.6g} m, where the base circles would have no line of action"
+        distance = checks.number(
+            "centre_distance", self.centre_distance, allowed, lambda v: least < v < math.inf
+        )
+        self._put("centre_distance", distance)
+        self._check_interference()
+        if self.contact_ratio < 1.0:
+            raise ValueError(
+                f"contact_ratio = {self.contact_ratio:.4f} is not allowed: it must be >= 1; larger "
+                "tip diameters or a smaller centre distance raise it"
+            )
+        self._set_backlash()
+
+    def _put(self, name, value):
+        # The one place where the frozen fields are set, to plain values.
+        object.__setattr__(self, name, value)
+
+    def _signed(self, of_pinion, of_wheel):
+        return of_pinion + self.wheel.sign * of_wheel
+
+    def _check_gears(self):
+        pinion, wheel = self.pinion, self.wheel
+        if pinion.internal:
+            raise ValueError(
+                "internal of the pinion = True is not allowed: it must be False; the ring gear is "
+                "the wheel"
+            )
+        for name in ("module", "pressure_angle", "helix_angle"):
+            own, other = getattr(pinion, name), getattr(wheel, name)
+            checks.number(
+                f"{name} of the wheel",
+                other,
+                f"that of the pinion, {own!r}",
+                lambda v, own=own: math.isclose(v, own, rel_tol=1e-9, abs_tol=1e-12),
+            )
+        if wheel.internal:
+            checks.integer("teeth of the ring gear", wheel.teeth, pinion.teeth + 1)
+
+    def _nominal_angle(self):
+        """Working pressure angle without backlash, ISO 21771."""
+        teeth = self._signed(self.pinion.teeth, self.wheel.teeth)
+        shifts = self.pinion.shift + self.wheel.shift
+        value = inv(self.pinion.transverse_pressure_angle)
+        value += 2.0 * math.tan(self.pinion.pressure_angle) * shifts / teeth
+        checks.number(
+            "sum of the shifts",
+            shifts,
+            "such that the gears find a centre distance without backlash",
+            lambda v: value > 0.0,
+        )
+        return angle_of(value)
+
+    def _check_interference(self):
+        pinion, wheel, (start, end) = self.pinion, self.wheel, self.path
+        who = "ring gear" if wheel.internal else "wheel"
+        ends = ((pinion, start, wheel, who), (wheel, self.wheel_roll_length(end), pinion, "pinion"))
+        for gear, roll, other, name in ends:
+            base, form = gear.base_diameter / 2.0, gear.form_roll_length
+            beyond = gear.sign * (math.hypot(form, base) - math.hypot(roll, base))
+            _clear(
+                f"tip_diameter of the {name}",
+                other.tip_diameter,
+                roll >= 0.0 and beyond <= _INTO_FILLET * gear.module,
+                "such that it keeps out of the fillet of the mating tooth, whose involute begins "
+                f"{form:.4g} m along the line of action; contact would reach {roll:.4g} m "
+                "(interference)",
+            )
+        for gear, other, name in ((pinion, wheel, "pinion"), (wheel, pinion, who)):
+            clearance = self._clearance(gear, other)
+            _clear(
+                f"tip_diameter of the {name}",
+                gear.tip_diameter,
+                clearance >= 0.0,
+                f"such that tip and root keep clear of each other (clearance {clearance:.4g} m)",
+            )
+        if wheel.internal:
+            _clear(
+                "teeth of the ring gear",
+                wheel.teeth,
+                self._tips_pass(),
+                f"larger by more than {wheel.teeth - pinion.teeth} than that of the pinion, or the "
+                "tips strike each other (tip interference)",
+            )
+
+    def _clearance(self, gear, other):
+        """Bottom clearance between the tip of a gear and the root of the other, m."""
+        if not self.wheel.internal:
+            return self.centre_distance - (gear.tip_diameter + other.root_diameter) / 2.0
+        inner, outer = gear.tip_diameter, other.root_diameter
+        if gear.internal:
+            inner, outer = outer, inner
+        return (outer - inner) / 2.0 - self.centre_distance
+
+    def _tips_pass(self):
+        """Whether the tips of an internal mesh pass each other after they left contact."""
+        a, angle = self.centre_distance, self.working_pressure_angle
+        tip, ring = self.pinion.tip_diameter / 2.0, self.wheel.tip_diameter / 2.0
+        cosine = (ring**2 - tip**2 - a**2) / (2.0 * a * tip)
+        if abs(cosine) >= 1.0:
+            return True  # the tip circles do not cross
+        tips = [math.acos(g.base_diameter / g.tip_diameter) for g in (self.pinion, self.wheel)]
+        turned = math.acos(cosine) + inv(tips[0]) - inv(angle)
+        passed = math.acos((a**2 + ring**2 - tip**2) / (2.0 * a * ring))
+        ratio = self.pinion.teeth / self.wheel.teeth
+        return turned * ratio + inv(angle) - inv(tips[1]) >= passed
+
+    def _set_backlash(self):
+        given = self.backlash is not None
+        backlash = self.backlash if given else self._geometric_backlash()
+        if not given and -_ROUNDING * self.pinion.module <= backlash < 0.0:
+            backlash = 0.0
+        words = "a finite number >= 0"
+        if not given:
+            words = (
+                ">= 0; shifts, allowances of the tooth thickness and centre_distance leave too "
+                "little room"
+            )
+        self._put(
+            "backlash", checks.number("backlash", backlash, words, lambda v: 0 <= v < math.inf)
+        )
+
+    def _geometric_backlash(self):
+        """p_w minus both tooth thicknesses on the working circles, in the normal direction, m."""
+        angle = self.working_pressure_angle
+        widths = 0.0
+        for gear in (self.pinion, self.wheel):
+            widths += gear.thickness_at(gear.base_diameter / math.cos(angle))
+        circle = self.pinion.base_diameter / math.cos(angle)
+        play = math.pi * circle / self.pinion.teeth - widths
+        return play * math.cos(angle) * math.cos(self.pinion.base_helix_angle)
+
+    @property
+    def width(self):
+        """Common face width, m: the smaller of both."""
+        return min(self.pinion.width, self.wheel.width)
+
+    @property
+    def working_pressure_angle(self):
+        """alpha_wt, rad: cos is (r_b1 + r_b2) / a, internal (r_b2 - r_b1) / a; ISO 21771."""
+        base = abs(self._signed(self.pinion.base_diameter, self.wheel.base_diameter)) / 2.0
+        return math.acos(base / self.centre_distance)
+
+    @property
+    def base_pitch(self):
+        """p_bt = pi m_t cos(alpha_t), transverse, m."""
+        return math.pi * self.pinion.base_diameter / self.pinion.teeth
+
+    @property
+    def _tangents(self):
+        """a sin(alpha_wt): distance of the points where the line touches both base circles, m."""
+        return self.centre_distance * math.sin(self.working_pressure_angle)
+
+    def wheel_roll_length(self, position):
+        """Return the radius of curvature of the wheel's flank at a position of the path, m."""
+        return self._tangents - self.wheel.sign * position
+
+    @property
+    def path(self):
+        """Where the path of contact begins and ends, m; see the head of the module; ISO 21771."""
+        beyond = self.wheel.tip_roll_length
+        start = self._tangents - beyond if not self.wheel.internal else beyond - self._tangents
+        return start, self.pinion.tip_roll_length
+
+    @property
+    def pitch_point(self):
+        """Position of the pitch point on the path of contact, r_b1 tan(alpha_wt), m."""
+        return self.pinion.base_diameter / 2.0 * math.tan(self.working_pressure_angle)
+
+    @property
+    def contact_ratio(self):
+        """Transverse contact ratio eps_alpha: path of contact over base pitch; ISO 21771."""
+        start, end = self.path
+        return (end - start) / self.base_pitch
+
+    @property
+    def overlap_ratio(self):
+        """eps_beta = b sin(beta) / (pi m_n), 0 for spur gears; ISO 21771."""
+        gear = self.pinion
+        return self.width * math.sin(gear.helix_angle) / (math.pi * gear.module)
+
+    @property
+    def total_contact_ratio(self):
+        """eps_gamma = eps_alpha + eps_beta."""
+        return self.contact_ratio + self.overlap_ratio
+
+    def phase_of(self, position):
+        """Return the mesh phase, in [0, 2 pi), at which a pair touches at a position of the path.
+
+        Of helical gears the pair is that in the middle of the face.
+        """
+        fraction = self.contact_ratio - math.floor(self.contact_ratio)
+        pitches = (position - self.path[0]) / self.base_pitch
+        return math.tau * ((pitches - fraction / 2.0) % 1.0)
+
+    @property
+    def pitch_phase(self):
+        """Mesh phase at which a pair touches at the pitch point, rad."""
+        return self.phase_of(self.pitch_point)
+
+    @property
+    def line_backlash(self):
+        """Backlash along the transverse line of action j_bt = j_bn / cos(beta_b), m."""
+        return self.backlash / math.cos(self.pinion.base_helix_angle)
+
+    @property
+    def recommended_backlash(self):
+        """Least normal backlash for steel in steel or iron housings, m; ISO/TR 10064-2.
+
+        2/3 (0.06 + 0.0005 a + 0.03 m_n), all in mm.
+        """
+        return 2.0 / 3.0 * (6e-5 + 0.0005 * self.centre_distance + 0.03 * self.pinion.module)
+
+    @property
+    def reduced_mass(self):
+        """1 / (r_b1^2 / J_1 + r_b2^2 / J_2), kg, along the line of action."""
+        gears = (self.pinion, self.wheel)
+        return 1.0 / sum((gear.base_diameter / 2.0) ** 2 / gear.inertia for gear in gears)
+
+    def load(self, torque):
+        """Return the force along the transverse line of action at a torque of the pinion, N."""
+        return torque / (self.pinion.base_diameter / 2.0)
+
+    def tangential_force(self, torque):
+        """Return F_t, at the reference circle, at a torque of the pinion in N m, N; ISO 6336-1."""
+        return torque / (self.pinion.reference_diameter / 2.0)
+
+    def pitch_line_velocity(self, rpm):
+        """Return v, of the reference circle, at a speed of the pinion in rpm, m/s; ISO 6336-1."""
+        return math.pi * self.pinion.reference_diameter * rpm / 60.0
+
+    def stiffness(self, method="iso", **options):
+        """Return the `MeshStiffness` by a named method; see `mesh_stiffness`."""
+        return mesh_stiffness(self, method, **options)
+
+    def pair_parameters(self, **options):
+        """Return what `GearPair.from_geometry` takes of the mesh, as a dict."""
+        return pair_parameters(self, **options)
+
+
+def _clear(name, value, fits, allowed):
+    if not fits:
+        raise ValueError(f"{name} = {value!r} is not allowed: it must be {allowed}")

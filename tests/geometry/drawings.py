@@ -1,0 +1,34 @@
+"""Drawn gears with published numbers, for the tests."""
+
+import math
+
+from gearlib.geometry import Material, Mesh, SpurGear
+
+
+def iso_example(**changes):
+    """ISO/TR 6336-30:2017, example 1, with the tip diameters to the 10 um of a drawing."""
+    common = {"module": 8e-3, "helix_angle": math.radians(15.8), "width": 0.1, "rack": "D"}
+    pinion = SpurGear(teeth=17, shift=0.145, tip_diameter=0.15966, **common | changes)
+    return Mesh(pinion, SpurGear(teeth=103, tip_diameter=0.87235, **common | changes), 0.5)
+
+
+def fzg_c(**changes):
+    """FZG type C, with a shaft of 30 mm; see the worked example of the documentation."""
+    common = {"module": 4.5e-3, "width": 0.014, "bore": 0.03} | changes
+    pinion = SpurGear(teeth=16, shift=0.1817, tip_diameter=0.08246, **common)
+    return Mesh(pinion, SpurGear(teeth=24, shift=0.1715, tip_diameter=0.11836, **common), 0.0915)
+
+
+def twenty(**changes):
+    """z 20/20, m 10 mm, b 30 mm, E 200 GPa of the literature on backlash."""
+    gear = SpurGear(
+        **{"teeth": 20, "module": 0.01, "width": 0.03, "material": Material(young=200e9)} | changes
+    )
+    return Mesh(gear, gear)
+
+
+def ring(**changes):
+    """A planet and a ring gear of standard proportions."""
+    gear = SpurGear(teeth=36, module=4e-3, width=0.03)
+    other = {"teeth": 99, "outer_diameter": 0.44, "internal": True} | changes
+    return Mesh(gear, SpurGear(module=4e-3, width=0.03, **other))

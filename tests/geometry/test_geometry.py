@@ -1,0 +1,196 @@
+"""Geometry of drawn gears: published numbers, identities, constructions point by point."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.optimize import brentq
+
+from gearlib.geometry import Mesh, SpurGear, Web
+from gearlib.models.geometry.involute import angle_of, inv
+from gearlib.models.geometry.tooth import Tooth
+from tests.geometry.drawings import fzg_c, iso_example, ring, twenty
+
+MESHES = {"iso": iso_example, "fzg": fzg_c, "twenty": twenty, "ring": ring}
+
+
+@pytest.fixture(params=MESHES, name="mesh")
+def drawn(request):
+    return MESHES[request.param]()
+
+
+def test_iso_example_1_to_its_printed_digits():
+    mesh = iso_example()
+    assert mesh.pinion.virtual_teeth == pytest.approx(18.905, abs=5e-4)
+    assert mesh.wheel.virtual_teeth == pytest.approx(114.543, abs=5e-4)
+    assert mesh.tangential_force(9000.0) == pytest.approx(127352.0, abs=0.5)
+    assert mesh.pitch_line_velocity(360.0) == pytest.approx(2.664, abs=5e-4)
+    assert mesh.contact_ratio == pytest.approx(1.54909, abs=5e-6)
+
+
+def test_fzg_c_as_published():
+    mesh = fzg_c()
+    assert math.degrees(mesh.working_pressure_angle) == pytest.approx(22.44, abs=5e-3)
+    assert mesh.contact_ratio == pytest.approx(1.44, abs=5e-3)
+    # The shifts are printed to four digits; half a digit each moves the distance by less.
+    nominal = Mesh(mesh.pinion, mesh.wheel)
+    assert nominal.centre_distance == pytest.approx(0.0915, abs=1e-4 * 4.5e-3)
+    assert mesh.backlash == 0.0
+
+
+def test_inverse_involute():
+    for angle in (0.1, 0.35, 1.0, 1.5):
+        # tan(0.1) - 0.1 keeps 13 digits.
+        assert angle_of(inv(angle)) == pytest.approx(angle, rel=1e-12)
+
+
+def contact(mesh, turn):
+    """Return where flanks touch, by the tangency of two involutes instead of the path of contact.
+
+    The pinion's flank starts on its base circle at the angle `turn` from the line of centres; the
+    contact is the point of that involute whose normal passes the pitch point.
+    """
+    a, sign = mesh.centre_distance, mesh.wheel.sign
+    pitch = a * mesh.pinion.teeth / (mesh.wheel.teeth + sign * mesh.pinion.teeth)
+    base = mesh.pinion.base_diameter / 2.0
+
+    def miss(roll):
+        # Tangent point on the base circle at the angle turn + roll; the normal touches it there.
+        angle = turn + roll
+        foot = base * np.array([math.cos(angle), math.sin(angle)])
+        along = np.array([math.sin(angle), -math.cos(angle)])
+        to = np.array([pitch, 0.0]) - foot
+        return along[0] * to[1] - along[1] * to[0]
+
+    roll = brentq(miss, max(-turn, 0.0), 1.3 - turn, xtol=1e-15)
+    angle = turn + roll
+    foot = base * np.array([math.cos(angle), math.sin(angle)])
+    return foot + base * roll * np.array([math.sin(angle), -math.cos(angle)])
+
+
+def test_contact_ratio_against_the_construction_of_the_path(mesh):
+    """Turn the pinion from contact on one tip circle to contact on the other."""
+    a, sign = mesh.centre_distance, mesh.wheel.sign
+    centre = np.array([a * sign, 0.0])
+
+    def turned(which):
+        def miss(turn):
+            point = contact(mesh, turn)
+            if which == "pinion":
+                return np.hypot(*point) - mesh.pinion.tip_diameter / 2.0
+            return np.hypot(*(point - centre)) - mesh.wheel.tip_diameter / 2.0
+
+        return brentq(miss, -0.7, mesh.working_pressure_angle - 1e-9, xtol=1e-15)
+
+    pitch = 2.0 * math.pi / mesh.pinion.teeth
+    ratio = abs(turned("pinion") - turned("wheel")) / pitch
+    assert ratio == pytest.approx(mesh.contact_ratio, rel=1e-9)
+
+
+def test_backlash_by_thickness_allowances_and_distance():
+    allowance = -5e-5
+    tight = twenty()
+    loose = twenty(thickness_allowance=allowance)
+    # Two allowances, seen along the line of action.
+    assert loose.backlash == pytest.approx(
+        -2.0 * allowance * math.cos(math.radians(20.0)), rel=1e-9
+    )
+    wide = Mesh(tight.pinion, tight.wheel, tight.centre_distance + 1e-6)
+    # A small larger distance opens 2 da tan(alpha) on the pitch circle, 2 da sin(alpha) normally.
+    expected = 2e-6 * math.sin(math.radians(20.0))
+    assert wide.backlash == pytest.approx(expected, rel=1e-4)
+    assert tight.backlash == 0.0 and Mesh(tight.pinion, tight.wheel, backlash=3e-5).backlash == 3e-5
+    helical = iso_example(thickness_allowance=allowance)
+    gain = helical.backlash - iso_example().backlash
+    # Normal thickness along the normal: cos(alpha_n), with the working circle 0.2 % larger.
+    assert gain == pytest.approx(-2.0 * allowance * math.cos(math.radians(20.0)), rel=5e-3)
+    inner = ring(thickness_allowance=allowance).backlash
+    assert inner == pytest.approx(-allowance * math.cos(math.radians(20.0)), rel=1e-9)
+
+
+def test_distance_without_backlash_of_shifted_teeth():
+    for internal, sign in ((False, 1), (True, -1)):
+        pinion = SpurGear(teeth=21, module=2e-3, width=0.01, shift=0.3, helix_angle=0.2)
+        wheel = SpurGear(
+            teeth=80, module=2e-3, width=0.01, shift=sign * 0.1, helix_angle=0.2, internal=internal
+        )
+        found = Mesh(pinion, wheel)
+        # Rounding only.
+        assert abs(found._geometric_backlash()) < 1e-14
+        assert found.centre_distance != pytest.approx(
+            (wheel.reference_diameter + sign * pinion.reference_diameter) / 2.0, rel=1e-4
+        )
+
+
+def test_pitch_phase_of_equal_gears():
+    mesh = twenty()
+    # Symmetry: the pitch point lies in the middle of the path, half a pitch beside a pair of pairs.
+    assert mesh.pitch_phase == pytest.approx(math.pi, abs=1e-9)
+    start, end = mesh.path
+    middle = start + (mesh.contact_ratio - 1.0) / 2.0 * mesh.base_pitch
+    assert mesh.phase_of(middle) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_recommended_backlash_of_the_worked_example():
+    assert fzg_c().recommended_backlash == pytest.approx(160.5e-6, rel=1e-12)
+
+
+def test_outline_is_one_smooth_curve():
+    for mesh in (iso_example(thickness_allowance=-1e-4), fzg_c(), twenty()):
+        tooth = Tooth(mesh.pinion, 1.0)
+        x, y, slope = tooth.fillet(mesh.pinion.transverse_pressure_angle)
+        at_x, at_y, _ = tooth.flank(tooth.foot)
+        scale = mesh.pinion.module
+        assert x == pytest.approx(at_x, abs=1e-12 * scale)
+        assert y == pytest.approx(at_y, abs=1e-12 * scale)
+        bottom = tooth.fillet(math.pi / 2.0)
+        assert math.hypot(*bottom[:2]) == pytest.approx(mesh.pinion.root_diameter / 2.0, rel=1e-12)
+        step = 1e-6
+        for gamma in (0.5, 1.0, 1.5):
+            difference = tooth.fillet(gamma + step)[1] - tooth.fillet(gamma - step)[1]
+            assert tooth.fillet(gamma)[2] == pytest.approx(difference / 2.0 / step, rel=1e-6)
+
+
+def test_thickness_is_that_of_the_outline(mesh):
+    for gear in (mesh.pinion, mesh.wheel):
+        radius = gear.tip_diameter / 2.0
+        tooth = Tooth(gear, 1.0)
+        x, y, _ = tooth.flank(gear.tip_roll_length / tooth.base)
+        assert math.hypot(x, y) == pytest.approx(radius, rel=1e-12)
+        expected = gear.thickness_at(gear.tip_diameter)
+        assert 2.0 * radius * math.atan2(x, y) == pytest.approx(expected, rel=1e-9)
+
+
+def test_inertia_against_integration():
+    web = Web(thickness=0.01, rim_diameter=0.15, hub_diameter=0.08)
+    gear = SpurGear(teeth=50, module=4e-3, width=0.03, bore=0.04, web=web)
+
+    def width(radius):
+        inside = web.hub_diameter < 2.0 * radius < web.rim_diameter
+        return web.thickness if inside else gear.width
+
+    edges = [gear.bore, web.hub_diameter, web.rim_diameter, gear.mean_diameter]
+    for power, found in ((1, gear.mass), (3, gear.inertia)):
+        total = sum(
+            quad(lambda r, n=power: 2.0 * math.pi * 7850.0 * r**n * width(r), a / 2.0, b / 2.0)[0]
+            for a, b in zip(edges, edges[1:], strict=False)
+        )
+        assert found == pytest.approx(total, rel=1e-9)
+    rim = ring().wheel
+    assert rim.inertia == pytest.approx(
+        7850.0 * 0.03 * math.pi / 32.0 * (0.44**4 - rim.mean_diameter**4), rel=1e-12
+    )
+
+
+def test_helical_quantities():
+    mesh = iso_example()
+    gear = mesh.pinion
+    # On the base cylinder the lead is the same: tan(beta_b) / tan(beta) = d_b / d.
+    assert math.tan(gear.base_helix_angle) / math.tan(gear.helix_angle) == pytest.approx(
+        gear.base_diameter / gear.reference_diameter, rel=1e-12
+    )
+    # The face covers eps_beta base pitches along the base cylinder.
+    shift = mesh.width * math.tan(gear.base_helix_angle) / mesh.base_pitch
+    assert mesh.overlap_ratio == pytest.approx(shift, rel=1e-12)
+    assert mesh.total_contact_ratio == mesh.contact_ratio + mesh.overlap_ratio

@@ -1,0 +1,362 @@
+"""Mesh stiffness: the printed example, quadrature of the energies, averages over the face."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+from gearlib import GearPair, OneDegreePair, Rectangular, Tabulated
+from gearlib.geometry import Mesh, SpurGear, Web, iso_stiffness
+from gearlib.models.geometry.energy import PairCompliance, energy_stiffness, matrix
+from gearlib.models.geometry.tooth import Tooth
+from tests.geometry.drawings import fzg_c, iso_example, ring, twenty
+
+MESHES = {"iso": iso_example, "fzg": fzg_c, "twenty": twenty, "ring": ring}
+
+
+@pytest.fixture(params=MESHES, name="mesh")
+def drawn(request):
+    return MESHES[request.param]()
+
+
+def test_iso_example_1_to_its_printed_digits():
+    found = iso_stiffness(iso_example(), torque=9000.0)
+    assert found.theoretical == pytest.approx(17.85584, abs=5e-6)
+    assert found.single == pytest.approx(12.37047, abs=5e-6)
+    assert found.mean == pytest.approx(17.46485, abs=5e-6)
+    assert found.rack_factor == pytest.approx(0.9, rel=1e-12)
+
+
+def test_iso_coefficients():
+    """q' of the standard, written out once more, with each shift by itself and a ring gear."""
+    for x1, x2 in ((0.0, 0.0), (0.5, 0.0), (0.0, 0.5), (0.3, 0.4)):
+        gears = [
+            SpurGear(teeth=z, module=3e-3, width=0.02, shift=x) for z, x in ((25, x1), (40, x2))
+        ]
+        q = 0.04723 + 0.15551 / 25 + 0.25791 / 40 - 0.00635 * x1 - 0.11654 * x1 / 25
+        q += -0.00193 * x2 - 0.24188 * x2 / 40 + 0.00529 * x1**2 + 0.00182 * x2**2
+        assert iso_stiffness(Mesh(*gears)).theoretical == pytest.approx(1.0 / q, rel=1e-12)
+    ring_mesh = ring()
+    q = 0.04723 + 0.15551 / 36
+    assert iso_stiffness(ring_mesh).theoretical == pytest.approx(1.0 / q, rel=1e-12)
+
+
+def test_iso_of_fzg_c_as_in_the_worked_example():
+    found = iso_stiffness(fzg_c(), torque=302.0)
+    assert found.rack_factor == pytest.approx(0.975, rel=1e-12)
+    assert found.theoretical == pytest.approx(15.78, abs=5e-3)
+    assert found.single == pytest.approx(12.31, abs=5e-3)
+
+
+def test_the_mean_of_the_rectangle_is_that_of_the_standard(mesh):
+    found = mesh.stiffness("iso")
+    mean = iso_stiffness(mesh).mean * 1e9 * mesh.width
+    assert found.mean_stiffness == pytest.approx(mean, rel=1e-9)
+    if not mesh.overlap_ratio:
+        # 1.75 c' of two pairs over c' of one: a ratio of 4 / 7, whatever the gears.
+        assert found.stiffness_ratio == pytest.approx(4.0 / 7.0, rel=1e-12)
+        assert isinstance(found.profile, Rectangular)
+
+
+def test_iso_at_low_load_and_with_a_web():
+    mesh = fzg_c()
+    full = iso_stiffness(mesh).single
+    # 25 N/mm at the reference circle: a fourth of the limit.
+    torque = 25.0 * 14.0 * mesh.pinion.reference_diameter / 2.0
+    assert iso_stiffness(mesh, torque).single == pytest.approx(full / math.sqrt(2.0), rel=1e-12)
+    raised = iso_stiffness(mesh, torque, application_factor=4.0).single
+    assert raised == pytest.approx(full, rel=1e-12)
+    web = Web(thickness=0.009, rim_diameter=0.16, hub_diameter=0.06)
+    gear = SpurGear(teeth=50, module=4e-3, width=0.03, web=web)
+    solid = SpurGear(teeth=50, module=4e-3, width=0.03)
+    ratio = iso_stiffness(Mesh(gear, solid)).single / iso_stiffness(Mesh(solid, solid)).single
+    rim = (0.19 - 0.16) / 2.0 / 4e-3
+    assert ratio == pytest.approx(1.0 + math.log(0.3) / 5.0 / math.exp(rim / 5.0), rel=1e-9)
+
+
+def direct(tooth, phi):
+    """Return the compliance of a tooth by adaptive quadrature over its polar outline."""
+    gear, sign = tooth.gear, tooth.sign
+    material = gear.material
+    shear = material.young / 2.0 / (1.0 + material.poisson)
+    x_f, y_f, b = tooth.flank(phi)
+
+    def integrand(x, y):
+        area, inertia = 2.0 * x * tooth.width, 2.0 / 3.0 * x**3 * tooth.width
+        moment = math.cos(b) * sign * (y_f - y) - x_f * math.sin(b)
+        return (
+            moment**2 / (material.young * inertia)
+            + 1.2 * math.cos(b) ** 2 / (shear * area)
+            + math.sin(b) ** 2 / (material.young * area)
+        )
+
+    def half(radius):
+        """Half the thickness and y on the flank, from the thickness on a circle (ISO 21771)."""
+        turn = gear.thickness_at(2.0 * radius) / (2.0 * radius)
+        return radius * math.sin(turn), radius * math.cos(turn)
+
+    def on_flank(radius):
+        step = 1e-6 * radius
+        x, y = half(radius)
+        slope = (half(radius + step)[1] - half(radius - step)[1]) / 2.0 / step
+        return integrand(x, y) * slope
+
+    base = tooth.base
+    low, high = sorted((base * math.hypot(1.0, tooth.foot), base * math.hypot(1.0, phi)))
+    total = quad(on_flank, low, high, epsrel=1e-10)[0]
+    if not gear.internal:
+
+        def on_fillet(gamma):
+            step = 1e-6
+            slope = (tooth.fillet(gamma + step)[1] - tooth.fillet(gamma - step)[1]) / 2.0 / step
+            return integrand(*tooth.fillet(gamma)[:2]) * abs(slope)
+
+        total += quad(on_fillet, gear.transverse_pressure_angle, math.pi / 2.0, epsrel=1e-10)[0]
+    return total
+
+
+@pytest.mark.parametrize("share", [0.05, 0.5, 1.0])
+def test_the_energy_method_against_quadrature(mesh, share):
+    start, end = mesh.path
+    position = start + share * (end - start)
+    rolls = (position, mesh.wheel_roll_length(position))
+    for gear, roll in zip((mesh.pinion, mesh.wheel), rolls, strict=True):
+        tooth = Tooth(gear, mesh.width)
+        if roll < gear.form_roll_length:
+            continue  # the ring's tip reaches 0.03 modules into the fillet
+        phi = roll / tooth.base
+        # Slopes by differences have 8 digits.
+        assert tooth.compliance(phi) == pytest.approx(direct(tooth, phi), rel=1e-7)
+
+
+def test_a_long_tooth_is_a_cantilever():
+    """F l^3 / (3 E I) of beams as thick as root and tip bound the compliance."""
+    tooth = Tooth(SpurGear(teeth=400, module=5e-3, width=0.02), 0.02)
+    phi = tooth.gear.tip_roll_length / tooth.base
+    x, y, _ = tooth.flank(phi)
+    root = tooth.fillet(math.pi / 2.0)
+    thick, thin = root[0], x
+    length = y - root[1]
+    bounds = [length**3 / (2.0 * half**3 * 206e9 * 0.02) for half in (thick, thin)]
+    assert bounds[0] < tooth.compliance(phi) < bounds[1]
+
+
+def test_the_body_after_sainsot():
+    """The formula of the paper, written out once more for one point."""
+    mesh = fzg_c()
+    tooth = Tooth(mesh.pinion, mesh.width)
+    theta, h = tooth.body_shape
+    assert h == pytest.approx(mesh.pinion.root_diameter / 0.03, rel=1e-12)
+    phi = mesh.pitch_point / tooth.base
+    x, y, b = tooth.flank(phi)
+    # The force meets the centre line x tan(b) below its point.
+    u = y - x * math.tan(b) - tooth.root
+    s = 2.0 * tooth.root * theta
+
+    def shape(a, b_, c, d, e, f):
+        return a / theta**2 + b_ * h**2 + c * h / theta + d / theta + e * h + f
+
+    L = shape(-5.574e-5, -1.9986e-3, -2.3015e-4, 4.7702e-3, 0.0271, 6.8045)
+    M = shape(60.111e-5, 28.100e-3, -83.431e-4, -9.9256e-3, 0.1624, 0.9086)
+    P = shape(-50.952e-5, 185.50e-3, 0.0538e-4, 53.300e-3, 0.2895, 0.9236)
+    Q = shape(-6.2042e-5, 9.0889e-3, -4.0964e-4, 7.8297e-3, -0.1472, 0.6904)
+    expected = L * (u / s) ** 2 + M * u / s + P * (1.0 + Q * math.tan(b) ** 2)
+    expected *= math.cos(b) ** 2 / (206e9 * 0.014)
+    assert tooth.body(phi) == pytest.approx(expected, rel=1e-10)
+
+
+def test_the_body_counts_once():
+    """With rigid teeth two pairs would be as stiff as one on a shared body, twice on two."""
+    mesh = fzg_c()
+    pair = PairCompliance(mesh)
+    at = np.array([[mesh.path[0], mesh.path[0] + mesh.base_pitch]])
+    shared, apart = (matrix(pair, at, np.ones((1, 2)), c)[0] for c in (1.0, 0.0))
+    bodies = pair.bodies(at)[:, 0]
+    assert shared[0, 1] == pytest.approx(np.sqrt(bodies[:, 0] * bodies[:, 1]).sum(), rel=1e-12)
+    assert apart[0, 1] == 0.0
+    # Each pair by itself yields alike in both.
+    assert np.diag(shared) == pytest.approx(np.diag(apart), rel=1e-12)
+    own = pair.teeth(at)[0] + pair.contact(at, 1.0)[0]
+    assert np.diag(shared) == pytest.approx(own + bodies.sum(axis=0), rel=1e-12)
+    # Parallel springs, in the case of a body each.
+    u = np.array([0.0])
+    assert energy_stiffness(mesh, u, 2, coupling=0.0)[0] == pytest.approx(
+        (1.0 / np.diag(apart)).sum(), rel=1e-12
+    )
+
+
+def test_hertz_contact_logarithmic_in_the_load():
+    mesh = twenty()
+    pair = PairCompliance(mesh, "logarithmic")
+    position = np.array([mesh.pitch_point])
+    # Weber & Banaschek, equal gears at the pitch point: 4 (1 - nu^2) / (pi E b)
+    # (ln(2 h / a) - nu / (2 (1 - nu))), a^2 = 8 F rho (1 - nu^2) / (pi E b), rho = r_b tan / 2.
+    force, soft = 5000.0, 0.91 / (math.pi * 200e9 * 0.03)
+    a = math.sqrt(8.0 * force * mesh.pitch_point / 2.0 * soft)
+    x, _, b = Tooth(mesh.pinion, 0.03).flank(math.tan(math.radians(20.0)))
+    law = 4.0 * soft * (math.log(2.0 * x / math.cos(b) / a) - 0.3 / 1.4)
+    assert pair.contact(position, force)[0] == pytest.approx(law, rel=1e-12)
+    stiff = [
+        mesh.stiffness("energy", hertz="logarithmic", torque=t).mean_stiffness
+        for t in (50.0, 500.0, 5000.0)
+    ]
+    assert stiff[0] < stiff[1] < stiff[2]
+
+
+def test_the_mean_of_the_pair_of_the_literature():
+    """Between and about the 4.9e8 N/m of ISO 6336 (steel of 206 GPa) and the 5.2e8 of others."""
+    mesh = twenty()
+    assert twenty(material=SpurGear(teeth=20, module=1, width=1).material).stiffness(
+        "iso"
+    ).mean_stiffness == pytest.approx(4.9e8, rel=0.005)
+    means = [
+        mesh.stiffness(method, **options).mean_stiffness
+        for method, options in (
+            ("iso", {}),
+            ("energy", {}),
+            ("energy", {"hertz": "logarithmic", "torque": 500.0}),
+            ("energy", {"coupling": 0.0}),
+        )
+    ]
+    # The figures of docs/validation_geometry.md.
+    assert means == pytest.approx([4.743e8, 5.461e8, 4.382e8, 6.739e8], rel=5e-4)
+
+
+def course(mesh, u, method, **options):
+    """Return the spur course, of the same transverse section, at positions in base pitches."""
+    u = np.mod(u, 1.0)
+    less = math.floor(mesh.contact_ratio)
+    high = u < mesh.contact_ratio - less
+    if method == "iso":
+        single = iso_stiffness(mesh).single * 1e9 * mesh.width
+        return single * np.where(high, 0.25 + 0.75 * (less + 1), 0.25 + 0.75 * less)
+    out = np.empty(u.shape)
+    for mask, count in ((high, less + 1), (~high, less)):
+        out[mask] = energy_stiffness(mesh, u[mask], count, **options)
+    return out
+
+
+@pytest.mark.parametrize("width", [0.02, 0.1, 0.25])
+@pytest.mark.parametrize("method", ["iso", "energy"])
+def test_helical_stiffness_is_the_average_over_the_face(method, width):
+    mesh = iso_example(width=width)
+    table = mesh.stiffness(method).profile
+    # The middles of slices of the face: each step of the course leaves one slice in error.
+    count = 200_000 if method == "iso" else 4000
+    slices = (np.arange(count) + 0.5) / count - 0.5
+    fraction = mesh.contact_ratio - 1.0
+    for phase, value in list(zip(table.phase, table.stiffness, strict=True))[
+        :: max(len(table.phase) // 6, 1)
+    ]:
+        u = phase / math.tau + fraction / 2.0
+        mean = course(mesh, u + mesh.overlap_ratio * slices, method).mean()
+        # Energy: straight lines between 64 samples instead of the course.
+        assert value == pytest.approx(mean, rel=2e-5 if method == "iso" else 2e-4)
+    if method == "iso":
+        assert len(table.phase) == 4
+
+
+def test_a_whole_overlap_ratio_leaves_a_constant_stiffness():
+    width = math.pi * 8e-3 / math.sin(math.radians(15.8))
+    found = iso_example(width=width).stiffness("iso")
+    assert found.stiffness_ratio == 1.0
+    assert found.mean_stiffness == pytest.approx(
+        iso_stiffness(iso_example(width=width)).mean * 1e9 * width, rel=1e-9
+    )
+
+
+def test_the_course_of_a_spur_mesh():
+    mesh = fzg_c()
+    found = mesh.stiffness("energy", samples=200)
+    table = found.profile
+    stretch = mesh.contact_ratio - 1.0
+    for turn in (-0.99, -0.5, 0.0, 0.5, 0.99, 1.2):
+        phase = turn * math.pi * stretch
+        value = np.interp(phase, table.phase, table.stiffness, period=2.0 * math.pi)
+        expected = course(mesh, np.array([phase / math.tau + stretch / 2.0]), "energy")[0]
+        assert value == pytest.approx(expected, rel=1e-4)
+    # Same mean as the rectangle, up to the ramps of 1e-7 of a pitch.
+    assert table.mean() == pytest.approx(found.mean_stiffness, rel=1e-6)
+    model = OneDegreePair(
+        pair=GearPair.from_geometry(mesh, torque=302.0, stiffness="energy"), profile=table
+    )
+    assert model.equation.near.breaks[-1] == 2.0 * math.pi
+
+
+def test_a_table_of_ones_own():
+    table = Tabulated((0.0, 2.0, 4.0), (3e8, 2e8, 2e8))
+    found = fzg_c().stiffness(table)
+    assert found.profile is table and math.isnan(found.uncertainty)
+    assert found.mean_stiffness == pytest.approx(table.mean(), rel=1e-12)
+
+
+def test_random_drawings():
+    """Whatever is not refused has a stiffness, and no pair in contact pulls at the other."""
+    random = np.random.default_rng(1)
+    found = 0
+    for _ in range(300):
+        internal = bool(random.random() < 0.3)
+        teeth = random.integers(14, 60), random.integers(75, 150)
+        shifts = random.uniform(-0.2, 0.6, 2) * (1.0, -1.0 if internal else 1.0)
+        helix = random.choice([0.0, random.uniform(0.05, 0.5)])
+        common = {"module": 3e-3, "width": 0.02, "helix_angle": float(helix)}
+        bore = float(random.choice([0.0, 0.015]))
+        try:
+            pinion = SpurGear(teeth=int(teeth[0]), shift=shifts[0], bore=bore, **common)
+            wheel = SpurGear(teeth=int(teeth[1]), shift=shifts[1], internal=internal, **common)
+            mesh = Mesh(pinion, wheel)
+        except ValueError:
+            continue
+        found += 1
+        assert mesh.backlash < 1e-12
+        for method in ("iso", "energy"):
+            stiffness = mesh.stiffness(method)
+            assert 0.5 < stiffness.stiffness_ratio <= 1.0
+        count = math.floor(mesh.contact_ratio) + 1
+        u = np.linspace(0.0, mesh.contact_ratio % 1.0, 5)[:, None] + np.arange(count)
+        at = mesh.path[0] + u * mesh.base_pitch
+        shared = matrix(PairCompliance(mesh), at, np.ones(at.shape), 1.0)
+        assert np.linalg.solve(shared, np.ones((5, count, 1))).min() > 0.0
+    assert found > 200
+
+
+def test_three_pairs_in_contact():
+    gear = SpurGear(teeth=60, module=2e-3, width=0.02, pressure_angle=math.radians(15.0))
+    mesh = Mesh(gear, gear)
+    assert 2.0 < mesh.contact_ratio < 3.0
+    iso = mesh.stiffness("iso")
+    assert iso.stiffness_ratio == pytest.approx(1.75 / 2.5, rel=1e-12)
+    assert iso.contact_ratio == pytest.approx(mesh.contact_ratio - 1.0, rel=1e-12)
+    energy = mesh.stiffness("energy")
+    assert 0.5 < energy.stiffness_ratio < 1.0
+
+
+def test_from_geometry():
+    mesh = fzg_c()
+    pair = GearPair.from_geometry(
+        mesh, torque=302.0, damping_ratio=0.06, backlash_damping_ratio=0.01
+    )
+    assert pair.damping_ratio == pytest.approx(0.06, rel=1e-12)
+    assert pair.backlash_damping_ratio == pytest.approx(0.01, rel=1e-12)
+    assert pair.load == pytest.approx(8927.3, abs=0.05)
+    assert pair.reduced_mass == pytest.approx(0.17495, abs=5e-6)
+    assert pair.teeth == 16 and pair.backlash == 0.0
+    # n_E1 of ISO 6336-1, m_red in kg per mm.
+    gamma = iso_stiffness(mesh).mean
+    resonance = 30000.0 * math.sqrt(gamma / (pair.reduced_mass / 14.0)) / (math.pi * 16)
+    assert pair.speed(1.0) == pytest.approx(resonance, rel=1e-12)
+    assert pair.tuning_at(pair.speed(0.7)) == pytest.approx(0.7, rel=1e-12)
+    # A free vibration falls by the factor exp(delta) in a period.
+    decrement = 2.0 * math.pi * 0.06 / math.sqrt(1.0 - 0.06**2)
+    again = GearPair.from_geometry(mesh, torque=302.0, logarithmic_decrement=decrement)
+    assert again.damping_ratio == pytest.approx(0.06, rel=1e-12)
+    coefficient = GearPair.from_geometry(mesh, torque=302.0, material_damping=500.0)
+    assert coefficient.material_damping == 500.0
+    power = 302.0 * 2000.0 * 2.0 * math.pi / 60.0
+    by_power = GearPair.from_geometry(mesh, power=power, speed=2000.0)
+    assert by_power.load == pytest.approx(pair.load, rel=1e-12)
+    helical = GearPair.from_geometry(
+        Mesh(iso_example().pinion, iso_example().wheel, 0.5, backlash=1e-4), torque=9000.0
+    )
+    assert helical.backlash > 1e-4
