@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from scipy.special import mathieu_a, mathieu_b
 
 from gearlib import Fourier, GearPair, Harmonics, OneDegreePair, Tabulated, simulate, tongues
-from gearlib.analysis.tongues import find, hill, meissner, no_loss
+from gearlib.analysis.tongues import find, meissner, no_loss
 from tests.physics.test_six_degrees import EVERYTHING, gears
 
 PAPER = (1.569, 0.5879)
