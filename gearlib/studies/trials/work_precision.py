@@ -116,6 +116,8 @@ GENERIC = {
 }
 
 #: Methods whose runs end early when they have provably settled: only the run is timed whose error
+#: A run that takes this long, seconds, is timed once: interruptions change little.
+_SLOW = 0.1
 #: is known, which has not settled.
 _EARLY = ("exact",)
 # Span of the timed runs without their starts, seconds: far above the clock's resolution.
@@ -345,6 +347,9 @@ def seconds_per_period(call, short, longest, repeats):
         return [min(times) for times in zip(*pairs, strict=True)]
 
     call(short)
+    base = once(short)
+    if base > _SLOW:
+        return (once(long) - base) / (long - short)
     # The least of three: an interruption must not pass for a long run.
     whole, base = least(1 if once(short) > _SPAN else 3)
     # Starts of trains, with all their tables, take as long as hundreds of their periods.
