@@ -14,10 +14,7 @@ import math
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from gearlib import checks
-from gearlib.kernels import orbit
 
 if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
     from gearlib.models.propagators import closed_form, piecewise_linear, taylor  # noqa: F401
@@ -130,13 +127,18 @@ class Model:
 
         Columns as of `gearlib.kernels.orbit`; samples also have those of `more_samples`.
         """
+        # Here, since a start of the workflow loads this module.
+        import numpy as np
+
+        from gearlib.kernels import orbit
+
         columns = orbit.SAMPLE_COLUMNS + len(self.extra_samples)
         tables = (samples, columns), (events, orbit.EVENT_COLUMNS), orbit.SUMMARY_COLUMNS
         return tuple(np.empty(shape) for shape in tables)
 
     def more_samples(self, samples):
         """Return name -> (dims, values) of the columns of samples that not every model has."""
-        columns = samples[:, orbit.SAMPLE_COLUMNS :]
+        columns = samples[:, samples.shape[1] - len(self.extra_samples) :]
         return {
             name: (("phase",), x) for name, x in zip(self.extra_samples, columns.T, strict=True)
         }
@@ -150,6 +152,8 @@ class Model:
 
         A free rotation would add two multipliers 1. Identities where nothing turns freely.
         """
+        import numpy as np
+
         return np.eye(self.size), np.eye(self.size)
 
     @property
