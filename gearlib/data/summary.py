@@ -38,8 +38,7 @@ def variables(pair, dims, table, ends, codes, record_periods):
     }
     over = (*dims, "mesh") if pair.mesh_names else dims
     named = {name: (over, values) for name, values in columns.items()}
-    if pair.mesh_names:
-        named |= pair.load_sharing(over, table, span)
+    named |= pair.more_summary(over, table, span)
     named["period"] = (dims, codes[..., 0].astype(np.int32))
     named["status"] = (dims, codes[..., 1].astype(np.int8))
     named["final_state"] = ((*dims, "component"), ends)

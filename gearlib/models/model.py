@@ -143,6 +143,13 @@ class Model:
             name: (("phase",), x) for name, x in zip(self.extra_samples, columns.T, strict=True)
         }
 
+    def more_summary(self, dims, table, span):
+        """Return name -> (dims, values) of summaries that not every model has.
+
+        `table` is that of `room`, for one run or many; `span` the recorded phase.
+        """
+        return {}
+
     def coordinates(self):
         """Return name -> values of the dimensions of results that belong to the model."""
         return {"component": list(self.components)}

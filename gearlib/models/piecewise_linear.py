@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from gearlib.kernels.piecewise_linear.system import REACH, Part
+from gearlib.kernels.piecewise_linear.system import REACH, Part, exponential
 
 
 def waves(n, first, frequencies):
@@ -45,6 +45,20 @@ def substeps(a, starts, m, one, frequency):
             norms.append(max(driven, waves))
         counts.append(max(1, math.ceil(max(norms) * (starts[q + 1] - starts[q]) / REACH)))
     return np.array(counts)
+
+
+def contact_map(model, pieces):
+    """Return the map of deviations over pieces of constant contact; see `Model.reduction`.
+
+    `pieces` are (matrix, length of a substep, number of substeps).
+    """
+    n = model.size
+    matrix = np.eye(n)
+    for a, length, substeps in pieces:
+        one = exponential(a, n, length)
+        matrix = np.linalg.matrix_power(one, int(substeps)) @ matrix
+    reduce, lift = model.reduction()
+    return reduce @ matrix @ lift
 
 
 def undivided(system):

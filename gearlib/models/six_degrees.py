@@ -58,7 +58,7 @@ from dataclasses import dataclass, field, fields
 import numpy as np
 
 from gearlib import checks
-from gearlib.kernels.piecewise_linear.system import Part, System, exponential
+from gearlib.kernels.piecewise_linear.system import Part, System
 from gearlib.models import excitation, piecewise_linear
 from gearlib.models.harmonics import Harmonics
 from gearlib.models.pair import GearPair
@@ -203,15 +203,11 @@ class SixDegreePair(WithPair):
     def contact_map(self, tuning):
         """Return the map of deviations over one mesh period in normal mesh; see `reduction`."""
         system, _ = self.system(tuning)
-        n = self.size
-        matrix = np.eye(n)
-        for p, span in enumerate(np.diff(system.starts)):
-            # The middle one of the three contact codes -1, 0, 1 is the backlash.
-            substeps = int(system.substeps[p])
-            one = exponential(system.a[2, p], n, span / substeps)
-            matrix = np.linalg.matrix_power(one, substeps) @ matrix
-        reduce, lift = self.reduction()
-        return reduce @ matrix @ lift
+        # Of the three contact codes -1, 0, 1 the last.
+        lengths = np.diff(system.starts) / system.substeps
+        return piecewise_linear.contact_map(
+            self, zip(system.a[2], lengths, system.substeps, strict=True)
+        )
 
     def damped(self):
         """Return whether there is any damping on the way of the motion."""

@@ -17,6 +17,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gearlib.models.trains.waves import stiffness_harmonic
+
 #: Squared frequencies of equal modes differ by rounding only.
 _EQUAL = 1e-9
 
@@ -60,11 +62,8 @@ def first_order(train, start, stop, orders=8):
             harmonic = order / train.rates[j]
             if harmonic.denominator != 1 or not mesh.varies:
                 continue
-            k = int(harmonic)
-            jump = mesh.max_stiffness * (1.0 - mesh.stiffness_ratio)
-            size = 2.0 * jump * np.sin(np.pi * k * (mesh.contact_ratio - 1.0)) / (np.pi * k)
-            turn = np.exp(-2.0j * np.pi * k * train.phases[mesh.name])
-            coupling += size * turn * np.outer(along[j], along[j])
+            wave = stiffness_harmonic(mesh, int(harmonic), train.phases[mesh.name])
+            coupling += wave * np.outer(along[j], along[j])
         for i, one in enumerate(groups):
             for other in groups[i:]:
                 p, q = one.start, other.start

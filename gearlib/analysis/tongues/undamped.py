@@ -40,12 +40,12 @@ def maps(train, tunings):
     still = shapes.T @ train.structure.stiffness @ shapes
     upper = np.array([mesh.max_stiffness for mesh in train.meshes])
     lower = upper * [mesh.stiffness_ratio for mesh in train.meshes]
-    stretches = train.stretches
+    segments = train.segments
     n = len(still)
     whole = np.broadcast_to(np.eye(2 * n), (tunings.size, 2 * n, 2 * n))
     step = np.empty(whole.shape)
-    for p, span in enumerate(np.diff(stretches.starts)):
-        levels = np.where(stretches.low[1, p], lower, upper)
+    for p, span in enumerate(np.diff(segments.starts)):
+        levels = np.where(segments.low[1, p], lower, upper)
         squares, v = np.linalg.eigh(still + (lines.T * levels) @ lines)
         w = np.sqrt(squares) / train.reference_angular_frequency
         angle = w * (span / tunings)[:, None]

@@ -26,6 +26,7 @@ from gearlib.kernels.codes import (
 from gearlib.kernels.jit import kernel
 from gearlib.kernels.piecewise_linear.system import (
     ORDER,
+    REST,
     carry,
     dot,
     evaluate,
@@ -34,13 +35,11 @@ from gearlib.kernels.piecewise_linear.system import (
     image,
     jammed,
     scratch,
+    set_harmonics,
     tables,
 )
 from gearlib.kernels.piecewise_linear.whole_periods import pass_period, period_tables
 from gearlib.kernels.polynomial import first_fall, highest, horner
-
-#: A sum this small, as a share of its parts, is the rounding of zero.
-_REST = 1e-14
 
 
 @kernel
@@ -161,16 +160,6 @@ def stopped(count, limit):
 
 
 @kernel
-def set_harmonics(system, z, phase):
-    """Put the constant and the harmonics of z to their values at `phase`."""
-    n, m = z.shape[0], system.harmonics.shape[0]
-    z[n - 2 * m - 1] = 1.0
-    for j in range(m):
-        z[n - 2 * m + 2 * j] = math.cos(system.harmonics[j] * phase)
-        z[n - 2 * m + 2 * j + 1] = math.sin(system.harmonics[j] * phase)
-
-
-@kernel
 def _summarise(system, to_bernstein, row, n, s, summary):
     """Add one recorded step to the orbit summary."""
     length, contact, p = row[1], int(row[2]), int(row[3])
@@ -235,7 +224,7 @@ def _tendency(functional, free, z):
     rate = image(free, z)
     speed = dot(functional, rate)
     # A rate of rounding is rest: then the acceleration decides.
-    if abs(speed) <= _REST * np.abs(functional * rate).sum():
+    if abs(speed) <= REST * np.abs(functional * rate).sum():
         return dot(functional, image(free, rate)), True
     return speed, False
 
@@ -247,12 +236,12 @@ def contact_at(system, z):
     On a line the contact is that of the motion just after.
     """
     near, far, free = dot(system.near, z), dot(system.far, z), system.a[1, 0]
-    if abs(near) <= _REST * np.abs(system.near * z).sum():
+    if abs(near) <= REST * np.abs(system.near * z).sum():
         near, at_rest = _tendency(system.near, free, z)
         return (NORMAL if near >= 0.0 else BACKLASH), 1, at_rest
     if near > 0.0:
         return NORMAL, 0, False
-    if abs(far) <= _REST * np.abs(system.far * z).sum():
+    if abs(far) <= REST * np.abs(system.far * z).sum():
         far, at_rest = _tendency(system.far, free, z)
         return (INVERSE if far < 0.0 else BACKLASH), -1, at_rest
     return (INVERSE if far < 0.0 else BACKLASH), 0, False

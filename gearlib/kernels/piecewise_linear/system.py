@@ -7,6 +7,7 @@ and n), so that the excitation needs no separate terms. A segment is divided int
 rounding, by the bound |remainder| <= (|A| h)^(ORDER + 1) / (ORDER + 1)! e^(|A| h).
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +20,8 @@ ORDER = 20
 REACH = 1.3
 #: Overlap of the flank lines, in shares of the terms of their distance, that is more than rounding.
 _JAM = 1e-9
+#: A sum this small, as a share of its parts, is the rounding of zero.
+REST = 1e-14
 
 
 class System(NamedTuple):
@@ -141,6 +144,16 @@ def carry(a, z, length, times):
 
 
 @kernel
+def set_harmonics(system, z, phase):
+    """Put the constant and the harmonics of z, shape (n,), to their values at `phase`."""
+    n, m = z.shape[0], system.harmonics.shape[0]
+    z[n - 2 * m - 1] = 1.0
+    for j in range(m):
+        z[n - 2 * m + 2 * j] = math.cos(system.harmonics[j] * phase)
+        z[n - 2 * m + 2 * j + 1] = math.sin(system.harmonics[j] * phase)
+
+
+@kernel
 def image(matrix, z):
     """Return matrix z: small ones are faster by hand than by a linear algebra library."""
     out = np.zeros(matrix.shape[0])
@@ -212,5 +225,17 @@ def jammed(system, z, line):
     Then moving bearings have closed the backlash; of two flanks in contact at once the model says
     nothing. `line` is that of the flank left, 1 the normal, -1 the far one.
     """
-    functional = system.far if line == 1 else system.near
-    return line * dot(functional, z) < -_JAM * np.abs(functional * z).sum()
+    return beyond(system.far if line == 1 else system.near, z, line)
+
+
+@kernel
+def beyond(functional, z, line):
+    """Return whether a distance is on the other side of its flank line by more than rounding.
+
+    `line` is that of the other flank, which z has just left; z of shape (n,) or longer.
+    """
+    value, size = 0.0, 0.0
+    for r in range(functional.shape[0]):
+        value += functional[r] * z[r]
+        size += abs(functional[r] * z[r])
+    return line * value < -_JAM * size

@@ -46,9 +46,10 @@ class Combinations(NamedTuple):
     step: np.ndarray  #: these exponentials, shape (s, n, n filled up)
 
 
+@kernel
 def filled_up(count):
     """Return the next multiple of eight."""
-    return -(-count // 8) * 8
+    return (count + 7) // 8 * 8
 
 
 def combinations(n, coordinates, meshes, lengths, memory=MEMORY):

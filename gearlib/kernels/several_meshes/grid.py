@@ -6,7 +6,7 @@ import numpy as np
 
 from gearlib.kernels.jit import kernel
 from gearlib.kernels.piecewise_linear.system import ORDER
-from gearlib.kernels.several_meshes.combinations import BEHIND, LOOK
+from gearlib.kernels.several_meshes.combinations import BEHIND, LOOK, filled_up
 
 
 class Grid(NamedTuple):
@@ -76,7 +76,7 @@ def grid_of(system):
 @kernel
 def work_of(n, m):
     """Return `Work` for n components and m meshes."""
-    wide = (n + 7) // 8 * 8
+    wide = filled_up(n)
     return Work(
         np.zeros(m, np.int64),
         np.zeros(m, np.int64),
@@ -92,7 +92,7 @@ def work_of(n, m):
         np.zeros(wide),
         np.zeros(1, np.int64),
         np.empty(LOOK * m),
-        np.empty((m + 7) // 8 * 8),
+        np.empty(filled_up(m)),
         np.empty(BEHIND),
         np.empty(ORDER + 1),
         np.empty(ORDER + 1),

@@ -11,7 +11,7 @@ from gearlib.kernels import orbit
 from gearlib.kernels.arrays import copy, enlarged
 from gearlib.kernels.codes import BACKLASH, EVENT_LIMIT, JAMMED, NORMAL, OK, UNRESOLVED
 from gearlib.kernels.jit import kernel
-from gearlib.kernels.piecewise_linear.system import dot
+from gearlib.kernels.piecewise_linear.system import beyond, dot
 from gearlib.kernels.several_meshes.combinations import (
     combination,
     multiply,
@@ -20,8 +20,6 @@ from gearlib.kernels.several_meshes.combinations import (
 from gearlib.kernels.several_meshes.record import sample, summarise
 from gearlib.kernels.several_meshes.substeps import advance, first_events, look_ahead
 
-#: Overlap of the flank lines, in shares of the terms of their distance, that is more than rounding.
-_JAM = 1e-9
 #: Two crossings closer than this share of a substep are one whatever their speeds: near grazing
 #: rounding would spread without bound what happens at once.
 _AT_ONCE = 1e-13
@@ -61,11 +59,7 @@ def _closed(system, grid, w, j):
     if w.contact[j] != BACKLASH or grid.open[j]:
         return False
     line = w.line[j]
-    functional = system.far[j] if line == 1 else system.near[j]
-    size = 0.0
-    for r in range(functional.shape[0]):
-        size += abs(functional[r] * w.z[r])
-    return line * dot(functional, w.z[: functional.shape[0]]) < -_JAM * size
+    return beyond(system.far[j] if line == 1 else system.near[j], w.z, line)
 
 
 @kernel

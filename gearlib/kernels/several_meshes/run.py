@@ -8,25 +8,13 @@ from gearlib.kernels import orbit
 from gearlib.kernels.arrays import copy
 from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL, OK, OVERFLOW, UNRESOLVED
 from gearlib.kernels.jit import kernel
-from gearlib.kernels.piecewise_linear.system import dot, image
+from gearlib.kernels.piecewise_linear.system import REST, dot, image, set_harmonics
 from gearlib.kernels.several_meshes.combinations import by_columns, matrix_of
 from gearlib.kernels.several_meshes.grid import work_of
 from gearlib.kernels.several_meshes.periods import go
 
-#: A sum this small, as a share of its parts, is the rounding of zero.
-_REST = 1e-14
 #: Derivatives of a distance that are looked at where a motion starts on a flank line at rest.
 _DERIVATIVES = 10
-
-
-@kernel
-def set_harmonics(system, z, phase):
-    """Put the constant and the harmonics of z to their values at `phase`."""
-    n, h = system.near.shape[1], system.harmonics.shape[0]
-    z[n - 2 * h - 1] = 1.0
-    for j in range(h):
-        z[n - 2 * h + 2 * j] = math.cos(system.harmonics[j] * phase)
-        z[n - 2 * h + 2 * j + 1] = math.sin(system.harmonics[j] * phase)
 
 
 @kernel
@@ -36,7 +24,7 @@ def _sign(functional, z):
     for r in range(z.shape[0]):
         value += functional[r] * z[r]
         size += abs(functional[r] * z[r])
-    if abs(value) <= _REST * size:
+    if abs(value) <= REST * size:
         return 0.0
     return 1.0 if value > 0.0 else -1.0
 
@@ -146,14 +134,14 @@ def run_train(
     copy(z, w.z[:n])
     vectors = np.zeros((moving if maps.shape[0] > 0 else 0, w.z.shape[0]))
     number = system.first % system.repeats
-    set_harmonics(system, w.z, 2.0 * math.pi * system.first)
+    set_harmonics(system, w.z[:n], 2.0 * math.pi * system.first)
     set_contacts(system, grid.open, w, system.first_segment[number])
     unseen = periods - record_periods
     per_period = samples.shape[0] // max(record_periods, 1)
     for i in range(periods):
         number = (system.first + i) % system.repeats
         # Harmonics are put to their values: their rounding must not grow with the run.
-        set_harmonics(system, w.z, 2.0 * math.pi * (system.first + i))
+        set_harmonics(system, w.z[:n], 2.0 * math.pi * (system.first + i))
         row = i - (periods - kept)
         if row >= 0:
             _strobe(system, grid, w.z, strobes, row)

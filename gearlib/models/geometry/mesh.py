@@ -4,7 +4,7 @@ Positions on the path of contact are radii of curvature of the pinion's flank, i
 line of action touches the pinion's base circle. The pinion drives; contact begins at ``path[0]``,
 at the tip of the wheel, and ends at ``path[1]``, at its own tip.
 
-The mesh phase 0 lies in the middle of the stretch with the larger number of pairs in contact, as in
+The mesh phase 0 lies in the middle of the segment with the larger number of pairs in contact, as in
 `gearlib.models.stiffness`; one transverse base pitch is 2 pi.
 """
 

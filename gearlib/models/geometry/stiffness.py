@@ -1,8 +1,8 @@
 """Mesh stiffness from the drawing: named choices, their sources, and what a model takes of them.
 
-Over a mesh period, floor(eps_alpha) + 1 pairs touch on the stretch eps_alpha - floor(eps_alpha),
+Over a mesh period, floor(eps_alpha) + 1 pairs touch on the segment eps_alpha - floor(eps_alpha),
 one pair less on the rest. A position u in base pitches after the start of contact of the last pair
-has the mesh phase 2 pi (u - half of that stretch). The stiffness of a helical gear is the average
+has the mesh phase 2 pi (u - half of that segment). The stiffness of a helical gear is the average
 of that course over the overlap ratio eps_beta, because the slices of the face are in mesh one after
 another: of the rectangle an exact trapezoid.
 """
@@ -71,7 +71,7 @@ def mesh_stiffness(mesh, method="iso", *, samples=64, **options):
     method : {"iso", "energy"} or Tabulated, default "iso"
         "iso": c' of ISO 6336-1 for one pair of teeth, and for each more 0.75 c', so that the mean
         is c_gamma_alpha. "energy": the course by the energy method; its rectangle has the mean of
-        each stretch. A table stands for itself; its rectangle has its extrema and mean.
+        each segment. A table stands for itself; its rectangle has its extrema and mean.
     samples : int, default 64
         Phases of the course by the energy method, >= 8.
     torque : float, optional
@@ -94,30 +94,30 @@ def mesh_stiffness(mesh, method="iso", *, samples=64, **options):
             f"stiffness = {method!r} is not allowed: it must be 'iso', 'energy' or a Tabulated"
         )
     less = math.floor(mesh.contact_ratio)
-    stretch = mesh.contact_ratio - less
+    segment = mesh.contact_ratio - less
     if method == "iso":
         checks.known("stiffness 'iso'", options, ("torque", "application_factor"))
         # N/(mm um) is 1e9 N/m per m of face width.
         single = iso_stiffness(mesh, **options).single * 1e9 * mesh.width
         levels = [single * (0.25 + 0.75 * count) for count in (less + 1, less)]
-        rectangle = levels[0], levels[1] / levels[0], 1.0 + stretch
-        course = _Course([0.0, stretch, stretch, 1.0], np.repeat(levels, 2))
+        rectangle = levels[0], levels[1] / levels[0], 1.0 + segment
+        course = _Course([0.0, segment, segment, 1.0], np.repeat(levels, 2))
     else:
         checks.known("stiffness 'energy'", options, ("torque", "coupling", "hertz"))
-        course, means = _energy_course(mesh, less, stretch, samples, options)
-        rectangle = means[0], means[1] / means[0], 1.0 + stretch
+        course, means = _energy_course(mesh, less, segment, samples, options)
+        rectangle = means[0], means[1] / means[0], 1.0 + segment
     if mesh.overlap_ratio > 0.0:
-        return _of_table(method, course.over_face(mesh.overlap_ratio).table(stretch))
-    profile = Rectangular() if method == "iso" else course.table(stretch)
+        return _of_table(method, course.over_face(mesh.overlap_ratio).table(segment))
+    profile = Rectangular() if method == "iso" else course.table(segment)
     return MeshStiffness(method, *rectangle, profile)
 
 
-def _energy_course(mesh, less, stretch, samples, options):
-    """Return the course by the energy method, and its means on both stretches."""
+def _energy_course(mesh, less, segment, samples, options):
+    """Return the course by the energy method, and its means on both segments."""
     samples = checks.integer("samples", samples, 8)
     u, values, means = [], [], []
-    for start, end, count in ((0.0, stretch, less + 1), (stretch, 1.0, less)):
-        # Each stretch gets its share of the phases, and enough for the mean of a parabola.
+    for start, end, count in ((0.0, segment, less + 1), (segment, 1.0, less)):
+        # Each segment gets its share of the phases, and enough for the mean of a parabola.
         n = max(5, round(samples * (end - start)))
         at = np.linspace(start, end, n)
         u.append(at)
@@ -164,7 +164,7 @@ class _Course:
         at = at[np.diff(at, append=at[0] + 1.0) > 1e-12]
         return _Course(at, (self.integral(at + half) - self.integral(at - half)) / overlap)
 
-    def table(self, stretch):
+    def table(self, segment):
         """Return the course as `Tabulated`; a step becomes a ramp."""
         u, values = self.u.copy(), self.values
         if u[-1] == 1.0:
@@ -172,7 +172,7 @@ class _Course:
         jumps = np.nonzero(np.diff(u) == 0.0)[0] + 1
         u[jumps] += _RAMP
         kept = np.concatenate([[True], np.diff(u) > 0.0])
-        phase = math.tau * ((u[kept] - stretch / 2.0) % 1.0)
+        phase = math.tau * ((u[kept] - segment / 2.0) % 1.0)
         # A phase just below 0 rounds to a whole turn.
         phase, order = np.unique(np.where(phase < math.tau, phase, 0.0), return_index=True)
         return Tabulated(phase, values[kept][order])

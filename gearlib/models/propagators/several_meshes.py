@@ -75,7 +75,7 @@ class Propagator(Base):
         return done
 
     def run(self, z, periods, record_periods, samples, events, limit, summary, first=0):
-        """Run from z; see `Base.run`. Samples have the columns of `GearTrain.split_samples`."""
+        """Run from z; see `Base.run`. Samples have the columns of `GearTrain.room`."""
         m, n = self.system.near.shape
         raw = np.empty((len(samples), n + m + 1))
         none = np.empty((0, z.size, z.size))

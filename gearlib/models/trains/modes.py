@@ -14,6 +14,8 @@ import xarray as xr
 
 from gearlib.data.variables import describe
 from gearlib.models.trains.statics import branches
+from gearlib.models.trains.structure import AXES
+from gearlib.models.trains.waves import stiffness_harmonic
 
 #: Of a mode's mass-normalised motion: less is none.
 _NONE = 1e-6
@@ -44,7 +46,7 @@ def modes(train):
             "mode": np.arange(frequency.size),
             "mesh": list(train.mesh_names),
             "body": list(train.body_names),
-            "axis": ["x", "y", "rotation"],
+            "axis": list(AXES),
         },
         attrs={"title": "Natural modes of a gear train"},
     )
@@ -82,18 +84,14 @@ def phasing(train, count=12):
     squares, shapes = train.linear_modes
     motions = np.einsum("bkn,np->pbk", train.structure.motions, shapes)
     lines = train.structure.lines
-    deflection = lines @ (shapes @ ((shapes.T @ train.structure.load) / squares))
+    deflection = lines @ train.linear_deflection
     parts = {}
     for j, mesh in enumerate(train.meshes):
         for order in range(1, count + 1):
             frequency = order * train.rates[j]
             if not mesh.varies or frequency > count:
                 continue
-            jump = mesh.max_stiffness * (1.0 - mesh.stiffness_ratio)
-            size = 2.0 * jump * math.sin(math.pi * order * (mesh.contact_ratio - 1.0))
-            wave = (
-                size / (math.pi * order) * np.exp(-2j * math.pi * order * train.phases[mesh.name])
-            )
+            wave = stiffness_harmonic(mesh, order, train.phases[mesh.name])
             force = wave * deflection[j] * (lines[j] @ shapes)
             parts.setdefault(frequency, []).append(force)
     orders = sorted(parts)

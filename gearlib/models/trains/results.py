@@ -6,15 +6,15 @@ from typing import Any
 import numpy as np
 
 from gearlib.kernels import orbit
-from gearlib.kernels.piecewise_linear.system import exponential
 from gearlib.kernels.several_meshes.combinations import matrix_of
+from gearlib.kernels.several_meshes.grid import grid_of
 from gearlib.kernels.several_meshes.periods import EVENT_COLUMNS
 from gearlib.kernels.several_meshes.record import FORCE_SUM, SUMMARY_COLUMNS
 from gearlib.models.model import Model
+from gearlib.models.piecewise_linear import contact_map
 from gearlib.models.trains.parameters import PARAMETERS, value_of, with_value
 from gearlib.models.trains.statics import branches
-
-AXES = ("x", "y", "rotation")
+from gearlib.models.trains.structure import AXES
 
 
 class TrainResults(Model):
@@ -25,6 +25,7 @@ class TrainResults(Model):
     structure: Any
     static_deflection: Any
     body_names: Any
+    linear_deflection: Any
     linear_modes: Any
     free_motions: Any
     load: Any
@@ -60,15 +61,13 @@ class TrainResults(Model):
 
     def contact_map(self, tuning):
         """Return the map of deviations over `repeats` periods in normal mesh; see `reduction`."""
-        system, n = self.system(tuning), self.size
-        matrix, whole = np.eye(n), np.empty_like(system.free)
-        for p, span in enumerate(np.diff(system.starts) / tuning):
+        system = self.system(tuning)
+        grid, pieces = grid_of(system), []
+        for p, substeps in enumerate(grid.substeps):
+            whole = np.empty_like(system.free)
             matrix_of(system, system.effect[2, p], whole)
-            substeps = int(np.ceil(span / system.longest))
-            one = exponential(whole, n, span / substeps)
-            matrix = np.linalg.matrix_power(one, substeps) @ matrix
-        reduce, lift = self.reduction()
-        return reduce @ matrix @ lift
+            pieces.append((whole, grid.length[p], substeps))
+        return contact_map(self, pieces)
 
     def disturbed(self, state, disturbance):
         """Return an initial state with so much added to the first coordinate that can bend."""
@@ -101,7 +100,7 @@ class TrainResults(Model):
         motion = np.einsum("bax,kx->kba", self.structure.motions, q)
         return {"body_motion": (("phase", "body", "axis"), motion)}
 
-    def load_sharing(self, dims, table, span):
+    def more_summary(self, dims, table, span):
         """Return mean forces, dynamic factors and load sharing of summaries, shape (..., m, 10).
 
         Dynamic factors are largest forces over those of the static equilibrium of the linear train;
@@ -122,10 +121,8 @@ class TrainResults(Model):
     @property
     def mean_forces(self):
         """Static forces of the linear train, without errors, over the load, shape (m,)."""
-        squares, shapes = self.linear_modes
-        deflection = shapes @ ((shapes.T @ self.structure.load) / squares)
         means = np.array([mesh.mean_stiffness for mesh in self.meshes])
-        return means * (self.structure.lines @ deflection) / self.load
+        return means * (self.structure.lines @ self.linear_deflection) / self.load
 
     def reduction(self):
         """Return (reduce, lift), see `Model.reduction`: elastic modes span what is left.

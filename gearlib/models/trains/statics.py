@@ -17,6 +17,7 @@ import numpy as np
 import xarray as xr
 
 from gearlib.data.variables import describe
+from gearlib.models.trains.structure import AXES
 from gearlib.models.trains.system import functionals
 
 _STEPS = 200
@@ -94,7 +95,7 @@ def static(train, phase=0.0):
         coords={
             "mesh": list(train.mesh_names),
             "body": list(train.body_names),
-            "axis": ["x", "y", "rotation"],
+            "axis": list(AXES),
         },
         attrs={"title": "Static equilibrium of a gear train"},
     )
@@ -118,10 +119,10 @@ def branches(train):
 
 def _levels(train, phase):
     """Return the stiffness of coast and drive sides at a phase, N/m, shape (2, m)."""
-    stretches = train.stretches
+    segments = train.segments
     tau = phase % (2.0 * math.pi * train.repeats)
-    segment = np.searchsorted(stretches.starts, tau, side="right") - 1
-    low = stretches.low[:, min(segment, stretches.starts.size - 2)]
+    segment = np.searchsorted(segments.starts, tau, side="right") - 1
+    low = segments.low[:, min(segment, segments.starts.size - 2)]
     largest = np.array([mesh.max_stiffness for mesh in train.meshes])
     return largest * np.where(low, [mesh.stiffness_ratio for mesh in train.meshes], 1.0)
 

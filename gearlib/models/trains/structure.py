@@ -18,6 +18,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+#: How a body moves: its axis along x and y, its rotation as arc length on the base circle.
+AXES = ("x", "y", "rotation")
+
 
 class Structure(NamedTuple):
     """The linear parts of a train: n coordinates, m meshes, b bodies."""

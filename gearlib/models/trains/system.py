@@ -69,7 +69,7 @@ def functionals(train, frequencies, waves, constants):
 def train_system(train, tuning):
     """Return the `TrainSystem` of a `GearTrain` at one tuning."""
     frequencies, waves, constants = train.excitation
-    parts, stretches = scaled(train, tuning), train.stretches
+    parts, segments = scaled(train, tuning), train.segments
     inverse = np.linalg.inv(parts.mass)
     lines = train.structure.lines
     m, n = lines.shape
@@ -87,12 +87,13 @@ def train_system(train, tuning):
     for j in range(m):
         free[n : 2 * n] -= np.outer(inverse @ lines[j], film[j] * speeds_near[j])
 
-    p = stretches.starts.size - 1
+    norm = largest_norm(train, parts) if train.gyroscopic else train.norm_at_rest
+    p = segments.starts.size - 1
     highest = max(_count(mesh) for mesh in train.meshes)
     push, grip = np.zeros((2, m, highest, 2, size))
     effect = np.zeros((3, p, m), dtype=np.int64)
     stiffness = np.zeros((3, p, m))
-    low = np.stack([stretches.low[0], stretches.low[1], stretches.low[1]])
+    low = np.stack([segments.low[0], segments.low[1], segments.low[1]])
     for j, mesh in enumerate(train.meshes):
         levels = np.array([1.0, mesh.stiffness_ratio]) * mesh.max_stiffness / train.stiffness_scale
         stiffness[:, :, j] = levels[low[:, :, j].astype(int)]
@@ -114,7 +115,7 @@ def train_system(train, tuning):
                     grip[j, d, 1] = mu * sense * elastic
                     here = low[code, :, j] == bool(level)
                     if len(senses) == 2:
-                        here &= stretches.sense[:, j] == sense
+                        here &= segments.sense[:, j] == sense
                     effect[code, here, j] = d
                     d += 1
     return TrainSystem(
@@ -126,9 +127,9 @@ def train_system(train, tuning):
         effect,
         stiffness,
         low,
-        stretches.starts,
-        stretches.first_segment,
-        _longest(train, parts, frequencies * tuning),
+        segments.starts,
+        segments.first_segment,
+        float(REACH / max(norm, np.abs(frequencies * tuning).max(initial=0.0))),
         frequencies,
         tuning,
         train.repeats,
@@ -141,10 +142,10 @@ def _count(mesh):
     return 1 + sides * (2 if mesh.stiffness_ratio < 1.0 else 1) * (2 if any(mesh.friction) else 1)
 
 
-def _longest(train, parts, frequencies):
-    """Return the longest substep: REACH over a norm that no matrix of the train exceeds.
+def largest_norm(train, parts):
+    """Return a norm that no matrix of the train exceeds.
 
-    The norm is that of coordinates in which the mass is 1, with velocities over the highest natural
+    It is that of coordinates in which the mass is 1, with velocities over the highest natural
     frequency: there stiffness and damping are symmetric, and all meshes in contact have the most.
     """
     lines, meshes = train.structure.lines, train.meshes
@@ -167,5 +168,4 @@ def _longest(train, parts, frequencies):
     a[:n, n:] = highest * np.eye(n)
     a[n:, :n] = -k / highest
     a[n:, n:] = -d
-    norm = np.linalg.norm(a, 2) + np.linalg.norm(f, 2) / highest
-    return float(REACH / max(norm, np.abs(frequencies).max(initial=0.0)))
+    return float(np.linalg.norm(a, 2) + np.linalg.norm(f, 2) / highest)

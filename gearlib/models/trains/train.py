@@ -144,15 +144,15 @@ class GearTrain(TrainResults):
         return waves.excitation(self)
 
     @cached_property
-    def stretches(self):
-        """Segments of constant stiffness, see `waves.stretches`."""
+    def segments(self):
+        """Segments of constant stiffness, see `waves.segments`."""
         drive = [self.phases[mesh.name] for mesh in self.meshes]
         coast = [
             g if mesh.inverse_phase is None else mesh.inverse_phase % 1.0
             for g, mesh in zip(drive, self.meshes, strict=True)
         ]
         both = list(zip(coast, drive, strict=True))
-        return waves.stretches(self.meshes, self.rates, both, self.repeats)
+        return waves.segments(self.meshes, self.rates, both, self.repeats)
 
     @property
     def size(self):
@@ -196,16 +196,20 @@ class GearTrain(TrainResults):
         return self.reference_mesh.mean_stiffness
 
     @cached_property
+    def linear_deflection(self):
+        """Coordinates of the linear train under its load, m, without free motions, shape (n,)."""
+        squares, shapes = self.linear_modes
+        return shapes @ ((shapes.T @ self.structure.load) / squares)
+
+    @cached_property
     def static_deflection(self):
         """Static force in the reference mesh over its mean stiffness, m; 1 um without load.
 
         The force is that of the linear train: mean stiffness, all flanks in contact, no errors.
         """
         squares, shapes = self.linear_modes
-        deflection = shapes @ ((shapes.T @ self.structure.load) / squares)
-        lines = self.structure.lines
-        own = lines[self.mesh_names.index(self.reference)]
-        value = abs(own @ deflection)
+        own = self.structure.lines[self.mesh_names.index(self.reference)]
+        value = abs(own @ self.linear_deflection)
         largest = np.abs(shapes @ ((shapes.T @ np.abs(self.structure.load)) / squares)).max()
         return float(value) if value > 1e-9 * largest else _FALLBACK
 
@@ -253,6 +257,13 @@ class GearTrain(TrainResults):
         """Return whether there is any damping on the way of the motion."""
         meshes = any(mesh.material_damping or mesh.backlash_damping for mesh in self.meshes)
         return meshes or bool(self.structure.damping.any())
+
+    @cached_property
+    def norm_at_rest(self):
+        """Largest norm of the matrices without gyroscopic forces, the same for every tuning."""
+        from gearlib.models.trains.system import largest_norm, scaled
+
+        return largest_norm(self, scaled(self, 1.0))
 
     def system(self, tuning):
         """Return the `TrainSystem` of the kernels at one tuning."""
@@ -314,6 +325,15 @@ class GearTrain(TrainResults):
 
         return phasing(self, checks.integer("count", count, 1))
 
+    @cached_property
+    def _static_state(self):
+        # Every run of a sweep starts from it.
+        from gearlib.models.trains.statics import equilibrium
+
+        state = np.zeros(self.size)
+        state[: self.size // 2] = equilibrium(self).q / self.static_deflection
+        return state
+
     def start_state(self, initial_state):
         """Return the state (q, dq/dtau) at tau = 0, shape (size,).
 
@@ -331,11 +351,7 @@ class GearTrain(TrainResults):
         """
         if isinstance(initial_state, str):
             checks.one_of("initial_state", initial_state, ("static",))
-            from gearlib.models.trains.statics import equilibrium
-
-            state = np.zeros(self.size)
-            state[: self.size // 2] = equilibrium(self).q / self.static_deflection
-            return state
+            return self._static_state.copy()
         state = np.asarray(initial_state, float)
         if state.shape == (2,) and not state.any():
             return np.zeros(self.size)

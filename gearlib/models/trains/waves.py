@@ -14,7 +14,7 @@ import numpy as np
 _ONE = 1e-12
 
 
-class Stretches(NamedTuple):
+class Segments(NamedTuple):
     """Segments of the common period in which no stiffness and no sliding changes."""
 
     starts: np.ndarray  #: phases of the reference mesh, shape (p + 1,)
@@ -23,8 +23,8 @@ class Stretches(NamedTuple):
     sense: np.ndarray  #: of the sliding, 1 or -1, shape (p, m)
 
 
-def stretches(meshes, rates, phases, repeats):
-    """Return the `Stretches`; `rates` and `phases` (coast, drive) by mesh, m each."""
+def segments(meshes, rates, phases, repeats):
+    """Return the `Segments`; `rates` and `phases` (coast, drive) by mesh, m each."""
     whole = 2.0 * math.pi
     cuts = [whole * k for k in range(repeats + 1)]
     for mesh, rate, shifts in zip(meshes, rates, phases, strict=True):
@@ -62,7 +62,23 @@ def stretches(meshes, rates, phases, repeats):
         since = np.mod(turns - shifts[1] - mesh.pitch_phase / whole, 1.0)
         sense[:, j] = np.where(since < 0.5, 1.0, -1.0)
     first = np.searchsorted(starts, [whole * k - _ONE for k in range(repeats + 1)])
-    return Stretches(starts, first, low, sense)
+    return Segments(starts, first, low, sense)
+
+
+def stiffness_harmonic(mesh, order, phase):
+    """Return twice a Fourier coefficient of the stiffness of a mesh, N/m, complex.
+
+    Parameters
+    ----------
+    mesh : gearlib.models.trains.elements.Mesh
+    order : int
+        Over the frequency of the mesh, > 0.
+    phase : float
+        Of the middle of the upper level, in mesh periods.
+    """
+    jump = mesh.max_stiffness * (1.0 - mesh.stiffness_ratio)
+    size = 2.0 * jump * math.sin(math.pi * order * (mesh.contact_ratio - 1.0)) / (math.pi * order)
+    return size * np.exp(-2.0j * np.pi * order * phase)
 
 
 def excitation(train):
