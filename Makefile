@@ -93,7 +93,7 @@ $(INSTALLED) $(TESTING): pyproject.toml requirements/constraints.txt
 	    { echo "Python 3.11 or newer is needed: make PYTHON=python3.12" >&2; exit 1; }
 	test -x $(BIN)/python || $(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet --no-compile --constraint requirements/constraints.txt \
-	    --editable '.[workflow$(if $(filter $@,$(TESTING)),$(COMMA)test)]'
+	    --editable '.[proof,workflow$(if $(filter $@,$(TESTING)),$(COMMA)test)]'
 	@# Here, by two processes: left to first use, every job would compile its packages anew where
 	@# PYTHONDONTWRITEBYTECODE is set. Some packages hold files that are wrong on purpose.
 	PYTHONPYCACHEPREFIX= $(BIN)/python -m compileall -qq -j 2 .venv || true
