@@ -17,6 +17,7 @@ from gearlib.config.experiments import (
     ReportPage,
     Resonance,
 )
+from gearlib.config.gears import Gears
 from gearlib.config.global_dynamics import Basins, Bifurcation, Poincare
 from gearlib.config.mesh import Damping, GearPairSection, Run, SixDegrees
 from gearlib.config.planetary import Planetary, SymmetryBreaking, TrainChart
@@ -76,6 +77,8 @@ class Config(Section):
         "What `snakemake` without a target computes and draws. Fig. 3 shows labels, branches and "
         "tongues where labels, branches and parametric_resonance are among them.",
     ) = list(get_args(Target))
+    # Of these two there is one; what is dumped has the other, made from it.
+    gears: Gears = Field(default=None, exclude=True)
     gear_pair: GearPairSection
     dampings: dict[Name, Damping] = Field(
         min_length=1, description="The damping combinations, by name."

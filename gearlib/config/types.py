@@ -177,6 +177,8 @@ class Given(Section):
 
     @model_serializer(mode="wrap")
     def _given(self, dump):
+        if self is None:  # as the default of a section inside another
+            return None
         return {key: value for key, value in dump(self).items() if value is not None}
 
 

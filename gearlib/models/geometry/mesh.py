@@ -15,7 +15,6 @@ from gearlib import checks
 from gearlib.models.geometry.gear import SpurGear
 from gearlib.models.geometry.involute import angle_of, inv
 from gearlib.models.geometry.parameters import pair_parameters
-from gearlib.models.geometry.stiffness import mesh_stiffness
 
 #: Backlash between minus this times the module and 0 is 0: drawings print shifts and distances
 #: rounded to the fourth digit.
@@ -293,6 +292,9 @@ class Mesh:
 
     def stiffness(self, method="iso", **options):
         """Return the `MeshStiffness` by a named method; see `mesh_stiffness`."""
+        # Here: a start of the workflow checks drawings without the numerical stack.
+        from gearlib.models.geometry.stiffness import mesh_stiffness
+
         return mesh_stiffness(self, method, **options)
 
     def pair_parameters(self, **options):
