@@ -60,7 +60,7 @@ def configuration_options(command):
     @functools.wraps(command)
     def wrapped(mapping, gears, damping, **rest):
         whole = laid_over(mapping, _sections(gears, damping))
-        _load(whole, "What the options make of the configuration")
+        load(whole, "What the options make of the configuration")
         return command(mapping=whole, damping=damping, **rest)
 
     return wrapped
@@ -77,12 +77,7 @@ def _gear_options(command):
         return command(mapping=mapping, gears=gears, damping=damping, **rest)
 
     decorators = [
-        click.option(
-            "--config",
-            "config_path",
-            type=click.Path(exists=True, dir_okay=False, path_type=Path),
-            help=f"Configuration of the workflow; {_DEFAULT_CONFIG} here, if there is one.",
-        ),
+        config_option(),
         click.option("--damping", help="One of its dampings, by name; else the first."),
         *(
             click.option(f"--{name.replace('_', '-')}", name, help=field.description)
@@ -94,15 +89,23 @@ def _gear_options(command):
     return wrapped
 
 
+def config_option():
+    """Return the option that names a configuration."""
+    return click.option(
+        "--config",
+        "config_path",
+        type=click.Path(exists=True, dir_okay=False, path_type=Path),
+        help=f"Configuration of the workflow; {_DEFAULT_CONFIG} here, if there is one.",
+    )
+
+
 def _gears(config_path, damping, changes):
     """Return what was read from a file, the gears with what the options change, the damping."""
-    if config_path is None and Path(_DEFAULT_CONFIG).exists():
-        config_path = Path(_DEFAULT_CONFIG)
-    mapping, values = {}, {}
+    mapping, config_path = read(config_path)
+    values = {}
     if config_path is not None:
-        mapping = _read(config_path)
-        settings = _load(mapping, config_path)
-        damping = _choose_damping(settings, damping)
+        settings = load(mapping, config_path)
+        damping = choose_damping(settings, damping)
         values = settings.pair_parameters(damping)
     elif damping is not None:
         raise click.UsageError(f"damping = {damping!r} needs a configuration: give --config")
@@ -136,13 +139,13 @@ def _model(mapping, gears, model):
     # Both names are those of a section.
     if model in mapping:
         sections[model] = mapping[model]
-    settings = _load(sections, model)
+    settings = load(sections, model)
     if model == "train":
         return described(**settings.train_parameters(_ONLY_DAMPING))
     return SixDegreePair(pair=pair, **settings.six_degrees.model_dump())
 
 
-def _choose_damping(settings, name):
+def choose_damping(settings, name):
     """Return the name of a damping of a configuration: the given one, or the first."""
     if name is None:
         return next(iter(settings.dampings))
@@ -153,18 +156,22 @@ def _choose_damping(settings, name):
     return name
 
 
-def _read(path):
-    """Return the mapping in a YAML file."""
+def read(path):
+    """Return the mapping in a YAML file and its path, by default `config.yaml` if there is one."""
+    if path is None:
+        path = Path(_DEFAULT_CONFIG)
+        if not path.exists():
+            return {}, None
     try:
         mapping = yaml.safe_load(path.read_text(encoding="utf-8"))
     except yaml.YAMLError as error:
         raise click.UsageError(f"{path} is not YAML: {error}") from None
     if isinstance(mapping, dict) and "cases" in mapping:
         raise click.UsageError(f"{path} has several cases: give a file with the keys of one")
-    return mapping
+    return mapping, path
 
 
-def _load(mapping, name):
+def load(mapping, name):
     """Return the checked configuration."""
     try:
         return config.load(mapping)

@@ -8,6 +8,7 @@ from gearlib.config import drawing
 from gearlib.config.types import (
     Given,
     Length,
+    Name,
     Option,
     RunOut,
     Section,
@@ -113,7 +114,7 @@ class MeshSection(Given):
     stiffness: Literal["iso", "energy"] = Field(
         default="iso", description="ISO 6336-1, method B, or the energy method."
     )
-    stiffness_options: dict[str, Option] = Field(
+    stiffness_options: dict[Name, Option] = Field(
         default={},
         description="Of that method: iso has application_factor; energy samples, coupling, hertz.",
     )

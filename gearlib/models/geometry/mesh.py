@@ -153,6 +153,12 @@ class Mesh:
             inner, outer = outer, inner
         return (outer - inner) / 2.0 - self.centre_distance
 
+    @property
+    def clearances(self):
+        """Bottom clearance c between the tip of pinion and wheel and the root of the other, m."""
+        pinion, wheel = self.pinion, self.wheel
+        return self._clearance(pinion, wheel), self._clearance(wheel, pinion)
+
     def _tips_pass(self):
         """Whether the tips of an internal mesh pass each other after they left contact."""
         a, angle = self.centre_distance, self.working_pressure_angle
