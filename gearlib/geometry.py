@@ -1,4 +1,4 @@
-"""Gears by their drawing: `SpurGear`, `Mesh` and what they are made of.
+"""Gears by their drawing: `SpurGear`, `Mesh` and what they are made of, `planetary_set`.
 
 The code lies in `gearlib.models.geometry`; `Mesh` here is one of two drawn gears, while
 `gearlib.Mesh` is one of a `GearTrain`.
@@ -9,6 +9,7 @@ from gearlib.models.geometry.gear import SpurGear
 from gearlib.models.geometry.iso import IsoStiffness, iso_stiffness
 from gearlib.models.geometry.mesh import Mesh
 from gearlib.models.geometry.stiffness import MeshStiffness, mesh_stiffness
+from gearlib.models.trains.drawn import planetary_set
 
 __all__ = [
     "RACKS",
@@ -21,4 +22,5 @@ __all__ = [
     "Web",
     "iso_stiffness",
     "mesh_stiffness",
+    "planetary_set",
 ]

@@ -10,7 +10,9 @@ module          responsibility
 ``iso``         mesh stiffness after ISO 6336-1, method B
 ``energy``      mesh stiffness by the energy method
 ``stiffness``   `MeshStiffness`: a named choice of both or of a table, and its reduction
-``parameters``  from a mesh, its load and damping to the parameters of a `GearPair`
+``parameters``  from a mesh, its load and damping to the parameters of a model
+``planets``     sun, planets and ring: whether they can be put together
+``described``   gears from plain values; what is refused by other names
 ``involute``    the involute function and its inverse
 ==============  ===================================================================
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from gearlib import checks
 from gearlib.models.geometry.gear import SpurGear
 from gearlib.models.geometry.involute import angle_of, inv
-from gearlib.models.geometry.parameters import pair_parameters
+from gearlib.models.geometry.parameters import pair_parameters, train_parameters
 
 #: Backlash between minus this times the module and 0 is 0: drawings print shifts and distances
 #: rounded to the fourth digit.
@@ -175,7 +175,8 @@ class Mesh:
     def _set_backlash(self):
         given = self.backlash is not None
         backlash = self.backlash if given else self._geometric_backlash()
-        if not given and -_ROUNDING * self.pinion.module <= backlash < 0.0:
+        module = self.pinion.module
+        if not given and -_ROUNDING * module <= backlash < 1e-12 * module:
             backlash = 0.0
         words = "a finite number >= 0"
         if not given:
@@ -306,6 +307,10 @@ class Mesh:
     def pair_parameters(self, **options):
         """Return what `GearPair.from_geometry` takes of the mesh, as a dict."""
         return pair_parameters(self, **options)
+
+    def train_parameters(self, **options):
+        """Return what `gearlib.Mesh.from_geometry` takes of the mesh, as a dict."""
+        return train_parameters(self, **options)
 
 
 def _clear(name, value, fits, allowed):

@@ -59,6 +59,24 @@ def mesh_parameters(
     }
 
 
+def train_parameters(mesh, **options):
+    """Return the parameters of a `gearlib.Mesh` as a dict; see `gearlib.Mesh.from_geometry`."""
+    angle = mesh.working_pressure_angle
+    # Tooth thickness over the pitch, on the working circles.
+    thickness = (
+        gear.thickness_at(circle) / (math.pi * circle / gear.teeth)
+        for gear in (mesh.pinion, mesh.wheel)
+        for circle in [gear.base_diameter / math.cos(angle)]
+    )
+    return {
+        **mesh_parameters(mesh, **options),
+        "internal": mesh.wheel.internal,
+        "pressure_angle": angle,
+        "pitch_phase": mesh.pitch_phase,
+        "tooth_thickness": tuple(thickness),
+    }
+
+
 def coefficient(ratio, stiffness, mass, decrement=False):
     """Return k = 2 beta sqrt(C_s m), N s/m, of a damping ratio beta or a logarithmic decrement."""
     if decrement:
