@@ -263,9 +263,8 @@ def gear_table(drawing, damping, form):
     """What a drawing of two gears comes to: geometry, stiffness by each method, resonance."""
     from gearlib.studies import gear_table
 
-    given = drawing.model_dump(include={"torque", "power", "speed"})
-    options = {drawing.stiffness: drawing.stiffness_options}
-    rows = gear_table.compute(drawing.mesh(), damping=damping, options=options, **given)
+    options = {drawing.stiffness or "iso": drawing.stiffness_options}
+    rows = gear_table.compute(drawing.mesh(), damping=damping, options=options, **drawing.load())
     drawn.show(rows, form)
 
 

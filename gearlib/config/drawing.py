@@ -42,12 +42,9 @@ def mesh_of(key, section, pinion, wheel, keys):
 
 
 def derived(key, section, keys, derive, **options):
-    """Return what `derive` makes of the stiffness options of a section and others, rounded."""
-    own = section.stiffness_options
-    if "torque" in own:
-        raise ValueError(f"{key}.stiffness_options.torque is not allowed: it must be {key}.torque")
-    with naming(key, own, pinion=keys[0], wheel=keys[1]):
-        found = derive(stiffness=section.stiffness, options=own, **options)
+    """Return the values that `derive` finds for a section, rounded."""
+    with naming(key, section.stiffness_options, pinion=keys[0], wheel=keys[1]):
+        found = derive(**options)
     return {name: rounded(value) for name, value in found.items()}
 
 
@@ -67,14 +64,26 @@ def coefficient(name, value, stiffness, mass):
     return rounded(coefficient(value, stiffness, mass, name == "logarithmic_decrement"))
 
 
-def naming(key, options=(), **places):
+def method(key, section):
+    """Return the arguments of a stiffness as the library has them."""
+    given = section.model_dump(include={"stiffness", "stiffness_options"})
+    if "stiffness_options" in given:
+        given["options"] = given.pop("stiffness_options")
+        if "torque" in given["options"]:
+            raise ValueError(
+                f"{key}.stiffness_options.torque is not allowed: it must be {key}.torque"
+            )
+    return given
+
+
+def naming(key, options=None, **places):
     """Name keys in full where the geometry refuses.
 
     Parameters
     ----------
     key : str
         Of the section whose parameters these are.
-    options : iterable of str
+    options : iterable of str, optional
         Names of the stiffness options.
     **places
         Name of a gear -> its full key.
@@ -90,13 +99,16 @@ def naming(key, options=(), **places):
         if part in of_part:
             return f"{of_part[part]}.{name}"
         if part in ("sun mesh", "ring mesh"):
-            place = f"backlashes[{int(part == 'ring mesh')}]"
-            return f"{key}.{place}" if name == "backlash" else f"{key}: {name} of the {part}"
+            if name == "backlash":
+                return f"{key}.backlashes[{int(part == 'ring mesh')}]"
+            if name == "centre_distance":
+                return f"{key}.{name}"
+            return f"{key}: {name} of the {part}"
         if part == "shifts":
             return f"sum of {' and '.join(f'{place}.shift' for place in places.values())}"
         if name == "contact_ratio":
             return f"contact_ratio of {key}"
-        if name in options:
+        if name in (options or ()):
             return f"{key}.stiffness_options.{name}"
         return f"{ring if ring and name == 'outer_diameter' else key}.{name}"
 

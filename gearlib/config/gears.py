@@ -1,6 +1,6 @@
 """Gears by their drawing: the section `gears`, in place of `gear_pair`."""
 
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
@@ -24,6 +24,10 @@ Speed = quantity("rpm", "2000 rpm", gt=0)
 ReferenceAngle = quantity("rad", "20 deg", gt=0, lt=0.785)
 HelixAngle = quantity("rad", "15.8 deg", ge=0, lt=1.047)
 InModules = number_within(gt=0, le=3)
+Internal = Annotated[Truth, Field(description="Whether it is a ring gear. Default: false.")]
+OuterDiameter = Annotated[
+    Length, Field(description="Of the rim of a ring gear, m; its inertia needs it.")
+]
 _KEYS = ("gears.pinion", "gears.wheel")
 
 
@@ -94,15 +98,34 @@ class PinionSection(GearSection):
 class WheelSection(GearSection):
     """The other gear; left out, its module, width, angles, rack and material are the pinion's."""
 
-    internal: Truth = Field(default=None, description="Whether it is a ring gear. Default: false.")
-    outer_diameter: Length = Field(
-        default=None, description="Of the rim of a ring gear, m; its inertia needs it."
+    internal: Internal = None
+    outer_diameter: OuterDiameter = None
+
+
+class BodyGear(PinionSection):
+    """A gear of a train by its drawing, see `gearlib.geometry.SpurGear`."""
+
+    internal: Internal = None
+    outer_diameter: OuterDiameter = None
+
+
+class MethodSection(Given):
+    """How the stiffness of drawn gears is found."""
+
+    stiffness: Literal["iso", "energy"] = Field(
+        default=None, description="ISO 6336-1, method B, or the energy method. Default: iso."
+    )
+    stiffness_options: dict[Name, Option] = Field(
+        default=None,
+        description="Of that method: iso has application_factor; energy samples, coupling, hertz.",
     )
 
 
-class MeshSection(Given):
-    """How two drawn gears stand together and how stiff their mesh is."""
+class Gears(MethodSection):
+    """A pair of gears by their drawing, in place of gear_pair, which is derived from it."""
 
+    pinion: PinionSection
+    wheel: WheelSection
     centre_distance: Length = Field(
         default=None, description="a, m. Default: without backlash by the shifts."
     )
@@ -111,20 +134,6 @@ class MeshSection(Given):
         description="Normal backlash j_bn, m. Default: what shifts, allowances and centre distance "
         "leave.",
     )
-    stiffness: Literal["iso", "energy"] = Field(
-        default="iso", description="ISO 6336-1, method B, or the energy method."
-    )
-    stiffness_options: dict[Name, Option] = Field(
-        default={},
-        description="Of that method: iso has application_factor; energy samples, coupling, hertz.",
-    )
-
-
-class Gears(MeshSection):
-    """A pair of gears by their drawing, in place of gear_pair, which is derived from it."""
-
-    pinion: PinionSection
-    wheel: WheelSection
     torque: Torque = Field(default=None, description="Of the pinion, N m; or power and speed.")
     power: Power = Field(default=None, description="Of the pinion, W.")
     speed: Speed = Field(default=None, description="Of the pinion, rpm.")
@@ -146,6 +155,10 @@ class Gears(MeshSection):
         wheel = drawing.gear_of("gears.wheel", self.wheel, like=self.pinion)
         return drawing.mesh_of("gears", self, pinion, wheel, _KEYS)
 
+    def load(self):
+        """Return torque, or power and speed, as a dict."""
+        return self.model_dump(include={"torque", "power", "speed"})
+
     def pair(self):
         """Return the keys of `gear_pair` as a dict, rounded to 12 digits.
 
@@ -154,7 +167,7 @@ class Gears(MeshSection):
         ValueError
             If there cannot be such gears; the message names the key.
         """
-        given = self.model_dump(include={"torque", "power", "speed"})
+        given = self.load() | drawing.method("gears", self)
         found = drawing.derived("gears", self, _KEYS, self.mesh().pair_parameters, **given)
         for key in ("material_damping", "backlash_damping"):
             del found[key]
