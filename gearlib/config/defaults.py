@@ -177,6 +177,7 @@ def _made(pair, dampings):
             "cubic_damping": cubic if math.isfinite(cubic) else largest,
         },
         "jump_by_method": {"damping": first},
+        "train_sweep": {"damping": first},
         "reducer": {
             "damping": first,
             "support_stiffness": 2.5 * pair.max_stiffness,

@@ -1,6 +1,6 @@
-"""Section of the gear train: a ready-made one, or bodies, shafts and meshes of one's own."""
+"""Sections of the gear train: a ready-made one, or of one's own parts; its sweep over speed."""
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
@@ -19,16 +19,21 @@ from gearlib.config.types import (
     Backlash,
     ContactRatio,
     DampingCoefficient,
+    DampingName,
     Finite,
     Given,
+    Grid,
     Inertia,
     Length,
     Mass,
     NonNegative,
     RunOut,
     Section,
+    Start,
+    Step,
     Stiffness,
     StiffnessRatio,
+    Stop,
     Truth,
     integer_within,
     number_within,
@@ -267,6 +272,10 @@ class Own(Given):
     )
 
 
+#: Kinds whose meshes are all a gear_pair with a damping.
+OF_PAIRS = ("split_power_reducer", "idler", "two_stage")
+
+
 class Train(Given):
     """A gear train; `kind` says which of the sections below it is.
 
@@ -314,3 +323,29 @@ class Train(Given):
             given[self.kind] = self.planetary_set.arguments()
         common = {key: given[key] for key in ("reference", "reference_frequency") if key in given}
         return given[self.kind] | common
+
+
+class TrainSweep(Grid):
+    """Every mesh of the train of the section `train` over speed; the target of this name."""
+
+    key: ClassVar = "train_sweep"
+
+    start: Start = 0.5
+    stop: Stop = 1.4
+    step: Step = 0.01
+    damping: DampingName
+    periods: integer_within(ge=1, le=1_000_000) = Field(
+        default=120, description="Mesh periods of a run."
+    )
+    record_periods: integer_within(ge=1) = Field(
+        default=12, description="The last ones, which are evaluated; at most `periods`."
+    )
+
+    @model_validator(mode="after")
+    def _check(self):
+        if self.record_periods > self.periods:
+            raise ValueError(
+                f"train_sweep.record_periods = {self.record_periods} is not allowed: it must be an "
+                f"integer from 1 to train_sweep.periods = {self.periods}"
+            )
+        return self

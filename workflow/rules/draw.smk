@@ -198,6 +198,12 @@ DRAWINGS = {
         {"train_chart": "Planetary train: instability tongues"},
         TRAINS,
     ),
+    "train_sweep": Drawing(
+        "train_sweep.draw",
+        {"curves": rules.train_sweep.output.dataset},
+        {"train_sweep": "The train of the configuration over speed"},
+        TRAINS,
+    ),
     "symmetry_breaking": Drawing(
         "symmetry_breaking.draw",
         {"data": rules.symmetry_breaking.output.dataset},

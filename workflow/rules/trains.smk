@@ -61,3 +61,19 @@ use rule job as one_mesh_table with:
     params:
         script="table",
         function="gearlib.studies.trains.one_mesh:write_csv",
+
+
+use rule job as train_sweep with:
+    pathvars:
+        job="train_sweep",
+    input:
+        train_kernels=rules.compile_train_kernels.output.stamp,
+        sources=function_sources("gearlib.studies.trains.over_speed:compute"),
+    output:
+        dataset="results/train_sweep.nc",
+    params:
+        script="compute",
+        function="gearlib.studies.trains.over_speed:compute",
+        train=canonical(CONFIG.train_parameters(CONFIG.train_sweep.damping)),
+        tunings=grid_of(CONFIG.train_sweep),
+        settings=canonical(CONFIG.train_sweep.model_dump(exclude={"damping", *GRID})),

@@ -29,7 +29,7 @@ def described(kind, arguments, pair):
     arguments : dict
         Of the function of that name, gears as dicts; of "own" bodies, meshes, shafts as dicts, with
         what else `GearTrain` takes.
-    pair : dict
+    pair : dict or None
         Arguments of `GearPair`, for the trains that are made of one.
 
     Returns
@@ -74,8 +74,8 @@ def _mesh(drawn, *, stiffness="iso", stiffness_options=None, centre_distance=Non
     for key in ("deviation", "inverse_deviation"):
         if key in values:
             values[key] = Harmonics(**values[key])
-    ends = [drawn.get(values[key]) for key in ("pinion", "wheel")]
-    if None in ends or "max_stiffness" in values:
+    pinion, wheel = (drawn.get(values[key]) for key in ("pinion", "wheel"))
+    if pinion is None or wheel is None or "max_stiffness" in values:
         return Mesh(**values)
-    mesh = geometry.Mesh(*ends, centre_distance)
+    mesh = geometry.Mesh(pinion, wheel, centre_distance)
     return Mesh.from_geometry(mesh, stiffness=stiffness, options=stiffness_options, **values)
