@@ -29,7 +29,7 @@ def draw(curves):
     figure = Figure((style.PAGE_WIDTH, 4.6), layout="constrained")
     grid = figure.subplots(len(_ROWS), 1, sharex=True)
     names = list(curves.mesh.values)
-    widths = np.linspace(2.4, 0.8, len(names))
+    widths = np.linspace(3.0, 0.8, len(names))
     speed = curves.speed.values
     for axes, (variable, label) in zip(grid, _ROWS, strict=True):
         for j, width in enumerate(widths):

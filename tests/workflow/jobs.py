@@ -81,6 +81,9 @@ EXPERIMENTS = {
         {"draw_one_mesh": 1},
         with_k1={"one_mesh": 1, "one_mesh_table": 1},
     ),
+    "train_sweep": Experiment(
+        {"train_sweep": 1}, {"draw_train_sweep": 1}, with_k1={"train_sweep": 1}
+    ),
     "train_chart": Experiment({"train_chart": 1}, {"draw_train_chart": 1}),
     "symmetry_breaking": Experiment(
         {"symmetry_breaking": 1}, {"draw_symmetry_breaking": 1}, simulates=True
