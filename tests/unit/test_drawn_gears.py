@@ -158,6 +158,10 @@ def test_other_units_rerun_nothing():
     }
     other["gears"] |= {"centre_distance": 0.0915, "torque": "0.302 kN m", "stiffness": "iso"}
     again = load(other)
+    # 302 N m at 2170 rpm; the last digits of the quotient are others.
+    other["gears"] |= {"power": "68.62704432011785 kW", "speed": "2170 rpm"}
+    del other["gears"]["torque"]
+    assert repr(load(other).pair_parameters("k")) == repr(again.pair_parameters("k"))
     # Snakemake compares params as text.
     assert repr(again.pair_parameters("k")) == repr(settings.pair_parameters("k"))
     assert repr(again.model_dump()) == repr(settings.model_dump())

@@ -3,13 +3,16 @@
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 
-from gearlib import GearPair
+from gearlib import GearPair, sweep
 from gearlib.config import cases, chosen, load
 from gearlib.geometry import Mesh
 from gearlib.models.trains.described import described
+from gearlib.studies.trains import over_speed
+from gearlib.tunings import grid
 
 GALLERY = yaml.safe_load(Path("gallery.yaml").read_text(encoding="utf-8"))
 
@@ -76,3 +79,21 @@ def test_planetary(gallery):
     assert len(train.meshes) == 6 and train.by_name["ring"].base_radius > 0.088
     # 21 and 108 are multiples of 3: planets in phase.
     assert len(set(train.phases.values())) == 2
+
+
+def test_the_planetary_set_over_speed(gallery):
+    case = gallery["planetary"]
+    tunings = grid(0.78, 0.9, 0.02)
+    settings = {"periods": 100, "record_periods": 12}
+    found = over_speed.compute(case.train_parameters("damped"), tunings, settings)
+    train = described(**case.train_parameters("damped"))
+    for direction in ("up", "down"):
+        swept = sweep(train, tunings, direction=direction, initial_state="static", **settings)
+        for name in ("dynamic_factor", "fraction_normal", "load_sharing"):
+            np.testing.assert_array_equal(found[name].sel(direction=direction), swept[name])
+    # Two motions side by side, and planets in phase that move alike to rounding.
+    sun = found.dynamic_factor.sel(mesh=["sun 1", "sun 2", "sun 3"])
+    apart = abs(sun.sel(direction="up") - sun.sel(direction="down")).max("tuning")
+    assert float(apart.min()) > 0.5
+    assert float((sun.max("mesh") / sun.min("mesh")).max()) < 1.0 + 1e-9
+    assert found.speed.values[0] == pytest.approx(train.speed_scales(0.78)["speed"], rel=1e-12)

@@ -5,11 +5,14 @@ import io
 import json
 
 import pytest
+import xarray as xr
 import yaml
 from click.testing import CliRunner
 
+import gearlib
 from gearlib import GearPair
 from gearlib.cli import main
+from gearlib.config import load
 from gearlib.geometry import Mesh, SpurGear, iso_stiffness
 from gearlib.studies import gear_table
 from tests.geometry.drawings import fzg_c, iso_example
@@ -27,7 +30,7 @@ def run(tmp_path, monkeypatch):
     """Call the command beside a configuration with FZG type C."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "fzg.yaml").write_text(yaml.safe_dump(FZG), encoding="utf-8")
-    return lambda *arguments: CliRunner().invoke(main, ["gears", *arguments])
+    return lambda *arguments, command="gears": CliRunner().invoke(main, [command, *arguments])
 
 
 def values(rows):
@@ -84,6 +87,15 @@ def test_options_alone_draw_gears(run):
     pair = GearPair.from_geometry(iso_example(), torque=9000.0)
     assert found["mean_stiffness", "iso"] == pytest.approx(pair.mean_stiffness, rel=1e-12)
     assert found["overlap_ratio", "mesh"] == iso_example().overlap_ratio
+
+
+def test_other_commands_take_drawn_gears(run):
+    done = run("--config", "fzg.yaml", "--tuning", "0.7", "-o", "run.nc", command="simulate")
+    assert done.exit_code == 0, done.output
+    pair = GearPair(**load(FZG).pair_parameters("k"))
+    assert xr.load_dataset("run.nc").displacement.equals(
+        gearlib.simulate(pair, 0.7, periods=200).displacement
+    )
 
 
 @pytest.mark.parametrize(
