@@ -77,9 +77,9 @@ EXPERIMENTS = {
         with_k1={"reducer": 1, "reducer_table": 1},
     ),
     "one_mesh": Experiment(
-        {"one_mesh": 1, "one_mesh_table": 1},
+        {"one_mesh": 1, "one_mesh_table": 1, "assumption": 1},
         {"draw_one_mesh": 1},
-        with_k1={"one_mesh": 1, "one_mesh_table": 1},
+        with_k1={"one_mesh": 1, "one_mesh_table": 1, "assumption": 1},
     ),
     "train_chart": Experiment({"train_chart": 1}, {"draw_train_chart": 1}),
     "symmetry_breaking": Experiment(
