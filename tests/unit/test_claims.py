@@ -220,7 +220,9 @@ def test_another_pair_differs_in_its_numbers(paper):
 def test_missing_data_are_named_not_guessed():
     there = facts({"k1": DAMPINGS["k1"]})
     few = data(np.arange(0.9, 1.0, 0.05), [0.7], {"k1": DAMPINGS["k1"]})
-    table = claims.evaluate(PAPER, {"k1": DAMPINGS["k1"]}, *few, lags((4000.0,)), jumps(), {}, *there)
+    table = claims.evaluate(
+        PAPER, {"k1": DAMPINGS["k1"]}, *few, lags((4000.0,)), jumps(), {}, *there
+    )
     assert verdicts(table) == {"P1": "holds", "P2": "holds"} | dict.fromkeys(
         IDS[2:], "not evaluated"
     )
