@@ -1,8 +1,8 @@
 """The table of `reproduction.md`: the paper's sentence, ours, the verdict, why.
 
 Statements, numbers, verdicts and computed explanations are those of `docs/claims/claims.csv` and
-`assumption.csv`, copies of what the workflow writes; the other reasons are prose, in `docs/claims/why.yaml`. After a
-run of the workflow,
+`assumption.csv`, copies of what the workflow writes; the other reasons are prose, in
+`docs/claims/why.yaml`. After a run of the workflow,
 
     python -m docs.hooks.reproduction results
 
