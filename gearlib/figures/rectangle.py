@@ -78,7 +78,8 @@ def _draw_heights(axes, own):
 def _draw_costs(axes, own):
     names = list(own.observable.values)
     spread = np.clip(own.method_spread.values, _LEAST, _MOST)
-    axes.barh(range(len(names)), spread, left=_LEAST / 10.0, color="#DDDDDD", height=0.6)
+    left = _LEAST / 2.0
+    axes.barh(range(len(names)), spread - left, left=left, color="#DDDDDD", height=0.6)
     for name in own.stiffness_method.values:
         # A rectangle by itself has no other course.
         if name == "iso":
@@ -99,7 +100,7 @@ def _draw_costs(axes, own):
         )
     axes.axvline(float(own.tolerance), color=style.PALETTE[4], linewidth=0.8, linestyle="--")
     axes.set_xscale("log")
-    axes.set_xlim(_LEAST / 2.0, 30.0 * _MOST)
+    axes.set_xlim(left, 30.0 * _MOST)
     axes.set_yticks(range(len(names)), [_WORDS[name] for name in names], fontsize=6.5)
     axes.invert_yaxis()
     axes.tick_params(axis="y", length=0)
