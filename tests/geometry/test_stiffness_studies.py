@@ -74,9 +74,9 @@ def test_the_figure_of_the_stiffness_shows_courses_bands_means_and_what_is_publi
             one = own.sel(stiffness_method=name)
             np.testing.assert_array_equal(line.get_xdata(), own.stiffness_phase)
             np.testing.assert_array_equal(line.get_ydata(), one.mesh_stiffness / 1e8)
-        # Bands of 8 and 20 % about the standard and the energy method.
+        # Bands of 8 and 25 % about the standard and the energy method.
         for band, name, width in zip(
-            axes.collections, ("iso", "energy"), (0.08, 0.20), strict=True
+            axes.collections, ("iso", "energy"), (0.08, 0.25), strict=True
         ):
             values = own.mesh_stiffness.sel(stiffness_method=name).values / 1e8
             heights = band.get_paths()[0].vertices[:, 1]
