@@ -23,10 +23,12 @@ IMAGES = FOLDER.with_name("images")
 #: Tables of claims, and the statements in them.
 TABLES = {"claims.csv": CHECKS, "assumption.csv": (CHECK,)}
 PAGE, MARK = "reproduction.md", "<!-- claims -->"
-#: Figures shown on the page, and on that of gear trains.
+#: Figures shown on the page, and on those of gear trains and of the stiffness.
 PICTURES = (
     "reducer",
     "one_mesh",
+    "mesh_stiffness",
+    "rectangle",
     "fig2_phase_shift",
     "fig3_resonance",
     "fig4_contact_ratio",

@@ -10,6 +10,8 @@ name                    responsibility
 ``resonance_branches``  the branches behind Fig. 3, and loci of their special points
 ``nonlinear_damping``   equivalent linear, quadratic and cubic damping side by side
 ``analytic_method``     the paper's analytic method at work, against exact orbits
+``mesh_stiffness``      stiffness of drawn gears by every method
+``rectangle``           what the rectangular stiffness costs
 ``trains``              what only a whole gear train shows
 ``claims``              the paper's statements, checked against computed data
 ``trials``              which method is right, at what cost, and where each fails

@@ -85,6 +85,10 @@ EXPERIMENTS = {
     "symmetry_breaking": Experiment(
         {"symmetry_breaking": 1}, {"draw_symmetry_breaking": 1}, simulates=True
     ),
+    "mesh_stiffness": Experiment(
+        {"mesh_stiffness": 1, "mesh_stiffness_table": 1}, {"draw_mesh_stiffness": 1}
+    ),
+    "rectangle": Experiment({"rectangle": 1, "rectangle_table": 1}, {"draw_rectangle": 1}),
     # Two methods each.
     "failures": Experiment(
         {"trial": 2, "gather_failures": 1}, {"draw_failures": 1}, simulates=True
