@@ -23,6 +23,7 @@ from gearlib.config.mesh import Damping, GearPairSection, Run, SixDegrees
 from gearlib.config.planetary import Planetary, SymmetryBreaking, TrainChart
 from gearlib.config.reducer import OneMesh, Reducer, check_centres
 from gearlib.config.scenes import FRICTION_ONLY, SIX_ONLY, Models, Scene
+from gearlib.config.stiffness import MeshStiffness, Rectangle
 from gearlib.config.train import OF_PAIRS, Train, TrainSweep
 from gearlib.config.trials import (
     Failures,
@@ -63,6 +64,8 @@ Target = Literal[
     "one_mesh",
     "train_chart",
     "symmetry_breaking",
+    "mesh_stiffness",
+    "rectangle",
     "claims",
     "report_page",
     "train_sweep",
@@ -122,6 +125,8 @@ class Config(Section):
     planetary: Planetary = Planetary()
     train_chart: TrainChart = TrainChart()
     symmetry_breaking: SymmetryBreaking = SymmetryBreaking()
+    mesh_stiffness: MeshStiffness = MeshStiffness()
+    rectangle: Rectangle = Rectangle()
     basins: Basins
     bifurcation: Bifurcation
     poincare: Poincare

@@ -77,9 +77,9 @@ EXPERIMENTS = {
         with_k1={"reducer": 1, "reducer_table": 1},
     ),
     "one_mesh": Experiment(
-        {"one_mesh": 1, "one_mesh_table": 1},
+        {"one_mesh": 1, "one_mesh_table": 1, "assumption": 1},
         {"draw_one_mesh": 1},
-        with_k1={"one_mesh": 1, "one_mesh_table": 1},
+        with_k1={"one_mesh": 1, "one_mesh_table": 1, "assumption": 1},
     ),
     "train_sweep": Experiment(
         {"train_sweep": 1}, {"draw_train_sweep": 1}, with_k1={"train_sweep": 1}
@@ -88,6 +88,10 @@ EXPERIMENTS = {
     "symmetry_breaking": Experiment(
         {"symmetry_breaking": 1}, {"draw_symmetry_breaking": 1}, simulates=True
     ),
+    "mesh_stiffness": Experiment(
+        {"mesh_stiffness": 1, "mesh_stiffness_table": 1}, {"draw_mesh_stiffness": 1}
+    ),
+    "rectangle": Experiment({"rectangle": 1, "rectangle_table": 1}, {"draw_rectangle": 1}),
     # Two methods each.
     "failures": Experiment(
         {"trial": 2, "gather_failures": 1}, {"draw_failures": 1}, simulates=True

@@ -77,3 +77,18 @@ use rule job as train_sweep with:
         train=canonical(CONFIG.train_parameters(CONFIG.train_sweep.damping)),
         tunings=grid_of(CONFIG.train_sweep),
         settings=canonical(CONFIG.train_sweep.model_dump(exclude={"damping", *GRID})),
+
+
+# Apart from the paper's statements, which need no gear train.
+use rule job as assumption with:
+    pathvars:
+        job="assumption",
+    input:
+        comparison=rules.one_mesh.output.dataset,
+        sources=function_sources("gearlib.studies.claims.machine:write_csv", script="table"),
+    output:
+        csv="results/assumption.csv",
+        page=table_page("assumption", "What the paper assumes", CLAIMS),
+    params:
+        script="table",
+        function="gearlib.studies.claims.machine:write_csv",
