@@ -169,7 +169,8 @@ def listing(item, description):
 class Section(BaseModel):
     """Base of all sections: no unknown keys, no silent conversions, immutable."""
 
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+    # Built with the whole configuration only, not each section by itself before: that takes longer.
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, defer_build=True)
 
 
 class Given(Section):
