@@ -193,4 +193,7 @@ def schema_text():
         "minProperties": 1,
         "type": "object",
     }
+    # Cases may have all of it.
+    pair = {"oneOf": whole.pop("oneOf"), "required": whole.pop("required")}
+    whole["anyOf"] = [pair, {"required": ["cases"]}]
     return json.dumps(whole, indent=2) + "\n"
