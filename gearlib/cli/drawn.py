@@ -27,7 +27,7 @@ def options(command):
     """
 
     @functools.wraps(command)
-    def wrapped(config_path, damping, damping_ratio, internal, outer_diameter, **rest):
+    def wrapped(config_path, case, damping, damping_ratio, internal, outer_diameter, **rest):
         wheel = {"internal": internal or None, "outer_diameter": outer_diameter}
         section = {"pinion": {}, "wheel": {k: v for k, v in wheel.items() if v is not None}}
         for key in _COMMON:
@@ -37,7 +37,7 @@ def options(command):
                 _put(section, (gear,), key, value)
         for key in _OF_MESH:
             _put(section, (), key, rest.pop(key))
-        mapping, path = gears.read(config_path)
+        mapping, path = gears.read(config_path, case)
         name = f"What the options make of {path}" if path else "What the options say"
         mapping = {key: mapping[key] for key in ("gears", "dampings") if key in mapping}
         if path and "gears" not in mapping and not section["pinion"]:
@@ -65,8 +65,7 @@ def _put(section, path, key, value):
 
 
 def _decorators():
-    yield gears.config_option()
-    yield click.option("--damping", help="One of its dampings, by name; else the first.")
+    yield from gears.config_options()
     for key in _EACH:
         words = WheelSection.model_fields[key].description
         yield click.option(_name(key), key, nargs=2, help=f"Of pinion and wheel: {words}")
