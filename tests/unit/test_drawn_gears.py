@@ -17,6 +17,8 @@ from gearlib.config import gears as sections
 from gearlib.config.defaults import laid_over
 from gearlib.config.validation import allowed
 from gearlib.geometry import Material, Mesh, Rack, SpurGear, Web
+from gearlib.pages.explorer import view
+from gearlib.pages.explorer.trains import Machine
 from tests.geometry.drawings import fzg_c, iso_example, ring
 
 PAPER = yaml.safe_load(Path("config.yaml").read_text(encoding="utf-8"))
@@ -198,6 +200,18 @@ def test_dampings_by_ratio_decrement_and_coefficient():
     assert settings.damped_parameters(settings.bifurcation.damping) == expected
     for section in (settings.basins, settings.poincare):
         assert settings.global_parameters(section.cases[0]) == expected
+
+
+def test_the_explorer_takes_drawn_gears():
+    settings = load(FZG)
+    setting = view.Setting.of(GearPair(**settings.pair_parameters("k")), 0.7)
+    saved = load(yaml.safe_load(view.configuration(FZG, "k", setting)))
+    assert saved.gear_pair == settings.gear_pair
+    machine = Machine(FZG, "k", "split_power_reducer")
+    saved = load(yaml.safe_load(machine.configuration(machine.start)))
+    # The slider of the load has six digits.
+    expected = settings.gear_pair.model_copy(update={"load": 8927.27})
+    assert saved.gear_pair == expected
 
 
 def test_a_configuration_laid_over_another_one():

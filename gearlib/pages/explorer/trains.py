@@ -70,7 +70,12 @@ class Machine:
                 section.pop(key, None)
         self.mapping = {**mapping, "train": {**section, "kind": kind}}
         self.damping, self.kind = damping, kind
-        self.values = config.load(self.mapping).train_parameters(damping)
+        settings = config.load(self.mapping)
+        if "gears" in mapping:
+            # The sliders change keys of the pair, which a drawing does not have.
+            pair = settings.gear_pair.model_dump()
+            self.mapping = laid_over(self.mapping, {"gear_pair": pair})
+        self.values = settings.train_parameters(damping)
         train = described(**self.values)
         self.meshes = train.mesh_names
         lowest = math.sqrt(train.linear_modes[0][0]) / train.reference_angular_frequency
