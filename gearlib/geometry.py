@@ -5,6 +5,7 @@ The code lies in `gearlib.models.geometry`; `Mesh` here is one of two drawn gear
 """
 
 from gearlib.models.geometry.blank import RACKS, Material, Rack, Web
+from gearlib.models.geometry.dynamic_factor import DynamicFactor, dynamic_factor
 from gearlib.models.geometry.gear import SpurGear
 from gearlib.models.geometry.iso import IsoStiffness, iso_stiffness
 from gearlib.models.geometry.mesh import Mesh
@@ -12,6 +13,7 @@ from gearlib.models.geometry.stiffness import MeshStiffness, mesh_stiffness
 
 __all__ = [
     "RACKS",
+    "DynamicFactor",
     "IsoStiffness",
     "Material",
     "Mesh",
@@ -19,6 +21,7 @@ __all__ = [
     "Rack",
     "SpurGear",
     "Web",
+    "dynamic_factor",
     "iso_stiffness",
     "mesh_stiffness",
 ]

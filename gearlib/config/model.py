@@ -4,6 +4,7 @@ from typing import Literal, get_args
 
 from pydantic import Field, model_validator
 
+from gearlib.config.dynamic_factor import DynamicFactor
 from gearlib.config.experiments import (
     AnalyticMethod,
     Branches,
@@ -62,6 +63,7 @@ Target = Literal[
     "one_mesh",
     "train_chart",
     "symmetry_breaking",
+    "dynamic_factor",
     "claims",
     "report_page",
 ]
@@ -104,6 +106,7 @@ class Config(Section):
     planetary: Planetary = Planetary()
     train_chart: TrainChart = TrainChart()
     symmetry_breaking: SymmetryBreaking = SymmetryBreaking()
+    dynamic_factor: DynamicFactor = DynamicFactor()
     basins: Basins
     bifurcation: Bifurcation
     poincare: Poincare

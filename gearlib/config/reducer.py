@@ -14,6 +14,7 @@ from gearlib.config.types import (
     Step,
     Stiffness,
     Stop,
+    check_record,
     integer_within,
     number_within,
     numbers,
@@ -72,11 +73,7 @@ class Reducer(Grid):
     @model_validator(mode="after")
     def _check(self):
         check_centres("reducer.teeth", self.teeth, self.modules)
-        if self.record_periods > self.periods:
-            raise ValueError(
-                f"reducer.record_periods = {self.record_periods} is not allowed: it must be an "
-                f"integer from 1 to reducer.periods = {self.periods}"
-            )
+        check_record("reducer", self)
         return self
 
 

@@ -205,6 +205,15 @@ def check_grid(key, section, step_key="step"):
         )
 
 
+def check_record(key, section):
+    """Refuse a section that records more mesh periods than it runs."""
+    if section.record_periods > section.periods:
+        raise ValueError(
+            f"{key}.record_periods = {section.record_periods} is not allowed: it must be an "
+            f"integer from 1 to {key}.periods = {section.periods}"
+        )
+
+
 Start = Annotated[Tuning, Field(description="First tuning.")]
 Stop = Annotated[Tuning, Field(description="Last one; start + a whole multiple of step.")]
 Step = Annotated[number_within(gt=0, le=10), Field(description="Distance of the tunings.")]

@@ -55,7 +55,7 @@ DESCRIPTIONS = {
     "modal_force": ("N", "amplitude of stiffness times static deflection on the shape of the mode"),
     "phase_sum": ("1", "modal force over that of meshes all in phase"),
     "excites": ("1", "whether the stiffness excites the natural mode at this order"),
-    "speed": ("min-1", "revolutions of the reference pinion"),
+    "speed": ("min-1", "speed of the gear whose teeth count, of a train the reference pinion"),
     "mesh_branch": ("1", "branch of the mesh"),
     "mesh_stage": ("1", "stage of the mesh"),
     "lost_alone": ("1", "only branch that loses contact, 0: none or several"),
@@ -225,6 +225,13 @@ DESCRIPTIONS = {
     "peak_tuning": ("1", "tuning of the largest displacement"),
     "lost_from": ("1", "first tuning of the widest range with contact loss"),
     "lost_to": ("1", "last tuning of the widest range with contact loss"),
+    # dynamic factor of drawn gears
+    "stiffness_method": ("1", "method of the mesh stiffness"),
+    "tooth_deviation": ("m", "amplitude of the deviation of the teeth"),
+    "resonance_ratio": ("1", "speed over the resonance speed of ISO 6336-1, N"),
+    "standard_factor": ("1", "dynamic factor K_v of ISO 6336-1, method B"),
+    "jumps": ("1", "whether the dynamic factor jumps from the speed before"),
+    "torque": ("N m", "static torque of the pinion"),
     # comparison of models
     "model": ("1", "model"),
     "case": ("1", "case of the scene"),

@@ -140,6 +140,21 @@ def shade_areas(axes, backlash, direction):
     return visible
 
 
+def add_speed(axes, values, speeds, label):
+    """Add a scale of speed above an axes.
+
+    Parameters
+    ----------
+    axes : matplotlib.axes.Axes
+    values, speeds : ndarray, shape (n,)
+        What the axes counts in, such as the tuning, and the speed in rpm there, in proportion.
+    label : str
+    """
+    rate = float(speeds[-1] / values[-1])
+    above = axes.secondary_xaxis("top", functions=(lambda x: x * rate, lambda n: n / rate))
+    above.set_xlabel(label, fontsize=7)
+
+
 def panels(count, height, most=2):
     """Return a figure, and `count` axes of this height (inches) in rows of `most`."""
     columns = min(count, most)

@@ -85,6 +85,7 @@ EXPERIMENTS = {
     "symmetry_breaking": Experiment(
         {"symmetry_breaking": 1}, {"draw_symmetry_breaking": 1}, simulates=True
     ),
+    "dynamic_factor": Experiment({"dynamic_factor": 1}, {"draw_dynamic_factor": 1}),
     # Two methods each.
     "failures": Experiment(
         {"trial": 2, "gather_failures": 1}, {"draw_failures": 1}, simulates=True

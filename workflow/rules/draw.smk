@@ -198,6 +198,12 @@ DRAWINGS = {
         {"train_chart": "Planetary train: instability tongues"},
         TRAINS,
     ),
+    "dynamic_factor": Drawing(
+        "dynamic_factor.draw",
+        {"factors": rules.dynamic_factor.output.dataset},
+        {"dynamic_factor": "Dynamic factor of drawn gears, beside ISO 6336-1"},
+        EXPLANATIONS,
+    ),
     "symmetry_breaking": Drawing(
         "symmetry_breaking.draw",
         {"data": rules.symmetry_breaking.output.dataset},
