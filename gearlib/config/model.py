@@ -21,7 +21,7 @@ from gearlib.config.experiments import (
 from gearlib.config.global_dynamics import Basins, Bifurcation, Poincare
 from gearlib.config.mesh import Damping, GearPairSection, Run, SixDegrees
 from gearlib.config.planetary import Planetary, SymmetryBreaking, TrainChart
-from gearlib.config.reducer import OneMesh, Reducer, check_centres
+from gearlib.config.reducer import Campbell, OneMesh, Reducer, check_centres
 from gearlib.config.scenes import FRICTION_ONLY, SIX_ONLY, Models, Scene
 from gearlib.config.train import Train
 from gearlib.config.trials import (
@@ -61,6 +61,7 @@ Target = Literal[
     "published",
     "reducer",
     "one_mesh",
+    "campbell",
     "train_chart",
     "symmetry_breaking",
     "dynamic_factor",
@@ -103,6 +104,7 @@ class Config(Section):
     published: Published = Published()
     reducer: Reducer
     one_mesh: OneMesh
+    campbell: Campbell = Campbell()
     planetary: Planetary = Planetary()
     train_chart: TrainChart = TrainChart()
     symmetry_breaking: SymmetryBreaking = SymmetryBreaking()

@@ -10,6 +10,7 @@ from gearlib.config.types import (
     Grid,
     Length,
     Positive,
+    Section,
     Start,
     Step,
     Stiffness,
@@ -98,6 +99,14 @@ class OneMesh(Grid):
     )
     tolerance: number_within(gt=0, le=10) = Field(
         default=0.1, description="Largest change of an answer that counts as none."
+    )
+
+
+class Campbell(Section):
+    """Campbell diagram of the reducer whose branches are alike."""
+
+    orders: integer_within(ge=1, le=20) = Field(
+        default=3, description="Highest order of each mesh frequency."
     )
 
 

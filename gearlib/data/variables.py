@@ -54,6 +54,8 @@ DESCRIPTIONS = {
     "stiffness_order": ("1", "frequency of the stiffness over the reference mesh frequency"),
     "modal_force": ("N", "amplitude of stiffness times static deflection on the shape of the mode"),
     "phase_sum": ("1", "modal force over that of meshes all in phase"),
+    "critical_speed": ("min-1", "speed at which the order meets the natural frequency"),
+    "mesh_rate": ("1", "mesh frequency over that of the reference mesh"),
     "excites": ("1", "whether the stiffness excites the natural mode at this order"),
     "speed": ("min-1", "speed of the gear whose teeth count, of a train the reference pinion"),
     "mesh_branch": ("1", "branch of the mesh"),

@@ -51,7 +51,7 @@ def draw(factors):
         axes.grid(linewidth=0.3, color="0.85")
         # Room for the strips.
         axes.set_ylim(0.2, None)
-        style.add_speed(axes, ratio, data.speed.values, "speed of the pinion (rpm)")
+        style.add_scale(axes, ratio, data.speed.values, "speed of the pinion (rpm)")
     grid[0].set_ylabel("dynamic factor $K_v$")
     grid[0].set_xlim(ratio[0], ratio[-1])
     figure.legend(handles=_legend(data), loc="outside lower center", ncols=4, fontsize=6.5)

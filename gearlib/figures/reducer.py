@@ -52,7 +52,7 @@ def draw(characteristics):
                 axes.set_ylabel(label)
         _draw_alone(column[0], shown)
         column[0].set_title(_TITLES[case])
-        style.add_speed(column[0], tuning, speed, "speed of the input (rpm)")
+        style.add_scale(column[0], tuning, speed, "speed of the input (rpm)")
         column[-1].set_xlabel("tuning of the pair alone $\\nu$")
     grid[0, 0].set_xlim(tuning[0], tuning[-1])
     figure.legend(handles=_legend(data), loc="outside lower center", ncols=4, fontsize=6.5)

@@ -140,18 +140,18 @@ def shade_areas(axes, backlash, direction):
     return visible
 
 
-def add_speed(axes, values, speeds, label):
-    """Add a scale of speed above an axes.
+def add_scale(axes, values, others, label):
+    """Add a second scale above an axes, such as speed in rpm over tuning.
 
     Parameters
     ----------
     axes : matplotlib.axes.Axes
-    values, speeds : ndarray, shape (n,)
-        What the axes counts in, such as the tuning, and the speed in rpm there, in proportion.
+    values, others : ndarray, shape (n,)
+        What the axes counts in, and what the second scale has there, in proportion.
     label : str
     """
-    rate = float(speeds[-1] / values[-1])
-    above = axes.secondary_xaxis("top", functions=(lambda x: x * rate, lambda n: n / rate))
+    rate = float(others[-1] / values[-1])
+    above = axes.secondary_xaxis("top", functions=(lambda x: x * rate, lambda y: y / rate))
     above.set_xlabel(label, fontsize=7)
 
 

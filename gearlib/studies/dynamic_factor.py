@@ -1,10 +1,10 @@
 """Dynamic factor of two drawn gears over speed: exact sweeps beside ISO 6336-1, method B.
 
 K_v is the largest mesh force over the static one. The standard has one curve; the sweeps, up and
-down, have jumps, hysteresis, and peaks at fractions and multiples of the resonance. The model is the
-smallest, a rectangular mesh stiffness, by both methods of `gearlib.geometry`. The teeth are perfect,
-or deviate by a cosine of the mesh phase with both signs; from trough to crest it is as high as their
-quality allows after running in, f_pb,eff + f_f,eff.
+down, have jumps, hysteresis, and peaks at fractions and multiples of the resonance. The model is
+the smallest, a rectangular mesh stiffness, by both methods of `gearlib.geometry`. The teeth are
+perfect, or deviate by a cosine of the mesh phase with both signs; from trough to crest it is as
+high as their quality allows after running in, f_pb,eff + f_f,eff.
 """
 
 import numpy as np
@@ -34,8 +34,8 @@ def mesh_of(drawing):
         backlash (m); quality.
     """
     common = {name: drawing[name] for name in ("module", "width", "bore", "quality")}
-    gears = (geometry.SpurGear(**drawing[name], **common) for name in ("pinion", "wheel"))
-    return geometry.Mesh(*gears, drawing["centre_distance"], drawing["backlash"])
+    pinion, wheel = (geometry.SpurGear(**drawing[name], **common) for name in ("pinion", "wheel"))
+    return geometry.Mesh(pinion, wheel, drawing["centre_distance"], drawing["backlash"])
 
 
 def compute(drawing, ratios, settings):

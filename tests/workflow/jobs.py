@@ -81,6 +81,11 @@ EXPERIMENTS = {
         {"draw_one_mesh": 1},
         with_k1={"one_mesh": 1, "one_mesh_table": 1},
     ),
+    "campbell": Experiment(
+        {"campbell": 1, "campbell_table": 1},
+        {"draw_campbell": 1},
+        with_k1={"campbell": 1, "campbell_table": 1},
+    ),
     "train_chart": Experiment({"train_chart": 1}, {"draw_train_chart": 1}),
     "symmetry_breaking": Experiment(
         {"symmetry_breaking": 1}, {"draw_symmetry_breaking": 1}, simulates=True

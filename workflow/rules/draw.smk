@@ -186,6 +186,12 @@ DRAWINGS = {
         {"one_mesh": "Fig. 1: does one mesh stand for the reducer?"},
         EXPLANATIONS,
     ),
+    "campbell": Drawing(
+        "campbell.draw",
+        {"diagram": rules.campbell.output.dataset},
+        {"campbell": "Fig. 1: Campbell diagram of the reducer"},
+        EXPLANATIONS,
+    ),
     "published": Drawing(
         "published.draw",
         dict(rules.published.output.items()),

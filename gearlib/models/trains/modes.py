@@ -79,6 +79,16 @@ def _kind(train, motion):
     }.get((bool(shifts), bool(turns)), "other")
 
 
+def campbell(train, count=3):
+    """Return critical speeds, see `GearTrain.campbell`."""
+    data = phasing(train, count)
+    own = train.reference_angular_frequency / (2.0 * math.pi)
+    tuning = data.natural_frequency / own / data.stiffness_order
+    data["critical_speed"] = train.speed(tuning).transpose("stiffness_order", "mode")
+    data.attrs["title"] = "Campbell diagram of a gear train"
+    return describe(data)
+
+
 def phasing(train, count=12):
     """Return which harmonics excite which modes, see `GearTrain.phasing`."""
     squares, shapes = train.linear_modes
