@@ -57,7 +57,7 @@ DESCRIPTIONS = {
     "critical_speed": ("min-1", "speed at which the order meets the natural frequency"),
     "mesh_rate": ("1", "mesh frequency over that of the reference mesh"),
     "excites": ("1", "whether the stiffness excites the natural mode at this order"),
-    "speed": ("min-1", "speed of the gear whose teeth count, of a train the reference pinion"),
+    "speed": ("min-1", "speed of the gear whose revolutions count"),
     "mesh_branch": ("1", "branch of the mesh"),
     "mesh_stage": ("1", "stage of the mesh"),
     "lost_alone": ("1", "only branch that loses contact, 0: none or several"),
@@ -233,7 +233,7 @@ DESCRIPTIONS = {
     "resonance_ratio": ("1", "speed over the resonance speed of ISO 6336-1, N"),
     "standard_factor": ("1", "dynamic factor K_v of ISO 6336-1, method B"),
     "jumps": ("1", "whether the dynamic factor jumps from the speed before"),
-    "torque": ("N m", "static torque of the pinion"),
+    "torque": ("N m", "load torque: of the pinion, of gear 3, of each body of a train"),
     # comparison of models
     "model": ("1", "model"),
     "case": ("1", "case of the scene"),

@@ -244,11 +244,12 @@ class GearTrain(TrainResults):
         return speed / self.speed(1.0)
 
     def scales(self):
-        """Return the scalar variables of datasets that depend on the train alone."""
+        """Return the variables of datasets that depend on the train alone."""
         return {
             "static_deflection": self.static_deflection,
             "force_scale": self.load,
             "stiffness_scale": self.stiffness_scale,
+            "torque": ("body", [body.torque for body in self.bodies]),
         }
 
     def speed_scales(self, tuning):
