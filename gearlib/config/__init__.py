@@ -5,6 +5,7 @@ module               responsibility
 ===================  ===================================================
 ``types``            what a number, a name, a list may be
 ``units``            texts with a unit, read as SI numbers
+``speeds``           tunings given as speeds in rpm
 ``mesh``             sections of the gears and the length of the runs
 ``experiments``      sections of the experiments and of the figures
 ``scenes``           sections of the scenes and of their models
@@ -64,8 +65,11 @@ def load(mapping):
     problems = list(_names_that_are_no_texts(mapping))
     if problems:
         raise ConfigError("\n".join(problems))
+    whole, problems = defaults.filled(mapping)
+    if problems:
+        raise ConfigError("\n".join(problems))
     try:
-        return Config.model_validate(defaults.filled(mapping))
+        return Config.model_validate(whole)
     except ValidationError as error:
         raise ConfigError("\n".join(sentences(error.errors(), schema()))) from None
 

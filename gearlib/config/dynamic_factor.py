@@ -7,11 +7,11 @@ from pydantic import Field, model_validator
 from gearlib.config.types import (
     Grid,
     Length,
+    OwnStart,
+    OwnStep,
+    OwnStop,
     RunOut,
     Section,
-    Start,
-    Step,
-    Stop,
     check_record,
     integer_within,
     number_within,
@@ -35,9 +35,9 @@ class DynamicFactor(Grid):
 
     key: ClassVar = "dynamic_factor"
 
-    start: Start = 0.1
-    stop: Stop = 2.0
-    step: Step = 0.01
+    start: OwnStart = 0.1
+    stop: OwnStop = 2.0
+    step: OwnStep = 0.01
     pinion: DrawnGear = DrawnGear(teeth=16, shift=0.1817, tip_diameter=82.46e-3)
     wheel: DrawnGear = DrawnGear(teeth=24, shift=0.1715, tip_diameter=118.36e-3)
     module: Length = Field(default=4.5e-3, description="Normal module m_n, m.")

@@ -9,12 +9,12 @@ from gearlib.config.types import (
     DampingName,
     Grid,
     Length,
+    OwnStart,
+    OwnStep,
+    OwnStop,
     Positive,
     Section,
-    Start,
-    Step,
     Stiffness,
-    Stop,
     check_record,
     integer_within,
     number_within,
@@ -34,9 +34,9 @@ class Reducer(Grid):
 
     key: ClassVar = "reducer"
 
-    start: Start = 0.74
-    stop: Stop = 1.84
-    step: Step = 0.02
+    start: OwnStart = 0.74
+    stop: OwnStop = 1.84
+    step: OwnStep = 0.02
     damping: DampingName
     teeth: numbers(Teeth, 4, "Of input, satellites a, satellites b, output.") = [24, 36, 24, 36]
     modules: numbers(Length, 2, "Of both stages, m; the centre distances must be equal.") = [
@@ -83,9 +83,9 @@ class OneMesh(Grid):
 
     key: ClassVar = "one_mesh"
 
-    start: Start = 0.75
-    stop: Stop = 1.8
-    step: Step = 0.025
+    start: OwnStart = 0.75
+    stop: OwnStop = 1.8
+    step: OwnStep = 0.025
     other_teeth: numbers(
         Teeth, 4, "Of input, satellites a, satellites b, output: branches out of phase."
     ) = [25, 35, 25, 35]
