@@ -20,10 +20,12 @@ from gearlib.studies.claims.statements import CHECKS
 FOLDER = Path(__file__).resolve().parents[1] / "claims"
 IMAGES = FOLDER.with_name("images")
 PAGE, MARK = "reproduction.md", "<!-- claims -->"
-#: Figures shown on the page, and on that of gear trains.
+#: Figures shown on the page, on that of gear trains and on that of drawings.
 PICTURES = (
     "reducer",
     "one_mesh",
+    "campbell",
+    "dynamic_factor",
     "fig2_phase_shift",
     "fig3_resonance",
     "fig4_contact_ratio",
