@@ -81,7 +81,12 @@ def _kind(train, motion):
 
 def campbell(train, count=3):
     """Return critical speeds, see `GearTrain.campbell`."""
-    data = phasing(train, count)
+    orders = sorted({n * rate for rate in train.rates for n in range(1, count + 1)})
+    # What the stiffness does not excite, deviations may.
+    data = phasing(train, math.ceil(orders[-1])).reindex(
+        stiffness_order=[float(order) for order in orders],
+        fill_value={"modal_force": 0.0, "phase_sum": 0.0, "excites": False},
+    )
     own = train.reference_angular_frequency / (2.0 * math.pi)
     tuning = data.natural_frequency / own / data.stiffness_order
     data["critical_speed"] = train.speed(tuning).transpose("stiffness_order", "mode")

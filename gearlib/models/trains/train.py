@@ -342,13 +342,13 @@ class GearTrain(TrainResults):
         Parameters
         ----------
         count : int, default 3
-            Highest order of each mesh frequency, and over the reference mesh frequency.
+            Highest order of each mesh frequency.
 
         Returns
         -------
         xarray.Dataset
-            That of `phasing`, and critical_speed over `stiffness_order` and `mode`, rpm of the
-            reference pinion.
+            That of `phasing` at these orders, and critical_speed over `stiffness_order` and
+            `mode`, rpm of the reference pinion.
         """
         from gearlib.models.trains.modes import campbell
 
