@@ -48,7 +48,7 @@ def main():
 
     The gears come from a configuration of the workflow (--config, --damping), from options, or
     from both, the options coming first; values take units, as in --backlash "40 um". The train of
-    --model train, modes, static and phasing is that of the section `train`.
+    --model train, modes, static, phasing and campbell is that of the section `train`.
     """
 
 
@@ -255,6 +255,27 @@ def phasing(train, count, output_path, force):
         own = (excites[found.mode_kind.values == kind] for kind in kinds)
         cells.append([f"{order:.6g}", *(f"{each.sum()} of {each.size}" for each in own)])
     output.rows(["order", *kinds], cells)
+    output.save(found, output_path)
+
+
+@main.command()
+@gears.train_options
+@click.option("--count", type=int, default=1, show_default=True, help="Highest order of a mesh.")
+@output.options
+def campbell(train, count, output_path, force):
+    """Speeds at which the mesh frequencies of the gear train excite a natural mode."""
+    output.check(output_path, force)
+    found = train.campbell(count)
+    cells = []
+    for order in found.stiffness_order.values:
+        own = found.sel(stiffness_order=order)
+        for mode in own.mode.values[own.excites.values]:
+            one = own.sel(mode=mode)
+            speed, frequency = one.critical_speed.item(), one.natural_frequency.item()
+            kind = one.mode_kind.item()
+            cells.append((speed, f"{order:.6g}", f"{frequency:.6g}", kind))
+    cells = [[f"{speed:.6g}", *rest] for speed, *rest in sorted(cells)]
+    output.rows(["critical_speed rpm", "order", "natural_frequency Hz", "mode_kind"], cells)
     output.save(found, output_path)
 
 

@@ -54,9 +54,9 @@ def compute(drawing, ratios, settings):
     -------
     xarray.Dataset
         Over (stiffness_method, tooth_deviation, direction, resonance_ratio): dynamic_factor,
-        fraction_normal, jumps (whether K_v jumps from the speed
-        before, in the order of the sweep), status; over (tooth_deviation, resonance_ratio):
-        standard_factor; over resonance_ratio: speed (rpm of the pinion); torque, damping_ratio.
+        fraction_normal, jumps (whether K_v jumps from the speed before, in the order of the sweep),
+        status; over (tooth_deviation, resonance_ratio): standard_factor; over resonance_ratio:
+        speed (rpm of the pinion); torque, damping_ratio.
     """
     mesh, torque = mesh_of(drawing), settings["torque"]
     ratios = np.asarray(ratios, float)
@@ -73,10 +73,10 @@ def compute(drawing, ratios, settings):
         pair = GearPair.from_geometry(
             mesh, torque=torque, damping_ratio=settings["damping_ratio"], stiffness=method
         )
-        for j, height in enumerate(deviations):
+        for j, amplitude in enumerate(deviations):
             model = pair
-            if height:
-                model = OneDegreePair(pair=pair, deviation=Harmonics(cosines=(height,)))
+            if amplitude:
+                model = OneDegreePair(pair=pair, deviation=Harmonics(cosines=(amplitude,)))
             for k, direction in enumerate(_DIRECTIONS):
                 found = sweep(
                     model,

@@ -187,6 +187,11 @@ REFUSED = {
         "torque = 0.0 ",
         "> 0",
     ),
+    "no torque of the factor": (
+        lambda: dynamic_factor(fzg_c(quality=5), None, 100.0),
+        "torque = None ",
+        "> 0",
+    ),
     # The pair.
     "no mesh": (lambda: GearPair.from_geometry("gears", torque=1.0), "mesh = 'gears' ", "Mesh"),
     "torque": (lambda: pair(torque=-1.0), "torque = -1.0 ", "> 0"),

@@ -258,6 +258,15 @@ def test_what_a_train_is_without_a_run(run, reducer):
     assert f"{own[rotational].sum()} of {rotational.sum()}" in done.output
     assert own[rotational].all() and not own[~rotational].any()
 
+    done = run("campbell", "--config", "train.yaml", "--count", "2", "-o", "campbell.nc")
+    assert done.exit_code == 0, done.output
+    critical = reducer.campbell(2)
+    assert xr.load_dataset("campbell.nc").critical_speed.equals(critical.critical_speed)
+    excited = np.sort(critical.critical_speed.values[critical.excites.values])
+    rows = [line.split() for line in done.output.splitlines()[1 : 1 + excited.size]]
+    np.testing.assert_allclose([float(row[0]) for row in rows], excited, rtol=1e-5)
+    assert {row[-1] for row in rows} == {"rotational"}
+
 
 @pytest.mark.parametrize(
     ("train", "fault"),

@@ -4,8 +4,8 @@ The standard knows three ranges of N, speed over resonance speed n_E1, and the t
 pitch), B_f (form of the profile) and B_k (tip relief): the force c' f b of a deviation f over the
 load. The running-in allowances are those of case-hardened and nitrided steel.
 
-The standard itself was not at hand: its formulas and constants are those on which five public
-programs agree (among them gfsReboucas/Drivetrain, after the editions of 2006 and 2019).
+The standard itself was not at hand: its formulas and constants are those of gfsReboucas/Drivetrain,
+a public program after the editions of 2006 and 2019, on which several others agree.
 """
 
 import math
@@ -46,7 +46,7 @@ def dynamic_factor(
     tip_relief=0.0,
     application_factor=1.0,
 ):
-    """Return the `DynamicFactor` of a mesh after ISO 6336-1, method B.
+    """Return the dynamic factor of a mesh after ISO 6336-1, method B.
 
     Parameters
     ----------
@@ -63,6 +63,11 @@ def dynamic_factor(
     application_factor : float, default 1
         K_A; finite, > 0.
 
+    Returns
+    -------
+    DynamicFactor
+        `factor` and `resonance_ratio` have the shape of `rpm`.
+
     Raises
     ------
     ValueError
@@ -72,6 +77,7 @@ def dynamic_factor(
     -----
     For (v z_1 / 100) sqrt(u^2 / (1 + u^2)) below 3 m/s the standard advises its method C.
     """
+    torque = checks.finite_positive("torque", torque)
     stiffness = iso_stiffness(mesh, torque, application_factor)
     speed = _speeds(rpm)
     load = mesh.tangential_force(torque) * application_factor / mesh.width
