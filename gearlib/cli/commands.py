@@ -266,15 +266,14 @@ def campbell(train, count, output_path, force):
     """Speeds at which the mesh frequencies of the gear train excite a natural mode."""
     output.check(output_path, force)
     found = train.campbell(count)
-    cells = []
+    excited = []
     for order in found.stiffness_order.values:
         own = found.sel(stiffness_order=order)
         for mode in own.mode.values[own.excites.values]:
             one = own.sel(mode=mode)
-            speed, frequency = one.critical_speed.item(), one.natural_frequency.item()
-            kind = one.mode_kind.item()
-            cells.append((speed, f"{order:.6g}", f"{frequency:.6g}", kind))
-    cells = [[f"{speed:.6g}", *rest] for speed, *rest in sorted(cells)]
+            numbers = one.critical_speed.item(), order, one.natural_frequency.item()
+            excited.append((*numbers, one.mode_kind.item()))
+    cells = [[*(f"{number:.6g}" for number in row[:3]), row[3]] for row in sorted(excited)]
     output.rows(["critical_speed rpm", "order", "natural_frequency Hz", "mode_kind"], cells)
     output.save(found, output_path)
 
