@@ -25,11 +25,11 @@ RUN = {"torque": 302.0, "damping_ratio": 0.06, "periods": 200, "record_periods":
 
 def test_example_1_of_the_standard_to_its_printed_digits():
     # ISO/TR 6336-30:2017: class 5, C_a 70 um, 9 kN m, 360 rpm, K_v 1.003. Its deviations are of
-    # ISO 1328-1:1995, where f_pt is 7.5 and 9 um, f_falpha 11 um: the same three decimals.
+    # ISO 1328-1:1995, by its formulas 9.5 and 12 um of the wheel: the same three decimals.
     mesh = iso_example(quality=5)
     by_class = dynamic_factor(mesh, 9000.0, 360.0, tip_relief=70e-6)
     given = dynamic_factor(
-        mesh, 9000.0, 360.0, pitch_deviation=9e-6, form_deviation=11e-6, tip_relief=70e-6
+        mesh, 9000.0, 360.0, pitch_deviation=9.5e-6, form_deviation=12e-6, tip_relief=70e-6
     )
     assert round(by_class.factor, 3) == round(given.factor, 3) == 1.003
 
