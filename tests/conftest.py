@@ -1,24 +1,35 @@
 """Before several workers start: the machine code that more than one of them needs."""
 
+import multiprocessing
+import os
+from concurrent.futures import ProcessPoolExecutor
+
+RUN = {"periods": 2, "record_periods": 1}
+
 
 def pytest_sessionstart(session):
-    """Run each family of kernels once; from the cache this takes a second or two.
+    """Run each family of kernels once, on two cores; from the cache this takes seconds.
 
     Workers that compile at the same time would do the same work twice, into the same files.
     """
     config = session.config
     if getattr(config.option, "numprocesses", None) and not hasattr(config, "workerinput"):
-        _warm_up()
+        spawned = multiprocessing.get_context("spawn")
+        with ProcessPoolExecutor(min(2, os.cpu_count() or 1), mp_context=spawned) as pool:
+            for done in [pool.submit(warm_up) for warm_up in FAMILIES]:
+                done.result()
 
 
-def _warm_up():
-    from gearlib import Harmonics, OneDegreePair, SixDegreePair, kernels, simulate
+def _trains():
+    from gearlib import planetary, simulate
+
+    simulate(planetary(stiffness_ratio=(0.8, 0.8)), 1.0, **RUN)
+
+
+def _matrices():
+    from gearlib import Harmonics, OneDegreePair, SixDegreePair, simulate
     from tests.paper import PAPER
 
-    kernels.warm_up()
-    run = {"periods": 2, "record_periods": 1}
-    simulate(OneDegreePair(pair=PAPER, deviation=Harmonics((1e-6,))), 0.9, **run)
-    simulate(OneDegreePair(pair=PAPER, cubic_damping=4e5), 0.9, **run)
     gears = SixDegreePair(
         pair=PAPER,
         base_radii=(0.1, 0.1),
@@ -27,6 +38,30 @@ def _warm_up():
         bearing_stiffness=(1e7,) * 4,
         bearing_damping=(500.0,) * 4,
     )
-    simulate(gears, 0.9, **run)
+    simulate(gears, 0.9, **RUN)
+    simulate(OneDegreePair(pair=PAPER, deviation=Harmonics((1e-6,))), 0.9, **RUN)
+
+
+def _pair():
+    from gearlib import kernels
+
+    kernels.warm_up()
+
+
+def _taylor():
+    from gearlib import OneDegreePair, simulate
+    from tests.paper import PAPER
+
+    simulate(OneDegreePair(pair=PAPER, cubic_damping=4e5), 0.9, **RUN)
+
+
+def _steps():
+    from gearlib import simulate
+    from tests.paper import PAPER
+
     for method in ("rk4", "rk45"):
-        simulate(PAPER, 0.9, method=method, **run)
+        simulate(PAPER, 0.9, method=method, **RUN)
+
+
+#: Those that take longest come first; what shares kernels is one.
+FAMILIES = (_trains, _matrices, _pair, _taylor, _steps)

@@ -1,8 +1,8 @@
 """The table of `reproduction.md`: the paper's sentence, ours, the verdict, why.
 
-Statements, numbers, verdicts and computed explanations are those of `docs/claims/claims.csv`, a
-copy of what the workflow writes; the other reasons are prose, in `docs/claims/why.yaml`. After a
-run of the workflow,
+Statements, numbers, verdicts and computed explanations are those of `docs/claims/claims.csv` and
+`assumption.csv`, copies of what the workflow writes; the other reasons are prose, in
+`docs/claims/why.yaml`. After a run of the workflow,
 
     python -m docs.hooks.reproduction results
 
@@ -15,16 +15,21 @@ from pathlib import Path
 
 import yaml
 
+from gearlib.studies.claims.machine import CHECK
 from gearlib.studies.claims.statements import CHECKS
 
 FOLDER = Path(__file__).resolve().parents[1] / "claims"
 IMAGES = FOLDER.with_name("images")
+#: Tables of claims, and the statements in them.
+TABLES = {"claims.csv": CHECKS, "assumption.csv": (CHECK,)}
 PAGE, MARK = "reproduction.md", "<!-- claims -->"
-#: Figures shown on the page, on that of gear trains and on that of drawings.
+#: Figures shown on the page, and on those of gear trains and of drawn gears.
 PICTURES = (
     "reducer",
     "one_mesh",
     "campbell",
+    "mesh_stiffness",
+    "rectangle",
     "dynamic_factor",
     "fig2_phase_shift",
     "fig3_resonance",
@@ -43,12 +48,17 @@ def on_page_markdown(markdown, page, **_):
     return markdown.replace(MARK, table()) if page.file.src_uri == PAGE else markdown
 
 
-def claims(path=FOLDER / "claims.csv"):
+def claims(folder=FOLDER):
+    """Return the rows of all tables of claims in a folder."""
+    return [row for name in TABLES for row in _claims(Path(folder) / name)]
+
+
+def _claims(path):
     """Return the rows of a table of claims, refused where they are not those of the code."""
-    with Path(path).open(newline="", encoding="utf-8") as file:
+    with path.open(newline="", encoding="utf-8") as file:
         found = list(csv.DictReader(file))
     have = [(row["id"], row["statement"], row["where"], row["figure"]) for row in found]
-    if have != [check[:4] for check in CHECKS]:
+    if have != [check[:4] for check in TABLES[path.name]]:
         raise ValueError(
             f"{path} is not of this version of gearlib/studies/claims: run the workflow, then "
             "`python -m docs.hooks.reproduction results`"
@@ -82,9 +92,9 @@ def anchor(figure):
 
 def take_over(results):
     """Copy the claims and the figures of `results` into the documentation."""
-    source = Path(results) / "claims.csv"
-    claims(source)
-    (FOLDER / "claims.csv").write_bytes(source.read_bytes())
+    claims(results)
+    for name in TABLES:
+        (FOLDER / name).write_bytes((Path(results) / name).read_bytes())
     copy_pictures(results, PICTURES)
 
 

@@ -23,6 +23,7 @@ from gearlib.config.mesh import Damping, GearPairSection, Run, SixDegrees
 from gearlib.config.planetary import Planetary, SymmetryBreaking, TrainChart
 from gearlib.config.reducer import Campbell, OneMesh, Reducer, check_centres
 from gearlib.config.scenes import FRICTION_ONLY, SIX_ONLY, Models, Scene
+from gearlib.config.stiffness import MeshStiffness, Rectangle
 from gearlib.config.train import Train
 from gearlib.config.trials import (
     Failures,
@@ -64,6 +65,8 @@ Target = Literal[
     "campbell",
     "train_chart",
     "symmetry_breaking",
+    "mesh_stiffness",
+    "rectangle",
     "dynamic_factor",
     "claims",
     "report_page",
@@ -109,6 +112,8 @@ class Config(Section):
     train_chart: TrainChart = TrainChart()
     symmetry_breaking: SymmetryBreaking = SymmetryBreaking()
     dynamic_factor: DynamicFactor = DynamicFactor()
+    mesh_stiffness: MeshStiffness = MeshStiffness()
+    rectangle: Rectangle = Rectangle()
     basins: Basins
     bifurcation: Bifurcation
     poincare: Poincare

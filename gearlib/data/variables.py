@@ -228,7 +228,6 @@ DESCRIPTIONS = {
     "lost_from": ("1", "first tuning of the widest range with contact loss"),
     "lost_to": ("1", "last tuning of the widest range with contact loss"),
     # dynamic factor of drawn gears
-    "stiffness_method": ("1", "method of the mesh stiffness"),
     "tooth_deviation": ("m", "amplitude of the deviation of the teeth"),
     "resonance_ratio": ("1", "speed over the resonance speed of ISO 6336-1, N"),
     "standard_factor": ("1", "dynamic factor K_v of ISO 6336-1, method B"),
@@ -243,6 +242,23 @@ DESCRIPTIONS = {
     "chosen": ("1", "smallest model that suffices for the scene"),
     "tolerance": ("1", "largest change that counts as none"),
     "harmonics": ("1", "harmonics of the truncated stiffness"),
+    # mesh stiffness of drawn gears
+    "pair": ("1", "pair of gears"),
+    "stiffness_phase": ("rad", "mesh phase of the stiffness, 0 in the middle of double contact"),
+    "stiffness_method": ("1", "method of the mesh stiffness"),
+    "mesh_stiffness": ("N/m", "mesh stiffness by the method"),
+    "mean_mesh_stiffness": ("N/m", "mean mesh stiffness by the method"),
+    "own_stiffness_ratio": ("1", "stiffness ratio kappa by the method"),
+    "method_uncertainty": ("1", "relative uncertainty of the method"),
+    "published": ("1", "source of a published mean stiffness"),
+    "published_pair": ("1", "pair of gears of the published mean stiffness"),
+    "published_stiffness": ("N/m", "published mean stiffness"),
+    # what the rectangular stiffness costs
+    "form": ("1", "form of the stiffness: its whole course, or the rectangle"),
+    "lost_share": ("1", "fraction of time without drive-side contact"),
+    "rectangle_cost": ("1", "difference of the observable that the whole course makes"),
+    "method_spread": ("1", "largest difference that another method of the stiffness makes"),
+    "rectangle_verdict": ("1", "whether the rectangle suffices for the observable"),
     # trials of methods on difficult problems
     "problem": ("1", "test problem"),
     "trial": ("1", "method with its options"),

@@ -18,6 +18,7 @@ from gearlib.kernels import orbit
 from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
 from gearlib.kernels.several_meshes.combinations import matrix_of
 from gearlib.kernels.several_meshes.record import FORCE_SUM
+from gearlib.kernels.steps import several_meshes as steps
 from gearlib.kernels.steps.equation_of_motion import SIDE
 
 _TURN = 2.0 * math.pi
@@ -26,6 +27,8 @@ _TURN = 2.0 * math.pi
 _OFF = 1e-14
 #: Beyond it a motion has no digits left.
 RANGE = 1e150
+#: Evaluations in one step of the classical Runge-Kutta method.
+_STAGES = 4
 
 
 class Problem:
@@ -230,10 +233,8 @@ class Whole(Recorded):
 
     def right_side(self, t, z):
         """Return dz/dtau; contact is that of the state."""
-        problem = self.problem
         self.evaluations += 1
-        full = problem.full(t, z)
-        return problem.rate(full, problem.segment(t), problem.codes(full))
+        return steps.rate(self.problem.system, t, z)
 
     def record(self, start, end, z, new, dense):
         """Record a step from (start, z) to (end, new), from where the record begins."""
@@ -247,26 +248,28 @@ class Whole(Recorded):
 class FixedSteps(Whole):
     """Classical Runge-Kutta in equal steps of a mesh period."""
 
-    def __init__(self, problem, steps):
+    def __init__(self, problem, steps_per_period):
         super().__init__(problem)
-        self.steps = steps
+        self.steps = steps_per_period
 
     def go(self, z):
         """Go through the run; return (z, status)."""
-        h = _TURN / self.steps
-        for n in range(self.periods):
+        h, system = _TURN / self.steps, self.problem.system
+        for n in range(self.first):
+            self.add_strobe(n, z)
+            z, taken = steps.runge_kutta_period(system, n, self.steps, z, RANGE)
+            self.evaluations += _STAGES * taken
+            if not np.abs(z).max() < RANGE:
+                return z, status.OVERFLOW
+        for n in range(self.first, self.periods):
             self.add_strobe(n, z)
             for i in range(self.steps):
                 t = _TURN * n + i * h
-                k1 = self.right_side(t, z)
-                k2 = self.right_side(t + h / 2.0, z + h / 2.0 * k1)
-                k3 = self.right_side(t + h / 2.0, z + h / 2.0 * k2)
-                k4 = self.right_side(t + h, z + h * k3)
-                new = z + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+                new = steps.runge_kutta_step(system, t, h, z)
+                self.evaluations += _STAGES
                 if not np.abs(new).max() < RANGE:
                     return new, status.OVERFLOW
-                if n >= self.first:
-                    self.record(t, t + h, z, new, _line(t, h, z, new))
+                self.record(t, t + h, z, new, _line(t, h, z, new))
                 z = new
         return z, status.OK
 

@@ -7,6 +7,8 @@ perfect, or deviate by a cosine of the mesh phase with both signs; from trough t
 high as their quality allows after running in, f_pb,eff + f_f,eff.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import xarray as xr
 
@@ -17,6 +19,7 @@ from gearlib.models.harmonics import Harmonics
 from gearlib.models.one_degree import OneDegreePair
 from gearlib.models.pair import GearPair
 from gearlib.runs.sweeping import sweep
+from gearlib.studies.mesh_stiffness import drawn
 
 STIFFNESS = ("iso", "energy")
 _DIRECTIONS = ("up", "down")
@@ -24,31 +27,32 @@ _DIRECTIONS = ("up", "down")
 JUMP = 0.75
 
 
-def mesh_of(drawing):
-    """Return the `gearlib.geometry.Mesh` of a drawing.
+def mesh_of(pair, quality):
+    """Return the `gearlib.geometry.Mesh` of a drawn pair whose gears are of one quality.
 
     Parameters
     ----------
-    drawing : dict
-        pinion and wheel: teeth, shift, tip_diameter (m); module, width, bore, centre_distance,
-        backlash (m); quality.
+    pair : dict
+        As of `gearlib.studies.mesh_stiffness.drawn`.
+    quality : int
+        Class of ISO 1328-1:2013.
     """
-    common = {name: drawing[name] for name in ("module", "width", "bore", "quality")}
-    pinion, wheel = (geometry.SpurGear(**drawing[name], **common) for name in ("pinion", "wheel"))
-    return geometry.Mesh(pinion, wheel, drawing["centre_distance"], drawing["backlash"])
+    mesh = drawn(pair)
+    pinion, wheel = (replace(gear, quality=quality) for gear in (mesh.pinion, mesh.wheel))
+    return replace(mesh, pinion=pinion, wheel=wheel)
 
 
-def compute(drawing, ratios, settings):
+def compute(pair, ratios, settings):
     """Return K_v of exact sweeps, up and down, and that of the standard.
 
     Parameters
     ----------
-    drawing : dict
-        As of `mesh_of`.
+    pair : dict
+        As of `mesh_of`, and torque, N m, of the pinion.
     ratios : sequence of float, shape (n,)
         Speeds over the resonance speed of the standard, N.
     settings : dict
-        torque (N m, of the pinion), damping_ratio, periods, record_periods.
+        quality, damping_ratio, periods, record_periods.
 
     Returns
     -------
@@ -58,7 +62,7 @@ def compute(drawing, ratios, settings):
         status; over (tooth_deviation, resonance_ratio): standard_factor; over resonance_ratio:
         speed (rpm of the pinion); torque, damping_ratio.
     """
-    mesh, torque = mesh_of(drawing), settings["torque"]
+    mesh, torque = mesh_of(pair, settings["quality"]), pair["torque"]
     ratios = np.asarray(ratios, float)
     resonance = geometry.dynamic_factor(mesh, torque, 1.0).resonance_speed
     speeds = ratios * resonance
@@ -70,17 +74,17 @@ def compute(drawing, ratios, settings):
     data = {name: np.empty(shape) for name in ("dynamic_factor", "fraction_normal")}
     status = np.empty(shape, np.int64)
     for i, method in enumerate(STIFFNESS):
-        pair = GearPair.from_geometry(
+        rectangle = GearPair.from_geometry(
             mesh, torque=torque, damping_ratio=settings["damping_ratio"], stiffness=method
         )
         for j, amplitude in enumerate(deviations):
-            model = pair
+            model = rectangle
             if amplitude:
-                model = OneDegreePair(pair=pair, deviation=Harmonics(cosines=(amplitude,)))
+                model = OneDegreePair(pair=rectangle, deviation=Harmonics(cosines=(amplitude,)))
             for k, direction in enumerate(_DIRECTIONS):
                 found = sweep(
                     model,
-                    pair.tuning_at(speeds),
+                    rectangle.tuning_at(speeds),
                     periods=settings["periods"],
                     record_periods=settings["record_periods"],
                     direction=direction,
@@ -115,9 +119,9 @@ def compute(drawing, ratios, settings):
     )
     dataset.attrs = provenance.attributes(
         "Dynamic factor of two drawn gears over speed",
-        pair,
+        rectangle,
         method="exact",
-        drawing=drawing,
+        drawing=pair,
         **settings,
     )
     return describe(dataset)

@@ -77,9 +77,9 @@ EXPERIMENTS = {
         with_k1={"reducer": 1, "reducer_table": 1},
     ),
     "one_mesh": Experiment(
-        {"one_mesh": 1, "one_mesh_table": 1},
+        {"one_mesh": 1, "one_mesh_table": 1, "assumption": 1},
         {"draw_one_mesh": 1},
-        with_k1={"one_mesh": 1, "one_mesh_table": 1},
+        with_k1={"one_mesh": 1, "one_mesh_table": 1, "assumption": 1},
     ),
     "campbell": Experiment(
         {"campbell": 1, "campbell_table": 1},
@@ -91,6 +91,10 @@ EXPERIMENTS = {
         {"symmetry_breaking": 1}, {"draw_symmetry_breaking": 1}, simulates=True
     ),
     "dynamic_factor": Experiment({"dynamic_factor": 1}, {"draw_dynamic_factor": 1}),
+    "mesh_stiffness": Experiment(
+        {"mesh_stiffness": 1, "mesh_stiffness_table": 1}, {"draw_mesh_stiffness": 1}
+    ),
+    "rectangle": Experiment({"rectangle": 1, "rectangle_table": 1}, {"draw_rectangle": 1}),
     # Two methods each.
     "failures": Experiment(
         {"trial": 2, "gather_failures": 1}, {"draw_failures": 1}, simulates=True

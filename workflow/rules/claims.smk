@@ -12,7 +12,6 @@ use rule job as claims with:
         scenes=[f"results/scenes/{name}.nc" for name in CONFIG.scenes],
         tongues=rules.tongues.output.dataset,
         branches=expand(rules.branches.output.dataset, damping=CONFIG.dampings),
-        one_mesh=rules.one_mesh.output.dataset,
         sources=script_sources("claims"),
     output:
         csv="results/claims.csv",

@@ -217,6 +217,18 @@ DRAWINGS = {
         TRAINS,
         CONFIG.symmetry_breaking.model_dump(include={"periods_shown"}),
     ),
+    "mesh_stiffness": Drawing(
+        "mesh_stiffness.draw",
+        {"stiffness": rules.mesh_stiffness.output.dataset},
+        {"mesh_stiffness": "Mesh stiffness by every method"},
+        DRAWN,
+    ),
+    "rectangle": Drawing(
+        "rectangle.draw",
+        {"costs": rules.rectangle.output.dataset},
+        {"rectangle": "What the rectangular stiffness costs"},
+        DRAWN,
+    ),
 }
 
 

@@ -12,6 +12,6 @@ use rule job as dynamic_factor with:
     params:
         script="compute",
         function="gearlib.studies.dynamic_factor:compute",
-        drawing=canonical(CONFIG.dynamic_factor.drawing),
+        pair=canonical(CONFIG.dynamic_factor.model_dump()["pair"]),
         ratios=grid_of(CONFIG.dynamic_factor),
-        settings=canonical(CONFIG.dynamic_factor.run),
+        settings=canonical(CONFIG.dynamic_factor.model_dump(exclude={"pair", *GRID})),

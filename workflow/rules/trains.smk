@@ -63,6 +63,21 @@ use rule job as one_mesh_table with:
         function="gearlib.studies.trains.one_mesh:write_csv",
 
 
+# Apart from the paper's statements, which need no gear train.
+use rule job as assumption with:
+    pathvars:
+        job="assumption",
+    input:
+        comparison=rules.one_mesh.output.dataset,
+        sources=function_sources("gearlib.studies.claims.machine:write_csv", script="table"),
+    output:
+        csv="results/assumption.csv",
+        page=table_page("assumption", "What the paper assumes", CLAIMS),
+    params:
+        script="table",
+        function="gearlib.studies.claims.machine:write_csv",
+
+
 use rule job as campbell with:
     pathvars:
         job="campbell",

@@ -25,7 +25,6 @@ if __name__ == "__main__":
         _by_name(snakemake.input.scenes),
         storage.read(snakemake.input.tongues),
         _by_name(snakemake.input.branches),
-        storage.read(snakemake.input.one_mesh),
     )
     claims.write_csv(table, snakemake.output.csv)
     claims.write_markdown(table, snakemake.output.markdown)

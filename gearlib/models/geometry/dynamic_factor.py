@@ -5,7 +5,8 @@ pitch), B_f (form of the profile) and B_k (tip relief): the force c' f b of a de
 load. The running-in allowances are those of case-hardened and nitrided steel.
 
 The standard itself was not at hand: its formulas and constants are those of gfsReboucas/Drivetrain,
-a public program after the editions of 2006 and 2019, on which several others agree.
+a public program after the editions of 2006 and 2019, on which several others agree. That B_k is 1
+from quality 6 on is what a printed factor of KISSsoft shows.
 """
 
 import math
@@ -18,6 +19,7 @@ from gearlib.models.geometry.iso import iso_stiffness
 
 _LEAST_LOAD = 1e5  # N/m: below, the main resonance begins at a lower speed
 _MAIN, _BEYOND = 1.15, 1.5  # N at the end of the main resonance, at the start of what lies beyond
+_COARSE = 6  # the first quality at which tip relief no longer counts
 _RUN_IN, _MOST_RUN_IN = 0.075, 3e-6  # of a deviation, and at most so many m
 
 
@@ -59,7 +61,7 @@ def dynamic_factor(
         Single pitch deviation f_pt and form deviation of the profile f_falpha, m; finite, >= 0. By
         default the larger of both gears, by their `quality`.
     tip_relief : float, default 0
-        C_a, m; finite, >= 0.
+        C_a, m; finite, >= 0. Counts for gears finer than quality 6.
     application_factor : float, default 1
         K_A; finite, > 0.
 
@@ -92,7 +94,8 @@ def dynamic_factor(
     form = _run_in(_deviation("form_deviation", form_deviation, gears))
     relief = checks.finite_nonnegative("tip_relief", tip_relief)
     unit = 1e9 * stiffness.single / load
-    effects = unit * pitch, unit * form, abs(1.0 - unit * relief)
+    coarse = any((gear.quality or 0) >= _COARSE for gear in gears)
+    effects = unit * pitch, unit * form, 1.0 if coarse else abs(1.0 - unit * relief)
     ratio = speed / resonance
     factor = _factor(ratio, lower, mesh.total_contact_ratio, *effects)
     if ratio.ndim == 0:

@@ -224,27 +224,25 @@ class SpurGear:
 
     @property
     def fillet_radius(self):
-        """Radius of the rack's tip rho_fP, at most the full round, m."""
-        angle = self.transverse_pressure_angle
+        """Radius of the rack's tip in the normal section rho_fP, at most the full round, m."""
+        angle = self.pressure_angle
         # Half the gap of the rack at its tip line, in which the round has to fit.
-        half = math.pi / 4.0 * self.transverse_module - self.rack.dedendum * self.module * math.tan(
-            angle
-        )
+        half = (math.pi / 4.0 - self.rack.dedendum * math.tan(angle)) * self.module
         full = max(half, 0.0) * math.cos(angle) / (1.0 - math.sin(angle))
         return min(self.rack.tip_radius * self.module, full)
 
     @property
     def rack_form_height(self):
-        """Height of the straight flank of the rack below its datum line, m."""
-        round_off = self.fillet_radius * (1.0 - math.sin(self.transverse_pressure_angle))
+        """Height of the straight flank of the rack below its datum line h_FfP, m; ISO 21771."""
+        round_off = self.fillet_radius * (1.0 - math.sin(self.pressure_angle))
         return self.rack.dedendum * self.module - round_off
 
     @property
     def form_roll_length(self):
         """Radius of curvature at which the involute begins above the fillet, m; >= 0.
 
-        External gears, cut by the rack: r_b tan(alpha_t) - (h - x m_n) / sin(alpha_t), ISO 21771. A
-        ring gear's flank is taken to reach its root circle.
+        External gears, cut by the rack: r_b tan(alpha_t) - (h_FfP - x m_n) / sin(alpha_t), ISO
+        21771. A ring gear's flank is taken to reach its root circle.
         """
         base = self.base_diameter / 2.0
         if self.internal:

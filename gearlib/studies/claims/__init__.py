@@ -3,8 +3,8 @@
 Every verdict follows from numbers by a stated rule, with the accuracy of the paper's plots;
 nothing is typed in. Where a strict reading answers otherwise, the verdict names both. A statement
 that differs stays in the table with its numbers; one for which the configuration has no data is
-"not evaluated". Statements P1 ... P13 are those of Hortel & Skuderova (2007); A1 is none, but what
-they assume in passing from their Fig. 1 a to one mesh.
+"not evaluated". Statements P1 ... P13 are those of Hortel & Skuderova (2007); A1, in a table of its
+own, is none, but what they assume in passing from their Fig. 1 a to one mesh.
 
 ===================  ======================================================
 module               responsibility
@@ -53,9 +53,8 @@ def evaluate(
     scenes,
     tongues,
     branches,
-    one_mesh,
 ):
-    """Return the claims P1-P13 and A1.
+    """Return the claims P1-P13.
 
     Parameters
     ----------
@@ -76,20 +75,19 @@ def evaluate(
         As computed by `gearlib.analysis.tongues.explanation`.
     branches : dict of str to xarray.Dataset
         As computed by `gearlib.studies.resonance_branches`, by the name of the damping.
-    one_mesh : xarray.Dataset
-        As computed by `gearlib.studies.trains.one_mesh`.
 
     Returns
     -------
     list of Claim
     """
     resonance = resonance.sortby("tuning")
-    data = Data(pair, dampings, resonance, phase_planes, phase_lag, jump, scenes, one_mesh)
+    data = Data(pair, dampings, resonance, phase_planes, phase_lag, jump, scenes)
     facts = Facts(data, tongues, branches)
-    return [_evaluate(check, data, facts) for check in CHECKS]
+    return [judge(check, data, facts) for check in CHECKS]
 
 
-def _evaluate(check, data, facts):
+def judge(check, data, facts=None):
+    """Return the claim of one statement, with its explanation where `facts` have one."""
     identifier, statement, where, figure, rule = check
     try:
         holds, computed, *strictly = rule(data)
@@ -98,7 +96,7 @@ def _evaluate(check, data, facts):
             verdict += f" at plot resolution; strictly {strictly[0]}"
     except NoData as reason:
         verdict, computed = OPEN, str(reason)
-    explanation = "" if verdict == OPEN else explain(identifier, facts)
+    explanation = explain(identifier, facts) if facts and verdict != OPEN else ""
     return Claim(identifier, statement, where, computed, verdict, explanation, figure)
 
 

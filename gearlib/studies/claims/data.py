@@ -19,9 +19,8 @@ class NoData(Exception):
 class Data:
     """The data of one configuration, asked for by what a statement needs."""
 
-    def __init__(self, pair, dampings, resonance, phase_planes, phase_lag, jump, scenes, one_mesh):
+    def __init__(self, pair, dampings, resonance, phase_planes, phase_lag, jump, scenes):
         self.phase_lag, self.jump, self.scenes = phase_lag, jump, scenes
-        self.one_mesh = one_mesh
         self.pair, self.resonance, self.phase_planes = pair, resonance, phase_planes
         self.dampings = {
             name: (values["material"] > 0.0, values["backlash"] > 0.0)

@@ -1,5 +1,6 @@
-"""The rule on the whole reducer, of which the paper studies one mesh; see `characteristics`."""
+"""The statement on the whole reducer, of which the paper studies one mesh, and its rule."""
 
+from gearlib.studies import claims
 from gearlib.studies.claims.data import NoData
 
 _CASES = {
@@ -20,8 +21,8 @@ _MODELS = {
 _SHOWN = ("pair", "pair_in_train", "whole")
 
 
-def one_mesh(data):
-    found = data.one_mesh
+def one_mesh(found):
+    """Return whether the pair suffices, and in words which model does; see `statements`."""
     if found.dynamic_factor.isnull().any():
         raise NoData("some of the runs could not go on")
     base = found.sel(case=found.case.values[0])
@@ -33,3 +34,25 @@ def one_mesh(data):
     words += "; ".join(f"{_CASES[case]}: {_MODELS[name]}" for case, name in suffices)
     # The most favourable case counts: with it the replacement stands or falls.
     return base.sufficient.item() == "pair", words
+
+
+#: As in `statements`.
+CHECK = (
+    "A1",
+    "(assumed, not stated) one mesh of one branch stands for the whole reducer",
+    "Fig. 1 a, Eq. (3)",
+    "Fig. 1",
+    one_mesh,
+)
+
+
+def write_csv(comparison, path):
+    """Write the claim A1 as `claims.write_csv` does those of the paper.
+
+    Parameters
+    ----------
+    comparison : xarray.Dataset
+        As computed by `gearlib.studies.trains.one_mesh`.
+    path : str or os.PathLike
+    """
+    claims.write_csv([claims.judge(CHECK, comparison)], path)
