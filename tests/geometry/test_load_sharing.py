@@ -117,6 +117,8 @@ def test_no_load_is_the_least_gap():
     found = mesh.transmission_error(0.0, deviation=PathTable((0.0,), (3e-6,)))
     np.testing.assert_allclose(found.transmission_error[0], found.gap.min("pair"), atol=1e-20)
     assert np.isnan(found.load_share).all() and (found.pairs_in_contact >= 1).all()
+    # One pair follows the other: within a phase of the grid at either end.
+    assert found.effective_contact_ratio.item() == pytest.approx(1.0, abs=2.0 / 256)
 
 
 def random_pairs(count, coupled, seed):

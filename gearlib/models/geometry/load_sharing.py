@@ -86,7 +86,10 @@ class ToothPairs:
         """
         own = np.einsum("mii->mi", self.compliance)
         overlap = sharing.error[..., None] - self.gap - _image(self.compliance, sharing.force)
-        return overlap + own * sharing.force
+        overlap = overlap + own * sharing.force
+        # Without load pairs touch that do not overlap: the sign tells.
+        least = np.finfo(float).tiny
+        return np.where(sharing.touching, np.maximum(overlap, least), np.minimum(overlap, -least))
 
 
 def _image(compliance, forces):
