@@ -96,16 +96,43 @@ def _image(compliance, forces):
     return (compliance @ forces[..., None])[..., 0]
 
 
-def tooth_pairs(
-    mesh, phases, *, stiffness="energy", coupling=1.0, deviation=None, pitch_errors=(0.0,)
+def tooth_pairs(mesh, phases, *, pitch_errors=(0.0,), **options):
+    """Return the `ToothPairs` at equal phases; arguments as of `Mesh.transmission_error`."""
+    phases = checks.integer("phases", phases, 8)
+    # The mesh phase is 0 in the middle of the segment with the most pairs.
+    begun = (mesh.contact_ratio - math.floor(mesh.contact_ratio)) / 2.0
+    pitches = begun + np.arange(len(pitch_errors) * phases) / phases
+    return pairs_at(mesh, pitches, np.floor(pitches), pitch_errors=pitch_errors, **options)
+
+
+def pairs_at(
+    mesh,
+    pitches,
+    begun,
+    inside=None,
+    *,
+    stiffness="energy",
+    coupling=1.0,
+    deviation=None,
+    pitch_errors=(0.0,),
 ):
-    """Return the `ToothPairs` of a spur mesh; arguments as of `Mesh.transmission_error`."""
+    """Return the `ToothPairs` of a spur mesh; options as of `Mesh.transmission_error`.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    pitches : ndarray, shape (m,)
+        Base pitches since the first pair came into mesh.
+    begun : ndarray, shape (m,)
+        How many of them count as whole: the number of the last pair.
+    inside : ndarray of bool, shape (m, k), optional
+        As of `ToothPairs`, where it is to be decided elsewhere.
+    """
     if mesh.overlap_ratio > 0.0:
         raise ValueError(
             f"helix_angle = {mesh.pinion.helix_angle!r} is not allowed: it must be 0, load sharing "
             "along the path of contact is that of spur gears"
         )
-    phases = checks.integer("phases", phases, 8)
     errors = np.array(
         [
             checks.number(f"pitch_errors[{i}]", error, "finite", math.isfinite)
@@ -116,22 +143,16 @@ def tooth_pairs(
         raise ValueError("pitch_errors = () is not allowed: it must have at least one value")
     if deviation is not None and not isinstance(deviation, PathTable):
         raise ValueError(f"deviation = {deviation!r} is not allowed: it must be a PathTable")
-    less = math.floor(mesh.contact_ratio)
-    segment = mesh.contact_ratio - less
-    # The mesh phase is 0 in the middle of the segment with the most pairs.
-    pitches = np.arange(errors.size * phases) / phases + segment / 2.0
-    slots = np.arange(less + 1)
-    since = (pitches % 1.0)[:, None] + slots
-    inside = since < mesh.contact_ratio
-    start, end = mesh.path
-    position = start + np.minimum(since, mesh.contact_ratio) * mesh.base_pitch
-    # All mesh periods are alike but for the pitch errors.
-    compliance = _compliance(mesh, position[:phases], inside[:phases], stiffness, coupling)
-    compliance = np.tile(compliance, (errors.size, 1, 1))
+    slots = np.arange(math.floor(mesh.contact_ratio) + 1)
+    since = (pitches - begun)[:, None] + slots
+    if inside is None:
+        inside = since < mesh.contact_ratio
+    position = mesh.path[0] + np.minimum(since, mesh.contact_ratio) * mesh.base_pitch
+    compliance = _compliance(mesh, position, inside, stiffness, coupling)
     gap = relief_gap(mesh, position)
     if deviation is not None:
         gap = gap + deviation.at(position)
-    number = np.floor(pitches).astype(int)[:, None] - slots
+    number = begun.astype(int)[:, None] - slots
     return ToothPairs(pitches, position, inside, compliance, gap + errors[number % errors.size])
 
 
