@@ -133,7 +133,7 @@ class LoadSharingPair(WithPair):
 
     @cached_property
     def tables(self):
-        """(`ToothPairSystem` without tuning and damping, stiffest): a by which steps are bounded."""
+        """The `ToothPairSystem` without tuning and damping, and its largest stiffness."""
         mesh, repeats = self.drawing, self.repeats
         shift = (mesh.contact_ratio % 1.0) / 2.0
         cuts = self._cuts()
@@ -195,7 +195,9 @@ class LoadSharingPair(WithPair):
             overlap[:, s, :, 1] = beside / self.static_deflection
             whole = there & (pairs.inside.sum(-1) == len(own))
             force[whole, -1, 0] = both[whole, 0]
-        force[:, -1, 1] = -self.backlash_ratio * force[:, -1, 0] if self.backlash < math.inf else 0.0
+        force[:, -1, 1] = (
+            -self.backlash_ratio * force[:, -1, 0] if self.backlash < math.inf else 0.0
+        )
         return force, overlap
 
     def system(self, tuning):

@@ -20,7 +20,8 @@ from gearlib.kernels.tooth_pairs.system import FACTOR, FACTOR_SLOPE, OFFSET, OFF
 
 
 @inlined
-def _overlap(row, t, x):
+def _value(row, t, x):
+    """Return factor times x less offset, t after the start of a segment."""
     factor = row[FACTOR] + row[FACTOR_SLOPE] * t
     return factor * x - row[OFFSET] - row[OFFSET_SLOPE] * t
 
@@ -40,7 +41,7 @@ def touching(overlap, inside, lower, t, x):
         for i in range(k):
             if inside >> i & 1:
                 bit = 1 << i
-                value = _overlap(overlap[s & ~bit, i], t, x)
+                value = _value(overlap[s & ~bit, i], t, x)
                 worst = max(worst, -value if s & bit else value)
         if worst < least:
             best, least = s, worst
@@ -212,16 +213,20 @@ def run_pairs(
                 line = which
                 s = (coast if s == 0 else 0) if which == k else s ^ (1 << which)
                 after = _contact_of(s, coast)
-                if after != during:
-                    if maps.shape[0] > 0:
-                        # The damping that comes or goes with the contact, as in
-                        # `gearlib.kernels.closed_form.deviation`.
-                        change = damping[1 if s else 0] - drag
-                        multiply(1.0, 0.0, -change, 1.0, maps[n])
-                    if recorded >= 0:
-                        events, found = note(
-                            events, found, n, phase - begin, during, after, v, summary
-                        )
+                if maps.shape[0] > 0:
+                    t = phase - starts[p]
+                    jump = (_value(force[p, s], t, x) - _value(law, t, x)) * unit
+                    jump += (damping[1 if s else 0] - drag) * (v - slip[p])
+                    factor, rate = 1.0, v
+                    if which < k:
+                        row_of = overlap[p, s & ~(1 << which), which]
+                        factor = row_of[FACTOR] + row_of[FACTOR_SLOPE] * t
+                        rate = factor * v + row_of[FACTOR_SLOPE] * x - row_of[OFFSET_SLOPE]
+                    # A tangential crossing varies nothing.
+                    if rate != 0.0:
+                        multiply(1.0, 0.0, -jump * factor / rate, 1.0, maps[n])
+                if after != during and recorded >= 0:
+                    events, found = note(events, found, n, phase - begin, during, after, v, summary)
     strobes[kept, 0], strobes[kept, 1] = x, v
     height = summary[orbit.X_MAX] - summary[orbit.X_MIN]
     period = orbit.orbit_period(strobes, tuning, height, system.repeats)

@@ -19,28 +19,15 @@ class Propagator(Base):
         super().__init__(model, tuning)
         self.system = model.system(tuning)
 
-    def _go(self, z, periods, record_periods, samples, events, limit, summary, maps, first):
-        *z[:], period, events, found, code, steps = run_pairs(
-            self.system,
-            _TO_BERNSTEIN,
-            *z,
-            periods,
-            record_periods,
-            samples,
-            events,
-            limit,
-            summary,
-            maps,
-            first,
-        )
-        return period, events, found, code, steps * ORDER
-
     def run(self, z, *arguments, first=0):
         """Run from z; see `Base.run`."""
-        done = self._go(z, *arguments, np.empty((0, 2, 2)), first)
-        return *z, *done
+        done = run_pairs(self.system, _TO_BERNSTEIN, *z, *arguments, np.empty((0, 2, 2)), first)
+        *z[:], period, events, found, code, steps = done
+        return *z, period, events, found, code, steps * ORDER
 
     def vary(self, z, periods, limit, maps, first):
         """Fill the maps; see `Base.vary`."""
         samples, events, summary = self.model.room(events=0)
-        return self._go(z, periods, 0, samples, events, limit, summary, maps, first)[3]
+        more = periods, 0, samples, events, limit, summary, maps, first
+        *z[:], _, _, _, code, _ = run_pairs(self.system, _TO_BERNSTEIN, *z, *more)
+        return code
