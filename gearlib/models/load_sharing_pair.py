@@ -20,10 +20,13 @@ import numpy as np
 
 from gearlib import checks
 from gearlib.kernels.tooth_pairs.system import ToothPairSystem
-from gearlib.models.geometry.load_sharing import pairs_at
+from gearlib.models.geometry.load_sharing import pairs_at, tooth_pairs
 from gearlib.models.geometry.mesh import Mesh
 from gearlib.models.geometry.relief import PathTable
+from gearlib.models.harmonics import Harmonics
+from gearlib.models.one_degree import OneDegreePair
 from gearlib.models.pair import GearPair
+from gearlib.models.profiles import Tabulated
 from gearlib.models.with_pair import WithPair
 
 if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
@@ -95,6 +98,45 @@ class LoadSharingPair(WithPair):
         given = {"coupling": coupling} if stiffness == "energy" else {}
         pair = GearPair.from_geometry(mesh, stiffness=stiffness, options=given, **options)
         return cls(pair=pair, drawing=mesh, stiffness=stiffness, coupling=coupling, **(more or {}))
+
+    def at_load(self, *, phases=128, harmonics=24):
+        """Return the `OneDegreePair` with the stiffness and the deviation of the pair's load.
+
+        Its deviation is -e(tau), the error without load, and its stiffness F / (x - e), so that it
+        has the same static transmission error at this load, at others of its own.
+
+        Parameters
+        ----------
+        phases : int, default 128
+            Of the stiffness, between which it is linear; >= 8.
+        harmonics : int, default 24
+            Of the deviation; < phases / 2.
+
+        Raises
+        ------
+        ValueError
+            If successive pairs of teeth differ.
+        """
+        if self.repeats > 1:
+            raise ValueError(
+                f"pitch_errors = {self.pitch_errors!r} is not allowed: it must have one value, "
+                "where one mesh period stands for all"
+            )
+        names = ("stiffness", "coupling", "deviation")
+        static = tooth_pairs(
+            self.drawing, phases, **{name: getattr(self, name) for name in names}
+        ).share([0.0, self.load])
+        bare, loaded = static.error
+        phase = math.tau * np.arange(phases) / phases
+        profile = Tabulated(tuple(phase), tuple(self.load / (loaded - bare)))
+        ratios = zip(
+            ("max_stiffness", "stiffness_ratio", "contact_ratio"), profile.ratios(), strict=True
+        )
+        return OneDegreePair(
+            pair=self.pair.replace(**dict(ratios)),
+            profile=profile,
+            deviation=Harmonics.from_table(phase, -bare, harmonics),
+        )
 
     def _pairs(self, pitches, begun, inside=None):
         names = ("stiffness", "coupling", "deviation", "pitch_errors")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from gearlib import GearPair, Harmonics, LoadSharingPair, OneDegreePair, Tabulated, simulate
+from gearlib import GearPair, Harmonics, LoadSharingPair, OneDegreePair, simulate
 from gearlib.geometry import Mesh, PathTable, optimum_relief
 from tests.geometry.drawings import fzg_c, ring, twenty
 
@@ -197,19 +197,16 @@ def test_maps_are_the_derivatives_of_the_motion(tuning):
 
 
 def test_at_small_error_the_stiffness_at_the_load_suffices():
-    """C = F / (x - e) over the phase with the deviation -e, e the error without load."""
     mesh = with_backlash(fzg_c(), FAR)
     mesh = optimum_relief(mesh, TORQUE / 20.0, length="long")
     model = LoadSharingPair.from_geometry(mesh, more={"phases": 256}, **OPTIONS)
-    static = mesh.transmission_error([0.0, TORQUE])
-    error = static.transmission_error.values
-    profile = Tabulated(tuple(static.phase.values), tuple(model.load / (error[1] - error[0])))
-    names = "max_stiffness", "stiffness_ratio", "contact_ratio"
-    other = OneDegreePair(
-        pair=model.pair.replace(**dict(zip(names, profile.ratios(), strict=True))),
-        profile=profile,
-        deviation=Harmonics.from_table(static.phase.values, -error[0], 40),
-    )
+    other = model.at_load(phases=256, harmonics=40)
+    # Both have the static error of the drawing: at rest under the load, y = F / C.
+    static = mesh.transmission_error([0.0, TORQUE]).transmission_error.values
+    expected = (static[1] - static[0]) / other.static_deflection
+    pieces = other.profile.pieces(other.pair)
+    at = np.interp(math.tau * np.arange(256) / 256, pieces.breaks[:-1], pieces.lines[:, 0])
+    np.testing.assert_allclose(1.0 / at, expected, rtol=1e-9)
     scale = model.mean_eigenfrequency / other.mean_eigenfrequency
     for tuning in (0.3, 1.4):
         ours = simulate(model, tuning, periods=100, record_periods=1)
@@ -218,6 +215,7 @@ def test_at_small_error_the_stiffness_at_the_load_suffices():
         assert ours.dynamic_force_max.item() == pytest.approx(
             theirs.dynamic_force_max.item(), rel=0.02
         )
+        assert abs(theirs.dynamic_force_max - 1.0) > 0.03
 
 
 def make(**changes):
@@ -231,6 +229,11 @@ REFUSED = {
     "drawing": (lambda: make(drawing="fzg"), "drawing = 'fzg' ", "gearlib.geometry.Mesh"),
     "phases": (lambda: make(phases=2), "phases = 2 ", ">= 8"),
     "stiffness": (lambda: make(stiffness="fem"), "stiffness = 'fem' ", "'energy'"),
+    "pitch errors at the load": (
+        lambda: make(pitch_errors=(0.0, 1e-6)).at_load(),
+        "pitch_errors = (0.0, 1e-06) ",
+        "one value",
+    ),
     "pitch errors": (lambda: make(pitch_errors=(math.nan,)), "pitch_errors[0] = nan ", "finite"),
 }
 
