@@ -11,6 +11,7 @@ module               responsibility
 ``trains``           section of the gear train
 ``trials``           sections of the trials of the methods
 ``planetary``        the planetary train and its charts
+``relief``           tip relief of drawn gears
 ``global_dynamics``  basins, bifurcation diagram, Poincare sections
 ``model``            the whole, and what must agree between sections
 ``defaults``         defaults that depend on the gears

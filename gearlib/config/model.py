@@ -21,6 +21,7 @@ from gearlib.config.global_dynamics import Basins, Bifurcation, Poincare
 from gearlib.config.mesh import Damping, GearPairSection, Run, SixDegrees
 from gearlib.config.planetary import Planetary, SymmetryBreaking, TrainChart
 from gearlib.config.reducer import OneMesh, Reducer, check_centres
+from gearlib.config.relief import HarrisMap, ReliefDynamics
 from gearlib.config.scenes import FRICTION_ONLY, SIX_ONLY, Models, Scene
 from gearlib.config.train import Train
 from gearlib.config.trials import (
@@ -62,6 +63,8 @@ Target = Literal[
     "one_mesh",
     "train_chart",
     "symmetry_breaking",
+    "harris_map",
+    "relief_dynamics",
     "claims",
     "report_page",
 ]
@@ -104,6 +107,8 @@ class Config(Section):
     planetary: Planetary = Planetary()
     train_chart: TrainChart = TrainChart()
     symmetry_breaking: SymmetryBreaking = SymmetryBreaking()
+    harris_map: HarrisMap = HarrisMap()
+    relief_dynamics: ReliefDynamics = ReliefDynamics()
     basins: Basins
     bifurcation: Bifurcation
     poincare: Poincare

@@ -88,6 +88,22 @@ DESCRIPTIONS = {
     "gap": ("m", "gap that reliefs and deviations leave between the flanks of the pair"),
     "peak_to_peak_error": ("m", "peak-to-peak static transmission error"),
     "effective_contact_ratio": ("1", "mean number of pairs of teeth that touch"),
+    "relief": ("1", "length of the optimum tip relief"),
+    "gear": ("1", "gear of the mesh"),
+    "relief_amount": ("m", "amount of the tip relief"),
+    "design_torque": ("N m", "torque of the pinion for which the relief is optimum"),
+    "load_ratio": ("1", "load over design load"),
+    "error_over_deflection": ("1", "peak-to-peak static transmission error, static deflections"),
+    "difference_in_contact": (
+        "1",
+        "largest relative difference of the dynamic force where no model loses contact",
+    ),
+    "difference_with_loss": (
+        "1",
+        "largest relative difference of the dynamic force where a model loses contact",
+    ),
+    "mean_difference": ("1", "mean relative difference of the dynamic force"),
+    "suffices": ("1", "whether stiffness and deviation at the load are within the tolerance"),
     # events
     "event_phase": ("rad", "mesh phase of the crossing of a flank line"),
     "event_from": ("1", "phase of contact before the event"),

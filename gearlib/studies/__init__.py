@@ -10,6 +10,7 @@ name                    responsibility
 ``resonance_branches``  the branches behind Fig. 3, and loci of their special points
 ``nonlinear_damping``   equivalent linear, quadratic and cubic damping side by side
 ``analytic_method``     the paper's analytic method at work, against exact orbits
+``tip_relief``          Harris maps, and the motion with tip relief by two models
 ``trains``              what only a whole gear train shows
 ``claims``              the paper's statements, checked against computed data
 ``trials``              which method is right, at what cost, and where each fails

@@ -205,6 +205,18 @@ DRAWINGS = {
         TRAINS,
         CONFIG.symmetry_breaking.model_dump(include={"periods_shown"}),
     ),
+    "harris_map": Drawing(
+        "harris_map.draw",
+        {"data": rules.harris_map.output.dataset},
+        {"harris_map": "Tip relief: Harris maps"},
+        EXPLANATIONS,
+    ),
+    "relief_dynamics": Drawing(
+        "relief_dynamics.draw",
+        {"data": rules.relief_dynamics.output.dataset},
+        {"relief_dynamics": "Tip relief: dynamic force by two models"},
+        EXPLANATIONS,
+    ),
 }
 
 
