@@ -20,7 +20,7 @@ from gearlib.studies.claims.statements import CHECKS
 FOLDER = Path(__file__).resolve().parents[1] / "claims"
 IMAGES = FOLDER.with_name("images")
 PAGE, MARK = "reproduction.md", "<!-- claims -->"
-#: Figures shown on the page, and on that of gear trains.
+#: Figures shown on the page, and on those of gear trains and of load sharing.
 PICTURES = (
     "reducer",
     "one_mesh",
@@ -32,6 +32,8 @@ PICTURES = (
     "fig6_jump",
     "fig7_damping",
     "fig8_six_degrees",
+    "harris_map",
+    "relief_dynamics",
 )
 _WIDTH, _COLOURS = 1000, 64
 
