@@ -68,6 +68,10 @@ class LoadSharingPair(WithPair):
     pitch_errors: tuple = (0.0,)
 
     mathematics = {"exact": "tooth_pairs"}
+    references = (
+        "Harris: Proc. Inst. Mech. Eng. 172 (1958) 87-112; "
+        "Hortel, Skuderova: Engineering Mechanics 14 (2007) 91-104"
+    )
 
     def __post_init__(self):
         for name, kind, words in (

@@ -82,7 +82,9 @@ def harris_map(gears, torque, loads, stiffness, phases):
     dataset["relief_amount"] = ("relief", "gear"), amounts
     dataset["design_torque"] = float(torque)
     dataset = dataset.assign_coords(gear=["pinion", "wheel"])
-    dataset.attrs = {"title": "Harris map: static transmission error at several loads"}
+    model = LoadSharingPair.from_geometry(relieved, torque=torque, stiffness=stiffness)
+    title = "Harris map: static transmission error at several loads"
+    dataset.attrs = provenance.attributes(title, model, method="load sharing", phases=phases)
     return describe(dataset)
 
 
@@ -142,7 +144,7 @@ def dynamics(gears, torque, stiffness, tunings, settings):
                 force[i, j, k], normal[i, j, k] = found.dynamic_force_max, found.fraction_normal
     difference = np.abs(force[:, 0] / force[:, 1] - 1.0)
     lost = (normal < 1.0 - _ROUNDING).any(axis=1)
-    over = (1, 2)
+    within, over = difference <= settings["tolerance"], (1, 2)
     dataset = xr.Dataset(
         {
             "dynamic_force_max": (("load_ratio", "model", "direction", "tuning"), force),
@@ -150,7 +152,7 @@ def dynamics(gears, torque, stiffness, tunings, settings):
             "difference_in_contact": ("load_ratio", _largest(difference, ~lost)),
             "difference_with_loss": ("load_ratio", _largest(difference, lost)),
             "mean_difference": ("load_ratio", difference.mean(axis=over)),
-            "suffices": ("load_ratio", (difference <= settings["tolerance"]).all(axis=over)),
+            "suffices": ("load_ratio", within.all(axis=over).astype(np.int8)),
             "error_over_deflection": ("load_ratio", error),
             "effective_contact_ratio": ("load_ratio", ratio),
             "speed": (("load_ratio", "tuning"), speed),
