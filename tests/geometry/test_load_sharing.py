@@ -10,7 +10,7 @@ from scipy.optimize import brentq, nnls
 from gearlib.geometry import PathTable, SpurGear, TipRelief, optimum_relief
 from gearlib.models.geometry.energy import energy_stiffness
 from gearlib.models.geometry.load_sharing import ToothPairs, tooth_pairs
-from tests.geometry.drawings import fzg_c, iso_example, ring, twenty
+from tests.geometry.drawings import fzg_c, high, iso_example, ring, twenty
 
 MESHES = {"fzg": fzg_c, "twenty": twenty, "ring": ring}
 C = 2e8  #: N/m, of a pair of teeth where it is constant
@@ -85,6 +85,21 @@ def test_long_linear_relief_by_the_deflection_of_a_pair_flattens_exactly(mesh):
     # Of c' 6 / 7 are the teeth's own where two pairs share a body: 1.75 c' together.
     single = mesh.stiffness("iso").max_stiffness / 1.75
     assert iso.pinion.tip_relief.amount == pytest.approx(6.0 / 7.0 * design / single, rel=1e-12)
+
+
+def test_three_pairs_of_teeth():
+    """Of constant stiffness: F / (2 c), F / (3 c), and nothing with relief by F / (2 c)."""
+    mesh = high()
+    assert 2.2 < mesh.contact_ratio < 2.4
+    bare = mesh.transmission_error(TORQUE, stiffness=CONSTANT)
+    deflection = mesh.load(TORQUE) / C
+    assert bare.peak_to_peak_error.item() == pytest.approx(deflection / 6.0, rel=1e-12)
+    assert bare.effective_contact_ratio.item() == pytest.approx(mesh.contact_ratio, rel=1e-12)
+    relieved = optimum_relief(mesh, TORQUE, stiffness=CONSTANT)
+    assert relieved.wheel.tip_relief.amount == pytest.approx(deflection / 2.0, rel=1e-12)
+    found = relieved.transmission_error(TORQUE, stiffness=CONSTANT)
+    assert found.peak_to_peak_error < 1e-12 * deflection
+    assert set(found.pairs_in_contact.values.ravel()) <= {2, 3}
 
 
 @pytest.mark.parametrize("length", ["long", "short", None])

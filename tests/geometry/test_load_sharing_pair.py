@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 
 from gearlib import GearPair, Harmonics, LoadSharingPair, OneDegreePair, simulate
 from gearlib.geometry import Mesh, PathTable, optimum_relief
-from tests.geometry.drawings import fzg_c, ring, twenty
+from tests.geometry.drawings import fzg_c, high, ring, twenty
 
 TORQUE = 300.0
 OPTIONS = {"torque": TORQUE, "damping_ratio": 0.05, "backlash_damping_ratio": 0.01}
@@ -29,7 +29,7 @@ def constant(mesh, **changes):
 
 
 @pytest.mark.parametrize(
-    "mesh", [fzg_c(), with_backlash(twenty(), 2e-6), ring(outer_diameter=0.44)]
+    "mesh", [fzg_c(), with_backlash(twenty(), 2e-6), high(), ring(outer_diameter=0.44)]
 )
 def test_without_relief_it_is_the_gear_pair_of_the_standard(mesh):
     """The closed forms of `GearPair`, both flanks included."""
