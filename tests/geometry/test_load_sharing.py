@@ -277,6 +277,7 @@ REFUSED = {
     "coupling": (lambda: error(coupling=1.5), "coupling = 1.5 ", "from 0 to 1"),
     "deviation": (lambda: error(deviation=1e-5), "deviation = 1e-05 ", "a PathTable"),
     "pitch errors": (lambda: error(pitch_errors=[math.inf]), "pitch_errors[0] = inf ", "finite"),
+    "one pitch error": (lambda: error(pitch_errors=1e-6), "pitch_errors = 1e-06 ", "a sequence"),
     "no pitch errors": (lambda: error(pitch_errors=()), "pitch_errors = () ", "at least one"),
     "helical": (
         lambda: iso_example().transmission_error(TORQUE),

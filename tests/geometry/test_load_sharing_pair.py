@@ -56,9 +56,7 @@ def test_a_deviation_of_all_pairs_is_that_of_one_degree():
     shift = (mesh.contact_ratio - 1.0) / 2.0
     phase = math.tau * ((position - start) / mesh.base_pitch - shift)
     table = PathTable(tuple(position), tuple(size * np.sin(order * phase)))
-    model = LoadSharingPair.from_geometry(
-        mesh, stiffness="iso", more={"deviation": table}, **OPTIONS
-    )
+    model = LoadSharingPair.from_geometry(mesh, stiffness="iso", deviation=table, **OPTIONS)
     other = OneDegreePair(pair=model.pair, deviation=Harmonics((), (0.0, 0.0, -size)))
     run = {"periods": 100, "record_periods": 1, "samples_per_period": 64}
     for tuning in (0.25, 0.6, 0.9):
@@ -156,12 +154,8 @@ def test_against_scipy_event_by_event(tuning):
 @pytest.mark.parametrize("options", [{}, {"stiffness": "iso"}, {"pitch_errors": (0.0, 3e-6, 1e-6)}])
 def test_slow_motion_follows_the_static_transmission_error(options):
     mesh = optimum_relief(fzg_c(), TORQUE / 2.0, length="long")
-    more = {name: value for name, value in options.items() if name == "pitch_errors"} | {
-        "phases": 256
-    }
-    stiffness = options.get("stiffness", "energy")
     model = LoadSharingPair.from_geometry(
-        mesh, torque=TORQUE, damping_ratio=0.7, stiffness=stiffness, more=more
+        mesh, torque=TORQUE, damping_ratio=0.7, phases=256, **options
     )
     static = mesh.transmission_error(TORQUE, **options)
     tuning, periods = 0.003, model.repeats
@@ -199,7 +193,7 @@ def test_maps_are_the_derivatives_of_the_motion(tuning):
 def test_at_small_error_the_stiffness_at_the_load_suffices():
     mesh = with_backlash(fzg_c(), FAR)
     mesh = optimum_relief(mesh, TORQUE / 20.0, length="long")
-    model = LoadSharingPair.from_geometry(mesh, more={"phases": 256}, **OPTIONS)
+    model = LoadSharingPair.from_geometry(mesh, phases=256, **OPTIONS)
     other = model.at_load(phases=256, harmonics=40)
     # Both have the static error of the drawing: at rest under the load, y = F / C.
     static = mesh.transmission_error([0.0, TORQUE]).transmission_error.values
