@@ -9,7 +9,9 @@ from gearlib.models.geometry.dynamic_factor import DynamicFactor, dynamic_factor
 from gearlib.models.geometry.gear import SpurGear
 from gearlib.models.geometry.iso import IsoStiffness, iso_stiffness
 from gearlib.models.geometry.mesh import Mesh
+from gearlib.models.geometry.relief import PathTable, TipRelief
 from gearlib.models.geometry.stiffness import MeshStiffness, mesh_stiffness
+from gearlib.models.geometry.transmission_error import optimum_relief
 
 __all__ = [
     "RACKS",
@@ -18,10 +20,13 @@ __all__ = [
     "Material",
     "Mesh",
     "MeshStiffness",
+    "PathTable",
     "Rack",
     "SpurGear",
+    "TipRelief",
     "Web",
     "dynamic_factor",
     "iso_stiffness",
     "mesh_stiffness",
+    "optimum_relief",
 ]

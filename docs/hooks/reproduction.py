@@ -39,6 +39,8 @@ PICTURES = (
     "fig6_jump",
     "fig7_damping",
     "fig8_six_degrees",
+    "harris_map",
+    "relief_dynamics",
 )
 _WIDTH, _COLOURS = 1000, 64
 

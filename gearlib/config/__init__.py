@@ -13,6 +13,7 @@ module               responsibility
 ``trials``           sections of the trials of the methods
 ``planetary``        the planetary train and its charts
 ``dynamic_factor``   drawn gears and their dynamic factor over speed
+``relief``           tip relief of drawn gears
 ``global_dynamics``  basins, bifurcation diagram, Poincare sections
 ``model``            the whole, and what must agree between sections
 ``defaults``         defaults that depend on the gears

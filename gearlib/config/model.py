@@ -22,6 +22,7 @@ from gearlib.config.global_dynamics import Basins, Bifurcation, Poincare
 from gearlib.config.mesh import Damping, GearPairSection, Run, SixDegrees
 from gearlib.config.planetary import Planetary, SymmetryBreaking, TrainChart
 from gearlib.config.reducer import Campbell, OneMesh, Reducer, check_centres
+from gearlib.config.relief import HarrisMap, ReliefDynamics
 from gearlib.config.scenes import FRICTION_ONLY, SIX_ONLY, Models, Scene
 from gearlib.config.stiffness import MeshStiffness, Rectangle
 from gearlib.config.train import Train
@@ -68,6 +69,8 @@ Target = Literal[
     "mesh_stiffness",
     "rectangle",
     "dynamic_factor",
+    "harris_map",
+    "relief_dynamics",
     "claims",
     "report_page",
 ]
@@ -114,6 +117,8 @@ class Config(Section):
     dynamic_factor: DynamicFactor = DynamicFactor()
     mesh_stiffness: MeshStiffness = MeshStiffness()
     rectangle: Rectangle = Rectangle()
+    harris_map: HarrisMap = HarrisMap()
+    relief_dynamics: ReliefDynamics = ReliefDynamics()
     basins: Basins
     bifurcation: Bifurcation
     poincare: Poincare

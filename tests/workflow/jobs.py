@@ -95,6 +95,8 @@ EXPERIMENTS = {
         {"mesh_stiffness": 1, "mesh_stiffness_table": 1}, {"draw_mesh_stiffness": 1}
     ),
     "rectangle": Experiment({"rectangle": 1, "rectangle_table": 1}, {"draw_rectangle": 1}),
+    "harris_map": Experiment({"harris_map": 1}, {"draw_harris_map": 1}),
+    "relief_dynamics": Experiment({"relief_dynamics": 1}, {"draw_relief_dynamics": 1}),
     # Two methods each.
     "failures": Experiment(
         {"trial": 2, "gather_failures": 1}, {"draw_failures": 1}, simulates=True

@@ -208,7 +208,7 @@ DRAWINGS = {
         "dynamic_factor.draw",
         {"factors": rules.dynamic_factor.output.dataset},
         {"dynamic_factor": "Dynamic factor of drawn gears, beside ISO 6336-1"},
-        EXPLANATIONS,
+        DRAWN,
     ),
     "symmetry_breaking": Drawing(
         "symmetry_breaking.draw",
@@ -227,6 +227,18 @@ DRAWINGS = {
         "rectangle.draw",
         {"costs": rules.rectangle.output.dataset},
         {"rectangle": "What the rectangular stiffness costs"},
+        DRAWN,
+    ),
+    "harris_map": Drawing(
+        "harris_map.draw",
+        {"data": rules.harris_map.output.dataset},
+        {"harris_map": "Tip relief: Harris maps"},
+        DRAWN,
+    ),
+    "relief_dynamics": Drawing(
+        "relief_dynamics.draw",
+        {"data": rules.relief_dynamics.output.dataset},
+        {"relief_dynamics": "Tip relief: dynamic force by two models"},
         DRAWN,
     ),
 }

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from gearlib import checks
 from gearlib.models.geometry.blank import RACKS, Material, Rack, Web
 from gearlib.models.geometry.involute import inv
+from gearlib.models.geometry.relief import TipRelief
 
 #: By so much the shift may lie below the limit of undercut: 17 teeth without shift, the limit of
 #: the textbooks, lie 0.006 below; the rack takes away less than a thousandth of a module.
@@ -52,6 +53,7 @@ class SpurGear:
     quality : int, optional
         Flank tolerance class of ISO 1328-1:2013, from 1 to 11; `pitch_deviation` and
         `form_deviation` need it.
+    tip_relief : TipRelief, optional
 
     Raises
     ------
@@ -75,6 +77,7 @@ class SpurGear:
     web: Web | None = None
     material: Material = Material()
     quality: int | None = None
+    tip_relief: TipRelief | None = None
 
     def __post_init__(self):
         self._put("teeth", checks.integer("teeth", self.teeth, 3))
@@ -140,6 +143,17 @@ class SpurGear:
             f"such that the tooth is not pointed (its tip would be {thickness:.3g} m thick; "
             "> 0 is allowed)",
             lambda v: thickness > 0.0,
+        )
+        relief = self.tip_relief
+        if relief is None:
+            return
+        if not isinstance(relief, TipRelief):
+            raise ValueError(f"tip_relief = {relief!r} is not allowed: it must be a TipRelief")
+        checks.number(
+            "amount of a tip relief",
+            relief.amount,
+            f"below half of the thickness of the tip, {thickness / 2.0:.4g} m",
+            lambda v: v < thickness / 2.0,
         )
 
     def _check_blank(self):
