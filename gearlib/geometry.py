@@ -5,22 +5,30 @@ The code lies in `gearlib.models.geometry`; `Mesh` here is one of two drawn gear
 """
 
 from gearlib.models.geometry.blank import RACKS, Material, Rack, Web
+from gearlib.models.geometry.dynamic_factor import DynamicFactor, dynamic_factor
 from gearlib.models.geometry.gear import SpurGear
 from gearlib.models.geometry.iso import IsoStiffness, iso_stiffness
 from gearlib.models.geometry.mesh import Mesh
+from gearlib.models.geometry.relief import PathTable, TipRelief
 from gearlib.models.geometry.stiffness import MeshStiffness, mesh_stiffness
+from gearlib.models.geometry.transmission_error import optimum_relief
 from gearlib.models.trains.drawn import planetary_set
 
 __all__ = [
     "RACKS",
+    "DynamicFactor",
     "IsoStiffness",
     "Material",
     "Mesh",
     "MeshStiffness",
+    "PathTable",
     "Rack",
     "SpurGear",
+    "TipRelief",
     "Web",
+    "dynamic_factor",
     "iso_stiffness",
     "mesh_stiffness",
+    "optimum_relief",
     "planetary_set",
 ]

@@ -5,6 +5,7 @@ module               responsibility
 ===================  ===================================================
 ``types``            what a number, a name, a list may be
 ``units``            texts with a unit, read as SI numbers
+``speeds``           tunings given as speeds in rpm
 ``mesh``             sections of the gear pair and the length of the runs
 ``gears``            sections of gears by their drawing
 ``drawing``          from these to the geometry of `gearlib.models`, which checks and derives
@@ -13,6 +14,8 @@ module               responsibility
 ``trains``           section of the gear train
 ``trials``           sections of the trials of the methods
 ``planetary``        the planetary train and its charts
+``dynamic_factor``   drawn gears and their dynamic factor over speed
+``relief``           tip relief of drawn gears
 ``global_dynamics``  basins, bifurcation diagram, Poincare sections
 ``model``            the whole, and what must agree between sections
 ``defaults``         defaults that depend on the gears
@@ -70,8 +73,11 @@ def load(mapping):
         )
     if problems:
         raise ConfigError("\n".join(problems))
+    whole, problems = defaults.filled(mapping)
+    if problems:
+        raise ConfigError("\n".join(problems))
     try:
-        return Config.model_validate(defaults.filled(mapping))
+        return Config.model_validate(whole)
     except ValidationError as error:
         raise ConfigError("\n".join(sentences(error.errors(), schema()))) from None
 

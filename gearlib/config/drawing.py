@@ -91,9 +91,12 @@ def naming(key, options=None, **places):
     from gearlib.models.geometry.described import OF_RACK, renaming
 
     ring = places.get("ring", places.get("wheel"))
-    of_part = places | {"ring gear": ring, "web": f"{key}.web", "material": f"{key}.material"}
+    of_part = places | {"ring gear": ring, "tip relief": f"{key}.tip_relief"}
+    of_part |= {part: f"{key}.{part}" for part in ("web", "material")}
 
     def rename(name, part):
+        if name.endswith(" of the tip relief"):
+            name = f"tip_relief.{name.split()[0]}"
         if part == "rack":
             return f"{key}.{next(own for own, field in OF_RACK.items() if field == name)}"
         if part in of_part:

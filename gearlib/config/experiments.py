@@ -34,7 +34,7 @@ class Resonance(Section):
     start: Start = 0.5
     stop: Stop = 1.4
     step: Step = 0.0005
-    window: number_within(gt=0, le=100) = Field(
+    window: Tuning = Field(
         default=0.9, description="Tunings of one job of a cold sweep; a whole multiple of step."
     )
     directions: listing(

@@ -53,6 +53,16 @@ class WebSection(Section):
     hub_diameter: Length = Field(description="Outside of the hub, m.")
 
 
+class TipReliefSection(Given):
+    """Tip relief of a gear."""
+
+    amount: RunOut = Field(description="C_a, normal to the flank, m.")
+    length: Length = Field(description="L_Ca, along the path of contact, m.")
+    shape: Literal["linear", "parabolic"] = Field(
+        default=None, description="Over that length. Default: linear."
+    )
+
+
 class GearSection(Given):
     """One gear by its drawing, see `gearlib.geometry.SpurGear`."""
 
@@ -86,6 +96,10 @@ class GearSection(Given):
     bore: RunOut = Field(default=None, description="Diameter, m. Default: 0.")
     web: WebSection = Field(default=None, description="Web between rim and hub.")
     material: MaterialSection = Field(default=None, description="Default: steel.")
+    quality: integer_within(ge=1, le=11) = Field(
+        default=None, description="Flank tolerance class of ISO 1328-1:2013."
+    )
+    tip_relief: TipReliefSection = Field(default=None, description="Default: none.")
 
 
 class PinionSection(GearSection):

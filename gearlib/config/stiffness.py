@@ -10,12 +10,13 @@ from gearlib.config.types import (
     Grid,
     Length,
     Name,
+    OwnStart,
+    OwnStep,
+    OwnStop,
     Positive,
     Section,
-    Start,
-    Step,
     Stiffness,
-    Stop,
+    check_record,
     integer_within,
     number_within,
     numbers,
@@ -46,7 +47,7 @@ class DrawnPair(Given):
 
 
 #: z 20/20 of the literature on backlash, and FZG type C.
-_PAIRS = {
+PAIRS = {
     "z20-20": {
         "teeth": [20, 20],
         "module": 0.01,
@@ -74,7 +75,7 @@ class MeshStiffness(Section):
     """The mesh stiffness of drawn pairs by every method, with its uncertainty."""
 
     pairs: Annotated[dict[Name, DrawnPair], Field(min_length=1, max_length=6)] = Field(
-        default={name: DrawnPair(**pair) for name, pair in _PAIRS.items()},
+        default={name: DrawnPair(**pair) for name, pair in PAIRS.items()},
         description="Drawn pairs by name.",
     )
     samples: integer_within(ge=8, le=4096) = Field(
@@ -87,9 +88,9 @@ class Rectangle(Grid):
 
     key: ClassVar = "rectangle"
 
-    start: Start = 0.5
-    stop: Stop = 1.3
-    step: Step = 0.005
+    start: OwnStart = 0.5
+    stop: OwnStop = 1.3
+    step: OwnStep = 0.005
     damping_ratio: number_within(ge=0, le=1) = Field(
         default=0.03, description="In contact, by the energy method; the coefficient is kept."
     )
@@ -105,9 +106,5 @@ class Rectangle(Grid):
 
     @model_validator(mode="after")
     def _check(self):
-        if self.record_periods > self.periods:
-            raise ValueError(
-                f"rectangle.record_periods = {self.record_periods} is not allowed: it must be an "
-                f"integer from 1 to rectangle.periods = {self.periods}"
-            )
+        check_record("rectangle", self)
         return self

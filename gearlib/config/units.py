@@ -29,6 +29,10 @@ PLAIN = {
 }
 
 
+#: A speed of revolution. No other unit: Hz and 1/min leave open whether they count revolutions.
+RPM = re.compile(rf"({_NUMBER})\s*rpm")
+
+
 @cache
 def _registry():
     import pint

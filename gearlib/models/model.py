@@ -29,10 +29,14 @@ class Model:
     repeats: Any = 1
     #: The `GearPair` that the model rests on, which gives tuning and scales; None: it has none.
     mesh: Any = None
-    #: The `Equation` of one degree of freedom; None: the model has more, see `system`.
+    #: The `Equation` of one degree of freedom; None: the model has more, see `system`, or more than
+    #: two flank lines.
     equation: Any = None
     #: The profile of the mesh stiffness where it can be chosen, of `gearlib.models.profiles`.
     profile: Any = None
+    #: Functions from a tuning to the speed in rpm, and back; None: nothing turns.
+    speed: Any = None
+    tuning_at: Any = None
     #: Whether it moves by Eq. (3) for one coordinate between two equal flanks at 0 and -s, for
     #: which methods with steps and the harmonics are written.
     one_mesh: bool = False

@@ -16,7 +16,7 @@ from gearlib.config import ConfigError, cases, chosen, load, schema
 from gearlib.config import gears as sections
 from gearlib.config.defaults import laid_over
 from gearlib.config.validation import allowed
-from gearlib.geometry import Material, Mesh, Rack, SpurGear, Web
+from gearlib.geometry import Material, Mesh, Rack, SpurGear, TipRelief, Web
 from gearlib.pages.explorer import view
 from gearlib.pages.explorer.trains import Machine
 from tests.geometry.drawings import fzg_c, iso_example, ring
@@ -121,6 +121,8 @@ def test_every_key_reaches_the_gear():
         "bore": "40 mm",
         "web": {"thickness": "10 mm", "rim_diameter": "130 mm", "hub_diameter": "60 mm"},
         "material": {"young": "200 GPa", "poisson": 0.29, "density": "7.8 g/cm^3"},
+        "quality": 6,
+        "tip_relief": {"amount": "20 um", "length": "3 mm", "shape": "parabolic"},
     }
     assert every.keys() == sections.PinionSection.model_fields.keys()
     common = dict(
@@ -135,6 +137,7 @@ def test_every_key_reaches_the_gear():
     mesh = load(changed("gears", {"pinion": every, "wheel": {"teeth": 50}, "torque": 50.0}))
     mesh = mesh.gears.mesh()
     own = dict(shift=0.1, tip_diameter=0.1685, thickness_allowance=-4e-5, bore=0.04, web=web)
+    own |= dict(quality=6, tip_relief=TipRelief(amount=2e-5, length=3e-3, shape="parabolic"))
     assert mesh.pinion == SpurGear(teeth=40, **own, **common)
     # What gears of one mesh share passes to the wheel, a bore or a web does not.
     assert mesh.wheel == SpurGear(teeth=50, **common)
@@ -146,6 +149,8 @@ def test_the_sections_have_the_arguments_of_the_library():
     assert keys == set(inspect.signature(SpurGear).parameters)
     assert set(sections.MaterialSection.model_fields) == set(inspect.signature(Material).parameters)
     assert set(sections.WebSection.model_fields) == set(inspect.signature(Web).parameters)
+    relief = inspect.signature(TipRelief).parameters
+    assert set(sections.TipReliefSection.model_fields) == set(relief)
 
 
 def test_other_units_rerun_nothing():
@@ -261,6 +266,19 @@ REFUSED = [
         {"thickness": 0.01, "rim_diameter": 0.03, "hub_diameter": 0.04},
         "gears.wheel.web.rim_diameter = 0.03 ",
         "0.04",
+    ),
+    ("gears/pinion/quality", 12, "gears.pinion.quality = 12 ", "from 1 to 11"),
+    (
+        "gears/pinion/tip_relief",
+        {"amount": "9 mm", "length": "1 mm"},
+        "gears.pinion.tip_relief.amount = 0.009 ",
+        "",
+    ),
+    (
+        "gears/wheel/tip_relief",
+        {"amount": "20 um", "length": "9 mm"},
+        "gears.wheel.tip_relief.length = 0.009 ",
+        "single contact",
     ),
     ("gears/pinion/teeth", 10, "gears.pinion.shift = 0.1817 ", "undercuts"),
     ("gears/pinion/tip_diameter", "90 mm", "gears.pinion.tip_diameter = 0.09 ", "pointed"),

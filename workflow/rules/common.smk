@@ -245,6 +245,7 @@ def target_files(targets):
         "jump_by_method": ["results/jump_by_method.csv"],
         "reducer": ["results/reducer.csv"],
         "one_mesh": ["results/one_mesh.csv", "results/assumption.csv"],
+        "campbell": ["results/campbell.csv"],
         "mesh_stiffness": ["results/mesh_stiffness.csv"],
         "rectangle": ["results/rectangle.csv"],
         "claims": ["results/claims.csv", "results/claims.md"],

@@ -6,14 +6,15 @@ from contextlib import contextmanager
 
 from gearlib.models.geometry.blank import RACKS, Material, Web
 from gearlib.models.geometry.gear import SpurGear
+from gearlib.models.geometry.relief import TipRelief
 
 #: What the second gear of a mesh takes over from the first where it leaves it out.
 _COMMON = ("module", "width", "pressure_angle", "helix_angle", "material")
 #: Key -> field of a `Rack`, each in place of that of the letter.
 OF_RACK = {"addendum": "addendum", "dedendum": "dedendum", "fillet_radius": "tip_radius"}
 #: How messages name a part.
-_PARTS = "pinion|wheel|ring gear|sun mesh|ring mesh|sun|planet|ring|rack|web|material"
-_PART = re.compile(rf"(\w+) of (?:the|a) ({_PARTS})\b")
+_PARTS = "pinion|wheel|ring gear|sun mesh|ring mesh|sun|planet|ring|rack|web|material|tip relief"
+_PART = re.compile(rf"(\w+(?: of the tip relief(?= of))?) of (?:the|a) ({_PARTS})\b")
 
 
 def gear(values, like=None, **more):
@@ -22,8 +23,8 @@ def gear(values, like=None, **more):
     Parameters
     ----------
     values : dict
-        Its arguments; material and web as dicts, `rack` a letter with the keys of `OF_RACK` beside
-        it.
+        Its arguments; material, web and tip relief as dicts, `rack` a letter with the keys of
+        `OF_RACK` beside it.
     like : dict, optional
         Values of the gear whose module, width, angles, rack and material it has where it leaves
         them out.
@@ -44,7 +45,7 @@ def gear(values, like=None, **more):
     rack = {field: given.pop(name) for name, field in OF_RACK.items() if name in given}
     if rack:
         given["rack"] = dataclasses.replace(RACKS[given.get("rack", "A")], **rack)
-    for name, make in (("material", Material), ("web", Web)):
+    for name, make in (("material", Material), ("web", Web), ("tip_relief", TipRelief)):
         if name in given:
             given[name] = make(**given[name])
     return SpurGear(**(more | given))

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from gearlib import checks
 from gearlib.models.geometry.blank import RACKS, Material, Rack, Web
 from gearlib.models.geometry.involute import inv
+from gearlib.models.geometry.relief import TipRelief
 
 #: By so much the shift may lie below the limit of undercut: 17 teeth without shift, the limit of
 #: the textbooks, lie 0.006 below; the rack takes away less than a thousandth of a module.
@@ -49,6 +50,10 @@ class SpurGear:
         Of the rim of a ring gear, m; its mass and inertia need it.
     web : Web, optional
     material : Material, default steel
+    quality : int, optional
+        Flank tolerance class of ISO 1328-1:2013, from 1 to 11; `pitch_deviation` and
+        `form_deviation` need it.
+    tip_relief : TipRelief, optional
 
     Raises
     ------
@@ -71,6 +76,8 @@ class SpurGear:
     outer_diameter: float | None = None
     web: Web | None = None
     material: Material = Material()
+    quality: int | None = None
+    tip_relief: TipRelief | None = None
 
     def __post_init__(self):
         self._put("teeth", checks.integer("teeth", self.teeth, 3))
@@ -86,6 +93,8 @@ class SpurGear:
             self._put("rack", RACKS[self.rack])
         if not isinstance(self.material, Material):
             raise ValueError(f"material = {self.material!r} is not allowed: it must be a Material")
+        if self.quality is not None:
+            self._put("quality", checks.integer("quality", self.quality, 1, 11))
         self._check_teeth()
         self._check_blank()
 
@@ -134,6 +143,17 @@ class SpurGear:
             f"such that the tooth is not pointed (its tip would be {thickness:.3g} m thick; "
             "> 0 is allowed)",
             lambda v: thickness > 0.0,
+        )
+        relief = self.tip_relief
+        if relief is None:
+            return
+        if not isinstance(relief, TipRelief):
+            raise ValueError(f"tip_relief = {relief!r} is not allowed: it must be a TipRelief")
+        checks.number(
+            "amount of a tip relief",
+            relief.amount,
+            f"below half of the thickness of the tip, {thickness / 2.0:.4g} m",
+            lambda v: v < thickness / 2.0,
         )
 
     def _check_blank(self):
@@ -261,6 +281,24 @@ class SpurGear:
         angle = math.acos(min(self.base_diameter / diameter, 1.0))
         narrowing = inv(self.transverse_pressure_angle) - inv(angle)
         return diameter * (self.tooth_thickness / self.reference_diameter + self.sign * narrowing)
+
+    @property
+    def pitch_deviation(self):
+        """Tolerance of a single pitch f_ptT of its quality, not rounded, m; ISO 1328-1:2013."""
+        return self._tolerance(1e-6 * self.reference_diameter + 4e-4 * self.module + 5e-6)
+
+    @property
+    def form_deviation(self):
+        """Tolerance of the profile's form f_falphaT of its quality, not rounded, m; the same."""
+        return self._tolerance(5.5e-4 * self.module + 5e-6)
+
+    def _tolerance(self, of_class_5):
+        if self.quality is None:
+            raise ValueError(
+                "quality = None is not allowed: it must be an integer from 1 to 11, or the "
+                "deviations must be given"
+            )
+        return of_class_5 * math.sqrt(2.0) ** (self.quality - 5)
 
     @property
     def mean_diameter(self):

@@ -58,7 +58,8 @@ class Page:
         """Compute and draw what the sliders say."""
         start = time.perf_counter()
         setting = self.setting()
-        seen = view.look(setting.pair(self.base), setting.tuning, self.grid)
+        pair = setting.pair(self.base)
+        seen = view.look(pair, setting.tuning, self.grid)
         sources = self._sources
         for name, curve in (("up", seen.up), ("down", seen.down)):
             sources[name].data = {"x": curve["tuning"], "y": curve["displacement_max"]}
@@ -72,7 +73,8 @@ class Page:
         elapsed = 1e3 * (time.perf_counter() - start)
         roots = ", ".join(f"{abs(m):.4g}" for m in seen.multipliers)
         found = f" Floquet multipliers in magnitude: {roots}." if roots else ""
-        self.note.object = f"{seen.message}{found} *Computed in {elapsed:.0f} ms.*"
+        speed = f"{pair.speed(setting.tuning):.0f} rpm."
+        self.note.object = f"{speed} {seen.message}{found} *Computed in {elapsed:.0f} ms.*"
 
     def file(self):
         """Return the config.yaml of what is seen, as a file object."""
