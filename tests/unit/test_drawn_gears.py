@@ -219,6 +219,13 @@ def test_the_explorer_takes_drawn_gears():
     assert saved.gear_pair == expected
 
 
+def test_speeds_count_with_the_drawn_pair():
+    settings = load(FZG | {"phase_planes": {"tunings": ["2170 rpm"]}})
+    (found,) = settings.phase_planes.tunings
+    pair = GearPair(**settings.pair_parameters("k"))
+    assert found == pytest.approx(pair.tuning_at(2170.0), rel=1e-12)
+
+
 def test_a_configuration_laid_over_another_one():
     mine = {"gears": {"torque": 100.0}}
     whole = laid_over(FZG, mine)
