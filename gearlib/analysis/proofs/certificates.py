@@ -84,12 +84,7 @@ class Certificate:
 
     def as_dict(self):
         """Return all of it as plain values, enclosures as two decimals each."""
-        values = {field.name: plain(getattr(self, field.name)) for field in fields(self)}
-        return values | {
-            "claim": "orbit",
-            "pair": numbers(self.pair),
-            "tuning": number(self.tuning),
-        }
+        return as_claim("orbit", self) | {"tuning": number(self.tuning)}
 
 
 @dataclass(frozen=True)
@@ -124,8 +119,7 @@ class PointCertificate:
 
     def as_dict(self):
         """Return all of it as plain values, enclosures as two decimals each."""
-        values = {field.name: plain(getattr(self, field.name)) for field in fields(self)}
-        return {"claim": values.pop("kind")} | values | {"pair": numbers(self.pair)}
+        return as_claim(self.kind, self)
 
 
 @dataclass(frozen=True)
@@ -149,12 +143,17 @@ class Tongue:
 
     def as_dict(self):
         """Return all of it as plain values, enclosures as two decimals each."""
-        values = {field.name: plain(getattr(self, field.name)) for field in fields(self)}
-        return {"claim": "tongue"} | values | {"pair": numbers(self.pair)}
+        return as_claim("tongue", self)
 
 
 def _complex(real, imaginary):
     return f"{real}" if not imaginary.low and not imaginary.high else f"{real}, i ({imaginary})"
+
+
+def as_claim(claim, certificate):
+    """Return a certificate as a dict of plain values that names its claim."""
+    values = {field.name: plain(getattr(certificate, field.name)) for field in fields(certificate)}
+    return {"claim": claim} | values | {"pair": numbers(certificate.pair)}
 
 
 def plain(value):
@@ -174,5 +173,5 @@ def number(value):
 
 
 def numbers(pair):
-    """Return the SI numbers of a `GearPair`, exactly."""
+    """Return the SI numbers of a `GearPair`, exactly; its teeth have no part in its motion."""
     return {name: number(value) for name, value in pair.as_dict().items() if name != "teeth"}

@@ -111,7 +111,8 @@ def uniqueness(system, centre, inverse):
         radii = [radius] * len(centre)
         shift = image(system, centre, radii, inverse, residuals)
         if inside(shift, radii):
-            return radius
+            # Half of it leaves room for a second program, whose enclosures are others.
+            return 0.5 * radius
         grown = float(max(abs(s) for s in shift).upper()) / radius
         # The share falls with the radius; where it has no bound, a much smaller box is tried.
         radius *= 0.1 if not grown < 1e3 else min(0.5, 0.5 / grown)

@@ -18,7 +18,7 @@ import numpy as np
 from gearlib import checks
 from gearlib.analysis.orbits import special_points as special
 from gearlib.analysis.orbits.continuation import restored
-from gearlib.analysis.orbits.touching import nearest_touch
+from gearlib.analysis.orbits.touching import lines, turning_points
 from gearlib.analysis.proofs import krawczyk
 from gearlib.analysis.proofs.balls import digits_of, enclosure, flint
 from gearlib.analysis.proofs.certificates import ContactEvent, PointCertificate, Refusal, Tongue
@@ -147,21 +147,24 @@ def _touching(pair, given):
     Where the flank is touched near tau = 0 the orbit is looked at from tau = pi.
     """
     state, tuning, period = given
+    phases, heights = turning_points(pair, tuning, state, period, MAX_EVENTS)
+    gaps = np.abs(heights[:, None] - lines(pair))
+    at, which = np.unravel_index(np.argmin(gaps), gaps.shape)
+    touch, start, whole = float(phases[at]), 0.0, 2.0 * math.pi * period
     contact, events = run_contacts(pair, tuning, state, period)
-    phase, which = nearest_touch(pair, tuning, state, period, MAX_EVENTS)
-    # A point on the far side of the grazing has two contacts more.
-    for one, two in zip(events, events[1:], strict=False):
-        if one[1] == two[2] and two[0] - one[0] < _ONE_TOUCH and _apart(one[0], phase, period) < 1:
-            events = [event for event in events if event not in (one, two)]
-            break
-    start, whole = 0.0, 2.0 * math.pi * period
-    if _apart(phase, 0.0, period) < _NEAR_START:
+    if _apart(touch, 0.0, period) < _NEAR_START:
         start = math.pi
         _, _, samples = pair.propagator(tuning).record(state, 1, MAX_EVENTS, 2)
         state = samples[1, [columns.SAMPLE_X, columns.SAMPLE_V]]
         contact = ([contact] + [after for at, _, after in events if at < start])[-1]
-    turned = sorted((at + whole * (at < start), *codes) for at, *codes in events)
-    return contact, turned, (phase - start) % whole + start, which, start, state
+        events = sorted((at + whole * (at < start), *codes) for at, *codes in events)
+    # A point on the far side of the grazing has two contacts more.
+    for one, two in zip(events, events[1:], strict=False):
+        if one[1] == two[2] and two[0] - one[0] < _ONE_TOUCH:
+            if _apart(one[0], touch, period) < _ONE_TOUCH:
+                events = [event for event in events if event not in (one, two)]
+                break
+    return contact, events, (touch - start) % whole + start, which, start, state
 
 
 def _apart(a, b, period):
