@@ -11,5 +11,6 @@ module            responsibility
 ``certificates``  what a proof returns: a certificate or a refusal
 ``orbits``        `certify`: one orbit
 ``points``        `certify_fold`, `certify_grazing`, `certify_tongues`
+``motions``       `certify_motion`: where a motion tends to
 ================  =====================================================================
 """

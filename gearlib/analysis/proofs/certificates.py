@@ -146,6 +146,37 @@ class Tongue:
         return as_claim("tongue", self)
 
 
+@dataclass(frozen=True)
+class MotionCertificate:
+    """A motion that is proven to tend to an orbit."""
+
+    orbit: Certificate
+    initial_state: tuple  #: displacement and dx/dtau at tau = 0, exact floats
+    periods: int  #: mesh periods after which the motion is in the trap
+    basis: tuple  #: V, a row after the other, exact floats: states (x, nu dx/dtau) = orbit + V y
+    trap_radius: float  #: of y: all motions from there tend to the orbit
+    contraction: float  #: |y| falls by this factor or more in every period of the orbit
+
+    def __repr__(self):
+        x, v = self.initial_state
+        return (
+            f"Proven: the motion from ({x!r}, {v!r}) tends to this orbit; after {self.periods} mesh "
+            f"periods it is where deviations shrink by {self.contraction:.4g} per orbit\n"
+            f"{self.orbit!r}"
+        )
+
+    def as_dict(self):
+        """Return all of it as plain values, exact floats as texts that say all their bits."""
+        return self.orbit.as_dict() | {
+            "claim": "motion",
+            "initial_state": [number(value) for value in self.initial_state],
+            "periods": self.periods,
+            "basis": [number(value) for value in self.basis],
+            "trap_radius": number(self.trap_radius),
+            "contraction": number(self.contraction),
+        }
+
+
 def _complex(real, imaginary):
     return f"{real}" if not imaginary.low and not imaginary.high else f"{real}, i ({imaginary})"
 

@@ -152,7 +152,7 @@ class Proof:
                 f"candidate; {REACH:g} is allowed",
             )
         self.states = self.path.states(*self.box[:2], self.box[2:], self.scale)
-        check_contacts(self.path, self.box[:2], self.states, self.scale)
+        check_contacts(self.path, self.box[:2], self.states)
         self.radius = uniqueness(system, self.centre, inverse)
         self._check_period()
 
@@ -172,7 +172,7 @@ class Proof:
         """Return the enclosure of (x, w) after some whole mesh periods."""
         turn = 2 * flint().arb.pi() * part
         x, w, last = *self.box[:2], 0
-        for node, (x_end, w_end, phase) in zip(self.path.nodes, self.states, strict=True):
+        for node, (x_end, w_end, phase, _) in zip(self.path.nodes, self.states, strict=True):
             if phase.overlaps(turn):
                 raise Uncertain(
                     "switch", f"a contact may coincide with the start of mesh period {part}"
@@ -186,13 +186,13 @@ class Proof:
     def certificate(self, digits):
         """Return (the `Certificate`, the digits that its enclosures have)."""
         orbit, rate = self.orbit, self.scale
-        matrix, determinant = self.path.monodromy(self.box[2:], rate)
+        matrix, determinant = self.path.monodromy([t for *_, t in self.states])
         trace = flint().arb(matrix[0] + matrix[3])
         multipliers = eigenvalues(trace, determinant)
         stability, reason = judge(trace, determinant)
         contacts = [
             (phase, node.before, node.after, w * rate)
-            for node, (_, w, phase) in zip(self.path.nodes, self.states, strict=True)
+            for node, (_, w, phase, _) in zip(self.path.nodes, self.states, strict=True)
             if node.kind == CONTACT
         ]
         x, v = self.box[0], self.box[1] * rate

@@ -152,7 +152,7 @@ class Path:
         return [*residuals, x - unknowns[0], w - unknowns[1]], [*rows, gx, gw]
 
     def states(self, x, w, unknown, scale):
-        """Return (x, w, phase) at each node; on a flank line x is the line itself."""
+        """Return (x, w, phase, time since the last node) at each node, x the line where it is."""
         found, last = [], self.start
         for node, phase in zip(self.nodes, self.phases(unknown), strict=True):
             t = (phase - last) * scale
@@ -161,24 +161,23 @@ class Path:
                 x = self.line(node)
             if node.kind == TOUCH:
                 w = flint().arb(0)
-            found.append((x, w, phase))
+            found.append((x, w, phase, t))
             last = phase
         return found
 
-    def monodromy(self, unknown, scale):
+    def monodromy(self, times):
         """Return (map of small deviations over the whole path, its determinant).
 
-        Rows one after the other, by (x, w). With the saltation of Eq. (20) at every contact, and
-        the determinant by Liouville's formula: saltation has the determinant 1.
+        Of the times since the last node, one for each. Rows one after the other, by (x, w); with
+        the saltation of Eq. (20) at every contact, and the determinant by Liouville's formula:
+        saltation has the determinant 1.
         """
-        matrix, loss, last = (1, 0, 0, 1), 0, self.start
-        for node, phase in zip(self.nodes, self.phases(unknown), strict=True):
-            t = (phase - last) * scale
+        matrix, loss = (1, 0, 0, 1), 0
+        for node, t in zip(self.nodes, times, strict=True):
             matrix = product(node.law.matrix(t), matrix)
             if node.kind == CONTACT:
                 matrix = product((1, 0, self.laws.kick(node.before, node.after), 1), matrix)
             loss -= 2 * node.law.damping * t
-            last = phase
         return matrix, flint().arb(loss).exp()
 
     def trace(self, unknowns):

@@ -205,12 +205,14 @@ def _point(pair, given, label, digits):
             "allowed",
         )
     states = path.states(x, w, phases, scale)
-    check_contacts(path, (x, w), states, scale)
+    check_contacts(path, (x, w), states)
     radius = krawczyk.uniqueness(system, centre, inverse)
-    touches = [p for node, (_, _, p) in zip(path.nodes, states, strict=True) if node.kind == TOUCH]
+    touches = [
+        p for node, (_, _, p, _) in zip(path.nodes, states, strict=True) if node.kind == TOUCH
+    ]
     contacts = [
         (p, node.before, node.after, w_at * scale)
-        for node, (_, w_at, p) in zip(path.nodes, states, strict=True)
+        for node, (_, w_at, p, _) in zip(path.nodes, states, strict=True)
         if node.kind == CONTACT
     ]
     found = PointCertificate(

@@ -60,7 +60,7 @@ def keeps_off(law, x, w, t, side, line, first, last):
     return True
 
 
-def check_contacts(path, start, states, scale, first=OFF):
+def check_contacts(path, start, states, first=OFF):
     """Prove that the contacts of a path are crossings, in this order, and all there are.
 
     Parameters
@@ -68,10 +68,8 @@ def check_contacts(path, start, states, scale, first=OFF):
     path : Path
     start : tuple of arb
         (x, w) at tau = 0.
-    states : list of (x, w, phase)
+    states : list
         Of `Path.states`.
-    scale : arb
-        1 / nu.
     first : int
         How the state lies at tau = 0, to the flank line that is nearest to it.
 
@@ -83,7 +81,7 @@ def check_contacts(path, start, states, scale, first=OFF):
     last, contact, touched = path.start, path.contact, None
     if first != OFF:
         touched = path.laws.near if x == path.laws.near else path.laws.far
-    for node, (x_end, w_end, phase) in zip(path.nodes, states, strict=True):
+    for node, (x_end, w_end, phase, t) in zip(path.nodes, states, strict=True):
         at = float(phase.mid())
         if not phase > last:
             raise Uncertain(
@@ -99,7 +97,7 @@ def check_contacts(path, start, states, scale, first=OFF):
         end = TOUCHING if node.kind == TOUCH else CROSSING
         for side, line in path.laws.bounds(contact):
             ends = (first if line is touched else OFF), (end if line is on else OFF)
-            if not keeps_off(node.law, x, w, (phase - last) * scale, side, line, *ends):
+            if not keeps_off(node.law, x, w, t, side, line, *ends):
                 raise Uncertain(
                     "grazing",
                     f"before phase {at:.6g} the motion comes too near to a flank line to prove "
