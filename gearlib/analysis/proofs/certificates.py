@@ -160,8 +160,8 @@ class MotionCertificate:
     def __repr__(self):
         x, v = self.initial_state
         return (
-            f"Proven: the motion from ({x!r}, {v!r}) tends to this orbit; after {self.periods} mesh "
-            f"periods it is where deviations shrink by {self.contraction:.4g} per orbit\n"
+            f"Proven: the motion from ({x!r}, {v!r}) tends to this orbit; after {self.periods} "
+            f"mesh periods it is where deviations shrink by {self.contraction:.4g} per orbit\n"
             f"{self.orbit!r}"
         )
 

@@ -34,7 +34,7 @@ def polish(system, start, singular):
         With the arguments `singular` if the derivative has no inverse.
     """
     module = flint()
-    u, largest, inverse = middle(start), None, None
+    u, largest, inverse = middle(start), module.arb(1), None
     goal = module.arb(2) ** (12 - module.ctx.prec)
     for _ in range(_MAX_NEWTON):
         residuals, rows = system(u)

@@ -12,7 +12,6 @@ from gearlib.analysis.proofs.laws import Laws
 from gearlib.analysis.proofs.path import CONTACT, Path, Uncertain
 from gearlib.analysis.proofs.signs import check_contacts
 from gearlib.kernels import orbit as columns
-from gearlib.models.pair import GearPair
 from gearlib.runs.run_arguments import MAX_EVENTS
 
 #: Farthest that the proven state may lie from the candidate's, in static deflections.
@@ -85,7 +84,7 @@ def first_with(digits, step):
 
 def check_model(pair):
     """Raise `Uncertain` for a model without a proof."""
-    if not isinstance(pair, GearPair):
+    if pair.mesh is not pair:
         name = type(pair).__name__
         raise Uncertain("model", f"proofs are written for a GearPair, not for a {name}")
 
@@ -151,8 +150,9 @@ class Proof:
                 f"the nearest orbit found lies {float(self.moved):.2g} static deflections from the "
                 f"candidate; {REACH:g} is allowed",
             )
-        self.states = self.path.states(*self.box[:2], self.box[2:], self.scale)
-        check_contacts(self.path, self.box[:2], self.states)
+        x, w, *phases = self.box
+        self.states = self.path.states(x, w, phases, self.scale)
+        check_contacts(self.path, (x, w), self.states)
         self.radius = uniqueness(system, self.centre, inverse)
         self._check_period()
 
@@ -171,7 +171,7 @@ class Proof:
     def states_at(self, part):
         """Return the enclosure of (x, w) after some whole mesh periods."""
         turn = 2 * flint().arb.pi() * part
-        x, w, last = *self.box[:2], 0
+        (x, w), last = self.box[:2], 0
         for node, (x_end, w_end, phase, _) in zip(self.path.nodes, self.states, strict=True):
             if phase.overlaps(turn):
                 raise Uncertain(

@@ -8,6 +8,7 @@ returns. All flights are closed forms, so is the derivative.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 from gearlib.analysis.proofs.balls import flint
 
@@ -19,8 +20,8 @@ class Node:
     """Where one arc ends and the next begins."""
 
     kind: int
-    law: object  #: of the arc that ends here
-    phase: object = None  #: a ball; None: unknown
+    law: Any  #: of the arc that ends here
+    phase: Any = None  #: a ball; None: unknown
     before: int = 0  #: contact code of the arc that ends here
     after: int = 0
 

@@ -34,7 +34,7 @@ from gearlib.runs.run_arguments import MAX_EVENTS
 #: candidate near a fold or a grazing is known to half of the digits.
 _REACH = 1e-6
 _SINGULAR = "fold", "the derivative of the equations has no inverse: the point is not a simple one"
-#: Two contacts on either side of a touch, closer in phase, are the touch itself.
+#: Contacts this close to a touch, in phase, are the touch itself.
 _ONE_TOUCH = 1e-3
 #: A touch this close to tau = 0 is looked at from tau = pi.
 _NEAR_START = 0.1
@@ -158,12 +158,8 @@ def _touching(pair, given):
         state = samples[1, [columns.SAMPLE_X, columns.SAMPLE_V]]
         contact = ([contact] + [after for at, _, after in events if at < start])[-1]
         events = sorted((at + whole * (at < start), *codes) for at, *codes in events)
-    # A point on the far side of the grazing has two contacts more.
-    for one, two in zip(events, events[1:], strict=False):
-        if one[1] == two[2] and two[0] - one[0] < _ONE_TOUCH:
-            if _apart(one[0], touch, period) < _ONE_TOUCH:
-                events = [event for event in events if event not in (one, two)]
-                break
+    # A point on the far side of the grazing, or rounding, makes contacts of the touch.
+    events = [event for event in events if _apart(event[0], touch, period) > _ONE_TOUCH]
     return contact, events, (touch - start) % whole + start, which, start, state
 
 
@@ -207,12 +203,11 @@ def _point(pair, given, label, digits):
     states = path.states(x, w, phases, scale)
     check_contacts(path, (x, w), states)
     radius = krawczyk.uniqueness(system, centre, inverse)
-    touches = [
-        p for node, (_, _, p, _) in zip(path.nodes, states, strict=True) if node.kind == TOUCH
-    ]
+    nodes = list(zip(path.nodes, states, strict=True))
+    touches = [p for node, (_, _, p, _) in nodes if node.kind == TOUCH]
     contacts = [
         (p, node.before, node.after, w_at * scale)
-        for node, (_, w_at, p, _) in zip(path.nodes, states, strict=True)
+        for node, (_, w_at, p, _) in nodes
         if node.kind == CONTACT
     ]
     found = PointCertificate(
@@ -295,8 +290,10 @@ def _tongue(pair, order, sign, low, high, digits):
         pair,
         order,
         sign,
-        *(enclosure(edge, digits) for edge in edges),
-        *intervals,
+        enclosure(edges[0], digits),
+        enclosure(edges[1], digits),
+        intervals[0],
+        intervals[1],
         digits,
     )
     return found, min(digits_of(edge) for edge in edges)
