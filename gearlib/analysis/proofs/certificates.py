@@ -77,7 +77,7 @@ class Certificate:
         lines += [f"    phase       {event.phase}" for event in self.events]
         lines += [f"  multiplier    {_complex(*pair)}" for pair in self.multipliers]
         lines += [
-            f"  unique within {self.radius:.3g}; {self.moved:.2g} at most from the candidate",
+            f"  the only such orbit within {self.radius:.3g}",
             f"  {self.stability}: {self.reason}",
         ]
         return "\n".join(lines)
