@@ -5,6 +5,7 @@
 
 import json
 import os
+import sys
 from dataclasses import replace
 from fractions import Fraction
 from functools import cache
@@ -24,9 +25,9 @@ COUNT = int(os.environ.get("GEARLIB_CERTIFICATES", "40"))
 MATERIAL = PAPER.replace(material_damping=3953.7)
 
 
-def checked(certificate):
+def checked(certificate, share=0.25):
     """Return what the second program says of the JSON of a certificate."""
-    return faults(json.loads(json.dumps(certificate.as_dict())))
+    return faults(json.loads(json.dumps(certificate.as_dict())), share)
 
 
 def pair(**ratios):
@@ -123,7 +124,7 @@ def test_random_orbits_and_wrong_candidates(seed):
         return
     assert found.stability == "undecided" or (found.stability == "stable") == orbit.stable
     if seed % 4 == 0:
-        assert checked(found) == []
+        assert checked(found, share=1e-3) == []
     for statuses, candidate in never_right(orbit, np.random.default_rng(seed)):
         refused = gearlib.certify(candidate)
         assert not refused and refused.status in statuses, refused
@@ -133,7 +134,7 @@ def test_random_orbits_and_wrong_candidates(seed):
             # Proven all the same: then a true orbit lies that close, and the second program knows.
             assert other.moved <= REACH and other.pattern == candidate.pattern
             assert abs(float(other.displacement) - candidate.state[0]) <= 1.01 * REACH
-            assert COUNT > 1000 or checked(other) == []
+            assert seed % 4 or checked(other, share=1e-3) == []
 
 
 def test_most_random_orbits_are_proven():
@@ -193,12 +194,7 @@ def test_the_second_program_sees_what_is_wrong(name):
 
 
 def test_without_flint_the_message_says_what_to_install(monkeypatch):
-    from gearlib.analysis.proofs import balls
-
-    def absent(name):
-        raise ImportError(name)
-
     orbit = bouncing()
-    monkeypatch.setattr(balls, "import_module", absent)
+    monkeypatch.setitem(sys.modules, "flint", None)
     with pytest.raises(ImportError, match=r"python-flint.*gearlib\[proof\]"):
         gearlib.certify(orbit)

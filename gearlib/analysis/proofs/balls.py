@@ -9,7 +9,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from decimal import Context, Decimal
 from fractions import Fraction
-from importlib import import_module
 
 
 def flint():
@@ -21,11 +20,12 @@ def flint():
         Saying what to install.
     """
     try:
-        return import_module("flint")
+        import flint as module
     except ImportError:
         raise ImportError(
             "proofs need python-flint, which is not installed: pip install 'gearlib[proof]'"
         ) from None
+    return module
 
 
 @contextmanager

@@ -15,8 +15,6 @@ from gearlib.analysis.proofs.balls import flint, middle
 from gearlib.analysis.proofs.path import Uncertain
 
 _MAX_NEWTON = 12
-#: Newton's method takes a new derivative while its steps are larger.
-_NEAR = 1e-9
 #: Boxes that are tried for the largest one with a single zero, and the first of them.
 _TRIES, _LARGEST = 12, 0.1
 #: A derivative whose inverse is larger than this is singular.
@@ -34,12 +32,11 @@ def polish(system, start, singular):
         With the arguments `singular` if the derivative has no inverse.
     """
     module = flint()
-    u, largest, inverse = middle(start), module.arb(1), None
+    u = middle(start)
     goal = module.arb(2) ** (12 - module.ctx.prec)
     for _ in range(_MAX_NEWTON):
         residuals, rows = system(u)
-        if inverse is None or largest > _NEAR:
-            inverse = _inverse(rows, singular)
+        inverse = _inverse(rows, singular)
         steps = middle(_times(inverse, residuals))
         u = middle([value - step for value, step in zip(u, steps, strict=True)])
         largest = max(abs(step) / max(1, abs(x)) for step, x in zip(steps, u, strict=True))

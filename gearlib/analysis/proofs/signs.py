@@ -48,13 +48,17 @@ def keeps_off(law, x, w, t, side, line, first, last):
         bend = side * law.acceleration(y, v)
         if v > 0 or v < 0 or bend < 0:
             continue
+        x_middle = state(t * middle)[0]
+        # By the mean value of the velocity: sharper where it is small.
+        if side * (x_middle + v * t * arb(0, 0.5 * length) - line) > 0:
+            continue
         touches = (low == 0.0 and first == TOUCHING) or (low + length == 1.0 and last == TOUCHING)
         if touches and bend > 0:
             continue
         count += 1
         if count > _PIECES or length < _SHORTEST:
             return False
-        if not side * (state(t * middle)[0] - line) > 0:
+        if not side * (x_middle - line) > 0:
             return False
         todo += [(low, 0.5 * length), (middle, 0.5 * length)]
     return True
