@@ -315,6 +315,15 @@ class Branches(Section):
         return self
 
 
+class Certificates(Section):
+    """What is proven of the orbits, a file that a second program can check."""
+
+    all_points: bool = Field(
+        default=False,
+        description="Whether it holds all points of the branches, some MB; else how many hold.",
+    )
+
+
 class ReportPage(Grid):
     """The page of the report on which tunings are chosen: motions from rest over a grid."""
 

@@ -7,6 +7,7 @@ from pydantic import Field, model_validator
 from gearlib.config.experiments import (
     AnalyticMethod,
     Branches,
+    Certificates,
     Figures,
     Jump,
     Labels,
@@ -45,6 +46,7 @@ Target = Literal[
     "jump",
     "labels",
     "branches",
+    "certificates",
     "nonlinear_damping",
     "analytic_method",
     "models",
@@ -92,6 +94,7 @@ class Config(Section):
     models: Models = Models()
     labels: Labels = Labels()
     branches: Branches
+    certificates: Certificates = Certificates()
     parametric_resonance: ParametricResonance = ParametricResonance()
     stability_chart: StabilityChart
     failures: Failures = Failures()

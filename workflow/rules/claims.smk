@@ -13,6 +13,7 @@ use rule job as claims with:
         tongues=rules.tongues.output.dataset,
         branches=expand(rules.branches.output.dataset, damping=CONFIG.dampings),
         one_mesh=rules.one_mesh.output.dataset,
+        certificates=rules.certificates.output.json,
         sources=script_sources("claims"),
     output:
         csv="results/claims.csv",

@@ -244,6 +244,7 @@ def target_files(targets):
         "jump_by_method": ["results/jump_by_method.csv"],
         "reducer": ["results/reducer.csv"],
         "one_mesh": ["results/one_mesh.csv"],
+        "certificates": ["results/certificates.json"],
         "claims": ["results/claims.csv", "results/claims.md"],
         "report_page": ["results/report/index.html"],
     }
