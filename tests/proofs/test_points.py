@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import gearlib
+from gearlib.analysis import tongues
 from gearlib.analysis.orbits.special_points import LABELS
 from tests.paper import PAPER
 from tests.physics.high_precision import propagate
@@ -90,10 +91,10 @@ def trace(pair, nu):
 
 
 def test_edges_of_tongues_in_closed_form():
-    tongues = gearlib.certify_tongues(PAPER, start=0.6, stop=1.5, digits=35)
-    assert [one.order for one in tongues] == [2, 3]
+    proven = gearlib.certify_tongues(PAPER, start=0.6, stop=1.5, digits=35)
+    assert [one.order for one in proven] == [2, 3]
     with mpmath.workdps(50):
-        for one in tongues:
+        for one in proven:
             for edge in (one.start, one.stop):
                 low, high = (mpmath.mpf(str(end)) for end in (edge.low, edge.high))
                 values = [trace(PAPER, end) - 2 * one.multiplier for end in (low, high)]
@@ -107,6 +108,21 @@ def test_damped_tongues_are_narrower_and_closed_ones_are_left_out():
     (damped,) = gearlib.certify_tongues(PAPER.replace(material_damping=500.0), start=0.9, stop=1.1)
     assert free.start.high < damped.start.low < damped.stop.high < free.stop.low
     assert gearlib.certify_tongues(MATERIAL, start=0.9, stop=1.1) == []
+
+
+def test_a_tongue_holds_one_gap_only(monkeypatch):
+    """From the lower edge of order 4 to the upper one of order 2 there is stable motion between."""
+    found = tongues.tongues(PAPER, start=0.45, stop=1.1)
+    joined = found.sel(order=[2]).copy(deep=True)
+    joined["tuning_from"][:] = found.tuning_from.sel(order=4)
+    monkeypatch.setattr(tongues, "tongues", lambda *_, **__: joined)
+    (refused,) = gearlib.certify_tongues(PAPER)
+    assert not refused and refused.status == "tongue"
+
+
+def test_special_points_of_other_models_are_refused():
+    (refused,) = gearlib.certify_tongues(gearlib.OneDegreePair(pair=PAPER), start=0.64, stop=0.7)
+    assert not refused and refused.status == "model"
 
 
 @pytest.mark.parametrize("tuning", [0.815, 0.8151])

@@ -10,7 +10,7 @@ from scipy.linalg import expm
 import gearlib
 from gearlib.analysis.proofs import orbits
 from gearlib.analysis.proofs.balls import precision
-from gearlib.analysis.proofs.laws import Contact, Flight
+from gearlib.analysis.proofs.laws import Elastic, Flight
 from gearlib.analysis.proofs.path import Uncertain
 from gearlib.analysis.proofs.signs import CROSSING, OFF, TOUCHING, check_contacts, keeps_off
 from tests.paper import PAPER
@@ -23,11 +23,11 @@ def arc(law, x, w, t, *ends, side=1, line=0.0):
     with precision(160) as arb:
         kind, *numbers = law
         law = kind(*map(arb, numbers))
-        return keeps_off(law, arb(x), arb(w), arb(t), side, arb(line), *ends)
+        return keeps_off(law, arb(x), arb(w), arb(t), 0, side, arb(line), *ends)
 
 
-#: Undamped contact about the rest position 1: x = 1 - A cos t from its lowest point, at pi.
-LINEAR = (Contact, 1.0, 0.0, 0.0)
+#: Undamped contact about the rest position 1, of stiffness 1.
+LINEAR = Elastic, 1.0, 0.0, 1.0
 
 
 @pytest.mark.parametrize("lowest, keeps", [(1e-9, True), (-1e-9, False), (0.0, False), (0.3, True)])
@@ -46,6 +46,9 @@ def test_an_arc_that_starts_or_ends_on_the_line():
     assert arc(LINEAR, 0.0, 0.0, 1.0, TOUCHING, OFF)
     assert not arc(LINEAR, 0.0, 0.0, 1.0, TOUCHING, OFF, side=-1)
     assert not arc(LINEAR, 0.0, 0.0, 1.0, OFF, OFF)
+    # A turn from rest on the line to rest on it.
+    assert arc(LINEAR, 0.0, 0.0, 2.0 * math.pi, TOUCHING, TOUCHING)
+    assert not arc(LINEAR, 0.0, 0.0, 2.0 * math.pi, TOUCHING, TOUCHING, side=-1)
 
 
 @pytest.mark.parametrize("damping", [0.0, 0.1])
@@ -56,7 +59,7 @@ def test_a_flight_that_nearly_reaches_the_far_flank(damping):
         rate = 2.0 * damping
         depth = 1.0 / rate - math.log1p(rate) / rate**2
     for line, keeps in ((-depth - 1e-10, True), (-depth + 1e-10, False)):
-        assert arc((Flight, damping), 0.0, -1.0, 1.5, OFF, OFF, line=line) == keeps
+        assert arc((Flight, damping, 1.0), 0.0, -1.0, 1.5, OFF, OFF, line=line) == keeps
 
 
 def without_loss(pair, tuning):

@@ -184,7 +184,7 @@ def _complex(real, imaginary):
 def as_claim(claim, certificate):
     """Return a certificate as a dict of plain values that names its claim."""
     values = {field.name: plain(getattr(certificate, field.name)) for field in fields(certificate)}
-    return {"claim": claim} | values | {"pair": numbers(certificate.pair)}
+    return {"claim": claim} | values | {"pair": numbers(certificate.pair.as_dict())}
 
 
 def plain(value):
@@ -203,6 +203,11 @@ def number(value):
     return float(value).hex()
 
 
-def numbers(pair):
-    """Return the SI numbers of a `GearPair`, exactly; its teeth have no part in its motion."""
-    return {name: number(value) for name, value in pair.as_dict().items() if name != "teeth"}
+def numbers(value):
+    """Return the parameters of a model with exact numbers, in lists and dicts as they are."""
+    if isinstance(value, dict):
+        # Teeth have no part in the motion.
+        return {name: numbers(one) for name, one in value.items() if name != "teeth"}
+    if isinstance(value, (list, tuple)):
+        return [numbers(one) for one in value]
+    return number(value) if isinstance(value, float) else value

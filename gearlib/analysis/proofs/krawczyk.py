@@ -33,7 +33,8 @@ def polish(system, start, singular):
     """
     module = flint()
     u = middle(start)
-    goal = module.arb(2) ** (12 - module.ctx.prec)
+    # A step this small squares its error to less than rounding.
+    goal = module.arb(2) ** -(0.6 * module.ctx.prec)
     for _ in range(_MAX_NEWTON):
         residuals, rows = system(u)
         inverse = _inverse(rows, singular)
@@ -44,8 +45,6 @@ def polish(system, start, singular):
             break
         if largest < goal:
             return u, inverse
-        # Rounding may leave a little: each round asks for less.
-        goal *= 2
     raise Uncertain("distance", "Newton's method did not converge at the candidate")
 
 

@@ -141,36 +141,33 @@ def carry(path, x, w, scale, guesses):
     for node in path.nodes:
         if node.phase is not None:
             phase, t = node.phase, (node.phase - last) * scale
-            x, w = node.law.after(x, w, node.law.matrix(t), t)
+            x, w, _ = node.law.go(x, w, t, last)
         else:
             line = path.line(node)
-            t = _crossing(node.law, x, w, line, ((next(guesses) - last) * scale).mid())
-            _, w = node.law.after(x, w, node.law.matrix(t), t)
+            t = _crossing(node.law, x, w, last, line, ((next(guesses) - last) * scale).mid())
+            _, w, _ = node.law.go(x, w, t, last)
             x, phase = line, last + t / scale
         found.append((x, w, phase, t))
         last = phase
     return found
 
 
-def _crossing(law, x, w, line, t):
+def _crossing(law, x, w, phase, line, t):
     """Return the ball of times at which motions cross a flank line, one time each, near `t`."""
     arb = flint().arb
 
-    def state(x, w, t):
-        return law.after(x, w, law.matrix(t), t)
-
     goal = abs(t) * arb(2) ** (8 - flint().ctx.prec)
     for _ in range(_CORRECTIONS):
-        y, v = state(x.mid(), w.mid(), t)
+        y, v, _ = law.go(x.mid(), w.mid(), t, phase)
         step = ((y - line) / v).mid()
         t = (t - step).mid()
         if abs(step) <= goal:
             break
-    y, v = state(x, w, t)
+    y, v, _ = law.go(x, w, t, phase)
     reach = (abs(y - line) / abs(v)).upper() + goal
     for factor in _FACTORS:
         around = arb(t, (factor * reach).upper())
-        _, speed = state(x, w, around)
+        _, speed, _ = law.go(x, w, around, phase)
         newton = t - (y - line) / speed
         if around.contains_interior(newton):
             return newton
@@ -201,11 +198,16 @@ def _arrival(trap, orbit, state, periods):
 
 def _start(laws, x, w):
     """Return (how a state lies to the flank lines, contact code of the motion from it)."""
-    if x == laws.near:
-        # The load pulls up.
-        return (TOUCHING, NORMAL) if w == 0 else (CROSSING, NORMAL if w > 0 else BACKLASH)
-    if laws.far is not None and x == laws.far:
-        return (TOUCHING, BACKLASH) if w == 0 else (CROSSING, BACKLASH if w > 0 else INVERSE)
+    for line, above, below in ((laws.near, NORMAL, BACKLASH), (laws.far, BACKLASH, INVERSE)):
+        if line is not None and x == line:
+            below = INVERSE if laws.near is laws.far else below
+            if w == 0:
+                # There is no force from the flank.
+                pull = laws.law(BACKLASH, laws.first).acceleration(x, w, 0)
+                if not (pull > 0 or pull < 0):
+                    raise Uncertain("arrival", "where a start at rest on the line leads to is open")
+                return TOUCHING, above if pull > 0 else below
+            return CROSSING, above if w > 0 else below
     if x > laws.near:
         return OFF, NORMAL
     return OFF, INVERSE if laws.far is not None and x < laws.far else BACKLASH

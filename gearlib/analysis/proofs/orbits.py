@@ -84,9 +84,13 @@ def first_with(digits, step):
 
 def check_model(pair):
     """Raise `Uncertain` for a model without a proof."""
-    if pair.mesh is not pair:
+    if pair.equation is None or not pair.equation.is_piecewise_linear():
         name = type(pair).__name__
-        raise Uncertain("model", f"proofs are written for a GearPair, not for a {name}")
+        raise Uncertain(
+            "model",
+            "proofs are written for one degree of freedom with linear phases of contact, not for "
+            f"this {name}",
+        )
 
 
 def run_contacts(pair, tuning, state, period):
@@ -134,7 +138,7 @@ class Proof:
 
     def __init__(self, orbit, contact, events):
         arb = flint().arb
-        self.orbit, self.laws = orbit, Laws(orbit.pair)
+        self.orbit, self.laws = orbit, Laws(orbit.pair, orbit.tuning)
         self.scale = 1 / arb(orbit.tuning)
         self.path = Path(self.laws, contact, events, orbit.period)
         given = arb(float(orbit.state[0])), arb(float(orbit.state[1])) * orbit.tuning
@@ -179,7 +183,7 @@ class Proof:
                 )
             if phase > turn:
                 t = (turn - last) * self.scale
-                return node.law.after(x, w, node.law.matrix(t), t)
+                return node.law.go(x, w, t, last)[:2]
             x, w, last = x_end, w_end, phase
         return x, w
 

@@ -58,14 +58,14 @@ class Path:
         turn = 2 * arb.pi()
         end = self.start + period * turn
         switches = [
-            (phase + n * turn, SWITCH, low)
+            (phase + n * turn, SWITCH, segment)
             for n in range(period + 1)
-            for phase, low in laws.switches
+            for phase, segment in laws.switches
         ]
-        low = laws.begins_low
-        for phase, _, below in switches:
+        segment = laws.first
+        for phase, _, following in switches:
             if phase < self.start:
-                low = below
+                segment = following
         marks = [mark for mark in switches if self.start < mark[0] < end]
         marks += [(arb(phase), CONTACT, (before, after)) for phase, before, after in events]
         if touch is not None:
@@ -74,10 +74,10 @@ class Path:
         marks.sort(key=lambda mark: float(mark[0].mid()))
         self.nodes, self.guess = [], []
         for phase, kind, what in marks:
-            law = laws.law(contact, low)
+            law = laws.law(contact, segment)
             if kind == SWITCH:
                 self.nodes.append(Node(SWITCH, law, phase, contact, contact))
-                low = what
+                segment = what
                 continue
             before, after = what or (contact, contact)
             if before != contact:
@@ -85,7 +85,7 @@ class Path:
             self.nodes.append(Node(kind, law, None, before, after))
             self.guess.append(phase)
             contact = after
-        self.nodes.append(Node(END, laws.law(contact, low), end, contact, contact))
+        self.nodes.append(Node(END, laws.law(contact, segment), end, contact, contact))
 
     def phases(self, unknown):
         """Return the phase of every node; `unknown` are those that are not known."""
@@ -118,16 +118,18 @@ class Path:
         for node, phase in zip(self.nodes, self.phases(unknowns[2 : n - free]), strict=True):
             law, span = node.law, phase - last
             t = span * scale
-            matrix = law.matrix(t)
-            p11, p12, p21, p22 = matrix
-            x, w = law.after(x, w, matrix, t)
-            a = law.acceleration(x, w)
+            speed = w, law.acceleration(x, w, last)
+            x, w, (p11, p12, p21, p22) = law.go(x, w, t, last)
+            a = law.acceleration(x, w, phase)
+            if last_column is not None:
+                # The later the arc begins, the less of it there is.
+                gx[last_column] -= scale * speed[0]
+                gw[last_column] -= scale * speed[1]
             gx, gw = (
                 [p11 * i + p12 * j for i, j in zip(gx, gw, strict=True)],
                 [p21 * i + p22 * j for i, j in zip(gx, gw, strict=True)],
             )
-            moved = [(last_column, -scale)]
-            last, last_column = phase, None
+            moved, last, last_column = [], phase, None
             if node.phase is None:
                 moved.append((column, scale))
                 last_column = column
@@ -135,9 +137,8 @@ class Path:
             if free:
                 moved.append((n - 1, span))
             for i, rate in moved:
-                if i is not None:
-                    gx[i] += w * rate
-                    gw[i] += a * rate
+                gx[i] += w * rate
+                gw[i] += a * rate
             if node.kind in (CONTACT, TOUCH):
                 line = self.line(node)
                 residuals.append(x - line)
@@ -157,7 +158,7 @@ class Path:
         found, last = [], self.start
         for node, phase in zip(self.nodes, self.phases(unknown), strict=True):
             t = (phase - last) * scale
-            x, w = node.law.after(x, w, node.law.matrix(t), t)
+            x, w, _ = node.law.go(x, w, t, last)
             if node.kind in (CONTACT, TOUCH):
                 x = self.line(node)
             if node.kind == TOUCH:

@@ -23,7 +23,7 @@ from gearlib.analysis.proofs import krawczyk
 from gearlib.analysis.proofs.balls import digits_of, enclosure, flint
 from gearlib.analysis.proofs.certificates import ContactEvent, PointCertificate, Refusal, Tongue
 from gearlib.analysis.proofs.laws import Laws
-from gearlib.analysis.proofs.orbits import check_model, first_with, run_contacts
+from gearlib.analysis.proofs.orbits import first_with, run_contacts
 from gearlib.analysis.proofs.path import CONTACT, TOUCH, Path, Uncertain
 from gearlib.analysis.proofs.signs import check_contacts
 from gearlib.kernels import orbit as columns
@@ -122,7 +122,9 @@ def certify_tongues(pair, *, start=0.3, stop=3.0, digits=30):
 def _proven(step, pair, digits):
     """Return what a step of `first_with` gives, or a `Refusal`."""
     try:
-        check_model(pair)
+        if pair.mesh is not pair:
+            name = type(pair).__name__
+            raise Uncertain("model", f"special points are proven of a GearPair, not of a {name}")
         return first_with(digits, step)
     except Uncertain as reason:
         return Refusal(*reason.args)
@@ -171,7 +173,7 @@ def _apart(a, b, period):
 
 def _point(pair, given, label, digits):
     """Return (the `PointCertificate`, its digits) at the present precision."""
-    arb, laws, (state, tuning, period) = flint().arb, Laws(pair), given
+    arb, laws, (state, tuning, period) = flint().arb, Laws(pair, given[1]), given
     touch, start = None, 0.0
     if label == special.GRAZING:
         contact, events, phase, which, start, state = _touching(pair, given)
@@ -248,11 +250,29 @@ def _interval(scale, radius):
     return math.nextafter(ends[0], math.inf), math.nextafter(ends[1], -math.inf)
 
 
+def _check_inside(excess, first, last, order):
+    """Prove that a function, zero at two places, is < 0 between them; it returns its slope too."""
+    todo, count = [(first, last, True, True)], 0
+    while todo:
+        a, b, at_first, at_last = todo.pop()
+        value, slope = excess(a.union(b))
+        # Next to a zero the sign follows from the slope.
+        if value < 0 or (at_first and slope < 0 and not at_last):
+            continue
+        if at_last and slope > 0 and not at_first:
+            continue
+        middle, count = ((a + b) / 2).mid(), count + 1
+        if count > _PIECES or not excess(middle)[0] < 0:
+            raise Uncertain(
+                "tongue", f"it is not proven that deviations grow everywhere within order {order}"
+            )
+        todo += [(a, middle, at_first, False), (middle, b, False, at_last)]
+
+
 def _tongue(pair, order, sign, low, high, digits):
     """Return (the `Tongue`, its digits) at the present precision."""
     arb = flint().arb
-    laws = Laws(pair)
-    path = Path(laws, NORMAL, [], 1)
+    path = Path(Laws(pair, low), NORMAL, [], 1)
 
     def excess(scale):
         """Return det(M - sign I), < 0 where deviations grow, and its derivative by 1 / nu."""
@@ -271,21 +291,7 @@ def _tongue(pair, order, sign, low, high, digits):
         radius = krawczyk.uniqueness(system, centre, inverse)
         edges.append(1 / box[0])
         intervals.append(_interval(centre[0], radius))
-    todo = [(1 / edges[1], 1 / edges[0], True, True)]
-    for _ in range(_PIECES):
-        if not todo:
-            break
-        a, b, at_a, at_b = todo.pop()
-        value, slope = excess(a.union(b))
-        # Next to an edge, where it is zero, the sign follows from the slope.
-        if value < 0 or (at_a and slope < 0 and not at_b) or (at_b and slope > 0 and not at_a):
-            continue
-        middle = ((a + b) / 2).mid()
-        if not excess(middle)[0] < 0:
-            break
-        todo += [(a, middle, at_a, False), (middle, b, False, at_b)]
-    if todo:
-        raise Uncertain("tongue", f"it is not proven that deviations grow within order {order}")
+    _check_inside(excess, 1 / edges[1], 1 / edges[0], order)
     found = Tongue(
         pair,
         order,

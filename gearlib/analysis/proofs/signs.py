@@ -9,7 +9,7 @@ OFF, CROSSING, TOUCHING = range(3)
 _PIECES, _SHORTEST = 2000, 2**-48
 
 
-def keeps_off(law, x, w, t, side, line, first, last):
+def keeps_off(law, x, w, t, phase, side, line, first, last):
     """Return whether side (x - line) > 0 is proven strictly between the ends of an arc.
 
     The arc is cut into pieces. On a piece the sign is proven if the enclosure of x has it, or if x
@@ -21,8 +21,8 @@ def keeps_off(law, x, w, t, side, line, first, last):
     law : Contact or Flight
     x, w : arb
         State at the start of the arc.
-    t : arb
-        Its duration.
+    t, phase : arb
+        Its duration, and the mesh phase at its start.
     side : int
     line : arb
     first, last : int
@@ -32,7 +32,7 @@ def keeps_off(law, x, w, t, side, line, first, last):
     arb = flint().arb
 
     def state(at):
-        return law.after(x, w, law.matrix(at), at)
+        return law.go(x, w, at, phase)[:2]
 
     if first == OFF and not side * (x - line) > 0:
         return False
@@ -42,10 +42,11 @@ def keeps_off(law, x, w, t, side, line, first, last):
     while todo:
         low, length = todo.pop()
         middle = low + 0.5 * length
-        y, v = state(t * arb(middle, 0.5 * length))
+        piece = t * arb(middle, 0.5 * length)
+        y, v = state(piece)
         if side * (y - line) > 0:
             continue
-        bend = side * law.acceleration(y, v)
+        bend = side * law.acceleration(y, v, phase, piece)
         if v > 0 or v < 0 or bend < 0:
             continue
         x_middle = state(t * middle)[0]
@@ -101,7 +102,7 @@ def check_contacts(path, start, states, first=OFF):
         end = TOUCHING if node.kind == TOUCH else CROSSING
         for side, line in path.laws.bounds(contact):
             ends = (first if line is touched else OFF), (end if line is on else OFF)
-            if not keeps_off(node.law, x, w, t, side, line, *ends):
+            if not keeps_off(node.law, x, w, t, last, side, line, *ends):
                 raise Uncertain(
                     "grazing",
                     f"before phase {at:.6g} the motion comes too near to a flank line to prove "
