@@ -1,6 +1,7 @@
 """Claims: verdicts follow the data, whatever the data are."""
 
 import csv
+import json
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -19,6 +20,7 @@ from gearlib.studies.claims.data import LINE
 from gearlib.studies.claims.explanations import GRAZING, Facts
 from gearlib.studies.trains import one_mesh
 from tests.paper import PAPER
+from tests.proofs.checker import faults
 
 ROOT = Path(__file__).resolve().parents[2]
 DAMPINGS = {
@@ -199,6 +201,18 @@ def test_what_is_proven_follows_from_certificates(paper):
     fewer = [row for row in paper[-1] if row["claim"] != "motion"]
     said = {one.id: one.proven for one in claims.evaluate(PAPER, DAMPINGS, *paper[:-1], fewer)}
     assert said["P11"] == said["P10"] == said["P7"] == "" and said["P6"]
+
+
+def test_a_second_program_confirms_what_the_words_rest_on(paper, tmp_path):
+    certificates.write_json(paper[-1], tmp_path / "certificates.json")
+    rows = certificates.read_json(tmp_path / "certificates.json")
+    assert rows == json.loads(json.dumps(paper[-1]))
+    # Of motions the orbit; where they tend to it is a matter of `tests/proofs/test_points.py`.
+    rows = [row | {"claim": "orbit"} if row["claim"] == "motion" else row for row in rows]
+    checked = [row for row in rows if row["claim"] not in ("count", "refusal", "tongue")]
+    assert len(checked) > 100
+    for row in checked[::6]:
+        assert faults(row, share=1e-3) == [], row
 
 
 def test_the_thickness_of_a_line_is_a_touch():

@@ -4,7 +4,7 @@
 module            responsibility
 ================  =====================================================================
 ``balls``         python-flint where it is installed; numbers in, decimals out
-``laws``          the laws of motion of a `GearPair` in balls, closed forms
+``laws``          the laws of motion in balls, closed forms
 ``path``          an orbit as a system of equations, with all derivatives
 ``krawczyk``      zeros of systems of equations, proven
 ``signs``         that a motion touches no flank line between its contacts

@@ -16,7 +16,7 @@ from gearlib.analysis.proofs.path import Uncertain
 
 _MAX_NEWTON = 12
 #: Boxes that are tried for the largest one with a single zero, and the first of them.
-_TRIES, _LARGEST = 12, 0.1
+_TRIES, _LARGEST = 40, 0.1
 #: A derivative whose inverse is larger than this is singular.
 _SINGULAR = 1e13
 
@@ -96,10 +96,15 @@ def enclose(system, centre, inverse):
     return [m + s for m, s in zip(centre, shift, strict=True)] if inside(shift, radii) else None
 
 
-def uniqueness(system, centre, inverse):
-    """Return a radius, a float: the box of it about `centre` has exactly one zero; 0: not proven.
+def uniqueness(system, centre, inverse, singular):
+    """Return a radius, a float: the box of it about `centre` has exactly one zero.
 
     The first radius that passes is not the largest possible one.
+
+    Raises
+    ------
+    Uncertain
+        With the arguments `singular` if none passes.
     """
     residuals, _ = system(centre)
     radius = _LARGEST
@@ -112,4 +117,4 @@ def uniqueness(system, centre, inverse):
         grown = float(max(abs(s) for s in shift).upper()) / radius
         # The share falls with the radius; where it has no bound, a much smaller box is tried.
         radius *= 0.1 if not grown < 1e3 else min(0.5, 0.5 / grown)
-    return 0.0
+    raise Uncertain(*singular)

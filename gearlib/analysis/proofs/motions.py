@@ -32,7 +32,7 @@ def certify_motion(orbit, initial_state=(0.0, 0.0), *, periods=2000):
     Parameters
     ----------
     orbit : Orbit
-        Of `gearlib.periodic_orbit`, of a `GearPair`; nothing it says is believed.
+        As of `gearlib.certify`.
     initial_state : tuple of float, shape (2,)
         Displacement in static deflections and dx/dtau at tau = 0, exact numbers; by default at
         rest on the flank.

@@ -30,14 +30,18 @@ def certify(orbit, digits=30):
     Parameters
     ----------
     orbit : Orbit
-        The candidate, of `gearlib.periodic_orbit`, of a `GearPair`; nothing it says is believed.
+        The candidate, of `gearlib.periodic_orbit`, of a `GearPair`, or of another model of one
+        degree of freedom with linear phases of contact; nothing it says is believed.
     digits : int, default 30
         Decimal digits of the enclosures, 10 to 300.
 
     Returns
     -------
     Certificate or Refusal
-        A `Refusal` is false where a truth value is asked for; it names the step that failed.
+        A certificate has displacement, velocity and events with their enclosures (exact decimals),
+        radius, within which there is no other such orbit, trace, determinant and multipliers,
+        stability with its reason; `as_dict` for a file. A refusal is false where a truth value is
+        asked for; its status and message name the step that failed.
 
     Raises
     ------
@@ -48,9 +52,9 @@ def certify(orbit, digits=30):
 
     Notes
     -----
-    The floating-point numbers of pair and tuning are taken as exact numbers. The proven orbit lies
-    within 1e-8 static deflections of the candidate and has its contacts, in its order, and no
-    others. Method: Krawczyk's test in ball arithmetic, see the page on proofs.
+    The floating-point numbers of a `GearPair` and the tuning are taken as exact numbers. The proven
+    orbit lies within 1e-8 static deflections of the candidate and has its contacts, in its order,
+    and no others. Method: Krawczyk's test in ball arithmetic, see the page on proofs.
     """
     if not isinstance(orbit, Orbit):
         raise ValueError(f"orbit = {orbit!r} is not allowed: it must be an Orbit")
@@ -157,7 +161,7 @@ class Proof:
         x, w, *phases = self.box
         self.states = self.path.states(x, w, phases, self.scale)
         check_contacts(self.path, (x, w), self.states)
-        self.radius = uniqueness(system, self.centre, inverse)
+        self.radius = uniqueness(system, self.centre, inverse, _FOLD)
         self._check_period()
 
     def _check_period(self):

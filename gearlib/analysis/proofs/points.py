@@ -204,7 +204,7 @@ def _point(pair, given, label, digits):
         )
     states = path.states(x, w, phases, scale)
     check_contacts(path, (x, w), states)
-    radius = krawczyk.uniqueness(system, centre, inverse)
+    radius = krawczyk.uniqueness(system, centre, inverse, _SINGULAR)
     nodes = list(zip(path.nodes, states, strict=True))
     touches = [p for node, (_, _, p, _) in nodes if node.kind == TOUCH]
     contacts = [
@@ -288,7 +288,7 @@ def _tongue(pair, order, sign, low, high, digits):
         box, centre, inverse = _enclosed(system, [1 / arb(tuning)])
         if not abs(1 / box[0] - tuning) < _REACH:
             raise Uncertain("distance", f"no edge of order {order} is where it was looked for")
-        radius = krawczyk.uniqueness(system, centre, inverse)
+        radius = krawczyk.uniqueness(system, centre, inverse, _SINGULAR)
         edges.append(1 / box[0])
         intervals.append(_interval(centre[0], radius))
     _check_inside(excess, 1 / edges[1], 1 / edges[0], order)
