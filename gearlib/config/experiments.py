@@ -20,6 +20,7 @@ from gearlib.config.types import (
     Start,
     Step,
     Stop,
+    Truth,
     Tuning,
     check_count,
     integer_within,
@@ -318,7 +319,7 @@ class Branches(Section):
 class Certificates(Section):
     """What is proven of the orbits, a file that a second program can check."""
 
-    all_points: bool = Field(
+    all_points: Truth = Field(
         default=False,
         description="Whether it holds all points of the branches, some MB; else how many hold.",
     )

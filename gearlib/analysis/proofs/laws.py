@@ -150,6 +150,7 @@ class Laws:
     """
 
     def __init__(self, model, tuning):
+        self._laws: dict = {}
         by_pair = model.mesh is model
         self._of_pair(model) if by_pair else self._of_equation(model.equation, tuning)
 
@@ -166,13 +167,11 @@ class Laws:
         elif math.isfinite(pair.backlash):
             deflection = arb(pair.load) / (arb(pair.max_stiffness) * mean)
             self.far = -arb(pair.backlash) / deflection
-        levels, flight = (1 / mean, kappa / mean), Flight(oil, arb(1))
-        self._laws = {
-            contact: [Elastic(c, damping, line + 1 / c) for c in levels]
-            for contact, line in ((NORMAL, self.near), (INVERSE, self.far))
-            if line is not None
-        }
-        self._laws[BACKLASH] = [flight, flight]
+        levels = 1 / mean, kappa / mean
+        self._laws[BACKLASH] = [Flight(oil, arb(1))] * 2
+        for contact, line in ((NORMAL, self.near), (INVERSE, self.far)):
+            if line is not None:
+                self._laws[contact] = [Elastic(c, damping, line + 1 / c) for c in levels]
         constant = pair.stiffness_ratio == 1.0 or pair.contact_ratio in (1.0, 2.0)
         pi = arb.pi()
         self.switches = [] if constant else [(pi * (ratio - 1), 1), (pi * (3 - ratio), 0)]
@@ -202,7 +201,7 @@ class Laws:
                 one = Elastic(total, damping, (load + stiffness * line) / total)
             return Forced(one, rows, scale) if rows else one
 
-        self._laws = {BACKLASH: [law(BACKLASH, arb(0), self.near)] * len(near.low)}
+        self._laws[BACKLASH] = [law(BACKLASH, arb(0), self.near)] * len(near.low)
         for contact, side, line in ((NORMAL, near, self.near), (INVERSE, far, self.far)):
             if line is not None:
                 values = [arb(float(c)) for c in side.lines[:, 0]]
