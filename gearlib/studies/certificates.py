@@ -2,10 +2,12 @@
 
 Of every damping: the tongues, the special points of the branches behind Fig. 3, the orbits on these
 branches at the tunings that the paper's statements name, and where the motion from rest tends to
-there. Of all other points of the branches only how many are proven, unless all are asked for.
+there; the ranges of tunings with an orbit that never loses contact. Of all other points of the
+branches only how many are proven, unless all are asked for.
 """
 
 import json
+import math
 from collections import Counter
 
 import numpy as np
@@ -17,6 +19,7 @@ from gearlib.analysis.orbits.special_points import DOUBLING, FOLD, GRAZING, REGU
 from gearlib.analysis.proofs.motions import certify_motion
 from gearlib.analysis.proofs.orbits import certify
 from gearlib.analysis.proofs.points import certify_fold, certify_grazing, certify_tongues
+from gearlib.analysis.proofs.ranges import certify_range
 from gearlib.data.files import replacing
 from gearlib.kernels import orbit as columns
 from gearlib.models.pair import GearPair
@@ -24,6 +27,8 @@ from gearlib.runs.run_arguments import MAX_EVENTS
 
 #: Tunings of the paper's Fig. 6.
 TWO = (0.815, 0.8151)
+#: Ranges begin and end at multiples of this, not nearer to a special point.
+NEAR = 1e-4
 #: Above the tunings of the paper's bounces, 1.12, by more than the reading of its plot.
 ABOVE = 1.14
 
@@ -58,7 +63,7 @@ def compute(pairs, branches, tunings, initial_state, whole=False):
     found = []
     for name, parameters in pairs.items():
         pair, branch = GearPair(**parameters), branches[name]
-        rows = [{}, *_tongues(pair, branch), *_points(pair, branch)]
+        rows = [{}, *_tongues(pair, branch), *_points(pair, branch), *_ranges(pair, branch)]
         for tuning in tunings:
             rows += _at(pair, branch, tuning, initial_state)
         counts, orbits = _all_points(pair, branch)
@@ -87,6 +92,31 @@ def _points(pair, branch):
             yield _row(certify_fold(pair, branch, int(point)), tuning)
         elif label == GRAZING:
             yield _row(certify_grazing(pair, branch, int(point)), tuning)
+
+
+def _ranges(pair, branch):
+    """Yield ranges of tunings with an orbit without loss of contact: between special points."""
+    tuning, label, number = (branch[name].values for name in ("tuning", "label", "branch"))
+    kept = (branch.contacts.values == "N") & (branch.period.values == 1) & (label == REGULAR)
+    ends = np.flatnonzero((label != REGULAR) | (np.diff(number, append=-1) != 0))
+    for first, last in zip([0, *ends], ends, strict=False):
+        # A special point belongs to what is on either side of it, the end of a branch does not.
+        first += number[first] != number[last]
+        inside = np.flatnonzero(kept[first : last + 1]) + first
+        low, high = sorted((first, last), key=lambda point: tuning[point])
+        counts = [round(tuning[point] / NEAR, 6) for point in (low, high)]
+        away = [label[point] != REGULAR for point in (low, high)]
+        low = round((math.ceil(counts[0]) + away[0]) * NEAR, 4)
+        high = round((math.floor(counts[1]) - away[1]) * NEAR, 4)
+        if not inside.size or low >= high:
+            continue
+        nearest = inside[np.abs(tuning[inside] - low).argmin()]
+        try:
+            orbit = periodic_orbit(pair, low, guess=branch.state.values[nearest])
+        except NoOrbit:
+            continue
+        if orbit.pattern == (1,):
+            yield _row(certify_range(orbit, to=high), low)
 
 
 def _at(pair, branch, tuning, initial_state):

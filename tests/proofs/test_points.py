@@ -1,6 +1,8 @@
 """Folds, period doublings, grazings, tongues and where motions tend to: against other programs."""
 
 import json
+import re
+from dataclasses import replace
 from functools import cache
 
 import mpmath
@@ -164,3 +166,49 @@ def test_what_a_motion_does_not_reach():
     assert gearlib.certify_motion(large, large.state + 1e-3).periods < 40
     unstable = gearlib.periodic_orbit(PAPER, 0.66, guess=(0.5, 0.0))
     assert gearlib.certify_motion(unstable).status == "trap"
+
+
+def refused_at(refusal):
+    """Return up to which tuning a range is proven, from the sentence of its refusal."""
+    return float(re.search(r"to ([\d.]+) it is proven", refusal.message).group(1))
+
+
+@pytest.mark.parametrize(
+    "pair, start, to, guess, status, at",
+    [
+        (MATERIAL, 0.6, 0.803, (0.5, 0.0), "grazing", 0.8020519930),
+        (MATERIAL, 0.815, 0.817, None, "fold", 0.8160450454),
+        (PAPER, 0.64, 0.66, (0.5, 0.0), "stability", 0.6556243338),
+    ],
+)
+def test_a_range_ends_where_the_orbit_does(pair, start, to, guess, status, at):
+    """At the special points of the tests above."""
+    orbit = gearlib.periodic_orbit(pair, start, guess=guess)
+    refused = gearlib.certify_range(orbit, to=to)
+    # Pieces end at a billionth of the range; next to a fold the orbit moves like a root.
+    assert refused.status == status and at - 2e-7 < refused_at(refused) < at + 1e-9
+    proven = gearlib.certify_range(orbit, to=at - 1e-5)
+    assert proven and (proven.start, proven.stop) == (start, at - 1e-5)
+    assert proven.pattern == orbit.pattern
+    for tuning in np.linspace(start, at - 1e-5, 7):
+        orbit = gearlib.periodic_orbit(pair, tuning, guess=orbit.state)
+        one = gearlib.certify(orbit)
+        assert (one.pattern, one.stability) == (proven.pattern, proven.stability)
+
+
+def test_a_range_with_bounces_downwards():
+    orbit = gearlib.periodic_orbit(MATERIAL, 0.9)
+    proven = gearlib.certify_range(orbit, to=0.88)
+    assert (proven.start, proven.stop, proven.stability) == (0.88, 0.9, "stable")
+    assert proven.pattern == (1, 0, 1) and "Proven" in repr(proven)
+    assert json.loads(json.dumps(proven.as_dict()))["start"] == (0.88).hex()
+
+
+def test_ranges_that_are_no_ranges():
+    orbit = gearlib.periodic_orbit(MATERIAL, 0.7)
+    with pytest.raises(ValueError, match="another tuning"):
+        gearlib.certify_range(orbit, to=0.7)
+    moved = replace(orbit, state=orbit.state + 1e-6)
+    assert gearlib.certify_range(moved, to=0.71).status == "distance"
+    other = replace(orbit, pair=gearlib.OneDegreePair(pair=MATERIAL))
+    assert gearlib.certify_range(other, to=0.71).status == "model"

@@ -30,6 +30,7 @@ REFUSALS = {
     "tongue": "it is not proven that deviations grow everywhere between two edges",
     "period": "the orbit repeats after fewer mesh periods than the candidate says",
     "precision": "the digits asked for were not reached",
+    "stability": "the stability changes within the range, or is not proven",
     "trap": "no neighbourhood of the orbit was found that the period map contracts",
     "arrival": "the motion did not reach the neighbourhood of the orbit",
 }
@@ -175,6 +176,35 @@ class MotionCertificate:
             "trap_radius": number(self.trap_radius),
             "contraction": number(self.contraction),
         }
+
+
+@dataclass(frozen=True)
+class RangeCertificate:
+    """An orbit that is proven at every tuning of a range, one branch with the same contacts."""
+
+    pair: object
+    start: float  #: the lower tuning, an exact number
+    stop: float  #: and the upper one
+    period: int  #: mesh periods
+    pattern: tuple  #: contact codes in the order met, from tau = 0
+    stability: str  #: as of `Certificate`, the same in the whole range
+    reason: str
+    pieces: int  #: into which the range was cut
+
+    def __repr__(self):
+        contacts = ", ".join(_WORDS[code] for code in self.pattern)
+        plural = "s" * (self.period > 1)
+        return (
+            f"Proven: an orbit of {self.period} mesh period{plural} at every tuning from "
+            f"{self.start!r} to {self.stop!r}, {self.stability}\n"
+            f"  contacts      {contacts}\n"
+            f"  {self.stability}: {self.reason}"
+        )
+
+    def as_dict(self):
+        """Return all of it as plain values, exact floats as texts that say all their bits."""
+        ends = {"start": number(self.start), "stop": number(self.stop)}
+        return as_claim("range", self) | ends
 
 
 def _complex(real, imaginary):

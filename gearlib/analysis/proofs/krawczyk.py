@@ -38,7 +38,7 @@ def polish(system, start, singular):
     for _ in range(_MAX_NEWTON):
         residuals, rows = system(u)
         inverse = _inverse(rows, singular)
-        steps = middle(_times(inverse, residuals))
+        steps = middle(times(inverse, residuals))
         u = middle([value - step for value, step in zip(u, steps, strict=True)])
         largest = max(abs(step) / max(1, abs(x)) for step, x in zip(steps, u, strict=True))
         if not largest.is_finite():
@@ -59,7 +59,7 @@ def _inverse(rows, singular):
     return inverse
 
 
-def _times(matrix, values):
+def times(matrix, values):
     """Return the product of a matrix and a list."""
     return (matrix * flint().arb_mat([[value] for value in values])).entries()
 
@@ -72,8 +72,8 @@ def image(system, centre, radii, inverse, residuals):
     rest = inverse * module.arb_mat(rows) * -1
     for i in range(len(centre)):
         rest[i, i] += 1
-    spread = _times(rest, [module.arb(0, r) for r in radii])
-    return [a - b for a, b in zip(spread, _times(inverse, residuals), strict=True)]
+    spread = times(rest, [module.arb(0, r) for r in radii])
+    return [a - b for a, b in zip(spread, times(inverse, residuals), strict=True)]
 
 
 def inside(shift, radii):
@@ -86,7 +86,7 @@ def enclose(system, centre, inverse):
     module = flint()
     residuals, _ = system(centre)
     tiny = module.arb(2) ** (24 - module.ctx.prec)
-    steps = _times(inverse, residuals)
+    steps = times(inverse, residuals)
     radii = [
         (8 * abs(step) + tiny * max(1, abs(m))).upper()
         for step, m in zip(steps, centre, strict=True)

@@ -18,10 +18,13 @@ from gearlib.runs.run_arguments import MAX_EVENTS
 REACH = 1e-8
 #: Bits beyond the digits asked for, and how often they are doubled.
 _GUARD, _DOUBLINGS = 64, 3
-_FOLD = (
+#: Status and sentence where the derivative is singular.
+FOLD = (
     "fold",
     "the derivative of the equations has no inverse: a multiplier 1 is here, or too near to tell",
 )
+#: Where trace and determinant decide nothing at their precision.
+UNCERTAIN_STABILITY = "undecided", "the enclosure of a multiplier meets the unit circle"
 
 
 def certify(orbit, digits=30):
@@ -97,6 +100,13 @@ def check_model(pair):
         )
 
 
+def check_pair(pair):
+    """Raise `Uncertain` for a model that is no `GearPair`: its laws depend on the tuning."""
+    if pair.mesh is not pair:
+        name = type(pair).__name__
+        raise Uncertain("model", f"over the tuning only a GearPair is proven, not a {name}")
+
+
 def run_contacts(pair, tuning, state, period):
     """Return (first contact code, events) of a motion in floating point: a candidate.
 
@@ -147,10 +157,10 @@ class Proof:
         self.path = Path(self.laws, contact, events, orbit.period)
         given = arb(float(orbit.state[0])), arb(float(orbit.state[1])) * orbit.tuning
         system = lambda u: self.path.equations(u, self.scale)  # noqa: E731
-        self.centre, inverse = polish(system, [*given, *self.path.guess], _FOLD)
+        self.centre, inverse = polish(system, [*given, *self.path.guess], FOLD)
         self.box = enclose(system, self.centre, inverse)
         if self.box is None:
-            raise Uncertain(*_FOLD)
+            raise Uncertain(*FOLD)
         self.moved = max(abs(a - b).upper() for a, b in zip(self.box, given, strict=False))
         if not self.moved < REACH:
             raise Uncertain(
@@ -161,7 +171,7 @@ class Proof:
         x, w, *phases = self.box
         self.states = self.path.states(x, w, phases, self.scale)
         check_contacts(self.path, (x, w), self.states)
-        self.radius = uniqueness(system, self.centre, inverse, _FOLD)
+        self.radius = uniqueness(system, self.centre, inverse, FOLD)
         self._check_period()
 
     def _check_period(self):
@@ -255,4 +265,4 @@ def judge(trace, determinant):
             "nothing is damped on its way: both multipliers lie on the unit circle, exactly, and "
             "decide nothing",
         )
-    return "undecided", "the enclosure of a multiplier meets the unit circle"
+    return UNCERTAIN_STABILITY

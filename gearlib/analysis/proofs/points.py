@@ -23,7 +23,7 @@ from gearlib.analysis.proofs import krawczyk
 from gearlib.analysis.proofs.balls import digits_of, enclosure, flint
 from gearlib.analysis.proofs.certificates import ContactEvent, PointCertificate, Refusal, Tongue
 from gearlib.analysis.proofs.laws import Laws
-from gearlib.analysis.proofs.orbits import first_with, run_contacts
+from gearlib.analysis.proofs.orbits import check_pair, first_with, run_contacts
 from gearlib.analysis.proofs.path import CONTACT, TOUCH, Path, Uncertain
 from gearlib.analysis.proofs.signs import check_contacts
 from gearlib.kernels import orbit as columns
@@ -122,9 +122,7 @@ def certify_tongues(pair, *, start=0.3, stop=3.0, digits=30):
 def _proven(step, pair, digits):
     """Return what a step of `first_with` gives, or a `Refusal`."""
     try:
-        if pair.mesh is not pair:
-            name = type(pair).__name__
-            raise Uncertain("model", f"special points are proven of a GearPair, not of a {name}")
+        check_pair(pair)
         return first_with(digits, step)
     except Uncertain as reason:
         return Refusal(*reason.args)

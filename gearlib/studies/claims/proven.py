@@ -38,18 +38,24 @@ def _listed(tunings, digits=10):
     return ", ".join(f"{tuning:.{digits}g}" for tuning in tunings)
 
 
+def _ranges(proven, name, stability):
+    """Return the ranges of tunings at all of which an orbit without loss of contact lives."""
+    rows = [row for row in proven.of(name, "range") if row["stability"] == stability]
+    ends = sorted(tuple(float.fromhex(row[end]) for end in ("start", "stop")) for row in rows)
+    return " and ".join(f"from {low:g} to {high:g}" for low, high in ends if high > 0.6)
+
+
 def _tongues(proven):
     (name,) = proven.data.names(False, False)[:1]
-    rows = sorted(
-        (float(row["start"][0]), float(row["stop"][0])) for row in proven.of(name, "tongue")
-    )
-    words = [f"{low:.10g} to {high:.10g}" for low, high in rows if 0.6 < low < 0.8]
-    touched = _touched(proven, name)
-    if not (words and touched):
+    rows = [[float(row[end][0]) for end in ("start", "stop")] for row in proven.of(name, "tongue")]
+    words = [f"{low:.10g} to {high:.10g}" for low, high in sorted(rows) if 0.6 < low < 0.8]
+    kept = _ranges(proven, name, "undecided")
+    if not (words and kept):
         return ""
     return (
-        f"the orbit without loss of contact is unstable from nu = {' and '.join(words)}; it "
-        f"touches the flank at {touched}"
+        f"an orbit without loss of contact lives at every nu {kept}, both multipliers of modulus "
+        f"1; it is unstable from {' and '.join(words)}, and touches the flank at "
+        f"{_touched(proven, name)}"
     )
 
 
@@ -60,12 +66,13 @@ def _touched(proven, name):
 def _damped_range(proven):
     words = []
     for name in proven.data.names(material=True):
+        kept = _ranges(proven, name, "stable")
         folds = [nu for nu in proven.tunings(name, "fold") if nu > 0.8]
-        text = f"{name}: the orbit without loss of contact touches the flank at nu = "
-        text += _touched(proven, name)
-        words.append(
-            text + (f"; orbits with bounces have folds at {_listed(folds)}" if folds else "")
-        )
+        if kept:
+            text = f"{name}: a stable orbit without loss of contact lives at every nu {kept} and "
+            text += f"touches the flank at {_touched(proven, name)}"
+            text += f"; orbits with bounces have folds at {_listed(folds)}" if folds else ""
+            words.append(text)
     return "; ".join(words)
 
 
