@@ -83,6 +83,8 @@ def table():
         reason = " ".join(why[row["id"]].split())
         if row.get("explanation"):
             reason += f" *Computed:* {row['explanation'].rstrip('.')}."
+        if row.get("proven"):
+            reason += f" *[Proven](theory/proofs.md):* {row['proven']}."
         lines.append(f"| {row['id']} | {paper} | {ours} | **{row['verdict']}** | {reason} |")
     return "\n".join(lines)
 

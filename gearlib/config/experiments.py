@@ -20,6 +20,7 @@ from gearlib.config.types import (
     Start,
     Step,
     Stop,
+    Truth,
     Tuning,
     check_count,
     integer_within,
@@ -313,6 +314,15 @@ class Branches(Section):
                 f"branches.start = {self.start!r}"
             )
         return self
+
+
+class Certificates(Section):
+    """What is proven of the orbits, a file that a second program can check."""
+
+    all_points: Truth = Field(
+        default=False,
+        description="Whether it holds all points of the branches, some MB; else how many hold.",
+    )
 
 
 class ReportPage(Grid):

@@ -8,6 +8,7 @@ from gearlib.config.dynamic_factor import DynamicFactor
 from gearlib.config.experiments import (
     AnalyticMethod,
     Branches,
+    Certificates,
     Figures,
     Jump,
     Labels,
@@ -49,6 +50,7 @@ Target = Literal[
     "jump",
     "labels",
     "branches",
+    "certificates",
     "nonlinear_damping",
     "analytic_method",
     "models",
@@ -119,6 +121,7 @@ class Config(Section):
     models: Models = Models()
     labels: Labels = Labels()
     branches: Branches
+    certificates: Certificates = Certificates()
     parametric_resonance: ParametricResonance = ParametricResonance()
     stability_chart: StabilityChart
     failures: Failures = Failures()

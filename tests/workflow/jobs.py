@@ -42,6 +42,7 @@ EXPERIMENTS = {
         {"draw_branches": 1, "draw_resonance": 1},
         with_k1={"branches": 1, "loci": 1},
     ),
+    "certificates": Experiment({"certificates": 1}, with_k1={"certificates": 1}),
     "phase_planes": Experiment(
         {"phase_plane": DAMPINGS, "gather_phase_planes": 1},
         {"draw_phase_planes": 1},

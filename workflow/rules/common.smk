@@ -248,6 +248,7 @@ def target_files(targets):
         "campbell": ["results/campbell.csv"],
         "mesh_stiffness": ["results/mesh_stiffness.csv"],
         "rectangle": ["results/rectangle.csv"],
+        "certificates": ["results/certificates.json"],
         "claims": ["results/claims.csv", "results/claims.md"],
         "report_page": ["results/report/index.html"],
     }
