@@ -114,12 +114,16 @@ def test_damped_tongues_are_narrower_and_closed_ones_are_left_out():
 
 def test_a_tongue_holds_one_gap_only(monkeypatch):
     """From the lower edge of order 4 to the upper one of order 2 there is stable motion between."""
-    found = tongues.tongues(PAPER, start=0.45, stop=1.1)
-    joined = found.sel(order=[2]).copy(deep=True)
-    joined["tuning_from"][:] = found.tuning_from.sel(order=4)
-    monkeypatch.setattr(tongues, "tongues", lambda *_, **__: joined)
+    found = {one.order: one for one in tongues.find(PAPER, 0.45, 1.1)}
+    joined = found[2]._replace(start=found[4].start)
+    monkeypatch.setattr(tongues, "find", lambda *_: [joined])
     (refused,) = gearlib.certify_tongues(PAPER)
     assert not refused and refused.status == "tongue"
+
+
+def test_a_range_of_tunings_that_is_none():
+    with pytest.raises(ValueError, match="stop = 0.3 is not allowed: it must be > start = 0.5"):
+        gearlib.certify_tongues(PAPER, start=0.5, stop=0.3)
 
 
 def test_special_points_of_other_models_are_refused():
@@ -208,6 +212,9 @@ def test_ranges_that_are_no_ranges():
     orbit = gearlib.periodic_orbit(MATERIAL, 0.7)
     with pytest.raises(ValueError, match="another tuning"):
         gearlib.certify_range(orbit, to=0.7)
+    # At constant stiffness the mesh rests, whatever the tuning.
+    resting = gearlib.GearPair.from_ratios(contact_ratio=2.0, stiffness_ratio=0.6, damping=0.05)
+    assert gearlib.certify_range(gearlib.periodic_orbit(resting, 0.6), to=0.9).pattern == (1,)
     moved = replace(orbit, state=orbit.state + 1e-6)
     assert gearlib.certify_range(moved, to=0.71).status == "distance"
     other = replace(orbit, pair=gearlib.OneDegreePair(pair=MATERIAL))
