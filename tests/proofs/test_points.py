@@ -15,6 +15,7 @@ from gearlib.analysis.orbits.special_points import LABELS
 from tests.paper import PAPER
 from tests.physics.high_precision import propagate
 from tests.proofs.checker import faults
+from tests.proofs.tongues import tongue_faults
 
 MATERIAL = PAPER.replace(material_damping=3953.7)
 
@@ -103,6 +104,13 @@ def test_edges_of_tongues_in_closed_form():
                 assert values[0] * values[1] < 0 and high - low < mpmath.mpf(10) ** -34
             middle = (float(one.start) + float(one.stop)) / 2
             assert abs(trace(PAPER, middle)) > 2
+            claim = json.loads(json.dumps(one.as_dict()))
+            assert tongue_faults(claim) == []
+            # The edge of another tongue, and an edge a little off.
+            assert "growth" in tongue_faults(claim | {"stop": ["1.4", "1.4"], "multiplier": 1})
+            assert tongue_faults(
+                claim | {"start": [claim["start"][0][:-3], claim["start"][0][:-2]]}
+            )
 
 
 def test_damped_tongues_are_narrower_and_closed_ones_are_left_out():
