@@ -75,6 +75,15 @@ class Base:
             maps[:] = np.nan
         return z, maps, code
 
+    #: Derivatives of a run by parameters, where they have closed forms:
+    #: ``differentiate(z, directions, tangents, periods, record_periods, limit, samples, events,
+    #: extrema, times)``, arguments and returns as of
+    #: `gearlib.kernels.closed_form.sensitivity.differentiate`, and ``map_rates(z, directions,
+    #: tangents, periods, limit)``, what the map of all periods changes by along them. `directions`,
+    #: shape (k, 6), are what `GearPair.RATIOS` and the tuning change by.
+    differentiate: Callable | None = None
+    map_rates: Callable | None = None
+
     def record(self, z, periods, limit, samples_per_period=0):
         """Run from z and record it all; z stays.
 
