@@ -311,7 +311,8 @@ _FLAGS = {
 def describe(dataset, model=None):
     """Give every variable of `dataset` its units, long_name and flags; return the dataset.
 
-    A model whose variables are no gear mesh's names them itself, in ``long_names``.
+    A model whose variables are no gear mesh's names them itself, in ``long_names``. Variables that
+    bring units of their own, as derivatives do, keep their attributes.
 
     Raises
     ------
@@ -320,6 +321,8 @@ def describe(dataset, model=None):
     """
     names = {} if model is None else model.long_names
     for name, variable in dataset.variables.items():
+        if "units" in variable.attrs:
+            continue
         units, long_name = DESCRIPTIONS[name]
         long_name = names.get(name, long_name)
         if variable.dtype.kind not in "OUST":

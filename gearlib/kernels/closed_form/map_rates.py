@@ -3,9 +3,9 @@
 Between events the motion is linear, so that its map M is a product of the maps of arcs and of flank
 crossings, which depend on the motion by the phases of the events alone: the rate of M follows from
 the tangents of the motion, without second derivatives of it. Where a boundary of two arcs moves by
-dtau, one lasts longer and the other less: with w' = A w on each, M changes by A_before M dtau before
-the crossing and by -A_after M dtau after it. With the tangents of a family of orbits this is the
-rate of their map, and that of its eigenvalues, the multipliers, follows.
+dtau, one lasts longer and the other less: with w' = A w on each, M changes by A_before M dtau
+before the crossing and by -A_after M dtau after it. With the tangents of a family of orbits this is
+the rate of their map, and that of its eigenvalues, the multipliers, follows.
 """
 
 import math
@@ -82,9 +82,9 @@ def _through_arc(m, rates, arc, matrix, changes):
         b1 = -t * b - 2.0 * lev.a * b2
         c1 = -t * c - 2.0 * lev.a * lev.square * r
         d1 = -sine - t * d - 2.0 * lev.a * d2
-    for j in range(rates.shape[0]):
-        first = rates[j, DRAG] if contact == BACKLASH else rates[j, DECAY]
-        second = rates[j, SQUARE + which]
+    for j in range(rates.shape[1]):
+        first = rates[DRAG, j] if contact == BACKLASH else rates[DECAY, j]
+        second = rates[SQUARE + which, j]
         _multiply(a, b, c, d, changes[j])
         _add(
             a1 * first + a2 * second,
@@ -112,11 +112,11 @@ def _cross(m, rates, lev, flank, sign, v, tangents, moved, matrix, changes):
     before, after = (flank, BACKLASH) if sign > 0.0 else (BACKLASH, flank)
     slow = not abs(v) * m.tuning > SLOWEST
     for j in range(moved.shape[0]):
-        moved[j] = math.nan if slow else (line_rate(rates, j, flank) - tangents[j, 0]) / v
+        moved[j] = math.nan if slow else (line_rate(rates, j, flank) - tangents[0, j]) / v
     loss = 2.0 * sign * (lev.a - m.drag)
     _move(lev, m.drag, before, 1.0, moved, matrix, changes)
     for j in range(moved.shape[0]):
-        rate = 2.0 * sign * (rates[j, DECAY] - rates[j, DRAG])
+        rate = 2.0 * sign * (rates[DECAY, j] - rates[DRAG, j])
         _multiply(1.0, 0.0, loss, 1.0, changes[j])
         _add(0.0, 0.0, rate, 0.0, matrix, changes[j])
     _multiply(1.0, 0.0, loss, 1.0, matrix)
@@ -127,8 +127,8 @@ def _cross(m, rates, lev, flank, sign, v, tangents, moved, matrix, changes):
 def _switch(m, rates, switch, contact, matrix, changes):
     if contact != BACKLASH:
         step = m.high.square - m.low.square if switch == 1 else m.low.square - m.high.square
-        for j in range(rates.shape[0]):
-            _add(0.0, 0.0, step * rates[j, SWITCH + switch], 0.0, matrix, changes[j])
+        for j in range(rates.shape[1]):
+            _add(0.0, 0.0, step * rates[SWITCH + switch, j], 0.0, matrix, changes[j])
 
 
 @kernel
@@ -138,7 +138,7 @@ def vary_along(m, slopes, x, v, tangents, periods, limit, matrix, changes):
     Parameters
     ----------
     m : Mesh
-    slopes, tangents : ndarray, shape (k, 8), (k, 2)
+    slopes, tangents : ndarray, shape (k, 8), (2, k)
         As of `gearlib.kernels.closed_form.sensitivity.differentiate`.
     x, v : float
     periods : int
@@ -161,7 +161,7 @@ def vary_along(m, slopes, x, v, tangents, periods, limit, matrix, changes):
     set_mesh(work, m)
     set_start(work, x, v)
     contact = before = contact_of(m.gap, x, v)
-    arcs, moved = np.empty((FIRST_ARCS, ARC_COLUMNS)), np.empty(rates.shape[0])
+    arcs, moved = np.empty((FIRST_ARCS, ARC_COLUMNS)), np.empty(rates.shape[1])
     changes[:] = 0.0
     matrix[0, 0] = matrix[1, 1] = 1.0
     matrix[0, 1] = matrix[1, 0] = 0.0

@@ -98,9 +98,9 @@ def _consider(m, rates, contact, level, x, slope, best, extrema):
             for j in range(k):
                 extrema[place, j] = 0.0
                 if contact != BACKLASH:
-                    stiffer = -rates[j, REST + which] * lev.stiffness * lev.stiffness
+                    stiffer = -rates[REST + which, j] * lev.stiffness * lev.stiffness
                     extrema[place, j] = stiffer * deflection + lev.stiffness * (
-                        slope[j] + far * rates[j, GAP]
+                        slope[j] + far * rates[GAP, j]
                     )
 
 
@@ -119,7 +119,7 @@ def _turning_points(m, rates, arc, tangents, scratch, slope, best, extrema):
         if not t < arc[DURATION]:
             break
         x, _v = carry(m, rates, arc, t, tangents, scratch)
-        slope[:] = scratch[:, 0]
+        slope[:] = scratch[0]
         _consider(m, rates, contact, arc[LEVEL], x, slope, best, extrema)
         grazing = grazing or min(abs(x), abs(x + m.gap)) <= _CLOSEST
         if contact == BACKLASH or lev.kind != UNDERDAMPED:
@@ -128,7 +128,7 @@ def _turning_points(m, rates, arc, tangents, scratch, slope, best, extrema):
     return grazing
 
 
-@kernel
+@inlined
 def _sample(m, rates, arc, t, tangents, scratch, row):
     """Fill `row`, shape (4, k), with the derivatives of a sample at t after the start of an arc."""
     contact, which = int(arc[CONTACT]), int(arc[LEVEL])
@@ -136,20 +136,20 @@ def _sample(m, rates, arc, t, tangents, scratch, row):
     lev = m.high if which == 1 else m.low
     far = 1.0 if contact == INVERSE else 0.0
     deflection = x - line_of(m, contact)
-    for j in range(tangents.shape[0]):
-        along, rate = scratch[j, 0], scratch[j, 1]
+    for j in range(tangents.shape[1]):
+        along, rate = scratch[0, j], scratch[1, j]
         row[0, j], row[1, j] = along, rate
         if contact == BACKLASH:
-            row[2, j] = rates[j, PULL] - 2.0 * (rates[j, DRAG] * v + m.drag * rate)
+            row[2, j] = rates[PULL, j] - 2.0 * (rates[DRAG, j] * v + m.drag * rate)
             row[3, j] = 0.0
             continue
-        bending = along + far * rates[j, GAP]
+        bending = along + far * rates[GAP, j]
         row[2, j] = (
-            -2.0 * (rates[j, DECAY] * v + lev.a * rate)
-            - rates[j, SQUARE + which] * (deflection - lev.rest)
-            - lev.square * (bending - rates[j, REST + which])
+            -2.0 * (rates[DECAY, j] * v + lev.a * rate)
+            - rates[SQUARE + which, j] * (deflection - lev.rest)
+            - lev.square * (bending - rates[REST + which, j])
         )
-        stiffer = -rates[j, REST + which] * lev.stiffness * lev.stiffness
+        stiffer = -rates[REST + which, j] * lev.stiffness * lev.stiffness
         row[3, j] = stiffer * deflection + lev.stiffness * bending
 
 
@@ -166,9 +166,9 @@ def event_rates(m, rates, lev, before, after, v, tangents, moved, event):
     flank = flank_of(before, after)
     for j in range(moved.shape[0]):
         line = line_rate(rates, j, flank)
-        moved[j] = math.nan if grazing else (line - tangents[j, 0]) / v
+        moved[j] = math.nan if grazing else (line - tangents[0, j]) / v
         event[0, j] = moved[j]
-        event[1, j] = tangents[j, 1] + acceleration * moved[j]
+        event[1, j] = tangents[1, j] + acceleration * moved[j]
     return grazing
 
 
@@ -177,7 +177,7 @@ def _switch_times(rates, switch, contact, times):
     """Add by how much longer the flanks touch at C_min, for a switch to it (0) or from it (1)."""
     if contact != BACKLASH:
         for j in range(times.shape[1]):
-            times[3, j] += rates[j, SWITCH + 1] if switch == 1 else -rates[j, SWITCH]
+            times[3, j] += rates[SWITCH + 1, j] if switch == 1 else -rates[SWITCH, j]
 
 
 @inlined
@@ -198,8 +198,8 @@ def _record(m, rates, arcs, count, before, contact, x, tangents, tables):
     Returns (contact code of the last arc, events so far, whether it grazes).
     """
     samples, events, best, extrema, times, found = tables
-    k, n = tangents.shape[0], samples.shape[0]
-    scratch, slope, moved = np.empty((k, 2)), np.empty(k), np.empty(k)
+    k, n = tangents.shape[1], samples.shape[0]
+    scratch, slope, moved = np.empty((2, k)), np.empty(k), np.empty(k)
     event = np.empty((EVENT_COLUMNS, k))
     level, switch, taken, grazing = arcs[0, LEVEL], 0, 0, False
     for i in range(count):
@@ -216,15 +216,22 @@ def _record(m, rates, arcs, count, before, contact, x, tangents, tables):
             if found < events.shape[0]:
                 events[found] = event
             found += 1
-            _event_times(arc[LEVEL], before, after, moved, times)
+            left = before
+            if left != BACKLASH and after != BACKLASH:
+                # No way between the flanks: one is left and the other met at once.
+                _event_times(arc[LEVEL], left, BACKLASH, moved, times)
+                for j in range(k):
+                    moved[j] += (line_rate(rates, j, after) - line_rate(rates, j, left)) / v
+                left = BACKLASH
+            _event_times(arc[LEVEL], left, after, moved, times)
             for j in range(k):
                 slope[j] = line_rate(rates, j, flank_of(before, after))
             # No mesh force on the flank line.
             _consider(m, rates, BACKLASH, level, at, slope, best, extrema)
         else:
             for j in range(k):
-                shift = rates[j, SWITCH + passed - 1] if i > 0 and passed > switch else 0.0
-                slope[j] = tangents[j, 0] + v * shift
+                shift = rates[SWITCH + passed - 1, j] if i > 0 and passed > switch else 0.0
+                slope[j] = tangents[0, j] + v * shift
             _consider(m, rates, before, level, at, slope, best, extrema)
             _consider(m, rates, after, arc[LEVEL], at, slope, best, extrema)
         switch = enter(m, rates, arc, before, switch, tangents)
@@ -238,7 +245,7 @@ def _record(m, rates, arcs, count, before, contact, x, tangents, tables):
             _sample(m, rates, arc, t - arc[START], tangents, scratch, samples[taken])
             taken += 1
         carry(m, rates, arc, arc[DURATION], tangents, tangents)
-    slope[:] = tangents[:, 0]
+    slope[:] = tangents[0]
     _consider(m, rates, before, level, x, slope, best, extrema)
     for passed in range(switch, 2):
         _switch_times(rates, passed, contact, times)
@@ -249,10 +256,10 @@ def _record(m, rates, arcs, count, before, contact, x, tangents, tables):
 @kernel
 def _repeat(power, tangents, shift):
     """tangents <- power tangents + shift, for a map by rows."""
-    for j in range(tangents.shape[0]):
-        x, v = tangents[j, 0], tangents[j, 1]
-        tangents[j, 0] = power[0] * x + power[1] * v + shift[j, 0]
-        tangents[j, 1] = power[2] * x + power[3] * v + shift[j, 1]
+    for j in range(tangents.shape[1]):
+        x, v = tangents[0, j], tangents[1, j]
+        tangents[0, j] = power[0] * x + power[1] * v + shift[0, j]
+        tangents[1, j] = power[2] * x + power[3] * v + shift[1, j]
 
 
 @kernel
@@ -266,8 +273,9 @@ def _skip(m, rates, work, contact, x, v, tangents, periods, limit):
     """
     arcs, n, look, before = np.empty((FIRST_ARCS, ARC_COLUMNS)), 0, _FIRST_LOOK, contact
     # Of one repeat: columns of its map, and the tangents of a start that does not change.
-    both, all_rates = np.empty((2 + rates.shape[0], 2)), np.zeros((2 + rates.shape[0], RATES))
-    all_rates[2:] = rates
+    k = rates.shape[1]
+    both, all_rates = np.empty((2, 2 + k)), np.zeros((RATES, 2 + k))
+    all_rates[:, 2:] = rates
     until = repeat = 0
     while n < periods:
         contact, x, v, count, arcs = whole_period(m, work, n, contact, x, v, limit, arcs)
@@ -280,7 +288,7 @@ def _skip(m, rates, work, contact, x, v, tangents, periods, limit):
             before = follow(m, rates, arcs, count, before, contact, x, tangents)
         n += 1
         if n == until:
-            power, shift = (both[0, 0], both[1, 0], both[0, 1], both[1, 1]), both[2:].copy()
+            power, shift = (both[0, 0], both[0, 1], both[1, 0], both[1, 1]), both[:, 2:].copy()
             _repeat(power, tangents, shift)
             look = 2 * n
             if sum_of_powers(m, power) < math.inf:
@@ -313,7 +321,7 @@ def differentiate(
     slopes : ndarray, shape (k, 8)
         What the ratios of `mesh` and the tuning change by, for each direction.
     x, v : float
-    tangents : ndarray, shape (k, 2)
+    tangents : ndarray, shape (2, k)
         What the state at tau = 0 changes by; changed in place to the end.
     periods, record_periods : int
         As of `gearlib.kernels.closed_form.run.run`.

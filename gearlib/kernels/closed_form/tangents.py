@@ -59,20 +59,20 @@ def bend(lev, t, c, s):
     return 0.5 * math.exp(-lev.a * t) * t * t * t * (1.0 / 3.0 - y * r)
 
 
-@kernel
+@inlined
 def carry(m, rates, arc, t, tangents, ahead):
     """Take tangents at the start of an arc to t after it.
 
     Parameters
     ----------
     m : Mesh
-    rates : ndarray, shape (k, 10)
+    rates : ndarray, shape (10, k)
         What the constants of the mesh change by, for each direction.
     arc : ndarray, shape (6,)
         Row of the arc table.
     t : float
-    tangents : ndarray, shape (k, 2)
-    ahead : ndarray, shape (k, 2)
+    tangents : ndarray, shape (2, k)
+    ahead : ndarray, shape (2, k)
         Filled; may be `tangents`.
 
     Returns
@@ -90,11 +90,11 @@ def carry(m, rates, arc, t, tangents, ahead):
         by_drag = 2.0 * t * t * (v * (second - first) + f * (2.0 * third - second))
         speed_by_drag = 2.0 * t * (f * (second - first) - v * decay)
         by_pull = t * t * second
-        for j in range(tangents.shape[0]):
-            along, rate = tangents[j, 0], tangents[j, 1]
-            drag, pull = rates[j, DRAG], rates[j, PULL]
-            ahead[j, 0] = along + reach * rate + by_drag * drag + by_pull * pull
-            ahead[j, 1] = decay * rate + speed_by_drag * drag + reach * pull
+        for j in range(tangents.shape[1]):
+            along, rate = tangents[0, j], tangents[1, j]
+            drag, pull = rates[DRAG, j], rates[PULL, j]
+            ahead[0, j] = along + reach * rate + by_drag * drag + by_pull * pull
+            ahead[1, j] = decay * rate + speed_by_drag * drag + reach * pull
         return x + t * (v * first + f * second), v * decay + f * first
     lev = m.high if which == 1 else m.low
     rest = line_of(m, contact) + lev.rest
@@ -109,12 +109,12 @@ def carry(m, rates, arc, t, tangents, ahead):
     speed_by_square = speed_by_w - s * u
     a, b, d, e = c + lev.a * s, s, -lev.square * s, c - lev.a * s
     far = 1.0 if contact == INVERSE else 0.0
-    for j in range(tangents.shape[0]):
-        shift = rates[j, REST + which] - far * rates[j, GAP]
-        along, rate = tangents[j, 0] - shift, tangents[j, 1]
-        decay, square = rates[j, DECAY], rates[j, SQUARE + which]
-        ahead[j, 0] = shift + a * along + b * rate + by_decay * decay + by_w * square
-        ahead[j, 1] = d * along + e * rate + speed_by_decay * decay + speed_by_square * square
+    for j in range(tangents.shape[1]):
+        shift = rates[REST + which, j] - far * rates[GAP, j]
+        along, rate = tangents[0, j] - shift, tangents[1, j]
+        decay, square = rates[DECAY, j], rates[SQUARE + which, j]
+        ahead[0, j] = shift + a * along + b * rate + by_decay * decay + by_w * square
+        ahead[1, j] = d * along + e * rate + speed_by_decay * decay + speed_by_square * square
     return end + rest, end_v
 
 
@@ -131,8 +131,8 @@ def switch_stiffness(m, rates, switch, contact, x, tangents):
         return
     step = m.high.square - m.low.square if switch == 1 else m.low.square - m.high.square
     jump = step * (x - line_of(m, contact))
-    for j in range(tangents.shape[0]):
-        tangents[j, 1] += jump * rates[j, SWITCH + switch]
+    for j in range(tangents.shape[1]):
+        tangents[1, j] += jump * rates[SWITCH + switch, j]
 
 
 @inlined
@@ -144,15 +144,15 @@ def flank_of(before, after):
 @inlined
 def line_rate(rates, j, flank):
     """Return what the line of a flank changes by."""
-    return -rates[j, GAP] if flank == INVERSE else 0.0
+    return -rates[GAP, j] if flank == INVERSE else 0.0
 
 
 @inlined
 def cross_line(m, rates, lev, flank, sign, tangents):
     """Change tangents where a flank is left (sign 1) or met (-1)."""
     loss = 2.0 * sign * (lev.a - m.drag)
-    for j in range(tangents.shape[0]):
-        tangents[j, 1] += loss * (tangents[j, 0] - line_rate(rates, j, flank))
+    for j in range(tangents.shape[1]):
+        tangents[1, j] += loss * (tangents[0, j] - line_rate(rates, j, flank))
 
 
 @kernel
@@ -186,22 +186,22 @@ def leave(m, rates, contact, x, switch, tangents):
 
 @kernel
 def rates_of(m, slopes):
-    """Return the `rates`, shape (k, 10), of directions.
+    """Return the `rates`, shape (10, k), of directions.
 
     `slopes`, shape (k, 8): what the ratios of `mesh` and the tuning change by.
     """
     nu = m.tuning
-    rates = np.empty((slopes.shape[0], RATES))
+    rates = np.empty((RATES, slopes.shape[0]))
     for j in range(slopes.shape[0]):
         share = slopes[j, 7] / nu
-        rates[j, DECAY] = slopes[j, 4] / nu - m.low.a * share
-        rates[j, SQUARE] = slopes[j, 1] / (nu * nu) - 2.0 * m.low.square * share
-        rates[j, SQUARE + 1] = slopes[j, 0] / (nu * nu) - 2.0 * m.high.square * share
-        rates[j, REST] = -slopes[j, 1] * m.low.rest * m.low.rest
-        rates[j, REST + 1] = -slopes[j, 0] * m.high.rest * m.high.rest
-        rates[j, DRAG] = slopes[j, 5] / nu - m.drag * share
-        rates[j, PULL] = -2.0 * m.pull * share
-        rates[j, GAP] = slopes[j, 6]
-        rates[j, SWITCH] = slopes[j, 2]
-        rates[j, SWITCH + 1] = slopes[j, 2] + slopes[j, 3]
+        rates[DECAY, j] = slopes[j, 4] / nu - m.low.a * share
+        rates[SQUARE, j] = slopes[j, 1] / (nu * nu) - 2.0 * m.low.square * share
+        rates[SQUARE + 1, j] = slopes[j, 0] / (nu * nu) - 2.0 * m.high.square * share
+        rates[REST, j] = -slopes[j, 1] * m.low.rest * m.low.rest
+        rates[REST + 1, j] = -slopes[j, 0] * m.high.rest * m.high.rest
+        rates[DRAG, j] = slopes[j, 5] / nu - m.drag * share
+        rates[PULL, j] = -2.0 * m.pull * share
+        rates[GAP, j] = slopes[j, 6]
+        rates[SWITCH, j] = slopes[j, 2]
+        rates[SWITCH + 1, j] = slopes[j, 2] + slopes[j, 3]
     return rates

@@ -25,6 +25,16 @@ class Base:
     #: without the mesh; None: not in one call.
     run_many: Callable | None = None
     sections: Callable | None = None
+    #: Derivatives by parameters, where they have closed forms; None: by differences alone.
+    #: ``differentiate(z, directions, tangents, periods, record_periods, limit, samples, events,
+    #: extrema, times)`` fills those of a record, see
+    #: `gearlib.kernels.closed_form.sensitivity.differentiate`; `directions`, shape (k, 6), are what
+    #: `GearPair.RATIOS` and the tuning change by. ``tangents(z, directions, tangents, periods,
+    #: limit)`` takes tangents, shape (2, k), to the end of a run and returns the status;
+    #: ``map_rates``, same arguments, returns (map of all periods, its rates, status).
+    differentiate: Callable | None = None
+    tangents: Callable | None = None
+    map_rates: Callable | None = None
 
     def __init__(self, model, tuning):
         self.model = model
@@ -74,15 +84,6 @@ class Base:
         if code != OK:
             maps[:] = np.nan
         return z, maps, code
-
-    #: Derivatives of a run by parameters, where they have closed forms:
-    #: ``differentiate(z, directions, tangents, periods, record_periods, limit, samples, events,
-    #: extrema, times)``, arguments and returns as of
-    #: `gearlib.kernels.closed_form.sensitivity.differentiate`, and ``map_rates(z, directions,
-    #: tangents, periods, limit)``, what the map of all periods changes by along them. `directions`,
-    #: shape (k, 6), are what `GearPair.RATIOS` and the tuning change by.
-    differentiate: Callable | None = None
-    map_rates: Callable | None = None
 
     def record(self, z, periods, limit, samples_per_period=0):
         """Run from z and record it all; z stays.

@@ -65,9 +65,16 @@ class Propagator(Base):
         constants = slopes(self.model, directions)
         return sensitivity.differentiate(self.mesh, constants, *z, tangents, *arguments)
 
+    def tangents(self, z, directions, tangents, periods, limit):
+        """Take tangents through mesh periods; see `Base.differentiate`."""
+        k = len(directions)
+        nothing = np.empty((0, sensitivity.SAMPLE_COLUMNS, k)), np.empty((0, 2, k))
+        tables = *nothing, np.empty((sensitivity.EXTREMA, k)), np.empty((sensitivity.TIMES, k))
+        return self.differentiate(z, directions, tangents, periods, 1, limit, *tables)[1]
+
     def map_rates(self, z, directions, tangents, periods, limit):
         """Return (map of all periods, its rates, status); see `Base.differentiate`."""
-        matrix, rates = np.empty((2, 2)), np.empty((len(tangents), 2, 2))
+        matrix, rates = np.empty((2, 2)), np.empty((len(directions), 2, 2))
         constants = slopes(self.model, directions)
         *_, code = map_rates.vary_along(
             self.mesh, constants, *z, tangents, periods, limit, matrix, rates
