@@ -117,7 +117,8 @@ def _quotient(units, below):
     for text, sign in ((units, 1), (below, -1)):
         for unit, power in re.findall(r"([A-Za-z]+)(-?\d+)?", text):
             powers[unit] = powers.get(unit, 0) + sign * int(power or 1)
-    parts = [f"{unit}{power if power != 1 else ''}" for unit, power in powers.items() if power]
+    ordered = sorted(powers.items(), key=lambda item: item[1] < 0)
+    parts = [f"{unit}{power if power != 1 else ''}" for unit, power in ordered if power]
     return " ".join(parts) or "1"
 
 

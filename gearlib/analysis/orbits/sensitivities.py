@@ -7,6 +7,8 @@ singular: with w (I - M) = 0 the fold itself moves by dq/dp = -(w P_p) / (w P_q)
 of the branch.
 """
 
+from typing import Any
+
 import numpy as np
 import xarray as xr
 
@@ -58,7 +60,8 @@ def orbit_sensitivities(orbit, sensitivities, *, samples_per_period=256, max_eve
     """
     if not isinstance(orbit, Orbit):
         raise ValueError(f"orbit = {orbit!r} is not allowed: it must be an Orbit")
-    pair, tuning, period = orbit.pair, orbit.tuning, orbit.period
+    pair: Any = orbit.pair
+    tuning, period = orbit.tuning, orbit.period
     names = runs.check(pair, sensitivities, known=_NAMES)
     run = simulate(
         pair,
