@@ -216,7 +216,11 @@ def _cyclic(events, summary, lines):
     if not len(events):
         middle = 0.5 * (summary[..., columns.X_MAX] + summary[..., columns.X_MIN])
         return "".join(_LETTERS[code] for code in resting(middle, middle, *lines))
-    letters = [_LETTERS[int(code)] for code in events[:, columns.EVENT_TO]]
+    codes = events[:, columns.EVENT_TO]
+    if events.shape[1] == columns.EVENT_COLUMNS and events[0, columns.EVENT_FROM] != codes[-1]:
+        # It begins on a flank line to rounding: one of two events next to tau = 0 is missing.
+        codes = np.append(codes, events[0, columns.EVENT_FROM])
+    letters = [_LETTERS[int(code)] for code in codes]
     if events.shape[1] > columns.EVENT_COLUMNS:
         times = 2.0 * np.pi * events[:, columns.EVENT_PERIOD] + events[:, columns.EVENT_PHASE]
         at_once = np.cumsum(np.diff(times, prepend=times[0]) > _AT_ONCE)
