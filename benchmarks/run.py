@@ -16,7 +16,7 @@ import time
 import numba
 import numpy as np
 
-from benchmarks import from_rest, peers, trains
+from benchmarks import derivatives, from_rest, peers, trains
 from benchmarks.scipy_split import run as scipy_split
 from gearlib import GearPair, OneDegreePair, SixDegreePair, simulate, sweep
 from gearlib.kernels import orbit
@@ -218,6 +218,7 @@ def main():
     paper, _, six = models()
     damped = paper.replace(material_damping=3953.7, backlash_damping=3953.7)
     rows = from_rest.rows(DAMPED) + rows + explorer() + against_scipy() + peers.rows(damped, six)
+    rows += derivatives.rows(DAMPED, chaotic)
     for name, value, unit in rows + trains.rows():
         print(f"{name:70s} {value:10.3g} {unit}")
 
