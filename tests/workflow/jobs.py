@@ -87,7 +87,7 @@ EXPERIMENTS = {
     ),
     # Two methods each.
     "failures": Experiment(
-        {"trial": 2, "gather_failures": 1}, {"draw_failures": 1}, simulates=True
+        {"trial": 2, "gather_failures": 1, "gradients": 1}, {"draw_failures": 1}, simulates=True
     ),
     "work_precision": Experiment(
         {
