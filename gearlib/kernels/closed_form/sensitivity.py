@@ -119,7 +119,8 @@ def _turning_points(m, rates, arc, tangents, scratch, slope, best, extrema):
         if not t < arc[DURATION]:
             break
         x, _v = carry(m, rates, arc, t, tangents, scratch)
-        slope[:] = scratch[0]
+        for j in range(slope.shape[0]):
+            slope[j] = scratch[0, j]
         _consider(m, rates, contact, arc[LEVEL], x, slope, best, extrema)
         grazing = grazing or min(abs(x), abs(x + m.gap)) <= _CLOSEST
         if contact == BACKLASH or lev.kind != UNDERDAMPED:
@@ -214,7 +215,8 @@ def _record(m, rates, arcs, count, before, contact, x, tangents, tables):
             slow = event_rates(m, rates, lev, before, after, v, tangents, moved, event)
             grazing = grazing or slow
             if found < events.shape[0]:
-                events[found] = event
+                for j in range(k):
+                    events[found, 0, j], events[found, 1, j] = event[0, j], event[1, j]
             found += 1
             left = before
             if left != BACKLASH and after != BACKLASH:
@@ -245,7 +247,8 @@ def _record(m, rates, arcs, count, before, contact, x, tangents, tables):
             _sample(m, rates, arc, t - arc[START], tangents, scratch, samples[taken])
             taken += 1
         carry(m, rates, arc, arc[DURATION], tangents, tangents)
-    slope[:] = tangents[0]
+    for j in range(k):
+        slope[j] = tangents[0, j]
     _consider(m, rates, before, level, x, slope, best, extrema)
     for passed in range(switch, 2):
         _switch_times(rates, passed, contact, times)
@@ -255,7 +258,7 @@ def _record(m, rates, arcs, count, before, contact, x, tangents, tables):
 
 @kernel
 def _repeat(power, tangents, shift):
-    """tangents <- power tangents + shift, for a map by rows."""
+    """tangents <- power tangents + shift, for a map by rows; both may be one."""
     for j in range(tangents.shape[1]):
         x, v = tangents[0, j], tangents[1, j]
         tangents[0, j] = power[0] * x + power[1] * v + shift[0, j]
@@ -272,10 +275,8 @@ def _skip(m, rates, work, contact, x, v, tangents, periods, limit):
     Returns (contact, x, v, contact code of the last arc, status).
     """
     arcs, n, look, before = np.empty((FIRST_ARCS, ARC_COLUMNS)), 0, _FIRST_LOOK, contact
-    # Of one repeat: columns of its map, and the tangents of a start that does not change.
-    k = rates.shape[1]
-    both, all_rates = np.empty((2, 2 + k)), np.zeros((RATES, 2 + k))
-    all_rates[:, 2:] = rates
+    # Of one repeat: its map, and the tangents of a start that does not change.
+    matrix, none, shift = np.empty((2, 2)), np.zeros((RATES, 2)), np.empty_like(tangents)
     until = repeat = 0
     while n < periods:
         contact, x, v, count, arcs = whole_period(m, work, n, contact, x, v, limit, arcs)
@@ -283,12 +284,12 @@ def _skip(m, rates, work, contact, x, v, tangents, periods, limit):
         if status != OK:
             return contact, x, v, before, status
         if n < until:
-            before = follow(m, all_rates, arcs, count, before, contact, x, both)
-        else:
-            before = follow(m, rates, arcs, count, before, contact, x, tangents)
+            follow(m, none, arcs, count, before, contact, x, matrix)
+        going = shift if n < until else tangents
+        before = follow(m, rates, arcs, count, before, contact, x, going)
         n += 1
         if n == until:
-            power, shift = (both[0, 0], both[0, 1], both[1, 0], both[1, 1]), both[:, 2:].copy()
+            power = matrix[0, 0], matrix[0, 1], matrix[1, 0], matrix[1, 1]
             _repeat(power, tangents, shift)
             look = 2 * n
             if sum_of_powers(m, power) < math.inf:
@@ -297,16 +298,29 @@ def _skip(m, rates, work, contact, x, v, tangents, periods, limit):
                 while left > 0:
                     if left % 2 == 1:
                         _repeat(power, tangents, shift)
-                    _repeat(power, shift, shift.copy())
+                    _repeat(power, shift, shift)
                     power = multiplied(power, power)
                     left //= 2
         elif n > until and n >= look:
             repeat = repeat_of(m, work, n, _AT_REST)
             if repeat > 0 and periods - n >= 2 * repeat:
                 until = n + repeat
-                both[:] = 0.0
-                both[0, 0] = both[1, 1] = 1.0
+                shift.fill(0.0)
+                matrix[0, 0] = matrix[1, 1] = 1.0
+                matrix[0, 1] = matrix[1, 0] = 0.0
     return contact, x, v, before, OK
+
+
+@kernel
+def go_through(m, slopes, x, v, tangents, periods, limit):
+    """Take tangents through mesh periods; arguments as of `differentiate`. Returns the status."""
+    if not within_range(x, v):
+        return OVERFLOW
+    rates, work = rates_of(m, slopes), new_work()
+    set_mesh(work, m)
+    set_start(work, x, v)
+    contact = contact_of(m.gap, x, v)
+    return _skip(m, rates, work, contact, x, v, tangents, periods, limit)[4]
 
 
 @kernel
@@ -357,7 +371,7 @@ def differentiate(
     if status != OK:
         return 0, status, False
     best = np.array([-math.inf, math.inf, -math.inf, math.inf])
-    times[:] = 0.0
+    times.fill(0.0)
     per_period = samples.shape[0] // record_periods
     arcs, found, grazing = np.empty((FIRST_ARCS, ARC_COLUMNS)), 0, False
     for i in range(record_periods):

@@ -67,10 +67,8 @@ class Propagator(Base):
 
     def tangents(self, z, directions, tangents, periods, limit):
         """Take tangents through mesh periods; see `Base.differentiate`."""
-        k = len(directions)
-        nothing = np.empty((0, sensitivity.SAMPLE_COLUMNS, k)), np.empty((0, 2, k))
-        tables = *nothing, np.empty((sensitivity.EXTREMA, k)), np.empty((sensitivity.TIMES, k))
-        return self.differentiate(z, directions, tangents, periods, 1, limit, *tables)[1]
+        constants = slopes(self.model, directions)
+        return sensitivity.go_through(self.mesh, constants, *z, tangents, periods, limit)
 
     def map_rates(self, z, directions, tangents, periods, limit):
         """Return (map of all periods, its rates, status); see `Base.differentiate`."""
