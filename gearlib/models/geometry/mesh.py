@@ -282,6 +282,13 @@ class Mesh:
         return self.phase_of(self.pitch_point)
 
     @property
+    def pitch_errors(self):
+        """By how much successive pairs of teeth touch later, m, until the same teeth meet again."""
+        first, second = (gear.pitch_errors or (0.0,) for gear in (self.pinion, self.wheel))
+        count = math.lcm(len(first), len(second))
+        return tuple(first[i % len(first)] + second[i % len(second)] for i in range(count))
+
+    @property
     def line_backlash(self):
         """Backlash along the transverse line of action j_bt = j_bn / cos(beta_b), m."""
         return self.backlash / math.cos(self.pinion.base_helix_angle)
@@ -338,8 +345,9 @@ class Mesh:
             How far pairs share the body, from 0 to 1; of a table they do not.
         deviation : PathTable, optional
             Gap over the path of contact beside the tip reliefs, m.
-        pitch_errors : sequence of float, default (0,)
-            By how much successive pairs of teeth touch later, m; repeated after the last.
+        pitch_errors : sequence of float, optional
+            By how much successive pairs of teeth touch later, m; repeated after the last. By
+            default those of the gears.
 
         Returns
         -------
