@@ -100,6 +100,10 @@ class GearSection(Given):
         default=None, description="Flank tolerance class of ISO 1328-1:2013."
     )
     tip_relief: TipReliefSection = Field(default=None, description="Default: none.")
+    pitch_errors: Annotated[list[quantity("m", "5 um")], Field(min_length=1)] = Field(
+        default=None,
+        description="By how much each flank lies back, tooth after tooth, m. Default: 0.",
+    )
 
 
 class PinionSection(GearSection):
