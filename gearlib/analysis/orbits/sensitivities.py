@@ -154,8 +154,8 @@ def fold_sensitivities(pair, branch, point, sensitivities, *, max_events=MAX_EVE
         Naming the argument, its value and the allowed range.
     """
     over = branch.attrs["parameter"]
-    names = runs.check(pair, sensitivities, known=[name for name in _NAMES if name != over])
     problem, chosen = restored(pair, branch, point, max_events)
+    names = runs.check(pair, sensitivities, known=[name for name in _NAMES if name != over])
     if int(branch.label[point]) != special.FOLD:
         raise ValueError(f"point = {point!r} is not allowed: it must be labelled fold")
     pair, tuning, state = problem.model(chosen.y)
