@@ -8,7 +8,9 @@ from gearlib.models.geometry.blank import RACKS, Material, Rack, Web
 from gearlib.models.geometry.gear import SpurGear
 from gearlib.models.geometry.iso import IsoStiffness, iso_stiffness
 from gearlib.models.geometry.mesh import Mesh
+from gearlib.models.geometry.relief import PathTable, TipRelief
 from gearlib.models.geometry.stiffness import MeshStiffness, mesh_stiffness
+from gearlib.models.geometry.transmission_error import optimum_relief
 
 __all__ = [
     "RACKS",
@@ -16,9 +18,12 @@ __all__ = [
     "Material",
     "Mesh",
     "MeshStiffness",
+    "PathTable",
     "Rack",
     "SpurGear",
+    "TipRelief",
     "Web",
     "iso_stiffness",
     "mesh_stiffness",
+    "optimum_relief",
 ]

@@ -77,6 +77,17 @@ DESCRIPTIONS = {
     "other_multiplier": ("1", "largest multiplier of all other disturbances"),
     "symmetric_bounces": ("1", "losses of normal contact per mesh period, planets moving alike"),
     "symmetric_dynamic_force_max": ("1", "largest mesh force over load, planets moving alike"),
+    # load sharing of pairs of teeth
+    "torque": ("N m", "torque of the pinion"),
+    "pair": ("1", "pairs of teeth that came into mesh since"),
+    "transmission_error": ("m", "static transmission error, approach along the line of action"),
+    "load_share": ("1", "share of the pair of teeth in the load"),
+    "pairs_in_contact": ("1", "number of pairs of teeth that touch"),
+    "mesh_stiffness": ("N m-1", "mesh stiffness dF/dx under the load"),
+    "path_position": ("m", "position on the path of contact, radius of curvature of the pinion"),
+    "gap": ("m", "gap that reliefs and deviations leave between the flanks of the pair"),
+    "peak_to_peak_error": ("m", "peak-to-peak static transmission error"),
+    "effective_contact_ratio": ("1", "mean number of pairs of teeth that touch"),
     # events
     "event_phase": ("rad", "mesh phase of the crossing of a flank line"),
     "event_from": ("1", "phase of contact before the event"),

@@ -7,6 +7,7 @@ name                  responsibility
 ``piecewise_linear``  many coordinates: matrix exponentials between events
 ``taylor``            nonlinear mesh: Taylor steps of order 20 that end at events
 ``steps``             for comparison: fixed steps, and an embedded pair under step control
+``tooth_pairs``       one mesh whose pairs of teeth touch one by one
 ``several_meshes``    gear trains: many coordinates, events of all meshes
 ``codes``             contact of a mesh, how a run ended
 ``polynomial``        first crossing and largest value of a polynomial, guaranteed

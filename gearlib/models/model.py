@@ -29,7 +29,8 @@ class Model:
     repeats: Any = 1
     #: The `GearPair` that the model rests on, which gives tuning and scales; None: it has none.
     mesh: Any = None
-    #: The `Equation` of one degree of freedom; None: the model has more, see `system`.
+    #: The `Equation` of one degree of freedom; None: the model has more, see `system`, or more than
+    #: two flank lines.
     equation: Any = None
     #: The profile of the mesh stiffness where it can be chosen, of `gearlib.models.profiles`.
     profile: Any = None

@@ -13,6 +13,7 @@ from gearlib import (
     DeadZoneOscillator,
     GearPair,
     Harmonics,
+    LoadSharingPair,
     OneDegreePair,
     SixDegreePair,
     basin_stability,
@@ -38,6 +39,7 @@ from gearlib.data.variables import DESCRIPTIONS
 from gearlib.models.model import Model
 from gearlib.models.oscillator import Equation
 from gearlib.models.profiles import Steps
+from tests.geometry.drawings import fzg_c
 from tests.paper import PAPER
 from tests.physics.test_dead_zone import as_oscillator
 
@@ -84,6 +86,7 @@ RIGID = SixDegreePair(
 MODELS = {
     "gear pair": DAMPED,
     "one degree": OneDegreePair(pair=DAMPED, backlash_cubic_damping=4e5),
+    "pairs of teeth": LoadSharingPair.from_geometry(fzg_c(), torque=300.0, damping_ratio=0.05),
     "six degrees": RIGID,
     "run-out": RIGID.replace(eccentricities=(1e-6, 1e-6), teeth=(3, 2)),
     "train": planetary(stiffness_ratio=(0.8, 0.8)),
@@ -136,9 +139,9 @@ REFUSED = {
     "bifurcation_diagram": {"train"},
     "poincare_section": {"train"},
     "continue_orbit": NO_GEARS,
-    "tongues": NO_GEARS,
-    "schmidt": {"six degrees", "run-out", "train", *NO_GEARS},
-    "harmonic_balance": {"six degrees", "run-out", "train", *NO_GEARS},
+    "tongues": {"pairs of teeth", *NO_GEARS},
+    "schmidt": {"pairs of teeth", "six degrees", "run-out", "train", *NO_GEARS},
+    "harmonic_balance": {"pairs of teeth", "six degrees", "run-out", "train", *NO_GEARS},
 }
 BRANCHES = {"switch_branch", "locus"}
 #: Words of a gear mesh, which an oscillator has not.
@@ -147,6 +150,7 @@ MESH = re.compile("mesh|static deflection|flank|dtau")
 
 def test_no_public_call_is_left_out():
     models = {"DeadZoneOscillator", "GearPair", "OneDegreePair", "SixDegreePair", "GearTrain"}
+    models |= {"LoadSharingPair"}
     models |= {"planetary", "idler", "two_stage", "split_power_reducer"}
     parts = {"Fourier", "Harmonics", "Rectangular", "Series", "Steps", "Tabulated"} | {
         "Body",
@@ -188,7 +192,7 @@ def test_a_model_has_what_the_protocol_says(name):
     assert isinstance(model, Model)
     assert model.size >= 2 and model.size % 2 == 0 and model.repeats >= 1
     assert model.mesh is None or model.mesh.mesh is model.mesh and type(model.mesh) is GearPair
-    assert (model.equation is None) == (model.size > 2)
+    assert (model.equation is None) == (model.size > 2 or name == "pairs of teeth")
     assert not np.any(model.flank_lines[0])
     assert model.damped() is True
     assert canonical_json(model.as_dict()) and model.replace() == model

@@ -47,7 +47,7 @@ def python(monkeypatch):
     plain(monkeypatch, nonlinear, "first_crossing")
     plain(monkeypatch, nonlinear, "_highest")
     plain(monkeypatch, nonlinear, "run_nonlinear", taylor)
-    plain(monkeypatch, nonlinear, "_add_step")
+    plain(monkeypatch, nonlinear, "add_step")
     return monkeypatch
 
 

@@ -108,7 +108,8 @@ def tongues(pair, *, start=0.3, stop=3.0, parameter=None, values=None, step=0.00
 
 def linear(pair):
     """Return the smallest model with the stability of `pair`; raise ValueError if nonlinear."""
-    if not (is_model(pair) and (pair.mesh or pair.mesh_names)):
+    gears = is_model(pair) and (pair.mesh or pair.mesh_names)
+    if not gears or (pair.size == 2 and pair.equation is None):
         raise ValueError(
             f"pair = {pair!r} is not allowed: it must be a GearPair, OneDegreePair, SixDegreePair "
             "or GearTrain"

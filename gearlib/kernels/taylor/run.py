@@ -144,7 +144,7 @@ def _highest(series, row, factor, h, to_bernstein, work, floor):
 
 
 @kernel
-def _add_step(tuning, low, to_bernstein, h, contact, series, work, summary):
+def add_step(tuning, low, to_bernstein, h, contact, series, work, summary):
     """Add a step of length h, on a piece that is `low` or not, to the summary."""
     tools = to_bernstein, work
     summary[orbit.X_MAX] = _highest(series, X, 1.0, h, *tools, summary[orbit.X_MAX])
@@ -163,7 +163,7 @@ def _add_step(tuning, low, to_bernstein, h, contact, series, work, summary):
 
 
 @kernel
-def _add_samples(tuning, phase, h, contact, series, samples, taken):
+def add_samples(tuning, phase, h, contact, series, samples, taken):
     """Fill the samples of one period that lie before phase + h; return how many are filled."""
     unit = tuning * tuning
     while taken < samples.shape[0]:
@@ -184,7 +184,7 @@ def _add_samples(tuning, phase, h, contact, series, samples, taken):
 
 
 @kernel
-def _note(events, found, n, phase, before, after, v, summary):
+def note(events, found, n, phase, before, after, v, summary):
     """Count a change of contact and append it to the event table, if one is wanted."""
     if before == NORMAL:
         summary[orbit.BOUNCES] += 1.0
@@ -245,17 +245,17 @@ def run_nonlinear(
                 if not within_range(x, v):
                     return x, v, 0, events, 0, OVERFLOW, steps
                 if recorded >= 0:
-                    _add_step(tuning, low[piece], to_bernstein, h, during, series, work, summary)
+                    add_step(tuning, low[piece], to_bernstein, h, during, series, work, summary)
                     if orbit.unresolved(summary):
                         return x, v, 0, events, 0, UNRESOLVED, steps
                     if per_period > 0:
                         rows = samples[recorded * per_period : (recorded + 1) * per_period]
-                        taken = _add_samples(tuning, phase, h, during, series, rows, taken)
+                        taken = add_samples(tuning, phase, h, during, series, rows, taken)
                     if during != before:
                         # Leaves a flank line from rest, at the start of the step.
-                        events, found = _note(events, found, n, phase, before, during, 0.0, summary)
+                        events, found = note(events, found, n, phase, before, during, 0.0, summary)
                     if contact != during:
-                        events, found = _note(
+                        events, found = note(
                             events, found, n, phase + h, during, contact, v, summary
                         )
                 phase += h

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from gearlib import checks
 from gearlib.models.geometry.blank import RACKS, Material, Rack, Web
 from gearlib.models.geometry.involute import inv
+from gearlib.models.geometry.relief import TipRelief
 
 #: By so much the shift may lie below the limit of undercut: 17 teeth without shift, the limit of
 #: the textbooks, lie 0.006 below; the rack takes away less than a thousandth of a module.
@@ -49,6 +50,7 @@ class SpurGear:
         Of the rim of a ring gear, m; its mass and inertia need it.
     web : Web, optional
     material : Material, default steel
+    tip_relief : TipRelief, optional
 
     Raises
     ------
@@ -71,6 +73,7 @@ class SpurGear:
     outer_diameter: float | None = None
     web: Web | None = None
     material: Material = Material()
+    tip_relief: TipRelief | None = None
 
     def __post_init__(self):
         self._put("teeth", checks.integer("teeth", self.teeth, 3))
@@ -134,6 +137,17 @@ class SpurGear:
             f"such that the tooth is not pointed (its tip would be {thickness:.3g} m thick; "
             "> 0 is allowed)",
             lambda v: thickness > 0.0,
+        )
+        relief = self.tip_relief
+        if relief is None:
+            return
+        if not isinstance(relief, TipRelief):
+            raise ValueError(f"tip_relief = {relief!r} is not allowed: it must be a TipRelief")
+        checks.number(
+            "amount of a tip relief",
+            relief.amount,
+            f"below half of the thickness of the tip, {thickness / 2.0:.4g} m",
+            lambda v: v < thickness / 2.0,
         )
 
     def _check_blank(self):

@@ -72,6 +72,8 @@ class Mesh:
                 f"contact_ratio = {self.contact_ratio:.4f} is not allowed: it must be >= 1; larger "
                 "tip diameters or a smaller centre distance raise it"
             )
+        for name in ("pinion", "wheel"):
+            self._check_relief(name, getattr(self, name).tip_relief)
         self._set_backlash()
 
     def _put(self, name, value):
@@ -153,6 +155,19 @@ class Mesh:
         if gear.internal:
             inner, outer = outer, inner
         return (outer - inner) / 2.0 - self.centre_distance
+
+    def _check_relief(self, name, relief):
+        """A pair that carries alone keeps its involutes."""
+        if relief is None:
+            return
+        longest = (self.contact_ratio - 1.0) * self.base_pitch
+        checks.number(
+            f"length of the tip relief of the {name}",
+            relief.length,
+            f"<= {longest:.6g} m, (eps_alpha - 1) p_bt, or single contact has no involute",
+            # A length of just so much may have been computed another way.
+            lambda v: v <= longest * (1.0 + 1e-9),
+        )
 
     def _tips_pass(self):
         """Whether the tips of an internal mesh pass each other after they left contact."""
@@ -294,6 +309,46 @@ class Mesh:
     def stiffness(self, method="iso", **options):
         """Return the `MeshStiffness` by a named method; see `mesh_stiffness`."""
         return mesh_stiffness(self, method, **options)
+
+    def transmission_error(self, torque, *, phases=256, **options):
+        """Return the static transmission error under load, and how pairs of teeth share the load.
+
+        Spur gears with the tip reliefs of their drawings; how: `gearlib.models.geometry`, module
+        ``load_sharing``.
+
+        Parameters
+        ----------
+        torque : float or sequence of float
+            Of the pinion, N m; finite, >= 0.
+        phases : int, default 256
+            Mesh phases in each mesh period, >= 8.
+        stiffness : {"energy", "iso"} or PathTable, default "energy"
+            Of a pair of teeth: by the energy method with constant Hertz contact; c' of ISO 6336-1,
+            the same all along the path; a table in N/m.
+        coupling : float, default 1
+            How far pairs share the body, from 0 to 1; of a table they do not.
+        deviation : PathTable, optional
+            Gap over the path of contact beside the tip reliefs, m.
+        pitch_errors : sequence of float, default (0,)
+            By how much successive pairs of teeth touch later, m; repeated after the last.
+
+        Returns
+        -------
+        xarray.Dataset
+            Over torque and phase, of as many mesh periods as there are pitch errors:
+            transmission_error (m, by how much the teeth approach each other along the line of
+            action), pairs_in_contact, mesh_stiffness (dF/dx), load_share over pair, NaN without
+            load. Over phase and pair: path_position and gap, NaN outside of the path. Over torque:
+            peak_to_peak_error, effective_contact_ratio, mesh_force.
+
+        Raises
+        ------
+        ValueError
+            If a value is not allowed; the message names parameter, value and range.
+        """
+        from gearlib.models.geometry.transmission_error import transmission_error
+
+        return transmission_error(self, torque, phases, **options)
 
     def pair_parameters(self, **options):
         """Return what `GearPair.from_geometry` takes of the mesh, as a dict."""

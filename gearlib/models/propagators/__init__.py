@@ -7,6 +7,7 @@ module                responsibility
 ``closed_form``       a `GearPair`: scalar closed forms between events
 ``piecewise_linear``  matrix exponentials between events, any number of coordinates
 ``taylor``            Taylor steps that end at events: any one degree of freedom
+``tooth_pairs``       the same where the pairs of teeth touch one by one
 ====================  ============================================================================
 
 Each is a thin layer over the folder of `gearlib.kernels` with its name. `Model.propagator` makes

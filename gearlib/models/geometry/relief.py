@@ -1,0 +1,94 @@
+"""By how much flanks lie back from the involute: tip relief, and a table over the path of contact.
+
+A gap is measured along the line of action, in m: by so much later than its involutes a pair of
+teeth touches. Positions are those of `gearlib.models.geometry.mesh`.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from gearlib import checks
+
+#: Exponent of the relief over its length.
+SHAPES = {"linear": 1, "parabolic": 2}
+
+
+@dataclass(frozen=True, kw_only=True)
+class TipRelief:
+    """Tip relief of a gear, as on its drawing; immutable.
+
+    Parameters
+    ----------
+    amount : float
+        C_a, by how much the tip lies back, normal to the flank, m; finite, >= 0.
+    length : float
+        L_Ca, length of the relieved part along the path of contact, which is the difference of the
+        radii of curvature between the tip and its start, m; finite, > 0.
+    shape : {"linear", "parabolic"}, default "linear"
+        Over that length.
+
+    Raises
+    ------
+    ValueError
+        If a value is impossible; the message names parameter, value and range.
+    """
+
+    amount: float
+    length: float
+    shape: str = "linear"
+
+    def __post_init__(self):
+        words = "of a tip relief"
+        amount = checks.finite_nonnegative(f"amount {words}", self.amount)
+        object.__setattr__(self, "amount", amount)
+        length = checks.finite_positive(f"length {words}", self.length)
+        object.__setattr__(self, "length", length)
+        checks.one_of(f"shape {words}", self.shape, tuple(SHAPES))
+
+    def gap(self, from_tip):
+        """Return the gap at distances from the tip along the path of contact, m."""
+        inside = np.maximum(1.0 - np.asarray(from_tip) / self.length, 0.0)
+        return self.amount * inside ** SHAPES[self.shape]
+
+
+@dataclass(frozen=True)
+class PathTable:
+    """A table over the path of contact, linear between its points and constant beyond.
+
+    Parameters
+    ----------
+    position : sequence of float
+        Radii of curvature of the pinion's flank, m, strictly rising; ``mesh.path`` bounds them.
+    value : sequence of float
+        What is tabulated: a deviation of the flanks in m, or the stiffness of a pair of teeth in
+        N/m; finite.
+
+    Raises
+    ------
+    ValueError
+        Naming the entry that is wrong.
+    """
+
+    position: tuple
+    value: tuple
+
+    def __post_init__(self):
+        for name in ("position", "value"):
+            values = tuple(
+                checks.number(f"{name}[{i}]", one, "finite", math.isfinite)
+                for i, one in enumerate(getattr(self, name))
+            )
+            object.__setattr__(self, name, values)
+        if len(self.position) != len(self.value) or not self.position:
+            raise ValueError(
+                f"a table of {len(self.position)} positions and {len(self.value)} values is not "
+                "allowed: it must have equally many, at least 1"
+            )
+        if any(a >= b for a, b in zip(self.position, self.position[1:], strict=False)):
+            raise ValueError(f"position = {self.position!r} is not allowed: it must rise strictly")
+
+    def at(self, position):
+        """Return the values at positions of the path."""
+        return np.interp(position, self.position, self.value)

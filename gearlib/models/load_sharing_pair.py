@@ -1,0 +1,255 @@
+"""A gear pair whose pairs of teeth touch one by one, each with its own gap and compliance.
+
+    m x'' + k (x' - e') + sum_i F_i(x, tau) = F,
+
+the forces of the pairs as of `gearlib.models.geometry.load_sharing`, but of any displacement x:
+pairs that touch share Q F_i = x - g_i, the others have none. e(tau) is the least gap, where the
+flanks touch without load; x - e is the relative displacement of the flanks that `OneDegreePair`
+calls y. The coast side touches at x = -backlash; there all pairs in mesh carry, without gaps.
+
+Gaps and compliances are straight lines between phases, the ends of the path, the starts of the
+reliefs and the points of tables, so linear reliefs of pairs of constant stiffness are exact.
+"""
+
+import math
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from gearlib import checks
+from gearlib.kernels.tooth_pairs.system import ToothPairSystem
+from gearlib.models.geometry.load_sharing import pairs_at, tooth_pairs
+from gearlib.models.geometry.mesh import Mesh
+from gearlib.models.geometry.relief import PathTable
+from gearlib.models.harmonics import Harmonics
+from gearlib.models.one_degree import OneDegreePair
+from gearlib.models.pair import GearPair
+from gearlib.models.profiles import Tabulated
+from gearlib.models.with_pair import WithPair
+
+if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
+    from gearlib.models.propagators import tooth_pairs  # noqa: F401
+
+#: x^20 / 20! = 1e-17 at x = 1.18: natural frequency times the longest step.
+_CONVERGED = 1.18
+#: Cuts closer than this share of a base pitch are one.
+_ONE = 1e-12
+
+
+@dataclass(frozen=True, kw_only=True)
+class LoadSharingPair(WithPair):
+    """A gear pair whose load is shared by pairs of teeth with tip relief and errors; immutable.
+
+    Parameters
+    ----------
+    pair : GearPair
+        Its mass, load, damping, backlash and scales; the stiffness is that of the drawing.
+    drawing : gearlib.geometry.Mesh
+        Of spur gears, with their tip reliefs.
+    phases : int, default 32
+        Equal parts of a mesh period between which gaps and compliances are straight lines; >= 8.
+    stiffness, coupling, deviation, pitch_errors
+        As of `gearlib.geometry.Mesh.transmission_error`.
+
+    Raises
+    ------
+    ValueError
+        If a value is not allowed; the message names parameter, value and range.
+    """
+
+    pair: GearPair
+    drawing: Mesh
+    phases: int = 32
+    stiffness: Any = "energy"
+    coupling: float = 1.0
+    deviation: PathTable | None = None
+    pitch_errors: tuple = (0.0,)
+
+    mathematics = {"exact": "tooth_pairs"}
+
+    def __post_init__(self):
+        for name, kind, words in (
+            ("pair", GearPair, "GearPair"),
+            ("drawing", Mesh, "gearlib.geometry.Mesh"),
+        ):
+            value = getattr(self, name)
+            if not isinstance(value, kind):
+                raise ValueError(f"{name} = {value!r} is not allowed: it must be a {words}")
+        checks.integer("phases", self.phases, 8)
+        object.__setattr__(self, "pitch_errors", tuple(self.pitch_errors))
+        self._pairs(np.zeros(1), np.zeros(1))
+
+    @classmethod
+    def from_geometry(cls, mesh, *, stiffness="energy", coupling=1.0, more=None, **options):
+        """Return the pair of two drawn gears, its scales from the same mesh stiffness.
+
+        Parameters
+        ----------
+        mesh : gearlib.geometry.Mesh
+        stiffness, coupling
+            As of `Mesh.transmission_error`; of a table the scales need a `pair` of one's own.
+        more : dict, optional
+            phases, deviation, pitch_errors.
+        **options
+            torque, damping and so on, as of `GearPair.from_geometry`.
+        """
+        given = {"coupling": coupling} if stiffness == "energy" else {}
+        pair = GearPair.from_geometry(mesh, stiffness=stiffness, options=given, **options)
+        return cls(pair=pair, drawing=mesh, stiffness=stiffness, coupling=coupling, **(more or {}))
+
+    def at_load(self, *, phases=128, harmonics=24):
+        """Return the `OneDegreePair` with the stiffness and the deviation of the pair's load.
+
+        Its deviation is -e(tau), the error without load, and its stiffness F / (x - e), so that it
+        has the same static transmission error at this load, at others of its own.
+
+        Parameters
+        ----------
+        phases : int, default 128
+            Of the stiffness, between which it is linear; >= 8.
+        harmonics : int, default 24
+            Of the deviation; < phases / 2.
+
+        Raises
+        ------
+        ValueError
+            If successive pairs of teeth differ.
+        """
+        if self.repeats > 1:
+            raise ValueError(
+                f"pitch_errors = {self.pitch_errors!r} is not allowed: it must have one value, "
+                "where one mesh period stands for all"
+            )
+        names = ("stiffness", "coupling", "deviation")
+        static = tooth_pairs(
+            self.drawing, phases, **{name: getattr(self, name) for name in names}
+        ).share([0.0, self.load])
+        bare, loaded = static.error
+        phase = math.tau * np.arange(phases) / phases
+        profile = Tabulated(tuple(phase), tuple(self.load / (loaded - bare)))
+        ratios = zip(
+            ("max_stiffness", "stiffness_ratio", "contact_ratio"), profile.ratios(), strict=True
+        )
+        return OneDegreePair(
+            pair=self.pair.replace(**dict(ratios)),
+            profile=profile,
+            deviation=Harmonics.from_table(phase, -bare, harmonics),
+        )
+
+    def _pairs(self, pitches, begun, inside=None):
+        names = ("stiffness", "coupling", "deviation", "pitch_errors")
+        options = {name: getattr(self, name) for name in names}
+        return pairs_at(self.drawing, pitches, begun, inside, **options)
+
+    @property
+    def repeats(self):
+        """Mesh periods after which the pairs of teeth repeat."""
+        return len(self.pitch_errors)
+
+    @property
+    def equation(self):
+        """None: more than two flank lines."""
+        return None
+
+    def damped(self):
+        """Return whether there is any damping on the way of the motion."""
+        return self.pair.damped()
+
+    def _cuts(self):
+        """Return base pitches, from 0 to 1, between which all is a straight line."""
+        mesh = self.drawing
+        start, end = mesh.path
+        at = [start, end]
+        for gear, tip in ((mesh.pinion, end), (mesh.wheel, start)):
+            if gear.tip_relief is not None:
+                at.append(tip + math.copysign(gear.tip_relief.length, start + end - 2.0 * tip))
+        for table in (self.deviation, self.stiffness):
+            if isinstance(table, PathTable):
+                at += [position for position in table.position if start < position < end]
+        own = (np.array(at) - start) / mesh.base_pitch % 1.0
+        cuts = np.sort(np.concatenate([own, np.arange(self.phases) / self.phases]))
+        cuts = cuts[np.diff(cuts, prepend=-1.0) > _ONE]
+        return np.append(cuts[cuts < 1.0 - _ONE], 1.0)
+
+    @cached_property
+    def tables(self):
+        """The `ToothPairSystem` without tuning and damping, and its largest stiffness."""
+        mesh, repeats = self.drawing, self.repeats
+        shift = (mesh.contact_ratio % 1.0) / 2.0
+        cuts = self._cuts()
+        pitches = (np.arange(repeats)[:, None] + cuts[:-1]).ravel()
+        # Phase 0 and the ends of mesh periods lie half of the segment with the most pairs later.
+        pitches = np.append(pitches, np.arange(repeats) + shift)
+        pitches = np.sort(pitches)
+        pitches = pitches[np.diff(pitches, prepend=-1.0) > _ONE]
+        first = int(np.searchsorted(pitches, shift - _ONE))
+        pitches = np.concatenate([pitches[first:], pitches[:first] + repeats, [repeats + shift]])
+        left, right = pitches[:-1], pitches[1:]
+        begun = np.floor((left + right) / 2.0)
+        middle = self._pairs((left + right) / 2.0, begun)
+        ends = [self._pairs(at, begun, middle.inside) for at in (left, right)]
+        lengths = math.tau * (right - left)
+        lines = [self._laws(end) for end in ends]
+        force, overlap = (
+            np.concatenate([a, (b - a) / lengths.reshape(-1, *[1] * (a.ndim - 1))], axis=-1)
+            for a, b in zip(*lines, strict=True)
+        )
+        # In the order of the columns of `gearlib.kernels.tooth_pairs.system`.
+        force, overlap = force[..., [0, 2, 1, 3]], overlap[..., [0, 2, 1, 3]]
+        least = [np.where(middle.inside, end.gap, math.inf).min(-1) for end in ends]
+        bits = 2 ** np.arange(middle.inside.shape[1])
+        starts = math.tau * (pitches - shift)
+        firsts = np.searchsorted(starts, math.tau * np.arange(repeats + 1) - 1e-9)
+        inside = middle.inside @ bits
+        system = ToothPairSystem(
+            starts=starts,
+            first_segment=firsts,
+            renewed=(inside != np.roll(inside, 1)) | (begun != np.roll(begun, 1)),
+            inside=inside,
+            force=force,
+            overlap=overlap,
+            slip=(least[1] - least[0]) / lengths / self.static_deflection,
+            damping=np.zeros(2),
+            lower=-self.backlash_ratio,
+            longest=0.0,
+            tuning=0.0,
+            repeats=repeats,
+        )
+        return system, max(line[0][..., 0].max() for line in lines)
+
+    def _laws(self, pairs):
+        """Return (a, b) of all sets, shape (p, sets + 1, 2), and (p, r), shape (p, sets, k, 2)."""
+        m, k = pairs.gap.shape
+        force, overlap = np.zeros((m, 2**k + 1, 2)), np.zeros((m, 2**k, k, 2))
+        for s in range(2**k):
+            own = [i for i in range(k) if s >> i & 1]
+            there = pairs.inside[:, own].all(-1)
+            inverse = np.linalg.inv(pairs.compliance[:, own][:, :, own])
+            rise, back = inverse.sum(-1), (inverse @ pairs.gap[:, own, None])[..., 0]
+            both = np.stack([rise.sum(-1) / self.mean_stiffness, back.sum(-1) / self.load], -1)
+            force[there, s] = both[there]
+            # By how much the forces of the others move the flanks of a pair.
+            yielding = pairs.compliance[:, :, own]
+            overlap[:, s, :, 0] = 1.0 - (yielding @ rise[..., None])[..., 0]
+            beside = pairs.gap - (yielding @ back[..., None])[..., 0]
+            overlap[:, s, :, 1] = beside / self.static_deflection
+            whole = there & (pairs.inside.sum(-1) == len(own))
+            force[whole, -1, 0] = both[whole, 0]
+        force[:, -1, 1] = (
+            -self.backlash_ratio * force[:, -1, 0] if self.backlash < math.inf else 0.0
+        )
+        return force, overlap
+
+    def system(self, tuning):
+        """Return the `ToothPairSystem` at one tuning."""
+        system, stiffest = self.tables
+        damping = 2.0 * np.array([self.backlash_damping_ratio, self.damping_ratio]) / tuning
+        longest = _CONVERGED / (math.sqrt(stiffest) / tuning + damping.max())
+        return system._replace(damping=damping, longest=longest, tuning=tuning)
+
+    def as_dict(self):
+        """Return the parameters as plain values, in the order of the fields."""
+        own = {name: value for name, value in asdict(self).items() if name != "pair"}
+        return {**self.pair.as_dict(), **own}

@@ -1,0 +1,289 @@
+"""Load sharing and static transmission error: closed forms, other solvers, limits, refusals."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq, nnls
+
+from gearlib.geometry import PathTable, SpurGear, TipRelief, optimum_relief
+from gearlib.models.geometry.energy import energy_stiffness
+from gearlib.models.geometry.load_sharing import ToothPairs, tooth_pairs
+from tests.geometry.drawings import fzg_c, iso_example, ring, twenty
+
+MESHES = {"fzg": fzg_c, "twenty": twenty, "ring": ring}
+C = 2e8  #: N/m, of a pair of teeth where it is constant
+CONSTANT = PathTable((0.0,), (C,))
+TORQUE = 300.0
+
+
+@pytest.fixture(params=MESHES, name="mesh")
+def drawn(request):
+    return MESHES[request.param]()
+
+
+def with_relief(mesh, pinion=None, wheel=None):
+    return dataclasses.replace(
+        mesh,
+        pinion=dataclasses.replace(mesh.pinion, tip_relief=pinion),
+        wheel=dataclasses.replace(mesh.wheel, tip_relief=wheel),
+    )
+
+
+def long_relief(mesh, amount, shape="linear"):
+    length = (mesh.contact_ratio - 1.0) * mesh.base_pitch
+    return TipRelief(amount=amount, length=length, shape=shape)
+
+
+def test_without_relief_it_is_load_over_stiffness(mesh):
+    """The rectangle of ISO 6336-1 and the course of the energy method, each at its own phases."""
+    segment = mesh.contact_ratio - 1.0
+    iso = mesh.transmission_error([TORQUE, 2.0 * TORQUE], stiffness="iso")
+    found = mesh.stiffness("iso")
+    from_middle = np.abs(np.mod(iso.phase + math.pi, math.tau) - math.pi)
+    double = from_middle < math.pi * segment
+    expected = found.max_stiffness * np.where(double, 1.0, found.stiffness_ratio)
+    # Rounding only.
+    np.testing.assert_allclose(iso.mesh_stiffness, np.tile(expected, (2, 1)), rtol=1e-12)
+    np.testing.assert_allclose(
+        iso.transmission_error, iso.mesh_force.values[:, None] / expected, rtol=1e-12
+    )
+    np.testing.assert_allclose(iso.effective_contact_ratio, mesh.contact_ratio, rtol=1e-12)
+    energy = mesh.transmission_error(TORQUE)
+    pitches = np.mod(energy.phase / math.tau + segment / 2.0, 1.0).values
+    for count in (1, 2):
+        own = energy.pairs_in_contact.values[0] == count
+        stiffness = energy_stiffness(mesh, pitches[own], count)
+        np.testing.assert_allclose(energy.mesh_stiffness.values[0, own], stiffness, rtol=1e-12)
+    np.testing.assert_allclose(energy.load_share.sum("pair"), 1.0, rtol=1e-12)
+
+
+def test_long_linear_relief_by_the_deflection_of_a_pair_flattens_exactly(mesh):
+    """Harris: both ways of constant stiffness, and what is left at any other load.
+
+    At a load F and the design load F_d the error is |F - F_d| / (2 c) from peak to peak; below F_d
+    only F / F_d of double contact is left.
+    """
+    design = mesh.load(TORQUE)
+    relieved = optimum_relief(mesh, TORQUE, stiffness=CONSTANT)
+    for gear in (relieved.pinion, relieved.wheel):
+        assert gear.tip_relief.amount == pytest.approx(design / C, rel=1e-12)
+    torques = TORQUE * np.array([0.25, 0.5, 1.0, 2.0, 5.0])
+    found = relieved.transmission_error(torques, phases=512, stiffness=CONSTANT)
+    loads = found.mesh_force.values
+    # Extrema lie in single contact and in the middle of double contact, at phases of the grid.
+    np.testing.assert_allclose(
+        found.peak_to_peak_error, np.abs(loads - design) / (2.0 * C), atol=1e-12 * design / C
+    )
+    extra = (mesh.contact_ratio - 1.0) * np.minimum(loads / design, 1.0)
+    # Where a pair comes to touch is found within a phase of the grid, at both ends of its way.
+    np.testing.assert_allclose(found.effective_contact_ratio, 1.0 + extra, atol=2.0 / 512)
+    iso = optimum_relief(mesh, TORQUE, stiffness="iso")
+    flat = iso.transmission_error(TORQUE, stiffness="iso")
+    assert flat.peak_to_peak_error < 1e-12 * flat.transmission_error.max()
+    # Of c' 6 / 7 are the teeth's own where two pairs share a body: 1.75 c' together.
+    single = mesh.stiffness("iso").max_stiffness / 1.75
+    assert iso.pinion.tip_relief.amount == pytest.approx(6.0 / 7.0 * design / single, rel=1e-12)
+
+
+@pytest.mark.parametrize("length", ["long", "short", None])
+def test_optimum_against_a_grid(length):
+    mesh, unit = fzg_c(), 1e-5
+    found = optimum_relief(mesh, TORQUE, length=length, phases=64)
+    least = found.transmission_error(TORQUE, phases=64).peak_to_peak_error.item()
+    longest = (mesh.contact_ratio - 1.0) * mesh.base_pitch
+    spans = {"long": [1.0], "short": [0.5], None: [0.4, 0.6, 0.8, 1.0]}[length]
+    for span in spans:
+        for first in (0.5, 1.0, 1.5, 2.0, 3.0):
+            for second in (0.5, 1.0, 1.5, 2.0, 3.0):
+                reliefs = [
+                    TipRelief(amount=a * unit, length=span * longest) for a in (first, second)
+                ]
+                other = with_relief(mesh, *reliefs).transmission_error(TORQUE, phases=64)
+                assert least <= other.peak_to_peak_error.item() * (1.0 + 1e-9)
+
+
+def test_large_loads_leave_nothing_of_the_relief(mesh):
+    bare = mesh.transmission_error(1e3 * TORQUE)
+    found = with_relief(mesh, *2 * [long_relief(mesh, 1e-5)]).transmission_error(1e3 * TORQUE)
+    np.testing.assert_allclose(found.mesh_stiffness, bare.mesh_stiffness, rtol=1e-12)
+    np.testing.assert_array_less(found.transmission_error - bare.transmission_error, 1e-5)
+    assert found.effective_contact_ratio.item() == pytest.approx(mesh.contact_ratio, rel=1e-12)
+
+
+def test_no_load_is_the_least_gap():
+    mesh = with_relief(fzg_c(), pinion=long_relief(fzg_c(), 2e-5, "parabolic"))
+    found = mesh.transmission_error(0.0, deviation=PathTable((0.0,), (3e-6,)))
+    np.testing.assert_allclose(found.transmission_error[0], found.gap.min("pair"), atol=1e-20)
+    assert np.isnan(found.load_share).all() and (found.pairs_in_contact >= 1).all()
+    # One pair follows the other: within a phase of the grid at either end.
+    assert found.effective_contact_ratio.item() == pytest.approx(1.0, abs=2.0 / 256)
+
+
+def random_pairs(count, coupled, seed):
+    """Return `ToothPairs` at 40 phases, with random compliances and gaps."""
+    rng = np.random.default_rng(seed)
+    compliance = rng.uniform(0.5, 2.0, (40, count))[..., None] * np.eye(count)
+    if coupled:
+        root = rng.uniform(0.2, 0.7, (40, count))
+        compliance = compliance + root[:, :, None] * root[:, None, :]
+    inside = rng.uniform(size=(40, count)) < 0.8
+    inside[:, 0] = True
+    gap = rng.uniform(-1.0, 3.0, (40, count))
+    return ToothPairs(np.zeros(40), np.zeros((40, count)), inside, compliance, gap)
+
+
+@pytest.mark.parametrize("count", [2, 3, 4])
+@pytest.mark.parametrize("coupled", [False, True])
+def test_against_root_finding_by_scipy(count, coupled):
+    """Forces at a displacement by non-negative least squares, the displacement by Brent."""
+    pairs, loads = random_pairs(count, coupled, seed=count), [0.1, 1.0, 4.0]
+    found = pairs.share(loads)
+    for i, load in enumerate(loads):
+        for m in range(40):
+            there = pairs.inside[m]
+            root = np.linalg.cholesky(pairs.compliance[m][np.ix_(there, there)])
+            gap = pairs.gap[m, there]
+
+            def forces(x, root=root, gap=gap):
+                return nnls(root.T, np.linalg.solve(root, x - gap))[0]
+
+            def missing(x, forces=forces, load=load):
+                return forces(x).sum() - load
+
+            x = brentq(missing, gap.min(), gap.max() + 50.0, xtol=1e-13)
+            # Brent's tolerance and some conditioning.
+            assert found.error[i, m] == pytest.approx(x, abs=1e-11)
+            np.testing.assert_allclose(found.force[i, m, there], forces(x), atol=1e-10)
+            assert not found.force[i, m, ~there].any()
+
+
+def test_stiffness_is_the_slope_of_the_load(mesh):
+    mesh = with_relief(mesh, *2 * [long_relief(mesh, 2e-5, "parabolic")])
+    torques = np.array([TORQUE * (1.0 - 1e-7), TORQUE, TORQUE * (1.0 + 1e-7)])
+    found = mesh.transmission_error(torques)
+    slope = (found.mesh_force[2] - found.mesh_force[0]) / (
+        found.transmission_error[2] - found.transmission_error[0]
+    )
+    same = found.pairs_in_contact[0] == found.pairs_in_contact[2]
+    # Differences of 1e-7 of numbers with 16 digits.
+    np.testing.assert_allclose(slope[same], found.mesh_stiffness[1][same], rtol=1e-7)
+    assert same.mean() > 0.9
+
+
+def test_relief_begins_at_the_own_tip(mesh):
+    """The pinion's at the end of the path, the wheel's at its beginning, over their lengths."""
+    amounts = {"pinion": 1e-5, "wheel": 2e-5}
+    for name, amount in amounts.items():
+        relief = long_relief(mesh, amount)
+        found = with_relief(mesh, **{name: relief}).transmission_error(TORQUE)
+        start, end = mesh.path
+        tip = end if name == "pinion" else start
+        expected = amount * np.maximum(1.0 - np.abs(tip - found.path_position) / relief.length, 0.0)
+        np.testing.assert_allclose(found.gap, expected, atol=1e-18)
+
+
+def test_a_table_takes_the_place_of_relief():
+    mesh, amount = fzg_c(), 2e-5
+    relief = TipRelief(amount=amount, length=3e-3)
+    (start, end), length = mesh.path, relief.length
+    table = PathTable((start, start + length, end - length, end), (amount, 0.0, 0.0, amount))
+    drawn = with_relief(mesh, relief, relief).transmission_error(TORQUE)
+    by_table = mesh.transmission_error(TORQUE, deviation=table)
+    np.testing.assert_allclose(drawn.transmission_error, by_table.transmission_error, rtol=1e-12)
+    parabola = TipRelief(amount=amount, length=length, shape="parabolic")
+    np.testing.assert_allclose(parabola.gap([0.0, length / 2, length]), [amount, amount / 4, 0.0])
+
+
+def test_each_pair_has_its_own_pitch_error():
+    mesh, errors = fzg_c(), (0.0, 4e-6, -2e-6)
+    found = mesh.transmission_error(TORQUE, stiffness=CONSTANT, pitch_errors=errors)
+    assert found.phase.size == 3 * 256
+    deflection = mesh.load(TORQUE) / C
+    single = found.transmission_error[0].sel(phase=math.pi + math.tau * np.arange(3))
+    np.testing.assert_allclose(single, deflection + np.array(errors), rtol=1e-12)
+    # In double contact a pair shares with the one before it.
+    both = found.transmission_error[0].sel(phase=math.tau * np.arange(3))
+    mean = (np.array(errors) + np.roll(errors, 1)) / 2.0
+    np.testing.assert_allclose(both, deflection / 2.0 + mean, rtol=1e-12)
+
+
+def test_what_the_shared_body_changes():
+    """Without it, or in single contact, a pair yields alone."""
+    mesh = twenty()
+    apart, joint = (tooth_pairs(mesh, 64, coupling=c) for c in (0.0, 1.0))
+    np.testing.assert_allclose(
+        np.einsum("mii->mi", apart.compliance), np.einsum("mii->mi", joint.compliance), rtol=1e-12
+    )
+    off = apart.compliance[:, 0, 1], joint.compliance[:, 0, 1]
+    assert not off[0].any() and (off[1] > 0.0).all()
+
+
+def gear(**relief):
+    return SpurGear(teeth=20, module=4e-3, width=0.02, tip_relief=TipRelief(**relief))
+
+
+def error(**options):
+    return fzg_c().transmission_error(**{"torque": TORQUE} | options)
+
+
+REFUSED = {
+    "amount": (lambda: gear(amount=-1e-6, length=1e-3), "amount of a tip relief = -1e-06 ", ">= 0"),
+    "mm": (lambda: gear(amount=0.02, length=1e-3), "amount of a tip relief = 0.02 ", "0.00139"),
+    "length": (lambda: gear(amount=1e-5, length=0.0), "length of a tip relief = 0.0 ", "> 0"),
+    "shape": (
+        lambda: gear(amount=1e-5, length=1e-3, shape="round"),
+        "shape of a tip relief = 'round' ",
+        "'parabolic'",
+    ),
+    "no relief": (
+        lambda: SpurGear(teeth=20, module=4e-3, width=0.02, tip_relief=2e-5),
+        "tip_relief = 2e-05 ",
+        "a TipRelief",
+    ),
+    "into single contact": (
+        lambda: with_relief(fzg_c(), wheel=TipRelief(amount=1e-5, length=6e-3)),
+        "length of the tip relief of the wheel = 0.006 ",
+        "<= 0.0058125 m",
+    ),
+    "falling table": (lambda: PathTable((1.0, 1.0), (0.0, 0.0)), "position = (1.0, 1.0) ", "rise"),
+    "short table": (lambda: PathTable((1.0,), ()), "a table of 1 positions and 0 values ", "many"),
+    "table": (lambda: PathTable((0.0,), (math.nan,)), "value[0] = nan ", "finite"),
+    "torque": (lambda: error(torque=[1.0, -1.0]), "torque = -1.0 ", ">= 0"),
+    "no torque": (lambda: error(torque=[]), "torque = [] ", "at least one"),
+    "phases": (lambda: error(phases=4), "phases = 4 ", ">= 8"),
+    "stiffness": (lambda: error(stiffness="fem"), "stiffness = 'fem' ", "'energy'"),
+    "soft pair": (
+        lambda: error(stiffness=PathTable((0.0,), (0.0,))),
+        "stiffness = 0 N/m ",
+        "> 0 all along",
+    ),
+    "coupling": (lambda: error(coupling=1.5), "coupling = 1.5 ", "from 0 to 1"),
+    "deviation": (lambda: error(deviation=1e-5), "deviation = 1e-05 ", "a PathTable"),
+    "pitch errors": (lambda: error(pitch_errors=[math.inf]), "pitch_errors[0] = inf ", "finite"),
+    "no pitch errors": (lambda: error(pitch_errors=()), "pitch_errors = () ", "at least one"),
+    "helical": (
+        lambda: iso_example().transmission_error(TORQUE),
+        "helix_angle = 0.275762",
+        "must be 0",
+    ),
+    "design load": (lambda: optimum_relief(fzg_c(), 0.0), "torque = 0.0 ", "> 0"),
+    "too long": (
+        lambda: optimum_relief(fzg_c(), TORQUE, length=0.01),
+        "length = 0.01 ",
+        "'long', 'short' or > 0 and <= 0.0058125 m",
+    ),
+    "optimum shape": (lambda: optimum_relief(fzg_c(), 1.0, shape="s"), "shape = 's' ", "'linear'"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_one_sentence_with_key_value_and_range(case):
+    call, key, allowed = REFUSED[case]
+    with pytest.raises(ValueError, match="not allowed") as refused:
+        call()
+    message = str(refused.value)
+    assert message.startswith(key), message
+    assert allowed in message, message
+    assert "\n" not in message and ". " not in message, message

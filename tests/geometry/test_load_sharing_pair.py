@@ -1,0 +1,247 @@
+"""Pairs of teeth that touch one by one: closed forms, scipy event by event, limits, refusals."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from gearlib import GearPair, Harmonics, LoadSharingPair, OneDegreePair, simulate
+from gearlib.geometry import Mesh, PathTable, optimum_relief
+from tests.geometry.drawings import fzg_c, ring, twenty
+
+TORQUE = 300.0
+OPTIONS = {"torque": TORQUE, "damping_ratio": 0.05, "backlash_damping_ratio": 0.01}
+FAR = 1.0  #: m of backlash, which no motion crosses
+C = 3e8  #: N/m, of a pair of teeth where it is constant
+
+
+def with_backlash(mesh, backlash):
+    return Mesh(mesh.pinion, mesh.wheel, mesh.centre_distance, backlash)
+
+
+def constant(mesh, **changes):
+    """Return a model whose pairs of teeth have a constant stiffness, without a shared body."""
+    pair = GearPair.from_geometry(mesh, **OPTIONS)
+    return LoadSharingPair(
+        pair=pair, drawing=mesh, stiffness=PathTable((0.0,), (C,)), phases=8, **changes
+    )
+
+
+@pytest.mark.parametrize(
+    "mesh", [fzg_c(), with_backlash(twenty(), 2e-6), ring(outer_diameter=0.44)]
+)
+def test_without_relief_it_is_the_gear_pair_of_the_standard(mesh):
+    """The closed forms of `GearPair`, both flanks included."""
+    model = LoadSharingPair.from_geometry(mesh, stiffness="iso", **OPTIONS)
+    run = {"periods": 60, "record_periods": 2, "samples_per_period": 64}
+    ours, theirs = simulate(model, 0.9, **run), simulate(model.pair, 0.9, **run)
+    assert theirs.bounces > 0.0 or theirs.displacement_min > 0.0
+    # Sixty periods of damped rounding; samples at a switch may lie before or behind it.
+    for name in ("displacement", "velocity"):
+        np.testing.assert_allclose(ours[name], theirs[name], atol=1e-11)
+    for name in ("dynamic_force_max", "displacement_min", "fraction_normal", "bounces"):
+        assert ours[name].item() == pytest.approx(theirs[name].item(), abs=1e-11), name
+    if mesh.backlash < 1e-5:
+        assert ours.fraction_inverse.item() == pytest.approx(
+            theirs.fraction_inverse.item(), abs=1e-11
+        )
+
+
+def test_a_deviation_of_all_pairs_is_that_of_one_degree():
+    """A gap that repeats with the base pitch: f(tau) = -gap of `OneDegreePair`."""
+    mesh, size, order = with_backlash(fzg_c(), FAR), 8e-6, 3
+    (start, _), points = mesh.path, 1200
+    position = start + np.linspace(0.0, 2.0, 2 * points + 1) * mesh.base_pitch
+    shift = (mesh.contact_ratio - 1.0) / 2.0
+    phase = math.tau * ((position - start) / mesh.base_pitch - shift)
+    table = PathTable(tuple(position), tuple(size * np.sin(order * phase)))
+    model = LoadSharingPair.from_geometry(
+        mesh, stiffness="iso", more={"deviation": table}, **OPTIONS
+    )
+    other = OneDegreePair(pair=model.pair, deviation=Harmonics((), (0.0, 0.0, -size)))
+    run = {"periods": 100, "record_periods": 1, "samples_per_period": 64}
+    for tuning in (0.25, 0.6, 0.9):
+        ours, theirs = simulate(model, tuning, **run), simulate(other, tuning, **run)
+        gap = size * np.sin(order * ours.phase) / model.static_deflection
+        # Straight lines in place of a sine: (3 2 pi / 1200)^2 / 8 of its size, in resonance more.
+        np.testing.assert_allclose(ours.displacement - gap, theirs.displacement, atol=3e-4)
+    assert (theirs.bounces > 0.0) and abs(gap).max() > 0.1
+
+
+def by_scipy(model, tuning, periods, state):
+    """Return x and x' after mesh periods: scipy's DOP853, stopped at every event.
+
+    Uncoupled pairs of constant stiffness with reliefs, written out once more.
+    """
+    mesh, unit = model.drawing, model.static_deflection
+    start, end = mesh.path
+    pitch, nu = mesh.base_pitch, tuning
+    shift = (mesh.contact_ratio - 1.0) / 2.0
+    stiffness = C / model.mean_stiffness
+    reliefs = [(end, mesh.pinion.tip_relief), (start, mesh.wheel.tip_relief)]
+
+    def gap(position):
+        total = 0.0
+        for tip, relief in reliefs:
+            inside = max(1.0 - abs(position - tip) / relief.length, 0.0)
+            total += relief.amount * inside ** {"linear": 1, "parabolic": 2}[relief.shape]
+        return total / unit
+
+    def touching(tau):
+        """Positions of the pairs on the path."""
+        since = (tau / math.tau + shift) % 1.0
+        return [start + (since + i) * pitch for i in (0, 1) if since + i < mesh.contact_ratio]
+
+    cuts = {0.0, 1.0, shift, 1.0 - shift}
+    cuts |= {((tip - start) / pitch - shift) % 1.0 for tip in (start, end)}
+    for tip, relief in reliefs:
+        at = tip + math.copysign(relief.length, start + end - 2.0 * tip)
+        cuts.add(((at - start) / pitch - shift) % 1.0)
+    cuts = sorted(cuts)
+    for n in range(periods):
+        for left, right in zip(cuts, cuts[1:], strict=False):
+            span = math.tau * (n + left), math.tau * (n + right)
+            if span[1] - span[0] < 1e-9:
+                continue
+            middle = sum(span) / 2.0
+            count = len(touching(middle))
+
+            def gaps(tau, middle=middle, count=count):
+                return [
+                    gap(p + (tau - middle) / math.tau * pitch) for p in touching(middle)[:count]
+                ]
+
+            step = 1e-3 * (span[1] - span[0])
+
+            def rhs(tau, z, gaps=gaps, middle=middle, step=step):
+                now = gaps(tau)
+                force = sum(stiffness * max(z[0] - g, 0.0) for g in now)
+                rate = (min(gaps(middle + step)) - min(gaps(middle - step))) / 2.0 / step
+                in_contact = any(z[0] > g for g in now)
+                ratio = model.damping_ratio if in_contact else model.backlash_damping_ratio
+                return [z[1], (1.0 - force) / nu**2 - 2.0 * ratio / nu * (z[1] - rate)]
+
+            events = [lambda tau, z, i=i, gaps=gaps: z[0] - gaps(tau)[i] for i in range(count)]
+            for event in events:
+                event.terminal = True
+            tau = span[0]
+            while tau < span[1] - 1e-12:
+                ran = solve_ivp(
+                    rhs, (tau, span[1]), state, "DOP853", events=events, rtol=1e-12, atol=1e-13
+                )
+                tau, state = ran.t[-1], ran.y[:, -1]
+                if tau < span[1] - 1e-12:
+                    # Past the event, that it is not found again.
+                    nudge = 1e-10
+                    state = state + nudge * np.array(rhs(tau, state))
+                    tau += nudge
+    return state
+
+
+@pytest.mark.parametrize("tuning", [0.45, 0.95])
+def test_against_scipy_event_by_event(tuning):
+    mesh = with_backlash(fzg_c(), FAR)
+    # Half of the relief that the load asks for: pairs come into contact while others carry.
+    mesh = optimum_relief(mesh, TORQUE / 2.0, length="long", stiffness=PathTable((0.0,), (C,)))
+    model = constant(mesh)
+    state = (-0.5, 1.5)
+    run = simulate(model, tuning, periods=3, record_periods=3, initial_state=state)
+    # Dozens of events, and a step of 1e-10 over each.
+    expected = by_scipy(model, tuning, 3, np.array(state))
+    np.testing.assert_allclose(run.final_state, expected, atol=2e-8)
+    assert run.bounces > 0.0
+
+
+@pytest.mark.parametrize("options", [{}, {"stiffness": "iso"}, {"pitch_errors": (0.0, 3e-6, 1e-6)}])
+def test_slow_motion_follows_the_static_transmission_error(options):
+    mesh = optimum_relief(fzg_c(), TORQUE / 2.0, length="long")
+    more = {name: value for name, value in options.items() if name == "pitch_errors"} | {
+        "phases": 256
+    }
+    stiffness = options.get("stiffness", "energy")
+    model = LoadSharingPair.from_geometry(
+        mesh, torque=TORQUE, damping_ratio=0.7, stiffness=stiffness, more=more
+    )
+    static = mesh.transmission_error(TORQUE, **options)
+    tuning, periods = 0.003, model.repeats
+    start = static.transmission_error.values[0, 0] / model.static_deflection
+    run = simulate(
+        model,
+        tuning,
+        periods=periods,
+        record_periods=periods,
+        samples_per_period=256,
+        initial_state=(start, 0.0),
+    )
+    expected = static.transmission_error.values[0] / model.static_deflection
+    # Damping and inertia lag behind by 2 beta nu x', some 1e-3; jumps of pitch errors are ramps.
+    off = np.abs(run.displacement.values - expected)
+    assert off.mean() < 3e-3 and np.quantile(off, 0.97) < 2e-2
+
+
+@pytest.mark.parametrize("tuning", [0.5, 0.93])
+def test_maps_are_the_derivatives_of_the_motion(tuning):
+    mesh = optimum_relief(with_backlash(fzg_c(), 3e-5), TORQUE / 2.0, length="long")
+    propagator = LoadSharingPair.from_geometry(mesh, **OPTIONS).propagator(tuning)
+    z, step = np.array([-0.3, 0.4]), 1e-6
+    _, maps, code = propagator.maps(z, 2, 1000)
+    assert code == 0
+
+    def end(z):
+        return propagator.maps(z, 2, 1000)[0]
+
+    columns = [(end(z + d) - end(z - d)) / 2.0 / step for d in step * np.eye(2)]
+    # Second derivatives by the step's square, first ones jump at events within it.
+    np.testing.assert_allclose(maps[1] @ maps[0], np.transpose(columns), atol=1e-4)
+
+
+def test_at_small_error_the_stiffness_at_the_load_suffices():
+    mesh = with_backlash(fzg_c(), FAR)
+    mesh = optimum_relief(mesh, TORQUE / 20.0, length="long")
+    model = LoadSharingPair.from_geometry(mesh, more={"phases": 256}, **OPTIONS)
+    other = model.at_load(phases=256, harmonics=40)
+    # Both have the static error of the drawing: at rest under the load, y = F / C.
+    static = mesh.transmission_error([0.0, TORQUE]).transmission_error.values
+    expected = (static[1] - static[0]) / other.static_deflection
+    pieces = other.profile.pieces(other.pair)
+    at = np.interp(math.tau * np.arange(256) / 256, pieces.breaks[:-1], pieces.lines[:, 0])
+    np.testing.assert_allclose(1.0 / at, expected, rtol=1e-9)
+    scale = model.mean_eigenfrequency / other.mean_eigenfrequency
+    for tuning in (0.3, 1.4):
+        ours = simulate(model, tuning, periods=100, record_periods=1)
+        theirs = simulate(other, tuning * scale, periods=100, record_periods=1)
+        # The stiffness is a table of 256 phases, with jumps where pairs come and go.
+        assert ours.dynamic_force_max.item() == pytest.approx(
+            theirs.dynamic_force_max.item(), rel=0.02
+        )
+        assert abs(theirs.dynamic_force_max - 1.0) > 0.03
+
+
+def make(**changes):
+    return LoadSharingPair(
+        **{"pair": GearPair.from_geometry(fzg_c(), torque=1.0), "drawing": fzg_c()} | changes
+    )
+
+
+REFUSED = {
+    "pair": (lambda: make(pair=3.0), "pair = 3.0 ", "a GearPair"),
+    "drawing": (lambda: make(drawing="fzg"), "drawing = 'fzg' ", "gearlib.geometry.Mesh"),
+    "phases": (lambda: make(phases=2), "phases = 2 ", ">= 8"),
+    "stiffness": (lambda: make(stiffness="fem"), "stiffness = 'fem' ", "'energy'"),
+    "pitch errors at the load": (
+        lambda: make(pitch_errors=(0.0, 1e-6)).at_load(),
+        "pitch_errors = (0.0, 1e-06) ",
+        "one value",
+    ),
+    "pitch errors": (lambda: make(pitch_errors=(math.nan,)), "pitch_errors[0] = nan ", "finite"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_one_sentence_with_key_value_and_range(case):
+    call, key, allowed = REFUSED[case]
+    with pytest.raises(ValueError, match="not allowed") as refused:
+        call()
+    message = str(refused.value)
+    assert message.startswith(key) and allowed in message, message
