@@ -70,9 +70,9 @@ def test_what_was_left_out_is_not_saved(mapping, pair):
 
 def test_moving_a_slider_updates_every_source(mapping):
     shown = page.Page(mapping, "k1")
-    before = {name: source.data["y"] for name, source in shown._sources.items()}
+    before = {name: source.data["y"] for name, source in shown.motion.sources.items()}
     shown.sliders["damping"].value = 0.03
-    for name, source in shown._sources.items():
+    for name, source in shown.motion.sources.items():
         assert source.data["y"] is not before[name], name
         assert len(source.data["x"]) > 0, name
 

@@ -1,0 +1,97 @@
+"""What the pages of the explorer share: sliders, a note, figures, the button; with Panel."""
+
+import io
+import time
+
+import panel as pn
+from bokeh.plotting import figure
+
+
+class SliderPage:
+    """Sliders that stand for a setting, and the figures of what is seen there.
+
+    A page gives ``setting()``, what its sliders say; ``figures()``, what Panel shows;
+    ``draw(setting)``, which fills them and returns what is seen in words; and
+    ``configuration(setting)``, the text of a config.yaml.
+
+    Parameters
+    ----------
+    labels : dict
+        Name -> label of the slider and its unit in SI.
+    ranges : dict
+        Name -> lowest value, highest and step, in that unit.
+    start : dict
+        Name -> value in SI.
+    choices : dict of Widget, optional
+        What else is set.
+    event : str, default "value"
+        What is followed: "value_throttled" is a slider that is let go.
+    """
+
+    def __init__(self, labels, ranges, start, choices=None, event="value"):
+        self._units = {name: unit for name, (_, unit) in labels.items()}
+        self.sliders = {
+            name: pn.widgets.FloatSlider(
+                label=labels[name][0],
+                start=low,
+                end=high,
+                step=step,
+                value=_scaled(start[name], 1.0 / self._units[name]),
+                format="0[.]0000",
+            )
+            for name, (low, high, step) in ranges.items()
+        }
+        self.choices = choices or {}
+        self.note = pn.pane.Markdown("", sizing_mode="stretch_width", css_classes=["note"])
+        self.button = pn.widgets.FileDownload(
+            callback=self.file, filename="config.yaml", label="Save as config.yaml", embed=False
+        )
+        self.shown = pn.Column(*self.figures(), sizing_mode="stretch_width")
+        for slider in self.sliders.values():
+            slider.param.watch(self.update, event)
+        for choice in self.choices.values():
+            choice.param.watch(self.update, "value")
+        self.update()
+
+    def values(self):
+        """Return what the sliders say, in SI, and the choices."""
+        said = {name: _scaled(s.value, self._units[name]) for name, s in self.sliders.items()}
+        return said | {name: choice.value for name, choice in self.choices.items()}
+
+    def update(self, *_):
+        """Compute and draw what the sliders say, or say why it cannot be."""
+        start = time.perf_counter()
+        try:
+            words = self.draw(self.setting())
+        except ValueError as error:
+            self._show(str(error), seen=False)
+            return
+        elapsed = 1e3 * (time.perf_counter() - start)
+        self._show(f"{words} *Computed in {elapsed:.0f} ms.*", seen=True)
+
+    def _show(self, words, seen):
+        self.note.object = words
+        self.shown.visible = seen
+        self.button.disabled = not seen
+
+    def file(self):
+        """Return the config.yaml of what is seen, as a file object."""
+        return io.BytesIO(self.configuration(self.setting()).encode())
+
+    def layout(self):
+        """Return the page."""
+        controls = pn.Column(*self.sliders.values(), *self.choices.values(), self.button, width=320)
+        figures = pn.Column(self.note, self.shown, sizing_mode="stretch_width")
+        return pn.Row(controls, figures, sizing_mode="stretch_width")
+
+
+def _scaled(value, factor):
+    # Rounded, so that 40 um is written as 4e-05; without a unit it keeps its last digit.
+    return float(value) if factor == 1.0 else float(f"{value * factor:.12g}")
+
+
+def small(title, x, y, width=330):
+    """Return an empty figure of which several stand side by side."""
+    return figure(
+        width=width, height=320, title=title, x_axis_label=x, y_axis_label=y, toolbar_location=None
+    )
