@@ -36,8 +36,9 @@ class TrainPage(SliderPage):
             "stiffness_jump": (0.0, 0.9, 0.005),
             "backlash": (0.0, max(200.0, 3e6 * start.backlash), 0.5),
             "load": (0.05 * start.load, 5.0 * start.load, 0.01 * start.load),
-            "pin_error": (-50.0, 50.0, 0.5),
         }
+        if self.machine.misplaced:
+            ranges["pin_error"] = (-50.0, 50.0, 0.5)
         # A view takes a second: it follows when the slider is let go.
         super().__init__(_LABELS, ranges, vars(start), event="value_throttled")
 
