@@ -46,7 +46,7 @@ class DrawnPage(SliderPage):
             "module": (0.5 * module, 2.0 * module, 0.05 * module),
             "pinion_shift": (-1.0, 1.5, 0.01),
             "wheel_shift": (-1.0, 1.5, 0.01),
-            "relief": (0.0, 100.0, 0.5),
+            "relief": (0.0, 50.0, 0.1),
             "backlash": (0.0, max(400.0, 3e6 * start.backlash), 1.0),
             "torque": (0.05 * start.torque, 4.0 * start.torque, 0.01 * start.torque),
             "speed": (float(math.ceil(low)), float(math.floor(high)), 1.0),
