@@ -12,7 +12,7 @@ from gearlib.pages.explorer.motion import Motion
 from gearlib.pages.explorer.slider_page import SliderPage, small
 
 #: Label, and unit of the slider in SI.
-_LABELS = {
+LABELS = {
     "module": ("module, mm", 1e-3),
     "pinion_shift": ("profile shift of the pinion", 1.0),
     "wheel_shift": ("profile shift of the wheel", 1.0),
@@ -56,7 +56,7 @@ class DrawnPage(SliderPage):
             "length": pn.widgets.Select(label="length of the reliefs", options=list(LENGTHS)),
             "model": pn.widgets.Select(label="what moves", options=_MODELS),
         }
-        super().__init__(_LABELS, ranges, vars(start), choices)
+        super().__init__(LABELS, ranges, vars(start), choices)
 
     def setting(self):
         """Return what the sliders say."""
@@ -91,7 +91,7 @@ class DrawnPage(SliderPage):
         return self.drawing.configuration(setting)
 
     def _harris(self):
-        plot = small("Harris map: static transmission error", "mesh phase / 2π", "µm")
+        plot = small("Harris map: static transmission error", "mesh phase / 2π", "µm", 460)
         for name, load in zip(self._curves, [*self.drawing.loads, None], strict=True):
             chosen = load is None
             plot.line(
@@ -102,6 +102,7 @@ class DrawnPage(SliderPage):
                 line_width=3 if chosen else 1,
                 legend_label="chosen torque" if chosen else f"{load:g} N m",
             )
+        plot.add_layout(plot.legend[0], "right")
         return plot
 
     def _share(self):

@@ -30,13 +30,14 @@ class SliderPage:
 
     def __init__(self, labels, ranges, start, choices=None, event="value"):
         self._units = {name: unit for name, (_, unit) in labels.items()}
+        self._start = {name: float(start[name]) for name in ranges}
         self.sliders = {
             name: pn.widgets.FloatSlider(
                 label=labels[name][0],
                 start=low,
                 end=high,
                 step=step,
-                value=_scaled(start[name], 1.0 / self._units[name]),
+                value=self._on_slider(name),
                 format="0[.]0000",
             )
             for name, (low, high, step) in ranges.items()
@@ -53,10 +54,19 @@ class SliderPage:
             choice.param.watch(self.update, "value")
         self.update()
 
+    def _on_slider(self, name):
+        return float(f"{self._start[name] / self._units[name]:.12g}")
+
     def values(self):
         """Return what the sliders say, in SI, and the choices."""
-        said = {name: _scaled(s.value, self._units[name]) for name, s in self.sliders.items()}
-        return said | {name: choice.value for name, choice in self.choices.items()}
+        said = {name: choice.value for name, choice in self.choices.items()}
+        for name, slider in self.sliders.items():
+            # Rounded, so that 40 um is written as 4e-05; what was not moved keeps its last digit.
+            moved = slider.value != self._on_slider(name)
+            said[name] = (
+                float(f"{slider.value * self._units[name]:.12g}") if moved else self._start[name]
+            )
+        return said
 
     def update(self, *_):
         """Compute and draw what the sliders say, or say why it cannot be."""
@@ -83,11 +93,6 @@ class SliderPage:
         controls = pn.Column(*self.sliders.values(), *self.choices.values(), self.button, width=320)
         figures = pn.Column(self.note, self.shown, sizing_mode="stretch_width")
         return pn.Row(controls, figures, sizing_mode="stretch_width")
-
-
-def _scaled(value, factor):
-    # Rounded, so that 40 um is written as 4e-05; without a unit it keeps its last digit.
-    return float(value) if factor == 1.0 else float(f"{value * factor:.12g}")
 
 
 def small(title, x, y, width=330):
