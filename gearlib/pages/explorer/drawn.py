@@ -90,15 +90,18 @@ class Drawing:
 
     def mesh(self, setting):
         """Return the `Mesh` that the sliders stand for: tips stay as high above the shift."""
-        shifts = {"pinion": setting.pinion_shift, "wheel": setting.wheel_shift}
-        gears = [self._gear(name, setting.module, shift) for name, shift in shifts.items()]
-        mesh = Mesh(*gears, backlash=setting.backlash)
+        pinion = self._gear("pinion", setting.module, setting.pinion_shift)
+        wheel = self._gear("wheel", setting.module, setting.wheel_shift)
+        mesh = Mesh(pinion, wheel, backlash=setting.backlash)
         if not setting.relief:
             return mesh
         longest = (mesh.contact_ratio - 1.0) * mesh.base_pitch
         relief = TipRelief(amount=setting.relief, length=LENGTHS[setting.length] * longest)
-        gears = [replace(gear, tip_relief=relief) for gear in gears]
-        return Mesh(*gears, backlash=setting.backlash)
+        return Mesh(
+            replace(pinion, tip_relief=relief),
+            replace(wheel, tip_relief=relief),
+            backlash=setting.backlash,
+        )
 
     def _gear(self, name, module, shift):
         gear = getattr(self.drawn, name)
@@ -137,7 +140,7 @@ class Drawing:
     def configuration(self, setting):
         """Return the text of a config.yaml that computes what is seen of the `GearPair`.
 
-        It has nothing of the configuration at the start, which suits the gears that this has.
+        All else of the configuration at the start is left out: it suits the gears that this has.
         """
         pair = asdict(self.pair(setting))
         damping = {key: pair.pop(f"{key}_damping") for key in ("material", "backlash")}

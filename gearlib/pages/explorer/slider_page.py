@@ -2,17 +2,14 @@
 
 import io
 import time
+from abc import ABC, abstractmethod
 
 import panel as pn
 from bokeh.plotting import figure
 
 
-class SliderPage:
+class SliderPage(ABC):
     """Sliders that stand for a setting, and the figures of what is seen there.
-
-    A page gives ``setting()``, what its sliders say; ``figures()``, what Panel shows;
-    ``draw(setting)``, which fills them and returns what is seen in words; and
-    ``configuration(setting)``, the text of a config.yaml.
 
     Parameters
     ----------
@@ -53,6 +50,22 @@ class SliderPage:
         for choice in self.choices.values():
             choice.param.watch(self.update, "value")
         self.update()
+
+    @abstractmethod
+    def setting(self):
+        """Return what the sliders say."""
+
+    @abstractmethod
+    def figures(self):
+        """Return the figures, one row after the other."""
+
+    @abstractmethod
+    def draw(self, setting):
+        """Draw what is seen at a setting, and return it in words."""
+
+    @abstractmethod
+    def configuration(self, setting):
+        """Return the text of a config.yaml that computes what is seen."""
 
     def _on_slider(self, name):
         return float(f"{self._start[name] / self._units[name]:.12g}")

@@ -37,7 +37,7 @@ class TrainPage(SliderPage):
             "backlash": (0.0, max(200.0, 3e6 * start.backlash), 0.5),
             "load": (0.05 * start.load, 5.0 * start.load, 0.01 * start.load),
         }
-        if self.machine.misplaced:
+        if self.machine.pin_errors:
             ranges["pin_error"] = (-50.0, 50.0, 0.5)
         # A view takes a second: it follows when the slider is let go.
         super().__init__(_LABELS, ranges, vars(start), event="value_throttled")

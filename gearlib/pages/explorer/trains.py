@@ -93,31 +93,27 @@ class Machine:
         #: What is made of the gear pair takes its load.
         self._pair = None if kind in ("planetary", "own") else settings.gear_pair.model_dump()
         load = abs(train.load) if self._pair is None else self._pair["load"]
-        self._errors = None
+        #: Misplaced axes, of the trains that may have them.
+        self.pin_errors = []
         if kind in ("planetary", "split_power_reducer"):
-            self._errors = arguments.get("pin_errors") or [[0.0, 0.0]] * (len(self.meshes) // 2)
+            self.pin_errors = arguments.get("pin_errors") or [[0.0, 0.0]] * (len(self.meshes) // 2)
         gap = first.backlash if math.isfinite(first.backlash) else 4.0 * train.static_deflection
         self.start = Setting(
             speed=float(self.speeds[_POINTS // 3]),
             stiffness_jump=1.0 - first.stiffness_ratio if first.stiffness_ratio < 1.0 else _JUMP,
             backlash=gap,
             load=float(f"{load:.6g}"),
-            pin_error=self._errors[0][1] if self._errors else 0.0,
+            pin_error=self.pin_errors[0][1] if self.pin_errors else 0.0,
         )
-
-    @property
-    def misplaced(self):
-        """Whether an axis can be misplaced."""
-        return self._errors is not None
 
     def sections(self, setting):
         """Return the sections of the configuration that the sliders stand for."""
         kappa = 1.0 - setting.stiffness_jump
         arguments = self.values["arguments"]
         own, flanks = {}, {"backlash": setting.backlash, "load": setting.load}
-        if self.misplaced:
-            first = [self._errors[0][0], setting.pin_error]
-            own = {"pin_errors": [first, *self._errors[1:]]}
+        if self.pin_errors:
+            first = [self.pin_errors[0][0], setting.pin_error]
+            own = {"pin_errors": [first, *self.pin_errors[1:]]}
         if self.kind == "planetary":
             own |= {**flanks, "stiffness_ratio": [kappa, kappa]}
         elif self.kind == "own":
@@ -130,7 +126,7 @@ class Machine:
                 "meshes": [mesh | teeth for mesh in arguments["meshes"]],
             }
         elif "backlashes" in arguments:
-            own["backlashes"] = [[setting.backlash] * 2] * len(self._errors)
+            own["backlashes"] = [[setting.backlash] * 2] * len(self.pin_errors)
         changed = {"train": {self.kind: own}}
         if self._pair is None:
             return changed
