@@ -7,6 +7,7 @@
 # make peers   add to .venv the solvers of others that method= can call, where they install
 # make torture  50 times kill -9, full and read-only disks, damaged files: minutes
 # make random-trains  500 random gear trains against scipy, event by event: ten minutes
+# make random-certificates  10,000 random orbits: what is proven of them, wrong candidates: minutes
 # make slurm-test  the workflow on a real Slurm of one node; installs Debian's packages for root
 # make bench   speed of the library on this machine
 # make report  results/report.html, all figures, tables and claims on one page
@@ -21,8 +22,8 @@ INSTALLED := .venv/installed.stamp
 TESTING := .venv/testing.stamp
 COMMA := ,
 
-.PHONY: all lint golden references test faults torture peers random-trains slurm-test bench report \
-    docs speed-and-accuracy clean distclean
+.PHONY: all lint golden references test faults torture peers random-trains random-certificates \
+    slurm-test bench report docs speed-and-accuracy clean distclean
 
 all: $(INSTALLED)
 	$(BIN)/snakemake -j$(JOBS)
@@ -52,6 +53,9 @@ torture: $(TESTING)
 
 random-trains: $(TESTING)
 	GEARLIB_TRAINS=500 $(BIN)/python -m pytest -n $(JOBS) tests/trains/test_random_trains.py -rs
+
+random-certificates: $(TESTING)
+	GEARLIB_CERTIFICATES=10000 $(BIN)/python -m pytest -n $(JOBS) tests/proofs/test_certificates.py -rs
 
 peers: $(INSTALLED)
 	$(BIN)/python -m pip install --quiet --constraint requirements/constraints.txt \

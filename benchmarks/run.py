@@ -16,7 +16,8 @@ import time
 import numba
 import numpy as np
 
-from benchmarks import from_rest, peers, trains
+import gearlib
+from benchmarks import from_rest, geometry, peers, trains
 from benchmarks.scipy_split import run as scipy_split
 from gearlib import GearPair, OneDegreePair, SixDegreePair, simulate, sweep
 from gearlib.kernels import orbit
@@ -161,6 +162,17 @@ def against_scipy():
     return rows
 
 
+def proofs():
+    """Return rows with the time of proofs: of an orbit, of the motion from rest, of a range."""
+    one = gearlib.periodic_orbit(models()[0].replace(material_damping=3953.7), 0.9)
+    calls = {
+        "certify an orbit of two contacts, 30 digits": lambda: gearlib.certify(one),
+        "certify_motion, from rest": lambda: gearlib.certify_motion(one),
+        "certify_range, 0.02 of tuning": lambda: gearlib.certify_range(one, to=0.88),
+    }
+    return [(name, seconds(call) * 1e3, "ms") for name, call in calls.items()]
+
+
 def explorer():
     """Return rows with the time of one update of the explorer at 500 tunings."""
     grid = np.linspace(0.5, 1.4, 500)
@@ -217,8 +229,15 @@ def main():
     ]
     paper, _, six = models()
     damped = paper.replace(material_damping=3953.7, backlash_damping=3953.7)
-    rows = from_rest.rows(DAMPED) + rows + explorer() + against_scipy() + peers.rows(damped, six)
-    for name, value, unit in rows + trains.rows():
+    rows = (
+        from_rest.rows(DAMPED)
+        + rows
+        + proofs()
+        + explorer()
+        + against_scipy()
+        + peers.rows(damped, six)
+    )
+    for name, value, unit in rows + geometry.rows() + trains.rows():
         print(f"{name:70s} {value:10.3g} {unit}")
 
 

@@ -5,6 +5,7 @@ The code lies in `gearlib.models.geometry`; `Mesh` here is one of two drawn gear
 """
 
 from gearlib.models.geometry.blank import RACKS, Material, Rack, Web
+from gearlib.models.geometry.dynamic_factor import DynamicFactor, dynamic_factor
 from gearlib.models.geometry.gear import SpurGear
 from gearlib.models.geometry.iso import IsoStiffness, iso_stiffness
 from gearlib.models.geometry.mesh import Mesh
@@ -14,6 +15,7 @@ from gearlib.models.geometry.transmission_error import optimum_relief
 
 __all__ = [
     "RACKS",
+    "DynamicFactor",
     "IsoStiffness",
     "Material",
     "Mesh",
@@ -23,6 +25,7 @@ __all__ = [
     "SpurGear",
     "TipRelief",
     "Web",
+    "dynamic_factor",
     "iso_stiffness",
     "mesh_stiffness",
     "optimum_relief",

@@ -23,10 +23,14 @@ IMAGES = FOLDER.with_name("images")
 #: Tables of claims, and the statements in them.
 TABLES = {"claims.csv": CHECKS, "assumption.csv": (CHECK,)}
 PAGE, MARK = "reproduction.md", "<!-- claims -->"
-#: Figures shown on the page, and on that of gear trains.
+#: Figures shown on the page, and on those of gear trains and of drawn gears.
 PICTURES = (
     "reducer",
     "one_mesh",
+    "campbell",
+    "mesh_stiffness",
+    "rectangle",
+    "dynamic_factor",
     "fig2_phase_shift",
     "fig3_resonance",
     "fig4_contact_ratio",
@@ -35,6 +39,8 @@ PICTURES = (
     "fig6_jump",
     "fig7_damping",
     "fig8_six_degrees",
+    "harris_map",
+    "relief_dynamics",
 )
 _WIDTH, _COLOURS = 1000, 64
 
@@ -77,6 +83,8 @@ def table():
         reason = " ".join(why[row["id"]].split())
         if row.get("explanation"):
             reason += f" *Computed:* {row['explanation'].rstrip('.')}."
+        if row.get("proven"):
+            reason += f" *[Proven](theory/proofs.md):* {row['proven']}."
         lines.append(f"| {row['id']} | {paper} | {ours} | **{row['verdict']}** | {reason} |")
     return "\n".join(lines)
 

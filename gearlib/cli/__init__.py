@@ -5,6 +5,7 @@ module        responsibility
 ============  =================================================================
 ``commands``  one function per command: its options, one library call, output
 ``gears``     from options and a configuration to a model
+``speeds``    speeds in rpm where a command counts in tunings
 ``output``    what a command prints and writes, and how it ends
 ``progress``  a bar or a clock on a terminal, nothing elsewhere
 ============  =================================================================

@@ -2,7 +2,7 @@
 
 import click
 
-from gearlib.cli import gears, output, progress
+from gearlib.cli import gears, output, progress, speeds
 from gearlib.version import __version__
 
 #: What is printed of every mesh of a gear train.
@@ -17,23 +17,14 @@ _MESHES = (
     "bounces",
 )
 
-_RUN = (
-    click.option("--tuning", type=float, required=True, help="nu = mesh / mean eigenfrequency."),
-    click.option(
-        "--state",
-        nargs=2,
-        type=float,
-        default=(0.0, 0.0),
-        show_default=True,
-        help="Displacement and dx/dtau at the start, static deflections.",
-    ),
+_state = click.option(
+    "--state",
+    nargs=2,
+    type=float,
+    default=(0.0, 0.0),
+    show_default=True,
+    help="Displacement and dx/dtau at the start, static deflections.",
 )
-
-
-def _run_options(command):
-    for decorate in reversed(_RUN):
-        command = decorate(command)
-    return command
 
 
 class _Group(click.Group):
@@ -57,13 +48,14 @@ def main():
 
     The gears come from a configuration of the workflow (--config, --damping), from options, or
     from both, the options coming first; values take units, as in --backlash "40 um". The train of
-    --model train, modes, static and phasing is that of the section `train`.
+    --model train, modes, static, phasing and campbell is that of the section `train`.
     """
 
 
 @main.command()
 @gears.options
-@_run_options
+@speeds.options
+@_state
 @click.option("--periods", type=int, default=200, show_default=True, help="Mesh periods.")
 @click.option("--record-periods", type=int, default=1, show_default=True, help="Recorded ones.")
 @click.option("--samples", type=int, default=256, show_default=True, help="Samples per period.")
@@ -86,9 +78,9 @@ def simulate(pair, tuning, state, periods, record_periods, samples, method, outp
         )
     if run.status != 0:
         output.fail(run.status.attrs["message"])
-    scales = ["period", "static_deflection"]
+    scales = ["period", "static_deflection", "tuning", "speed"]
     if pair.mesh_names:
-        output.table(run, [*scales, "speed"])
+        output.table(run, scales)
         output.columns(run, "mesh", _MESHES)
     else:
         own = ["displacement_max", "displacement_min", "dynamic_force_max", "fraction_normal"]
@@ -98,8 +90,16 @@ def simulate(pair, tuning, state, periods, record_periods, samples, method, outp
 
 @main.command()
 @gears.options
-@click.option("--start", type=float, default=0.5, show_default=True, help="First tuning.")
-@click.option("--stop", type=float, default=1.4, show_default=True, help="Last tuning.")
+@click.option(
+    "--start",
+    type=speeds.TUNING,
+    default=0.5,
+    show_default=True,
+    help="First tuning, or speed such as 1500rpm.",
+)
+@click.option(
+    "--stop", type=speeds.TUNING, default=1.4, show_default=True, help="Last tuning, or speed."
+)
 @click.option("--points", type=int, default=901, show_default=True, help="Number of tunings.")
 @click.option(
     "--direction",
@@ -117,6 +117,7 @@ def sweep(
 ):
     """Run many tunings: the resonance characteristic."""
     output.check(output_path, force)
+    start, stop = (speeds.tuning_of(pair, value) for value in (start, stop))
     if points < 2 or not 0.0 < start < stop:
         raise click.UsageError(
             f"start = {start!r}, stop = {stop!r}, points = {points} is not allowed: it must be 0 < "
@@ -158,13 +159,14 @@ def sweep(
         output.table(top, ["tuning", "speed"])
         output.columns(top, "mesh", _MESHES)
     else:
-        output.table(top, ["tuning", "displacement_max", "displacement_min", "dynamic_force_max"])
+        own = ["displacement_max", "displacement_min", "dynamic_force_max"]
+        output.table(top, ["tuning", "speed", *own])
     output.save(curve, output_path)
 
 
 @main.command()
 @gears.options
-@click.option("--tuning", type=float, required=True, help="nu = mesh / mean eigenfrequency.")
+@speeds.options
 @click.option("--period", type=int, default=1, show_default=True, help="Mesh periods of it.")
 @click.option("--guess", nargs=2, type=float, help="Displacement and dx/dtau near the orbit.")
 @output.options
@@ -197,7 +199,8 @@ def _first(texts, most=12):
 
 @main.command()
 @gears.options
-@_run_options
+@speeds.options
+@_state
 @click.option("--periods", type=int, default=2000, show_default=True, help="To settle.")
 @output.options
 def trust(pair, tuning, state, periods, output_path, force):
@@ -252,6 +255,26 @@ def phasing(train, count, output_path, force):
         own = (excites[found.mode_kind.values == kind] for kind in kinds)
         cells.append([f"{order:.6g}", *(f"{each.sum()} of {each.size}" for each in own)])
     output.rows(["order", *kinds], cells)
+    output.save(found, output_path)
+
+
+@main.command()
+@gears.train_options
+@click.option("--count", type=int, default=1, show_default=True, help="Highest order of a mesh.")
+@output.options
+def campbell(train, count, output_path, force):
+    """Speeds at which the mesh frequencies of the gear train excite a natural mode."""
+    output.check(output_path, force)
+    found = train.campbell(count)
+    excited = []
+    for order in found.stiffness_order.values:
+        own = found.sel(stiffness_order=order)
+        for mode in own.mode.values[own.excites.values]:
+            one = own.sel(mode=mode)
+            numbers = one.critical_speed.item(), order, one.natural_frequency.item()
+            excited.append((*numbers, one.mode_kind.item()))
+    cells = [[*(f"{number:.6g}" for number in row[:3]), row[3]] for row in sorted(excited)]
+    output.rows(["critical_speed rpm", "order", "natural_frequency Hz", "mode_kind"], cells)
     output.save(found, output_path)
 
 

@@ -5,12 +5,15 @@ module               responsibility
 ===================  ===================================================
 ``types``            what a number, a name, a list may be
 ``units``            texts with a unit, read as SI numbers
+``speeds``           tunings given as speeds in rpm
 ``mesh``             sections of the gears and the length of the runs
 ``experiments``      sections of the experiments and of the figures
 ``scenes``           sections of the scenes and of their models
 ``trains``           section of the gear train
 ``trials``           sections of the trials of the methods
 ``planetary``        the planetary train and its charts
+``dynamic_factor``   drawn gears and their dynamic factor over speed
+``relief``           tip relief of drawn gears
 ``global_dynamics``  basins, bifurcation diagram, Poincare sections
 ``model``            the whole, and what must agree between sections
 ``defaults``         defaults that depend on the gears
@@ -63,8 +66,11 @@ def load(mapping):
     problems = list(_names_that_are_no_texts(mapping))
     if problems:
         raise ConfigError("\n".join(problems))
+    whole, problems = defaults.filled(mapping)
+    if problems:
+        raise ConfigError("\n".join(problems))
     try:
-        return Config.model_validate(defaults.filled(mapping))
+        return Config.model_validate(whole)
     except ValidationError as error:
         raise ConfigError("\n".join(sentences(error.errors(), schema()))) from None
 

@@ -10,6 +10,7 @@ from typing import Annotated
 
 from pydantic import Field, TypeAdapter, ValidationError
 
+from gearlib.config import speeds
 from gearlib.config.experiments import ReportPage
 from gearlib.config.mesh import Damping, GearPairSection, Run
 from gearlib.config.types import MAX_PAGE_SAMPLES, Name
@@ -56,6 +57,8 @@ def laid_over(base, change):
 def filled(mapping):
     """Return a configuration with what it leaves out, as far as that depends on the gears.
 
+    Speeds become tunings.
+
     Parameters
     ----------
     mapping : dict
@@ -63,22 +66,24 @@ def filled(mapping):
 
     Returns
     -------
-    dict
+    tuple of dict, list of str
+        With a sentence for each speed that is refused.
     """
     if not isinstance(mapping, dict):
-        return mapping
+        return mapping, []
     pair, dampings = _gears(mapping)
     made = _made(pair, dampings)
     six_degrees = mapping.get("six_degrees")
     if isinstance(six_degrees, dict) and any(key in six_degrees for key in _BODIES):
         for key in _BODIES:
             del made["six_degrees"][key]
+    mapping, problems = speeds.in_tunings(mapping, None if pair is _PAIR else pair)
     _fit(made, _run(mapping), pair.teeth, len(dampings))
     whole = laid_over(made, mapping)
     figures = whole["figures"]
     if isinstance(figures, dict) and isinstance(figures["colours"], dict):
         figures["colours"] = _colours(dampings, figures["colours"])
-    return whole
+    return whole, problems
 
 
 def release(schema):

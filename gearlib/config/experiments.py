@@ -20,6 +20,7 @@ from gearlib.config.types import (
     Start,
     Step,
     Stop,
+    Truth,
     Tuning,
     check_count,
     integer_within,
@@ -34,7 +35,7 @@ class Resonance(Section):
     start: Start = 0.5
     stop: Stop = 1.4
     step: Step = 0.0005
-    window: number_within(gt=0, le=100) = Field(
+    window: Tuning = Field(
         default=0.9, description="Tunings of one job of a cold sweep; a whole multiple of step."
     )
     directions: listing(
@@ -313,6 +314,15 @@ class Branches(Section):
                 f"branches.start = {self.start!r}"
             )
         return self
+
+
+class Certificates(Section):
+    """What is proven of the orbits, a file that a second program can check."""
+
+    all_points: Truth = Field(
+        default=False,
+        description="Whether it holds all points of the branches, some MB; else how many hold.",
+    )
 
 
 class ReportPage(Grid):

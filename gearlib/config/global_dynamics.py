@@ -6,6 +6,7 @@ from pydantic import Field, model_validator
 
 from gearlib.config.mesh import Damping, MeshCase
 from gearlib.config.types import (
+    Distance,
     Finite,
     Grid,
     Section,
@@ -95,7 +96,7 @@ class Bifurcation(Grid):
     damping: Annotated[
         Damping, Field(description="Default: the first of the dampings with material damping.")
     ]
-    share_step: number_within(gt=0, le=10) = Field(
+    share_step: Distance = Field(
         default=0.01,
         description="Distance of the tunings of the shares; stop is start + a multiple of it.",
     )

@@ -4,9 +4,11 @@ from typing import Literal, get_args
 
 from pydantic import Field, model_validator
 
+from gearlib.config.dynamic_factor import DynamicFactor
 from gearlib.config.experiments import (
     AnalyticMethod,
     Branches,
+    Certificates,
     Figures,
     Jump,
     Labels,
@@ -20,8 +22,10 @@ from gearlib.config.experiments import (
 from gearlib.config.global_dynamics import Basins, Bifurcation, Poincare
 from gearlib.config.mesh import Damping, GearPairSection, Run, SixDegrees
 from gearlib.config.planetary import Planetary, SymmetryBreaking, TrainChart
-from gearlib.config.reducer import OneMesh, Reducer, check_centres
+from gearlib.config.reducer import Campbell, OneMesh, Reducer, check_centres
+from gearlib.config.relief import HarrisMap, ReliefDynamics
 from gearlib.config.scenes import FRICTION_ONLY, SIX_ONLY, Models, Scene
+from gearlib.config.stiffness import MeshStiffness, Rectangle
 from gearlib.config.train import Train
 from gearlib.config.trials import (
     Failures,
@@ -45,6 +49,7 @@ Target = Literal[
     "jump",
     "labels",
     "branches",
+    "certificates",
     "nonlinear_damping",
     "analytic_method",
     "models",
@@ -60,8 +65,14 @@ Target = Literal[
     "published",
     "reducer",
     "one_mesh",
+    "campbell",
     "train_chart",
     "symmetry_breaking",
+    "mesh_stiffness",
+    "rectangle",
+    "dynamic_factor",
+    "harris_map",
+    "relief_dynamics",
     "claims",
     "report_page",
 ]
@@ -92,6 +103,7 @@ class Config(Section):
     models: Models = Models()
     labels: Labels = Labels()
     branches: Branches
+    certificates: Certificates = Certificates()
     parametric_resonance: ParametricResonance = ParametricResonance()
     stability_chart: StabilityChart
     failures: Failures = Failures()
@@ -101,9 +113,15 @@ class Config(Section):
     published: Published = Published()
     reducer: Reducer
     one_mesh: OneMesh
+    campbell: Campbell = Campbell()
     planetary: Planetary = Planetary()
     train_chart: TrainChart = TrainChart()
     symmetry_breaking: SymmetryBreaking = SymmetryBreaking()
+    dynamic_factor: DynamicFactor = DynamicFactor()
+    mesh_stiffness: MeshStiffness = MeshStiffness()
+    rectangle: Rectangle = Rectangle()
+    harris_map: HarrisMap = HarrisMap()
+    relief_dynamics: ReliefDynamics = ReliefDynamics()
     basins: Basins
     bifurcation: Bifurcation
     poincare: Poincare

@@ -13,13 +13,13 @@ from gearlib.config.types import (
     Length,
     Load,
     Mass,
+    OwnStart,
+    OwnStep,
+    OwnStop,
+    OwnTuning,
     Positive,
     Section,
-    Start,
-    Step,
     Stiffness,
-    Stop,
-    Tuning,
     integer_within,
     number_within,
     numbers,
@@ -90,9 +90,9 @@ class TrainChart(Grid):
 
     key: ClassVar = "train_chart"
 
-    start: Start = 5.0
-    stop: Stop = 26.0
-    step: Step = 0.05
+    start: OwnStart = 5.0
+    stop: OwnStop = 26.0
+    step: OwnStep = 0.05
     reference_frequency: _Frequency = Field(
         default=1000.0, description="What the tuning is counted in, Hz."
     )
@@ -115,9 +115,9 @@ class SymmetryBreaking(Grid):
 
     key: ClassVar = "symmetry_breaking"
 
-    start: Start = 9.0
-    stop: Stop = 21.0
-    step: Step = 0.1
+    start: OwnStart = 9.0
+    stop: OwnStop = 21.0
+    step: OwnStep = 0.1
     reference_frequency: _Frequency = Field(
         default=1000.0, description="What the tuning is counted in, Hz."
     )
@@ -138,7 +138,7 @@ class SymmetryBreaking(Grid):
     samples_per_period: integer_within(ge=8, le=4096) = Field(
         default=64, description="Samples of a recorded mesh period."
     )
-    shown: Tuning = Field(default=19.5, description="Tuning of the course; one of the grid.")
+    shown: OwnTuning = Field(default=19.5, description="Tuning of the course; one of the grid.")
     periods_shown: integer_within(ge=1, le=10_000) = Field(
         default=4, description="Mesh periods of the course."
     )

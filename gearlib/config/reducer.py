@@ -9,11 +9,13 @@ from gearlib.config.types import (
     DampingName,
     Grid,
     Length,
+    OwnStart,
+    OwnStep,
+    OwnStop,
     Positive,
-    Start,
-    Step,
+    Section,
     Stiffness,
-    Stop,
+    check_record,
     integer_within,
     number_within,
     numbers,
@@ -32,9 +34,9 @@ class Reducer(Grid):
 
     key: ClassVar = "reducer"
 
-    start: Start = 0.74
-    stop: Stop = 1.84
-    step: Step = 0.02
+    start: OwnStart = 0.74
+    stop: OwnStop = 1.84
+    step: OwnStep = 0.02
     damping: DampingName
     teeth: numbers(Teeth, 4, "Of input, satellites a, satellites b, output.") = [24, 36, 24, 36]
     modules: numbers(Length, 2, "Of both stages, m; the centre distances must be equal.") = [
@@ -72,11 +74,7 @@ class Reducer(Grid):
     @model_validator(mode="after")
     def _check(self):
         check_centres("reducer.teeth", self.teeth, self.modules)
-        if self.record_periods > self.periods:
-            raise ValueError(
-                f"reducer.record_periods = {self.record_periods} is not allowed: it must be an "
-                f"integer from 1 to reducer.periods = {self.periods}"
-            )
+        check_record("reducer", self)
         return self
 
 
@@ -85,9 +83,9 @@ class OneMesh(Grid):
 
     key: ClassVar = "one_mesh"
 
-    start: Start = 0.75
-    stop: Stop = 1.8
-    step: Step = 0.025
+    start: OwnStart = 0.75
+    stop: OwnStop = 1.8
+    step: OwnStep = 0.025
     other_teeth: numbers(
         Teeth, 4, "Of input, satellites a, satellites b, output: branches out of phase."
     ) = [25, 35, 25, 35]
@@ -101,6 +99,14 @@ class OneMesh(Grid):
     )
     tolerance: number_within(gt=0, le=10) = Field(
         default=0.1, description="Largest change of an answer that counts as none."
+    )
+
+
+class Campbell(Section):
+    """Campbell diagram of the reducer whose branches are alike."""
+
+    orders: integer_within(ge=1, le=20) = Field(
+        default=3, description="Highest order of each mesh frequency."
     )
 
 

@@ -7,6 +7,7 @@ from pydantic import Field, model_validator
 from gearlib.config.types import (
     CubicDamping,
     DampingName,
+    Distance,
     Finite,
     Grid,
     Name,
@@ -73,7 +74,7 @@ class StabilityChart(Grid):
     damping: Annotated[
         DampingName, Field(description="One of the dampings. Default: the lightest.")
     ]
-    fine_step: number_within(gt=0, le=10) = Field(
+    fine_step: Distance = Field(
         default=0.002, description="Distance of the tunings of the exact spectral radius."
     )
     steps: listing(Steps, "Steps per mesh period.") = [

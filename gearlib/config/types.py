@@ -105,10 +105,23 @@ def quantity(unit, example, *, infinite=False, **bounds):
     return Annotated[float, field, BeforeValidator(read)]
 
 
+def _in_rpm(**bounds):
+    """Return the field of a tuning for which a configuration may name a speed."""
+    extra = {
+        "type": ["number", "string"],
+        "pattern": f"^{units.RPM.pattern}$",
+        "$comment": "or a speed such as '1500 rpm'",
+    }
+    return Field(allow_inf_nan=False, json_schema_extra=extra, **bounds)
+
+
 Finite = number_within()
 Positive = number_within(gt=0)
 NonNegative = number_within(ge=0)
-Tuning = number_within(gt=0, le=100)
+#: Of the gear pair: `gearlib.config.speeds` has made numbers of texts in rpm.
+Tuning = Annotated[float, _in_rpm(gt=0, le=100), BeforeValidator(_read_number)]
+#: Of a train or drawing, which takes no speed.
+OwnTuning = number_within(gt=0, le=100)
 Harmonic = integer_within(ge=1, le=1000)
 StiffnessRatio = number_within(gt=0, le=1)
 ContactRatio = number_within(ge=1, le=2)
@@ -205,9 +218,22 @@ def check_grid(key, section, step_key="step"):
         )
 
 
+def check_record(key, section):
+    """Refuse a section that records more mesh periods than it runs."""
+    if section.record_periods > section.periods:
+        raise ValueError(
+            f"{key}.record_periods = {section.record_periods} is not allowed: it must be an "
+            f"integer from 1 to {key}.periods = {section.periods}"
+        )
+
+
 Start = Annotated[Tuning, Field(description="First tuning.")]
 Stop = Annotated[Tuning, Field(description="Last one; start + a whole multiple of step.")]
-Step = Annotated[number_within(gt=0, le=10), Field(description="Distance of the tunings.")]
+Distance = Annotated[float, _in_rpm(gt=0, le=10), BeforeValidator(_read_number)]
+Step = Annotated[Distance, Field(description="Distance of the tunings.")]
+OwnStart = Annotated[OwnTuning, Field(description="First tuning.")]
+OwnStop = Annotated[OwnTuning, Field(description="Last one; start + a whole multiple of step.")]
+OwnStep = Annotated[number_within(gt=0, le=10), Field(description="Distance of the tunings.")]
 
 
 class Grid(Section):
@@ -215,9 +241,9 @@ class Grid(Section):
 
     key: ClassVar = ""  #: the name of the section, for messages
 
-    start: Start
-    stop: Stop
-    step: Step
+    start: OwnStart
+    stop: OwnStop
+    step: OwnStep
 
     @model_validator(mode="after")
     def _check_grid(self):

@@ -14,6 +14,10 @@ _FACTOR = r"[A-Za-zµμ°]+(?:(?:\^|\*\*)-?\d)?"
 TEXT = re.compile(rf"({_NUMBER})\s*({_FACTOR}(?:\s*[ */·]\s*{_FACTOR})*)")
 
 
+#: A speed of revolution. No other unit: Hz and 1/min leave open whether they count revolutions.
+RPM = re.compile(rf"({_NUMBER})\s*rpm")
+
+
 @cache
 def _registry():
     import pint

@@ -16,7 +16,7 @@ PAIR_SCALES = {
     "tuning_factor_max",
     "tuning_factor_min",
 }
-TUNING_SCALES = {"mesh_frequency", "velocity_scale", "acceleration_scale"}
+TUNING_SCALES = {"mesh_frequency", "velocity_scale", "acceleration_scale", "speed"}
 
 #: What the phase planes keep of a time course; the rest is in the shards.
 _DRAWN = {"displacement", "velocity", "contact"}

@@ -74,6 +74,7 @@ def draw(diagram, shares, branches=None):
     _draw_shares(bottom, shares)
     bottom.set_xlabel("tuning $\\nu_s$")
     bottom.set_xlim(tuning[0], tuning[-1])
+    style.add_scale(top, tuning, diagram.speed.values, "speed (rpm)")
     return figure
 
 

@@ -90,7 +90,9 @@ def _draw_characteristics(axes, studies, place, limits):
     style.shade_areas(axes, float(studies[0].backlash_ratio), "y")
     axes.set_title(f"damping of the {place} only")
     axes.set_xlabel("tuning $\\nu_s$")
-    axes.set_xlim(float(studies[0].tuning[0]), float(studies[0].tuning[-1]))
+    tuning = studies[0].tuning.values
+    axes.set_xlim(tuning[0], tuning[-1])
+    style.add_scale(axes, tuning, studies[0].speed.values, "speed (rpm)")
 
 
 def _draw_planes(axes, studies, nu):

@@ -43,7 +43,6 @@ def draw(characteristics):
     figure = Figure((style.PAGE_WIDTH, 6.0), layout="constrained")
     grid = figure.subplots(len(_ROWS), data.sizes["case"], sharex=True, sharey="row", squeeze=False)
     tuning, speed = data.tuning.values, data.speed.values
-    per_tuning = speed[0] / tuning[0]
     for column, case in zip(grid.T, data.case.values, strict=True):
         shown = data.sel(case=case)
         for axes, (name, stage, label) in zip(column, _ROWS, strict=True):
@@ -53,10 +52,7 @@ def draw(characteristics):
                 axes.set_ylabel(label)
         _draw_alone(column[0], shown)
         column[0].set_title(_TITLES[case])
-        above = column[0].secondary_xaxis(
-            "top", functions=(lambda nu: nu * per_tuning, lambda n: n / per_tuning)
-        )
-        above.set_xlabel("speed of the input (rpm)", fontsize=7)
+        style.add_scale(column[0], tuning, speed, "speed of the input (rpm)")
         column[-1].set_xlabel("tuning of the pair alone $\\nu$")
     grid[0, 0].set_xlim(tuning[0], tuning[-1])
     figure.legend(handles=_legend(data), loc="outside lower center", ncols=4, fontsize=6.5)

@@ -1,8 +1,8 @@
 """Fig. 3: resonance characteristics, the largest and smallest displacement over the tuning.
 
-Above, the paper's picture alone, with its three scales of tuning. Below, one panel for each
-damping: the sweeps up and down over the cold one, so that the hysteresis shows, and what else is
-known of the motions.
+Above, the paper's picture alone, with its three scales of tuning and the speed. Below, one panel
+for each damping: the sweeps up and down over the cold one, so that the hysteresis shows, and what
+else is known of the motions.
 """
 
 import numpy as np
@@ -49,8 +49,8 @@ def draw(resonance, *, colours=None, labels=(), branches=(), tongues=None):
     ----------
     resonance : xarray.Dataset
         As gathered: displacement_max and displacement_min in static deflections, period, all over
-        (damping, direction, tuning); the scalars static_deflection (m), backlash_ratio,
-        tuning_factor_max and tuning_factor_min.
+        (damping, direction, tuning); speed (rpm) over tuning; the scalars static_deflection (m),
+        backlash_ratio, tuning_factor_max and tuning_factor_min.
     colours : dict of str to str, optional
         Colours of the dampings by name.
     labels : list of xarray.Dataset, optional
@@ -309,12 +309,15 @@ def where_linked(good):
 
 
 def _add_scales(axes, resonance):
-    """Add the tunings towards C_max and C_min above, and displacements in SI on the right."""
+    """Add tunings towards C_max and C_min and speeds above, displacements in SI on the right."""
     axes.set_xlabel("tuning $\\nu_s$")
     for index, position in (("max", 1.0), ("min", 1.11)):
         factor = float(resonance[f"tuning_factor_{index}"])
         scale = axes.secondary_xaxis(position, functions=_scaling(factor))
         scale.set_xlabel(f"tuning $\\nu_\\mathrm{{{index}}}$")
+    rate = float(resonance.speed[-1] / resonance.tuning[-1])
+    scale = axes.secondary_xaxis(1.22, functions=_scaling(rate))
+    scale.set_xlabel("speed (rpm)")
     deflection = float(resonance.static_deflection)
     unit, name = style.length_unit(deflection)
     scale = axes.secondary_yaxis("right", functions=_scaling(deflection / unit))

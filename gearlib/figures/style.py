@@ -140,6 +140,21 @@ def shade_areas(axes, backlash, direction):
     return visible
 
 
+def add_scale(axes, values, others, label):
+    """Add a second scale above an axes, such as speed in rpm over tuning.
+
+    Parameters
+    ----------
+    axes : matplotlib.axes.Axes
+    values, others : ndarray, shape (n,)
+        What the axes counts in, and what the second scale has there, in proportion.
+    label : str
+    """
+    rate = float(others[-1] / values[-1])
+    above = axes.secondary_xaxis("top", functions=(lambda x: x * rate, lambda y: y / rate))
+    above.set_xlabel(label, fontsize=7)
+
+
 def panels(count, height, most=2):
     """Return a figure, and `count` axes of this height (inches) in rows of `most`."""
     columns = min(count, most)

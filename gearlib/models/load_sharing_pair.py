@@ -20,7 +20,7 @@ import numpy as np
 
 from gearlib import checks
 from gearlib.kernels.tooth_pairs.system import ToothPairSystem
-from gearlib.models.geometry.load_sharing import pairs_at, tooth_pairs
+from gearlib.models.geometry.load_sharing import checked_errors, pairs_at, tooth_pairs
 from gearlib.models.geometry.mesh import Mesh
 from gearlib.models.geometry.relief import PathTable
 from gearlib.models.harmonics import Harmonics
@@ -68,6 +68,10 @@ class LoadSharingPair(WithPair):
     pitch_errors: tuple = (0.0,)
 
     mathematics = {"exact": "tooth_pairs"}
+    references = (
+        "Harris: Proc. Inst. Mech. Eng. 172 (1958) 87-112; "
+        "Hortel, Skuderova: Engineering Mechanics 14 (2007) 91-104"
+    )
 
     def __post_init__(self):
         for name, kind, words in (
@@ -78,26 +82,44 @@ class LoadSharingPair(WithPair):
             if not isinstance(value, kind):
                 raise ValueError(f"{name} = {value!r} is not allowed: it must be a {words}")
         checks.integer("phases", self.phases, 8)
-        object.__setattr__(self, "pitch_errors", tuple(self.pitch_errors))
+        errors = tuple(checked_errors(self.pitch_errors).tolist())
+        object.__setattr__(self, "pitch_errors", errors)
         self._pairs(np.zeros(1), np.zeros(1))
 
     @classmethod
-    def from_geometry(cls, mesh, *, stiffness="energy", coupling=1.0, more=None, **options):
+    def from_geometry(
+        cls,
+        mesh,
+        *,
+        phases=32,
+        stiffness="energy",
+        coupling=1.0,
+        deviation=None,
+        pitch_errors=(0.0,),
+        **options,
+    ):
         """Return the pair of two drawn gears, its scales from the same mesh stiffness.
 
         Parameters
         ----------
         mesh : gearlib.geometry.Mesh
-        stiffness, coupling
-            As of `Mesh.transmission_error`; of a table the scales need a `pair` of one's own.
-        more : dict, optional
-            phases, deviation, pitch_errors.
+        phases, coupling, deviation, pitch_errors
+            As of the class.
+        stiffness : {"energy", "iso"}, default "energy"
+            A table needs a `pair` of one's own.
         **options
             torque, damping and so on, as of `GearPair.from_geometry`.
         """
         given = {"coupling": coupling} if stiffness == "energy" else {}
-        pair = GearPair.from_geometry(mesh, stiffness=stiffness, options=given, **options)
-        return cls(pair=pair, drawing=mesh, stiffness=stiffness, coupling=coupling, **(more or {}))
+        return cls(
+            pair=GearPair.from_geometry(mesh, stiffness=stiffness, options=given, **options),
+            drawing=mesh,
+            phases=phases,
+            stiffness=stiffness,
+            coupling=coupling,
+            deviation=deviation,
+            pitch_errors=pitch_errors,
+        )
 
     def at_load(self, *, phases=128, harmonics=24):
         """Return the `OneDegreePair` with the stiffness and the deviation of the pair's load.
@@ -147,11 +169,6 @@ class LoadSharingPair(WithPair):
     def repeats(self):
         """Mesh periods after which the pairs of teeth repeat."""
         return len(self.pitch_errors)
-
-    @property
-    def equation(self):
-        """None: more than two flank lines."""
-        return None
 
     def damped(self):
         """Return whether there is any damping on the way of the motion."""

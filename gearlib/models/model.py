@@ -34,6 +34,9 @@ class Model:
     equation: Any = None
     #: The profile of the mesh stiffness where it can be chosen, of `gearlib.models.profiles`.
     profile: Any = None
+    #: Functions from a tuning to the speed in rpm, and back; None: nothing turns.
+    speed: Any = None
+    tuning_at: Any = None
     #: Whether it moves by Eq. (3) for one coordinate between two equal flanks at 0 and -s, for
     #: which methods with steps and the harmonics are written.
     one_mesh: bool = False

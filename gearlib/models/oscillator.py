@@ -50,7 +50,7 @@ class Equation:
 
     def law(self, tuning, tolerance):
         """Return the `Law` at one frequency for Taylor steps of a `tolerance`."""
-        unit, (near, far) = 1.0 / tuning**2, self._sides()
+        unit, (near, far) = 1.0 / tuning**2, self.sides()
         # Velocities are by phase: each power of x' comes with nu, all with 1 / nu^2.
         damping = self.damping * np.array([1.0 / tuning, 1.0, tuning])
         waves = np.array([1.0, unit, unit])
@@ -79,7 +79,7 @@ class Equation:
 
         Components x, x', 1 and a cosine and a sine of each order; no outputs, shape (0, 3, p, n).
         """
-        unit, sides = 1.0 / tuning**2, self._sides()
+        unit, sides = 1.0 / tuning**2, self.sides()
         rows = self._excitation(unit)
         orders = np.unique(rows[:, 0])
         n = 3 + 2 * orders.size
@@ -125,7 +125,7 @@ class Equation:
         deviation[:, 1:] *= -(deviation[:, :1] ** 2)
         return np.vstack([self.force * np.array([1.0, unit, unit]), deviation])
 
-    def _sides(self):
+    def sides(self):
         """Return the stiffness of near and far side over the same breaks."""
         if self.near is self.far:
             return self.near, self.far

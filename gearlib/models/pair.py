@@ -285,6 +285,7 @@ class GearPair(Model):
             "mesh_frequency": frequency,
             "velocity_scale": self.static_deflection * frequency,
             "acceleration_scale": self.static_deflection * frequency**2,
+            "speed": self.speed(tuning),
         }
 
 

@@ -11,6 +11,28 @@ def check_tuning(name, value):
     return checks.finite_positive(name, value)
 
 
+def tuning_of(model, tuning, speed):
+    """Return the tuning of a run that is given by it or by a speed in rpm, one of both."""
+    check_either(model, "tuning", tuning, "speed", speed)
+    if speed is None:
+        return check_tuning("tuning", tuning)
+    return float(model.tuning_at(checks.finite_positive("speed", speed)))
+
+
+def check_either(model, name, tuning, speed_name, speed):
+    """Refuse neither and both of tunings and speeds, and speeds where nothing turns."""
+    if (tuning is None) == (speed is None):
+        raise ValueError(
+            f"{name} = {tuning!r} with {speed_name} = {speed!r} is not allowed: it must be one of "
+            "the two"
+        )
+    if speed is not None and model.tuning_at is None:
+        raise ValueError(
+            f"{speed_name} = {speed!r} is not allowed: nothing turns in this model, so it must be "
+            f"{name}"
+        )
+
+
 def check_run(pair, periods, record_periods, initial_state, method, options, max_events):
     """Return periods, record_periods, state, method name, module and options, max_events, checked.
 

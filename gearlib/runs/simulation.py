@@ -10,15 +10,16 @@ from gearlib import checks
 from gearlib.data import contact_states, provenance, status, summary
 from gearlib.data.variables import describe
 from gearlib.kernels import orbit
-from gearlib.runs.run_arguments import MAX_EVENTS, check_run, check_tuning
+from gearlib.runs.run_arguments import MAX_EVENTS, check_run, tuning_of
 
 _FIRST_EVENTS = 64
 
 
 def simulate(
     pair,
-    tuning,
+    tuning=None,
     *,
+    speed=None,
     periods,
     record_periods=1,
     samples_per_period=256,
@@ -39,7 +40,9 @@ def simulate(
     ----------
     pair : GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator
     tuning : float
-        nu = mesh frequency / mean eigenfrequency; finite, > 0.
+        nu = mesh frequency / mean eigenfrequency; finite, > 0. Or instead of it:
+    speed : float
+        In rpm, of the gear whose teeth count (the reference pinion of a train); finite, > 0.
     periods : int
         Mesh periods from tau = 0.
     record_periods : int, default 1
@@ -79,7 +82,7 @@ def simulate(
     ----------
     Hortel, Skuderova: Engineering Mechanics 14 (2007) 91-104, Eq. (1)-(3).
     """
-    tuning = check_tuning("tuning", tuning)
+    tuning = tuning_of(pair, tuning, speed)
     ran = run(
         pair,
         tuning,

@@ -9,7 +9,7 @@ import xarray as xr
 from gearlib import checks
 from gearlib.data import provenance, summary
 from gearlib.data.variables import describe
-from gearlib.runs.run_arguments import MAX_EVENTS, check_run, check_tuning
+from gearlib.runs.run_arguments import MAX_EVENTS, check_either, check_run, check_tuning
 
 DIRECTIONS = ("cold", "up", "down")
 
@@ -20,8 +20,9 @@ _FEWEST, _MOST = 16, 128
 
 def sweep(
     pair,
-    tunings,
+    tunings=None,
     *,
+    speeds=None,
     periods,
     record_periods,
     initial_state=(0.0, 0.0),
@@ -37,7 +38,9 @@ def sweep(
     ----------
     pair : GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator
     tunings : array_like of float, shape (n,)
-        Each finite and > 0, all different.
+        Each finite and > 0, all different. Or instead of them:
+    speeds : array_like of float, shape (n,)
+        In rpm, of the gear whose teeth count (the reference pinion of a train).
     periods, record_periods : int
         Mesh periods of each run, and how many of them, at the end, are summarised.
     initial_state : tuple of float, default (0, 0)
@@ -76,7 +79,11 @@ def sweep(
     ValueError
         Naming the argument, its value and the allowed range.
     """
-    tunings = _check_tunings(tunings)
+    check_either(pair, "tunings", tunings, "speeds", speeds)
+    if speeds is None:
+        tunings = _check_tunings("tunings", tunings)
+    else:
+        tunings = pair.tuning_at(_check_tunings("speeds", speeds))
     periods, record_periods, initial_state, method, module, options, max_events = check_run(
         pair, periods, record_periods, initial_state, method, options, max_events
     )
@@ -143,23 +150,23 @@ def sweep(
     return dataset
 
 
-def _check_tunings(tunings):
-    """Return the tunings as a float array, shape (n,)."""
+def _check_tunings(name, tunings):
+    """Return tunings, or speeds, as a float array, shape (n,)."""
     try:
         values = np.atleast_1d(np.asarray(tunings))
     except ValueError:
         values = np.empty((0, 0))
     if values.ndim != 1 or values.size == 0:
         raise ValueError(
-            f"tunings = {tunings!r} is not allowed: it must be a non-empty sequence of numbers"
+            f"{name} = {tunings!r} is not allowed: it must be a non-empty sequence of numbers"
         )
     if values.dtype.kind in "iuf" and np.isfinite(values).all() and (values > 0.0).all():
         values = values.astype(float)
     else:
         # One after the other, to name the first that is not allowed.
-        values = np.array([check_tuning(f"tunings[{i}]", v) for i, v in enumerate(values.tolist())])
+        values = np.array([check_tuning(f"{name}[{i}]", v) for i, v in enumerate(values.tolist())])
     unique, counts = np.unique(values, return_counts=True)
     if unique.size < values.size:
         twice = float(unique[counts > 1][0])
-        raise ValueError(f"tunings contains {twice!r} twice: all tunings must be different")
+        raise ValueError(f"{name} contains {twice!r} twice: all {name} must be different")
     return values

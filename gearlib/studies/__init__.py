@@ -8,8 +8,13 @@ name                    responsibility
 ``phase_lag``           lag of the motion behind the mesh stiffness
 ``jump``                where the motion from rest jumps, and what moves the jump
 ``resonance_branches``  the branches behind Fig. 3, and loci of their special points
+``certificates``        what is proven of the paper's orbits
 ``nonlinear_damping``   equivalent linear, quadratic and cubic damping side by side
 ``analytic_method``     the paper's analytic method at work, against exact orbits
+``dynamic_factor``      dynamic factor of drawn gears over speed, beside ISO 6336-1
+``mesh_stiffness``      stiffness of drawn gears by every method
+``rectangle``           what the rectangular stiffness costs
+``tip_relief``          Harris maps, and the motion with tip relief by two models
 ``trains``              what only a whole gear train shows
 ``claims``              the paper's statements, checked against computed data
 ``trials``              which method is right, at what cost, and where each fails

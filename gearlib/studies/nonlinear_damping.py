@@ -124,8 +124,8 @@ def compute(pair, place, power, tunings, settings, run, samples_per_period):
         displacement_max, displacement_min, period over (direction, tuning); over (direction,):
         jump (NaN: none) and jump_size, peak and peak_tuning, lost_from and lost_to (ends of the
         widest range of tunings with contact loss);
-        displacement and velocity over (shown, phase); coefficient; scalar coordinates place and
-        power.
+        displacement and velocity over (shown, phase); speed (rpm) over tuning; coefficient;
+        scalar coordinates place and power.
     """
     damped, coefficient = model(pair, place, power, settings)
     curves = [sweep(damped, tunings, direction=name, **run) for name in DIRECTIONS]
@@ -146,6 +146,7 @@ def compute(pair, place, power, tunings, settings, run, samples_per_period):
         name: (("shown", "phase"), np.array([plane[name].values for plane in planes]))
         for name in ("displacement", "velocity")
     }
+    data["speed"] = ("tuning", curves[0].speed.values)
     data["coefficient"] = coefficient
     data["backlash_ratio"] = damped.backlash_ratio
     coords = {

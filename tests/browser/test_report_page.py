@@ -126,7 +126,10 @@ def test_choosing_shows_the_motion(browser, address, sweeps, ends):
     agrees(fourth, ends, 1, third["tuning"])
     curves_agree(fourth, sweeps, "light")
     (words,) = [e for e in everywhere(browser, ".bk-clearfix") if "motion from rest" in e.text]
-    assert words.text.startswith(f"light, tuning {third['tuning']:.2f}. The motion from rest")
+    swept = sweeps["light", "cold"]
+    rpm = float(swept.speed[0] / swept.tuning[0]) * third["tuning"]
+    chosen = f"light, tuning {third['tuning']:.2f}, {rpm:.0f} rpm. The motion from rest"
+    assert words.text.startswith(chosen)
 
     assert errors(browser) == []
     fetched = browser.execute_script(

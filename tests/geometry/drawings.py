@@ -2,7 +2,7 @@
 
 import math
 
-from gearlib.geometry import Material, Mesh, SpurGear
+from gearlib.geometry import Material, Mesh, Rack, SpurGear
 
 
 def iso_example(**changes):
@@ -24,6 +24,13 @@ def twenty(**changes):
     gear = SpurGear(
         **{"teeth": 20, "module": 0.01, "width": 0.03, "material": Material(young=200e9)} | changes
     )
+    return Mesh(gear, gear)
+
+
+def high():
+    """Slender teeth, of which two or three pairs are in mesh."""
+    rack = Rack(addendum=1.35, dedendum=1.6, tip_radius=0.2)
+    gear = SpurGear(teeth=50, module=4e-3, width=0.02, rack=rack)
     return Mesh(gear, gear)
 
 

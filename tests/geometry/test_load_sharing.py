@@ -10,7 +10,7 @@ from scipy.optimize import brentq, nnls
 from gearlib.geometry import Mesh, PathTable, SpurGear, TipRelief, optimum_relief
 from gearlib.models.geometry.energy import energy_stiffness
 from gearlib.models.geometry.load_sharing import ToothPairs, tooth_pairs
-from tests.geometry.drawings import fzg_c, iso_example, ring, twenty
+from tests.geometry.drawings import fzg_c, high, iso_example, ring, twenty
 
 MESHES = {"fzg": fzg_c, "twenty": twenty, "ring": ring}
 C = 2e8  #: N/m, of a pair of teeth where it is constant
@@ -56,7 +56,7 @@ def test_without_relief_it_is_load_over_stiffness(mesh):
         own = energy.pairs_in_contact.values[0] == count
         stiffness = energy_stiffness(mesh, pitches[own], count)
         np.testing.assert_allclose(energy.mesh_stiffness.values[0, own], stiffness, rtol=1e-12)
-    np.testing.assert_allclose(energy.load_share.sum("pair"), 1.0, rtol=1e-12)
+    np.testing.assert_allclose(energy.load_share.sum("tooth_pair"), 1.0, rtol=1e-12)
 
 
 def test_long_linear_relief_by_the_deflection_of_a_pair_flattens_exactly(mesh):
@@ -87,16 +87,31 @@ def test_long_linear_relief_by_the_deflection_of_a_pair_flattens_exactly(mesh):
     assert iso.pinion.tip_relief.amount == pytest.approx(6.0 / 7.0 * design / single, rel=1e-12)
 
 
+def test_three_pairs_of_teeth():
+    """Of constant stiffness: F / (2 c), F / (3 c), and nothing with relief by F / (2 c)."""
+    mesh = high()
+    assert 2.2 < mesh.contact_ratio < 2.4
+    bare = mesh.transmission_error(TORQUE, stiffness=CONSTANT)
+    deflection = mesh.load(TORQUE) / C
+    assert bare.peak_to_peak_error.item() == pytest.approx(deflection / 6.0, rel=1e-12)
+    assert bare.effective_contact_ratio.item() == pytest.approx(mesh.contact_ratio, rel=1e-12)
+    relieved = optimum_relief(mesh, TORQUE, stiffness=CONSTANT)
+    assert relieved.wheel.tip_relief.amount == pytest.approx(deflection / 2.0, rel=1e-12)
+    found = relieved.transmission_error(TORQUE, stiffness=CONSTANT)
+    assert found.peak_to_peak_error < 1e-12 * deflection
+    assert set(found.pairs_in_contact.values.ravel()) <= {2, 3}
+
+
 @pytest.mark.parametrize("length", ["long", "short", None])
 def test_optimum_against_a_grid(length):
     mesh, unit = fzg_c(), 1e-5
     found = optimum_relief(mesh, TORQUE, length=length, phases=64)
     least = found.transmission_error(TORQUE, phases=64).peak_to_peak_error.item()
     longest = (mesh.contact_ratio - 1.0) * mesh.base_pitch
-    spans = {"long": [1.0], "short": [0.5], None: [0.4, 0.6, 0.8, 1.0]}[length]
+    spans = {"long": [1.0], "short": [0.5], None: [0.4, 0.7, 1.0]}[length]
     for span in spans:
-        for first in (0.5, 1.0, 1.5, 2.0, 3.0):
-            for second in (0.5, 1.0, 1.5, 2.0, 3.0):
+        for first in (0.5, 1.0, 1.5, 2.5):
+            for second in (0.5, 1.0, 1.5, 2.5):
                 reliefs = [
                     TipRelief(amount=a * unit, length=span * longest) for a in (first, second)
                 ]
@@ -115,7 +130,7 @@ def test_large_loads_leave_nothing_of_the_relief(mesh):
 def test_no_load_is_the_least_gap():
     mesh = with_relief(fzg_c(), pinion=long_relief(fzg_c(), 2e-5, "parabolic"))
     found = mesh.transmission_error(0.0, deviation=PathTable((0.0,), (3e-6,)))
-    np.testing.assert_allclose(found.transmission_error[0], found.gap.min("pair"), atol=1e-20)
+    np.testing.assert_allclose(found.transmission_error[0], found.gap.min("tooth_pair"), atol=1e-20)
     assert np.isnan(found.load_share).all() and (found.pairs_in_contact >= 1).all()
     # One pair follows the other: within a phase of the grid at either end.
     assert found.effective_contact_ratio.item() == pytest.approx(1.0, abs=2.0 / 256)
@@ -271,6 +286,7 @@ REFUSED = {
     "coupling": (lambda: error(coupling=1.5), "coupling = 1.5 ", "from 0 to 1"),
     "deviation": (lambda: error(deviation=1e-5), "deviation = 1e-05 ", "a PathTable"),
     "pitch errors": (lambda: error(pitch_errors=[math.inf]), "pitch_errors[0] = inf ", "finite"),
+    "one pitch error": (lambda: error(pitch_errors=1e-6), "pitch_errors = 1e-06 ", "a sequence"),
     "no pitch errors": (lambda: error(pitch_errors=()), "pitch_errors = () ", "at least one"),
     "helical": (
         lambda: iso_example().transmission_error(TORQUE),

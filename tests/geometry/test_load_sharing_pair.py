@@ -5,10 +5,12 @@ import math
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.optimize import nnls
 
 from gearlib import GearPair, Harmonics, LoadSharingPair, OneDegreePair, simulate
 from gearlib.geometry import Mesh, PathTable, optimum_relief
-from tests.geometry.drawings import fzg_c, ring, twenty
+from gearlib.models.geometry.load_sharing import pairs_at
+from tests.geometry.drawings import fzg_c, high, ring, twenty
 
 TORQUE = 300.0
 OPTIONS = {"torque": TORQUE, "damping_ratio": 0.05, "backlash_damping_ratio": 0.01}
@@ -29,7 +31,7 @@ def constant(mesh, **changes):
 
 
 @pytest.mark.parametrize(
-    "mesh", [fzg_c(), with_backlash(twenty(), 2e-6), ring(outer_diameter=0.44)]
+    "mesh", [fzg_c(), with_backlash(twenty(), 2e-6), high(), ring(outer_diameter=0.44)]
 )
 def test_without_relief_it_is_the_gear_pair_of_the_standard(mesh):
     """The closed forms of `GearPair`, both flanks included."""
@@ -56,9 +58,7 @@ def test_a_deviation_of_all_pairs_is_that_of_one_degree():
     shift = (mesh.contact_ratio - 1.0) / 2.0
     phase = math.tau * ((position - start) / mesh.base_pitch - shift)
     table = PathTable(tuple(position), tuple(size * np.sin(order * phase)))
-    model = LoadSharingPair.from_geometry(
-        mesh, stiffness="iso", more={"deviation": table}, **OPTIONS
-    )
+    model = LoadSharingPair.from_geometry(mesh, stiffness="iso", deviation=table, **OPTIONS)
     other = OneDegreePair(pair=model.pair, deviation=Harmonics((), (0.0, 0.0, -size)))
     run = {"periods": 100, "record_periods": 1, "samples_per_period": 64}
     for tuning in (0.25, 0.6, 0.9):
@@ -153,15 +153,47 @@ def test_against_scipy_event_by_event(tuning):
     assert run.bounces > 0.0
 
 
+def test_pairs_that_share_a_body_against_scipy():
+    """Forces by non-negative least squares at every evaluation, in steps within the segments."""
+    mesh = optimum_relief(with_backlash(fzg_c(), FAR), TORQUE / 2.0, length="long", stiffness="iso")
+    model = LoadSharingPair.from_geometry(mesh, stiffness="iso", phases=8, **OPTIONS)
+    tuning, starts = 0.8, model.tables[0].starts
+    shift = (mesh.contact_ratio - 1.0) / 2.0
+
+    def pairs(tau, number):
+        at = np.array([tau / math.tau + shift])
+        return pairs_at(mesh, at, np.array([number]), stiffness="iso")
+
+    state = np.array([-0.5, 1.5])
+    for left, right in zip(starts, starts[1:], strict=False):
+        middle = (left + right) / 2.0
+        number = math.floor(middle / math.tau + shift)
+        there = pairs(middle, number).inside[0]
+        root = np.linalg.cholesky(pairs(middle, number).compliance[0][np.ix_(there, there)])
+        ends = [pairs(tau, number).gap[0, there] / model.static_deflection for tau in (left, right)]
+        slip = (ends[1].min() - ends[0].min()) / (right - left)
+
+        def rhs(tau, z, left=left, right=right, root=root, ends=ends, slip=slip):
+            gap = ends[0] + (ends[1] - ends[0]) * (tau - left) / (right - left)
+            deflection = np.linalg.solve(root, z[0] - gap) * model.static_deflection
+            force = nnls(root.T, deflection)[0].sum() / model.load
+            ratio = model.damping_ratio if force > 0.0 else model.backlash_damping_ratio
+            push = (1.0 - force) / tuning**2
+            return [z[1], push - 2.0 * ratio / tuning * (z[1] - slip)]
+
+        ran = solve_ivp(rhs, (left, right), state, "DOP853", rtol=1e-9, atol=1e-10)
+        state = ran.y[:, -1]
+    run = simulate(model, tuning, periods=1, initial_state=(-0.5, 1.5))
+    # Steps across the events of pairs, which the step control makes small.
+    np.testing.assert_allclose(run.final_state, state, atol=1e-7)
+    assert 0.0 < run.fraction_backlash < 1.0
+
+
 @pytest.mark.parametrize("options", [{}, {"stiffness": "iso"}, {"pitch_errors": (0.0, 3e-6, 1e-6)}])
 def test_slow_motion_follows_the_static_transmission_error(options):
     mesh = optimum_relief(fzg_c(), TORQUE / 2.0, length="long")
-    more = {name: value for name, value in options.items() if name == "pitch_errors"} | {
-        "phases": 256
-    }
-    stiffness = options.get("stiffness", "energy")
     model = LoadSharingPair.from_geometry(
-        mesh, torque=TORQUE, damping_ratio=0.7, stiffness=stiffness, more=more
+        mesh, torque=TORQUE, damping_ratio=0.7, phases=256, **options
     )
     static = mesh.transmission_error(TORQUE, **options)
     tuning, periods = 0.003, model.repeats
@@ -199,7 +231,7 @@ def test_maps_are_the_derivatives_of_the_motion(tuning):
 def test_at_small_error_the_stiffness_at_the_load_suffices():
     mesh = with_backlash(fzg_c(), FAR)
     mesh = optimum_relief(mesh, TORQUE / 20.0, length="long")
-    model = LoadSharingPair.from_geometry(mesh, more={"phases": 256}, **OPTIONS)
+    model = LoadSharingPair.from_geometry(mesh, phases=256, **OPTIONS)
     other = model.at_load(phases=256, harmonics=40)
     # Both have the static error of the drawing: at rest under the load, y = F / C.
     static = mesh.transmission_error([0.0, TORQUE]).transmission_error.values

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from gearlib import GearPair, Tabulated
-from gearlib.geometry import Material, Mesh, Rack, SpurGear, Web
+from gearlib.geometry import Material, Mesh, Rack, SpurGear, Web, dynamic_factor
 from tests.geometry.drawings import fzg_c, ring, twenty
 
 GEAR = {"teeth": 20, "module": 4e-3, "width": 0.02}
@@ -30,6 +30,10 @@ def energy(**options):
 
 def pair(**options):
     return GearPair.from_geometry(fzg_c(), **options)
+
+
+def factor(rpm=100.0, **options):
+    return dynamic_factor(fzg_c(), 302.0, rpm, **options)
 
 
 REFUSED = {
@@ -155,6 +159,37 @@ REFUSED = {
     "application factor": (
         lambda: twenty().stiffness("iso", application_factor=0.0),
         "application_factor = 0.0 ",
+        "> 0",
+    ),
+    # The dynamic factor.
+    "class": (lambda: gear(quality=12), "quality = 12 ", "from 1 to 11"),
+    "half a class": (lambda: gear(quality=5.5), "quality = 5.5 ", "integer"),
+    "no class": (lambda: factor(), "quality = None ", "deviations"),
+    "rpm": (lambda: factor([100.0, -1.0]), "rpm = [100.0, -1.0] ", "> 0"),
+    "rpm in words": (lambda: factor("fast"), "rpm = 'fast' ", "> 0"),
+    "pitch deviation": (
+        lambda: factor(pitch_deviation=-1e-6),
+        "pitch_deviation = -1e-06 ",
+        ">= 0",
+    ),
+    "form deviation": (
+        lambda: factor(pitch_deviation=0.0, form_deviation=math.nan),
+        "form_deviation = nan ",
+        ">= 0",
+    ),
+    "tip relief": (
+        lambda: factor(pitch_deviation=0.0, form_deviation=0.0, tip_relief=-1e-6),
+        "tip_relief = -1e-06 ",
+        ">= 0",
+    ),
+    "torque of the factor": (
+        lambda: dynamic_factor(fzg_c(quality=5), 0.0, 100.0),
+        "torque = 0.0 ",
+        "> 0",
+    ),
+    "no torque of the factor": (
+        lambda: dynamic_factor(fzg_c(quality=5), None, 100.0),
+        "torque = None ",
         "> 0",
     ),
     # The pair.

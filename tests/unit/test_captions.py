@@ -18,8 +18,9 @@ from tests.unit.test_defaults import GEARS
 ROOT = Path(__file__).resolve().parents[2]
 CAPTIONS = sorted((ROOT / "workflow/report").glob("*.rst"))
 FIGURES = sorted((ROOT / "gearlib/figures").glob("*.py"))
-#: Names of figures are no numbers, nor are powers, symbols with an index and options of artists.
-NUMBER = re.compile(r"(?<![\w.^{-])(?<!pad=)(?<!Fig\. )\d+(?:\.\d+)?(?:e-?\d+)?(?![\w}])")
+#: Names of figures and standards are no numbers, nor are powers, symbols with an index and options
+#: of artists.
+NUMBER = re.compile(r"(?<![\w.^{-])(?<!pad=)(?<!Fig\. )(?<!ISO )\d+(?:\.\d+)?(?:e-?\d+)?(?![\w}])")
 #: Counts in words, from four on.
 WORDS = re.compile(
     r"\b(four|five|six|seven|eight|nine|ten|eleven|twelve|dozen|hundred|tenth|fifth|quarter)\b"

@@ -49,6 +49,24 @@ def test_simulate_writes_what_the_library_computes(run):
     xr.testing.assert_identical(found, expected)
 
 
+def test_speeds_stand_in_place_of_tunings(run):
+    done = run("simulate", *PAIR, "--speed", "3000rpm", "--periods", "50", "-o", "run.nc")
+    assert "3000 min-1" in done.output, done.output
+    expected = gearlib.simulate(pair(), speed=3000.0, periods=50)
+    assert xr.load_dataset("run.nc").displacement_max == expected.displacement_max
+    grid = ["--start", "2000 rpm", "--stop", "2500rpm", "--points", "3", "--periods", "20"]
+    done = run("sweep", *PAIR, *grid, "-o", "curve.nc")
+    assert done.exit_code == 0, done.output
+    curve = xr.load_dataset("curve.nc")
+    np.testing.assert_allclose(curve.speed, [2000.0, 2250.0, 2500.0], rtol=1e-12)
+    tuning = str(pair().tuning_at(3000.0))
+    at_speed, at_tuning = (
+        run("orbit", *PAIR, "--speed", "3000"),
+        run("orbit", *PAIR, "--tuning", tuning),
+    )
+    assert at_speed.output == at_tuning.output and at_speed.exit_code == 0
+
+
 @pytest.mark.parametrize("direction", ["cold", "up"])
 def test_sweep_writes_what_the_library_computes(run, direction):
     grid = ["--start", "0.7", "--stop", "0.9", "--points", "101", "--periods", "60"]
@@ -73,6 +91,10 @@ def test_wrong_input_is_refused_with_code_2(run):
     for arguments, fault in [
         (["simulate", *PAIR, "--tuning", "-1"], "tuning = -1.0 is not allowed"),
         (["simulate", *PAIR, "--tuning", "1", "--backlash", "4 kg"], "backlash = '4 kg'"),
+        (["simulate", *PAIR], "tuning = None with speed = None is not allowed"),
+        (["orbit", *PAIR, "--tuning", "1", "--speed", "1"], "tuning = 1.0 with speed = 1.0 is not"),
+        (["trust", *PAIR, "--speed", "50 Hz"], "'50 Hz' is no speed in rpm"),
+        (["sweep", *PAIR, "--start", "1/min"], "'1/min' is no tuning, nor a speed"),
         (["simulate", "--tuning", "1"], "max_stiffness is missing"),
         (["simulate", *PAIR, "--tuning", "1", "--method", "ode45"], "method = 'ode45'"),
         (["simulate", *PAIR, "--tuning", "1", "-o", "no/run.nc"], "there is no folder no"),
@@ -235,6 +257,15 @@ def test_what_a_train_is_without_a_run(run, reducer):
     rotational = sums.mode_kind.values == "rotational"
     assert f"{own[rotational].sum()} of {rotational.sum()}" in done.output
     assert own[rotational].all() and not own[~rotational].any()
+
+    done = run("campbell", "--config", "train.yaml", "--count", "2", "-o", "campbell.nc")
+    assert done.exit_code == 0, done.output
+    critical = reducer.campbell(2)
+    assert xr.load_dataset("campbell.nc").critical_speed.equals(critical.critical_speed)
+    excited = np.sort(critical.critical_speed.values[critical.excites.values])
+    rows = [line.split() for line in done.output.splitlines()[1 : 1 + excited.size]]
+    np.testing.assert_allclose([float(row[0]) for row in rows], excited, rtol=1e-5)
+    assert {row[-1] for row in rows} == {"rotational"}
 
 
 @pytest.mark.parametrize(

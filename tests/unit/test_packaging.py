@@ -36,12 +36,12 @@ def expected(*extras):
 def test_the_conda_environment_has_what_pip_installs():
     found = bounds(load("environment.yml")["dependencies"])
     assert found.pop("pip") is None
-    assert found == expected("workflow", "explore")
+    assert found == expected("workflow", "explore", "proof")
 
 
 def test_the_environment_of_the_jobs_is_part_of_it():
     assert bounds(load("workflow/envs/gearlib.yaml")["dependencies"]).items() <= (
-        expected("workflow").items()
+        expected("workflow", "proof").items()
     )
 
 

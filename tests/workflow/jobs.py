@@ -42,6 +42,7 @@ EXPERIMENTS = {
         {"draw_branches": 1, "draw_resonance": 1},
         with_k1={"branches": 1, "loci": 1},
     ),
+    "certificates": Experiment({"certificates": 1}, with_k1={"certificates": 1}),
     "phase_planes": Experiment(
         {"phase_plane": DAMPINGS, "gather_phase_planes": 1},
         {"draw_phase_planes": 1},
@@ -81,10 +82,22 @@ EXPERIMENTS = {
         {"draw_one_mesh": 1},
         with_k1={"one_mesh": 1, "one_mesh_table": 1, "assumption": 1},
     ),
+    "campbell": Experiment(
+        {"campbell": 1, "campbell_table": 1},
+        {"draw_campbell": 1},
+        with_k1={"campbell": 1, "campbell_table": 1},
+    ),
     "train_chart": Experiment({"train_chart": 1}, {"draw_train_chart": 1}),
     "symmetry_breaking": Experiment(
         {"symmetry_breaking": 1}, {"draw_symmetry_breaking": 1}, simulates=True
     ),
+    "dynamic_factor": Experiment({"dynamic_factor": 1}, {"draw_dynamic_factor": 1}),
+    "mesh_stiffness": Experiment(
+        {"mesh_stiffness": 1, "mesh_stiffness_table": 1}, {"draw_mesh_stiffness": 1}
+    ),
+    "rectangle": Experiment({"rectangle": 1, "rectangle_table": 1}, {"draw_rectangle": 1}),
+    "harris_map": Experiment({"harris_map": 1}, {"draw_harris_map": 1}),
+    "relief_dynamics": Experiment({"relief_dynamics": 1}, {"draw_relief_dynamics": 1}),
     # Two methods each.
     "failures": Experiment(
         {"trial": 2, "gather_failures": 1}, {"draw_failures": 1}, simulates=True

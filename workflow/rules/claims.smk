@@ -12,6 +12,7 @@ use rule job as claims with:
         scenes=[f"results/scenes/{name}.nc" for name in CONFIG.scenes],
         tongues=rules.tongues.output.dataset,
         branches=expand(rules.branches.output.dataset, damping=CONFIG.dampings),
+        certificates=rules.certificates.output.json,
         sources=script_sources("claims"),
     output:
         csv="results/claims.csv",

@@ -38,6 +38,7 @@ PAPER, CLAIMS = "1 The paper's figures", "2 The paper's statements"
 EXPLANATIONS, METHODS = "3 Explanations", "4 Methods"
 PUBLISHED_PART = "5 Published problems"
 TRAINS = "6 Gear trains"
+DRAWN = "7 From the drawing"
 
 #: The keys of a grid of tunings.
 GRID = {"start", "stop", "step"}
@@ -244,6 +245,10 @@ def target_files(targets):
         "jump_by_method": ["results/jump_by_method.csv"],
         "reducer": ["results/reducer.csv"],
         "one_mesh": ["results/one_mesh.csv", "results/assumption.csv"],
+        "campbell": ["results/campbell.csv"],
+        "mesh_stiffness": ["results/mesh_stiffness.csv"],
+        "rectangle": ["results/rectangle.csv"],
+        "certificates": ["results/certificates.json"],
         "claims": ["results/claims.csv", "results/claims.md"],
         "report_page": ["results/report/index.html"],
     }

@@ -186,6 +186,12 @@ DRAWINGS = {
         {"one_mesh": "Fig. 1: does one mesh stand for the reducer?"},
         EXPLANATIONS,
     ),
+    "campbell": Drawing(
+        "campbell.draw",
+        {"diagram": rules.campbell.output.dataset},
+        {"campbell": "Fig. 1: Campbell diagram of the reducer"},
+        EXPLANATIONS,
+    ),
     "published": Drawing(
         "published.draw",
         dict(rules.published.output.items()),
@@ -198,12 +204,42 @@ DRAWINGS = {
         {"train_chart": "Planetary train: instability tongues"},
         TRAINS,
     ),
+    "dynamic_factor": Drawing(
+        "dynamic_factor.draw",
+        {"factors": rules.dynamic_factor.output.dataset},
+        {"dynamic_factor": "Dynamic factor of drawn gears, beside ISO 6336-1"},
+        DRAWN,
+    ),
     "symmetry_breaking": Drawing(
         "symmetry_breaking.draw",
         {"data": rules.symmetry_breaking.output.dataset},
         {"symmetry_breaking": "Planetary train: symmetry breaking"},
         TRAINS,
         CONFIG.symmetry_breaking.model_dump(include={"periods_shown"}),
+    ),
+    "mesh_stiffness": Drawing(
+        "mesh_stiffness.draw",
+        {"stiffness": rules.mesh_stiffness.output.dataset},
+        {"mesh_stiffness": "Mesh stiffness by every method"},
+        DRAWN,
+    ),
+    "rectangle": Drawing(
+        "rectangle.draw",
+        {"costs": rules.rectangle.output.dataset},
+        {"rectangle": "What the rectangular stiffness costs"},
+        DRAWN,
+    ),
+    "harris_map": Drawing(
+        "harris_map.draw",
+        {"data": rules.harris_map.output.dataset},
+        {"harris_map": "Tip relief: Harris maps"},
+        DRAWN,
+    ),
+    "relief_dynamics": Drawing(
+        "relief_dynamics.draw",
+        {"data": rules.relief_dynamics.output.dataset},
+        {"relief_dynamics": "Tip relief: dynamic force by two models"},
+        DRAWN,
     ),
 }
 

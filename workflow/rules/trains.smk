@@ -1,4 +1,4 @@
-"""Gear trains: the reducer over speed, and what stands for it."""
+"""Gear trains: the reducer over speed, what stands for it, and its Campbell diagram."""
 
 
 use rule job as reducer with:
@@ -76,3 +76,33 @@ use rule job as assumption with:
     params:
         script="table",
         function="gearlib.studies.claims.machine:write_csv",
+
+
+use rule job as campbell with:
+    pathvars:
+        job="campbell",
+    input:
+        characteristics=rules.reducer.output.dataset,
+        sources=function_sources("gearlib.studies.trains.campbell:compute"),
+    output:
+        dataset="results/campbell.nc",
+    params:
+        script="compute",
+        function="gearlib.studies.trains.campbell:compute",
+        pair=canonical(CONFIG.pair_parameters(CONFIG.reducer.damping)),
+        settings=canonical(CONFIG.reducer.model_dump(exclude={"damping", *GRID})),
+        orders=CONFIG.campbell.orders,
+
+
+use rule job as campbell_table with:
+    pathvars:
+        job="campbell_table",
+    input:
+        diagram=rules.campbell.output.dataset,
+        sources=function_sources("gearlib.studies.trains.campbell:write_csv", script="table"),
+    output:
+        csv="results/campbell.csv",
+        page=table_page("campbell", "Fig. 1: Campbell diagram, table", EXPLANATIONS),
+    params:
+        script="table",
+        function="gearlib.studies.trains.campbell:write_csv",

@@ -6,7 +6,7 @@ from joblog import redirect_output
 from gearlib.data import storage
 from gearlib.models.pair import GearPair
 from gearlib.pages.report import tables
-from gearlib.studies import claims
+from gearlib.studies import certificates, claims
 
 
 def _by_name(paths):
@@ -25,6 +25,7 @@ if __name__ == "__main__":
         _by_name(snakemake.input.scenes),
         storage.read(snakemake.input.tongues),
         _by_name(snakemake.input.branches),
+        certificates.read_json(snakemake.input.certificates),
     )
     claims.write_csv(table, snakemake.output.csv)
     claims.write_markdown(table, snakemake.output.markdown)

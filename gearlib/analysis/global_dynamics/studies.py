@@ -74,8 +74,8 @@ def bifurcation(pair, tunings, coarse, settings, threads=None):
     -------
     diagram : xarray.Dataset
         displacement, velocity (direction, tuning, strobe); exponent, uncertainty, period
-        (direction, tuning). Directions: up, down, and "cold 1", "cold 2", ... from as many random
-        initial states as `starts`.
+        (direction, tuning); speed (rpm) over tuning. Directions: up, down, and "cold 1",
+        "cold 2", ... from as many random initial states as `starts`.
     shares : xarray.Dataset
         As of `gearlib.basin_stability`.
     """
@@ -103,7 +103,8 @@ def bifurcation(pair, tunings, coarse, settings, threads=None):
         )
         found.append(diagram.assign(rates.data_vars))
     names = xr.DataArray(names, dims="direction", name="direction")
-    both = describe(xr.concat(found, names, combine_attrs="drop"))
+    both = xr.concat(found, names, combine_attrs="drop")
+    both = describe(both.assign(speed=("tuning", pair.speed(both.tuning.values))))
     both.attrs = found[0].attrs
     shares = basin_stability(
         pair,

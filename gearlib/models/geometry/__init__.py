@@ -13,6 +13,7 @@ module                  responsibility
 ``stiffness``           `MeshStiffness`: a named choice of both or of a table, and its reduction
 ``load_sharing``        how the pairs of teeth share the load, exactly
 ``transmission_error``  the static transmission error, and the relief that flattens it
+``dynamic_factor``      K_v after ISO 6336-1, method B
 ``parameters``          from a mesh, its load and damping to the parameters of a `GearPair`
 ``involute``            the involute function and its inverse
 ======================  =======================================================================

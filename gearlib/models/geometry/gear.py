@@ -50,6 +50,9 @@ class SpurGear:
         Of the rim of a ring gear, m; its mass and inertia need it.
     web : Web, optional
     material : Material, default steel
+    quality : int, optional
+        Flank tolerance class of ISO 1328-1:2013, from 1 to 11; `pitch_deviation` and
+        `form_deviation` need it.
     tip_relief : TipRelief, optional
 
     Raises
@@ -73,6 +76,7 @@ class SpurGear:
     outer_diameter: float | None = None
     web: Web | None = None
     material: Material = Material()
+    quality: int | None = None
     tip_relief: TipRelief | None = None
 
     def __post_init__(self):
@@ -89,6 +93,8 @@ class SpurGear:
             self._put("rack", RACKS[self.rack])
         if not isinstance(self.material, Material):
             raise ValueError(f"material = {self.material!r} is not allowed: it must be a Material")
+        if self.quality is not None:
+            self._put("quality", checks.integer("quality", self.quality, 1, 11))
         self._check_teeth()
         self._check_blank()
 
@@ -232,27 +238,25 @@ class SpurGear:
 
     @property
     def fillet_radius(self):
-        """Radius of the rack's tip rho_fP, at most the full round, m."""
-        angle = self.transverse_pressure_angle
+        """Radius of the rack's tip in the normal section rho_fP, at most the full round, m."""
+        angle = self.pressure_angle
         # Half the gap of the rack at its tip line, in which the round has to fit.
-        half = math.pi / 4.0 * self.transverse_module - self.rack.dedendum * self.module * math.tan(
-            angle
-        )
+        half = (math.pi / 4.0 - self.rack.dedendum * math.tan(angle)) * self.module
         full = max(half, 0.0) * math.cos(angle) / (1.0 - math.sin(angle))
         return min(self.rack.tip_radius * self.module, full)
 
     @property
     def rack_form_height(self):
-        """Height of the straight flank of the rack below its datum line, m."""
-        round_off = self.fillet_radius * (1.0 - math.sin(self.transverse_pressure_angle))
+        """Height of the straight flank of the rack below its datum line h_FfP, m; ISO 21771."""
+        round_off = self.fillet_radius * (1.0 - math.sin(self.pressure_angle))
         return self.rack.dedendum * self.module - round_off
 
     @property
     def form_roll_length(self):
         """Radius of curvature at which the involute begins above the fillet, m; >= 0.
 
-        External gears, cut by the rack: r_b tan(alpha_t) - (h - x m_n) / sin(alpha_t), ISO 21771. A
-        ring gear's flank is taken to reach its root circle.
+        External gears, cut by the rack: r_b tan(alpha_t) - (h_FfP - x m_n) / sin(alpha_t), ISO
+        21771. A ring gear's flank is taken to reach its root circle.
         """
         base = self.base_diameter / 2.0
         if self.internal:
@@ -277,6 +281,24 @@ class SpurGear:
         angle = math.acos(min(self.base_diameter / diameter, 1.0))
         narrowing = inv(self.transverse_pressure_angle) - inv(angle)
         return diameter * (self.tooth_thickness / self.reference_diameter + self.sign * narrowing)
+
+    @property
+    def pitch_deviation(self):
+        """Tolerance of a single pitch f_ptT of its quality, not rounded, m; ISO 1328-1:2013."""
+        return self._tolerance(1e-6 * self.reference_diameter + 4e-4 * self.module + 5e-6)
+
+    @property
+    def form_deviation(self):
+        """Tolerance of the profile's form f_falphaT of its quality, not rounded, m; the same."""
+        return self._tolerance(5.5e-4 * self.module + 5e-6)
+
+    def _tolerance(self, of_class_5):
+        if self.quality is None:
+            raise ValueError(
+                "quality = None is not allowed: it must be an integer from 1 to 11, or the "
+                "deviations must be given"
+            )
+        return of_class_5 * math.sqrt(2.0) ** (self.quality - 5)
 
     @property
     def mean_diameter(self):

@@ -26,7 +26,7 @@ _LEAST_FORCE = 100.0  # N/mm, below which c' falls with the force
 class IsoStiffness:
     """Stiffness per mm of face width, N/(mm um); virtual teeth and the factors on the way."""
 
-    virtual_teeth: tuple  #: z_n of both gears; of a ring gear infinite
+    virtual_teeth: tuple  #: z_n in the order of the standard; of a ring gear infinite
     theoretical: float  #: c'th = 1 / q'
     rack_factor: float  #: C_B, mean of both gears
     blank_factor: float  #: C_R
@@ -48,11 +48,15 @@ def iso_stiffness(mesh, torque=None, application_factor=1.0):
 
     Notes
     -----
-    The standard states its formula for x_1 >= x_2 and -0.5 <= x_1 + x_2 <= 2; outside, and for ring
-    gears, it is an approximation. Other materials than steel: times 2 E_1 E_2 / (E_1 + E_2) over
-    206 GPa. cos(beta) takes c' of the virtual spur gears to the helical ones.
+    Its formula is not symmetric: number 1 is the gear with fewer teeth, of equal numbers that with
+    the larger shift, whichever drives. The standard states it for x_1 >= x_2 and
+    -0.5 <= x_1 + x_2 <= 2; outside it is an approximation. Other materials than steel: times
+    2 E_1 E_2 / (E_1 + E_2) over 206 GPa. cos(beta) takes c' of the virtual spur gears to the
+    helical ones.
     """
     gears = (mesh.pinion, mesh.wheel)
+    if not mesh.wheel.internal:
+        gears = sorted(gears, key=lambda gear: (gear.teeth, -gear.shift))
     teeth = tuple(math.inf if gear.internal else gear.virtual_teeth for gear in gears)
     (z1, z2), (x1, x2) = teeth, (gear.shift for gear in gears)
     terms = (1.0, 1.0 / z1, 1.0 / z2, x1, x1 / z1, x2, x2 / z2, x1**2, x2**2)

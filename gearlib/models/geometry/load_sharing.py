@@ -101,7 +101,8 @@ def tooth_pairs(mesh, phases, *, pitch_errors=(0.0,), **options):
     phases = checks.integer("phases", phases, 8)
     # The mesh phase is 0 in the middle of the segment with the most pairs.
     begun = (mesh.contact_ratio - math.floor(mesh.contact_ratio)) / 2.0
-    pitches = begun + np.arange(len(pitch_errors) * phases) / phases
+    pitch_errors = checked_errors(pitch_errors)
+    pitches = begun + np.arange(pitch_errors.size * phases) / phases
     return pairs_at(mesh, pitches, np.floor(pitches), pitch_errors=pitch_errors, **options)
 
 
@@ -133,14 +134,6 @@ def pairs_at(
             f"helix_angle = {mesh.pinion.helix_angle!r} is not allowed: it must be 0, load sharing "
             "along the path of contact is that of spur gears"
         )
-    errors = np.array(
-        [
-            checks.number(f"pitch_errors[{i}]", error, "finite", math.isfinite)
-            for i, error in enumerate(pitch_errors)
-        ]
-    )
-    if not errors.size:
-        raise ValueError("pitch_errors = () is not allowed: it must have at least one value")
     if deviation is not None and not isinstance(deviation, PathTable):
         raise ValueError(f"deviation = {deviation!r} is not allowed: it must be a PathTable")
     slots = np.arange(math.floor(mesh.contact_ratio) + 1)
@@ -152,8 +145,20 @@ def pairs_at(
     gap = relief_gap(mesh, position)
     if deviation is not None:
         gap = gap + deviation.at(position)
+    errors = checked_errors(pitch_errors)
     number = begun.astype(int)[:, None] - slots
     return ToothPairs(pitches, position, inside, compliance, gap + errors[number % errors.size])
+
+
+def checked_errors(values):
+    """Return pitch errors as an array, shape (n,), n > 0."""
+    if np.ndim(values) != 1 or not np.size(values):
+        raise ValueError(
+            f"pitch_errors = {values!r} is not allowed: it must be a sequence of at least one "
+            "number"
+        )
+    named = [(f"pitch_errors[{i}]", value) for i, value in enumerate(values)]
+    return np.array([checks.number(name, one, "finite", math.isfinite) for name, one in named])
 
 
 def relief_gap(mesh, position):

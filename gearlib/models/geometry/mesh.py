@@ -337,9 +337,9 @@ class Mesh:
         xarray.Dataset
             Over torque and phase, of as many mesh periods as there are pitch errors:
             transmission_error (m, by how much the teeth approach each other along the line of
-            action), pairs_in_contact, mesh_stiffness (dF/dx), load_share over pair, NaN without
-            load. Over phase and pair: path_position and gap, NaN outside of the path. Over torque:
-            peak_to_peak_error, effective_contact_ratio, mesh_force.
+            action), pairs_in_contact, mesh_stiffness (dF/dx), load_share over tooth_pair, NaN
+            without load. Over phase and tooth_pair: path_position and gap, NaN outside of the path.
+            Over torque: peak_to_peak_error, effective_contact_ratio, mesh_force.
 
         Raises
         ------

@@ -62,29 +62,34 @@ class Tooth:
         """Return x, y and dy / dgamma where the rack's tip touches under an angle gamma.
 
         The round of the rack's tip has its centre `depth` below the rolling line, `side` from the
-        centre line of the tooth; gamma runs from the pressure angle, at the flank, to pi / 2.
+        centre line of the tooth. A circle in the normal section, it is an ellipse here of helical
+        gears, longer by 1 / cos(beta) along the rack; gamma is the angle of its normal, from the
+        pressure angle, at the flank, to pi / 2.
         """
-        rolling = self.gear.reference_diameter / 2.0
+        rolling, helix = self.gear.reference_diameter / 2.0, math.cos(self.gear.helix_angle)
         depth, side, round_off = self._rack_tip
-        turn = (depth / np.tan(gamma) + side) / rolling
-        reach = depth / np.sin(gamma) + round_off
+        sine, cosine = np.sin(gamma), np.cos(gamma)
+        across = np.hypot(cosine / helix, sine)
+        # From the contact along the normal to the pitch point, and the radius of curvature.
+        reach = (depth + round_off * sine / across) / sine
+        bend = round_off / (helix**2 * across**3)
+        turn = (reach * cosine - round_off * cosine / (helix**2 * across) + side) / rolling
         x = rolling * np.sin(turn) - reach * np.cos(gamma - turn)
         y = rolling * np.cos(turn) - reach * np.sin(gamma - turn)
-        turning = -depth / (rolling * np.sin(gamma) ** 2)
-        shrinking = -depth * np.cos(gamma) / np.sin(gamma) ** 2
+        turning = (bend - reach) / (rolling * sine)
+        shrinking = (bend - reach) * cosine / sine
         slope = -rolling * np.sin(turn) * turning - shrinking * np.sin(gamma - turn)
         slope -= reach * np.cos(gamma - turn) * (1.0 - turning)
         return x, y, slope
 
     @property
     def _rack_tip(self):
-        gear, angle = self.gear, self.gear.transverse_pressure_angle
-        round_off = gear.fillet_radius
+        gear, helix = self.gear, math.cos(self.gear.helix_angle)
+        round_off, angle = gear.fillet_radius, gear.pressure_angle
         below = gear.rack.dedendum * gear.module - round_off  # of the datum line of the rack
-        side = math.pi / 4.0 * gear.transverse_module + below * math.tan(angle)
-        side += round_off / math.cos(angle)
-        side += gear.thickness_allowance / math.cos(gear.helix_angle) / 2.0
-        return below - gear.shift * gear.module, side, round_off
+        side = math.pi / 4.0 * gear.module + below * math.tan(angle) + round_off / math.cos(angle)
+        side += gear.thickness_allowance / 2.0
+        return below - gear.shift * gear.module, side / helix, round_off
 
     def _trochoid(self):
         start, end = self.gear.transverse_pressure_angle, math.pi / 2.0

@@ -37,17 +37,20 @@ def transmission_error(mesh, torque, phases=256, **options):
     grid = ("torque", "phase")
     data = {
         "transmission_error": (grid, found.error),
-        "load_share": ((*grid, "pair"), share),
+        "load_share": ((*grid, "tooth_pair"), share),
         "pairs_in_contact": (grid, found.touching.sum(-1)),
         "mesh_stiffness": (grid, found.stiffness),
-        "path_position": (("phase", "pair"), np.where(pairs.inside, pairs.position, math.nan)),
-        "gap": (("phase", "pair"), np.where(pairs.inside, pairs.gap, math.nan)),
+        "path_position": (
+            ("phase", "tooth_pair"),
+            np.where(pairs.inside, pairs.position, math.nan),
+        ),
+        "gap": (("phase", "tooth_pair"), np.where(pairs.inside, pairs.gap, math.nan)),
         "peak_to_peak_error": ("torque", np.ptp(found.error, axis=1)),
         "effective_contact_ratio": ("torque", _contact_ratios(mesh, pairs, found, phases)),
         "mesh_force": ("torque", loads),
     }
     turns = math.tau * np.arange(pairs.pitches.size) / phases
-    coords = {"torque": torques, "phase": turns, "pair": np.arange(pairs.gap.shape[1])}
+    coords = {"torque": torques, "phase": turns, "tooth_pair": np.arange(pairs.gap.shape[1])}
     title = "Static transmission error and load sharing of a gear mesh"
     return describe(xr.Dataset(data, coords, {"title": title}))
 
@@ -81,10 +84,11 @@ def _contact_ratios(mesh, pairs, found, phases):
 def optimum_relief(mesh, torque, *, length=None, shape="linear", phases=256, **options):
     """Return the mesh with the tip reliefs of least peak-to-peak transmission error at a load.
 
-    Where the flexibility of a pair of teeth is the same all along the path, linear relief over all
-    of double contact that takes back the tip by the deflection of one pair leaves no error at all:
-    C_a = q F (Harris 1958). Else amounts up to four times that are sought, from the best of a grid
-    by sequential quadratic programming. Other reliefs may leave as little, or some percent less.
+    Where the compliance q of pairs of teeth is the same all along the path, linear relief over all
+    of the segment with n + 1 pairs in mesh that takes back the tip by the deflection of n pairs
+    leaves no error at all: C_a = q F / n (Harris 1958, n = 1). Else amounts up to four
+    times that are sought, from the best of a grid by sequential quadratic programming. Other
+    reliefs may leave as little, or some percent less.
 
     Parameters
     ----------
@@ -93,8 +97,9 @@ def optimum_relief(mesh, torque, *, length=None, shape="linear", phases=256, **o
     torque : float
         Design load of the pinion, N m; finite, > 0.
     length : {"long", "short"} or float, optional
-        Of both reliefs: "long", all of (eps_alpha - 1) p_bt, in which another pair is in mesh;
-        "short", half of it; m. By default it is sought too, up to the long one.
+        Of both reliefs: "long", all of the segment with the most pairs in mesh, below a contact
+        ratio of 2 (eps_alpha - 1) p_bt; "short", half of it; m. By default it is sought too, up to
+        the long one.
     shape : {"linear", "parabolic"}, default "linear"
     phases, stiffness, coupling, deviation, pitch_errors
         As of `Mesh.transmission_error`.
@@ -111,20 +116,22 @@ def optimum_relief(mesh, torque, *, length=None, shape="linear", phases=256, **o
     """
     checks.one_of("shape", shape, tuple(SHAPES))
     load = mesh.load(checks.finite_positive("torque", torque))
+    count = math.floor(mesh.contact_ratio)
+    long = (mesh.contact_ratio - count) * mesh.base_pitch
     longest = (mesh.contact_ratio - 1.0) * mesh.base_pitch
-    fixed = {"long": longest, "short": longest / 2.0}.get(length, length)
+    fixed = {"long": long, "short": long / 2.0}.get(length, length)
     if fixed is not None:
         allowed = f"'long', 'short' or > 0 and <= {longest:.6g} m, (eps_alpha - 1) p_bt"
         fixed = checks.number("length", fixed, allowed, lambda v: 0.0 < v <= longest)
     mesh = _relieved(mesh, None, None)
     pairs = tooth_pairs(mesh, phases, **options)
-    # What a pair yields by itself under all of the load, where contact ends and where it begins.
+    # What pairs yield by themselves under the load, where contact ends and where it begins.
     own = np.einsum("mii->mi", pairs.compliance) - pairs.compliance[:, 0, -1, None]
     own, position = own[pairs.inside], pairs.position[pairs.inside]
-    start = [own[at] * load for at in (position.argmax(), position.argmin())]
+    start = [own[at] * load / count for at in (position.argmax(), position.argmin())]
 
     def reliefs(values):
-        span = fixed if fixed is not None else longest * values[2]
+        span = fixed if fixed is not None else long * values[2]
         return [
             TipRelief(amount=value * unit, length=span, shape=shape)
             for value, unit in zip(values[:2], start, strict=True)

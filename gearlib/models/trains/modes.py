@@ -79,6 +79,21 @@ def _kind(train, motion):
     }.get((bool(shifts), bool(turns)), "other")
 
 
+def campbell(train, count=3):
+    """Return critical speeds, see `GearTrain.campbell`."""
+    orders = sorted({n * rate for rate in train.rates for n in range(1, count + 1)})
+    # What the stiffness does not excite, deviations may.
+    data = phasing(train, math.ceil(orders[-1])).reindex(
+        stiffness_order=[float(order) for order in orders],
+        fill_value={"modal_force": 0.0, "phase_sum": 0.0, "excites": False},
+    )
+    own = train.reference_angular_frequency / (2.0 * math.pi)
+    tuning = data.natural_frequency / own / data.stiffness_order
+    data["critical_speed"] = train.speed(tuning).transpose("stiffness_order", "mode")
+    data.attrs["title"] = "Campbell diagram of a gear train"
+    return describe(data)
+
+
 def phasing(train, count=12):
     """Return which harmonics excite which modes, see `GearTrain.phasing`."""
     squares, shapes = train.linear_modes

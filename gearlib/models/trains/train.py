@@ -234,23 +234,32 @@ class GearTrain(TrainResults):
         """Return the angular frequency of the reference mesh, rad/s (float or array)."""
         return tuning * self.reference_angular_frequency
 
+    def speed(self, tuning):
+        """Return the speed of the reference pinion in rpm at a tuning (float or array)."""
+        turns = self.mesh_frequency(tuning) / (2.0 * math.pi) / self.reference_pinion.teeth
+        return 60.0 * turns * abs(1.0 + self.carrier_ratio)
+
+    def tuning_at(self, speed):
+        """Return the tuning at a speed of the reference pinion in rpm (float or array)."""
+        return speed / self.speed(1.0)
+
     def scales(self):
-        """Return the scalar variables of datasets that depend on the train alone."""
+        """Return the variables of datasets that depend on the train alone."""
         return {
             "static_deflection": self.static_deflection,
             "force_scale": self.load,
             "stiffness_scale": self.stiffness_scale,
+            "torque": ("body", [body.torque for body in self.bodies]),
         }
 
     def speed_scales(self, tuning):
         """Return the variables of datasets that depend on the tuning (float or array)."""
         frequency = self.mesh_frequency(tuning)
-        turns = frequency / (2.0 * math.pi) / self.reference_pinion.teeth
         return {
             "mesh_frequency": frequency,
             "velocity_scale": self.static_deflection * frequency,
             "acceleration_scale": self.static_deflection * frequency**2,
-            "speed": 60.0 * turns * abs(1.0 + self.carrier_ratio),
+            "speed": self.speed(tuning),
         }
 
     def damped(self):
@@ -324,6 +333,26 @@ class GearTrain(TrainResults):
         from gearlib.models.trains.modes import phasing
 
         return phasing(self, checks.integer("count", count, 1))
+
+    def campbell(self, count=3):
+        """Return the speeds at which mesh frequencies and their multiples meet natural ones.
+
+        Natural frequencies are those of `modes`, so they do not depend on speed.
+
+        Parameters
+        ----------
+        count : int, default 3
+            Highest order of each mesh frequency.
+
+        Returns
+        -------
+        xarray.Dataset
+            That of `phasing` at these orders, and critical_speed over `stiffness_order` and
+            `mode`, rpm of the reference pinion.
+        """
+        from gearlib.models.trains.modes import campbell
+
+        return campbell(self, checks.integer("count", count, 1))
 
     @cached_property
     def _static_state(self):

@@ -56,8 +56,10 @@ class Page(SliderPage):
 
     def draw(self, setting):
         """Draw what is seen at a setting, and return it in words."""
-        seen = view.look(setting.pair(self.base), setting.tuning, self.grid)
-        return self.motion.draw(seen, setting.tuning)
+        pair = setting.pair(self.base)
+        seen = view.look(pair, setting.tuning, self.grid)
+        words = self.motion.draw(seen, setting.tuning)
+        return f"{pair.speed(setting.tuning):.0f} rpm. {words}"
 
     def configuration(self, setting):
         """Return the text of a config.yaml that computes what is seen."""

@@ -100,8 +100,8 @@ span.location = nu;
 shown.forEach((models, k) => models.forEach(m => { m.visible = k === dampings.active; }));
 lines.forEach(glyph => { glyph.line_color = colours[dampings.active]; });
 dots.fill_color = colours[dampings.active];
-words.text = `<b>${dampings.labels[dampings.active]}, tuning ${nu.toFixed(digits)}.</b> ` +
-    motions[ends.data.motion[i]];
+words.text = `<b>${dampings.labels[dampings.active]}, tuning ${nu.toFixed(digits)}, ` +
+    `${(nu * rate).toFixed(0)} rpm.</b> ` + motions[ends.data.motion[i]];
 """
 
 _TAP = """
@@ -118,7 +118,7 @@ def build(resonance, orbits, colours=None):
     ----------
     resonance : xarray.Dataset
         As gathered: displacement_max and displacement_min in static deflections, period, all
-        over (damping, direction, tuning).
+        over (damping, direction, tuning); speed (rpm) over tuning.
     orbits : xarray.Dataset
         As of `gearlib.pages.report.orbits.compute`, dampings in the order of `resonance`.
     colours : dict of str to str, optional
@@ -184,6 +184,7 @@ def _layout(resonance, orbits, colours):
     ]
 
     tunings = [float(nu) for nu in orbits.tuning.values]
+    rate = float(resonance.speed[-1] / resonance.tuning[-1])
     step = round(min(np.diff(tunings), default=1.0), 9)
     digits = max(2, len(f"{step:.9f}".rstrip("0").partition(".")[2]))
     dampings = RadioButtonGroup(labels=names, active=0, name="damping")
@@ -205,7 +206,7 @@ def _layout(resonance, orbits, colours):
             **_stored(orbits),
             **{"dampings": dampings, "slider": slider, "words": words, "span": span},
             **{"marks": marks, "plane": plane, "course": course, "shown": shown},
-            **{"tunings": tunings, "digits": digits},
+            **{"tunings": tunings, "digits": digits, "rate": rate},
             **{"lines": lines, "dots": dots, "colours": hues},
         },
     )

@@ -15,6 +15,7 @@ module               responsibility
 ``scenes``           rules on single runs
 ``machine``          the rule on the whole reducer
 ``explanations``     why they come out so: tongues, folds, grazings
+``proven``           what is proven about their orbits
 ===================  ======================================================
 """
 
@@ -25,6 +26,7 @@ from dataclasses import asdict, dataclass, fields
 from gearlib.data.files import replacing
 from gearlib.studies.claims.data import Data, NoData
 from gearlib.studies.claims.explanations import Facts, explain
+from gearlib.studies.claims.proven import Proven, words_for
 from gearlib.studies.claims.statements import CHECKS
 
 HOLDS, DIFFERS, OPEN = "holds", "differs", "not evaluated"
@@ -40,6 +42,7 @@ class Claim:
     computed: str
     verdict: str
     explanation: str
+    proven: str  #: what of it is a theorem; empty: nothing
     figure: str
 
 
@@ -53,6 +56,7 @@ def evaluate(
     scenes,
     tongues,
     branches,
+    certificates,
 ):
     """Return the claims P1-P13.
 
@@ -75,6 +79,8 @@ def evaluate(
         As computed by `gearlib.analysis.tongues.explanation`.
     branches : dict of str to xarray.Dataset
         As computed by `gearlib.studies.resonance_branches`, by the name of the damping.
+    certificates : list of dict
+        As computed by `gearlib.studies.certificates`; empty: nothing is proven.
 
     Returns
     -------
@@ -83,11 +89,12 @@ def evaluate(
     resonance = resonance.sortby("tuning")
     data = Data(pair, dampings, resonance, phase_planes, phase_lag, jump, scenes)
     facts = Facts(data, tongues, branches)
-    return [judge(check, data, facts) for check in CHECKS]
+    proven = Proven(data, certificates)
+    return [judge(check, data, facts, proven) for check in CHECKS]
 
 
-def judge(check, data, facts=None):
-    """Return the claim of one statement, with its explanation where `facts` have one."""
+def judge(check, data, facts=None, proven=None):
+    """Return the claim of one statement, with why and what is proven where that is known."""
     identifier, statement, where, figure, rule = check
     try:
         holds, computed, *strictly = rule(data)
@@ -97,7 +104,8 @@ def judge(check, data, facts=None):
     except NoData as reason:
         verdict, computed = OPEN, str(reason)
     explanation = explain(identifier, facts) if facts and verdict != OPEN else ""
-    return Claim(identifier, statement, where, computed, verdict, explanation, figure)
+    words = words_for(identifier, proven) if proven else ""
+    return Claim(identifier, statement, where, computed, verdict, explanation, words, figure)
 
 
 def write_csv(claims, path):
@@ -114,12 +122,12 @@ def write_markdown(claims, path):
     lines = [
         "# Statements of the paper against computed data",
         "",
-        "| id | the paper | computed | verdict | explanation | figure |",
-        "|---|---|---|---|---|---|",
+        "| id | the paper | computed | verdict | explanation | proven | figure |",
+        "|---|---|---|---|---|---|---|",
     ]
     lines += [
         f"| {c.id} | {c.statement} ({c.where}) | {c.computed} | **{c.verdict}** "
-        f"| {c.explanation} | {c.figure} |"
+        f"| {c.explanation} | {c.proven} | {c.figure} |"
         for c in claims
     ]
     _replace(path, "\n".join(lines) + "\n")

@@ -2,13 +2,12 @@
 
 import numpy as np
 
+from gearlib.studies.certificates import TWO
 from gearlib.studies.claims.characteristics import spread
 from gearlib.studies.claims.data import LINE, NoData
 
 #: Degrees; a shift smaller than that is within the line width of a printed time course.
 VISIBLE_SHIFT = 1.0
-#: Tunings of the paper's Fig. 6.
-_TWO = (0.815, 0.8151)
 
 
 def phase_shift(data):
@@ -35,11 +34,11 @@ def contact_ratios(data):
 def two_tunings(data):
     scene = data.scene("fig6").sortby("tuning")
     tuning, depth = scene.tuning.values, -scene.displacement_min.values
-    if not all(np.isclose(tuning, nu, rtol=0.0, atol=1e-9).any() for nu in _TWO):
-        raise NoData(f"no scene fig6 with tunings {_TWO[0]:g} and {_TWO[1]:g} is configured")
+    if not all(np.isclose(tuning, nu, rtol=0.0, atol=1e-9).any() for nu in TWO):
+        raise NoData(f"no scene fig6 with tunings {TWO[0]:g} and {TWO[1]:g} is configured")
     words = ", ".join(f"{nu:g}: y_min {-d:.4g}" for nu, d in zip(tuning, depth, strict=True))
     # Small and large bounces: one several times as deep as the other.
-    small, large = sorted(depth[abs(tuning - nu).argmin()] for nu in _TWO)
+    small, large = sorted(depth[abs(tuning - nu).argmin()] for nu in TWO)
     return bool(small > 0.0 and large > 3.0 * small), words + jump_words(data)
 
 
@@ -49,14 +48,14 @@ def jump_words(data):
     base = float(jumps.jump[0])
     if not np.isfinite(base):
         return "; no jump from rest in the scan"
-    inside = (jumps.jump.values >= _TWO[0]) & (jumps.jump.values <= _TWO[1])
+    inside = (jumps.jump.values >= TWO[0]) & (jumps.jump.values <= TWO[1])
     movers = [
         f"{kind} {value:g}"
         for kind, value in zip(jumps.kind.values[inside], jumps.value.values[inside], strict=True)
     ]
     words = f"; from rest the orbit jumps at {base:.7f}"
     movers = ", ".join(movers) or "no variation"
-    return words + f"; between {_TWO[0]:g} and {_TWO[1]:g} with: {movers}"
+    return words + f"; between {TWO[0]:g} and {TWO[1]:g} with: {movers}"
 
 
 def time_at_min_stiffness(data):

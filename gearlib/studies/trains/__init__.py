@@ -7,5 +7,6 @@ module         responsibility
 ``one_mesh``   whether one mesh stands for the reducer
 ``stability``  chart of a planetary train: exact tongues, those of first order
 ``symmetry``   where symmetric motions of equal planets break
+``campbell``   Campbell diagram of the reducer, and where its meshes part
 =============  ==============================================================
 """

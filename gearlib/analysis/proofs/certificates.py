@@ -1,0 +1,243 @@
+"""What a proof returns: a `Certificate` with its enclosures, or a `Refusal` with its reason."""
+
+from dataclasses import dataclass, fields
+
+from gearlib.analysis.proofs.balls import Enclosure
+from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
+
+_WORDS = {NORMAL: "normal mesh", BACKLASH: "backlash", INVERSE: "inverse mesh"}
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """Nothing is proven; false where a truth value is asked for."""
+
+    status: str  #: the step that failed, one of `REFUSALS`
+    message: str  #: what failed, in a sentence
+
+    def __bool__(self):
+        return False
+
+
+#: The steps that may fail, and what that says.
+REFUSALS = {
+    "model": "no proof is written for this model",
+    "contacts": "the motion from the candidate has other contacts than the candidate lists",
+    "distance": "there is no orbit within the stated distance of the candidate, or none is found",
+    "fold": "the derivative of the equations is singular, or too nearly so",
+    "switch": "a contact coincides with a switch of the stiffness or the start of a mesh period",
+    "grazing": "the motion comes too near to a flank line without crossing it, or crosses too flat",
+    "tongue": "it is not proven that deviations grow everywhere between two edges",
+    "period": "the orbit repeats after fewer mesh periods than the candidate says",
+    "precision": "the digits asked for were not reached",
+    "stability": "the stability changes within the range, or is not proven",
+    "trap": "no neighbourhood of the orbit was found that the period map contracts",
+    "arrival": "the motion did not reach the neighbourhood of the orbit",
+}
+
+
+@dataclass(frozen=True)
+class ContactEvent:
+    """A contact that is gained or lost."""
+
+    phase: Enclosure  #: mesh phase from tau = 0, rad
+    before: int  #: contact code before: 1 normal mesh, 0 backlash, -1 inverse mesh
+    after: int
+    velocity: Enclosure  #: dx/dtau, in static deflections
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """A periodic orbit that is proven to exist; see `docs/theory/proofs.md`."""
+
+    pair: object
+    tuning: float
+    period: int  #: mesh periods; it does not repeat after fewer
+    pattern: tuple  #: contact codes in the order met, from tau = 0
+    displacement: Enclosure  #: at tau = 0, in static deflections
+    velocity: Enclosure  #: dx/dtau at tau = 0
+    events: tuple  #: all contacts gained and lost, `ContactEvent` in their order
+    radius: float  #: no other orbit with these contacts has state and phases this close
+    moved: float  #: most that the state may lie away from the candidate, in static deflections
+    trace: Enclosure  #: of the map of small deviations over the orbit
+    determinant: Enclosure
+    multipliers: tuple  #: two pairs of `Enclosure`, real and imaginary part
+    stability: str  #: "stable", "unstable" or "undecided"
+    reason: str  #: why, in a sentence
+    digits: int  #: decimal digits of all enclosures, of numbers below 1 behind the point
+
+    def __repr__(self):
+        contacts = ", ".join(_WORDS[code] for code in self.pattern)
+        lines = [
+            f"Proven: an orbit of {self.period} mesh period{'s' * (self.period > 1)} at tuning "
+            f"{self.tuning!r}, {self.stability}",
+            f"  displacement  {self.displacement}",
+            f"  velocity      {self.velocity}",
+            f"  contacts      {contacts}",
+        ]
+        lines += [f"    phase       {event.phase}" for event in self.events]
+        lines += [f"  multiplier    {_complex(*pair)}" for pair in self.multipliers]
+        lines += [
+            f"  the only such orbit within {self.radius:.3g}",
+            f"  {self.stability}: {self.reason}",
+        ]
+        return "\n".join(lines)
+
+    def as_dict(self):
+        """Return all of it as plain values, enclosures as two decimals each."""
+        return as_claim("orbit", self) | {"tuning": number(self.tuning)}
+
+
+@dataclass(frozen=True)
+class PointCertificate:
+    """A fold, a period doubling or a grazing that is proven to exist, and where it lies."""
+
+    kind: str  #: "fold", "period doubling" or "grazing"
+    pair: object
+    period: int  #: mesh periods
+    pattern: tuple  #: contact codes in the order met, from the phase `start`
+    tuning: Enclosure
+    interval: tuple  #: of tunings, floats: it is the only such point there within `radius`
+    displacement: Enclosure  #: at the phase `start`, in static deflections
+    velocity: Enclosure  #: dx/dtau there
+    events: tuple  #: all contacts gained and lost from there on, `ContactEvent` in their order
+    touch: Enclosure | None  #: phase at which a grazing orbit touches the flank line
+    start: str  #: "0" or "pi", the mesh phase at which the orbit is looked at
+    radius: float  #: of the state, the phases and 1 / nu; see `Certificate`
+    moved: float  #: most that state and tuning may lie away from the candidate
+    digits: int
+
+    def __repr__(self):
+        contacts = ", ".join(_WORDS[code] for code in self.pattern)
+        plural = "s" * (self.period > 1)
+        return (
+            f"Proven: a {self.kind} of an orbit of {self.period} mesh period{plural}\n"
+            f"  tuning        {self.tuning}\n"
+            f"  contacts      {contacts}\n"
+            f"  the only one with tunings from {self.interval[0]!r} to {self.interval[1]!r}, state "
+            f"and phases within {self.radius:.3g}"
+        )
+
+    def as_dict(self):
+        """Return all of it as plain values, enclosures as two decimals each."""
+        return as_claim(self.kind, self)
+
+
+@dataclass(frozen=True)
+class Tongue:
+    """A tongue: between two proven edges the orbit without loss of contact is unstable."""
+
+    pair: object
+    order: int
+    multiplier: int  #: on both edges, 1 or -1
+    start: Enclosure  #: tuning of the lower edge
+    stop: Enclosure
+    start_interval: tuple  #: of tunings, floats: no other edge of this multiplier is there
+    stop_interval: tuple
+    digits: int
+
+    def __repr__(self):
+        return (
+            f"Proven: a tongue of order {self.order}, unstable from tuning\n  {self.start}\nto\n"
+            f"  {self.stop}"
+        )
+
+    def as_dict(self):
+        """Return all of it as plain values, enclosures as two decimals each."""
+        return as_claim("tongue", self)
+
+
+@dataclass(frozen=True)
+class MotionCertificate:
+    """A motion that is proven to tend to an orbit."""
+
+    orbit: Certificate
+    initial_state: tuple  #: displacement and dx/dtau at tau = 0, exact floats
+    periods: int  #: mesh periods after which the motion is in the trap
+    basis: tuple  #: V, a row after the other, exact floats: states (x, nu dx/dtau) = orbit + V y
+    trap_radius: float  #: of y: all motions from there tend to the orbit
+    contraction: float  #: |y| falls by this factor or more in every period of the orbit
+
+    def __repr__(self):
+        x, v = self.initial_state
+        return (
+            f"Proven: the motion from ({x!r}, {v!r}) tends to this orbit; after {self.periods} "
+            f"mesh periods it is where deviations shrink by {self.contraction:.4g} per orbit\n"
+            f"{self.orbit!r}"
+        )
+
+    def as_dict(self):
+        """Return all of it as plain values, exact floats as texts that say all their bits."""
+        return self.orbit.as_dict() | {
+            "claim": "motion",
+            "initial_state": [number(value) for value in self.initial_state],
+            "periods": self.periods,
+            "basis": [number(value) for value in self.basis],
+            "trap_radius": number(self.trap_radius),
+            "contraction": number(self.contraction),
+        }
+
+
+@dataclass(frozen=True)
+class RangeCertificate:
+    """An orbit that is proven at every tuning of a range, one branch with the same contacts."""
+
+    pair: object
+    start: float  #: the lower tuning, an exact number
+    stop: float  #: and the upper one
+    period: int  #: mesh periods
+    pattern: tuple  #: contact codes in the order met, from tau = 0
+    stability: str  #: as of `Certificate`, the same in the whole range
+    reason: str
+    pieces: int  #: into which the range was cut
+
+    def __repr__(self):
+        contacts = ", ".join(_WORDS[code] for code in self.pattern)
+        plural = "s" * (self.period > 1)
+        return (
+            f"Proven: an orbit of {self.period} mesh period{plural} at every tuning from "
+            f"{self.start!r} to {self.stop!r}, {self.stability}\n"
+            f"  contacts      {contacts}\n"
+            f"  {self.stability}: {self.reason}"
+        )
+
+    def as_dict(self):
+        """Return all of it as plain values, exact floats as texts that say all their bits."""
+        ends = {"start": number(self.start), "stop": number(self.stop)}
+        return as_claim("range", self) | ends
+
+
+def _complex(real, imaginary):
+    return f"{real}" if not imaginary.low and not imaginary.high else f"{real}, i ({imaginary})"
+
+
+def as_claim(claim, certificate):
+    """Return a certificate as a dict of plain values that names its claim."""
+    values = {field.name: plain(getattr(certificate, field.name)) for field in fields(certificate)}
+    return {"claim": claim} | values | {"pair": numbers(certificate.pair.as_dict())}
+
+
+def plain(value):
+    """Return a value of a certificate as JSON has it."""
+    if isinstance(value, Enclosure):
+        return value.as_list()
+    if isinstance(value, ContactEvent):
+        return {field.name: plain(getattr(value, field.name)) for field in fields(value)}
+    if isinstance(value, tuple):
+        return [plain(item) for item in value]
+    return value
+
+
+def number(value):
+    """Return an exact floating-point number as a text that says all its bits."""
+    return float(value).hex()
+
+
+def numbers(value):
+    """Return the parameters of a model with exact numbers, in lists and dicts as they are."""
+    if isinstance(value, dict):
+        # Teeth have no part in the motion.
+        return {name: numbers(one) for name, one in value.items() if name != "teeth"}
+    if isinstance(value, (list, tuple)):
+        return [numbers(one) for one in value]
+    return number(value) if isinstance(value, float) else value

@@ -1,0 +1,120 @@
+"""Zeros of systems of equations, proven: Newton's method, then the test of Krawczyk.
+
+With Y near the inverse of the derivative at m and a box X about m, let
+
+    K(X) = m - Y F(m) + (I - Y F'(X)) (X - m).
+
+If K(X) lies in the interior of X, F has exactly one zero in X, and it lies in K(X) (Krawczyk,
+Computing 4 (1969) 187-201; Moore, SIAM J. Numer. Anal. 14 (1977) 611-615; Rump, Acta Numerica 19
+(2010) 287-449).
+
+A *system* is a function of a list of balls that returns (residuals, rows of their derivatives).
+"""
+
+from gearlib.analysis.proofs.balls import flint, middle
+from gearlib.analysis.proofs.path import Uncertain
+
+_MAX_NEWTON = 12
+#: Boxes that are tried for the largest one with a single zero, and the first of them.
+_TRIES, _LARGEST = 40, 0.1
+#: A derivative whose inverse is larger than this is singular.
+_SINGULAR = 1e13
+
+
+def polish(system, start, singular):
+    """Return (midpoints of a zero near `start`, inverse of the derivative there).
+
+    Plain Newton with midpoints, which proves nothing.
+
+    Raises
+    ------
+    Uncertain
+        With the arguments `singular` if the derivative has no inverse.
+    """
+    module = flint()
+    u = middle(start)
+    # A step this small squares its error to less than rounding.
+    goal = module.arb(2) ** -(0.6 * module.ctx.prec)
+    for _ in range(_MAX_NEWTON):
+        residuals, rows = system(u)
+        inverse = _inverse(rows, singular)
+        steps = middle(times(inverse, residuals))
+        u = middle([value - step for value, step in zip(u, steps, strict=True)])
+        largest = max(abs(step) / max(1, abs(x)) for step, x in zip(steps, u, strict=True))
+        if not largest.is_finite():
+            break
+        if largest < goal:
+            return u, inverse
+    raise Uncertain("distance", "Newton's method did not converge at the candidate")
+
+
+def _inverse(rows, singular):
+    module = flint()
+    try:
+        inverse = module.arb_mat(rows).mid().inv().mid()
+    except ZeroDivisionError:
+        raise Uncertain(*singular) from None
+    if not max(abs(entry) for entry in inverse.entries()) < _SINGULAR:
+        raise Uncertain(*singular)
+    return inverse
+
+
+def times(matrix, values):
+    """Return the product of a matrix and a list."""
+    return (matrix * flint().arb_mat([[value] for value in values])).entries()
+
+
+def image(system, centre, radii, inverse, residuals):
+    """Return K(X) - m for the box of `radii` about the centre m, a list of balls."""
+    module = flint()
+    box = [module.arb(m, r) for m, r in zip(centre, radii, strict=True)]
+    _, rows = system(box)
+    rest = inverse * module.arb_mat(rows) * -1
+    for i in range(len(centre)):
+        rest[i, i] += 1
+    spread = times(rest, [module.arb(0, r) for r in radii])
+    return [a - b for a, b in zip(spread, times(inverse, residuals), strict=True)]
+
+
+def inside(shift, radii):
+    """Return whether K(X) lies in the interior of X."""
+    return all(abs(s) < r for s, r in zip(shift, radii, strict=True))
+
+
+def enclose(system, centre, inverse):
+    """Return a box, a list of balls, with exactly one zero of the system; None: not proven."""
+    module = flint()
+    residuals, _ = system(centre)
+    tiny = module.arb(2) ** (24 - module.ctx.prec)
+    steps = times(inverse, residuals)
+    radii = [
+        (8 * abs(step) + tiny * max(1, abs(m))).upper()
+        for step, m in zip(steps, centre, strict=True)
+    ]
+    shift = image(system, centre, radii, inverse, residuals)
+    # The zero lies in the image, which is smaller than the box.
+    return [m + s for m, s in zip(centre, shift, strict=True)] if inside(shift, radii) else None
+
+
+def uniqueness(system, centre, inverse, singular):
+    """Return a radius, a float: the box of it about `centre` has exactly one zero.
+
+    The first radius that passes is not the largest possible one.
+
+    Raises
+    ------
+    Uncertain
+        With the arguments `singular` if none passes.
+    """
+    residuals, _ = system(centre)
+    radius = _LARGEST
+    for _ in range(_TRIES):
+        radii = [radius] * len(centre)
+        shift = image(system, centre, radii, inverse, residuals)
+        if inside(shift, radii):
+            # Half of it leaves room for a second program, whose enclosures are others.
+            return 0.5 * radius
+        grown = float(max(abs(s) for s in shift).upper()) / radius
+        # The share falls with the radius; where it has no bound, a much smaller box is tried.
+        radius *= 0.1 if not grown < 1e3 else min(0.5, 0.5 / grown)
+    raise Uncertain(*singular)

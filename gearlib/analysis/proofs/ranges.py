@@ -1,0 +1,148 @@
+"""`certify_range`: an orbit proven at every tuning of a range, with the same contacts throughout.
+
+The range is cut into pieces. On each 1 / nu is a ball that holds them all, and Krawczyk's test,
+the signs of the arcs and Jury's conditions hold for every number of the ball. Where two pieces
+meet, the orbit is enclosed within the boxes of both, in each of which it is the only one: it is one
+branch.
+"""
+
+from typing import Any
+
+from gearlib import checks
+from gearlib.analysis.orbits.shooting import Orbit
+from gearlib.analysis.proofs import krawczyk
+from gearlib.analysis.proofs.balls import flint, precision
+from gearlib.analysis.proofs.certificates import RangeCertificate, Refusal
+from gearlib.analysis.proofs.orbits import (
+    FOLD,
+    UNCERTAIN_STABILITY,
+    Proof,
+    check_pair,
+    judge,
+    listed_contacts,
+)
+from gearlib.analysis.proofs.path import Uncertain
+from gearlib.analysis.proofs.signs import check_contacts
+from gearlib.runs.run_arguments import check_tuning
+
+_BITS = 128
+#: First piece and shortest piece, as shares of the range; how pieces grow; most pieces.
+_FIRST, _SHORTEST, _GROWTH, _PIECES = 1.0 / 32.0, 1e-9, 1.6, 100_000
+
+
+def certify_range(orbit, *, to):
+    """Prove that an orbit lives on at every tuning up to another one, with the same contacts.
+
+    Parameters
+    ----------
+    orbit : Orbit
+        Of `gearlib.periodic_orbit`, of a `GearPair`; nothing it says is believed.
+    to : float
+        Tuning at which the range ends, above or below that of the orbit.
+
+    Returns
+    -------
+    RangeCertificate or Refusal
+        The refusal says at which tuning the proof came to its end: where the orbit grazes, where
+        its branch turns round, where its stability changes, or a contact meets a switch.
+
+    Raises
+    ------
+    ValueError
+        Naming the argument, its value and the allowed range.
+    ImportError
+        Without python-flint.
+    """
+    if not isinstance(orbit, Orbit):
+        raise ValueError(f"orbit = {orbit!r} is not allowed: it must be an Orbit")
+    to = check_tuning("to", to)
+    if to == orbit.tuning:
+        checks.number("to", to, "another tuning than that of the orbit", lambda nu: False)
+    try:
+        check_pair(orbit.pair)
+        with precision(_BITS):
+            return _Range(orbit, *listed_contacts(orbit)).upto(to)
+    except Uncertain as reason:
+        return Refusal(*reason.args)
+
+
+class _Range:
+    """The branch of an orbit, piece by piece."""
+
+    def __init__(self, orbit, contact, events):
+        self.orbit, proof = orbit, Proof(orbit, contact, events)
+        self.path = proof.path
+        #: The orbit at the tuning that is reached: its enclosure, a list of balls.
+        self.here = proof.box
+
+    def system(self, scale):
+        """Return the equations at a ball of 1 / nu."""
+        return lambda u: self.path.equations(u, scale)
+
+    def upto(self, to):
+        """Return the certificate of the range from the orbit to a tuning."""
+        arb, start = flint().arb, self.orbit.tuning
+        at, step, count = start, _FIRST * (to - start), 0
+        verdict: Any = None
+        while at != to:
+            end = at + step
+            if (end - to) * (to - start) >= 0.0:
+                end = to
+            scale = (1 / arb(at)).union(1 / arb(end))
+            try:
+                found = self._piece(scale, 1 / arb(end), verdict)
+            except Uncertain as failed:
+                step *= 0.5
+                if abs(step) < _SHORTEST * abs(to - start) or count == _PIECES:
+                    status, message = failed.args
+                    raise Uncertain(
+                        status, f"from nu = {start!r} to {at:.9g} it is proven, there: {message}"
+                    ) from None
+                continue
+            verdict, self.here = found
+            at, step, count = end, _GROWTH * step, count + 1
+        pattern = (
+            self.path.contact,
+            *(node.after for node in self.path.nodes if node.after != node.before),
+        )
+        stability, reason = verdict
+        return RangeCertificate(
+            self.orbit.pair,
+            min(start, to),
+            max(start, to),
+            self.orbit.period,
+            pattern,
+            stability,
+            reason,
+            count,
+        )
+
+    def _piece(self, scale, end, verdict):
+        """Return (stability and reason, enclosure at the end) of a piece."""
+        system = self.system(scale)
+        centre, inverse = krawczyk.polish(self.system(scale.mid()), self.here, FOLD)
+        residuals, _ = system(centre)
+        steps = [abs(step) for step in krawczyk.times(inverse, residuals)]
+        largest = max(step.upper() for step in steps)
+        radii = [(2 * step + largest).upper() for step in steps]
+        shift = krawczyk.image(system, centre, radii, inverse, residuals)
+        if not krawczyk.inside(shift, radii):
+            raise Uncertain(*FOLD)
+        box = [m + s for m, s in zip(centre, shift, strict=True)]
+        x, w, *phases = box
+        states = self.path.states(x, w, phases, scale)
+        check_contacts(self.path, (x, w), states)
+        matrix, determinant = self.path.monodromy([t for *_, t in states])
+        now = judge(matrix[0] + matrix[3], determinant)
+        if now == UNCERTAIN_STABILITY or verdict not in (None, now):
+            raise Uncertain("stability", f"{now[1]}, unlike before" if verdict else now[1])
+        # The whole boxes hold one orbit each: it has to lie in both where they meet.
+        wide = [flint().arb(m, r) for m, r in zip(centre, radii, strict=True)]
+        middle, inverse = krawczyk.polish(self.system(end), centre, FOLD)
+        there = krawczyk.enclose(self.system(end), middle, inverse)
+        for one in (self.here, there):
+            if one is None or not all(
+                a.contains_interior(b) for a, b in zip(wide, one, strict=True)
+            ):
+                raise Uncertain(*FOLD)
+        return now, there

@@ -1,0 +1,58 @@
+"""Speeds on the command line: in rpm, where a command counts in tunings."""
+
+import functools
+
+import click
+
+from gearlib.config import units
+
+
+class _Speed(click.ParamType):
+    """A speed in rpm, with or without its unit."""
+
+    name = "rpm"
+
+    def convert(self, value, param, ctx):
+        match = units.RPM.fullmatch(str(value).strip())
+        try:
+            return float(match[1] if match else value)
+        except ValueError:
+            self.fail(f"{value!r} is no speed in rpm, such as 1500 or 1500rpm", param, ctx)
+
+
+class _Tuning(click.ParamType):
+    """A tuning, or a text in rpm, which `tuning_of` takes to one."""
+
+    name = "tuning|rpm"
+
+    def convert(self, value, param, ctx):
+        if units.RPM.fullmatch(str(value).strip()):
+            return value
+        try:
+            return float(value)
+        except ValueError:
+            self.fail(f"{value!r} is no tuning, nor a speed such as 1500rpm", param, ctx)
+
+
+SPEED, TUNING = _Speed(), _Tuning()
+
+
+def options(command):
+    """Give a command the options of its tuning or speed; it is called with the tuning."""
+
+    @click.option("--tuning", type=float, help="nu = mesh / mean eigenfrequency.")
+    @click.option("--speed", type=SPEED, help="Instead of it: of the gear whose teeth count, rpm.")
+    @functools.wraps(command)
+    def wrapped(pair, tuning, speed, **rest):
+        from gearlib.runs import run_arguments
+
+        return command(pair=pair, tuning=run_arguments.tuning_of(pair, tuning, speed), **rest)
+
+    return wrapped
+
+
+def tuning_of(model, value):
+    """Return the tuning of a value of the type `TUNING`."""
+    if isinstance(value, str):
+        return float(model.tuning_at(SPEED.convert(value, None, None)))
+    return value

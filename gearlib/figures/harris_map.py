@@ -1,0 +1,91 @@
+"""Harris maps: static transmission error over the mesh phase at several loads."""
+
+import math
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.figure import Figure
+
+from gearlib.figures import style
+
+_TITLES = {
+    "none": "no relief",
+    "short": "short relief",
+    "long": "long relief",
+}
+_LINES = ("-", (0, (5, 1.5)), (0, (1.5, 1.2)))
+_MARKERS = ("s", "x", "o")
+
+
+@style.styled()
+def draw(data):
+    """Draw the error at all loads for each relief, and below its range and the contact ratio.
+
+    Parameters
+    ----------
+    data : xarray.Dataset
+        As of `gearlib.studies.tip_relief.harris_map`.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Thick: the design load.
+    """
+    figure = Figure((style.PAGE_WIDTH, 5.0), layout="constrained")
+    rows = figure.subfigures(2, 1, height_ratios=(1.2, 1.0))
+    maps = rows[0].subplots(1, data.sizes["relief"], sharey=True)
+    loads = data.torque.values / float(data.design_torque)
+    shade = colormaps["viridis"]
+    turns = data.phase.values / (2.0 * math.pi)
+    for axes, name in zip(np.atleast_1d(maps), data.relief.values, strict=True):
+        error = 1e6 * data.transmission_error.sel(relief=name).values
+        for load, course in zip(loads, error, strict=True):
+            width = 2.0 if math.isclose(load, 1.0) else 0.9
+            # A course begins in the middle of double contact; twice, so that both ends are seen.
+            axes.plot(
+                np.concatenate([turns, turns + turns[-1] + turns[1]]),
+                np.tile(course, 2),
+                color=shade(0.92 * load / max(loads.max(), 1e-9)),
+                linewidth=width,
+            )
+            axes.annotate(
+                f"{load:g}",
+                (1.0, course[0]),
+                xytext=(2, 0),
+                textcoords="offset points",
+                fontsize=5.5,
+                va="center",
+                xycoords=("axes fraction", "data"),
+            )
+        axes.set_title(_words(data, name))
+        axes.set_xlabel("mesh periods")
+        axes.set_xlim(0.0, 2.0)
+    maps[0].set_ylabel("transmission error, µm")
+    spread, contact = rows[1].subplots(1, 2)
+    for i, name in enumerate(data.relief.values):
+        shown = data.sel(relief=name)
+        look = {
+            "color": style.PALETTE[i],
+            "linestyle": _LINES[i % len(_LINES)],
+            "marker": _MARKERS[i % len(_MARKERS)],
+            "markersize": 3.0,
+            "label": _TITLES[name],
+        }
+        spread.plot(loads, 1e6 * shown.peak_to_peak_error.values, **look)
+        loaded = loads > 0.0
+        contact.plot(loads[loaded], shown.effective_contact_ratio.values[loaded], **look)
+    spread.set_ylabel("peak to peak, µm")
+    contact.set_ylabel("effective contact ratio")
+    contact.set_xlim(spread.get_xlim())
+    for axes in (spread, contact):
+        axes.axvline(1.0, color="black", linewidth=0.5, linestyle=(0, (1, 2)))
+        axes.set_xlabel("torque over design torque")
+    spread.legend()
+    return figure
+
+
+def _words(data, name):
+    amounts = 1e6 * data.relief_amount.sel(relief=name).values
+    if not amounts.any():
+        return _TITLES[name]
+    return f"{_TITLES[name]}, {amounts[0]:.1f} and {amounts[1]:.1f} µm"

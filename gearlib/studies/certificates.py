@@ -1,0 +1,179 @@
+"""What is proven of the paper's orbits: a file of certificates that a second program can check.
+
+Of every damping: the tongues, the special points of the branches behind Fig. 3, the orbits on these
+branches at the tunings that the paper's statements name, and where the motion from rest tends to
+there; the ranges of tunings with an orbit that never loses contact. Of all other points of the
+branches only how many are proven, unless all are asked for.
+"""
+
+import json
+import math
+from collections import Counter
+
+import numpy as np
+
+from gearlib.analysis.orbits.branch_points import as_orbit
+from gearlib.analysis.orbits.continuation import restored
+from gearlib.analysis.orbits.shooting import NoOrbit, periodic_orbit
+from gearlib.analysis.orbits.special_points import DOUBLING, FOLD, GRAZING, REGULAR
+from gearlib.analysis.proofs.motions import certify_motion
+from gearlib.analysis.proofs.orbits import certify
+from gearlib.analysis.proofs.points import certify_fold, certify_grazing, certify_tongues
+from gearlib.analysis.proofs.ranges import certify_range
+from gearlib.data.files import replacing
+from gearlib.kernels import orbit as columns
+from gearlib.models.pair import GearPair
+from gearlib.runs.run_arguments import MAX_EVENTS
+
+#: Tunings of the paper's Fig. 6.
+TWO = (0.815, 0.8151)
+#: Ranges begin and end at multiples of this, not nearer to a special point.
+NEAR = 1e-4
+#: Above the tunings of the paper's bounces, 1.12, by more than the reading of its plot.
+ABOVE = 1.14
+
+
+def compute(pairs, branches, tunings, initial_state, whole=False):
+    """Return the certificates of all dampings.
+
+    Parameters
+    ----------
+    pairs : dict of str to dict
+        Keyword arguments of `GearPair`, by the name of the damping.
+    branches : dict of str to xarray.Dataset
+        As of `gearlib.studies.resonance_branches`, by the name of the damping.
+    tunings : sequence of float
+        At which orbits and motions are asked for, beside `TWO` and `ABOVE`.
+    initial_state : sequence of float, shape (2,)
+    whole : bool, default False
+        Whether all points of the branches are asked for.
+
+    Returns
+    -------
+    list of dict
+        Claims as of `Certificate.as_dict` and the others, with the name of the damping; refusals
+        with status and message; of each damping how many points of its branches are proven.
+
+    Raises
+    ------
+    ImportError
+        Without python-flint.
+    """
+    tunings = sorted({*map(float, tunings), *TWO, ABOVE})
+    found = []
+    for name, parameters in pairs.items():
+        pair, branch = GearPair(**parameters), branches[name]
+        rows = [{}, *_tongues(pair, branch), *_points(pair, branch), *_ranges(pair, branch)]
+        for tuning in tunings:
+            rows += _at(pair, branch, tuning, initial_state)
+        counts, orbits = _all_points(pair, branch)
+        rows[0] = {"claim": "count", "orbits": counts}
+        found += [{"damping": name} | row for row in rows + (orbits if whole else [])]
+    return found
+
+
+def _row(proven, tuning=None):
+    if proven:
+        return proven.as_dict()
+    row = {"claim": "refusal", "status": proven.status, "message": proven.message}
+    return row if tuning is None else row | {"tuning": float(tuning).hex()}
+
+
+def _tongues(pair, branch):
+    low, high = float(branch.tuning.min()), float(branch.tuning.max())
+    return [_row(one) for one in certify_tongues(pair, start=low, stop=high)]
+
+
+def _points(pair, branch):
+    """Yield the special points of orbits of one mesh period."""
+    for point in np.flatnonzero(branch.period.values == 1):
+        label, tuning = int(branch.label[point]), float(branch.tuning[point])
+        if label in (FOLD, DOUBLING):
+            yield _row(certify_fold(pair, branch, int(point)), tuning)
+        elif label == GRAZING:
+            yield _row(certify_grazing(pair, branch, int(point)), tuning)
+
+
+def _ranges(pair, branch):
+    """Yield ranges of tunings with an orbit without loss of contact: between special points."""
+    tuning, label, number = (branch[name].values for name in ("tuning", "label", "branch"))
+    kept = (branch.contacts.values == "N") & (branch.period.values == 1) & (label == REGULAR)
+    ends = np.flatnonzero((label != REGULAR) | (np.diff(number, append=-1) != 0))
+    for first, last in zip([0, *ends], ends, strict=False):
+        # A special point belongs to what is on either side of it, the end of a branch does not.
+        first += number[first] != number[last]
+        inside = np.flatnonzero(kept[first : last + 1]) + first
+        low, high = sorted((first, last), key=lambda point: tuning[point])
+        counts = [round(tuning[point] / NEAR, 6) for point in (low, high)]
+        away = [label[point] != REGULAR for point in (low, high)]
+        low = round((math.ceil(counts[0]) + away[0]) * NEAR, 4)
+        high = round((math.floor(counts[1]) - away[1]) * NEAR, 4)
+        if not inside.size or low >= high:
+            continue
+        nearest = inside[np.abs(tuning[inside] - low).argmin()]
+        try:
+            orbit = periodic_orbit(pair, low, guess=branch.state.values[nearest])
+        except NoOrbit:
+            continue
+        if orbit.pattern == (1,):
+            yield _row(certify_range(orbit, to=high), low)
+
+
+def _at(pair, branch, tuning, initial_state):
+    """Yield the orbits of one mesh period at a tuning, and the motion from the initial state."""
+    seen = []
+    for guess in _crossings(branch, tuning):
+        try:
+            orbit = periodic_orbit(pair, tuning, guess=guess)
+        except NoOrbit:
+            continue
+        if not any(np.abs(orbit.state - state).max() < 1e-6 for state in seen):
+            seen.append(orbit.state)
+            yield _row(certify(orbit), tuning) | {"lowest": _lowest(orbit)}
+    if pair.damped():
+        try:
+            orbit = periodic_orbit(pair, tuning)
+        except NoOrbit:
+            return
+        proven = certify_motion(orbit, tuple(initial_state))
+        yield _row(proven, tuning) | {"lowest": _lowest(orbit)}
+
+
+def _crossings(branch, tuning):
+    """Yield the states of the points next to where the branches pass a tuning."""
+    at, single = branch.tuning.values, branch.period.values == 1
+    away, number = at - tuning, branch.branch.values
+    for i in np.flatnonzero((away[:-1] <= 0.0) != (away[1:] <= 0.0)):
+        if number[i] == number[i + 1] and single[i]:
+            share = away[i] / (away[i] - away[i + 1])
+            yield tuple((1.0 - share) * branch.state.values[i] + share * branch.state.values[i + 1])
+
+
+def _lowest(orbit):
+    """Return the smallest displacement of a candidate, which is not proven."""
+    record = orbit.pair.propagator(orbit.tuning).record(orbit.state, orbit.period, MAX_EVENTS)
+    return float(record[1][columns.X_MIN])
+
+
+def _all_points(pair, branch):
+    """Return (how many points of the branches are what, the claims of all)."""
+    counts, rows = Counter(), []
+    for point in np.flatnonzero(branch.label.values == REGULAR):
+        orbit = as_orbit(*restored(pair, branch, int(point), MAX_EVENTS))
+        proven = certify(orbit)
+        counts[proven.stability if proven else f"refused: {proven.status}"] += 1
+        rows.append(_row(proven, orbit.tuning))
+    return dict(sorted(counts.items())), rows
+
+
+def write_json(rows, path):
+    """Write the certificates, a line each, replacing the file in one step."""
+    lines = ",\n".join(json.dumps(row) for row in rows)
+    with replacing(path) as temporary:
+        temporary.write_text(f"[\n{lines}\n]\n", encoding="utf-8")
+
+
+def read_json(path):
+    """Return the certificates of a file."""
+    with open(path, encoding="utf-8") as file:
+        return json.load(file)

@@ -1,0 +1,127 @@
+"""Dynamic factor of two drawn gears over speed: exact sweeps beside ISO 6336-1, method B.
+
+K_v is the largest mesh force over the static one. The standard has one curve; the sweeps, up and
+down, have jumps, hysteresis, and peaks at fractions and multiples of the resonance. The model is
+the smallest, a rectangular mesh stiffness, by both methods of `gearlib.geometry`. The teeth are
+perfect, or deviate by a cosine of the mesh phase with both signs; from trough to crest it is as
+high as their quality allows after running in, f_pb,eff + f_f,eff.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import xarray as xr
+
+from gearlib import geometry
+from gearlib.data import provenance
+from gearlib.data.variables import describe
+from gearlib.models.harmonics import Harmonics
+from gearlib.models.one_degree import OneDegreePair
+from gearlib.models.pair import GearPair
+from gearlib.runs.sweeping import sweep
+from gearlib.studies.mesh_stiffness import drawn
+
+STIFFNESS = ("iso", "energy")
+_DIRECTIONS = ("up", "down")
+#: Change of K_v from speed to speed that counts as a jump.
+JUMP = 0.75
+
+
+def mesh_of(pair, quality):
+    """Return the `gearlib.geometry.Mesh` of a drawn pair whose gears are of one quality.
+
+    Parameters
+    ----------
+    pair : dict
+        As of `gearlib.studies.mesh_stiffness.drawn`.
+    quality : int
+        Class of ISO 1328-1:2013.
+    """
+    mesh = drawn(pair)
+    pinion, wheel = (replace(gear, quality=quality) for gear in (mesh.pinion, mesh.wheel))
+    return replace(mesh, pinion=pinion, wheel=wheel)
+
+
+def compute(pair, ratios, settings):
+    """Return K_v of exact sweeps, up and down, and that of the standard.
+
+    Parameters
+    ----------
+    pair : dict
+        As of `mesh_of`, and torque, N m, of the pinion.
+    ratios : sequence of float, shape (n,)
+        Speeds over the resonance speed of the standard, N.
+    settings : dict
+        quality, damping_ratio, periods, record_periods.
+
+    Returns
+    -------
+    xarray.Dataset
+        Over (stiffness_method, tooth_deviation, direction, resonance_ratio): dynamic_factor,
+        fraction_normal, jumps (whether K_v jumps from the speed before, in the order of the sweep),
+        status; over (tooth_deviation, resonance_ratio): standard_factor; over resonance_ratio:
+        speed (rpm of the pinion); torque, damping_ratio.
+    """
+    mesh, torque = mesh_of(pair, settings["quality"]), pair["torque"]
+    ratios = np.asarray(ratios, float)
+    resonance = geometry.dynamic_factor(mesh, torque, 1.0).resonance_speed
+    speeds = ratios * resonance
+    standard = geometry.dynamic_factor(mesh, torque, speeds)
+    perfect = geometry.dynamic_factor(mesh, torque, speeds, pitch_deviation=0.0, form_deviation=0.0)
+    height = standard.pitch_deviation + standard.form_deviation
+    deviations = [0.0, height / 2.0, -height / 2.0]
+    shape = len(STIFFNESS), len(deviations), len(_DIRECTIONS), ratios.size
+    data = {name: np.empty(shape) for name in ("dynamic_factor", "fraction_normal")}
+    status = np.empty(shape, np.int64)
+    for i, method in enumerate(STIFFNESS):
+        rectangle = GearPair.from_geometry(
+            mesh, torque=torque, damping_ratio=settings["damping_ratio"], stiffness=method
+        )
+        for j, amplitude in enumerate(deviations):
+            model = rectangle
+            if amplitude:
+                model = OneDegreePair(pair=rectangle, deviation=Harmonics(cosines=(amplitude,)))
+            for k, direction in enumerate(_DIRECTIONS):
+                found = sweep(
+                    model,
+                    rectangle.tuning_at(speeds),
+                    periods=settings["periods"],
+                    record_periods=settings["record_periods"],
+                    direction=direction,
+                )
+                data["dynamic_factor"][i, j, k] = found.dynamic_force_max
+                data["fraction_normal"][i, j, k] = found.fraction_normal
+                status[i, j, k] = found.status
+    over = ("stiffness_method", "tooth_deviation", "direction", "resonance_ratio")
+    factor = data["dynamic_factor"]
+    change = np.abs(np.diff(factor, axis=-1)) > JUMP
+    jumps = np.zeros(shape, bool)
+    jumps[:, :, 0, 1:], jumps[:, :, 1, :-1] = change[:, :, 0], change[:, :, 1]
+    dataset = xr.Dataset(
+        {name: (over, values) for name, values in data.items()}
+        | {
+            "jumps": (over, jumps),
+            "status": (over, status),
+            "standard_factor": (
+                over[1::2],
+                np.array([perfect.factor, standard.factor, standard.factor]),
+            ),
+            "speed": ("resonance_ratio", speeds),
+            "torque": float(torque),
+            "damping_ratio": float(settings["damping_ratio"]),
+        },
+        {
+            "stiffness_method": list(STIFFNESS),
+            "tooth_deviation": deviations,
+            "direction": list(_DIRECTIONS),
+            "resonance_ratio": ratios,
+        },
+    )
+    dataset.attrs = provenance.attributes(
+        "Dynamic factor of two drawn gears over speed",
+        rectangle,
+        method="exact",
+        drawing=pair,
+        **settings,
+    )
+    return describe(dataset)

@@ -1,0 +1,176 @@
+"""The mesh stiffness of drawn pairs by every method: courses over the mesh period, means."""
+
+import csv
+import math
+
+import numpy as np
+import xarray as xr
+
+from gearlib.data import provenance
+from gearlib.data.files import replacing
+from gearlib.data.variables import describe
+from gearlib.models.geometry.blank import Material
+from gearlib.models.geometry.gear import SpurGear
+from gearlib.models.geometry.mesh import Mesh
+from gearlib.models.profiles import Rectangular
+from gearlib.version import __version__
+
+#: name -> (method, options of `mesh_stiffness`); the second is the reference of the others.
+METHODS: dict[str, tuple[str, dict]] = {
+    "iso": ("iso", {}),
+    "energy": ("energy", {}),
+    "energy_twice": ("energy", {"coupling": 0.0}),
+    "energy_logarithmic": ("energy", {"hertz": "logarithmic"}),
+}
+REFERENCE = "energy"
+
+#: Share of a segment by which points stand beside its end, where the stiffness steps.
+_BESIDE = 1e-6
+
+
+def drawn(pair):
+    """Return the `Mesh` of a section of the configuration.
+
+    Parameters
+    ----------
+    pair : dict
+        teeth, module, width, shifts, bores, young, backlash; tip_diameters and centre_distance, if
+        they are given.
+    """
+    tips = pair.get("tip_diameters", (None, None))
+    pinion, wheel = (
+        SpurGear(
+            teeth=teeth,
+            module=pair["module"],
+            width=pair["width"],
+            shift=shift,
+            tip_diameter=tip,
+            bore=bore,
+            material=Material(young=pair["young"]),
+        )
+        for teeth, shift, tip, bore in zip(
+            pair["teeth"], pair["shifts"], tips, pair["bores"], strict=True
+        )
+    )
+    return Mesh(pinion, wheel, pair.get("centre_distance"), pair["backlash"])
+
+
+def by_method(mesh, torque, samples):
+    """Return name -> `MeshStiffness`, the names of `METHODS`."""
+    found = {}
+    for name, (method, options) in METHODS.items():
+        options = options | ({"samples": samples} if method == "energy" else {})
+        found[name] = mesh.stiffness(method, torque=torque, **options)
+    return found
+
+
+def course(found, phase):
+    """Return the stiffness of a `MeshStiffness` at mesh phases, N/m."""
+    profile = found.profile
+    if isinstance(profile, Rectangular):
+        inside = np.abs(phase) <= math.pi * (found.contact_ratio - 1.0)
+        return found.max_stiffness * np.where(inside, 1.0, found.stiffness_ratio)
+    return np.interp(phase, profile.phase, profile.stiffness, period=math.tau)
+
+
+def _phases(contact_ratio, samples):
+    """Return mesh phases from -pi to pi, with the ends of double contact from both sides."""
+    end = math.pi * (contact_ratio % 1.0)
+    beside = [s * end * (1.0 + t * _BESIDE) for s in (-1.0, 1.0) for t in (-1.0, 1.0)]
+    return np.sort([*np.linspace(-math.pi, math.pi, samples), *beside])
+
+
+def compute(pairs, samples):
+    """Return the mesh stiffness of drawn pairs by every method.
+
+    Parameters
+    ----------
+    pairs : dict of str to dict
+        As of `drawn`, and torque, published: name -> mean stiffness.
+    samples : int
+        Phases of the courses.
+
+    Returns
+    -------
+    xarray.Dataset
+        stiffness_phase over (pair, point), mesh_stiffness over (pair, stiffness_method, point);
+        mean_mesh_stiffness, own_stiffness_ratio over (pair, stiffness_method); method_uncertainty
+        over stiffness_method, relative; published_stiffness and published_pair over published.
+    """
+    shape = len(pairs), len(METHODS)
+    phases = np.empty((len(pairs), samples + 4))
+    courses = np.empty((*shape, samples + 4))
+    means, ratios = np.empty(shape), np.empty(shape)
+    for i, pair in enumerate(pairs.values()):
+        mesh = drawn(pair)
+        phases[i] = _phases(mesh.contact_ratio, samples)
+        found = by_method(mesh, pair["torque"], samples)
+        for j, one in enumerate(found.values()):
+            courses[i, j] = course(one, phases[i])
+            means[i, j], ratios[i, j] = one.mean_stiffness, one.stiffness_ratio
+    published = [
+        (name, words, value)
+        for name, pair in pairs.items()
+        for words, value in pair["published"].items()
+    ]
+    dataset = xr.Dataset(
+        {
+            "stiffness_phase": (("pair", "point"), phases),
+            "mesh_stiffness": (("pair", "stiffness_method", "point"), courses),
+            "mean_mesh_stiffness": (("pair", "stiffness_method"), means),
+            "own_stiffness_ratio": (("pair", "stiffness_method"), ratios),
+            "method_uncertainty": ("stiffness_method", [one.uncertainty for one in found.values()]),
+            "published_pair": ("published", np.array([row[0] for row in published], str)),
+            "published_stiffness": ("published", np.array([row[2] for row in published], float)),
+        },
+        {
+            "pair": list(pairs),
+            "stiffness_method": list(METHODS),
+            "published": np.array([row[1] for row in published], str),
+        },
+    )
+    dataset.attrs = {
+        "Conventions": "CF-1.11",
+        "title": "Mesh stiffness of drawn gears by several methods",
+        "source": f"gearlib {__version__}",
+        "parameters": provenance.canonical_json({"pairs": pairs, "samples": samples}),
+    }
+    return describe(dataset)
+
+
+def write_csv(stiffness, path):
+    """Write the means as a table, a row for each pair and method, then what is published.
+
+    Parameters
+    ----------
+    stiffness : xarray.Dataset
+        Of `compute`.
+    path : str or os.PathLike
+    """
+    with replacing(path) as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(
+            ["pair", "stiffness_method", "mean_stiffness", "stiffness_ratio", "from_reference"]
+        )
+        for pair in stiffness.pair.values:
+            own = stiffness.sel(pair=pair)
+            reference = float(own.mean_mesh_stiffness.sel(stiffness_method=REFERENCE))
+            rows = [
+                (
+                    name,
+                    float(own.mean_mesh_stiffness[j]),
+                    f"{float(own.own_stiffness_ratio[j]):.4g}",
+                )
+                for j, name in enumerate(own.stiffness_method.values)
+            ]
+            there = stiffness.isel(published=stiffness.published_pair.values == pair)
+            rows += [
+                (f"published: {name}", float(value), "")
+                for name, value in zip(
+                    there.published.values, there.published_stiffness.values, strict=True
+                )
+            ]
+            for name, mean, ratio in rows:
+                writer.writerow(
+                    [pair, name, f"{mean:.4g}", ratio, f"{mean / reference - 1.0:+.4f}"]
+                )

@@ -1,0 +1,177 @@
+"""What tip relief does: Harris maps of drawn gears, and the motion by two models.
+
+The smaller model has stiffness and deviation at its load; the larger one keeps a flank line for
+each pair of teeth. The small one suffices at a load where its largest dynamic force, sweeping up
+and down, is that of the larger one within a tolerance at all tunings.
+"""
+
+import dataclasses
+import math
+
+import numpy as np
+import xarray as xr
+
+from gearlib.data import provenance
+from gearlib.data.variables import describe
+from gearlib.models.geometry.gear import SpurGear
+from gearlib.models.geometry.mesh import Mesh
+from gearlib.models.geometry.transmission_error import optimum_relief
+from gearlib.models.load_sharing_pair import LoadSharingPair
+from gearlib.runs.sweeping import sweep
+
+#: The long one is the optimum for the design load, the short one has its amounts on half of it.
+RELIEFS = ("none", "short", "long")
+MODELS = ("stiffness_at_load", "pairs_of_teeth")
+DIRECTIONS = ("up", "down")
+#: Share of time without drive-side contact that is rounding.
+_ROUNDING = 1e-9
+
+
+def drawn(gears):
+    """Return the `Mesh` of a drawing without relief.
+
+    Parameters
+    ----------
+    gears : dict
+        Of pinion and wheel each: teeth, shifts, tip_diameters, bores; module, width,
+        centre_distance, backlash of both.
+    """
+    own = ("teeth", "shifts", "tip_diameters", "bores")
+    pinion, wheel = (
+        SpurGear(
+            teeth=teeth,
+            shift=shift,
+            tip_diameter=tip,
+            bore=bore,
+            module=gears["module"],
+            width=gears["width"],
+        )
+        for teeth, shift, tip, bore in zip(*(gears[name] for name in own), strict=True)
+    )
+    return Mesh(pinion, wheel, gears["centre_distance"], gears["backlash"])
+
+
+def harris_map(gears, torque, loads, stiffness, phases):
+    """Return the static transmission error at several loads, with the reliefs of `RELIEFS`.
+
+    Parameters
+    ----------
+    gears : dict
+        As of `drawn`.
+    torque : float
+        Design load of the pinion, N m.
+    loads : sequence of float
+        Over the design load, >= 0.
+    stiffness, phases
+        As of `gearlib.geometry.Mesh.transmission_error`.
+
+    Returns
+    -------
+    xarray.Dataset
+        What that returns, over relief too; design_torque; relief_amount over relief and gear.
+    """
+    bare = drawn(gears)
+    options = {"stiffness": stiffness, "phases": phases}
+    relieved = optimum_relief(bare, torque, length="long", **options)
+    found, amounts = [], []
+    for mesh in (bare, _half_as_long(relieved), relieved):
+        found.append(mesh.transmission_error(torque * np.asarray(loads), **options))
+        reliefs = (mesh.pinion.tip_relief, mesh.wheel.tip_relief)
+        amounts.append([relief.amount if relief else 0.0 for relief in reliefs])
+    dataset = xr.concat(found, "relief").assign_coords(relief=list(RELIEFS))
+    dataset["relief_amount"] = ("relief", "gear"), amounts
+    dataset["design_torque"] = float(torque)
+    dataset = dataset.assign_coords(gear=["pinion", "wheel"])
+    model = LoadSharingPair.from_geometry(relieved, torque=torque, stiffness=stiffness)
+    title = "Harris map: static transmission error at several loads"
+    dataset.attrs = provenance.attributes(title, model, method="load sharing", phases=phases)
+    return describe(dataset)
+
+
+def _half_as_long(mesh):
+    gears = {}
+    for name in ("pinion", "wheel"):
+        gear = getattr(mesh, name)
+        relief = dataclasses.replace(gear.tip_relief, length=gear.tip_relief.length / 2.0)
+        gears[name] = dataclasses.replace(gear, tip_relief=relief)
+    return dataclasses.replace(mesh, **gears)
+
+
+def dynamics(gears, torque, stiffness, tunings, settings):
+    """Return the largest dynamic force by both models over speed and load.
+
+    Parameters
+    ----------
+    gears, torque, stiffness
+        As of `harris_map`; the relief is the long one.
+    tunings : sequence of float
+        Of the pairs of teeth.
+    settings : dict
+        loads over the design load, > 0; damping_ratio, backlash_damping_ratio; periods,
+        record_periods; tolerance of the dynamic force.
+
+    Returns
+    -------
+    xarray.Dataset
+        dynamic_force_max and fraction_normal over (load_ratio, model, direction, tuning); over
+        load_ratio: difference_in_contact and difference_with_loss (the largest of the dynamic force
+        where neither model, or one, loses contact), mean_difference, suffices,
+        error_over_deflection, effective_contact_ratio; speed in rpm.
+    """
+    mesh = optimum_relief(drawn(gears), torque, length="long", stiffness=stiffness)
+    tunings = np.asarray(tunings, float)
+    run = {name: settings[name] for name in ("periods", "record_periods")}
+    dampings = {name: settings[name] for name in ("damping_ratio", "backlash_damping_ratio")}
+    shape = len(settings["loads"]), len(MODELS), len(DIRECTIONS), tunings.size
+    force, normal, speed = np.empty(shape), np.empty(shape), np.empty((shape[0], shape[-1]))
+    ratio, error = np.empty((2, shape[0]))
+    for i, load in enumerate(settings["loads"]):
+        large = LoadSharingPair.from_geometry(
+            mesh, torque=load * torque, stiffness=stiffness, **dampings
+        )
+        small = large.at_load()
+        static = mesh.transmission_error(load * torque, stiffness=stiffness)
+        ratio[i] = static.effective_contact_ratio.item()
+        error[i] = static.peak_to_peak_error.item() / large.static_deflection
+        speed[i] = large.speed(tunings)
+        for j, model in enumerate((small, large)):
+            unit = model.mean_eigenfrequency / large.mean_eigenfrequency
+            for k, direction in enumerate(DIRECTIONS):
+                # From near the rest under the load: from far off other motions may be reached.
+                found = sweep(
+                    model, tunings / unit, direction=direction, initial_state=(1.0, 0.0), **run
+                )
+                force[i, j, k], normal[i, j, k] = found.dynamic_force_max, found.fraction_normal
+    difference = np.abs(force[:, 0] / force[:, 1] - 1.0)
+    lost = (normal < 1.0 - _ROUNDING).any(axis=1)
+    within, over = difference <= settings["tolerance"], (1, 2)
+    dataset = xr.Dataset(
+        {
+            "dynamic_force_max": (("load_ratio", "model", "direction", "tuning"), force),
+            "fraction_normal": (("load_ratio", "model", "direction", "tuning"), normal),
+            "difference_in_contact": ("load_ratio", _largest(difference, ~lost)),
+            "difference_with_loss": ("load_ratio", _largest(difference, lost)),
+            "mean_difference": ("load_ratio", difference.mean(axis=over)),
+            "suffices": ("load_ratio", within.all(axis=over).astype(np.int8)),
+            "error_over_deflection": ("load_ratio", error),
+            "effective_contact_ratio": ("load_ratio", ratio),
+            "speed": (("load_ratio", "tuning"), speed),
+            "tolerance": float(settings["tolerance"]),
+        },
+        {
+            "load_ratio": np.asarray(settings["loads"], float),
+            "model": list(MODELS),
+            "direction": list(DIRECTIONS),
+            "tuning": tunings,
+        },
+    )
+    dataset.attrs = provenance.attributes(
+        "Tip relief: stiffness at the load beside pairs of teeth", large, method="exact", **run
+    )
+    return describe(dataset)
+
+
+def _largest(difference, where):
+    """Return the largest difference at each load, NaN where there is none."""
+    values = np.where(where, difference, -math.inf).max(axis=(1, 2))
+    return np.where(np.isfinite(values), values, math.nan)

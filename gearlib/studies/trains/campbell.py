@@ -1,0 +1,86 @@
+"""Campbell diagram of the paper's reducer, beside what its exact sweeps say of contact.
+
+The diagram is linear: natural frequencies at mean stiffness against the orders of both mesh
+frequencies, and which of the intersections the phases of the meshes let through. The sweeps are
+those of the reducer whose branches are alike.
+"""
+
+import csv
+
+import numpy as np
+
+from gearlib.data import provenance
+from gearlib.data.files import replacing
+from gearlib.data.variables import describe
+from gearlib.models.pair import GearPair
+from gearlib.studies.trains.reducer import ROUNDING, train_of
+
+CASE = "alike"
+
+
+def compute(characteristics, pair, settings, orders):
+    """Return critical speeds of the reducer, and the speeds at which its meshes part.
+
+    Parameters
+    ----------
+    characteristics : xarray.Dataset
+        Of `gearlib.studies.trains.reducer.compute`.
+    pair : dict
+        Keyword arguments of `GearPair`: every mesh.
+    settings : dict
+        As of `gearlib.studies.trains.reducer.train_of`.
+    orders : int
+        Highest order of each mesh frequency.
+
+    Returns
+    -------
+    xarray.Dataset
+        That of `GearTrain.campbell`; fraction_normal over (direction, tuning, mesh), speed (rpm)
+        over tuning, mesh_rate over mesh.
+    """
+    train = train_of(GearPair(**pair), settings)
+    data = train.campbell(orders).drop_vars("modal_force")
+    sweeps = characteristics.sel(case=CASE, drop=True)
+    data["fraction_normal"] = sweeps.fraction_normal
+    data["speed"] = sweeps.speed
+    data["mesh_rate"] = ("mesh", [float(rate) for rate in train.rates])
+    data.attrs = provenance.attributes(
+        "Campbell diagram of a reducer with three double satellites",
+        train,
+        method="exact",
+        orders=orders,
+    )
+    return describe(data)
+
+
+def write_csv(diagram, path):
+    """Write the intersections up to the fastest speed swept, in the order of speed.
+
+    Parameters
+    ----------
+    diagram : xarray.Dataset
+        Of `compute`. Modes of one frequency are one row.
+    path : str or os.PathLike
+    """
+    speeds = diagram.speed.values
+    lost = (diagram.fraction_normal.values < 1.0 - ROUNDING).any(axis=(0, 2))
+    rows = {}
+    for order in diagram.stiffness_order.values:
+        for mode in diagram.mode.values:
+            one = diagram.sel(stiffness_order=order, mode=mode)
+            speed = float(one.critical_speed)
+            if speed > speeds[-1]:
+                continue
+            row = f"{speed:.0f}", f"{order:.4g}", f"{float(one.natural_frequency):.0f}"
+            row += (str(one.mode_kind.item()),)
+            parts = ""
+            if speed >= speeds[0]:
+                parts = "yes" if lost[np.abs(speeds - speed).argmin()] else "no"
+            excited = bool(one.excites) or rows.get(row, (False,))[0]
+            rows[row] = excited, speed, parts
+    with replacing(path) as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        names = ["critical_speed_rpm", "order_over_first_mesh", "natural_frequency_hz", "mode_kind"]
+        writer.writerow([*names, "excited", "contact_lost_at_the_nearest_speed_swept"])
+        for row, (excited, _, parts) in sorted(rows.items(), key=lambda item: item[1][1]):
+            writer.writerow([*row, "yes" if excited else "no", parts])

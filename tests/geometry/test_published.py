@@ -1,0 +1,176 @@
+"""Geometry and stiffness against printed results of other programs, to their printed digits.
+
+KISSsoft 2017: its reports on the gearbox of the NREL 5 MW wind turbine, in the public repository
+gfsReboucas/Drivetrain. ROSS: tests of petrobras/ross. More on docs/validation_geometry.md.
+Shifts are printed to four digits, so the fifth digit of a length in mm is open.
+"""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gearlib.geometry import Material, Mesh, SpurGear, Web, iso_stiffness
+from gearlib.models.geometry.energy import PairCompliance
+from gearlib.models.geometry.tooth import _BODY, Tooth
+
+STEEL = Material(density=7830.0)
+HELICAL = {"module": 14e-3, "width": 0.36, "helix_angle": math.radians(10.0), "material": STEEL}
+#: Printed C_R of both planetary stages, b_s / b = 0.25: a rim of 3.5 modules.
+BLANK = 1.0 + math.log(0.25) / (5.0 * math.exp(0.7))
+
+
+def helical(allowances=(0.0, 0.0), distance=0.861):
+    """Return the third stage, of helical gears."""
+    pinion = SpurGear(
+        teeth=24,
+        shift=0.48,
+        tip_diameter=0.380747,
+        bore=0.1791,
+        thickness_allowance=allowances[0],
+        **HELICAL,
+    )
+    wheel = SpurGear(
+        teeth=95,
+        shift=0.6691,
+        tip_diameter=1.395376,
+        bore=1.19332,
+        thickness_allowance=allowances[1],
+        **HELICAL,
+    )
+    return Mesh(pinion, wheel, distance)
+
+
+def planetary():
+    """Return sun with planet, planet with ring gear of the first stage."""
+    common = {"module": 45e-3, "width": 0.491, "material": STEEL}
+    sun = SpurGear(teeth=19, shift=0.6170, tip_diameter=0.978808, bore=0.48233, **common)
+    planet = SpurGear(teeth=17, shift=0.8021, tip_diameter=0.905470, bore=0.40899, **common)
+    ring = SpurGear(teeth=56, shift=-0.5013, tip_diameter=2.475118, internal=True, **common)
+    return Mesh(sun, planet, 0.863), Mesh(planet, ring, 0.863)
+
+
+def form_diameter(gear):
+    return 2e3 * math.hypot(gear.form_roll_length, gear.base_diameter / 2.0)
+
+
+def test_where_the_involute_begins():
+    """d_Ff, whose rack has its round tip in the normal section."""
+    mesh = helical()
+    assert form_diameter(mesh.pinion) == pytest.approx(328.991, abs=1e-3)
+    assert form_diameter(mesh.wheel) == pytest.approx(1341.487, abs=1e-3)
+    inner, outer = planetary()
+    assert form_diameter(inner.pinion) == pytest.approx(825.979, abs=1e-3)
+    # Half a unit of the fourth digit of x moves the flank by 4 um.
+    assert form_diameter(outer.pinion) == pytest.approx(748.795, abs=5e-3)
+
+
+def test_the_fillet_of_a_helical_gear_is_that_of_its_rack():
+    """Points of the rack's tip, carried along by the rolling of the rack, never cut the fillet."""
+    gear = helical().pinion
+    tooth, beta = Tooth(gear, gear.width), gear.helix_angle
+    rolling, module = gear.reference_diameter / 2.0, gear.module
+    round_off = gear.fillet_radius
+    below = gear.rack.dedendum * module - round_off
+    alpha = gear.pressure_angle
+    # Centre of the round in the normal section, from the middle of the tooth of the gear.
+    side = math.pi / 4.0 * module + below * math.tan(alpha) + round_off / math.cos(alpha)
+    around = np.linspace(alpha, math.pi / 2.0, 400)
+    across = (side - round_off * np.cos(around)) / math.cos(beta)
+    height = gear.shift * module - below - round_off * np.sin(around)
+    turn = np.linspace(-0.5, 0.5, 4001)[:, None]
+    # The rack moves by rolling * turn while the gear turns.
+    x, y = across - rolling * turn, rolling + height
+    swept = x * np.cos(turn) + y * np.sin(turn), y * np.cos(turn) - x * np.sin(turn)
+    for gamma in np.linspace(gear.transverse_pressure_angle + 1e-3, 1.55, 7):
+        at_x, at_y, _ = tooth.fillet(gamma)
+        # The curve of each point of the rack comes to the fillet, and stays outside the tooth.
+        distance = np.hypot(swept[0] - at_x, swept[1] - at_y).min()
+        assert distance < 1e-3 * module  # the mesh of points and turns
+    fine = tooth.fillet(np.linspace(gear.transverse_pressure_angle, math.pi / 2.0, 2000))
+    inside = np.interp(swept[1], fine[1][::-1], fine[0][::-1], left=np.nan, right=np.nan)
+    assert np.nanmin(swept[0] - inside) > -1e-5 * module
+
+
+@pytest.mark.parametrize(
+    ("allowances", "shifted", "expected"),
+    [((-130e-6, -240e-6), -28e-6, 0.359), ((-190e-6, -340e-6), 28e-6, 0.571)],
+)
+def test_backlash_of_toleranced_gears(allowances, shifted, expected):
+    """Circumferential backlash j_tw on the working circle, mm."""
+    mesh = helical(allowances, 0.861 + shifted)
+    found = 1e3 * mesh.line_backlash / math.cos(mesh.working_pressure_angle)
+    assert found == pytest.approx(expected, abs=5e-4)
+
+
+def test_stiffness_after_iso_6336():
+    """c', c_gamma_alpha of a helical pair with webs, and of a planet with sun and ring."""
+    mesh = helical()
+    web = Web(
+        thickness=0.09, rim_diameter=mesh.wheel.root_diameter - 10.0 * 14e-3, hub_diameter=0.5
+    )
+    found = iso_stiffness(Mesh(mesh.pinion, replace(mesh.wheel, web=web, bore=0.0), 0.861))
+    assert found.blank_factor == pytest.approx(0.898, abs=5e-4)
+    assert found.single == pytest.approx(13.832, abs=5e-4)
+    assert found.mean == pytest.approx(18.632, abs=5e-4)
+    for mesh, single, mean in zip(planetary(), (12.362, 13.289), (13.426, 16.063), strict=True):
+        found = iso_stiffness(mesh)
+        assert found.single * BLANK == pytest.approx(single, abs=5e-4)
+        # With eps_alpha of rounded shifts.
+        assert found.mean * BLANK == pytest.approx(mean, abs=1e-3)
+
+
+def test_stiffness_does_not_ask_which_gear_drives():
+    inner, _ = planetary()
+    turned = Mesh(inner.wheel, inner.pinion, inner.centre_distance)
+    assert iso_stiffness(turned) == iso_stiffness(inner)
+    equal = [SpurGear(teeth=30, module=3e-3, width=0.02, shift=x) for x in (0.4, 0.1)]
+    assert iso_stiffness(Mesh(*equal)) == iso_stiffness(Mesh(*equal[::-1]))
+
+
+def test_masses():
+    """Reduced masses of bored discs, kg/mm: a pair; sun with three planets; planet in a ring."""
+    assert helical().reduced_mass / 360.0 == pytest.approx(0.36503, abs=1e-5)
+    mesh, _ = planetary()
+    sun, planet = (gear.inertia / 491.0 for gear in (mesh.pinion, mesh.wheel))
+    radii = [gear.base_diameter / 2.0 for gear in (mesh.pinion, mesh.wheel)]
+    both = sun * planet / (3.0 * planet * radii[0] ** 2 + sun * radii[1] ** 2)
+    assert both == pytest.approx(0.6606, abs=5e-5)
+    assert planet / radii[1] ** 2 == pytest.approx(2.4597, abs=5e-5)
+
+
+def test_energy_method_of_ross():
+    """Its first three stiffnesses of two pairs, with its readings of the formula of the body.
+
+    ROSS measures u to the height of the point of contact, takes the angle of the root from a
+    formula of its own, a round tip of 0.25 / (1 - sin 20) modules, and equal steps of the pressure
+    angle in place of the roll.
+    """
+    bore, sine, cosine = 0.035, math.sin(math.radians(20.0)), math.cos(math.radians(20.0))
+    tip = 0.25 / (1.0 - sine)
+    rack = replace(SpurGear(teeth=62, module=2e-3, width=0.02).rack, tip_radius=tip)
+    gear = SpurGear(teeth=62, module=2e-3, width=0.02, bore=bore, rack=rack)
+    mesh, tooth = Mesh(gear, gear), Tooth(gear, 0.02)
+    theta = (math.pi / 2.0 + 2.0 * sine / cosine * (1.0 - tip) + 2.0 * tip / cosine) / 62.0
+    h = gear.root_diameter / bore
+    L, M, P, Q = _BODY @ np.array([theta**-2, h**2, h / theta, 1.0 / theta, h, 1.0])
+
+    def body(phi):
+        _, y, b = tooth.flank(phi)
+        u = (y - tooth.root) / (2.0 * tooth.root * theta)
+        shape = L * u**2 + M * u + P * (1.0 + Q * np.tan(b) ** 2)
+        return np.cos(b) ** 2 * shape / (206e9 * 0.02)
+
+    low = math.atan(gear.form_roll_length / tooth.base)
+    high = math.atan(gear.tip_roll_length / tooth.base)
+    contact = PairCompliance(mesh).contact(0.0, 1.0)
+
+    def pair(turned):
+        rolls = np.tan([low + turned, high - turned])
+        return 1.0 / (contact + sum(tooth.compliance(roll) + body(roll) for roll in rolls))
+
+    base_pitch = (high - low) / mesh.contact_ratio
+    found = [pair(n / 999 * base_pitch) + pair((n / 999 + 1.0) * base_pitch) for n in range(3)]
+    published = [396622921.3581085, 396738680.0375346, 396854147.2919756]
+    assert found == pytest.approx(published, rel=1e-9)

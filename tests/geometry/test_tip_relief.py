@@ -1,0 +1,58 @@
+"""Harris maps and the motion with tip relief by two models: what the data say, and the figures."""
+
+import numpy as np
+import pytest
+
+from gearlib.config import load
+from gearlib.figures import harris_map, relief_dynamics, style
+from gearlib.studies import tip_relief
+from tests.geometry.drawings import fzg_c
+from tests.unit.test_defaults import GEARS
+
+CONFIG = load({"gear_pair": GEARS, "dampings": {"oil": {"material": 0.0, "backlash": 20.0}}})
+DRAWING, TORQUE = CONFIG.harris_map.gears(), CONFIG.harris_map.torque
+SETTINGS = CONFIG.relief_dynamics.model_dump(exclude={"start", "stop", "step"})
+
+
+def test_the_default_gears_are_fzg_c():
+    mesh = tip_relief.drawn(DRAWING)
+    assert mesh.contact_ratio == fzg_c().contact_ratio and mesh.backlash == 160e-6
+    assert (mesh.pinion, mesh.wheel) == (fzg_c().pinion, fzg_c().wheel)
+
+
+def test_harris_map_of_constant_stiffness(tmp_path):
+    """c' of ISO 6336-1: long relief leaves nothing at the design load, short the half of F / c'."""
+    found = tip_relief.harris_map(DRAWING, TORQUE, [0.0, 0.5, 1.0, 1.5], "iso", 64)
+    mesh = tip_relief.drawn(DRAWING)
+    stiffness = mesh.stiffness("iso")
+    lowest = stiffness.max_stiffness * stiffness.stiffness_ratio
+    deflection = mesh.load(TORQUE) * (1.0 / lowest - 1.0 / stiffness.max_stiffness)
+    at = found.peak_to_peak_error.sel(torque=TORQUE)
+    np.testing.assert_allclose(at, [deflection, deflection, 0.0], atol=1e-12 * deflection)
+    own = found.peak_to_peak_error.values
+    # Without load short relief has none either, long relief half of its amount in the middle.
+    assert own[0, 0] == own[1, 0] == 0.0
+    assert own[2, 0] == pytest.approx(found.relief_amount.values[2, 0] / 2.0, rel=1e-9)
+    np.testing.assert_array_equal(found.relief_amount[1], found.relief_amount[2])
+    figure = harris_map.draw(found)
+    style.save(figure, tmp_path / "map.png")
+    assert [len(axes.lines) for axes in figure.axes] == [4, 4, 4, 4, 4]
+
+
+def test_where_the_stiffness_at_the_load_suffices(tmp_path):
+    settings = SETTINGS | {"loads": [0.25, 1.0], "periods": 60}
+    found = tip_relief.dynamics(DRAWING, TORQUE, "energy", [0.5, 0.84, 1.0, 1.5], settings)
+    assert found.suffices.values.tolist() == [0, 1]
+    # Gears lose contact at a quarter of the design load, where tips are relieved four times too
+    # much, and not at it.
+    assert np.isnan(found.difference_with_loss.values).tolist() == [False, True]
+    assert (found.difference_in_contact[1] < 0.02) and found.difference_with_loss[0] > 0.3
+    low, high = found.fraction_normal.min(["model", "direction", "tuning"]).values
+    assert low < 0.99 and high == pytest.approx(1.0, abs=1e-9)
+    force = found.dynamic_force_max.sel(load_ratio=1.0).values
+    largest = np.abs(force[0] / force[1] - 1.0).max()
+    assert found.difference_in_contact[1].item() == pytest.approx(largest, rel=1e-12)
+    figure = relief_dynamics.draw(found)
+    style.save(figure, tmp_path / "dynamics.png")
+    titles = [axes.get_title() for axes in figure.axes]
+    assert "does not suffice" in titles[0] and "loss" not in titles[1]

@@ -1,0 +1,68 @@
+"""Random gear pairs with an orbit each, and candidates that are wrong."""
+
+from dataclasses import replace
+
+import numpy as np
+
+import gearlib
+from gearlib.analysis.orbits.shooting import NoOrbit
+
+
+def random_orbit(seed):
+    """Return the `Orbit` of a random pair at a random tuning; None where none was found.
+
+    All kinds of ends: constant stiffness, no damping, over-damped, no or endless backlash.
+    """
+    rng = np.random.default_rng(seed)
+    ratio, heavy = rng.uniform(1.02, 1.98), rng.uniform(0.02, 0.2)
+    pair = gearlib.GearPair.from_ratios(
+        contact_ratio=float(rng.choice([1.0, 2.0, ratio], p=[0.03, 0.03, 0.94])),
+        stiffness_ratio=float(rng.uniform(0.2, 1.0)),
+        damping=float(rng.choice([0.0, 0.1 * heavy, heavy, 1.3], p=[0.1, 0.4, 0.47, 0.03])),
+        backlash_damping=float(rng.choice([0.0, rng.uniform(0.0, 0.2)])),
+        backlash=float(rng.choice([0.0, np.inf, rng.uniform(0.1, 8.0)], p=[0.05, 0.1, 0.85])),
+    )
+    guess = None if rng.random() < 0.3 else tuple(rng.normal(0.0, 1.5, 2))
+    tuning = float(rng.uniform(0.3, 2.4))
+    for period in rng.permutation([1, 2, 3, 4])[:2]:
+        try:
+            orbit = gearlib.periodic_orbit(pair, tuning, guess=guess, period=int(period))
+        except NoOrbit:
+            continue
+        return _shortest(orbit)
+    return None
+
+
+def _shortest(orbit):
+    """Return the orbit with the fewest mesh periods after which it repeats."""
+    for part in range(1, orbit.period):
+        if orbit.period % part == 0:
+            try:
+                found = gearlib.periodic_orbit(
+                    orbit.pair, orbit.tuning, guess=orbit.state, period=part
+                )
+            except NoOrbit:
+                continue
+            if np.abs(found.state - orbit.state).max() < 1e-9:
+                return found
+    return orbit
+
+
+def never_right(orbit, rng):
+    """Yield (status of the refusal, candidate) of candidates that no orbit is near to."""
+    away = rng.normal(size=2)
+    away *= 10.0 ** rng.uniform(-7.0, -1.0) / np.abs(away * [1.0, orbit.tuning]).max()
+    yield ("distance", "contacts", "fold"), replace(orbit, state=orbit.state + away)
+    yield ("period", "contacts"), replace(orbit, period=2 * orbit.period)
+    shorter = orbit.pattern[2:] if len(orbit.pattern) > 2 else (*orbit.pattern, 0, 1)
+    yield ("contacts",), replace(orbit, pattern=shorter)
+
+
+def mostly_wrong(orbit):
+    """Yield candidates with a parameter that is not theirs: an orbit may lie that close to them."""
+    pair = orbit.pair
+    for name in ("max_stiffness", "stiffness_ratio", "material_damping", "load", "backlash"):
+        changed = pair.replace(**{name: getattr(pair, name) * (1.0 - 1e-5)})
+        if changed != pair:
+            yield replace(orbit, pair=changed)
+    yield replace(orbit, tuning=orbit.tuning * (1.0 + 1e-5))

@@ -1,0 +1,115 @@
+"""That arcs keep off the flank lines, and that a contact which is not listed is noticed."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+import gearlib
+from gearlib.analysis.proofs import orbits
+from gearlib.analysis.proofs.balls import precision
+from gearlib.analysis.proofs.laws import Elastic, Flight
+from gearlib.analysis.proofs.path import Uncertain
+from gearlib.analysis.proofs.signs import CROSSING, OFF, TOUCHING, check_contacts, keeps_off
+from tests.paper import PAPER
+
+MATERIAL = PAPER.replace(material_damping=3953.7)
+
+
+def arc(law, x, w, t, *ends, side=1, line=0.0):
+    """Return what is proven of an arc: numbers are made balls, `law` from its numbers."""
+    with precision(160) as arb:
+        kind, *numbers = law
+        law = kind(*map(arb, numbers))
+        return keeps_off(law, arb(x), arb(w), arb(t), 0, side, arb(line), *ends)
+
+
+#: Undamped contact about the rest position 1, of stiffness 1.
+LINEAR = Elastic, 1.0, 0.0, 1.0
+
+
+@pytest.mark.parametrize("lowest, keeps", [(1e-9, True), (-1e-9, False), (0.0, False), (0.3, True)])
+def test_a_dip_between_the_ends(lowest, keeps):
+    # From the highest point over the lowest to the next highest one.
+    assert arc(LINEAR, 2.0 - lowest, 0.0, 2.0 * math.pi, OFF, OFF) == keeps
+
+
+def test_an_arc_that_starts_or_ends_on_the_line():
+    # From the line with speed 1 to the line again, over the top.
+    back = 2.0 * math.pi - 2.0 * math.atan(1.0)
+    assert arc(LINEAR, 0.0, 1.0, 0.5 * back, CROSSING, OFF)
+    assert not arc(LINEAR, 0.0, 1.0, back + 0.1, CROSSING, OFF)
+    assert not arc(LINEAR, 0.0, -1.0, 0.5, CROSSING, OFF)
+    # At rest on the line: the load bends the motion up, to normal mesh, not into the backlash.
+    assert arc(LINEAR, 0.0, 0.0, 1.0, TOUCHING, OFF)
+    assert not arc(LINEAR, 0.0, 0.0, 1.0, TOUCHING, OFF, side=-1)
+    assert not arc(LINEAR, 0.0, 0.0, 1.0, OFF, OFF)
+    # A turn from rest on the line to rest on it.
+    assert arc(LINEAR, 0.0, 0.0, 2.0 * math.pi, TOUCHING, TOUCHING)
+    assert not arc(LINEAR, 0.0, 0.0, 2.0 * math.pi, TOUCHING, TOUCHING, side=-1)
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.1])
+def test_a_flight_that_nearly_reaches_the_far_flank(damping):
+    # Down from x = 0 with speed 1: the lowest point, in closed form.
+    depth = 0.5
+    if damping:
+        rate = 2.0 * damping
+        depth = 1.0 / rate - math.log1p(rate) / rate**2
+    for line, keeps in ((-depth - 1e-10, True), (-depth + 1e-10, False)):
+        assert arc((Flight, damping, 1.0), 0.0, -1.0, 1.5, OFF, OFF, line=line) == keeps
+
+
+def without_loss(pair, tuning):
+    """Return the state at tau = 0 of the orbit of a mesh that is never lost, by exponentials."""
+    k, mean = 1.0 / tuning, 1.0 / (pair.max_stiffness / pair.mean_stiffness)
+    half = math.pi * (pair.contact_ratio - 1.0)
+    total = np.eye(3)
+    for c, length in (
+        (1 / mean, half),
+        (pair.stiffness_ratio / mean, 2 * (math.pi - half)),
+        (1 / mean, half),
+    ):
+        a = np.array([[0, 1, 0], [-c, -2 * pair.damping_ratio, 1], [0, 0, 0]])
+        total = expm(a * length * k) @ total
+    x, w = np.linalg.solve(np.eye(2) - total[:2, :2], total[:2, 2])
+    return np.array([x, w * k])
+
+
+def test_a_bounce_that_is_not_listed_is_noticed(monkeypatch):
+    """The orbit of the linear mesh is a zero of the equations without contacts, but no motion."""
+    monkeypatch.setattr(orbits, "run_contacts", lambda *_: (1, []))
+    for tuning, keeps in ((0.802, True), (0.803, False)):
+        orbit = gearlib.periodic_orbit(MATERIAL, 0.79, guess=(0.5, 0.0))
+        state = without_loss(MATERIAL, tuning)
+        found = gearlib.certify(replace(orbit, tuning=tuning, state=state))
+        # The flank is touched at 0.80205.
+        assert bool(found) == keeps
+        assert keeps or found.status == "grazing"
+
+
+def proof(orbit):
+    contact, events = orbits.listed_contacts(orbit)
+    return orbits.Proof(orbit, contact, events)
+
+
+def test_contacts_out_of_order_or_at_a_switch_are_noticed():
+    orbit = gearlib.periodic_orbit(MATERIAL, 0.815)
+    with precision(160):
+        one = proof(orbit)
+        start, given = one.box[:2], list(one.states)
+        check_contacts(one.path, start, given)
+        at = next(i for i, node in enumerate(one.path.nodes) if node.before != node.after)
+        x, w, phase, t = given[at]
+        following = given[at + 1][2]
+        for other in (following, following + 0.1, phase.union(following)):
+            given[at] = x, w, other, t
+            with pytest.raises(Uncertain, match="cannot be told apart"):
+                check_contacts(one.path, start, given)
+        # Up through the line where contact is said to be lost, or to rest on it.
+        for speed in (-w, 0 * w):
+            given[at] = x, speed, phase, t
+            with pytest.raises(Uncertain, match="not proven to be a crossing"):
+                check_contacts(one.path, start, given)

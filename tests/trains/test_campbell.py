@@ -1,0 +1,115 @@
+"""Campbell diagrams of trains: speeds, orders, modes, and the reducer's lost contact."""
+
+import csv
+import math
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from gearlib import planetary, split_power_reducer
+from gearlib.studies.trains import campbell
+from tests.paper import PAPER
+
+SETTINGS = {
+    "teeth": (24, 36, 24, 36),
+    "modules": (4e-3, 4e-3),
+    "shaft_stiffness": 1e6,
+    "support_stiffness": 1e9,
+    "damping_ratio": 0.03,
+}
+
+
+TRAINS = [
+    split_power_reducer(PAPER),
+    planetary(turning=True),
+    planetary(turning=True, stiffness_ratio=(0.7, 0.7)),
+]
+
+
+@pytest.mark.parametrize("train", TRAINS, ids=["reducer", "constant stiffness", "planetary"])
+def test_mesh_frequencies_meet_natural_ones_at_critical_speeds(train):
+    found = train.campbell(2)
+    assert found.stiffness_order.size > 1
+    assert found.excites.any() == any(mesh.varies for mesh in train.meshes)
+    modes = train.modes().natural_frequency
+    pinion = train.reference_pinion
+    for order in found.stiffness_order.values:
+        for mode in found.mode.values:
+            speed = float(found.critical_speed.sel(stiffness_order=order, mode=mode))
+            # Teeth per second that pass the mesh, seen from the carrier.
+            passing = speed / 60.0 / (1.0 + train.carrier_ratio) * pinion.teeth
+            frequency = float(modes.sel(mode=mode))
+            assert order * passing == pytest.approx(frequency, rel=1e-12)
+    # Orders of both mesh frequencies of the reducer, 2 to 3.
+    if train.carrier_ratio == 0.0:
+        expected = [2.0 / 3.0, 1.0, 4.0 / 3.0, 2.0]
+        np.testing.assert_allclose(found.stiffness_order, expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize("train", TRAINS[:2])
+def test_speeds_and_tunings_are_each_other_s_inverse(train):
+    tunings = np.array([0.3, 1.0, 1.7])
+    np.testing.assert_allclose(train.tuning_at(train.speed(tunings)), tunings, rtol=1e-14)
+    assert train.speed_scales(0.7)["speed"] == train.speed(0.7)
+
+
+def test_no_order_is_refused():
+    with pytest.raises(ValueError, match=r"^count = 0 is not allowed: it must be an integer >= 1$"):
+        split_power_reducer(PAPER).campbell(0)
+
+
+@pytest.fixture(scope="module")
+def diagram():
+    """The reducer's, with sweeps in which one mesh of the second stage parts at one speed."""
+    train = campbell.train_of(PAPER, SETTINGS)
+    tunings = np.array([0.8, 1.0, 1.2])
+    normal = np.ones((1, 3, tunings.size, len(train.meshes)))
+    normal[0, 2, 1, 4] = 0.9
+    characteristics = xr.Dataset(
+        {
+            "fraction_normal": (("case", "direction", "tuning", "mesh"), normal),
+            "speed": ("tuning", train.speed(tunings)),
+        },
+        {
+            "case": ["alike"],
+            "direction": ["cold", "up", "down"],
+            "tuning": tunings,
+            "mesh": list(train.mesh_names),
+        },
+    )
+    return campbell.compute(characteristics, PAPER.as_dict(), SETTINGS, 2)
+
+
+def test_the_diagram_of_the_reducer(diagram):
+    np.testing.assert_allclose(diagram.mesh_rate, [1, 1, 1, *[2.0 / 3.0] * 3], rtol=1e-15)
+    # Tunings are those of the pair alone: 24 teeth pass a mesh in a revolution.
+    own = PAPER.mesh_frequency(1.0) / (2.0 * math.pi)
+    assert float(diagram.speed[1]) == pytest.approx(60.0 * own / 24, rel=1e-12)
+    # Equal branches in phase excite only modes in which no central gear leaves its axis.
+    assert set(diagram.mode_kind.values[diagram.excites.values.any(axis=0)]) == {"rotational"}
+
+
+def test_the_table_has_every_intersection_once(diagram, tmp_path):
+    path = tmp_path / "table.csv"
+    campbell.write_csv(diagram, path)
+    with path.open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    speeds = [int(row["critical_speed_rpm"]) for row in rows]
+    last = float(diagram.speed[-1])
+    assert speeds == sorted(speeds) and max(speeds) <= last
+    both = diagram.critical_speed.values, diagram.natural_frequency.values
+    apart = {
+        (order, round(float(f), 3))
+        for order, line in enumerate(both[0])
+        for speed, f in zip(line, both[1], strict=True)
+        if speed <= last
+    }
+    assert len(rows) == len(apart)
+    nearest = {"0.8": "no", "1": "yes", "1.2": "no"}
+    for row, speed in zip(rows, speeds, strict=True):
+        tuning = diagram.tuning.values[np.abs(diagram.speed.values - speed).argmin()]
+        below = speed < float(diagram.speed[0])
+        expected = "" if below else nearest[f"{tuning:g}"]
+        assert row["contact_lost_at_the_nearest_speed_swept"] == expected
+        assert row["excited"] == ("yes" if row["mode_kind"] == "rotational" else "no")

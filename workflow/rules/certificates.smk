@@ -1,0 +1,20 @@
+"""What is proven of the orbits, in ball arithmetic, as a file that a second program can check."""
+
+
+use rule job as certificates with:
+    pathvars:
+        job="certificates",
+    input:
+        kernels=rules.compile_kernels.output.stamp,
+        branches=expand(rules.branches.output.dataset, damping=CONFIG.dampings),
+        sources=script_sources("certificates"),
+    output:
+        json="results/certificates.json",
+    params:
+        script="certificates",
+        # Without python-flint nothing is proven, and the file is an empty list.
+        flint=find_spec("flint") is not None,
+        pairs=canonical({name: CONFIG.pair_parameters(name) for name in CONFIG.dampings}),
+        tunings=CONFIG.phase_planes.tunings,
+        initial_state=run_length()["initial_state"],
+        whole=CONFIG.certificates.all_points,

@@ -1,0 +1,20 @@
+"""Prove what can be proven of the orbits of all dampings."""
+
+from pathlib import Path
+
+from joblog import redirect_output
+from gearlib.data import storage
+from gearlib.studies import certificates
+
+if __name__ == "__main__":
+    redirect_output(snakemake.log[0])
+    given = snakemake.params
+    rows = []
+    if given.flint:
+        branches = {Path(path).stem: storage.read(path) for path in snakemake.input.branches}
+        rows = certificates.compute(
+            given.pairs, branches, given.tunings, given.initial_state, given.whole
+        )
+    else:
+        print("python-flint is not installed: nothing is proven")
+    certificates.write_json(rows, snakemake.output.json)
