@@ -12,6 +12,7 @@ from pathlib import Path
 from snakemake.exceptions import WorkflowError
 from snakemake.logging import logger
 from snakemake.utils import min_version
+from gearlib import config as configuration
 from gearlib.data.files import remove_leftovers
 from workflow.provenance import write as write_provenance
 from workflow.checksums import foreign, replaced
@@ -27,6 +28,13 @@ ASKING = {"--unlock", "--lint", "--dag", "--rulegraph", "--filegraph", "--summar
 
 
 configfile: "config.yaml"
+
+
+given = workflow.config_settings.overwrite_config
+if given:
+    counts = configuration.chosen(config, given)
+    config.clear()
+    config.update(counts)
 
 
 # Jobs on other nodes leave this to the process that sent them.

@@ -1,4 +1,4 @@
-"""Gears by their drawing: `SpurGear`, `Mesh` and what they are made of.
+"""Gears by their drawing: `SpurGear`, `Mesh` and what they are made of, `planetary_set`.
 
 The code lies in `gearlib.models.geometry`; `Mesh` here is one of two drawn gears, while
 `gearlib.Mesh` is one of a `GearTrain`.
@@ -12,6 +12,7 @@ from gearlib.models.geometry.mesh import Mesh
 from gearlib.models.geometry.relief import PathTable, TipRelief
 from gearlib.models.geometry.stiffness import MeshStiffness, mesh_stiffness
 from gearlib.models.geometry.transmission_error import optimum_relief
+from gearlib.models.trains.drawn import planetary_set
 
 __all__ = [
     "RACKS",
@@ -29,4 +30,5 @@ __all__ = [
     "iso_stiffness",
     "mesh_stiffness",
     "optimum_relief",
+    "planetary_set",
 ]

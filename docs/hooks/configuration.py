@@ -13,8 +13,9 @@ PAGE = "reference/configuration.md"
 _HEAD = f"""# Configuration
 
 Every key of `config.yaml`, written from the typed model that checks it (`gearlib/config`). Only
-`gear_pair` and `dampings` must be given, with all of their keys, and so must the keys of each entry
-of a list or of `scenes`, but for `change` and `options`; what else is left out has its default.
+`gear_pair`, or `gears` in its place, and `dampings` must be given. All keys of `gear_pair` must be
+there, and so must those of each entry of a list or of `scenes`, but for `change` and `options`, and
+a material and a backlash damping in each of `dampings`; what else is left out has its default.
 Defaults with a dimension are made from the gears, as the text says; where they need damping and the
 gears have none, it is 5 % of the critical one. There are no other keys: a wrong key or value is
 refused before the first job, in a sentence that names key, value and allowed range. Names in angle

@@ -4,6 +4,7 @@
 module        responsibility
 ============  =================================================================
 ``commands``  one function per command: its options, one library call, output
+``drawn``     two gears by their drawing, and the table of what they come to
 ``gears``     from options and a configuration to a model
 ``speeds``    speeds in rpm where a command counts in tunings
 ``output``    what a command prints and writes, and how it ends

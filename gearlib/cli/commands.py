@@ -2,7 +2,7 @@
 
 import click
 
-from gearlib.cli import gears, output, progress, speeds
+from gearlib.cli import drawn, gears, output, progress, speeds
 from gearlib.version import __version__
 
 #: What is printed of every mesh of a gear train.
@@ -256,6 +256,19 @@ def phasing(train, count, output_path, force):
         cells.append([f"{order:.6g}", *(f"{each.sum()} of {each.size}" for each in own)])
     output.rows(["order", *kinds], cells)
     output.save(found, output_path)
+
+
+@main.command("gears")
+@drawn.options
+@click.option("--json", "form", flag_value="json", help="For other programs.")
+@click.option("--csv", "form", flag_value="csv", help="For spreadsheets.")
+def gear_table(drawing, damping, form):
+    """What a drawing of two gears comes to: geometry, stiffness by each method, resonance."""
+    from gearlib.studies import gear_table
+
+    options = {drawing.stiffness or "iso": drawing.stiffness_options}
+    rows = gear_table.compute(drawing.mesh(), damping=damping, options=options, **drawing.load())
+    drawn.show(rows, form)
 
 
 @main.command()

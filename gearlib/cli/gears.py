@@ -60,7 +60,7 @@ def configuration_options(command):
     @functools.wraps(command)
     def wrapped(mapping, gears, damping, **rest):
         whole = laid_over(mapping, _sections(gears, damping))
-        _load(whole, "What the options make of the configuration")
+        load(whole, "What the options make of the configuration")
         return command(mapping=whole, damping=damping, **rest)
 
     return wrapped
@@ -70,20 +70,14 @@ def _gear_options(command):
     """Give a command the options; it is called with `mapping`, `gears` and `damping`."""
 
     @functools.wraps(command)
-    def wrapped(config_path, damping, **rest):
+    def wrapped(config_path, case, damping, **rest):
         given = {name: rest.pop(name) for name in _Gears.model_fields}
         changes = {name: _number(text) for name, text in given.items() if text is not None}
-        mapping, gears, damping = _gears(config_path, damping, changes)
+        mapping, gears, damping = _gears(config_path, case, damping, changes)
         return command(mapping=mapping, gears=gears, damping=damping, **rest)
 
     decorators = [
-        click.option(
-            "--config",
-            "config_path",
-            type=click.Path(exists=True, dir_okay=False, path_type=Path),
-            help=f"Configuration of the workflow; {_DEFAULT_CONFIG} here, if there is one.",
-        ),
-        click.option("--damping", help="One of its dampings, by name; else the first."),
+        *config_options(),
         *(
             click.option(f"--{name.replace('_', '-')}", name, help=field.description)
             for name, field in _Gears.model_fields.items()
@@ -94,15 +88,27 @@ def _gear_options(command):
     return wrapped
 
 
-def _gears(config_path, damping, changes):
+def config_options():
+    """Return the options that name a configuration, one of its cases and of its dampings."""
+    return [
+        click.option(
+            "--config",
+            "config_path",
+            type=click.Path(exists=True, dir_okay=False, path_type=Path),
+            help=f"Configuration of the workflow; {_DEFAULT_CONFIG} here, if there is one.",
+        ),
+        click.option("--case", help="One of its cases, by name."),
+        click.option("--damping", help="One of its dampings, by name; else the first."),
+    ]
+
+
+def _gears(config_path, case, damping, changes):
     """Return what was read from a file, the gears with what the options change, the damping."""
-    if config_path is None and Path(_DEFAULT_CONFIG).exists():
-        config_path = Path(_DEFAULT_CONFIG)
-    mapping, values = {}, {}
+    mapping, config_path = read(config_path, case)
+    values = {}
     if config_path is not None:
-        mapping = _read(config_path)
-        settings = _load(mapping, config_path)
-        damping = _choose_damping(settings, damping)
+        settings = load(mapping, config_path)
+        damping = choose_damping(settings, damping)
         values = settings.pair_parameters(damping)
     elif damping is not None:
         raise click.UsageError(f"damping = {damping!r} needs a configuration: give --config")
@@ -136,13 +142,13 @@ def _model(mapping, gears, model):
     # Both names are those of a section.
     if model in mapping:
         sections[model] = mapping[model]
-    settings = _load(sections, model)
+    settings = load(sections, model)
     if model == "train":
         return described(**settings.train_parameters(_ONLY_DAMPING))
     return SixDegreePair(pair=pair, **settings.six_degrees.model_dump())
 
 
-def _choose_damping(settings, name):
+def choose_damping(settings, name):
     """Return the name of a damping of a configuration: the given one, or the first."""
     if name is None:
         return next(iter(settings.dampings))
@@ -153,18 +159,43 @@ def _choose_damping(settings, name):
     return name
 
 
-def _read(path):
-    """Return the mapping in a YAML file."""
+def read(path, case):
+    """Return a configuration, not yet checked, and its path, by default that of `config.yaml`.
+
+    Without a file both are empty. Of several cases it is the one of the given name.
+    """
+    if path is None:
+        path = Path(_DEFAULT_CONFIG)
+        if not path.exists():
+            if case is not None:
+                raise click.UsageError(f"case = {case!r} needs a configuration: give --config")
+            return {}, None
     try:
         mapping = yaml.safe_load(path.read_text(encoding="utf-8"))
     except yaml.YAMLError as error:
         raise click.UsageError(f"{path} is not YAML: {error}") from None
     if isinstance(mapping, dict) and "cases" in mapping:
-        raise click.UsageError(f"{path} has several cases: give a file with the keys of one")
-    return mapping
+        mapping = _case(mapping, path, case)
+    elif case is not None:
+        raise click.UsageError(f"case = {case!r} is not allowed: {path} has no cases")
+    return mapping, path
 
 
-def _load(mapping, name):
+def _case(mapping, path, name):
+    try:
+        found = config.cases(mapping)
+    except config.ConfigError as error:
+        raise click.UsageError(f"{path} is refused.\n{error}") from None
+    if name is None:
+        raise click.UsageError(f"{path} has several cases: give --case, one of {', '.join(found)}")
+    if name not in found:
+        raise click.UsageError(
+            f"case = {name!r} is not allowed: it must be one of {', '.join(found)}"
+        )
+    return found[name]
+
+
+def load(mapping, name):
     """Return the checked configuration."""
     try:
         return config.load(mapping)

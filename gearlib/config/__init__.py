@@ -6,7 +6,9 @@ module               responsibility
 ``types``            what a number, a name, a list may be
 ``units``            texts with a unit, read as SI numbers
 ``speeds``           tunings given as speeds in rpm
-``mesh``             sections of the gears and the length of the runs
+``mesh``             sections of the gear pair and the length of the runs
+``gears``            sections of gears by their drawing
+``drawing``          from these to the geometry of `gearlib.models`, which checks and derives
 ``experiments``      sections of the experiments and of the figures
 ``scenes``           sections of the scenes and of their models
 ``trains``           section of the gear train
@@ -19,8 +21,8 @@ module               responsibility
 ``defaults``         defaults that depend on the gears
 ===================  ===================================================
 
-Only ``gear_pair`` and ``dampings`` have no defaults. The JSON schema for editors is generated from
-the model::
+Only ``gear_pair`` (or ``gears`` instead) and ``dampings`` have no defaults. The JSON schema for
+editors is generated from the model::
 
     python -m gearlib.config --write-schema
 
@@ -56,7 +58,7 @@ def load(mapping):
     Parameters
     ----------
     mapping : dict
-        What was read from YAML; only ``gear_pair`` and ``dampings`` must be in it.
+        What was read from YAML; only ``gear_pair`` or ``gears``, and ``dampings`` must be in it.
 
     Raises
     ------
@@ -64,6 +66,11 @@ def load(mapping):
         With one sentence per problem, which names key, value and allowed range.
     """
     problems = list(_names_that_are_no_texts(mapping))
+    if isinstance(mapping, dict) and {"gears", "gear_pair"} <= mapping.keys():
+        problems.append(
+            "gears and gear_pair are not allowed together: it must be either the drawing of the "
+            "gears or the numbers of their mesh"
+        )
     if problems:
         raise ConfigError("\n".join(problems))
     whole, problems = defaults.filled(mapping)
@@ -140,12 +147,35 @@ def cases(mapping):
     return found
 
 
+def chosen(merged, given):
+    """Return what counts of a configuration that was laid over another one.
+
+    Where the other one has a `gear_pair` and what was laid over it `gears`, only this counts:
+    dampings, bearings and choices of scenes suit the pair for which they were made.
+
+    Parameters
+    ----------
+    merged : dict
+        All that was read.
+    given : dict
+        What was laid over the rest.
+    """
+    named = given.get("cases")
+    parts = [given, *(named.values() if isinstance(named, dict) else ())]
+    drawn = any(isinstance(part, dict) and "gears" in part for part in parts)
+    if drawn and "gear_pair" in merged and "gear_pair" not in given:
+        return given
+    return defaults.laid_over(merged, given)
+
+
 @cache
 def schema():
     """Return the JSON schema of the configuration as a dict."""
     whole = Config.model_json_schema()
     defaults.release(whole)
     _drop_null_defaults(whole)
+    whole["required"].remove("gear_pair")
+    whole["oneOf"] = [{"required": ["gear_pair"]}, {"required": ["gears"]}]
     return whole
 
 
@@ -169,4 +199,7 @@ def schema_text():
         "minProperties": 1,
         "type": "object",
     }
+    # Cases may have all of it.
+    pair = {"oneOf": whole.pop("oneOf"), "required": whole.pop("required")}
+    whole["anyOf"] = [pair, {"required": ["cases"]}]
     return json.dumps(whole, indent=2) + "\n"

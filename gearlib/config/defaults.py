@@ -12,7 +12,8 @@ from pydantic import Field, TypeAdapter, ValidationError
 
 from gearlib.config import speeds
 from gearlib.config.experiments import ReportPage
-from gearlib.config.mesh import Damping, GearPairSection, Run
+from gearlib.config.gears import Gears
+from gearlib.config.mesh import IN_PLACE_OF, Damping, GearPairSection, Run
 from gearlib.config.types import MAX_PAGE_SAMPLES, Name
 
 #: Stand-ins while those of a configuration are refused, so that only those are complained about.
@@ -38,16 +39,29 @@ _DAMPING_RATIO = 0.05
 #: Of the phase lag, where a run has samples enough to tell them apart.
 _HARMONICS = 5
 
+#: Sections that say a damping by itself, which ratios may do.
+_WITH_DAMPINGS = ("dampings", "basins", "bifurcation", "poincare")
+
 #: Panels of one figure, see `Basins` and `Poincare`.
 _PANELS = 12
+
+#: Keys of one section of which there is one.
+_ALTERNATIVES = (
+    {"gears", "gear_pair"},
+    *({key, *others} for key, others in IN_PLACE_OF.items()),
+)
 
 #: What describes the bodies of the gears: one without the others would not fit the reduced mass.
 _BODIES = ("base_radii", "inertias", "masses")
 
 
 def laid_over(base, change):
-    """Return a copy of `base` with the keys of `change`; mappings are laid over each other."""
-    both = dict(base)
+    """Return a copy of `base` with the keys of `change`; mappings are laid over each other.
+
+    A key of the change takes the place of those that say the same in another way.
+    """
+    said = {other for group in _ALTERNATIVES for key in group & change.keys() for other in group}
+    both = {key: value for key, value in base.items() if key not in said - change.keys()}
     for key, value in change.items():
         inner = isinstance(value, dict) and isinstance(base.get(key), dict)
         both[key] = laid_over(base[key], value) if inner else value
@@ -80,6 +94,9 @@ def filled(mapping):
     mapping, problems = speeds.in_tunings(mapping, None if pair is _PAIR else pair)
     _fit(made, _run(mapping), pair.teeth, len(dampings))
     whole = laid_over(made, mapping)
+    whole |= {key: _in_coefficients(whole[key], pair) for key in _WITH_DAMPINGS if key in whole}
+    if "gears" in mapping:
+        whole["gear_pair"] = pair
     figures = whole["figures"]
     if isinstance(figures, dict) and isinstance(figures["colours"], dict):
         figures["colours"] = _colours(dampings, figures["colours"])
@@ -104,11 +121,28 @@ def _release(made, node, schema):
 def _gears(mapping):
     """Return the gear pair and the dampings of a configuration, or stand-ins for both."""
     try:
-        pair = GearPairSection.model_validate(mapping.get("gear_pair"))
+        if "gears" in mapping:
+            pair = GearPairSection(**Gears.model_validate(mapping["gears"]).pair())
+        else:
+            pair = GearPairSection.model_validate(mapping.get("gear_pair"))
         dampings = _DAMPINGS_TYPE.validate_python(mapping.get("dampings"))
     except ValidationError:
         return _PAIR, _DAMPINGS
-    return pair, dampings
+    return pair, {name: Damping(**d.coefficients(pair)) for name, d in dampings.items()}
+
+
+def _in_coefficients(node, pair):
+    """Return a copy of a section in which dampings given by ratios are coefficients of a pair."""
+    if isinstance(node, list):
+        return [_in_coefficients(one, pair) for one in node]
+    if not isinstance(node, dict):
+        return node
+    if node and node.keys() <= Damping.model_fields.keys():
+        try:
+            return Damping.model_validate(node).coefficients(pair)
+        except ValidationError:
+            return node
+    return {key: _in_coefficients(value, pair) for key, value in node.items()}
 
 
 def _made(pair, dampings):
@@ -148,6 +182,7 @@ def _made(pair, dampings):
             "cubic_damping": cubic if math.isfinite(cubic) else largest,
         },
         "jump_by_method": {"damping": first},
+        "train_sweep": {"damping": first},
         "reducer": {
             "damping": first,
             "support_stiffness": 2.5 * pair.max_stiffness,

@@ -1,7 +1,9 @@
 """Sections that describe the gears and the length of the runs."""
 
 from pydantic import Field, model_validator
+from pydantic_core import PydanticCustomError
 
+from gearlib.config.drawing import coefficient
 from gearlib.config.types import (
     Angle,
     Backlash,
@@ -21,11 +23,18 @@ from gearlib.config.types import (
     Truth,
     Tuning,
     integer_within,
+    number_within,
     numbers,
 )
 
 #: Gears beyond these have no squares of their scales within the floating-point numbers.
 _SMALLEST, _LARGEST = 1e-30, 1e30
+#: Key of a damping -> what may stand in its place.
+IN_PLACE_OF = {
+    "material": ("damping_ratio", "logarithmic_decrement"),
+    "backlash": ("backlash_damping_ratio",),
+}
+Ratio = number_within(ge=0, le=1000)
 
 
 class GearPairSection(Section):
@@ -84,11 +93,44 @@ class Change(Given):
     backlash: Backlash = Field(default=None, description="Backlash of the case.")
 
 
-class Damping(Section):
-    """One combination of linear damping coefficients."""
+class Damping(Given):
+    """One combination of linear damping coefficients, or of ratios by which they are found."""
 
-    material: DampingCoefficient = Field(description="k_1 while the flanks touch, N s/m.")
-    backlash: DampingCoefficient = Field(description="k_1m of the oil in the backlash, N s/m.")
+    material: DampingCoefficient = Field(
+        default=None, description="k_1 while the flanks touch, N s/m."
+    )
+    backlash: DampingCoefficient = Field(
+        default=None, description="k_1m of the oil in the backlash, N s/m."
+    )
+    damping_ratio: Ratio = Field(
+        default=None, description="beta in place of material: k_1 = 2 beta m_red Omega_s."
+    )
+    logarithmic_decrement: Ratio = Field(
+        default=None,
+        description="delta = 2 pi beta / sqrt(1 - beta^2) in place of material.",
+    )
+    backlash_damping_ratio: Ratio = Field(
+        default=None, description="beta_m in place of backlash: k_1m = 2 beta_m m_red Omega_s."
+    )
+
+    @model_validator(mode="after")
+    def _check(self):
+        for key, others in IN_PLACE_OF.items():
+            names = [name for name in (key, *others) if getattr(self, name) is not None]
+            if not names:
+                raise PydanticCustomError("missing_one", "", {"key": key})
+            if names[1:]:
+                raise PydanticCustomError("both", "", {"names": names})
+        return self
+
+    def coefficients(self, pair):
+        """Return k_1 and k_1m of a `GearPairSection`, N s/m, as a dict."""
+        given, scale = self.model_dump(), (pair.mean_stiffness(), pair.reduced_mass)
+        found = {}
+        for key, others in IN_PLACE_OF.items():
+            name = next(name for name in (key, *others) if name in given)
+            found[key] = given[name] if name == key else coefficient(name, given[name], *scale)
+        return found
 
 
 class State(Section):

@@ -19,6 +19,7 @@ from gearlib.config.experiments import (
     ReportPage,
     Resonance,
 )
+from gearlib.config.gears import Gears
 from gearlib.config.global_dynamics import Basins, Bifurcation, Poincare
 from gearlib.config.mesh import Damping, GearPairSection, Run, SixDegrees
 from gearlib.config.planetary import Planetary, SymmetryBreaking, TrainChart
@@ -26,7 +27,7 @@ from gearlib.config.reducer import Campbell, OneMesh, Reducer, check_centres
 from gearlib.config.relief import HarrisMap, ReliefDynamics
 from gearlib.config.scenes import FRICTION_ONLY, SIX_ONLY, Models, Scene
 from gearlib.config.stiffness import MeshStiffness, Rectangle
-from gearlib.config.train import Train
+from gearlib.config.train import OF_PAIRS, Train, TrainSweep
 from gearlib.config.trials import (
     Failures,
     JumpByMethod,
@@ -75,7 +76,21 @@ Target = Literal[
     "relief_dynamics",
     "claims",
     "report_page",
+    "train_sweep",
 ]
+#: Unless a configuration says otherwise: by default the train is the reducer, which has a target.
+_NOT_BY_DEFAULT = {"train_sweep"}
+
+
+#: Sections that name one of the dampings.
+_OF_ONE_DAMPING = (
+    "jump",
+    "analytic_method",
+    "stability_chart",
+    "jump_by_method",
+    "reducer",
+    "train_sweep",
+)
 
 
 class Config(Section):
@@ -86,7 +101,9 @@ class Config(Section):
         Target,
         "What `snakemake` without a target computes and draws. Fig. 3 shows labels, branches and "
         "tongues where labels, branches and parametric_resonance are among them.",
-    ) = list(get_args(Target))
+    ) = [target for target in get_args(Target) if target not in _NOT_BY_DEFAULT]
+    # Of these two there is one; what is dumped has the other, made from it.
+    gears: Gears = Field(default=None, exclude=True)
     gear_pair: GearPairSection
     dampings: dict[Name, Damping] = Field(
         min_length=1, description="The damping combinations, by name."
@@ -100,6 +117,7 @@ class Config(Section):
     analytic_method: AnalyticMethod
     six_degrees: SixDegrees
     train: Train = Train()
+    train_sweep: TrainSweep
     models: Models = Models()
     labels: Labels = Labels()
     branches: Branches
@@ -134,7 +152,7 @@ class Config(Section):
         self._check_colours()
         self._check_size()
         self._check_report_page()
-        for key in ("jump", "analytic_method", "stability_chart", "jump_by_method", "reducer"):
+        for key in _OF_ONE_DAMPING:
             damping = getattr(self, key).damping
             if damping not in self.dampings:
                 raise ValueError(
@@ -276,10 +294,11 @@ class Config(Section):
 
         They are plain values; `damping` is the name of one, for the trains made of the gear pair.
         """
+        of_pairs = self.train.kind in OF_PAIRS
         return {
             "kind": self.train.kind,
             "arguments": self.train.arguments(),
-            "pair": self.pair_parameters(damping),
+            "pair": self.pair_parameters(damping) if of_pairs else None,
         }
 
     def global_parameters(self, case):

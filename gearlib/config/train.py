@@ -1,40 +1,53 @@
-"""Section of the gear train: a ready-made one, or bodies, shafts and meshes of one's own."""
+"""Sections of the gear train: a ready-made one, or of one's own parts; its sweep over speed."""
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
+from gearlib.config.drawn_trains import (
+    DampingByRatio,
+    PinErrors,
+    PlanetarySet,
+    Support,
+    Time,
+    check_meshes,
+)
+from gearlib.config.gears import BodyGear
 from gearlib.config.types import (
     Angle,
     Backlash,
     ContactRatio,
     DampingCoefficient,
+    DampingName,
     Finite,
     Given,
+    Grid,
     Inertia,
     Length,
     Mass,
     NonNegative,
     RunOut,
     Section,
+    Start,
+    Step,
     Stiffness,
     StiffnessRatio,
+    Stop,
     Truth,
     integer_within,
+    number_within,
     numbers,
     quantity,
     read_integer,
 )
 
-Support = quantity("N/m", "1 kN/um", ge=0, infinite=True)
 Twist = quantity("N m/rad", "1 kN m/rad", ge=0, infinite=True)
 ShaftStiffness = quantity("N m/rad", "1 MN m/rad", gt=0)
 TwistDamping = quantity("N m s/rad", "10 N m s/rad", ge=0)
 BendingStiffness = quantity("N/m", "1 kN/um", ge=0)
 Torque = quantity("N m", "200 N m")
 Force = quantity("N", "2 kN")
-Time = quantity("s", "1 us", ge=0)
 Error = quantity("m", "10 um")
 Frequency = quantity("Hz", "2 kHz", gt=0)
 PressureAngle = quantity("rad", "20 deg", ge=0, lt=1.57)
@@ -60,10 +73,6 @@ Direction = Annotated[
     Field(ge=-1, le=1, json_schema_extra={"$comment": "other than 0"}),
     BeforeValidator(read_integer),
     AfterValidator(_not_zero),
-]
-PinErrors = Annotated[
-    list[numbers(Error, 2, "Radial and tangential.")],
-    Field(min_length=1, description="By how much the axis of each is misplaced, m."),
 ]
 
 
@@ -168,8 +177,11 @@ class BodyPart(Given):
     """A gear or a carrier, see `gearlib.Body`."""
 
     name: Label = Field(description="Name of the body.")
-    inertia: Inertia = Field(description="About its axis, kg m^2.")
-    base_radius: Length = Field(description="m; of a carrier the radius of its pins.")
+    gear: BodyGear = Field(
+        default=None, description="Its drawing, which gives inertia, base radius, teeth and mass."
+    )
+    inertia: Inertia = Field(default=None, description="About its axis, kg m^2.")
+    base_radius: Length = Field(default=None, description="m; of a carrier the radius of its pins.")
     teeth: Teeth = Field(default=None, description="Left out for a carrier.")
     mass: Mass = Field(default=None, description="kg; needed where the axis can move.")
     support_stiffness: numbers(Support, 2, "Along x and y, N/m.") = None
@@ -184,6 +196,13 @@ class BodyPart(Given):
     offset: numbers(Error, 2, "By how much the axis is misplaced, m.") = None
     carrier: Label = Field(default=None, description="Name of the body that carries the axis.")
     angle: Angle = Field(default=None, description="Of the pin on the carrier, rad.")
+
+    @model_validator(mode="after")
+    def _check(self):
+        for key in ("inertia", "base_radius"):
+            if self.gear is None and getattr(self, key) is None:
+                raise PydanticCustomError("missing_one", "", {"key": key})
+        return self
 
 
 class ShaftPart(Given):
@@ -203,14 +222,20 @@ class Deviation(Section):
     sines: list[Error] = Field(default=[], description="Amplitudes of orders 1, 2, ..., m.")
 
 
-class MeshPart(Given):
-    """Two gears in mesh, see `gearlib.Mesh`."""
+class MeshPart(DampingByRatio):
+    """Two gears in mesh, see `gearlib.Mesh`; stiffness and ratios follow where both are drawn."""
 
     pinion: Label = Field(description="Name of a body.")
     wheel: Label = Field(description="Name of a body; of an internal mesh the ring gear.")
-    max_stiffness: Stiffness = Field(description="C_max, N/m.")
-    stiffness_ratio: StiffnessRatio = Field(description="kappa = C_min / C_max.")
-    contact_ratio: ContactRatio = Field(description="Contact ratio epsilon.")
+    centre_distance: Length = Field(
+        default=None, description="Of drawn gears, m. Default: without backlash by the shifts."
+    )
+    torque: Torque = Field(
+        default=None, description="Of the pinion, N m; the stiffness of drawn gears may need it."
+    )
+    max_stiffness: Stiffness = Field(default=None, description="C_max, N/m.")
+    stiffness_ratio: StiffnessRatio = Field(default=None, description="kappa = C_min / C_max.")
+    contact_ratio: ContactRatio = Field(default=None, description="Contact ratio epsilon.")
     name: Label = Field(default=None, description="pinion-wheel if left out.")
     internal: Truth = Field(default=None, description="Whether the wheel is a ring gear.")
     position: Angle = Field(default=None, description="Of the line of centres, rad.")
@@ -220,7 +245,6 @@ class MeshPart(Given):
     phase: Finite = Field(default=None, description="Of the stiffness, in mesh periods.")
     inverse_phase: Finite = Field(default=None, description="The same of the coast side.")
     backlash: Backlash = Field(default=None, description="m.")
-    material_damping: DampingCoefficient = Field(default=None, description="In contact, N s/m.")
     backlash_damping: DampingCoefficient = Field(
         default=None, description="In the backlash, N s/m."
     )
@@ -229,6 +253,9 @@ class MeshPart(Given):
     error: Error = Field(default=None, description="Of assembly, along the line of action, m.")
     friction: numbers(NonNegative, 2, "Coefficients in normal and inverse mesh.") = None
     pitch_phase: Angle = Field(default=None, description="Mesh phase of the pitch point, rad.")
+    tooth_thickness: numbers(
+        number_within(gt=0, lt=1), 2, "Of pinion and wheel on their working circles, in pitches."
+    ) = None
 
 
 class Own(Given):
@@ -245,6 +272,10 @@ class Own(Given):
     )
 
 
+#: Kinds whose meshes are all a gear_pair with a damping.
+OF_PAIRS = ("split_power_reducer", "idler", "two_stage")
+
+
 class Train(Given):
     """A gear train; `kind` says which of the sections below it is.
 
@@ -252,9 +283,9 @@ class Train(Given):
     trains but the planetary one make every mesh of gear_pair and a damping.
     """
 
-    kind: Literal["split_power_reducer", "planetary", "idler", "two_stage", "own"] = Field(
-        default="split_power_reducer", description="The section that describes the train."
-    )
+    kind: Literal[
+        "split_power_reducer", "planetary", "idler", "two_stage", "own", "planetary_set"
+    ] = Field(default="split_power_reducer", description="The section that describes the train.")
     reference: Label = Field(
         default=None, description="Mesh that sets scales and tuning; the first if left out."
     )
@@ -268,9 +299,15 @@ class Train(Given):
     idler: Idler = Idler()
     two_stage: TwoStage = TwoStage()
     own: Own = Own()
+    planetary_set: PlanetarySet = Field(
+        default=None, description="Sun, planets and ring by their drawing."
+    )
 
     @model_validator(mode="after")
     def _check(self):
+        if self.kind == "planetary_set" and self.planetary_set is None:
+            raise PydanticCustomError("missing_one", "", {"key": "planetary_set"})
+        check_meshes("train.own", self.own)
         for key in ("bodies", "meshes"):
             if self.kind == "own" and not getattr(self.own, key):
                 raise ValueError(
@@ -282,5 +319,33 @@ class Train(Given):
     def arguments(self):
         """Return what the function or class of this kind is called with, as plain values."""
         given = self.model_dump()
+        if self.kind == "planetary_set":
+            given[self.kind] = self.planetary_set.arguments()
         common = {key: given[key] for key in ("reference", "reference_frequency") if key in given}
         return given[self.kind] | common
+
+
+class TrainSweep(Grid):
+    """Every mesh of the train of the section `train` over speed; the target of this name."""
+
+    key: ClassVar = "train_sweep"
+
+    start: Start = 0.5
+    stop: Stop = 1.4
+    step: Step = 0.01
+    damping: DampingName
+    periods: integer_within(ge=1, le=1_000_000) = Field(
+        default=120, description="Mesh periods of a run."
+    )
+    record_periods: integer_within(ge=1) = Field(
+        default=12, description="The last ones, which are evaluated; at most `periods`."
+    )
+
+    @model_validator(mode="after")
+    def _check(self):
+        if self.record_periods > self.periods:
+            raise ValueError(
+                f"train_sweep.record_periods = {self.record_periods} is not allowed: it must be an "
+                f"integer from 1 to train_sweep.periods = {self.periods}"
+            )
+        return self

@@ -128,6 +128,9 @@ def _trial(name, method, **options):
     return Trial(name=name, method=method, options=options)
 
 
+Way = Literal["exact", "differences", "differences-1e-9", "smoothed", "diffrax", "heyoka"]
+
+
 class Failures(Section):
     """The methods that are tried on difficult problems."""
 
@@ -154,6 +157,9 @@ class Failures(Section):
         _trial("heyoka", "heyoka"),
         _trial("cvode", "cvode"),
     ]
+    gradients: listing(Way, "Ways to differentiate, see gearlib/studies/trials/gradients.py.") = (
+        list(get_args(Way))
+    )
 
     @model_validator(mode="after")
     def _check(self):

@@ -182,7 +182,8 @@ def listing(item, description):
 class Section(BaseModel):
     """Base of all sections: no unknown keys, no silent conversions, immutable."""
 
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+    # Built with the whole configuration only, not each section by itself before: that takes longer.
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, defer_build=True)
 
 
 class Given(Section):
@@ -190,6 +191,8 @@ class Given(Section):
 
     @model_serializer(mode="wrap")
     def _given(self, dump):
+        if self is None:  # as the default of a section inside another
+            return None
         return {key: value for key, value in dump(self).items() if value is not None}
 
 

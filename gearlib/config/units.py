@@ -1,7 +1,8 @@
 """Values with units: texts such as ``10 um`` or ``4e5 N/mm``, read as SI numbers.
 
-Only a text costs the import of pint. Numbers are converted as decimal fractions, so that
-``10 um`` is the very number 1e-5 and reruns nothing that was computed with it.
+Only a text with another unit than those of drawings costs the import of pint. Numbers are converted
+as decimal fractions, so that ``10 um`` is the very number 1e-5 and reruns nothing that was computed
+with it.
 """
 
 import re
@@ -12,6 +13,20 @@ _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,3})?"
 _FACTOR = r"[A-Za-zµμ°]+(?:(?:\^|\*\*)-?\d)?"
 #: A number and a product or quotient of units, with powers of one digit.
 TEXT = re.compile(rf"({_NUMBER})\s*({_FACTOR}(?:\s*[ */·]\s*{_FACTOR})*)")
+
+#: (unit, unit wanted) -> factor, of what drawings are full of: pint takes half a second to load.
+PLAIN = {
+    ("mm", "m"): "1e-3",
+    ("cm", "m"): "1e-2",
+    ("um", "m"): "1e-6",
+    ("µm", "m"): "1e-6",
+    ("kN", "N"): "1e3",
+    ("N m", "N m"): "1",
+    ("kW", "W"): "1e3",
+    ("GPa", "Pa"): "1e9",
+    ("rpm", "rpm"): "1",
+    ("deg", "rad"): "0.01745329251994329576923690768",
+}
 
 
 #: A speed of revolution. No other unit: Hz and 1/min leave open whether they count revolutions.
@@ -43,11 +58,17 @@ def read(text, unit):
     match = TEXT.fullmatch(text.strip())
     if match is None:
         raise ValueError(f"{text!r} is not a number with a unit")
-    registry = _registry()
     number, name = match.groups()
+    if (name, unit) in PLAIN:
+        return float(Decimal(number) * Decimal(PLAIN[name, unit]))
+    registry = _registry()
     try:
         # pint sees the unit alone, so that no arithmetic of the user's is evaluated.
-        factor = registry.Quantity(Decimal(1), name.replace("·", "*")).to(unit).magnitude
+        quantity = registry.Quantity(Decimal(1), name.replace("·", "*"))
+        if unit == "rpm" and "radian" not in str(quantity.to_root_units().units):
+            # 1/min and Hz of a shaft are its turns.
+            quantity *= registry.Quantity(Decimal(1), "turn")
+        factor = quantity.to(unit).magnitude
     except Exception as error:  # pint raises its own, tokenize's and Python's errors
         raise ValueError(f"{text!r} is not in a unit of the dimension of {unit}") from error
     return float(Decimal(number) * factor)

@@ -48,6 +48,12 @@ def _sentence(error, schema):
     if error["loc"][-1:] == ("[key]",):
         pattern = next(iter(_node(path[:-1], schema)["patternProperties"]))
         return f"{key} is not allowed as a name: it must be a text matching {pattern}"
+    if kind == "both":
+        names = " and ".join(f"{key}.{name}" for name in error["ctx"]["names"])
+        return f"{names} are not allowed together: it must be one of them"
+    if kind == "missing_one":
+        kind, path = "missing", [*path, error["ctx"]["key"]]
+        key = _key(path)
     if kind == "missing":
         return f"{key} is missing: it must be {allowed(_node(path, schema), schema)}"
     return (

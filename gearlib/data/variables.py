@@ -287,6 +287,7 @@ DESCRIPTIONS = {
     # trials of methods on difficult problems
     "problem": ("1", "test problem"),
     "trial": ("1", "method with its options"),
+    "way": ("1", "way to differentiate"),
     "options": ("1", "options of the method"),
     "verdict": ("1", "verdict on the method"),
     "error": ("1", "error in the quantity that is compared"),
@@ -361,7 +362,8 @@ _FLAGS = {
 def describe(dataset, model=None):
     """Give every variable of `dataset` its units, long_name and flags; return the dataset.
 
-    A model whose variables are no gear mesh's names them itself, in ``long_names``.
+    A model whose variables are no gear mesh's names them itself, in ``long_names``. Variables that
+    bring units of their own, as derivatives do, keep their attributes.
 
     Raises
     ------
@@ -370,6 +372,8 @@ def describe(dataset, model=None):
     """
     names = {} if model is None else model.long_names
     for name, variable in dataset.variables.items():
+        if "units" in variable.attrs:
+            continue
         units, long_name = DESCRIPTIONS[name]
         long_name = names.get(name, long_name)
         if variable.dtype.kind not in "OUST":

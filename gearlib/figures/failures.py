@@ -1,4 +1,7 @@
-"""Difficult problems against methods: a heat map of verdicts with the measured errors."""
+"""Difficult problems against methods: a heat map of verdicts with the measured errors.
+
+Beside it, on some of the problems, verdicts on ways to differentiate the motion by parameters.
+"""
 
 import math
 
@@ -21,7 +24,18 @@ _LOOKS = {
     "stalled": ("s", "#A9A9A9"),
     "refused": ("–", "#FFFFFF"),
 }
-_WORDS = {"refused": "–: does not take the model"}
+#: The same of derivatives.
+_GRADIENTS = {
+    "right": _LOOKS["right"],
+    "inaccurate": _LOOKS["inaccurate"],
+    "silently_wrong": ("x", "#C24F2F"),
+    "said_so": ("0", "#C8C8C8"),
+}
+_WORDS = {
+    "refused": "–: does not take the model",
+    "silently_wrong": "x: derivative silently wrong",
+    "said_so": "0: no derivative, and says so",
+}
 
 
 def _number(error):
@@ -33,13 +47,15 @@ def _number(error):
 
 
 @style.styled()
-def draw(matrix):
+def draw(matrix, gradients=None):
     """Draw the verdicts, a row for each problem and a column for each trial.
 
     Parameters
     ----------
     matrix : xarray.Dataset
         As gathered from `gearlib.studies.trials.failures.compute`.
+    gradients : xarray.Dataset, optional
+        As of `gearlib.studies.trials.gradients.compute`: columns beside them, for some problems.
 
     Returns
     -------
@@ -47,23 +63,40 @@ def draw(matrix):
         A star marks a run of fewer periods than the others of its row.
     """
     names = matrix.verdict.attrs["flag_meanings"].split()
-    verdict, errors = matrix.verdict.values.astype(int), matrix.error.values
     periods = matrix.periods.values
     brief = (periods > 0) & (periods < periods.max(axis=1, keepdims=True))
-    rows, columns = verdict.shape
+    rows, trials = matrix.verdict.shape
+    labels, columns = list(matrix.trial.values), trials
+    if gradients is not None:
+        # A column between them stays empty.
+        labels += ["", *(f"d/dp {way}" for way in gradients.way.values)]
+        columns = len(labels)
     figure = Figure((style.PAGE_WIDTH, _HEAD + _FOOT + _ROW_HEIGHT * rows), layout="constrained")
     axes = figure.subplots()
-    colours = np.array([to_rgb(_LOOKS[name][1]) for name in names])
-    axes.imshow(colours[verdict], aspect="auto", interpolation="none")
+    colours = np.ones((rows, columns, 3))
+
+    def cell(i, j, look, error, mark=""):
+        colours[i, j] = to_rgb(look[1])
+        options = {"ha": "center", "va": "center"}
+        axes.text(j, i - 0.2, look[0] + mark, fontsize=5.5, weight="bold", **options)
+        if math.isfinite(error):
+            axes.text(j, i + 0.24, _number(error), fontsize=4.5, **options)
+
     for i in range(rows):
-        for j in range(columns):
-            letter = _LOOKS[names[verdict[i, j]]][0] + ("*" if brief[i, j] else "")
-            axes.text(j, i - 0.2, letter, ha="center", va="center", fontsize=5.5, weight="bold")
-            if math.isfinite(errors[i, j]):
-                axes.text(
-                    j, i + 0.24, _number(errors[i, j]), ha="center", va="center", fontsize=4.5
-                )
-    axes.set_xticks(range(columns), matrix.trial.values, rotation=60, ha="left", fontsize=6)
+        for j in range(trials):
+            look = _LOOKS[names[int(matrix.verdict[i, j])]]
+            cell(i, j, look, float(matrix.error[i, j]), "*" if brief[i, j] else "")
+    looks = {name: _LOOKS[name] for name in names}
+    if gradients is not None:
+        kinds = gradients.verdict.attrs["flag_meanings"].split()
+        looks |= {kind: _GRADIENTS[kind] for kind in kinds}
+        places = {str(name): i for i, name in enumerate(matrix.problem.values)}
+        for row, name in enumerate(gradients.problem.values):
+            for k in range(gradients.sizes["way"]):
+                look = _GRADIENTS[kinds[int(gradients.verdict[row, k])]]
+                cell(places[str(name)], trials + 1 + k, look, float(gradients.error[row, k]))
+    axes.imshow(colours, aspect="auto", interpolation="none")
+    axes.set_xticks(range(columns), labels, rotation=60, ha="left", fontsize=6)
     axes.xaxis.tick_top()
     axes.set_yticks(range(rows), matrix.words.values, fontsize=6)
     axes.tick_params(length=0)
@@ -73,12 +106,12 @@ def draw(matrix):
     axes.tick_params(which="minor", length=0)
     patches = [
         Patch(
-            facecolor=_LOOKS[name][1],
+            facecolor=colour,
             edgecolor="#4D4D4D",
             linewidth=0.4,
-            label=_WORDS.get(name, f"{_LOOKS[name][0]}: {name.replace('_', ' ')}"),
+            label=_WORDS.get(name, f"{letter}: {name.replace('_', ' ')}"),
         )
-        for name in names
+        for name, (letter, colour) in looks.items()
     ]
     if brief.any():
         patches.append(Patch(alpha=0.0, label="*: fewer periods"))

@@ -65,8 +65,9 @@ class LoadSharingPair(WithPair):
     stiffness: Any = "energy"
     coupling: float = 1.0
     deviation: PathTable | None = None
-    pitch_errors: tuple = (0.0,)
+    pitch_errors: tuple | None = None
 
+    by_default = {"pitch_errors": lambda model: model.drawing.pitch_errors}
     mathematics = {"exact": "tooth_pairs"}
     references = (
         "Harris: Proc. Inst. Mech. Eng. 172 (1958) 87-112; "
@@ -82,7 +83,7 @@ class LoadSharingPair(WithPair):
             if not isinstance(value, kind):
                 raise ValueError(f"{name} = {value!r} is not allowed: it must be a {words}")
         checks.integer("phases", self.phases, 8)
-        errors = tuple(checked_errors(self.pitch_errors).tolist())
+        errors = tuple(checked_errors(self.drawing, self.pitch_errors).tolist())
         object.__setattr__(self, "pitch_errors", errors)
         self._pairs(np.zeros(1), np.zeros(1))
 
@@ -95,7 +96,7 @@ class LoadSharingPair(WithPair):
         stiffness="energy",
         coupling=1.0,
         deviation=None,
-        pitch_errors=(0.0,),
+        pitch_errors=None,
         **options,
     ):
         """Return the pair of two drawn gears, its scales from the same mesh stiffness.
@@ -144,11 +145,9 @@ class LoadSharingPair(WithPair):
                 f"pitch_errors = {self.pitch_errors!r} is not allowed: it must have one value, "
                 "where one mesh period stands for all"
             )
-        names = ("stiffness", "coupling", "deviation")
-        static = tooth_pairs(
-            self.drawing, phases, **{name: getattr(self, name) for name in names}
-        ).share([0.0, self.load])
-        bare, loaded = static.error
+        bare, loaded = (
+            tooth_pairs(self.drawing, phases, **self._options).share([0.0, self.load]).error
+        )
         phase = math.tau * np.arange(phases) / phases
         profile = Tabulated(tuple(phase), tuple(self.load / (loaded - bare)))
         ratios = zip(
@@ -160,10 +159,13 @@ class LoadSharingPair(WithPair):
             deviation=Harmonics.from_table(phase, -bare, harmonics),
         )
 
-    def _pairs(self, pitches, begun, inside=None):
+    @property
+    def _options(self):
         names = ("stiffness", "coupling", "deviation", "pitch_errors")
-        options = {name: getattr(self, name) for name in names}
-        return pairs_at(self.drawing, pitches, begun, inside, **options)
+        return {name: getattr(self, name) for name in names}
+
+    def _pairs(self, pitches, begun, inside=None):
+        return pairs_at(self.drawing, pitches, begun, inside, **self._options)
 
     @property
     def repeats(self):

@@ -80,6 +80,14 @@ class GearPair(Model):
     teeth: int = 24
 
     one_mesh = True
+    #: The ratios that, with the tuning, decide the motion in static deflections and mesh phase.
+    RATIOS = (
+        "contact_ratio",
+        "stiffness_ratio",
+        "damping_ratio",
+        "backlash_damping_ratio",
+        "backlash_ratio",
+    )
 
     def __post_init__(self):
         def put(name, value):
@@ -231,6 +239,34 @@ class GearPair(Model):
     def backlash_ratio(self):
         """Backlash in static deflections."""
         return self.backlash / self.static_deflection
+
+    def ratio_slopes(self, name):
+        """Return the derivatives of `RATIOS` by a parameter, a list.
+
+        `name` is a field other than teeth, all other fields kept; or a ratio that is no field,
+        all other ratios kept. An infinite backlash stays infinite.
+        """
+        if name in self.RATIOS[2:]:
+            return [float(name == ratio) for ratio in self.RATIOS]
+        contact, kappa = self.contact_ratio, self.stiffness_ratio
+        over_max = mean_over_max(contact, kappa)
+        # Logarithmic: mean stiffness; mass times stiffness, rooted; static deflection.
+        stiffness = {
+            "max_stiffness": 1.0 / self.max_stiffness,
+            "contact_ratio": (1.0 - kappa) / over_max,
+            "stiffness_ratio": (2.0 - contact) / over_max,
+        }.get(name, 0.0)
+        damping = 0.5 * (stiffness + (name == "reduced_mass") / self.reduced_mass)
+        deflection = (name == "load") / self.load - stiffness
+        unit = 2.0 * self.reduced_mass * self.mean_eigenfrequency
+        backlash = self.backlash_ratio if math.isfinite(self.backlash) else 0.0
+        return [
+            float(name == "contact_ratio"),
+            float(name == "stiffness_ratio"),
+            (name == "material_damping") / unit - self.damping_ratio * damping,
+            (name == "backlash_damping") / unit - self.backlash_damping_ratio * damping,
+            (name == "backlash") / self.static_deflection - backlash * deflection,
+        ]
 
     @property
     def tuning_factor_max(self):

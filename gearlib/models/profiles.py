@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import xarray as xr
 
 from gearlib import checks
 from gearlib.models.harmonics import Harmonics
@@ -203,6 +202,9 @@ class Tabulated:
             columns = list(rows[0]) if rows else []
             table = {name: [row[name] for row in rows] for name in columns}
         else:
+            # Imported here: a start of the workflow with drawn gears needs no datasets.
+            import xarray as xr
+
             with xr.open_dataset(path) as dataset:
                 table = {name: dataset[name].values.tolist() for name in dataset.variables}
         for name in (phase, stiffness):

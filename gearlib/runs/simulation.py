@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
-from gearlib import checks
+from gearlib import checks, integrators
 from gearlib.data import contact_states, provenance, status, summary
 from gearlib.data.variables import describe
 from gearlib.kernels import orbit
@@ -27,6 +27,7 @@ def simulate(
     method=None,
     options=None,
     max_events=MAX_EVENTS,
+    sensitivities=(),
 ):
     """Run a gear pair at one tuning and record the end of the run.
 
@@ -60,6 +61,12 @@ def simulate(
         Options of the method, see `gearlib.methods`.
     max_events : int
         Most phases of contact and flights in one mesh period before the run gives up.
+    sensitivities : sequence of str, optional
+        By what to differentiate, for a `GearPair` by method "exact": its fields max_stiffness,
+        stiffness_ratio, contact_ratio, reduced_mass, load, backlash, material_damping and
+        backlash_damping, in SI units, all others and the tuning kept; its ratios damping_ratio,
+        backlash_damping_ratio and backlash_ratio, all other ratios kept; tuning,
+        initial_displacement, initial_velocity.
 
     Returns
     -------
@@ -71,7 +78,11 @@ def simulate(
         periods. Scalars: final_state (component), the orbit summary described at
         `gearlib.sweep`, evaluations (of the right-hand side in the whole run), the scales to SI,
         and status. When status is not 0, the run could not go
-        on: all results are NaN and ``status.attrs["message"]`` says what to do.
+        on: all results are NaN and ``status.attrs["message"]`` says what to do. With
+        `sensitivities` also ``d_<variable>_d_<parameter>``, exact derivatives of displacement,
+        velocity, acceleration, dynamic_force, final_state, the extrema, the fractions of time,
+        event_phase and event_velocity; and sensitivity_status: 1 where the motion grazes a flank
+        line, with NaN for such an event, 2 where a start on a flank line has one side only.
 
     Raises
     ------
@@ -83,6 +94,11 @@ def simulate(
     Hortel, Skuderova: Engineering Mechanics 14 (2007) 91-104, Eq. (1)-(3).
     """
     tuning = tuning_of(pair, tuning, speed)
+    if sensitivities:
+        from gearlib.runs import sensitivities as derivatives
+
+        chosen = integrators.choose(pair, method, options)[0]
+        sensitivities = derivatives.check(pair, sensitivities, chosen)
     ran = run(
         pair,
         tuning,
@@ -108,6 +124,12 @@ def simulate(
         "tuning": tuning,
         "evaluations": ran.evaluations,
     }
+    if sensitivities:
+        start = derivatives.directions(pair, sensitivities)[1]
+        sizes, counts = (len(ran.samples), len(ran.events)), (periods, record_periods, max_events)
+        data |= derivatives.variables(
+            pair, tuning, sensitivities, ran.initial_state, start, sizes, *counts, not ran.status
+        )
     coords = {
         "phase": (first + np.arange(len(ran.samples))) * step,
         **pair.coordinates(),

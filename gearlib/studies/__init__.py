@@ -11,6 +11,7 @@ name                    responsibility
 ``certificates``        what is proven of the paper's orbits
 ``nonlinear_damping``   equivalent linear, quadratic and cubic damping side by side
 ``analytic_method``     the paper's analytic method at work, against exact orbits
+``gear_table``          all that a drawing of two gears comes to
 ``dynamic_factor``      dynamic factor of drawn gears over speed, beside ISO 6336-1
 ``mesh_stiffness``      stiffness of drawn gears by every method
 ``rectangle``           what the rectangular stiffness costs

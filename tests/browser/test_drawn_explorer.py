@@ -13,7 +13,7 @@ from bokeh.models import Span
 import gearlib
 from gearlib import config
 from gearlib.geometry import Mesh, SpurGear, TipRelief, optimum_relief
-from gearlib.pages.explorer.drawn import Drawing
+from gearlib.pages.explorer.drawn import START, Drawing
 from gearlib.pages.explorer.drawn_page import DrawnPage, rows
 from tests.geometry.drawings import fzg_c, twenty
 
@@ -67,15 +67,33 @@ def test_sliders_stand_for_the_drawn_gears_of_the_library(drawing, shown):
     assert drawing.pair(setting, gearlib.LoadSharingPair) == teeth
 
 
-def test_tips_and_drawn_centre_distance_of_other_gears_are_kept(mapping):
-    """FZG type C: shortened tips; its centre distance is that without backlash to 5 um."""
-    fzg = fzg_c()
-    drawing = Drawing(mapping, "k1", fzg, 302.0)
+#: FZG type C, whose tips are shortened, as a configuration has it.
+FZG = {
+    "gears": {
+        "pinion": {"teeth": 16, "module": "4.5 mm", "width": "14 mm", "shift": 0.1817,
+                   "tip_diameter": "82.46 mm", "bore": "30 mm"},
+        "wheel": {"teeth": 24, "shift": 0.1715, "tip_diameter": "118.36 mm", "bore": "30 mm"},
+        "centre_distance": "91.5 mm",
+        "backlash": "160 um",
+        "power": "30 kW",
+        "speed": "948 rpm",
+        "stiffness_options": {"application_factor": 1.2},
+    },
+    "dampings": {"k": {"damping_ratio": 0.06, "backlash_damping_ratio": 0.01}},
+}  # fmt: skip
+
+
+def test_gears_of_the_configuration_are_where_the_sliders_start():
+    fzg, drawing = fzg_c(), Drawing(FZG, "k")
     mesh = drawing.mesh(drawing.start)
     for name in ("pinion", "wheel"):
-        own, other = getattr(mesh, name), getattr(fzg, name)
-        assert own.tip_diameter == pytest.approx(other.tip_diameter, rel=1e-11)
+        assert getattr(mesh, name).tip_diameter == getattr(fzg, name).tip_diameter
+    # That without backlash, to the last digit of the drawing and of its shifts.
     assert mesh.centre_distance == pytest.approx(fzg.centre_distance, abs=5e-6)
+    assert (drawing.start.backlash, drawing.start.damping) == pytest.approx((160e-6, 0.06))
+    torque = 30e3 / (948.0 * math.tau / 60.0)
+    # The slider has six digits.
+    assert drawing.start.torque == pytest.approx(torque, rel=5e-6)
     # Tips stay as high above the shifted profile, in modules.
     larger = drawing.mesh(replace(drawing.start, module=5e-3, pinion_shift=0.3)).pinion
     above = [(g.tip_diameter / g.module / 2.0 - g.shift) for g in (larger, fzg.pinion)]
@@ -100,16 +118,33 @@ def test_a_view_shows_what_the_library_computes(drawing, model):
     np.testing.assert_array_equal(seen.motion.up["displacement_max"][:9], up.displacement_max)
 
 
-def test_what_is_saved_computes_the_same_pair(drawing, mapping):
-    setting = replace(drawing.start, module=7e-3, pinion_shift=0.2, torque=170.0, speed=9000.0)
-    saved = config.load(yaml.safe_load(drawing.configuration(setting)))
-    pair = gearlib.GearPair(**saved.pair_parameters("k1"))
-    assert pair == drawing.pair(setting)
-    assert pair.speed(saved.phase_planes.tunings[0]) == pytest.approx(9000.0)
-    # The bodies and dampings of the paper's pair would not fit the gears.
-    assert list(saved.dampings) == ["k1"]
-    own, other = (config.load(m).six_degrees.masses for m in (mapping, saved.model_dump()))
-    assert own != other
+@pytest.mark.parametrize("drawn", [None, FZG], ids=["start", "configuration"])
+def test_what_is_saved_draws_what_is_seen(mapping, drawn):
+    whole, damping = (mapping, "k1") if drawn is None else (drawn, "k")
+    drawing = Drawing(whole, damping)
+    start = drawing.start
+    changes = {"module": 0.9 * start.module, "wheel_shift": 0.25, "torque": 170.0, "speed": 9000.0}
+    for relief in (0.0, 7e-6):
+        setting = replace(start, **changes, relief=relief)
+        saved = config.load(yaml.safe_load(drawing.configuration(setting)))
+        # What is derived and saved is rounded to twelve digits.
+        mesh = drawing.mesh(setting)
+        again = saved.gears.mesh()
+        assert again.centre_distance == pytest.approx(mesh.centre_distance, rel=1e-11)
+        assert again.backlash == mesh.backlash
+        for name in ("pinion", "wheel"):
+            own, other = getattr(again, name), getattr(mesh, name)
+            assert replace(own, tip_relief=None) == replace(other, tip_relief=None)
+            if relief:
+                assert own.tip_relief.amount == relief
+                assert own.tip_relief.length == pytest.approx(other.tip_relief.length, rel=1e-11)
+        pair = gearlib.GearPair(**saved.pair_parameters(damping))
+        assert pair.as_dict() == pytest.approx(drawing.pair(setting).as_dict(), rel=1e-11)
+        assert pair.speed(saved.phase_planes.tunings[0]) == pytest.approx(9000.0)
+        # The bodies and dampings of other gears would not fit these.
+        assert list(saved.dampings) == [damping]
+        bodies = saved.six_degrees
+        assert bodies.masses[0] == pytest.approx(6.0 * pair.reduced_mass, rel=1e-11)
 
 
 def _numbers(shown):
@@ -271,9 +306,9 @@ def _refused(shown, sentence):
     assert "\n" not in shown.note.object
 
 
-def test_too_small_a_contact_ratio_is_said_too(mapping, shown):
-    short = SpurGear(teeth=20, module=0.01, width=0.03, tip_diameter=0.2125)
-    other = DrawnPage(mapping, "k1")
-    other.drawing = Drawing(mapping, "k1", Mesh(short, short))
+def test_too_small_a_contact_ratio_is_said_too():
+    short = {**START, "pinion": {**START["pinion"], "tip_diameter": 0.2125}}
+    short["wheel"] = {"teeth": 20, "tip_diameter": 0.2125}
+    other = DrawnPage({"gears": short, "dampings": FZG["dampings"]}, "k")
     other.sliders["wheel_shift"].value = 0.4
     _refused(other, r"contact_ratio = 0\.\d+ is not allowed: it must be >= 1")

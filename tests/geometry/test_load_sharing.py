@@ -233,6 +233,24 @@ def test_each_pair_has_its_own_pitch_error():
     np.testing.assert_allclose(both, deflection / 2.0 + mean, rtol=1e-12)
 
 
+def test_pitch_errors_of_the_gears_meet_again_after_all_their_teeth():
+    mesh = fzg_c()
+    rng = np.random.default_rng(0)
+    pinion, wheel = (tuple(rng.uniform(0.0, 5e-6, z)) for z in (16, 24))
+    drawn = dataclasses.replace(
+        mesh,
+        pinion=dataclasses.replace(mesh.pinion, pitch_errors=pinion),
+        wheel=dataclasses.replace(mesh.wheel, pitch_errors=wheel),
+    )
+    found = drawn.transmission_error(TORQUE, phases=8, stiffness=CONSTANT)
+    middles = math.pi + math.tau * np.arange(48)
+    single = found.transmission_error[0].sel(phase=middles, method="nearest")
+    expected = mesh.load(TORQUE) / C + np.tile(pinion, 3) + np.tile(wheel, 2)
+    np.testing.assert_allclose(single, expected, rtol=1e-12)
+    one = dataclasses.replace(drawn, wheel=mesh.wheel)
+    assert one.pitch_errors == pinion and mesh.pitch_errors == (0.0,)
+
+
 def test_what_the_shared_body_changes():
     """Without it, or in single contact, a pair yields alone."""
     mesh = twenty()
@@ -287,6 +305,16 @@ REFUSED = {
     "deviation": (lambda: error(deviation=1e-5), "deviation = 1e-05 ", "a PathTable"),
     "pitch errors": (lambda: error(pitch_errors=[math.inf]), "pitch_errors[0] = inf ", "finite"),
     "one pitch error": (lambda: error(pitch_errors=1e-6), "pitch_errors = 1e-06 ", "a sequence"),
+    "pitch errors of a gear": (
+        lambda: SpurGear(teeth=20, module=4e-3, width=0.02, pitch_errors=(1e-6,)),
+        "pitch_errors = (1e-06,) ",
+        "20 numbers",
+    ),
+    "pitch error of a tooth": (
+        lambda: SpurGear(teeth=20, module=4e-3, width=0.02, pitch_errors=(0,) * 19 + ("a",)),
+        "pitch_errors[19] = 'a' ",
+        "finite",
+    ),
     "no pitch errors": (lambda: error(pitch_errors=()), "pitch_errors = () ", "at least one"),
     "helical": (
         lambda: iso_example().transmission_error(TORQUE),

@@ -1,5 +1,6 @@
 """Pairs of teeth that touch one by one: closed forms, scipy event by event, limits, refusals."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -248,6 +249,15 @@ def test_at_small_error_the_stiffness_at_the_load_suffices():
             theirs.dynamic_force_max.item(), rel=0.02
         )
         assert abs(theirs.dynamic_force_max - 1.0) > 0.03
+
+
+def test_other_gears_bring_their_pitch_errors():
+    mesh = fzg_c()
+    model = LoadSharingPair.from_geometry(mesh, **OPTIONS)
+    gear = dataclasses.replace(mesh.pinion, pitch_errors=(1e-6, 0.0) * 8)
+    other = model.replace(drawing=dataclasses.replace(mesh, pinion=gear))
+    assert (model.repeats, other.repeats) == (1, 16)
+    assert other.replace(pitch_errors=(0.0,)).repeats == 1
 
 
 def make(**changes):

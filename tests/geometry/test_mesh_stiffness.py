@@ -279,6 +279,14 @@ def test_helical_stiffness_is_the_average_over_the_face(method, width):
         assert len(table.phase) == 4
 
 
+@pytest.mark.parametrize("width", [0.003, 0.02, 0.06, 0.1, 0.15, 0.25])
+def test_the_rectangle_of_helical_gears_is_that_of_their_table(width):
+    found = iso_example(width=width).stiffness("iso")
+    ratios = found.max_stiffness, found.stiffness_ratio, found.contact_ratio
+    # Extrema and mean of the trapezoid, by another way.
+    assert ratios == pytest.approx(found.profile.ratios(), rel=1e-9)
+
+
 def test_a_whole_overlap_ratio_leaves_a_constant_stiffness():
     width = math.pi * 8e-3 / math.sin(math.radians(15.8))
     found = iso_example(width=width).stiffness("iso")

@@ -119,11 +119,13 @@ def propagate(
     tuning,
     periods,
     initial_state=(0.0, 0.0),
+    arcs=None,
 ):
     """Return (x, v, events) after `periods` mesh periods from tau = 0.
 
     `events` is a list of (phase, contact before, contact after, v). A start on a flank line
-    belongs to where the motion goes, without an event; the load pulls up.
+    belongs to where the motion goes, without an event; the load pulls up. `arcs` is a list to which
+    (mesh period, arc, duration, contact, stiffness over the mean) of all arcs are added.
     """
     eps, kappa, beta, beta_m, s, nu = (
         mpf(p)
@@ -169,6 +171,9 @@ def propagate(
                     hit = arc.first_crossing(line, direction, left)
                     if hit is not None:
                         hits.append((*hit, line, target))
+                if arcs is not None:
+                    lasts = min(hits)[0] if hits else left
+                    arcs.append((n, arc, lasts, contact, c))
                 if not hits:
                     x, v = arc.at(left)
                     if contact == -1:

@@ -54,8 +54,11 @@ class Dual:
 
     @property
     def interval(self):
-        """The interval, without derivatives."""
         return self.value.interval if isinstance(self.value, Dual) else self.value
+
+    @property
+    def middle(self):
+        return float(self.interval.mid)
 
     def __gt__(self, number):
         return self.interval.a > number
@@ -170,10 +173,10 @@ class Claim:
             marks.append((Dual(half + n * turn), "low"))
             marks.append((Dual((n + 1) * turn - half), "high"))
         marks.append((self.start + periods * turn, "end"))
-        marks.sort(key=lambda mark: _middle(mark[0]))
+        marks.sort(key=lambda mark: mark[0].middle)
         low, contact, found = not half.b > 0, self.claim["pattern"][0], []
         for phase, what in marks:
-            if _middle(phase) > _middle(self.start):
+            if phase.middle > self.start.middle:
                 found.append((phase, contact, low, what))
             if what == "end":
                 return found
@@ -310,8 +313,9 @@ class Claim:
         given = [iv.mpf(self.claim[name]) for name in ("trace", "determinant")]
         (p, q), (r, s) = [[iv.mpf(part) for part in one] for one in self.claim["multipliers"]]
         sums = trace, determinant, p + r, p * r - q * s, q + s
-        if not all(map(_meet, sums, [*given, trace, determinant, iv.mpf(0)])):
-            return False
+        for one, two in zip(sums, [*given, trace, determinant, iv.mpf(0)], strict=True):
+            if one.b < two.a or two.b < one.a:
+                return False
         excess = abs(trace) - determinant
         if self.claim["stability"] == "stable":
             return determinant.b < 1 and excess.b < 1
@@ -327,11 +331,9 @@ class _Arc:
         self.mesh, self.given, self.state = mesh, (contact, low, nu), (x, v)
 
     def at(self, t):
-        """Return the state after an interval of phases."""
         return self.mesh.move(*self.given, *self.state, Dual(t))
 
     def bends(self, x, v):
-        """Return x'' from the law of motion."""
         (contact, low, nu), mesh = self.given, self.mesh
         force, drag = Dual(iv.mpf(1)), mesh.material
         if contact == 0:
@@ -374,17 +376,9 @@ def _still(speed):
     return 0 in speed and abs(speed).b < 1e-20
 
 
-def _middle(phase):
-    return float(phase.interval.mid)
-
-
 def _duals(box):
     n = len(box)
     return [Dual(value, [iv.mpf(int(i == j)) for j in range(n)]) for i, value in enumerate(box)]
-
-
-def _meet(a, b):
-    return a.a <= b.b and b.a <= a.b
 
 
 def faults(claim, share=0.25):

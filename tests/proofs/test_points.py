@@ -15,6 +15,7 @@ from gearlib.analysis.orbits.special_points import LABELS
 from tests.paper import PAPER
 from tests.physics.high_precision import propagate
 from tests.proofs.checker import faults
+from tests.proofs.tongues import tongue_faults
 
 MATERIAL = PAPER.replace(material_damping=3953.7)
 
@@ -103,6 +104,13 @@ def test_edges_of_tongues_in_closed_form():
                 assert values[0] * values[1] < 0 and high - low < mpmath.mpf(10) ** -34
             middle = (float(one.start) + float(one.stop)) / 2
             assert abs(trace(PAPER, middle)) > 2
+            claim = json.loads(json.dumps(one.as_dict()))
+            assert tongue_faults(claim) == []
+            # The edge of another tongue, and an edge a little off.
+            assert "growth" in tongue_faults(claim | {"stop": ["1.4", "1.4"], "multiplier": 1})
+            assert tongue_faults(
+                claim | {"start": [claim["start"][0][:-3], claim["start"][0][:-2]]}
+            )
 
 
 def test_damped_tongues_are_narrower_and_closed_ones_are_left_out():
@@ -114,12 +122,16 @@ def test_damped_tongues_are_narrower_and_closed_ones_are_left_out():
 
 def test_a_tongue_holds_one_gap_only(monkeypatch):
     """From the lower edge of order 4 to the upper one of order 2 there is stable motion between."""
-    found = tongues.tongues(PAPER, start=0.45, stop=1.1)
-    joined = found.sel(order=[2]).copy(deep=True)
-    joined["tuning_from"][:] = found.tuning_from.sel(order=4)
-    monkeypatch.setattr(tongues, "tongues", lambda *_, **__: joined)
+    found = {one.order: one for one in tongues.find(PAPER, 0.45, 1.1)}
+    joined = found[2]._replace(start=found[4].start)
+    monkeypatch.setattr(tongues, "find", lambda *_: [joined])
     (refused,) = gearlib.certify_tongues(PAPER)
     assert not refused and refused.status == "tongue"
+
+
+def test_a_range_of_tunings_that_is_none():
+    with pytest.raises(ValueError, match="stop = 0.3 is not allowed: it must be > start = 0.5"):
+        gearlib.certify_tongues(PAPER, start=0.5, stop=0.3)
 
 
 def test_special_points_of_other_models_are_refused():
@@ -208,6 +220,9 @@ def test_ranges_that_are_no_ranges():
     orbit = gearlib.periodic_orbit(MATERIAL, 0.7)
     with pytest.raises(ValueError, match="another tuning"):
         gearlib.certify_range(orbit, to=0.7)
+    # At constant stiffness the mesh rests, whatever the tuning.
+    resting = gearlib.GearPair.from_ratios(contact_ratio=2.0, stiffness_ratio=0.6, damping=0.05)
+    assert gearlib.certify_range(gearlib.periodic_orbit(resting, 0.6), to=0.9).pattern == (1,)
     moved = replace(orbit, state=orbit.state + 1e-6)
     assert gearlib.certify_range(moved, to=0.71).status == "distance"
     other = replace(orbit, pair=gearlib.OneDegreePair(pair=MATERIAL))

@@ -43,6 +43,17 @@ class Stored:
             return high_precision.propagate(*arguments)
         return numbers(self.entries[key])
 
+    def rows(self, function, *arguments):
+        """Return the rows of numbers, tuples, that a function of 50 digits returns."""
+        key = key_of((function.__name__, *arguments))
+        if Stored.recording:
+            self.recorded[key] = [" ".join(map(_text, row)) for row in function(*arguments)]
+        known = self.recorded if Stored.recording else self.entries
+        if key not in known:
+            warnings.warn(f"{self.path.name} lacks {arguments}: make references", stacklevel=2)
+            return function(*arguments)
+        return [tuple(map(mpmath.mpf, row.split())) for row in known[key]]
+
     def write(self):
         """Write what was recorded, one line for each reference."""
         lines = [f"{json.dumps(key)}: {json.dumps(self.recorded[key])}" for key in self.recorded]

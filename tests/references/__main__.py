@@ -10,7 +10,11 @@ import pytest
 
 from tests.references import Stored
 
-MODULES = ["tests/physics/test_accuracy.py", "tests/physics/test_random_meshes.py"]
+MODULES = [
+    "tests/physics/test_accuracy.py",
+    "tests/physics/test_random_meshes.py",
+    "tests/physics/test_sensitivities.py",
+]
 
 
 def main():

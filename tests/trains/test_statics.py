@@ -14,6 +14,9 @@ from tests.paper import PAPER
 from tests.trains.random_trains import planetary_train, random_problem, reducer_train
 from tests.trains.reference import Reference
 
+#: m: a millionth of a millionth of the gaps.
+_NOTHING = 1e-17
+
 
 def by_patterns(train):
     """Return the mesh forces of every pattern of contact that meets all conditions at phase 0."""
@@ -41,7 +44,12 @@ def by_patterns(train):
         for j, code in enumerate(codes):
             near, far = lines[j] @ q + gaps[j, 1], lines[j] @ q + gaps[j, 0]
             forces[j] = levels[j][1] * near if code > 0 else levels[j][0] * far if code < 0 else 0.0
-            fits = {1: near >= 0.0, 0: near < 0.0 < far, -1: far <= 0.0}[code]
+            # A flank that just touches fits either way, up to rounding of the equations.
+            fits = {
+                1: near >= -_NOTHING,
+                0: near < _NOTHING and far > -_NOTHING,
+                -1: far <= _NOTHING,
+            }[code]
             good &= bool(fits) and np.isfinite(forces[j])
         if good:
             found.append(forces)

@@ -28,7 +28,7 @@ def test_each_case_lays_its_keys_over_the_others():
         ({"a b": {}}, "cases.a b is not allowed as a name: it must be"),
         ({"a": 3}, "cases.a = 3 is not allowed: it must be"),
         ({"a": {"gear_pair": {"load": -1}}}, "cases.a: gear_pair.load = -1 is not allowed"),
-        ({"a": {"gears": {}}}, "cases.a: gears = {} is not a known key"),
+        ({"a": {"geers": {}}}, "cases.a: geers = {} is not a known key"),
     ],
 )
 def test_a_wrong_case_is_refused(given, fault):

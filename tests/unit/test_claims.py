@@ -21,6 +21,7 @@ from gearlib.studies.claims.explanations import GRAZING, Facts
 from gearlib.studies.trains import one_mesh
 from tests.paper import PAPER
 from tests.proofs.checker import faults
+from tests.proofs.tongues import tongue_faults
 
 ROOT = Path(__file__).resolve().parents[2]
 DAMPINGS = {
@@ -215,6 +216,7 @@ def test_a_second_program_confirms_what_the_words_rest_on(paper, tmp_path):
     assert len(checked) > 100
     for row in checked[::6]:
         assert faults(row, share=1e-3) == [], row
+    assert all(tongue_faults(row) == [] for row in rows if row["claim"] == "tongue")
 
 
 def test_the_thickness_of_a_line_is_a_touch():

@@ -165,9 +165,29 @@ def test_only_what_a_command_needs_is_asked_for(run, request, tmp_path):
     assert done.exit_code == 0, done.output
     done = run("explore", "--config", config, "--teeth", "1")
     assert done.exit_code == 2 and "is refused" in done.output
-    (tmp_path / "mine.yaml").write_text("cases: {a: {}}", encoding="utf-8")
-    done = run("simulate", "--config", "mine.yaml", "--tuning", "0.8")
-    assert done.exit_code == 2 and "several cases" in done.output
+    for arguments, fault in (
+        (["--config", config, "--case", "a"], "config.yaml has no cases"),
+        (["--case", "a"], "case = 'a' needs a configuration"),
+    ):
+        done = run("simulate", *PAIR, *arguments, "--tuning", "0.8")
+        assert done.exit_code == 2 and fault in done.output
+
+
+def test_one_of_several_cases(run, tmp_path):
+    light = mapping({}) | {"cases": {"light": {"gear_pair": {"load": 1000.0}}, "heavy": {}}}
+    (tmp_path / "mine.yaml").write_text(yaml.safe_dump(light, sort_keys=False), encoding="utf-8")
+    given = ["--config", "mine.yaml", "--tuning", "0.8"]
+    done = run("simulate", *given)
+    assert done.exit_code == 2 and "several cases: give --case, one of light, heavy" in done.output
+    done = run("simulate", *given, "--case", "dark")
+    assert done.exit_code == 2 and "case = 'dark' is not allowed: it must be one of" in done.output
+    done = run("simulate", *given, "--case", "light", "-o", "run.nc")
+    assert done.exit_code == 0, done.output
+    assert xr.load_dataset("run.nc").force_scale == 1000.0
+    light["cases"]["heavy"] = {"gear_pair": {"load": -1.0}}
+    (tmp_path / "mine.yaml").write_text(yaml.safe_dump(light, sort_keys=False), encoding="utf-8")
+    done = run("simulate", *given, "--case", "light")
+    assert done.exit_code == 2 and "cases.heavy: gear_pair.load = -1.0" in done.output
 
 
 def cells(text, first):

@@ -60,7 +60,8 @@ def test_the_configuration_of_the_project_shows_the_defaults():
 
 
 def test_only_the_gears_are_required():
-    assert schema()["required"] == ["gear_pair", "dampings"]
+    assert schema()["required"] == ["dampings"]
+    assert schema()["oneOf"] == [{"required": ["gear_pair"]}, {"required": ["gears"]}]
 
 
 @pytest.mark.parametrize("backlash", [0.0, 60e-6, float("inf")])

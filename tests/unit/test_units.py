@@ -1,8 +1,11 @@
 """Values with units in the configuration."""
 
 import copy
+import math
+from decimal import Decimal
 from pathlib import Path
 
+import pint
 import pytest
 import yaml
 
@@ -31,6 +34,27 @@ PAPER = yaml.safe_load(Path("config.yaml").read_text(encoding="utf-8"))
 )
 def test_a_text_is_the_number_that_it_says(text, unit, value):
     assert units.read(text, unit) == value
+
+
+def test_units_of_drawings_are_those_of_pint():
+    registry = pint.UnitRegistry(non_int_type=Decimal)
+    for (name, unit), factor in units.PLAIN.items():
+        expected = registry.Quantity(Decimal(1), name).to(unit).magnitude
+        # The last of 28 digits of pi is rounded.
+        assert abs(Decimal(factor) / expected - 1) < Decimal("1e-24"), name
+
+
+@pytest.mark.parametrize("text", ["2000 rpm", "2000 min^-1", "2e3rpm"])
+def test_a_speed_counts_turns(text):
+    assert units.read(text, "rpm") == 2000.0
+
+
+@pytest.mark.parametrize(
+    ("text", "speed"),
+    [("50 Hz", 3000.0), ("100 rad/s", 3000.0 / math.pi), ("6 deg/s", 1.0), ("2 turn/s", 120.0)],
+)
+def test_a_speed_in_other_units(text, speed):
+    assert units.read(text, "rpm") == pytest.approx(speed, rel=1e-15)
 
 
 @pytest.mark.parametrize(

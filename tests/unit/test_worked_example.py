@@ -1,6 +1,5 @@
 """The worked example runs as it stands, and its text says what it computes."""
 
-import copy
 import re
 from pathlib import Path
 
@@ -38,7 +37,7 @@ def example(tmp_path_factory):
 
 def test_every_block_prints_what_stands_below_it(example):
     _, _, printed = example
-    assert len(printed) == 6
+    assert len(printed) == 4
     assert printed == blocks("text")
 
 
@@ -53,16 +52,11 @@ def test_numbers_in_the_text_are_printed_ones(example):
 
 def test_the_drawing_gives_the_published_geometry(example):
     _, names, _ = example
-    assert names["epsilon"] == pytest.approx(1.44, abs=0.005)
-    assert names["alpha_w"] * 180.0 / names["np"].pi == pytest.approx(22.44, abs=0.005)
-    assert names["x_sum"] == pytest.approx(names["x"].sum(), abs=5e-5)
-
-
-def test_the_mean_stiffness_is_that_of_the_page(example):
-    _, names, _ = example
-    single = names["c"] * names["b"] * 1e6
-    assert names["pair"].mean_stiffness == pytest.approx(single * names["epsilon"], rel=1e-12)
-    assert names["pair"].damping_ratio == pytest.approx(0.06, rel=1e-12)
+    mesh = names["mesh"]
+    assert mesh.contact_ratio == pytest.approx(1.44, abs=0.005)
+    assert names["degrees"](mesh.working_pressure_angle) == pytest.approx(22.44, abs=0.005)
+    # Shifts of four digits.
+    assert names["nominal"].centre_distance == pytest.approx(mesh.centre_distance, abs=5e-7)
 
 
 def test_the_figure_is_drawn(example):
@@ -78,16 +72,12 @@ def test_the_figure_is_drawn(example):
 def test_the_configuration_is_accepted_and_the_same_pair(example):
     _, names, _ = example
     (block,) = blocks("yaml")
-    settings = yaml.safe_load((ROOT / "config.yaml").read_text(encoding="utf-8"))
-    for section, values in copy.deepcopy(yaml.safe_load(block)).items():
-        if isinstance(values, dict):
-            assert values.keys() <= settings[section].keys()
-            settings[section].update(values)
-        else:
-            settings[section] = values
-    config = load(settings)
+    # It stands by itself.
+    config = load(yaml.safe_load(block))
     assert config.targets == ["resonance", "phase_planes"]
     assert config.periods >= 300
     configured = GearPair(**config.pair_parameters("k1+k1m"))
     for name, value in names["pair"].as_dict().items():
-        assert getattr(configured, name) == pytest.approx(value, rel=5e-5), name
+        # The backlash has four digits in the block.
+        tolerance = 1e-4 if name == "backlash" else 1e-11
+        assert getattr(configured, name) == pytest.approx(value, rel=tolerance), name

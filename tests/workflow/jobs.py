@@ -82,6 +82,9 @@ EXPERIMENTS = {
         {"draw_one_mesh": 1},
         with_k1={"one_mesh": 1, "one_mesh_table": 1, "assumption": 1},
     ),
+    "train_sweep": Experiment(
+        {"train_sweep": 1}, {"draw_train_sweep": 1}, with_k1={"train_sweep": 1}
+    ),
     "campbell": Experiment(
         {"campbell": 1, "campbell_table": 1},
         {"draw_campbell": 1},
@@ -100,7 +103,7 @@ EXPERIMENTS = {
     "relief_dynamics": Experiment({"relief_dynamics": 1}, {"draw_relief_dynamics": 1}),
     # Two methods each.
     "failures": Experiment(
-        {"trial": 2, "gather_failures": 1}, {"draw_failures": 1}, simulates=True
+        {"trial": 2, "gather_failures": 1, "gradients": 1}, {"draw_failures": 1}, simulates=True
     ),
     "work_precision": Experiment(
         {

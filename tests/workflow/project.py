@@ -6,8 +6,11 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import get_args
 
 import yaml
+
+from gearlib.config.model import Target
 
 ROOT = Path(__file__).resolve().parents[2]
 COPIED = ["Snakefile", "config.yaml", "gearlib", "profiles", "workflow"]
@@ -90,5 +93,7 @@ def small_project(folder):
             shutil.copy2(source, folder / name)
     project = Project(folder)
     small = yaml.safe_load((ROOT / "tests/workflow/small.yaml").read_text(encoding="utf-8"))
+    # Those that nobody gets unasked too.
+    small["targets"] = [*get_args(Target)]
     project.configure(lambda settings: merge(settings, small))
     return project

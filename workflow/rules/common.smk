@@ -203,6 +203,11 @@ def trial_names():
     return [trial.name for trial in CONFIG.failures.trials if installed(trial.method)]
 
 
+def gradient_ways():
+    """Return the ways to differentiate whose packages are installed."""
+    return [way for way in CONFIG.failures.gradients if installed(way)]
+
+
 def jump_by_method_files():
     """Return the files of all methods."""
     methods = CONFIG.jump_by_method.methods

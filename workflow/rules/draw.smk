@@ -127,10 +127,15 @@ DRAWINGS = {
     ),
     "failures": Drawing(
         "failures.draw",
-        {"matrix": rules.gather_failures.output.dataset},
+        {
+            "matrix": rules.gather_failures.output.dataset,
+            "gradients": rules.gradients.output.dataset,
+        },
         {"failures": "Failures: difficult problems against methods"},
         METHODS,
-        absent=absent([trial.method for trial in CONFIG.failures.trials]),
+        absent=absent(
+            dict.fromkeys([t.method for t in CONFIG.failures.trials] + CONFIG.failures.gradients)
+        ),
     ),
     "work_precision": Drawing(
         "work_precision.draw",
@@ -202,6 +207,12 @@ DRAWINGS = {
         "train_chart.draw",
         {"chart": rules.train_chart.output.dataset},
         {"train_chart": "Planetary train: instability tongues"},
+        TRAINS,
+    ),
+    "train_sweep": Drawing(
+        "train_sweep.draw",
+        {"curves": rules.train_sweep.output.dataset},
+        {"train_sweep": "The train of the configuration over speed"},
         TRAINS,
     ),
     "dynamic_factor": Drawing(

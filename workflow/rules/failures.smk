@@ -1,4 +1,4 @@
-"""Failures: difficult problems against methods, a job for each method, one matrix."""
+"""Failures: difficult problems against methods, a job for each method, one matrix; gradients."""
 
 
 use rule job as trial with:
@@ -27,3 +27,18 @@ use rule job as gather_failures with:
     params:
         script="gather",
         gather="gather_failures",
+
+
+use rule job as gradients with:
+    pathvars:
+        job="gradients",
+    input:
+        kernels=rules.compile_kernels.output.stamp,
+        larger_kernels=rules.compile_larger_kernels.output.stamp,
+        sources=function_sources("gearlib.studies.trials.gradients:compute"),
+    output:
+        dataset="results/gradients.nc",
+    params:
+        script="compute",
+        function="gearlib.studies.trials.gradients:compute",
+        ways=gradient_ways(),

@@ -63,6 +63,22 @@ use rule job as one_mesh_table with:
         function="gearlib.studies.trains.one_mesh:write_csv",
 
 
+use rule job as train_sweep with:
+    pathvars:
+        job="train_sweep",
+    input:
+        train_kernels=rules.compile_train_kernels.output.stamp,
+        sources=function_sources("gearlib.studies.trains.over_speed:compute"),
+    output:
+        dataset="results/train_sweep.nc",
+    params:
+        script="compute",
+        function="gearlib.studies.trains.over_speed:compute",
+        train=canonical(CONFIG.train_parameters(CONFIG.train_sweep.damping)),
+        tunings=grid_of(CONFIG.train_sweep),
+        settings=canonical(CONFIG.train_sweep.model_dump(exclude={"damping", *GRID})),
+
+
 # Apart from the paper's statements, which need no gear train.
 use rule job as assumption with:
     pathvars:

@@ -11,5 +11,6 @@ module                responsibility
 ``continuation``      `continue_orbit`, `switch_branch`: branches of orbits
 ``touching``          how far an orbit's turning points lie from the flank lines
 ``loci``              `locus`: folds and grazings over two parameters
+``sensitivities``     derivatives of orbits, multipliers and folds by parameters
 ====================  =========================================================
 """

@@ -1,8 +1,9 @@
 """The points of a branch of periodic orbits, and the equation that they solve.
 
 Unknowns are the state at tau = 0, without free rotation, and the parameter. The residual and its
-derivative by the state are those of shooting, exact; the derivative by the parameter is a central
-difference, which decides how fast Newton's method converges, not where to.
+derivative by the state are those of shooting, exact. The derivative by the parameter is exact where
+the motion has closed forms; elsewhere it is a central difference, which decides how fast Newton's
+method converges, not where to.
 """
 
 from dataclasses import dataclass
@@ -10,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from gearlib.analysis.orbits.parameters import with_parameter
+from gearlib.analysis.orbits.parameters import directions, with_parameter
 from gearlib.analysis.orbits.shooting import (
     RESIDUAL,
     Orbit,
@@ -52,8 +53,7 @@ class Evaluation:
         n, y, units = len(self.matrix), self.y, self.problem.units
         jacobian = np.empty((n, y.size))
         jacobian[:, :n] = (self.matrix - np.eye(n)) * units[:n] / units[:n, None]
-        for column in range(n, y.size):
-            jacobian[:, column] = self.problem.slope(y, column)
+        jacobian[:, n:] = self.problem.slopes(y) / units[:n, None] * units[n:]
         return jacobian
 
 
@@ -125,8 +125,20 @@ class Shooting:
         residual = size_of(miss, z, tuning)
         return Evaluation(self, y, miss / self.units[: miss.size], residual, matrix)
 
-    def slope(self, y, column):
-        """Return the derivative of the scaled residuals by a scaled parameter, shape (n,)."""
+    def slopes(self, y):
+        """Return the derivatives of the residuals by the parameters, shape (n, parameters)."""
+        pair, tuning, z = self.model(y)
+        propagator, n = self.propagator(pair, tuning), len(self.reduce)
+        if propagator.tangents is None:
+            return np.column_stack([self._difference(y, column) for column in range(n, y.size)])
+        tangents = np.zeros((z.size, len(self.names)))
+        along = directions(self.names)
+        code = propagator.tangents(z, along, tangents, self.period, self.max_events)
+        if code != status.OK:
+            raise Lost(f"the motion could not go on: {status.MESSAGES[code]}")
+        return self.reduce @ tangents
+
+    def _difference(self, y, column):
         ends, steps = [], []
         for step in (-_DIFFERENCE, _DIFFERENCE):
             moved = y.copy()
@@ -138,8 +150,7 @@ class Shooting:
                 moved[column] = y[column]
                 ends.append(self._end(moved)[2])
             steps.append(moved[column])
-        change = self.reduce @ (ends[1] - ends[0])
-        return change / (steps[1] - steps[0]) / self.units[: change.size]
+        return self.reduce @ (ends[1] - ends[0]) / (steps[1] - steps[0]) / self.units[column]
 
 
 @dataclass(frozen=True)
@@ -205,7 +216,11 @@ def _cyclic(events, summary, lines):
     if not len(events):
         middle = 0.5 * (summary[..., columns.X_MAX] + summary[..., columns.X_MIN])
         return "".join(_LETTERS[code] for code in resting(middle, middle, *lines))
-    letters = [_LETTERS[int(code)] for code in events[:, columns.EVENT_TO]]
+    codes = events[:, columns.EVENT_TO]
+    if events.shape[1] == columns.EVENT_COLUMNS and events[0, columns.EVENT_FROM] != codes[-1]:
+        # It begins on a flank line to rounding: one of two events next to tau = 0 is missing.
+        codes = np.append(codes, events[0, columns.EVENT_FROM])
+    letters = [_LETTERS[int(code)] for code in codes]
     if events.shape[1] > columns.EVENT_COLUMNS:
         times = 2.0 * np.pi * events[:, columns.EVENT_PERIOD] + events[:, columns.EVENT_PHASE]
         at_once = np.cumsum(np.diff(times, prepend=times[0]) > _AT_ONCE)

@@ -16,6 +16,7 @@ from functools import partial
 import numpy as np
 
 from gearlib import checks
+from gearlib.analysis import tongues
 from gearlib.analysis.orbits import special_points as special
 from gearlib.analysis.orbits.continuation import restored
 from gearlib.analysis.orbits.touching import lines, turning_points
@@ -101,21 +102,18 @@ def certify_tongues(pair, *, start=0.3, stop=3.0, digits=30):
     ImportError
         Without python-flint.
     """
-    from gearlib.analysis.tongues import tongues
-
     digits = checks.integer("digits", digits, 10, 300)
-    found = tongues(pair, start=start, stop=stop)
-    rows = zip(
-        found.order.values.tolist(),
-        found.edge_multiplier.values.tolist(),
-        found.tuning_from.values.tolist(),
-        found.tuning_to.values.tolist(),
-        strict=True,
-    )
+    allowed = f">= {tongues.LEAST_TUNING}"
+    start = checks.number("start", start, allowed, lambda nu: tongues.LEAST_TUNING <= nu < 1e6)
+    stop = checks.number("stop", stop, f"> start = {start!r}", lambda nu: start < nu < 1e6)
+    try:
+        check_pair(pair)
+    except Uncertain as reason:
+        return [Refusal(*reason.args)]
     return [
-        _proven(partial(_tongue, pair, *row, digits), pair, digits)
-        for row in rows
-        if np.isfinite(row[2]) and row[2] < row[3]
+        _proven(partial(_tongue, pair, one, digits), pair, digits)
+        for one in tongues.find(pair, start, stop)
+        if one is not None and one.start < one.stop
     ]
 
 
@@ -267,10 +265,10 @@ def _check_inside(excess, first, last, order):
         todo += [(a, middle, at_first, False), (middle, b, False, at_last)]
 
 
-def _tongue(pair, order, sign, low, high, digits):
+def _tongue(pair, candidate, digits):
     """Return (the `Tongue`, its digits) at the present precision."""
-    arb = flint().arb
-    path = Path(Laws(pair, low), NORMAL, [], 1)
+    arb, order, sign = flint().arb, candidate.order, candidate.multiplier
+    path = Path(Laws(pair, candidate.start), NORMAL, [], 1)
 
     def excess(scale):
         """Return det(M - sign I), < 0 where deviations grow, and its derivative by 1 / nu."""
@@ -282,7 +280,7 @@ def _tongue(pair, order, sign, low, high, digits):
         return [value], [[slope]]
 
     edges, intervals = [], []
-    for tuning in (low, high):
+    for tuning in (candidate.start, candidate.stop):
         box, centre, inverse = _enclosed(system, [1 / arb(tuning)])
         if not abs(1 / box[0] - tuning) < _REACH:
             raise Uncertain("distance", f"no edge of order {order} is where it was looked for")

@@ -124,7 +124,9 @@ class _Range:
         residuals, _ = system(centre)
         steps = [abs(step) for step in krawczyk.times(inverse, residuals)]
         largest = max(step.upper() for step in steps)
-        radii = [(2 * step + largest).upper() for step in steps]
+        # Wider than the enclosures at both ends, where nothing depends on the tuning too.
+        least = flint().arb(2) ** (-_BITS // 2)
+        radii = [(2 * step + largest + least).upper() for step in steps]
         shift = krawczyk.image(system, centre, radii, inverse, residuals)
         if not krawczyk.inside(shift, radii):
             raise Uncertain(*FOLD)

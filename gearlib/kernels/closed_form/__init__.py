@@ -16,6 +16,9 @@ module              responsibility
 ``sections``        states of many orbits at one mesh phase of every period
 ``deviation``       linearised maps of phases and flank crossings
 ``variation``       growth of small deviations over mesh periods
+``tangents``        how derivatives by parameters go along arcs and across events
+``sensitivity``     derivatives of what a run records
+``map_rates``       what the map of small deviations changes by
 ``elementary``      exp, sine and cosine as plain arithmetic
 ==================  =====================================================================
 """

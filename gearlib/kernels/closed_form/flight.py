@@ -38,20 +38,28 @@ def _phi_series(z):
     r = 1.0 / 720.0 - z * r
     r = 1.0 / 120.0 - z * r
     r = 1.0 / 24.0 - z * r
-    r = 1.0 / 6.0 - z * r
-    second = 0.5 - z * r
-    return 1.0 - z * second, second
+    third = 1.0 / 6.0 - z * r
+    second = 0.5 - z * third
+    return 1.0 - z * second, second, third
 
 
 @kernel
 def phi(z):
     """Return (exp(-z), phi1(z), phi2(z)) for z >= 0."""
+    decay, first, second, _ = phis(z)
+    return decay, first, second
+
+
+@inlined
+def phis(z):
+    """Return those of `phi` and phi3(z) = (1/2 - phi2(z)) / z."""
     if z < _SERIES_BELOW:
-        first, second = _phi_series(z)
-        return 1.0 - z * first, first, second
+        first, second, third = _phi_series(z)
+        return 1.0 - z * first, first, second, third
     gone = -math.expm1(-z)
     first = gone / z
-    return 1.0 - gone, first, (1.0 - first) / z
+    second = (1.0 - first) / z
+    return 1.0 - gone, first, second, (0.5 - second) / z
 
 
 @kernel

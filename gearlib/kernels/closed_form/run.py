@@ -6,7 +6,13 @@ from gearlib.kernels import orbit
 from gearlib.kernels.arrays import copy
 from gearlib.kernels.closed_form.event_by_event import ARC_COLUMNS, within_range
 from gearlib.kernels.closed_form.mesh import contact_of
-from gearlib.kernels.closed_form.settled import after_repeats, look_for_rest, not_settled, repeat_of
+from gearlib.kernels.closed_form.settled import (
+    NEAR,
+    after_repeats,
+    look_for_rest,
+    not_settled,
+    repeat_of,
+)
 from gearlib.kernels.closed_form.whole_periods import (
     AHEAD,
     KEPT,
@@ -18,7 +24,7 @@ from gearlib.kernels.closed_form.whole_periods import (
 from gearlib.kernels.codes import EVENT_LIMIT, OK, OVERFLOW
 from gearlib.kernels.jit import inlined, kernel
 
-_FIRST_ARCS = 32
+FIRST_ARCS = 32
 #: Periods between two looks at whether a run has settled; after each attempt to prove it twice as
 #: many pass as after the one before.
 _LOOK = 8
@@ -84,7 +90,7 @@ def skip(m, work, contact, x, v, periods, limit):
             return contact, x, v, status, 0, False
         if settled.repeat > 0 or n < look:
             continue
-        repeat = repeat_of(m, work, n)
+        repeat = repeat_of(m, work, n, NEAR)
         if repeat == 0 or periods - n < repeat:
             continue
         contact, x, v, count, settled = look_for_rest(m, work, n, contact, x, v, repeat, limit)
@@ -161,7 +167,7 @@ def run_at(m, work, x, v, periods, record_periods, samples, events, limit, summa
     # Of a settled orbit one repeat is gone through.
     seen = repeat if on_orbit and record_periods % repeat == 0 else record_periods
     found = 0
-    arcs = np.empty((_FIRST_ARCS, ARC_COLUMNS))
+    arcs = np.empty((FIRST_ARCS, ARC_COLUMNS))
     previous = contact
     for i in range(seen):
         n = unseen + i

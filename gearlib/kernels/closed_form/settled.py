@@ -65,13 +65,14 @@ def _size(m, x, v):
 
 
 @kernel
-def repeat_of(m, work, n):
+def repeat_of(m, work, n, share):
     """Return the smallest p for which the state after n periods is that of p periods before.
 
-    The states are compared within `NEAR`; 0 if there is none.
+    The states are compared within `share` of their size, or of a static deflection if that is
+    larger; 0 if there is none.
     """
     x, v = work.states[n % KEPT, 0], work.states[n % KEPT, 1]
-    near = NEAR * max(1.0, _size(m, x, v))
+    near = share * max(1.0, _size(m, x, v))
     for p in range(1, min(n, MAX_PERIOD) + 1):
         row = (n - p) % KEPT
         if abs(work.states[row, 0] - x) <= near and m.tuning * abs(work.states[row, 1] - v) <= near:
@@ -122,7 +123,8 @@ def clear_of_grazing(m, arcs, count):
 
 
 @inlined
-def _times(a, b):
+def multiplied(a, b):
+    """Return the product a b of two maps by rows."""
     return (
         a[0] * b[0] + a[1] * b[2],
         a[0] * b[1] + a[1] * b[3],
@@ -145,7 +147,7 @@ def sum_of_powers(m, matrix):
     for _ in range(_DOUBLINGS):
         # The sum of twice as many powers is at most the sum times 1 + |power|.
         total *= 1.0 + _norm(m, matrix)
-        matrix = _times(matrix, matrix)
+        matrix = multiplied(matrix, matrix)
     return 2.0 * total if _norm(m, matrix) <= 0.5 else math.inf
 
 
@@ -195,6 +197,6 @@ def after_repeats(settled, k):
     while k > 0:
         if k % 2 == 1:
             x, v = power[0] * x + power[1] * v, power[2] * x + power[3] * v
-        power = _times(power, power)
+        power = multiplied(power, power)
         k //= 2
     return x, v

@@ -54,6 +54,9 @@ class SpurGear:
         Flank tolerance class of ISO 1328-1:2013, from 1 to 11; `pitch_deviation` and
         `form_deviation` need it.
     tip_relief : TipRelief, optional
+    pitch_errors : sequence of float, default none
+        By how much each flank lies back from its place along the line of action, m, tooth after
+        tooth as they come into mesh; as many as teeth.
 
     Raises
     ------
@@ -78,6 +81,7 @@ class SpurGear:
     material: Material = Material()
     quality: int | None = None
     tip_relief: TipRelief | None = None
+    pitch_errors: tuple = ()
 
     def __post_init__(self):
         self._put("teeth", checks.integer("teeth", self.teeth, 3))
@@ -144,6 +148,15 @@ class SpurGear:
             "> 0 is allowed)",
             lambda v: thickness > 0.0,
         )
+        errors = self.pitch_errors
+        if not isinstance(errors, (tuple, list)) or len(errors) not in (0, self.teeth):
+            raise ValueError(
+                f"pitch_errors = {errors!r} is not allowed: it must be {self.teeth} numbers, one "
+                "for each tooth"
+            )
+        named = [(f"pitch_errors[{i}]", error) for i, error in enumerate(errors)]
+        checked = (checks.number(name, one, "finite", math.isfinite) for name, one in named)
+        self._put("pitch_errors", tuple(checked))
         relief = self.tip_relief
         if relief is None:
             return

@@ -76,6 +76,38 @@ def iso_stiffness(mesh, torque=None, application_factor=1.0):
     return IsoStiffness(teeth, theoretical, rack, blank, single, mean)
 
 
+def iso_rectangle(mesh, **options):
+    """Return C_max in N/m, kappa and epsilon of the rectangle that stands for a mesh.
+
+    One pair of teeth has c', each more 0.75 c', so that the mean is c_gamma_alpha. Of helical gears
+    they are extrema and mean of the average over the face, see `gearlib.models.geometry.stiffness`.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    **options
+        Of `iso_stiffness`.
+    """
+    checks.known("stiffness 'iso'", options, ("torque", "application_factor"))
+    # N/(mm um) is 1e9 N/m per m of face width.
+    single = iso_stiffness(mesh, **options).single * 1e9 * mesh.width
+    less = math.floor(mesh.contact_ratio)
+    segment = mesh.contact_ratio - less
+    low, step = single * (0.25 + 0.75 * less), single * 0.75
+    if not mesh.overlap_ratio:
+        return low + step, low / (low + step), 1.0 + segment
+    # What is left of the overlap beside whole periods lies in the upper segment as far as it can,
+    # or as little as it must.
+    whole = math.floor(mesh.overlap_ratio)
+    rest = mesh.overlap_ratio - whole
+    inside = min(rest, segment), max(rest - (1.0 - segment), 0.0)
+    top, bottom = ((whole * segment + part) / mesh.overlap_ratio for part in inside)
+    high, least = low + step * top, low + step * bottom
+    if 1.0 - least / high < 1e-12:  # constant up to rounding, as with a whole overlap ratio
+        return high, 1.0, 1.5
+    return high, least / high, 1.0 + (segment - bottom) / (top - bottom)
+
+
 def _blank_factor(gear):
     """C_R = 1 + ln(b_s / b) / (5 exp(s_R / (5 m_n))) of a web, 1 of a solid disc; ISO 6336-1.
 

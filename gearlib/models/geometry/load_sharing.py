@@ -96,12 +96,12 @@ def _image(compliance, forces):
     return (compliance @ forces[..., None])[..., 0]
 
 
-def tooth_pairs(mesh, phases, *, pitch_errors=(0.0,), **options):
+def tooth_pairs(mesh, phases, *, pitch_errors=None, **options):
     """Return the `ToothPairs` at equal phases; arguments as of `Mesh.transmission_error`."""
     phases = checks.integer("phases", phases, 8)
     # The mesh phase is 0 in the middle of the segment with the most pairs.
     begun = (mesh.contact_ratio - math.floor(mesh.contact_ratio)) / 2.0
-    pitch_errors = checked_errors(pitch_errors)
+    pitch_errors = checked_errors(mesh, pitch_errors)
     pitches = begun + np.arange(pitch_errors.size * phases) / phases
     return pairs_at(mesh, pitches, np.floor(pitches), pitch_errors=pitch_errors, **options)
 
@@ -115,7 +115,7 @@ def pairs_at(
     stiffness="energy",
     coupling=1.0,
     deviation=None,
-    pitch_errors=(0.0,),
+    pitch_errors=None,
 ):
     """Return the `ToothPairs` of a spur mesh; options as of `Mesh.transmission_error`.
 
@@ -145,13 +145,15 @@ def pairs_at(
     gap = relief_gap(mesh, position)
     if deviation is not None:
         gap = gap + deviation.at(position)
-    errors = checked_errors(pitch_errors)
+    errors = checked_errors(mesh, pitch_errors)
     number = begun.astype(int)[:, None] - slots
     return ToothPairs(pitches, position, inside, compliance, gap + errors[number % errors.size])
 
 
-def checked_errors(values):
-    """Return pitch errors as an array, shape (n,), n > 0."""
+def checked_errors(mesh, values=None):
+    """Return pitch errors, by default those of the gears, as an array, shape (n,), n > 0."""
+    if values is None:
+        return np.array(mesh.pitch_errors)
     if np.ndim(values) != 1 or not np.size(values):
         raise ValueError(
             f"pitch_errors = {values!r} is not allowed: it must be a sequence of at least one "

@@ -14,8 +14,7 @@ from dataclasses import dataclass
 from gearlib import checks
 from gearlib.models.geometry.gear import SpurGear
 from gearlib.models.geometry.involute import angle_of, inv
-from gearlib.models.geometry.parameters import pair_parameters
-from gearlib.models.geometry.stiffness import mesh_stiffness
+from gearlib.models.geometry.parameters import pair_parameters, train_parameters
 
 #: Backlash between minus this times the module and 0 is 0: drawings print shifts and distances
 #: rounded to the fourth digit.
@@ -156,6 +155,12 @@ class Mesh:
             inner, outer = outer, inner
         return (outer - inner) / 2.0 - self.centre_distance
 
+    @property
+    def clearances(self):
+        """Bottom clearance c between the tip of pinion and wheel and the root of the other, m."""
+        pinion, wheel = self.pinion, self.wheel
+        return self._clearance(pinion, wheel), self._clearance(wheel, pinion)
+
     def _check_relief(self, name, relief):
         """A pair that carries alone keeps its involutes."""
         if relief is None:
@@ -185,7 +190,8 @@ class Mesh:
     def _set_backlash(self):
         given = self.backlash is not None
         backlash = self.backlash if given else self._geometric_backlash()
-        if not given and -_ROUNDING * self.pinion.module <= backlash < 0.0:
+        module = self.pinion.module
+        if not given and -_ROUNDING * module <= backlash < 1e-12 * module:
             backlash = 0.0
         words = "a finite number >= 0"
         if not given:
@@ -276,6 +282,13 @@ class Mesh:
         return self.phase_of(self.pitch_point)
 
     @property
+    def pitch_errors(self):
+        """By how much successive pairs of teeth touch later, m, until the same teeth meet again."""
+        first, second = (gear.pitch_errors or (0.0,) for gear in (self.pinion, self.wheel))
+        count = math.lcm(len(first), len(second))
+        return tuple(first[i % len(first)] + second[i % len(second)] for i in range(count))
+
+    @property
     def line_backlash(self):
         """Backlash along the transverse line of action j_bt = j_bn / cos(beta_b), m."""
         return self.backlash / math.cos(self.pinion.base_helix_angle)
@@ -308,6 +321,9 @@ class Mesh:
 
     def stiffness(self, method="iso", **options):
         """Return the `MeshStiffness` by a named method; see `mesh_stiffness`."""
+        # Here: a start of the workflow checks drawings without the numerical stack.
+        from gearlib.models.geometry.stiffness import mesh_stiffness
+
         return mesh_stiffness(self, method, **options)
 
     def transmission_error(self, torque, *, phases=256, **options):
@@ -329,8 +345,9 @@ class Mesh:
             How far pairs share the body, from 0 to 1; of a table they do not.
         deviation : PathTable, optional
             Gap over the path of contact beside the tip reliefs, m.
-        pitch_errors : sequence of float, default (0,)
-            By how much successive pairs of teeth touch later, m; repeated after the last.
+        pitch_errors : sequence of float, optional
+            By how much successive pairs of teeth touch later, m; repeated after the last. By
+            default those of the gears.
 
         Returns
         -------
@@ -353,6 +370,10 @@ class Mesh:
     def pair_parameters(self, **options):
         """Return what `GearPair.from_geometry` takes of the mesh, as a dict."""
         return pair_parameters(self, **options)
+
+    def train_parameters(self, **options):
+        """Return what `gearlib.Mesh.from_geometry` takes of the mesh, as a dict."""
+        return train_parameters(self, **options)
 
 
 def _clear(name, value, fits, allowed):

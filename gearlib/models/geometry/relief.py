@@ -7,8 +7,6 @@ teeth touches. Positions are those of `gearlib.models.geometry.mesh`.
 import math
 from dataclasses import dataclass
 
-import numpy as np
-
 from gearlib import checks
 
 #: Exponent of the relief over its length.
@@ -49,6 +47,9 @@ class TipRelief:
 
     def gap(self, from_tip):
         """Return the gap at distances from the tip along the path of contact, m."""
+        # Here and below: a start of the workflow checks drawings without the numerical stack.
+        import numpy as np
+
         inside = np.maximum(1.0 - np.asarray(from_tip) / self.length, 0.0)
         return self.amount * inside ** SHAPES[self.shape]
 
@@ -91,4 +92,6 @@ class PathTable:
 
     def at(self, position):
         """Return the values at positions of the path."""
+        import numpy as np
+
         return np.interp(position, self.position, self.value)

@@ -14,7 +14,7 @@ import numpy as np
 
 from gearlib import checks
 from gearlib.models.geometry.energy import energy_stiffness
-from gearlib.models.geometry.iso import iso_stiffness
+from gearlib.models.geometry.iso import iso_rectangle, iso_stiffness
 from gearlib.models.profiles import Rectangular, Tabulated
 from gearlib.models.stiffness import mean_over_max
 
@@ -97,20 +97,20 @@ def mesh_stiffness(mesh, method="iso", *, samples=64, **options):
     less = math.floor(mesh.contact_ratio)
     segment = mesh.contact_ratio - less
     if method == "iso":
-        checks.known("stiffness 'iso'", options, ("torque", "application_factor"))
-        # N/(mm um) is 1e9 N/m per m of face width.
+        high, ratio, contact = iso_rectangle(mesh, **options)
+        if mesh.overlap_ratio == 0.0:
+            return MeshStiffness(method, high, ratio, contact, Rectangular())
         single = iso_stiffness(mesh, **options).single * 1e9 * mesh.width
         levels = [single * (0.25 + 0.75 * count) for count in (less + 1, less)]
-        rectangle = levels[0], levels[1] / levels[0], 1.0 + segment
         course = _Course([0.0, segment, segment, 1.0], np.repeat(levels, 2))
-    else:
-        checks.known("stiffness 'energy'", options, ("torque", "coupling", "hertz"))
-        course, means = _energy_course(mesh, less, segment, samples, options)
-        rectangle = means[0], means[1] / means[0], 1.0 + segment
+        table = course.over_face(mesh.overlap_ratio).table(segment)
+        return MeshStiffness(method, high, ratio, contact, table)
+    checks.known("stiffness 'energy'", options, ("torque", "coupling", "hertz"))
+    course, means = _energy_course(mesh, less, segment, samples, options)
     if mesh.overlap_ratio > 0.0:
         return _of_table(method, course.over_face(mesh.overlap_ratio).table(segment))
-    profile = Rectangular() if method == "iso" else course.table(segment)
-    return MeshStiffness(method, *rectangle, profile)
+    profile = course.table(segment)
+    return MeshStiffness(method, means[0], means[1] / means[0], 1.0 + segment, profile)
 
 
 def _energy_course(mesh, less, segment, samples, options):

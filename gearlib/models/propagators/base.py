@@ -25,6 +25,16 @@ class Base:
     #: without the mesh; None: not in one call.
     run_many: Callable | None = None
     sections: Callable | None = None
+    #: Derivatives by parameters, where they have closed forms; None: by differences alone.
+    #: ``differentiate(z, directions, tangents, periods, record_periods, limit, samples, events,
+    #: extrema, times)`` fills those of a record, see
+    #: `gearlib.kernels.closed_form.sensitivity.differentiate`; `directions`, shape (k, 6), are what
+    #: `GearPair.RATIOS` and the tuning change by. ``tangents(z, directions, tangents, periods,
+    #: limit)`` takes tangents, shape (2, k), to the end of a run and returns the status;
+    #: ``map_rates``, same arguments, returns (map of all periods, its rates, status).
+    differentiate: Callable | None = None
+    tangents: Callable | None = None
+    map_rates: Callable | None = None
 
     def __init__(self, model, tuning):
         self.model = model

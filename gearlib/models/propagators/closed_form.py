@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gearlib.kernels.closed_form import many_runs, run, sections
+from gearlib.kernels.closed_form import many_runs, map_rates, run, sections, sensitivity
 from gearlib.kernels.closed_form.mesh import mesh
 from gearlib.kernels.closed_form.variation import vary
 from gearlib.models.propagators.base import Base
@@ -20,6 +20,19 @@ def ratios(pair):
             pair.backlash_ratio,
         ]
     )
+
+
+def slopes(pair, directions):
+    """Return what the constants of the mesh change by, shape (k, 8): those of `mesh`, the tuning.
+
+    `directions`, shape (k, 6): the same for `GearPair.RATIOS` and the tuning.
+    """
+    contact, stiffness, *rest = np.transpose(directions)
+    high = levels(pair.contact_ratio, pair.stiffness_ratio)[0]
+    mean = (1.0 - pair.stiffness_ratio) * contact + (2.0 - pair.contact_ratio) * stiffness
+    higher = -high * high * mean
+    lower = pair.stiffness_ratio * higher + high * stiffness
+    return np.column_stack([higher, lower, np.pi * contact, -2.0 * np.pi * contact, *rest])
 
 
 class Propagator(Base):
@@ -46,6 +59,25 @@ class Propagator(Base):
         """Fill the maps; see `Base.vary`."""
         *z[:], code = vary(self.mesh, *z, periods, limit, maps)
         return code
+
+    def differentiate(self, z, directions, tangents, *arguments):
+        """Differentiate a run from z; see `Base.differentiate`."""
+        constants = slopes(self.model, directions)
+        return sensitivity.differentiate(self.mesh, constants, *z, tangents, *arguments)
+
+    def tangents(self, z, directions, tangents, periods, limit):
+        """Take tangents through mesh periods; see `Base.differentiate`."""
+        constants = slopes(self.model, directions)
+        return sensitivity.go_through(self.mesh, constants, *z, tangents, periods, limit)
+
+    def map_rates(self, z, directions, tangents, periods, limit):
+        """Return (map of all periods, its rates, status); see `Base.differentiate`."""
+        matrix, rates = np.empty((2, 2)), np.empty((len(directions), 2, 2))
+        constants = slopes(self.model, directions)
+        *_, code = map_rates.vary_along(
+            self.mesh, constants, *z, tangents, periods, limit, matrix, rates
+        )
+        return matrix, rates, code
 
     def skip(self, states, periods, limit, ends, codes):
         """Take many states on; see `Base.skip`."""

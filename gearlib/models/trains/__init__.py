@@ -15,6 +15,7 @@ module          responsibility
 ``ready_made``  `planetary`, `idler`, `two_stage`
 ``parts``       gears by module and teeth, meshes by a `GearPair`, for these
 ``reducer``     `split_power_reducer`, the paper's Fig. 1 a
+``drawn``       `planetary_set`, sun, planets and ring by their drawing
 ``described``   any of these from the values of a configuration
 ==============  ===================================================================================
 """

@@ -2,9 +2,12 @@
 
 from collections.abc import Callable
 
+from gearlib.models.geometry import mesh as geometry
+from gearlib.models.geometry.described import gear
 from gearlib.models.harmonics import Harmonics
 from gearlib.models.pair import GearPair
 from gearlib.models.trains import ready_made
+from gearlib.models.trains.drawn import planetary_set
 from gearlib.models.trains.elements import Body, Mesh, Shaft
 from gearlib.models.trains.reducer import split_power_reducer
 from gearlib.models.trains.train import GearTrain
@@ -22,11 +25,11 @@ def described(kind, arguments, pair):
     Parameters
     ----------
     kind : str
-        "split_power_reducer", "planetary", "idler", "two_stage" or "own".
+        "split_power_reducer", "planetary", "idler", "two_stage", "planetary_set" or "own".
     arguments : dict
-        Of the function of that name; of "own" bodies, meshes, shafts as dicts, with what else
-        `GearTrain` takes.
-    pair : dict
+        Of the function of that name, gears as dicts; of "own" bodies, meshes, shafts as dicts, with
+        what else `GearTrain` takes.
+    pair : dict or None
         Arguments of `GearPair`, for the trains that are made of one.
 
     Returns
@@ -42,13 +45,37 @@ def described(kind, arguments, pair):
         return _OF_PAIRS[kind](GearPair(**pair), **arguments)
     if kind == "planetary":
         return ready_made.planetary(**arguments)
-    parts: dict[str, Callable] = {"bodies": Body, "shafts": Shaft, "meshes": _mesh}
-    made = {key: [make(**one) for one in arguments[key]] for key, make in parts.items()}
+    if kind == "planetary_set":
+        like = arguments["sun"]
+        gears = {
+            "sun": gear(like),
+            "planet": gear(arguments["planet"], like),
+            "ring": gear(arguments["ring"], like, internal=True),
+        }
+        return planetary_set(**(arguments | gears))
+    drawn = {body["name"]: gear(body["gear"]) for body in arguments["bodies"] if "gear" in body}
+    parts: dict[str, Callable] = {"bodies": _body, "shafts": _shaft, "meshes": _mesh}
+    made = {key: [make(drawn, **one) for one in arguments[key]] for key, make in parts.items()}
     return GearTrain(**(arguments | made))
 
 
-def _mesh(**values):
+def _body(drawn, *, gear=None, **values):
+    name = values.pop("name")
+    return (
+        Body(name=name, **values) if gear is None else Body.from_gear(drawn[name], name, **values)
+    )
+
+
+def _shaft(drawn, **values):
+    return Shaft(**values)
+
+
+def _mesh(drawn, *, stiffness="iso", stiffness_options=None, centre_distance=None, **values):
     for key in ("deviation", "inverse_deviation"):
         if key in values:
             values[key] = Harmonics(**values[key])
-    return Mesh(**values)
+    pinion, wheel = (drawn.get(values[key]) for key in ("pinion", "wheel"))
+    if pinion is None or wheel is None or "max_stiffness" in values:
+        return Mesh(**values)
+    mesh = geometry.Mesh(pinion, wheel, centre_distance)
+    return Mesh.from_geometry(mesh, stiffness=stiffness, options=stiffness_options, **values)

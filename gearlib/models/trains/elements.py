@@ -12,6 +12,17 @@ from gearlib import checks
 from gearlib.models.harmonics import Harmonics
 from gearlib.models.stiffness import mean_over_max
 
+#: Arguments of `Mesh.from_geometry` by which others are derived.
+_OF_DRAWING = (
+    "torque",
+    "damping_ratio",
+    "logarithmic_decrement",
+    "material_damping",
+    "backlash_damping_ratio",
+    "stiffness",
+    "options",
+)
+
 
 @dataclass(frozen=True, kw_only=True)
 class Body:
@@ -99,6 +110,23 @@ class Body:
                 "be 0 for a body without teeth"
             )
 
+    @classmethod
+    def from_gear(cls, gear, name, **more):
+        """Return a drawn gear: its teeth, base radius, mass and inertia.
+
+        Parameters
+        ----------
+        gear : gearlib.geometry.SpurGear
+        name : str
+        **more
+            Other parameters, also in place of these.
+        """
+        own = {"teeth": gear.teeth, "base_radius": gear.base_diameter / 2.0}
+        for key in ("mass", "inertia"):
+            if key not in more:
+                own[key] = getattr(gear, key)
+        return cls(name=name, **(own | more))
+
 
 @dataclass(frozen=True, kw_only=True)
 class Shaft:
@@ -168,7 +196,7 @@ class Mesh:
         is turned counterclockwise.
     phase : float, optional
         By how many of its mesh periods the stiffness comes after that of the reference mesh; by
-        default as tooth numbers and positions have it.
+        default as tooth numbers, positions, `tooth_thickness` and `pitch_phase` have it.
     inverse_phase : float, optional
         The same of the coast-side flanks; by default `phase`.
     backlash : float, default infinite
@@ -184,7 +212,10 @@ class Mesh:
         Coefficients in normal and inverse mesh, >= 0. The force acts on the axes across the line of
         action and reverses at the pitch point and half a mesh period later.
     pitch_phase : float, default 0
-        Phase of this mesh at which the sliding turns from -1 to 1, rad.
+        Phase of this mesh at which teeth touch at the pitch point and the sliding turns from -1 to
+        1, rad.
+    tooth_thickness : pair of float, default (0.5, 0.5)
+        Of pinion and wheel on their working circles, in pitches, in (0, 1).
 
     Raises
     ------
@@ -213,6 +244,7 @@ class Mesh:
     error: float = 0.0
     friction: tuple = (0.0, 0.0)
     pitch_phase: float = 0.0
+    tooth_thickness: tuple = (0.5, 0.5)
 
     def __post_init__(self):
         for name in ("pinion", "wheel"):
@@ -236,6 +268,7 @@ class Mesh:
             if getattr(self, name) is not None:
                 put(name, _finite)
         put.pair("friction", checks.finite_nonnegative)
+        put.pair("tooth_thickness", _number("> 0 and < 1", lambda v: 0.0 < v < 1.0))
         if self.inverse_deviation is None:
             object.__setattr__(self, "inverse_deviation", self.deviation)
         for name in ("deviation", "inverse_deviation"):
@@ -249,6 +282,29 @@ class Mesh:
                 f"line_of_action of mesh {self.name} = {self.line_of_action!r} is not allowed: it "
                 "must be left out where position is given"
             )
+
+    @classmethod
+    def from_geometry(cls, mesh, pinion, wheel, **more):
+        """Return a drawn mesh: stiffness, contact ratio, backlash, pressure angle and phases.
+
+        Parameters
+        ----------
+        mesh : gearlib.geometry.Mesh
+        pinion, wheel : str
+            Names of the bodies.
+        torque : float, optional
+            Of its pinion, N m; matters to "iso" at low load and to the logarithmic contact.
+        damping_ratio, logarithmic_decrement, material_damping : float, optional
+            Damping in contact, one of them at most; ratios are those of both gears by themselves,
+            see `GearPair.from_geometry`.
+        backlash_damping_ratio : float, default 0
+        stiffness, options
+            As of `GearPair.from_geometry`.
+        **more
+            Other parameters, also in place of what is derived.
+        """
+        drawn = {name: more.pop(name) for name in _OF_DRAWING if name in more}
+        return cls(pinion=pinion, wheel=wheel, **(mesh.train_parameters(**drawn) | more))
 
     @property
     def line(self):

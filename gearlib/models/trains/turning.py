@@ -5,11 +5,13 @@ tooth pitches, at the start) comes there after
 
     g = sign(w) (z alpha / 2 pi - o - b)   mesh periods, modulo 1,
 
-with b = 1/2 for the other flank of a tooth of nominal thickness. Both gears of a mesh have the same
-g; around every loop of meshes the orientations have to come out the same, or the train cannot be
+with b = 1/2 for the other flank of a tooth of nominal thickness, half a pitch; of a thickness s in
+pitches the flanks lie at b = s/2 - 1/4 and 3/4 - s/2. It is wanted at the pitch point, where the
+stiffness is `pitch_phase` past the middle of its upper level. Both gears of a mesh have the same g;
+around every loop of meshes the orientations have to come out the same, or the train cannot be
 assembled: for equal satellites (z_s + z_r) psi_n / 2 pi has to be an integer. Parker, J. Sound Vib.
-236 (2000) 561-573. The second gear of a shaft is keyed with its teeth in line with the first's,
-unless the loops ask for another angle.
+236 (2000) 561-573; Parker & Lin, J. Mech. Des. 126 (2004) 365-370. The second gear of a shaft is
+keyed with its teeth in line with the first's, unless the loops ask for another angle.
 """
 
 import math
@@ -93,11 +95,11 @@ def phases(bodies, meshes, shafts, reference, speed):
                     "the positions must be whole tooth pitches apart, for equal satellites "
                     "(z_s + z_r) / N an integer"
                 )
-        found[mesh.name] = g
+        found[mesh.name] = g - _at_pitch_point(mesh)
         return True
 
     def start(mesh):
-        g = mesh.phase or 0.0
+        g = (mesh.phase or 0.0) + _at_pitch_point(mesh)
         own = _arrival(mesh, mesh.pinion, bodies, speed, 0.0)
         orientation[mesh.pinion] = math.copysign(1.0, speed[mesh.pinion]) * (own - g)
 
@@ -125,14 +127,20 @@ def phases(bodies, meshes, shafts, reference, speed):
     return {name: round(g % 1.0, 13) % 1.0 for name, g in found.items()}
 
 
+def _at_pitch_point(mesh):
+    """Return the phase of the stiffness with contact at the pitch point, in mesh periods."""
+    return mesh.pitch_phase / (2.0 * math.pi)
+
+
 def _arrival(mesh, name, bodies, speed, orientation):
     """Return after how many mesh periods the flank of a gear comes to the mesh."""
     turned = mesh.internal or name == mesh.pinion
     angle = mesh.centres + (0.0 if turned else math.pi)
-    other_flank = 0.5 if mesh.internal and name == mesh.pinion else 0.0
-    if mesh.direction < 0:
-        other_flank = 0.5 - other_flank
-    pitches = bodies[name].teeth * angle / (2.0 * math.pi) - orientation - other_flank
+    thickness = mesh.tooth_thickness[0 if name == mesh.pinion else 1]
+    flank = thickness / 2.0 - 0.25
+    if (mesh.internal and name == mesh.pinion) != (mesh.direction < 0):
+        flank = 0.5 - flank
+    pitches = bodies[name].teeth * angle / (2.0 * math.pi) - orientation - flank
     return math.copysign(1.0, speed[name]) * pitches
 
 

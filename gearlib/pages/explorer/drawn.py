@@ -1,21 +1,28 @@
 """From slider values to the arrays that the explorer draws of a drawn pair; no browser here."""
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import xarray as xr
 import yaml
 
 from gearlib import config
-from gearlib.geometry import Material, Mesh, SpurGear, TipRelief
+from gearlib.config.gears import Gears
+from gearlib.geometry import Mesh, TipRelief
 from gearlib.models.load_sharing_pair import LoadSharingPair
 from gearlib.models.pair import GearPair
 from gearlib.pages.explorer import view
 
-#: Where the sliders start: z 20/20, m 10 mm, b 30 mm, E 200 GPa of the literature on backlash; its
-#: load, N m, is 106 N per mm of width.
-_GEAR = SpurGear(teeth=20, module=0.01, width=0.03, material=Material(young=200e9))
-START, TORQUE = Mesh(_GEAR, _GEAR, backlash=100e-6), 300.0
+#: Where the sliders start if no gears are drawn: z 20/20, m 10 mm, b 30 mm, E 200 GPa
+#: of the literature on backlash, under 106 N per mm of width.
+START = {
+    "pinion": {"teeth": 20, "module": 0.01, "width": 0.03, "material": {"young": 200e9}},
+    "wheel": {"teeth": 20},
+    "backlash": 100e-6,
+    "torque": 300.0,
+}
+#: Keys of a drawing that the sliders replace.
+_REPLACED = "centre_distance", "torque", "power", "speed", "stiffness", "stiffness_options"
 #: Loads of the Harris map beside the chosen one, over that at the start.
 _LOADS = 0.0, 0.5, 1.0, 1.5, 2.0
 _PHASES = 256
@@ -59,17 +66,17 @@ class Drawing:
     Parameters
     ----------
     mapping : dict
-        A configuration that `gearlib.config.load` accepts; the damping ratios are its own.
+        A configuration that `gearlib.config.load` accepts. Its gears, if it draws some, are where
+        the sliders start, without tip relief; the centre distance follows the shifts.
     damping : str
-        One of its dampings.
-    mesh : gearlib.geometry.Mesh
-        To start from; the centre distance follows the shifts, without backlash, which is set.
-    torque : float
-        Of the pinion to start from, N m.
+        One of its dampings, whose ratios count.
     """
 
-    def __init__(self, mapping, damping, mesh=START, torque=TORQUE):
-        self.drawn, self.damping = mesh, damping
+    def __init__(self, mapping, damping):
+        self.section, self.damping = mapping.get("gears", START), damping
+        gears = Gears.model_validate(self.section)
+        self.drawn = mesh = gears.mesh()
+        torque = float(f"{gears.pair()['load'] * mesh.pinion.base_diameter / 2.0:.6g}")
         pair = GearPair(**config.load(mapping).pair_parameters(damping))
         self.backlash_damping = pair.backlash_damping_ratio
         self.loads = torque * np.array(_LOADS)
@@ -138,23 +145,30 @@ class Drawing:
         return View(mesh, pair, error, motion)
 
     def configuration(self, setting):
-        """Return the text of a config.yaml that computes what is seen of the `GearPair`.
+        """Return the text of a config.yaml of these gears.
 
         All else of the configuration at the start is left out: it suits the gears that this has.
         """
-        pair = asdict(self.pair(setting))
-        damping = {key: pair.pop(f"{key}_damping") for key in ("material", "backlash")}
+        mesh = self.mesh(setting)
+        gears = {key: value for key, value in self.section.items() if key not in _REPLACED}
+        for name in ("pinion", "wheel"):
+            gear = getattr(mesh, name)
+            keys = ("module", "shift", "tip_diameter")
+            own = {key: value for key, value in gears[name].items() if key != "tip_relief"}
+            gears[name] = own | {key: getattr(gear, key) for key in keys}
+            if setting.relief:
+                length = float(f"{gear.tip_relief.length:.12g}")
+                gears[name]["tip_relief"] = {"amount": setting.relief, "length": length}
+        gears |= {"backlash": setting.backlash, "torque": setting.torque, "stiffness": "energy"}
+        ratios = {
+            "damping_ratio": setting.damping,
+            "backlash_damping_ratio": self.backlash_damping,
+        }
         whole = {
-            "gear_pair": pair,
-            "dampings": {self.damping: damping},
-            "phase_planes": {"tunings": [self.pair(setting).tuning_at(setting.speed)]},
+            "gears": gears,
+            "dampings": {self.damping: ratios},
+            "phase_planes": {"tunings": [float(self.pair(setting).tuning_at(setting.speed))]},
         }
         config.load(whole)
-        teeth = f"z {self.drawn.pinion.teeth}/{self.drawn.wheel.teeth}"
-        shifts = f"x {setting.pinion_shift:g}/{setting.wheel_shift:g}"
-        head = (
-            "# What gearlib explore showed of drawn gears without tip relief:\n"
-            f"# {teeth}, m {1e3 * setting.module:g} mm, {shifts}, {setting.torque:g} N m and "
-            f"{setting.speed:g} rpm of the pinion."
-        )
+        head = f"# What gearlib explore showed at {setting.speed:g} rpm of the pinion."
         return f"{head}\n{yaml.safe_dump(whole, sort_keys=False, allow_unicode=True)}"

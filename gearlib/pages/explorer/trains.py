@@ -90,7 +90,7 @@ class Machine:
         self.speeds = _rpm(train) * lowest * np.linspace(_LOWEST, _HIGHEST, _POINTS)
         first = train.reference_mesh
         arguments = self.values["arguments"]
-        #: What is made of the gear pair takes its load.
+        #: What is made of the gear pair takes its load; all of its keys, where gears are drawn.
         self._pair = None if kind in ("planetary", "own") else settings.gear_pair.model_dump()
         load = abs(train.load) if self._pair is None else self._pair["load"]
         #: Misplaced axes, of the trains that may have them.

@@ -1,0 +1,178 @@
+"""Derivatives of periodic orbits, of their multipliers and of folds by parameters.
+
+With P the map of all mesh periods of an orbit, M its derivative by the state and P_p that by a
+parameter, an orbit z = P(z; p) obeys (I - M) dz/dp = P_p. Along dz/dp the map itself changes by
+dM/dp, and a multiplier mu with the eigenvectors l, r by l dM/dp r / (l r). At a fold I - M is
+singular: with w (I - M) = 0 the fold itself moves by dq/dp = -(w P_p) / (w P_q) in the parameter q
+of the branch.
+"""
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from gearlib.analysis.orbits import special_points as special
+from gearlib.analysis.orbits.continuation import restored
+from gearlib.analysis.orbits.parameters import directions as of_branch
+from gearlib.analysis.orbits.parameters import known
+from gearlib.analysis.orbits.shooting import NoOrbit, Orbit
+from gearlib.data import provenance, status
+from gearlib.data.variables import describe
+from gearlib.models.stiffness import segment_lengths
+from gearlib.runs import sensitivities as runs
+from gearlib.runs.run_arguments import MAX_EVENTS
+from gearlib.runs.simulation import simulate
+
+#: A multiplier this close to 1 is that of a fold; multipliers this close to each other are double:
+#: rounding of the map goes into them by the root.
+_FOLD = _DOUBLE = 1e-7
+#: Events this close to a switch of the stiffness coincide with it, rad.
+_AT_ONCE = 1e-9
+_NAMES = tuple(name for name in runs.PARAMETERS if name not in runs.START)
+
+
+def orbit_sensitivities(orbit, sensitivities, *, samples_per_period=256, max_events=MAX_EVENTS):
+    """Differentiate a periodic orbit and its multipliers by parameters.
+
+    Parameters
+    ----------
+    orbit : Orbit
+        Of a `GearPair`, as of `gearlib.periodic_orbit`.
+    sensitivities : sequence of str
+        As of `gearlib.simulate`, without those of the start.
+    samples_per_period, max_events : int
+        As of `gearlib.simulate`.
+
+    Returns
+    -------
+    xarray.Dataset
+        That of `gearlib.simulate` over one repeat of the orbit with the derivatives of the orbit:
+        its start moves so that it stays one. Also state, multiplier_real, multiplier_imaginary and
+        their derivatives. sensitivity_status: 1 at a grazing, where those of the multipliers are
+        NaN; 2 where an event meets a switch of the stiffness; 3 at a fold; 4 where two multipliers
+        coincide.
+
+    Raises
+    ------
+    ValueError
+        Naming the argument, its value and the allowed range.
+    """
+    if not isinstance(orbit, Orbit):
+        raise ValueError(f"orbit = {orbit!r} is not allowed: it must be an Orbit")
+    pair: Any = orbit.pair
+    tuning, period = orbit.tuning, orbit.period
+    names = runs.check(pair, sensitivities, known=_NAMES)
+    run = simulate(
+        pair,
+        tuning,
+        periods=period,
+        record_periods=period,
+        samples_per_period=samples_per_period,
+        initial_state=tuple(orbit.state),
+        max_events=max_events,
+    )
+    propagator, along = pair.propagator(tuning), runs.directions(pair, names)[0]
+    matrix, ahead = _derivatives(propagator, orbit.state, along, period, max_events)
+    values, right = np.linalg.eig(matrix)
+    order = np.argsort(-np.abs(values), kind="stable")
+    values, right = values[order], right[:, order]
+    code = 0
+    if np.abs(values - 1.0).min() < _FOLD:
+        code, tangents = runs.FOLD, np.full_like(ahead, np.nan)
+    else:
+        tangents = np.linalg.solve(np.eye(2) - matrix, ahead)
+    sizes = run.sizes["phase"], run.sizes["event"]
+    variables = runs.variables(
+        pair, tuning, names, orbit.state, tangents, sizes, period, period, max_events
+    )
+    _, rates, _ = propagator.map_rates(orbit.state, along, tangents.copy(), period, max_events)
+    slopes = np.full((2, len(names)), np.nan + 0j)
+    if abs(values[0] - values[1]) > _DOUBLE:
+        slopes = np.einsum("mi,kij,jm->mk", np.linalg.inv(right), rates, right)
+    else:
+        code = code or runs.DOUBLE
+    code = code or int(variables["sensitivity_status"][1])
+    if not code and _coincide(pair, run.event_phase.values):
+        code = runs.ONE_SIDED
+    parts = np.array([slopes.real, slopes.imag])
+    variables |= {
+        **runs.derivatives(("state",), ("coordinate",), tangents[None], names),
+        **runs.derivatives(
+            ("multiplier_real", "multiplier_imaginary"), ("multiplier",), parts, names
+        ),
+        "sensitivity_status": runs.flag(code),
+        "state": ("coordinate", orbit.state),
+        "multiplier_real": ("multiplier", values.real),
+        "multiplier_imaginary": ("multiplier", values.imag),
+    }
+    return describe(run.assign(variables))
+
+
+def _derivatives(propagator, state, along, period, max_events):
+    """Return (M, P_p) of shapes (2, 2) and (2, k)."""
+    directions = np.vstack([np.zeros((2, 6)), along])
+    tangents = np.hstack([np.eye(2), np.zeros((2, len(along)))])
+    code = propagator.tangents(state, directions, tangents, period, max_events)
+    if code != status.OK:
+        raise NoOrbit(f"the motion could not go on: {status.MESSAGES[code]}")
+    return tangents[:, :2], tangents[:, 2:]
+
+
+def _coincide(pair, phases):
+    """Return whether an event meets a switch of the stiffness, or the start of a period."""
+    half_high, whole_low = segment_lengths(pair.contact_ratio)
+    marks = np.array([0.0, half_high, half_high + whole_low, 2.0 * np.pi])
+    apart = np.abs(phases[:, None] % (2.0 * np.pi) - marks)
+    return bool((apart < _AT_ONCE).any())
+
+
+def fold_sensitivities(pair, branch, point, sensitivities, *, max_events=MAX_EVENTS):
+    """Differentiate the place of a fold by parameters.
+
+    Parameters
+    ----------
+    pair : GearPair
+        The model whose orbit was continued.
+    branch : xarray.Dataset
+        As of `gearlib.continue_orbit`.
+    point : int
+        Number of a point labelled "fold".
+    sensitivities : sequence of str
+        As of `gearlib.orbit_sensitivities`, without what the branch goes over.
+    max_events : int
+        As of `gearlib.simulate`.
+
+    Returns
+    -------
+    xarray.Dataset
+        The parameter of the branch at the fold, and its derivatives.
+
+    Raises
+    ------
+    ValueError
+        Naming the argument, its value and the allowed range.
+    """
+    over = branch.attrs["parameter"]
+    names = runs.check(pair, sensitivities, known=[name for name in _NAMES if name != over])
+    problem, chosen = restored(pair, branch, point, max_events)
+    if int(branch.label[point]) != special.FOLD:
+        raise ValueError(f"point = {point!r} is not allowed: it must be labelled fold")
+    pair, tuning, state = problem.model(chosen.y)
+    along = np.vstack([of_branch([over]), runs.directions(pair, names)[0]])
+    propagator = pair.propagator(tuning)
+    matrix, ahead = _derivatives(propagator, state, along, problem.period, max_events)
+    null = np.linalg.svd(matrix - np.eye(2))[0][:, -1]
+    moved = null @ ahead
+    slopes = -moved[1:] / moved[0]
+    about = known(pair)
+    units, long_name = about[over]
+    data = runs.derivatives((over,), (), slopes[None], names, about)
+    data[over] = (), chosen.value, {"units": units, "long_name": long_name}
+    if over != "tuning":
+        data["tuning"] = tuning
+    dataset = describe(xr.Dataset(data))
+    dataset.attrs = provenance.attributes(
+        "Derivatives of a fold of a gear mesh", pair, method="shooting", tuning=tuning
+    )
+    return dataset

@@ -1,0 +1,123 @@
+"""From the sections of drawn gears to `gearlib.geometry`; what it refuses is named by its key.
+
+The geometry is loaded where a configuration has such sections.
+"""
+
+#: What is derived keeps so many digits: the same drawing in other units, whose rounding differs,
+#: reruns nothing.
+_DIGITS = 12
+
+
+def gear_of(key, section, like=None, **more):
+    """Return the `SpurGear` of a section.
+
+    Parameters
+    ----------
+    key : str
+        Full key of the section, for messages.
+    section : gearlib.config.gears.GearSection
+    like : GearSection, optional
+        The gear whose module, width, angles, rack and material this one has where it leaves them
+        out.
+    **more
+        Other arguments.
+
+    Raises
+    ------
+    ValueError
+        If there cannot be such a gear; the message names the key.
+    """
+    from gearlib.models.geometry.described import gear
+
+    with naming(key):
+        return gear(section.model_dump(), None if like is None else like.model_dump(), **more)
+
+
+def mesh_of(key, section, pinion, wheel, keys):
+    """Return the `gearlib.geometry.Mesh` of two gears; `keys` are the full ones of both."""
+    from gearlib.models.geometry.mesh import Mesh
+
+    with naming(key, pinion=keys[0], wheel=keys[1]):
+        return Mesh(pinion, wheel, section.centre_distance, section.backlash)
+
+
+def derived(key, section, keys, derive, **options):
+    """Return the values that `derive` finds for a section, rounded."""
+    with naming(key, section.stiffness_options, pinion=keys[0], wheel=keys[1]):
+        found = derive(**options)
+    return {name: rounded(value) for name, value in found.items()}
+
+
+def coefficient(name, value, stiffness, mass):
+    """Return the damping coefficient, N s/m, of a ratio or decrement, rounded.
+
+    Parameters
+    ----------
+    name : str
+        Its key in a damping.
+    value : float
+    stiffness, mass : float
+        C_s in N/m and m_red in kg.
+    """
+    from gearlib.models.geometry.parameters import coefficient
+
+    return rounded(coefficient(value, stiffness, mass, name == "logarithmic_decrement"))
+
+
+def method(key, section):
+    """Return the arguments of a stiffness as the library has them."""
+    given = section.model_dump(include={"stiffness", "stiffness_options"})
+    if "stiffness_options" in given:
+        given["options"] = given.pop("stiffness_options")
+        if "torque" in given["options"]:
+            raise ValueError(
+                f"{key}.stiffness_options.torque is not allowed: it must be {key}.torque"
+            )
+    return given
+
+
+def naming(key, options=None, **places):
+    """Name keys in full where the geometry refuses.
+
+    Parameters
+    ----------
+    key : str
+        Of the section whose parameters these are.
+    options : iterable of str, optional
+        Names of the stiffness options.
+    **places
+        Name of a gear -> its full key.
+    """
+    from gearlib.models.geometry.described import OF_RACK, renaming
+
+    ring = places.get("ring", places.get("wheel"))
+    of_part = places | {"ring gear": ring, "tip relief": f"{key}.tip_relief"}
+    of_part |= {part: f"{key}.{part}" for part in ("web", "material")}
+
+    def rename(name, part):
+        if name.endswith(" of the tip relief"):
+            name = f"tip_relief.{name.split()[0]}"
+        if part == "rack":
+            return f"{key}.{next(own for own, field in OF_RACK.items() if field == name)}"
+        if part in of_part:
+            return f"{of_part[part]}.{name}"
+        if part in ("sun mesh", "ring mesh"):
+            if name == "backlash":
+                return f"{key}.backlashes[{int(part == 'ring mesh')}]"
+            if name == "centre_distance":
+                return f"{key}.{name}"
+            return f"{key}: {name} of the {part}"
+        if part == "shifts":
+            return f"sum of {' and '.join(f'{place}.shift' for place in places.values())}"
+        if name == "contact_ratio":
+            return f"contact_ratio of {key}"
+        if name in (options or ()):
+            return f"{key}.stiffness_options.{name}"
+        return f"{ring if ring and name == 'outer_diameter' else key}.{name}"
+
+    return renaming(rename)
+
+
+def rounded(value):
+    """Return a number with 12 digits, an integer or a name as it is."""
+    return float(f"{value:.{_DIGITS}g}") if isinstance(value, float) else value

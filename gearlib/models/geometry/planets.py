@@ -1,0 +1,95 @@
+"""A planetary set by its drawing: sun, planets and ring, and whether they can be put together."""
+
+import math
+from typing import NamedTuple
+
+from gearlib import checks
+from gearlib.models.geometry.described import renaming
+from gearlib.models.geometry.mesh import Mesh
+
+#: Of a tooth pitch, by which positions may miss: angles are often given with few digits.
+_CLOSE = 1e-6
+
+
+class Planets(NamedTuple):
+    """Both meshes of a planetary set, and where its planets are."""
+
+    sun_mesh: Mesh
+    ring_mesh: Mesh
+    positions: tuple  #: angles, rad
+
+
+def planets_of(
+    sun, planet, ring, *, planets=3, positions=None, centre_distance=None, backlashes=None
+):
+    """Return the `Planets`.
+
+    Parameters
+    ----------
+    sun, planet, ring : SpurGear
+        The ring internal.
+    planets : int, default 3
+    positions : sequence of float, optional
+        Angles of the planets, rad; equally spaced by default.
+    centre_distance : float, optional
+        m; by default that of sun and planet without backlash.
+    backlashes : pair of float, optional
+        Normal backlash of the meshes of sun and ring, m; by default what the gears leave.
+
+    Raises
+    ------
+    ValueError
+        If gears do not mesh, or planets cannot be assembled or strike each other.
+    """
+    gaps = (None, None) if backlashes is None else tuple(backlashes)
+    if not getattr(ring, "internal", False):
+        raise ValueError(
+            "internal of the ring = False is not allowed: it must be True, of a ring gear"
+        )
+    with renaming(_in({"pinion": "sun", "wheel": "planet"}, "sun")):
+        of_sun = Mesh(sun, planet, centre_distance, gaps[0])
+    with renaming(_in({"pinion": "planet", "wheel": "ring", "ring gear": "ring"}, "ring")):
+        of_ring = Mesh(planet, ring, of_sun.centre_distance, gaps[1])
+    count = checks.integer("planets", planets, 1)
+    total = sun.teeth + ring.teeth
+    if positions is None:
+        if total % count:
+            raise ValueError(
+                f"planets = {count} is not allowed: (z_s + z_r) / N = ({sun.teeth} + {ring.teeth}) "
+                f"/ {count} must be an integer for equal spacing"
+            )
+        positions = [math.tau * i / count for i in range(count)]
+    if len(positions) != count:
+        raise ValueError(f"positions = {positions!r} is not allowed: it must be {count} values")
+    places = tuple(
+        checks.number(f"positions[{i}]", angle, "finite", math.isfinite)
+        for i, angle in enumerate(positions)
+    )
+    for i, angle in enumerate(places):
+        pitches = total * (angle - places[0]) / math.tau
+        if abs(pitches - round(pitches)) > _CLOSE:
+            raise ValueError(
+                f"positions[{i}] = {angle!r} is not allowed: the planet can be assembled only a "
+                f"whole multiple of 2 pi / (z_s + z_r) = {math.tau / total:.6g} rad from the first"
+            )
+    _check_neighbours(of_sun, count, places)
+    return Planets(of_sun, of_ring, places)
+
+
+def _check_neighbours(mesh, count, places):
+    turned = sorted(angle % math.tau for angle in places)
+    steps = [b - a for a, b in zip(turned, [*turned[1:], turned[0] + math.tau], strict=True)]
+    apart = 2.0 * mesh.centre_distance * math.sin(min(*steps, math.pi) / 2.0)
+    if count > 1 and apart <= mesh.wheel.tip_diameter:
+        raise ValueError(
+            f"planets = {count} is not allowed: the tip circles of neighbours, "
+            f"{mesh.wheel.tip_diameter:.6g} m in diameter, must keep clear of each other, and "
+            f"their axes are {apart:.6g} m apart"
+        )
+
+
+def _in(names, mesh):
+    def rename(name, part):
+        return f"{name} of the {names.get(part, f'{mesh} mesh')}"
+
+    return rename

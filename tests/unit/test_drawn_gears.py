@@ -1,0 +1,417 @@
+"""Gears by their drawing in the configuration: what is derived, what is refused."""
+
+import copy
+import inspect
+import json
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+
+from gearlib import GearPair
+from gearlib.config import ConfigError, cases, chosen, load, schema
+from gearlib.config import gears as sections
+from gearlib.config.defaults import laid_over
+from gearlib.config.validation import allowed
+from gearlib.geometry import Material, Mesh, Rack, SpurGear, TipRelief, Web
+from gearlib.pages.explorer import view
+from gearlib.pages.explorer.trains import Machine
+from tests.geometry.drawings import fzg_c, iso_example, ring
+
+PAPER = yaml.safe_load(Path("config.yaml").read_text(encoding="utf-8"))
+FZG = {
+    "gears": {
+        "pinion": {
+            "teeth": 16,
+            "module": "4.5 mm",
+            "width": "14 mm",
+            "shift": 0.1817,
+            "tip_diameter": "82.46 mm",
+            "bore": "30 mm",
+        },
+        "wheel": {"teeth": 24, "shift": 0.1715, "tip_diameter": "118.36 mm", "bore": "30 mm"},
+        "centre_distance": "91.5 mm",
+        "backlash": "160.5 um",
+        "torque": "302 N m",
+    },
+    "dampings": {"k": {"damping_ratio": 0.06, "backlash": 0.0}},
+}
+MISSING = object()
+
+
+def changed(path, value, base=FZG):
+    settings = copy.deepcopy(base)
+    *parts, key = path.split("/")
+    section = settings
+    for name in parts:
+        section = section.setdefault(name, {})
+    if value is MISSING:
+        del section[key]
+    else:
+        section[key] = value
+    return settings
+
+
+def refused(settings):
+    with pytest.raises(ConfigError) as refusal:
+        load(settings)
+    (sentence,) = str(refusal.value).splitlines()
+    return sentence
+
+
+def pair_of(settings, damping="k"):
+    return GearPair(**load(settings).pair_parameters(damping))
+
+
+def expect(settings, mesh, **options):
+    """Compare a configuration with what the library makes of a mesh; 12 digits are kept."""
+    expected = GearPair.from_geometry(mesh, **options).as_dict()
+    for name, value in pair_of(settings).as_dict().items():
+        assert value == pytest.approx(expected[name], rel=1e-11), name
+
+
+def test_the_pair_is_that_of_the_library():
+    drawn = fzg_c()
+    mesh = Mesh(drawn.pinion, drawn.wheel, drawn.centre_distance, backlash=160.5e-6)
+    expect(FZG, mesh, torque=302.0, damping_ratio=0.06)
+    energy = changed("gears/stiffness", "energy")
+    energy["gears"]["stiffness_options"] = {"hertz": "logarithmic"}
+    expect(
+        energy,
+        mesh,
+        torque=302.0,
+        damping_ratio=0.06,
+        stiffness="energy",
+        options={"hertz": "logarithmic"},
+    )
+    power = changed("gears/torque", MISSING)
+    power["gears"] |= {"power": "60 kW", "speed": "2170 rpm"}
+    expect(power, mesh, power=60e3, speed=2170.0, damping_ratio=0.06)
+
+
+def test_helical_gears_and_a_ring_gear():
+    pinion = {"teeth": 17, "module": "8 mm", "width": "100 mm", "helix_angle": "15.8 deg"}
+    pinion |= {"shift": 0.145, "tip_diameter": "159.66 mm", "rack": "D"}
+    gears = {"pinion": pinion, "wheel": {"teeth": 103, "tip_diameter": "872.35 mm"}}
+    helical = FZG | {"gears": gears | {"centre_distance": "500 mm", "torque": "9 kN m"}}
+    expect(helical, iso_example(), torque=9000.0, damping_ratio=0.06)
+    wheel = {"teeth": 99, "internal": True, "outer_diameter": "440 mm"}
+    gears = {"pinion": {"teeth": 36, "module": "4 mm", "width": "30 mm"}, "wheel": wheel}
+    inner = FZG | {"gears": gears | {"torque": 100.0}}
+    expect(inner, ring(), torque=100.0, damping_ratio=0.06)
+
+
+def test_every_key_reaches_the_gear():
+    every = {
+        "teeth": 40,
+        "module": "4 mm",
+        "width": "30 mm",
+        "shift": 0.1,
+        "pressure_angle": "22 deg",
+        "helix_angle": "5 deg",
+        "tip_diameter": "168.5 mm",
+        "rack": "C",
+        "addendum": 0.9,
+        "dedendum": 1.3,
+        "fillet_radius": 0.2,
+        "thickness_allowance": "-40 um",
+        "bore": "40 mm",
+        "web": {"thickness": "10 mm", "rim_diameter": "130 mm", "hub_diameter": "60 mm"},
+        "material": {"young": "200 GPa", "poisson": 0.29, "density": "7.8 g/cm^3"},
+        "quality": 6,
+        "tip_relief": {"amount": "20 um", "length": "3 mm", "shape": "parabolic"},
+    }
+    assert every.keys() == sections.PinionSection.model_fields.keys()
+    common = dict(
+        module=4e-3,
+        width=0.03,
+        pressure_angle=math.radians(22.0),
+        helix_angle=math.radians(5.0),
+        rack=Rack(addendum=0.9, dedendum=1.3, tip_radius=0.2),
+        material=Material(young=200e9, poisson=0.29, density=7800.0),
+    )
+    web = Web(thickness=0.01, rim_diameter=0.13, hub_diameter=0.06)
+    mesh = load(changed("gears", {"pinion": every, "wheel": {"teeth": 50}, "torque": 50.0}))
+    mesh = mesh.gears.mesh()
+    own = dict(shift=0.1, tip_diameter=0.1685, thickness_allowance=-4e-5, bore=0.04, web=web)
+    own |= dict(quality=6, tip_relief=TipRelief(amount=2e-5, length=3e-3, shape="parabolic"))
+    assert mesh.pinion == SpurGear(teeth=40, **own, **common)
+    # What gears of one mesh share passes to the wheel, a bore or a web does not.
+    assert mesh.wheel == SpurGear(teeth=50, **common)
+
+
+def test_the_sections_have_the_arguments_of_the_library():
+    of_rack = {"addendum", "dedendum", "fillet_radius"}
+    keys = set(sections.WheelSection.model_fields) - of_rack
+    assert keys == set(inspect.signature(SpurGear).parameters)
+    assert set(sections.MaterialSection.model_fields) == set(inspect.signature(Material).parameters)
+    assert set(sections.WebSection.model_fields) == set(inspect.signature(Web).parameters)
+    relief = inspect.signature(TipRelief).parameters
+    assert set(sections.TipReliefSection.model_fields) == set(relief)
+
+
+def test_other_units_rerun_nothing():
+    settings = load(FZG)
+    other = copy.deepcopy(FZG)
+    other["gears"]["pinion"] |= {
+        "module": 4.5e-3,
+        "width": "0.55118110236220472441 inch",
+        "tip_diameter": "8.246 cm",
+        "pressure_angle": 0.3490658503988659,
+        "material": {"young": "206000 N/mm^2"},
+    }
+    other["gears"] |= {"centre_distance": 0.0915, "torque": "0.302 kN m", "stiffness": "iso"}
+    again = load(other)
+    # 302 N m at 2170 rpm; the last digits of the quotient are others.
+    other["gears"] |= {"power": "68.62704432011785 kW", "speed": "2170 rpm"}
+    del other["gears"]["torque"]
+    assert repr(load(other).pair_parameters("k")) == repr(again.pair_parameters("k"))
+    # Snakemake compares params as text.
+    assert repr(again.pair_parameters("k")) == repr(settings.pair_parameters("k"))
+    assert repr(again.model_dump()) == repr(settings.model_dump())
+
+
+def test_a_derived_configuration_written_out_is_the_same():
+    settings = load(FZG)
+    assert load(settings.model_dump()).model_dump() == settings.model_dump()
+    assert load(json.loads(json.dumps(settings.model_dump()))).gear_pair == settings.gear_pair
+
+
+def test_dampings_by_ratio_decrement_and_coefficient():
+    decrement = 2.0 * math.pi * 0.06 / math.sqrt(1.0 - 0.06**2)
+    dampings = {
+        "ratio": {"damping_ratio": 0.06, "backlash_damping_ratio": 0.02},
+        "decrement": {"logarithmic_decrement": decrement, "backlash": "30 N s/m"},
+        "k": {"material": 500.0, "backlash": 0.0},
+    }
+    # Of a pair given by its numbers too.
+    for base in (FZG, PAPER):
+        settings = base | {"dampings": base["dampings"] | dampings}
+        ratio, by_decrement = pair_of(settings, "ratio"), pair_of(settings, "decrement")
+        assert ratio.damping_ratio == pytest.approx(0.06, rel=1e-11)
+        assert ratio.backlash_damping_ratio == pytest.approx(0.02, rel=1e-11)
+        assert by_decrement.damping_ratio == pytest.approx(0.06, rel=1e-11)
+        assert by_decrement.backlash_damping == 30.0
+        assert pair_of(settings, "k").material_damping == 500.0
+    own = {"damping_ratio": 0.02, "backlash": 0.0}
+    case = {"title": "a", "tuning": 0.7, "damping": own}
+    sections = {"bifurcation": {"damping": own}, "basins": {"cases": [case]}}
+    sections["poincare"] = {"cases": [case | {"phase": 0.0, "settle": 10}]}
+    settings = load(FZG | sections)
+    expected = load(changed("dampings/k/damping_ratio", 0.02)).pair_parameters("k")
+    assert settings.damped_parameters(settings.bifurcation.damping) == expected
+    for section in (settings.basins, settings.poincare):
+        assert settings.global_parameters(section.cases[0]) == expected
+
+
+def test_the_explorer_takes_drawn_gears():
+    settings = load(FZG)
+    setting = view.Setting.of(GearPair(**settings.pair_parameters("k")), 0.7)
+    saved = load(yaml.safe_load(view.configuration(FZG, "k", setting)))
+    assert saved.gear_pair == settings.gear_pair
+    machine = Machine(FZG, "k", "split_power_reducer")
+    saved = load(yaml.safe_load(machine.configuration(machine.start)))
+    # The slider of the load has six digits.
+    expected = settings.gear_pair.model_copy(update={"load": 8927.27})
+    assert saved.gear_pair == expected
+
+
+def test_speeds_count_with_the_drawn_pair():
+    settings = load(FZG | {"phase_planes": {"tunings": ["2170 rpm"]}})
+    (found,) = settings.phase_planes.tunings
+    pair = GearPair(**settings.pair_parameters("k"))
+    assert found == pytest.approx(pair.tuning_at(2170.0), rel=1e-12)
+
+
+def test_a_configuration_laid_over_another_one():
+    mine = {"gears": {"torque": 100.0}}
+    whole = laid_over(FZG, mine)
+    assert load(whole).gear_pair.load < load(FZG).gear_pair.load
+    # What says the same in another way gives way.
+    assert "gear_pair" not in laid_over(PAPER, FZG) and "gears" not in laid_over(FZG, PAPER)
+    k = laid_over(FZG, {"dampings": {"k": {"material": 1.0}}})["dampings"]["k"]
+    assert k == {"material": 1.0, "backlash": 0.0}
+    found = cases(FZG | {"cases": {"a": {}, "b": {"gear_pair": PAPER["gear_pair"]}}})
+    assert load(found["b"]).gear_pair == load(PAPER).gear_pair
+    # Drawn gears do not get what config.yaml says of the paper's.
+    merged = {**PAPER, **FZG}
+    assert chosen(merged, FZG) == FZG
+    in_cases = {"cases": {"a": FZG, "b": FZG}}
+    assert chosen(PAPER | in_cases, in_cases) == in_cases
+    lighter = {"gear_pair": {"load": 1.0}}
+    assert chosen(laid_over(PAPER, lighter), lighter) == laid_over(PAPER, lighter)
+    assert chosen(laid_over(FZG, mine), mine) == whole
+
+
+# path, value, how the sentence begins, what else it holds
+REFUSED = [
+    ("gears/pinion/teeth", 2, "gears.pinion.teeth = 2 ", "from 3 to 10000"),
+    ("gears/pinion/module", MISSING, "gears.pinion.module is missing", "'100 mm'"),
+    ("gears/pinion/module", "4.5 kg", "gears.pinion.module = '4.5 kg' ", "> 0 in m"),
+    ("gears/pinion/width", 0, "gears.pinion.width = 0 ", "> 0"),
+    ("gears/pinion/shift", 4, "gears.pinion.shift = 4 ", "from -3 to 3"),
+    ("gears/pinion/pressure_angle", 20, "gears.pinion.pressure_angle = 20 ", "'20 deg'"),
+    ("gears/pinion/helix_angle", "-5 deg", "gears.pinion.helix_angle = -0.087", ">= 0"),
+    ("gears/pinion/rack", "E", "gears.pinion.rack = 'E' ", "one of A, B, C, D"),
+    ("gears/pinion/dedendum", 2.9, "gears.pinion.dedendum = 2.9 ", "<= 2.158"),
+    ("gears/pinion/fillet_radius", 1.5, "gears.pinion.fillet_radius = 1.5 ", "1.25"),
+    ("gears/pinion/thickness_allowance", 1e-5, "gears.pinion.thickness_allowance = 1e-05", "<= 0"),
+    ("gears/pinion/internal", True, "gears.pinion.internal = true is not a known key", "teeth"),
+    ("gears/pinion/material", {"poisson": 0.5}, "gears.pinion.material.poisson = 0.5", "< 0.5"),
+    ("gears/pinion/bore", "70 mm", "gears.pinion.bore = 0.07 ", "< 0.0623853 m"),
+    (
+        "gears/pinion/web",
+        {"thickness": 1.0, "rim_diameter": 0.05, "hub_diameter": 0.04},
+        "gears.pinion.web.thickness = 1.0 ",
+        "0.014",
+    ),
+    (
+        "gears/wheel/web",
+        {"thickness": 0.01, "rim_diameter": 0.03, "hub_diameter": 0.04},
+        "gears.wheel.web.rim_diameter = 0.03 ",
+        "0.04",
+    ),
+    ("gears/pinion/quality", 12, "gears.pinion.quality = 12 ", "from 1 to 11"),
+    (
+        "gears/pinion/tip_relief",
+        {"amount": "9 mm", "length": "1 mm"},
+        "gears.pinion.tip_relief.amount = 0.009 ",
+        "",
+    ),
+    (
+        "gears/wheel/tip_relief",
+        {"amount": "20 um", "length": "9 mm"},
+        "gears.wheel.tip_relief.length = 0.009 ",
+        "single contact",
+    ),
+    ("gears/pinion/teeth", 10, "gears.pinion.shift = 0.1817 ", "undercuts"),
+    ("gears/pinion/tip_diameter", "90 mm", "gears.pinion.tip_diameter = 0.09 ", "pointed"),
+    ("gears/wheel/module", "5 mm", "gears.wheel.module = 0.005 ", "0.0045"),
+    ("gears/wheel/pressure_angle", "22 deg", "gears.wheel.pressure_angle = 0.38", "0.349"),
+    ("gears/wheel/internal", True, "gears.wheel.tip_diameter = 0.11836 ", "base and root"),
+    ("gears/wheel/outer_diameter", 0.2, "gears.wheel.outer_diameter = 0.2 ", "only a ring gear"),
+    (
+        "gears/wheel",
+        {"teeth": 15, "internal": True},
+        "gears.wheel.tip_diameter = ",
+        "base and root",
+    ),
+    ("gears/wheel/tip_diameter", "105 mm", "contact_ratio of gears = 0.", ">= 1"),
+    ("gears/centre_distance", "99 mm", "contact_ratio of gears = 0.", ">= 1"),
+    ("gears/centre_distance", "80 mm", "gears.centre_distance = 0.08 ", "base circles"),
+    ("gears/backlash", "-1 um", "gears.backlash = -1e-06 ", ">= 0"),
+    ("gears/torque", 0, "gears.torque = 0 ", "> 0 in N m"),
+    ("gears/torque", MISSING, "gears.torque = None with power = None ", "or power and speed"),
+    ("gears/power", "3 kW", "gears.torque = 302.0 with power = 3000.0 ", "either torque"),
+    ("gears/speed", "2 m/s", "gears.speed = '2 m/s' ", "'2000 rpm'"),
+    ("gears/stiffness", "fem", "gears.stiffness = 'fem' ", "one of iso, energy"),
+    (
+        "gears/stiffness_options",
+        {"hertz": "constant"},
+        "gears.stiffness_options.hertz is not allowed",
+        "torque, application_factor",
+    ),
+    (
+        "gears/stiffness_options",
+        {"application_factor": 0},
+        "gears.stiffness_options.application_factor = 0 ",
+        "> 0",
+    ),
+    (
+        "gears/stiffness_options",
+        {"torque": 1.0},
+        "gears.stiffness_options.torque is not allowed",
+        "gears.torque",
+    ),
+    ("gears/gear", 1, "gears.gear = 1 is not a known key", "pinion, wheel"),
+    ("gear_pair", {}, "gears and gear_pair are not allowed together", "either"),
+    ("dampings/k/material", 1.0, "dampings.k.material and dampings.k.damping_ratio are ", "one of"),
+    ("dampings/k/backlash", MISSING, "dampings.k.backlash is missing", ">= 0 in N s/m"),
+    ("dampings/k/damping_ratio", -0.1, "dampings.k.damping_ratio = -0.1 ", "from 0 to 1000"),
+]
+
+
+@pytest.mark.parametrize(("path", "value", "begins", "holds"), REFUSED)
+def test_a_wrong_drawing_is_refused_in_one_sentence(path, value, begins, holds):
+    sentence = refused(changed(path, value))
+    assert sentence.startswith(begins), sentence
+    assert holds in sentence, sentence
+
+
+FOUR = {"teeth": 20, "module": "4 mm", "width": "20 mm"}
+RING = {"teeth": 60, "internal": True}
+TIP = {"teeth": 80, "addendum": 0.9, "dedendum": 0.99, "fillet_radius": 0.0}
+# pinion, wheel, keys beside them, how the sentence begins, what else it holds
+WHOLE = [
+    (FOUR, {"teeth": 40, "tip_diameter": "172 mm"}, {}, "gears.wheel.tip_diameter", "interference"),
+    (FOUR, TIP, {}, "gears.pinion.tip_diameter = ", "clearance"),
+    (FOUR | {"teeth": 36}, RING | {"teeth": 99}, {}, "gears.wheel.outer_diameter = None ", "ring"),
+    (
+        FOUR,
+        RING | {"outer_diameter": 0.24},
+        {},
+        "gears.wheel.outer_diameter = 0.24 ",
+        "root circle",
+    ),
+    (FOUR, RING | {"bore": 0.1}, {}, "gears.wheel.bore = 0.1 ", "0 for a ring"),
+    (FOUR | {"teeth": 70}, RING, {}, "gears.wheel.teeth = 60 ", ">= 71"),
+    (
+        FOUR | {"teeth": 56},
+        RING | {"tip_diameter": "236.2 mm"},
+        {},
+        "gears.wheel.teeth = 60 ",
+        "tip interference",
+    ),
+    (FOUR, {"teeth": 40}, {"centre_distance": "119.9 mm"}, "gears.backlash = -6", "too little"),
+    (
+        FOUR | {"teeth": 100, "shift": -3},
+        {"teeth": 100, "shift": -3},
+        {},
+        "sum of gears.pinion.shift and gears.wheel.shift = -6",
+        "centre distance",
+    ),
+    (
+        FOUR | {"bore": "55 mm"},
+        {"teeth": 40},
+        {"stiffness": "energy"},
+        "gears.pinion.bore = 0.055 ",
+        "energy method",
+    ),
+    (
+        FOUR,
+        {"teeth": 40},
+        {"stiffness": "energy", "stiffness_options": {"coupling": 2}},
+        "gears.stiffness_options.coupling = 2 ",
+        "from 0 to 1",
+    ),
+]
+
+
+@pytest.mark.parametrize(("pinion", "wheel", "more", "begins", "holds"), WHOLE)
+def test_gears_that_do_not_fit_together_are_refused(pinion, wheel, more, begins, holds):
+    gears = {"pinion": pinion, "wheel": wheel, "torque": 100.0} | more
+    sentence = refused(FZG | {"gears": gears})
+    assert sentence.startswith(begins), sentence
+    assert holds in sentence, sentence
+
+
+def test_the_words_of_the_schema():
+    whole = schema()
+    assert "one of A, B, C, D" == allowed(
+        whole["$defs"]["PinionSection"]["properties"]["rack"], whole
+    )
+    assert "gears" not in load(FZG).model_dump()
+
+
+@pytest.mark.parametrize("helix", ["0 deg", "12 deg"])
+def test_a_drawing_is_read_without_the_numerical_stack(helix):
+    settings = changed("gears/pinion/helix_angle", helix)
+    settings["gears"]["pinion"] |= {"tip_diameter": "83 mm"}
+    del settings["gears"]["centre_distance"]
+    code = f"import sys; from gearlib.config import load; load({settings!r}); "
+    code += "print({'numpy', 'numba', 'xarray', 'pint'} & set(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "set()"

@@ -1,0 +1,222 @@
+"""Drawn gears in the section `train`: what the library makes of them, and what is refused."""
+
+import copy
+import inspect
+import math
+from pathlib import Path
+
+import pytest
+import yaml
+
+import gearlib
+from gearlib import Body, GearTrain, Shaft
+from gearlib.config import ConfigError, drawn_trains, load
+from gearlib.geometry import Mesh, SpurGear, planetary_set
+from gearlib.models.trains.described import described
+
+PAPER = yaml.safe_load(Path("config.yaml").read_text(encoding="utf-8"))
+SET = {
+    "sun": {"teeth": 24, "module": "3 mm", "width": "25 mm", "shift": 0.3, "bore": "20 mm"},
+    "planet": {"teeth": 37, "shift": 0.25},
+    "ring": {"teeth": 99, "shift": -0.55, "outer_diameter": "340 mm"},
+    "planets": 3,
+    "torque": "200 N m",
+    "backlashes": ["60 um", "80 um"],
+    "damping_ratio": 0.05,
+    "backlash_damping_ratio": 0.01,
+    "support_stiffness": [1e8, ".inf", 1e8, 1e8],
+    "torsional_stiffness": [0.0, 1e9, 0.0],
+    "structural_damping": "1 us",
+    "carrier_mass": 5.0,
+    "carrier_inertia": 0.05,
+    "centre_distance": "93.132 mm",
+    "positions": [0.0, "120 deg", "240 deg"],
+    "pin_errors": [[0.0, "10 um"], [0.0, 0.0], [0.0, 0.0]],
+    "turning": True,
+    "gyroscopic": True,
+}
+OWN = {
+    "bodies": [
+        {"name": "motor", "inertia": 0.02, "base_radius": 0.05, "torque": 90.0},
+        {
+            "name": "pinion",
+            "gear": {"teeth": 21, "module": "4 mm", "width": "30 mm", "shift": 0.2},
+        },
+        {
+            "name": "idler",
+            "gear": {"teeth": 37, "module": "4 mm", "width": "30 mm"},
+            "support_stiffness": [5e8, 5e8],
+        },
+        {
+            "name": "wheel",
+            "gear": {"teeth": 42, "module": "4 mm", "width": "30 mm"},
+            "torque": -180.0,
+        },
+    ],
+    "shafts": [{"bodies": ["motor", "pinion"], "stiffness": "200 kN m/rad"}],
+    "meshes": [
+        {
+            "pinion": "pinion",
+            "wheel": "idler",
+            "position": 0.0,
+            "damping_ratio": 0.05,
+            "torque": 90.0,
+            "centre_distance": "117 mm",
+        },
+        {
+            "pinion": "idler",
+            "wheel": "wheel",
+            "direction": -1,
+            "stiffness": "energy",
+            "stiffness_options": {"coupling": 0.5},
+            "material_damping": 1500.0,
+            "backlash": "50 um",
+        },
+    ],
+}
+
+
+def read(kind, section):
+    settings = load({**PAPER, "train": {"kind": kind, kind: section}})
+    return described(**settings.train_parameters("k1"))
+
+
+def test_a_planetary_set_is_that_of_the_library():
+    missing = set(drawn_trains.PlanetarySet.model_fields) - set(SET)
+    one_of = {"power", "speed", "logarithmic_decrement", "material_damping"}
+    assert missing == one_of | {"stiffness", "stiffness_options"}
+    arguments = set(inspect.signature(planetary_set).parameters) - {"options", "more"}
+    assert arguments == set(drawn_trains.PlanetarySet.model_fields) - {
+        "power",
+        "speed",
+        "stiffness_options",
+    }
+    common = {"module": 3e-3, "width": 0.025}
+    expected = planetary_set(
+        SpurGear(teeth=24, shift=0.3, bore=0.02, **common),
+        SpurGear(teeth=37, shift=0.25, **common),
+        SpurGear(teeth=99, shift=-0.55, outer_diameter=0.34, internal=True, **common),
+        torque=200.0,
+        backlashes=(60e-6, 80e-6),
+        damping_ratio=0.05,
+        backlash_damping_ratio=0.01,
+        support_stiffness=(1e8, math.inf, 1e8, 1e8),
+        torsional_stiffness=(0.0, 1e9, 0.0),
+        structural_damping=1e-6,
+        carrier_mass=5.0,
+        carrier_inertia=0.05,
+        centre_distance=93.132e-3,
+        # 120 and 240 degrees, rounded once.
+        positions=[0.0, 2.0943951023931957, 4.188790204786391],
+        pin_errors=[(0.0, 10e-6), (0.0, 0.0), (0.0, 0.0)],
+        gyroscopic=True,
+    )
+    assert read("planetary_set", SET) == expected
+    power = {key: value for key, value in SET.items() if key != "torque"}
+    # 200 N m at 3000 / pi rpm, to the 12 digits that are kept.
+    power |= {"power": "20 kW", "speed": "100 rad/s"}
+    found = read("planetary_set", power)
+    assert found.by_name["sun"].torque == pytest.approx(expected.by_name["sun"].torque, rel=1e-11)
+
+
+def test_a_train_of_ones_own_of_drawn_gears():
+    common = {"module": 4e-3, "width": 0.03}
+    pinion, idler, wheel = (
+        SpurGear(teeth=z, shift=x, **common) for z, x in ((21, 0.2), (37, 0.0), (42, 0.0))
+    )
+    expected = GearTrain(
+        bodies=[
+            Body(name="motor", inertia=0.02, base_radius=0.05, torque=90.0),
+            Body.from_gear(pinion, "pinion"),
+            Body.from_gear(idler, "idler", support_stiffness=5e8),
+            Body.from_gear(wheel, "wheel", torque=-180.0),
+        ],
+        shafts=[Shaft(bodies=("motor", "pinion"), stiffness=2e5)],
+        meshes=[
+            gearlib.Mesh.from_geometry(
+                Mesh(pinion, idler, 0.117),
+                "pinion",
+                "idler",
+                position=0.0,
+                damping_ratio=0.05,
+                torque=90.0,
+            ),
+            gearlib.Mesh.from_geometry(
+                Mesh(idler, wheel),
+                "idler",
+                "wheel",
+                direction=-1,
+                stiffness="energy",
+                options={"coupling": 0.5},
+                material_damping=1500.0,
+                backlash=50e-6,
+            ),
+        ],
+    )
+    assert read("own", OWN) == expected
+
+
+def changed(section, path, value):
+    settings = copy.deepcopy(section)
+    *parts, key = path.split("/")
+    inner = settings
+    for name in parts:
+        inner = inner[int(name) if name.isdigit() else name]
+    if value is None:
+        del inner[key]
+    else:
+        inner[key] = value
+    return settings
+
+
+REFUSED = [
+    ("planetary_set", "sun/teeth", 11, "sun.shift = 0.3 is not allowed", "undercuts"),
+    ("planetary_set", "sun/module", None, "sun.module is missing", "in m"),
+    ("planetary_set", "planet/module", "4 mm", "planet.module = 0.004 ", "that of the pinion"),
+    ("planetary_set", "planet/teeth", 98, "centre_distance = 0.093132 ", "> 0.17"),
+    ("planetary_set", "ring/teeth", 30, "ring.teeth = 30 ", ">= 38"),
+    ("planetary_set", "ring/outer_diameter", None, "ring.outer_diameter is missing", "in m"),
+    ("planetary_set", "ring/outer_diameter", "0.3 m", "ring.outer_diameter = 0.3 ", "above"),
+    ("planetary_set", "planets", 4, "positions = ", "4 values"),
+    ("planetary_set", "positions", [0.0, 2.0, 4.0], "positions[1] = 2.0 ", "whole multiple"),
+    ("planetary_set", "positions", [0.0, 0.5108, 3.0], "positions[1] = 0.5108 ", "whole multiple"),
+    ("planetary_set", "backlashes", ["1 um", "-1 um"], "backlashes[1] = -1e-06 ", ">= 0"),
+    ("planetary_set", "torque", None, "torque = None with power", "power and speed"),
+    ("planetary_set", "material_damping", 10.0, "damping_ratio and material_damping", "one of"),
+    ("planetary_set", "stiffness_options", {"hertz": "x"}, "stiffness_options.hertz is", "torque"),
+    ("planetary_set", "centre_distance", "99 mm", "contact_ratio of the sun mesh = 0.", ">= 1"),
+    ("own", "bodies/0/inertia", None, "bodies[0].inertia is missing", "kg m^2"),
+    ("own", "bodies/1/gear/teeth", 9, "bodies[1].gear.shift = 0.2 ", "undercuts"),
+    ("own", "bodies/2/gear/module", "5 mm", "bodies[2].gear.module = 0.005 ", "0.004"),
+    ("own", "meshes/0/centre_distance", "122 mm", "meshes[0]", "contact_ratio"),
+    ("own", "meshes/0/centre_distance", "116.6 mm", "meshes[0].backlash = -", "too little room"),
+    ("own", "meshes/0/pinion", "motor", "meshes[0].max_stiffness is missing", "both gears"),
+    (
+        "own",
+        "meshes/1/stiffness_options",
+        {"hertz": 3},
+        "meshes[1].stiffness_options.hertz = 3",
+        "",
+    ),
+]
+
+
+@pytest.mark.parametrize(("kind", "path", "value", "begins", "holds"), REFUSED)
+def test_a_wrong_train_is_refused_in_one_sentence(kind, path, value, begins, holds):
+    section = changed({"planetary_set": SET, "own": OWN}[kind], path, value)
+    with pytest.raises(ConfigError) as refusal:
+        read(kind, section)
+    (sentence,) = str(refusal.value).splitlines()
+    assert f"train.{kind}" in sentence and begins in sentence, sentence
+    assert holds in sentence, sentence
+
+
+def test_ratios_need_drawn_gears():
+    own = copy.deepcopy(OWN)
+    own["meshes"][0] |= {"max_stiffness": 3e8, "stiffness_ratio": 0.7, "contact_ratio": 1.6}
+    with pytest.raises(
+        ConfigError, match=r"train.own.meshes\[0\].damping_ratio = 0.05 is not allow"
+    ):
+        read("own", own)
+    with pytest.raises(ConfigError, match="train.planetary_set is missing"):
+        load({**PAPER, "train": {"kind": "planetary_set"}})

@@ -1,0 +1,99 @@
+"""The gallery: its cases are accepted, and give the numbers that are published of their gears."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from gearlib import GearPair, sweep
+from gearlib.config import cases, chosen, load
+from gearlib.geometry import Mesh
+from gearlib.models.trains.described import described
+from gearlib.studies.trains import over_speed
+from gearlib.tunings import grid
+
+GALLERY = yaml.safe_load(Path("gallery.yaml").read_text(encoding="utf-8"))
+
+
+@pytest.fixture(scope="module", name="gallery")
+def loaded():
+    """Return name -> checked configuration."""
+    return {name: load(mapping) for name, mapping in cases(GALLERY).items()}
+
+
+def test_there_are_four_light_cases(gallery):
+    assert list(gallery) == ["fzg_c", "iso_example_1", "twenty", "planetary"]
+    assert {target for case in gallery.values() for target in case.targets} == {
+        "resonance",
+        "train_sweep",
+    }
+    paper = yaml.safe_load(Path("config.yaml").read_text(encoding="utf-8"))
+    assert chosen(paper | GALLERY, GALLERY) == GALLERY
+    for case in gallery.values():
+        pair = GearPair(**case.pair_parameters("damped"))
+        assert pair.damping_ratio == pytest.approx(0.06, rel=1e-10)
+
+
+def test_fzg_type_c(gallery):
+    mesh = gallery["fzg_c"].gears.mesh()
+    # GEARpie, REPORT/C14.txt.
+    assert math.degrees(mesh.working_pressure_angle) == pytest.approx(22.44, abs=5e-3)
+    assert mesh.contact_ratio == pytest.approx(1.44, abs=5e-3)
+    assert gallery["fzg_c"].gear_pair.backlash == pytest.approx(mesh.recommended_backlash)
+
+
+def test_iso_example_1(gallery):
+    case = gallery["iso_example_1"]
+    mesh = case.gears.mesh()
+    # ISO/TR 6336-30: eps_alpha, F_t in N, c_gamma_alpha in N/(mm um).
+    assert mesh.contact_ratio == pytest.approx(1.54909, abs=5e-6)
+    assert mesh.tangential_force(9000.0) == pytest.approx(127352.0, abs=0.5)
+    pair = GearPair(**case.pair_parameters("damped"))
+    assert pair.mean_stiffness == pytest.approx(17.46485e9 * 0.1, rel=1e-6)
+    assert case.gear_pair.teeth == 17
+
+
+def test_twenty(gallery):
+    pair = GearPair(**gallery["twenty"].pair_parameters("damped"))
+    assert pair.mean_stiffness == pytest.approx(4.9e8, rel=0.005)
+
+
+def test_planetary(gallery):
+    case = gallery["planetary"]
+    mesh = case.gears.mesh()
+    # The test run of LECAD prints diameters and base tangent lengths in mm, over 3 and 5 teeth.
+    printed = {"pinion": (36.75, 3, 13.9546), "wheel": (75.25, 5, 24.353)}
+    for name, (diameter, teeth, length) in printed.items():
+        gear = getattr(mesh, name)
+        assert 1e3 * gear.reference_diameter == pytest.approx(diameter, abs=5e-5)
+        across = (teeth - 1) * mesh.base_pitch + gear.thickness_at(gear.base_diameter)
+        # Half a digit of the length, and of the shift times 2 m sin(alpha).
+        assert 1e3 * across == pytest.approx(length, abs=5e-5 + 6e-5)
+    # Shifts are printed to four digits, and the distance to one.
+    assert 1e3 * Mesh(mesh.pinion, mesh.wheel).centre_distance == pytest.approx(56.8, abs=1e-3)
+    train = described(**case.train_parameters("damped"))
+    ratio = -train.by_name["carrier"].torque / train.by_name["sun"].torque
+    assert ratio == pytest.approx(6.14286, abs=5e-6)
+    assert len(train.meshes) == 6 and train.by_name["ring"].base_radius > 0.088
+    # 21 and 108 are multiples of 3: planets in phase.
+    assert len(set(train.phases.values())) == 2
+
+
+def test_the_planetary_set_over_speed(gallery):
+    case = gallery["planetary"]
+    tunings = grid(0.78, 0.9, 0.02)
+    settings = {"periods": 100, "record_periods": 12}
+    found = over_speed.compute(case.train_parameters("damped"), tunings, settings)
+    train = described(**case.train_parameters("damped"))
+    for direction in ("up", "down"):
+        swept = sweep(train, tunings, direction=direction, initial_state="static", **settings)
+        for name in ("dynamic_factor", "fraction_normal", "load_sharing"):
+            np.testing.assert_array_equal(found[name].sel(direction=direction), swept[name])
+    # Two motions side by side, and planets in phase that move alike to rounding.
+    sun = found.dynamic_factor.sel(mesh=["sun 1", "sun 2", "sun 3"])
+    apart = abs(sun.sel(direction="up") - sun.sel(direction="down")).max("tuning")
+    assert float(apart.min()) > 0.5
+    assert float((sun.max("mesh") / sun.min("mesh")).max()) < 1.0 + 1e-9
+    assert found.speed.values[0] == pytest.approx(train.speed_scales(0.78)["speed"], rel=1e-12)

@@ -1,0 +1,23 @@
+"""The gallery as the workflow takes it: laid over config.yaml, it stands by itself."""
+
+import shutil
+
+import pytest
+
+from tests.workflow.project import ROOT, small_project
+
+pytestmark = pytest.mark.slow
+
+
+def test_a_case_of_the_gallery_is_planned(tmp_path):
+    project = small_project(tmp_path / "project")
+    shutil.copy2(ROOT / "gallery.yaml", project / "gallery.yaml")
+    wanted = [f"results/{case}" for case in ("fzg_c/resonance.nc", "planetary/train_sweep.nc")]
+    # One damping, three directions; nothing of config.yaml.
+    assert project.planned("--configfile", "gallery.yaml", "--", *wanted) == {
+        "fzg_c_compile_kernels": 1,
+        "fzg_c_sweep_window": 3,
+        "fzg_c_gather_resonance": 1,
+        "planetary_compile_train_kernels": 1,
+        "planetary_train_sweep": 1,
+    }
