@@ -67,7 +67,8 @@ class Drawing:
     ----------
     mapping : dict
         A configuration that `gearlib.config.load` accepts. Its gears, if it draws some, are where
-        the sliders start, without tip relief; the centre distance follows the shifts.
+        the sliders start, without tip relief and pitch errors; the centre distance follows the
+        shifts.
     damping : str
         One of its dampings, whose ratios count.
     """
@@ -115,7 +116,7 @@ class Drawing:
         tip = gear.tip_diameter / gear.module + 2.0 * gear.sign * (shift - gear.shift)
         changes = {"module": module, "shift": shift, "tip_diameter": float(f"{tip * module:.12g}")}
         try:
-            return replace(gear, **changes, tip_relief=None)
+            return replace(gear, **changes, tip_relief=None, pitch_errors=())
         except ValueError as error:
             raise ValueError(f"{name}: {error}") from None
 
