@@ -302,6 +302,14 @@ def test_special_orbits_say_so():
         assert int(found.sensitivity_status) == code
         assert np.isnan(found.d_state_d_backlash_damping_ratio).all() == (label == FOLD)
         assert np.isnan(found.d_multiplier_real_d_backlash_damping_ratio).all()
+    # Short of the grazing by less than can be told from it.
+    short = periodic_orbit(
+        OTHER, float(branch.tuning[point]) - 2e-12, guess=branch.state.values[point]
+    )
+    assert short.pattern == (1,)
+    found = orbit_sensitivities(short, ("backlash_damping_ratio",))
+    assert int(found.sensitivity_status) == GRAZING
+    assert np.isnan(found.d_multiplier_real_d_backlash_damping_ratio).all()
 
 
 def test_two_repeats_of_an_orbit():
