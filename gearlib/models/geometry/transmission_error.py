@@ -14,7 +14,8 @@ from gearlib.models.geometry.relief import SHAPES, TipRelief
 
 #: Over the deflection: an error below is flat up to rounding.
 _FLAT = 1e-12
-#: Decimals that are kept of what the descent finds.
+#: Decimals that are kept of what the descent finds, and by which one least is less than another:
+#: those behind follow from rounding, and differ between machines.
 _DIGITS = 6
 #: Amounts over the deflection of a pair, and lengths over the long one, that are tried for the
 #: optimum relief; from so many of the best the descent starts.
@@ -153,8 +154,8 @@ def optimum_relief(mesh, torque, *, length=None, shape="linear", phases=256, **o
         found = [_least_range(course, first, bounds) for first in (guess, *tried[:_STARTS])]
         # Of equals the first, where single contact alone decides.
         best = [guess, *found, tried[0]]
-        guess = min(best, key=lambda values: round(float(np.ptp(course(values))), 9))
-    return _relieved(mesh, *reliefs(guess))
+        guess = min(best, key=lambda values: round(float(np.ptp(course(values))), _DIGITS))
+    return _relieved(mesh, *reliefs(np.round(guess, _DIGITS)))
 
 
 def _least_range(course, first, bounds):
@@ -173,8 +174,7 @@ def _least_range(course, first, bounds):
         },
         options={"maxiter": 50, "ftol": 1e-9},
     )
-    # The least is flat: digits behind these follow from rounding, and differ between machines.
-    return np.clip(found.x[:-2], *np.transpose(bounds)).round(_DIGITS)
+    return np.clip(found.x[:-2], *np.transpose(bounds))
 
 
 def _relieved(mesh, pinion, wheel):
