@@ -28,14 +28,6 @@ Internal = Annotated[Truth, Field(description="Whether it is a ring gear. Defaul
 OuterDiameter = Annotated[
     Length, Field(description="Of the rim of a ring gear, m; its inertia needs it.")
 ]
-PitchErrors = Annotated[
-    list[quantity("m", "5 um")],
-    Field(
-        min_length=1,
-        description="By how much each flank lies back along the line of action, m, one for each "
-        "tooth as they come into mesh. Default: none.",
-    ),
-]
 
 #: FZG type C, ISO 14635-2, at load stage 9 on shafts of 30 mm; backlash and quality: choices.
 FZG_C = {
@@ -132,7 +124,10 @@ class GearSection(Given):
         default=None, description="Flank tolerance class of ISO 1328-1:2013."
     )
     tip_relief: TipReliefSection = Field(default=None, description="Default: none.")
-    pitch_errors: PitchErrors = None
+    pitch_errors: Annotated[list[quantity("m", "5 um")], Field(min_length=1)] = Field(
+        default=None,
+        description="By how much each flank lies back, tooth after tooth, m. Default: 0.",
+    )
 
 
 class PinionSection(GearSection):

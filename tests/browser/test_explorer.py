@@ -17,7 +17,7 @@ from selenium.webdriver.common.keys import Keys
 import gearlib
 from gearlib import config
 from gearlib.models.trains.described import described
-from gearlib.pages.explorer import page, serving, train_page, trains, view
+from gearlib.pages.explorer import drawn_page, page, serving, train_page, trains, view
 from tests.browser.chromium import browser, errors, everywhere, wait_for
 
 assert browser  # a fixture
@@ -70,9 +70,9 @@ def test_what_was_left_out_is_not_saved(mapping, pair):
 
 def test_moving_a_slider_updates_every_source(mapping):
     shown = page.Page(mapping, "k1")
-    before = {name: source.data["y"] for name, source in shown._sources.items()}
+    before = {name: source.data["y"] for name, source in shown.motion.sources.items()}
     shown.sliders["damping"].value = 0.03
-    for name, source in shown._sources.items():
+    for name, source in shown.motion.sources.items():
         assert source.data["y"] is not before[name], name
         assert len(source.data["x"]) > 0, name
 
@@ -134,8 +134,17 @@ def test_each_glyph_holds_what_it_is_called(mapping, pair):
 
 
 @pytest.fixture(scope="module")
-def machines(mapping):
-    return {kind: trains.Machine(mapping, "k1", kind) for kind in trains.KINDS}
+def with_own(mapping, request):
+    """The configuration with the train of one's own of the documentation."""
+    page = request.config.rootpath / "docs" / "how_to" / "your_own_train.md"
+    blocks = re.findall("```yaml\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
+    (own,) = [block for block in blocks if "kind: own" in block]
+    return {**mapping, **yaml.safe_load(own)}
+
+
+@pytest.fixture(scope="module")
+def machines(with_own):
+    return {kind: trains.Machine(with_own, "k1", kind) for kind in trains.KINDS}
 
 
 def test_sliders_stand_for_the_trains_of_the_library(mapping, pair, machines):
@@ -149,6 +158,9 @@ def test_sliders_stand_for_the_trains_of_the_library(mapping, pair, machines):
         "planetary": gearlib.planetary(
             stiffness_ratio=(0.75, 0.75), backlash=50e-6, load=1500.0, pin_errors=errors
         ),
+        "idler": gearlib.idler(own),
+        "two_stage": gearlib.two_stage(own),
+        "own": _own_train(),
     }
     for kind, machine in machines.items():
         assert machine.train(setting) == expected[kind]
@@ -156,6 +168,38 @@ def test_sliders_stand_for_the_trains_of_the_library(mapping, pair, machines):
         saved = config.load(yaml.safe_load(machine.configuration(setting)))
         assert described(**saved.train_parameters("k1")) == expected[kind]
         assert saved.scenes == config.load(mapping).scenes
+
+
+def _own_train():
+    """Return that of the documentation, as the sliders of the test have it.
+
+    Its torques are 90 and 180 N m, 2000 N at the base circles; the load is 1500 N.
+    """
+    bodies = [
+        gearlib.Body(name="motor", inertia=0.02, base_radius=0.05, torque=67.5),
+        gearlib.Body(name="pinion", inertia=0.002, base_radius=0.045, teeth=24),
+        gearlib.Body(name="wheel", inertia=0.03, base_radius=0.09, teeth=48, torque=135.0),
+    ]
+    shaft = gearlib.Shaft(bodies=("motor", "pinion"), stiffness=2e5, damping=0.2)
+    mesh = gearlib.Mesh(
+        pinion="pinion",
+        wheel="wheel",
+        max_stiffness=3e8,
+        stiffness_ratio=0.75,
+        contact_ratio=1.6,
+        backlash=50e-6,
+        material_damping=2000.0,
+    )
+    return gearlib.GearTrain(bodies=bodies, shafts=[shaft], meshes=[mesh])
+
+
+def test_a_train_of_ones_own_is_offered_where_there_is_one(mapping, with_own):
+    assert set(trains.KINDS) - set(trains.offered(mapping)) == {"own"}
+    assert trains.offered(with_own) == trains.KINDS
+    shown = train_page.TrainPage(with_own, "k1", "own")
+    assert "pin_error" not in shown.sliders
+    assert "repeat" in shown.note.object
+    assert shown.machine.start.load == pytest.approx(2000.0)
 
 
 def test_backlashes_of_branches_give_way_to_the_slider(mapping):
@@ -244,6 +288,11 @@ def _note(driver, old=""):
     return next((t for t in texts if "The motion from rest" in t and t != old), "")
 
 
+def _drawn(driver):
+    """Return how many canvases of figures are seen."""
+    return sum(canvas.is_displayed() for canvas in everywhere(driver, "canvas"))
+
+
 def _reachable(driver, address):
     try:
         driver.get(address)
@@ -276,4 +325,27 @@ def test_in_a_browser(browser, address, mapping):
     handle = wait_for(lambda: everywhere(browser, ".noUi-handle"))[1]
     handle.send_keys(Keys.PAGE_UP)
     wait_for(lambda: _note(browser, third))
+    assert errors(browser) == []
+
+
+@pytest.mark.slow
+def test_drawn_gears_in_a_browser(browser, address):
+    wait_for(lambda: _reachable(browser, address))
+    first = wait_for(lambda: _note(browser))
+    (button,) = [b for b in everywhere(browser, ".bk-btn") if b.text == "drawn gears"]
+    button.click()
+    second = wait_for(lambda: _note(browser, first))
+    # All sliders are there, one more than of the other page.
+    wait_for(lambda: len(everywhere(browser, ".noUi-handle")) == len(drawn_page.LABELS))
+    wait_for(lambda: _drawn(browser) >= 6)
+    figures = _drawn(browser)
+    # The shift of the pinion, below undercut, and back: by 0.05 each time.
+    handle = everywhere(browser, ".noUi-handle")[1]
+    handle.send_keys(Keys.PAGE_DOWN * 4)
+    refused = "pinion: shift = -0.2 is not allowed"
+    wait_for(lambda: any(refused in p.text for p in everywhere(browser, "p")))
+    wait_for(lambda: _drawn(browser) == 0)
+    handle.send_keys(Keys.PAGE_UP * 4)
+    wait_for(lambda: _note(browser, second))
+    wait_for(lambda: _drawn(browser) == figures)
     assert errors(browser) == []

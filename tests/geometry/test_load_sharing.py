@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq, nnls
 
-from gearlib.geometry import PathTable, SpurGear, TipRelief, optimum_relief
+from gearlib.geometry import Mesh, PathTable, SpurGear, TipRelief, optimum_relief
 from gearlib.models.geometry.energy import energy_stiffness
 from gearlib.models.geometry.load_sharing import ToothPairs, tooth_pairs
 from tests.geometry.drawings import fzg_c, high, iso_example, ring, twenty
@@ -134,6 +134,15 @@ def test_no_load_is_the_least_gap():
     assert np.isnan(found.load_share).all() and (found.pairs_in_contact >= 1).all()
     # One pair follows the other: within a phase of the grid at either end.
     assert found.effective_contact_ratio.item() == pytest.approx(1.0, abs=2.0 / 256)
+
+
+def test_rounding_leaves_no_load_to_be_shared():
+    """Here both pairs touch at a phase, and rounding leaves a force of 2e-13 N."""
+    gears = [SpurGear(teeth=20, module=8e-3, width=0.03, shift=shift) for shift in (0.3, 0.0)]
+    relief = long_relief(Mesh(*gears), 12e-6)
+    assert np.isnan(
+        with_relief(Mesh(*gears), relief, relief).transmission_error(0.0).load_share
+    ).all()
 
 
 def random_pairs(count, coupled, seed):

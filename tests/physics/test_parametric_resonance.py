@@ -127,6 +127,16 @@ def test_the_damping_that_closes_a_tongue(order):
     assert found == pytest.approx(float(true[1]), abs=1e-12)
 
 
+def test_a_tongue_that_only_rounding_leaves_open_has_no_edges():
+    # On the way to this damping one of the tried ones closes the tongue to the last digit.
+    closing = meissner.closing_damping(1.3, 0.3, 3)
+    growths = [
+        meissner.tongue(meissner.equation(1.3, 0.3, closing * share), 3).growth
+        for share in (0.999, 1.001)
+    ]
+    assert growths[0] > 0.0 > growths[1]
+
+
 def test_damping_may_open_a_closed_tongue_again():
     # The softer stretch is next to over-damped: damping lowers its frequency before all.
     ratios, order = (1.0653989653616667, 0.00046219012511841736), 5

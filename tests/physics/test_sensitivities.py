@@ -15,11 +15,14 @@ from gearlib import (
     simulate,
 )
 from gearlib.analysis.orbits.branch_points import Shooting
+from gearlib.analysis.orbits.continuation import orbit_at
 from gearlib.analysis.orbits.parameters import RATIOS as FOLLOWED
 from gearlib.analysis.orbits.parameters import value_of
 from gearlib.analysis.orbits.shooting import product
 from gearlib.analysis.orbits.special_points import FOLD
+from gearlib.analysis.orbits.special_points import GRAZING as TOUCHING
 from gearlib.runs.sensitivities import DOUBLE, GRAZING, ONE_SIDED, PARAMETERS
+from gearlib.runs.sensitivities import FOLD as FOLDED
 from tests.paper import PAPER
 from tests.physics import high_precision_derivatives as exact
 from tests.physics.high_precision import Arc
@@ -292,6 +295,40 @@ def test_special_orbits_say_so():
     orbit = orbit_sensitivities(periodic_orbit(steady, 0.7), ("damping_ratio",))
     assert int(orbit.sensitivity_status) == DOUBLE
     assert np.isnan(orbit.d_multiplier_real_d_damping_ratio).all()
+    branch = continue_orbit(periodic_orbit(OTHER, 0.8), to=0.93)
+    for label, code in ((FOLD, FOLDED), (TOUCHING, GRAZING)):
+        point = int(np.flatnonzero(branch.label == label)[0])
+        found = orbit_sensitivities(orbit_at(OTHER, branch, point), ("backlash_damping_ratio",))
+        assert int(found.sensitivity_status) == code
+        assert np.isnan(found.d_state_d_backlash_damping_ratio).all() == (label == FOLD)
+        assert np.isnan(found.d_multiplier_real_d_backlash_damping_ratio).all()
+    # Short of the grazing by less than can be told from it.
+    short = periodic_orbit(
+        OTHER, float(branch.tuning[point]) - 2e-12, guess=branch.state.values[point]
+    )
+    assert short.pattern == (1,)
+    found = orbit_sensitivities(short, ("backlash_damping_ratio",))
+    assert int(found.sensitivity_status) == GRAZING
+    assert np.isnan(found.d_multiplier_real_d_backlash_damping_ratio).all()
+
+
+def test_two_repeats_of_an_orbit():
+    # Multipliers are squares: mu^2 changes by 2 mu dmu.
+    names = ("contact_ratio", "material_damping", "tuning")
+    one, two = (orbit_sensitivities(periodic_orbit(DAMPED, 0.9, period=n), names) for n in (1, 2))
+
+    def complex_of(data, name):
+        real, imaginary = (data[name.format(part)].values for part in PARTS)
+        return real + 1j * imaginary
+
+    first = complex_of(one, "{}")
+    # A pair comes in either order.
+    order = np.argsort(abs(first[:, None] ** 2 - complex_of(two, "{}")), axis=1)[:, 0]
+    for name in names:
+        slopes = complex_of(two, "d_{}_d_" + name)[order]
+        expected = 2.0 * first * complex_of(one, "d_{}_d_" + name)
+        np.testing.assert_allclose(slopes, expected, rtol=1e-9)
+        np.testing.assert_allclose(two[f"d_state_d_{name}"], one[f"d_state_d_{name}"], rtol=1e-9)
 
 
 @pytest.mark.parametrize("name", FOLLOWED)

@@ -47,7 +47,7 @@ class Stored:
         """Return the rows of numbers, tuples, that a function of 50 digits returns."""
         key = key_of((function.__name__, *arguments))
         if Stored.recording:
-            self.recorded[key] = [" ".join(map(_text, row)) for row in function(*arguments)]
+            self.recorded[key] = row_texts(function(*arguments))
         known = self.recorded if Stored.recording else self.entries
         if key not in known:
             warnings.warn(f"{self.path.name} lacks {arguments}: make references", stacklevel=2)
@@ -71,6 +71,11 @@ def texts(motion):
     x, v, events = motion
     rows = [f"{_text(at)} {before} {after} {_text(speed)}" for at, before, after, speed in events]
     return [f"{_text(x)} {_text(v)}", *rows]
+
+
+def row_texts(rows):
+    """Return rows of numbers as texts."""
+    return [" ".join(map(_text, row)) for row in rows]
 
 
 def _text(value):

@@ -2,7 +2,6 @@
 
 import csv
 import math
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -155,14 +154,14 @@ def test_a_jump_is_the_largest_step_of_the_characteristic():
 
 
 def test_the_verdict_on_one_mesh_follows_the_data(comparison):
-    holds, words = machine.one_mesh(SimpleNamespace(one_mesh=comparison))
+    holds, words = machine.one_mesh(comparison)
     assert not holds and "started alike: the two meshes of one branch" in words
     other = comparison.copy(deep=True)
     other["sufficient"] = ("case", ["pair"] * other.sizes["case"])
-    assert machine.one_mesh(SimpleNamespace(one_mesh=other))[0]
+    assert machine.one_mesh(other)[0]
     other.dynamic_factor[0, 0, 0] = np.nan
     with pytest.raises(NoData):
-        machine.one_mesh(SimpleNamespace(one_mesh=other))
+        machine.one_mesh(other)
 
 
 def test_tables_hold_a_row_for_each_mesh_and_model(scene, comparison, tmp_path):

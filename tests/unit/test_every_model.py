@@ -20,9 +20,11 @@ from gearlib import (
     basins,
     bifurcation_diagram,
     continue_orbit,
+    fold_sensitivities,
     harmonic_balance,
     locus,
     lyapunov_exponents,
+    orbit_sensitivities,
     periodic_orbit,
     planetary,
     poincare_section,
@@ -124,6 +126,8 @@ CALLS = {
     "lyapunov_exponents": lambda pair: lyapunov_exponents(pair, [NU], settle=2, periods=20),
     "trust": lambda pair: trust(pair, NU, periods=200, exponent_periods=20),
     "periodic_orbit": lambda pair: orbit(pair).dataset(),
+    "orbit_sensitivities": lambda pair: orbit_sensitivities(orbit(pair), ("load",)),
+    "fold_sensitivities": lambda pair: fold_sensitivities(pair, *branch_and_point(), ("load",)),
     "continue_orbit": lambda pair: continue_orbit(orbit(pair), to=NU + 0.01, max_points=3),
     "switch_branch": lambda pair: switch_branch(pair, *branch_and_point()),
     "locus": lambda pair: locus(pair, *branch_and_point(), "damping", to=0.1),
@@ -134,6 +138,7 @@ CALLS = {
 #: What a call does not take beside the number; one branch serves those of one kind only.
 NO_GEARS = {"oscillator", "linear stop", "hard stop"}
 REFUSED = {
+    "orbit_sensitivities": set(MODELS) - {"gear pair"},
     "basins": {"train"},
     "basin_stability": {"train"},
     "bifurcation_diagram": {"train"},
@@ -143,7 +148,7 @@ REFUSED = {
     "schmidt": {"pairs of teeth", "six degrees", "run-out", "train", *NO_GEARS},
     "harmonic_balance": {"pairs of teeth", "six degrees", "run-out", "train", *NO_GEARS},
 }
-BRANCHES = {"switch_branch", "locus"}
+BRANCHES = {"fold_sensitivities", "switch_branch", "locus"}
 #: Words of a gear mesh, which an oscillator has not.
 MESH = re.compile("mesh|static deflection|flank|dtau")
 

@@ -3,8 +3,14 @@
 import numpy as np
 import pytest
 
-from tests.physics import high_precision, test_random_meshes
-from tests.references import Stored, key_of, numbers, texts
+from gearlib import GearPair
+from tests.physics import (
+    high_precision,
+    high_precision_derivatives,
+    test_random_meshes,
+    test_sensitivities,
+)
+from tests.references import Stored, key_of, numbers, row_texts, texts
 
 ACCURACY, RANDOM = Stored("accuracy"), test_random_meshes.REFERENCES
 
@@ -26,6 +32,16 @@ def test_stored_references_of_random_meshes_are_those_of_50_digits():
             assert stored == texts(high_precision.propagate(*arguments)), arguments
     # Powers may round otherwise on another machine, here and there.
     assert found > test_random_meshes.SEEDS // 2
+
+
+def test_stored_derivatives_are_those_of_50_digits():
+    # No way between the flanks, and over-damped.
+    for ratios, tuning, state in test_sensitivities.SPECIAL[2:6:3]:
+        pair = GearPair.from_ratios(**dict(zip(test_sensitivities.RATIOS, ratios, strict=True)))
+        own = tuple(getattr(pair, name) for name in GearPair.RATIOS)
+        arguments = own, tuning, 3, state
+        stored = test_sensitivities.REFERENCES.entries[key_of(("of_run", *arguments))]
+        assert stored == row_texts(high_precision_derivatives.of_run(*arguments))
 
 
 def test_every_case_of_the_random_meshes_is_stored_once():

@@ -92,7 +92,11 @@ def orbit_sensitivities(orbit, sensitivities, *, samples_per_period=256, max_eve
         slopes = np.einsum("mi,kij,jm->mk", np.linalg.inv(right), rates, right)
     else:
         code = code or runs.DOUBLE
-    code = code or int(variables["sensitivity_status"][1])
+    touching = int(variables["sensitivity_status"][1])
+    if touching == runs.GRAZING:
+        # Beyond it they change like a root.
+        slopes[:] = np.nan
+    code = code or touching
     if not code and _coincide(pair, run.event_phase.values):
         code = runs.ONE_SIDED
     parts = np.array([slopes.real, slopes.imag])
@@ -154,8 +158,8 @@ def fold_sensitivities(pair, branch, point, sensitivities, *, max_events=MAX_EVE
         Naming the argument, its value and the allowed range.
     """
     over = branch.attrs["parameter"]
-    names = runs.check(pair, sensitivities, known=[name for name in _NAMES if name != over])
     problem, chosen = restored(pair, branch, point, max_events)
+    names = runs.check(pair, sensitivities, known=[name for name in _NAMES if name != over])
     if int(branch.label[point]) != special.FOLD:
         raise ValueError(f"point = {point!r} is not allowed: it must be labelled fold")
     pair, tuning, state = problem.model(chosen.y)

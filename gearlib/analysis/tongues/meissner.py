@@ -223,9 +223,14 @@ def strongest(growth, low, high):
 
 
 def edge(over, inside, outside):
-    """Return where `over` loses its sign > 0 between two places; `outside` if it does not."""
+    """Return where `over` loses its sign > 0 between two places; `outside` if it does not.
+
+    `inside` where only rounding tells the tongue from a closed one.
+    """
     if over(outside) >= 0.0:
         return outside
+    if over(inside) <= 0.0:
+        return inside
     return float(brentq(over, inside, outside, xtol=1e-300, rtol=_LAST_PLACES))
 
 

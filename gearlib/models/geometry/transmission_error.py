@@ -31,8 +31,9 @@ def transmission_error(mesh, torque, phases=256, **options):
     pairs = tooth_pairs(mesh, phases, **options)
     loads = mesh.load(torques)
     found = pairs.share(loads)
-    with np.errstate(invalid="ignore"):
-        share = found.force / loads[:, None, None]
+    # Without load rounding leaves forces, of which no pair has a share.
+    share = np.full_like(found.force, math.nan)
+    np.divide(found.force, loads[:, None, None], out=share, where=loads[:, None, None] > 0.0)
     grid = ("torque", "phase")
     data = {
         "transmission_error": (grid, found.error),

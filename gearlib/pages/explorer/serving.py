@@ -1,12 +1,13 @@
-"""The explorer as a whole: one pair or a gear train, served on this machine."""
+"""The explorer as a whole: one pair, drawn gears or a gear train, served on this machine."""
 
 import panel as pn
 
+from gearlib.pages.explorer.drawn_page import DrawnPage
 from gearlib.pages.explorer.page import Page
 from gearlib.pages.explorer.train_page import TrainPage
-from gearlib.pages.explorer.trains import KINDS
+from gearlib.pages.explorer.trains import offered
 
-PAIR = "one pair"
+PAIR, DRAWN = "one pair", "drawn gears"
 
 
 class Explorer:
@@ -14,7 +15,8 @@ class Explorer:
 
     def __init__(self, mapping, damping):
         self.mapping, self.damping = mapping, damping
-        self.choice = pn.widgets.RadioButtonGroup(options=[PAIR, *KINDS.values()], value=PAIR)
+        self._kinds = {name: kind for kind, name in offered(mapping).items()}
+        self.choice = pn.widgets.RadioButtonGroup(options=[PAIR, DRAWN, *self._kinds], value=PAIR)
         self.shown = pn.Column(sizing_mode="stretch_width")
         self._pages = {}
         self.choice.param.watch(self.update, "value")
@@ -31,10 +33,10 @@ class Explorer:
         self.shown[:] = [self._pages[chosen]]
 
     def _page(self, chosen):
-        if chosen == PAIR:
-            return Page(self.mapping, self.damping)
-        (kind,) = [kind for kind, name in KINDS.items() if name == chosen]
-        return TrainPage(self.mapping, self.damping, kind)
+        if chosen in self._kinds:
+            return TrainPage(self.mapping, self.damping, self._kinds[chosen])
+        page = Page if chosen == PAIR else DrawnPage
+        return page(self.mapping, self.damping)
 
     def layout(self):
         """Return the page."""

@@ -1,17 +1,15 @@
 """The explorer's page of a gear train: sliders, figures with a curve of each mesh, the button."""
 
-import io
-import time
-
 import numpy as np
 import panel as pn
 from bokeh.models import ColumnDataSource, Span
 from bokeh.plotting import figure
 
 from gearlib.figures.style import PALETTE
+from gearlib.pages.explorer.slider_page import SliderPage, small
 from gearlib.pages.explorer.trains import KINDS, Machine, Setting
 
-#: Label, and units of the slider in SI.
+#: Label, and unit of the slider in SI.
 _LABELS = {
     "speed": ("speed of the reference pinion, rpm", 1.0),
     "stiffness_jump": ("stiffness jump 1 - κ", 1.0),
@@ -21,42 +19,43 @@ _LABELS = {
 }
 
 
-class TrainPage:
+class TrainPage(SliderPage):
     """Sliders that stand for a `trains.Setting`, and the figures of its `trains.View`."""
 
     def __init__(self, mapping, damping, kind):
         self.kind, self.machine = kind, Machine(mapping, damping, kind)
-        self.sliders = _sliders(self.machine.start, self.machine.speeds)
-        self.note = pn.pane.Markdown("", sizing_mode="stretch_width", css_classes=["note"])
         self._sources = {
             (what, mesh): ColumnDataSource({"x": [], "y": []})
             for what in ("up", "down", "shares", "force")
             for mesh in self.machine.meshes
         }
         self._marker = Span(dimension="height", line_color="#999999", line_dash="dashed")
-        for slider in self.sliders.values():
-            # A view takes a second: it follows when the slider is let go.
-            slider.param.watch(self.update, "value_throttled")
-        self.update()
+        start, speeds = self.machine.start, self.machine.speeds
+        ranges = {
+            "speed": (float(np.ceil(speeds[0])), float(np.floor(speeds[-1])), 1.0),
+            "stiffness_jump": (0.0, 0.9, 0.005),
+            "backlash": (0.0, max(200.0, 3e6 * start.backlash), 0.5),
+            "load": (0.05 * start.load, 5.0 * start.load, 0.01 * start.load),
+        }
+        if self.machine.pin_errors:
+            ranges["pin_error"] = (-50.0, 50.0, 0.5)
+        # A view takes a second: it follows when the slider is let go.
+        super().__init__(_LABELS, ranges, vars(start), event="value_throttled")
 
     def setting(self):
         """Return what the sliders say."""
-        # Rounded, so that 40 um is written as 4e-05.
-        values = {
-            name: float(f"{slider.value * _LABELS[name][1]:.12g}")
-            for name, slider in self.sliders.items()
-        }
-        return Setting(**values)
+        return Setting(**self.values())
 
-    def update(self, *_):
-        """Compute and draw what the sliders say."""
-        start = time.perf_counter()
-        setting = self.setting()
-        try:
-            seen = self.machine.look(setting)
-        except ValueError as error:
-            self.note.object = str(error)
-            return
+    def figures(self):
+        """Return the figures."""
+        return [
+            pn.pane.Bokeh(self._characteristic(), sizing_mode="stretch_width"),
+            pn.Row(pn.pane.Bokeh(self._shares()), pn.pane.Bokeh(self._course())),
+        ]
+
+    def draw(self, setting):
+        """Draw what is seen at a setting, and return it in words."""
+        seen = self.machine.look(setting)
         run = seen.run
         for mesh in self.machine.meshes:
             curves = {
@@ -68,26 +67,11 @@ class TrainPage:
             for what, (x, values) in curves.items():
                 self._sources[what, mesh].data = {"x": x, "y": values.sel(mesh=mesh).values}
         self._marker.location = setting.speed
-        elapsed = 1e3 * (time.perf_counter() - start)
-        self.note.object = f"{seen.message} *Computed in {elapsed:.0f} ms.*"
+        return seen.message
 
-    def file(self):
-        """Return the config.yaml of what is seen, as a file object."""
-        return io.BytesIO(self.machine.configuration(self.setting()).encode())
-
-    def layout(self):
-        """Return the page."""
-        button = pn.widgets.FileDownload(
-            callback=self.file, filename="config.yaml", label="Save as config.yaml", embed=False
-        )
-        controls = pn.Column(*self.sliders.values(), button, width=320)
-        figures = pn.Column(
-            self.note,
-            pn.pane.Bokeh(self._characteristic(), sizing_mode="stretch_width"),
-            pn.Row(pn.pane.Bokeh(self._shares()), pn.pane.Bokeh(self._course())),
-            sizing_mode="stretch_width",
-        )
-        return pn.Row(controls, figures, sizing_mode="stretch_width")
+    def configuration(self, setting):
+        """Return the text of a config.yaml that describes what is seen."""
+        return self.machine.configuration(setting)
 
     def _lines(self, plot, what, named=True, **options):
         for i, mesh in enumerate(self.machine.meshes):
@@ -110,39 +94,11 @@ class TrainPage:
         return plot
 
     def _shares(self):
-        plot = _plot("Load sharing, sweep up", "speed, rpm", "over the mean of alike meshes")
+        plot = small("Load sharing, sweep up", "speed, rpm", "over the mean of alike meshes", 500)
         self._lines(plot, "shares", named=False)
         return plot
 
     def _course(self):
-        plot = _plot("Time course", "phase of the reference mesh, rad", "mesh force / load")
+        plot = small("Time course", "phase of the reference mesh, rad", "mesh force / load", 500)
         self._lines(plot, "force", named=False)
         return plot
-
-
-def _plot(title, x, y):
-    return figure(
-        width=500, height=320, title=title, x_axis_label=x, y_axis_label=y, toolbar_location=None
-    )
-
-
-def _sliders(start, speeds):
-    """Return the sliders by the names of `trains.Setting`, at what the setting says."""
-    ranges = {
-        "speed": (float(np.ceil(speeds[0])), float(np.floor(speeds[-1])), 1.0),
-        "stiffness_jump": (0.0, 0.9, 0.005),
-        "backlash": (0.0, max(200.0, 3e6 * start.backlash), 0.5),
-        "load": (0.05 * start.load, 5.0 * start.load, 0.01 * start.load),
-        "pin_error": (-50.0, 50.0, 0.5),
-    }
-    return {
-        name: pn.widgets.FloatSlider(
-            label=_LABELS[name][0],
-            start=low,
-            end=high,
-            step=step,
-            value=float(f"{getattr(start, name) / _LABELS[name][1]:.12g}"),
-            format="0[.]0000",
-        )
-        for name, (low, high, step) in ranges.items()
-    }

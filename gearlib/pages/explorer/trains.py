@@ -15,7 +15,13 @@ from gearlib.runs.simulation import simulate
 from gearlib.runs.sweeping import sweep
 
 #: Trains that can be chosen, by the names of their sections.
-KINDS = {"planetary": "planetary set", "split_power_reducer": "reducer"}
+KINDS = {
+    "planetary": "planetary set",
+    "split_power_reducer": "reducer",
+    "idler": "idler",
+    "two_stage": "two stages",
+    "own": "train of one's own",
+}
 #: Mesh periods of every run of a characteristic, and the last ones that are evaluated; the latter
 #: hold whole common periods of the default trains.
 _PERIODS, _RECORDED = 36, 12
@@ -34,8 +40,8 @@ class Setting:
     speed: float  #: of the reference pinion, rpm
     stiffness_jump: float  #: 1 - kappa, of all meshes
     backlash: float  #: of all meshes, m
-    load: float  #: on each mesh of the driving gear, N
-    pin_error: float  #: tangential, of the first planet or satellite, m
+    load: float  #: on each mesh of the driving gear, of one's own train on the reference mesh, N
+    pin_error: float = 0.0  #: tangential, of the first planet or satellite, m
 
 
 @dataclass(frozen=True)
@@ -47,6 +53,12 @@ class View:
     speeds: np.ndarray  #: rpm, of both sweeps
     run: xr.Dataset  #: of `gearlib.simulate` at the chosen speed
     message: str  #: what the motion is, in words
+
+
+def offered(mapping):
+    """Return those of `KINDS` that a configuration can show: a train of one's own if it has one."""
+    own = config.load(mapping).train.own
+    return {key: name for key, name in KINDS.items() if key != "own" or own.meshes}
 
 
 class Machine:
@@ -64,50 +76,61 @@ class Machine:
 
     def __init__(self, mapping, damping, kind):
         section = dict(mapping.get("train", {}))
-        if config.load(mapping).train.kind != kind:
+        settings = config.load(mapping)
+        if settings.train.kind != kind:
             # They are those of the other train.
             for key in ("reference", "reference_frequency"):
                 section.pop(key, None)
         self.mapping = {**mapping, "train": {**section, "kind": kind}}
         self.damping, self.kind = damping, kind
-        settings = config.load(self.mapping)
-        if "gears" in mapping:
-            # The sliders change keys of the pair, which a drawing does not have.
-            pair = settings.gear_pair.model_dump()
-            self.mapping = laid_over(self.mapping, {"gear_pair": pair})
-        self.values = settings.train_parameters(damping)
+        self.values = config.load(self.mapping).train_parameters(damping)
         train = described(**self.values)
         self.meshes = train.mesh_names
         lowest = math.sqrt(train.linear_modes[0][0]) / train.reference_angular_frequency
         self.speeds = _rpm(train) * lowest * np.linspace(_LOWEST, _HIGHEST, _POINTS)
         first = train.reference_mesh
-        own = self.values["arguments"].get("pin_errors", [[0.0, 0.0]])
+        arguments = self.values["arguments"]
+        #: What is made of the gear pair takes its load; all of its keys, where gears are drawn.
+        self._pair = None if kind in ("planetary", "own") else settings.gear_pair.model_dump()
+        load = abs(train.load) if self._pair is None else self._pair["load"]
+        #: Misplaced axes, of the trains that may have them.
+        self.pin_errors = []
+        if kind in ("planetary", "split_power_reducer"):
+            self.pin_errors = arguments.get("pin_errors") or [[0.0, 0.0]] * (len(self.meshes) // 2)
         gap = first.backlash if math.isfinite(first.backlash) else 4.0 * train.static_deflection
         self.start = Setting(
             speed=float(self.speeds[_POINTS // 3]),
             stiffness_jump=1.0 - first.stiffness_ratio if first.stiffness_ratio < 1.0 else _JUMP,
             backlash=gap,
-            load=float(f"{abs(train.load):.6g}"),
-            pin_error=own[0][1],
+            load=float(f"{load:.6g}"),
+            pin_error=self.pin_errors[0][1] if self.pin_errors else 0.0,
         )
-        self._places = len(self.meshes) // 2
 
     def sections(self, setting):
         """Return the sections of the configuration that the sliders stand for."""
         kappa = 1.0 - setting.stiffness_jump
-        errors = self.values["arguments"].get("pin_errors") or [[0.0, 0.0]] * self._places
-        errors = [[errors[0][0], setting.pin_error], *errors[1:]]
-        flanks = {"backlash": setting.backlash, "load": setting.load}
+        arguments = self.values["arguments"]
+        own, flanks = {}, {"backlash": setting.backlash, "load": setting.load}
+        if self.pin_errors:
+            first = [self.pin_errors[0][0], setting.pin_error]
+            own = {"pin_errors": [first, *self.pin_errors[1:]]}
         if self.kind == "planetary":
-            own = {**flanks, "stiffness_ratio": [kappa, kappa], "pin_errors": errors}
-            return {"train": {self.kind: own}}
-        own = {"pin_errors": errors}
-        if "backlashes" in self.values["arguments"]:
-            own["backlashes"] = [[setting.backlash] * 2] * self._places
-        return {
-            "gear_pair": {**flanks, "stiffness_ratio": kappa},
-            "train": {self.kind: own},
-        }
+            own |= {**flanks, "stiffness_ratio": [kappa, kappa]}
+        elif self.kind == "own":
+            share = setting.load / self.start.load
+            teeth = {"backlash": setting.backlash, "stiffness_ratio": kappa}
+            own = {
+                "bodies": [
+                    b | {"torque": share * b.get("torque", 0.0)} for b in arguments["bodies"]
+                ],
+                "meshes": [mesh | teeth for mesh in arguments["meshes"]],
+            }
+        elif "backlashes" in arguments:
+            own["backlashes"] = [[setting.backlash] * 2] * len(self.pin_errors)
+        changed = {"train": {self.kind: own}}
+        if self._pair is None:
+            return changed
+        return changed | {"gear_pair": {**self._pair, **flanks, "stiffness_ratio": kappa}}
 
     def train(self, setting):
         """Return the `GearTrain` that the sliders stand for."""
