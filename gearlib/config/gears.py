@@ -178,23 +178,23 @@ class DrawnPair(Given):
     )
     torque: Torque = Field(description="Of the pinion, N m.")
 
-    def check(self, key, *methods):
+    def check(self, place, *methods):
         """Refuse gears that cannot be, or whose stiffness these methods cannot find.
 
         Parameters
         ----------
-        key : str
+        place : str
             Full key of the section, which the message names.
         *methods : {"iso", "energy"}
         """
         # These can be: no start of the workflow loads the geometry for them.
-        given = self.model_dump(include={"pinion", "wheel", "centre_distance"})
-        if given in [{name: pair.get(name) for name in given} for pair in (FZG_C, TWENTY)]:
+        keys = {"pinion", "wheel", "centre_distance"}
+        known = [{key: pair[key] for key in keys & pair.keys()} for pair in (FZG_C, TWENTY)]
+        if self.model_dump(include=keys) in known:
             return
-        mesh = drawing.mesh_of(key, self)
+        mesh = drawing.mesh_of(place, self)
         for method in methods:
-            given = {"torque": self.torque, "stiffness": method}
-            drawing.derived(key, mesh.pair_parameters, **given)
+            drawing.derived(place, mesh.pair_parameters, torque=self.torque, stiffness=method)
 
 
 class Gears(MethodSection, DrawnPair):
