@@ -56,7 +56,7 @@ def compute(pair, ratios, settings):
     deviations = [0.0, height / 2.0, -height / 2.0]
     shape = len(STIFFNESS), len(deviations), len(_DIRECTIONS), ratios.size
     data = {name: np.empty(shape) for name in ("dynamic_factor", "fraction_normal")}
-    status = np.empty(shape, np.int64)
+    status = np.empty(shape, np.int8)
     for i, method in enumerate(STIFFNESS):
         rectangle = GearPair.from_geometry(
             mesh, torque=torque, damping_ratio=settings["damping_ratio"], stiffness=method

@@ -162,7 +162,9 @@ def test_no_public_call_is_left_out():
         "Mesh",
         "Shaft",
     }
-    assert set(CALLS) == set(gearlib.__all__) - models - parts - {"methods"}
+    # Of proofs tests/proofs knows which models they take.
+    proofs = {name for name in gearlib.__all__ if name.startswith("certify")}
+    assert set(CALLS) == set(gearlib.__all__) - models - parts - proofs - {"methods"}
 
 
 @pytest.mark.parametrize("model", MODELS)

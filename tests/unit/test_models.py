@@ -20,7 +20,11 @@ SIX = SixDegreePair(
 )
 OSCILLATOR = DeadZoneOscillator(lower_edge=-1.0, upper_stiffness=2.0, damping=0.1)
 #: What the pair has and the model has not, or has in its own sense.
-OWN = {"from_geometry", "from_ratios", *vars(Model)} - {"flank_lines", "scales", "speed_scales"}
+OWN = {"from_geometry", "from_ratios", "RATIOS", "ratio_slopes", *vars(Model)} - {
+    "flank_lines",
+    "scales",
+    "speed_scales",
+}
 
 
 @pytest.mark.parametrize("model", [ONE, SIX])

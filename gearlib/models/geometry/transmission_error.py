@@ -14,6 +14,8 @@ from gearlib.models.geometry.relief import SHAPES, TipRelief
 
 #: Over the deflection: an error below is flat up to rounding.
 _FLAT = 1e-12
+#: Decimals that are kept of what the descent finds.
+_DIGITS = 6
 #: Amounts over the deflection of a pair, and lengths over the long one, that are tried for the
 #: optimum relief; from so many of the best the descent starts.
 _AMOUNTS = 0.25, 0.5, 0.75, 1.0, 1.25, 1.75
@@ -171,7 +173,8 @@ def _least_range(course, first, bounds):
         },
         options={"maxiter": 50, "ftol": 1e-9},
     )
-    return np.clip(found.x[:-2], *np.transpose(bounds))
+    # The least is flat: digits behind these follow from rounding, and differ between machines.
+    return np.clip(found.x[:-2], *np.transpose(bounds)).round(_DIGITS)
 
 
 def _relieved(mesh, pinion, wheel):
