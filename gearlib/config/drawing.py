@@ -33,19 +33,25 @@ def gear_of(key, section, like=None, **more):
         return gear(section.model_dump(), None if like is None else like.model_dump(), **more)
 
 
-def mesh_of(key, section, pinion, wheel, keys):
-    """Return the `gearlib.geometry.Mesh` of two gears; `keys` are the full ones of both."""
+def mesh_of(key, section):
+    """Return the `gearlib.geometry.Mesh` of a `gearlib.config.gears.DrawnPair`."""
     from gearlib.models.geometry.mesh import Mesh
 
-    with naming(key, pinion=keys[0], wheel=keys[1]):
+    pinion = gear_of(f"{key}.pinion", section.pinion)
+    wheel = gear_of(f"{key}.wheel", section.wheel, like=section.pinion)
+    with naming(key, **_both(key)):
         return Mesh(pinion, wheel, section.centre_distance, section.backlash)
 
 
-def derived(key, section, keys, derive, **options):
-    """Return the values that `derive` finds for a section, rounded."""
-    with naming(key, section.stiffness_options, pinion=keys[0], wheel=keys[1]):
+def derived(key, derive, names=(), **options):
+    """Return the values that `derive` finds for a pair, rounded; `names` of stiffness options."""
+    with naming(key, names, **_both(key)):
         found = derive(**options)
     return {name: rounded(value) for name, value in found.items()}
+
+
+def _both(key):
+    return {name: f"{key}.{name}" for name in ("pinion", "wheel")}
 
 
 def coefficient(name, value, stiffness, mass):

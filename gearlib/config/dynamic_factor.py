@@ -4,7 +4,7 @@ from typing import ClassVar
 
 from pydantic import Field, model_validator
 
-from gearlib.config.stiffness import PAIRS, DrawnPair
+from gearlib.config.gears import FZG_C, DrawnPair
 from gearlib.config.types import (
     Grid,
     OwnStart,
@@ -28,11 +28,8 @@ class DynamicFactor(Grid):
     stop: OwnStop = 2.0
     step: OwnStep = 0.01
     pair: DrawnPair = Field(
-        default=DrawnPair(**PAIRS["FZG-C"] | {"backlash": 160.5e-6}),
-        description="The pair; by default FZG type C.",
-    )
-    quality: integer_within(ge=1, le=11) = Field(
-        default=5, description="Flank tolerance class of both gears, ISO 1328-1:2013."
+        default=DrawnPair(**FZG_C | {"backlash": 160.5e-6}),
+        description="The pair, both gears with their quality; by default FZG type C.",
     )
     damping_ratio: number_within(ge=0, le=1) = Field(
         default=0.06, description="Damping in contact, beta."
@@ -47,4 +44,11 @@ class DynamicFactor(Grid):
     @model_validator(mode="after")
     def _check(self):
         check_record("dynamic_factor", self)
+        for name in ("pinion", "wheel"):
+            if getattr(self.pair, name).quality is None:
+                raise ValueError(
+                    f"dynamic_factor.pair.{name}.quality is missing: it must be an integer from 1 "
+                    "to 11"
+                )
+        self.pair.check("dynamic_factor.pair", "iso", "energy")
         return self

@@ -1,4 +1,4 @@
-"""Gears by their drawing: the section `gears`, in place of `gear_pair`."""
+"""Gears by their drawing: the section `gears`, in place of `gear_pair`, and pairs of studies."""
 
 from typing import Annotated, Literal
 
@@ -28,7 +28,31 @@ Internal = Annotated[Truth, Field(description="Whether it is a ring gear. Defaul
 OuterDiameter = Annotated[
     Length, Field(description="Of the rim of a ring gear, m; its inertia needs it.")
 ]
-_KEYS = ("gears.pinion", "gears.wheel")
+
+#: FZG type C, ISO 14635-2, at load stage 9 on shafts of 30 mm; backlash and quality: choices.
+FZG_C = {
+    "pinion": {
+        "teeth": 16,
+        "module": 4.5e-3,
+        "width": 0.014,
+        "shift": 0.1817,
+        "tip_diameter": 0.08246,
+        "bore": 0.03,
+        "quality": 5,
+    },
+    "wheel": {"teeth": 24, "shift": 0.1715, "tip_diameter": 0.11836, "bore": 0.03, "quality": 5},
+    "centre_distance": 0.0915,
+    "backlash": 50e-6,
+    "torque": 302.0,
+}
+
+#: z 20/20 of the literature on backlash; backlash and torque: choices.
+TWENTY = {
+    "pinion": {"teeth": 20, "module": 0.01, "width": 0.03, "material": {"young": 200e9}},
+    "wheel": {"teeth": 20},
+    "backlash": 50e-6,
+    "torque": 500.0,
+}
 
 
 class MaterialSection(Given):
@@ -139,8 +163,8 @@ class MethodSection(Given):
     )
 
 
-class Gears(MethodSection):
-    """A pair of gears by their drawing, in place of gear_pair, which is derived from it."""
+class DrawnPair(Given):
+    """A pair of gears by their drawing, and its load."""
 
     pinion: PinionSection
     wheel: WheelSection
@@ -152,6 +176,30 @@ class Gears(MethodSection):
         description="Normal backlash j_bn, m. Default: what shifts, allowances and centre distance "
         "leave.",
     )
+    torque: Torque = Field(description="Of the pinion, N m.")
+
+    def check(self, place, *methods):
+        """Refuse gears that cannot be, or whose stiffness these methods cannot find.
+
+        Parameters
+        ----------
+        place : str
+            Full key of the section, which the message names.
+        *methods : {"iso", "energy"}
+        """
+        # These can be: no start of the workflow loads the geometry for them.
+        keys = {"pinion", "wheel", "centre_distance"}
+        known = [{key: pair[key] for key in keys & pair.keys()} for pair in (FZG_C, TWENTY)]
+        if self.model_dump(include=keys) in known:
+            return
+        mesh = drawing.mesh_of(place, self)
+        for method in methods:
+            drawing.derived(place, mesh.pair_parameters, torque=self.torque, stiffness=method)
+
+
+class Gears(MethodSection, DrawnPair):
+    """A pair of gears by their drawing, in place of gear_pair, which is derived from it."""
+
     torque: Torque = Field(default=None, description="Of the pinion, N m; or power and speed.")
     power: Power = Field(default=None, description="Of the pinion, W.")
     speed: Speed = Field(default=None, description="Of the pinion, rpm.")
@@ -169,9 +217,7 @@ class Gears(MethodSection):
         ValueError
             If there cannot be such gears; the message names the key.
         """
-        pinion = drawing.gear_of("gears.pinion", self.pinion)
-        wheel = drawing.gear_of("gears.wheel", self.wheel, like=self.pinion)
-        return drawing.mesh_of("gears", self, pinion, wheel, _KEYS)
+        return drawing.mesh_of("gears", self)
 
     def load(self):
         """Return torque, or power and speed, as a dict."""
@@ -186,7 +232,8 @@ class Gears(MethodSection):
             If there cannot be such gears; the message names the key.
         """
         given = self.load() | drawing.method("gears", self)
-        found = drawing.derived("gears", self, _KEYS, self.mesh().pair_parameters, **given)
+        names = self.stiffness_options or ()
+        found = drawing.derived("gears", self.mesh().pair_parameters, names, **given)
         for key in ("material_damping", "backlash_damping"):
             del found[key]
         return found

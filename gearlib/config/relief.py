@@ -4,13 +4,11 @@ from typing import ClassVar, Literal
 
 from pydantic import Field, model_validator
 
+from gearlib.config.gears import FZG_C, DrawnPair
 from gearlib.config.types import (
-    Finite,
     Grid,
-    Length,
     NonNegative,
     Positive,
-    RunOut,
     Section,
     Start,
     Step,
@@ -18,27 +16,18 @@ from gearlib.config.types import (
     integer_within,
     listing,
     number_within,
-    numbers,
-    quantity,
 )
 
-_Teeth = integer_within(ge=3, le=1000)
-_Torque = quantity("N m", "302 N m", gt=0)
 _DampingRatio = number_within(ge=0, le=1)
 
 
 class HarrisMap(Section):
-    """Spur gears by their drawing, pinion and wheel: FZG type C; the error at several loads."""
+    """The static transmission error of spur gears at several loads, with reliefs that are found."""
 
-    teeth: numbers(_Teeth, 2, "Numbers of teeth.") = [16, 24]
-    module: Length = Field(default=4.5e-3, description="m.")
-    width: Length = Field(default=14e-3, description="Face width, m.")
-    shifts: numbers(Finite, 2, "Profile shift coefficients.") = [0.1817, 0.1715]
-    tip_diameters: numbers(Length, 2, "m.") = [82.46e-3, 118.36e-3]
-    bores: numbers(RunOut, 2, "Diameters, m; 0: none.") = [30e-3, 30e-3]
-    centre_distance: Length = Field(default=91.5e-3, description="m.")
-    backlash: RunOut = Field(default=160e-6, description="Normal backlash, m.")
-    torque: _Torque = Field(default=302.0, description="Design load of the pinion, N m.")
+    gears: DrawnPair = Field(
+        default=DrawnPair(**FZG_C | {"backlash": 160e-6}),
+        description="The pair at its design load, without tip relief; by default FZG type C.",
+    )
     stiffness: Literal["energy", "iso"] = Field(
         default="energy", description="How the stiffness of a pair of teeth is found."
     )
@@ -47,9 +36,18 @@ class HarrisMap(Section):
         default=256, description="Phases of a mesh period."
     )
 
-    def gears(self):
-        """Return what `gearlib.studies.tip_relief.drawn` takes."""
-        return self.model_dump(exclude={"torque", "stiffness", "loads", "phases"})
+    @model_validator(mode="after")
+    def _check(self):
+        for name in ("pinion", "wheel"):
+            gear = getattr(self.gears, name)
+            for key in ("helix_angle", "tip_relief"):
+                if getattr(gear, key):
+                    raise ValueError(
+                        f"harris_map.gears.{name}.{key} is not allowed: it must be left out, the "
+                        "map is that of spur gears, which get their reliefs by it"
+                    )
+        self.gears.check("harris_map.gears", self.stiffness)
+        return self
 
 
 class ReliefDynamics(Grid):

@@ -7,39 +7,22 @@ perfect, or deviate by a cosine of the mesh phase with both signs; from trough t
 high as their quality allows after running in, f_pb,eff + f_f,eff.
 """
 
-from dataclasses import replace
-
 import numpy as np
 import xarray as xr
 
 from gearlib import geometry
 from gearlib.data import provenance
 from gearlib.data.variables import describe
+from gearlib.models.geometry import described
 from gearlib.models.harmonics import Harmonics
 from gearlib.models.one_degree import OneDegreePair
 from gearlib.models.pair import GearPair
 from gearlib.runs.sweeping import sweep
-from gearlib.studies.mesh_stiffness import drawn
 
 STIFFNESS = ("iso", "energy")
 _DIRECTIONS = ("up", "down")
 #: Change of K_v from speed to speed that counts as a jump.
 JUMP = 0.75
-
-
-def mesh_of(pair, quality):
-    """Return the `gearlib.geometry.Mesh` of a drawn pair whose gears are of one quality.
-
-    Parameters
-    ----------
-    pair : dict
-        As of `gearlib.studies.mesh_stiffness.drawn`.
-    quality : int
-        Class of ISO 1328-1:2013.
-    """
-    mesh = drawn(pair)
-    pinion, wheel = (replace(gear, quality=quality) for gear in (mesh.pinion, mesh.wheel))
-    return replace(mesh, pinion=pinion, wheel=wheel)
 
 
 def compute(pair, ratios, settings):
@@ -48,11 +31,12 @@ def compute(pair, ratios, settings):
     Parameters
     ----------
     pair : dict
-        As of `mesh_of`, and torque, N m, of the pinion.
+        As of `gearlib.models.geometry.described.mesh`, both gears with their quality; torque, N m,
+        of the pinion.
     ratios : sequence of float, shape (n,)
         Speeds over the resonance speed of the standard, N.
     settings : dict
-        quality, damping_ratio, periods, record_periods.
+        damping_ratio, periods, record_periods.
 
     Returns
     -------
@@ -62,7 +46,7 @@ def compute(pair, ratios, settings):
         status; over (tooth_deviation, resonance_ratio): standard_factor; over resonance_ratio:
         speed (rpm of the pinion); torque, damping_ratio.
     """
-    mesh, torque = mesh_of(pair, settings["quality"]), pair["torque"]
+    mesh, torque = described.mesh(pair), pair["torque"]
     ratios = np.asarray(ratios, float)
     resonance = geometry.dynamic_factor(mesh, torque, 1.0).resonance_speed
     speeds = ratios * resonance

@@ -9,9 +9,7 @@ import xarray as xr
 from gearlib.data import provenance
 from gearlib.data.files import replacing
 from gearlib.data.variables import describe
-from gearlib.models.geometry.blank import Material
-from gearlib.models.geometry.gear import SpurGear
-from gearlib.models.geometry.mesh import Mesh
+from gearlib.models.geometry import described
 from gearlib.models.profiles import Rectangular
 from gearlib.version import __version__
 
@@ -26,33 +24,6 @@ REFERENCE = "energy"
 
 #: Share of a segment by which points stand beside its end, where the stiffness steps.
 _BESIDE = 1e-6
-
-
-def drawn(pair):
-    """Return the `Mesh` of a section of the configuration.
-
-    Parameters
-    ----------
-    pair : dict
-        teeth, module, width, shifts, bores, young, backlash; tip_diameters and centre_distance, if
-        they are given.
-    """
-    tips = pair.get("tip_diameters", (None, None))
-    pinion, wheel = (
-        SpurGear(
-            teeth=teeth,
-            module=pair["module"],
-            width=pair["width"],
-            shift=shift,
-            tip_diameter=tip,
-            bore=bore,
-            material=Material(young=pair["young"]),
-        )
-        for teeth, shift, tip, bore in zip(
-            pair["teeth"], pair["shifts"], tips, pair["bores"], strict=True
-        )
-    )
-    return Mesh(pinion, wheel, pair.get("centre_distance"), pair["backlash"])
 
 
 def by_method(mesh, torque, samples):
@@ -86,7 +57,8 @@ def compute(pairs, samples):
     Parameters
     ----------
     pairs : dict of str to dict
-        As of `drawn`, and torque, published: name -> mean stiffness.
+        As of `gearlib.models.geometry.described.mesh`, and torque, published: name -> mean
+        stiffness.
     samples : int
         Phases of the courses.
 
@@ -102,7 +74,7 @@ def compute(pairs, samples):
     courses = np.empty((*shape, samples + 4))
     means, ratios = np.empty(shape), np.empty(shape)
     for i, pair in enumerate(pairs.values()):
-        mesh = drawn(pair)
+        mesh = described.mesh(pair)
         phases[i] = _phases(mesh.contact_ratio, samples)
         found = by_method(mesh, pair["torque"], samples)
         for j, one in enumerate(found.values()):

@@ -20,11 +20,12 @@ import xarray as xr
 from gearlib.data import provenance
 from gearlib.data.files import replacing
 from gearlib.data.variables import describe
+from gearlib.models.geometry import described
 from gearlib.models.one_degree import OneDegreePair
 from gearlib.models.pair import GearPair
 from gearlib.models.profiles import Rectangular
 from gearlib.runs.sweeping import sweep
-from gearlib.studies.mesh_stiffness import METHODS, REFERENCE, by_method, drawn
+from gearlib.studies.mesh_stiffness import METHODS, REFERENCE, by_method
 
 FORMS = ("rectangle", "course")
 DIRECTIONS = ("up", "down")
@@ -160,8 +161,8 @@ def compute(pairs, tunings, samples, settings):
     costs = np.empty((*shape[:2], len(OBSERVABLES)))
     spreads = np.empty((len(pairs), len(OBSERVABLES)))
     verdicts = np.empty(spreads.shape, object)
-    for i, described in enumerate(pairs.values()):
-        mesh, torque = drawn(described), described["torque"]
+    for i, drawing in enumerate(pairs.values()):
+        mesh, torque = described.mesh(drawing), drawing["torque"]
         stiffness = by_method(mesh, torque, samples)
         pair = GearPair.from_geometry(
             mesh, torque=torque, damping_ratio=settings["damping_ratio"], stiffness=REFERENCE

@@ -13,8 +13,7 @@ import xarray as xr
 
 from gearlib.data import provenance
 from gearlib.data.variables import describe
-from gearlib.models.geometry.gear import SpurGear
-from gearlib.models.geometry.mesh import Mesh
+from gearlib.models.geometry import described
 from gearlib.models.geometry.transmission_error import optimum_relief
 from gearlib.models.load_sharing_pair import LoadSharingPair
 from gearlib.runs.sweeping import sweep
@@ -27,39 +26,14 @@ DIRECTIONS = ("up", "down")
 _ROUNDING = 1e-9
 
 
-def drawn(gears):
-    """Return the `Mesh` of a drawing without relief.
-
-    Parameters
-    ----------
-    gears : dict
-        Of pinion and wheel each: teeth, shifts, tip_diameters, bores; module, width,
-        centre_distance, backlash of both.
-    """
-    own = ("teeth", "shifts", "tip_diameters", "bores")
-    pinion, wheel = (
-        SpurGear(
-            teeth=teeth,
-            shift=shift,
-            tip_diameter=tip,
-            bore=bore,
-            module=gears["module"],
-            width=gears["width"],
-        )
-        for teeth, shift, tip, bore in zip(*(gears[name] for name in own), strict=True)
-    )
-    return Mesh(pinion, wheel, gears["centre_distance"], gears["backlash"])
-
-
-def harris_map(gears, torque, loads, stiffness, phases):
+def harris_map(gears, loads, stiffness, phases):
     """Return the static transmission error at several loads, with the reliefs of `RELIEFS`.
 
     Parameters
     ----------
     gears : dict
-        As of `drawn`.
-    torque : float
-        Design load of the pinion, N m.
+        As of `gearlib.models.geometry.described.mesh`, without relief; torque, the design load of
+        the pinion, N m.
     loads : sequence of float
         Over the design load, >= 0.
     stiffness, phases
@@ -70,7 +44,7 @@ def harris_map(gears, torque, loads, stiffness, phases):
     xarray.Dataset
         What that returns, over relief too; design_torque; relief_amount over relief and gear.
     """
-    bare = drawn(gears)
+    bare, torque = described.mesh(gears), gears["torque"]
     options = {"stiffness": stiffness, "phases": phases}
     relieved = optimum_relief(bare, torque, length="long", **options)
     found, amounts = [], []
@@ -97,12 +71,12 @@ def _half_as_long(mesh):
     return dataclasses.replace(mesh, **gears)
 
 
-def dynamics(gears, torque, stiffness, tunings, settings):
+def dynamics(gears, stiffness, tunings, settings):
     """Return the largest dynamic force by both models over speed and load.
 
     Parameters
     ----------
-    gears, torque, stiffness
+    gears, stiffness
         As of `harris_map`; the relief is the long one.
     tunings : sequence of float
         Of the pairs of teeth.
@@ -118,7 +92,8 @@ def dynamics(gears, torque, stiffness, tunings, settings):
         where neither model, or one, loses contact), mean_difference, suffices,
         error_over_deflection, effective_contact_ratio; speed in rpm.
     """
-    mesh = optimum_relief(drawn(gears), torque, length="long", stiffness=stiffness)
+    torque = gears["torque"]
+    mesh = optimum_relief(described.mesh(gears), torque, length="long", stiffness=stiffness)
     tunings = np.asarray(tunings, float)
     run = {name: settings[name] for name in ("periods", "record_periods")}
     dampings = {name: settings[name] for name in ("damping_ratio", "backlash_damping_ratio")}

@@ -6,23 +6,13 @@ import numpy as np
 import pytest
 
 from gearlib import GearPair, sweep
+from gearlib.config.dynamic_factor import DynamicFactor
 from gearlib.geometry import Mesh, SpurGear, Web, dynamic_factor, iso_stiffness
 from gearlib.studies.dynamic_factor import compute
 from tests.geometry.drawings import fzg_c, iso_example, twenty
 
-PAIR = {
-    "teeth": [16, 24],
-    "module": 4.5e-3,
-    "width": 0.014,
-    "shifts": [0.1817, 0.1715],
-    "tip_diameters": [0.08246, 0.11836],
-    "bores": [0.03, 0.03],
-    "young": 206e9,
-    "centre_distance": 0.0915,
-    "backlash": 160.5e-6,
-    "torque": 302.0,
-}
-RUN = {"quality": 5, "damping_ratio": 0.06, "periods": 200, "record_periods": 8}
+PAIR = DynamicFactor().pair.model_dump()
+RUN = {"damping_ratio": 0.06, "periods": 200, "record_periods": 8}
 
 
 def test_example_1_of_the_standard_to_its_printed_digits():

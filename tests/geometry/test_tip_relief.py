@@ -5,25 +5,28 @@ import pytest
 
 from gearlib.config import load
 from gearlib.figures import harris_map, relief_dynamics, style
+from gearlib.models.geometry import described
 from gearlib.studies import tip_relief
 from tests.geometry.drawings import fzg_c
 from tests.unit.test_defaults import GEARS
 
 CONFIG = load({"gear_pair": GEARS, "dampings": {"oil": {"material": 0.0, "backlash": 20.0}}})
-DRAWING, TORQUE = CONFIG.harris_map.gears(), CONFIG.harris_map.torque
+DRAWING = CONFIG.harris_map.gears.model_dump()
+TORQUE = DRAWING["torque"]
 SETTINGS = CONFIG.relief_dynamics.model_dump(exclude={"start", "stop", "step"})
 
 
 def test_the_default_gears_are_fzg_c():
-    mesh = tip_relief.drawn(DRAWING)
-    assert mesh.contact_ratio == fzg_c().contact_ratio and mesh.backlash == 160e-6
-    assert (mesh.pinion, mesh.wheel) == (fzg_c().pinion, fzg_c().wheel)
+    mesh = described.mesh(DRAWING)
+    drawn = fzg_c(quality=5)
+    assert mesh.contact_ratio == drawn.contact_ratio and mesh.backlash == 160e-6
+    assert (mesh.pinion, mesh.wheel) == (drawn.pinion, drawn.wheel)
 
 
 def test_harris_map_of_constant_stiffness(tmp_path):
     """c' of ISO 6336-1: long relief leaves nothing at the design load, short the half of F / c'."""
-    found = tip_relief.harris_map(DRAWING, TORQUE, [0.0, 0.5, 1.0, 1.5], "iso", 64)
-    mesh = tip_relief.drawn(DRAWING)
+    found = tip_relief.harris_map(DRAWING, [0.0, 0.5, 1.0, 1.5], "iso", 64)
+    mesh = described.mesh(DRAWING)
     stiffness = mesh.stiffness("iso")
     lowest = stiffness.max_stiffness * stiffness.stiffness_ratio
     deflection = mesh.load(TORQUE) * (1.0 / lowest - 1.0 / stiffness.max_stiffness)
@@ -41,7 +44,7 @@ def test_harris_map_of_constant_stiffness(tmp_path):
 
 def test_where_the_stiffness_at_the_load_suffices(tmp_path):
     settings = SETTINGS | {"loads": [0.25, 1.0], "periods": 60}
-    found = tip_relief.dynamics(DRAWING, TORQUE, "energy", [0.5, 0.84, 1.0, 1.5], settings)
+    found = tip_relief.dynamics(DRAWING, "energy", [0.5, 0.84, 1.0, 1.5], settings)
     assert found.suffices.values.tolist() == [0, 1]
     # Gears lose contact at a quarter of the design load, where tips are relieved four times too
     # much, and not at it.

@@ -11,8 +11,7 @@ use rule job as harris_map with:
     params:
         script="compute",
         function="gearlib.studies.tip_relief:harris_map",
-        gears=canonical(CONFIG.harris_map.gears()),
-        torque=CONFIG.harris_map.torque,
+        gears=canonical(CONFIG.harris_map.gears.model_dump()),
         loads=CONFIG.harris_map.loads,
         stiffness=CONFIG.harris_map.stiffness,
         phases=CONFIG.harris_map.phases,
@@ -30,8 +29,7 @@ use rule job as relief_dynamics with:
     params:
         script="compute",
         function="gearlib.studies.tip_relief:dynamics",
-        gears=canonical(CONFIG.harris_map.gears()),
-        torque=CONFIG.harris_map.torque,
+        gears=canonical(CONFIG.harris_map.gears.model_dump()),
         stiffness=CONFIG.harris_map.stiffness,
         tunings=grid_of(CONFIG.relief_dynamics),
         settings=canonical(CONFIG.relief_dynamics.model_dump(exclude=GRID)),

@@ -6,6 +6,7 @@ from contextlib import contextmanager
 
 from gearlib.models.geometry.blank import RACKS, Material, Web
 from gearlib.models.geometry.gear import SpurGear
+from gearlib.models.geometry.mesh import Mesh
 from gearlib.models.geometry.relief import TipRelief
 
 #: What the second gear of a mesh takes over from the first where it leaves it out.
@@ -49,6 +50,15 @@ def gear(values, like=None, **more):
         if name in given:
             given[name] = make(**given[name])
     return SpurGear(**(more | given))
+
+
+def mesh(values):
+    """Return the `Mesh` of plain values: pinion and wheel as of `gear`, centre_distance, backlash.
+
+    What the wheel shares with the pinion it may leave out; other keys do not count.
+    """
+    pinion, wheel = gear(values["pinion"]), gear(values["wheel"], values["pinion"])
+    return Mesh(pinion, wheel, values.get("centre_distance"), values.get("backlash"))
 
 
 @contextmanager

@@ -7,7 +7,7 @@ import xarray as xr
 import yaml
 
 from gearlib import config
-from gearlib.config.gears import Gears
+from gearlib.config.gears import TWENTY, Gears
 from gearlib.geometry import Mesh, TipRelief
 from gearlib.models.load_sharing_pair import LoadSharingPair
 from gearlib.models.pair import GearPair
@@ -15,12 +15,7 @@ from gearlib.pages.explorer import view
 
 #: Where the sliders start if no gears are drawn: z 20/20, m 10 mm, b 30 mm, E 200 GPa
 #: of the literature on backlash, under 106 N per mm of width.
-START = {
-    "pinion": {"teeth": 20, "module": 0.01, "width": 0.03, "material": {"young": 200e9}},
-    "wheel": {"teeth": 20},
-    "backlash": 100e-6,
-    "torque": 300.0,
-}
+START = TWENTY | {"backlash": 100e-6, "torque": 300.0}
 #: Keys of a drawing that the sliders replace.
 _REPLACED = "centre_distance", "torque", "power", "speed", "stiffness", "stiffness_options"
 #: Loads of the Harris map beside the chosen one, over that at the start.
