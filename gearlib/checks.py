@@ -59,6 +59,17 @@ def one_of(name, value, choices):
     return value
 
 
+def many(name, values, count):
+    """Return so many values as a list, else raise ValueError."""
+    try:
+        found = list(values)
+    except TypeError:
+        found = []
+    if len(found) != count:
+        raise ValueError(f"{name} = {values!r} is not allowed: it must be {count} values")
+    return found
+
+
 def known(owner, names, allowed):
     """Raise ValueError unless every name of a parameter is one that the owner has."""
     for name in names:

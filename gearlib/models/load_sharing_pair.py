@@ -111,6 +111,7 @@ class LoadSharingPair(WithPair):
         **options
             torque, damping and so on, as of `GearPair.from_geometry`.
         """
+        checks.one_of("stiffness", stiffness, ("energy", "iso"))
         given = {"coupling": coupling} if stiffness == "energy" else {}
         return cls(
             pair=GearPair.from_geometry(mesh, stiffness=stiffness, options=given, **options),

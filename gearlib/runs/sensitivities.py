@@ -73,7 +73,12 @@ def check(pair, names, method="exact", known=tuple(PARAMETERS)):
     ValueError
         If one is unknown or repeated, or the model and its method have no derivatives.
     """
-    names = (names,) if isinstance(names, str) else tuple(names)
+    try:
+        names = (names,) if isinstance(names, str) else tuple(names)
+    except TypeError:
+        raise ValueError(
+            f"sensitivities = {names!r} is not allowed: it must be a sequence of names"
+        ) from None
     for name in names:
         checks.one_of("sensitivities", name, known)
     if len(set(names)) < len(names):

@@ -67,11 +67,12 @@ def test_sliders_stand_for_the_drawn_gears_of_the_library(drawing, shown):
     assert drawing.pair(setting, gearlib.LoadSharingPair) == teeth
 
 
-#: FZG type C, whose tips are shortened, as a configuration has it.
+#: FZG type C, whose tips are shortened, as a configuration has it, and one tooth out of place.
 FZG = {
     "gears": {
         "pinion": {"teeth": 16, "module": "4.5 mm", "width": "14 mm", "shift": 0.1817,
-                   "tip_diameter": "82.46 mm", "bore": "30 mm"},
+                   "tip_diameter": "82.46 mm", "bore": "30 mm",
+                   "pitch_errors": ["5 um"] + [0.0] * 15},
         "wheel": {"teeth": 24, "shift": 0.1715, "tip_diameter": "118.36 mm", "bore": "30 mm"},
         "centre_distance": "91.5 mm",
         "backlash": "160 um",

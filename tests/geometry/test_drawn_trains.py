@@ -184,6 +184,9 @@ REFUSED = {
         "backlash of the ring mesh = -1",
         ">= 0",
     ),
+    "one position": (lambda: planets(positions=3), "positions = 3 ", "3 values"),
+    "one backlash": (lambda: planets(backlashes=1e-5), "backlashes = 1e-05 ", "2 values"),
+    "backlashes": (lambda: planets(backlashes=[1e-5] * 3), "backlashes = [1e-05, ", "2 values"),
     "torque": (lambda: planets(torque=0.0), "torque = 0.0 ", "> 0"),
     "carrier": (lambda: planets(carrier_inertia=0.0), "carrier_inertia = 0.0 ", "> 0"),
     "two dampings": (

@@ -291,6 +291,7 @@ REFUSED = {
     ),
     "falling table": (lambda: PathTable((1.0, 1.0), (0.0, 0.0)), "position = (1.0, 1.0) ", "rise"),
     "short table": (lambda: PathTable((1.0,), ()), "a table of 1 positions and 0 values ", "many"),
+    "number as table": (lambda: PathTable(1.0, (0.0,)), "position = 1.0 ", "a sequence"),
     "table": (lambda: PathTable((0.0,), (math.nan,)), "value[0] = nan ", "finite"),
     "torque": (lambda: error(torque=[1.0, -1.0]), "torque = -1.0 ", ">= 0"),
     "no torque": (lambda: error(torque=[]), "torque = [] ", "at least one"),

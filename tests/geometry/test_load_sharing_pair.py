@@ -271,6 +271,13 @@ REFUSED = {
     "drawing": (lambda: make(drawing="fzg"), "drawing = 'fzg' ", "gearlib.geometry.Mesh"),
     "phases": (lambda: make(phases=2), "phases = 2 ", ">= 8"),
     "stiffness": (lambda: make(stiffness="fem"), "stiffness = 'fem' ", "'energy'"),
+    "table without a pair": (
+        lambda: LoadSharingPair.from_geometry(
+            fzg_c(), torque=1.0, stiffness=PathTable((0.0,), (1e8,))
+        ),
+        "stiffness = PathTable",
+        "one of 'energy', 'iso'",
+    ),
     "pitch errors at the load": (
         lambda: make(pitch_errors=(0.0, 1e-6)).at_load(),
         "pitch_errors = (0.0, 1e-06) ",

@@ -344,6 +344,7 @@ def test_continuation_has_the_derivatives_by_its_parameters(name):
     ("pair", "changed", "part"),
     [
         (DAMPED, {"sensitivities": ("damping",)}, "sensitivities = 'damping' is not allowed"),
+        (DAMPED, {"sensitivities": True}, "sensitivities = True is not .* a sequence of names"),
         (DAMPED, {"sensitivities": ("load", "load")}, "names must be all different"),
         (OneDegreePair(pair=DAMPED), {}, "not allowed for this OneDegreePair by method 'exact'"),
         (DAMPED, {"method": "taylor"}, "by method 'taylor'"),

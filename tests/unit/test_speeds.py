@@ -160,6 +160,7 @@ def test_single_tunings_in_rpm():
         (["phase_lag", "tuning"], "-3 rpm", "phase_lag.tuning = -0.0007"),
         (["phase_lag", "tuning"], "50 Hz", "phase_lag.tuning = '50 Hz' .* such as '1500 rpm'"),
         (["reducer", "start"], "2000 rpm", "reducer.start = '2000 rpm' .* <= 100$"),
+        (["relief_dynamics", "start"], "2000 rpm", "relief_dynamics.start = '2000 rpm' .* <= "),
         (["gear_pair", "backlash"], "3 rpm", "gear_pair.backlash = '3 rpm'"),
     ],
 )

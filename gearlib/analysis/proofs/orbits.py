@@ -182,8 +182,10 @@ class Proof:
                 continue
             first = self.states_at(part)
             if all(a.overlaps(b) for a, b in zip(first, self.box, strict=False)):
+                plural = "s" * (part > 1)
                 raise Uncertain(
-                    "period", f"it repeats after {part} mesh periods already, not after {period}"
+                    "period",
+                    f"it repeats after {part} mesh period{plural} already, not after {period}",
                 )
 
     def states_at(self, part):

@@ -41,7 +41,7 @@ def planets_of(
     ValueError
         If gears do not mesh, or planets cannot be assembled or strike each other.
     """
-    gaps = (None, None) if backlashes is None else tuple(backlashes)
+    gaps = (None, None) if backlashes is None else checks.many("backlashes", backlashes, 2)
     if not getattr(ring, "internal", False):
         raise ValueError(
             "internal of the ring = False is not allowed: it must be True, of a ring gear"
@@ -59,11 +59,9 @@ def planets_of(
                 f"/ {count} must be an integer for equal spacing"
             )
         positions = [math.tau * i / count for i in range(count)]
-    if len(positions) != count:
-        raise ValueError(f"positions = {positions!r} is not allowed: it must be {count} values")
     places = tuple(
         checks.number(f"positions[{i}]", angle, "finite", math.isfinite)
-        for i, angle in enumerate(positions)
+        for i, angle in enumerate(checks.many("positions", positions, count))
     )
     for i, angle in enumerate(places):
         pitches = total * (angle - places[0]) / math.tau

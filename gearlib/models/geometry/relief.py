@@ -77,10 +77,14 @@ class PathTable:
 
     def __post_init__(self):
         for name in ("position", "value"):
-            values = tuple(
-                checks.number(f"{name}[{i}]", one, "finite", math.isfinite)
-                for i, one in enumerate(getattr(self, name))
-            )
+            given = getattr(self, name)
+            try:
+                named = [(f"{name}[{i}]", one) for i, one in enumerate(given)]
+            except TypeError:
+                raise ValueError(
+                    f"{name} = {given!r} is not allowed: it must be a sequence of numbers"
+                ) from None
+            values = tuple(checks.number(*one, "finite", math.isfinite) for one in named)
             object.__setattr__(self, name, values)
         if len(self.position) != len(self.value) or not self.position:
             raise ValueError(

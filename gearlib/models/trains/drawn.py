@@ -5,7 +5,7 @@ import math
 
 from gearlib import checks
 from gearlib.models.geometry.planets import planets_of
-from gearlib.models.trains.parts import STRUCTURAL_DAMPING, many
+from gearlib.models.trains.parts import STRUCTURAL_DAMPING
 from gearlib.models.trains.ready_made import planetary
 
 
@@ -122,8 +122,8 @@ def planetary_set(
         reduced_inertias=reduced,
         sun_base_radius=sun.base_diameter / 2.0,
         pressure_angle=drawn.sun_mesh.working_pressure_angle,
-        support_stiffness=many("support_stiffness", support_stiffness, 4),
-        torsional_stiffness=many("torsional_stiffness", torsional_stiffness, 3),
+        support_stiffness=checks.many("support_stiffness", support_stiffness, 4),
+        torsional_stiffness=checks.many("torsional_stiffness", torsional_stiffness, 3),
         structural_damping=structural_damping,
         load=share / (sun.base_diameter / 2.0),
         pin_errors=pin_errors,

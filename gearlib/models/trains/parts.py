@@ -54,11 +54,5 @@ def damping_of(stiffness, structural_damping):
 
 
 def teeth_of(teeth, count):
-    values = many("teeth", teeth, count)
+    values = checks.many("teeth", teeth, count)
     return [checks.integer(f"teeth[{i}]", z, 3) for i, z in enumerate(values)]
-
-
-def many(name, values, count):
-    if not isinstance(values, (tuple, list)) or len(values) != count:
-        raise ValueError(f"{name} = {values!r} is not allowed: it must be {count} values")
-    return list(values)

@@ -15,7 +15,6 @@ from gearlib.models.trains.parts import (
     damping_of,
     gear,
     gear_masses,
-    many,
     mesh_of,
     support,
     teeth_of,
@@ -106,7 +105,9 @@ def planetary(
         If a value is impossible or the planets do not fit between sun and ring.
     """
     n = checks.integer("planets", planets, 1)
-    sun, ring = (checks.integer(f"teeth[{i}]", z, 3) for i, z in enumerate(many("teeth", teeth, 2)))
+    sun, ring = (
+        checks.integer(f"teeth[{i}]", z, 3) for i, z in enumerate(checks.many("teeth", teeth, 2))
+    )
     if planet_teeth is None:
         if ring <= sun or (ring - sun) % 2:
             raise ValueError(
@@ -122,8 +123,8 @@ def planetary(
                 "an integer for equal spacing"
             )
         positions = [2.0 * math.pi * i / n for i in range(n)]
-    positions = many("positions", positions, n)
-    errors = many("pin_errors", pin_errors or [(0.0, 0.0)] * n, n)
+    positions = checks.many("positions", positions, n)
+    errors = checks.many("pin_errors", pin_errors or [(0.0, 0.0)] * n, n)
     r_sun = checks.finite_positive("sun_base_radius", sun_base_radius)
     r_planet, r_ring = r_sun * planet_teeth / sun, r_sun * ring / sun
     centre = (r_sun + r_planet) / math.cos(pressure_angle)
@@ -135,9 +136,12 @@ def planetary(
         )
     ring_angle = pressure_angle if planet_teeth * 2 == ring - sun else math.acos(cosine)
     radii = (r_sun, r_ring, centre, r_planet)
-    masses, reduced = many("masses", masses, 4), many("reduced_inertias", reduced_inertias, 4)
-    supports = many("support_stiffness", support_stiffness, 4)
-    twists = (*many("torsional_stiffness", torsional_stiffness, 3), 0.0)
+    masses, reduced = (
+        checks.many("masses", masses, 4),
+        checks.many("reduced_inertias", reduced_inertias, 4),
+    )
+    supports = checks.many("support_stiffness", support_stiffness, 4)
+    twists = (*checks.many("torsional_stiffness", torsional_stiffness, 3), 0.0)
     torque = n * checks.number("load", load, "finite", math.isfinite) * r_sun
     torques = [torque, torque * ring / sun, -torque * (1.0 + ring / sun), 0.0]
 
@@ -159,9 +163,9 @@ def planetary(
 
     bodies = [body(0, "sun", sun), body(1, "ring", ring), body(2, "carrier", None)]
     meshes = []
-    stiffness = many("mean_stiffness", mean_stiffness, 2)
-    kappa = many("stiffness_ratio", stiffness_ratio, 2)
-    epsilon = many("contact_ratio", contact_ratio, 2)
+    stiffness = checks.many("mean_stiffness", mean_stiffness, 2)
+    kappa = checks.many("stiffness_ratio", stiffness_ratio, 2)
+    epsilon = checks.many("contact_ratio", contact_ratio, 2)
     common = dict(
         material_damping=material_damping, backlash_damping=backlash_damping, backlash=backlash
     )
@@ -238,8 +242,8 @@ def idler(
         Of `GearTrain`.
     """
     z = teeth_of(teeth, 3)
-    reduced = many("reduced_inertias", reduced_inertias or gear_masses(pair, *z), 3)
-    masses = many("masses", masses or [2.0 * value for value in reduced], 3)
+    reduced = checks.many("reduced_inertias", reduced_inertias or gear_masses(pair, *z), 3)
+    masses = checks.many("masses", masses or [2.0 * value for value in reduced], 3)
     force = pair.load
     bodies = [
         gear(name, z[i], module, pressure_angle, reduced[i], masses[i], sign * force)
@@ -285,9 +289,9 @@ def two_stage(
     """
     z = teeth_of(teeth, 4)
     reduced = reduced_inertias or [*gear_masses(pair, *z[:2]), *gear_masses(pair, *z[2:])]
-    reduced = many("reduced_inertias", reduced, 4)
-    masses = many("masses", masses or [2.0 * value for value in reduced], 4)
-    sizes = [many("modules", modules, 2)[i // 2] for i in range(4)]
+    reduced = checks.many("reduced_inertias", reduced, 4)
+    masses = checks.many("masses", masses or [2.0 * value for value in reduced], 4)
+    sizes = [checks.many("modules", modules, 2)[i // 2] for i in range(4)]
     radii = [base_radius(z[i], sizes[i], pressure_angle) for i in range(4)]
     names = ("pinion 1", "wheel 1", "pinion 2", "wheel 2")
     # The shaft turns clockwise, and the second wheel counterclockwise against its load.

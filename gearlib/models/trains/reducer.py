@@ -24,7 +24,6 @@ from gearlib.models.trains.parts import (
     base_radius,
     gear,
     gear_masses,
-    many,
     mesh_of,
     support,
     teeth_of,
@@ -92,7 +91,7 @@ def split_power_reducer(
     n = checks.integer("branches", branches, 1)
     checks.one_of("internal", internal, (False, True))
     z = teeth_of(teeth or ((24, 36, 24, 84) if internal else (24, 36, 24, 36)), 4)
-    sizes = [many("modules", modules, 2)[i // 2] for i in range(4)]
+    sizes = [checks.many("modules", modules, 2)[i // 2] for i in range(4)]
     centres = sizes[0] * (z[0] + z[1]), sizes[2] * (z[3] - z[2] if internal else z[3] + z[2])
     if abs(centres[0] - centres[1]) > 1e-9 * centres[0]:
         raise ValueError(
@@ -100,10 +99,10 @@ def split_power_reducer(
             f"{centres[0] / 2.0:.6g} m in the first, {centres[1] / 2.0:.6g} m in the second"
         )
     reduced = reduced_inertias or gear_masses(pair, *z)
-    reduced = many("reduced_inertias", reduced, 4)
-    masses = many("masses", masses or [2.0 * value for value in reduced], 4)
-    errors = many("pin_errors", pin_errors or [(0.0, 0.0)] * n, n)
-    gaps = many("backlashes", backlashes or [(pair.backlash,) * 2] * n, n)
+    reduced = checks.many("reduced_inertias", reduced, 4)
+    masses = checks.many("masses", masses or [2.0 * value for value in reduced], 4)
+    errors = checks.many("pin_errors", pin_errors or [(0.0, 0.0)] * n, n)
+    gaps = checks.many("backlashes", backlashes or [(pair.backlash,) * 2] * n, n)
     radii = [base_radius(z[i], sizes[i], pressure_angle) for i in range(4)]
     # The satellites turn clockwise. They push an external output counterclockwise, against its
     # load, and a ring gear clockwise.

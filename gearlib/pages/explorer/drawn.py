@@ -18,6 +18,8 @@ from gearlib.pages.explorer import view
 START = TWENTY | {"backlash": 100e-6, "torque": 300.0}
 #: Keys of a drawing that the sliders replace.
 _REPLACED = "centre_distance", "torque", "power", "speed", "stiffness", "stiffness_options"
+#: Keys of a gear that it starts without.
+_BARE = "tip_relief", "pitch_errors"
 #: Loads of the Harris map beside the chosen one, over that at the start.
 _LOADS = 0.0, 0.5, 1.0, 1.5, 2.0
 _PHASES = 256
@@ -150,7 +152,7 @@ class Drawing:
         for name in ("pinion", "wheel"):
             gear = getattr(mesh, name)
             keys = ("module", "shift", "tip_diameter")
-            own = {key: value for key, value in gears[name].items() if key != "tip_relief"}
+            own = {key: value for key, value in gears[name].items() if key not in _BARE}
             gears[name] = own | {key: getattr(gear, key) for key in keys}
             if setting.relief:
                 length = float(f"{gear.tip_relief.length:.12g}")
