@@ -4,13 +4,12 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from gearlib.data.contact_loss import lost_share
 from gearlib.figures import style
 
 _COLOURS = {"rotational": "#D55E00", "translational": "#56B4E9", "satellite": "#CC79A7"}
 _OTHER = "0.5"
 _LOST = "#F0E442"
-#: Shares of time that are rounding.
-_ROUNDING = 1e-9
 
 
 @style.styled()
@@ -73,7 +72,7 @@ def draw(diagram):
 def _mark_lost(axes, data, rate):
     """Mark, along the mesh frequencies, the speeds at which a mesh of them parts in a sweep."""
     speed = data.speed.values
-    lost = (data.fraction_normal.values < 1.0 - _ROUNDING).any(axis=0)
+    lost = (lost_share(data.fraction_normal.values) > 0.0).any(axis=0)
     half = (speed[1] - speed[0]) / 2.0
     for own in np.unique(data.mesh_rate.values):
         there = lost[:, data.mesh_rate.values == own].any(axis=1)

@@ -4,6 +4,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from gearlib.data.contact_loss import lost_share
 from gearlib.figures import style
 
 _TITLES = {
@@ -15,8 +16,6 @@ _COLOURS = ("#000000", "#0072B2", "#D55E00")
 _LINES = {"up": "-", "down": (0, (3, 1))}
 _MARKS = {"up": "^", "down": "v"}
 _STANDARD = "#009E73"
-#: Shares of time that are rounding.
-_ROUNDING = 1e-9
 #: Heights of the strips of lost contact, shares of a panel, and where the lowest lies.
 _STRIP, _LOWEST = 0.025, 0.02
 
@@ -69,7 +68,7 @@ def _draw_sweeps(axes, data, colour, height):
         axes.plot(
             ratio[jumps], factor[jumps], _MARKS[direction], color=colour, markersize=4, zorder=3
         )
-        lost |= one.fraction_normal.values < 1.0 - _ROUNDING
+        lost |= lost_share(one.fraction_normal.values) > 0.0
     axes.plot(
         ratio,
         np.where(lost, height, np.nan),

@@ -5,6 +5,7 @@ import math
 import numpy as np
 from matplotlib.figure import Figure
 
+from gearlib.data.contact_loss import lost_share
 from gearlib.figures import style
 
 _MODELS = {
@@ -34,7 +35,7 @@ def draw(data):
     tuning = data.tuning.values
     for axes, load in zip(panels, data.load_ratio.values, strict=True):
         shown = data.sel(load_ratio=load)
-        lost = (shown.fraction_normal < 1.0 - 1e-9).any(["model", "direction"]).values
+        lost = (lost_share(shown.fraction_normal) > 0.0).any(["model", "direction"]).values
         axes.fill_between(
             tuning,
             0,

@@ -18,6 +18,7 @@ import numpy as np
 import xarray as xr
 
 from gearlib.data import provenance
+from gearlib.data.contact_loss import lost_share
 from gearlib.data.files import replacing
 from gearlib.data.variables import describe
 from gearlib.models.geometry import described
@@ -71,10 +72,7 @@ def runs(pair, own, profile, tunings, run):
     return {
         "orbit_height": [larger * (s.displacement_max - s.displacement_min).values for s in found],
         "dynamic_force": [s.dynamic_force_max.values for s in found],
-        # Below rounding of sums of times it is none.
-        "lost_share": [
-            np.where(s.fraction_normal > 1.0 - 1e-9, 0.0, 1.0 - s.fraction_normal) for s in found
-        ],
+        "lost_share": [lost_share(s.fraction_normal.values) for s in found],
         "period": [s.period.values for s in found],
     }
 

@@ -12,6 +12,7 @@ import numpy as np
 import xarray as xr
 
 from gearlib.data import provenance
+from gearlib.data.contact_loss import lost_share
 from gearlib.data.variables import describe
 from gearlib.models.geometry import described
 from gearlib.models.geometry.transmission_error import optimum_relief
@@ -22,8 +23,6 @@ from gearlib.runs.sweeping import sweep
 RELIEFS = ("none", "short", "long")
 MODELS = ("stiffness_at_load", "pairs_of_teeth")
 DIRECTIONS = ("up", "down")
-#: Share of time without drive-side contact that is rounding.
-_ROUNDING = 1e-9
 
 
 def harris_map(gears, loads, stiffness, phases):
@@ -118,7 +117,7 @@ def dynamics(gears, stiffness, tunings, settings):
                 )
                 force[i, j, k], normal[i, j, k] = found.dynamic_force_max, found.fraction_normal
     difference = np.abs(force[:, 0] / force[:, 1] - 1.0)
-    lost = (normal < 1.0 - _ROUNDING).any(axis=1)
+    lost = (lost_share(normal) > 0.0).any(axis=1)
     within, over = difference <= settings["tolerance"], (1, 2)
     dataset = xr.Dataset(
         {

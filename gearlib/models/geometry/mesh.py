@@ -165,7 +165,7 @@ class Mesh:
         """A pair that carries alone keeps its involutes."""
         if relief is None:
             return
-        longest = (self.contact_ratio - 1.0) * self.base_pitch
+        longest = self.longest_relief
         checks.number(
             f"length of the tip relief of the {name}",
             relief.length,
@@ -255,6 +255,11 @@ class Mesh:
         """Transverse contact ratio eps_alpha: path of contact over base pitch; ISO 21771."""
         start, end = self.path
         return (end - start) / self.base_pitch
+
+    @property
+    def longest_relief(self):
+        """(eps_alpha - 1) p_bt: with longer tip relief single contact has no involute, m."""
+        return (self.contact_ratio - 1.0) * self.base_pitch
 
     @property
     def overlap_ratio(self):

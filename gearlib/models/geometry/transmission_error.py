@@ -121,7 +121,7 @@ def optimum_relief(mesh, torque, *, length=None, shape="linear", phases=256, **o
     load = mesh.load(checks.finite_positive("torque", torque))
     count = math.floor(mesh.contact_ratio)
     long = (mesh.contact_ratio - count) * mesh.base_pitch
-    longest = (mesh.contact_ratio - 1.0) * mesh.base_pitch
+    longest = mesh.longest_relief
     fixed = {"long": long, "short": long / 2.0}.get(length, length)
     if fixed is not None:
         allowed = f"'long', 'short' or > 0 and <= {longest:.6g} m, (eps_alpha - 1) p_bt"

@@ -100,8 +100,8 @@ class Drawing:
         mesh = Mesh(pinion, wheel, backlash=setting.backlash)
         if not setting.relief:
             return mesh
-        longest = (mesh.contact_ratio - 1.0) * mesh.base_pitch
-        relief = TipRelief(amount=setting.relief, length=LENGTHS[setting.length] * longest)
+        length = LENGTHS[setting.length] * mesh.longest_relief
+        relief = TipRelief(amount=setting.relief, length=length)
         return Mesh(
             replace(pinion, tip_relief=relief),
             replace(wheel, tip_relief=relief),

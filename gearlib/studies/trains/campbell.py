@@ -10,10 +10,11 @@ import csv
 import numpy as np
 
 from gearlib.data import provenance
+from gearlib.data.contact_loss import lost_share
 from gearlib.data.files import replacing
 from gearlib.data.variables import describe
 from gearlib.models.pair import GearPair
-from gearlib.studies.trains.reducer import ROUNDING, train_of
+from gearlib.studies.trains.reducer import train_of
 
 CASE = "alike"
 
@@ -63,7 +64,7 @@ def write_csv(diagram, path):
     path : str or os.PathLike
     """
     speeds = diagram.speed.values
-    lost = (diagram.fraction_normal.values < 1.0 - ROUNDING).any(axis=(0, 2))
+    lost = (lost_share(diagram.fraction_normal.values) > 0.0).any(axis=(0, 2))
     rows = {}
     for order in diagram.stiffness_order.values:
         for mode in diagram.mode.values:

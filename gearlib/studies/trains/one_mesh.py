@@ -15,12 +15,13 @@ import numpy as np
 import xarray as xr
 
 from gearlib.data import provenance
+from gearlib.data.contact_loss import lost_share
 from gearlib.data.files import replacing
 from gearlib.data.variables import describe
 from gearlib.models.pair import GearPair
 from gearlib.models.trains.parts import gear_masses
 from gearlib.runs.sweeping import sweep
-from gearlib.studies.trains.reducer import BRANCHES, ROUNDING, displaced, train_of
+from gearlib.studies.trains.reducer import BRANCHES, displaced, train_of
 
 #: From the smallest to the whole. ``pair_in_train``: the pair with its share of the central gear.
 MODELS = ("pair", "pair_in_train", "two_meshes", "torsional", "whole")
@@ -133,18 +134,12 @@ def characteristic(model, pair, tunings, disturbance, run):
         start = (pair.mean_stiffness / pair.max_stiffness, 0.0)
         found = sweep(model, np.asarray(tunings) / unit, initial_state=start, **run)
         ones = np.ones(found.tuning.size)
-        return found.dynamic_force_max.values, _loss(found).values, ones
+        return found.dynamic_force_max.values, lost_share(found.fraction_normal).values, ones
     start = model.disturbed("static", disturbance)
     found = sweep(model, tunings, initial_state=start, **run)
     found = found.isel(mesh=[name.startswith("first") for name in found.mesh.values])
-    kept = found.dynamic_factor, _loss(found), found.load_sharing
+    kept = found.dynamic_factor, lost_share(found.fraction_normal), found.load_sharing
     return tuple(one.max("mesh").values for one in kept)
-
-
-def _loss(found):
-    """Return the share of time without drive-side contact, 0 where it is rounding."""
-    loss = 1.0 - found.fraction_normal
-    return loss.where(loss > ROUNDING, 0.0)
 
 
 def observe(tunings, factor, loss, sharing):

@@ -11,6 +11,7 @@ import numpy as np
 import xarray as xr
 
 from gearlib.data import provenance
+from gearlib.data.contact_loss import ROUNDING, lost_share
 from gearlib.data.files import replacing
 from gearlib.data.variables import describe
 from gearlib.models.pair import GearPair
@@ -18,8 +19,6 @@ from gearlib.models.trains.reducer import split_power_reducer
 from gearlib.runs.sweeping import DIRECTIONS, sweep
 
 BRANCHES = 3
-#: Shares of time, of loads and of angles that are rounding.
-ROUNDING = 1e-9
 
 #: What is kept of every sweep.
 _KEPT = (
@@ -134,7 +133,7 @@ def compute(pair, tunings, settings):
         )
         for name in _KEPT
     }
-    lost = data["fraction_normal"][1] < 1.0 - ROUNDING
+    lost = lost_share(data["fraction_normal"][1]) > 0.0
     struck = data["fraction_inverse"][1] > ROUNDING
     data["lost_alone"] = ((*over, "tuning"), alone(lost, branch))
     data["struck_alone"] = ((*over, "tuning"), alone(struck, branch))
