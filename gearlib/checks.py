@@ -70,6 +70,13 @@ def many(name, values, count):
     return found
 
 
+def drawn_mesh(value):
+    """Return a `gearlib.geometry.Mesh`, else raise ValueError."""
+    if not hasattr(value, "pair_parameters"):
+        raise ValueError(f"mesh = {value!r} is not allowed: it must be a gearlib.geometry.Mesh")
+    return value
+
+
 def known(owner, names, allowed):
     """Raise ValueError unless every name of a parameter is one that the owner has."""
     for name in names:

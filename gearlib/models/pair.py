@@ -179,9 +179,7 @@ class GearPair(Model):
         ValueError
             If a value is impossible; the message names parameter, value and range.
         """
-        if not hasattr(mesh, "pair_parameters"):
-            raise ValueError(f"mesh = {mesh!r} is not allowed: it must be a gearlib.geometry.Mesh")
-        return cls(**mesh.pair_parameters(**options))
+        return cls(**checks.drawn_mesh(mesh).pair_parameters(**options))
 
     @property
     def mesh(self):

@@ -307,6 +307,8 @@ def orbit_at(pair, branch, point, *, max_events=MAX_EVENTS):
 
 def restored(pair, branch, point, max_events):
     """Return (problem, point) of a branch that is given as a dataset."""
+    if "parameter" not in getattr(branch, "attrs", ()):
+        raise ValueError(f"branch = {branch!r} is not allowed: it must be one of continue_orbit")
     point = checks.integer("point", point, 0, branch.sizes["point"] - 1)
     name = check_parameter(pair, branch.attrs["parameter"])
     value = float(branch[name][point])

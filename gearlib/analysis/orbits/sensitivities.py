@@ -157,8 +157,8 @@ def fold_sensitivities(pair, branch, point, sensitivities, *, max_events=MAX_EVE
     ValueError
         Naming the argument, its value and the allowed range.
     """
-    over = branch.attrs["parameter"]
     problem, chosen = restored(pair, branch, point, max_events)
+    over = branch.attrs["parameter"]
     names = runs.check(pair, sensitivities, known=[name for name in _NAMES if name != over])
     if int(branch.label[point]) != special.FOLD:
         raise ValueError(f"point = {point!r} is not allowed: it must be labelled fold")

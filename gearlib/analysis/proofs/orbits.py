@@ -12,6 +12,7 @@ from gearlib.analysis.proofs.laws import Laws
 from gearlib.analysis.proofs.path import CONTACT, Path, Uncertain
 from gearlib.analysis.proofs.signs import check_contacts
 from gearlib.kernels import orbit as columns
+from gearlib.models.model import is_model
 from gearlib.runs.run_arguments import MAX_EVENTS
 
 #: Farthest that the proven state may lie from the candidate's, in static deflections.
@@ -102,6 +103,8 @@ def check_model(pair):
 
 def check_pair(pair):
     """Raise `Uncertain` for a model that is no `GearPair`: its laws depend on the tuning."""
+    if not is_model(pair):
+        raise ValueError(f"pair = {pair!r} is not allowed: it must be a GearPair")
     if pair.mesh is not pair:
         name = type(pair).__name__
         raise Uncertain("model", f"over the tuning only a GearPair is proven, not a {name}")

@@ -80,7 +80,7 @@ def dynamic_factor(
     For (v z_1 / 100) sqrt(u^2 / (1 + u^2)) below 3 m/s the standard advises its method C.
     """
     torque = checks.finite_positive("torque", torque)
-    stiffness = iso_stiffness(mesh, torque, application_factor)
+    stiffness = iso_stiffness(checks.drawn_mesh(mesh), torque, application_factor)
     speed = _speeds(rpm)
     load = mesh.tangential_force(torque) * application_factor / mesh.width
     mass = mesh.reduced_mass / mesh.width
@@ -152,6 +152,6 @@ def _speeds(rpm):
         speed = np.asarray(rpm, float)
     except (TypeError, ValueError):
         speed = np.array(math.nan)
-    if not (np.isfinite(speed) & (speed > 0.0)).all():
+    if not speed.size or not (np.isfinite(speed) & (speed > 0.0)).all():
         raise ValueError(f"rpm = {rpm!r} is not allowed: it must be finite and > 0")
     return speed

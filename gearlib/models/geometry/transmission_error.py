@@ -118,7 +118,7 @@ def optimum_relief(mesh, torque, *, length=None, shape="linear", phases=256, **o
         If a value is not allowed; the message names parameter, value and range.
     """
     checks.one_of("shape", shape, tuple(SHAPES))
-    load = mesh.load(checks.finite_positive("torque", torque))
+    load = checks.drawn_mesh(mesh).load(checks.finite_positive("torque", torque))
     count = math.floor(mesh.contact_ratio)
     long = (mesh.contact_ratio - count) * mesh.base_pitch
     longest = mesh.longest_relief
