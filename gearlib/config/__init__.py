@@ -8,15 +8,19 @@ module               responsibility
 ``speeds``           tunings given as speeds in rpm
 ``mesh``             sections of the gear pair and the length of the runs
 ``gears``            sections of gears by their drawing
+``stiffness``        drawn pairs, their mesh stiffness by every method, the rectangle's cost
 ``drawing``          from these to the geometry of `gearlib.models`, which checks and derives
 ``experiments``      sections of the experiments and of the figures
 ``scenes``           sections of the scenes and of their models
-``trains``           section of the gear train
+``train``            section of the gear train
+``drawn_trains``     trains of drawn gears in it
+``reducer``          the paper's reducer, what stands for it, its Campbell diagram
 ``trials``           sections of the trials of the methods
 ``planetary``        the planetary train and its charts
 ``dynamic_factor``   drawn gears and their dynamic factor over speed
 ``relief``           tip relief of drawn gears
 ``global_dynamics``  basins, bifurcation diagram, Poincare sections
+``validation``       refusals as sentences
 ``model``            the whole, and what must agree between sections
 ``defaults``         defaults that depend on the gears
 ===================  ===================================================
