@@ -136,6 +136,10 @@ def test_the_paper(paper):
     assert verdicts(table) == expected
     computed = {claim.id: claim.computed for claim in table}
     assert "k1m unsteady at 0.60 (0.3), 0.66 (0.7), 0.78 (0.05);" in computed["P10"]
+    # Growth by 8.5 % per mesh period, as the tongue says: P4.
+    why = {claim.id: claim.explanation for claim in table}
+    assert "0.66: largest multiplier 1.08495, deviations grow" in why["P10"]
+    assert "grow by 8.5 % per mesh period" in why["P4"]
     assert "jumps at 0.81569" in computed["P11"] and "with: no variation" in computed["P11"]
     # The two tunings of config.yaml on either side of the jump.
     assert "0.8156: y_min -0.148, 0.8157: y_min -1.977; from rest" in computed["P11"]

@@ -6,12 +6,14 @@ Every sentence is made from computed facts: the branches of periodic orbits behi
 nothing, has no explanation.
 """
 
+import math
 from collections.abc import Callable
 from functools import partial
 
 import numpy as np
 
 from gearlib.analysis.orbits.special_points import FOLD, GRAZING
+from gearlib.analysis.tongues import meissner
 from gearlib.studies.claims.data import READING, NoData
 
 #: An extremum this close to a flank line, in static deflections, touches it.
@@ -45,7 +47,10 @@ class Facts:
         return np.unique(branch.tuning.values[branch.label.values == FOLD])
 
     def largest_multiplier(self, name, tuning):
-        """Return the modulus of the largest multiplier of the orbit without loss at a tuning."""
+        """Return the modulus of the largest multiplier of the orbit without loss at a tuning.
+
+        Of a damping that damps nothing in contact.
+        """
         branch = self.branch(name)
         kept = np.flatnonzero(branch.displacement_min.values > _TOUCH)
         if not kept.size:
@@ -53,7 +58,9 @@ class Facts:
         nearest = kept[abs(branch.tuning.values[kept] - tuning).argmin()]
         if abs(branch.tuning.values[nearest] - tuning) > READING:
             raise NoData(f"no orbit of {name} keeps contact near nu = {tuning:g}")
-        return float(np.abs(_multipliers(branch.isel(point=nearest))).max())
+        # There the mesh is linear; at the tuning itself, not at the point of the branch beside it.
+        ratios = self.data.pair.contact_ratio, self.data.pair.stiffness_ratio
+        return math.exp(float(meissner.growth(*ratios, 0.0, tuning)))
 
     def loss_and_return(self, name):
         """Return the tunings at which the forced orbit loses contact near 0.8, and regains it."""
