@@ -93,7 +93,7 @@ def _draw_means(axes, data, pair):
             va="center",
             fontsize=5.5,
         )
-    axes.set_xlim(-0.8, len(names) + (2.8 if there.size else 0.0))
+    axes.set_xlim(-0.8, len(names) + (3.6 if there.size else 0.0))
     axes.set_xticks([])
     axes.set_xlabel("means")
     axes.tick_params(labelleft=False)
