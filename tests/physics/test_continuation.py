@@ -20,7 +20,7 @@ from gearlib.analysis.orbits.continuation import orbit_at
 from gearlib.analysis.orbits.parameters import value_of, with_parameter
 from gearlib.analysis.orbits.shooting import NoOrbit
 from gearlib.analysis.orbits.special_points import DOUBLING, END, FOLD, GRAZING
-from gearlib.analysis.orbits.touching import turning_points
+from gearlib.analysis.orbits.touching import lines, nearest_touch, turning_points
 from gearlib.analysis.tongues import no_loss
 from gearlib.models.stiffness import levels, segment_lengths
 from tests.paper import PAPER as FREE
@@ -249,3 +249,15 @@ def test_where_no_single_curve_goes_on():
 def test_wrong_input(changed, part):
     with pytest.raises(ValueError, match=part):
         continue_orbit(periodic_orbit(DAMPED, 0.9), **{"to": 1.0} | changed)
+
+
+def test_the_turning_point_half_a_period_on_is_not_lost():
+    # Undamped orbits are symmetric: they turn at 0 and pi, where rounding decides on the side.
+    for tuning in np.linspace(1.3, 1.4, 60):
+        state = no_loss.orbit(FREE, tuning)
+        phases, heights = turning_points(FREE, tuning, state, 1, 100)
+        phase, which = nearest_touch(FREE, tuning, state, 1, 100)
+        found = abs(heights[abs(phases - phase).argmin()] - lines(FREE)[which])
+        # The same turning point one period on has the same height to rounding.
+        least = min(abs(heights - line).min() for line in lines(FREE))
+        assert found == pytest.approx(least, abs=1e-12)

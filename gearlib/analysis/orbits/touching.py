@@ -16,6 +16,8 @@ from gearlib.kernels import orbit as columns
 _SAMPLES = 512
 #: From the secant through neighbouring velocities two corrections lead to rounding.
 _CORRECTIONS = 2
+#: Phases this close to a rim of the orbit lie on it: far above rounding, far below a bounce.
+_RIM = 1e-9
 
 
 def turning_points(pair, tuning, state, period, max_events):
@@ -85,8 +87,10 @@ def lines(pair):
 def nearest_touch(pair, tuning, state, period, max_events):
     """Return (phase, number of the line in `lines`) of the turning point nearest to a line."""
     phases, heights = turning_points(pair, tuning, state, period, max_events)
-    # Half a period off both rims the same turning point is found at neighbouring orbits too.
-    inside = (phases >= math.pi) & (phases < math.pi + 2.0 * math.pi * period)
+    # Half a period off both rims the same turning point is found at neighbouring orbits too; one
+    # on the rims, where that of a symmetric orbit lies, may not fall off both by rounding.
+    start, end = math.pi, math.pi + 2.0 * math.pi * period
+    inside = (phases > start - _RIM) & (phases < end + _RIM)
     phases, heights = phases[inside], heights[inside]
     if not phases.size:
         raise Lost("the orbit has no turning point")
