@@ -138,7 +138,8 @@ def _check_numbers(here, mesh):
                 f"{here}.{name} is missing: it must be given unless both gears are drawn"
             )
     given = mesh.model_dump(include=OF_DRAWN - {"material_damping"})
-    for name, value in given.items():
+    if given:
+        name, value = next(iter(given.items()))
         raise ValueError(
             f"{here}.{name} = {value!r} is not allowed: it must be left out where the stiffness is "
             "given or a gear is not drawn"

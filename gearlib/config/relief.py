@@ -8,11 +8,12 @@ from gearlib.config.gears import FZG_C, DrawnPair
 from gearlib.config.types import (
     Grid,
     NonNegative,
+    OwnStart,
+    OwnStep,
+    OwnStop,
     Positive,
     Section,
-    Start,
-    Step,
-    Stop,
+    check_record,
     integer_within,
     listing,
     number_within,
@@ -55,9 +56,9 @@ class ReliefDynamics(Grid):
 
     key: ClassVar = "relief_dynamics"
 
-    start: Start = 0.2
-    stop: Stop = 2.0
-    step: Step = 0.04
+    start: OwnStart = 0.2
+    stop: OwnStop = 2.0
+    step: OwnStep = 0.04
     loads: listing(Positive, "Over the design load.") = [0.25, 0.5, 1.0, 1.5]
     damping_ratio: _DampingRatio = Field(default=0.06, description="In contact, at the mean.")
     backlash_damping_ratio: _DampingRatio = Field(default=0.0, description="In the backlash.")
@@ -73,9 +74,5 @@ class ReliefDynamics(Grid):
 
     @model_validator(mode="after")
     def _check(self):
-        if self.record_periods > self.periods:
-            raise ValueError(
-                f"relief_dynamics.record_periods = {self.record_periods} is not allowed: it must "
-                f"be an integer from 1 to relief_dynamics.periods = {self.periods}"
-            )
+        check_record("relief_dynamics", self)
         return self

@@ -1,5 +1,6 @@
 """Whole files or none: what is written appears in one step."""
 
+import csv
 import os
 import re
 from contextlib import contextmanager
@@ -27,6 +28,13 @@ def replacing(path):
         os.replace(temporary, path)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def table(path):
+    """Give a `csv.writer` whose table takes the place of `path` in one step; see `replacing`."""
+    with replacing(path) as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
+        yield csv.writer(file, lineterminator="\n")
 
 
 def remove_leftovers(folder):

@@ -12,6 +12,8 @@ from gearlib.data.variables import describe
 from gearlib.runs.run_arguments import MAX_EVENTS, check_either, check_run, check_tuning
 
 DIRECTIONS = ("cold", "up", "down")
+#: Those in which a motion is carried from one tuning to the next.
+CARRIED = DIRECTIONS[1:]
 
 #: Tunings handed to a thread at a time: enough to hide the hand-over, few enough to share out the
 #: chaotic end of a sweep.

@@ -22,7 +22,7 @@ from gearlib.analysis.orbits.shooting import NoOrbit, periodic_orbit
 from gearlib.data import provenance
 from gearlib.data.variables import describe
 from gearlib.models.pair import GearPair
-from gearlib.runs.sweeping import sweep
+from gearlib.runs.sweeping import CARRIED, sweep
 
 #: Phases per mesh period of the courses that are shown.
 _PHASES = 128
@@ -31,7 +31,6 @@ _TOLERANCE, _MOST = 1e-8, 200
 #: Harmonics of the exact orbit from which a search starts nearby.
 _NEARBY = 3
 _CONTACT = ("never lost", "lost")
-_DIRECTIONS = ("up", "down")
 
 
 def compute(pair, tunings, settings, run):
@@ -71,7 +70,7 @@ def compute(pair, tunings, settings, run):
         "tuning": np.asarray(tunings, float),
         "balance_harmonics": np.array(settings["balance_harmonics"], np.int32),
         "schmidt_harmonics": np.array(settings["schmidt_harmonics"], np.int32),
-        "direction": np.array(_DIRECTIONS, object),
+        "direction": np.array(CARRIED, object),
     }
     dataset = xr.Dataset(data, coords)
     dataset.attrs = provenance.attributes(
@@ -175,11 +174,11 @@ def _errors(pair, settings):
 
 def _curves(pair, tunings, settings, run):
     """Return extrema of harmonic balance along the tunings, and those of exact sweeps."""
-    shape = len(_DIRECTIONS), len(tunings)
+    shape = len(CARRIED), len(tunings)
     high, low = np.full(shape, np.nan), np.full(shape, np.nan)
     stable = np.zeros(shape, np.int8)
     exact = {"displacement_max": np.empty(shape), "displacement_min": np.empty(shape)}
-    for i, direction in enumerate(_DIRECTIONS):
+    for i, direction in enumerate(CARRIED):
         curve = sweep(pair, tunings, direction=direction, **run)
         for name, values in exact.items():
             values[i] = curve[name].values

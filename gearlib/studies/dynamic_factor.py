@@ -17,10 +17,9 @@ from gearlib.models.geometry import described
 from gearlib.models.harmonics import Harmonics
 from gearlib.models.one_degree import OneDegreePair
 from gearlib.models.pair import GearPair
-from gearlib.runs.sweeping import sweep
+from gearlib.runs.sweeping import CARRIED, sweep
 
 STIFFNESS = ("iso", "energy")
-_DIRECTIONS = ("up", "down")
 #: Change of K_v from speed to speed that counts as a jump.
 JUMP = 0.75
 
@@ -54,7 +53,7 @@ def compute(pair, ratios, settings):
     perfect = geometry.dynamic_factor(mesh, torque, speeds, pitch_deviation=0.0, form_deviation=0.0)
     height = standard.pitch_deviation + standard.form_deviation
     deviations = [0.0, height / 2.0, -height / 2.0]
-    shape = len(STIFFNESS), len(deviations), len(_DIRECTIONS), ratios.size
+    shape = len(STIFFNESS), len(deviations), len(CARRIED), ratios.size
     data = {name: np.empty(shape) for name in ("dynamic_factor", "fraction_normal")}
     status = np.empty(shape, np.int8)
     for i, method in enumerate(STIFFNESS):
@@ -65,7 +64,7 @@ def compute(pair, ratios, settings):
             model = rectangle
             if amplitude:
                 model = OneDegreePair(pair=rectangle, deviation=Harmonics(cosines=(amplitude,)))
-            for k, direction in enumerate(_DIRECTIONS):
+            for k, direction in enumerate(CARRIED):
                 found = sweep(
                     model,
                     rectangle.tuning_at(speeds),
@@ -97,7 +96,7 @@ def compute(pair, ratios, settings):
         {
             "stiffness_method": list(STIFFNESS),
             "tooth_deviation": deviations,
-            "direction": list(_DIRECTIONS),
+            "direction": list(CARRIED),
             "resonance_ratio": ratios,
         },
     )

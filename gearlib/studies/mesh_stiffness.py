@@ -1,13 +1,11 @@
 """The mesh stiffness of drawn pairs by every method: courses over the mesh period, means."""
 
-import csv
 import math
 
 import numpy as np
 import xarray as xr
 
-from gearlib.data import provenance
-from gearlib.data.files import replacing
+from gearlib.data import files, provenance
 from gearlib.data.variables import describe
 from gearlib.models.geometry import described
 from gearlib.models.profiles import Rectangular
@@ -119,8 +117,7 @@ def write_csv(stiffness, path):
         Of `compute`.
     path : str or os.PathLike
     """
-    with replacing(path) as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
+    with files.table(path) as writer:
         writer.writerow(
             ["pair", "stiffness_method", "mean_stiffness", "stiffness_ratio", "from_reference"]
         )

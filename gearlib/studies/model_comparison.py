@@ -10,12 +10,10 @@ The smallest model whose change is within the tolerance carries the scene. A tru
 no smaller than the rectangle, whose phases have closed forms; its row shows what the cut changes.
 """
 
-import csv
-
 import numpy as np
 import xarray as xr
 
-from gearlib.data.files import replacing
+from gearlib.data import files
 from gearlib.data.variables import describe
 from gearlib.models.one_degree import OneDegreePair
 from gearlib.models.pair import GearPair
@@ -156,8 +154,7 @@ def write_csv(comparisons, scenes, path):
         The names of their scenes.
     path : str or os.PathLike
     """
-    with replacing(path) as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
+    with files.table(path) as writer:
         writer.writerow(["scene", "model", "change", "tolerance", "cost", "chosen"])
         for scene, data in zip(scenes, comparisons, strict=True):
             for name, change, work in zip(

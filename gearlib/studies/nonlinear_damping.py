@@ -9,13 +9,12 @@ with the same W at one amplitude are equivalent there; below it the higher power
 it more.
 """
 
-import csv
 import math
 
 import numpy as np
 import xarray as xr
 
-from gearlib.data.files import replacing
+from gearlib.data import files
 from gearlib.data.variables import describe
 from gearlib.models.one_degree import OneDegreePair
 from gearlib.models.pair import GearPair
@@ -201,8 +200,7 @@ def write_csv(studies, path):
         Replaced in one step.
     """
     facts = ("jump", "jump_size", "peak", "peak_tuning", "lost_from", "lost_to")
-    with replacing(path) as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
+    with files.table(path) as writer:
         writer.writerow(["place", "power", "coefficient", "unit", "direction", *facts])
         for study in studies:
             coefficient = f"{float(study.coefficient):.6g}", study.coefficient.attrs["units"]

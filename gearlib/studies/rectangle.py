@@ -11,25 +11,22 @@ speeds: tunings and displacements are counted in mean eigenfrequency and static 
 energy method.
 """
 
-import csv
 import math
 
 import numpy as np
 import xarray as xr
 
-from gearlib.data import provenance
+from gearlib.data import files, provenance
 from gearlib.data.contact_loss import lost_share
-from gearlib.data.files import replacing
 from gearlib.data.variables import describe
 from gearlib.models.geometry import described
 from gearlib.models.one_degree import OneDegreePair
 from gearlib.models.pair import GearPair
 from gearlib.models.profiles import Rectangular
-from gearlib.runs.sweeping import sweep
+from gearlib.runs.sweeping import CARRIED, sweep
 from gearlib.studies.mesh_stiffness import METHODS, REFERENCE, by_method
 
 FORMS = ("rectangle", "course")
-DIRECTIONS = ("up", "down")
 #: Relative differences, of the last two those of shares; `characteristic` is the mean distance of
 #: all heights over their mean, `motion` the share of motions of another period.
 OBSERVABLES = (
@@ -67,7 +64,7 @@ def runs(pair, own, profile, tunings, run):
     start = (own.mean_stiffness / own.max_stiffness, 0.0)
     found = [
         sweep(model, tunings * faster, initial_state=start, direction=direction, **run)
-        for direction in DIRECTIONS
+        for direction in CARRIED
     ]
     return {
         "orbit_height": [larger * (s.displacement_max - s.displacement_min).values for s in found],
@@ -147,7 +144,7 @@ def compute(pairs, tunings, samples, settings):
     run = {name: settings[name] for name in ("periods", "record_periods")}
     shape = len(pairs), len(METHODS), len(FORMS)
     curves = {
-        name: np.empty((*shape, len(DIRECTIONS), tunings.size), kind)
+        name: np.empty((*shape, len(CARRIED), tunings.size), kind)
         for name, kind in (
             ("orbit_height", float),
             ("dynamic_force", float),
@@ -196,7 +193,7 @@ def compute(pairs, tunings, samples, settings):
             "pair": list(pairs),
             "stiffness_method": list(METHODS),
             "form": list(FORMS),
-            "direction": list(DIRECTIONS),
+            "direction": list(CARRIED),
             "tuning": tunings,
             "observable": list(OBSERVABLES),
         },
@@ -221,8 +218,7 @@ def write_csv(costs, path):
         Of `compute`.
     path : str or os.PathLike
     """
-    with replacing(path) as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
+    with files.table(path) as writer:
         head = [f"{form} ({REFERENCE})" for form in FORMS]
         words = [f"difference, {name}" for name in costs.stiffness_method.values]
         writer.writerow(["pair", "observable", *head, *words, "spread", "verdict"])

@@ -5,8 +5,8 @@ each pair of teeth. The small one suffices at a load where its largest dynamic f
 and down, is that of the larger one within a tolerance at all tunings.
 """
 
-import dataclasses
 import math
+from dataclasses import replace
 
 import numpy as np
 import xarray as xr
@@ -17,12 +17,11 @@ from gearlib.data.variables import describe
 from gearlib.models.geometry import described
 from gearlib.models.geometry.transmission_error import optimum_relief
 from gearlib.models.load_sharing_pair import LoadSharingPair
-from gearlib.runs.sweeping import sweep
+from gearlib.runs.sweeping import CARRIED, sweep
 
 #: The long one is the optimum for the design load, the short one has its amounts on half of it.
 RELIEFS = ("none", "short", "long")
 MODELS = ("stiffness_at_load", "pairs_of_teeth")
-DIRECTIONS = ("up", "down")
 
 
 def harris_map(gears, loads, stiffness, phases):
@@ -62,12 +61,8 @@ def harris_map(gears, loads, stiffness, phases):
 
 
 def _half_as_long(mesh):
-    gears = {}
-    for name in ("pinion", "wheel"):
-        gear = getattr(mesh, name)
-        relief = dataclasses.replace(gear.tip_relief, length=gear.tip_relief.length / 2.0)
-        gears[name] = dataclasses.replace(gear, tip_relief=relief)
-    return dataclasses.replace(mesh, **gears)
+    reliefs = (gear.tip_relief for gear in (mesh.pinion, mesh.wheel))
+    return mesh.with_reliefs(*(replace(one, length=one.length / 2.0) for one in reliefs))
 
 
 def dynamics(gears, stiffness, tunings, settings):
@@ -96,7 +91,7 @@ def dynamics(gears, stiffness, tunings, settings):
     tunings = np.asarray(tunings, float)
     run = {name: settings[name] for name in ("periods", "record_periods")}
     dampings = {name: settings[name] for name in ("damping_ratio", "backlash_damping_ratio")}
-    shape = len(settings["loads"]), len(MODELS), len(DIRECTIONS), tunings.size
+    shape = len(settings["loads"]), len(MODELS), len(CARRIED), tunings.size
     force, normal, speed = np.empty(shape), np.empty(shape), np.empty((shape[0], shape[-1]))
     ratio, error = np.empty((2, shape[0]))
     for i, load in enumerate(settings["loads"]):
@@ -110,7 +105,7 @@ def dynamics(gears, stiffness, tunings, settings):
         speed[i] = large.speed(tunings)
         for j, model in enumerate((small, large)):
             unit = model.mean_eigenfrequency / large.mean_eigenfrequency
-            for k, direction in enumerate(DIRECTIONS):
+            for k, direction in enumerate(CARRIED):
                 # From near the rest under the load: from far off other motions may be reached.
                 found = sweep(
                     model, tunings / unit, direction=direction, initial_state=(1.0, 0.0), **run
@@ -135,7 +130,7 @@ def dynamics(gears, stiffness, tunings, settings):
         {
             "load_ratio": np.asarray(settings["loads"], float),
             "model": list(MODELS),
-            "direction": list(DIRECTIONS),
+            "direction": list(CARRIED),
             "tuning": tunings,
         },
     )

@@ -9,7 +9,7 @@ The mesh phase 0 lies in the middle of the segment with the larger number of pai
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from gearlib import checks
 from gearlib.models.geometry.gear import SpurGear
@@ -330,6 +330,14 @@ class Mesh:
         from gearlib.models.geometry.stiffness import mesh_stiffness
 
         return mesh_stiffness(self, method, **options)
+
+    def with_reliefs(self, pinion, wheel):
+        """Return the mesh with other tip reliefs, `TipRelief` or None."""
+        return replace(
+            self,
+            pinion=replace(self.pinion, tip_relief=pinion),
+            wheel=replace(self.wheel, tip_relief=wheel),
+        )
 
     def transmission_error(self, torque, *, phases=256, **options):
         """Return the static transmission error under load, and how pairs of teeth share the load.

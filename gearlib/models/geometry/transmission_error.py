@@ -1,6 +1,5 @@
 """Static transmission error of a mesh over phase and load, and the tip relief that flattens it."""
 
-import dataclasses
 import itertools
 import math
 
@@ -126,7 +125,7 @@ def optimum_relief(mesh, torque, *, length=None, shape="linear", phases=256, **o
     if fixed is not None:
         allowed = f"'long', 'short' or > 0 and <= {longest:.6g} m, (eps_alpha - 1) p_bt"
         fixed = checks.number("length", fixed, allowed, lambda v: 0.0 < v <= longest)
-    mesh = _relieved(mesh, None, None)
+    mesh = mesh.with_reliefs(None, None)
     pairs = tooth_pairs(mesh, phases, **options)
     # What pairs yield by themselves under the load, where contact ends and where it begins.
     own = np.einsum("mii->mi", pairs.compliance) - pairs.compliance[:, 0, -1, None]
@@ -141,7 +140,7 @@ def optimum_relief(mesh, torque, *, length=None, shape="linear", phases=256, **o
         ]
 
     def course(values):
-        changed = _relieved(mesh, *reliefs(values))
+        changed = mesh.with_reliefs(*reliefs(values))
         gap = pairs.gap + relief_gap(changed, pairs.position)
         return pairs.with_gap(gap).share([load]).error[0] / sum(start)
 
@@ -155,7 +154,7 @@ def optimum_relief(mesh, torque, *, length=None, shape="linear", phases=256, **o
         # Of equals the first, where single contact alone decides.
         best = [guess, *found, tried[0]]
         guess = min(best, key=lambda values: round(float(np.ptp(course(values))), _DIGITS))
-    return _relieved(mesh, *reliefs(np.round(guess, _DIGITS)))
+    return mesh.with_reliefs(*reliefs(np.round(guess, _DIGITS)))
 
 
 def _least_range(course, first, bounds):
@@ -175,12 +174,3 @@ def _least_range(course, first, bounds):
         options={"maxiter": 50, "ftol": 1e-9},
     )
     return np.clip(found.x[:-2], *np.transpose(bounds))
-
-
-def _relieved(mesh, pinion, wheel):
-    """Return the mesh with other tip reliefs."""
-    gears = {
-        name: dataclasses.replace(getattr(mesh, name), tip_relief=relief)
-        for name, relief in (("pinion", pinion), ("wheel", wheel))
-    }
-    return dataclasses.replace(mesh, **gears)

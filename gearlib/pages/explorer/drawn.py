@@ -102,11 +102,7 @@ class Drawing:
             return mesh
         length = LENGTHS[setting.length] * mesh.longest_relief
         relief = TipRelief(amount=setting.relief, length=length)
-        return Mesh(
-            replace(pinion, tip_relief=relief),
-            replace(wheel, tip_relief=relief),
-            backlash=setting.backlash,
-        )
+        return mesh.with_reliefs(relief, relief)
 
     def _gear(self, name, module, shift):
         gear = getattr(self.drawn, name)

@@ -5,13 +5,10 @@ frequencies, and which of the intersections the phases of the meshes let through
 those of the reducer whose branches are alike.
 """
 
-import csv
-
 import numpy as np
 
-from gearlib.data import provenance
+from gearlib.data import files, provenance
 from gearlib.data.contact_loss import lost_share
-from gearlib.data.files import replacing
 from gearlib.data.variables import describe
 from gearlib.models.pair import GearPair
 from gearlib.studies.trains.reducer import train_of
@@ -79,8 +76,7 @@ def write_csv(diagram, path):
                 parts = "yes" if lost[np.abs(speeds - speed).argmin()] else "no"
             excited = bool(one.excites) or rows.get(row, (False,))[0]
             rows[row] = excited, speed, parts
-    with replacing(path) as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
+    with files.table(path) as writer:
         names = ["critical_speed_rpm", "order_over_first_mesh", "natural_frequency_hz", "mode_kind"]
         writer.writerow([*names, "excited", "contact_lost_at_the_nearest_speed_swept"])
         for row, (excited, _, parts) in sorted(rows.items(), key=lambda item: item[1][1]):

@@ -7,16 +7,14 @@ For every case the smallest model is named whose answers are those of the whole 
 tolerance.
 """
 
-import csv
 import dataclasses
 import math
 
 import numpy as np
 import xarray as xr
 
-from gearlib.data import provenance
+from gearlib.data import files, provenance
 from gearlib.data.contact_loss import lost_share
-from gearlib.data.files import replacing
 from gearlib.data.variables import describe
 from gearlib.models.pair import GearPair
 from gearlib.models.trains.parts import gear_masses
@@ -244,8 +242,7 @@ def write_csv(comparison, path):
     path : str or os.PathLike
     """
     names = [str(name) for name in comparison.observable.values]
-    with replacing(path) as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
+    with files.table(path) as writer:
         changes = [f"change_of_{name}" for name in names[:-1]]
         writer.writerow(["case", "model", *names, *changes, "smallest_that_suffices"])
         for case in comparison.case.values:

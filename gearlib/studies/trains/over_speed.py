@@ -6,9 +6,8 @@ import xarray as xr
 from gearlib.data import provenance
 from gearlib.data.variables import describe
 from gearlib.models.trains.described import described
-from gearlib.runs.sweeping import sweep
+from gearlib.runs.sweeping import CARRIED, sweep
 
-DIRECTIONS = ("up", "down")
 _KEPT = (
     "dynamic_factor",
     "load_sharing",
@@ -39,7 +38,7 @@ def compute(train, tunings, settings):
     model = described(**train)
     runs = [
         sweep(model, tunings, direction=direction, initial_state="static", **settings)
-        for direction in DIRECTIONS
+        for direction in CARRIED
     ]
     first = runs[0]
     data = {
@@ -50,7 +49,7 @@ def compute(train, tunings, settings):
     dataset = xr.Dataset(
         data,
         {
-            "direction": list(DIRECTIONS),
+            "direction": list(CARRIED),
             "tuning": first.tuning.values,
             "mesh": list(model.mesh_names),
         },

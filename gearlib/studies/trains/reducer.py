@@ -5,14 +5,11 @@ section `reducer` of the configuration and in `gearlib.models.trains.reducer`. T
 the pair alone, mesh frequency of the first stage over the mean eigenfrequency of its `GearPair`.
 """
 
-import csv
-
 import numpy as np
 import xarray as xr
 
-from gearlib.data import provenance
+from gearlib.data import files, provenance
 from gearlib.data.contact_loss import ROUNDING, lost_share
-from gearlib.data.files import replacing
 from gearlib.data.variables import describe
 from gearlib.models.pair import GearPair
 from gearlib.models.trains.reducer import split_power_reducer
@@ -175,8 +172,7 @@ def write_csv(characteristics, path):
     path : str or os.PathLike
     """
     data = characteristics
-    with replacing(path) as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
+    with files.table(path) as writer:
         factors = ["largest_dynamic_factor", "at_tuning", "at_speed_rpm"]
         only = ["contact_lost_in_its_branch_only_at", "far_flank_struck_in_its_branch_only_at"]
         writer.writerow(["case", "direction", "mesh", *factors, *only])

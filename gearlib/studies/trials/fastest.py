@@ -1,12 +1,11 @@
 """The fastest method of this library beside the fastest solver of another package, as a table."""
 
-import csv
 import math
 from typing import NamedTuple
 
 import numpy as np
 
-from gearlib.data.files import replacing
+from gearlib.data import files
 from gearlib.studies.trials import work_precision
 
 
@@ -93,8 +92,7 @@ _COLUMNS = (
 
 def write_csv(errors, times, path):
     """Write the `table` of the datasets of methods, replacing the file in one step."""
-    with replacing(path) as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
+    with files.table(path) as writer:
         names = [f"{who}_{column}" for who in UNREACHED for column in _COLUMNS]
         writer.writerow(
             ["problem", "accuracy_in_static_deflections", "own_is_times_faster", *names]

@@ -6,14 +6,13 @@ are kept, and the largest one, refined by bisection, is its jump. The cost is th
 evaluations of the right-hand side.
 """
 
-import csv
 import math
 from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
 
-from gearlib.data.files import replacing
+from gearlib.data import files
 from gearlib.data.provenance import canonical_json
 from gearlib.data.variables import describe
 from gearlib.models.pair import GearPair
@@ -194,8 +193,7 @@ def write_csv(datasets, path):
                 )
             )
     names = ("switches", "jump", "error", "switch_tunings", "scan")
-    with replacing(path) as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
+    with files.table(path) as writer:
         writer.writerow(["line", "knob", "evaluations_per_period", *names])
         for cost, line, knob, *rest in sorted(rows, key=lambda row: row[:3]):
             writer.writerow([line, knob, f"{cost:.4g}", *rest])
