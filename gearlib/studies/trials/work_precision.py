@@ -350,10 +350,12 @@ def seconds_per_period(call, short, longest, repeats):
     base = once(short)
     if base > _SLOW:
         whole = once(long)
-        # Solvers that compile at each start take as long for it as for thousands of periods.
-        while whole - base < 0.5 * base and long < longest:
-            long = min(8 * long, longest)
-            whole = once(long)
+        if whole - base < 0.5 * base:
+            # Solvers that compile at each start take as long for it as for thousands of periods.
+            while whole - base < 0.5 * base and long < longest:
+                long = min(8 * long, longest)
+                whole = once(long)
+            whole, base = least(3)
         return (whole - base) / (long - short)
     # The least of three: an interruption must not pass for a long run.
     whole, base = least(1 if base > _SPAN else 3)
