@@ -2,7 +2,8 @@
 
 from mpmath import iv
 
-from tests.proofs.checker import Dual, Mesh
+from tests.proofs.duals import Dual
+from tests.proofs.meshes import Mesh
 
 
 def _excess(mesh, sign, nu):
