@@ -175,7 +175,8 @@ class Claim:
             arcs.append((arc, span.value))
             if end is not None:
                 found.append(phase.value)
-        return found + [nu.value] * self.tuned, arcs, (x.value, v.value)
+        found += [nu.value] * self.tuned
+        return (found, arcs, (x.value, v.value)) if len(found) == len(box) else None
 
     def sides(self, contact):
         """Return (side, line): side (x - line) > 0 is what a contact code means."""

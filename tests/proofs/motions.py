@@ -8,10 +8,10 @@ from mpmath import iv
 from tests.proofs.checker import Claim, faults
 from tests.proofs.duals import digits, dual, duals
 
-#: Decimal digits that are tried: an enclosure widens along the run.
-_DIGITS = (80, 160, 320, 640)
-#: Most parts into which the neighbourhood of the orbit is cut.
-_PARTS = 400
+#: Decimal digits of a run, and those more for each mesh period: its enclosure widens on the way.
+_DIGITS, _LOST = 60, 4
+#: Shortest side of the parts into which the neighbourhood of the orbit is cut, as a share of it.
+_SHORTEST = 1 / 128
 
 
 def _number(text):
@@ -23,17 +23,14 @@ def _end_of_run(claim):
     x, v = map(_number, claim["initial_state"])
     if claim["periods"] == 0:
         return x, v
-    for count in _DIGITS:
-        with digits(count):
-            run = Claim(
-                claim
-                | {"claim": "orbit", "period": claim["periods"], "events": claim["run"]}
-                | {"pattern": claim["run_pattern"], "displacement": x, "velocity": v}
-            )
-            found = run.follow(run.box, narrow=True)
-            if found is not None and max(value.delta for value in found[2]) < 1e-40:
-                return found[2]
-    return None
+    with digits(_DIGITS + _LOST * claim["periods"]):
+        run = Claim(
+            claim
+            | {"claim": "orbit", "period": claim["periods"], "events": claim["run"]}
+            | {"pattern": claim["run_pattern"], "displacement": x, "velocity": v}
+        )
+        way = run.follow(run.box, narrow=True)
+    return None if way is None else way[2]
 
 
 class _Trap:
@@ -62,14 +59,14 @@ class _Trap:
         """Return whether the derivative of the period map is as small as claimed all over it."""
         side = iv.mpf([-1, 1])
         todo = [(side, side)]
-        for _ in range(_PARTS):
-            if not todo:
-                return 0 < self.rate < 1
+        while todo:
             one, two = todo.pop()
             if (one**2 + two**2).a > 1 or self._shrinks(one, two):
                 continue
+            if one.delta <= 2 * _SHORTEST:
+                return False
             todo += [(p, q) for p in _halves(one) for q in _halves(two)]
-        return False
+        return 0 < self.rate < 1
 
     def _shrinks(self, one, two):
         a, b, c, d = self.basis

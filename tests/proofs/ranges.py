@@ -11,8 +11,8 @@ from tests.proofs.checker import Claim, inverted, judged
 from tests.proofs.duals import dual, duals
 from tests.proofs.meshes import inside
 
-#: Most parts into which a piece is cut.
-_PARTS = 64
+#: Shortest part of a piece, as a share of it.
+_SHORTEST = 1 / 32
 
 
 def _number(text):
@@ -84,13 +84,14 @@ class Piece(Claim):
     def holds(self):
         """Return whether they are in the whole piece."""
         todo = [self.tunings]
-        for _ in range(_PARTS):
-            if not todo:
-                return True
+        while todo:
             nu = todo.pop()
-            if not self.holds_at(nu):
-                todo += [iv.mpf([nu.a, nu.mid]), iv.mpf([nu.mid, nu.b])]
-        return False
+            if self.holds_at(nu):
+                continue
+            if nu.delta < _SHORTEST * self.tunings.delta:
+                return False
+            todo += [iv.mpf([nu.a, nu.mid]), iv.mpf([nu.mid, nu.b])]
+        return True
 
     def meets(self, other):
         """Return whether the orbit at the last tuning is the other piece's at its first."""
@@ -113,6 +114,8 @@ def range_faults(claim):
         found.append("cuts")
     if not all(float.fromhex(low) < float.fromhex(high) for low, high in pairwise(cuts)):
         found.append("order")
+    if found:
+        return found
     boxes = [Piece(claim, piece) for piece in pieces]
     if not all(box.holds() for box in boxes):
         found.append("pieces")

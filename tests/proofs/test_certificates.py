@@ -176,7 +176,10 @@ def test_an_orbit_that_touches_is_refused():
     assert not gearlib.certify(replace(touching, pair=tilted))
 
 
-@pytest.mark.parametrize("name", ["phase", "displacement", "pattern", "stability", "radius"])
+@pytest.mark.parametrize(
+    "name",
+    ["phase", "displacement", "pattern", "stability", "radius", "multipliers", "displacement_max"],
+)
 def test_the_second_program_sees_what_is_wrong(name):
     claim = gearlib.certify(bouncing()).as_dict()
     if name == "phase":
@@ -188,6 +191,14 @@ def test_the_second_program_sees_what_is_wrong(name):
         claim["events"], claim["pattern"] = [], [0]
     elif name == "stability":
         claim["stability"] = "unstable"
+    elif name == "multipliers":
+        # Another pair with the same trace, within the unit circle too.
+        for _, imaginary in claim["multipliers"]:
+            imaginary[:] = [end.replace("29", "30", 1) for end in imaginary]
+        assert faults(claim) == ["stability"]
+    elif name == "displacement_max":
+        claim[name] = [end[:-4] + "1234" for end in claim[name]]
+        assert faults(claim) == ["extrema"]
     else:
         claim["radius"] *= 100.0
     assert faults(claim) != []
