@@ -79,20 +79,23 @@ class Claim:
 
     def system(self, box):
         """Return the residuals over a box, dual numbers in the unknowns."""
-        n = len(box)
         if self.kind not in ("fold", "period doubling"):
             contacts, touches, back = self.equations(duals(box))
             return [*contacts, *touches, *back]
-        # The multiplier depends on derivatives: of these the derivatives are asked for.
+        rows, (a, b, c, d) = self.with_deviations(box)
+        sign = 1 if self.kind == "fold" else -1
+        return [*rows, (1 - a * sign) * (1 - d * sign) - b * c]
+
+    def with_deviations(self, box):
+        """Return the residuals, and the map of small deviations, each with its derivatives."""
+        n = len(box)
+        # The map depends on derivatives: of these the derivatives are asked for.
         outer = [
             Dual(value, [Dual(iv.mpf(int(i == j))) for j in range(n)])
             for i, value in enumerate(duals(box))
         ]
         contacts, _, back = self.equations(outer)
-        a, b, c, d = self.deviations(contacts, back)
-        sign = 1 if self.kind == "fold" else -1
-        rows = [row.value for row in [*contacts, *back]]
-        return [*rows, (1 - a * sign) * (1 - d * sign) - b * c]
+        return [row.value for row in [*contacts, *back]], self.deviations(contacts, back)
 
     def deviations(self, contacts, back):
         """Return the map of small deviations over the orbit: the contacts' phases eliminated."""

@@ -33,9 +33,9 @@ class Mesh:
             if self.oil.value == 0:
                 return x + v * t + load * t * t / 2, v + load * t
             rate = self.oil * 2 / nu
-            final = load / rate
-            left = (v - final) * exp(-(rate * t))
-            return x + final * t + ((v - final) - left) / rate, final + left
+            left = exp(-(rate * t))
+            way = (1 - left) / rate
+            return x + v * way + load * (t - way) / rate, v * left + load * way
         c, a = self.levels[low], self.material / nu
         rest = 1 / c + (0 if contact == 1 else self.far)
         u, square = x - rest, c - self.material * self.material

@@ -6,7 +6,7 @@ It shares no code with gearlib.
 from mpmath import iv
 
 from tests.proofs.checker import Claim, faults
-from tests.proofs.duals import digits, dual, duals
+from tests.proofs.duals import digits, dual
 
 #: Decimal digits of a run, and those more for each mesh period: its enclosure widens on the way.
 _DIGITS, _LOST = 60, 4
@@ -75,14 +75,24 @@ class _Trap:
         way = self.orbit.follow([x, v, *self.orbit.box[2:]], narrow=True)
         if way is None:
             return False
-        contacts, _, back = self.orbit.equations(duals(way[0]))
-        p, q, r, s = [dual(entry).interval for entry in self.orbit.deviations(contacts, back)]
+        p, q, r, s = self._map(way[0])
         rows = _product(self.inverse, _product((p, q / self.nu, r * self.nu, s), self.basis))
         p, q, r, s = rows
         # The larger eigenvalue of the square.
         half, mixed = (p**2 + r**2 - q**2 - s**2) / 2, p * q + r * s
         largest = (p**2 + r**2 + q**2 + s**2) / 2 + iv.sqrt(half**2 + mixed**2)
         return iv.sqrt(largest).b <= self.rate.a
+
+    def _map(self, box):
+        """Return the map of small deviations over a box of unknowns, by its mean value."""
+        middle = [iv.mpf(value.mid) for value in box]
+        ends = [self.orbit.with_deviations(values)[1] for values in (middle, box)]
+        found = []
+        for at, wide in zip(*ends, strict=True):
+            # Without contacts it does not depend on the state: there are no slopes.
+            ways = zip(wide.slopes, box, middle, strict=False)
+            found.append(at.interval + sum(dual(s).interval * (b - m) for s, b, m in ways))
+        return found
 
 
 def _halves(side):

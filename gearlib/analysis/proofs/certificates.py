@@ -75,8 +75,8 @@ class Certificate:
             f"{self.tuning!r}, {self.stability}",
             f"  displacement  {self.displacement}",
             f"  velocity      {self.velocity}",
-            f"  smallest      {self.displacement_min}",
-            f"  largest       {self.displacement_max}",
+            f"  smallest x    {self.displacement_min}",
+            f"  largest x     {self.displacement_max}",
             f"  contacts      {contacts}",
         ]
         lines += [f"    phase       {event.phase}" for event in self.events]
