@@ -137,11 +137,36 @@ class Claim:
 
     def within(self, share):
         """Return a share of the box in which the claim says that there is no other."""
-        radius = iv.mpf([-1, 1]) * iv.mpf(self.claim["radius"]) * share
-        rates = [1, 1 / self.nu.value, *[1] * (len(self.box) - 2)]
+        nu = self.box[-1] if self.tuned else self.nu.value
+        rates = [1, 1 / nu, *[1] * (len(self.box) - 2)]
+        # The radius of a tuning is one of 1 / nu.
+        rates = rates[:-1] + [nu**2] if self.tuned else rates
+        radius = iv.mpf([-1, 1]) * self.claim["radius"] * share
         return [
             iv.mpf(value.mid) + radius * rate for value, rate in zip(self.box, rates, strict=True)
         ]
+
+    def is_the_only_one(self, share):
+        """Return whether there is no other in a share of the box, and the box is what is said."""
+        ends = [1 / iv.mpf(tuning) - 1 / self.box[-1] for tuning in self.claim.get("interval", ())]
+        radius = self.claim["radius"]
+        return all(abs(end).b <= radius for end in ends) and bool(self.image(self.within(share)))
+
+    def repeats_earlier(self, box):
+        """Return whether the orbit may repeat after fewer mesh periods than the claim says."""
+        period = self.claim["period"]
+        for part in range(1, period):
+            if period % part:
+                continue
+            events = [e for e in self.claim["events"] if float(e["phase"][0]) < 2 * mp.pi * part]
+            shorter = Claim(self.claim | {"period": part, "events": events})
+            way = shorter.follow(box[: 2 + len(events)])
+            if way is None or all(
+                one.a <= other.b and other.a <= one.b
+                for one, other in zip(way[2], box[:2], strict=True)
+            ):
+                return True
+        return False
 
     def follow(self, box, narrow=False):
         """Go along all motions of a box of unknowns; None unless the contacts are all.
@@ -250,9 +275,11 @@ def faults(claim, share=0.25):
     way = one.follow(box)
     if way is None:
         found.append("contacts")
+    if not (claim["radius"] > 0 and one.is_the_only_one(share)):
+        found.append("uniqueness")
     if one.kind == "orbit":
-        if not (claim["radius"] > 0 and one.image(one.within(share))):
-            found.append("uniqueness")
+        if one.repeats_earlier(box):
+            found.append("period")
         if not one.is_judged_right(box):
             found.append("stability")
         if way and not one.extrema_are_right(way[1]):

@@ -213,6 +213,12 @@ def test_the_second_program_sees_what_is_wrong(name):
     assert faults(claim) != []
 
 
+def test_the_second_program_sees_an_orbit_that_repeats_earlier():
+    claim = gearlib.certify(gearlib.periodic_orbit(MATERIAL, 0.7)).as_dict()
+    assert faults(claim) == []
+    assert "period" in faults(claim | {"period": 2})
+
+
 def test_without_flint_the_message_says_what_to_install(monkeypatch):
     orbit = bouncing()
     monkeypatch.setitem(sys.modules, "flint", None)
