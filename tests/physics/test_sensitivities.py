@@ -291,7 +291,7 @@ def test_folds_against_50_digits(pair, start, to, contacts):
         (reference,) = REFERENCES.rows(exact.of_fold, own, 1, start)
         row, reference = np.array(by_ratios(pair, found, "tuning")[:5]), np.array(reference, float)
         # A fold is a simple zero of det(M - I) along the branch, which locates it to rounding over
-        # the rate of that: of 31 folds of 13 random pairs the worst was off by 3e-12.
+        # the rate of that: of 31 folds of random pairs and the paper's the worst was off by 3e-12.
         size = np.maximum(np.abs(reference), LEAST * np.abs(reference).max())
         assert (np.abs(row - reference) <= SHARE * size).all(), (row - reference, reference)
 
