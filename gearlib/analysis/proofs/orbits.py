@@ -2,6 +2,7 @@
 
 import math
 from functools import partial
+from typing import Any
 
 from gearlib import checks
 from gearlib.analysis.orbits.shooting import Orbit
@@ -34,14 +35,15 @@ def certify(orbit, digits=30):
     Parameters
     ----------
     orbit : Orbit
-        The candidate, of `gearlib.periodic_orbit`, of a `GearPair`, or of another model of one
-        degree of freedom with linear phases of contact; nothing it says is believed.
+        The candidate, of `gearlib.periodic_orbit`, of a `GearPair`, of another model of one degree
+        of freedom with linear phases of contact, of a `SixDegreePair` or a `GearTrain`; nothing it
+        says is believed.
     digits : int, default 30
         Decimal digits of the enclosures, 10 to 300.
 
     Returns
     -------
-    Certificate or Refusal
+    Certificate, TrainCertificate or Refusal
         A certificate has displacement, velocity and events with their enclosures (exact decimals),
         radius, within which there is no other such orbit, trace, determinant and multipliers,
         stability with its reason; `as_dict` for a file. A refusal is false where a truth value is
@@ -64,6 +66,11 @@ def certify(orbit, digits=30):
         raise ValueError(f"orbit = {orbit!r} is not allowed: it must be an Orbit")
     digits = checks.integer("digits", digits, 10, 300)
     try:
+        model: Any = orbit.pair
+        if model.equation is None:
+            from gearlib.analysis.proofs.trains.orbits import train_certificate
+
+            return train_certificate(orbit, digits)
         check_model(orbit.pair)
         contact, events = listed_contacts(orbit)
         return first_with(digits, lambda: Proof(orbit, contact, events).certificate(digits))

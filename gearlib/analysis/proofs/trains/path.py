@@ -1,0 +1,165 @@
+"""An orbit of a train as a system of equations, with its derivatives.
+
+As in `gearlib.analysis.proofs.path`, with exponentials of matrices for closed forms: unknowns are
+the state at tau = 0, (y, dy/dtheta) of `TrainLaws`, and the phases at which contact is gained or
+lost in any of the meshes. The equations: there the mesh's distance from its flank line is 0; the
+state returns.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+from gearlib.analysis.proofs.balls import flint
+from gearlib.analysis.proofs.path import Uncertain
+from gearlib.analysis.proofs.trains.parts import COAST, DRIVE
+from gearlib.kernels.codes import NORMAL
+
+#: Most arcs of an orbit.
+_MOST = 1000
+
+
+@dataclass(frozen=True)
+class Node:
+    """Where one arc ends and the next begins."""
+
+    law: Any  #: matrix of the arc that ends here
+    phase: Any = None  #: a ball; None: unknown
+    mesh: int = -1  #: of a contact
+    side: int = DRIVE  #: of the flank line that is crossed
+    before: int = 0  #: contact code of the mesh before
+    after: int = 0
+
+
+class TrainPath:
+    """The nodes of a motion of a train, and its equations.
+
+    Parameters
+    ----------
+    laws : TrainLaws
+    codes : list of int
+        Contact codes of all meshes at tau = 0.
+    events : list of (phase, mesh, code before, code after)
+        In their order; phases, floats or balls, count on over the periods.
+    period : int
+    """
+
+    def __init__(self, laws, codes, events, period):
+        arb, now = flint().arb, list(codes)
+        self.laws, self.scale = laws, 1 / laws.tuning
+        turn = 2 * arb.pi()
+        marks = [
+            (turn * arb((cut + n).numerator) / (cut + n).denominator, segment, None)
+            for n in range(0, period, laws.repeats)
+            for cut, segment in laws.segments
+        ]
+        marks = marks[1:] + [(arb(phase), None, what) for phase, *what in events]
+        if len(marks) >= _MOST:
+            raise Uncertain("together", f"{len(marks)} arcs are too many: {_MOST} are allowed")
+        # Events that floats do not tell apart stay in their order.
+        marks.sort(key=lambda mark: float(mark[0].mid()))
+        #: Numbers of the nodes at which a common period ends, and the next one begins.
+        self.ends, segment = [], 0
+        self.nodes, self.guess = [], []
+        for phase, following, what in marks:
+            law = laws.law(now, segment)
+            if what is None:
+                if following == 0:
+                    self.ends.append(len(self.nodes))
+                self.nodes.append(Node(law, phase))
+                segment = following
+                continue
+            mesh, before, after = what
+            if before != now[mesh]:
+                raise Uncertain("contacts", "the contacts do not follow from each other")
+            side = DRIVE if NORMAL in (before, after) else COAST
+            self.nodes.append(Node(law, None, mesh, side, before, after))
+            self.guess.append(phase)
+            now[mesh] = after
+        self.nodes.append(Node(laws.law(now, segment), turn * period))
+        self._bases = self._exponentials()
+
+    def phases(self, unknown):
+        """Return the phase of every node; `unknown` are those that are not known."""
+        unknown = iter(unknown)
+        return [next(unknown) if node.phase is None else node.phase for node in self.nodes]
+
+    def _exponentials(self):
+        """Return (time, exponential) of every arc, at times near to which it will last."""
+        found, last = [], 0
+        for node, phase in zip(self.nodes, self.phases(self.guess), strict=True):
+            t = ((phase - last) * self.scale).mid()
+            found.append((t, (node.law * t).exp()))
+            last = phase
+        return found
+
+    def equations(self, unknowns):
+        """Return (residuals, derivatives, a row each) by the unknowns (y, dy/dtheta, phases)."""
+        arb_mat, laws = flint().arb_mat, self.laws
+        n, size, m = 2 * len(laws.kept), laws.size, len(unknowns)
+        # The state, and its derivatives behind it.
+        z = arb_mat(size, 1 + m)
+        for i, value in enumerate([*unknowns[:n], *laws.rest()]):
+            z[i, 0] = value
+            if i < n:
+                z[i, 1 + i] = 1
+        z = laws.inverse * z
+        residuals, rows = [], []
+        last, last_column, column = 0, None, n + 1
+        phases = self.phases(unknowns[n:])
+        for node, phase, (base, power) in zip(self.nodes, phases, self._bases, strict=True):
+            if last_column is not None:
+                # The later the arc begins, the less of it there is.
+                self._move(z, node.law, last_column, -self.scale)
+            z = (node.law * ((phase - last) * self.scale - base)).exp() * (power * z)
+            last, last_column = phase, None
+            if node.phase is None:
+                self._move(z, node.law, column, self.scale)
+                residual, *row = (laws.distances[node.mesh][node.side] * z).entries()
+                residuals.append(residual)
+                rows.append(row)
+                last_column = column
+                column += 1
+        z = laws.basis * z
+        for i in range(n):
+            residuals.append(z[i, 0] - unknowns[i])
+            row = [z[i, 1 + j] for j in range(m)]
+            row[i] -= 1
+            rows.append(row)
+        return residuals, rows
+
+    @staticmethod
+    def _move(z, law, column, rate):
+        """Add what a later phase adds to the state to a column of its derivatives."""
+        state = flint().arb_mat([[z[i, 0]] for i in range(z.nrows())])
+        for i, value in enumerate((law * state).entries()):
+            z[i, column] += value * rate
+
+    def states(self, unknowns):
+        """Return (z~ at the start, time) of every arc, and z~ at the nodes."""
+        arb_mat, n, last = flint().arb_mat, 2 * len(self.laws.kept), 0
+        z = self.laws.inverse * arb_mat([[value] for value in [*unknowns[:n], *self.laws.rest()]])
+        arcs, ends = [], []
+        phases = self.phases(unknowns[n:])
+        for node, phase, (base, power) in zip(self.nodes, phases, self._bases, strict=True):
+            t = (phase - last) * self.scale
+            arcs.append((z, t))
+            z = (node.law * (t - base)).exp() * (power * z)
+            ends.append(z)
+            last = phase
+        return arcs, ends
+
+    def monodromy(self, rows):
+        """Return the map of small deviations of y and dy/dtheta, from rows of `equations`.
+
+        The phases of the contacts follow from the state: by the derivative of an implicit function.
+        """
+        arb_mat, n = flint().arb_mat, 2 * len(self.laws.kept)
+        k = len(rows) - n
+        back = arb_mat([row[:n] for row in rows[k:]])
+        for i in range(n):
+            back[i, i] += 1
+        if not k:
+            return back
+        by_phases = arb_mat([row[n:] for row in rows[:k]])
+        rates = by_phases.solve(arb_mat([row[:n] for row in rows[:k]]))
+        return back - arb_mat([row[n:] for row in rows[k:]]) * rates
