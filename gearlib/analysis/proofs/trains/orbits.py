@@ -101,8 +101,7 @@ class TrainProof:
             )
         self.speeds = check_contacts(self.path, codes, self.box)
         self._check_period()
-        with precision(COARSE):
-            self.radius = uniqueness(system, self.centre, inverse, FOLD)
+        self.radius = uniqueness(system, self.centre, inverse, FOLD)
 
     def _polished(self, given, events):
         """Return (midpoints of a zero, inverse of the derivative); the contacts in their order."""

@@ -7,7 +7,9 @@ state returns.
 """
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from gearlib.analysis.proofs.balls import flint
 from gearlib.analysis.proofs.path import Uncertain
@@ -28,6 +30,16 @@ class Node:
     side: int = DRIVE  #: of the flank line that is crossed
     before: int = 0  #: contact code of the mesh before
     after: int = 0
+
+
+class Arc(NamedTuple):
+    """An arc in the frames of its ends: z~ = frame c."""
+
+    base: Any  #: time near to that of the arc
+    power: Any  #: exponential of that time, from the frame before to that of this arc
+    begins: Any  #: the law in the frame before
+    law: Any  #: the law in the frame of this arc
+    frame: Any
 
 
 class TrainPath:
@@ -76,19 +88,35 @@ class TrainPath:
             self.guess.append(phase)
             now[mesh] = after
         self.nodes.append(Node(laws.law(now, segment), turn * period))
-        self._bases = self._exponentials()
+        self.arcs = self._frames()
 
     def phases(self, unknown):
         """Return the phase of every node; `unknown` are those that are not known."""
         unknown = iter(unknown)
         return [next(unknown) if node.phase is None else node.phase for node in self.nodes]
 
-    def _exponentials(self):
-        """Return (time, exponential) of every arc, at times near to which it will last."""
-        found, last = [], 0
+    def _frames(self):
+        """Return the `Arc` of every node: exponentials at about the times that arcs will last.
+
+        Frames are orthogonal, by the QR method of Lohner: boxes turn with the motion, and hardly
+        grow by being wrapped anew after every arc.
+        """
+        n = 2 * len(self.laws.kept)
+        frame = back = _unit(self.laws.size)
+        spread, found, last = np.eye(n), [], 0
         for node, phase in zip(self.nodes, self.phases(self.guess), strict=True):
-            t = ((phase - last) * self.scale).mid()
-            found.append((t, (node.law * t).exp()))
+            base = ((phase - last) * self.scale).mid()
+            power, begins = (node.law * base).exp(), back * node.law * frame
+            spread = _floats(power)[:n, :n] @ spread
+            # The longest direction first: it decides how the box lies.
+            order = np.argsort(-np.linalg.norm(spread, axis=0), kind="stable")
+            spread, _ = np.linalg.qr(spread[:, order])
+            old, frame = frame, _unit(self.laws.size)
+            for i in range(n):
+                for j in range(n):
+                    frame[i, j] = float(spread[i, j])
+            back = frame.inv()
+            found.append(Arc(base, back * power * old, begins, back * node.law * frame, frame))
             last = phase
         return found
 
@@ -106,20 +134,21 @@ class TrainPath:
         residuals, rows = [], []
         last, last_column, column = 0, None, n + 1
         phases = self.phases(unknowns[n:])
-        for node, phase, (base, power) in zip(self.nodes, phases, self._bases, strict=True):
+        for node, phase, arc in zip(self.nodes, phases, self.arcs, strict=True):
             if last_column is not None:
                 # The later the arc begins, the less of it there is.
-                self._move(z, node.law, last_column, -self.scale)
-            z = (node.law * ((phase - last) * self.scale - base)).exp() * (power * z)
+                self._move(z, arc.begins, last_column, -self.scale)
+            z = (arc.law * ((phase - last) * self.scale - arc.base)).exp() * (arc.power * z)
             last, last_column = phase, None
             if node.phase is None:
-                self._move(z, node.law, column, self.scale)
-                residual, *row = (laws.distances[node.mesh][node.side] * z).entries()
+                self._move(z, arc.law, column, self.scale)
+                distance = laws.distances[node.mesh][node.side] * arc.frame
+                residual, *row = (distance * z).entries()
                 residuals.append(residual)
                 rows.append(row)
                 last_column = column
                 column += 1
-        z = laws.basis * z
+        z = laws.basis * (self.arcs[-1].frame * z)
         for i in range(n):
             residuals.append(z[i, 0] - unknowns[i])
             row = [z[i, 1 + j] for j in range(m)]
@@ -140,11 +169,13 @@ class TrainPath:
         z = self.laws.inverse * arb_mat([[value] for value in [*unknowns[:n], *self.laws.rest()]])
         arcs, ends = [], []
         phases = self.phases(unknowns[n:])
-        for node, phase, (base, power) in zip(self.nodes, phases, self._bases, strict=True):
+        start = z
+        for phase, arc in zip(phases, self.arcs, strict=True):
             t = (phase - last) * self.scale
-            arcs.append((z, t))
-            z = (node.law * (t - base)).exp() * (power * z)
-            ends.append(z)
+            arcs.append((start, t))
+            z = (arc.law * (t - arc.base)).exp() * (arc.power * z)
+            start = arc.frame * z
+            ends.append(start)
             last = phase
         return arcs, ends
 
@@ -163,3 +194,12 @@ class TrainPath:
         by_phases = arb_mat([row[n:] for row in rows[:k]])
         rates = by_phases.solve(arb_mat([row[:n] for row in rows[:k]]))
         return back - arb_mat([row[n:] for row in rows[k:]]) * rates
+
+
+def _unit(n):
+    """Return the unit matrix."""
+    return flint().arb_mat([[int(i == j) for j in range(n)] for i in range(n)])
+
+
+def _floats(matrix):
+    return np.array([[float(value) for value in row] for row in matrix.tolist()])

@@ -55,17 +55,18 @@ def check_contacts(path, codes, unknowns):
     Uncertain
     """
     laws, now, rates = path.laws, list(codes), []
-    arcs, ends = path.states(unknowns)
     phases = path.phases(unknowns[2 * len(laws.kept) :])
-    last, crossed = 0, None
-    for node, phase, (z, t), end in zip(path.nodes, phases, arcs, ends, strict=True):
-        at, met = float(phase.mid()), None
-        if node.phase is None:
-            met = node.mesh, node.side
+    # The contact at every node, and at the start of every arc: (mesh, side), None for a switch.
+    met = [None if node.phase is not None else (node.mesh, node.side) for node in path.nodes]
+    crossed = [None, *met]
+    for i, (last, phase) in enumerate(zip([0, *phases], phases, strict=False)):
         if not phase > last:
-            raise Uncertain(*(_TOGETHER if met and crossed else _SWITCH))
-        _check_arc(laws, node.law, z, end, t, now, (crossed, met), at)
-        if met:
+            raise Uncertain(*(_TOGETHER if met[i] and crossed[i] else _SWITCH))
+    arcs, ends = path.states(unknowns)
+    for i, (node, (z, t), end) in enumerate(zip(path.nodes, arcs, ends, strict=True)):
+        at = float(phases[i].mid())
+        _check_arc(laws, node.law, z, end, t, now, (crossed[i], met[i]), at)
+        if met[i]:
             rate = (laws.distances[node.mesh][node.side] * (node.law * end))[0, 0]
             if not (rate > 0 if node.after > node.before else rate < 0):
                 raise Uncertain(
@@ -73,7 +74,6 @@ def check_contacts(path, codes, unknowns):
                 )
             rates.append(rate)
             now[node.mesh] = node.after
-        last, crossed = phase, met
     return rates
 
 
