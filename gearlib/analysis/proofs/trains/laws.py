@@ -20,8 +20,8 @@ from gearlib.analysis.proofs.trains.parts import COAST, DRIVE, parts_of
 from gearlib.kernels.codes import INVERSE, NORMAL
 from gearlib.models.trains.structure import free_motions
 
-#: Of the largest entry: a free motion is free up to this.
-_FREE = 1e-9
+#: Of the largest entry: a free motion is free up to this, a thousand roundings of floats.
+_FREE = 1e-13
 
 
 class TrainLaws:

@@ -15,7 +15,6 @@ from gearlib.analysis.proofs.trains.parts import parts_of
 from gearlib.analysis.proofs.trains.path import TrainPath
 from gearlib.analysis.proofs.trains.signs import COARSE, check_contacts
 from gearlib.kernels import orbit as columns
-from gearlib.kernels.several_meshes.periods import EVENT_MESH
 from gearlib.runs.run_arguments import MAX_EVENTS
 
 #: How often contacts at nearly one phase are put into another order.
@@ -34,7 +33,8 @@ def listed_contacts(orbit):
     table = [
         (
             2.0 * math.pi * row[columns.EVENT_PERIOD] + row[columns.EVENT_PHASE],
-            int(row[EVENT_MESH]) if len(row) > EVENT_MESH else 0,
+            # Behind the columns of every event the mesh, where there are several.
+            int(row[columns.EVENT_COLUMNS]) if len(row) > columns.EVENT_COLUMNS else 0,
             int(row[columns.EVENT_FROM]),
             int(row[columns.EVENT_TO]),
         )
