@@ -70,11 +70,35 @@ def chain():
     return gearlib.GearTrain(bodies=bodies, meshes=meshes, shafts=shafts)
 
 
+def branches():
+    """One gear drives two that are alike, in phase: all they do they do at once."""
+    share = {"teeth": 18, "base_radius": 0.036, "inertia": 4e-3}
+    bodies = [gearlib.Body(name="centre", torque=200.0, **share)]
+    bodies += [gearlib.Body(name=name, torque=100.0, **share) for name in ("left", "right")]
+    meshes = [
+        gearlib.Mesh(
+            pinion="centre",
+            wheel=name,
+            position=position,
+            phase=0.0,
+            max_stiffness=4e8,
+            stiffness_ratio=0.6,
+            contact_ratio=1.6,
+            backlash=15e-6,
+            material_damping=1500.0,
+            backlash_damping=200.0,
+        )
+        for name, position in (("left", 0.0), ("right", 2.0))
+    ]
+    return gearlib.GearTrain(bodies=bodies, meshes=meshes)
+
+
 #: Model, tuning, contacts gained and lost, the stability that is known.
 CASES = {
     "idler": (gearlib.idler(LIGHT), 0.6, 4, "stable"),
     "parametric resonance": (gearlib.idler(LIGHT), 1.0, 0, "unstable"),
     "chain": (chain(), 0.8, 8, "stable"),
+    "two at once": (branches(), 1.5, 8, "stable"),
     "bearings": (
         gears(1e9, 600.0, 300.0, backlash=12e-6, **EVERYTHING | {"teeth": (1, 1)}),
         1.0,
@@ -198,7 +222,7 @@ def changed(orbit):
     yield replace(orbit, pair=train.replace(bodies=bodies))
 
 
-@pytest.mark.parametrize("case", ["idler", "parametric resonance", "chain"])
+@pytest.mark.parametrize("case", ["idler", "parametric resonance", "chain", "two at once"])
 def test_wrong_candidates_are_refused(case):
     orbit = found(case)
     for statuses, candidate in wrong(orbit):
@@ -214,17 +238,24 @@ def test_wrong_candidates_are_refused(case):
             assert refused.status in ("distance", "contacts"), refused
 
 
-def test_what_is_beyond_the_proof_is_refused_by_name():
-    equal = gearlib.split_power_reducer(LIGHT, support_stiffness=math.inf)
-    orbit = gearlib.periodic_orbit(equal, 0.3, period=equal.repeats)
-    refused = gearlib.certify(orbit)
-    assert len(orbit.pattern) > 6 and refused.status == "together", refused
-    assert "coincide" in refused.message
-    shorter = replace(orbit, period=1)
-    assert gearlib.certify(shorter).status in ("period", "contacts")
+def test_contacts_that_coincide_are_in_one_enclosure():
+    proven = gearlib.certify(found("two at once"))
+    phases = [event.phase for event in proven.events]
+    assert phases[::2] == phases[1::2] and len(set(phases[::2])) == 4
+    meshes = [event.mesh for event in proven.events]
+    assert all(set(meshes[i : i + 2]) == set(proven.meshes) for i in range(0, 8, 2))
+
+
+def test_what_is_beyond_the_proof_is_refused_by_name(monkeypatch):
+    two = gearlib.two_stage(LIGHT)
+    orbit = gearlib.periodic_orbit(two, 1.0, period=two.repeats)
+    assert gearlib.certify(replace(orbit, period=1)).status in ("period", "contacts")
     turning = gearlib.planetary(turning=True, gyroscopic=True)
     refused = gearlib.certify(replace(orbit, pair=turning))
     assert refused.status == "model" and "frame" in refused.message
+    monkeypatch.setattr("gearlib.analysis.proofs.trains.path._MOST", 10)
+    refused = gearlib.certify(orbit)
+    assert refused.status == "together" and "too many" in refused.message
 
 
 @pytest.mark.parametrize("tuning", [0.6, 0.651837])

@@ -31,7 +31,7 @@ class TrainLaws:
     ``size``               components of z
     ``basis``, ``inverse`` of the components z~ of laws and distances, shape (size, size)
     ``distances``          functionals over the flanks of every mesh, a row (1, size) each:
-                           (coast side or None, drive side)
+                           (coast side or None, drive side); ``rows``: the same over z
     ``segments``           (phase at which a segment begins, over 2 pi; its number) within the
                            common period, which begins with the first
     """
@@ -48,10 +48,10 @@ class TrainLaws:
         self.size = 2 * e + 1 + 2 * len(self.waves)
         self._free = self._without_meshes()
         rate = self.parts.frequency
-        self._rows, self._rates = [], []
+        self.rows, self._rates = [], []
         for mesh in meshes:
             rows = [self._distance(mesh, side) for side in (COAST, DRIVE)]
-            self._rows.append(rows)
+            self.rows.append(rows)
             # The rates of distances: the accelerations have no part in them.
             self._rates.append([None if row is None else row * self._free for row in rows])
         self._pushes = [
@@ -160,7 +160,7 @@ class TrainLaws:
                 self.basis[e + i, e + j] = float(shapes[i, j] * rates[j])
         self.inverse = self.basis.inv()
         self.distances = [
-            [None if row is None else row * self.basis for row in rows] for rows in self._rows
+            [None if row is None else row * self.basis for row in rows] for rows in self.rows
         ]
 
     def _push(self, row):
@@ -204,7 +204,7 @@ class TrainLaws:
                     continue
                 side = DRIVE if code == NORMAL else COAST
                 _, low, sense = key[j]
-                elastic = self._rows[j][side] * (mesh.levels[low] / rate**2)
+                elastic = self.rows[j][side] * (mesh.levels[low] / rate**2)
                 more = self._rates[j][side] * ((mesh.damping - mesh.film) / rate)
                 matrix += self._pushes[j][side] * (elastic + more)
                 matrix += self._across[j] * (elastic * (mesh.friction[side] * sense))

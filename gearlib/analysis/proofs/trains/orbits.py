@@ -14,6 +14,7 @@ from gearlib.analysis.proofs.trains.multipliers import eigenvalues, judge
 from gearlib.analysis.proofs.trains.parts import parts_of
 from gearlib.analysis.proofs.trains.path import TrainPath
 from gearlib.analysis.proofs.trains.signs import COARSE, check_contacts
+from gearlib.analysis.proofs.trains.windows import Windows
 from gearlib.kernels import orbit as columns
 from gearlib.runs.run_arguments import MAX_EVENTS
 
@@ -88,7 +89,11 @@ class TrainProof:
             )
         given = self.laws.start(orbit.state)
         self.centre, inverse = self._polished(given, events)
-        system = self.path.equations
+        system, n = self.path.equations, len(given)
+        windows = Windows(self.path, codes, self.centre[n:])
+        if windows.any():
+            system = windows.equations
+            self.centre, inverse = polish(system, self.centre[:n], FOLD)
         self.box = enclose(system, self.centre, inverse)
         if self.box is None:
             raise Uncertain(*FOLD)
@@ -99,8 +104,15 @@ class TrainProof:
                 f"the nearest orbit found lies {float(self.moved):.2g} static deflections from the "
                 f"candidate; {REACH:g} is allowed",
             )
-        self.speeds = check_contacts(self.path, codes, self.box)
-        self._check_period()
+        if windows.any():
+            self.phases, self.speeds, ends, self.map = windows.proven(self.box)
+            system = windows.equations_if_any
+        else:
+            self.speeds = check_contacts(self.path, codes, self.box)
+            _, ends = self.path.states(self.box)
+            self.phases = self.box[n:]
+            self.map = self.path.monodromy(system(self.box)[1])
+        self._check_period([ends[node] for node in self.path.ends])
         self.radius = uniqueness(system, self.centre, inverse, FOLD)
 
     def _polished(self, given, events):
@@ -116,13 +128,12 @@ class TrainProof:
             events = [(phases[i], *events[i][1:]) for i in order]
         return centre, inverse
 
-    def _check_period(self):
-        """Refuse an orbit that repeats earlier."""
+    def _check_period(self, states):
+        """Refuse an orbit that repeats earlier; `states` are those at the ends of its repeats."""
         period, repeats, n = self.orbit.period, self.laws.repeats, 2 * len(self.laws.kept)
-        _, ends = self.path.states(self.box)
-        for count, node in enumerate(self.path.ends, start=1):
+        for count, state in enumerate(states, start=1):
             part = count * repeats
-            end = (self.laws.basis * ends[node]).entries()[:n]
+            end = (self.laws.basis * state).entries()[:n]
             if period % part == 0 and all(map(flint().arb.overlaps, end, self.box)):
                 plural = "s" * (part > 1)
                 raise Uncertain(
@@ -134,8 +145,7 @@ class TrainProof:
         """Return (the `TrainCertificate`, the digits that its enclosures have)."""
         orbit, laws, rate = self.orbit, self.laws, self.path.scale
         e, arb = len(laws.kept), flint().arb
-        _, rows = self.path.equations(self.box)
-        multipliers = eigenvalues(self.path.monodromy(rows))
+        multipliers = eigenvalues(self.map)
         stability, reason = judge(multipliers)
         state = [arb(0)] * (2 * len(laws.parts.names))
         half = len(laws.parts.names)
@@ -143,7 +153,7 @@ class TrainProof:
             state[row], state[half + row] = self.box[i], self.box[e + i] * rate
         contacts = [node for node in self.path.nodes if node.phase is None]
         speeds = [speed * rate for speed in self.speeds]
-        phases = self.box[2 * e :]
+        phases = self.phases
         numbers = [*state, *phases, *speeds]
         numbers += [part for one in multipliers for part in (one.real, one.imag)]
         within = partial(enclosure, digits=digits)

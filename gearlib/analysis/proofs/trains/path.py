@@ -40,6 +40,11 @@ class Arc(NamedTuple):
     begins: Any  #: the law in the frame before
     law: Any  #: the law in the frame of this arc
     frame: Any
+    back: Any  #: its inverse
+
+    def go(self, z, t):
+        """Return columns in the frame before after a time, in the frame of this arc."""
+        return (self.law * (t - self.base)).exp() * (self.power * z)
 
 
 class TrainPath:
@@ -116,7 +121,8 @@ class TrainPath:
                 for j in range(n):
                     frame[i, j] = float(spread[i, j])
             back = frame.inv()
-            found.append(Arc(base, back * power * old, begins, back * node.law * frame, frame))
+            law = back * node.law * frame
+            found.append(Arc(base, back * power * old, begins, law, frame, back))
             last = phase
         return found
 
@@ -138,7 +144,7 @@ class TrainPath:
             if last_column is not None:
                 # The later the arc begins, the less of it there is.
                 self._move(z, arc.begins, last_column, -self.scale)
-            z = (arc.law * ((phase - last) * self.scale - arc.base)).exp() * (arc.power * z)
+            z = arc.go(z, (phase - last) * self.scale)
             last, last_column = phase, None
             if node.phase is None:
                 self._move(z, arc.law, column, self.scale)
@@ -173,7 +179,7 @@ class TrainPath:
         for phase, arc in zip(phases, self.arcs, strict=True):
             t = (phase - last) * self.scale
             arcs.append((start, t))
-            z = (arc.law * (t - arc.base)).exp() * (arc.power * z)
+            z = arc.go(z, t)
             start = arc.frame * z
             ends.append(start)
             last = phase

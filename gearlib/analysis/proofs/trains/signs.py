@@ -65,7 +65,7 @@ def check_contacts(path, codes, unknowns):
     arcs, ends = path.states(unknowns)
     for i, (node, (z, t), end) in enumerate(zip(path.nodes, arcs, ends, strict=True)):
         at = float(phases[i].mid())
-        _check_arc(laws, node.law, z, end, t, now, (crossed[i], met[i]), at)
+        check_arc(laws, node.law, z, end, t, now, (crossed[i], met[i]), at)
         if met[i]:
             rate = (laws.distances[node.mesh][node.side] * (node.law * end))[0, 0]
             if not (rate > 0 if node.after > node.before else rate < 0):
@@ -77,17 +77,13 @@ def check_contacts(path, codes, unknowns):
     return rates
 
 
-def _check_arc(laws, law, z, end, t, codes, on_line, at):
+def check_arc(laws, law, z, end, t, codes, on_line, at):
     """Prove that no mesh touches a flank line within an arc from z to `end`.
 
     `on_line` are (mesh, side) of the contact at either end, None where there is none.
     """
     module = flint()
-    bounds = [
-        (j, side, sign, row)
-        for j, code in enumerate(codes)
-        for side, sign, row in _bounds(code, laws.distances[j], laws.parts.meshes[j].moving)
-    ]
+    bounds = bounds_of(laws, codes, laws.distances)
     count = max(1, math.ceil(_fastest(law) * float(t.mid()) / _REACH))
     h = t / count
     step = (law * h).exp() if count > 1 else None
@@ -127,8 +123,17 @@ def _fastest(law):
     return float(np.abs(np.linalg.eigvals(matrix)).max())
 
 
+def bounds_of(laws, codes, distances):
+    """Return (mesh, side, sign, functional) of contact codes: sign times distance > 0 in them."""
+    return [
+        (j, side, sign, row)
+        for j, code in enumerate(codes)
+        for side, sign, row in _bounds(code, distances[j], laws.parts.meshes[j].moving)
+    ]
+
+
 def _bounds(code, distances, moving):
-    """Return (side, sign, functional) of a contact code: sign times distance > 0 holds in it.
+    """Return (side, sign, functional) of one contact code.
 
     Where the play between the flanks changes, it must not close either.
     """
