@@ -98,7 +98,7 @@ CASES = {
     "idler": (gearlib.idler(LIGHT), 0.6, 4, "stable"),
     "parametric resonance": (gearlib.idler(LIGHT), 1.0, 0, "unstable"),
     "chain": (chain(), 0.8, 8, "stable"),
-    "two at once": (branches(), 1.5, 8, "stable"),
+    "branches": (branches(), 1.5, 8, "stable"),
     "bearings": (
         gears(1e9, 600.0, 300.0, backlash=12e-6, **EVERYTHING | {"teeth": (1, 1)}),
         1.0,
@@ -222,7 +222,7 @@ def changed(orbit):
     yield replace(orbit, pair=train.replace(bodies=bodies))
 
 
-@pytest.mark.parametrize("case", ["idler", "parametric resonance", "chain", "two at once"])
+@pytest.mark.parametrize("case", ["idler", "parametric resonance", "chain", "branches"])
 def test_wrong_candidates_are_refused(case):
     orbit = found(case)
     for statuses, candidate in wrong(orbit):
@@ -239,7 +239,7 @@ def test_wrong_candidates_are_refused(case):
 
 
 def test_contacts_that_coincide_are_in_one_enclosure():
-    proven = gearlib.certify(found("two at once"))
+    proven = gearlib.certify(found("branches"))
     phases = [event.phase for event in proven.events]
     assert phases[::2] == phases[1::2] and len(set(phases[::2])) == 4
     meshes = [event.mesh for event in proven.events]

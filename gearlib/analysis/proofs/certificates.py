@@ -27,7 +27,7 @@ REFUSALS = {
     "distance": "there is no orbit within the stated distance of the candidate, or none is found",
     "fold": "the derivative of the equations is singular, or too nearly so",
     "switch": "a contact coincides with a switch of the stiffness or the start of a mesh period",
-    "together": "contacts of several meshes coincide, or there are too many",
+    "together": "contacts of several meshes come together and are not passed, or are too many",
     "grazing": "the motion comes too near to a flank line without crossing it, or crosses too flat",
     "tongue": "it is not proven that deviations grow everywhere between two edges",
     "period": "the orbit repeats after fewer mesh periods than the candidate says",
@@ -110,7 +110,7 @@ class TrainCertificate:
     fixed: tuple  #: of these 0 throughout: a free rotation is counted from them
     displacement: tuple  #: of every coordinate at tau = 0, `Enclosure`, in static deflections
     velocity: tuple  #: dq/dtau at tau = 0, `Enclosure`
-    events: tuple  #: all contacts gained and lost, `MeshEvent` in their order
+    events: tuple  #: all contacts gained and lost, `MeshEvent` in their order, where it is proven
     radius: float  #: no other orbit with these contacts has state and phases this close
     moved: float  #: most that the state may lie away from the candidate, in static deflections
     multipliers: tuple  #: pairs of `Enclosure`, real and imaginary part, the largest first

@@ -78,16 +78,16 @@ def certify(orbit, digits=30):
         return Refusal(*reason.args)
 
 
-def first_with(digits, step):
+def first_with(digits, step, guard=_GUARD):
     """Return what a step gives at the first precision at which it reaches the digits.
 
-    `step` returns (what it gives, digits reached).
+    `step` returns (what it gives, digits reached); `guard` are the first bits beyond the digits.
 
     Raises
     ------
     Uncertain
     """
-    bits, reached = math.ceil(digits / math.log10(2.0)) + _GUARD, 0
+    bits, reached = math.ceil(digits / math.log10(2.0)) + guard, 0
     for _ in range(_DOUBLINGS):
         with precision(bits):
             found, reached = step()

@@ -18,6 +18,8 @@ from gearlib.analysis.proofs.trains.windows import Windows
 from gearlib.kernels import orbit as columns
 from gearlib.runs.run_arguments import MAX_EVENTS
 
+#: Bits beyond the digits asked for where contacts come together.
+_MORE = 320
 #: How often contacts at nearly one phase are put into another order.
 _ORDERS = 3
 
@@ -66,7 +68,14 @@ def train_certificate(orbit, digits):
     with precision(COARSE):
         parts_of(orbit.pair)
     codes, events = listed_contacts(orbit)
-    return first_with(digits, lambda: TrainProof(orbit, codes, events).certificate(digits))
+    step = lambda: TrainProof(orbit, codes, events).certificate(digits)  # noqa: E731
+    try:
+        return first_with(digits, step)
+    except Uncertain as reason:
+        if reason.args[0] != "together":
+            raise
+        # Windows of contacts at once widen from one to the next.
+        return first_with(digits, step, _MORE)
 
 
 class TrainProof:

@@ -20,7 +20,7 @@ from gearlib.analysis.proofs.trains.signs import bounds_of, check_arc
 #: By how much wider a window is than what is known of its contacts; more where signs next to it
 #: are to be proven.
 _ROOM, _WIDE = 4, 32
-GRAZING = "grazing", "contacts that come together are not proven to be crossings"
+_STATUS = "together", "contacts that come together are not proven to be crossings"
 
 
 class Crossed(NamedTuple):
@@ -115,9 +115,9 @@ class Windows:
                 half = self._half(numbers, near, _WIDE if prove else _ROOM)
             if not end - half > time:
                 raise Uncertain(
-                    "switch",
-                    "a contact cannot be told apart from a switch of a stiffness or the start of "
-                    "the orbit",
+                    "together",
+                    "contacts that come together cannot be told apart from others, a switch of a "
+                    "stiffness or the start of the orbit",
                 )
             z = arc.go(z, end - half - time)
             here = arc.frame * z
@@ -145,7 +145,7 @@ class Windows:
             row = laws.distances[node.mesh][node.side]
             distance, rate = (row * z)[0, 0], (row * (node.law * z))[0, 0]
             if not (rate > 0 or rate < 0):
-                raise Uncertain(*GRAZING)
+                raise Uncertain(*_STATUS)
             largest = max(largest, (room * abs(distance).upper() / abs(rate).lower()).upper())
         return largest
 
@@ -198,7 +198,7 @@ class Windows:
         law = laws.basis * nodes[0].law * laws.inverse
         crossing = {(node.mesh, node.side) for node in nodes}
         if len({node.mesh for node in nodes}) < len(nodes):
-            raise Uncertain(*GRAZING)
+            raise Uncertain(*_STATUS)
         after = list(now)
         for node in nodes:
             after[node.mesh] = node.after
@@ -206,11 +206,11 @@ class Windows:
             rate = sign * (row * (law * within))[0, 0]
             apart = sign * (row * begins)[0, 0], sign * (row * ends)[0, 0]
             if not (apart[0] < 0 and apart[1] > 0 and rate > 0):
-                raise Uncertain(*GRAZING)
+                raise Uncertain(*_STATUS)
         for codes in (now, after):
             for j, side, sign, row in bounds_of(laws, codes, laws.rows):
                 if (j, side) not in crossing and not sign * (row * within)[0, 0] > 0:
-                    raise Uncertain(*GRAZING)
+                    raise Uncertain(*_STATUS)
         now[:] = after
 
 
