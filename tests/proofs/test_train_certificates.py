@@ -18,6 +18,7 @@ from gearlib.analysis.proofs.orbits import FOLD, REACH
 from gearlib.analysis.proofs.path import Uncertain
 from gearlib.analysis.proofs.trains.laws import TrainLaws
 from gearlib.analysis.proofs.trains.multipliers import eigenvalues, judge
+from gearlib.analysis.proofs.trains.orbits import TrainProof, listed_contacts
 from gearlib.analysis.proofs.trains.path import TrainPath
 from gearlib.analysis.proofs.trains.signs import _bounds, check_contacts
 from tests.paper import PAPER
@@ -274,6 +275,24 @@ def test_contacts_that_are_not_listed_are_seen(tuning):
         with pytest.raises(Uncertain) as error:
             check_contacts(path, [1, 1], box)
         assert error.value.args[0] == "grazing"
+
+
+@pytest.mark.parametrize("backlash, status", [(1.49, None), (1.48, "grazing"), (1.0, "grazing")])
+def test_contacts_that_are_not_listed_are_seen_where_others_coincide(backlash, status):
+    """Without a coast side the flanks part by 1.4808; with one further off nothing changes."""
+    train, open_ = branches(), {"backlash": math.inf}
+    free = train.replace(meshes=[replace(mesh, **open_) for mesh in train.meshes])
+    orbit = gearlib.periodic_orbit(free, 1.5, guess=gearlib.periodic_orbit(train, 1.4).state)
+    codes, events = listed_contacts(orbit)
+    closed = {"backlash": backlash * train.static_deflection}
+    train = train.replace(meshes=[replace(mesh, **closed) for mesh in train.meshes])
+    with precision(164):
+        if status is None:
+            assert len(TrainProof(replace(orbit, pair=train), codes, events).phases) == 4
+            return
+        with pytest.raises(Uncertain) as error:
+            TrainProof(replace(orbit, pair=train), codes, events)
+        assert error.value.args[0] == status
 
 
 def test_contacts_in_another_order_are_seen():

@@ -115,7 +115,7 @@ class TrainProof:
             )
         if windows.any():
             self.phases, self.speeds, ends, self.map = windows.proven(self.box)
-            system = windows.equations_if_any
+            system = windows.equations_or_nothing
         else:
             self.speeds = check_contacts(self.path, codes, self.box)
             _, ends = self.path.states(self.box)

@@ -66,7 +66,7 @@ class Windows:
         rows = [[ends[i, 1 + j] - int(i == j) for j in range(n)] for i in range(n)]
         return [ends[i, 0] - unknowns[i] for i in range(n)], rows
 
-    def equations_if_any(self, unknowns):
+    def equations_or_nothing(self, unknowns):
         """Return the same, without a bound in a box in which windows are not passed."""
         try:
             return self.equations(unknowns)
