@@ -12,6 +12,7 @@ module            responsibility
 ``certificates``  what a proof returns: a certificate or a refusal
 ``orbits``        `certify`: one orbit
 ``points``        `certify_fold`, `certify_grazing`, `certify_tongues`
+``trains``        one orbit of a train, or of the pair of six degrees
 ``ranges``        `certify_range`: an orbit at every tuning of a range
 ``motions``       `certify_motion`: where a motion tends to
 ================  =====================================================================

@@ -1,6 +1,7 @@
 """What a proof returns: a `Certificate` with its enclosures, or a `Refusal` with its reason."""
 
 from dataclasses import dataclass, fields
+from typing import Any
 
 from gearlib.analysis.proofs.balls import Enclosure, enclosure
 from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
@@ -26,6 +27,7 @@ REFUSALS = {
     "distance": "there is no orbit within the stated distance of the candidate, or none is found",
     "fold": "the derivative of the equations is singular, or too nearly so",
     "switch": "a contact coincides with a switch of the stiffness or the start of a mesh period",
+    "together": "contacts of several meshes come together and are not passed, or are too many",
     "grazing": "the motion comes too near to a flank line without crossing it, or crosses too flat",
     "tongue": "it is not proven that deviations grow everywhere between two edges",
     "period": "the orbit repeats after fewer mesh periods than the candidate says",
@@ -90,6 +92,67 @@ class Certificate:
     def as_dict(self):
         """Return all of it as plain values, enclosures as two decimals each."""
         return as_claim("orbit", self) | {"tuning": number(self.tuning)}
+
+
+@dataclass(frozen=True)
+class MeshEvent(ContactEvent):
+    """A contact that a mesh of a train gains or loses."""
+
+    mesh: str
+
+
+@dataclass(frozen=True)
+class TrainCertificate:
+    """A periodic orbit of a train that is proven to exist; see `docs/theory/proofs.md`."""
+
+    pair: Any  #: the model
+    tuning: float
+    period: int  #: mesh periods of the reference mesh; it does not repeat after fewer
+    meshes: tuple  #: their names
+    contacts: tuple  #: contact code of every mesh at tau = 0
+    coordinates: tuple  #: their names
+    fixed: tuple  #: of these 0 throughout: a free rotation is counted from them
+    displacement: tuple  #: of every coordinate at tau = 0, `Enclosure`, in static deflections
+    velocity: tuple  #: dq/dtau at tau = 0, `Enclosure`
+    events: tuple  #: all contacts gained and lost, `MeshEvent` in their order, where it is proven
+    radius: float  #: no other orbit with these contacts has state and phases this close
+    moved: float  #: most that the state may lie away from the candidate, in static deflections
+    multipliers: tuple  #: pairs of `Enclosure`, real and imaginary part, the largest first
+    stability: str  #: "stable", "unstable" or "undecided"
+    reason: str  #: why, in a sentence
+    digits: int  #: decimal digits of all enclosures, of numbers below 1 behind the point
+    derived: dict  #: numbers that the library derives from the model, exact ones in the proof
+
+    def __repr__(self):
+        plural = "s" * (self.period > 1)
+        starts = ", ".join(
+            f"{name} in {_WORDS[code]}"
+            for name, code in zip(self.meshes, self.contacts, strict=True)
+        )
+        lines = [
+            f"Proven: an orbit of {self.period} mesh period{plural} at tuning {self.tuning!r}, "
+            f"{self.stability}",
+            f"  at tau = 0    {starts}",
+        ]
+        lines += [
+            f"    phase       {event.phase}  {event.mesh} in {_WORDS[event.after]}"
+            for event in self.events
+        ]
+        lines += [
+            f"  multiplier    {_complex(*self.multipliers[0])}, the largest of "
+            f"{len(self.multipliers)}",
+            f"  the only such orbit within {self.radius:.3g}",
+            f"  {self.stability}: {self.reason}",
+        ]
+        return "\n".join(lines)
+
+    def as_dict(self):
+        """Return all of it as plain values, enclosures as two decimals each."""
+        return as_claim("train", self) | {
+            "tuning": number(self.tuning),
+            "pair": numbers(self.pair.as_dict(), without=()),
+            "derived": numbers(self.derived),
+        }
 
 
 @dataclass(frozen=True)
@@ -265,11 +328,13 @@ def number(value):
     return float(value).hex()
 
 
-def numbers(value):
-    """Return the parameters of a model with exact numbers, in lists and dicts as they are."""
+def numbers(value, without=("teeth",)):
+    """Return the parameters of a model with exact numbers, in lists and dicts as they are.
+
+    Left out is what has no part in the motion: of a pair the teeth.
+    """
     if isinstance(value, dict):
-        # Teeth have no part in the motion.
-        return {name: numbers(one) for name, one in value.items() if name != "teeth"}
+        return {name: numbers(one, without) for name, one in value.items() if name not in without}
     if isinstance(value, (list, tuple)):
-        return [numbers(one) for one in value]
+        return [numbers(one, without) for one in value]
     return number(value) if isinstance(value, float) else value

@@ -2,6 +2,7 @@
 
 import math
 from functools import partial
+from typing import Any
 
 from gearlib import checks
 from gearlib.analysis.orbits.shooting import Orbit
@@ -35,18 +36,20 @@ def certify(orbit, digits=30):
     Parameters
     ----------
     orbit : Orbit
-        The candidate, of `gearlib.periodic_orbit`, of a `GearPair`, or of another model of one
-        degree of freedom with linear phases of contact; nothing it says is believed.
+        The candidate, of `gearlib.periodic_orbit`, of a `GearPair`, of another model of one degree
+        of freedom with linear phases of contact, of a `SixDegreePair` or a `GearTrain`; nothing it
+        says is believed.
     digits : int, default 30
         Decimal digits of the enclosures, 10 to 300.
 
     Returns
     -------
-    Certificate or Refusal
-        A certificate has displacement, velocity, events and the extrema of the displacement with
-        their enclosures (exact decimals), radius, within which there is no other such orbit, trace,
-        determinant and multipliers, stability with its reason; `as_dict` for a file. A refusal is
-        false where a truth value is asked for; its status and message name the step that failed.
+    Certificate, TrainCertificate or Refusal
+        A certificate has displacement, velocity and events with their enclosures (exact decimals),
+        that of a pair the extrema of the displacement too, radius, within which there is no other
+        such orbit, trace, determinant and multipliers, stability with its reason; `as_dict` for a
+        file. A refusal is false where a truth value is asked for; its status and message name the
+        step that failed.
 
     Raises
     ------
@@ -65,6 +68,11 @@ def certify(orbit, digits=30):
         raise ValueError(f"orbit = {orbit!r} is not allowed: it must be an Orbit")
     digits = checks.integer("digits", digits, 10, 300)
     try:
+        model: Any = orbit.pair
+        if model.equation is None:
+            from gearlib.analysis.proofs.trains.orbits import train_certificate
+
+            return train_certificate(orbit, digits)
         check_model(orbit.pair)
         contact, events = listed_contacts(orbit)
         return first_with(digits, lambda: Proof(orbit, contact, events).certificate(digits))
@@ -72,16 +80,16 @@ def certify(orbit, digits=30):
         return Refusal(*reason.args)
 
 
-def first_with(digits, step):
+def first_with(digits, step, guard=_GUARD):
     """Return what a step gives at the first precision at which it reaches the digits.
 
-    `step` returns (what it gives, digits reached).
+    `step` returns (what it gives, digits reached); `guard` are the first bits beyond the digits.
 
     Raises
     ------
     Uncertain
     """
-    bits, reached = math.ceil(digits / math.log10(2.0)) + _GUARD, 0
+    bits, reached = math.ceil(digits / math.log10(2.0)) + guard, 0
     for _ in range(_DOUBLINGS):
         with precision(bits):
             found, reached = step()

@@ -1,0 +1,192 @@
+"""The proof of one orbit of a train."""
+
+import math
+from functools import partial
+
+from gearlib.analysis.orbits.shooting import resting
+from gearlib.analysis.proofs.balls import digits_of, enclosure, flint, precision
+from gearlib.analysis.proofs.certificates import MeshEvent, TrainCertificate
+from gearlib.analysis.proofs.krawczyk import enclose, polish, uniqueness
+from gearlib.analysis.proofs.orbits import FOLD, REACH, first_with
+from gearlib.analysis.proofs.path import Uncertain
+from gearlib.analysis.proofs.trains.laws import TrainLaws
+from gearlib.analysis.proofs.trains.multipliers import eigenvalues, judge
+from gearlib.analysis.proofs.trains.parts import parts_of
+from gearlib.analysis.proofs.trains.path import TrainPath
+from gearlib.analysis.proofs.trains.signs import COARSE, check_contacts
+from gearlib.analysis.proofs.trains.windows import Windows
+from gearlib.kernels import orbit as columns
+from gearlib.runs.run_arguments import MAX_EVENTS
+
+#: Bits beyond the digits asked for where contacts come together.
+_MORE = 320
+#: How often contacts at nearly one phase are put into another order.
+_ORDERS = 3
+
+
+def listed_contacts(orbit):
+    """Return (contact codes of all meshes at tau = 0, events) of the motion from a candidate.
+
+    Events are (phase, mesh, code before, code after), phases counted on over the mesh periods.
+    """
+    model = orbit.pair
+    events, summary, _ = model.propagator(orbit.tuning).record(
+        orbit.state, orbit.period, MAX_EVENTS
+    )
+    table = [
+        (
+            2.0 * math.pi * row[columns.EVENT_PERIOD] + row[columns.EVENT_PHASE],
+            # Behind the columns of every event the mesh, where there are several.
+            int(row[columns.EVENT_COLUMNS]) if len(row) > columns.EVENT_COLUMNS else 0,
+            int(row[columns.EVENT_FROM]),
+            int(row[columns.EVENT_TO]),
+        )
+        for row in events
+    ]
+    low, high = summary[..., columns.X_MIN], summary[..., columns.X_MAX]
+    codes = resting(low, high, *model.flank_lines)
+    pattern = codes if not table else [table[0][2], *(after for *_, after in table)]
+    if tuple(pattern) != tuple(orbit.pattern):
+        raise Uncertain(
+            "contacts",
+            f"the motion from the candidate has the contacts {tuple(pattern)}, not the listed "
+            f"{tuple(orbit.pattern)}",
+        )
+    for _, mesh, before, _ in reversed(table):
+        codes[mesh] = before
+    return codes, table
+
+
+def train_certificate(orbit, digits):
+    """Return the `TrainCertificate` of a candidate, with so many digits.
+
+    Raises
+    ------
+    Uncertain
+        At the first step that fails.
+    """
+    with precision(COARSE):
+        parts_of(orbit.pair)
+    codes, events = listed_contacts(orbit)
+    step = lambda: TrainProof(orbit, codes, events).certificate(digits)  # noqa: E731
+    try:
+        return first_with(digits, step)
+    except Uncertain as reason:
+        if reason.args[0] != "together":
+            raise
+        # Windows of contacts at once widen from one to the next.
+        return first_with(digits, step, _MORE)
+
+
+class TrainProof:
+    """The steps of the proof of one orbit, at the present precision.
+
+    Raises
+    ------
+    Uncertain
+        At the first step that fails.
+    """
+
+    def __init__(self, orbit, codes, events):
+        self.orbit, self.codes = orbit, codes
+        self.laws = TrainLaws(orbit.pair, orbit.tuning)
+        if orbit.period % self.laws.repeats:
+            raise Uncertain(
+                "period",
+                f"the excitation repeats after {self.laws.repeats} mesh periods, not after "
+                f"{orbit.period}",
+            )
+        given = self.laws.start(orbit.state)
+        self.centre, inverse = self._polished(given, events)
+        system, n = self.path.equations, len(given)
+        windows = Windows(self.path, codes, self.centre[n:])
+        if windows.any():
+            system = windows.equations
+            self.centre, inverse = polish(system, self.centre[:n], FOLD)
+        self.box = enclose(system, self.centre, inverse)
+        if self.box is None:
+            raise Uncertain(*FOLD)
+        self.moved = max(abs(a - b).upper() for a, b in zip(self.box, given, strict=False))
+        if not self.moved < REACH:
+            raise Uncertain(
+                "distance",
+                f"the nearest orbit found lies {float(self.moved):.2g} static deflections from the "
+                f"candidate; {REACH:g} is allowed",
+            )
+        if windows.any():
+            self.phases, self.speeds, ends, self.map = windows.proven(self.box)
+            system = windows.equations_or_nothing
+        else:
+            self.speeds = check_contacts(self.path, codes, self.box)
+            _, ends = self.path.states(self.box)
+            self.phases = self.box[n:]
+            self.map = self.path.monodromy(system(self.box)[1])
+        self._check_period([ends[node] for node in self.path.ends])
+        self.radius = uniqueness(system, self.centre, inverse, FOLD)
+
+    def _polished(self, given, events):
+        """Return (midpoints of a zero, inverse of the derivative); the contacts in their order."""
+        n = len(given)
+        for _ in range(_ORDERS):
+            self.path = TrainPath(self.laws, self.codes, events, self.orbit.period)
+            centre, inverse = polish(self.path.equations, [*given, *self.path.guess], FOLD)
+            phases = centre[n:]
+            order = sorted(range(len(phases)), key=phases.__getitem__)
+            if order == list(range(len(phases))):
+                break
+            events = [(phases[i], *events[i][1:]) for i in order]
+        return centre, inverse
+
+    def _check_period(self, states):
+        """Refuse an orbit that repeats earlier; `states` are those at the ends of its repeats."""
+        period, repeats, n = self.orbit.period, self.laws.repeats, 2 * len(self.laws.kept)
+        for count, state in enumerate(states, start=1):
+            part = count * repeats
+            end = (self.laws.basis * state).entries()[:n]
+            if period % part == 0 and all(map(flint().arb.overlaps, end, self.box)):
+                plural = "s" * (part > 1)
+                raise Uncertain(
+                    "period",
+                    f"it repeats after {part} mesh period{plural} already, not after {period}",
+                )
+
+    def certificate(self, digits):
+        """Return (the `TrainCertificate`, the digits that its enclosures have)."""
+        orbit, laws, rate = self.orbit, self.laws, self.path.scale
+        e, arb = len(laws.kept), flint().arb
+        multipliers = eigenvalues(self.map)
+        stability, reason = judge(multipliers)
+        state = [arb(0)] * (2 * len(laws.parts.names))
+        half = len(laws.parts.names)
+        for i, row in enumerate(laws.kept):
+            state[row], state[half + row] = self.box[i], self.box[e + i] * rate
+        contacts = [node for node in self.path.nodes if node.phase is None]
+        speeds = [speed * rate for speed in self.speeds]
+        phases = self.phases
+        numbers = [*state, *phases, *speeds]
+        numbers += [part for one in multipliers for part in (one.real, one.imag)]
+        within = partial(enclosure, digits=digits)
+        names = [mesh.name for mesh in laws.parts.meshes]
+        found = TrainCertificate(
+            orbit.pair,
+            orbit.tuning,
+            orbit.period,
+            tuple(names),
+            tuple(self.codes),
+            laws.parts.names,
+            tuple(laws.parts.names[i] for i in laws.fixed),
+            tuple(within(value) for value in state[:half]),
+            tuple(within(value) for value in state[half:]),
+            tuple(
+                MeshEvent(within(phase), node.before, node.after, within(speed), names[node.mesh])
+                for node, phase, speed in zip(contacts, phases, speeds, strict=True)
+            ),
+            self.radius,
+            float(self.moved),
+            tuple((within(one.real), within(one.imag)) for one in multipliers),
+            stability,
+            reason,
+            digits,
+            laws.parts.derived,
+        )
+        return found, min(digits_of(value) for value in numbers)

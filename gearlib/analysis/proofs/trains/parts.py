@@ -1,0 +1,313 @@
+"""Trains, and the pair of six degrees, in balls: their matrices and meshes from SI numbers.
+
+    M q'' + D q' + K q = f - sum over meshes of (b_drive P + b_coast Q) - friction across them
+
+with the elements and forces of `gearlib.models.trains.structure` and `gearlib.models.six_degrees`,
+in m, N and s. All floating-point numbers of the model are exact numbers. So are, of a train, the
+phases of its meshes, counted in mesh periods, and the two units that the library derives: static
+deflection and reference frequency. Speeds are fractions of tooth numbers.
+"""
+
+import math
+from fractions import Fraction
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gearlib.analysis.proofs.balls import flint
+from gearlib.analysis.proofs.path import Uncertain
+
+#: Numbers of the two sides of a tooth, as in tables of the models.
+COAST, DRIVE = 0, 1
+
+
+class MeshParts(NamedTuple):
+    """One mesh; pairs are (coast side, drive side), rows are functionals of the n coordinates."""
+
+    name: str
+    lines: tuple  #: b: distances over the flanks are b q + constant + waves
+    across: Any  #: of the axes across the line of action
+    constants: tuple  #: m, the backlash included; of the coast side None where there is none
+    waves: dict  #: frequency by phase, `Fraction` -> rows (cosine, sine) of both sides, m
+    levels: tuple  #: upper and lower stiffness, N/m
+    damping: Any  #: in contact, N s/m
+    film: Any  #: in the backlash
+    friction: tuple
+    rate: Fraction  #: mesh periods in one of the reference mesh
+    phases: tuple  #: middle of the upper level, in mesh periods, `Fraction`
+    pitch: Fraction  #: where the sliding turns, after the phase of the drive side
+    overlap: Fraction  #: contact ratio - 1
+    moving: bool  #: whether the play between the flanks changes, so that it might close
+
+    def cuts(self):
+        """Return the phases in mesh periods at which stiffness or sliding changes."""
+        found = set()
+        if self.levels[0] != self.levels[1] and 0 < self.overlap < 1:
+            found = {g + side * self.overlap / 2 for g in self.phases for side in (1, -1)}
+        if any(self.friction):
+            turn = self.phases[DRIVE] + self.pitch
+            found |= {turn, turn + Fraction(1, 2)}
+        return found
+
+    def low(self, side, turns):
+        """Return whether the stiffness is at its lower level after so many mesh periods."""
+        away = abs((turns - self.phases[side] + Fraction(1, 2)) % 1 - Fraction(1, 2))
+        return self.overlap == 0 or away > self.overlap / 2
+
+    def sense(self, turns):
+        """Return the direction of the sliding after so many mesh periods."""
+        return 1 if (turns - self.phases[DRIVE] - self.pitch) % 1 < Fraction(1, 2) else -1
+
+
+class Parts(NamedTuple):
+    """A model of n coordinates."""
+
+    names: tuple  #: of the coordinates
+    mass: Any  #: shape (n, n), objects
+    stiffness: Any
+    damping: Any
+    load: Any  #: shape (n,)
+    meshes: tuple
+    length: Any  #: the unit of displacements, m
+    frequency: Any  #: what the tuning is counted in, rad/s
+    derived: dict  #: numbers that the library derives from the model, here exact ones
+
+    def in_contact(self):
+        """Return the stiffness with all flanks in contact at their upper levels, shape (n, n)."""
+        total = self.stiffness.copy()
+        for mesh in self.meshes:
+            total += mesh.levels[0] * np.outer(mesh.lines[DRIVE], mesh.lines[DRIVE])
+        return total
+
+
+def parts_of(model):
+    """Return the `Parts` of a model.
+
+    Raises
+    ------
+    Uncertain
+        For a model without a proof.
+    """
+    kinds = {"several_meshes": _of_train, "piecewise_linear": _of_pair}
+    kind = kinds.get(model.mathematics.get("exact")) if model.equation is None else None
+    if kind is None:
+        name = type(model).__name__
+        raise Uncertain(
+            "model",
+            "proofs are written for trains, and for one degree of freedom with linear phases of "
+            f"contact, not for this {name}",
+        )
+    return kind(model)
+
+
+def _blank(n):
+    """Return a row of zeros."""
+    return np.array([flint().arb(0)] * n, dtype=object)
+
+
+def _units(n):
+    arb = flint().arb
+    return [np.array([arb(int(i == j)) for j in range(n)], dtype=object) for i in range(n)]
+
+
+def _add(matrix, value, row):
+    matrix += flint().arb(value) * np.outer(row, row)
+
+
+def _turns(angle):
+    """Return an angle in turns, rounded once and exact from there on."""
+    return Fraction(angle / (2.0 * math.pi))
+
+
+def _of_train(train):
+    if train.gyroscopic:
+        raise Uncertain(
+            "model", "no proof is written for a train whose axes feel the turning of their frame"
+        )
+    arb, coordinates = flint().arb, train.structure.coordinates
+    n = len(coordinates)
+    units = dict(zip(coordinates, _units(n), strict=True))
+    mass, stiffness, damping = (np.outer(_blank(n), _blank(n)) for _ in range(3))
+    load, motions = _blank(n), {}
+    for name, body in train.by_name.items():
+        x, y, u = (units.get((name, axis), _blank(n)) for axis in "xyu")
+        angle, supports = arb(0), [x, y]
+        if body.carrier:
+            angle = arb(body.angle)
+            s, c = angle.sin_cos()
+            xc, yc, uc = (units.get((body.carrier, axis), _blank(n)) for axis in "xyu")
+            pin = c * xc + s * yc, c * yc - s * xc + uc
+            supports = [x - pin[0], y - pin[1]]
+            rigid = [math.isinf(k) for k in body.support_stiffness]
+            x, y = (pin[i] if rigid[i] else one for i, one in enumerate((x, y)))
+        if body.mass is not None:
+            _add(mass, body.mass, x)
+            _add(mass, body.mass, y)
+        square = arb(body.base_radius) ** 2
+        _add(mass, body.inertia / square, u)
+        values = zip(supports, body.support_stiffness, body.support_damping, strict=True)
+        for row, k, d in values:
+            if math.isfinite(k):
+                _add(stiffness, k, row)
+                _add(damping, d, row)
+        if math.isfinite(body.torsional_stiffness):
+            _add(stiffness, body.torsional_stiffness / square, u)
+            _add(damping, body.torsional_damping / square, u)
+        load += arb(body.torque) / body.base_radius * u
+        motions[name] = x, y, u, angle
+
+    def along(name, direction):
+        """Return the motion of an axis in a direction."""
+        x, y, _, angle = motions[name]
+        s, c = (direction - angle).sin_cos()
+        return c * x + s * y
+
+    for shaft in train.shafts:
+        (one, other), right = shaft.bodies, arb.pi() / 2
+        twist, bend = (
+            (
+                motions[one][2] / arb(train.by_name[one].base_radius)
+                - motions[other][2] / arb(train.by_name[other].base_radius)
+            ),
+            [along(one, way) - along(other, way) for way in (arb(0), right)],
+        )
+        _add(stiffness, shaft.stiffness, twist)
+        _add(damping, shaft.damping, twist)
+        for row in bend:
+            _add(stiffness, shaft.bending_stiffness, row)
+            _add(damping, shaft.bending_damping, row)
+    return Parts(
+        tuple(f"{name} {axis}" for name, axis in coordinates),
+        mass,
+        stiffness,
+        damping,
+        load,
+        tuple(
+            _mesh(train, mesh, rate, along, motions)
+            for mesh, rate in zip(train.meshes, train.rates, strict=True)
+        ),
+        arb(train.static_deflection),
+        arb(train.reference_angular_frequency),
+        {
+            "static_deflection": train.static_deflection,
+            "reference_angular_frequency": train.reference_angular_frequency,
+            "phases": dict(train.phases),
+        },
+    )
+
+
+def _mesh(train, mesh, rate, along, motions):
+    """Return the `MeshParts` of a mesh of a train."""
+    arb = flint().arb
+    right = arb.pi() / 2
+    if mesh.line_of_action is None:
+        tilt = arb(mesh.pressure_angle if mesh.internal else -mesh.pressure_angle)
+        line = (mesh.position or 0.0) + mesh.direction * (right + tilt)
+    else:
+        line = arb(mesh.line_of_action)
+    ends = (mesh.wheel, mesh.pinion) if mesh.internal else (mesh.pinion, mesh.wheel)
+    (first, second), turn = ends, -1 if mesh.internal else 1
+    row = along(first, line) - along(second, line)
+    row = row + mesh.direction * (motions[first][2] + turn * motions[second][2])
+    constant, waves = arb(mesh.error), {}
+
+    def add(frequency, sides, cosine, sine):
+        entry = waves.setdefault(frequency, [[arb(0), arb(0)], [arb(0), arb(0)]])
+        for side in sides:
+            entry[side][0] += cosine
+            entry[side][1] += sine
+
+    for sign, name in ((1, first), (-1, second)):
+        body = train.by_name[name]
+        s, c = (line - motions[name][3]).sin_cos()
+        constant += sign * (c * body.offset[0] + s * body.offset[1])
+        if body.eccentricity:
+            # Along the line: e cos(theta + phase - line), theta = speed tau.
+            s, c = (body.eccentricity_phase - line).sin_cos()
+            size, speed = sign * arb(body.eccentricity), train.speeds[name]
+            add(abs(speed), (COAST, DRIVE), size * c, -size * s * (1 if speed > 0 else -1))
+    g = Fraction(train.phases[mesh.name])
+    for side, deviation in ((COAST, mesh.inverse_deviation), (DRIVE, mesh.deviation)):
+        for order, a, b in deviation.table().tolist():
+            s, c = (2 * arb.pi() * int(order) * arb(train.phases[mesh.name])).sin_cos()
+            add(int(order) * rate, (side,), a * c - b * s, a * s + b * c)
+    coast = g if mesh.inverse_phase is None else Fraction(mesh.inverse_phase % 1.0)
+    open_ = math.isinf(mesh.backlash)
+    return MeshParts(
+        mesh.name,
+        (row, row),
+        along(first, line + right) - along(second, line + right),
+        (None if open_ else constant + mesh.backlash, constant),
+        waves,
+        (arb(mesh.max_stiffness), arb(mesh.max_stiffness) * mesh.stiffness_ratio),
+        arb(mesh.material_damping),
+        arb(mesh.backlash_damping),
+        tuple(map(arb, mesh.friction[::-1])),
+        rate,
+        (coast, g),
+        _turns(mesh.pitch_phase),
+        Fraction(mesh.contact_ratio) - 1,
+        mesh.inverse_deviation != mesh.deviation,
+    )
+
+
+def _of_pair(model):
+    """Return the `Parts` of a `SixDegreePair`."""
+    arb, pair = flint().arb, model.pair
+    bearings = [("y3", "z3", "y2", "z2")[i] for i in model.flexible()]
+    names = ("u3", "u2", *bearings)
+    n = len(names)
+    rows = dict(zip(names, _units(n), strict=True))
+    mass, stiffness, damping = (np.outer(_blank(n), _blank(n)) for _ in range(3))
+    load = _blank(n)
+    for name, inertia, r, torque in zip(
+        ("u3", "u2"), model.inertias, model.base_radii, model.torques, strict=True
+    ):
+        _add(mass, inertia / arb(r) ** 2, rows[name])
+        load += arb(torque) / r * rows[name]
+    for i, name in zip(model.flexible(), bearings, strict=True):
+        _add(mass, model.masses[0 if name.endswith("3") else 1], rows[name])
+        _add(stiffness, model.bearing_stiffness[i], rows[name])
+        _add(damping, model.bearing_damping[i], rows[name])
+    none = _blank(n)
+    turning = rows["u3"] + rows["u2"]
+    drive = turning + rows.get("y3", none) - rows.get("y2", none)
+    waves: dict = {}
+
+    def add(frequency, sides, cosine, sine):
+        entry = waves.setdefault(Fraction(frequency), [[arb(0), arb(0)], [arb(0), arb(0)]])
+        for side in sides:
+            entry[side][0] += cosine
+            entry[side][1] += sine
+
+    (e3, e2), (z3, z2) = model.eccentricities, model.teeth
+    # Where the backlash moves, its line takes run-out and bearings along.
+    sides = (DRIVE,) if model.moving_backlash else (COAST, DRIVE)
+    if e3:
+        add(Fraction(1, z3), sides, arb(0), arb(e3))
+    if e2:
+        s, c = arb(model.run_out_phase).sin_cos()
+        add(Fraction(1, z2), sides, -e2 * s, e2 * c)
+    for side, deviation in ((COAST, model.inverse_deviation), (DRIVE, model.deviation)):
+        for order, a, b in deviation.table().tolist():
+            add(int(order), (side,), arb(a), arb(b))
+    kappa, overlap = arb(pair.stiffness_ratio), arb(pair.contact_ratio) - 1
+    mean = arb(pair.max_stiffness) * (kappa * (1 - overlap) + overlap)
+    mesh = MeshParts(
+        "mesh",
+        (turning if model.moving_backlash else drive, drive),
+        rows.get("z3", none) - rows.get("z2", none),
+        (arb(pair.backlash) if math.isfinite(pair.backlash) else None, arb(0)),
+        waves,
+        (arb(pair.max_stiffness), arb(pair.max_stiffness) * kappa),
+        arb(pair.material_damping),
+        arb(pair.backlash_damping),
+        tuple(map(arb, model.friction[::-1])),
+        Fraction(1),
+        (Fraction(0), Fraction(0)),
+        _turns(model.pitch_phase),
+        Fraction(pair.contact_ratio) - 1,
+        model.moving_backlash or model.inverse_deviation != model.deviation,
+    )
+    length, frequency = arb(pair.load) / mean, (mean / pair.reduced_mass).sqrt()
+    return Parts(names, mass, stiffness, damping, load, (mesh,), length, frequency, {})

@@ -1,0 +1,352 @@
+"""Certificates of trains against a second program, wrong candidates, and the proofs of a pair."""
+
+import json
+import math
+from dataclasses import replace
+from functools import cache
+
+import mpmath
+import numpy as np
+import pytest
+from flint import acb, arb, arb_mat
+
+import gearlib
+from gearlib.analysis.orbits.shooting import NoOrbit
+from gearlib.analysis.proofs import krawczyk
+from gearlib.analysis.proofs.balls import precision
+from gearlib.analysis.proofs.orbits import FOLD, REACH
+from gearlib.analysis.proofs.path import Uncertain
+from gearlib.analysis.proofs.trains.laws import TrainLaws
+from gearlib.analysis.proofs.trains.multipliers import eigenvalues, judge
+from gearlib.analysis.proofs.trains.orbits import TrainProof, listed_contacts
+from gearlib.analysis.proofs.trains.path import TrainPath
+from gearlib.analysis.proofs.trains.signs import _bounds, check_contacts
+from tests.paper import PAPER
+from tests.physics.test_six_degrees import EVERYTHING, gears
+from tests.proofs.trains_in_50_digits import Motion
+from tests.trains.random_trains import random_problem
+
+LIGHT = PAPER.replace(material_damping=1500.0)
+
+
+def chain():
+    """Two meshes and a shaft, with all that a mesh may have; every mesh period is alike."""
+    share = {"teeth": 18, "base_radius": 0.036, "inertia": 4e-3}
+    torque = 3000.0 * 0.036
+    bodies = [
+        gearlib.Body(name="in", torque=torque, **share),
+        gearlib.Body(
+            name="left", mass=3.0, support_stiffness=(2e8, math.inf), support_damping=300.0, **share
+        ),
+        gearlib.Body(name="right", offset=(3e-6, 2e-6), **share),
+        gearlib.Body(name="out", torque=-torque, **share),
+    ]
+    values = dict(max_stiffness=4e8, stiffness_ratio=0.6, contact_ratio=1.6, backlash=15e-6)
+    meshes = [
+        gearlib.Mesh(
+            pinion="in",
+            wheel="left",
+            position=0.4,
+            friction=(0.06, 0.04),
+            pitch_phase=0.7,
+            material_damping=1500.0,
+            backlash_damping=200.0,
+            deviation=gearlib.Harmonics((1e-6, 5e-7), (3e-7,)),
+            inverse_deviation=gearlib.Harmonics((), (4e-7,)),
+            **values,
+        ),
+        gearlib.Mesh(
+            pinion="right",
+            wheel="out",
+            direction=-1,
+            position=2.0,
+            phase=0.3,
+            inverse_phase=0.55,
+            material_damping=1200.0,
+            error=1e-6,
+            **values,
+        ),
+    ]
+    shafts = [gearlib.Shaft(bodies=("left", "right"), stiffness=4e5, damping=1.0)]
+    return gearlib.GearTrain(bodies=bodies, meshes=meshes, shafts=shafts)
+
+
+def branches():
+    """One gear drives two that are alike, in phase: all they do they do at once."""
+    share = {"teeth": 18, "base_radius": 0.036, "inertia": 4e-3}
+    bodies = [gearlib.Body(name="centre", torque=200.0, **share)]
+    bodies += [gearlib.Body(name=name, torque=100.0, **share) for name in ("left", "right")]
+    meshes = [
+        gearlib.Mesh(
+            pinion="centre",
+            wheel=name,
+            position=position,
+            phase=0.0,
+            max_stiffness=4e8,
+            stiffness_ratio=0.6,
+            contact_ratio=1.6,
+            backlash=15e-6,
+            material_damping=1500.0,
+            backlash_damping=200.0,
+        )
+        for name, position in (("left", 0.0), ("right", 2.0))
+    ]
+    return gearlib.GearTrain(bodies=bodies, meshes=meshes)
+
+
+#: Model, tuning, contacts gained and lost, the stability that is known.
+CASES = {
+    "idler": (gearlib.idler(LIGHT), 0.6, 4, "stable"),
+    "parametric resonance": (gearlib.idler(LIGHT), 1.0, 0, "unstable"),
+    "chain": (chain(), 0.8, 8, "stable"),
+    "branches": (branches(), 1.5, 8, "stable"),
+    "bearings": (
+        gears(1e9, 600.0, 300.0, backlash=12e-6, **EVERYTHING | {"teeth": (1, 1)}),
+        1.0,
+        4,
+        "stable",
+    ),
+}
+
+
+@cache
+def found(case):
+    model, tuning, *_ = CASES[case]
+    return gearlib.periodic_orbit(model, tuning)
+
+
+def claim(certificate):
+    return json.loads(json.dumps(certificate.as_dict()))
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_a_second_program_finds_the_orbit_in_its_box(case):
+    _, _, contacts, stability = CASES[case]
+    orbit = found(case)
+    proven = gearlib.certify(orbit, digits=20)
+    assert proven, proven
+    assert contacts in (len(proven.events), None) and stability in (proven.stability, None)
+    motion = Motion(claim(proven))
+    other = motion.orbit()
+    assert motion.faults(other) == []
+    # And it sees what is wrong.
+    motion.claim["multipliers"][0][0] = ["2", "2.1"]
+    motion.claim["displacement"][motion.kept[0]] = ["7", "7.1"]
+    assert motion.faults(other) == ["displacement", "multiplier"]
+
+
+def test_planets_in_phase_part_one_after_the_other():
+    """Positions as floats are not quite symmetric: by 1e-16, in an order that is proven."""
+    train = gearlib.planetary(planets=2, teeth=(28, 98), stiffness_ratio=(0.7, 0.7))
+    orbit = gearlib.periodic_orbit(train, 1.0)
+    proven = gearlib.certify(orbit)
+    assert proven and len(proven.events) == 4 and len(proven.multipliers) == 28
+    phases = [float(event.phase) for event in proven.events]
+    assert np.ptp(phases[:2]) < 1e-14 and np.ptp(phases[2:]) < 1e-14
+    motion = Motion(claim(proven))
+    count, middle = len(motion.kept), []
+    for name in ("displacement", "velocity"):
+        boxes = [motion.claim[name][i] for i in motion.kept]
+        middle += [motion.length * (mpmath.mpf(a) + mpmath.mpf(b)) / 2 for a, b in boxes]
+    end, events, _ = motion.run(middle[:count], middle[count:])
+    # From within 1e-32 of the orbit.
+    apart = max(abs(a - b) for a, b in zip(end, middle, strict=True)) / motion.length
+    assert apart < 1e-29
+    for (phase, j, before, after, _), event in zip(events, proven.events, strict=True):
+        assert (proven.meshes[j], before, after) == (event.mesh, event.before, event.after)
+        assert abs(phase - mpmath.mpf(str(event.phase.low))) < 1e-29
+
+
+@pytest.mark.parametrize("tuning", [0.7, 0.815])
+def test_rigid_bearings_are_the_proven_pair(tuning):
+    """Another proof, by closed forms; inertias of the larger model are rounded."""
+    model = gears(math.inf, 3953.7, 3953.7)
+    six, one = (
+        gearlib.certify(gearlib.periodic_orbit(pair, tuning)) for pair in (model, model.pair)
+    )
+    assert abs(float(six.displacement[1]) - float(one.displacement)) < 1e-12
+    assert six.stability == one.stability == "stable" and len(six.events) == len(one.events)
+    for mine, theirs in zip(six.events, one.events, strict=True):
+        assert abs(float(mine.phase) - float(theirs.phase)) < 1e-12
+        assert (mine.before, mine.after) == (theirs.before, theirs.after)
+    for mine, theirs in zip(six.multipliers, one.multipliers, strict=True):
+        assert all(abs(float(a) - float(b)) < 1e-12 for a, b in zip(mine, theirs, strict=True))
+
+
+def small_random_orbit(seed):
+    """Return an orbit of a random train of a few coordinates, or None."""
+    train, tuning, state = random_problem(np.random.default_rng(seed))
+    if train.size > 16 or train.repeats > 3 or train.gyroscopic:
+        return None
+    try:
+        return gearlib.periodic_orbit(train, tuning, guess=state, period=train.repeats)
+    except NoOrbit:
+        return None
+
+
+def test_random_trains():
+    for seed in (49, 112, 113, 203, 295):
+        orbit = small_random_orbit(seed)
+        found = gearlib.certify(orbit)
+        assert found and found.events, found
+        assert (found.stability == "stable") == orbit.stable and found.moved < 1e-11
+        for real, imaginary in found.multipliers:
+            # Of multiple ones floats have half of the digits.
+            near = np.abs(orbit.multipliers - complex(float(real), float(imaginary))).min()
+            assert near < 1e-7
+
+
+def wrong(orbit):
+    """Yield (statuses, candidate that no orbit is near to)."""
+    away = np.zeros(orbit.state.size)
+    for place in range(orbit.state.size // 2 - 1, orbit.state.size, 2):
+        away[place] = 1e-6
+        yield ("distance", "contacts"), replace(orbit, state=orbit.state + away)
+    yield ("period", "contacts"), replace(orbit, period=2 * orbit.period)
+    doubled = (*orbit.pattern, *orbit.pattern[1:])
+    if len(orbit.pattern) > len(orbit.pair.mesh_names):
+        yield ("period",), replace(orbit, period=2 * orbit.period, pattern=doubled)
+        yield ("contacts",), replace(orbit, pattern=orbit.pattern[:-2])
+        yield ("contacts",), replace(orbit, pattern=(*orbit.pattern, 0, 1))
+    yield ("distance", "contacts"), replace(orbit, tuning=orbit.tuning * (1.0 + 1e-5))
+
+
+def changed(orbit):
+    """Yield candidates with a parameter of the train that is not theirs."""
+    train = orbit.pair
+    for name in ("max_stiffness", "material_damping", "contact_ratio", "backlash"):
+        mesh = train.meshes[0]
+        meshes = [replace(mesh, **{name: getattr(mesh, name) * (1.0 - 1e-5)}), *train.meshes[1:]]
+        yield replace(orbit, pair=train.replace(meshes=meshes))
+    body = train.bodies[0]
+    bodies = [replace(body, inertia=body.inertia * (1.0 + 1e-5)), *train.bodies[1:]]
+    yield replace(orbit, pair=train.replace(bodies=bodies))
+
+
+@pytest.mark.parametrize("case", ["idler", "parametric resonance", "chain", "branches"])
+def test_wrong_candidates_are_refused(case):
+    orbit = found(case)
+    for statuses, candidate in wrong(orbit):
+        refused = gearlib.certify(candidate, digits=10)
+        assert not refused and refused.status in statuses, refused
+    for candidate in changed(orbit):
+        refused = gearlib.certify(candidate, digits=10)
+        # Where no coast side is met the backlash says nothing.
+        if refused:
+            assert candidate.pair.meshes[0].backlash != orbit.pair.meshes[0].backlash
+            assert refused.moved <= REACH and -1 not in orbit.pattern
+        else:
+            assert refused.status in ("distance", "contacts"), refused
+
+
+def test_contacts_that_coincide_are_in_one_enclosure():
+    proven = gearlib.certify(found("branches"))
+    phases = [event.phase for event in proven.events]
+    assert phases[::2] == phases[1::2] and len(set(phases[::2])) == 4
+    meshes = [event.mesh for event in proven.events]
+    assert all(set(meshes[i : i + 2]) == set(proven.meshes) for i in range(0, 8, 2))
+
+
+def test_what_is_beyond_the_proof_is_refused_by_name(monkeypatch):
+    two = gearlib.two_stage(LIGHT)
+    orbit = gearlib.periodic_orbit(two, 1.0, period=two.repeats)
+    assert gearlib.certify(replace(orbit, period=1)).status in ("period", "contacts")
+    turning = gearlib.planetary(turning=True, gyroscopic=True)
+    refused = gearlib.certify(replace(orbit, pair=turning))
+    assert refused.status == "model" and "frame" in refused.message
+    monkeypatch.setattr("gearlib.analysis.proofs.trains.path._MOST", 10)
+    refused = gearlib.certify(orbit)
+    assert refused.status == "together" and "too many" in refused.message
+
+
+@pytest.mark.parametrize("tuning", [0.6, 0.651837])
+def test_contacts_that_are_not_listed_are_seen(tuning):
+    """The orbit of the equations without loss of contact dips below the flank lines, by 2 and 1e-3.
+
+    The lower dip lies within a piece, at whose ends nothing is seen of it.
+    """
+    with precision(128):
+        laws = TrainLaws(gearlib.idler(LIGHT), tuning)
+        path = TrainPath(laws, [1, 1], [], 1)
+        start = laws.start(found("parametric resonance").state)
+        centre, inverse = krawczyk.polish(path.equations, start, FOLD)
+        box = krawczyk.enclose(path.equations, centre, inverse)
+        assert box
+        with pytest.raises(Uncertain) as error:
+            check_contacts(path, [1, 1], box)
+        assert error.value.args[0] == "grazing"
+
+
+@pytest.mark.parametrize("backlash, status", [(1.49, None), (1.48, "grazing"), (1.0, "grazing")])
+def test_contacts_that_are_not_listed_are_seen_where_others_coincide(backlash, status):
+    """Without a coast side the flanks part by 1.4808; with one further off nothing changes."""
+    train, open_ = branches(), {"backlash": math.inf}
+    free = train.replace(meshes=[replace(mesh, **open_) for mesh in train.meshes])
+    orbit = gearlib.periodic_orbit(free, 1.5, guess=gearlib.periodic_orbit(train, 1.4).state)
+    codes, events = listed_contacts(orbit)
+    closed = {"backlash": backlash * train.static_deflection}
+    train = train.replace(meshes=[replace(mesh, **closed) for mesh in train.meshes])
+    with precision(164):
+        if status is None:
+            assert len(TrainProof(replace(orbit, pair=train), codes, events).phases) == 4
+            return
+        with pytest.raises(Uncertain) as error:
+            TrainProof(replace(orbit, pair=train), codes, events)
+        assert error.value.args[0] == status
+
+
+def test_contacts_in_another_order_are_seen():
+    orbit = found("idler")
+    with precision(128):
+        laws = TrainLaws(orbit.pair, orbit.tuning)
+        events = [(float(one.phase), one) for one in gearlib.certify(orbit).events]
+        names = orbit.pair.mesh_names
+        events = [(at, names.index(one.mesh), one.before, one.after) for at, one in events]
+        right = TrainPath(laws, [0, 1], events, 1)
+        box, _ = krawczyk.polish(right.equations, [*laws.start(orbit.state), *right.guess], FOLD)
+        check_contacts(right, [0, 1], box)
+        n = 2 * len(laws.kept)
+        turned = [*box[:n], box[n], box[n + 2], box[n + 1], box[n + 3]]
+        with pytest.raises(Uncertain) as error:
+            check_contacts(right, [0, 1], turned)
+        assert error.value.args[0] in ("together", "switch")
+
+
+def test_multiple_eigenvalues_are_enclosed():
+    with precision(128):
+        # Two of 1/2 to one vector, a pair on the unit circle, and -2.
+        matrix = arb_mat(
+            [
+                [0.5, 1, 0, 0, 0],
+                [0, 0.5, 0, 0, 0],
+                [0, 0, 0.6, -0.8, 0],
+                [0, 0, 0.8, 0.6, 0],
+                [0, 0, 0, 0, -2],
+            ]
+        )
+        turn = arb_mat([[arb(1) / (i + j + 1) + (i == j) for j in range(5)] for i in range(5)])
+        values = eigenvalues(turn.solve(matrix * turn))
+    wanted = [-2, complex(0.6, 0.8), complex(0.6, -0.8), 0.5, 0.5]
+    exact = [acb(-2), acb(arb(0.6), arb(0.8)), acb(arb(0.6), arb(-0.8)), acb(0.5), acb(0.5)]
+    for ball, value, one in zip(values, wanted, exact, strict=True):
+        assert ball.contains(one) and abs(complex(ball.mid()) - value) < 1e-15
+    # Alone, so real; of the two that meet it is not known.
+    assert values[0].imag == 0 and values[3].imag.rad() > 0
+    assert judge(values)[0] == "unstable" and judge(values[3:])[0] == "stable"
+    assert judge(values[1:])[0] == "undecided"
+
+
+def test_eigenvalues_of_all_matrices_of_a_ball():
+    with precision(128):
+        values = eigenvalues(arb_mat([[1, arb(0, 0.1)], [arb(0, 0.1), 2]]))
+        for off in (-0.1, 0.0, 0.1):
+            for share, sign in zip(values, (1, -1), strict=True):
+                assert share.contains(acb(1.5 + sign * (arb(0.25) + arb(off) ** 2).sqrt()))
+
+
+def test_play_that_closes_is_looked_for():
+    """Where it changes, both flanks have to be where they belong."""
+    for code, fixed, moving in ((1, 1, 2), (0, 2, 2), (-1, 1, 2)):
+        assert len(_bounds(code, ("coast", "drive"), False)) == fixed
+        assert len(_bounds(code, ("coast", "drive"), True)) == moving
+    assert len(_bounds(1, (None, "drive"), True)) == len(_bounds(0, (None, "drive"), True)) == 1
