@@ -33,9 +33,9 @@ the motion is of order one: tolerances are absolute.
 """
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from numbers import Real
+from numbers import Number
 
 import numpy as np
 
@@ -47,6 +47,27 @@ from gearlib.models.profiles import Series, Steps
 
 _DAMPINGS = ("damping", "upper_damping", "lower_damping")
 _STIFFNESSES = ("upper_stiffness", "lower_stiffness")
+
+#: name of a field -> that whose value it has by default
+_FOLLOWING = {
+    "lower_stiffness": "upper_stiffness",
+    "upper_damping": "damping",
+    "lower_damping": "damping",
+}
+_DERIVATIVES = {
+    "upper_edge": ("1", "upper edge"),
+    "lower_edge": ("1", "lower edge"),
+    "upper_stiffness": ("1", "stiffness of the upper contact"),
+    "lower_stiffness": ("1", "stiffness of the lower contact"),
+    "damping": ("1", "damping of the gap"),
+    "upper_damping": ("1", "damping of the upper contact"),
+    "lower_damping": ("1", "damping of the lower contact"),
+    "ground_stiffness": ("1", "stiffness to the ground"),
+    "load": ("1", "load"),
+    "tuning": ("1", "frequency of the forcing"),
+    "initial_displacement": ("1", "displacement at the start"),
+    "initial_velocity": ("1", "velocity by phase at the start"),
+}
 
 #: What variables of datasets are called that are otherwise those of a gear mesh.
 _LONG_NAMES = {
@@ -145,6 +166,25 @@ class DeadZoneOscillator(Model):
             if not isinstance(value, Harmonics):
                 raise ValueError(f"{name} = {value!r} is not allowed: it must be Harmonics")
 
+    @property
+    def derivatives(self):
+        """As of `Model.derivatives`: the numbers among the fields, and the start."""
+        known = self.as_dict()
+        return {
+            name: (units, self.long_names.get(name, words))
+            for name, (units, words) in _DERIVATIVES.items()
+            if isinstance(known.get(name, 1.0), float) and math.isfinite(known.get(name, 1.0))
+        }
+
+    def direction(self, name):
+        """As of `Model.direction`; what has its value by default follows."""
+        following = {
+            other: 1.0
+            for other, source in _FOLLOWING.items()
+            if name == source and getattr(self, other) == getattr(self, source)
+        }
+        return {name: 1.0} | following
+
     @cached_property
     def equation(self):
         """The `Equation`, in the model's own units."""
@@ -164,7 +204,7 @@ class DeadZoneOscillator(Model):
             load=self.load,
             force=self.forcing.table(),
             deviation=self.deviation.table(),
-            natural=math.sqrt(self.ground_stiffness + max(means)),
+            natural=math.sqrt(self.ground_stiffness.real + max(mean.real for mean in means)),
         )
 
     def as_dict(self):
@@ -183,13 +223,14 @@ def _stiffness(name, value):
 
 
 def _pieces(stiffness):
-    if isinstance(stiffness, Real):
-        stiffness = Steps((0.0,), (stiffness,))
+    if isinstance(stiffness, Number):
+        pieces = Steps((0.0,), (stiffness.real,)).pieces()
+        return replace(pieces, lines=np.array([[stiffness, 0.0]]))
     return stiffness.pieces()
 
 
 def _mean(stiffness):
-    if isinstance(stiffness, Real):
+    if isinstance(stiffness, Number):
         return stiffness
     pieces = _pieces(stiffness)
     return float(pieces.lines[:, 0] @ np.diff(pieces.breaks)) / (2.0 * math.pi)

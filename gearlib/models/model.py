@@ -114,6 +114,27 @@ class Model:
         """Return an initial state, checked: displacement and dx/dtau."""
         return checks.state("initial_state", value)
 
+    @property
+    def derivatives(self):
+        """Names of the parameters by which `simulate` differentiates -> (CF units, words)."""
+        from gearlib.models.derivatives import OF_ALL
+
+        return OF_ALL
+
+    def direction(self, name):
+        """Return what changes with one of `derivatives`, for `off_axis`: a dict."""
+        return {name: 1.0}
+
+    def along_branch(self, name):
+        """Return the same for a parameter over which orbits are followed; None: not known."""
+        return {name: 1.0} if name == "tuning" else None
+
+    def off_axis(self, slopes):
+        """Return a copy off the real axis, see `gearlib.models.derivatives`."""
+        from gearlib.models.derivatives import off_axis
+
+        return off_axis(self, slopes)
+
     def parameter(self, name):
         """Return the value of one of `parameters`."""
         return getattr(self, name)

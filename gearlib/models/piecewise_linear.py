@@ -12,7 +12,7 @@ from gearlib.kernels.piecewise_linear.system import REACH, Part, exponential
 
 def waves(n, first, frequencies):
     """Return the matrix, shape (n, n), that turns cosine-sine pairs from component `first` on."""
-    a = np.zeros((n, n))
+    a = np.zeros((n, n), np.asarray(frequencies).dtype)
     for j, frequency in enumerate(frequencies):
         c = first + 2 * j
         a[c, c + 1], a[c + 1, c] = -frequency, frequency
@@ -32,19 +32,25 @@ def substeps(a, starts, m, one, frequency):
     The norm is that of scaled components: velocities over a natural frequency; constants and
     harmonics, whose columns drive and never feed back, by their own frequencies.
     """
-    n = a.shape[2]
-    scale = np.ones(n)
-    scale[m : 2 * m] = frequency
+    a, starts = a.real, starts.real
     counts = []
     for q in range(starts.size - 1):
-        norms = []
-        for matrix in a[:, q]:
-            scaled = matrix * scale[None, :] / scale[:, None]
-            driven = np.linalg.norm(scaled[: 2 * m, : 2 * m], 2)
-            waves = np.abs(matrix[one:, one:]).max(initial=0.0)
-            norms.append(max(driven, waves))
-        counts.append(max(1, math.ceil(max(norms) * (starts[q + 1] - starts[q]) / REACH)))
+        most = norm(a[:, q], m, one, frequency.real)
+        counts.append(max(1, math.ceil(most * (starts[q + 1] - starts[q]) / REACH)))
     return np.array(counts)
+
+
+def norm(matrices, m, one, frequency):
+    """Return the largest norm of matrices, shape (k, n, n), in the components of `substeps`."""
+    scale = np.ones(matrices.shape[2])
+    scale[m : 2 * m] = frequency
+    norms = []
+    for matrix in matrices:
+        scaled = matrix * scale[None, :] / scale[:, None]
+        driven = np.linalg.norm(scaled[: 2 * m, : 2 * m], 2)
+        waves = np.abs(matrix[one:, one:]).max(initial=0.0)
+        norms.append(max(driven, waves))
+    return max(norms)
 
 
 def contact_map(model, pieces):

@@ -125,10 +125,13 @@ def simulate(
         "evaluations": ran.evaluations,
     }
     if sensitivities:
-        start = derivatives.directions(pair, sensitivities)[1]
-        sizes, counts = (len(ran.samples), len(ran.events)), (periods, record_periods, max_events)
+        propagator = pair.propagator(tuning, chosen)
+        along = derivatives.directions(pair, sensitivities)
+        start = propagator.start_tangents(ran.initial_state, along)
+        z, sizes = propagator.start(ran.initial_state), (len(ran.samples), len(ran.events))
+        counts = periods, record_periods, max_events
         data |= derivatives.variables(
-            pair, tuning, sensitivities, ran.initial_state, start, sizes, *counts, not ran.status
+            pair, tuning, sensitivities, z, start, sizes, *counts, not ran.status
         )
     coords = {
         "phase": (first + np.arange(len(ran.samples))) * step,

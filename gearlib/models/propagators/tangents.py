@@ -1,0 +1,196 @@
+"""Tangents of a piecewise-linear motion: what it changes by with parameters and with its start.
+
+The motion is gone through again from event to event. Between them z' = A z, so that a tangent
+w = dz/dp at fixed phase obeys w' = A w + (dA/dp) z, and both have one Taylor series. Where dz/dtau
+jumps at a phase that moves by dtau,
+
+    w+ = w- + (f- - f+) dtau.
+
+On a flank line row z = 0 the jump is as large as the speed, f- - f+ = s (row f), and the phase moves
+by dtau = -(row w + (d row/dp) z) / (row f): the speed cancels. Of the maps of small deviations M,
+with maps S = 1 - s row of crossings, the rates follow in the same way; see
+`docs/theory/sensitivities.md`.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from gearlib.kernels import orbit
+from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
+from gearlib.kernels.piecewise_linear.system import ORDER, REACH
+from gearlib.models.propagators.record import Record
+
+#: An event slower than this, in static deflections by natural time, is a grazing: see
+#: `gearlib.kernels.closed_form.sensitivity`.
+SLOWEST = 1e-5
+_TURN = 2.0 * math.pi
+#: Terms of a series below this share of the state are nothing.
+_NOTHING = 1e-20
+
+
+class Motion(NamedTuple):
+    """A motion through mesh periods, all of its events recorded."""
+
+    states: np.ndarray  #: by phase at the start of each period, shape (periods, n)
+    codes: tuple  #: contact of all meshes at the start
+    events: np.ndarray  #: columns of `orbit` and the number of the mesh, shape (e, 6)
+
+
+class Walk:
+    """A motion with its tangents, period by period.
+
+    Parameters
+    ----------
+    varied : Varied
+    motion : Motion
+    tangents : ndarray, shape (s, f + k)
+        At the start: f of starts alone, then one for each direction.
+    rates : bool
+        Whether the first s tangents, an identity, are the map of small deviations whose rates are
+        wanted.
+    """
+
+    def __init__(self, varied, motion, tangents, rates=False):
+        self.varied, self.motion = varied, motion
+        self.k = len(varied.near) - 1
+        n, columns = motion.states.shape[1], tangents.shape[1]
+        self.free = columns - self.k
+        #: The state, and its tangents.
+        self.z = np.zeros((n, 1 + columns))
+        self.z[:, 0] = motion.states[0]
+        self.z[: varied.size, 1:] = tangents
+        self.rates = np.zeros((self.k, varied.size, varied.size)) if rates else None
+        self.grazing = False
+        self.codes = motion.codes
+        at = motion.events[:, orbit.EVENT_PERIOD].astype(int)
+        self._events = [motion.events[at == i] for i in range(len(motion.states))]
+        ((_, first), *_) = varied.cuts(0)
+        self.segments = (first,) * len(self.codes)
+
+    def on_a_line(self, close):
+        """Return whether the start is on a flank line where the damping jumps, and moves off it."""
+        varied = self.varied
+        for flank, (rows, slopes) in varied.lines.items():
+            reach = rows @ self.z[:, 1 + self.free :] + (slopes @ self.z[:, 0]).T
+            size = np.abs(rows * self.z[:, 0]).sum(axis=1)
+            at = np.abs(rows @ self.z[:, 0]) <= close * size
+            for j in np.flatnonzero(at & reach.any(axis=1)):
+                sides = [
+                    ((*self.codes[:j], code, *self.codes[j + 1 :]), self.segments)
+                    for code in (flank, BACKLASH)
+                ]
+                jump, _ = varied.jump(*sides, flank, j)
+                if np.abs(jump).max() > close * np.abs(varied.matrix(*sides[0])[0]).max():
+                    return True
+        return False
+
+    @property
+    def tangents(self):
+        """Those of the components that move, shape (s, f + k)."""
+        return self.z[: self.varied.size, 1:]
+
+    def go(self, record_from=None, samples_per_period=0):
+        """Go through all periods; return the `Record` from one on, or None."""
+        varied, record = self.varied, None
+        for i, state in enumerate(self.motion.states):
+            self.z[:, 0] = state
+            if i == record_from:
+                record = Record(varied, self.free, samples_per_period, _TURN * i, self.codes)
+            self.record, self.start = record, _TURN * i
+            stops = [(phase, None, p) for phase, p in varied.cuts(i % varied.repeats)]
+            stops += [(row[orbit.EVENT_PHASE], row, None) for row in self._events[i]]
+            t = 0.0
+            for phase, event, segment in sorted(stops, key=lambda stop: stop[0]):
+                self._carry(t, phase)
+                t = max(t, phase)
+                if event is None:
+                    self._switch(t, segment)
+                else:
+                    self._cross(t, event)
+            self._carry(t, _TURN)
+        return record
+
+    def _carry(self, t, end):
+        """Go from phase t to `end` of a period."""
+        span = end - t
+        if span <= 0.0:
+            return
+        matrix, slopes = self.varied.matrix(self.codes, self.segments)
+        count = math.ceil(span / self.varied.longest * (1.0 - 1e-12))
+        h, flat = span / count, slopes.reshape(-1, len(matrix))
+        share = REACH * h / self.varied.longest
+        for step in range(count):
+            terms, size = [self.z], 1.0
+            for j in range(1, ORDER + 4):
+                size *= share / j
+                term = matrix @ terms[-1]
+                term[:, 1 + self.free :] += (flat @ terms[-1][:, 0]).reshape(self.k, -1).T
+                terms.append(term * (h / j))
+                if size < _NOTHING:
+                    break
+            if self.rates is not None:
+                self._carry_rates(matrix, slopes, h, len(terms))
+            if self.record is not None:
+                own = self.codes, self.segments
+                self.record.add(self.start + t + step * h, h, *own, np.array(terms))
+            self.z = sum(reversed(terms))
+
+    def _carry_rates(self, matrix, slopes, h, count):
+        s = self.varied.size
+        a, rates = matrix[:s, :s], slopes[:, :s, :s]
+        one, all_ = self.z[:s, 1 : 1 + s], self.rates
+        for j in range(1, count):
+            all_ = (a @ all_ + rates @ one) * (h / j)
+            one = a @ one * (h / j)
+            self.rates = self.rates + all_
+
+    def _cross(self, t, event):
+        """Let a mesh cross a flank line at phase t of the period."""
+        varied, j = self.varied, int(event[orbit.EVENT_COLUMNS])
+        before, code = (self.codes, self.segments), int(event[orbit.EVENT_TO])
+        after = (*self.codes[:j], code, *self.codes[j + 1 :]), self.segments
+        flank = NORMAL if NORMAL in (self.codes[j], code) else INVERSE
+        row, row_slopes = (one[..., j, :] for one in varied.lines[flank])
+        matrix, _ = varied.matrix(*before)
+        rate = matrix @ self.z[:, 0]
+        speed = float(row @ rate)
+        reach = row @ self.z[:, 1:]
+        reach[self.free :] += row_slopes @ self.z[:, 0]
+        slow = not abs(speed) * varied.tuning > SLOWEST
+        moved = np.full(self.k, math.nan) if slow else -reach[self.free :] / speed
+        jump, jump_slopes = varied.jump(before, after, flank, j)
+        if self.rates is not None:
+            s = varied.size
+            one, saltation = self.z[:s, 1 : 1 + s], np.eye(s) - np.outer(jump, row)[:s, :s]
+            own, other = (varied.matrix(*side)[0][:s, :s] for side in (before, after))
+            change = moved[:, None, None] * (saltation @ own - other @ saltation)
+            change -= jump_slopes[:, :s, None] * row[:s]
+            self.rates = saltation @ self.rates + change @ one
+        if self.record is not None:
+            velocity, slopes = varied.rows(*before)
+            place = len(self.codes) + j
+            own = velocity[place] @ self.z[:, 1 + self.free :] + slopes[:, place] @ self.z[:, 0]
+            own += velocity[place] @ rate * moved
+            self.record.event(j, self.codes[j], code, self.segments[j], moved, own)
+            self.grazing = self.grazing or slow
+        self.z[:, 1:] -= np.outer(jump, reach)
+        self.codes = after[0]
+
+    def _switch(self, t, segment):
+        """Let the stiffness of all meshes become that of another segment."""
+        varied = self.varied
+        for j, (code, old) in enumerate(zip(self.codes, self.segments, strict=True)):
+            moved = None if old == segment else varied.moves(code, j, old, segment)
+            segments = (*self.segments[:j], segment, *self.segments[j + 1 :])
+            if moved is not None:
+                first, last = (varied.matrix(self.codes, one)[0] for one in (self.segments, segments))
+                self.z[:, 1 + self.free :] += np.outer((first - last) @ self.z[:, 0], moved)
+                if self.rates is not None:
+                    s = varied.size
+                    change = ((first - last)[:s, :s] @ self.z[:s, 1 : 1 + s])[None]
+                    self.rates = self.rates + moved[:, None, None] * change
+                if self.record is not None:
+                    self.record.switch(j, varied.low(code, old, j), moved)
+            self.segments = segments
