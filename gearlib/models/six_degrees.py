@@ -184,6 +184,12 @@ class SixDegreePair(WithPair):
         if getattr(self, name) is None:
             object.__setattr__(self, name, self.by_default[name](self))
 
+    def check_state(self, value):
+        """Return an initial state, checked: displacement and dx/dtau, or all components."""
+        if np.shape(value) == (self.size,) and np.isfinite(value).all():
+            return tuple(map(float, value))
+        return super().check_state(value)
+
     @property
     def reduced_mass_torsional(self):
         """1 / (Rb3^2 / J3 + Rb2^2 / J2), kg: rigid bearings."""

@@ -14,12 +14,10 @@ import xarray as xr
 
 from gearlib.analysis.orbits import special_points as special
 from gearlib.analysis.orbits.continuation import restored
-from gearlib.analysis.orbits.parameters import directions as of_branch
 from gearlib.analysis.orbits.parameters import known
 from gearlib.analysis.orbits.shooting import NoOrbit, Orbit
 from gearlib.data import provenance, status
 from gearlib.data.variables import describe
-from gearlib.models.stiffness import segment_lengths
 from gearlib.runs import sensitivities as runs
 from gearlib.runs.run_arguments import MAX_EVENTS
 from gearlib.runs.simulation import simulate
@@ -29,7 +27,6 @@ from gearlib.runs.simulation import simulate
 _FOLD = _DOUBLE = 1e-7
 #: Events this close to a switch of the stiffness coincide with it, rad.
 _AT_ONCE = 1e-9
-_NAMES = tuple(name for name in runs.PARAMETERS if name not in runs.START)
 
 
 def orbit_sensitivities(orbit, sensitivities, *, samples_per_period=256, max_events=MAX_EVENTS):
@@ -38,7 +35,7 @@ def orbit_sensitivities(orbit, sensitivities, *, samples_per_period=256, max_eve
     Parameters
     ----------
     orbit : Orbit
-        Of a `GearPair`, as of `gearlib.periodic_orbit`.
+        As of `gearlib.periodic_orbit`.
     sensitivities : sequence of str
         As of `gearlib.simulate`, without those of the start.
     samples_per_period, max_events : int
@@ -62,7 +59,7 @@ def orbit_sensitivities(orbit, sensitivities, *, samples_per_period=256, max_eve
         raise ValueError(f"orbit = {orbit!r} is not allowed: it must be an Orbit")
     pair: Any = orbit.pair
     tuning, period = orbit.tuning, orbit.period
-    names = runs.check(pair, sensitivities, known=_NAMES)
+    names = runs.check(pair, sensitivities, also_start=False)
     run = simulate(
         pair,
         tuning,
@@ -72,8 +69,10 @@ def orbit_sensitivities(orbit, sensitivities, *, samples_per_period=256, max_eve
         initial_state=tuple(orbit.state),
         max_events=max_events,
     )
-    propagator, along = pair.propagator(tuning), runs.directions(pair, names)[0]
+    propagator, along = pair.propagator(tuning), runs.directions(pair, names)
+    reduce, lift = pair.reduction()
     matrix, ahead = _derivatives(propagator, orbit.state, along, period, max_events)
+    matrix = reduce @ matrix @ lift
     values, right = np.linalg.eig(matrix)
     order = np.argsort(-np.abs(values), kind="stable")
     values, right = values[order], right[:, order]
@@ -81,29 +80,34 @@ def orbit_sensitivities(orbit, sensitivities, *, samples_per_period=256, max_eve
     if np.abs(values - 1.0).min() < _FOLD:
         code, tangents = runs.FOLD, np.full_like(ahead, np.nan)
     else:
-        tangents = np.linalg.solve(np.eye(2) - matrix, ahead)
+        tangents = lift @ np.linalg.solve(np.eye(len(matrix)) - matrix, reduce @ ahead)
     sizes = run.sizes["phase"], run.sizes["event"]
     variables = runs.variables(
         pair, tuning, names, orbit.state, tangents, sizes, period, period, max_events
     )
     _, rates, _ = propagator.map_rates(orbit.state, along, tangents.copy(), period, max_events)
-    slopes = np.full((2, len(names)), np.nan + 0j)
-    if abs(values[0] - values[1]) > _DOUBLE:
-        slopes = np.einsum("mi,kij,jm->mk", np.linalg.inv(right), rates, right)
-    else:
+    apart = np.abs(values[:, None] - values) + np.eye(values.size)
+    alone = apart.min(axis=1) > _DOUBLE
+    slopes = np.full((values.size, len(names)), np.nan + 0j)
+    if alone.any():
+        left = np.linalg.inv(right)[alone]
+        both = reduce @ rates @ lift
+        slopes[alone] = np.einsum("mi,kij,jm->mk", left, both, right[:, alone])
+    if not alone.all():
         code = code or runs.DOUBLE
     touching = int(variables["sensitivity_status"][1])
     if touching == runs.GRAZING:
         # Beyond it they change like a root.
         slopes[:] = np.nan
     code = code or touching
-    if not code and _coincide(pair, run.event_phase.values):
+    if not code and _coincide(propagator, run):
         code = runs.ONE_SIDED
     parts = np.array([slopes.real, slopes.imag])
+    parameters = {name: pair.derivatives[name] for name in names}
     variables |= {
-        **runs.derivatives(("state",), ("coordinate",), tangents[None], names),
+        **runs.derivatives(("state",), ("coordinate",), tangents[None], parameters),
         **runs.derivatives(
-            ("multiplier_real", "multiplier_imaginary"), ("multiplier",), parts, names
+            ("multiplier_real", "multiplier_imaginary"), ("multiplier",), parts, parameters
         ),
         "sensitivity_status": runs.flag(code),
         "state": ("coordinate", orbit.state),
@@ -114,21 +118,23 @@ def orbit_sensitivities(orbit, sensitivities, *, samples_per_period=256, max_eve
 
 
 def _derivatives(propagator, state, along, period, max_events):
-    """Return (M, P_p) of shapes (2, 2) and (2, k)."""
-    directions = np.vstack([np.zeros((2, 6)), along])
-    tangents = np.hstack([np.eye(2), np.zeros((2, len(along)))])
-    code = propagator.tangents(state, directions, tangents, period, max_events)
+    """Return (M, P_p) of shapes (n, n) and (n, k)."""
+    matrix, ahead, code = propagator.map_slopes(state, along, period, max_events)
     if code != status.OK:
         raise NoOrbit(f"the motion could not go on: {status.MESSAGES[code]}")
-    return tangents[:, :2], tangents[:, 2:]
+    return matrix, ahead
 
 
-def _coincide(pair, phases):
-    """Return whether an event meets a switch of the stiffness, or the start of a period."""
-    half_high, whole_low = segment_lengths(pair.contact_ratio)
-    marks = np.array([0.0, half_high, half_high + whole_low, 2.0 * np.pi])
-    apart = np.abs(phases[:, None] % (2.0 * np.pi) - marks)
-    return bool((apart < _AT_ONCE).any())
+def _coincide(propagator, run):
+    """Return whether an event meets a switch of its mesh, or the start of a period."""
+    phases = run.event_phase.values
+    meshes = run.event_mesh.values if "event_mesh" in run else np.zeros(phases.size, int)
+    for j in np.unique(meshes):
+        marks = propagator.switches(j)
+        apart = np.abs(phases[meshes == j][:, None] % marks[-1] - marks)
+        if (apart < _AT_ONCE).any():
+            return True
+    return False
 
 
 def fold_sensitivities(pair, branch, point, sensitivities, *, max_events=MAX_EVENTS):
@@ -136,7 +142,7 @@ def fold_sensitivities(pair, branch, point, sensitivities, *, max_events=MAX_EVE
 
     Parameters
     ----------
-    pair : GearPair
+    pair : Model
         The model whose orbit was continued.
     branch : xarray.Dataset
         As of `gearlib.continue_orbit`.
@@ -159,19 +165,33 @@ def fold_sensitivities(pair, branch, point, sensitivities, *, max_events=MAX_EVE
     """
     problem, chosen = restored(pair, branch, point, max_events)
     over = branch.attrs["parameter"]
-    names = runs.check(pair, sensitivities, known=[name for name in _NAMES if name != over])
+    names = runs.check(pair, sensitivities, also_start=False)
+    if over in names:
+        raise ValueError(
+            f"sensitivities = {names!r} is not allowed: {over} must not be among them, over which "
+            "the branch goes"
+        )
     if int(branch.label[point]) != special.FOLD:
         raise ValueError(f"point = {point!r} is not allowed: it must be labelled fold")
     pair, tuning, state = problem.model(chosen.y)
-    along = np.vstack([of_branch([over]), runs.directions(pair, names)[0]])
     propagator = pair.propagator(tuning)
+    branch_along = propagator.along_branch(pair, [over])
+    if branch_along is None:
+        raise ValueError(
+            f"sensitivities = {names!r} is not allowed on a branch over {over}: there are no "
+            "derivatives by it"
+        )
+    along = [*branch_along, *runs.directions(pair, names)]
     matrix, ahead = _derivatives(propagator, state, along, problem.period, max_events)
-    null = np.linalg.svd(matrix - np.eye(2))[0][:, -1]
-    moved = null @ ahead
+    reduce, lift = pair.reduction()
+    matrix = reduce @ matrix @ lift
+    null = np.linalg.svd(matrix - np.eye(len(matrix)))[0][:, -1]
+    moved = null @ reduce @ ahead
     slopes = -moved[1:] / moved[0]
     about = known(pair)
     units, long_name = about[over]
-    data = runs.derivatives((over,), (), slopes[None], names, about)
+    parameters = {name: pair.derivatives[name] for name in names}
+    data = runs.derivatives((over,), (), slopes[None], parameters, about)
     data[over] = (), chosen.value, {"units": units, "long_name": long_name}
     if over != "tuning":
         data["tuning"] = tuning

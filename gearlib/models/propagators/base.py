@@ -35,13 +35,15 @@ class Base:
     #: ``map_rates``, same arguments, returns (map of all periods, its rates, status);
     #: ``map_slopes``, without tangents, (map, derivatives of its end by directions, status).
     #: ``start_tangents(state, directions)`` are those of the start of a run, and
-    #: ``one_sided(z, directions, tangents)`` says whether they have one side only.
+    #: ``one_sided(z, directions, tangents)`` says whether they have one side only; ``switches(mesh)``
+    #: are the phases at which periods begin or the stiffness of a mesh switches, until they repeat.
     differentiate: Callable | None = None
     tangents: Callable | None = None
     map_rates: Callable | None = None
     map_slopes: Callable | None = None
     start_tangents: Callable | None = None
     one_sided: Callable | None = None
+    switches: Callable | None = None
 
     def __init__(self, model, tuning):
         self.model = model

@@ -101,6 +101,11 @@ class Propagator(Base):
             return False
         return bool((tangents[0] + (directions[:, 4] if z[0] else 0.0)).any())
 
+    def switches(self, mesh):
+        """Return the phases of switches, rising, 2 pi the last; see `Base.differentiate`."""
+        half_high, whole_low = segment_lengths(self.model.contact_ratio)
+        return np.array([0.0, half_high, half_high + whole_low, 2.0 * np.pi])
+
     def differentiate(
         self, z, directions, tangents, periods, recorded, limit, samples, events, extrema, times
     ):

@@ -85,6 +85,8 @@ class Propagator(Matrices):
 
     def start(self, state):
         """Return the state z; see `Base.start`."""
+        if len(state) == self.model.size > 2:
+            return np.array(state, float)
         return self.model.initial(self.system, state)[: self.model.size]
 
     def _full(self, z):
@@ -130,6 +132,13 @@ class Propagator(Matrices):
 
     def start_tangents(self, state, along):
         """Return what the start changes by, shape (size, k); see `Matrices.start_tangents`."""
+        if len(state) > 2:
+            if any(name in slopes for slopes in along for name in START):
+                raise ValueError(
+                    f"sensitivities = {' and '.join(map(repr, START))} is not allowed with all "
+                    f"{len(state)} components of initial_state: it must be displacement and velocity"
+                )
+            return np.zeros((len(state), len(along)))
         columns = []
         for twin, system, _ in VariedSystem(self.model, self, along).twins:
             slopes = along[len(columns)]
@@ -141,3 +150,7 @@ class Propagator(Matrices):
         """Return the derivatives of displacement and velocity; see `Matrices.final`."""
         rows, slopes = walk.varied.rows(walk.codes, walk.segments)
         return rows[:2] @ walk.z[:, 1 + walk.free :] + (slopes[:, :2] @ walk.z[:, 0]).T
+
+    def switches(self, mesh):
+        """Return the phases of switches, rising, 2 pi the last; see `Base.differentiate`."""
+        return self.system.starts

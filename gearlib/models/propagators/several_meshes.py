@@ -213,3 +213,11 @@ class Propagator(Matrices):
             moved = [static_state(self.model, twin).imag / STEP for twin in twins]
             found += np.array(moved).T
         return found
+
+    def switches(self, mesh):
+        """Return the phases of switches of a mesh, rising; see `Base.differentiate`."""
+        system = self.system
+        own = system.low[:, :, mesh]
+        new = np.append((own != np.roll(own, 1, axis=1)).any(axis=0), True)
+        new[system.first_segment] = True
+        return system.starts[new]

@@ -228,8 +228,8 @@ def _scales(train, moved, meshes):
         size *= np.linalg.norm(modes) ** 2 / STEP
         if np.ptp(rates) > _TOGETHER * size:
             raise ValueError(
-                "sensitivities is not allowed by what parts the modes of the reference frequency: "
-                "the train must have a reference_frequency"
+                "reference_frequency = None is not allowed for derivatives by what parts the modes "
+                f"of that frequency: it must be given, as {speed.real / (2.0 * math.pi):.6g} (Hz)"
             )
         speed += 1j * STEP * rates[0] / (2.0 * speed.real)
     return deflection, speed
