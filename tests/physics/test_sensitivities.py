@@ -21,7 +21,8 @@ from gearlib.analysis.orbits.parameters import value_of
 from gearlib.analysis.orbits.shooting import product
 from gearlib.analysis.orbits.special_points import FOLD
 from gearlib.analysis.orbits.special_points import GRAZING as TOUCHING
-from gearlib.runs.sensitivities import DOUBLE, GRAZING, ONE_SIDED, PARAMETERS
+from gearlib.models.derivatives import PARAMETERS
+from gearlib.runs.sensitivities import DOUBLE, GRAZING, ONE_SIDED
 from gearlib.runs.sensitivities import FOLD as FOLDED
 from tests.paper import PAPER
 from tests.physics import high_precision_derivatives as exact

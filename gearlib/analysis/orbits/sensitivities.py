@@ -25,6 +25,9 @@ from gearlib.runs.simulation import simulate
 #: A multiplier this close to 1 is that of a fold; multipliers this close to each other are double:
 #: rounding of the map goes into them by the root.
 _FOLD = _DOUBLE = 1e-7
+#: Eigenvectors of a condition beyond this are one. Equal multipliers whose rates differ by less
+#: than this share of the largest stay together.
+_ONE_VECTOR, _TOGETHER = 1e12, 1e-7
 #: Events this close to a switch of the stiffness coincide with it, rad.
 _AT_ONCE = 1e-9
 
@@ -86,19 +89,13 @@ def orbit_sensitivities(orbit, sensitivities, *, samples_per_period=256, max_eve
         pair, tuning, names, orbit.state, tangents, sizes, period, period, max_events
     )
     _, rates, _ = propagator.map_rates(orbit.state, along, tangents.copy(), period, max_events)
-    apart = np.abs(values[:, None] - values) + np.eye(values.size)
-    alone = apart.min(axis=1) > _DOUBLE
-    slopes = np.full((values.size, len(names)), np.nan + 0j)
-    if alone.any():
-        left = np.linalg.inv(right)[alone]
-        both = reduce @ rates @ lift
-        slopes[alone] = np.einsum("mi,kij,jm->mk", left, both, right[:, alone])
-    if not alone.all():
-        code = code or runs.DOUBLE
+    slopes = _multiplier_slopes(values, right, reduce @ rates @ lift)
     touching = int(variables["sensitivity_status"][1])
     if touching == runs.GRAZING:
         # Beyond it they change like a root.
         slopes[:] = np.nan
+    elif np.isnan(slopes).any():
+        code = code or runs.DOUBLE
     code = code or touching
     if not code and _coincide(propagator, run):
         code = runs.ONE_SIDED
@@ -123,6 +120,24 @@ def _derivatives(propagator, state, along, period, max_events):
     if code != status.OK:
         raise NoOrbit(f"the motion could not go on: {status.MESSAGES[code]}")
     return matrix, ahead
+
+
+def _multiplier_slopes(values, right, rates):
+    """Return the derivatives of multipliers, (n, k), from those of their map, (k, n, n).
+
+    Of equal ones those of their mean, if they stay together; else NaN.
+    """
+    slopes = np.full((values.size, len(rates)), np.nan + 0j)
+    if np.linalg.cond(right) < _ONE_VECTOR:
+        turned = np.linalg.inv(right) @ rates @ right
+        for i, value in enumerate(values):
+            own = np.flatnonzero(np.abs(values - value) <= _DOUBLE)
+            blocks = turned[:, own[:, None], own]
+            mean = np.trace(blocks, axis1=1, axis2=2) / own.size
+            apart = np.abs(blocks - mean[:, None, None] * np.eye(own.size)).max(axis=(1, 2))
+            together = apart <= _TOGETHER * np.abs(turned).max(axis=(1, 2))
+            slopes[i] = np.where(together, mean, np.nan)
+    return slopes
 
 
 def _coincide(propagator, run):
