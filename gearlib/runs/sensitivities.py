@@ -115,7 +115,15 @@ def _quotient(units, below):
     return " ".join(parts) or "1"
 
 
-def derivatives(variables, dims, values, parameters, known=DESCRIPTIONS):
+def described(pair):
+    """Return name of a variable -> (CF units, long_name), in the words of a model."""
+    return {
+        name: (units, pair.long_names.get(name, long_name))
+        for name, (units, long_name) in DESCRIPTIONS.items()
+    }
+
+
+def derivatives(variables, dims, values, parameters, known):
     """Return name -> (dims, values, attributes) of derivatives.
 
     `values`, shape (len(variables), ..., len(parameters)), are those of some variables over `dims`,
@@ -190,23 +198,26 @@ def variables(pair, tuning, names, z, tangents, sizes, periods, recorded, max_ev
     else:
         for array in (samples, events, extrema, times):
             array[:] = math.nan
-    dims = ("mesh",) if pair.mesh_names else ()
+    dims, known = ("mesh",) if pair.mesh_names else (), described(pair)
 
     def by_mesh(values):
         # Quantities one after the other, of all meshes.
         values = values.reshape(*values.shape[:-2], 4, m, k) if dims else values
         return np.moveaxis(values, -3, 0) if dims else np.moveaxis(values, -2, 0)
 
-    found = {
-        **derivatives(_SAMPLES, ("phase", *dims), by_mesh(samples[:, : 4 * m]), parameters),
-        **derivatives(_EVENTS, ("event",), np.swapaxes(events, 0, 1), parameters),
-        **derivatives(_EXTREMA, dims, by_mesh(extrema), parameters),
-        **derivatives(_FRACTIONS, dims, by_mesh(times) / (2.0 * math.pi * recorded), parameters),
-        **derivatives(("final_state",), ("component",), ends[None], parameters),
+    data = {
         "sensitivity_status": flag(code),
     }
+    for which, where, values in (
+        (_SAMPLES, ("phase", *dims), by_mesh(samples[:, : 4 * m])),
+        (_EVENTS, ("event",), np.swapaxes(events, 0, 1)),
+        (_EXTREMA, dims, by_mesh(extrema)),
+        (_FRACTIONS, dims, by_mesh(times) / (2.0 * math.pi * recorded)),
+        (("final_state",), ("component",), ends[None]),
+    ):
+        data |= derivatives(which, where, values, parameters, known)
     for column, (name, by) in enumerate(parameters.items()):
         more = pair.more_samples(samples[..., column])
         for variable, (where, values) in more.items():
-            found |= derivatives((variable,), where, values[None, ..., None], {name: by})
-    return found
+            data |= derivatives((variable,), where, values[None, ..., None], {name: by}, known)
+    return data

@@ -347,7 +347,11 @@ def test_continuation_has_the_derivatives_by_its_parameters(name):
         (DAMPED, {"sensitivities": ("damping",)}, "sensitivities = 'damping' is not allowed"),
         (DAMPED, {"sensitivities": True}, "sensitivities = True is not .* a sequence of names"),
         (DAMPED, {"sensitivities": ("load", "load")}, "names must be all different"),
-        (OneDegreePair(pair=DAMPED), {}, "not allowed for this OneDegreePair by method 'exact'"),
+        (
+            OneDegreePair(pair=DAMPED, cubic_damping=1.0),
+            {},
+            "not allowed for this OneDegreePair by method 'taylor'",
+        ),
         (DAMPED, {"method": "taylor"}, "by method 'taylor'"),
     ],
 )

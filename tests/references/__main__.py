@@ -14,6 +14,7 @@ MODULES = [
     "tests/physics/test_accuracy.py",
     "tests/physics/test_random_meshes.py",
     "tests/physics/test_sensitivities.py",
+    "tests/trains/test_sensitivities_of_trains.py",
 ]
 
 

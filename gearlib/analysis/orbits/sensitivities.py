@@ -100,18 +100,22 @@ def orbit_sensitivities(orbit, sensitivities, *, samples_per_period=256, max_eve
     if not code and _coincide(propagator, run):
         code = runs.ONE_SIDED
     parts = np.array([slopes.real, slopes.imag])
-    parameters = {name: pair.derivatives[name] for name in names}
+    parameters, described = {name: pair.derivatives[name] for name in names}, runs.described(pair)
     variables |= {
-        **runs.derivatives(("state",), ("coordinate",), tangents[None], parameters),
+        **runs.derivatives(("state",), ("coordinate",), tangents[None], parameters, described),
         **runs.derivatives(
-            ("multiplier_real", "multiplier_imaginary"), ("multiplier",), parts, parameters
+            ("multiplier_real", "multiplier_imaginary"),
+            ("multiplier",),
+            parts,
+            parameters,
+            described,
         ),
         "sensitivity_status": runs.flag(code),
         "state": ("coordinate", orbit.state),
         "multiplier_real": ("multiplier", values.real),
         "multiplier_imaginary": ("multiplier", values.imag),
     }
-    return describe(run.assign(variables))
+    return describe(run.assign(variables), pair)
 
 
 def _derivatives(propagator, state, along, period, max_events):

@@ -135,9 +135,10 @@ class Record:
 
     def _touches(self, column):
         """Return whether a turning point of a distance from a flank lies on its line."""
-        for piece in self._pieces:
+        for i, piece in enumerate(self._pieces):
             if np.abs(piece.table[:, column]).min() < _BETWEEN:
-                for s in _turning(piece, column):
+                # A start at rest on a line is no touch.
+                for s in (s for s in _turning(piece, column) if i or s > _OUTSIDE):
                     at = _powers([s], len(piece.terms)) @ piece.curves[:, column]
                     if abs(at[0]) <= _CLOSEST:
                         return True
