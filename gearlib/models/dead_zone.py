@@ -35,7 +35,7 @@ the motion is of order one: tolerances are absolute.
 import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from numbers import Number
+from numbers import Complex
 
 import numpy as np
 
@@ -133,9 +133,7 @@ class DeadZoneOscillator(Model):
     long_names = _LONG_NAMES
     title_noun = "a dead-zone oscillator"
     by_default = {
-        "lower_stiffness": lambda model: model.upper_stiffness,
-        "upper_damping": lambda model: model.damping,
-        "lower_damping": lambda model: model.damping,
+        name: lambda model, own=own: getattr(model, own) for name, own in _FOLLOWING.items()
     }
     references = "Kahraman, Singh: Journal of Sound and Vibration 142 (1990) 49-75"
 
@@ -178,12 +176,9 @@ class DeadZoneOscillator(Model):
 
     def direction(self, name):
         """As of `Model.direction`; what has its value by default follows."""
-        following = {
-            other: 1.0
-            for other, source in _FOLLOWING.items()
-            if name == source and getattr(self, other) == getattr(self, source)
-        }
-        return {name: 1.0} | following
+        same = [other for other, own in _FOLLOWING.items() if own == name]
+        value = getattr(self, name, None)
+        return {name: 1.0} | {one: 1.0 for one in same if getattr(self, one) == value}
 
     @cached_property
     def equation(self):
@@ -223,14 +218,14 @@ def _stiffness(name, value):
 
 
 def _pieces(stiffness):
-    if isinstance(stiffness, Number):
+    if isinstance(stiffness, Complex):
         pieces = Steps((0.0,), (stiffness.real,)).pieces()
         return replace(pieces, lines=np.array([[stiffness, 0.0]]))
     return stiffness.pieces()
 
 
 def _mean(stiffness):
-    if isinstance(stiffness, Number):
+    if isinstance(stiffness, Complex):
         return stiffness
     pieces = _pieces(stiffness)
     return float(pieces.lines[:, 0] @ np.diff(pieces.breaks)) / (2.0 * math.pi)

@@ -115,3 +115,15 @@ def of_gears(gears):
             if math.isfinite(getattr(gears, name)[i]):
                 found[f"{name}[{i}]"] = units, f"{words} {_PLACES[count][i]}"
     return found
+
+
+def along_gears(gears, name):
+    """Return what the fields of a `SixDegreePair` and of its pair change by with a parameter."""
+    if "[" in name:
+        field, index = name[:-1].split("[")
+        return {(field, int(index)): 1.0}
+    slopes = gears.pair.direction(name)
+    if name == "load" and gears.torques == gears.by_default["torques"](gears):
+        # Those of the load go with it.
+        slopes |= {("torques", i): radius for i, radius in enumerate(gears.base_radii)}
+    return slopes

@@ -111,7 +111,10 @@ class Model:
         return z
 
     def check_state(self, value):
-        """Return an initial state, checked: displacement and dx/dtau."""
+        """Return an initial state, checked: displacement and dx/dtau, or all components."""
+        if isinstance(value, (tuple, list)) and len(value) == self.size > 2:
+            finite = "finite", math.isfinite
+            return tuple(checks.number("initial_state", one, *finite) for one in value)
         return checks.state("initial_state", value)
 
     @property

@@ -59,7 +59,7 @@ import numpy as np
 
 from gearlib import checks
 from gearlib.kernels.piecewise_linear.system import Part, System
-from gearlib.models import excitation, piecewise_linear
+from gearlib.models import derivatives, excitation, piecewise_linear
 from gearlib.models.harmonics import Harmonics
 from gearlib.models.pair import GearPair
 from gearlib.models.with_pair import WithPair
@@ -166,29 +166,15 @@ class SixDegreePair(WithPair):
     @property
     def derivatives(self):
         """As of `Model.derivatives`."""
-        from gearlib.models.derivatives import of_gears
-
-        return of_gears(self)
+        return derivatives.of_gears(self)
 
     def direction(self, name):
         """As of `Model.direction`."""
-        if "[" in name:
-            field, index = name[:-1].split("[")
-            return {(field, int(index)): 1.0}
-        slopes = super().direction(name)
-        if name == "load" and self.torques == self.by_default["torques"](self):
-            slopes |= {("torques", i): radius for i, radius in enumerate(self.base_radii)}
-        return slopes
+        return derivatives.along_gears(self, name)
 
     def _fill(self, name):
         if getattr(self, name) is None:
             object.__setattr__(self, name, self.by_default[name](self))
-
-    def check_state(self, value):
-        """Return an initial state, checked: displacement and dx/dtau, or all components."""
-        if np.shape(value) == (self.size,) and np.isfinite(value).all():
-            return tuple(map(float, value))
-        return super().check_state(value)
 
     @property
     def reduced_mass_torsional(self):

@@ -5,6 +5,7 @@ does not reach the pair unseen.
 """
 
 import dataclasses
+from typing import Any
 
 from gearlib.models.model import Model
 
@@ -16,6 +17,7 @@ def _of_pair(name):
 class WithPair(Model):
     """A model with a `GearPair` as its field ``pair``, whose scales and ratios are its own."""
 
+    pair: Any  #: the `GearPair`, a field of subclasses
     mesh = property(lambda model: model.pair, doc="The pair.")
     max_stiffness = _of_pair("max_stiffness")
     min_stiffness = _of_pair("min_stiffness")

@@ -155,7 +155,10 @@ class _Train:
 
 
 def _at(curve, t):
-    return mpmath.polyval(curve[::-1], t)
+    value = mpf(0)
+    for coefficient in reversed(curve):
+        value = value * t + coefficient
+    return value
 
 
 def _rate(curve):

@@ -26,6 +26,9 @@ from gearlib.models.propagators.record import Record
 #: `gearlib.kernels.closed_form.sensitivity`.
 SLOWEST = 1e-5
 _TURN = 2.0 * math.pi
+#: States this close, relative, repeat; so many repeats are worth a map, and so many spans that are
+#: alike, none of which a series could go through as fast.
+_AT_REST, _WORTH, _OFTEN = 1e-13, 4, 8
 #: Terms of a series below this share of the state are nothing.
 _NOTHING = 1e-20
 
@@ -62,7 +65,9 @@ class Walk:
         self.z[:, 0] = motion.states[0]
         self.z[: varied.size, 1:] = tangents
         self.rates = np.zeros((self.k, varied.size, varied.size)) if rates else None
-        self.grazing = False
+        self.grazing, self.record = False, None
+        #: (Effects, span) -> how often it was met, or its `_map`.
+        self._maps: dict = {}
         self.codes = motion.codes
         at = motion.events[:, orbit.EVENT_PERIOD].astype(int)
         self._events = [motion.events[at == i] for i in range(len(motion.states))]
@@ -93,31 +98,83 @@ class Walk:
 
     def go(self, record_from=None, samples_per_period=0):
         """Go through all periods; return the `Record` from one on, or None."""
-        varied, record = self.varied, None
-        for i, state in enumerate(self.motion.states):
-            self.z[:, 0] = state
+        first, repeat = self._settled(record_from or 0)
+        i = 0
+        while i < len(self.motion.states):
+            if i == first:
+                i = self._leap(i, repeat, record_from)
+                first = -1
             if i == record_from:
-                record = Record(varied, self.free, samples_per_period, _TURN * i, self.codes)
-            self.record, self.start = record, _TURN * i
-            stops = [(phase, None, p) for phase, p in varied.cuts(i % varied.repeats)]
-            stops += [(row[orbit.EVENT_PHASE], row, None) for row in self._events[i]]
-            t = 0.0
-            for phase, event, segment in sorted(stops, key=lambda stop: stop[0]):
-                self._carry(t, phase)
-                t = max(t, phase)
-                if event is None:
-                    self._switch(t, segment)
-                else:
-                    self._cross(t, event)
-            self._carry(t, _TURN)
-        return record
+                start = _TURN * i
+                self.record = Record(self.varied, self.free, samples_per_period, start, self.codes)
+            self._through(i)
+            i += 1
+        return self.record
 
-    def _carry(self, t, end):
-        """Go from phase t to `end` of a period."""
+    def _settled(self, end):
+        """Return (period from which states before `end` repeat, after how many), or (-1, 0)."""
+        states = self.motion.states[: end + 1]
+        for repeat in (self.varied.repeats * n for n in (1, 2, 3, 4)):
+            size = np.abs(states[repeat:]).max(axis=1, initial=1.0)
+            moving = np.abs(states[repeat:] - states[:-repeat]).max(axis=1) > _AT_REST * size
+            first = int(np.flatnonzero(moving)[-1]) + 1 if moving.any() else 0
+            first += -first % self.varied.repeats
+            if first + _WORTH * repeat < end:
+                return first, repeat
+        return -1, 0
+
+    def _leap(self, first, repeat, end):
+        """Go through periods that repeat, by powers of one linear map; return where it ends."""
+        s, columns = self.varied.size, self.z.shape[1] - 1
+        # The map of a start, and what directions add in one repeat.
+        tangents = np.hstack([np.eye(s), np.zeros((s, self.k))])
+        once = Walk(self.varied, self.motion, tangents)
+        once.codes, once.segments, once._maps = self.codes, self.segments, self._maps
+        for i in range(first, first + repeat):
+            once._through(i)
+        power = np.zeros((s + columns, s + columns))
+        power[:s, :s], power[s:, s:] = once.tangents[:, :s], np.eye(columns)
+        power[:s, s + self.free :] = once.tangents[:, s:]
+        count = (end - first) // repeat
+        self.tangents[:] = np.linalg.matrix_power(power, count)[:s] @ np.vstack(
+            [self.tangents, np.eye(columns)]
+        )
+        self.codes, self.segments = once.codes, once.segments
+        return first + count * repeat
+
+    def _through(self, i):
+        """Go through period i from its start."""
+        varied = self.varied
+        self.z[:, 0], self.start = self.motion.states[i], _TURN * i
+        stops = [(phase, None, p) for phase, p in varied.cuts(i % varied.repeats)]
+        stops += [(row[orbit.EVENT_PHASE], row, None) for row in self._events[i]]
+        t, whole = 0.0, True
+        for phase, event, segment in sorted(stops, key=lambda stop: stop[0]):
+            self._carry(t, phase, whole and event is None)
+            t, whole = max(t, phase), event is None
+            if event is None:
+                self._switch(t, segment)
+            else:
+                self._cross(t, event)
+        self._carry(t, _TURN, whole)
+
+    def _carry(self, t, end, whole):
+        """Go from phase t to `end` of a period; a whole segment has its map."""
         span = end - t
         if span <= 0.0:
             return
         matrix, slopes = self.varied.matrix(self.codes, self.segments)
+        if whole and self.record is None and self.rates is None:
+            key = self.varied.effects(self.codes, self.segments), span
+            self._maps[key] = known = self._maps.get(key, 0)
+            if not isinstance(known, tuple):
+                self._maps[key] = self._map(matrix, slopes, span) if known == _OFTEN else known + 1
+            else:
+                one, ahead = known
+                moved = (ahead @ self.z[:, 0]).reshape(self.k, -1).T
+                self.z = one @ self.z
+                self.z[:, 1 + self.free :] += moved
+                return
         count = math.ceil(span / self.varied.longest * (1.0 - 1e-12))
         h, flat = span / count, slopes.reshape(-1, len(matrix))
         share = REACH * h / self.varied.longest
@@ -136,6 +193,20 @@ class Walk:
                 own = self.codes, self.segments
                 self.record.add(self.start + t + step * h, h, *own, np.array(terms))
             self.z = sum(reversed(terms))
+
+    def _map(self, matrix, slopes, span):
+        """Return (the exponential over a span, its slopes), shapes (n, n) and (k n, n)."""
+        count = math.ceil(span / self.varied.longest)
+        one, ahead = np.eye(len(matrix)), np.zeros_like(slopes)
+        whole, rates = one, ahead
+        for j in range(1, ORDER + 4):
+            ahead = (matrix @ ahead + slopes @ one) * (span / count / j)
+            one = matrix @ one * (span / count / j)
+            whole, rates = whole + one, rates + ahead
+        one, ahead = whole, rates
+        for _ in range(count - 1):
+            rates, whole = one @ rates + ahead @ whole, one @ whole
+        return whole, rates.reshape(-1, len(matrix))
 
     def _carry_rates(self, matrix, slopes, h, count):
         s = self.varied.size
