@@ -184,10 +184,10 @@ class DeadZoneOscillator(Model):
     def equation(self):
         """The `Equation`, in the model's own units."""
         near = _pieces(self.upper_stiffness)
-        same = self.lower_stiffness == self.upper_stiffness or math.isinf(self.lower_edge)
+        same = self.lower_stiffness == self.upper_stiffness or math.isinf(self.lower_edge.real)
         means = _mean(self.upper_stiffness), _mean(self.lower_stiffness)
-        damping = np.zeros((3, 3))
-        damping[:, 0] = self.lower_damping, self.damping, self.upper_damping
+        linear = self.lower_damping, self.damping, self.upper_damping
+        damping = np.column_stack([linear, np.zeros((3, 2))])
         return Equation(
             upper=self.upper_edge,
             lower=self.lower_edge,

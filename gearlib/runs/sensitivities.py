@@ -144,13 +144,12 @@ def flag(code):
     return (), np.int8(code), attributes | _FLAGS | {"message": MESSAGES[code]}
 
 
-def variables(pair, tuning, names, z, tangents, sizes, periods, recorded, max_events, ok=True):
+def variables(propagator, names, z, tangents, sizes, periods, recorded, max_events, ok=True):
     """Return the derivatives of what a run records, and of its final state.
 
     Parameters
     ----------
-    pair : Model
-    tuning : float
+    propagator : gearlib.models.propagators.base.Base
     names : tuple of str
     z : ndarray, shape (s,)
         State at the start, as of `Propagator.start`.
@@ -168,14 +167,14 @@ def variables(pair, tuning, names, z, tangents, sizes, periods, recorded, max_ev
     dict
         name -> (dims, values, attributes), with ``sensitivity_status``.
     """
-    k, (rows, count), m = len(names), sizes, max(len(pair.mesh_names), 1)
+    pair, k, (rows, count) = propagator.model, len(names), sizes
+    m = max(len(pair.mesh_names), 1)
     parameters = {name: pair.derivatives[name] for name in names}
     along = directions(pair, names)
     columns = pair.room()[0].shape[1] - m * (orbit.SAMPLE_COLUMNS - len(_SAMPLES))
     samples, events = np.empty((rows, columns, k)), np.empty((count, 2, k))
     extrema, times = np.empty((2, 4 * m, k))
-    propagator, code = pair.propagator(tuning, "exact"), 0
-    ends = np.full((len(pair.components), k), math.nan)
+    ends, code = np.full((len(pair.components), k), math.nan), 0
     if propagator.one_sided(z, along, tangents):
         code = ONE_SIDED
     if ok:

@@ -87,7 +87,9 @@ def row_of(run, name):
     for j in range(2):
         row += [float(run[f"d_{of}_d_{name}"][j]) for of in EXTREMA]
         row += [2.0 * math.pi * float(run[f"d_{of}_d_{name}"][j]) for of in TIMES]
-    return row + [float(run[f"d_{of}_d_{name}"][i]) for i in range(run.sizes["event"]) for of in EVENT]
+    return row + [
+        float(run[f"d_{of}_d_{name}"][i]) for i in range(run.sizes["event"]) for of in EVENT
+    ]
 
 
 def close(row, reference):
@@ -104,7 +106,10 @@ def close(row, reference):
 def test_all_parameters_against_50_digits(tuning, periods, state):
     options = {"periods": periods, "initial_state": state}
     run = simulate(TRAIN, tuning, sensitivities=exact.NAMES, **options)
-    assert int(run.sensitivity_status) == 0 and run.sizes["event"] == {0.8: 5, 0.7: 10, 0.45: 0}[tuning]
+    assert (
+        int(run.sensitivity_status) == 0
+        and run.sizes["event"] == {0.8: 5, 0.7: 10, 0.45: 0}[tuning]
+    )
     rows = REFERENCES.rows(exact.of_run, (*VALUES, tuning), periods, state)
     for name, reference in zip(exact.NAMES, rows, strict=True):
         assert close(row_of(run, name), reference), name
@@ -141,7 +146,9 @@ def changed(train, name, share):
             if element in (f"body {label}", f"shaft {label}", f"mesh {label}"):
                 value = getattr(one, field)
                 new = dataclasses.replace(one, **{field: value * (1.0 + share)})
-                return train.replace(**{kind: [*elements[:i], new, *elements[i + 1 :]]}), value * share
+                return train.replace(
+                    **{kind: [*elements[:i], new, *elements[i + 1 :]]}
+                ), value * share
     raise AssertionError(name)
 
 
@@ -151,18 +158,21 @@ def _sorted(run, variable):
     return run[variable].values[order]
 
 
-@pytest.mark.parametrize("seed", range(24))
+@pytest.mark.parametrize("seed", range(14))
 def test_random_trains_against_differences(seed):
     train, tuning, state = random_problem(np.random.default_rng(seed))
     # Modes of one frequency may part.
     train = train.replace(reference_frequency=train.reference_angular_frequency / (2.0 * math.pi))
     rng = np.random.default_rng(100 + seed)
+    # One parameter of an element that has only one, and is finite; those of a load balance.
+    left = ("torque", "error", "support", "torsional", "initial")
     candidates = [
         name
         for name in train.derivatives
-        if " of body" in name or " of shaft" in name or " of mesh" in name
-        if not name.startswith(("torque", "error", "support", "torsional"))
-        if all(np.isfinite(changed(train, name, 1e-3)[1]) for name in [name] if ", " not in name)
+        if " of " in name and not name.startswith(left) and not name.startswith("backlash of")
+    ]
+    candidates += [
+        f"backlash of mesh {mesh.name}" for mesh in train.meshes if np.isfinite(mesh.backlash)
     ]
     names = ["tuning", "load", *rng.choice(candidates, 2, replace=False).tolist()]
     start = "static" if seed % 3 == 0 else tuple(state)
@@ -319,7 +329,11 @@ def test_a_start_on_flank_lines_that_move():
     ("train", "name", "part"),
     [
         (TRAIN, "inertia of body sun", "'inertia of body sun' is not .* 'inertia of body motor'"),
-        (TRAIN, "damping_ratio", "'damping_ratio' is not allowed: it must be one of 'tuning', 'load'"),
+        (
+            TRAIN,
+            "damping_ratio",
+            "'damping_ratio' is not allowed: it must be one of 'tuning', 'load'",
+        ),
         (TRAIN, "torque of body motor", "by a torque .* must be 'load'"),
         (
             planetary(stiffness_ratio=(0.7, 0.7)),

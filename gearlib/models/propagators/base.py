@@ -35,8 +35,9 @@ class Base:
     #: ``map_rates``, same arguments, returns (map of all periods, its rates, status);
     #: ``map_slopes``, without tangents, (map, derivatives of its end by directions, status).
     #: ``start_tangents(state, directions)`` are those of the start of a run, and
-    #: ``one_sided(z, directions, tangents)`` says whether they have one side only; ``switches(mesh)``
-    #: are the phases at which periods begin or the stiffness of a mesh switches, until they repeat.
+    #: ``one_sided(z, directions, tangents)`` says whether they have one side only. Of
+    #: ``switches(mesh)``, phases until they repeat, the stiffness of a mesh switches or a period
+    #: begins.
     differentiate: Callable | None = None
     tangents: Callable | None = None
     map_rates: Callable | None = None

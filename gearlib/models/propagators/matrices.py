@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gearlib.kernels.codes import NORMAL, OK
+from gearlib.kernels.codes import OK
 from gearlib.models.propagators.base import Base
 from gearlib.models.propagators.tangents import Walk
 

@@ -136,13 +136,15 @@ class Propagator(Matrices):
             if any(name in slopes for slopes in along for name in START):
                 raise ValueError(
                     f"sensitivities = {' and '.join(map(repr, START))} is not allowed with all "
-                    f"{len(state)} components of initial_state: it must be displacement and velocity"
+                    f"{len(state)} components of initial_state: it must have two"
                 )
             return np.zeros((len(state), len(along)))
         columns = []
         for twin, system, _ in VariedSystem(self.model, self, along).twins:
             slopes = along[len(columns)]
-            moved = [x + 1j * STEP * slopes.get(name, 0.0) for x, name in zip(state, START, strict=True)]
+            moved = [
+                x + 1j * STEP * slopes.get(name, 0.0) for x, name in zip(state, START, strict=True)
+            ]
             columns.append(twin.initial(system, moved)[: self.model.size].imag / STEP)
         return np.array(columns).T
 

@@ -32,6 +32,7 @@ class VariedTrain(Varied):
 
         super().__init__()
         self.system, self.twins = system, [train.off_axis(slopes) for slopes in along]
+        self._effects = system.effect.tolist()
         tunings = [system.tuning + 1j * STEP * slopes.get("tuning", 0.0) for slopes in along]
         pairs = zip(self.twins, tunings, strict=True)
         systems = [system, *(train_system(*pair) for pair in pairs)]
@@ -48,7 +49,10 @@ class VariedTrain(Varied):
         self._scale[:, half : 2 * half] = every[:, None]
         self._outputs = np.zeros((len(every), half, self.near.shape[2]))
         self._outputs[:, :, :half] = np.eye(half)
-        slopes = [[one.get(("mesh", mesh.name, "contact_ratio"), 0.0) for one in along] for mesh in train.meshes]
+        slopes = [
+            [one.get(("mesh", mesh.name, "contact_ratio"), 0.0) for one in along]
+            for mesh in train.meshes
+        ]
         rates = np.array([float(rate) for rate in train.rates])
         self.switches = math.pi * np.array(slopes) / rates[:, None]
 
@@ -62,8 +66,8 @@ class VariedTrain(Varied):
 
     def effects(self, codes, segments):
         """As of `Varied`."""
-        rows = zip(codes, segments, strict=True)
-        return tuple(int(self.system.effect[code + 1, p, j]) for j, (code, p) in enumerate(rows))
+        places = range(len(codes))
+        return tuple([self._effects[codes[j] + 1][segments[j]][j] for j in places])
 
     def stiffness(self, codes, segments):
         """As of `Varied`."""

@@ -6,10 +6,10 @@ jumps at a phase that moves by dtau,
 
     w+ = w- + (f- - f+) dtau.
 
-On a flank line row z = 0 the jump is as large as the speed, f- - f+ = s (row f), and the phase moves
-by dtau = -(row w + (d row/dp) z) / (row f): the speed cancels. Of the maps of small deviations M,
-with maps S = 1 - s row of crossings, the rates follow in the same way; see
-`docs/theory/sensitivities.md`.
+On a flank line row z = 0 the jump is as large as the speed, f- - f+ = s (row f), and the phase
+moves by dtau = -(row w + (d row/dp) z) / (row f): the speed cancels. The rates of the map M of
+small deviations, a product of those of arcs and of crossings, S = 1 - s row, follow in the same
+way; see `docs/theory/sensitivities.md`.
 """
 
 import math
@@ -252,11 +252,15 @@ class Walk:
     def _switch(self, t, segment):
         """Let the stiffness of all meshes become that of another segment."""
         varied = self.varied
+        if segment in self.segments:
+            return
         for j, (code, old) in enumerate(zip(self.codes, self.segments, strict=True)):
-            moved = None if old == segment else varied.moves(code, j, old, segment)
+            moved = varied.moves(code, j, old, segment)
             segments = (*self.segments[:j], segment, *self.segments[j + 1 :])
             if moved is not None:
-                first, last = (varied.matrix(self.codes, one)[0] for one in (self.segments, segments))
+                first, last = (
+                    varied.matrix(self.codes, one)[0] for one in (self.segments, segments)
+                )
                 self.z[:, 1 + self.free :] += np.outer((first - last) @ self.z[:, 0], moved)
                 if self.rates is not None:
                     s = varied.size

@@ -139,7 +139,9 @@ def train_system(train, tuning):
 def _count(mesh):
     """Return how many effects a mesh has, the backlash included."""
     sides = 1 if math.isinf(mesh.backlash.real) else 2
-    return 1 + sides * (2 if mesh.stiffness_ratio.real < 1.0 else 1) * (2 if any(mesh.friction) else 1)
+    return 1 + sides * (2 if mesh.stiffness_ratio.real < 1.0 else 1) * (
+        2 if any(mesh.friction) else 1
+    )
 
 
 def largest_norm(train, parts):

@@ -268,7 +268,7 @@ class GearTrain(TrainResults):
         return meshes or bool(self.structure.damping.any())
 
     def norm(self, parts):
-        """Return the largest norm of the matrices; without gyroscopic forces that of all tunings."""
+        """Return the largest norm of the matrices: one for all tunings, unless gyroscopic."""
         from gearlib.models.trains.system import largest_norm
 
         return largest_norm(self, parts) if self.gyroscopic else self._norm_at_rest
