@@ -84,8 +84,9 @@ def simulate(
         on: all results are NaN and ``status.attrs["message"]`` says what to do. With
         `sensitivities` also ``d_<variable>_d_<parameter>``, exact derivatives of displacement,
         velocity, acceleration, dynamic_force, final_state, the extrema, the fractions of time,
-        event_phase and event_velocity, body_motion of trains; and sensitivity_status: 1 where the motion grazes a flank
-        line, with NaN for such an event, 2 where a start on a flank line has one side only.
+        event_phase and event_velocity, also of body_motion; and sensitivity_status: 1 where the
+        motion grazes a flank line, with NaN for such an event, 2 where a start on a flank line has
+        one side only.
 
     Raises
     ------
