@@ -3,8 +3,6 @@
 See `gearlib.kernels.piecewise_linear.system` for the form of these models.
 """
 
-import math
-
 import numpy as np
 
 from gearlib.kernels.piecewise_linear.system import REACH, Part, exponential
@@ -33,24 +31,13 @@ def substeps(a, starts, m, one, frequency):
     harmonics, whose columns drive and never feed back, by their own frequencies.
     """
     a, starts = a.real, starts.real
-    counts = []
-    for q in range(starts.size - 1):
-        most = norm(a[:, q], m, one, frequency.real)
-        counts.append(max(1, math.ceil(most * (starts[q + 1] - starts[q]) / REACH)))
-    return np.array(counts)
-
-
-def norm(matrices, m, one, frequency):
-    """Return the largest norm of matrices, shape (k, n, n), in the components of `substeps`."""
-    scale = np.ones(matrices.shape[2])
-    scale[m : 2 * m] = frequency
-    norms = []
-    for matrix in matrices:
-        scaled = matrix * scale[None, :] / scale[:, None]
-        driven = np.linalg.norm(scaled[: 2 * m, : 2 * m], 2)
-        waves = np.abs(matrix[one:, one:]).max(initial=0.0)
-        norms.append(max(driven, waves))
-    return max(norms)
+    scale = np.ones(a.shape[2])
+    scale[m : 2 * m] = frequency.real
+    scaled = a * scale[None, :] / scale[:, None]
+    driven = np.linalg.norm(scaled[..., : 2 * m, : 2 * m], 2, axis=(2, 3))
+    waves = np.abs(a[..., one:, one:]).max(axis=(2, 3), initial=0.0)
+    norms = np.maximum(driven, waves).max(axis=0)
+    return np.maximum(np.ceil(norms * np.diff(starts) / REACH), 1.0).astype(np.int64)
 
 
 def contact_map(model, pieces):

@@ -7,11 +7,10 @@ import numpy as np
 from gearlib.kernels import orbit
 from gearlib.kernels.codes import OK
 from gearlib.kernels.piecewise_linear.run import run_linear
-from gearlib.kernels.piecewise_linear.system import ORDER, REACH
+from gearlib.kernels.piecewise_linear.system import ORDER
 from gearlib.kernels.piecewise_linear.variation import vary_linear
 from gearlib.kernels.polynomial import bernstein_matrix
 from gearlib.models.derivatives import START, STEP
-from gearlib.models.piecewise_linear import norm
 from gearlib.models.propagators.matrices import Matrices
 from gearlib.models.propagators.tangents import Motion
 from gearlib.models.propagators.varied import Varied
@@ -38,9 +37,7 @@ class VariedSystem(Varied):
         self.size, self.tuning, self.repeats = model.size, system.tuning, system.repeats
         self._low, self._starts = system.low, system.starts
         self.switches = math.pi * np.array([[slopes.get("contact_ratio", 0.0) for slopes in along]])
-        every, half = system.a.reshape(-1, *system.a.shape[2:]), model.size // 2
-        frequency = math.sqrt(max(np.abs(every[:, half : 2 * half, :half]).max(), 1e-300))
-        self.longest = REACH / norm(every, half, model.size, frequency)
+        self._longest = np.diff(system.starts) / system.substeps
 
     def stack(self, effects):
         """As of `Varied`."""
@@ -57,6 +54,10 @@ class VariedSystem(Varied):
     def low(self, code, segment, mesh):
         """As of `Varied`."""
         return self._low[segment]
+
+    def longest(self, segments):
+        """As of `Varied`."""
+        return self._longest[segments[0]]
 
     def cuts(self, number):
         """As of `Varied`."""

@@ -42,7 +42,6 @@ class VariedTrain(Varied):
         )
         self.position = self.near
         self.size, self.tuning, self.repeats = train.size, system.tuning, system.repeats
-        self.longest = system.longest * system.tuning
         half, every = train.size // 2, np.array([system.tuning, *tunings])
         # From rates by theta to rates by phase.
         self._rate, self._scale = every[:, None, None], np.ones(self.near.shape[::2], complex)
@@ -77,6 +76,10 @@ class VariedTrain(Varied):
     def low(self, code, segment, mesh):
         """As of `Varied`."""
         return self.system.low[code + 1, segment, mesh]
+
+    def longest(self, segments):
+        """As of `Varied`."""
+        return self.system.longest * self.tuning
 
     def cuts(self, number):
         """As of `Varied`."""

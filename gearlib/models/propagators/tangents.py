@@ -175,9 +175,10 @@ class Walk:
                 self.z = one @ self.z
                 self.z[:, 1 + self.free :] += moved
                 return
-        count = math.ceil(span / self.varied.longest * (1.0 - 1e-12))
+        longest = self.varied.longest(self.segments)
+        count = math.ceil(span / longest * (1.0 - 1e-12))
         h, flat = span / count, slopes.reshape(-1, len(matrix))
-        share = REACH * h / self.varied.longest
+        share = REACH * h / longest
         for step in range(count):
             terms, size = [self.z], 1.0
             for j in range(1, ORDER + 4):
@@ -196,7 +197,7 @@ class Walk:
 
     def _map(self, matrix, slopes, span):
         """Return (the exponential over a span, its slopes), shapes (n, n) and (k n, n)."""
-        count = math.ceil(span / self.varied.longest)
+        count = math.ceil(span / self.varied.longest(self.segments) * (1.0 - 1e-12))
         one, ahead = np.eye(len(matrix)), np.zeros_like(slopes)
         whole, rates = one, ahead
         for j in range(1, ORDER + 4):

@@ -29,7 +29,6 @@ class Varied:
     position: np.ndarray  #: and of those that are recorded
     size: int  #: components that move
     tuning: float
-    longest: float  #: phase of the longest step of a Taylor series
     #: By what the switches of each mesh move, those at which it becomes softer, shape (m, k).
     switches: np.ndarray
     repeats: int  #: mesh periods after which the cuts repeat
@@ -51,6 +50,10 @@ class Varied:
 
     def low(self, code, segment, mesh):
         """Return whether a mesh in contact is at its lower stiffness."""
+        raise NotImplementedError
+
+    def longest(self, segments):
+        """Return the phase of the longest step of a Taylor series, |A| times it being REACH."""
         raise NotImplementedError
 
     def cuts(self, number):
