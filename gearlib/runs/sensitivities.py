@@ -144,13 +144,15 @@ def flag(code):
     return (), np.int8(code), attributes | _FLAGS | {"message": MESSAGES[code]}
 
 
-def variables(propagator, names, z, tangents, sizes, periods, recorded, max_events, ok=True):
+def variables(propagator, names, along, z, tangents, sizes, periods, recorded, max_events, ok=True):
     """Return the derivatives of what a run records, and of its final state.
 
     Parameters
     ----------
     propagator : gearlib.models.propagators.base.Base
     names : tuple of str
+    along : sequence
+        Their `directions`.
     z : ndarray, shape (s,)
         State at the start, as of `Propagator.start`.
     tangents : ndarray, shape (s, k)
@@ -170,15 +172,12 @@ def variables(propagator, names, z, tangents, sizes, periods, recorded, max_even
     pair, k, (rows, count) = propagator.model, len(names), sizes
     m = max(len(pair.mesh_names), 1)
     parameters = {name: pair.derivatives[name] for name in names}
-    along = directions(pair, names)
     columns = pair.room()[0].shape[1] - m * (orbit.SAMPLE_COLUMNS - len(_SAMPLES))
     samples, events = np.empty((rows, columns, k)), np.empty((count, 2, k))
     extrema, times = np.empty((2, 4 * m, k))
     ends, code = np.full((len(pair.components), k), math.nan), 0
-    if propagator.one_sided(z, along, tangents):
-        code = ONE_SIDED
     if ok:
-        found, done, grazing, ends = propagator.differentiate(
+        found, done, grazing, one_sided, ends = propagator.differentiate(
             z,
             along,
             tangents.copy(),
@@ -193,7 +192,7 @@ def variables(propagator, names, z, tangents, sizes, periods, recorded, max_even
         if done != OK or found != count:
             # Rounding decides whether there is an event at all.
             events[:], times[:], grazing = math.nan, math.nan, True
-        code = GRAZING if grazing else code
+        code = GRAZING if grazing else ONE_SIDED if one_sided else 0
     else:
         for array in (samples, events, extrema, times):
             array[:] = math.nan

@@ -135,7 +135,7 @@ def simulate(
         z, sizes = propagator.start(ran.initial_state), (len(ran.samples), len(ran.events))
         counts = periods, record_periods, max_events
         data |= derivatives.variables(
-            propagator, sensitivities, z, start, sizes, *counts, not ran.status
+            propagator, sensitivities, along, z, start, sizes, *counts, not ran.status
         )
     coords = {
         "phase": (first + np.arange(len(ran.samples))) * step,

@@ -86,7 +86,7 @@ def orbit_sensitivities(orbit, sensitivities, *, samples_per_period=256, max_eve
         tangents = lift @ np.linalg.solve(np.eye(len(matrix)) - matrix, reduce @ ahead)
     sizes = run.sizes["phase"], run.sizes["event"]
     variables = runs.variables(
-        propagator, names, orbit.state, tangents, sizes, period, period, max_events
+        propagator, names, along, orbit.state, tangents, sizes, period, period, max_events
     )
     _, rates, _ = propagator.map_rates(orbit.state, along, tangents.copy(), period, max_events)
     slopes = _multiplier_slopes(values, right, reduce @ rates @ lift)

@@ -26,24 +26,22 @@ class Base:
     run_many: Callable | None = None
     sections: Callable | None = None
     #: Derivatives by parameters, where the motion is linear between events; None: by differences
-    #: alone. ``differentiate(z, directions, tangents, periods, record_periods, limit, samples,
-    #: events, extrema, times)`` fills those of a record, see
+    #: alone. Directions are those of `directions` or `along_branch`, tangents of shape (s, k).
+    #: ``differentiate(z, directions, tangents, periods, record_periods, limit, samples, events,
+    #: extrema, times)`` fills those of a record, see
     #: `gearlib.kernels.closed_form.sensitivity.differentiate`, where samples and extrema have the
-    #: rows of all meshes for each quantity; it returns (events, status, grazing, derivatives of the
-    #: final state). Directions are those of `directions`. ``tangents(z, directions, tangents,
-    #: periods, limit)`` takes tangents, shape (s, k), to the end of a run and returns the status;
-    #: ``map_rates``, same arguments, returns (map of all periods, its rates, status);
-    #: ``map_slopes``, without tangents, (map, derivatives of its end by directions, status).
-    #: ``start_tangents(state, directions)`` are those of the start of a run, and
-    #: ``one_sided(z, directions, tangents)`` says whether they have one side only. Of
-    #: ``switches(mesh)``, phases until they repeat, the stiffness of a mesh switches or a period
-    #: begins.
+    #: rows of all meshes for each quantity; it returns (events, status, grazing, whether a start on
+    #: a flank line moves off it, derivatives of the final state).
+    #: ``tangents(z, directions, tangents, periods, limit)`` takes tangents to the end of a run and
+    #: returns the status; ``map_rates``, same arguments, returns (map of all periods, its rates,
+    #: status); ``map_slopes``, without tangents, (map, derivatives of its end, status).
+    #: ``start_tangents(state, directions)`` are those of the start of a run; at ``switches(mesh)``,
+    #: phases until they repeat, the stiffness of a mesh switches or a period begins.
     differentiate: Callable | None = None
     tangents: Callable | None = None
     map_rates: Callable | None = None
     map_slopes: Callable | None = None
     start_tangents: Callable | None = None
-    one_sided: Callable | None = None
     switches: Callable | None = None
 
     def __init__(self, model, tuning):

@@ -94,8 +94,7 @@ class Propagator(Base):
         """Return what the start changes by, shape (2, k); see `Base.differentiate`."""
         return directions[:, 6:].T.copy()
 
-    def one_sided(self, z, directions, tangents):
-        """Return whether a start on a flank line moves off it; see `Base.differentiate`."""
+    def _one_sided(self, z, directions, tangents):
         pair = self.model
         if pair.damping_ratio == pair.backlash_damping_ratio or z[0] not in pair.flank_lines:
             return False
@@ -110,6 +109,7 @@ class Propagator(Base):
         self, z, directions, tangents, periods, recorded, limit, samples, events, extrema, times
     ):
         """Differentiate a run from z; see `Base.differentiate`."""
+        one_sided = self._one_sided(z, directions, tangents)
         found, code, grazing = sensitivity.differentiate(
             self.mesh,
             slopes(self.model, directions),
@@ -126,7 +126,7 @@ class Propagator(Base):
         if self.model.contact_ratio in (1.0, 2.0):
             # A segment of the other stiffness appears, on which the force jumps.
             extrema[2:, directions[:, 0] != 0.0] = np.nan
-        return found, code, grazing, tangents
+        return found, code, grazing, one_sided, tangents
 
     def tangents(self, z, directions, tangents, periods, limit):
         """Take tangents through mesh periods; see `Base.differentiate`."""

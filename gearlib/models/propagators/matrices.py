@@ -11,11 +11,19 @@ _ON_LINE = 1e-14
 
 
 class Matrices(Base):
-    """A subclass gives `varied`, `motion` and `start_tangents`."""
+    """A subclass gives `vary_along`, `motion` and `start_tangents`."""
 
-    def varied(self, along):
+    _last: tuple = (None, None)
+
+    def vary_along(self, along):
         """Return the `Varied` of directions, dicts of `Model.direction`."""
         raise NotImplementedError
+
+    def varied(self, along):
+        """Return the same; that of the last directions is kept."""
+        if self._last[0] is not along:
+            self._last = along, self.vary_along(along)
+        return self._last[1]
 
     def motion(self, z, periods, limit):
         """Return (`Motion` from z on, status)."""
@@ -55,25 +63,18 @@ class Matrices(Base):
         """Differentiate a run from z; see `Base.differentiate`."""
         walk, code = self._walk(z, along, tangents, periods, limit)
         if not walk:
-            return 0, code, False, None
+            return 0, code, False, False, None
+        one_sided = walk.on_a_line(_ON_LINE)
         record = walk.go(periods - recorded, len(samples) // recorded)
         if len(samples):
             samples[:] = record.samples
         for row, (phase, velocity) in zip(events, record.events, strict=False):
             row[:] = phase, velocity
-        found, touching = record.extrema()
-        extrema[:] = found.reshape(extrema.shape)
+        extrema[:] = record.extrema().reshape(extrema.shape)
         times[:] = record.times.reshape(times.shape)
-        return len(record.events), code, walk.grazing or touching, self.final(walk)
+        grazing = walk.grazing or record.touching
+        return len(record.events), code, grazing, one_sided, self.final(walk)
 
     def final(self, walk):
         """Return the derivatives of the final state of a run, as it is recorded."""
         return walk.tangents
-
-    def one_sided(self, z, along, tangents):
-        """Return whether a start on a flank line, where the damping jumps, moves off it."""
-        varied = self.varied(along)
-        motion, code = self.motion(np.array(z, float), 1, 10**6)
-        if code != OK:
-            return False
-        return Walk(varied, motion, tangents).on_a_line(_ON_LINE)

@@ -111,8 +111,8 @@ class Propagator(Matrices):
         z[:] = full[: z.size]
         return code
 
-    def varied(self, along):
-        """Return what the system changes by; see `Matrices.varied`."""
+    def vary_along(self, along):
+        """Return what the system changes by; see `Matrices`."""
         return VariedSystem(self.model, self, along)
 
     def motion(self, z, periods, limit):
@@ -141,7 +141,7 @@ class Propagator(Matrices):
                 )
             return np.zeros((len(state), len(along)))
         columns = []
-        for twin, system, _ in VariedSystem(self.model, self, along).twins:
+        for twin, system, _ in self.varied(along).twins:
             slopes = along[len(columns)]
             moved = [
                 x + 1j * STEP * slopes.get(name, 0.0) for x, name in zip(state, START, strict=True)

@@ -24,6 +24,8 @@ _BETWEEN = 0.05
 _OUTSIDE = 1e-9
 #: What is higher by less than this share is not higher: ends of pieces next to a turning point.
 _HIGHER = 1e-12
+#: Pieces that are kept before those that matter are sifted out.
+_MANY = 512
 #: Steps of Newton's method to a turning point, from a secant.
 _NEWTON = 5
 
@@ -32,8 +34,9 @@ class _Piece(NamedTuple):
     codes: tuple
     segments: tuple
     terms: np.ndarray  #: of the Taylor series over the piece, shape (J, n, 1 + f + k)
-    curves: np.ndarray  #: of what is looked at, shape (J, 3 m)
-    table: np.ndarray  #: its values at places, shape (11, 3 m)
+    #: Of position, distances from near and far flank, and force, shape (J, 4 m).
+    curves: np.ndarray
+    table: np.ndarray  #: their values at places, shape (11, 4 m)
     #: By what the ends move for each mesh, where a switch of its stiffness is, shape (2, m, k).
     moved: np.ndarray
 
@@ -52,8 +55,9 @@ class Record:
         #: Times in normal mesh, backlash, inverse mesh, and in mesh at lower stiffness.
         self.times = np.zeros((4, self.meshes, self.k))
         self.apart = [code == BACKLASH for code in codes]
-        self._taken = 0
-        self._pieces: list = []
+        #: Whether a turning point lies on a flank line.
+        self.touching = self._begun = False
+        self._taken, self._pieces = 0, []
         self._moved = np.zeros((self.meshes, self.k))
 
     def event(self, mesh, before, after, segment, moved, velocity):
@@ -86,34 +90,47 @@ class Record:
             own = rows @ at[..., 1 + self.free :]
             self.samples.extend(own + np.einsum("krn,sn->srk", slopes, at[..., 0]))
         m = self.meshes
-        looked = np.concatenate([rows[:m], self.varied.lines[INVERSE][0], rows[3 * m : 4 * m]])
-        curves = terms[:, :, 0] @ looked.T
+        near, far = (self.varied.lines[flank][0] for flank in (NORMAL, INVERSE))
+        curves = terms[:, :, 0] @ np.concatenate([rows[:m], near, far, rows[3 * m : 4 * m]]).T
         moved = np.stack([self._moved, np.zeros_like(self._moved)])
         table = _powers(_PLACES, len(terms)) @ curves
+        if len(self._pieces) > _MANY:
+            self._sift()
         self._pieces.append(_Piece(codes, segments, terms, curves, table, moved))
         self._moved = np.zeros_like(self._moved)
 
     def extrema(self):
-        """Return the derivatives of the extrema, and whether a turning point is on a flank line.
-
-        Of largest and smallest displacement and force, shape (4, m, k).
-        """
+        """Return the derivatives of largest and smallest displacement and force, (4, m, k)."""
         m = self.meshes
-        found, grazing = np.zeros((4, m, self.k)), False
+        found = np.zeros((4, m, self.k))
+        self._sift()
         for j in range(m):
+            floor = 0.0 if self.apart[j] else -math.inf
             for place, sign in enumerate((1.0, -1.0)):
                 found[place, j] = self._extremum(j, j, sign, -math.inf)
-                floor = 0.0 if self.apart[j] else -math.inf
-                found[2 + place, j] = self._extremum(j, 2 * m + j, sign, floor)
-            grazing = grazing or self._touches(j) or self._touches(m + j)
-        return found, grazing
+                found[2 + place, j] = self._extremum(j, 3 * m + j, sign, floor)
+        return found
+
+    def _sift(self):
+        """Look for touches, and keep the pieces that may have an extremum, and the last."""
+        m = self.meshes
+        self.touching |= any(self._touches(column) for column in range(m, 3 * m))
+        self._begun = True
+        columns = [*range(m), *range(3 * m, 4 * m)]
+        near = [self._near(column, sign)[0] for column in columns for sign in (1.0, -1.0)]
+        kept = np.unique(np.concatenate([*near, [len(self._pieces) - 1]]))
+        self._pieces = [self._pieces[i] for i in kept]
+
+    def _near(self, column, sign):
+        """Return the pieces that may hold the largest `sign` times a curve, and its reach."""
+        table = np.array([piece.table[1:-1, column] for piece in self._pieces])
+        tops, reach = (sign * table).max(axis=1), np.ptp(table) + np.abs(table).max()
+        return np.flatnonzero(tops >= tops.max() - _BETWEEN * reach), reach
 
     def _extremum(self, mesh, column, sign, best):
         """Return the derivatives of the largest `sign` times a curve of a mesh, or of `best`."""
-        table = np.array([piece.table[1:-1, column] for piece in self._pieces])
-        tops, reach = (sign * table).max(axis=1), np.ptp(table) + np.abs(table).max()
-        near = [self._pieces[i] for i in np.flatnonzero(tops > tops.max() - _BETWEEN * reach)]
-        slope = np.zeros(self.k)
+        (numbers, reach), slope = self._near(column, sign), np.zeros(self.k)
+        near = [self._pieces[i] for i in numbers]
         turning = [(piece, s, None) for piece in near for s in _turning(piece, column)]
         ends = [(piece, float(end), end) for piece in near for end in (0, 1)]
         for piece, s, end in turning + ends:
@@ -125,12 +142,11 @@ class Record:
     def _slope(self, piece, mesh, column, s, end):
         """Return the derivatives of a curve at a place, (k,); an end moves with its switch."""
         rows, slopes = self.varied.rows(piece.codes, piece.segments)
-        row = column if column < self.meshes else column + self.meshes
         at = np.tensordot(_powers([s], len(piece.terms))[0], piece.terms, 1)
-        found = rows[row] @ at[:, 1 + self.free :] + slopes[:, row] @ at[:, 0]
+        found = rows[column] @ at[:, 1 + self.free :] + slopes[:, column] @ at[:, 0]
         if end is not None and piece.moved[end, mesh].any():
             matrix, _ = self.varied.matrix(piece.codes, piece.segments)
-            found = found + rows[row] @ matrix @ at[:, 0] * piece.moved[end, mesh]
+            found = found + rows[column] @ matrix @ at[:, 0] * piece.moved[end, mesh]
         return found
 
     def _touches(self, column):
@@ -138,7 +154,8 @@ class Record:
         for i, piece in enumerate(self._pieces):
             if np.abs(piece.table[:, column]).min() < _BETWEEN:
                 # A start at rest on a line is no touch.
-                for s in (s for s in _turning(piece, column) if i or s > _OUTSIDE):
+                first = not (i or self._begun)
+                for s in (s for s in _turning(piece, column) if s > _OUTSIDE or not first):
                     at = _powers([s], len(piece.terms)) @ piece.curves[:, column]
                     if abs(at[0]) <= _CLOSEST:
                         return True

@@ -190,8 +190,8 @@ class Propagator(Matrices):
         maps *= self.scale[None, :] / self.scale[:, None]
         return code
 
-    def varied(self, along):
-        """Return what the train changes by; see `Matrices.varied`."""
+    def vary_along(self, along):
+        """Return what the train changes by; see `Matrices`."""
         return VariedTrain(self.model, self.system, along)
 
     def motion(self, z, periods, limit):
@@ -216,7 +216,7 @@ class Propagator(Matrices):
         names = [f"initial_state of {component}" for component in self.model.components]
         found = np.array([[slopes.get(name, 0.0) for slopes in along] for name in names])
         if isinstance(state, str):
-            twins = [self.model.off_axis(slopes) for slopes in along]
+            twins = self.varied(along).twins
             moved = [static_state(self.model, twin).imag / STEP for twin in twins]
             found += np.array(moved).T
         return found
