@@ -21,7 +21,7 @@ from gearlib import (
 from gearlib.analysis.orbits.branch_points import Shooting
 from gearlib.analysis.orbits.parameters import value_of
 from gearlib.models.trains.derivatives import FIELDS
-from gearlib.runs.sensitivities import ONE_SIDED
+from gearlib.runs.sensitivities import DOUBLE, ONE_SIDED
 from tests.paper import PAPER
 from tests.references import Stored
 from tests.trains import high_precision_trains as exact
@@ -280,7 +280,6 @@ BOUNCING = planetary(stiffness_ratio=(0.7, 0.7), contact_ratio=(1.5, 1.5))
 
 @pytest.mark.parametrize("name", ["contact_ratio", "material_damping", "inertia of body sun"])
 def test_orbits_of_planets_against_differences(name):
-    # Three planets in phase: multipliers are double, and stay so as long as they are alike.
     train = BOUNCING.replace(reference_frequency=1475.7)
     orbit = periodic_orbit(train, 1.0)
     assert orbit.pattern.count(0) > 2
@@ -303,6 +302,19 @@ def test_orbits_of_planets_against_differences(name):
     rates = found[f"d_multiplier_real_d_{name}"] + 1j * found[f"d_multiplier_imaginary_d_{name}"]
     size = np.real(np.conj(values[0]) * rates.values[0]) / abs(values[0])
     assert moved / (2.0 * abs(step)) == pytest.approx(size, rel=1e-4)
+
+
+def test_a_planet_by_itself_parts_double_multipliers():
+    train = BOUNCING.replace(reference_frequency=1475.7)
+    name = "max_stiffness of mesh sun 1"
+    found = orbit_sensitivities(periodic_orbit(train, 0.9), (name,))
+    rates = found[f"d_multiplier_real_d_{name}"].values
+    assert int(found.sensitivity_status) == DOUBLE
+    assert np.isnan(rates).any() and not np.isnan(rates).all()
+    assert np.isfinite(found[f"d_state_d_{name}"]).all()
+    together = orbit_sensitivities(periodic_orbit(train, 0.9), ("stiffness_ratio",))
+    assert int(together.sensitivity_status) == 0
+    assert np.isfinite(together.d_multiplier_real_d_stiffness_ratio).all()
 
 
 @pytest.mark.parametrize("name", list(BOUNCING.parameters))
