@@ -26,8 +26,8 @@ from gearlib.models.propagators.record import Record
 #: `gearlib.kernels.closed_form.sensitivity`.
 SLOWEST = 1e-5
 _TURN = 2.0 * math.pi
-#: States this close, relative, repeat; so many repeats are worth a map, and so many spans that are
-#: alike, none of which a series could go through as fast.
+#: States this close, relative, repeat. So many repeats are worth a map, and so many times that
+#: the same matrix goes over the same span.
 _AT_REST, _WORTH, _OFTEN = 1e-13, 4, 8
 #: Terms of a series below this share of the state are nothing.
 _NOTHING = 1e-20
@@ -159,23 +159,16 @@ class Walk:
         self._carry(t, _TURN, whole)
 
     def _carry(self, t, end, whole):
-        """Go from phase t to `end` of a period; a whole segment has its map."""
-        span = end - t
+        """Go from phase t to `end` of a period; `whole` segments and steps have maps."""
+        span, longest = end - t, self.varied.longest(self.segments)
+        if self.record is None and self.rates is None and span > 0.0:
+            if whole and self._by_map(span):
+                return
+            while span >= longest and self._by_map(longest):
+                span -= longest
         if span <= 0.0:
             return
         matrix, slopes = self.varied.matrix(self.codes, self.segments)
-        if whole and self.record is None and self.rates is None:
-            key = self.varied.effects(self.codes, self.segments), span
-            self._maps[key] = known = self._maps.get(key, 0)
-            if not isinstance(known, tuple):
-                self._maps[key] = self._map(matrix, slopes, span) if known == _OFTEN else known + 1
-            else:
-                one, ahead = known
-                moved = (ahead @ self.z[:, 0]).reshape(self.k, -1).T
-                self.z = one @ self.z
-                self.z[:, 1 + self.free :] += moved
-                return
-        longest = self.varied.longest(self.segments)
         count = math.ceil(span / longest * (1.0 - 1e-12))
         h, flat = span / count, slopes.reshape(-1, len(matrix))
         share = REACH * h / longest
@@ -195,8 +188,22 @@ class Walk:
                 self.record.add(self.start + t + step * h, h, *own, np.array(terms))
             self.z = sum(reversed(terms))
 
-    def _map(self, matrix, slopes, span):
+    def _by_map(self, span):
+        """Go on by a span if that is worth a map; return whether it was."""
+        key = self.varied.effects(self.codes, self.segments), span
+        known = self._maps.get(key, 0)
+        if not isinstance(known, tuple):
+            self._maps[key] = self._map(span) if known == _OFTEN else known + 1
+            return False
+        one, ahead = known
+        moved = (ahead @ self.z[:, 0]).reshape(self.k, -1).T
+        self.z = one @ self.z
+        self.z[:, 1 + self.free :] += moved
+        return True
+
+    def _map(self, span):
         """Return (the exponential over a span, its slopes), shapes (n, n) and (k n, n)."""
+        matrix, slopes = self.varied.matrix(self.codes, self.segments)
         count = math.ceil(span / self.varied.longest(self.segments) * (1.0 - 1e-12))
         one, ahead = np.eye(len(matrix)), np.zeros_like(slopes)
         whole, rates = one, ahead
