@@ -13,7 +13,6 @@ mpmath.mp.dps = 50
 _STEP = mpf(10) ** -22
 #: Of mixed differences, by start and parameter.
 _MIXED = mpf(10) ** -13
-_FROM_ZERO = mpf(10) ** -16
 _TERMS, _STEPS = 36, 24
 _TURN = 2 * mpmath.pi
 #: Base radii of motor, pinion, idler and wheel, m; teeth 24, 36, 48.
@@ -264,13 +263,21 @@ def _note(train, seen, terms, curves, hit, codes, levels, recorded):
 
 def of_run(values, periods, state):
     """Return the derivatives of `record` by all parameters of `NAMES`, a row each."""
-    base, rows = record(values, periods, state), []
-    for j, value in enumerate(map(mpf, values)):
-        moved, step = list(map(mpf, values)), _STEP * value or _STEP * _FROM_ZERO
-        moved[j] += step
-        pairs = zip(base, record(moved, periods, state), strict=True)
-        rows.append([(b - a) / step for a, b in pairs])
-    return rows
+    base = record(values, periods, state)
+    return [_row(base, values, periods, state, j) for j in range(len(NAMES))]
+
+
+def _row(base, values, periods, state, j):
+    moved = list(map(mpf, values))
+    step = _STEP * moved[j]
+    moved[j] += step
+    pairs = zip(base, record(moved, periods, state), strict=True)
+    return [(b - a) / step for a, b in pairs]
+
+
+def of_one(values, periods, state, name):
+    """Return one row of `of_run`."""
+    return _row(record(values, periods, state), values, periods, state, NAMES.index(name))
 
 
 def of_start(values, periods, state):
