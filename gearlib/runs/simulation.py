@@ -103,6 +103,8 @@ def simulate(
 
         chosen = integrators.choose(pair, method, options)[0]
         sensitivities = derivatives.check(pair, sensitivities, chosen)
+        along, propagator = derivatives.directions(pair, sensitivities), pair.propagator(tuning)
+        start = propagator.start_tangents(pair.check_state(initial_state), along)
     ran = run(
         pair,
         tuning,
@@ -129,9 +131,6 @@ def simulate(
         "evaluations": ran.evaluations,
     }
     if sensitivities:
-        propagator = pair.propagator(tuning, chosen)
-        along = derivatives.directions(pair, sensitivities)
-        start = propagator.start_tangents(ran.initial_state, along)
         z, sizes = propagator.start(ran.initial_state), (len(ran.samples), len(ran.events))
         counts = periods, record_periods, max_events
         data |= derivatives.variables(

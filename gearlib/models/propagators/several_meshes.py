@@ -215,8 +215,8 @@ class Propagator(Matrices):
 
         names = [f"initial_state of {component}" for component in self.model.components]
         found = np.array([[slopes.get(name, 0.0) for slopes in along] for name in names])
+        twins = self.varied(along).twins
         if isinstance(state, str):
-            twins = self.varied(along).twins
             moved = [static_state(self.model, twin).imag / STEP for twin in twins]
             found += np.array(moved).T
         return found
