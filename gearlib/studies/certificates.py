@@ -21,7 +21,6 @@ from gearlib.analysis.proofs.orbits import certify
 from gearlib.analysis.proofs.points import certify_fold, certify_grazing, certify_tongues
 from gearlib.analysis.proofs.ranges import certify_range
 from gearlib.data.files import replacing
-from gearlib.kernels import orbit as columns
 from gearlib.models.pair import GearPair
 from gearlib.runs.run_arguments import MAX_EVENTS
 
@@ -129,14 +128,13 @@ def _at(pair, branch, tuning, initial_state):
             continue
         if not any(np.abs(orbit.state - state).max() < 1e-6 for state in seen):
             seen.append(orbit.state)
-            yield _row(certify(orbit), tuning) | {"lowest": _lowest(orbit)}
+            yield _row(certify(orbit), tuning)
     if pair.damped():
         try:
             orbit = periodic_orbit(pair, tuning)
         except NoOrbit:
             return
-        proven = certify_motion(orbit, tuple(initial_state))
-        yield _row(proven, tuning) | {"lowest": _lowest(orbit)}
+        yield _row(certify_motion(orbit, tuple(initial_state)), tuning)
 
 
 def _crossings(branch, tuning):
@@ -147,12 +145,6 @@ def _crossings(branch, tuning):
         if number[i] == number[i + 1] and single[i]:
             share = away[i] / (away[i] - away[i + 1])
             yield tuple((1.0 - share) * branch.state.values[i] + share * branch.state.values[i + 1])
-
-
-def _lowest(orbit):
-    """Return the smallest displacement of a candidate, which is not proven."""
-    record = orbit.pair.propagator(orbit.tuning).record(orbit.state, orbit.period, MAX_EVENTS)
-    return float(record[1][columns.X_MIN])
 
 
 def _all_points(pair, branch):

@@ -16,6 +16,8 @@ from gearlib import (
     sweep,
     switch_branch,
 )
+from gearlib.analysis.orbits import loci
+from gearlib.analysis.orbits.branch_points import Shooting
 from gearlib.analysis.orbits.continuation import orbit_at
 from gearlib.analysis.orbits.parameters import value_of, with_parameter
 from gearlib.analysis.orbits.shooting import NoOrbit
@@ -213,21 +215,36 @@ def test_six_degrees():
         np.testing.assert_allclose(places(six, label), places(one, label), rtol=0, atol=PLACE)
 
 
-def test_loci(up):
+# From the rim of its range too: without damping in the backlash.
+@pytest.mark.parametrize("name, to", [("damping", 0.03), ("backlash_damping", 0.03)])
+def test_loci(up, name, to):
     fold = int(np.flatnonzero(up.label == FOLD)[0])
     graze = int(np.flatnonzero(up.label == GRAZING)[1])
     # Each point of a locus is the labelled point of a branch at that damping.
     for point, label in ((fold, FOLD), (graze, GRAZING)):
-        curve = locus(MATERIAL, up, point, "damping", to=0.03)
-        assert float(curve.damping[-1]) == 0.03 and curve.attrs["ended"] == "at its goal"
+        curve = locus(MATERIAL, up, point, name, to=to)
+        assert float(curve[name][-1]) == to and curve.attrs["ended"] == "at its goal"
         assert float(curve.tuning[0]) == pytest.approx(float(up.tuning[point]), abs=PLACE)
-        pair, _ = with_parameter(MATERIAL, 1.0, "damping", 0.03)
+        pair, _ = with_parameter(MATERIAL, 1.0, name, to)
         branch = continue_orbit(periodic_orbit(pair, 0.76), to=0.84)
         # The locus of folds solves its defining function to 1e-10.
         found = abs(places(branch, label) - float(curve.tuning[-1])).min()
         assert found < 1e-8
     with pytest.raises(ValueError, match="labelled fold"):
         locus(MATERIAL, up, 0, "damping", to=0.03)
+
+
+@pytest.mark.parametrize("label", [FOLD, DOUBLING])
+def test_slopes_of_folds_and_doublings(up, label):
+    names = "tuning", "backlash_damping"
+    pair, _ = with_parameter(MATERIAL, 1.0, "backlash_damping", 0.02)
+    shooting = Shooting(pair, 1.0, 1, names, (0.1, 0.5), 10_000)
+    problem = loci._Extended(shooting, label, None)
+    for point in (3, len(up.tuning) // 2):
+        y = shooting.unknowns(up.state.values[point], [float(up.tuning[point]), 0.02])
+        found, expected = problem.slopes(y), problem._differences(y)
+        # Rounding over the step of the differences, 1e-6.
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-8 * abs(expected).max())
 
 
 def test_where_no_single_curve_goes_on():

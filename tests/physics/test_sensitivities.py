@@ -41,6 +41,7 @@ PARTS = ("multiplier_real", "multiplier_imaginary")
 #: are of order one in ratios, have no digits of their own.
 SHARE, LEAST = 1e-10, 1e-3
 DAMPED = PAPER.replace(material_damping=3953.7, backlash_damping=500.0)
+MATERIAL = PAPER.replace(material_damping=3953.7)
 #: Not the paper's: it strikes both flanks at 0.88 and, unstable, at 0.851.
 OTHER = GearPair.from_ratios(
     contact_ratio=1.3, stiffness_ratio=0.7, damping=0.03, backlash_damping=0.01, backlash=0.8
@@ -274,20 +275,26 @@ def test_orbits_and_multipliers_against_50_digits(pair, tuning, guess):
         assert (np.abs(row - reference) <= SHARE * size).all(), (j, row - reference, reference)
 
 
-def test_folds_against_50_digits():
-    branch = continue_orbit(periodic_orbit(OTHER, 0.8), to=0.93)
-    folds = np.flatnonzero(branch.label == FOLD)[:2]
-    assert branch.contacts.values[folds].tolist() == ["NB", "NBIB"]
-    own = tuple(getattr(OTHER, name) for name in GearPair.RATIOS)
+@pytest.mark.parametrize(
+    ("pair", "start", "to", "contacts"),
+    [(OTHER, 0.8, 0.93, ["NB", "NBIB"]), (MATERIAL, 0.79, 0.83, ["NB"])],
+)
+def test_folds_against_50_digits(pair, start, to, contacts):
+    branch = continue_orbit(periodic_orbit(pair, start), to=to)
+    folds = np.flatnonzero(branch.label == FOLD)[: len(contacts)]
+    assert branch.contacts.values[folds].tolist() == contacts
+    own = tuple(getattr(pair, name) for name in GearPair.RATIOS)
     for point in folds:
-        found = fold_sensitivities(OTHER, branch, int(point), (*RATIOS[:2], *OWN))
+        found = fold_sensitivities(pair, branch, int(point), (*RATIOS[:2], *OWN))
         found = found.assign({f"d_tuning_d_{name}": 0.0 for name in ("tuning", *START)})
         guess = (*branch.state.values[point], float(branch.tuning[point]))
         start = tuple(round(float(value), 6) for value in guess)
         (reference,) = REFERENCES.rows(exact.of_fold, own, 1, start)
-        row = np.array(by_ratios(OTHER, found, "tuning")[:5])
-        # A fold is located to the root of rounding along the branch, its tuning to rounding.
-        assert np.abs(row - np.array(reference, float)).max() <= 1e-9
+        row, reference = np.array(by_ratios(pair, found, "tuning")[:5]), np.array(reference, float)
+        # A fold is a simple zero of det(M - I) along the branch, which locates it to rounding over
+        # the rate of that: of 31 folds of random pairs and the paper's the worst was off by 3e-12.
+        size = np.maximum(np.abs(reference), LEAST * np.abs(reference).max())
+        assert (np.abs(row - reference) <= SHARE * size).all(), (row - reference, reference)
 
 
 def test_special_orbits_say_so():

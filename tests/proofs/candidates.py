@@ -1,4 +1,4 @@
-"""Random gear pairs with an orbit each, and candidates that are wrong."""
+"""Random gear pairs with an orbit each, what a candidate says, and candidates that are wrong."""
 
 from dataclasses import replace
 
@@ -6,6 +6,7 @@ import numpy as np
 
 import gearlib
 from gearlib.analysis.orbits.shooting import NoOrbit
+from gearlib.kernels import orbit as columns
 
 
 def random_orbit(seed):
@@ -46,6 +47,16 @@ def _shortest(orbit):
             if np.abs(found.state - orbit.state).max() < 1e-9:
                 return found
     return orbit
+
+
+def extrema_apart(found, orbit):
+    """Return how far the extrema of a certificate lie from those of its candidate, a run."""
+    propagator = orbit.pair.propagator(orbit.tuning)
+    _, summary, _ = propagator.record(orbit.state, orbit.period, 10_000)
+    return max(
+        abs(float(found.displacement_min) - summary[columns.X_MIN]),
+        abs(float(found.displacement_max) - summary[columns.X_MAX]),
+    )
 
 
 def never_right(orbit, rng):

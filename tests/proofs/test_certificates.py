@@ -18,7 +18,7 @@ import gearlib
 from gearlib.analysis.proofs.orbits import REACH
 from tests.paper import PAPER
 from tests.physics.high_precision import propagate
-from tests.proofs.candidates import mostly_wrong, never_right, random_orbit
+from tests.proofs.candidates import extrema_apart, mostly_wrong, never_right, random_orbit
 from tests.proofs.checker import faults
 
 COUNT = int(os.environ.get("GEARLIB_CERTIFICATES", "40"))
@@ -71,6 +71,7 @@ def test_an_orbit_is_proven_and_a_second_program_agrees(case):
     assert stability in (found.stability, None)
     # The candidate's residual is 1e-12; no case is near a fold.
     assert abs(float(found.displacement) - orbit.state[0]) < 1e-9
+    assert extrema_apart(found, orbit) < 1e-9
     for one, (real, imaginary) in zip(orbit.multipliers, found.multipliers, strict=True):
         assert min(abs(one - float(real) - s * 1j * float(imaginary)) for s in (1, -1)) < 1e-7
 
@@ -97,6 +98,7 @@ def test_constant_stiffness_rests_at_the_static_deflection():
     found = gearlib.certify(orbit, digits=40)
     # Exact numbers in binary: x = 1, trace and determinant in closed form.
     assert 1 in found.displacement and 0 in found.velocity
+    assert 1 in found.displacement_min and 1 in found.displacement_max
     with mpmath.workdps(60):
         decay = mpmath.exp(-mpmath.pi)
         trace = 2 * decay * mpmath.cos(4 * mpmath.pi * mpmath.sqrt(mpmath.mpf(15) / 16))
@@ -107,7 +109,14 @@ def test_constant_stiffness_rests_at_the_static_deflection():
 @pytest.mark.parametrize("digits", [10, 80])
 def test_as_many_digits_as_asked_for(digits):
     found = gearlib.certify(bouncing(), digits=digits)
-    for enclosure in (found.displacement, found.velocity, found.trace, found.determinant):
+    extremes = found.displacement_min, found.displacement_max
+    for enclosure in (
+        found.displacement,
+        found.velocity,
+        found.trace,
+        found.determinant,
+        *extremes,
+    ):
         assert enclosure.high - enclosure.low <= 2 * Fraction(10) ** -digits
     assert f"{found.displacement}".startswith("0.0") or "-0.0" in f"{found.displacement}"
 
@@ -176,7 +185,10 @@ def test_an_orbit_that_touches_is_refused():
     assert not gearlib.certify(replace(touching, pair=tilted))
 
 
-@pytest.mark.parametrize("name", ["phase", "displacement", "pattern", "stability", "radius"])
+@pytest.mark.parametrize(
+    "name",
+    ["phase", "displacement", "pattern", "stability", "radius", "multipliers", "displacement_max"],
+)
 def test_the_second_program_sees_what_is_wrong(name):
     claim = gearlib.certify(bouncing()).as_dict()
     if name == "phase":
@@ -188,9 +200,23 @@ def test_the_second_program_sees_what_is_wrong(name):
         claim["events"], claim["pattern"] = [], [0]
     elif name == "stability":
         claim["stability"] = "unstable"
+    elif name == "multipliers":
+        # Another pair with the same trace, within the unit circle too.
+        for _, imaginary in claim["multipliers"]:
+            imaginary[:] = [end.replace("29", "30", 1) for end in imaginary]
+        assert faults(claim) == ["stability"]
+    elif name == "displacement_max":
+        claim[name] = [end[:-4] + "1234" for end in claim[name]]
+        assert faults(claim) == ["extrema"]
     else:
         claim["radius"] *= 100.0
     assert faults(claim) != []
+
+
+def test_the_second_program_sees_an_orbit_that_repeats_earlier():
+    claim = gearlib.certify(gearlib.periodic_orbit(MATERIAL, 0.7)).as_dict()
+    assert faults(claim) == []
+    assert "period" in faults(claim | {"period": 2})
 
 
 def test_without_flint_the_message_says_what_to_install(monkeypatch):

@@ -10,6 +10,7 @@ from scipy.integrate import solve_ivp
 
 import gearlib
 from tests.paper import PAPER
+from tests.proofs.candidates import extrema_apart
 
 MATERIAL = PAPER.replace(material_damping=3953.7)
 FORCED = gearlib.OneDegreePair(
@@ -87,6 +88,7 @@ def test_a_proven_orbit_solves_the_differential_equation(model, tuning):
             contact = event.after
     # The solver's tolerance and a billionth of each arc.
     assert np.abs(state - orbit.state).max() < 1e-7
+    assert extrema_apart(found, orbit) < 1e-9
     assert json.dumps(found.as_dict())
 
 

@@ -44,7 +44,11 @@ def test_a_special_point_is_proven_and_a_second_program_agrees(label, count):
     for pair, found, point in given:
         proven = prove(pair, found, point)
         assert proven and proven.kind == label, proven
-        assert faults(json.loads(json.dumps(proven.as_dict()))) == []
+        claim = json.loads(json.dumps(proven.as_dict()))
+        assert faults(claim) == []
+        low, high = proven.interval
+        assert faults(claim | {"interval": [2 * low - high, high]}, 1e-3) == ["uniqueness"]
+        assert faults(claim | {"radius": 0.3}) == ["uniqueness"]
         # Located on the branch to half of the digits at least.
         assert abs(float(proven.tuning) - float(found.tuning[point])) < 1e-8
         assert proven.interval[0] < float(proven.tuning) < proven.interval[1]
@@ -106,6 +110,8 @@ def test_edges_of_tongues_in_closed_form():
             assert abs(trace(PAPER, middle)) > 2
             claim = json.loads(json.dumps(one.as_dict()))
             assert tongue_faults(claim) == []
+            wide = claim | {"stop_interval": [claim["start_interval"][0] - 0.5, 1.5]}
+            assert "uniqueness" in tongue_faults(wide)
             # The edge of another tongue, and an edge a little off.
             assert "growth" in tongue_faults(claim | {"stop": ["1.4", "1.4"], "multiplier": 1})
             assert tongue_faults(

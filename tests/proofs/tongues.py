@@ -2,7 +2,8 @@
 
 from mpmath import iv
 
-from tests.proofs.checker import Dual, Mesh
+from tests.proofs.duals import Dual
+from tests.proofs.meshes import Mesh
 
 
 def _excess(mesh, sign, nu):
@@ -17,14 +18,21 @@ def _excess(mesh, sign, nu):
     return (1 - a * sign) * (1 - d * sign) - b * c
 
 
-def tongue_faults(claim):
-    """Return what is not confirmed of a tongue: a zero at each edge, growth between them."""
+def tongue_faults(claim, share=0.25):
+    """Return what is not confirmed of a tongue: a zero at each edge, growth between them.
+
+    That there is no other edge near is confirmed in a share of the intervals only.
+    """
     mesh, sign = Mesh(claim["pair"]), claim["multiplier"]
     lower, upper = [iv.mpf(claim[edge]) for edge in ("start", "stop")]
     ends = [_excess(mesh, sign, Dual(iv.mpf(end))) for end in (lower.a, lower.b, upper.a, upper.b)]
     found = []
     if not (ends[0] > 0 and ends[1] < 0 and ends[2] < 0 and ends[3] > 0):
         found.append("edges")
+    for edge, interval in ((lower, "start_interval"), (upper, "stop_interval")):
+        near = iv.mpf(edge.mid) + (iv.mpf(claim[interval]) - edge.mid) * share
+        if 0 in _excess(mesh, sign, Dual(near, [iv.mpf(1)])).slopes[0]:
+            found.append("uniqueness")
     todo = [iv.mpf([lower.b, upper.a])]
     for _ in range(4000):
         if not todo:

@@ -21,6 +21,8 @@ from gearlib.studies.claims.explanations import GRAZING, Facts
 from gearlib.studies.trains import one_mesh
 from tests.paper import PAPER
 from tests.proofs.checker import faults
+from tests.proofs.motions import motion_faults
+from tests.proofs.ranges import range_faults
 from tests.proofs.tongues import tongue_faults
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -201,8 +203,8 @@ def test_what_is_proven_follows_from_certificates(paper):
     assert "k1m at 0.80, 0.81, 0.82; k1m at 0.60, 0.78: both" in said["P10"]
     assert "at 0.66 it is unstable" in said["P10"]
     assert (
-        "tends to the small ones at 0.815 (near after 17 mesh periods) and to the small"
-        in said["P11"]
+        "tends to the small ones at 0.815 (lowest x of the small ones -0.127, of the large -1.985; "
+        "near after 17 mesh periods) and to the small" in said["P11"]
     )
     # An orbit that is refused leaves no trace in the words.
     fewer = [row for row in paper[-1] if row["claim"] != "motion"]
@@ -214,7 +216,15 @@ def test_a_second_program_confirms_what_the_words_rest_on(paper, tmp_path):
     certificates.write_json(paper[-1], tmp_path / "certificates.json")
     rows = certificates.read_json(tmp_path / "certificates.json")
     assert rows == json.loads(json.dumps(paper[-1]))
-    # Of motions the orbit; where they tend to it is a matter of `tests/proofs/test_points.py`.
+    motions = [row for row in rows if row["claim"] == "motion" and row["damping"] == "k1"]
+    # That of P11, with bounces, and one of P7, without.
+    for at in (0.815, 1.14):
+        assert [motion_faults(row) for row in motions if row["tuning"] == at.hex()] == [[]]
+    for row in rows:
+        if row["claim"] == "range":
+            pieces = row["pieces"][-2:]
+            assert range_faults(row | {"start": pieces[0]["start"], "pieces": pieces}) == []
+    # Of all motions the orbit.
     rows = [row | {"claim": "orbit"} if row["claim"] == "motion" else row for row in rows]
     checked = [row for row in rows if row["claim"] not in ("count", "refusal", "tongue", "range")]
     assert len(checked) > 100

@@ -9,7 +9,9 @@ period doubling   det(M + I) = 0
 grazing           a turning point lies on a flank line
 ================  =============================================================
 
-The derivatives of the defining function are central differences; its value is exact.
+Of folds and doublings with one degree of freedom, linear between events, its derivatives are exact.
+Elsewhere, and of grazings, they are central differences, which decide how fast Newton's method
+converges, not where to.
 """
 
 import numpy as np
@@ -23,7 +25,7 @@ from gearlib.analysis.orbits.continuation import restored
 from gearlib.analysis.orbits.parameters import check_parameter, known, value_of, with_parameter
 from gearlib.analysis.orbits.shooting import NoOrbit, multipliers_of
 from gearlib.analysis.orbits.tracing import Lost, advance, at_value, tangent
-from gearlib.data import provenance
+from gearlib.data import provenance, status
 from gearlib.data.variables import describe
 from gearlib.runs.run_arguments import MAX_EVENTS
 
@@ -39,6 +41,7 @@ class _Extended:
 
     def __init__(self, shooting, label, touch):
         self.shooting, self.label, self.touch = shooting, label, touch
+        self._sign = -1.0 if label == special.FOLD else 1.0
 
     def defining(self, y):
         """Return the defining function at scaled unknowns."""
@@ -47,8 +50,44 @@ class _Extended:
             pair, tuning, z = shooting.model(y)
             rest = shooting.period, shooting.max_events
             return touching.distance(pair, tuning, z, *rest, *self.touch)[0]
-        sign = -1.0 if self.label == special.FOLD else 1.0
-        return np.prod(multipliers_of(shooting.evaluate(y).matrix) + sign).real
+        return np.prod(multipliers_of(shooting.evaluate(y).matrix) + self._sign).real
+
+    def slopes(self, y):
+        """Return its derivatives by the scaled unknowns."""
+        shooting = self.shooting
+        pair, tuning, z = shooting.model(y)
+        propagator = shooting.propagator(pair, tuning)
+        # With more coordinates the rates by all of them cost more than differences.
+        exact = self.label != special.GRAZING and z.size == 2 and propagator.map_rates
+        along = propagator.along_branch(pair, shooting.names) if exact else None
+        if along is None:
+            return self._differences(y)
+        # By the state, then by both parameters.
+        along = [propagator.nowhere, propagator.nowhere, *along]
+        tangents = np.hstack([np.eye(2), np.zeros((2, 2))])
+        rest = shooting.period, shooting.max_events
+        matrix, rates, code = propagator.map_rates(z, along, tangents, *rest)
+        if code != status.OK or not np.isfinite(rates).all():
+            raise Lost("the map has no derivative at a grazing")
+        (a, b), (c, d) = matrix + self._sign * np.eye(2)
+        return np.tensordot(rates, [[d, -c], [-b, a]]) * shooting.units
+
+    def _differences(self, y):
+        row = np.empty(y.size)
+        for column in range(y.size):
+            ends = []
+            for step in (-_DIFFERENCE, _DIFFERENCE):
+                moved = y.copy()
+                moved[column] += step
+                try:
+                    self.shooting.model(moved)
+                except ValueError:
+                    # On the rim of the parameter's range the difference is one-sided.
+                    moved = y
+                ends.append((moved[column], self.defining(moved)))
+            (low, first), (high, last) = ends
+            row[column] = (last - first) / (high - low)
+        return row
 
     def evaluate(self, y):
         """Return residuals and their derivatives at scaled unknowns."""
@@ -70,14 +109,7 @@ class _Condition:
         self.inner = inner
         try:
             value = problem.defining(y)
-            row = np.empty(y.size)
-            for column in range(y.size):
-                ends = []
-                for step in (-_DIFFERENCE, _DIFFERENCE):
-                    moved = y.copy()
-                    moved[column] += step
-                    ends.append(problem.defining(moved))
-                row[column] = (ends[1] - ends[0]) / (2.0 * _DIFFERENCE)
+            row = problem.slopes(y)
         except ValueError as error:
             raise Lost(str(error)) from None
         size = np.linalg.norm(row)

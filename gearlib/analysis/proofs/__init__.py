@@ -8,6 +8,7 @@ module            responsibility
 ``path``          an orbit as a system of equations, with all derivatives
 ``krawczyk``      zeros of systems of equations, proven
 ``signs``         that a motion touches no flank line between its contacts
+``extrema``       the smallest and the largest displacement of a motion
 ``certificates``  what a proof returns: a certificate or a refusal
 ``orbits``        `certify`: one orbit
 ``points``        `certify_fold`, `certify_grazing`, `certify_tongues`

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, fields
 
-from gearlib.analysis.proofs.balls import Enclosure
+from gearlib.analysis.proofs.balls import Enclosure, enclosure
 from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
 
 _WORDS = {NORMAL: "normal mesh", BACKLASH: "backlash", INVERSE: "inverse mesh"}
@@ -57,6 +57,8 @@ class Certificate:
     displacement: Enclosure  #: at tau = 0, in static deflections
     velocity: Enclosure  #: dx/dtau at tau = 0
     events: tuple  #: all contacts gained and lost, `ContactEvent` in their order
+    displacement_min: Enclosure  #: smallest displacement of the orbit, in static deflections
+    displacement_max: Enclosure
     radius: float  #: no other orbit with these contacts has state and phases this close
     moved: float  #: most that the state may lie away from the candidate, in static deflections
     trace: Enclosure  #: of the map of small deviations over the orbit
@@ -73,6 +75,8 @@ class Certificate:
             f"{self.tuning!r}, {self.stability}",
             f"  displacement  {self.displacement}",
             f"  velocity      {self.velocity}",
+            f"  smallest x    {self.displacement_min}",
+            f"  largest x     {self.displacement_max}",
             f"  contacts      {contacts}",
         ]
         lines += [f"    phase       {event.phase}" for event in self.events]
@@ -154,8 +158,12 @@ class MotionCertificate:
     orbit: Certificate
     initial_state: tuple  #: displacement and dx/dtau at tau = 0, exact floats
     periods: int  #: mesh periods after which the motion is in the trap
+    run_pattern: tuple  #: contact codes of the motion until then, in the order met
+    run: tuple  #: its contacts, `ContactEvent` in their order, phases from its start
+    arrival: tuple  #: its displacement and dx/dtau then, two `Enclosure`
     basis: tuple  #: V, a row after the other, exact floats: states (x, nu dx/dtau) = orbit + V y
     trap_radius: float  #: of y: all motions from there tend to the orbit
+    trap_phases: tuple  #: of the contacts of all motions from there over the orbit, `Enclosure`
     contraction: float  #: |y| falls by this factor or more in every period of the orbit
 
     def __repr__(self):
@@ -172,10 +180,24 @@ class MotionCertificate:
             "claim": "motion",
             "initial_state": [number(value) for value in self.initial_state],
             "periods": self.periods,
+            "run_pattern": plain(self.run_pattern),
+            "run": plain(self.run),
+            "arrival": plain(self.arrival),
             "basis": [number(value) for value in self.basis],
             "trap_radius": number(self.trap_radius),
+            "trap_phases": plain(self.trap_phases),
             "contraction": number(self.contraction),
         }
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A piece of a range of tunings: at each of them the box holds one such orbit."""
+
+    start: float
+    stop: float
+    centre: tuple  #: x, nu dx/dtau and the phases of contact, exact floats
+    radii: tuple  #: of the box about the centre, exact floats
 
 
 @dataclass(frozen=True)
@@ -189,7 +211,7 @@ class RangeCertificate:
     pattern: tuple  #: contact codes in the order met, from tau = 0
     stability: str  #: as of `Certificate`, the same in the whole range
     reason: str
-    pieces: int  #: into which the range was cut
+    pieces: tuple  #: of the range, `Piece`, ascending; where two meet the orbit is in both boxes
 
     def __repr__(self):
         contacts = ", ".join(_WORDS[code] for code in self.pattern)
@@ -204,7 +226,9 @@ class RangeCertificate:
     def as_dict(self):
         """Return all of it as plain values, exact floats as texts that say all their bits."""
         ends = {"start": number(self.start), "stop": number(self.stop)}
-        return as_claim("range", self) | ends
+        return (
+            as_claim("range", self) | ends | {"pieces": [numbers(vars(one)) for one in self.pieces]}
+        )
 
 
 def _complex(real, imaginary):
@@ -215,6 +239,14 @@ def as_claim(claim, certificate):
     """Return a certificate as a dict of plain values that names its claim."""
     values = {field.name: plain(getattr(certificate, field.name)) for field in fields(certificate)}
     return {"claim": claim} | values | {"pair": numbers(certificate.pair.as_dict())}
+
+
+def listed(contacts, digits):
+    """Return contacts as of `Path.contacts` as a tuple of `ContactEvent`."""
+    return tuple(
+        ContactEvent(enclosure(phase, digits), before, after, enclosure(velocity, digits))
+        for phase, before, after, velocity in contacts
+    )
 
 
 def plain(value):

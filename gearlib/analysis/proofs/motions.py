@@ -6,13 +6,14 @@ orbit's state that the period map contracts, so that all motions from the ellips
 """
 
 import math
+from functools import partial
 
 import numpy as np
 from scipy.linalg import solve_discrete_lyapunov
 
 from gearlib import checks
-from gearlib.analysis.proofs.balls import flint, precision
-from gearlib.analysis.proofs.certificates import MotionCertificate, Refusal
+from gearlib.analysis.proofs.balls import enclosure, flint, precision
+from gearlib.analysis.proofs.certificates import MotionCertificate, Refusal, listed
 from gearlib.analysis.proofs.orbits import Proof, certify, listed_contacts, run_contacts
 from gearlib.analysis.proofs.path import Path, Uncertain, product
 from gearlib.analysis.proofs.signs import CROSSING, OFF, TOUCHING, check_contacts
@@ -63,15 +64,30 @@ def certify_motion(orbit, initial_state=(0.0, 0.0), *, periods=2000):
         while True:
             with precision(bits):
                 trap = Trap(Proof(orbit, contact, events))
-                count = _arrival(trap, orbit, state, periods)
-            if count is not None:
-                break
+                run = _arrival(trap, orbit, state, periods)
+                if run is not None:
+                    return _certificate(found, state, trap, *run)
             bits *= 2
             if bits > _MOST_BITS:
                 raise Uncertain("precision", f"{_MOST_BITS} bits do not carry the motion so far")
     except Uncertain as reason:
         return Refusal(*reason.args)
-    return MotionCertificate(found, state, count, trap.basis, trap.radius, trap.rate)
+
+
+def _certificate(found, state, trap, count, arrival, pattern, run):
+    within = partial(enclosure, digits=found.digits)
+    return MotionCertificate(
+        found,
+        state,
+        count,
+        pattern,
+        listed(run, found.digits),
+        tuple(map(within, arrival)),
+        trap.basis,
+        trap.radius,
+        tuple(map(within, trap.phases)),
+        trap.rate,
+    )
 
 
 class Trap:
@@ -112,6 +128,8 @@ class Trap:
         x, w = self.centre[0] + a * y + b * y, self.centre[1] + c * y + d * y
         states = carry(proof.path, x, w, proof.scale, proof.centre[2:])
         check_contacts(proof.path, (x, w), states)
+        #: Of the contacts of all motions from there.
+        self.phases = [p for p, *_ in proof.path.contacts(states, proof.scale)]
         matrix, _ = proof.path.monodromy([t for *_, t in states])
         p, q, r, s = product(self.inverse, product(matrix, self.basis))
         # The larger eigenvalue of the square.
@@ -175,13 +193,18 @@ def _crossing(law, x, w, phase, line, t):
 
 
 def _arrival(trap, orbit, state, periods):
-    """Return after how many mesh periods the motion is in the trap; None: the precision is lost."""
+    """Follow the motion into the trap.
+
+    Returns (mesh periods, displacement and dx/dtau there, contact codes in the order met, contacts
+    as of `Path.contacts`, phases from the start); None: the precision is lost.
+    """
     arb, laws = flint().arb, trap.laws
-    scale = 1 / arb(orbit.tuning)
+    scale, turn = 1 / arb(orbit.tuning), 2 * arb.pi()
     x, w = arb(state[0]), arb(state[1]) * orbit.tuning
+    begin, run = (), []
     for count in range(periods + 1):
         if count % orbit.period == 0 and trap.holds(x, w):
-            return count
+            return count, (x, w * scale), (*begin, *(after for _, _, after, _ in run)), run
         if x.rad() > _LOST or w.rad() > _LOST:
             return None
         first, contact = _start(laws, x, w)
@@ -192,6 +215,8 @@ def _arrival(trap, orbit, state, periods):
         path = Path(laws, contact, events, 1)
         states = carry(path, x, w, scale, path.guess)
         check_contacts(path, (x, w), states, first)
+        begin = begin or (contact,)
+        run += [(p + count * turn, *rest) for p, *rest in path.contacts(states, scale)]
         x, w, _, _ = states[-1]
     raise Uncertain("arrival", f"after {periods} mesh periods the motion is not in the trap")
 

@@ -6,10 +6,11 @@ from functools import partial
 from gearlib import checks
 from gearlib.analysis.orbits.shooting import Orbit
 from gearlib.analysis.proofs.balls import digits_of, enclosure, flint, precision
-from gearlib.analysis.proofs.certificates import Certificate, ContactEvent, Refusal
+from gearlib.analysis.proofs.certificates import Certificate, Refusal, listed
+from gearlib.analysis.proofs.extrema import extrema
 from gearlib.analysis.proofs.krawczyk import enclose, polish, uniqueness
 from gearlib.analysis.proofs.laws import Laws
-from gearlib.analysis.proofs.path import CONTACT, Path, Uncertain
+from gearlib.analysis.proofs.path import Path, Uncertain
 from gearlib.analysis.proofs.signs import check_contacts
 from gearlib.kernels import orbit as columns
 from gearlib.models.model import is_model
@@ -42,10 +43,10 @@ def certify(orbit, digits=30):
     Returns
     -------
     Certificate or Refusal
-        A certificate has displacement, velocity and events with their enclosures (exact decimals),
-        radius, within which there is no other such orbit, trace, determinant and multipliers,
-        stability with its reason; `as_dict` for a file. A refusal is false where a truth value is
-        asked for; its status and message name the step that failed.
+        A certificate has displacement, velocity, events and the extrema of the displacement with
+        their enclosures (exact decimals), radius, within which there is no other such orbit, trace,
+        determinant and multipliers, stability with its reason; `as_dict` for a file. A refusal is
+        false where a truth value is asked for; its status and message name the step that failed.
 
     Raises
     ------
@@ -213,13 +214,11 @@ class Proof:
         trace = flint().arb(matrix[0] + matrix[3])
         multipliers = eigenvalues(trace, determinant)
         stability, reason = judge(trace, determinant)
-        contacts = [
-            (phase, node.before, node.after, w * rate)
-            for node, (_, w, phase, _) in zip(self.path.nodes, self.states, strict=True)
-            if node.kind == CONTACT
-        ]
+        contacts = self.path.contacts(self.states, rate)
         x, v = self.box[0], self.box[1] * rate
-        numbers = [x, v, trace, determinant, *(part for one in multipliers for part in one)]
+        least, most = extrema(self.path, self.box[:2], self.states)
+        numbers = [x, v, least, most, trace, determinant]
+        numbers += [part for one in multipliers for part in one]
         numbers += [value for phase, _, _, speed in contacts for value in (phase, speed)]
         within = partial(enclosure, digits=digits)
         found = Certificate(
@@ -229,7 +228,9 @@ class Proof:
             (self.path.contact, *(after for _, _, after, _ in contacts)),
             within(x),
             within(v),
-            tuple(ContactEvent(within(p), a, b, within(s)) for p, a, b, s in contacts),
+            listed(contacts, digits),
+            within(least),
+            within(most),
             self.radius,
             float(self.moved),
             within(trace),

@@ -167,6 +167,14 @@ class Path:
             last = phase
         return found
 
+    def contacts(self, states, scale):
+        """Return [(phase, code before, code after, dx/dtau)] of the contacts, from `states`."""
+        return [
+            (phase, node.before, node.after, w * scale)
+            for node, (_, w, phase, _) in zip(self.nodes, states, strict=True)
+            if node.kind == CONTACT
+        ]
+
     def monodromy(self, times):
         """Return (map of small deviations over the whole path, its determinant).
 

@@ -22,10 +22,10 @@ from gearlib.analysis.orbits.continuation import restored
 from gearlib.analysis.orbits.touching import lines, turning_points
 from gearlib.analysis.proofs import krawczyk
 from gearlib.analysis.proofs.balls import digits_of, enclosure, flint
-from gearlib.analysis.proofs.certificates import ContactEvent, PointCertificate, Refusal, Tongue
+from gearlib.analysis.proofs.certificates import PointCertificate, Refusal, Tongue, listed
 from gearlib.analysis.proofs.laws import Laws
 from gearlib.analysis.proofs.orbits import check_pair, first_with, run_contacts
-from gearlib.analysis.proofs.path import CONTACT, TOUCH, Path, Uncertain
+from gearlib.analysis.proofs.path import TOUCH, Path, Uncertain
 from gearlib.analysis.proofs.signs import check_contacts
 from gearlib.kernels import orbit as columns
 from gearlib.kernels.codes import NORMAL
@@ -201,13 +201,10 @@ def _point(pair, given, label, digits):
     states = path.states(x, w, phases, scale)
     check_contacts(path, (x, w), states)
     radius = krawczyk.uniqueness(system, centre, inverse, _SINGULAR)
-    nodes = list(zip(path.nodes, states, strict=True))
-    touches = [p for node, (_, _, p, _) in nodes if node.kind == TOUCH]
-    contacts = [
-        (p, node.before, node.after, w_at * scale)
-        for node, (_, w_at, p, _) in nodes
-        if node.kind == CONTACT
+    touches = [
+        p for node, (_, _, p, _) in zip(path.nodes, states, strict=True) if node.kind == TOUCH
     ]
+    contacts = path.contacts(states, scale)
     found = PointCertificate(
         special.LABELS[label],
         pair,
@@ -217,10 +214,7 @@ def _point(pair, given, label, digits):
         _interval(centre[-1], radius),
         enclosure(x, digits),
         enclosure(w * scale, digits),
-        tuple(
-            ContactEvent(enclosure(p, digits), a, b, enclosure(v, digits))
-            for p, a, b, v in contacts
-        ),
+        listed(contacts, digits),
         enclosure(touches[0], digits) if touches else None,
         "pi" if start else "0",
         radius,

@@ -12,7 +12,7 @@ from gearlib import checks
 from gearlib.analysis.orbits.shooting import Orbit
 from gearlib.analysis.proofs import krawczyk
 from gearlib.analysis.proofs.balls import flint, precision
-from gearlib.analysis.proofs.certificates import RangeCertificate, Refusal
+from gearlib.analysis.proofs.certificates import Piece, RangeCertificate, Refusal
 from gearlib.analysis.proofs.orbits import (
     FOLD,
     UNCERTAIN_STABILITY,
@@ -26,6 +26,10 @@ from gearlib.analysis.proofs.signs import check_contacts
 from gearlib.runs.run_arguments import check_tuning
 
 _BITS = 128
+#: Least radius of a box: far above the rounding of its centre to a float.
+_LEAST = 1e-12
+#: Share of a box in which the test has to end: a second program's enclosures are wider.
+_ROOM = 0.8
 #: First piece and shortest piece, as shares of the range; how pieces grow; most pieces.
 _FIRST, _SHORTEST, _GROWTH, _PIECES = 1.0 / 32.0, 1e-9, 1.6, 100_000
 
@@ -82,25 +86,26 @@ class _Range:
     def upto(self, to):
         """Return the certificate of the range from the orbit to a tuning."""
         arb, start = flint().arb, self.orbit.tuning
-        at, step, count = start, _FIRST * (to - start), 0
+        at, step = start, _FIRST * (to - start)
         verdict: Any = None
+        pieces: list = []
         while at != to:
             end = at + step
             if (end - to) * (to - start) >= 0.0:
                 end = to
             scale = (1 / arb(at)).union(1 / arb(end))
             try:
-                found = self._piece(scale, 1 / arb(end), verdict)
+                verdict, self.here, box = self._piece(scale, 1 / arb(end), verdict)
             except Uncertain as failed:
                 step *= 0.5
-                if abs(step) < _SHORTEST * abs(to - start) or count == _PIECES:
+                if abs(step) < _SHORTEST * abs(to - start) or len(pieces) == _PIECES:
                     status, message = failed.args
                     raise Uncertain(
                         status, f"from nu = {start!r} to {at:.9g} it is proven, there: {message}"
                     ) from None
                 continue
-            verdict, self.here = found
-            at, step, count = end, _GROWTH * step, count + 1
+            pieces.append(Piece(min(at, end), max(at, end), *box))
+            at, step = end, _GROWTH * step
         pattern = (
             self.path.contact,
             *(node.after for node in self.path.nodes if node.after != node.before),
@@ -114,21 +119,22 @@ class _Range:
             pattern,
             stability,
             reason,
-            count,
+            tuple(sorted(pieces, key=lambda piece: piece.start)),
         )
 
     def _piece(self, scale, end, verdict):
-        """Return (stability and reason, enclosure at the end) of a piece."""
+        """Return (stability and reason, enclosure at the end, box as of `Piece`) of a piece."""
         system = self.system(scale)
         centre, inverse = krawczyk.polish(self.system(scale.mid()), self.here, FOLD)
+        # As exact floating-point numbers, for a second program.
+        middles = [float(value) for value in centre]
+        centre = [flint().arb(value) for value in middles]
         residuals, _ = system(centre)
-        steps = [abs(step) for step in krawczyk.times(inverse, residuals)]
-        largest = max(step.upper() for step in steps)
+        steps = [float(abs(step).upper()) for step in krawczyk.times(inverse, residuals)]
         # Wider than the enclosures at both ends, where nothing depends on the tuning too.
-        least = flint().arb(2) ** (-_BITS // 2)
-        radii = [(2 * step + largest + least).upper() for step in steps]
+        radii = [2.0 * step + max(steps) + _LEAST for step in steps]
         shift = krawczyk.image(system, centre, radii, inverse, residuals)
-        if not krawczyk.inside(shift, radii):
+        if not krawczyk.inside(shift, [_ROOM * radius for radius in radii]):
             raise Uncertain(*FOLD)
         box = [m + s for m, s in zip(centre, shift, strict=True)]
         x, w, *phases = box
@@ -147,4 +153,4 @@ class _Range:
                 a.contains_interior(b) for a, b in zip(wide, one, strict=True)
             ):
                 raise Uncertain(*FOLD)
-        return now, there
+        return now, there, (tuple(middles), tuple(radii))

@@ -1,6 +1,7 @@
 """What all propagators offer: runs, their record, maps of small deviations, many states at once."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -46,6 +47,9 @@ class Base:
 
     def __init__(self, model, tuning):
         self.model = model
+
+    #: The direction along which nothing changes.
+    nowhere: Any = {}
 
     @staticmethod
     def directions(model, names):

@@ -51,6 +51,7 @@ class Propagator(Base):
     """A `GearPair` at one tuning."""
 
     chunk = 2048
+    nowhere = np.zeros(len(_DIRECTIONS))
 
     def __init__(self, model, tuning):
         super().__init__(model, tuning)

@@ -4,6 +4,8 @@ A sentence says no more than its certificates, see `docs/theory/proofs.md`: thei
 narrower than the digits printed here. Empty where nothing is proven.
 """
 
+from decimal import Decimal
+
 from gearlib.studies.certificates import ABOVE, TWO
 from gearlib.studies.claims.data import NoData
 
@@ -133,17 +135,31 @@ def _two(proven):
     for nu in TWO:
         reached = proven.of(name, "motion", nu)
         stable = [row for row in proven.of(name, "orbit", nu) if row["stability"] == "stable"]
-        if not reached or len(stable) < 2:
+        deep = sorted(stable, key=_lowest)
+        if not reached or len(deep) != 2 or _meet(*deep):
             return ""
-        small = max(row["lowest"] for row in stable)
-        which = "small" if abs(reached[0]["lowest"] - small) < 1e-6 else "large"
+        met = [_meet(row, reached[0]) for row in deep]
+        if met not in ([True, False], [False, True]):
+            return ""
+        which, (large, small) = "large" if met[0] else "small", map(_lowest, deep)
         words.append(
-            f"the {which} ones at {nu:g} (near after {reached[0]['periods']} mesh periods)"
+            f"the {which} ones at {nu:g} (lowest x of the small ones {small:.4g}, of the large "
+            f"{large:.4g}; near after {reached[0]['periods']} mesh periods)"
         )
     return (
         f"{name}: at both tunings a stable orbit with small bounces and one with large ones exist; "
         f"the motion from rest tends to {' and to '.join(words)}"
     )
+
+
+def _lowest(row):
+    return float(row["displacement_min"][0])
+
+
+def _meet(row, other):
+    """Return whether the enclosures of the smallest displacement of two orbits meet."""
+    (low, high), (first, last) = (map(Decimal, one["displacement_min"]) for one in (row, other))
+    return low <= last and first <= high
 
 
 #: id of the statement -> sentence from the certificates.

@@ -116,10 +116,10 @@ GENERIC = {
 }
 
 #: Methods whose runs end early when they have provably settled: only the run is timed whose error
-#: A run that takes this long, seconds, is timed once: interruptions change little.
-_SLOW = 0.1
 #: is known, which has not settled.
 _EARLY = ("exact",)
+# Runs that take this long, seconds, are not repeated: interruptions change little.
+_SLOW = 0.1
 # Span of the timed runs without their starts, seconds: far above the clock's resolution.
 _SPAN = 2e-3
 _LONGEST, _MOST = 2**18, 2**11  #: periods of a run, and runs timed together
@@ -349,9 +349,16 @@ def seconds_per_period(call, short, longest, repeats):
     call(short)
     base = once(short)
     if base > _SLOW:
-        return (once(long) - base) / (long - short)
+        whole = once(long)
+        if whole - base < 0.5 * base:
+            # Solvers that compile at each start take as long for it as for thousands of periods.
+            while whole - base < 0.5 * base and long < longest:
+                long = min(8 * long, longest)
+                whole = once(long)
+            whole, base = least(3)
+        return (whole - base) / (long - short)
     # The least of three: an interruption must not pass for a long run.
-    whole, base = least(1 if once(short) > _SPAN else 3)
+    whole, base = least(1 if base > _SPAN else 3)
     # Starts of trains, with all their tables, take as long as hundreds of their periods.
     while whole - base < max(_SPAN, 0.5 * base) and count < _MOST:
         if long < longest:

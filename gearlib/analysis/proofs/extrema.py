@@ -1,0 +1,75 @@
+"""The smallest and the largest displacement of a proven motion, enclosed.
+
+They are taken at the ends of arcs or where the velocity is zero. Each arc is cut up until on a
+piece the velocity has one sign; or the acceleration has, so that there is one zero of the velocity
+at most, which Newton's method for intervals encloses; or the displacement is as good as constant.
+"""
+
+from gearlib.analysis.proofs.balls import flint
+
+#: Shortest piece, as a share of its arc; most corrections of a zero.
+_SHORTEST, _CORRECTIONS = 2**-48, 40
+
+
+def extrema(path, start, states):
+    """Return balls of the smallest and of the largest displacement of a motion.
+
+    Parameters
+    ----------
+    path : Path
+    start : tuple of arb
+        (x, w) at the start.
+    states : list
+        Of `Path.states`.
+    """
+    (x, w), last = start, path.start
+    # Every one of these balls holds a displacement of the motion, and none is more extreme.
+    found = [x]
+    for node, (x_end, w_end, phase, t) in zip(path.nodes, states, strict=True):
+        found += [x_end, *_turns(node.law, x, w, x_end, t, last)]
+        x, w, last = x_end, w_end, phase
+    return _least(found), -_least([-y for y in found])
+
+
+def _least(balls):
+    return min(y.lower() for y in balls).union(min(y.upper() for y in balls))
+
+
+def _turns(law, x, w, x_end, t, phase):
+    """Yield balls that hold the displacement at all zeros of the velocity along an arc."""
+    arb = flint().arb
+    tiny = arb(2) ** (32 - flint().ctx.prec)
+    todo = [(0.0, 1.0)]
+    while todo:
+        low, length = todo.pop()
+        around = t * arb(low + 0.5 * length, 0.5 * length)
+        y, v, _ = law.go(x, w, around, phase)
+        if v > 0 or v < 0:
+            continue
+        bend = law.acceleration(y, v, phase, around)
+        if bend > 0 or bend < 0:
+            around = _zero(law, x, w, around, phase)
+            if around is None:
+                continue
+            y, _, _ = law.go(x, w, around, phase)
+        elif y.rad() > tiny and length > _SHORTEST:
+            todo += [(low, 0.5 * length), (low + 0.5 * length, 0.5 * length)]
+            continue
+        # A ball that reaches beyond the arc need not hold a displacement of it.
+        y = y if around > 0 else y.union(x)
+        yield y if around < t else y.union(x_end)
+
+
+def _zero(law, x, w, around, phase):
+    """Return the ball of times within which the velocity may be zero; None: it is not."""
+    for _ in range(_CORRECTIONS):
+        y, v, _ = law.go(x, w, around, phase)
+        middle = around.mid()
+        newton = middle - law.go(x, w, middle, phase)[1] / law.acceleration(y, v, phase, around)
+        if not newton.overlaps(around):
+            return None
+        narrower = newton.intersection(around)
+        if not narrower.rad() < 0.5 * around.rad():
+            return narrower
+        around = narrower
+    return around

@@ -1,0 +1,154 @@
+"""The second program on motions and ranges: it confirms what is right and refuses what is not."""
+
+import json
+import math
+from decimal import Decimal
+from functools import cache
+
+import pytest
+
+import gearlib
+from gearlib.analysis.proofs.certificates import number
+from tests.paper import PAPER
+from tests.proofs.motions import motion_faults
+from tests.proofs.ranges import range_faults
+
+MATERIAL = PAPER.replace(material_damping=3953.7)
+DOUBLED = gearlib.GearPair.from_ratios(
+    contact_ratio=1.6, stiffness_ratio=0.6, damping=0.02, backlash=math.inf
+)
+
+
+def read(certificate):
+    """Return a certificate as a file has it, a copy of its own."""
+    assert certificate, certificate
+    return json.loads(json.dumps(certificate.as_dict()))
+
+
+@cache
+def motion():
+    """From near a bouncing orbit: few mesh periods."""
+    orbit = gearlib.periodic_orbit(MATERIAL, 0.9)
+    return gearlib.certify_motion(orbit, (float(orbit.state[0]) + 1e-3, float(orbit.state[1])))
+
+
+@pytest.mark.parametrize(
+    "pair, tuning, start",
+    [(MATERIAL, 0.7, (0.3, -1.0)), (MATERIAL, 1.0, (-5.0, 0.0))],
+)
+def test_motions_are_confirmed(pair, tuning, start):
+    found = gearlib.certify_motion(gearlib.periodic_orbit(pair, tuning), start)
+    assert motion_faults(read(found)) == []
+    assert len(found.run) + 1 == len(found.run_pattern) and found.run_pattern[0] in (1, 0, -1)
+
+
+def test_a_motion_with_few_bounces_is_confirmed():
+    assert motion_faults(read(motion())) == []
+
+
+def moved(interval, away):
+    return [str(Decimal(end) + Decimal(away)) for end in interval]
+
+
+def without_a_bounce(claim):
+    del claim["run"][2:4], claim["run_pattern"][2:4]
+
+
+def without_a_run(claim):
+    claim["periods"], claim["run"], claim["run_pattern"] = 0, [], []
+    claim["arrival"] = [[repr(float.fromhex(text))] * 2 for text in claim["initial_state"]]
+
+
+#: What is changed, and what the second program finds of it at least.
+MOTIONS = {
+    "a larger trap": (lambda c: c.update(trap_radius=(0.02).hex()), "trap"),
+    "another trap": (lambda c: c["basis"].reverse(), "trap"),
+    "contacts of the trap": (
+        lambda c: c.update(trap_phases=[moved(p, "0.01") for p in c["trap_phases"]]), "trap",
+    ),
+    "a trap that contracts more": (lambda c: c.update(contraction=(0.8).hex()), "trap"),
+    "a longer run": (lambda c: c.update(periods=c["periods"] + 1), "run"),
+    "a shorter run": (lambda c: c.update(periods=c["periods"] - 1), "run"),
+    "a bounce that is not listed": (without_a_bounce, "run"),
+    "no run": (without_a_run, "caught"),
+    "another start": (lambda c: c.update(initial_state=[(0.5).hex(), (-0.5).hex()]), "run"),
+    "another end": (
+        lambda c: c.update(arrival=[moved(c["arrival"][0], "1e-25"), c["arrival"][1]]), "arrival",
+    ),
+    "other multipliers": (lambda c: c.update(multipliers=c["multipliers"][:1] * 2), "stability"),
+    "an orbit that is not said to be stable": (lambda c: c.update(stability="undecided"), "trap"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", MOTIONS)
+def test_a_motion_that_is_changed_is_refused(name):
+    change, fault = MOTIONS[name]
+    claim = read(motion())
+    change(claim)
+    assert fault in motion_faults(claim)
+
+
+def part(claim, pieces):
+    """Return the claim of some of the pieces of a range."""
+    return claim | {"start": pieces[0]["start"], "stop": pieces[-1]["stop"], "pieces": pieces}
+
+
+@pytest.mark.parametrize(
+    "pair, start, to, stability, other",
+    [
+        (MATERIAL, 0.75, 0.755, "stable", "undecided"),
+        (PAPER, 0.7, 0.701, "undecided", "stable"),
+        (PAPER, 0.66, 0.6601, "unstable", "stable"),
+    ],
+)
+def test_ranges_are_confirmed(pair, start, to, stability, other):
+    orbit = gearlib.periodic_orbit(pair, start, guess=(0.5, 0.0))
+    claim = read(gearlib.certify_range(orbit, to=to))
+    assert claim["stability"] == stability
+    assert range_faults(claim) == []
+    assert range_faults(part(claim, claim["pieces"][:1]) | {"stability": other}) == ["pieces"]
+
+
+def changed(claim, at, **values):
+    """Return what is found of a claim with other values in one piece."""
+    pieces = [dict(piece) for piece in claim["pieces"]]
+    pieces[at] |= values
+    return range_faults(claim | {"pieces": pieces})
+
+
+def test_a_range_with_bounces_is_confirmed_and_one_that_is_changed_is_refused():
+    whole = read(gearlib.certify_range(gearlib.periodic_orbit(MATERIAL, 0.9), to=0.8999))
+    assert whole["pattern"] == [1, 0, 1]
+    pieces = whole["pieces"]
+    few = part(whole, pieces[:3])
+    assert range_faults(few) == []
+    assert "cuts" in range_faults(few | {"pieces": [pieces[0], pieces[2]]})
+    assert range_faults(few | {"stop": (0.91).hex()}) == ["cuts"]
+    assert range_faults(few | {"start": (0.89).hex()}) == ["cuts"]
+    backwards = pieces[0] | {"start": pieces[0]["stop"], "stop": pieces[0]["start"]}
+    assert range_faults(part(whole, [backwards])) == ["order"]
+    two = part(whole, pieces[:2])
+    # A box beside the orbit, one that is too wide, one that is too narrow.
+    beside = [number(float.fromhex(pieces[1]["centre"][0]) + 0.1), *pieces[1]["centre"][1:]]
+    assert "pieces" in changed(two, 1, centre=beside)
+    for share in (100.0, 1e-3):
+        radii = [number(share * float.fromhex(radius)) for radius in pieces[1]["radii"]]
+        assert "pieces" in changed(two, 1, radii=radii)
+    fewer = [piece | {name: piece[name][:2] for name in ("centre", "radii")} for piece in pieces]
+    assert "pieces" in range_faults(part(whole, fewer[:1]) | {"pattern": [1]})
+
+
+def test_pieces_of_two_branches_are_refused():
+    """An orbit of two mesh periods, and the same one looked at a mesh period later."""
+    orbit = gearlib.periodic_orbit(DOUBLED, 1.7, period=2, guess=(0.7, 0.9))
+    end, _, _ = DOUBLED.propagator(1.7).maps(orbit.state, 1, 10_000)
+    later = gearlib.periodic_orbit(DOUBLED, 1.7, period=2, guess=end)
+    below, above, other = [
+        read(gearlib.certify_range(one, to=to))
+        for one, to in ((orbit, 1.69999), (orbit, 1.70001), (later, 1.70001))
+    ]
+    assert below["pattern"] == other["pattern"]
+    joined = below["pieces"][-1:] + above["pieces"][:1]
+    assert range_faults(part(below, joined)) == []
+    joined = below["pieces"][-1:] + other["pieces"][:1]
+    assert range_faults(part(below, joined)) == ["branch"]
