@@ -84,7 +84,7 @@ def _listed(known):
     shown, seen = [], set()
     for name in known:
         field, _, element = name.partition(" of ")
-        key = field, element.split(" ")[0]
+        key = field, element.split(" ")[0] if field != "initial_state" else ""
         if not element or key not in seen and not element.endswith((", x", ", y")):
             shown.append(repr(name))
             seen.add(key)

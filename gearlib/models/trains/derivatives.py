@@ -76,17 +76,30 @@ def parameters(train):
     for kind, named in elements(train).items():
         for label, element in named.items():
             for name, (units, words) in FIELDS[kind].items():
-                values = getattr(element, name)
-                several = isinstance(values, tuple)
-                if values is None or (not several and math.isinf(values) and name != "backlash"):
+                axes = _elastic(element, name)
+                if axes is None:
                     continue
-                about = units, f"{words} of {kind} {label}"
-                found[f"{name} of {kind} {label}"] = about
-                for axis in "xy" if several else ():
-                    found[f"{name} of {kind} {label}, {axis}"] = about[0], f"{about[1]}, {axis}"
+                found[f"{name} of {kind} {label}"] = units, f"{words} of {kind} {label}"
+                for axis in axes:
+                    about = units, f"{words} of {kind} {label}, {axis}"
+                    found[f"{name} of {kind} {label}, {axis}"] = about
     for component in train.components:
         found[f"initial_state of {component}"] = "1", f"{component} at the start"
     return found
+
+
+def _elastic(element, name):
+    """Return the axes that a field has, none for most; None: what it is of is rigid or absent."""
+    if name == "mass":
+        return None if element.mass is None else ""
+    part, _, field = name.rpartition("_")
+    if part not in ("support", "torsional") or field not in ("stiffness", "damping"):
+        return ""
+    stiffness = getattr(element, f"{part}_stiffness")
+    if part == "torsional":
+        return None if math.isinf(stiffness) else ""
+    pairs = zip("xy", stiffness, strict=True)
+    return "".join(axis for axis, one in pairs if math.isfinite(one)) or None
 
 
 def direction(train, name):
