@@ -148,7 +148,7 @@ class Model:
 
     def disturbed(self, state, disturbance):
         """Return an initial state with so much added to the displacement."""
-        return state[0] + disturbance, state[1]
+        return state[0] + disturbance, *state[1:]
 
     def room(self, samples=0, events=16):
         """Return empty tables (samples, events, summary) for the record of a run.
