@@ -1,8 +1,18 @@
-"""What derivatives cost: whole calls of `simulate` with and without them, processor seconds."""
+"""What derivatives cost: whole calls of `simulate` with and without them, processor seconds.
+
+Those of a pair by closed forms, and by matrices of a model of one degree and of two trains.
+"""
 
 import time
 
-from gearlib import continue_orbit, periodic_orbit, simulate
+from gearlib import (
+    OneDegreePair,
+    continue_orbit,
+    periodic_orbit,
+    planetary,
+    simulate,
+    split_power_reducer,
+)
 
 ROUNDS = 15
 SEVEN = (
@@ -14,14 +24,15 @@ SEVEN = (
     "material_damping",
     "backlash_damping",
 )
+OF_MESHES = ("max_stiffness", *(name for name in SEVEN if name not in ("reduced_mass", "load")))
 
 
-def least(*calls):
+def least(*calls, rounds=ROUNDS):
     """Return the least processor seconds of each call, taken in turns, after one not counted."""
     best = [float("inf")] * len(calls)
     for call in calls:
         call()
-    for _ in range(ROUNDS):
+    for _ in range(rounds):
         for i, call in enumerate(calls):
             start = time.process_time()
             call()
@@ -47,6 +58,27 @@ def rows(damped, chaotic):
             return simulate(pair, 0.9, sensitivities=SEVEN, **options)
 
         without, with_all = least(plain, seven)
+        table += [
+            (f"seven derivatives, {words}", with_all * 1e3, "ms"),
+            ("  to the run without them", with_all / without, "times"),
+        ]
+    train = planetary(stiffness_ratio=(0.7, 0.7), reference_frequency=1475.7)
+    for words, model, tuning, periods in (
+        ("one degree by matrices, 120 periods", OneDegreePair(pair=damped), 0.9, 120),
+        ("planetary train, bouncing, 12 periods", train, 1.0, 12),
+        ("planetary train, bouncing, 120 periods", train, 1.0, 120),
+        ("reducer, 120 periods", split_power_reducer(damped), 0.7, 120),
+    ):
+        # A train has no reduced mass.
+        names = SEVEN if model.mesh else (*OF_MESHES, "load")
+
+        def without_any(model=model, tuning=tuning, periods=periods):
+            return simulate(model, tuning, periods=periods)
+
+        def with_seven(model=model, tuning=tuning, periods=periods, names=names):
+            return simulate(model, tuning, periods=periods, sensitivities=names)
+
+        without, with_all = least(without_any, with_seven, rounds=3)
         table += [
             (f"seven derivatives, {words}", with_all * 1e3, "ms"),
             ("  to the run without them", with_all / without, "times"),

@@ -33,9 +33,9 @@ the motion is of order one: tolerances are absolute.
 """
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from numbers import Real
+from numbers import Complex
 
 import numpy as np
 
@@ -47,6 +47,27 @@ from gearlib.models.profiles import Series, Steps
 
 _DAMPINGS = ("damping", "upper_damping", "lower_damping")
 _STIFFNESSES = ("upper_stiffness", "lower_stiffness")
+
+#: name of a field -> that whose value it has by default
+_FOLLOWING = {
+    "lower_stiffness": "upper_stiffness",
+    "upper_damping": "damping",
+    "lower_damping": "damping",
+}
+_DERIVATIVES = {
+    "upper_edge": ("1", "upper edge"),
+    "lower_edge": ("1", "lower edge"),
+    "upper_stiffness": ("1", "stiffness of the upper contact"),
+    "lower_stiffness": ("1", "stiffness of the lower contact"),
+    "damping": ("1", "damping of the gap"),
+    "upper_damping": ("1", "damping of the upper contact"),
+    "lower_damping": ("1", "damping of the lower contact"),
+    "ground_stiffness": ("1", "stiffness to the ground"),
+    "load": ("1", "load"),
+    "tuning": ("1", "frequency of the forcing"),
+    "initial_displacement": ("1", "displacement at the start"),
+    "initial_velocity": ("1", "velocity by phase at the start"),
+}
 
 #: What variables of datasets are called that are otherwise those of a gear mesh.
 _LONG_NAMES = {
@@ -112,9 +133,7 @@ class DeadZoneOscillator(Model):
     long_names = _LONG_NAMES
     title_noun = "a dead-zone oscillator"
     by_default = {
-        "lower_stiffness": lambda model: model.upper_stiffness,
-        "upper_damping": lambda model: model.damping,
-        "lower_damping": lambda model: model.damping,
+        name: lambda model, own=own: getattr(model, own) for name, own in _FOLLOWING.items()
     }
     references = "Kahraman, Singh: Journal of Sound and Vibration 142 (1990) 49-75"
 
@@ -145,14 +164,30 @@ class DeadZoneOscillator(Model):
             if not isinstance(value, Harmonics):
                 raise ValueError(f"{name} = {value!r} is not allowed: it must be Harmonics")
 
+    @property
+    def derivatives(self):
+        """As of `Model.derivatives`: the numbers among the fields, and the start."""
+        known = self.as_dict()
+        return {
+            name: (units, self.long_names.get(name, words))
+            for name, (units, words) in _DERIVATIVES.items()
+            if isinstance(known.get(name, 1.0), float) and math.isfinite(known.get(name, 1.0))
+        }
+
+    def direction(self, name):
+        """As of `Model.direction`; what has its value by default follows."""
+        same = [other for other, own in _FOLLOWING.items() if own == name]
+        value = getattr(self, name, None)
+        return {name: 1.0} | {one: 1.0 for one in same if getattr(self, one) == value}
+
     @cached_property
     def equation(self):
         """The `Equation`, in the model's own units."""
         near = _pieces(self.upper_stiffness)
-        same = self.lower_stiffness == self.upper_stiffness or math.isinf(self.lower_edge)
+        same = self.lower_stiffness == self.upper_stiffness or math.isinf(self.lower_edge.real)
         means = _mean(self.upper_stiffness), _mean(self.lower_stiffness)
-        damping = np.zeros((3, 3))
-        damping[:, 0] = self.lower_damping, self.damping, self.upper_damping
+        linear = self.lower_damping, self.damping, self.upper_damping
+        damping = np.column_stack([linear, np.zeros((3, 2))])
         return Equation(
             upper=self.upper_edge,
             lower=self.lower_edge,
@@ -164,7 +199,7 @@ class DeadZoneOscillator(Model):
             load=self.load,
             force=self.forcing.table(),
             deviation=self.deviation.table(),
-            natural=math.sqrt(self.ground_stiffness + max(means)),
+            natural=math.sqrt(self.ground_stiffness.real + max(mean.real for mean in means)),
         )
 
     def as_dict(self):
@@ -183,13 +218,14 @@ def _stiffness(name, value):
 
 
 def _pieces(stiffness):
-    if isinstance(stiffness, Real):
-        stiffness = Steps((0.0,), (stiffness,))
+    if isinstance(stiffness, Complex):
+        pieces = Steps((0.0,), (stiffness.real,)).pieces()
+        return replace(pieces, lines=np.array([[stiffness, 0.0]]))
     return stiffness.pieces()
 
 
 def _mean(stiffness):
-    if isinstance(stiffness, Real):
+    if isinstance(stiffness, Complex):
         return stiffness
     pieces = _pieces(stiffness)
     return float(pieces.lines[:, 0] @ np.diff(pieces.breaks)) / (2.0 * math.pi)

@@ -18,7 +18,7 @@ def waves_of(gears):
     rows = {}
 
     def add(frequency, which, cosine, sine):
-        entry = rows.setdefault(frequency, np.zeros((3, 2)))
+        entry = rows.setdefault(frequency, np.zeros((3, 2), np.result_type(unit, e3, e2)))
         entry[which] += (cosine, sine)
 
     if e3:
@@ -28,8 +28,8 @@ def waves_of(gears):
         delta = gears.run_out_phase
         add(1.0 / z2, 0, -e2 * math.sin(delta), e2 * math.cos(delta))
     for which, deviation in ((1, gears.deviation), (2, gears.inverse_deviation)):
-        for order, cosine, sine in deviation.table(unit):
-            add(order, which, cosine, sine)
+        for order, cosine, sine in deviation.table():
+            add(order, which, cosine * unit, sine * unit)
     frequencies = np.array(sorted(rows))
     amplitudes = np.array([rows[f] for f in frequencies]).reshape(-1, 3, 2)
     return frequencies, amplitudes.transpose(1, 0, 2).reshape(3, -1)
@@ -39,7 +39,7 @@ def segments_of(gears):
     """Return (starts, stiffness, low, friction sense) of the segments of one period."""
     pair = gears.pair
     high, low = levels(pair.contact_ratio, pair.stiffness_ratio)
-    half_high, whole_low = segment_lengths(pair.contact_ratio)
+    half_high, whole_low = segment_lengths(pair.contact_ratio.real)
     cuts = {0.0, half_high, half_high + whole_low}
     if any(gears.friction):
         turn = gears.pitch_phase % (2.0 * math.pi)

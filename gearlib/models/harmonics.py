@@ -74,7 +74,7 @@ class Harmonics:
     def table(self, scale=1.0):
         """Return rows (order, cosine, sine) with amplitudes times `scale`, shape (n, 3)."""
         n = max(len(self.cosines), len(self.sines))
-        rows = np.zeros((n, 3))
+        rows = np.zeros((n, 3), np.result_type(float, scale))
         rows[:, 0] = np.arange(1, n + 1)
         rows[: len(self.cosines), 1] = self.cosines
         rows[: len(self.sines), 2] = self.sines

@@ -111,8 +111,32 @@ class Model:
         return z
 
     def check_state(self, value):
-        """Return an initial state, checked: displacement and dx/dtau."""
+        """Return an initial state, checked: displacement and dx/dtau, or all components."""
+        if isinstance(value, (tuple, list)) and len(value) == self.size > 2:
+            finite = "finite", math.isfinite
+            return tuple(checks.number("initial_state", one, *finite) for one in value)
         return checks.state("initial_state", value)
+
+    @property
+    def derivatives(self):
+        """Names of the parameters by which `simulate` differentiates -> (CF units, words)."""
+        from gearlib.models.derivatives import OF_ALL
+
+        return OF_ALL
+
+    def direction(self, name):
+        """Return what changes with one of `derivatives`, for `off_axis`: a dict."""
+        return {name: 1.0}
+
+    def along_branch(self, name):
+        """Return the same for a parameter over which orbits are followed; None: not known."""
+        return {name: 1.0} if name == "tuning" else None
+
+    def off_axis(self, slopes):
+        """Return a copy off the real axis, see `gearlib.models.derivatives`."""
+        from gearlib.models.derivatives import off_axis
+
+        return off_axis(self, slopes)
 
     def parameter(self, name):
         """Return the value of one of `parameters`."""
@@ -124,7 +148,7 @@ class Model:
 
     def disturbed(self, state, disturbance):
         """Return an initial state with so much added to the displacement."""
-        return state[0] + disturbance, state[1]
+        return state[0] + disturbance, *state[1:]
 
     def room(self, samples=0, events=16):
         """Return empty tables (samples, events, summary) for the record of a run.

@@ -83,12 +83,12 @@ class Equation:
         rows = self._excitation(unit)
         orders = np.unique(rows[:, 0])
         n = 3 + 2 * orders.size
-        near, far, position = np.zeros((3, n))
+        near, far, position = np.zeros((3, n), np.result_type(unit))
         near[0] = far[0] = position[0] = 1.0
         near[2] = -self.upper
         two_sided = np.isfinite(self.lower)
         far[2] = -self.lower if two_sided else 0.0
-        free = piecewise_linear.waves(n, 3, orders)
+        free = piecewise_linear.waves(n, 3, orders).astype(near.dtype)
         free[0, 1] = 1.0
         free[1, 0] = -self.ground * unit
         free[1, 2] = self.load * unit
@@ -96,7 +96,7 @@ class Equation:
             column = 3 + 2 * int(np.searchsorted(orders, order))
             free[1, column : column + 2] += cosine, sine
         stiffness = np.array([sides[1].lines[:, 0], sides[0].lines[:, 0], sides[0].lines[:, 0]])
-        a = np.empty((3, stiffness.shape[1], n, n))
+        a = np.empty((3, stiffness.shape[1], n, n), free.dtype)
         a[:] = free
         for i, line in enumerate((far, np.zeros(n), near)):
             for q, c in enumerate(stiffness[i]):

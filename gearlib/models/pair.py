@@ -199,6 +199,29 @@ class GearPair(Model):
         scalar = self.stiffness_ratio >= _LEAST_STIFFNESS_RATIO
         return {"exact": "closed_form" if scalar else "piecewise_linear", "taylor": "taylor"}
 
+    @property
+    def derivatives(self):
+        """As of `Model.derivatives`: fields, ratios and the start."""
+        from gearlib.models.derivatives import PARAMETERS
+
+        return PARAMETERS
+
+    def direction(self, name):
+        """As of `Model.direction`."""
+        from gearlib.models.derivatives import check_edges, of_pair
+
+        slopes = of_pair(self, name)
+        check_edges(name, self, slopes)
+        return slopes
+
+    def along_branch(self, name):
+        """As of `Model.along_branch`."""
+        from gearlib.models.derivatives import along_branch, check_edges
+
+        slopes = along_branch(self, name)
+        check_edges(name, self, slopes)
+        return slopes
+
     def damped(self):
         """Return whether there is any damping on the way of the motion."""
         return self.material_damping > 0.0 or self.backlash_damping > 0.0
@@ -216,7 +239,9 @@ class GearPair(Model):
     @property
     def mean_eigenfrequency(self):
         """Omega_s = sqrt(C_s / m_red), rad/s."""
-        return math.sqrt(self.mean_stiffness / self.reduced_mass)
+        square = self.mean_stiffness / self.reduced_mass
+        # Off the real axis, see `gearlib.models.derivatives`, math has no root.
+        return math.sqrt(square) if isinstance(square, float) else square**0.5
 
     @property
     def damping_ratio(self):

@@ -3,8 +3,6 @@
 See `gearlib.kernels.piecewise_linear.system` for the form of these models.
 """
 
-import math
-
 import numpy as np
 
 from gearlib.kernels.piecewise_linear.system import REACH, Part, exponential
@@ -12,7 +10,7 @@ from gearlib.kernels.piecewise_linear.system import REACH, Part, exponential
 
 def waves(n, first, frequencies):
     """Return the matrix, shape (n, n), that turns cosine-sine pairs from component `first` on."""
-    a = np.zeros((n, n))
+    a = np.zeros((n, n), np.asarray(frequencies).dtype)
     for j, frequency in enumerate(frequencies):
         c = first + 2 * j
         a[c, c + 1], a[c + 1, c] = -frequency, frequency
@@ -32,19 +30,14 @@ def substeps(a, starts, m, one, frequency):
     The norm is that of scaled components: velocities over a natural frequency; constants and
     harmonics, whose columns drive and never feed back, by their own frequencies.
     """
-    n = a.shape[2]
-    scale = np.ones(n)
-    scale[m : 2 * m] = frequency
-    counts = []
-    for q in range(starts.size - 1):
-        norms = []
-        for matrix in a[:, q]:
-            scaled = matrix * scale[None, :] / scale[:, None]
-            driven = np.linalg.norm(scaled[: 2 * m, : 2 * m], 2)
-            waves = np.abs(matrix[one:, one:]).max(initial=0.0)
-            norms.append(max(driven, waves))
-        counts.append(max(1, math.ceil(max(norms) * (starts[q + 1] - starts[q]) / REACH)))
-    return np.array(counts)
+    a, starts = a.real, starts.real
+    scale = np.ones(a.shape[2])
+    scale[m : 2 * m] = frequency.real
+    scaled = a * scale[None, :] / scale[:, None]
+    driven = np.linalg.norm(scaled[..., : 2 * m, : 2 * m], 2, axis=(2, 3))
+    waves = np.abs(a[..., one:, one:]).max(axis=(2, 3), initial=0.0)
+    norms = np.maximum(driven, waves).max(axis=0)
+    return np.maximum(np.ceil(norms * np.diff(starts) / REACH), 1.0).astype(np.int64)
 
 
 def contact_map(model, pieces):

@@ -52,7 +52,7 @@ class Rectangular:
         lengths = np.array([half_high, whole_low, half_high])
         values = np.array([high, low, high])
         is_low = np.array([False, True, False])
-        there = lengths > 0.0
+        there = lengths.real > 0.0
         breaks = np.concatenate([[0.0], np.cumsum(lengths[there])])
         breaks[-1] = 2.0 * math.pi
         lines = np.column_stack([values[there], np.zeros(there.sum())])

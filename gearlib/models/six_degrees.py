@@ -59,7 +59,7 @@ import numpy as np
 
 from gearlib import checks
 from gearlib.kernels.piecewise_linear.system import Part, System
-from gearlib.models import excitation, piecewise_linear
+from gearlib.models import derivatives, excitation, piecewise_linear
 from gearlib.models.harmonics import Harmonics
 from gearlib.models.pair import GearPair
 from gearlib.models.with_pair import WithPair
@@ -163,6 +163,15 @@ class SixDegreePair(WithPair):
         for name in ("moving_backlash", "preload"):
             checks.one_of(name, getattr(self, name), (False, True))
 
+    @property
+    def derivatives(self):
+        """As of `Model.derivatives`."""
+        return derivatives.of_gears(self)
+
+    def direction(self, name):
+        """As of `Model.direction`."""
+        return derivatives.along_gears(self, name)
+
     def _fill(self, name):
         if getattr(self, name) is None:
             object.__setattr__(self, name, self.by_default[name](self))
@@ -231,7 +240,7 @@ class SixDegreePair(WithPair):
 
     def flexible(self):
         """Return the indices of the bearing coordinates that can move."""
-        return [i for i, c in enumerate(self.bearing_stiffness) if math.isfinite(c)]
+        return [i for i, c in enumerate(self.bearing_stiffness) if math.isfinite(c.real)]
 
     def system(self, tuning):
         """Return (`System`, outputs) at one tuning; outputs of shape (12, 3, p, n)."""
@@ -241,11 +250,12 @@ class SixDegreePair(WithPair):
         frequencies, amplitudes = excitation.waves_of(self)
         n = 2 * m + 1 + 2 * frequencies.size
         one, waves = 2 * m, 2 * m + 1
-        pulse = np.zeros((3, n))
+        pulse = np.zeros((3, n), np.result_type(unit))
         pulse[:, waves:] = amplitudes
-        near, far = np.zeros(n), np.zeros(n)
+        near, far = np.zeros((2, n), pulse.dtype)
         near[:2] = far[:2] = 1.0
-        far[one] = pair.backlash_ratio if math.isfinite(pair.backlash_ratio) else 0.0
+        endless = math.isinf(pair.backlash.real)
+        far[one] = 0.0 if endless else pair.backlash_ratio
         for k, i in enumerate(moving):
             near[2 + k] = _IN_Y[_BEARINGS[i]]
         if not self.moving_backlash:
@@ -254,7 +264,7 @@ class SixDegreePair(WithPair):
         near += pulse[0] + pulse[1]
         far += pulse[2]
 
-        free = piecewise_linear.waves(n, waves, frequencies)
+        free = piecewise_linear.waves(n, waves, frequencies).astype(pulse.dtype)
         free[:m, m : 2 * m] = np.eye(m)
         inertia = [
             j / r**2 / pair.reduced_mass
@@ -270,13 +280,13 @@ class SixDegreePair(WithPair):
             free[row, 2 + k] -= self.bearing_stiffness[i] * share
             speed = pair.mean_eigenfrequency * tuning
             free[row, m + 2 + k] -= self.bearing_damping[i] * speed * share
-        across = np.zeros(m)
+        across = np.zeros(m, free.dtype)
         for k, i in enumerate(moving):
             if _BEARINGS[i] in ("z3", "z2"):
                 across[2 + k] = (-1.0 if _BEARINGS[i] == "z3" else 1.0) * unit / inertia[2 + k]
         starts, stiffness, low, sense = excitation.segments_of(self)
         p = stiffness.size
-        outputs = np.zeros((len(OUTPUTS), 3, p, n))
+        outputs = np.zeros((len(OUTPUTS), 3, p, n), free.dtype)
         # line @ free is the rate of a distance: the accelerations have no part in it.
         oil = 2.0 * pair.backlash_damping_ratio * tuning * (near @ free)
         more = 2.0 * (pair.damping_ratio - pair.backlash_damping_ratio) * tuning
@@ -300,7 +310,7 @@ class SixDegreePair(WithPair):
             low,
             np.tile(stiffness, (3, 1)),
             near,
-            far if math.isfinite(pair.backlash_ratio) else piecewise_linear.never(n, one),
+            piecewise_linear.never(n, one) if endless else far,
             near,
             0,
             frequencies,
@@ -361,7 +371,7 @@ class SixDegreePair(WithPair):
         Bearings at rest, deflected by the load or free; the rotations share the motion as their
         inertias do, so that the free rotation of the pair is not set off.
         """
-        z = np.zeros(system.near.size)
+        z = np.zeros(system.near.size, system.near.dtype)
         moving = self.flexible()
         m = 2 + len(moving)
         if self.preload:

@@ -4,6 +4,9 @@ Every name that is offered is listed: a name that means something else for the m
 does not reach the pair unseen.
 """
 
+import dataclasses
+from typing import Any
+
 from gearlib.models.model import Model
 
 
@@ -14,6 +17,7 @@ def _of_pair(name):
 class WithPair(Model):
     """A model with a `GearPair` as its field ``pair``, whose scales and ratios are its own."""
 
+    pair: Any  #: the `GearPair`, a field of subclasses
     mesh = property(lambda model: model.pair, doc="The pair.")
     max_stiffness = _of_pair("max_stiffness")
     min_stiffness = _of_pair("min_stiffness")
@@ -41,3 +45,25 @@ class WithPair(Model):
     speed_scales = _of_pair("speed_scales")
     speed = _of_pair("speed")
     tuning_at = _of_pair("tuning_at")
+
+    @property
+    def derivatives(self):
+        """As of `Model.derivatives`: the parameters of the pair."""
+        return self.pair.derivatives
+
+    def direction(self, name):
+        """As of `Model.direction`."""
+        return self.pair.direction(name)
+
+    def along_branch(self, name):
+        """As of `Model.along_branch`."""
+        return None if name in self.parameters else self.pair.along_branch(name)
+
+    def off_axis(self, slopes):
+        """As of `Model.off_axis`."""
+        names = [one.name for one in dataclasses.fields(self.pair)]
+        own = {key: slope for key, slope in slopes.items() if key not in names}
+        model = super().off_axis(own)
+        inner = {key: slope for key, slope in slopes.items() if key in names}
+        object.__setattr__(model, "pair", self.pair.off_axis(inner))
+        return model

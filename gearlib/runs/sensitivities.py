@@ -11,29 +11,9 @@ from functools import cache
 
 import numpy as np
 
-from gearlib import checks
 from gearlib.data.variables import DESCRIPTIONS
+from gearlib.kernels import orbit
 from gearlib.kernels.codes import OK
-
-#: name -> (CF units, words): fields of the pair, its ratios, arguments of the run.
-PARAMETERS = {
-    "max_stiffness": ("N m-1", "maximum mesh stiffness"),
-    "stiffness_ratio": ("1", "stiffness ratio kappa"),
-    "contact_ratio": ("1", "contact ratio epsilon"),
-    "reduced_mass": ("kg", "reduced mass"),
-    "load": ("N", "load"),
-    "backlash": ("m", "backlash"),
-    "material_damping": ("N s m-1", "damping of the material in contact"),
-    "backlash_damping": ("N s m-1", "damping of the oil in the backlash"),
-    "damping_ratio": ("1", "damping ratio beta"),
-    "backlash_damping_ratio": ("1", "damping ratio beta_m of the backlash"),
-    "backlash_ratio": ("1", "backlash in static deflections"),
-    "tuning": ("1", "tuning nu"),
-    "initial_displacement": ("1", "displacement at the start"),
-    "initial_velocity": ("1", "dx/dtau at the start"),
-}
-#: Of `PARAMETERS`: those of the start.
-START = ("initial_displacement", "initial_velocity")
 
 GRAZING, ONE_SIDED, FOLD, DOUBLE = 1, 2, 3, 4
 MESSAGES = {
@@ -54,6 +34,8 @@ _FLAGS = {
     "flag_values": np.array(list(MESSAGES), dtype=np.int8),
     "flag_meanings": "ok grazing one_sided fold double_multiplier",
 }
+#: With which the names of parameters of the start begin.
+_START = "initial_"
 _SAMPLES = ("displacement", "velocity", "acceleration", "dynamic_force")
 _EVENTS = ("event_phase", "event_velocity")
 _EXTREMA = ("displacement_max", "displacement_min", "dynamic_force_max", "dynamic_force_min")
@@ -65,8 +47,8 @@ _FRACTIONS = (
 )
 
 
-def check(pair, names, method="exact", known=tuple(PARAMETERS)):
-    """Return the names of parameters as a tuple.
+def check(pair, names, method="exact", also_start=True):
+    """Return the names of parameters as a tuple; those of the start may be left out.
 
     Raises
     ------
@@ -79,40 +61,46 @@ def check(pair, names, method="exact", known=tuple(PARAMETERS)):
         raise ValueError(
             f"sensitivities = {names!r} is not allowed: it must be a sequence of names"
         ) from None
-    for name in names:
-        checks.one_of("sensitivities", name, known)
-    if len(set(names)) < len(names):
-        raise ValueError(f"sensitivities = {names!r} is not allowed: names must be all different")
     kind = pair.kind(method) if method in pair.mathematics else None
     if names and (kind is None or kind.differentiate is None):
         raise ValueError(
             f"sensitivities = {names!r} is not allowed for this {type(pair).__name__} by method "
-            f"{method!r}: derivatives are those of a GearPair of stiffness ratio >= 1e-4 by method "
-            "'exact'"
+            f"{method!r}: derivatives are those of method 'exact', between whose events the motion "
+            "is linear"
         )
+    known = [name for name in pair.derivatives if also_start or not name.startswith(_START)]
+    for name in names:
+        if name not in known:
+            raise ValueError(
+                f"sensitivities = {name!r} is not allowed: it must be one of {_listed(known)}"
+            )
+    if len(set(names)) < len(names):
+        raise ValueError(f"sensitivities = {names!r} is not allowed: names must be all different")
     return names
 
 
-def directions(pair, names):
-    """Return (what the ratios and the tuning change by, what the start changes by).
+def _listed(known):
+    """Return names in words: of trains, those of one element of each kind."""
+    shown, seen = [], set()
+    for name in known:
+        field, _, element = name.partition(" of ")
+        key = field, element.split(" ")[0] if field != "initial_state" else ""
+        if not element or key not in seen and not element.endswith((", x", ", y")):
+            shown.append(repr(name))
+            seen.add(key)
+    more = " or the same of another element" if seen else ""
+    return ", ".join(shown) + more
 
-    Of shapes (k, 6) and (2, k), see `gearlib.models.propagators.base.Base.differentiate`.
-    """
-    along, start = np.zeros((len(names), 6)), np.zeros((2, len(names)))
-    for row, name in enumerate(names):
-        if name in START:
-            start[START.index(name), row] = 1.0
-        elif name == "tuning":
-            along[row, 5] = 1.0
-        else:
-            along[row, :5] = pair.ratio_slopes(name)
-    return along, start
+
+def directions(pair, names):
+    """Return directions of some names, see `gearlib.models.propagators.base.Base.differentiate`."""
+    return pair.kind("exact").directions(pair, names)
 
 
 @cache
-def _attributes(about, name):
+def _attributes(about, by):
     """Return (units, long_name) of the derivative of a variable by a parameter."""
-    (units, long_name), (below, words) = about, PARAMETERS[name]
+    (units, long_name), (below, words) = about, by
     return _quotient(units, below), f"derivative of the {long_name} by {words}"
 
 
@@ -127,16 +115,24 @@ def _quotient(units, below):
     return " ".join(parts) or "1"
 
 
-def derivatives(variables, dims, values, names, known=DESCRIPTIONS):
+def described(pair):
+    """Return name of a variable -> (CF units, long_name), in the words of a model."""
+    return {
+        name: (units, pair.long_names.get(name, long_name))
+        for name, (units, long_name) in DESCRIPTIONS.items()
+    }
+
+
+def derivatives(variables, dims, values, parameters, known):
     """Return name -> (dims, values, attributes) of derivatives.
 
-    `values`, shape (len(variables), ..., len(names)), are those of some variables over `dims`,
-    whose units and descriptions are in `known`.
+    `values`, shape (len(variables), ..., len(parameters)), are those of some variables over `dims`,
+    whose units and descriptions are in `known`; `parameters` has those of the parameters.
     """
     found = {}
     for row, variable in enumerate(variables):
-        for column, name in enumerate(names):
-            units, long_name = _attributes(known[variable], name)
+        for column, (name, by) in enumerate(parameters.items()):
+            units, long_name = _attributes(known[variable], by)
             attributes = {"units": units, "long_name": long_name}
             found[f"d_{variable}_d_{name}"] = dims, values[row, ..., column], attributes
     return found
@@ -148,17 +144,19 @@ def flag(code):
     return (), np.int8(code), attributes | _FLAGS | {"message": MESSAGES[code]}
 
 
-def variables(pair, tuning, names, state, tangents, sizes, periods, recorded, max_events, ok=True):
+def variables(propagator, names, along, z, tangents, sizes, periods, recorded, max_events, ok=True):
     """Return the derivatives of what a run records, and of its final state.
 
     Parameters
     ----------
-    pair : GearPair
-    tuning : float
+    propagator : gearlib.models.propagators.base.Base
     names : tuple of str
-    state : array_like, shape (2,)
-    tangents : ndarray, shape (2, k)
-        What the start changes by.
+    along : sequence
+        Their `directions`.
+    z : ndarray, shape (s,)
+        State at the start, as of `Propagator.start`.
+    tangents : ndarray, shape (s, k)
+        What it changes by.
     sizes : tuple of int
         Samples and events of the record.
     periods, recorded, max_events : int
@@ -171,18 +169,18 @@ def variables(pair, tuning, names, state, tangents, sizes, periods, recorded, ma
     dict
         name -> (dims, values, attributes), with ``sensitivity_status``.
     """
-    k, (rows, count) = len(names), sizes
-    along = directions(pair, names)[0]
-    samples, events = np.empty((rows, len(_SAMPLES), k)), np.empty((count, 2, k))
-    extrema, times = np.empty((2, 4, k))
-    ends, code = np.array(tangents), 0
-    if _one_sided(pair, state, along, tangents):
-        code = ONE_SIDED
+    pair, k, (rows, count) = propagator.model, len(names), sizes
+    m = max(len(pair.mesh_names), 1)
+    parameters = {name: pair.derivatives[name] for name in names}
+    columns = pair.room()[0].shape[1] - m * (orbit.SAMPLE_COLUMNS - len(_SAMPLES))
+    samples, events = np.empty((rows, columns, k)), np.empty((count, 2, k))
+    extrema, times = np.empty((2, 4 * m, k))
+    ends, code = np.full((len(pair.components), k), math.nan), 0
     if ok:
-        found, done, grazing = pair.propagator(tuning).differentiate(
-            np.asarray(state, float),
+        found, done, grazing, one_sided, ends = propagator.differentiate(
+            z,
             along,
-            ends,
+            tangents.copy(),
             periods,
             recorded,
             max_events,
@@ -194,26 +192,30 @@ def variables(pair, tuning, names, state, tangents, sizes, periods, recorded, ma
         if done != OK or found != count:
             # Rounding decides whether there is an event at all.
             events[:], times[:], grazing = math.nan, math.nan, True
-        code = GRAZING if grazing else code
-        if pair.contact_ratio in (1.0, 2.0):
-            # A segment of the other stiffness appears, on which the force jumps.
-            extrema[2:, along[:, 0] != 0.0] = math.nan
+        code = GRAZING if grazing else ONE_SIDED if one_sided else 0
     else:
-        for array in (ends, samples, events, extrema, times):
+        for array in (samples, events, extrema, times):
             array[:] = math.nan
-    return {
-        **derivatives(_SAMPLES, ("phase",), np.swapaxes(samples, 0, 1), names),
-        **derivatives(_EVENTS, ("event",), np.swapaxes(events, 0, 1), names),
-        **derivatives(_EXTREMA, (), extrema, names),
-        **derivatives(_FRACTIONS, (), times / (2.0 * math.pi * recorded), names),
-        **derivatives(("final_state",), ("component",), ends[None], names),
+    dims, known = ("mesh",) if pair.mesh_names else (), described(pair)
+
+    def by_mesh(values):
+        # Quantities one after the other, of all meshes.
+        values = values.reshape(*values.shape[:-2], 4, m, k) if dims else values
+        return np.moveaxis(values, -3, 0) if dims else np.moveaxis(values, -2, 0)
+
+    data = {
         "sensitivity_status": flag(code),
     }
-
-
-def _one_sided(pair, state, along, tangents):
-    """Return whether a run starts on a flank line from which start or line moves off."""
-    if pair.damping_ratio == pair.backlash_damping_ratio or state[0] not in pair.flank_lines:
-        return False
-    moves = tangents[0] + (along[:, 4] if state[0] else 0.0)
-    return bool(moves.any())
+    for which, where, values in (
+        (_SAMPLES, ("phase", *dims), by_mesh(samples[:, : 4 * m])),
+        (_EVENTS, ("event",), np.swapaxes(events, 0, 1)),
+        (_EXTREMA, dims, by_mesh(extrema)),
+        (_FRACTIONS, dims, by_mesh(times) / (2.0 * math.pi * recorded)),
+        (("final_state",), ("component",), ends[None]),
+    ):
+        data |= derivatives(which, where, values, parameters, known)
+    for column, (name, by) in enumerate(parameters.items()):
+        more = pair.more_samples(samples[..., column])
+        for variable, (where, values) in more.items():
+            data |= derivatives((variable,), where, values[None, ..., None], {name: by}, known)
+    return data

@@ -53,6 +53,7 @@ def simulate(
         and is not repeated.
     initial_state : tuple of float, default (0, 0)
         Displacement in static deflections and dx/dtau at tau = 0. The default: flanks just touch.
+        Of a `SixDegreePair` also all components, as of `Orbit.state`.
     method : str, optional
         A name of `gearlib.methods`; by default "exact" where it takes the model, else "taylor".
         The others, for comparison, show what a user of theirs sees: extrema over step ends and
@@ -62,11 +63,13 @@ def simulate(
     max_events : int
         Most phases of contact and flights in one mesh period before the run gives up.
     sensitivities : sequence of str, optional
-        By what to differentiate, for a `GearPair` by method "exact": its fields max_stiffness,
-        stiffness_ratio, contact_ratio, reduced_mass, load, backlash, material_damping and
-        backlash_damping, in SI units, all others and the tuning kept; its ratios damping_ratio,
-        backlash_damping_ratio and backlash_ratio, all other ratios kept; tuning,
-        initial_displacement, initial_velocity.
+        By what to differentiate, by method "exact"; ``pair.derivatives`` lists all names. Of a
+        `GearPair`: its fields max_stiffness, stiffness_ratio, contact_ratio, reduced_mass, load,
+        backlash, material_damping and backlash_damping, in SI units, all others and the tuning
+        kept; its ratios damping_ratio, backlash_damping_ratio and backlash_ratio, all other ratios
+        kept; tuning, initial_displacement, initial_velocity. Of a `GearTrain`: tuning; load, all
+        torques in proportion; fields of a `Mesh`, of all meshes alike; a field of one element, as
+        "inertia of body sun"; "initial_state of" a component.
 
     Returns
     -------
@@ -81,8 +84,9 @@ def simulate(
         on: all results are NaN and ``status.attrs["message"]`` says what to do. With
         `sensitivities` also ``d_<variable>_d_<parameter>``, exact derivatives of displacement,
         velocity, acceleration, dynamic_force, final_state, the extrema, the fractions of time,
-        event_phase and event_velocity; and sensitivity_status: 1 where the motion grazes a flank
-        line, with NaN for such an event, 2 where a start on a flank line has one side only.
+        event_phase and event_velocity, also of body_motion; and sensitivity_status: 1 where the
+        motion grazes a flank line, with NaN for such an event, 2 where a start on a flank line has
+        one side only.
 
     Raises
     ------
@@ -99,6 +103,8 @@ def simulate(
 
         chosen = integrators.choose(pair, method, options)[0]
         sensitivities = derivatives.check(pair, sensitivities, chosen)
+        along, propagator = derivatives.directions(pair, sensitivities), pair.propagator(tuning)
+        start = propagator.start_tangents(pair.check_state(initial_state), along)
     ran = run(
         pair,
         tuning,
@@ -125,10 +131,10 @@ def simulate(
         "evaluations": ran.evaluations,
     }
     if sensitivities:
-        start = derivatives.directions(pair, sensitivities)[1]
-        sizes, counts = (len(ran.samples), len(ran.events)), (periods, record_periods, max_events)
+        z, sizes = propagator.start(ran.initial_state), (len(ran.samples), len(ran.events))
+        counts = periods, record_periods, max_events
         data |= derivatives.variables(
-            pair, tuning, sensitivities, ran.initial_state, start, sizes, *counts, not ran.status
+            propagator, sensitivities, along, z, start, sizes, *counts, not ran.status
         )
     coords = {
         "phase": (first + np.arange(len(ran.samples))) * step,

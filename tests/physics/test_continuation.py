@@ -235,9 +235,10 @@ def test_loci(up, name, to):
 
 
 @pytest.mark.parametrize("label", [FOLD, DOUBLING])
-def test_slopes_of_folds_and_doublings(up, label):
+@pytest.mark.parametrize("as_model", [lambda pair: pair, lambda pair: OneDegreePair(pair=pair)])
+def test_slopes_of_folds_and_doublings(up, as_model, label):
     names = "tuning", "backlash_damping"
-    pair, _ = with_parameter(MATERIAL, 1.0, "backlash_damping", 0.02)
+    pair = as_model(with_parameter(MATERIAL, 1.0, "backlash_damping", 0.02)[0])
     shooting = Shooting(pair, 1.0, 1, names, (0.1, 0.5), 10_000)
     problem = loci._Extended(shooting, label, None)
     for point in (3, len(up.tuning) // 2):

@@ -21,7 +21,8 @@ from gearlib.analysis.orbits.parameters import value_of
 from gearlib.analysis.orbits.shooting import product
 from gearlib.analysis.orbits.special_points import FOLD
 from gearlib.analysis.orbits.special_points import GRAZING as TOUCHING
-from gearlib.runs.sensitivities import DOUBLE, GRAZING, ONE_SIDED, PARAMETERS
+from gearlib.models.derivatives import PARAMETERS
+from gearlib.runs.sensitivities import DOUBLE, GRAZING, ONE_SIDED
 from gearlib.runs.sensitivities import FOLD as FOLDED
 from tests.paper import PAPER
 from tests.physics import high_precision_derivatives as exact
@@ -353,7 +354,11 @@ def test_continuation_has_the_derivatives_by_its_parameters(name):
         (DAMPED, {"sensitivities": ("damping",)}, "sensitivities = 'damping' is not allowed"),
         (DAMPED, {"sensitivities": True}, "sensitivities = True is not .* a sequence of names"),
         (DAMPED, {"sensitivities": ("load", "load")}, "names must be all different"),
-        (OneDegreePair(pair=DAMPED), {}, "not allowed for this OneDegreePair by method 'exact'"),
+        (
+            OneDegreePair(pair=DAMPED, cubic_damping=1.0),
+            {},
+            "not allowed for this OneDegreePair by method 'taylor'",
+        ),
         (DAMPED, {"method": "taylor"}, "by method 'taylor'"),
     ],
 )

@@ -1,4 +1,4 @@
-"""Renew the stored references: `make references`, a minute or two.
+"""Renew the stored references: `make references`, some minutes.
 
 Runs the tests that use them with everything computed in 50 digits, and writes what they asked for,
 unless one of them fails.
@@ -14,6 +14,7 @@ MODULES = [
     "tests/physics/test_accuracy.py",
     "tests/physics/test_random_meshes.py",
     "tests/physics/test_sensitivities.py",
+    "tests/trains/test_sensitivities_of_trains.py",
 ]
 
 

@@ -127,7 +127,7 @@ CALLS = {
     "lyapunov_exponents": lambda pair: lyapunov_exponents(pair, [NU], settle=2, periods=20),
     "trust": lambda pair: trust(pair, NU, periods=200, exponent_periods=20),
     "periodic_orbit": lambda pair: orbit(pair).dataset(),
-    "orbit_sensitivities": lambda pair: orbit_sensitivities(orbit(pair), ("load",)),
+    "orbit_sensitivities": lambda pair: orbit_sensitivities(orbit(pair), ("tuning",)),
     "fold_sensitivities": lambda pair: fold_sensitivities(pair, *branch_and_point(), ("load",)),
     "continue_orbit": lambda pair: continue_orbit(orbit(pair), to=NU + 0.01, max_points=3),
     "switch_branch": lambda pair: switch_branch(pair, *branch_and_point()),
@@ -139,7 +139,7 @@ CALLS = {
 #: What a call does not take beside the number; one branch serves those of one kind only.
 NO_GEARS = {"oscillator", "linear stop", "hard stop"}
 REFUSED = {
-    "orbit_sensitivities": set(MODELS) - {"gear pair"},
+    "orbit_sensitivities": {"one degree", "pairs of teeth", "hard stop"},
     "basins": {"train"},
     "basin_stability": {"train"},
     "bifurcation_diagram": {"train"},

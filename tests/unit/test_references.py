@@ -11,6 +11,7 @@ from tests.physics import (
     test_sensitivities,
 )
 from tests.references import Stored, key_of, numbers, row_texts, texts
+from tests.trains import high_precision_trains, test_sensitivities_of_trains
 
 ACCURACY, RANDOM = Stored("accuracy"), test_random_meshes.REFERENCES
 
@@ -42,6 +43,15 @@ def test_stored_derivatives_are_those_of_50_digits():
         arguments = own, tuning, 3, state
         stored = test_sensitivities.REFERENCES.entries[key_of(("of_run", *arguments))]
         assert stored == row_texts(high_precision_derivatives.of_run(*arguments))
+
+
+def test_stored_derivatives_of_trains_are_those_of_50_digits():
+    case = test_sensitivities_of_trains
+    arguments = (*case.VALUES, 0.7), 1, case.STRIKING
+    stored = case.REFERENCES.entries[key_of(("of_run", *arguments))]
+    name = "backlash of mesh pinion-idler"
+    row = high_precision_trains.of_one(*arguments, name)
+    assert row_texts([row]) == [stored[high_precision_trains.NAMES.index(name)]]
 
 
 def test_every_case_of_the_random_meshes_is_stored_once():

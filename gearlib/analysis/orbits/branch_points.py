@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from gearlib.analysis.orbits.parameters import directions, with_parameter
+from gearlib.analysis.orbits.parameters import with_parameter
 from gearlib.analysis.orbits.shooting import (
     RESIDUAL,
     Orbit,
@@ -129,10 +129,10 @@ class Shooting:
         """Return the derivatives of the residuals by the parameters, shape (n, parameters)."""
         pair, tuning, z = self.model(y)
         propagator, n = self.propagator(pair, tuning), len(self.reduce)
-        if propagator.tangents is None:
+        along = propagator.along_branch(pair, self.names) if propagator.tangents else None
+        if along is None:
             return np.column_stack([self._difference(y, column) for column in range(n, y.size)])
         tangents = np.zeros((z.size, len(self.names)))
-        along = directions(self.names)
         code = propagator.tangents(z, along, tangents, self.period, self.max_events)
         if code != status.OK:
             raise Lost(f"the motion could not go on: {status.MESSAGES[code]}")

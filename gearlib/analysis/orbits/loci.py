@@ -9,9 +9,9 @@ period doubling   det(M + I) = 0
 grazing           a turning point lies on a flank line
 ================  =============================================================
 
-Of folds and doublings its derivatives are exact where the motion has closed forms. Elsewhere, and
-of grazings, they are central differences, which decide how fast Newton's method converges, not
-where to.
+Of folds and doublings with one degree of freedom, linear between events, its derivatives are exact.
+Elsewhere, and of grazings, they are central differences, which decide how fast Newton's method
+converges, not where to.
 """
 
 import numpy as np
@@ -22,13 +22,7 @@ from gearlib.analysis.orbits import special_points as special
 from gearlib.analysis.orbits import touching
 from gearlib.analysis.orbits.branch_points import Evaluation, Shooting
 from gearlib.analysis.orbits.continuation import restored
-from gearlib.analysis.orbits.parameters import (
-    check_parameter,
-    directions,
-    known,
-    value_of,
-    with_parameter,
-)
+from gearlib.analysis.orbits.parameters import check_parameter, known, value_of, with_parameter
 from gearlib.analysis.orbits.shooting import NoOrbit, multipliers_of
 from gearlib.analysis.orbits.tracing import Lost, advance, at_value, tangent
 from gearlib.data import provenance, status
@@ -63,10 +57,13 @@ class _Extended:
         shooting = self.shooting
         pair, tuning, z = shooting.model(y)
         propagator = shooting.propagator(pair, tuning)
-        if self.label == special.GRAZING or propagator.map_rates is None:
+        # With more coordinates the rates by all of them cost more than differences.
+        exact = self.label != special.GRAZING and z.size == 2 and propagator.map_rates
+        along = propagator.along_branch(pair, shooting.names) if exact else None
+        if along is None:
             return self._differences(y)
         # By the state, then by both parameters.
-        along = np.vstack([np.zeros((2, 6)), directions(shooting.names)])
+        along = [propagator.nowhere, propagator.nowhere, *along]
         tangents = np.hstack([np.eye(2), np.zeros((2, 2))])
         rest = shooting.period, shooting.max_events
         matrix, rates, code = propagator.map_rates(z, along, tangents, *rest)

@@ -21,22 +21,6 @@ RATIOS = {
 }
 
 
-#: Their places among the directions of `gearlib.models.propagators.base.Base.differentiate`.
-_DIRECTIONS = (
-    "contact_ratio",
-    "stiffness_ratio",
-    "damping",
-    "backlash_damping",
-    "backlash",
-    "tuning",
-)
-
-
-def directions(names):
-    """Return the directions of some of `RATIOS`, shape (k, 6): one changes and the others stay."""
-    return [[float(name == other) for other in _DIRECTIONS] for name in names]
-
-
 def known(pair):
     """Return the parameters of a model as a dict name -> (CF units, long_name)."""
     return (RATIOS if pair.mesh else {}) | pair.parameters

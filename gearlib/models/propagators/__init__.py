@@ -6,10 +6,15 @@ module                responsibility
 ``base``              what all propagators offer
 ``closed_form``       a `GearPair`: scalar closed forms between events
 ``piecewise_linear``  matrix exponentials between events, any number of coordinates
+``several_meshes``    the same with several meshes: trains of gears
+``matrices``          derivatives by parameters of these two, by
+``varied``            what their matrices change by,
+``tangents``          what the motion changes by, arc by arc and event by event,
+``record``            and what is recorded of that
 ``taylor``            Taylor steps that end at events: any one degree of freedom
 ``tooth_pairs``       the same where the pairs of teeth touch one by one
 ====================  ============================================================================
 
-Each is a thin layer over the folder of `gearlib.kernels` with its name. `Model.propagator` makes
-the choice between them, and nobody else does.
+Each mathematics is a thin layer over the folder of `gearlib.kernels` with its name.
+`Model.propagator` makes the choice between them, and nobody else does.
 """

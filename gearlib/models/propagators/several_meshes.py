@@ -1,5 +1,7 @@
 """Gear trains: matrix exponentials between the events of all meshes."""
 
+import math
+
 import numpy as np
 
 from gearlib.kernels import orbit
@@ -14,12 +16,83 @@ from gearlib.kernels.several_meshes.combinations import (
 )
 from gearlib.kernels.several_meshes.grid import grid_of
 from gearlib.kernels.several_meshes.run import run_train
-from gearlib.models.propagators.base import Base
+from gearlib.models.derivatives import STEP
+from gearlib.models.propagators.matrices import Matrices
+from gearlib.models.propagators.tangents import Motion
+from gearlib.models.propagators.varied import Varied
 
 _TO_BERNSTEIN = bernstein_matrix(ORDER)
 
 
-class Propagator(Base):
+class VariedTrain(Varied):
+    """A gear train."""
+
+    def __init__(self, train, system, along):
+        from gearlib.models.trains.system import train_system
+
+        super().__init__()
+        self.system, self.twins = system, [train.off_axis(slopes) for slopes in along]
+        self._effects = system.effect.tolist()
+        tunings = [system.tuning + 1j * STEP * slopes.get("tuning", 0.0) for slopes in along]
+        pairs = zip(self.twins, tunings, strict=True)
+        systems = [system, *(train_system(*pair) for pair in pairs)]
+        self._free, self._push, self._grip, self._stiffness, self.near, self.far = (
+            np.array([getattr(one, name) for one in systems]) + 0j
+            for name in ("free", "push", "grip", "stiffness", "near", "far")
+        )
+        self.position = self.near
+        self.size, self.tuning, self.repeats = train.size, system.tuning, system.repeats
+        half, every = train.size // 2, np.array([system.tuning, *tunings])
+        # From rates by theta to rates by phase.
+        self._rate, self._scale = every[:, None, None], np.ones(self.near.shape[::2], complex)
+        self._scale[:, half : 2 * half] = every[:, None]
+        self._outputs = np.zeros((len(every), half, self.near.shape[2]))
+        self._outputs[:, :, :half] = np.eye(half)
+        slopes = [
+            [one.get(("mesh", mesh.name, "contact_ratio"), 0.0) for one in along]
+            for mesh in train.meshes
+        ]
+        rates = np.array([float(rate) for rate in train.rates])
+        self.switches = math.pi * np.array(slopes) / rates[:, None]
+
+    def stack(self, effects):
+        """As of `Varied`."""
+        a = self._free.copy()
+        for j, effect in enumerate(effects):
+            push, grip = self._push[:, j, effect], self._grip[:, j, effect]
+            a += np.swapaxes(push, 1, 2) @ grip
+        return a * self._scale[:, None, :] / self._scale[:, :, None] / self._rate
+
+    def effects(self, codes, segments):
+        """As of `Varied`."""
+        places = range(len(codes))
+        return tuple([self._effects[codes[j] + 1][segments[j]][j] for j in places])
+
+    def stiffness(self, codes, segments):
+        """As of `Varied`."""
+        rows = enumerate(zip(codes, segments, strict=True))
+        return np.stack([self._stiffness[:, code + 1, p, j] for j, (code, p) in rows], axis=1)
+
+    def low(self, code, segment, mesh):
+        """As of `Varied`."""
+        return self.system.low[code + 1, segment, mesh]
+
+    def longest(self, segments):
+        """As of `Varied`."""
+        return self.system.longest * self.tuning
+
+    def cuts(self, number):
+        """As of `Varied`."""
+        first, last = self.system.first_segment[number : number + 2]
+        starts = self.system.starts
+        return [(starts[p] - starts[first], p) for p in range(first, last)]
+
+    def outputs(self, codes, segments):
+        """As of `Varied`."""
+        return self._outputs
+
+
+class Propagator(Matrices):
     """A gear train at one tuning; its tables fill as it runs, so that threads need one each."""
 
     words = "matrix exponentials"
@@ -116,3 +189,42 @@ class Propagator(Base):
         # Deviations of rates count by phase, as rates do.
         maps *= self.scale[None, :] / self.scale[:, None]
         return code
+
+    def vary_along(self, along):
+        """Return what the train changes by; see `Matrices`."""
+        return VariedTrain(self.model, self.system, along)
+
+    def motion(self, z, periods, limit):
+        """Return the motion with all of its events; see `Matrices.motion`."""
+        m, n = self.system.near.shape
+        raw, (_, events, summary) = np.empty((periods, n + m + 1)), self.model.room()
+        none = np.empty((0, z.size, z.size))
+        done = self._go(z.copy(), periods, periods, raw, events, limit, summary, none, 0)
+        _, events, found, code = done
+        if code != OK:
+            return None, code
+        events, codes = events[:found], raw[0, n : n + m].astype(int)
+        for row in events[::-1]:
+            codes[int(row[orbit.EVENT_COLUMNS])] = row[orbit.EVENT_FROM]
+        raw[:, : z.size] /= self.scale
+        return Motion(raw[:, :n], tuple(codes.tolist()), events), code
+
+    def start_tangents(self, state, along):
+        """Return what the start changes by, shape (size, k); see `Matrices.start_tangents`."""
+        from gearlib.models.trains.derivatives import static_state
+
+        names = [f"initial_state of {component}" for component in self.model.components]
+        found = np.array([[slopes.get(name, 0.0) for slopes in along] for name in names])
+        twins = self.varied(along).twins
+        if isinstance(state, str):
+            moved = [static_state(self.model, twin).imag / STEP for twin in twins]
+            found += np.array(moved).T
+        return found
+
+    def switches(self, mesh):
+        """Return the phases of switches of a mesh, rising; see `Base.differentiate`."""
+        system = self.system
+        own = system.low[:, :, mesh]
+        new = np.append((own != np.roll(own, 1, axis=1)).any(axis=0), True)
+        new[system.first_segment] = True
+        return system.starts[new]

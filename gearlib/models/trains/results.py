@@ -59,6 +59,31 @@ class TrainResults(Model):
         """Return the train with one of `parameters` set in all meshes."""
         return with_value(self, name, value)
 
+    @property
+    def derivatives(self):
+        """As of `Model.derivatives`."""
+        from gearlib.models.trains.derivatives import parameters
+
+        return parameters(self)
+
+    def direction(self, name):
+        """As of `Model.direction`."""
+        from gearlib.models.trains.derivatives import direction
+
+        return direction(self, name)
+
+    def along_branch(self, name):
+        """As of `Model.along_branch`."""
+        from gearlib.models.trains.derivatives import along_branch
+
+        return along_branch(self, name)
+
+    def off_axis(self, slopes):
+        """As of `Model.off_axis`: what `TrainSystem` is made of."""
+        from gearlib.models.trains.derivatives import off_the_axis
+
+        return off_the_axis(self, slopes)
+
     def contact_map(self, tuning):
         """Return the map of deviations over `repeats` periods in normal mesh; see `reduction`."""
         system = self.system(tuning)
@@ -96,7 +121,7 @@ class TrainResults(Model):
 
     def more_samples(self, samples):
         """Return the motions of the bodies from the samples of `room`."""
-        q = samples[:, len(self.meshes) * orbit.SAMPLE_COLUMNS :]
+        q = samples[:, samples.shape[1] - self.size // 2 :]
         motion = np.einsum("bax,kx->kba", self.structure.motions, q)
         return {"body_motion": (("phase", "body", "axis"), motion)}
 

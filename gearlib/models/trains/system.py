@@ -51,15 +51,15 @@ def functionals(train, frequencies, waves, constants):
     """Return (near, far), shape (m, n) each, in static deflections."""
     lines = train.structure.lines
     m, n = lines.shape
-    near = np.zeros((m, 2 * n + 1 + 2 * frequencies.size))
+    unit = 1.0 / train.static_deflection
+    near = np.zeros((m, 2 * n + 1 + 2 * frequencies.size), np.result_type(unit))
     near[:, :n] = lines
     far = near.copy()
-    unit = 1.0 / train.static_deflection
     for side, functional in ((1, near), (0, far)):
         functional[:, 2 * n] = constants[side] * unit
         functional[:, 2 * n + 1 :] = waves[side] * unit
     for j, mesh in enumerate(train.meshes):
-        if math.isfinite(mesh.backlash):
+        if math.isfinite(mesh.backlash.real):
             far[j, 2 * n] += mesh.backlash * unit
         else:
             far[j] = piecewise_linear.never(far.shape[1], 2 * n)
@@ -75,7 +75,7 @@ def train_system(train, tuning):
     m, n = lines.shape
     near, far = functionals(train, frequencies, waves, constants)
     size = near.shape[1]
-    free = piecewise_linear.waves(size, 2 * n + 1, tuning * frequencies)
+    free = piecewise_linear.waves(size, 2 * n + 1, tuning * frequencies).astype(near.dtype)
     free[:n, n : 2 * n] = np.eye(n)
     free[n : 2 * n, :n] = -inverse @ parts.stiffness
     free[n : 2 * n, n : 2 * n] = -inverse @ parts.damping
@@ -87,12 +87,12 @@ def train_system(train, tuning):
     for j in range(m):
         free[n : 2 * n] -= np.outer(inverse @ lines[j], film[j] * speeds_near[j])
 
-    norm = largest_norm(train, parts) if train.gyroscopic else train.norm_at_rest
+    norm = train.norm(parts)
     p = segments.starts.size - 1
     highest = max(_count(mesh) for mesh in train.meshes)
-    push, grip = np.zeros((2, m, highest, 2, size))
+    push, grip = np.zeros((2, m, highest, 2, size), free.dtype)
     effect = np.zeros((3, p, m), dtype=np.int64)
-    stiffness = np.zeros((3, p, m))
+    stiffness = np.zeros((3, p, m), free.dtype)
     low = np.stack([segments.low[0], segments.low[1], segments.low[1]])
     for j, mesh in enumerate(train.meshes):
         levels = np.array([1.0, mesh.stiffness_ratio]) * mesh.max_stiffness / train.stiffness_scale
@@ -104,9 +104,9 @@ def train_system(train, tuning):
             (2, near[j], speeds_near[j], mesh.friction[0]),
             (0, far[j], speeds_far[j], mesh.friction[1]),
         ):
-            if code == 0 and math.isinf(mesh.backlash):
+            if code == 0 and math.isinf(mesh.backlash.real):
                 continue
-            for level in range(2 if mesh.stiffness_ratio < 1.0 else 1):
+            for level in range(2 if mesh.stiffness_ratio.real < 1.0 else 1):
                 for sense in senses:
                     elastic = levels[level] * line
                     push[j, d, 0, n : 2 * n] = -inverse @ lines[j]
@@ -138,8 +138,10 @@ def train_system(train, tuning):
 
 def _count(mesh):
     """Return how many effects a mesh has, the backlash included."""
-    sides = 1 if math.isinf(mesh.backlash) else 2
-    return 1 + sides * (2 if mesh.stiffness_ratio < 1.0 else 1) * (2 if any(mesh.friction) else 1)
+    sides = 1 if math.isinf(mesh.backlash.real) else 2
+    return 1 + sides * (2 if mesh.stiffness_ratio.real < 1.0 else 1) * (
+        2 if any(mesh.friction) else 1
+    )
 
 
 def largest_norm(train, parts):

@@ -17,7 +17,7 @@ if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
     from gearlib.models.propagators import several_meshes  # noqa: F401
 
 #: Of the static deflection where the reference mesh carries no load, m.
-_FALLBACK = 1e-6
+FALLBACK = 1e-6
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -211,7 +211,7 @@ class GearTrain(TrainResults):
         own = self.structure.lines[self.mesh_names.index(self.reference)]
         value = abs(own @ self.linear_deflection)
         largest = np.abs(shapes @ ((shapes.T @ np.abs(self.structure.load)) / squares)).max()
-        return float(value) if value > 1e-9 * largest else _FALLBACK
+        return float(value) if value > 1e-9 * largest else FALLBACK
 
     @property
     def load(self):
@@ -267,9 +267,14 @@ class GearTrain(TrainResults):
         meshes = any(mesh.material_damping or mesh.backlash_damping for mesh in self.meshes)
         return meshes or bool(self.structure.damping.any())
 
+    def norm(self, parts):
+        """Return the largest norm of the matrices: one for all tunings, unless gyroscopic."""
+        from gearlib.models.trains.system import largest_norm
+
+        return largest_norm(self, parts) if self.gyroscopic else self._norm_at_rest
+
     @cached_property
-    def norm_at_rest(self):
-        """Largest norm of the matrices without gyroscopic forces, the same for every tuning."""
+    def _norm_at_rest(self):
         from gearlib.models.trains.system import largest_norm, scaled
 
         return largest_norm(self, scaled(self, 1.0))
