@@ -6,6 +6,7 @@ and one process runs them all: others' packages are most of the time that a job 
 """
 
 import contextlib
+import io
 import os
 import pickle
 import runpy
@@ -16,12 +17,13 @@ from pathlib import Path
 from types import SimpleNamespace
 from unittest import mock
 
+import matplotlib
 import numpy as np
 import yaml
 
 from gearlib.figures import style
 from tests.golden import data, drawn
-from tests.workflow.project import ROOT, merge, small_project
+from tests.workflow.project import ROOT, small_project
 
 FOLDER = Path(__file__).with_name("drawn")
 
@@ -56,8 +58,7 @@ def redraw(folder, figures=()):
     """
     project = small_project(folder)
     # A colour that is no default: it shows whether that of the configuration is taken.
-    look = {"formats": ["png"], "colours": {"k1": "#AA3377"}}
-    project.configure(lambda settings: merge(settings["figures"], look))
+    project.configure(lambda settings: settings["figures"]["colours"].update(k1="#AA3377"))
     (project / "workflow/scripts/draw.py").write_text(_TELL)
     # What is not there would be computed, and this comes first.
     for script in ("compile_kernels.py", "compile_larger_kernels.py", "compile_train_kernels.py"):
@@ -84,6 +85,11 @@ def _draw(given, params, output):
     def save(figure, path):
         with style.styled():
             drawn.write(drawn.read(figure), path)
+            # Whatever it holds can be drawn as vectors too. To lay it out again or to embed whole
+            # fonts takes long.
+            figure.set_layout_engine(None)
+            with matplotlib.rc_context({"pdf.fonttype": 3}):
+                figure.savefig(io.BytesIO(), format="pdf")
 
     job = SimpleNamespace(input=given, params=SimpleNamespace(**params), output=output, log=[""])
     scripts = ROOT / "workflow/scripts"

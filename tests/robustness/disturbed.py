@@ -22,6 +22,7 @@ def tiny_project(folder):
         for named in (settings["dampings"], settings["figures"]["colours"]):
             for name in named.keys() - {"k1", "k1m"}:
                 del named[name]
+        settings["figures"]["formats"] = ["png", "pdf"]
         settings["stability_chart"]["damping"] = "k1"
         settings["scenes"] = {}
         settings["targets"] = ["phase_planes", "phase_lag"]

@@ -5,13 +5,12 @@ import pytest
 pytestmark = pytest.mark.slow
 
 # compile, compute, gather, draw; a table as CSV and as page; the page of the report. The compiled
-# kernels are those of which the rest needs nothing: others would have all that needs them run again.
+# kernels are those of which the rest needs nothing: what needs others would run again.
 STAGES = (
     "results/train_kernels.sha256",
     "results/phase_planes/k1/0.8200.nc",
     "results/phase_planes.nc",
     "results/figures/fig5_phase_planes.png",
-    "results/figures/fig5_phase_planes.pdf",
     "results/jump_by_method/exact.nc",
     "results/jump_by_method.csv",
     "results/tables/jump_by_method.html",
