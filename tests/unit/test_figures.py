@@ -190,6 +190,11 @@ def comparisons(tolerance=0.05):
     }
 
 
+def bars():
+    data = comparisons()
+    return [*data.values()], [*data]
+
+
 def words_of(axes):
     return " ".join(
         [axes.get_title(), axes.get_title(loc="left"), *(t.get_text() for t in axes.texts)]
@@ -335,7 +340,7 @@ def test_words_on_bars_stay_in_the_panel():
     [
         (jump.draw, lambda: (jumps(factors=[0.9, 2.0]),)),
         (nonlinear_damping.draw, lambda: (studies(["linear", "cubic"]),)),
-        (models.draw, lambda: [*zip(*((one, name) for name, one in comparisons().items()))]),
+        (models.draw, bars),
     ],
     ids=["jump", "nonlinear_damping", "models"],
 )
