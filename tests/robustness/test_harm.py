@@ -10,15 +10,7 @@ from contextlib import contextmanager
 
 import pytest
 
-from tests.robustness.disturbed import (
-    data,
-    disturb,
-    end,
-    jobs_of,
-    start,
-    tiny_project,
-    wait,
-)
+from tests.robustness.disturbed import data, disturb, end, start, tiny_project, wait
 
 pytestmark = pytest.mark.slow
 
@@ -29,12 +21,14 @@ SHARD = "results/phase_planes/k1/0.8200.nc"
 FOREIGN = "results/phase_planes/k1m/0.8200.nc"
 FIGURE = "results/figures/fig2_phase_shift.png"
 
-#: Of a module: whoever imports it waits for a file.
+#: Of a module: whoever imports it first says so and waits for a file.
 UNTIL_TOLD = """
 import pathlib, time
 
-while not pathlib.Path("go").exists():
-    time.sleep(0.05)
+if not pathlib.Path("waits").exists():
+    pathlib.Path("waits").touch()
+    while not pathlib.Path("go").exists():
+        time.sleep(0.05)
 """
 
 
@@ -156,7 +150,7 @@ def test_two_at_once(project, undisturbed):
     process = start(project)
     try:
         # A job runs, so the locks are written, and stay until it may go on.
-        while not jobs_of(process):
+        while not (project / "waits").exists():
             assert not wait(process, 0.05)
         printed = project.snakemake("-j2", succeed=False)
         (project / "go").touch()
