@@ -36,28 +36,36 @@ def errors(driver):
     return [entry["message"] for entry in driver.get_log("browser") if entry["level"] == "SEVERE"]
 
 
+_SEARCH = """
+    const found = [];
+    const search = root => {
+        found.push(...root.querySelectorAll(arguments[0]));
+        root.querySelectorAll("*").forEach(e => e.shadowRoot && search(e.shadowRoot));
+    };
+    search(document);
+"""
+
+
 def everywhere(driver, selector):
     """Return the elements that match in the document and all shadow roots."""
-    return driver.execute_script(
-        """
-        const found = [];
-        const search = root => {
-            found.push(...root.querySelectorAll(arguments[0]));
-            root.querySelectorAll("*").forEach(e => e.shadowRoot && search(e.shadowRoot));
-        };
-        search(document);
-        return found;
-        """,
-        selector,
-    )
+    return driver.execute_script(_SEARCH + "return found;", selector)
 
 
-def wait_for(condition, seconds=60.0):
+def texts(driver, selector):
+    """Return the texts of those of them that are seen, as they are at one moment.
+
+    What is asked of one element after another may have been replaced meanwhile.
+    """
+    seen = "return found.filter(e => e.checkVisibility()).map(e => e.innerText);"
+    return driver.execute_script(_SEARCH + seen, selector)
+
+
+def wait_for(condition, seconds=300.0):
     """Wait until a condition gives something true, and return that."""
     end = time.monotonic() + seconds
     while time.monotonic() < end:
         found = condition()
         if found:
             return found
-        time.sleep(0.1)
+        time.sleep(0.2)
     raise TimeoutError("the page did not come to show it")

@@ -11,14 +11,13 @@ import panel as pn
 import pytest
 import yaml
 from bokeh.models import Span
-from selenium.common.exceptions import StaleElementReferenceException
 from selenium.webdriver.common.keys import Keys
 
 import gearlib
 from gearlib import config
 from gearlib.models.trains.described import described
 from gearlib.pages.explorer import drawn_page, page, serving, train_page, trains, view
-from tests.browser.chromium import browser, errors, everywhere, wait_for
+from tests.browser.chromium import browser, errors, everywhere, texts, wait_for
 
 assert browser  # a fixture
 
@@ -281,16 +280,13 @@ def address(request):
 
 def _note(driver, old=""):
     """Return what the page says of the motion, nothing as long as it says the old."""
-    try:
-        texts = [element.text for element in everywhere(driver, "p")]
-    except StaleElementReferenceException:  # the page is just being replaced
-        return ""
-    return next((t for t in texts if "The motion from rest" in t and t != old), "")
+    found = texts(driver, "p")
+    return next((t for t in found if "The motion from rest" in t and t != old), "")
 
 
 def _drawn(driver):
     """Return how many canvases of figures are seen."""
-    return sum(canvas.is_displayed() for canvas in everywhere(driver, "canvas"))
+    return len(texts(driver, "canvas"))
 
 
 def _reachable(driver, address):
@@ -343,7 +339,7 @@ def test_drawn_gears_in_a_browser(browser, address):
     handle = everywhere(browser, ".noUi-handle")[1]
     handle.send_keys(Keys.PAGE_DOWN * 4)
     refused = "pinion: shift = -0.2 is not allowed"
-    wait_for(lambda: any(refused in p.text for p in everywhere(browser, "p")))
+    wait_for(lambda: any(refused in text for text in texts(browser, "p")))
     wait_for(lambda: _drawn(browser) == 0)
     handle.send_keys(Keys.PAGE_UP * 4)
     wait_for(lambda: _note(browser, second))

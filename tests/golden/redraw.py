@@ -1,34 +1,44 @@
 """Every figure drawn again from golden data, by the rules and scripts of the workflow itself.
 
 What comes out depends on nothing but these data and on what draws: no motion has to be computed,
-and no rounding of chaotic ones comes in between.
+and no rounding of chaotic ones comes in between. Snakemake tells what the script of each job gets,
+and one process runs them all: others' packages are most of the time that a job takes.
 """
 
+import contextlib
+import io
 import os
+import pickle
+import runpy
 import shutil
+import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
+from unittest import mock
 
+import matplotlib
 import numpy as np
 import yaml
 
+from gearlib.figures import style
 from tests.golden import data, drawn
-from tests.workflow.project import merge, small_project
+from tests.workflow.project import ROOT, small_project
 
 FOLDER = Path(__file__).with_name("drawn")
 
 _LACKING = "golden data of a figure are lacking: `make golden` adds them"
 
-#: In the project, instead of pictures.
-_RECORD = '''
+#: In the project, the script that draws: it writes what it got.
+_TELL = """
+import pickle
 
-def save(figure, path):
-    """Write what the figure holds instead of a picture of it."""
-    import drawn
-
-    with styled():
-        drawn.write(drawn.read(figure), Path(path))
-'''
+named = [{key: value if isinstance(value, (str, int, dict)) else [*value]
+          for key, value in part.items()} for part in (snakemake.input, snakemake.params)]
+for path in snakemake.output:
+    with open(path, "wb") as file:
+        pickle.dump((*named, [*snakemake.output]), file)
+"""
 
 
 def redraw(folder, figures=()):
@@ -48,11 +58,8 @@ def redraw(folder, figures=()):
     """
     project = small_project(folder)
     # A colour that is no default: it shows whether that of the configuration is taken.
-    look = {"formats": ["png"], "colours": {"k1": "#AA3377"}}
-    project.configure(lambda settings: merge(settings["figures"], look))
-    shutil.copy(drawn.__file__, project / "workflow/scripts/drawn.py")
-    style = project / "gearlib/figures/style.py"
-    style.write_text(style.read_text(encoding="utf-8") + _RECORD, encoding="utf-8")
+    project.configure(lambda settings: settings["figures"]["colours"].update(k1="#AA3377"))
+    (project / "workflow/scripts/draw.py").write_text(_TELL)
     # What is not there would be computed, and this comes first.
     for script in ("compile_kernels.py", "compile_larger_kernels.py", "compile_train_kernels.py"):
         (project / "workflow/scripts" / script).write_text(f"raise SystemExit({_LACKING!r})")
@@ -66,7 +73,33 @@ def redraw(folder, figures=()):
     _put_data(project)
     project.snakemake("-j2", *targets)
     found = sorted((project / "results/figures").glob("*.png"))
+    with contextlib.chdir(project.folder):
+        for job in {path.read_bytes() for path in found}:
+            _draw(*pickle.loads(job))
     return {path.stem: drawn.load(path) for path in found}
+
+
+def _draw(given, params, output):
+    """Do one job of `workflow/scripts/draw.py`: write what figures hold instead of pictures."""
+
+    def save(figure, path):
+        with style.styled():
+            drawn.write(drawn.read(figure), path)
+            # Whatever it holds can be drawn as vectors too. To lay it out again or to embed whole
+            # fonts takes long.
+            figure.set_layout_engine(None)
+            with matplotlib.rc_context({"pdf.fonttype": 3}):
+                figure.savefig(io.BytesIO(), format="pdf")
+
+    job = SimpleNamespace(input=given, params=SimpleNamespace(**params), output=output, log=[""])
+    scripts = ROOT / "workflow/scripts"
+    silent = SimpleNamespace(redirect_output=lambda log: None)
+    with (
+        mock.patch.object(style, "save", save),
+        mock.patch.object(sys, "path", [str(scripts), *sys.path]),
+        mock.patch.dict(sys.modules, joblog=silent),
+    ):
+        runpy.run_path(str(scripts / "draw.py"), {"snakemake": job}, "__main__")
 
 
 def _put_data(project):

@@ -5,21 +5,12 @@ One file, so that one worker makes the undisturbed run, once.
 
 import os
 import shutil
-import signal
 import subprocess
 from contextlib import contextmanager
 
 import pytest
 
-from tests.robustness.disturbed import (
-    data,
-    disturb,
-    end,
-    jobs_of,
-    start,
-    tiny_project,
-    wait,
-)
+from tests.robustness.disturbed import data, disturb, end, start, tiny_project, wait
 
 pytestmark = pytest.mark.slow
 
@@ -29,6 +20,16 @@ KILLS = int(os.environ.get("GEARLIB_KILLS", "3"))
 SHARD = "results/phase_planes/k1/0.8200.nc"
 FOREIGN = "results/phase_planes/k1m/0.8200.nc"
 FIGURE = "results/figures/fig2_phase_shift.png"
+
+#: Of a module: whoever imports it first says so and waits for a file.
+UNTIL_TOLD = """
+import pathlib, time
+
+if not pathlib.Path("waits").exists():
+    pathlib.Path("waits").touch()
+    while not pathlib.Path("go").exists():
+        time.sleep(0.05)
+"""
 
 
 def cut(project):
@@ -144,15 +145,16 @@ def test_results_that_may_not_be_written(project, undisturbed):
 
 def test_two_at_once(project, undisturbed):
     (project / FIGURE).unlink()
+    with (project / "gearlib/figures/phase_shift.py").open("a", encoding="utf-8") as source:
+        source.write(UNTIL_TOLD)
     process = start(project)
     try:
-        # A job runs, so the locks are written; a Snakemake that stands still keeps them.
-        while not jobs_of(process):
+        # A job runs, so the locks are written, and stay until it may go on.
+        while not (project / "waits").exists():
             assert not wait(process, 0.05)
-        process.send_signal(signal.SIGSTOP)
         printed = project.snakemake("-j2", succeed=False)
-        process.send_signal(signal.SIGCONT)
-        assert wait(process, 120)
+        (project / "go").touch()
+        assert wait(process, 300)
     finally:
         end(process)
     assert "cannot be locked" in printed and "Traceback" not in printed

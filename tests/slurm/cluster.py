@@ -38,7 +38,7 @@ SelectType=select/cons_tres
 SelectTypeParameters=CR_Core
 AccountingStorageType=accounting_storage/none
 JobAcctGatherType=jobacct_gather/none
-MinJobAge=600
+MinJobAge=36000
 NodeName={host} NodeAddr=127.0.0.1 CPUs={cpus} RealMemory={memory} State=UNKNOWN
 PartitionName=all Nodes={host} Default=YES MaxTime=INFINITE State=UP
 """
@@ -83,7 +83,7 @@ def one_node():
     finally:
         for daemon in reversed(daemons):
             daemon.terminate()
-            daemon.wait(timeout=30)
+            daemon.wait(timeout=300)
         shutil.rmtree(folder)
 
 
@@ -140,11 +140,11 @@ def _start(command, environment, folder):
 
 
 def _output(command, environment):
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=60)
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=300)
     return done.stdout
 
 
-def _wait(ready, folder, seconds=60):
+def _wait(ready, folder, seconds=300):
     end = time.monotonic() + seconds
     while not ready():
         if time.monotonic() > end:

@@ -190,6 +190,11 @@ def comparisons(tolerance=0.05):
     }
 
 
+def bars():
+    data = comparisons()
+    return [*data.values()], [*data]
+
+
 def words_of(axes):
     return " ".join(
         [axes.get_title(), axes.get_title(loc="left"), *(t.get_text() for t in axes.texts)]
@@ -330,21 +335,21 @@ def test_words_on_bars_stay_in_the_panel():
         assert frame.x0 <= box.x0 and box.x1 <= frame.x1
 
 
-@pytest.mark.parametrize("suffix", ["png", "svg"])
 @pytest.mark.parametrize(
-    "draw",
+    ("draw", "computed"),
     [
-        lambda: jump.draw(jumps(factors=[0.9, 2.0])),
-        lambda: nonlinear_damping.draw(studies(["linear", "cubic"])),
-        lambda: models.draw([*comparisons().values()], [*comparisons()]),
+        (jump.draw, lambda: (jumps(factors=[0.9, 2.0]),)),
+        (nonlinear_damping.draw, lambda: (studies(["linear", "cubic"]),)),
+        (models.draw, bars),
     ],
     ids=["jump", "nonlinear_damping", "models"],
 )
-def test_studies_same_data_same_bytes(draw, suffix, tmp_path):
+def test_studies_same_data_same_bytes(draw, computed, tmp_path):
+    data = computed()
+    # As text every number of an artist is in the file; all formats are looked at below.
     for name in ("a", "b"):
-        style.save(draw(), tmp_path / f"{name}.{suffix}")
-    assert (tmp_path / f"a.{suffix}").read_bytes() == (tmp_path / f"b.{suffix}").read_bytes()
-    assert len(list(tmp_path.iterdir())) == 2
+        style.save(draw(*data), tmp_path / f"{name}.svg")
+    assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()
 
 
 @pytest.mark.parametrize("suffix", ["png", "pdf", "svg"])

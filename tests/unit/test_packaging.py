@@ -70,3 +70,10 @@ def test_files_of_the_workflow_catalog(path):
     if path.endswith(".yml"):
         usage = load(path)["usage"]
         assert usage["software-stack-deployment"]["conda"] and usage["report"]
+
+
+def test_every_folder_of_tests_is_run():
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    run = settings["tool"]["pytest"]["ini_options"]["testpaths"]
+    paths = (ROOT / "tests").rglob("test_*.py")
+    assert {str(path.parent.relative_to(ROOT)) for path in paths} == set(run)

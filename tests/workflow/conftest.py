@@ -4,9 +4,11 @@ import fcntl
 import json
 import os
 import shutil
+import subprocess
 
 import pytest
 
+from tests.workflow.forked import LONGEST, SNAKEMAKE
 from tests.workflow.project import ROOT, Project, small_project
 
 RECORDER = ROOT / "tests/workflow/recorder"
@@ -36,8 +38,18 @@ def first_run(tmp_path_factory):
                 "PYTHONDONTWRITEBYTECODE": "1",
             }
             project = small_project(folder / "workflow")
-            output = project.snakemake("-j2", environment=recorded)
-            printed.write_text(output, encoding="utf-8")
+            # A process of its own, as users start it: it is recorded too.
+            done = subprocess.run(
+                [SNAKEMAKE, "-j2"],
+                cwd=project.folder,
+                env=os.environ | recorded,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
+                text=True,
+                timeout=LONGEST,
+            )
+            assert done.returncode == 0, done.stdout
+            printed.write_text(done.stdout, encoding="utf-8")
     return Project(folder / "workflow"), printed.read_text(encoding="utf-8")
 
 

@@ -1,16 +1,15 @@
 """A small project in a temporary folder, on which the tests run the real Snakemake."""
 
-import os
 import re
 import shutil
-import subprocess
-import sys
+import tempfile
 from pathlib import Path
 from typing import get_args
 
 import yaml
 
 from gearlib.config.model import Target
+from tests.workflow import forked
 
 ROOT = Path(__file__).resolve().parents[2]
 COPIED = ["Snakefile", "config.yaml", "gearlib", "profiles", "workflow"]
@@ -25,19 +24,13 @@ class Project:
     def __truediv__(self, path):
         return self.folder / path
 
-    def snakemake(self, *arguments, succeed=True, environment=None):
-        """Run Snakemake, in an environment with these changes, and return what it printed."""
-        done = subprocess.run(
-            [Path(sys.executable).with_name("snakemake"), *arguments],
-            cwd=self.folder,
-            env=os.environ | (environment or {}),
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            timeout=1800,
-        )
-        assert (done.returncode == 0) == succeed, done.stdout
-        return done.stdout
+    def snakemake(self, *arguments, succeed=True):
+        """Run Snakemake and return what it printed."""
+        with tempfile.NamedTemporaryFile("r", encoding="utf-8") as printed:
+            status = forked.run(self.folder, arguments, printed.name)
+            output = printed.read()
+        assert (status == 0) == succeed, output
+        return output
 
     def jobs(self, *arguments):
         """Return the jobs, as rule -> number, that Snakemake with these arguments runs."""

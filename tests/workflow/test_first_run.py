@@ -3,6 +3,7 @@
 The real Snakemake in a small configuration.
 """
 
+import functools
 import json
 import re
 from importlib import metadata
@@ -30,8 +31,7 @@ def test_one_command_builds_everything(first_run):
     for name in ("resonance.nc", "phase_planes.nc", "claims.csv", "claims.md"):
         assert (project / "results" / name).stat().st_size > 0
     for figure in ("fig3_resonance", "fig5_phase_planes"):
-        for suffix in ("png", "pdf"):
-            assert (project / f"results/figures/{figure}.{suffix}").stat().st_size > 1000
+        assert (project / f"results/figures/{figure}.png").stat().st_size > 1000
 
 
 def test_numbers_behind_the_figures_are_the_golden_ones(first_run):
@@ -129,10 +129,15 @@ def kinds(first_run):
     return {str(path.relative_to(project / "results")): path for path in found.values()}
 
 
-def test_every_dataset_keeps_to_cf(kinds):
+def test_every_dataset_keeps_to_cf(kinds, monkeypatch):
     runner = pytest.importorskip("compliance_checker.runner", reason="no CF checker installed")
+    from compliance_checker.cf import util as cf_util
+
     suite = runner.CheckSuite()
     suite.load_all_available_checkers()
+    # Of each dataset the checker asks this hundreds of times: two thirds of its time.
+    for name in ("get_geophysical_variables", "get_auxiliary_coordinate_variables"):
+        monkeypatch.setattr(cf_util, name, functools.cache(getattr(cf_util, name)))
     faults = []
     for name, path in kinds.items():
         results, errors = suite.run_all(suite.load_dataset(str(path)), ["cf:1.11"])["cf:1.11"]
@@ -166,10 +171,8 @@ def test_a_source_hash_is_that_of_what_computed_the_data(first_run):
     assert source_hash("phase_lag.nc") != source_hash(shard)
 
 
-def test_the_run_says_where_and_when_it_was_made(project):
-    path = project / "results/provenance.json"
-    before = path.read_bytes()
-    record = json.loads(before)
+def test_the_run_says_where_and_when_it_was_made(first_run):
+    record = json.loads((first_run[0] / "results/provenance.json").read_bytes())
     assert set(record) == {
         *("finished", "commit", "changed_files", "versions", "machine", "jobs"),
     }
@@ -178,5 +181,3 @@ def test_the_run_says_where_and_when_it_was_made(project):
     assert {"compile_kernels", "gather_resonance", "draw_resonance"} <= jobs.keys()
     assert all(job["seconds"] >= 0.0 for job in jobs.values())
     assert record["machine"]["cores"] >= 1
-    project.snakemake("-j2")
-    assert path.read_bytes() == before

@@ -11,10 +11,17 @@ from workflow.sources import sources
 
 SCRIPTS = sorted(path.stem for path in (ROOT / "workflow/scripts").glob("*.py"))
 
-# One process for all scripts, in which what is ours is loaded anew for every script: others'
-# packages are most of the time that a start takes.
+# One process for all scripts, in which what is ours is loaded anew for every script, and parsed
+# once: others' packages and parsing are most of the time that a start takes.
 LOADED = """
 import json, runpy, sys
+from importlib.machinery import SourceFileLoader
+parse, parsed = SourceFileLoader.source_to_code, {}
+def once(loader, data, path, **options):
+    if path not in parsed:
+        parsed[path] = parse(loader, data, path, **options)
+    return parsed[path]
+SourceFileLoader.source_to_code = once
 root, *scripts = sys.argv[1:]
 sys.path[:0] = [root, root + "/workflow/scripts"]
 loaded = {}
