@@ -260,8 +260,14 @@ def phasing(train, count, output_path, force):
 
 @main.command("gears")
 @drawn.options
-@click.option("--json", "form", flag_value="json", help="For other programs.")
-@click.option("--csv", "form", flag_value="csv", help="For spreadsheets.")
+@click.option(
+    "--format",
+    "form",
+    type=click.Choice(["text", "json", "csv"]),
+    default="text",
+    show_default=True,
+    help="For people, programs, spreadsheets.",
+)
 def gear_table(drawing, damping, form):
     """What a drawing of two gears comes to: geometry, stiffness by each method, resonance."""
     from gearlib.studies import gear_table
