@@ -37,7 +37,7 @@ def options(command):
                 _put(section, (gear,), key, value)
         for key in _OF_MESH:
             _put(section, (), key, rest.pop(key))
-        mapping, path = gears.read(config_path, case)
+        mapping, path = gears.read(config_path, case, damping)
         name = f"What the options make of {path}" if path else "What the options say"
         # Coefficients suit the pair for which they were made.
         own = ("gears", "dampings") if "gears" in mapping or damping is not None else ()

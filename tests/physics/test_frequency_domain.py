@@ -305,6 +305,7 @@ def test_datasets():
         ({"harmonics": 0}, "harmonics = 0 is not allowed: it must be an integer >= 1"),
         ({"samples": 32, "harmonics": 16}, "samples = 32 is not allowed"),
         ({"guess": (1.0,)}, "guess = (1.0,) is not allowed"),
+        ({"guess": "ab"}, "guess = 'ab' is not allowed"),
         ({"period": 0}, "period = 0 is not allowed"),
     ],
 )

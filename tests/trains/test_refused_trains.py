@@ -175,6 +175,10 @@ WRONG = {
         "teeth = .24, 36, 24, 40. .* one centre distance, .* 0.12 m in the first, 0.128 m",
     ),
     "branches": (lambda: split_power_reducer(PAPER, branches=0), "branches = 0 .* >= 1"),
+    "state": (
+        lambda: planetary().check_state(("a", "b")),
+        "initial_state = .* 'static'",
+    ),
     "phase": (lambda: planetary().static(phase=math.nan), "phase = nan .* finite"),
 }
 

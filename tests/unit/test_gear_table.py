@@ -115,10 +115,13 @@ def test_other_commands_take_drawn_gears(run):
         (["--config", "fzg.yaml", "--damping", "k9"], "damping = 'k9' is not allowed"),
         (["--teeth", "20", "20", "--width", "1 cm"], "gears.pinion.module is missing"),
         (["--config", "pair.yaml"], "pair.yaml has no gears by their drawing"),
+        (["--config", "empty.yaml"], "the configuration = null (empty) is not allowed"),
+        ([*ISO_EXAMPLE, "--damping", "k1"], "damping = 'k1' needs a configuration"),
     ],
 )
 def test_wrong_input_ends_with_code_2(run, tmp_path, arguments, fault):
     (tmp_path / "pair.yaml").write_text("gear_pair: {}", encoding="utf-8")
+    (tmp_path / "empty.yaml").touch()
     done = run(*arguments)
     assert done.exit_code == 2
     assert fault in done.output
