@@ -14,7 +14,7 @@ from gearlib.kernels.closed_form.deviation import multiply
 from gearlib.kernels.closed_form.event_by_event import within_range
 from gearlib.kernels.codes import BACKLASH, EVENT_LIMIT, INVERSE, NORMAL, OK, OVERFLOW, UNRESOLVED
 from gearlib.kernels.jit import inlined, kernel
-from gearlib.kernels.taylor.run import add_samples, add_step, first_crossing, note
+from gearlib.kernels.taylor.run import add_samples, add_step, first_crossing
 from gearlib.kernels.taylor.series import ORDER, PUSH, ROWS, C, V, X, state_at
 from gearlib.kernels.tooth_pairs.system import FACTOR, FACTOR_SLOPE, OFFSET, OFFSET_SLOPE
 
@@ -153,7 +153,7 @@ def run_pairs(
                 line = -1
                 after = _contact_of(s, coast)
                 if recorded >= 0 and after != before and not start:
-                    events, found = note(
+                    events, found = orbit.note(
                         events, found, n, starts[p] - begin, before, after, v, summary
                     )
             phase, end = starts[p], starts[p + 1]
@@ -226,7 +226,9 @@ def run_pairs(
                     if rate != 0.0:
                         multiply(1.0, 0.0, -jump * factor / rate, 1.0, maps[n])
                 if after != during and recorded >= 0:
-                    events, found = note(events, found, n, phase - begin, during, after, v, summary)
+                    events, found = orbit.note(
+                        events, found, n, phase - begin, during, after, v, summary
+                    )
     strobes[kept, 0], strobes[kept, 1] = x, v
     height = summary[orbit.X_MAX] - summary[orbit.X_MIN]
     period = orbit.orbit_period(strobes, tuning, height, system.repeats)
