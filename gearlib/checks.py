@@ -89,6 +89,12 @@ def many(name, values, count):
     return found
 
 
+def numbers(name, values, count):
+    """Return so many real numbers, infinite ones too, as a list of float, else raise ValueError."""
+    found = enumerate(many(name, values, count))
+    return [number(f"{name}[{i}]", value, "a number", lambda v: True) for i, value in found]
+
+
 def options(value):
     """Return options, a mapping or None, as a dict, else raise ValueError."""
     if value is not None and not isinstance(value, Mapping):
