@@ -141,6 +141,12 @@ def test_every_dataset_keeps_to_cf(kinds):
     assert faults == []
 
 
+def test_every_variable_is_described(kinds):
+    for name, path in kinds.items():
+        variables = storage.read(path).variables
+        assert [key for key in variables if not variables[key].attrs.get("long_name")] == [], name
+
+
 def test_every_dataset_says_how_it_was_made(kinds):
     for name, path in kinds.items():
         attributes = storage.read(path).attrs
