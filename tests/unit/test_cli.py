@@ -14,6 +14,7 @@ import gearlib
 from gearlib.analysis.orbits.shooting import NoOrbit
 from gearlib.cli import main, progress
 from gearlib.data import storage
+from tests.paper import PAPER
 
 PAIR = ["--max-stiffness", "4e5 N/mm", "--stiffness-ratio", "0.5879", "--contact-ratio", "1.569"]
 PAIR += ["--reduced-mass", "3123 g", "--load", "3.2895396 kN", "--backlash", "40 um"]
@@ -28,15 +29,7 @@ def run(tmp_path, monkeypatch):
 
 
 def pair():
-    return gearlib.GearPair(
-        max_stiffness=4e8,
-        stiffness_ratio=0.5879,
-        contact_ratio=1.569,
-        reduced_mass=3.123,
-        load=3289.5396,
-        backlash=40e-6,
-        material_damping=3953.7,
-    )
+    return PAPER.replace(material_damping=3953.7)
 
 
 def test_simulate_writes_what_the_library_computes(run):
