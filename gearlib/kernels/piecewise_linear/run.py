@@ -80,6 +80,9 @@ def go(system, table, to_bernstein, z, contact, on_line, at_rest, s, record, rec
 
     Parameters
     ----------
+    system, table, to_bernstein, s : System, Tables, ndarray, Scratch
+    z : ndarray, shape (n,)
+    contact : int
     on_line, at_rest : int, bool
         Whether the period starts exactly on a line (1 the normal, -1 the far one, 0 none), and at
         rest relative to it.

@@ -214,6 +214,9 @@ def pass_period(system, table, to_bernstein, z, contact, on_line, at_rest, limit
 
     Parameters
     ----------
+    system, table, to_bernstein : System, PeriodTables, ndarray
+    z : ndarray, shape (n,)
+    contact : int
     on_line, at_rest : int, bool
         As of `gearlib.kernels.piecewise_linear.run.go`.
     limit : int
