@@ -1,7 +1,11 @@
 """Checks of single values: one clear sentence naming the key, the value and the range."""
 
 import math
+from collections.abc import Mapping
 from numbers import Integral, Real
+
+#: Of the integers of numpy and of the kernels.
+_LARGEST = 2**63 - 1
 
 
 def number(name, value, allowed, accept):
@@ -25,7 +29,10 @@ def number(name, value, allowed, accept):
     """
     # numpy's scalars register as Real; bool does too, but True is no stiffness.
     if isinstance(value, Real) and not isinstance(value, bool):
-        result = float(value)
+        try:
+            result = float(value)
+        except OverflowError:
+            result = math.nan
         if not math.isnan(result) and accept(result):
             return result
     raise ValueError(f"{name} = {value!r} is not allowed: it must be {allowed}")
@@ -44,8 +51,10 @@ def finite_nonnegative(name, value):
 def integer(name, value, low, high=None):
     """Return `value` as int if it is an integer in ``low ... high``, else raise ValueError."""
     if isinstance(value, Integral) and not isinstance(value, bool):
-        if value >= low and (high is None or value <= high):
+        if low <= value <= (_LARGEST if high is None else high):
             return int(value)
+        if high is None and value >= low:
+            high = _LARGEST
     allowed = f"an integer >= {low}" if high is None else f"an integer from {low} to {high}"
     raise ValueError(f"{name} = {value!r} is not allowed: it must be {allowed}")
 
@@ -59,6 +68,16 @@ def one_of(name, value, choices):
     return value
 
 
+def sequence(name, values):
+    """Return values as a list, else raise ValueError."""
+    try:
+        return list(values)
+    except TypeError:
+        raise ValueError(
+            f"{name} = {values!r} is not allowed: it must be a sequence of numbers"
+        ) from None
+
+
 def many(name, values, count):
     """Return so many values as a list, else raise ValueError."""
     try:
@@ -68,6 +87,19 @@ def many(name, values, count):
     if len(found) != count:
         raise ValueError(f"{name} = {values!r} is not allowed: it must be {count} values")
     return found
+
+
+def numbers(name, values, count):
+    """Return so many real numbers, infinite ones too, as a list of float, else raise ValueError."""
+    found = enumerate(many(name, values, count))
+    return [number(f"{name}[{i}]", value, "a number", lambda v: True) for i, value in found]
+
+
+def options(value):
+    """Return options, a mapping or None, as a dict, else raise ValueError."""
+    if value is not None and not isinstance(value, Mapping):
+        raise ValueError(f"options = {value!r} is not allowed: it must be a mapping of names")
+    return dict(value or {})
 
 
 def drawn_mesh(value):

@@ -1,5 +1,7 @@
 """The commands: options, one library call, output."""
 
+import math
+
 import click
 
 from gearlib.cli import drawn, gears, output, progress, speeds
@@ -118,10 +120,10 @@ def sweep(
     """Run many tunings: the resonance characteristic."""
     output.check(output_path, force)
     start, stop = (speeds.tuning_of(pair, value) for value in (start, stop))
-    if points < 2 or not 0.0 < start < stop:
+    if points < 2 or not 0.0 < start < stop < math.inf:
         raise click.UsageError(
             f"start = {start!r}, stop = {stop!r}, points = {points} is not allowed: it must be 0 < "
-            "start < stop and at least 2 points"
+            "start < stop, both finite, and at least 2 points"
         )
     import numpy as np
     import xarray as xr
@@ -201,7 +203,9 @@ def _first(texts, most=12):
 @gears.options
 @speeds.options
 @_state
-@click.option("--periods", type=int, default=2000, show_default=True, help="To settle.")
+@click.option(
+    "--periods", type=click.IntRange(32), default=2000, show_default=True, help="To settle."
+)
 @output.options
 def trust(pair, tuning, state, periods, output_path, force):
     """Chaos or artefact: run one tuning in several ways and label its motion."""
@@ -260,8 +264,14 @@ def phasing(train, count, output_path, force):
 
 @main.command("gears")
 @drawn.options
-@click.option("--json", "form", flag_value="json", help="For other programs.")
-@click.option("--csv", "form", flag_value="csv", help="For spreadsheets.")
+@click.option(
+    "--format",
+    "form",
+    type=click.Choice(["text", "json", "csv"]),
+    default="text",
+    show_default=True,
+    help="For people, programs, spreadsheets.",
+)
 def gear_table(drawing, damping, form):
     """What a drawing of two gears comes to: geometry, stiffness by each method, resonance."""
     from gearlib.studies import gear_table
@@ -293,7 +303,12 @@ def campbell(train, count, output_path, force):
 
 @main.command()
 @gears.configuration_options
-@click.option("--port", type=int, default=0, help="Port on this machine; any free one by default.")
+@click.option(
+    "--port",
+    type=click.IntRange(0, 65535),
+    default=0,
+    help="Port on this machine; any free one by default.",
+)
 @click.option("--show/--no-show", default=True, help="Whether to open a browser.")
 def explore(mapping, damping, port, show):
     """Explore the gear mesh or a gear train with sliders, in the browser."""

@@ -37,9 +37,11 @@ def options(command):
                 _put(section, (gear,), key, value)
         for key in _OF_MESH:
             _put(section, (), key, rest.pop(key))
-        mapping, path = gears.read(config_path, case)
+        mapping, path = gears.read(config_path, case, damping)
         name = f"What the options make of {path}" if path else "What the options say"
-        mapping = {key: mapping[key] for key in ("gears", "dampings") if key in mapping}
+        # Coefficients suit the pair for which they were made.
+        own = ("gears", "dampings") if "gears" in mapping or damping is not None else ()
+        mapping = {key: mapping[key] for key in own if key in mapping}
         if path and "gears" not in mapping and not section["pinion"]:
             raise click.UsageError(f"{path} has no gears by their drawing: it must have `gears`")
         whole = laid_over({"dampings": _NONE} | mapping, {"gears": section})

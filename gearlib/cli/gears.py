@@ -8,6 +8,7 @@ import yaml
 from pydantic import Field, ValidationError
 
 from gearlib import config
+from gearlib.config import yaml_keys
 from gearlib.config.defaults import laid_over
 from gearlib.config.mesh import GearPairSection
 from gearlib.config.types import DampingCoefficient
@@ -104,14 +105,12 @@ def config_options():
 
 def _gears(config_path, case, damping, changes):
     """Return what was read from a file, the gears with what the options change, the damping."""
-    mapping, config_path = read(config_path, case)
+    mapping, config_path = read(config_path, case, damping)
     values = {}
     if config_path is not None:
         settings = load(mapping, config_path)
         damping = choose_damping(settings, damping)
         values = settings.pair_parameters(damping)
-    elif damping is not None:
-        raise click.UsageError(f"damping = {damping!r} needs a configuration: give --config")
     try:
         gears = _Gears.model_validate(values | changes)
     except ValidationError as error:
@@ -159,22 +158,30 @@ def choose_damping(settings, name):
     return name
 
 
-def read(path, case):
+def read(path, case, damping):
     """Return a configuration, not yet checked, and its path, by default that of `config.yaml`.
 
-    Without a file both are empty. Of several cases it is the one of the given name.
+    Without a file both are empty, and no case or damping can be named. Of several cases it is the
+    one of the given name.
     """
     if path is None:
         path = Path(_DEFAULT_CONFIG)
         if not path.exists():
-            if case is not None:
-                raise click.UsageError(f"case = {case!r} needs a configuration: give --config")
+            for name, value in (("case", case), ("damping", damping)):
+                if value is not None:
+                    raise click.UsageError(
+                        f"{name} = {value!r} needs a configuration: give --config"
+                    )
             return {}, None
     try:
-        mapping = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except yaml.YAMLError as error:
+        mapping, repeated = yaml_keys.read(path)
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise click.UsageError(f"{path} is not YAML: {error}") from None
-    if isinstance(mapping, dict) and "cases" in mapping:
+    if repeated:
+        raise click.UsageError("\n".join(repeated))
+    if not isinstance(mapping, dict):
+        load(mapping, path)
+    if "cases" in mapping:
         mapping = _case(mapping, path, case)
     elif case is not None:
         raise click.UsageError(f"case = {case!r} is not allowed: {path} has no cases")

@@ -36,7 +36,10 @@ def save(dataset, output):
     from gearlib.data import storage
 
     if output is not None:
-        storage.write(dataset, output)
+        try:
+            storage.write(dataset, output)
+        except OSError as error:
+            fail(str(error))
         click.echo(f"written to {output}")
 
 

@@ -23,6 +23,7 @@ module               responsibility
 ``validation``       refusals as sentences
 ``model``            the whole, and what must agree between sections
 ``defaults``         defaults that depend on the gears
+``yaml_keys``        YAML files, and the keys that they give twice
 ===================  ===================================================
 
 Only ``gear_pair`` (or ``gears`` instead) and ``dampings`` have no defaults. The JSON schema for

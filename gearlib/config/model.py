@@ -153,17 +153,8 @@ class Config(Section):
         self._check_size()
         self._check_report_page()
         for key in _OF_ONE_DAMPING:
-            damping = getattr(self, key).damping
-            if damping not in self.dampings:
-                raise ValueError(
-                    f"{key}.damping = {damping!r} is not allowed: it must be one of "
-                    f"{', '.join(self.dampings)}"
-                )
-        if self.branches.loci.damping not in self.dampings:
-            raise ValueError(
-                f"branches.loci.damping = {self.branches.loci.damping!r} is not allowed: it must "
-                f"be one of {', '.join(self.dampings)}"
-            )
+            self._check_damping(key, getattr(self, key))
+        self._check_damping("branches.loci", self.branches.loci)
         check_centres("one_mesh.other_teeth", self.one_mesh.other_teeth, self.reducer.modules)
         for i, teeth in enumerate(self.train_chart.teeth):
             self.planetary.check_teeth(f"train_chart.teeth[{i}]", teeth)
@@ -195,11 +186,14 @@ class Config(Section):
             )
         self._check_titles(key, scene.cases)
         for i, case in enumerate(scene.cases):
-            if case.damping not in self.dampings:
-                raise ValueError(
-                    f"{key}.cases[{i}].damping = {case.damping!r} is not allowed: it must be one "
-                    f"of {', '.join(self.dampings)}"
-                )
+            self._check_damping(f"{key}.cases[{i}]", case)
+
+    def _check_damping(self, key, section):
+        if section.damping not in self.dampings:
+            raise ValueError(
+                f"{key}.damping = {section.damping!r} is not allowed: it must be one of "
+                f"{', '.join(self.dampings)}"
+            )
 
     @staticmethod
     def _check_titles(key, cases):

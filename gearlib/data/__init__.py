@@ -9,6 +9,7 @@ module              responsibility
 ``summary``         from the summary table of the kernels to named variables
 ``status``          how a run ended, and what to do when it could not go on
 ``provenance``      what a dataset says of its own making
+``arrays``          what a caller gives as numbers, as an array
 ``storage``         datasets to and from netCDF
 ``files``           whole files or none
 ``gathering``       shards of the workflow into one dataset per experiment

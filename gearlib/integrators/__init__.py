@@ -155,7 +155,7 @@ def choose(pair, method, options):
         )
     known = METHODS[method].OPTIONS
     chosen = {name: option.default for name, option in known.items()}
-    for name, value in dict(options or {}).items():
+    for name, value in checks.options(options).items():
         if name not in known:
             raise ValueError(
                 f"options[{name!r}] = {value!r} is not allowed: method {method!r} knows "

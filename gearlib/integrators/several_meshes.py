@@ -213,10 +213,8 @@ class Recorded:
         self._add_time(j, end - at, code, segment)
 
     def _add_time(self, j, span, code, segment):
-        columns = {NORMAL: orbit.TIME_NORMAL, BACKLASH: orbit.TIME_BACKLASH}
-        self.summary[j, columns.get(code, orbit.TIME_INVERSE)] += span
-        if code != BACKLASH and self.problem.system.low[code + 1, segment, j]:
-            self.summary[j, orbit.TIME_LOW] += span
+        low = self.problem.system.low[code + 1, segment, j]
+        orbit.add_time(int(code), span, low, self.summary[j])
 
     def add_event(self, t, full, j, before, after):
         """Note a change of contact of mesh j."""

@@ -17,6 +17,7 @@ from gearlib.kernels.closed_form.flight import fly, lowest_time
 from gearlib.kernels.closed_form.oscillator import UNDERDAMPED, evolve, turning_time
 from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
 from gearlib.kernels.jit import inlined, kernel
+from gearlib.kernels.polynomial import highest
 
 # Columns of the summary of an orbit. The TIME columns hold phase, BOUNCES a count.
 (
@@ -121,6 +122,41 @@ def add_arcs(m, arcs, count, summary):
                 t += math.pi / lev.w
         end = max(end, 0.0) if contact == NORMAL else min(end, -m.gap)
         _add_displacement(m, lev, contact, end, summary)
+
+
+@kernel
+def add_curve(curve, to_bernstein, work, summary, most, least):
+    """Add the extrema of a polynomial on [0, 1] to two columns of the summary.
+
+    Arguments as of `gearlib.kernels.polynomial.highest`; `curve` is negated.
+    """
+    summary[most] = highest(curve, to_bernstein, work, summary[most])
+    for k in range(curve.shape[0]):
+        curve[k] = -curve[k]
+    summary[least] = -highest(curve, to_bernstein, work, -summary[least])
+
+
+@kernel
+def add_time(contact, length, low, summary):
+    """Add a stretch of one contact code to the summary, `low`: at the lower stiffness."""
+    if contact == BACKLASH:
+        summary[TIME_BACKLASH] += length
+        summary[FORCE_MAX] = max(summary[FORCE_MAX], 0.0)
+        summary[FORCE_MIN] = min(summary[FORCE_MIN], 0.0)
+        return
+    summary[TIME_NORMAL if contact == NORMAL else TIME_INVERSE] += length
+    if low:
+        summary[TIME_LOW] += length
+
+
+@kernel
+def note(events, found, period, phase, before, after, velocity, summary):
+    """Count a change of contact and append it to the event table, if one is wanted."""
+    if before == NORMAL:
+        summary[BOUNCES] += 1.0
+    if events.shape[0] > 0:
+        events, found = add_event(events, found, period, phase, before, after, velocity)
+    return events, found
 
 
 @kernel

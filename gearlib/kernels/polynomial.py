@@ -59,6 +59,16 @@ def _to_bernstein(coefficients, matrix, out):
             out[j] += matrix[i, j] * c
 
 
+@inlined
+def _halve(b, left, n):
+    """Turn Bernstein coefficients into those of the right half; fill those of the left."""
+    left[0] = b[0]
+    for j in range(1, n + 1):
+        for i in range(n + 1 - j):
+            b[i] = 0.5 * (b[i] + b[i + 1])
+        left[j] = b[0]
+
+
 @kernel
 def _bracketed_root(coefficients, low, high):
     """Return the root on [low, high] of a polynomial that falls through zero once there."""
@@ -167,11 +177,7 @@ def first_fall(coefficients, to_bernstein, work):
         else:
             # The right half stays in this row, the left half goes on top.
             left = work[depth + 1]
-            left[0] = b[0]
-            for j in range(1, n + 1):
-                for i in range(n + 1 - j):
-                    b[i] = 0.5 * (b[i] + b[i + 1])
-                left[j] = b[0]
+            _halve(b, left, n)
             b[n + 1] = 0.5 * width
             left[n + 1] = 0.5 * width
             depth += 1
@@ -305,11 +311,6 @@ def highest(coefficients, to_bernstein, work, floor):
         if bound <= floor + noise or depth == _MAX_DEPTH:
             depth -= 1
             continue
-        left = work[depth + 1]
-        left[0] = b[0]
-        for j in range(1, n + 1):
-            for i in range(n + 1 - j):
-                b[i] = 0.5 * (b[i] + b[i + 1])
-            left[j] = b[0]
+        _halve(b, work[depth + 1], n)
         depth += 1
     return floor if depth < 0 else math.nan

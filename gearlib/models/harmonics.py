@@ -30,7 +30,7 @@ class Harmonics:
         for name in ("cosines", "sines"):
             values = tuple(
                 checks.number(f"{name}[{i}]", value, "finite", math.isfinite)
-                for i, value in enumerate(getattr(self, name))
+                for i, value in enumerate(checks.sequence(name, getattr(self, name)))
             )
             object.__setattr__(self, name, values)
 

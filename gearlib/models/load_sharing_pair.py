@@ -246,8 +246,7 @@ class LoadSharingPair(WithPair):
         for s in range(2**k):
             own = [i for i in range(k) if s >> i & 1]
             there = pairs.inside[:, own].all(-1)
-            inverse = np.linalg.inv(pairs.compliance[:, own][:, :, own])
-            rise, back = inverse.sum(-1), (inverse @ pairs.gap[:, own, None])[..., 0]
+            rise, back = pairs.carried_by(own)
             both = np.stack([rise.sum(-1) / self.mean_stiffness, back.sum(-1) / self.load], -1)
             force[there, s] = both[there]
             # By how much the forces of the others move the flanks of a pair.
@@ -257,9 +256,8 @@ class LoadSharingPair(WithPair):
             overlap[:, s, :, 1] = beside / self.static_deflection
             whole = there & (pairs.inside.sum(-1) == len(own))
             force[whole, -1, 0] = both[whole, 0]
-        force[:, -1, 1] = (
-            -self.backlash_ratio * force[:, -1, 0] if self.backlash < math.inf else 0.0
-        )
+        if self.backlash < math.inf:
+            force[:, -1, 1] = -self.backlash_ratio * force[:, -1, 0]
         return force, overlap
 
     def system(self, tuning):

@@ -34,9 +34,11 @@ class Model:
     equation: Any = None
     #: The profile of the mesh stiffness where it can be chosen, of `gearlib.models.profiles`.
     profile: Any = None
-    #: Functions from a tuning to the speed in rpm, and back; None: nothing turns.
+    #: Functions from a tuning to the speed in rpm and to rad/s of the mesh; None: nothing turns.
     speed: Any = None
-    tuning_at: Any = None
+    mesh_frequency: Any = None
+    #: The scale of displacements where something turns, m.
+    static_deflection: Any = None
     #: Whether it moves by Eq. (3) for one coordinate between two equal flanks at 0 and -s, for
     #: which methods with steps and the harmonics are written.
     one_mesh: bool = False
@@ -205,9 +207,21 @@ class Model:
         """Return the scalar variables of datasets that depend on the model alone."""
         return {}
 
+    def tuning_at(self, speed):
+        """Return the tuning nu at a speed in rpm of the gear whose teeth count (float or array)."""
+        return speed / self.speed(1.0)
+
     def speed_scales(self, tuning):
         """Return the variables of datasets that depend on the tuning (float or array)."""
-        return {}
+        if self.speed is None:
+            return {}
+        frequency = self.mesh_frequency(tuning)
+        return {
+            "mesh_frequency": frequency,
+            "velocity_scale": self.static_deflection * frequency,
+            "acceleration_scale": self.static_deflection * (frequency * frequency),
+            "speed": self.speed(tuning),
+        }
 
     def as_dict(self):
         """Return the parameters as plain values, in the order of the fields."""

@@ -317,10 +317,6 @@ class GearPair(Model):
         """Return the speed in rpm of the gear whose teeth count, at a tuning (float or array)."""
         return self.mesh_frequency(tuning) * 60.0 / (2.0 * math.pi * self.teeth)
 
-    def tuning_at(self, speed):
-        """Return the tuning nu at a speed in rpm of the gear whose teeth count (float or array)."""
-        return speed / self.speed(1.0)
-
     @property
     def flank_lines(self):
         """Displacements, in static deflections, at which normal and inverse mesh begin."""
@@ -335,16 +331,6 @@ class GearPair(Model):
             "backlash_ratio": self.backlash_ratio,
             "tuning_factor_max": self.tuning_factor_max,
             "tuning_factor_min": self.tuning_factor_min,
-        }
-
-    def speed_scales(self, tuning):
-        """Return mesh frequency, velocity and acceleration scale at a tuning (float or array)."""
-        frequency = self.mesh_frequency(tuning)
-        return {
-            "mesh_frequency": frequency,
-            "velocity_scale": self.static_deflection * frequency,
-            "acceleration_scale": self.static_deflection * frequency**2,
-            "speed": self.speed(tuning),
         }
 
 

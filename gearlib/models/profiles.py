@@ -257,8 +257,14 @@ class Tabulated:
 
 def _check_table(profile, check, least):
     """Check phase and stiffness of a profile, and set them to tuples of floats."""
-    phase = tuple(checks.number("phase", p, "finite", math.isfinite) for p in profile.phase)
-    values = tuple(check(f"stiffness[{i}]", c) for i, c in enumerate(profile.stiffness))
+    phase = tuple(
+        checks.number("phase", p, "finite", math.isfinite)
+        for p in checks.sequence("phase", profile.phase)
+    )
+    values = tuple(
+        check(f"stiffness[{i}]", c)
+        for i, c in enumerate(checks.sequence("stiffness", profile.stiffness))
+    )
     if len(phase) != len(values) or len(phase) < least:
         raise ValueError(
             f"a table of {len(phase)} phases and {len(values)} stiffnesses is not allowed: "

@@ -196,17 +196,9 @@ class SixDegreePair(WithPair):
         """Return the speed of gear 3 in rpm at a tuning (float or array)."""
         return self.mesh_frequency(tuning) * 60.0 / (2.0 * math.pi * self.teeth[0])
 
-    def tuning_at(self, speed):
-        """Return the tuning nu at a speed of gear 3 in rpm (float or array)."""
-        return speed / self.speed(1.0)
-
     def scales(self):
         """Return the scalar variables of datasets that depend on the model alone."""
         return self.pair.scales() | {"torque": self.torques[0]}
-
-    def speed_scales(self, tuning):
-        """Return the variables of datasets that depend on the tuning (float or array)."""
-        return self.pair.speed_scales(tuning) | {"speed": self.speed(tuning)}
 
     @property
     def size(self):

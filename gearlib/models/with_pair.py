@@ -42,9 +42,7 @@ class WithPair(Model):
     tuning_min = _of_pair("tuning_min")
     mesh_frequency = _of_pair("mesh_frequency")
     scales = _of_pair("scales")
-    speed_scales = _of_pair("speed_scales")
     speed = _of_pair("speed")
-    tuning_at = _of_pair("tuning_at")
 
     @property
     def derivatives(self):

@@ -26,7 +26,7 @@ def check_either(model, name, tuning, speed_name, speed):
             f"{name} = {tuning!r} with {speed_name} = {speed!r} is not allowed: it must be one of "
             "the two"
         )
-    if speed is not None and model.tuning_at is None:
+    if speed is not None and model.speed is None:
         raise ValueError(
             f"{speed_name} = {speed!r} is not allowed: nothing turns in this model, so it must be "
             f"{name}"

@@ -4,8 +4,8 @@ import math
 
 import pytest
 
-from gearlib import GearPair, Tabulated
-from gearlib.geometry import Material, Mesh, Rack, SpurGear, Web, dynamic_factor
+from gearlib import GearPair, Harmonics, Tabulated
+from gearlib.geometry import Material, Mesh, Rack, SpurGear, Web, dynamic_factor, mesh_stiffness
 from tests.geometry.drawings import fzg_c, ring, twenty
 
 GEAR = {"teeth": 20, "module": 4e-3, "width": 0.02}
@@ -51,6 +51,14 @@ REFUSED = {
         "<= 0",
     ),
     "internal": (lambda: gear(internal="yes"), "internal = 'yes' ", "one of False, True"),
+    "no options": (lambda: pair(torque=1.0, options=[1]), "options = [1] ", "a mapping"),
+    "mesh of a stiffness": (
+        lambda: mesh_stiffness(None),
+        "mesh = None ",
+        "a gearlib.geometry.Mesh",
+    ),
+    "no table": (lambda: Tabulated(None, 1.0), "phase = None ", "a sequence of numbers"),
+    "no harmonics": (lambda: Harmonics(1.0), "cosines = 1.0 ", "a sequence of numbers"),
     "rack": (lambda: gear(rack="E"), "rack = 'E' ", "one of 'A', 'B', 'C', 'D'"),
     "material": (lambda: gear(material="steel"), "material = 'steel' ", "a Material"),
     "undercut": (lambda: gear(teeth=12), "shift = 0.0 ", "undercuts"),

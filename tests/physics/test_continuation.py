@@ -262,6 +262,7 @@ def test_where_no_single_curve_goes_on():
         ({"to": -1.0}, "tuning = -1.0"),
         ({"step": 0.0}, "step = 0.0"),
         ({"limits": (0.95, 2.0)}, "limits = "),
+        ({"limits": 2.0}, "limits = 2.0"),
     ],
 )
 def test_wrong_input(changed, part):

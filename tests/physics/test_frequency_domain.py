@@ -24,16 +24,9 @@ from gearlib.analysis.harmonics.green import green, remainder_norm, weights
 from gearlib.analysis.harmonics.harmonic_balance import jacobian
 from gearlib.analysis.harmonics.schmidt import contraction
 from gearlib.analysis.orbits.shooting import NoOrbit
+from tests.paper import PAPER as FREE
 from tests.physics.test_six_degrees import EVERYTHING, gears
 
-FREE = GearPair(
-    max_stiffness=4e8,
-    stiffness_ratio=0.5879,
-    contact_ratio=1.569,
-    reduced_mass=3.123,
-    load=3289.5396,
-    backlash=40e-6,
-)
 MATERIAL = FREE.replace(material_damping=3953.7)
 BOTH = MATERIAL.replace(backlash_damping=3953.7)
 CUBIC = OneDegreePair(pair=FREE, cubic_damping=4e5, backlash_quadratic_damping=2e4)
@@ -305,6 +298,7 @@ def test_datasets():
         ({"harmonics": 0}, "harmonics = 0 is not allowed: it must be an integer >= 1"),
         ({"samples": 32, "harmonics": 16}, "samples = 32 is not allowed"),
         ({"guess": (1.0,)}, "guess = (1.0,) is not allowed"),
+        ({"guess": "ab"}, "guess = 'ab' is not allowed"),
         ({"period": 0}, "period = 0 is not allowed"),
     ],
 )

@@ -25,6 +25,7 @@ from gearlib.kernels.closed_form.event_by_event import ARC_COLUMNS, march_period
 from gearlib.kernels.closed_form.mesh import contact_of, mesh
 from gearlib.kernels.jit import kernel
 from gearlib.models.propagators.closed_form import ratios
+from tests.paper import PAPER
 
 LIMIT = 1_000_000
 
@@ -234,15 +235,7 @@ def test_a_diagram_has_the_periods_and_the_hysteresis_of_the_sweep():
 
 
 def test_other_parameters_hold_the_other_ratios():
-    pair = GearPair(
-        max_stiffness=4e8,
-        stiffness_ratio=0.5879,
-        contact_ratio=1.569,
-        reduced_mass=3.123,
-        load=3289.5,
-        backlash=40e-6,
-        material_damping=3953.7,
-    )
+    pair = PAPER.replace(material_damping=3953.7)
     for name in RATIOS:
         value = 1.25 if name == "contact_ratio" else 0.4
         changed, nu = with_parameter(pair, 0.9, name, value)
@@ -277,15 +270,7 @@ def test_other_models():
     found = basins(cubic, 0.75, ((-3.0, 3.0, 4), (-3.0, 3.0, 4)), periods=120)
     for state, period in zip(found.state.values, found.period.values, strict=True):
         assert periodic_orbit(cubic, 0.75, guess=state[0], period=int(period)).stable
-    inner = GearPair(
-        max_stiffness=4e8,
-        stiffness_ratio=0.5879,
-        contact_ratio=1.569,
-        reduced_mass=3.123,
-        load=3289.5,
-        backlash=40e-6,
-        material_damping=3953.7,
-    )
+    inner = PAPER.replace(material_damping=3953.7)
     rigid = SixDegreePair(
         pair=inner,
         base_radii=(0.1, 0.1),

@@ -10,44 +10,20 @@ import pytest
 import gearlib
 from gearlib import (
     Fourier,
-    Harmonics,
     OneDegreePair,
-    SixDegreePair,
-    Tabulated,
     integrators,
     simulate,
     sweep,
 )
 from gearlib.integrators.peers import heyoka as peer_heyoka
 from tests.paper import PAPER
+from tests.physics.test_step_methods import FULL as MESH
+from tests.physics.test_step_methods import SIX
 
 PEERS = ("heyoka", "cvode", "diffrax", "cyrk", "numbalsoda")
 AVAILABLE = {method.name: method for method in gearlib.methods()}
 PAIR = PAPER.replace(material_damping=3953.7, backlash_damping=3953.7)
-FULL = OneDegreePair(
-    pair=PAIR.replace(backlash=12e-6, material_damping=1000.0, backlash_damping=300.0),
-    profile=Tabulated((0.1, 1.0, 2.5, 4.0, 5.5), (4e8, 3.1e8, 2.4e8, 2.6e8, 3.7e8)),
-    quadratic_damping=3e4,
-    cubic_damping=4e5,
-    backlash_quadratic_damping=2e4,
-    quadratic_stiffness=1e4,
-    cubic_stiffness=2e9,
-    excitation=Harmonics((0.0, 4000.0)),
-    deviation=Harmonics((2e-6,)),
-)
-SIX = SixDegreePair(
-    pair=PAIR,
-    base_radii=(0.1, 0.1),
-    inertias=(0.097852, 0.097852),
-    masses=(17.27, 17.27),
-    bearing_stiffness=(3e7,) * 4,
-    bearing_damping=(910.5,) * 4,
-    eccentricities=(2e-6, 1e-6),
-    friction=(0.05, 0.05),
-    pitch_phase=0.3,
-    deviation=Harmonics((1e-6,)),
-    inverse_deviation=Harmonics((0.0, 1e-6)),
-)
+FULL = MESH.replace(contact_ratio=1.569, quadratic_stiffness=1e4)
 #: Tight options and the error in displacement they leave over some periods: heyoka works to
 #: rounding. The others control the error of a step to 1e-11; the sum over the steps, and the slope
 #: of an event, which its root finder leaves at the root of its interpolant, cost a factor of 1e3.

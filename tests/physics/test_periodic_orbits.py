@@ -105,6 +105,7 @@ def test_run_out_repeats_after_a_revolution():
     [
         ({"guess": (1.0, math.nan)}, "guess = "),
         ({"guess": (1.0, 2.0, 3.0)}, "guess = "),
+        ({"guess": "ab"}, "guess = 'ab' is not allowed: it must be 2 finite numbers"),
         ({"period": 0}, "period = 0"),
     ],
 )

@@ -167,6 +167,38 @@ WRONG = {
         "planet_teeth = 80 .* fit into the ring",
     ),
     "masses": (lambda: planetary(masses=(1.0, 2.0)), "masses = .* 4 values"),
+    "made of no mass": (
+        lambda: planetary(masses=(1.0, 2.0, 3.0, "a")),
+        r"masses.3. = 'a' .* a number",
+    ),
+    "made of angle": (
+        lambda: idler(PAPER, pressure_angle="a"),
+        "pressure_angle = 'a' .* below pi / 2",
+    ),
+    "made of supports": (
+        lambda: idler(PAPER, support_stiffness="a"),
+        "support_stiffness .* = 'a' .* >= 0",
+    ),
+    "made of damping": (
+        lambda: planetary(structural_damping=-1),
+        "structural_damping = -1 .* >= 0",
+    ),
+    "made of shaft": (
+        lambda: two_stage(PAPER, shaft_stiffness="a"),
+        "stiffness of shaft .* = 'a' .* > 0",
+    ),
+    "made of gaps": (
+        lambda: split_power_reducer(PAPER, backlashes=(1e-5,) * 3),
+        r"backlashes.0. = 1e-05 .* 2 values",
+    ),
+    "made of no gear": (
+        lambda: Body.from_gear("a", "b"),
+        "gear = 'a' .* a gearlib.geometry.SpurGear",
+    ),
+    "made of no mesh": (
+        lambda: Mesh.from_geometry(None, pinion="a", wheel="b"),
+        "mesh = None .* a gearlib.geometry.Mesh",
+    ),
     "pair": (lambda: idler(7), "pair = 7 .* a GearPair"),
     "idler teeth": (lambda: idler(PAPER, teeth=(24, 24)), "teeth = .24, 24. .* 3 values"),
     "module": (lambda: two_stage(PAPER, modules=(0.004, 0.0)), "module = 0.0 .* > 0"),
@@ -175,6 +207,10 @@ WRONG = {
         "teeth = .24, 36, 24, 40. .* one centre distance, .* 0.12 m in the first, 0.128 m",
     ),
     "branches": (lambda: split_power_reducer(PAPER, branches=0), "branches = 0 .* >= 1"),
+    "state": (
+        lambda: planetary().check_state(("a", "b")),
+        "initial_state = .* 'static'",
+    ),
     "phase": (lambda: planetary().static(phase=math.nan), "phase = nan .* finite"),
 }
 

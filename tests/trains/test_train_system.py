@@ -19,17 +19,9 @@ from gearlib import (
 )
 from gearlib.kernels.piecewise_linear.system import REACH
 from tests.paper import PAPER
+from tests.trains.against_scipy import matrix
 from tests.trains.random_trains import random_problem
 from tests.trains.reference import Reference
-
-
-def matrix(system, codes, segment):
-    """Return A for contact codes in a segment."""
-    a = system.free.copy()
-    for j, code in enumerate(codes):
-        effect = system.effect[code + 1, segment, j]
-        a += np.einsum("ka,kb->ab", system.push[j, effect], system.grip[j, effect])
-    return a
 
 
 def six_degrees(rng):

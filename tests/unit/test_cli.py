@@ -13,6 +13,8 @@ from click.testing import CliRunner
 import gearlib
 from gearlib.analysis.orbits.shooting import NoOrbit
 from gearlib.cli import main, progress
+from gearlib.data import storage
+from tests.paper import PAPER
 
 PAIR = ["--max-stiffness", "4e5 N/mm", "--stiffness-ratio", "0.5879", "--contact-ratio", "1.569"]
 PAIR += ["--reduced-mass", "3123 g", "--load", "3.2895396 kN", "--backlash", "40 um"]
@@ -27,15 +29,7 @@ def run(tmp_path, monkeypatch):
 
 
 def pair():
-    return gearlib.GearPair(
-        max_stiffness=4e8,
-        stiffness_ratio=0.5879,
-        contact_ratio=1.569,
-        reduced_mass=3.123,
-        load=3289.5396,
-        backlash=40e-6,
-        material_damping=3953.7,
-    )
+    return PAPER.replace(material_damping=3953.7)
 
 
 def test_simulate_writes_what_the_library_computes(run):
@@ -87,7 +81,9 @@ def test_orbit_and_trust_say_what_they_found(run):
     assert done.exit_code == 0 and done.output.startswith("periodic: ")
 
 
-def test_wrong_input_is_refused_with_code_2(run):
+def test_wrong_input_is_refused_with_code_2(run, tmp_path):
+    (tmp_path / "binary.yaml").write_bytes(b"\xff\xfe")
+    (tmp_path / "twice.yaml").write_text("run:\n  a: 1\n  a: 2\n", encoding="utf-8")
     for arguments, fault in [
         (["simulate", *PAIR, "--tuning", "-1"], "tuning = -1.0 is not allowed"),
         (["simulate", *PAIR, "--tuning", "1", "--backlash", "4 kg"], "backlash = '4 kg'"),
@@ -99,6 +95,11 @@ def test_wrong_input_is_refused_with_code_2(run):
         (["simulate", *PAIR, "--tuning", "1", "--method", "ode45"], "method = 'ode45'"),
         (["simulate", *PAIR, "--tuning", "1", "-o", "no/run.nc"], "there is no folder no"),
         (["sweep", *PAIR, "--start", "2"], "start = 2.0"),
+        (["sweep", *PAIR, "--stop", "inf"], "stop = inf"),
+        (["trust", *PAIR, "--tuning", "1", "--periods", "3"], "3 is not in the range x>=32"),
+        (["explore", "--port", "65536"], "65536 is not in the range"),
+        (["orbit", "--config", "binary.yaml", "--tuning", "1"], "binary.yaml is not YAML"),
+        (["orbit", "--config", "twice.yaml", "--tuning", "1"], "a is given twice, again in line 3"),
         (["orbit", *PAIR, "--tuning", "1", "--period", "0"], "period = 0"),
         (["simulate", *PAIR, "--tuning", "1", "--damping", "k1"], "give --config"),
     ]:
@@ -114,6 +115,15 @@ def test_no_file_is_replaced_unasked(run, tmp_path):
     assert (tmp_path / "run.nc").read_text(encoding="utf-8") == "mine"
     assert run(*command, "--force").exit_code == 0
     assert xr.load_dataset("run.nc").tuning == 0.7
+
+
+def test_a_file_that_cannot_be_written_ends_with_code_1(run, monkeypatch):
+    def refuse(*_, **__):
+        raise OSError("run.nc cannot be written")
+
+    monkeypatch.setattr(storage, "write", refuse)
+    done = run("simulate", *PAIR, "--tuning", "0.7", "-o", "run.nc")
+    assert done.exit_code == 1 and "Error: run.nc cannot be written" in done.output
 
 
 def test_no_orbit_ends_with_code_1(run, monkeypatch):

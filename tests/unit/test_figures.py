@@ -21,6 +21,7 @@ from gearlib.studies import jump as jump_study
 from gearlib.studies import model_comparison as comparison
 from gearlib.studies import nonlinear_damping as damping_study
 from gearlib.studies import phase_lag, scenes
+from tests.paper import PARAMETERS
 
 RUN = {"periods": 40, "record_periods": 8}
 
@@ -137,14 +138,6 @@ def test_phase_lag_of_a_mesh_without_resonance():
     ]
 
 
-PAPER = {
-    "max_stiffness": 4e8,
-    "stiffness_ratio": 0.5879,
-    "contact_ratio": 1.569,
-    "reduced_mass": 3.123,
-    "load": 3289.5396,
-    "backlash": 40e-6,
-}
 KINDS = {
     "harmonics": [1, 5],
     "factors": [0.5, 0.9],
@@ -157,13 +150,13 @@ KINDS = {
 def jumps(low=0.80, high=0.83, **kinds):
     settings = {"resolution": 1e-4, **dict.fromkeys(KINDS, []), **kinds}
     run = {"periods": 60, "record_periods": 8}
-    pair = PAPER | {"material_damping": 3953.7}
+    pair = PARAMETERS | {"material_damping": 3953.7}
     return jump_study.compute(pair, np.linspace(low, high, 7), settings, run)
 
 
-def studies(powers=damping_study.POWERS, backlash=PAPER["backlash"]):
+def studies(powers=damping_study.POWERS, backlash=PARAMETERS["backlash"]):
     settings = {"damping": 3953.7, "amplitude": 1.0, "tuning": 0.8, "shown": [0.78, 0.95]}
-    pair = PAPER | {"backlash": backlash}
+    pair = PARAMETERS | {"backlash": backlash}
     tunings = np.linspace(0.7, 1.0, 7)
     return [
         damping_study.compute(pair, place, power, tunings, settings, RUN, 32)
@@ -182,7 +175,7 @@ def comparisons(tolerance=0.05):
         "eccentricities": [8e-6, 8e-6],
         "friction": [0.05, 0.05],
     }
-    cases = [{"title": "one", "tuning": 0.82, "pair": PAPER | {"material_damping": 3953.7}}]
+    cases = [{"title": "one", "tuning": 0.82, "pair": PARAMETERS | {"material_damping": 3953.7}}]
     names = list(comparison.LADDER)
     return {
         name: comparison.compute(cases, six, 5, ["displacement_max"], tolerance, names, RUN)

@@ -64,7 +64,7 @@ def test_a_body_that_the_energy_method_does_not_take():
 
 
 def test_the_command_prints_the_table_of_a_configuration(run):
-    done = run("--config", "fzg.yaml", "--json")
+    done = run("--config", "fzg.yaml", "--format", "json")
     assert done.exit_code == 0, done.output
     found = values(json.loads(done.output))
     assert found["backlash"]["mesh"] == pytest.approx(160.5, rel=1e-12)
@@ -73,20 +73,30 @@ def test_the_command_prints_the_table_of_a_configuration(run):
     text = run("--config", "fzg.yaml").output
     assert "working_pressure_angle    22.4388   deg   alpha_wt" in text
     # Options come first.
-    done = run("--config", "fzg.yaml", "--torque", "100 N m", "--damping-ratio", "0.1", "--json")
+    done = run(
+        "--config", "fzg.yaml", "--torque", "100 N m", "--damping-ratio", "0.1", "--format", "json"
+    )
     found = values(json.loads(done.output))
     assert found["torque"]["mesh"] == pytest.approx(100.0, rel=1e-12)
     assert found["damping_ratio"]["iso"] == pytest.approx(0.1, rel=1e-10)
 
 
 def test_options_alone_draw_gears(run):
-    done = run(*ISO_EXAMPLE, "--csv")
+    done = run(*ISO_EXAMPLE, "--format", "csv")
     assert done.exit_code == 0, done.output
     rows = list(csv.DictReader(io.StringIO(done.output)))
     found = {(row["name"], row["of"]): float(row["value"]) for row in rows}
     pair = GearPair.from_geometry(iso_example(), torque=9000.0)
     assert found["mean_stiffness", "iso"] == pytest.approx(pair.mean_stiffness, rel=1e-12)
     assert found["overlap_ratio", "mesh"] == iso_example().overlap_ratio
+
+
+def test_the_dampings_of_another_pair_count_by_name_only(run, tmp_path):
+    dampings = {"k1": {"material": 4e3, "backlash": 0.0}}
+    (tmp_path / "config.yaml").write_text(yaml.safe_dump({"dampings": dampings}), encoding="utf-8")
+    for more, damping in (([], 0.0), (["--damping", "k1"], 4e3)):
+        done = run(*ISO_EXAMPLE, "--format", "json", *more)
+        assert values(json.loads(done.output))["material_damping"]["iso"] == damping
 
 
 def test_other_commands_take_drawn_gears(run):
@@ -105,10 +115,13 @@ def test_other_commands_take_drawn_gears(run):
         (["--config", "fzg.yaml", "--damping", "k9"], "damping = 'k9' is not allowed"),
         (["--teeth", "20", "20", "--width", "1 cm"], "gears.pinion.module is missing"),
         (["--config", "pair.yaml"], "pair.yaml has no gears by their drawing"),
+        (["--config", "empty.yaml"], "the configuration = null (empty) is not allowed"),
+        ([*ISO_EXAMPLE, "--damping", "k1"], "damping = 'k1' needs a configuration"),
     ],
 )
 def test_wrong_input_ends_with_code_2(run, tmp_path, arguments, fault):
     (tmp_path / "pair.yaml").write_text("gear_pair: {}", encoding="utf-8")
+    (tmp_path / "empty.yaml").touch()
     done = run(*arguments)
     assert done.exit_code == 2
     assert fault in done.output

@@ -7,16 +7,9 @@ import xarray as xr
 from gearlib.analysis.global_dynamics import studies
 from gearlib.data import storage
 from gearlib.figures import basins, bifurcation, poincare, style
+from tests.paper import PARAMETERS
 
-PAIR = {
-    "max_stiffness": 4e8,
-    "stiffness_ratio": 0.5879,
-    "contact_ratio": 1.569,
-    "reduced_mass": 3.123,
-    "load": 3289.5396,
-    "backlash": 40e-6,
-}
-MATERIAL = PAIR | {"material_damping": 3953.7}
+MATERIAL = PARAMETERS | {"material_damping": 3953.7}
 BOTH = MATERIAL | {"backlash_damping": 3953.7}
 BOX = {"displacement": [-6.0, 6.0], "velocity": [-6.0, 6.0]}
 
@@ -37,7 +30,7 @@ def diagrams():
 
 
 def sections():
-    case = {"phase": 0.0, "settle": 0, "pair": PAIR}
+    case = {"phase": 0.0, "settle": 0, "pair": PARAMETERS}
     cases = [{"title": str(nu), "tuning": nu} | case for nu in (0.66, 0.8)]
     return studies.sections(cases, BOX | {"orbits": 6, "periods": 200})
 

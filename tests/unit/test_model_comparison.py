@@ -8,17 +8,9 @@ import pytest
 
 from gearlib.studies import model_comparison as models
 from gearlib.studies import scenes
+from tests.paper import PARAMETERS
 
-PAIR = {
-    "max_stiffness": 4e8,
-    "stiffness_ratio": 0.5879,
-    "contact_ratio": 1.569,
-    "reduced_mass": 3.123,
-    "load": 3289.5396,
-    "backlash": 40e-6,
-    "material_damping": 3953.7,
-    "backlash_damping": 3953.7,
-}
+PAIR = PARAMETERS | {"material_damping": 3953.7, "backlash_damping": 3953.7}
 SIX = {
     "base_radii": [0.1, 0.1],
     "inertias": [0.06246, 0.06246],

@@ -9,15 +9,8 @@ from scipy.integrate import quad
 
 from gearlib import GearPair, OneDegreePair
 from gearlib.studies import nonlinear_damping as study
+from tests.paper import PARAMETERS
 
-PAIR = {
-    "max_stiffness": 4e8,
-    "stiffness_ratio": 0.5879,
-    "contact_ratio": 1.569,
-    "reduced_mass": 3.123,
-    "load": 3289.5396,
-    "backlash": 40e-6,
-}
 SETTINGS = {"damping": 3953.7, "amplitude": 1.0, "tuning": 0.8, "shown": [0.82]}
 RUN = {"periods": 40, "record_periods": 4}
 
@@ -48,10 +41,10 @@ def test_textbook_coefficients():
 
 
 def test_models():
-    linear, k = study.model(PAIR, "oil", "linear", SETTINGS)
+    linear, k = study.model(PARAMETERS, "oil", "linear", SETTINGS)
     assert isinstance(linear, GearPair) and linear.backlash_damping == k
     assert k == pytest.approx(3953.7, rel=1e-15)
-    cubic, k = study.model(PAIR, "material", "cubic", SETTINGS)
+    cubic, k = study.model(PARAMETERS, "material", "cubic", SETTINGS)
     assert isinstance(cubic, OneDegreePair) and cubic.cubic_damping == k
     assert cubic.pair.material_damping == cubic.backlash_cubic_damping == 0.0
 
@@ -59,7 +52,8 @@ def test_models():
 def test_study(tmp_path):
     tunings = np.linspace(0.7, 1.0, 16)
     studies = [
-        study.compute(PAIR, "material", power, tunings, SETTINGS, RUN, 16) for power in study.POWERS
+        study.compute(PARAMETERS, "material", power, tunings, SETTINGS, RUN, 16)
+        for power in study.POWERS
     ]
     jumps = [float(one.jump.sel(direction="cold")) for one in studies]
     # The linear mesh jumps; cubic damping, stronger at large amplitudes, closes the jump.

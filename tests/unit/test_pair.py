@@ -73,6 +73,7 @@ def test_immutable():
         ("load", 0.0, "> 0"),
         ("load", "5", "> 0"),
         ("load", None, "> 0"),
+        pytest.param("load", 10**400, "> 0", id="load-huge"),
         ("backlash", -1e-6, ">= 0"),
         ("backlash", math.nan, ">= 0"),
         ("material_damping", -1.0, ">= 0"),
@@ -80,6 +81,7 @@ def test_immutable():
         ("backlash_damping", math.nan, ">= 0"),
         ("teeth", 0, ">= 1"),
         ("teeth", 24.5, ">= 1"),
+        ("teeth", 2**63, f"from 1 to {2**63 - 1}"),
     ],
 )
 def test_impossible_values_name_key_value_and_range(key, value, allowed):

@@ -8,20 +8,10 @@ from gearlib.analysis.tongues import chart, explanation
 from gearlib.data.storage import read, write
 from gearlib.figures import parametric_resonance as picture
 from gearlib.figures import resonance
+from tests.paper import PARAMETERS
 from tests.unit.test_figures import GRID, curves
 
-MESH = {
-    "max_stiffness": 4e8,
-    "stiffness_ratio": 0.5879,
-    "contact_ratio": 1.569,
-    "reduced_mass": 3.123,
-    "load": 3289.5396,
-    "backlash": 40e-6,
-}
-PAIRS = {
-    "k1": MESH | {"material_damping": 3953.7},
-    "conservative": MESH,
-}
+PAIRS = {"k1": PARAMETERS | {"material_damping": 3953.7}, "conservative": PARAMETERS}
 RUN = {"periods": 120, "initial_state": [0.0, 0.0]}
 SETTINGS = {"damping_ratios": [0.0, 0.03], "least_stiffness_ratio": 0.3, "values": 9}
 
@@ -39,7 +29,7 @@ def test_the_singular_region_is_a_tongue(facts):
     # Contact is lost although the orbit without loss keeps it.
     assert free.growth > 0.0 and free.orbit_min > 0.2 and free.lost
     assert not damped.lost and damped.damping_ratio > facts.closing_damping.sel(order=3)
-    assert explanation.orbit_min(GearPair(**MESH), 0.8) < 0.0 < free.forced_from < 0.8
+    assert explanation.orbit_min(GearPair(**PARAMETERS), 0.8) < 0.0 < free.forced_from < 0.8
 
 
 @pytest.mark.parametrize(
@@ -61,7 +51,7 @@ def test_the_sentence_follows_the_facts(facts, tuning, words):
 
 
 def test_the_chart_is_drawn_and_stored(facts, tmp_path):
-    data = chart.compute(MESH, np.linspace(0.6, 2.4, 19), SETTINGS)
+    data = chart.compute(PARAMETERS, np.linspace(0.6, 2.4, 19), SETTINGS)
     # Damping narrows every tongue.
     width = data.tuning_to - data.tuning_from
     narrower = width.isel(damping=1) <= width.isel(damping=0)
@@ -75,7 +65,7 @@ def test_the_chart_is_drawn_and_stored(facts, tmp_path):
 
 def test_a_chart_without_tongues_is_drawn(facts, tmp_path):
     settings = SETTINGS | {"damping_ratios": [0.3], "least_stiffness_ratio": 0.9, "values": 2}
-    write(chart.compute(MESH, [2.5, 2.6], settings), tmp_path / "chart.nc")
+    write(chart.compute(PARAMETERS, [2.5, 2.6], settings), tmp_path / "chart.nc")
     assert picture.draw(read(tmp_path / "chart.nc"), facts).axes
 
 

@@ -202,6 +202,7 @@ def test_overflow_is_a_status_not_a_number():
         (lambda: simulate(PAIR, 0.8, periods=2, initial_state=(0.0,)), "initial_state = (0.0,)"),
         (lambda: simulate(PAIR, 0.8, periods=2, initial_state=(math.inf, 0.0)), "initial_state"),
         (lambda: simulate(PAIR, 0.8, periods=2, method="ode45"), "'exact'"),
+        (lambda: simulate(PAIR, 0.8, periods=2, options=["steps"]), "options = ['steps']"),
         (lambda: sweep(PAIR, [], periods=2, record_periods=1), "tunings = []"),
         (lambda: sweep(PAIR, [0.8, -1.0], periods=2, record_periods=1), "tunings[1] = -1.0"),
         (lambda: sweep(PAIR, [0.8, 0.8], periods=2, record_periods=1), "0.8 twice"),

@@ -42,6 +42,10 @@ def test_a_run_at_a_speed_is_that_at_its_tuning(model, teeth):
     assert same.displacement.equals(run.displacement)
 
 
+def test_scales_of_a_huge_tuning_are_numbers():
+    assert PAPER.speed_scales(1e300)["acceleration_scale"] == math.inf
+
+
 def test_a_sweep_over_speeds_is_that_over_tunings():
     run = {"periods": 20, "record_periods": 4}
     found = gearlib.sweep(PAPER, speeds=[1000.0, 4000.0], **run)

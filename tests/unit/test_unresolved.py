@@ -10,6 +10,7 @@ import pytest
 
 from gearlib import OneDegreePair, simulate
 from gearlib.data import status
+from gearlib.kernels import orbit
 from gearlib.kernels.piecewise_linear import run as linear
 from gearlib.kernels.piecewise_linear import variation as linear_variation
 from gearlib.kernels.piecewise_linear import whole_periods as linear_periods
@@ -45,7 +46,7 @@ def python(monkeypatch):
     plain(monkeypatch, linear_periods, "_fall")
     plain(monkeypatch, nonlinear, "take_step", variation)
     plain(monkeypatch, nonlinear, "first_crossing")
-    plain(monkeypatch, nonlinear, "_highest")
+    plain(monkeypatch, orbit, "add_curve")
     plain(monkeypatch, nonlinear, "run_nonlinear", taylor)
     plain(monkeypatch, nonlinear, "add_step")
     return monkeypatch
@@ -67,13 +68,15 @@ def test_a_crossing_in_many_coordinates(python, periods):
 
 
 def test_an_extremum_in_many_coordinates(python):
-    unknown(python, linear, "highest", math.nan)
+    unknown(python, orbit, "highest", math.nan)
     is_unresolved(simulate(SIX, 0.9, periods=1))
 
 
-@pytest.mark.parametrize(("name", "answer"), [("first_fall", -1.0), ("highest", math.nan)])
-def test_one_degree_in_taylor_steps(python, name, answer):
-    unknown(python, nonlinear, name, answer)
+@pytest.mark.parametrize(
+    ("home", "name", "answer"), [(nonlinear, "first_fall", -1.0), (orbit, "highest", math.nan)]
+)
+def test_one_degree_in_taylor_steps(python, home, name, answer):
+    unknown(python, home, name, answer)
     is_unresolved(simulate(CURVED, 0.9, periods=1))
 
 

@@ -14,15 +14,8 @@ from gearlib.integrators.option import Option
 from gearlib.studies import jump
 from gearlib.studies.trials import fastest, jump_by_method, problems, references
 from gearlib.studies.trials import work_precision as wp
+from tests.paper import PARAMETERS
 
-PAIR = {
-    "max_stiffness": 4e8,
-    "stiffness_ratio": 0.5879,
-    "contact_ratio": 1.569,
-    "reduced_mass": 3.123,
-    "load": 3289.5396,
-    "backlash": 40e-6,
-}
 SETTINGS = {
     "damping": 3953.7,
     "cubic_damping": 4e5,
@@ -44,7 +37,13 @@ def run(state=(0.0, 0.0), phases=(), kinds=()):
 
 
 def datasets(method, names=("smooth", "bouncing")):
-    arguments = method, references.compute(list(names), PAIR, {}, SETTINGS), PAIR, {}, SETTINGS
+    arguments = (
+        method,
+        references.compute(list(names), PARAMETERS, {}, SETTINGS),
+        PARAMETERS,
+        {},
+        SETTINGS,
+    )
     return wp.errors(*arguments), wp.times(*arguments, repeats=1)
 
 
@@ -68,7 +67,7 @@ def test_largest_multiplier():
 
 
 def test_every_method_has_a_ladder_that_it_accepts():
-    model = problems.build("cubic", PAIR, {}, SETTINGS).model
+    model = problems.build("cubic", PARAMETERS, {}, SETTINGS).model
     for method in (one for one in integrators.methods() if one.available):
         for _, _, options in wp.rungs(method.name):
             if problems.takes(method.name, model):
@@ -115,12 +114,12 @@ def test_a_method_without_lines_goes_by_its_options(monkeypatch):
 
 
 def test_problems():
-    model = problems.build("near_fold", PAIR, {}, SETTINGS).model
+    model = problems.build("near_fold", PARAMETERS, {}, SETTINGS).model
     assert (model.material_damping, model.backlash_damping) == (3953.7, 0.0)
-    undamped = problems.build("conservative", PAIR, {}, SETTINGS)
+    undamped = problems.build("conservative", PARAMETERS, {}, SETTINGS)
     assert undamped.periods == undamped.record_periods == 2
     assert undamped.model.material_damping == 0.0 and not undamped.steady
-    assert problems.build("cubic", PAIR, {}, SETTINGS).model.cubic_damping == 4e5
+    assert problems.build("cubic", PARAMETERS, {}, SETTINGS).model.cubic_damping == 4e5
 
 
 def test_the_fastest_of_a_decade():
@@ -236,8 +235,8 @@ def test_units_and_shapes(both):
 
 
 def test_a_method_that_does_not_take_a_model_has_no_numbers():
-    known = references.compute(["cubic"], PAIR, {}, SETTINGS | {"periods": 1})
-    data = wp.errors("exact", known, PAIR, {}, SETTINGS)
+    known = references.compute(["cubic"], PARAMETERS, {}, SETTINGS | {"periods": 1})
+    data = wp.errors("exact", known, PARAMETERS, {}, SETTINGS)
     assert np.isnan(data.state_error).all() and np.isnan(data.period_evaluations).all()
     # The floor of the problem is known all the same.
     assert np.isfinite(data.state_floor).all()
@@ -267,7 +266,7 @@ RUN = {"periods": 120, "record_periods": 24, "initial_state": [0.0, 0.0]}
 
 @pytest.fixture(scope="module")
 def scanned():
-    pair = PAIR | {"material_damping": 3953.7}
+    pair = PARAMETERS | {"material_damping": 3953.7}
     nus = [0.812, 0.814, 0.816, 0.818]
     return [
         jump_by_method.compute(name, pair, nus, nus[1:3], SCAN, RUN)
@@ -288,7 +287,7 @@ def test_jump_by_method(scanned):
 
 
 def test_the_largest_switch_is_the_jump_that_gearlib_jump_finds():
-    pair = problems.build("near_fold", PAIR, {}, SETTINGS).model
+    pair = problems.build("near_fold", PARAMETERS, {}, SETTINGS).model
     nus = np.linspace(0.81, 0.82, 11)
     run = RUN | {"initial_state": (0.0, 0.0)}
     for method in ("exact", "rk45"):
@@ -309,7 +308,7 @@ def test_jump_by_method_as_table_and_figure(scanned, tmp_path):
 
 
 def test_a_scan_without_a_switch():
-    pair = problems.build("smooth", PAIR, {}, SETTINGS).model
+    pair = problems.build("smooth", PARAMETERS, {}, SETTINGS).model
     found = jump_by_method.scan(pair, [0.70, 0.71], 1e-3, "exact", {}, RUN)
     assert np.isnan(found.jump) and found.switches.size == 0
     data = jump_by_method.compute("exact", pair.as_dict(), [0.70, 0.71], [0.70, 0.71], SCAN, RUN)

@@ -16,9 +16,9 @@ from snakemake.exceptions import WorkflowError
 from gearlib import config as configuration
 from gearlib import integrators
 from gearlib import tunings
+from gearlib.config import yaml_keys
 from gearlib.config.trials import PEERS
 from workflow.sources import sources
-from workflow.yaml_keys import repeated_keys
 
 #: Published problems and what the report calls them; names of gearlib.studies.trials.published,
 #: which would load the numerical stack.
@@ -60,7 +60,7 @@ os.environ.update(
 # With --replace-workflow-config that of the workflow itself is not read.
 replacing = workflow.config_settings.replace_workflow_config
 read = workflow.overwrite_configfiles if replacing else workflow.configfiles
-repeated = [text for path in read for text in repeated_keys(path)]
+repeated = [text for path in read for text in yaml_keys.read(path)[1]]
 try:
     if repeated:
         raise configuration.ConfigError("\n".join(repeated))

@@ -3,6 +3,7 @@
 from joblog import redirect_output
 from gearlib.analysis import trust
 from gearlib.data import storage
+from gearlib.data.variables import describe
 from gearlib.models.pair import GearPair
 from gearlib.tunings import grid
 
@@ -11,6 +12,5 @@ if __name__ == "__main__":
     settings = snakemake.params.settings
     tunings = grid(*(settings.pop(key) for key in ("start", "stop", "step")))
     dataset = trust.scan(GearPair(**snakemake.params.pair), tunings, **settings)
-    storage.write(
-        dataset.assign_coords(damping=snakemake.wildcards.damping), snakemake.output.dataset
-    )
+    dataset = describe(dataset.assign_coords(damping=snakemake.wildcards.damping))
+    storage.write(dataset, snakemake.output.dataset)

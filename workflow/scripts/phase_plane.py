@@ -2,6 +2,7 @@
 
 from joblog import redirect_output
 from gearlib.data import storage
+from gearlib.data.variables import describe
 from gearlib.models.pair import GearPair
 from gearlib.runs.simulation import simulate
 from gearlib.tunings import values_of
@@ -9,7 +10,7 @@ from gearlib.tunings import values_of
 
 def compute(pair, tuning, run, *, damping):
     """Return the recorded run, labelled with its damping."""
-    return simulate(GearPair(**pair), tuning, **run).assign_coords(damping=damping)
+    return describe(simulate(GearPair(**pair), tuning, **run).assign_coords(damping=damping))
 
 
 if __name__ == "__main__":

@@ -2,6 +2,7 @@
 
 from joblog import redirect_output
 from gearlib.data import storage
+from gearlib.data.variables import describe
 from gearlib.models.pair import GearPair
 from gearlib.runs.sweeping import sweep
 from gearlib.tunings import grid, values_of
@@ -10,7 +11,7 @@ from gearlib.tunings import grid, values_of
 def compute(pair, window, run, *, damping, direction, threads):
     """Return the orbit summaries of one window, labelled with damping and direction."""
     summaries = sweep(GearPair(**pair), grid(*window), direction=direction, threads=threads, **run)
-    return summaries.assign_coords(damping=damping, direction=direction)
+    return describe(summaries.assign_coords(damping=damping, direction=direction))
 
 
 if __name__ == "__main__":

@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from gearlib import checks
+from gearlib.data.arrays import floats
 
 #: Most initial states of one call: all of them are held in memory.
 MAX_STATES = 50_000_000
@@ -76,10 +77,7 @@ def _values(name, axis):
 
 def values(name, given):
     """Return a non-empty sequence of different finite numbers as a float array."""
-    try:
-        array = np.atleast_1d(np.asarray(given, float))
-    except (TypeError, ValueError):
-        array = np.empty(0)
+    array = np.atleast_1d(floats(given))
     if array.ndim != 1 or not array.size or not np.isfinite(array).all():
         raise ValueError(
             f"{name} = {given!r} is not allowed: it must be a non-empty sequence of finite numbers"

@@ -9,6 +9,7 @@ import xarray as xr
 from gearlib import checks
 from gearlib.analysis.global_dynamics.grids import check_one_mesh
 from gearlib.data import provenance, status
+from gearlib.data.arrays import floats
 from gearlib.data.variables import describe
 from gearlib.integrators import choose
 from gearlib.runs.run_arguments import MAX_EVENTS, check_tuning
@@ -97,10 +98,7 @@ def check_phase(phase):
 
 
 def _check_states(states):
-    try:
-        array = np.atleast_2d(np.asarray(states, float))
-    except (TypeError, ValueError):
-        array = np.empty((0, 0))
+    array = np.atleast_2d(floats(states))
     if array.ndim != 2 or array.shape[1] != 2 or not len(array) or not np.isfinite(array).all():
         raise ValueError(
             f"states = {states!r} is not allowed: it must be rows of two finite numbers "

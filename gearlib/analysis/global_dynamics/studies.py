@@ -12,8 +12,8 @@ from gearlib.analysis.global_dynamics.exponents import lyapunov_exponents
 from gearlib.analysis.global_dynamics.poincare import poincare_section
 from gearlib.data.variables import describe
 from gearlib.models.pair import GearPair
+from gearlib.runs.sweeping import CARRIED
 
-DIRECTIONS = ("up", "down")
 #: What fills the table of a case with fewer attractors than another.
 _FILL = {
     "basin": -1,
@@ -81,8 +81,8 @@ def bifurcation(pair, tunings, coarse, settings, threads=None):
     """
     pair = GearPair(**pair)
     region = settings["displacement"], settings["velocity"]
-    names = [*DIRECTIONS, *(f"cold {i + 1}" for i in range(settings["starts"]))]
-    starts = [(0.0, 0.0)] * len(DIRECTIONS) + _random_states(region, settings["starts"]).tolist()
+    names = [*CARRIED, *(f"cold {i + 1}" for i in range(settings["starts"]))]
+    starts = [(0.0, 0.0)] * len(CARRIED) + _random_states(region, settings["starts"]).tolist()
     found = []
     for name, start in zip(names, starts, strict=True):
         diagram = bifurcation_diagram(

@@ -10,6 +10,7 @@ from gearlib import checks
 from gearlib.analysis.harmonics import accuracy
 from gearlib.analysis.harmonics.equation import LEAST_SAMPLES, MeshEquation, default_samples, takes
 from gearlib.data import provenance
+from gearlib.data.arrays import floats
 from gearlib.data.contact_states import FLAGS
 from gearlib.data.variables import describe
 from gearlib.kernels.closed_form.mesh import contact_of
@@ -201,7 +202,7 @@ def first_coefficients(equation, guess):
             )
         known = guess.coefficients
     else:
-        values = np.asarray(guess, float)
+        values = floats(guess)
         if values.ndim != 1 or values.size < 3 or not np.isfinite(values).all():
             raise ValueError(
                 f"guess = {guess!r} is not allowed: it must be a PeriodicSolution or at least 3 "

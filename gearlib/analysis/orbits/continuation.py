@@ -119,7 +119,10 @@ def continue_orbit(
 def _limits(limits, start, to):
     if limits is None:
         return min(start, to), max(start, to)
-    low, high = (checks.number("limits", v, "two numbers", np.isfinite) for v in limits)
+    low, high = (
+        checks.number("limits", v, "two finite numbers", np.isfinite)
+        for v in checks.many("limits", limits, 2)
+    )
     if not low <= min(start, to) <= max(start, to) <= high:
         raise ValueError(
             f"limits = {limits!r} is not allowed: the orbit's value {start!r} and to = {to!r} must "

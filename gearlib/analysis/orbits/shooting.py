@@ -16,6 +16,7 @@ import xarray as xr
 
 from gearlib import checks
 from gearlib.data import provenance, status
+from gearlib.data.arrays import floats
 from gearlib.data.contact_states import FLAGS
 from gearlib.data.variables import describe
 from gearlib.integrators import choose
@@ -187,10 +188,10 @@ def _guess(pair, tuning, guess, period, max_events):
         if code != status.OK:
             raise NoOrbit(f"the motion from rest could not go on: {status.MESSAGES[code]}")
         return z[0]
-    values = np.asarray(guess, float)
-    n = pair.size
+    values, n = floats(guess), pair.size
     if values.shape not in ((2,), (n,)) or not np.isfinite(values).all():
-        raise ValueError(f"guess = {guess!r} is not allowed: it must be 2 or {n} finite numbers")
+        counts = "2" if n == 2 else f"2 or {n}"
+        raise ValueError(f"guess = {guess!r} is not allowed: it must be {counts} finite numbers")
     return values if values.size == n else pair.propagator(tuning).start(values)
 
 

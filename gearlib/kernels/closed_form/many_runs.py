@@ -30,6 +30,8 @@ def run_many(
         Initial displacement and velocity.
     carry : bool
         Whether a run starts from the end of the one before it (after a failed one: from `state`).
+    periods, record_periods, limit : int
+        As of `gearlib.kernels.closed_form.run.run`.
     summaries, ends : ndarray, shapes (n, 9), (n, 2)
         Summary and final state of every tuning.
     codes : ndarray of int, shape (n, 2)

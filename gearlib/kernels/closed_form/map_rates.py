@@ -12,6 +12,7 @@ import math
 
 import numpy as np
 
+from gearlib.kernels.closed_form.deviation import multiply
 from gearlib.kernels.closed_form.event_by_event import (
     ARC_COLUMNS,
     CONTACT,
@@ -42,14 +43,6 @@ from gearlib.kernels.closed_form.tangents import (
 from gearlib.kernels.closed_form.whole_periods import new_work, set_mesh, set_start
 from gearlib.kernels.codes import BACKLASH, OK, OVERFLOW
 from gearlib.kernels.jit import inlined, kernel
-
-
-@inlined
-def _multiply(a, b, c, d, matrix):
-    for column in range(2):
-        first, second = matrix[0, column], matrix[1, column]
-        matrix[0, column] = a * first + b * second
-        matrix[1, column] = c * first + d * second
 
 
 @inlined
@@ -85,7 +78,7 @@ def _through_arc(m, rates, arc, matrix, changes):
     for j in range(rates.shape[1]):
         first = rates[DRAG, j] if contact == BACKLASH else rates[DECAY, j]
         second = rates[SQUARE + which, j]
-        _multiply(a, b, c, d, changes[j])
+        multiply(a, b, c, d, changes[j])
         _add(
             a1 * first + a2 * second,
             b1 * first + b2 * second,
@@ -94,7 +87,7 @@ def _through_arc(m, rates, arc, matrix, changes):
             matrix,
             changes[j],
         )
-    _multiply(a, b, c, d, matrix)
+    multiply(a, b, c, d, matrix)
 
 
 @inlined
@@ -117,9 +110,9 @@ def _cross(m, rates, lev, flank, sign, v, tangents, moved, matrix, changes):
     _move(lev, m.drag, before, 1.0, moved, matrix, changes)
     for j in range(moved.shape[0]):
         rate = 2.0 * sign * (rates[DECAY, j] - rates[DRAG, j])
-        _multiply(1.0, 0.0, loss, 1.0, changes[j])
+        multiply(1.0, 0.0, loss, 1.0, changes[j])
         _add(0.0, 0.0, rate, 0.0, matrix, changes[j])
-    _multiply(1.0, 0.0, loss, 1.0, matrix)
+    multiply(1.0, 0.0, loss, 1.0, matrix)
     _move(lev, m.drag, after, -1.0, moved, matrix, changes)
 
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from gearlib.kernels import orbit
 from gearlib.kernels.arrays import copy, enlarged
+from gearlib.kernels.closed_form.event_by_event import within_range
 from gearlib.kernels.codes import (
     BACKLASH,
     EVENT_LIMIT,
@@ -39,7 +40,7 @@ from gearlib.kernels.piecewise_linear.system import (
     tables,
 )
 from gearlib.kernels.piecewise_linear.whole_periods import pass_period, period_tables
-from gearlib.kernels.polynomial import first_fall, highest, horner
+from gearlib.kernels.polynomial import first_fall, horner
 
 
 @kernel
@@ -58,23 +59,18 @@ def _first_event(contact, on_line, at_rest, near, far, to_bernstein, scaled, wor
     line (1 the normal, -1 the far one, 0 none); `at_rest`: and at rest relative to it.
     """
     best, target = 2.0, contact
-    if contact != INVERSE:
-        _multiply(1.0 if contact == NORMAL else -1.0, near, scaled)
-        if on_line == 1:
+    for line in (NORMAL, INVERSE):
+        if contact == -line:
+            continue
+        side = float(line if contact == line else -line)
+        _multiply(side, near if line == NORMAL else far, scaled)
+        if on_line == line:
             scaled[0] = 0.0
             if at_rest:
                 scaled[1] = 0.0
-        best = first_fall(scaled, to_bernstein, work)
-        target = BACKLASH if contact == NORMAL else NORMAL
-    if contact != NORMAL:
-        _multiply(-1.0 if contact == INVERSE else 1.0, far, scaled)
-        if on_line == -1:
-            scaled[0] = 0.0
-            if at_rest:
-                scaled[1] = 0.0
-        other = first_fall(scaled, to_bernstein, work)
-        if other < best:
-            best, target = other, (BACKLASH if contact == INVERSE else INVERSE)
+        share = first_fall(scaled, to_bernstein, work)
+        if share < best:
+            best, target = share, (BACKLASH if contact == line else line)
     return best, target
 
 
@@ -84,6 +80,9 @@ def go(system, table, to_bernstein, z, contact, on_line, at_rest, s, record, rec
 
     Parameters
     ----------
+    system, table, to_bernstein, s : System, Tables, ndarray, Scratch
+    z : ndarray, shape (n,)
+    contact : int
     on_line, at_rest : int, bool
         Whether the period starts exactly on a line (1 the normal, -1 the far one, 0 none), and at
         rest relative to it.
@@ -165,22 +164,12 @@ def _summarise(system, to_bernstein, row, n, s, summary):
     length, contact, p = row[1], int(row[2]), int(row[3])
     series = row[4:].reshape((ORDER + 1, n))
     functional_of(series, system.position, length, s.gap)
-    summary[orbit.X_MAX] = highest(s.gap, to_bernstein, s.work, summary[orbit.X_MAX])
-    _multiply(-1.0, s.gap, s.scaled)
-    summary[orbit.X_MIN] = -highest(s.scaled, to_bernstein, s.work, -summary[orbit.X_MIN])
-    if contact == BACKLASH:
-        summary[orbit.TIME_BACKLASH] += length
-        summary[orbit.FORCE_MAX] = max(summary[orbit.FORCE_MAX], 0.0)
-        summary[orbit.FORCE_MIN] = min(summary[orbit.FORCE_MIN], 0.0)
-        return
-    summary[orbit.TIME_NORMAL if contact == NORMAL else orbit.TIME_INVERSE] += length
-    if system.low[p]:
-        summary[orbit.TIME_LOW] += length
-    functional_of(series, system.near if contact == NORMAL else system.far, length, s.gap)
-    _multiply(system.stiffness[contact + 1, p], s.gap, s.gap)
-    summary[orbit.FORCE_MAX] = highest(s.gap, to_bernstein, s.work, summary[orbit.FORCE_MAX])
-    _multiply(-1.0, s.gap, s.scaled)
-    summary[orbit.FORCE_MIN] = -highest(s.scaled, to_bernstein, s.work, -summary[orbit.FORCE_MIN])
+    orbit.add_curve(s.gap, to_bernstein, s.work, summary, orbit.X_MAX, orbit.X_MIN)
+    orbit.add_time(contact, length, system.low[p], summary)
+    if contact != BACKLASH:
+        functional_of(series, system.near if contact == NORMAL else system.far, length, s.gap)
+        _multiply(system.stiffness[contact + 1, p], s.gap, s.gap)
+        orbit.add_curve(s.gap, to_bernstein, s.work, summary, orbit.FORCE_MAX, orbit.FORCE_MIN)
 
 
 @kernel
@@ -288,7 +277,7 @@ def run_linear(
             if count > limit:
                 return x, v, 0, events, 0, stopped(count, limit)
             x, v = dot(own.position, short), dot(own_speed, short)
-            if not (abs(x) < 1e150 and abs(v) < 1e150):
+            if not within_range(x, v):
                 return x, v, 0, events, 0, OVERFLOW
         carry(part.rest, rest, 2.0 * math.pi, unseen)
         copy(image(part.back, short) + image(part.rest_back, rest), z)
@@ -308,7 +297,7 @@ def run_linear(
         if count > limit:
             return x, v, 0, events, 0, stopped(count, limit)
         x, v = dot(system.position, z), dot(speed, z)
-        if not (abs(x) < 1e150 and abs(v) < 1e150):
+        if not within_range(x, v):
             return x, v, 0, events, 0, OVERFLOW
         for j in range(rows):
             _summarise(system, to_bernstein, record[j], n, s, summary)
@@ -316,19 +305,17 @@ def run_linear(
                 return x, v, 0, events, 0, UNRESOLVED
             code = int(record[j, 2])
             if code != previous:
-                if previous == NORMAL:
-                    summary[orbit.BOUNCES] += 1.0
-                if events.shape[0] > 0:
-                    series = record[j, 4:].reshape((ORDER + 1, n))
-                    events, found = orbit.add_event(
-                        events,
-                        found,
-                        i,
-                        record[j, 0],
-                        previous,
-                        code,
-                        dot(system.near, series[1]),
-                    )
+                rate = record[j, 4 + n : 4 + 2 * n]
+                events, found = orbit.note(
+                    events,
+                    found,
+                    i,
+                    record[j, 0],
+                    previous,
+                    code,
+                    dot(system.near, rate),
+                    summary,
+                )
                 previous = code
         if per_period > 0:
             first = (i - unseen) * per_period

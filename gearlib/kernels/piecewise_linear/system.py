@@ -67,7 +67,6 @@ class Part(NamedTuple):
 class Scratch(NamedTuple):
     """Work arrays of a run."""
 
-    z: np.ndarray  #: shape (n,)
     other: np.ndarray  #: shape (n,)
     series: np.ndarray  #: Taylor coefficients of the state, shape (ORDER + 1, n)
     gap: np.ndarray  #: shape (ORDER + 1,)
@@ -94,7 +93,6 @@ def tables(system):
 def scratch(n):
     """Return `Scratch` for n components."""
     return Scratch(
-        np.empty(n),
         np.empty(n),
         np.empty((ORDER + 1, n)),
         np.empty(ORDER + 1),
@@ -212,6 +210,7 @@ def functional_of(series, functional, h, out):
 
 @kernel
 def dot(functional, z):
+    """Return a functional, shape (n,) or longer, of z, shape (n,)."""
     total = 0.0
     for r in range(z.shape[0]):
         total += functional[r] * z[r]

@@ -214,6 +214,9 @@ def pass_period(system, table, to_bernstein, z, contact, on_line, at_rest, limit
 
     Parameters
     ----------
+    system, table, to_bernstein : System, PeriodTables, ndarray
+    z : ndarray, shape (n,)
+    contact : int
     on_line, at_rest : int, bool
         As of `gearlib.kernels.piecewise_linear.run.go`.
     limit : int
@@ -241,12 +244,13 @@ def pass_period(system, table, to_bernstein, z, contact, on_line, at_rest, limit
                 if not ready[i, p]:
                     _prepare(system, table, i, p)
                 best, target = 2.0, contact
-                if contact != INVERSE:
-                    on = on_line == 1
-                    side = 1.0 if contact == NORMAL else -1.0
-                    best = _fall(
-                        near,
-                        near_tail,
+                for line in (NORMAL, INVERSE):
+                    if contact == -line:
+                        continue
+                    on, side = on_line == line, float(line if contact == line else -line)
+                    share = _fall(
+                        near if line == NORMAL else far,
+                        near_tail if line == NORMAL else far_tail,
                         i,
                         p,
                         side,
@@ -258,26 +262,8 @@ def pass_period(system, table, to_bernstein, z, contact, on_line, at_rest, limit
                         to_bernstein,
                         work,
                     )
-                    target = BACKLASH if contact == NORMAL else NORMAL
-                if contact != NORMAL:
-                    on = on_line == -1
-                    side = -1.0 if contact == INVERSE else 1.0
-                    other = _fall(
-                        far,
-                        far_tail,
-                        i,
-                        p,
-                        side,
-                        left / h,
-                        on,
-                        on and at_rest,
-                        flat,
-                        wide,
-                        to_bernstein,
-                        work,
-                    )
-                    if other < best:
-                        best, target = other, (BACKLASH if contact == INVERSE else INVERSE)
+                    if share < best:
+                        best, target = share, (BACKLASH if contact == line else line)
                 at_rest, on_line = False, 0
                 if best > 1.0:
                     if t == 0.0:

@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gearlib.kernels.arrays import copy_rows
 from gearlib.kernels.jit import inlined, kernel
 from gearlib.kernels.piecewise_linear.system import ORDER, exponential
 
@@ -131,10 +132,7 @@ def by_columns(matrix, columns):
 @kernel
 def matrix_of(system, effects, a):
     """Fill `a`, shape (n, n), with the matrix of a combination of effects, shape (m,)."""
-    # Loops: an assignment of whole arrays takes seconds to compile.
-    for r in range(a.shape[0]):
-        for i in range(a.shape[0]):
-            a[r, i] = system.free[r, i]
+    copy_rows(system.free, a)
     for j in range(effects.shape[0]):
         for k in range(2):
             push, grip = system.push[j, effects[j], k], system.grip[j, effects[j], k]

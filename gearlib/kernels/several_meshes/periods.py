@@ -8,7 +8,7 @@ one event of them all: their saltation matrices commute, so that the order does 
 import numpy as np
 
 from gearlib.kernels import orbit
-from gearlib.kernels.arrays import copy, enlarged
+from gearlib.kernels.arrays import copy
 from gearlib.kernels.codes import BACKLASH, EVENT_LIMIT, JAMMED, NORMAL, OK, UNRESOLVED
 from gearlib.kernels.jit import kernel
 from gearlib.kernels.piecewise_linear.system import beyond, dot
@@ -159,20 +159,14 @@ def go(
                     before = w.contact[j]
                     speed = _cross(system, grid, w, j, p, vectors)
                     count += 1
-                    if recording and before == NORMAL:
-                        summary[j, orbit.BOUNCES] += 1.0
-                    if recording and events.shape[0] > 0:
-                        at = phase + length * system.tuning
-                        row = w.found[0]
-                        if row == events.shape[0]:
-                            events = enlarged(events, 2 * row)
-                        events[row, orbit.EVENT_PERIOD] = 0.0
-                        events[row, orbit.EVENT_PHASE] = at
-                        events[row, orbit.EVENT_FROM] = before
-                        events[row, orbit.EVENT_TO] = w.contact[j]
-                        events[row, orbit.EVENT_VELOCITY] = speed / system.tuning
-                        events[row, EVENT_MESH] = j
-                        w.found[0] = row + 1
+                    if recording:
+                        row, at = w.found[0], phase + length * system.tuning
+                        v = speed / system.tuning
+                        events, w.found[0] = orbit.note(
+                            events, row, 0, at, before, w.contact[j], v, summary[j]
+                        )
+                        if w.found[0] > row:
+                            events[row, EVENT_MESH] = j
                     if _closed(system, grid, w, j):
                         return JAMMED, events
                 if count > limit:

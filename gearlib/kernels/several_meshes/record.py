@@ -4,10 +4,9 @@ import math
 
 from gearlib.kernels import orbit
 from gearlib.kernels.arrays import copy
-from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
+from gearlib.kernels.codes import BACKLASH, INVERSE
 from gearlib.kernels.jit import kernel
 from gearlib.kernels.piecewise_linear.system import ORDER
-from gearlib.kernels.polynomial import highest
 from gearlib.kernels.several_meshes.substeps import advance, polynomial, to_far
 
 #: Columns of a summary: those of `orbit` and the integral of the elastic force over the phase.
@@ -24,26 +23,17 @@ def summarise(system, grid, tables, c, w, p, length, summary, to_bernstein):
     for j in range(m):
         polynomial(w.look, tables.behind, m * c + j, w.behind, w.z, j, scale, curve)
         row, code = summary[j], w.contact[j]
-        row[orbit.X_MAX] = highest(curve, to_bernstein, w.bernstein, row[orbit.X_MAX])
-        for k in range(ORDER + 1):
-            w.scaled[k] = -curve[k]
-        row[orbit.X_MIN] = -highest(w.scaled, to_bernstein, w.bernstein, -row[orbit.X_MIN])
+        copy(curve, w.scaled)
+        orbit.add_curve(w.scaled, to_bernstein, w.bernstein, row, orbit.X_MAX, orbit.X_MIN)
+        orbit.add_time(code, phase, system.low[code + 1, p, j], row)
         if code == BACKLASH:
-            row[orbit.TIME_BACKLASH] += phase
-            row[orbit.FORCE_MAX] = max(row[orbit.FORCE_MAX], 0.0)
-            row[orbit.FORCE_MIN] = min(row[orbit.FORCE_MIN], 0.0)
             continue
-        row[orbit.TIME_NORMAL if code == NORMAL else orbit.TIME_INVERSE] += phase
-        if system.low[code + 1, p, j]:
-            row[orbit.TIME_LOW] += phase
         if code == INVERSE:
             to_far(grid.apart, j, scale, constants, curve)
         for k in range(ORDER + 1):
             curve[k] *= system.stiffness[code + 1, p, j]
             row[FORCE_SUM] += phase * curve[k] / (k + 1)
-            w.scaled[k] = -curve[k]
-        row[orbit.FORCE_MAX] = highest(curve, to_bernstein, w.bernstein, row[orbit.FORCE_MAX])
-        row[orbit.FORCE_MIN] = -highest(w.scaled, to_bernstein, w.bernstein, -row[orbit.FORCE_MIN])
+        orbit.add_curve(curve, to_bernstein, w.bernstein, row, orbit.FORCE_MAX, orbit.FORCE_MIN)
 
 
 @kernel

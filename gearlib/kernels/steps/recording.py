@@ -88,15 +88,10 @@ def add_values(x, force, summary):
 
 @kernel
 def note(events, found, period, phase, before, after, v, summary):
-    """Count a change of contact and append it to the event table, if one is wanted."""
-    if before == NORMAL:
-        summary[orbit.BOUNCES] += 1.0
-    if events.shape[0] > 0:
-        more = int(math.floor(phase / (2.0 * math.pi)))
-        events, found = orbit.add_event(
-            events, found, period + more, phase - 2.0 * math.pi * more, before, after, v
-        )
-    return events, found
+    """The same as `orbit.note` with a phase that may lie in a later period."""
+    more = int(math.floor(phase / (2.0 * math.pi)))
+    phase -= 2.0 * math.pi * more
+    return orbit.note(events, found, period + more, phase, before, after, v, summary)
 
 
 @inlined

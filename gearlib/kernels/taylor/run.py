@@ -18,7 +18,6 @@ from gearlib.kernels.jit import inlined, kernel
 from gearlib.kernels.polynomial import (
     fall_by_shape,
     first_fall,
-    highest,
     horner,
     lowest_of_parabola,
 )
@@ -137,29 +136,15 @@ def take_step(
 
 
 @kernel
-def _highest(series, row, factor, h, to_bernstein, work, floor):
-    """Return the largest value of factor times a series along a step, `floor` at least."""
-    _scale(series, row, 0.0, factor, h)
-    return highest(series[SCALED], to_bernstein, work, floor)
-
-
-@kernel
 def add_step(tuning, low, to_bernstein, h, contact, series, work, summary):
     """Add a step of length h, on a piece that is `low` or not, to the summary."""
-    tools = to_bernstein, work
-    summary[orbit.X_MAX] = _highest(series, X, 1.0, h, *tools, summary[orbit.X_MAX])
-    summary[orbit.X_MIN] = -_highest(series, X, -1.0, h, *tools, -summary[orbit.X_MIN])
-    if contact == BACKLASH:
-        summary[orbit.TIME_BACKLASH] += h
-        summary[orbit.FORCE_MAX] = max(summary[orbit.FORCE_MAX], 0.0)
-        summary[orbit.FORCE_MIN] = min(summary[orbit.FORCE_MIN], 0.0)
-        return
-    summary[orbit.TIME_NORMAL if contact == NORMAL else orbit.TIME_INVERSE] += h
-    if low:
-        summary[orbit.TIME_LOW] += h
-    unit = tuning * tuning
-    summary[orbit.FORCE_MAX] = _highest(series, PUSH, unit, h, *tools, summary[orbit.FORCE_MAX])
-    summary[orbit.FORCE_MIN] = -_highest(series, PUSH, -unit, h, *tools, -summary[orbit.FORCE_MIN])
+    curve = series[SCALED]
+    _scale(series, X, 0.0, 1.0, h)
+    orbit.add_curve(curve, to_bernstein, work, summary, orbit.X_MAX, orbit.X_MIN)
+    orbit.add_time(contact, h, low, summary)
+    if contact != BACKLASH:
+        _scale(series, PUSH, 0.0, tuning * tuning, h)
+        orbit.add_curve(curve, to_bernstein, work, summary, orbit.FORCE_MAX, orbit.FORCE_MIN)
 
 
 @kernel
@@ -181,16 +166,6 @@ def add_samples(tuning, phase, h, contact, series, samples, taken):
         samples[taken, orbit.SAMPLE_FORCE] = unit * force
         taken += 1
     return taken
-
-
-@kernel
-def note(events, found, n, phase, before, after, v, summary):
-    """Count a change of contact and append it to the event table, if one is wanted."""
-    if before == NORMAL:
-        summary[orbit.BOUNCES] += 1.0
-    if events.shape[0] > 0:
-        events, found = orbit.add_event(events, found, n, phase, before, after, v)
-    return events, found
 
 
 @kernel
@@ -253,9 +228,11 @@ def run_nonlinear(
                         taken = add_samples(tuning, phase, h, during, series, rows, taken)
                     if during != before:
                         # Leaves a flank line from rest, at the start of the step.
-                        events, found = note(events, found, n, phase, before, during, 0.0, summary)
+                        events, found = orbit.note(
+                            events, found, n, phase, before, during, 0.0, summary
+                        )
                     if contact != during:
-                        events, found = note(
+                        events, found = orbit.note(
                             events, found, n, phase + h, during, contact, v, summary
                         )
                 phase += h

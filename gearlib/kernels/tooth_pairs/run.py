@@ -14,7 +14,7 @@ from gearlib.kernels.closed_form.deviation import multiply
 from gearlib.kernels.closed_form.event_by_event import within_range
 from gearlib.kernels.codes import BACKLASH, EVENT_LIMIT, INVERSE, NORMAL, OK, OVERFLOW, UNRESOLVED
 from gearlib.kernels.jit import inlined, kernel
-from gearlib.kernels.taylor.run import add_samples, add_step, first_crossing, note
+from gearlib.kernels.taylor.run import add_samples, add_step, first_crossing
 from gearlib.kernels.taylor.series import ORDER, PUSH, ROWS, C, V, X, state_at
 from gearlib.kernels.tooth_pairs.system import FACTOR, FACTOR_SLOPE, OFFSET, OFFSET_SLOPE
 
@@ -98,6 +98,37 @@ def _follow(row, t, drag, unit, h, matrix):
 
 
 @inlined
+def _first_event(overlap, inside, lower, s, line, t, h, x, series, to_bernstein, work):
+    """Return (share of a step of length h, number of the pair) of the first touch or parting.
+
+    Share 2: none; -1: rounding hides whether there is one. The number after the last pair is the
+    coast side. `overlap`, `inside`: of the segment; `line`: on which the step starts, -1 on none.
+    """
+    coast, k = overlap.shape[0], overlap.shape[1]
+    best, which = 2.0, -1
+    for i in range(k):
+        bit = 1 << i
+        if s == coast or not inside & bit:
+            continue
+        _fill(series, ROWS + i, overlap[s & ~bit, i], t, ORDER + 1)
+        if line == i:
+            series[ROWS + i, 0] = 0.0
+        side = 1.0 if s & bit else -1.0
+        share = first_crossing(series, ROWS + i, 0.0, side, h, to_bernstein, work)
+        if share < best:
+            best, which = share, i
+    if lower > -math.inf and (s == 0 or s == coast):
+        for j in range(ORDER + 1):
+            series[ROWS + k, j] = series[X, j]
+        series[ROWS + k, 0] = 0.0 if line == k else x - lower
+        side = 1.0 if s == 0 else -1.0
+        share = first_crossing(series, ROWS + k, 0.0, side, h, to_bernstein, work)
+        if share < best:
+            best, which = share, k
+    return best, which
+
+
+@inlined
 def _contact_of(s, coast):
     if s == 0:
         return BACKLASH
@@ -147,13 +178,14 @@ def run_pairs(
         begin = starts[first_segment[number]]
         for p in range(first_segment[number], first_segment[number + 1]):
             start = n == 0 and p == first_segment[number]
+            flanks, pairs = overlap[p], inside[p]
             if start or system.renewed[p]:
                 before = _contact_of(s, coast)
-                s = touching(overlap[p], inside[p], lower, 0.0, x)
+                s = touching(flanks, pairs, lower, 0.0, x)
                 line = -1
                 after = _contact_of(s, coast)
                 if recorded >= 0 and after != before and not start:
-                    events, found = note(
+                    events, found = orbit.note(
                         events, found, n, starts[p] - begin, before, after, v, summary
                     )
             phase, end = starts[p], starts[p + 1]
@@ -163,28 +195,12 @@ def run_pairs(
                 during = _contact_of(s, coast)
                 law = force[p, s]
                 _expand(law, t, drag, push, unit, x, v, series)
-                h, best, which = min(longest, end - phase), 2.0, -1
+                h = min(longest, end - phase)
                 if end - phase - h < 1e-13:
                     h = end - phase
-                for i in range(k):
-                    bit = 1 << i
-                    if s == coast or not inside[p] & bit:
-                        continue
-                    _fill(series, ROWS + i, overlap[p, s & ~bit, i], t, ORDER + 1)
-                    if line == i:
-                        series[ROWS + i, 0] = 0.0
-                    side = 1.0 if s & bit else -1.0
-                    share = first_crossing(series, ROWS + i, 0.0, side, h, to_bernstein, work)
-                    if share < best:
-                        best, which = share, i
-                if lower > -math.inf and (s == 0 or s == coast):
-                    for j in range(ORDER + 1):
-                        series[ROWS + k, j] = series[X, j]
-                    series[ROWS + k, 0] = 0.0 if line == k else x - lower
-                    side = 1.0 if s == 0 else -1.0
-                    share = first_crossing(series, ROWS + k, 0.0, side, h, to_bernstein, work)
-                    if share < best:
-                        best, which = share, k
+                best, which = _first_event(
+                    flanks, pairs, lower, s, line, t, h, x, series, to_bernstein, work
+                )
                 if best < 0.0:
                     return x, v, 0, events, 0, UNRESOLVED, steps
                 h = h if best > 1.0 else best * h
@@ -219,14 +235,16 @@ def run_pairs(
                     jump += (damping[1 if s else 0] - drag) * (v - slip[p])
                     factor, rate = 1.0, v
                     if which < k:
-                        row_of = overlap[p, s & ~(1 << which), which]
+                        row_of = flanks[s & ~(1 << which), which]
                         factor = row_of[FACTOR] + row_of[FACTOR_SLOPE] * t
                         rate = factor * v + row_of[FACTOR_SLOPE] * x - row_of[OFFSET_SLOPE]
                     # A tangential crossing varies nothing.
                     if rate != 0.0:
                         multiply(1.0, 0.0, -jump * factor / rate, 1.0, maps[n])
                 if after != during and recorded >= 0:
-                    events, found = note(events, found, n, phase - begin, during, after, v, summary)
+                    events, found = orbit.note(
+                        events, found, n, phase - begin, during, after, v, summary
+                    )
     strobes[kept, 0], strobes[kept, 1] = x, v
     height = summary[orbit.X_MAX] - summary[orbit.X_MIN]
     period = orbit.orbit_period(strobes, tuning, height, system.repeats)

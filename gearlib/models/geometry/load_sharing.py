@@ -50,6 +50,11 @@ class ToothPairs:
         """Return the same pairs with other gaps."""
         return replace(self, gap=gap)
 
+    def carried_by(self, pairs):
+        """Return (a, b) of a set of pairs that touch, shape (m, p): their forces are a x - b."""
+        inverse = np.linalg.inv(self.compliance[:, pairs][:, :, pairs])
+        return inverse.sum(-1), (inverse @ self.gap[:, pairs, None])[..., 0]
+
     def share(self, loads):
         """Return the `Sharing` under loads >= 0 in N, shape (l,)."""
         loads = np.asarray(loads, float)[:, None]
@@ -60,8 +65,7 @@ class ToothPairs:
         own = np.einsum("mii->mi", self.compliance)
         for size in range(1, k + 1):
             for pairs in map(list, itertools.combinations(range(k), size)):
-                inverse = np.linalg.inv(self.compliance[:, pairs][:, :, pairs])
-                rise, back = inverse.sum(-1), (inverse @ self.gap[:, pairs, None])[..., 0]
+                rise, back = self.carried_by(pairs)
                 x = (loads + back.sum(-1)) / rise.sum(-1)
                 forces = np.zeros((*shape, k))
                 forces[..., pairs] = rise * x[..., None] - back

@@ -30,7 +30,7 @@ def mesh_parameters(
     options=None,
 ):
     """Return stiffness, backlash and damping of a mesh as a dict; see `GearPair.from_geometry`."""
-    ratios = rectangle(mesh, stiffness, torque=torque, **(options or {}))
+    ratios = rectangle(mesh, stiffness, torque=torque, **checks.options(options))
     high, kappa, epsilon = ratios
     mean = high * mean_over_max(epsilon, kappa)
     given = {

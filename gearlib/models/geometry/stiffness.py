@@ -87,6 +87,7 @@ def mesh_stiffness(mesh, method="iso", *, samples=64, **options):
     ValueError
         If the method or an option is not allowed.
     """
+    checks.drawn_mesh(mesh)
     if isinstance(method, Tabulated):
         checks.known("table", options, ("torque",))
         return _of_table("table", method)

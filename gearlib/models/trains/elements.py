@@ -121,6 +121,10 @@ class Body:
         **more
             Other parameters, also in place of these.
         """
+        if not hasattr(gear, "base_diameter"):
+            raise ValueError(
+                f"gear = {gear!r} is not allowed: it must be a gearlib.geometry.SpurGear"
+            )
         own = {"teeth": gear.teeth, "base_radius": gear.base_diameter / 2.0}
         for key in ("mass", "inertia"):
             if key not in more:
@@ -304,7 +308,9 @@ class Mesh:
             Other parameters, also in place of what is derived.
         """
         drawn = {name: more.pop(name) for name in _OF_DRAWING if name in more}
-        return cls(pinion=pinion, wheel=wheel, **(mesh.train_parameters(**drawn) | more))
+        return cls(
+            pinion=pinion, wheel=wheel, **(checks.drawn_mesh(mesh).train_parameters(**drawn) | more)
+        )
 
     @property
     def line(self):

@@ -1,6 +1,7 @@
 """Parts of ready-made trains: gears by module and teeth, meshes by a `GearPair`."""
 
 import math
+from numbers import Real
 
 from gearlib import checks
 from gearlib.models.pair import GearPair
@@ -33,7 +34,16 @@ def gear(name, teeth, module, pressure_angle, reduced, mass, force):
 
 def base_radius(teeth, module, pressure_angle):
     """Return the base radius of a gear, m."""
-    return checks.finite_positive("module", module) * teeth / 2.0 * math.cos(pressure_angle)
+    angle = checked_angle(pressure_angle)
+    return checks.finite_positive("module", module) * teeth / 2.0 * math.cos(angle)
+
+
+def checked_angle(pressure_angle):
+    """Return a pressure angle, else raise ValueError."""
+    below = math.pi / 2.0
+    return checks.number(
+        "pressure_angle", pressure_angle, "from 0 to below pi / 2", lambda v: 0.0 <= v < below
+    )
 
 
 def gear_masses(pair, first, second, *others):
@@ -45,14 +55,18 @@ def gear_masses(pair, first, second, *others):
 
 
 def support(stiffness, structural_damping):
+    """Return the parameters of the support of a `Body`, N/m and N s/m."""
     damping = damping_of(stiffness, structural_damping)
     return dict(support_stiffness=stiffness, support_damping=damping)
 
 
 def damping_of(stiffness, structural_damping):
-    return 0.0 if stiffness == math.inf else structural_damping * stiffness
+    """Return the damping of a stiffness, N s/m; what is none is left to the part that it is for."""
+    share = checks.finite_nonnegative("structural_damping", structural_damping)
+    return share * stiffness if isinstance(stiffness, Real) and stiffness < math.inf else 0.0
 
 
 def teeth_of(teeth, count):
+    """Return the numbers of teeth of so many gears, else raise ValueError."""
     values = checks.many("teeth", teeth, count)
     return [checks.integer(f"teeth[{i}]", z, 3) for i, z in enumerate(values)]

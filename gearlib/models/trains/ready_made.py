@@ -12,6 +12,7 @@ from gearlib.models.trains.parts import (
     PRESSURE_ANGLE,
     STRUCTURAL_DAMPING,
     base_radius,
+    checked_angle,
     damping_of,
     gear,
     gear_masses,
@@ -123,9 +124,10 @@ def planetary(
                 "an integer for equal spacing"
             )
         positions = [2.0 * math.pi * i / n for i in range(n)]
-    positions = checks.many("positions", positions, n)
+    positions = checks.numbers("positions", positions, n)
     errors = checks.many("pin_errors", pin_errors or [(0.0, 0.0)] * n, n)
     r_sun = checks.finite_positive("sun_base_radius", sun_base_radius)
+    pressure_angle = checked_angle(pressure_angle)
     r_planet, r_ring = r_sun * planet_teeth / sun, r_sun * ring / sun
     centre = (r_sun + r_planet) / math.cos(pressure_angle)
     cosine = (r_ring - r_planet) / centre
@@ -137,11 +139,11 @@ def planetary(
     ring_angle = pressure_angle if planet_teeth * 2 == ring - sun else math.acos(cosine)
     radii = (r_sun, r_ring, centre, r_planet)
     masses, reduced = (
-        checks.many("masses", masses, 4),
-        checks.many("reduced_inertias", reduced_inertias, 4),
+        checks.numbers("masses", masses, 4),
+        checks.numbers("reduced_inertias", reduced_inertias, 4),
     )
-    supports = checks.many("support_stiffness", support_stiffness, 4)
-    twists = (*checks.many("torsional_stiffness", torsional_stiffness, 3), 0.0)
+    supports = checks.numbers("support_stiffness", support_stiffness, 4)
+    twists = (*checks.numbers("torsional_stiffness", torsional_stiffness, 3), 0.0)
     torque = n * checks.number("load", load, "finite", math.isfinite) * r_sun
     torques = [torque, torque * ring / sun, -torque * (1.0 + ring / sun), 0.0]
 
@@ -163,9 +165,9 @@ def planetary(
 
     bodies = [body(0, "sun", sun), body(1, "ring", ring), body(2, "carrier", None)]
     meshes = []
-    stiffness = checks.many("mean_stiffness", mean_stiffness, 2)
-    kappa = checks.many("stiffness_ratio", stiffness_ratio, 2)
-    epsilon = checks.many("contact_ratio", contact_ratio, 2)
+    stiffness = checks.numbers("mean_stiffness", mean_stiffness, 2)
+    kappa = checks.numbers("stiffness_ratio", stiffness_ratio, 2)
+    epsilon = checks.numbers("contact_ratio", contact_ratio, 2)
     common = dict(
         material_damping=material_damping, backlash_damping=backlash_damping, backlash=backlash
     )
@@ -242,9 +244,9 @@ def idler(
         Of `GearTrain`.
     """
     z = teeth_of(teeth, 3)
-    reduced = checks.many("reduced_inertias", reduced_inertias or gear_masses(pair, *z), 3)
-    masses = checks.many("masses", masses or [2.0 * value for value in reduced], 3)
-    force = pair.load
+    reduced = checks.numbers("reduced_inertias", reduced_inertias or gear_masses(pair, *z), 3)
+    masses = checks.numbers("masses", masses or [2.0 * value for value in reduced], 3)
+    force, angle = pair.load, checks.number("angle", angle, "finite", math.isfinite)
     bodies = [
         gear(name, z[i], module, pressure_angle, reduced[i], masses[i], sign * force)
         | support(support_stiffness, structural_damping)
@@ -289,9 +291,9 @@ def two_stage(
     """
     z = teeth_of(teeth, 4)
     reduced = reduced_inertias or [*gear_masses(pair, *z[:2]), *gear_masses(pair, *z[2:])]
-    reduced = checks.many("reduced_inertias", reduced, 4)
-    masses = checks.many("masses", masses or [2.0 * value for value in reduced], 4)
-    sizes = [checks.many("modules", modules, 2)[i // 2] for i in range(4)]
+    reduced = checks.numbers("reduced_inertias", reduced, 4)
+    masses = checks.numbers("masses", masses or [2.0 * value for value in reduced], 4)
+    sizes = [checks.numbers("modules", modules, 2)[i // 2] for i in range(4)]
     radii = [base_radius(z[i], sizes[i], pressure_angle) for i in range(4)]
     names = ("pinion 1", "wheel 1", "pinion 2", "wheel 2")
     # The shaft turns clockwise, and the second wheel counterclockwise against its load.
@@ -306,7 +308,9 @@ def two_stage(
         mesh_of(pair, *names[2:], position=0.0, direction=-1, pressure_angle=pressure_angle),
     ]
     shaft = Shaft(
-        bodies=names[1:3], stiffness=shaft_stiffness, damping=structural_damping * shaft_stiffness
+        bodies=names[1:3],
+        stiffness=shaft_stiffness,
+        damping=damping_of(shaft_stiffness, structural_damping),
     )
     return GearTrain(
         bodies=[Body(**body) for body in bodies], meshes=meshes, shafts=[shaft], **options

@@ -22,6 +22,7 @@ from gearlib.models.trains.parts import (
     PRESSURE_ANGLE,
     STRUCTURAL_DAMPING,
     base_radius,
+    damping_of,
     gear,
     gear_masses,
     mesh_of,
@@ -91,7 +92,7 @@ def split_power_reducer(
     n = checks.integer("branches", branches, 1)
     checks.one_of("internal", internal, (False, True))
     z = teeth_of(teeth or ((24, 36, 24, 84) if internal else (24, 36, 24, 36)), 4)
-    sizes = [checks.many("modules", modules, 2)[i // 2] for i in range(4)]
+    sizes = [checks.numbers("modules", modules, 2)[i // 2] for i in range(4)]
     centres = sizes[0] * (z[0] + z[1]), sizes[2] * (z[3] - z[2] if internal else z[3] + z[2])
     if abs(centres[0] - centres[1]) > 1e-9 * centres[0]:
         raise ValueError(
@@ -99,8 +100,8 @@ def split_power_reducer(
             f"{centres[0] / 2.0:.6g} m in the first, {centres[1] / 2.0:.6g} m in the second"
         )
     reduced = reduced_inertias or gear_masses(pair, *z)
-    reduced = checks.many("reduced_inertias", reduced, 4)
-    masses = checks.many("masses", masses or [2.0 * value for value in reduced], 4)
+    reduced = checks.numbers("reduced_inertias", reduced, 4)
+    masses = checks.numbers("masses", masses or [2.0 * value for value in reduced], 4)
     errors = checks.many("pin_errors", pin_errors or [(0.0, 0.0)] * n, n)
     gaps = checks.many("backlashes", backlashes or [(pair.backlash,) * 2] * n, n)
     radii = [base_radius(z[i], sizes[i], pressure_angle) for i in range(4)]
@@ -118,15 +119,14 @@ def split_power_reducer(
     for i in range(n):
         psi = 2.0 * math.pi * i / n
         a, b = f"satellite {i + 1} a", f"satellite {i + 1} b"
-        radial, tangential = errors[i]
+        radial, tangential = checks.numbers(f"pin_errors[{i}]", errors[i], 2)
+        gap, second_gap = checks.many(f"backlashes[{i}]", gaps[i], 2)
         c, s = math.cos(psi), math.sin(psi)
         offset = c * radial - s * tangential, s * radial + c * tangential
         bodies += [body(1, a, 0.0, offset), body(2, b, 0.0, offset)]
         common = dict(pressure_angle=pressure_angle)
         first.append(
-            mesh_of(
-                pair, "input", a, name=f"first {i + 1}", position=psi, backlash=gaps[i][0], **common
-            )
+            mesh_of(pair, "input", a, name=f"first {i + 1}", position=psi, backlash=gap, **common)
         )
         second.append(
             mesh_of(
@@ -137,10 +137,10 @@ def split_power_reducer(
                 internal=internal,
                 position=psi if internal else psi + math.pi,
                 direction=1 if internal else -1,
-                backlash=gaps[i][1],
+                backlash=second_gap,
                 **common,
             )
         )
-        damping = structural_damping * shaft_stiffness
+        damping = damping_of(shaft_stiffness, structural_damping)
         shafts.append(Shaft(bodies=(a, b), stiffness=shaft_stiffness, damping=damping))
     return GearTrain(bodies=bodies, meshes=first + second, shafts=shafts, **options)

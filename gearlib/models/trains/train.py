@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gearlib import checks
+from gearlib.data.arrays import floats
 from gearlib.models.trains import assembly, turning, waves
 from gearlib.models.trains.elements import Body, Mesh, Shaft
 from gearlib.models.trains.results import TrainResults
@@ -239,10 +240,6 @@ class GearTrain(TrainResults):
         turns = self.mesh_frequency(tuning) / (2.0 * math.pi) / self.reference_pinion.teeth
         return 60.0 * turns * abs(1.0 + self.carrier_ratio)
 
-    def tuning_at(self, speed):
-        """Return the tuning at a speed of the reference pinion in rpm (float or array)."""
-        return speed / self.speed(1.0)
-
     def scales(self):
         """Return the variables of datasets that depend on the train alone."""
         return {
@@ -250,16 +247,6 @@ class GearTrain(TrainResults):
             "force_scale": self.load,
             "stiffness_scale": self.stiffness_scale,
             "torque": ("body", [body.torque for body in self.bodies]),
-        }
-
-    def speed_scales(self, tuning):
-        """Return the variables of datasets that depend on the tuning (float or array)."""
-        frequency = self.mesh_frequency(tuning)
-        return {
-            "mesh_frequency": frequency,
-            "velocity_scale": self.static_deflection * frequency,
-            "acceleration_scale": self.static_deflection * frequency**2,
-            "speed": self.speed(tuning),
         }
 
     def damped(self):
@@ -386,7 +373,7 @@ class GearTrain(TrainResults):
         if isinstance(initial_state, str):
             checks.one_of("initial_state", initial_state, ("static",))
             return self._static_state.copy()
-        state = np.asarray(initial_state, float)
+        state = floats(initial_state)
         if state.shape == (2,) and not state.any():
             return np.zeros(self.size)
         if state.shape != (self.size,) or not np.all(np.isfinite(state)):

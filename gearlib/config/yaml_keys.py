@@ -1,10 +1,12 @@
-"""Keys that a YAML file gives twice: YAML itself would silently keep the last."""
+"""YAML files, and the keys that they give twice: YAML itself would silently keep the last."""
 
 import yaml
 
 
 class _Loader(yaml.SafeLoader):
     """Reads plain YAML and remembers the keys that a mapping repeats."""
+
+    repeated: list[str]
 
     def construct_mapping(self, node, deep=False):
         seen = set()
@@ -18,10 +20,10 @@ class _Loader(yaml.SafeLoader):
         return super().construct_mapping(node, deep)
 
 
-def repeated_keys(path):
-    """Return one sentence for each key that the file repeats within a mapping."""
+def read(path):
+    """Return (what a file says, one sentence for each key that it repeats within a mapping)."""
     with open(path, encoding="utf-8") as file:
         loader = _Loader(file.read())
     loader.repeated = []
-    loader.get_single_data()
-    return [f"{path}: the key {text}: it must stand once" for text in loader.repeated]
+    said = loader.get_single_data()
+    return said, [f"{path}: the key {text}: it must stand once" for text in loader.repeated]
