@@ -93,13 +93,16 @@ def _draw(given, params, output):
 
     job = SimpleNamespace(input=given, params=SimpleNamespace(**params), output=output, log=[""])
     scripts = ROOT / "workflow/scripts"
-    silent = SimpleNamespace(redirect_output=lambda log: None)
-    with (
-        mock.patch.object(style, "save", save),
-        mock.patch.object(sys, "path", [str(scripts), *sys.path]),
-        mock.patch.dict(sys.modules, joblog=silent),
-    ):
-        runpy.run_path(str(scripts / "draw.py"), {"snakemake": job}, "__main__")
+    # Not by `mock.patch.dict`, which would forget all that is imported meanwhile.
+    sys.modules["joblog"] = SimpleNamespace(redirect_output=lambda log: None)
+    try:
+        with (
+            mock.patch.object(style, "save", save),
+            mock.patch.object(sys, "path", [str(scripts), *sys.path]),
+        ):
+            runpy.run_path(str(scripts / "draw.py"), {"snakemake": job}, "__main__")
+    finally:
+        del sys.modules["joblog"]
 
 
 def _put_data(project):
