@@ -305,17 +305,8 @@ def run_linear(
                 return x, v, 0, events, 0, UNRESOLVED
             code = int(record[j, 2])
             if code != previous:
-                rate = record[j, 4 + n : 4 + 2 * n]
-                events, found = orbit.note(
-                    events,
-                    found,
-                    i,
-                    record[j, 0],
-                    previous,
-                    code,
-                    dot(system.near, rate),
-                    summary,
-                )
+                at, rate = record[j, 0], dot(system.near, record[j, 4 + n : 4 + 2 * n])
+                events, found = orbit.note(events, found, i, at, previous, code, rate, summary)
                 previous = code
         if per_period > 0:
             first = (i - unseen) * per_period

@@ -247,20 +247,11 @@ def pass_period(system, table, to_bernstein, z, contact, on_line, at_rest, limit
                 for line in (NORMAL, INVERSE):
                     if contact == -line:
                         continue
+                    rows, tail = (near, near_tail) if line == NORMAL else (far, far_tail)
                     on, side = on_line == line, float(line if contact == line else -line)
+                    rest = on and at_rest
                     share = _fall(
-                        near if line == NORMAL else far,
-                        near_tail if line == NORMAL else far_tail,
-                        i,
-                        p,
-                        side,
-                        left / h,
-                        on,
-                        on and at_rest,
-                        flat,
-                        wide,
-                        to_bernstein,
-                        work,
+                        rows, tail, i, p, side, left / h, on, rest, flat, wide, to_bernstein, work
                     )
                     if share < best:
                         best, target = share, (BACKLASH if contact == line else line)
