@@ -8,7 +8,8 @@ from gearlib.figures import analytic_method as figures
 from gearlib.figures import steady_orbits as orbit_figures
 from gearlib.studies import analytic_method
 from gearlib.studies.trials import steady_orbits
-from tests.unit.test_work_precision import PAIR, SETTINGS
+from tests.paper import PARAMETERS
+from tests.unit.test_work_precision import SETTINGS
 
 
 @pytest.fixture(scope="module")
@@ -24,7 +25,7 @@ def data():
     }
     run = {"periods": 120, "record_periods": 10}
     return analytic_method.compute(
-        PAIR | {"material_damping": 3953.7}, [0.7, 0.96, 1.2], settings, run
+        PARAMETERS | {"material_damping": 3953.7}, [0.7, 0.96, 1.2], settings, run
     )
 
 
@@ -53,14 +54,14 @@ def test_harmonic_balance_lies_on_the_exact_curve(data):
 
 
 def test_without_loss():
-    pair = analytic_method.without_loss(GearPair(**PAIR, material_damping=100.0))
+    pair = analytic_method.without_loss(GearPair(**PARAMETERS, material_damping=100.0))
     assert pair.backlash == 0.0 and pair.backlash_damping == 100.0
 
 
 def test_steady_orbits(monkeypatch):
     short = [steady_orbits.LADDERS["harmonic_balance"][0]._replace(values=(4, 16, 64))]
     monkeypatch.setitem(steady_orbits.LADDERS, "harmonic_balance", short)
-    arguments = ["exact", "harmonic_balance"], ["smooth", "bouncing"], PAIR, SETTINGS
+    arguments = ["exact", "harmonic_balance"], ["smooth", "bouncing"], PARAMETERS, SETTINGS
     errors = steady_orbits.errors(*arguments)
     lines = errors.line.values
     assert set(lines) == {"exact", "harmonic balance"}
