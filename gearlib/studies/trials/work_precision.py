@@ -119,7 +119,9 @@ GENERIC = {
 #: is known, which has not settled.
 _EARLY = ("exact",)
 # Runs that take this long, seconds, are not repeated: interruptions change little.
-_SLOW = 0.1
+_SLOW = 0.05
+# Periods until all has been compiled: heyoka compiles a contact when it first comes.
+_STARTS = {"heyoka": 64}
 # Span of the timed runs without their starts, seconds: far above the clock's resolution.
 _SPAN = 2e-3
 _LONGEST, _MOST = 2**18, 2**11  #: periods of a run, and runs timed together
@@ -302,7 +304,7 @@ def times(method, known, pair, six_degrees, settings, repeats):
             codes: set = set()
             early = method in _EARLY
             # Half the run: what prepares tables lies in the first half.
-            short = max(1, problem.periods // 2) if early else 1
+            short = max(1, problem.periods // 2) if early else _STARTS.get(method, 1)
             longest = problem.periods if early and problem.steady else _LONGEST
             seconds = seconds_per_period(_call(run, codes), short, longest, repeats)
             if codes == {status.OK}:
@@ -352,7 +354,7 @@ def seconds_per_period(call, short, longest, repeats):
         whole = once(long)
         if whole - base < 0.5 * base:
             # Solvers that compile at each start take as long for it as for thousands of periods.
-            while whole - base < 0.5 * base and long < longest:
+            while whole - base < 2.0 * base and long < longest:
                 long = min(8 * long, longest)
                 whole = once(long)
             whole, base = least(3)
