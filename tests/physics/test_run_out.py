@@ -88,6 +88,14 @@ def test_a_doubled_run_out_and_a_slow_one():
     assert orbit.orbit_period(states, 1.0, 1.0, 1_000_000) == 1_000_000
 
 
+def test_the_longest_motion_that_is_looked_for_is_looked_back_at():
+    # One that repeats only after the largest multiple of the run-out's periods.
+    repeats, longest = 30, orbit.MAX_PERIOD * 30
+    phase = 2.0 * math.pi * np.arange(orbit.strobe_periods(repeats) + 1) / longest
+    states = np.stack([np.sin(phase), np.cos(phase)], axis=1)
+    assert orbit.orbit_period(states, 1.0, 1.0, repeats) == longest
+
+
 def test_solvers_of_others_find_the_period_too():
     pair = gears(math.inf, 3953.7, 3953.7, eccentricities=(2e-6, 1e-6), teeth=(17, 17))
     state = relative(pair, 0.7, periodic_orbit(pair, 0.7, period=17).state)

@@ -153,6 +153,27 @@ def listed_contacts(orbit):
     return contact, events
 
 
+def enclosed(system, centre, inverse, given):
+    """Return the box with one orbit, of state and phases, and how far it is from the given state.
+
+    Raises
+    ------
+    Uncertain
+        If there is no such box, or not near the state.
+    """
+    box = enclose(system, centre, inverse)
+    if box is None:
+        raise Uncertain(*FOLD)
+    moved = max(abs(a - b).upper() for a, b in zip(box, given, strict=False))
+    if not moved < REACH:
+        raise Uncertain(
+            "distance",
+            f"the nearest orbit found lies {float(moved):.2g} static deflections from the "
+            f"candidate; {REACH:g} is allowed",
+        )
+    return box, moved
+
+
 class Proof:
     """The steps of the proof of one orbit, at the present precision.
 
@@ -170,16 +191,7 @@ class Proof:
         given = arb(float(orbit.state[0])), arb(float(orbit.state[1])) * orbit.tuning
         system = lambda u: self.path.equations(u, self.scale)  # noqa: E731
         self.centre, inverse = polish(system, [*given, *self.path.guess], FOLD)
-        self.box = enclose(system, self.centre, inverse)
-        if self.box is None:
-            raise Uncertain(*FOLD)
-        self.moved = max(abs(a - b).upper() for a, b in zip(self.box, given, strict=False))
-        if not self.moved < REACH:
-            raise Uncertain(
-                "distance",
-                f"the nearest orbit found lies {float(self.moved):.2g} static deflections from the "
-                f"candidate; {REACH:g} is allowed",
-            )
+        self.box, self.moved = enclosed(system, self.centre, inverse, given)
         x, w, *phases = self.box
         self.states = self.path.states(x, w, phases, self.scale)
         check_contacts(self.path, (x, w), self.states)

@@ -6,8 +6,8 @@ from functools import partial
 from gearlib.analysis.orbits.shooting import resting
 from gearlib.analysis.proofs.balls import digits_of, enclosure, flint, precision
 from gearlib.analysis.proofs.certificates import MeshEvent, TrainCertificate
-from gearlib.analysis.proofs.krawczyk import enclose, polish, uniqueness
-from gearlib.analysis.proofs.orbits import FOLD, REACH, first_with
+from gearlib.analysis.proofs.krawczyk import polish, uniqueness
+from gearlib.analysis.proofs.orbits import FOLD, enclosed, first_with
 from gearlib.analysis.proofs.path import Uncertain
 from gearlib.analysis.proofs.trains.laws import TrainLaws
 from gearlib.analysis.proofs.trains.multipliers import eigenvalues, judge
@@ -103,16 +103,7 @@ class TrainProof:
         if windows.any():
             system = windows.equations
             self.centre, inverse = polish(system, self.centre[:n], FOLD)
-        self.box = enclose(system, self.centre, inverse)
-        if self.box is None:
-            raise Uncertain(*FOLD)
-        self.moved = max(abs(a - b).upper() for a, b in zip(self.box, given, strict=False))
-        if not self.moved < REACH:
-            raise Uncertain(
-                "distance",
-                f"the nearest orbit found lies {float(self.moved):.2g} static deflections from the "
-                f"candidate; {REACH:g} is allowed",
-            )
+        self.box, self.moved = enclosed(system, self.centre, inverse, given)
         if windows.any():
             self.phases, self.speeds, ends, self.map = windows.proven(self.box)
             system = windows.equations_or_nothing
