@@ -130,7 +130,8 @@ def energy_gap(model, nu, periods=6, state=(0.0, 0.0)):
     n, m = z.size, 2 + len(model.flexible())
     table, s = core_system.tables(system), core_system.scratch(n)
     nodes, weights = np.polynomial.legendre.leggauss(24)
-    mass = np.array(model.inertias) / RADIUS**2
+    radii = np.array(model.base_radii)
+    mass = np.array(model.inertias) / radii**2
     bodies = [model.masses[0], model.masses[0], model.masses[1], model.masses[1]]
     mass = np.concatenate([mass, bodies])[:m] / model.reduced_mass * nu**2
     bearings = np.zeros(m)
@@ -139,7 +140,7 @@ def energy_gap(model, nu, periods=6, state=(0.0, 0.0)):
         bearings[2:] = np.array(model.bearing_stiffness) / model.mean_stiffness
         speed = model.mean_eigenfrequency * nu
         drag[2:] = np.array(model.bearing_damping) * speed / model.mean_stiffness
-    torque = np.array([*(t / RADIUS / model.load for t in model.torques), *np.zeros(m - 2)])
+    torque = np.append(np.array(model.torques) / radii / model.load, np.zeros(m - 2))
     across = np.zeros(m)
     if m > 2:
         across[[3, 5]] = -1.0, 1.0

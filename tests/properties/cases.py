@@ -1,0 +1,167 @@
+"""Random models of every kind, each with a tuning and a state to start from, for hypothesis."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from hypothesis import strategies as st
+
+import gearlib
+from gearlib import (
+    DeadZoneOscillator,
+    Fourier,
+    GearPair,
+    Harmonics,
+    LoadSharingPair,
+    OneDegreePair,
+    SixDegreePair,
+)
+from gearlib.models.profiles import Steps
+from tests.geometry.drawings import fzg_c, twenty
+from tests.trains.random_trains import random_problem
+
+
+class Case(NamedTuple):
+    """A model, and where and how it starts."""
+
+    model: object
+    tuning: float
+    state: tuple
+
+
+def between(low, high):
+    """Return a number within two bounds, both far from the smallest floats."""
+    return st.floats(low, high, allow_subnormal=False)
+
+
+def logarithmic(low, high):
+    """Return a number within two decades."""
+    return between(math.log10(low), math.log10(high)).map(lambda power: 10.0**power)
+
+
+TUNINGS = logarithmic(0.3, 2.5)
+STATES = st.tuples(between(-3.0, 4.0), between(-2.0, 2.0))
+
+
+@st.composite
+def pairs(draw):
+    """Return a `GearPair` in SI units."""
+    mass, stiffness, load = draw(logarithmic(0.1, 20)), draw(logarithmic(1e7, 1e9)), 3000.0
+    unit = 2.0 * math.sqrt(mass * stiffness)
+    return GearPair(
+        max_stiffness=stiffness,
+        stiffness_ratio=draw(between(0.3, 1.0)),
+        contact_ratio=draw(between(1.0, 2.0)),
+        reduced_mass=mass,
+        load=load,
+        backlash=draw(st.just(math.inf) | between(0.2, 6.0)) * load / stiffness,
+        material_damping=draw(between(0.0, 0.1)) * unit,
+        backlash_damping=draw(between(0.0, 0.1)) * unit,
+    )
+
+
+@st.composite
+def waves(draw, size):
+    """Return one to three `Harmonics` of at most a size."""
+    values = st.lists(between(-size, size), min_size=1, max_size=3)
+    return Harmonics(tuple(draw(values)), tuple(draw(values)))
+
+
+@st.composite
+def nonlinear_pairs(draw):
+    """Return a `OneDegreePair` with all that Eq. (3) admits."""
+    pair = draw(pairs())
+    deflection, speed = pair.static_deflection, pair.static_deflection * pair.mean_eigenfrequency
+    unit = 2.0 * pair.reduced_mass * pair.mean_eigenfrequency
+    small = between(0.0, 0.05)
+    return OneDegreePair(
+        pair=pair,
+        quadratic_damping=draw(small) * unit / speed,
+        cubic_damping=draw(small) * unit / speed**2,
+        backlash_quadratic_damping=draw(small) * unit / speed,
+        backlash_cubic_damping=draw(small) * unit / speed**2,
+        quadratic_stiffness=draw(small) / deflection,
+        cubic_stiffness=draw(small) / deflection**2,
+        profile=draw(st.sampled_from([gearlib.Rectangular(), Fourier(5)])),
+        excitation=draw(waves(0.3 * pair.load)),
+        deviation=draw(waves(0.2 * deflection)),
+    )
+
+
+@st.composite
+def oscillators(draw):
+    """Return a `DeadZoneOscillator` whose two sides differ."""
+    phases = sorted(set(draw(st.lists(between(0.0, 6.2), min_size=1, max_size=3))))
+    stiffness = [draw(between(0.5, 5.0)) for _ in phases]
+    return DeadZoneOscillator(
+        upper_edge=draw(between(-1.0, 1.0)),
+        lower_edge=draw(between(-4.0, -1.0)),
+        upper_stiffness=Steps(tuple(phases), tuple(stiffness)),
+        lower_stiffness=draw(between(0.5, 5.0)),
+        damping=draw(between(0.0, 0.2)),
+        upper_damping=draw(between(0.0, 0.2)),
+        lower_damping=draw(between(0.0, 0.2)),
+        ground_stiffness=draw(between(0.0, 0.5)),
+        load=draw(between(-1.0, 1.0)),
+        forcing=draw(waves(0.5)),
+        deviation=draw(waves(0.1)),
+    )
+
+
+@st.composite
+def six_degrees(draw):
+    """Return a `SixDegreePair` with run-out, deviations and friction."""
+    pair = draw(pairs())
+    pair = pair.replace(backlash=max(pair.backlash, 2.0 * pair.static_deflection))
+    deflection, radius = pair.static_deflection, draw(between(0.03, 0.2))
+    factor = draw(between(1.0, 3.0))
+    masses = tuple(pair.reduced_mass * f for f in (4.0 * factor, 5.0))
+    bearings = pair.mean_stiffness * draw(between(0.05, 3.0))
+    return SixDegreePair(
+        pair=pair,
+        base_radii=(radius, 1.5 * radius),
+        inertias=tuple(
+            2.0 * pair.reduced_mass * f * r**2 for f, r in ((1.0, radius), (factor, 1.5 * radius))
+        ),
+        masses=masses,
+        bearing_stiffness=(bearings, 0.8 * bearings, 1.2 * bearings, bearings),
+        bearing_damping=(0.02 * math.sqrt(bearings * masses[0]),) * 4,
+        eccentricities=tuple(draw(between(0.0, 0.2)) * deflection for _ in range(2)),
+        run_out_phase=draw(between(0.0, 6.0)),
+        teeth=draw(st.sampled_from([(3, 2), (2, 2), (4, 3)])),
+        deviation=draw(waves(0.1 * deflection)),
+        inverse_deviation=draw(waves(0.1 * deflection)),
+        friction=(draw(between(0.0, 0.1)), draw(between(0.0, 0.1))),
+        pitch_phase=draw(between(0.0, 6.0)),
+        moving_backlash=draw(st.booleans()),
+    )
+
+
+@st.composite
+def tooth_pairs(draw):
+    """Return a `LoadSharingPair` of drawn gears."""
+    drawing = draw(st.sampled_from([fzg_c, twenty]))()
+    return LoadSharingPair.from_geometry(
+        drawing, torque=draw(between(50.0, 500.0)), damping_ratio=draw(between(0.0, 0.1))
+    )
+
+
+@st.composite
+def trains(draw):
+    """Return the `Case` of a chain, a planetary train or a reducer."""
+    model, tuning, state = random_problem(np.random.default_rng(draw(st.integers(0, 2**32 - 1))))
+    return Case(model, tuning, tuple(state.tolist()))
+
+
+def _cases(models, states=STATES):
+    return st.builds(Case, models, TUNINGS, states)
+
+
+CASES = {
+    "gear pair": _cases(pairs()),
+    "one degree": _cases(nonlinear_pairs()),
+    "oscillator": _cases(oscillators()),
+    "pairs of teeth": _cases(tooth_pairs()),
+    "six degrees": _cases(six_degrees()),
+    "train": trains(),
+}

@@ -1,0 +1,192 @@
+"""The same machine described otherwise: in other units, mirrored, renamed, a period later."""
+
+import dataclasses
+import math
+
+from gearlib import GearPair, Harmonics
+from gearlib.geometry import Mesh as DrawnMesh
+
+#: Field -> powers of length, mass and time in its unit; what is not here is a number.
+UNITS = {
+    # of pairs
+    "max_stiffness": (0, 1, -2),
+    "reduced_mass": (0, 1, 0),
+    "load": (1, 1, -2),
+    "backlash": (1, 0, 0),
+    "material_damping": (0, 1, -1),
+    "backlash_damping": (0, 1, -1),
+    "quadratic_damping": (-1, 1, 0),
+    "backlash_quadratic_damping": (-1, 1, 0),
+    "cubic_damping": (-2, 1, 1),
+    "backlash_cubic_damping": (-2, 1, 1),
+    "quadratic_stiffness": (-1, 0, 0),
+    "cubic_stiffness": (-2, 0, 0),
+    "excitation": (1, 1, -2),
+    "deviation": (1, 0, 0),
+    "inverse_deviation": (1, 0, 0),
+    # of six degrees
+    "base_radii": (1, 0, 0),
+    "inertias": (2, 1, 0),
+    "masses": (0, 1, 0),
+    "bearing_stiffness": (0, 1, -2),
+    "bearing_damping": (0, 1, -1),
+    "eccentricities": (1, 0, 0),
+    "torques": (2, 1, -2),
+    # of trains
+    "inertia": (2, 1, 0),
+    "base_radius": (1, 0, 0),
+    "mass": (0, 1, 0),
+    "support_stiffness": (0, 1, -2),
+    "support_damping": (0, 1, -1),
+    "torsional_stiffness": (2, 1, -2),
+    "torsional_damping": (2, 1, -1),
+    "torque": (2, 1, -2),
+    "eccentricity": (1, 0, 0),
+    "offset": (1, 0, 0),
+    "stiffness": (2, 1, -2),
+    "damping": (2, 1, -1),
+    "bending_stiffness": (0, 1, -2),
+    "bending_damping": (0, 1, -1),
+    "error": (1, 0, 0),
+    "reference_frequency": (0, 0, -1),
+}
+NUMBERS = {
+    *("stiffness_ratio", "contact_ratio", "teeth", "run_out_phase", "friction", "pitch_phase"),
+    *("moving_backlash", "preload", "profile", "name", "bodies", "carrier", "angle"),
+    *("eccentricity_phase", "pinion", "wheel", "internal", "position", "pressure_angle"),
+    *("line_of_action", "direction", "phase", "inverse_phase", "tooth_thickness", "reference"),
+    *("carrier_ratio", "gyroscopic", "driving", "keying"),
+}
+
+
+def in_units(value, length=1.0, mass=1.0, time=1.0):
+    """Return a model whose numbers are those of smaller units, by these factors.
+
+    A field that neither table knows is an error: a new parameter has to say its unit.
+    """
+    changes = {}
+    for field in dataclasses.fields(value):
+        own = getattr(value, field.name)
+        if field.name in UNITS and not (field.name == "bodies" or own is None):
+            powers = zip((length, mass, time), UNITS[field.name], strict=True)
+            changes[field.name] = _times(own, math.prod(base**power for base, power in powers))
+        elif dataclasses.is_dataclass(own) and not isinstance(own, (Harmonics, DrawnMesh)):
+            # A profile holds numbers only.
+            inner = isinstance(own, GearPair)
+            changes[field.name] = in_units(own, length, mass, time) if inner else own
+        elif isinstance(own, tuple) and own and dataclasses.is_dataclass(own[0]):
+            changes[field.name] = tuple(in_units(one, length, mass, time) for one in own)
+        else:
+            assert own in (None, ()) or field.name in NUMBERS, f"{field.name} has no unit"
+    return dataclasses.replace(value, **changes)
+
+
+def _times(value, factor):
+    if isinstance(value, Harmonics):
+        return Harmonics(_times(value.cosines, factor), _times(value.sines, factor))
+    if isinstance(value, (tuple, list)):
+        return tuple(one * factor for one in value)
+    return value * factor
+
+
+def mirrored_train(train):
+    """Return the image of a train in a mirror along x, which turns the other way round."""
+
+    def flipped(angle):
+        return None if angle is None else -angle
+
+    bodies = [
+        dataclasses.replace(
+            body,
+            torque=-body.torque,
+            angle=-body.angle,
+            eccentricity_phase=-body.eccentricity_phase,
+            offset=(body.offset[0], -body.offset[1]),
+        )
+        for body in train.bodies
+    ]
+    meshes = [
+        dataclasses.replace(
+            mesh,
+            position=flipped(mesh.position),
+            line_of_action=flipped(mesh.line_of_action),
+            direction=-mesh.direction,
+        )
+        for mesh in train.meshes
+    ]
+    return train.replace(bodies=bodies, meshes=meshes)
+
+
+def mirrored_components(train):
+    """Return the sign of each component of a train's state in the mirror."""
+    signs = [{"x": 1.0, "y": -1.0, "u": -1.0}[axis] for _, axis in train.structure.coordinates]
+    return signs * 2
+
+
+def mirrored_oscillator(model):
+    """Return the image of a dead zone, the upper edge below."""
+    turned = Harmonics(*(tuple(-x for x in own) for own in vars(model.forcing).values()))
+    moved = Harmonics(*(tuple(-x for x in own) for own in vars(model.deviation).values()))
+    return dataclasses.replace(
+        model,
+        upper_edge=-model.lower_edge,
+        lower_edge=-model.upper_edge,
+        upper_stiffness=model.lower_stiffness,
+        lower_stiffness=model.upper_stiffness,
+        upper_damping=model.lower_damping,
+        lower_damping=model.upper_damping,
+        load=-model.load,
+        forcing=turned,
+        deviation=moved,
+    )
+
+
+def renamed(train, order):
+    """Return a train with other names, its elements in another order; names by the old ones."""
+    names = {body.name: f"body {i}" for i, body in zip(order, train.bodies, strict=False)}
+    for i, body in enumerate(train.bodies):
+        names.setdefault(body.name, f"one more {i}")
+    bodies = [
+        dataclasses.replace(body, name=names[body.name], carrier=names.get(body.carrier))
+        for body in train.bodies
+    ]
+    meshes = [
+        dataclasses.replace(
+            mesh,
+            name=f"mesh {mesh.name}",
+            pinion=names[mesh.pinion],
+            wheel=names[mesh.wheel],
+        )
+        for mesh in train.meshes
+    ]
+    shafts = [
+        dataclasses.replace(shaft, bodies=tuple(names[name] for name in reversed(shaft.bodies)))
+        for shaft in train.shafts
+    ]
+    return names, train.replace(
+        bodies=sorted(bodies, key=lambda body: body.name),
+        meshes=sorted(meshes, key=lambda mesh: mesh.name[::-1]),
+        shafts=shafts[::-1],
+        reference=f"mesh {train.reference}",
+    )
+
+
+def later(train, periods):
+    """Return a train whose motion is that of the given one after some reference mesh periods."""
+
+    def moved(mesh, rate):
+        drive = train.phases[mesh.name]
+        coast = drive if mesh.inverse_phase is None else mesh.inverse_phase
+        lag = float(periods * rate % 1)
+        return dataclasses.replace(mesh, phase=drive - lag, inverse_phase=coast - lag)
+
+    bodies = [
+        dataclasses.replace(
+            body,
+            eccentricity_phase=body.eccentricity_phase
+            + 2.0 * math.pi * periods * float(train.speeds[body.name]),
+        )
+        for body in train.bodies
+    ]
+    meshes = [moved(*one) for one in zip(train.meshes, train.rates, strict=True)]
+    return train.replace(bodies=bodies, meshes=meshes)
