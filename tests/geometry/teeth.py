@@ -221,7 +221,8 @@ class Machine:
             points.reverse()
         begin, pitch, end = times[0]
         assert begin < end, "contact runs to the tip of the gear that drives"
-        before, after = (flanks.slip((points[i] + points[1]) / 2.0) for i in (0, 2))
+        near = (points[2] - points[0]) / 100.0
+        before, after = (flanks.slip(points[1] + step) for step in (-near, near))
         assert (before / after).real < 0.0, "sliding turns at the pitch point"
         return begin, pitch, end
 

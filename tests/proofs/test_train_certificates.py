@@ -185,7 +185,7 @@ def small_random_orbit(seed):
 
 
 def test_random_trains():
-    for seed in (49, 112, 113, 203, 295):
+    for seed in (39, 112, 113, 203, 295):
         orbit = small_random_orbit(seed)
         found = gearlib.certify(orbit)
         assert found and found.events, found
