@@ -91,7 +91,7 @@ class Flanks:
         self.more = [play / gear.teeth if coast else 0.0 for gear in self.gears]
 
     def point(self, i, middle):
-        """Return where the flank of gear i crosses the line of action, by the angle of its tooth."""
+        """Return where the flank of a tooth of gear i at this angle crosses the line of action."""
         gear, side, foot = self.gears[i], self.sides[i], self.feet[i]
         # The normal of the involute touches the base circle where it unwinds from.
         roll = gear.sign * (gear.half + self.more[i] + side * (middle - foot))
@@ -182,7 +182,7 @@ class Machine:
         return True
 
     def _nearest(self, mesh, i):
-        """Count from the tooth nearest to the line of centres; of two, from that on the drive side."""
+        """Count from the tooth nearest to the line of centres; of two, that on the drive side."""
         flanks, name = Flanks(self, mesh), mesh[i]
         side, pitch = flanks.sides[i], self.gears[name].pitch
         ahead = side * (self.middles[name] - flanks.places[i]) / pitch

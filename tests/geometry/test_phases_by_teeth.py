@@ -284,9 +284,13 @@ def test_who_drives_is_said_once():
         meshes = [back[i] if i == one else mesh for i, mesh in enumerate(train.meshes)]
         assert train.replace(meshes=meshes).phases == backwards.phases
     against = [back[0], dataclasses.replace(train.meshes[1], driving="c")]
-    with pytest.raises(ValueError, match="driving of mesh c-d = 'c' is not allowed: it must be 'd'"):
+    with pytest.raises(
+        ValueError, match="driving of mesh c-d = 'c' is not allowed: it must be 'd'"
+    ):
         train.replace(meshes=against)
-    with pytest.raises(ValueError, match="driving of mesh c-d = 'a' is not allowed: it must be one"):
+    with pytest.raises(
+        ValueError, match="driving of mesh c-d = 'a' is not allowed: it must be one"
+    ):
         dataclasses.replace(train.meshes[1], driving="a")
 
 

@@ -13,8 +13,8 @@ Both gears of a mesh have the same t; around every loop of meshes the orientatio
 out the same, or the train cannot be assembled: for equal satellites (z_s + z_r) psi_n / 2 pi has to
 be an integer. Parker, J. Sound Vib. 236 (2000) 561-573; Parker & Lin, J. Mech. Des. 126 (2004)
 365-370. Gears on a shaft have teeth in line, middle on middle, or as far apart as they are keyed,
-unless the loops ask for another angle: of the gear that is oriented first it is the tooth nearest to
-the line of centres of the mesh that orients it.
+unless the loops ask for another angle: of the gear that is oriented first the tooth nearest to the
+line of centres of the mesh that orients it.
 
 On the coast side the other gear drives: with the play shared by both gears, coast-side flanks come
 to the pitch point (1 + s_1 - s_2) / 2 periods after the drive-side ones, s_1 being the thickness of
