@@ -1,6 +1,6 @@
 """Sections of drawn gears in a train, and their check before any job runs."""
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
@@ -25,6 +25,10 @@ Time = quantity("s", "1 us", ge=0)
 PinErrors = Annotated[
     list[numbers(quantity("m", "10 um"), 2, "Radial and tangential.")],
     Field(min_length=1, description="By how much the axis of each is misplaced, m."),
+]
+Central = Annotated[
+    Literal["sun", "ring"],
+    Field(description="Which gear drives, seen from the carrier. Default: sun."),
 ]
 
 
@@ -75,6 +79,7 @@ class PlanetarySet(DampingByRatio):
     )
     pin_errors: PinErrors = None
     turning: Truth = Field(default=None, description="Whether the carrier turns. Default: true.")
+    driving: Central = None
     gyroscopic: Truth = Field(
         default=None, description="Whether the forces of the turning frame are felt."
     )

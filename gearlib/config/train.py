@@ -6,6 +6,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from gearlib.config.drawn_trains import (
+    Central,
     DampingByRatio,
     PinErrors,
     PlanetarySet,
@@ -117,6 +118,7 @@ class Planetary(Given):
     )
     pin_errors: PinErrors = None
     turning: Truth = Field(default=None, description="Whether the carrier turns.")
+    driving: Central = None
     gyroscopic: Truth = Field(
         default=None, description="Whether the forces of the turning frame are felt."
     )
@@ -213,6 +215,11 @@ class ShaftPart(Given):
     damping: TwistDamping = Field(default=None, description="N m s/rad.")
     bending_stiffness: BendingStiffness = Field(default=None, description="N/m.")
     bending_damping: DampingCoefficient = Field(default=None, description="N s/m.")
+    keying: Angle = Field(
+        default=None,
+        description="From a tooth of the first gear to one of the second, rad. Default: in line, "
+        "or what loops of meshes ask for.",
+    )
 
 
 class Deviation(Section):
@@ -242,6 +249,11 @@ class MeshPart(DampingByRatio):
     pressure_angle: PressureAngle = Field(default=None, description="In operation, rad.")
     line_of_action: Angle = Field(default=None, description="In place of `position`, rad.")
     direction: Direction = Field(default=None, description="Which flanks are the drive side.")
+    driving: Label = Field(
+        default=None,
+        description="Pinion or wheel, which drives through the drive side. Default: as other "
+        "meshes have it; of the reference mesh the pinion.",
+    )
     phase: Finite = Field(default=None, description="Of the stiffness, in mesh periods.")
     inverse_phase: Finite = Field(default=None, description="The same of the coast side.")
     backlash: Backlash = Field(default=None, description="m.")
@@ -252,7 +264,9 @@ class MeshPart(DampingByRatio):
     inverse_deviation: Deviation = Field(default=None, description="Of the coast-side flanks.")
     error: Error = Field(default=None, description="Of assembly, along the line of action, m.")
     friction: numbers(NonNegative, 2, "Coefficients in normal and inverse mesh.") = None
-    pitch_phase: Angle = Field(default=None, description="Mesh phase of the pitch point, rad.")
+    pitch_phase: Angle = Field(
+        default=None, description="Mesh phase of the pitch point where the pinion drives, rad."
+    )
     tooth_thickness: numbers(
         number_within(gt=0, lt=1), 2, "Of pinion and wheel on their working circles, in pitches."
     ) = None

@@ -3,6 +3,7 @@
 import json
 import math
 from dataclasses import replace
+from fractions import Fraction
 from functools import cache
 
 import mpmath
@@ -19,6 +20,7 @@ from gearlib.analysis.proofs.path import Uncertain
 from gearlib.analysis.proofs.trains.laws import TrainLaws
 from gearlib.analysis.proofs.trains.multipliers import eigenvalues, judge
 from gearlib.analysis.proofs.trains.orbits import TrainProof, listed_contacts
+from gearlib.analysis.proofs.trains.parts import parts_of
 from gearlib.analysis.proofs.trains.path import TrainPath
 from gearlib.analysis.proofs.trains.signs import _bounds, check_contacts
 from tests.paper import PAPER
@@ -43,12 +45,15 @@ def chain():
     ]
     values = dict(max_stiffness=4e8, stiffness_ratio=0.6, contact_ratio=1.6, backlash=15e-6)
     meshes = [
+        # Its wheel drives.
         gearlib.Mesh(
-            pinion="in",
-            wheel="left",
-            position=0.4,
+            name="in-left",
+            pinion="left",
+            wheel="in",
+            driving="in",
+            position=0.4 - math.pi,
             friction=(0.06, 0.04),
-            pitch_phase=0.7,
+            pitch_phase=-0.7,
             material_damping=1500.0,
             backlash_damping=200.0,
             deviation=gearlib.Harmonics((1e-6, 5e-7), (3e-7,)),
@@ -173,6 +178,25 @@ def test_rigid_bearings_are_the_proven_pair(tuning):
         assert all(abs(float(a) - float(b)) < 1e-12 for a, b in zip(mine, theirs, strict=True))
 
 
+def test_excitation_in_balls_is_that_of_the_kernels():
+    train = gearlib.planetary(driving="ring", stiffness_ratio=(0.7, 0.7))
+    run_out = {"eccentricity": 2e-6, "eccentricity_phase": 0.7, "offset": (1e-6, 3e-6)}
+    bodies = [replace(body, **run_out) if body.teeth else body for body in train.bodies]
+    flank = {"friction": (0.05, 0.05), "pitch_phase": 0.4, "tooth_thickness": (0.52, 0.47)}
+    train = train.replace(bodies=bodies, meshes=[replace(m, **flank) for m in train.meshes])
+    frequencies, waves, constants = train.excitation
+    for j, mesh in enumerate(parts_of(train).meshes):
+        for side in (0, 1):
+            found = [mesh.waves.get(Fraction(f).limit_denominator(10**6)) for f in frequencies]
+            found = [value for row in found for value in (row[side] if row else (0.0, 0.0))]
+            np.testing.assert_allclose(np.array(found, float), waves[side, j], rtol=0, atol=1e-20)
+            gap = constants[side, j] + (0.0 if side else train.meshes[j].backlash)
+            assert float(mesh.constants[side]) == pytest.approx(gap, rel=0, abs=1e-20)
+        phases = train.inverse_phases[mesh.name], train.phases[mesh.name]
+        assert tuple(map(float, mesh.phases)) == phases
+        assert float(mesh.pitch) * math.tau == pytest.approx(-0.4, abs=1e-15)
+
+
 def small_random_orbit(seed):
     """Return an orbit of a random train of a few coordinates, or None."""
     train, tuning, state = random_problem(np.random.default_rng(seed))
@@ -185,7 +209,7 @@ def small_random_orbit(seed):
 
 
 def test_random_trains():
-    for seed in (49, 112, 113, 203, 295):
+    for seed in (39, 112, 113, 203, 295):
         orbit = small_random_orbit(seed)
         found = gearlib.certify(orbit)
         assert found and found.events, found

@@ -137,8 +137,7 @@ class Train:
     def _speeds(self, model, bodies):
         """Set radians per radian of reference mesh phase: gears in mesh turn by their teeth."""
         first = next(mesh for mesh in model["meshes"] if mesh["name"] == model["reference"])
-        sense = -first["direction"] if first["internal"] else first["direction"]
-        self.speed = {first["pinion"]: Fraction(sense, bodies[first["pinion"]]["teeth"])}
+        self.speed = {first["pinion"]: Fraction(1, bodies[first["pinion"]]["teeth"])}
         links = [
             (
                 mesh["pinion"],
@@ -154,6 +153,14 @@ class Train:
                     self.speed.setdefault(other, self.speed[one] * ratio)
                 elif other in self.speed:
                     self.speed[one] = self.speed[other] / ratio
+        asked = next((mesh for mesh in model["meshes"] if mesh["driving"]), first)
+        if self._pinion_drives(asked) != (asked["driving"] in (None, asked["pinion"])):
+            self.speed = {name: -speed for name, speed in self.speed.items()}
+
+    def _pinion_drives(self, mesh):
+        """Return whether the pinion pushes the wheel where the drive-side flanks touch."""
+        turns = self.speed[mesh["pinion"]] > 0
+        return turns == (mesh["direction"] == (-1 if mesh["internal"] else 1))
 
     def _mesh(self, mesh, bodies, derived):
         a = number(mesh["pressure_angle"]) * (-1 if mesh["internal"] else 1)
@@ -188,12 +195,13 @@ class Train:
             if size:
                 # e . (cos, sin)(theta + phase), theta = speed tau
                 speed = self.speed[name]
-                x, y = size * cos(phase), size * sin(phase)
+                x, y = size * cos(phase + psi), size * sin(phase + psi)
                 cosine, sine = line[0] * x + line[1] * y, line[1] * x - line[0] * y
                 runs.append((abs(speed), sign * cosine, sign * sine * (1 if speed > 0 else -1)))
-        coast = g if mesh["inverse_phase"] is None else number(mesh["inverse_phase"]) % 1
+        coast = number(derived["inverse_phases"][mesh["name"]])
         rate = abs(self.speed[mesh["pinion"]]) * bodies[mesh["pinion"]]["teeth"]
         pitch = mpf(float(number(mesh["pitch_phase"])) / (2.0 * float(pi)))
+        pitch = pitch if self._pinion_drives(mesh) else -pitch
         found = self._append(mesh, row, row, across, Fraction(rate), (coast, g), g + pitch)
         found.constant = [constant + found.backlash, constant]
         for frequency, cosine, sine in runs:

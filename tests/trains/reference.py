@@ -172,7 +172,7 @@ class Reference:
             body = self.bodies[name]
             own = lambda_ - (body.angle if body.carrier else 0.0)
             e = e + sign * (math.cos(own) * body.offset[0] + math.sin(own) * body.offset[1])
-            angle = self.turning[name] * t + body.eccentricity_phase - lambda_
+            angle = self.turning[name] * t + body.eccentricity_phase - own
             e = e + sign * body.eccentricity * np.cos(angle)
             v = v - sign * body.eccentricity * self.turning[name] * np.sin(angle)
         deviation = mesh.deviation if side else mesh.inverse_deviation
@@ -196,14 +196,14 @@ class Reference:
         for j, mesh in enumerate(self.train.meshes):
             phase = self.local(j, t)
             back = phase
-            if mesh.inverse_phase is not None:
-                back += 2.0 * math.pi * (self.train.phases[mesh.name] - mesh.inverse_phase)
+            ahead = self.train.phases[mesh.name] - self.train.inverse_phases[mesh.name]
+            back += 2.0 * math.pi * ahead
             values = []
             for p in (back, phase):
                 away = abs((p + math.pi) % (2.0 * math.pi) - math.pi)
                 high = away <= math.pi * (mesh.contact_ratio - 1.0)
                 values.append(mesh.max_stiffness * (1.0 if high else mesh.stiffness_ratio))
-            after = (phase - mesh.pitch_phase) % (2.0 * math.pi)
+            after = (phase - self.train.pitch_phases[mesh.name]) % (2.0 * math.pi)
             rows.append((*values, 1.0 if after < math.pi else -1.0))
         return rows
 
@@ -215,10 +215,10 @@ class Reference:
             g = self.train.phases[mesh.name]
             half = (mesh.contact_ratio - 1.0) / 2.0
             cuts = []
-            for shift in {g, g if mesh.inverse_phase is None else mesh.inverse_phase}:
+            for shift in {g, self.train.inverse_phases[mesh.name]}:
                 cuts += [shift + half, shift - half]
             if any(mesh.friction):
-                pitch = g + mesh.pitch_phase / (2.0 * math.pi)
+                pitch = g + self.train.pitch_phases[mesh.name] / (2.0 * math.pi)
                 cuts += [pitch, pitch + 0.5]
             count = int(end * speed / (2.0 * math.pi)) + 3
             for k in range(-2, count + 1):

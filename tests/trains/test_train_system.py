@@ -184,7 +184,7 @@ def test_segments_begin_where_a_stiffness_changes_and_nowhere_else():
     # Two meshes with 3 and 2 upper stretches each: 10 switches and three bounds of periods.
     assert stages.starts.size == 10 + 3 + 1
     middle = (stages.starts[:-1] + stages.starts[1:]) / 2.0
-    for j, (rate, phase) in enumerate(((1.0, 0.0), (2.0 / 3.0, 0.5))):
+    for j, (rate, phase) in enumerate(((1.0, 0.0), (2.0 / 3.0, 7.0 / 12.0))):
         away = np.abs((middle * rate / (2.0 * math.pi) - phase + 0.5) % 1.0 - 0.5)
         assert list(stages.low[2, :, j]) == list(away > (PAPER.contact_ratio - 1.0) / 2.0)
 

@@ -33,6 +33,7 @@ SET = {
     "positions": [0.0, "120 deg", "240 deg"],
     "pin_errors": [[0.0, "10 um"], [0.0, 0.0], [0.0, 0.0]],
     "turning": True,
+    "driving": "ring",
     "gyroscopic": True,
 }
 OWN = {
@@ -109,6 +110,7 @@ def test_a_planetary_set_is_that_of_the_library():
         # 120 and 240 degrees, rounded once.
         positions=[0.0, 2.0943951023931957, 4.188790204786391],
         pin_errors=[(0.0, 10e-6), (0.0, 0.0), (0.0, 0.0)],
+        driving="ring",
         gyroscopic=True,
     )
     assert read("planetary_set", SET) == expected

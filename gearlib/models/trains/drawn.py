@@ -32,13 +32,14 @@ def planetary_set(
     options=None,
     pin_errors=None,
     turning=True,
+    driving="sun",
     gyroscopic=False,
     **more,
 ):
     """Return the `GearTrain` of a drawn sun, planets and ring.
 
     Stiffness, contact ratios, backlash, inertias, pressure angles and phases are those of the
-    drawing; bodies and meshes have the names that `gearlib.planetary` gives them. The sun drives.
+    drawing; bodies and meshes have the names that `gearlib.planetary` gives them.
 
     Parameters
     ----------
@@ -70,6 +71,8 @@ def planetary_set(
         By how much the pins are misplaced, radial and tangential, m.
     turning : bool, default True
         Whether the carrier turns and the ring stands still: decides the speed in rpm.
+    driving : {"sun", "ring"}, default "sun"
+        As of `gearlib.planetary`.
     gyroscopic : bool, default False
         Whether axes that can move feel that.
     **more
@@ -128,6 +131,7 @@ def planetary_set(
         load=share / (sun.base_diameter / 2.0),
         pin_errors=pin_errors,
         turning=turning,
+        driving=driving,
         gyroscopic=gyroscopic,
         **more,
     )

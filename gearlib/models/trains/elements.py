@@ -50,7 +50,8 @@ class Body:
     torque : float, default 0
         Constant, N m, counterclockwise.
     eccentricity, eccentricity_phase : float, default 0
-        Run-out of the base circle, m, >= 0, and its direction at the start, rad.
+        Run-out of the base circle, m, >= 0, and its direction at the start, rad; of a body on a
+        carrier from the radius of its pin.
     offset : pair of float, default (0, 0)
         By how much the axis is misplaced, m: an error of a pin or bore.
     carrier : str, optional
@@ -148,6 +149,9 @@ class Shaft:
         Between the displacements of both bodies, the same along x and y, N/m; finite, >= 0.
     bending_damping : float, default 0
         N s/m; finite, >= 0.
+    keying : float, optional
+        Angle from a tooth of the first gear to one of the second, from middle to middle, rad,
+        counterclockwise; by default 0, teeth in line, or what loops of meshes ask for.
     """
 
     bodies: tuple
@@ -155,6 +159,7 @@ class Shaft:
     damping: float = 0.0
     bending_stiffness: float = 0.0
     bending_damping: float = 0.0
+    keying: float | None = None
 
     def __post_init__(self):
         names = self.bodies
@@ -172,6 +177,8 @@ class Shaft:
         put("stiffness", checks.finite_positive)
         for name in ("damping", "bending_stiffness", "bending_damping"):
             put(name, checks.finite_nonnegative)
+        if self.keying is not None:
+            put("keying", _finite)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -198,11 +205,15 @@ class Mesh:
     direction : {1, -1}, default 1
         Which flanks are the drive side: 1, if they touch when the gear at which the position begins
         is turned counterclockwise.
+    driving : str, optional
+        Name of the gear, pinion or wheel, that drives through the drive-side flanks; decides in
+        which sense the train turns. Where no mesh says so, the reference mesh's pinion drives.
     phase : float, optional
         By how many of its mesh periods the stiffness comes after that of the reference mesh; by
         default as tooth numbers, positions, `tooth_thickness` and `pitch_phase` have it.
     inverse_phase : float, optional
-        The same of the coast-side flanks; by default `phase`.
+        The same of the coast-side flanks; by default as `tooth_thickness` and `pitch_phase` have
+        it, or `phase` where no thickness is given.
     backlash : float, default infinite
         m, >= 0.
     material_damping, backlash_damping : float, default 0
@@ -217,9 +228,10 @@ class Mesh:
         action and reverses at the pitch point and half a mesh period later.
     pitch_phase : float, default 0
         Phase of this mesh at which teeth touch at the pitch point and the sliding turns from -1 to
-        1, rad.
-    tooth_thickness : pair of float, default (0.5, 0.5)
-        Of pinion and wheel on their working circles, in pitches, in (0, 1).
+        1, rad, when the pinion drives; it counts negative where the wheel does.
+    tooth_thickness : pair of float, optional
+        Of pinion and wheel on their working circles, in pitches, in (0, 1); by default half a
+        pitch.
 
     Raises
     ------
@@ -238,6 +250,7 @@ class Mesh:
     pressure_angle: float = math.radians(20.0)
     line_of_action: float | None = None
     direction: int = 1
+    driving: str | None = None
     phase: float | None = None
     inverse_phase: float | None = None
     backlash: float = math.inf
@@ -248,7 +261,7 @@ class Mesh:
     error: float = 0.0
     friction: tuple = (0.0, 0.0)
     pitch_phase: float = 0.0
-    tooth_thickness: tuple = (0.5, 0.5)
+    tooth_thickness: tuple | None = None
 
     def __post_init__(self):
         for name in ("pinion", "wheel"):
@@ -272,7 +285,10 @@ class Mesh:
             if getattr(self, name) is not None:
                 put(name, _finite)
         put.pair("friction", checks.finite_nonnegative)
-        put.pair("tooth_thickness", _number("> 0 and < 1", lambda v: 0.0 < v < 1.0))
+        if self.tooth_thickness is not None:
+            put.pair("tooth_thickness", _number("> 0 and < 1", lambda v: 0.0 < v < 1.0))
+        if self.driving is not None:
+            put("driving", lambda name, v: checks.one_of(name, v, (self.pinion, self.wheel)))
         if self.inverse_deviation is None:
             object.__setattr__(self, "inverse_deviation", self.deviation)
         for name in ("deviation", "inverse_deviation"):

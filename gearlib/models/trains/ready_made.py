@@ -4,6 +4,7 @@ Where inertias are not given, gears of one stage have I / r^2 in proportion to z
 width have, in such a way that the first mesh has the reduced mass of the `GearPair`.
 """
 
+import dataclasses
 import math
 
 from gearlib import checks
@@ -51,6 +52,7 @@ def planetary(
     ring_phase=None,
     pin_errors=None,
     turning=False,
+    driving="sun",
     gyroscopic=False,
     **options,
 ):
@@ -58,7 +60,7 @@ def planetary(
 
     J. Vib. Acoust. 121 (1999) 316-321, where the mesh data beside the mean stiffness are choices.
     Bodies are called ``sun``, ``ring``, ``carrier``, ``planet 1``, ..., meshes ``sun 1``, ...,
-    ``ring 1``, .... The sun turns counterclockwise and drives.
+    ``ring 1``, .... The sun's torque is counterclockwise.
 
     Parameters
     ----------
@@ -95,6 +97,9 @@ def planetary(
         By how much the pins are misplaced, radial and tangential, m.
     turning : bool, default False
         Whether the frame turns with the carrier, the ring standing still: decides `speed` in rpm.
+    driving : {"sun", "ring"}, default "sun"
+        Which of them drives, seen from the carrier; "ring" also where the carrier drives the sun.
+        So the sun turns as its torque has it, or against it.
     gyroscopic : bool, default False
         Whether axes that can move feel it, by Coriolis and centrifugal forces.
     **options
@@ -197,6 +202,8 @@ def planetary(
             )
     meshes.sort(key=lambda mesh: mesh.internal)
     checks.one_of("turning", turning, (False, True))
+    if checks.one_of("driving", driving, ("sun", "ring")) == "ring":
+        meshes = [dataclasses.replace(mesh, driving=mesh.wheel) for mesh in meshes]
     return GearTrain(
         bodies=bodies,
         meshes=meshes,

@@ -1,5 +1,6 @@
 """`GearTrain`: bodies, shafts and meshes as one piecewise-linear model."""
 
+import dataclasses
 import math
 from dataclasses import dataclass
 from functools import cached_property
@@ -135,6 +136,19 @@ class GearTrain(TrainResults):
         return turning.phases(self.by_name, self.meshes, self.shafts, self.reference, self.speeds)
 
     @cached_property
+    def inverse_phases(self):
+        """The same of the coast-side flanks."""
+        return {
+            mesh.name: turning.inverse_phase(mesh, self.speeds, self.phases[mesh.name])
+            for mesh in self.meshes
+        }
+
+    @cached_property
+    def pitch_phases(self):
+        """Name of a mesh -> its phase with drive-side contact at the pitch point, rad."""
+        return {mesh.name: turning.pitch_phase(mesh, self.speeds) for mesh in self.meshes}
+
+    @cached_property
     def repeats(self):
         """Reference mesh periods after which stiffness, deviations and run-out repeat."""
         return waves.common_period(self)
@@ -147,13 +161,12 @@ class GearTrain(TrainResults):
     @cached_property
     def segments(self):
         """Segments of constant stiffness, see `waves.segments`."""
-        drive = [self.phases[mesh.name] for mesh in self.meshes]
-        coast = [
-            g if mesh.inverse_phase is None else mesh.inverse_phase % 1.0
-            for g, mesh in zip(drive, self.meshes, strict=True)
+        both = [(self.inverse_phases[name], self.phases[name]) for name in self.mesh_names]
+        meshes = [
+            dataclasses.replace(mesh, pitch_phase=self.pitch_phases[mesh.name])
+            for mesh in self.meshes
         ]
-        both = list(zip(coast, drive, strict=True))
-        return waves.segments(self.meshes, self.rates, both, self.repeats)
+        return waves.segments(meshes, self.rates, both, self.repeats)
 
     @property
     def size(self):

@@ -1,17 +1,24 @@
 """How the gears of a train turn: speeds from tooth numbers, phases from positions.
 
-A flank that is wanted at the angle alpha of a gear with z teeth, speed w and orientation o (in
-tooth pitches, at the start) comes there after
+Which flanks of a mesh are the drive side and in which sense its gears turn say which of them drives
+through these flanks. The middle of a tooth of a gear with z teeth lies o tooth pitches from angle 0
+at the start; its drive-side flank, half a thickness s (in pitches) to the side f, comes to a pitch
+point at the angle alpha after
 
-    g = sign(w) (z alpha / 2 pi - o - b)   mesh periods, modulo 1,
+    t = sign(w) (z alpha / 2 pi - o - f s / 2)   mesh periods, modulo 1,
 
-with b = 1/2 for the other flank of a tooth of nominal thickness, half a pitch; of a thickness s in
-pitches the flanks lie at b = s/2 - 1/4 and 3/4 - s/2. It is wanted at the pitch point, where the
-stiffness is `pitch_phase` past the middle of its upper level. Both gears of a mesh have the same g;
-around every loop of meshes the orientations have to come out the same, or the train cannot be
-assembled: for equal satellites (z_s + z_r) psi_n / 2 pi has to be an integer. Parker, J. Sound Vib.
-236 (2000) 561-573; Parker & Lin, J. Mech. Des. 126 (2004) 365-370. The second gear of a shaft is
-keyed with its teeth in line with the first's, unless the loops ask for another angle.
+w being its speed, f = 1 for counterclockwise flanks. There the stiffness is past the middle of its
+upper level: by `pitch_phase` where the pinion drives, before it by as much where the wheel does.
+Both gears of a mesh have the same t; around every loop of meshes the orientations o have to come
+out the same, or the train cannot be assembled: for equal satellites (z_s + z_r) psi_n / 2 pi has to
+be an integer. Parker, J. Sound Vib. 236 (2000) 561-573; Parker & Lin, J. Mech. Des. 126 (2004)
+365-370. Gears on a shaft have teeth in line, middle on middle, or as far apart as they are keyed,
+unless the loops ask for another angle: of the gear that is oriented first the tooth nearest to the
+line of centres of the mesh that orients it.
+
+On the coast side the other gear drives: with the play shared by both gears, coast-side flanks come
+to the pitch point (1 + s_1 - s_2) / 2 periods after the drive-side ones, s_1 being the thickness of
+the gear that drives these (Guo & Parker, Mech. Mach. Theory 78 (2014) 263-271).
 """
 
 import math
@@ -36,8 +43,7 @@ def speeds(bodies, meshes, shafts, reference):
     ]
     ratios += [(*s.bodies, Fraction(1), f"shaft {'-'.join(s.bodies)}") for s in shafts]
     first = next(mesh for mesh in meshes if mesh.name == reference)
-    sense = -first.direction if first.internal else first.direction
-    found = {first.pinion: Fraction(sense, bodies[first.pinion].teeth)}
+    found = {first.pinion: Fraction(1, bodies[first.pinion].teeth)}
     before = -1
     while len(found) > before:
         before = len(found)
@@ -57,7 +63,50 @@ def speeds(bodies, meshes, shafts, reference):
                 f"mesh {mesh.name} is not allowed: it must be connected with the reference mesh "
                 f"{reference} by meshes and shafts"
             )
-    return {name: found.get(name, Fraction(0)) for name in bodies}
+    sense = _sense(meshes, first, found)
+    return {name: sense * found.get(name, Fraction(0)) for name in bodies}
+
+
+def _sense(meshes, first, speed):
+    """Return 1 if the gears that drive turn at these speeds, -1 if they turn the other way."""
+    senses = [
+        (1 if driver(mesh, speed) == mesh.driving else -1, mesh) for mesh in meshes if mesh.driving
+    ]
+    if not senses:
+        return 1 if driver(first, speed) == first.pinion else -1
+    sense, one = senses[0]
+    for other, mesh in senses:
+        if other != sense:
+            right = mesh.wheel if mesh.driving == mesh.pinion else mesh.pinion
+            raise ValueError(
+                f"driving of mesh {mesh.name} = {mesh.driving!r} is not allowed: it must be "
+                f"{right!r} as the gears turn and press where {one.driving!r} drives in mesh "
+                f"{one.name}"
+            )
+    return sense
+
+
+def driver(mesh, speed):
+    """Return the name of the gear that drives a mesh through its drive-side flanks."""
+    return mesh.pinion if speed[mesh.pinion] * _side(mesh, mesh.pinion) > 0 else mesh.wheel
+
+
+def pitch_phase(mesh, speed):
+    """Return the phase of a mesh at which its drive-side flanks touch at the pitch point, rad."""
+    return mesh.pitch_phase if driver(mesh, speed) == mesh.pinion else -mesh.pitch_phase
+
+
+def inverse_phase(mesh, speed, phase):
+    """Return the phase of the coast side of a mesh in mesh periods; `phase` of its drive side."""
+    if mesh.inverse_phase is not None:
+        return mesh.inverse_phase % 1.0
+    if mesh.tooth_thickness is None:
+        return phase
+    own, other = mesh.tooth_thickness
+    if driver(mesh, speed) == mesh.wheel:
+        own, other = other, own
+    later = pitch_phase(mesh, speed) / math.pi + (1.0 + own - other) / 2.0
+    return _rounded(phase + later)
 
 
 def _ratio(bodies, mesh):
@@ -74,76 +123,116 @@ def phases(bodies, meshes, shafts, reference, speed):
     ValueError
         If the train cannot be assembled.
     """
-    orientation, found = {}, {}
+    middles: dict = {}
+    found: dict = {}
     free = [mesh for mesh in meshes if mesh.phase is None or mesh.name == reference]
+    # What is asked for comes before what is left to the loops.
+    shafts = sorted(shafts, key=lambda shaft: shaft.keying is None)
+
+    def orient(mesh, name, t):
+        """Turn a gear so that its flank is at the mesh after t periods; return what is missing."""
+        flank, side = _flank(mesh, name, bodies), _side(mesh, name)
+        wanted = flank - math.copysign(1.0, speed[name]) * t
+        if name in middles:
+            return abs(_modulo(middles[name] - wanted))
+        # The tooth nearest to the line of centres; half-way between two, that on the side of its
+        # drive-side flank, so that a mirror image has the same.
+        ahead = side * (wanted - flank) - _thickness(mesh, name) / 2.0
+        middles[name] = wanted - side * math.ceil(ahead - 0.5 - _CLOSE)
+        return 0.0
 
     def tie(mesh):
         """Orient a gear by the other one; return whether anything is new."""
-        known = [name for name in (mesh.pinion, mesh.wheel) if name in orientation]
+        known = [name for name in (mesh.pinion, mesh.wheel) if name in middles]
         if not known or mesh.name in found:
             return False
-        g = _arrival(mesh, known[0], bodies, speed, orientation[known[0]])
+        one = known[0]
+        t = math.copysign(1.0, speed[one]) * (_flank(mesh, one, bodies) - middles[one])
         for name in (mesh.pinion, mesh.wheel):
-            own = _arrival(mesh, name, bodies, speed, 0.0)
-            wanted = math.copysign(1.0, speed[name]) * (own - g)
-            if name not in orientation:
-                orientation[name] = wanted
-            elif abs(_modulo(orientation[name] - wanted)) > _CLOSE:
+            if orient(mesh, name, t) > _CLOSE:
                 raise ValueError(
                     f"position of mesh {mesh.name} = {mesh.centres!r} is not allowed: the teeth of "
                     f"{mesh.pinion} and {mesh.wheel} do not fit together there; around every loop "
                     "the positions must be whole tooth pitches apart, for equal satellites "
                     "(z_s + z_r) / N an integer"
                 )
-        found[mesh.name] = g - _at_pitch_point(mesh)
+        found[mesh.name] = t - _past_the_middle(mesh, speed)
         return True
 
+    def key():
+        """Orient a body by the other one on its shaft; return whether there was one."""
+        for shaft in shafts:
+            for (one, other), sign in ((shaft.bodies, 1.0), (shaft.bodies[::-1], -1.0)):
+                if one in middles and other not in middles:
+                    turns = middles[one] / (bodies[one].teeth or 1) + sign * _keyed(shaft)
+                    middles[other] = turns * (bodies[other].teeth or 1)
+                    return True
+        return False
+
     def start(mesh):
-        g = (mesh.phase or 0.0) + _at_pitch_point(mesh)
-        own = _arrival(mesh, mesh.pinion, bodies, speed, 0.0)
-        orientation[mesh.pinion] = math.copysign(1.0, speed[mesh.pinion]) * (own - g)
+        orient(mesh, mesh.pinion, (mesh.phase or 0.0) + _past_the_middle(mesh, speed))
 
     start(next(mesh for mesh in meshes if mesh.name == reference))
     while len(found) < len(free):
         while any([tie(mesh) for mesh in free]):
             pass
-        keyed = next(
-            (
-                (one, other)
-                for shaft in shafts
-                for one, other in (shaft.bodies, shaft.bodies[::-1])
-                if one in orientation and other not in orientation
-            ),
-            None,
-        )
-        if keyed:
-            one, other = keyed
-            teeth = (bodies[one].teeth or 1), (bodies[other].teeth or 1)
-            orientation[other] = orientation[one] * teeth[1] / teeth[0]
-        elif len(found) < len(free):
+        if not key() and len(found) < len(free):
             start(next(mesh for mesh in free if mesh.name not in found))
+    for shaft in shafts:
+        if shaft.keying is not None and set(shaft.bodies) <= set(middles):
+            _check_keying(shaft, bodies, middles)
     found |= {mesh.name: mesh.phase for mesh in meshes if mesh.phase is not None}
-    # Equal phases are to be equal in all digits: 1e-13 of a mesh period is rounding of the angles.
-    return {name: round(g % 1.0, 13) % 1.0 for name, g in found.items()}
+    return {name: _rounded(g) for name, g in found.items()}
 
 
-def _at_pitch_point(mesh):
+def _check_keying(shaft, bodies, middles):
+    """Refuse an angle between the teeth of two gears that is not what the loops make it."""
+    teeth = [bodies[name].teeth or 1 for name in shaft.bodies]
+    one, other = (middles[name] / z for name, z in zip(shaft.bodies, teeth, strict=True))
+    # Which teeth are in line does not matter.
+    count = math.lcm(*teeth)
+    if abs(_modulo(count * (other - one - _keyed(shaft)))) > count * _CLOSE / max(teeth):
+        right = math.tau / count * ((count * (other - one)) % 1.0)
+        raise ValueError(
+            f"keying of shaft {'-'.join(shaft.bodies)} = {shaft.keying!r} is not allowed: around "
+            f"the loops of meshes it must be {right:.9g}, or a whole multiple of 2 pi / {count} "
+            "from there"
+        )
+
+
+def _keyed(shaft):
+    """Return by how many turns the second body of a shaft is ahead of being in line."""
+    return (shaft.keying or 0.0) / math.tau
+
+
+def _past_the_middle(mesh, speed):
     """Return the phase of the stiffness with contact at the pitch point, in mesh periods."""
-    return mesh.pitch_phase / (2.0 * math.pi)
+    return pitch_phase(mesh, speed) / math.tau
 
 
-def _arrival(mesh, name, bodies, speed, orientation):
-    """Return after how many mesh periods the flank of a gear comes to the mesh."""
+def _side(mesh, name):
+    """Return whether the drive-side flanks of a gear are the counterclockwise ones, 1, or -1."""
+    return -mesh.direction if mesh.internal and name == mesh.pinion else mesh.direction
+
+
+def _thickness(mesh, name):
+    """Return the tooth thickness of a gear of a mesh in pitches."""
+    return 0.5 if mesh.tooth_thickness is None else mesh.tooth_thickness[name == mesh.wheel]
+
+
+def _flank(mesh, name, bodies):
+    """Return at how many pitches the middle of a tooth lies whose flank is at the pitch point."""
     turned = mesh.internal or name == mesh.pinion
     angle = mesh.centres + (0.0 if turned else math.pi)
-    thickness = mesh.tooth_thickness[0 if name == mesh.pinion else 1]
-    flank = thickness / 2.0 - 0.25
-    if (mesh.internal and name == mesh.pinion) != (mesh.direction < 0):
-        flank = 0.5 - flank
-    pitches = bodies[name].teeth * angle / (2.0 * math.pi) - orientation - flank
-    return math.copysign(1.0, speed[name]) * pitches
+    pitches = bodies[name].teeth * angle / math.tau
+    return pitches - _side(mesh, name) * _thickness(mesh, name) / 2.0
 
 
 def _modulo(value):
     """Return a value modulo 1, in [-1/2, 1/2]."""
     return value - round(value)
+
+
+def _rounded(phase):
+    """Return a phase in [0, 1); equal ones equal in all digits: 1e-13 is rounding of the angles."""
+    return round(phase % 1.0, 13) % 1.0

@@ -106,6 +106,7 @@ def excitation(train):
                 # arm . e (cos(theta + phase), sin(theta + phase))
                 size = body.eccentricity * math.hypot(*arm)
                 lead = body.eccentricity_phase - math.atan2(arm[1], arm[0])
+                lead += body.angle if body.carrier else 0.0
                 frequency = train.speeds[name]
                 add(frequency, j, [0, 1], size * math.cos(lead), -size * math.sin(lead))
         rate, g = train.rates[j], train.phases[mesh.name]

@@ -192,6 +192,7 @@ def _of_train(train):
             "static_deflection": train.static_deflection,
             "reference_angular_frequency": train.reference_angular_frequency,
             "phases": dict(train.phases),
+            "inverse_phases": dict(train.inverse_phases),
         },
     )
 
@@ -223,7 +224,7 @@ def _mesh(train, mesh, rate, along, motions):
         constant += sign * (c * body.offset[0] + s * body.offset[1])
         if body.eccentricity:
             # Along the line: e cos(theta + phase - line), theta = speed tau.
-            s, c = (body.eccentricity_phase - line).sin_cos()
+            s, c = (body.eccentricity_phase + motions[name][3] - line).sin_cos()
             size, speed = sign * arb(body.eccentricity), train.speeds[name]
             add(abs(speed), (COAST, DRIVE), size * c, -size * s * (1 if speed > 0 else -1))
     g = Fraction(train.phases[mesh.name])
@@ -231,7 +232,6 @@ def _mesh(train, mesh, rate, along, motions):
         for order, a, b in deviation.table().tolist():
             s, c = (2 * arb.pi() * int(order) * arb(train.phases[mesh.name])).sin_cos()
             add(int(order) * rate, (side,), a * c - b * s, a * s + b * c)
-    coast = g if mesh.inverse_phase is None else Fraction(mesh.inverse_phase % 1.0)
     open_ = math.isinf(mesh.backlash)
     return MeshParts(
         mesh.name,
@@ -244,8 +244,8 @@ def _mesh(train, mesh, rate, along, motions):
         arb(mesh.backlash_damping),
         tuple(map(arb, mesh.friction[::-1])),
         rate,
-        (coast, g),
-        _turns(mesh.pitch_phase),
+        (Fraction(train.inverse_phases[mesh.name]), g),
+        _turns(train.pitch_phases[mesh.name]),
         Fraction(mesh.contact_ratio) - 1,
         mesh.inverse_deviation != mesh.deviation,
     )
