@@ -153,7 +153,10 @@ class GearTrain(TrainResults):
             for g, mesh in zip(drive, self.meshes, strict=True)
         ]
         both = list(zip(coast, drive, strict=True))
-        return waves.segments(self.meshes, self.rates, both, self.repeats)
+        turns = [
+            waves.sliding(mesh, g, self.speeds) for mesh, g in zip(self.meshes, drive, strict=True)
+        ]
+        return waves.segments(self.meshes, self.rates, both, turns, self.repeats)
 
     @property
     def size(self):
