@@ -30,15 +30,16 @@ class Mesh:
             entry[side][1] += sine
 
     def turns(self, tau):
-        """Return how far this mesh has come in its period, from the pitch and from both middles."""
+        """Return how far this mesh has come in its period, from both pitch points and middles."""
         own = self.rate * tau / (2 * pi)
-        return [own - at - floor(own - at) for at in (self.pitch, *self.phases)]
+        return [own - at - floor(own - at) for at in (*self.pitches, *self.phases)]
 
     def cuts(self, end):
         """Yield the phases of the reference mesh at which stiffness or sliding changes."""
         half = (self.contact_ratio - 1) / 2
         at = [g + s * half for g in self.phases for s in (1, -1)] if 0 < half < 0.5 else []
-        at += [self.pitch, self.pitch + mpf(1) / 2] if any(self.friction) else []
+        if any(self.friction):
+            at += [pitch + half for pitch in self.pitches for half in (0, mpf(1) / 2)]
         for one in at:
             k = -3
             while (k + one) * 2 * pi / self.rate < end:
@@ -47,12 +48,15 @@ class Mesh:
                 k += 1
 
     def stiffness(self, side, tau):
-        """Return C and the direction of the sliding."""
-        pitch, coast, drive = self.turns(tau)
+        """Return C, and 1 where friction has the sign of `across` times the force, else -1."""
+        *pitches, coast, drive = self.turns(tau)
         away = (drive, coast)[side == 0]
         away = min(away, 1 - away)
         high = away < (self.contact_ratio - 1) / 2
-        return self.max_stiffness * (1 if high else self.stiffness_ratio), 1 if pitch < 0.5 else -1
+        past = 1 if pitches[side] < 0.5 else -1
+        # The force of the coast side counts negative, its friction opposes the sliding as well.
+        sense = past if side else -past
+        return self.max_stiffness * (1 if high else self.stiffness_ratio), sense
 
 
 class Train:
@@ -172,6 +176,11 @@ class Train:
         if mesh["internal"]:
             ends = [(mesh["wheel"], 1, 1), (mesh["pinion"], -1, -1)]
         row, across, constant = [mpf(0)] * self.n, [mpf(0)] * self.n, number(mesh["error"])
+        # A way w of the contact past the pitch point the first gear slides on the second by
+        # (speed - other speed) k x w; along the line of action it goes as the base circle does.
+        (first, _, turn), (second, *_) = ends
+        leads = 1 if way * turn * self.speed[first] > 0 else -1
+        slides = leads * (1 if self.speed[first] > self.speed[second] else -1)
         g, runs = number(derived["phases"][mesh["name"]]), []
         for name, sign, turn in ends:
             body = bodies[name]
@@ -185,7 +194,7 @@ class Train:
                 i = self.at.get(f"{name} {axis}")
                 if i is not None:
                     row[i] += sign * value
-                    across[i] += sign * other
+                    across[i] += slides * sign * other
             if f"{name} u" in self.at:
                 row[self.at[f"{name} u"]] += way * turn
             constant += sign * sum(
@@ -202,7 +211,12 @@ class Train:
         rate = abs(self.speed[mesh["pinion"]]) * bodies[mesh["pinion"]]["teeth"]
         pitch = mpf(float(number(mesh["pitch_phase"])) / (2.0 * float(pi)))
         pitch = pitch if self._pinion_drives(mesh) else -pitch
-        found = self._append(mesh, row, row, across, Fraction(rate), (coast, g), g + pitch)
+        # The other flank of a leading tooth follows by its thickness, or the space of the other.
+        thick = [number(value) for value in mesh["tooth_thickness"] or (0.5, 0.5)][
+            :: -1 if mesh["internal"] else 1
+        ]
+        pitches = g + pitch + leads * (thick[0] + 1 - thick[1]) / 2, g + pitch
+        found = self._append(mesh, row, row, across, Fraction(rate), (coast, g), pitches)
         found.constant = [constant + found.backlash, constant]
         for frequency, cosine, sine in runs:
             found.add(frequency, (0, 1), cosine, sine)
@@ -215,7 +229,7 @@ class Train:
                     size = number(value)
                     found.add(i * rate, (side,), size * cos(lag), size * sin(lag))
 
-    def _append(self, mesh, drive, coast, across, rate, phases, pitch):
+    def _append(self, mesh, drive, coast, across, rate, phases, pitches):
         names = ("max_stiffness", "stiffness_ratio", "contact_ratio", "backlash")
         values = {name: number(mesh[name]) for name in (*names, "material_damping")}
         self.meshes.append(
@@ -227,7 +241,7 @@ class Train:
                 friction=[number(value) for value in mesh["friction"]],
                 rate=mpf(rate.numerator) / rate.denominator,
                 phases=phases,
-                pitch=pitch,
+                pitches=pitches,
                 **values,
             )
         )
@@ -263,7 +277,8 @@ class Train:
             across,
             Fraction(1),
             (mpf(0), mpf(0)),
-            pitch,
+            # Nominal teeth are half a pitch thick.
+            (pitch + mpf(1) / 2, pitch),
         )
         mesh.constant = [mesh.backlash, mpf(0)]
         sides = (1,) if model["moving_backlash"] else (0, 1)

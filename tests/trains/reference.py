@@ -12,6 +12,8 @@ import numpy as np
 from scipy.integrate import DOP853, solve_ivp
 from scipy.optimize import brentq
 
+from tests.trains.sliding import past, pitch_points, sliding
+
 TOLERANCES = dict(rtol=1e-12, atol=1e-13)
 #: Places in a step where distances are looked at.
 PLACES = np.linspace(0.0, 1.0, 17)
@@ -75,10 +77,14 @@ class Reference:
             r, w, m = body.base_radius, self.frame, body.mass or 0.0
             x, y, u = (motion(q, name, axis) for axis in "xyu")
             vx, vy, vu = (motion(v, name, axis) for axis in "xyu")
-            # Coriolis and centrifugal forces in the frame of the carrier.
+            # Coriolis and centrifugal forces in the frame of the carrier. Out on a pin m w^2 r is
+            # balanced by a force that turns with the carrier: across it acts on what does not.
             out = self.bodies[body.carrier].base_radius if body.carrier else 0.0
+            lead = motion(q, body.carrier, "u") if body.carrier else 0.0
             push(name, "x", m * (2.0 * w * vy + w * w * (x + out)))
-            push(name, "y", m * (-2.0 * w * vx + w * w * y))
+            push(name, "y", m * (-2.0 * w * vx + w * w * (y - lead)))
+            if body.carrier:
+                push(body.carrier, "u", -m * w * w * (y - lead))
             (kx, ky), (cx, cy) = body.support_stiffness, body.support_damping
             if body.carrier:
                 c, s = math.cos(body.angle), math.sin(body.angle)
@@ -132,12 +138,17 @@ class Reference:
         return row
 
     def _sliding_of(self, mesh):
+        """Return how the flanks slide past the pitch point, as a row of unit speed."""
         row = np.zeros(self.n)
-        lambda_ = self._line(mesh) + math.pi / 2.0
-        for name, sign, _ in self._ends(mesh):
+        lambda_ = self._line(mesh)
+        _, speed = sliding(self.train, mesh, True, 0.25)
+        way = np.array([-math.sin(lambda_), math.cos(lambda_)])
+        way *= math.copysign(1.0, way @ speed)
+        for name, sign in ((mesh.pinion, 1.0), (mesh.wheel, -1.0)):
             body = self.bodies[name]
-            own = lambda_ - (body.angle if body.carrier else 0.0)
-            for axis, part in zip("xy", (math.cos(own), math.sin(own)), strict=True):
+            c, s = (math.cos(body.angle), math.sin(body.angle)) if body.carrier else (1.0, 0.0)
+            own = c * way[0] + s * way[1], c * way[1] - s * way[0]
+            for axis, part in zip("xy", own, strict=True):
                 if (name, axis) in self.columns:
                     row[self.columns[name, axis]] += sign * part
         return row
@@ -191,7 +202,7 @@ class Reference:
         return row @ z[: self.n] + e + s, row @ z[self.n :] + v
 
     def levels(self, t):
-        """Return (stiffness coast, drive, sense of sliding) of every mesh just around t."""
+        """Return (stiffness, sense of sliding), coast and drive, of every mesh just around t."""
         rows = []
         for j, mesh in enumerate(self.train.meshes):
             phase = self.local(j, t)
@@ -203,8 +214,9 @@ class Reference:
                 away = abs((p + math.pi) % (2.0 * math.pi) - math.pi)
                 high = away <= math.pi * (mesh.contact_ratio - 1.0)
                 values.append(mesh.max_stiffness * (1.0 if high else mesh.stiffness_ratio))
-            after = (phase - self.train.pitch_phases[mesh.name]) % (2.0 * math.pi)
-            rows.append((*values, 1.0 if after < math.pi else -1.0))
+            since = past(self.train, mesh, self.mesh_speed * t)
+            ways = [-1.0 if turns < 0.0 else 1.0 for turns in since]
+            rows.append(tuple(zip(values, ways, strict=True)))
         return rows
 
     def switches(self, end):
@@ -218,8 +230,7 @@ class Reference:
             for shift in {g, self.train.inverse_phases[mesh.name]}:
                 cuts += [shift + half, shift - half]
             if any(mesh.friction):
-                pitch = g + self.train.pitch_phases[mesh.name] / (2.0 * math.pi)
-                cuts += [pitch, pitch + 0.5]
+                cuts += [at + half for at in pitch_points(self.train, mesh) for half in (0.0, 0.5)]
             count = int(end * speed / (2.0 * math.pi)) + 3
             for k in range(-2, count + 1):
                 times += [2.0 * math.pi * (c % 1.0 + k) / speed for c in cuts]
@@ -242,9 +253,10 @@ class Reference:
             terms.append((-mesh.backlash_damping * row, j, 1, 0.0, 1.0))
             if codes[j]:
                 side = 1 if codes[j] > 0 else 0
-                c, sense = levels[j][side], levels[j][2]
+                c, way = levels[j][side]
                 more = mesh.material_damping - mesh.backlash_damping
-                mu = mesh.friction[0 if side else 1] * sense
+                # Against the sliding of the flanks; the coast side has distances below zero.
+                mu = mesh.friction[0 if side else 1] * way * (1.0 if side else -1.0)
                 across = row + mu * self.sliding[j]
                 stiff -= c * np.outer(across, row)
                 damp -= more * np.outer(row, row)

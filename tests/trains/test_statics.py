@@ -23,7 +23,7 @@ def by_patterns(train):
     reference = Reference(train, 1.0)
     meshes = train.meshes
     k, lines, load = -reference.k, reference.distance, reference.still
-    levels = [row[:2] for row in reference.levels(1e-12)]
+    levels = [[c for c, _ in row] for row in reference.levels(1e-12)]
     gaps = np.array(
         [[reference.errors(j, side, 0.0)[0] for side in (0, 1)] for j in range(len(meshes))]
     )

@@ -8,9 +8,15 @@ functionals f of supports, pins and shafts and b of the meshes
     d_j = b_j q + e_j(t),   b_j = e . (x, y)_pinion - e . (x, y)_wheel + u_pinion + u_wheel
 
 with e the direction of the line of action. In an internal mesh pinion and wheel change places and
-the rotation of the pinion counts negative; with direction -1 both rotations change sign. A frame
-that turns with its carrier by W adds m (2 W y', -2 W x') and m W^2 (x, y) to the forces on an axis,
-m W^2 r to those on a pin at the radius r, and supports that stand still damp x' - W y and y' + W x.
+the rotation of the pinion counts negative; with direction -1 both rotations change sign. Friction
+acts across the line of action, counted in the way in which the gear with +e slides on the other
+one past the pitch point.
+
+In a frame that turns by W, positions are counted from those that have turned with the carrier by
+its small rotation as well: there static forces of pins, supports and meshes keep their directions,
+and a turn of the whole train costs nothing. An axis feels m (2 W y', -2 W x') and the centrifugal
+force m W^2 of its way out of the turned position, a pin at the radius r m W^2 r; supports that
+stand still damp x' - W y and y' + W x. Derivation: `docs/theory/trains.md`.
 """
 
 import math
@@ -31,7 +37,7 @@ class Structure(NamedTuple):
     stiffness: np.ndarray  #: of all but the meshes, N/m, shape (n, n)
     damping: np.ndarray  #: N s/m, shape (n, n)
     lines: np.ndarray  #: b_j, shape (m, n)
-    across: np.ndarray  #: the same across the line of action, of the axes only, shape (m, n)
+    across: np.ndarray  #: of the axes only, the way of the sliding past the pitch point, (m, n)
     arms: np.ndarray  #: by what an axis moves along the line: direction and sign, (m, 2, 2)
     load: np.ndarray  #: N, shape (n,)
     turning: np.ndarray  #: rate-dependent forces by unit of frame speed, kg, shape (n, n)
@@ -73,7 +79,8 @@ def structure(bodies, meshes, shafts):
         m = body.mass or 0.0
         mass += m * (np.outer(x, x) + np.outer(y, y)) + body.inertia / r**2 * np.outer(u, u)
         turning += 2.0 * m * (np.outer(y, x) - np.outer(x, y))
-        centrifugal -= m * (np.outer(x, x) + np.outer(y, y))
+        turned = y - own[body.carrier][2] if body.carrier else y
+        centrifugal -= m * (np.outer(x, x) + np.outer(turned, turned))
         for axis, row in enumerate(supports):
             if math.isfinite(body.support_stiffness[axis]):
                 stiffness += body.support_stiffness[axis] * np.outer(row, row)
@@ -107,7 +114,10 @@ def structure(bodies, meshes, shafts):
         arms[j] = (-e, e) if mesh.internal else (e, -e)
         turn = -1.0 if mesh.internal else 1.0
         lines[j] = e @ (first[:2] - second[:2]) + mesh.direction * (first[2] + turn * second[2])
-        across[j] = np.array([-e[1], e[0]]) @ (first[:2] - second[:2])
+        # At direction 1 a pinion slides past the pitch point a quarter turn counterclockwise of e;
+        # its mirror image, and a ring gear, which turns more slowly than its pinion, clockwise.
+        sliding = mesh.direction * turn
+        across[j] = sliding * (np.array([-e[1], e[0]]) @ (first[:2] - second[:2]))
     return Structure(
         tuple(coordinates),
         np.array(list(motions.values())),

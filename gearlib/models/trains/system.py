@@ -115,7 +115,7 @@ def train_system(train, tuning):
                     grip[j, d, 1] = mu * sense * elastic
                     here = low[code, :, j] == bool(level)
                     if len(senses) == 2:
-                        here &= segments.sense[:, j] == sense
+                        here &= segments.sense[code // 2, :, j] == sense
                     effect[code, here, j] = d
                     d += 1
     return TrainSystem(

@@ -162,11 +162,8 @@ class GearTrain(TrainResults):
     def segments(self):
         """Segments of constant stiffness, see `waves.segments`."""
         both = [(self.inverse_phases[name], self.phases[name]) for name in self.mesh_names]
-        meshes = [
-            dataclasses.replace(mesh, pitch_phase=self.pitch_phases[mesh.name])
-            for mesh in self.meshes
-        ]
-        return waves.segments(meshes, self.rates, both, self.repeats)
+        turns = [turning.sliding_turns(mesh, self.speeds) for mesh in self.meshes]
+        return waves.segments(self.meshes, self.rates, both, turns, self.repeats)
 
     @property
     def size(self):

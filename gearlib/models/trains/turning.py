@@ -96,17 +96,32 @@ def pitch_phase(mesh, speed):
     return mesh.pitch_phase if driver(mesh, speed) == mesh.pinion else -mesh.pitch_phase
 
 
+def sliding_turns(mesh, speed):
+    """Return where the sliding turns to 1, (coast, drive), in mesh periods after the drive phase.
+
+    Flanks of the coast side touch at the pitch point half a period from there: their force has the
+    other sign.
+    """
+    drive = pitch_phase(mesh, speed) / math.tau
+    return drive + _thicker(mesh, speed) / 2.0, drive
+
+
+def _thicker(mesh, speed):
+    """Return by how much teeth of the gear that drives are thicker than the others, in pitches."""
+    if mesh.tooth_thickness is None:
+        return 0.0
+    own, other = mesh.tooth_thickness
+    return own - other if driver(mesh, speed) == mesh.pinion else other - own
+
+
 def inverse_phase(mesh, speed, phase):
     """Return the phase of the coast side of a mesh in mesh periods; `phase` of its drive side."""
     if mesh.inverse_phase is not None:
         return mesh.inverse_phase % 1.0
     if mesh.tooth_thickness is None:
         return phase
-    own, other = mesh.tooth_thickness
-    if driver(mesh, speed) == mesh.wheel:
-        own, other = other, own
-    later = pitch_phase(mesh, speed) / math.pi + (1.0 + own - other) / 2.0
-    return _rounded(phase + later)
+    # The other gear drives there: its middle lies as far past the pitch point as before it here.
+    return _rounded(phase + sum(sliding_turns(mesh, speed)) + 0.5)
 
 
 def _ratio(bodies, mesh):

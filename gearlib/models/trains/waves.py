@@ -20,21 +20,23 @@ class Segments(NamedTuple):
     starts: np.ndarray  #: phases of the reference mesh, shape (p + 1,)
     first_segment: np.ndarray  #: where each reference mesh period begins, shape (repeats + 1,)
     low: np.ndarray  #: whether at the lower level, coast and drive side, shape (2, p, m)
-    sense: np.ndarray  #: of the sliding, 1 or -1, shape (p, m)
+    sense: np.ndarray  #: of the sliding, 1 or -1, coast and drive side, shape (2, p, m)
 
 
-def segments(meshes, rates, phases, repeats):
-    """Return the `Segments`; `rates` and `phases` (coast, drive) by mesh, m each."""
+def segments(meshes, rates, phases, turns, repeats):
+    """Return the `Segments`; each argument but the last has an entry for each mesh.
+
+    Phases and `turning.sliding_turns` are pairs, coast and drive, these after the drive side.
+    """
     whole = 2.0 * math.pi
     cuts = [whole * k for k in range(repeats + 1)]
-    for mesh, rate, shifts in zip(meshes, rates, phases, strict=True):
+    for mesh, rate, shifts, pitch in zip(meshes, rates, phases, turns, strict=True):
         local = set()
         if mesh.varies:
             half = (mesh.contact_ratio - 1.0) / 2.0
             local |= {(g + side) for g in shifts for side in (half, -half)}
         if any(mesh.friction):
-            turn = shifts[1] + mesh.pitch_phase / whole
-            local |= {turn, turn + 0.5}
+            local |= {shifts[1] + turn + half for turn in pitch for half in (0.0, 0.5)}
         # A cut at c mesh periods comes back every mesh period.
         count = int(repeats * rate)
         cuts += [whole * float((c % 1.0 + k) / rate) for c in local for k in range(count)]
@@ -51,16 +53,15 @@ def segments(meshes, rates, phases, repeats):
         starts[-1] = whole * repeats
     middle = (starts[:-1] + starts[1:]) / 2.0
     low = np.zeros((2, middle.size, len(meshes)), dtype=bool)
-    sense = np.ones((middle.size, len(meshes)))
-    for j, (mesh, rate, shifts) in enumerate(zip(meshes, rates, phases, strict=True)):
-        turns = middle * float(rate) / whole
-        for side, g in enumerate(shifts):
-            away = np.abs(np.mod(turns - g + 0.5, 1.0) - 0.5)
+    sense = np.ones(low.shape)
+    for j, (mesh, rate, shifts, pitch) in enumerate(zip(meshes, rates, phases, turns, strict=True)):
+        at = middle * float(rate) / whole
+        for side, (g, turn) in enumerate(zip(shifts, pitch, strict=True)):
+            away = np.abs(np.mod(at - g + 0.5, 1.0) - 0.5)
             low[side, :, j] = away > (mesh.contact_ratio - 1.0) / 2.0
+            sense[side, :, j] = np.where(np.mod(at - shifts[1] - turn, 1.0) < 0.5, 1.0, -1.0)
         if not mesh.varies:
             low[:, :, j] = mesh.contact_ratio < 2.0 and mesh.stiffness_ratio < 1.0
-        since = np.mod(turns - shifts[1] - mesh.pitch_phase / whole, 1.0)
-        sense[:, j] = np.where(since < 0.5, 1.0, -1.0)
     first = np.searchsorted(starts, [whole * k - _ONE for k in range(repeats + 1)])
     return Segments(starts, first, low, sense)
 

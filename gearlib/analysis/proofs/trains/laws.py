@@ -184,7 +184,7 @@ class TrainLaws:
         middles = [(a + b) / 2 for a, b in zip(cuts, ends, strict=True)]
         self._levels = [
             [
-                (mesh.low(COAST, at), mesh.low(DRIVE, at), mesh.sense(at))
+                [(mesh.low(side, at), mesh.sense(side, at)) for side in (COAST, DRIVE)]
                 for mesh, at in ((mesh, middle * mesh.rate) for mesh in self.parts.meshes)
             ]
             for middle in middles
@@ -194,7 +194,7 @@ class TrainLaws:
         """Return the matrix A for the contact codes of all meshes on a segment."""
         levels = self._levels[segment]
         key = tuple(
-            (code, level[COAST if code == INVERSE else DRIVE], level[2]) if code else code
+            (code, *level[COAST if code == INVERSE else DRIVE]) if code else code
             for code, level in zip(codes, levels, strict=True)
         )
         if key not in self._laws:

@@ -16,6 +16,7 @@ import numpy as np
 
 from gearlib.analysis.proofs.balls import flint
 from gearlib.analysis.proofs.path import Uncertain
+from gearlib.models.trains import turning
 
 #: Numbers of the two sides of a tooth, as in tables of the models.
 COAST, DRIVE = 0, 1
@@ -26,7 +27,7 @@ class MeshParts(NamedTuple):
 
     name: str
     lines: tuple  #: b: distances over the flanks are b q + constant + waves
-    across: Any  #: of the axes across the line of action
+    across: Any  #: of the axes, the way of the sliding past the pitch point
     constants: tuple  #: m, the backlash included; of the coast side None where there is none
     waves: dict  #: frequency by phase, `Fraction` -> rows (cosine, sine) of both sides, m
     levels: tuple  #: upper and lower stiffness, N/m
@@ -35,7 +36,7 @@ class MeshParts(NamedTuple):
     friction: tuple
     rate: Fraction  #: mesh periods in one of the reference mesh
     phases: tuple  #: middle of the upper level, in mesh periods, `Fraction`
-    pitch: Fraction  #: where the sliding turns, after the phase of the drive side
+    pitches: tuple  #: where the sliding of both sides turns, after the phase of the drive side
     overlap: Fraction  #: contact ratio - 1
     moving: bool  #: whether the play between the flanks changes, so that it might close
 
@@ -45,8 +46,8 @@ class MeshParts(NamedTuple):
         if self.levels[0] != self.levels[1] and 0 < self.overlap < 1:
             found = {g + side * self.overlap / 2 for g in self.phases for side in (1, -1)}
         if any(self.friction):
-            turn = self.phases[DRIVE] + self.pitch
-            found |= {turn, turn + Fraction(1, 2)}
+            turns = {self.phases[DRIVE] + pitch for pitch in self.pitches}
+            found |= {turn + half for turn in turns for half in (0, Fraction(1, 2))}
         return found
 
     def low(self, side, turns):
@@ -54,9 +55,10 @@ class MeshParts(NamedTuple):
         away = abs((turns - self.phases[side] + Fraction(1, 2)) % 1 - Fraction(1, 2))
         return self.overlap == 0 or away > self.overlap / 2
 
-    def sense(self, turns):
+    def sense(self, side, turns):
         """Return the direction of the sliding after so many mesh periods."""
-        return 1 if (turns - self.phases[DRIVE] - self.pitch) % 1 < Fraction(1, 2) else -1
+        since = (turns - self.phases[DRIVE] - self.pitches[side]) % 1
+        return 1 if since < Fraction(1, 2) else -1
 
 
 class Parts(NamedTuple):
@@ -117,6 +119,14 @@ def _add(matrix, value, row):
 def _turns(angle):
     """Return an angle in turns, rounded once and exact from there on."""
     return Fraction(angle / (2.0 * math.pi))
+
+
+def _thicker(train, mesh):
+    """Return by how much teeth of the gear that drives are thicker, in pitches, exactly."""
+    if mesh.tooth_thickness is None:
+        return Fraction(0)
+    own, other = map(Fraction, mesh.tooth_thickness)
+    return own - other if turning.driver(mesh, train.speeds) == mesh.pinion else other - own
 
 
 def _of_train(train):
@@ -233,10 +243,12 @@ def _mesh(train, mesh, rate, along, motions):
             s, c = (2 * arb.pi() * int(order) * arb(train.phases[mesh.name])).sin_cos()
             add(int(order) * rate, (side,), a * c - b * s, a * s + b * c)
     open_ = math.isinf(mesh.backlash)
+    across = along(first, line + right) - along(second, line + right)
+    pitch = _turns(train.pitch_phases[mesh.name])
     return MeshParts(
         mesh.name,
         (row, row),
-        along(first, line + right) - along(second, line + right),
+        across * (mesh.direction * turn),
         (None if open_ else constant + mesh.backlash, constant),
         waves,
         (arb(mesh.max_stiffness), arb(mesh.max_stiffness) * mesh.stiffness_ratio),
@@ -245,7 +257,7 @@ def _mesh(train, mesh, rate, along, motions):
         tuple(map(arb, mesh.friction[::-1])),
         rate,
         (Fraction(train.inverse_phases[mesh.name]), g),
-        _turns(train.pitch_phases[mesh.name]),
+        (pitch + _thicker(train, mesh) / 2, pitch),
         Fraction(mesh.contact_ratio) - 1,
         mesh.inverse_deviation != mesh.deviation,
     )
@@ -305,7 +317,7 @@ def _of_pair(model):
         tuple(map(arb, model.friction[::-1])),
         Fraction(1),
         (Fraction(0), Fraction(0)),
-        _turns(model.pitch_phase),
+        (_turns(model.pitch_phase),) * 2,
         Fraction(pair.contact_ratio) - 1,
         model.moving_backlash or model.inverse_deviation != model.deviation,
     )
