@@ -212,7 +212,7 @@ class Train:
         pitch = mpf(float(number(mesh["pitch_phase"])) / (2.0 * float(pi)))
         pitch = pitch if self._pinion_drives(mesh) else -pitch
         # The other flank of a leading tooth follows by its thickness, or the space of the other.
-        thick = [number(value) for value in mesh["tooth_thickness"] or (0.5, 0.5)][
+        thick = [number(value) for value in mesh["tooth_thickness"] or ("0x1p-1",) * 2][
             :: -1 if mesh["internal"] else 1
         ]
         pitches = g + pitch + leads * (thick[0] + 1 - thick[1]) / 2, g + pitch

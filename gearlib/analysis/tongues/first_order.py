@@ -48,10 +48,10 @@ def first_order(train, start, stop, orders=8):
     list of FirstOrder
         Those that are wider than rounding, by order and tuning.
     """
-    squares, shapes = train.linear_modes
+    squares, _ = train.linear_modes
     angular = np.sqrt(squares)
     unit = train.reference_angular_frequency
-    along = train.structure.lines @ shapes
+    along = train.linear_stretches
     ends = [0, *(np.nonzero(np.diff(squares) > _EQUAL * squares[1:])[0] + 1), squares.size]
     groups = [slice(int(a), int(b)) for a, b in pairwise(ends)]
     found = []

@@ -7,6 +7,8 @@ segment, whatever the tuning. The free rotation is left out; it is neutral.
 
 import numpy as np
 
+from gearlib.models.trains.elastic import jacobi
+
 #: Growth per mesh period that is rounding: double multipliers part by its root.
 NEUTRAL = 1e-6
 
@@ -35,19 +37,19 @@ def maps(train, tunings):
     if train.gyroscopic:
         raise ValueError("gyroscopic = True is not allowed here: the train must be without")
     tunings = np.asarray(tunings, float)
-    _, shapes = train.linear_modes
-    lines = train.structure.lines @ shapes
-    still = shapes.T @ train.structure.stiffness @ shapes
-    upper = np.array([mesh.max_stiffness for mesh in train.meshes])
+    squares, _ = train.linear_modes
+    # Of springs with mean stiffness: roots of the strain energy by modal displacements.
+    factor = train.strains * np.sqrt(squares)
+    upper = np.array([mesh.max_stiffness / mesh.mean_stiffness for mesh in train.meshes])
     lower = upper * [mesh.stiffness_ratio for mesh in train.meshes]
-    segments = train.segments
-    n = len(still)
+    segments, still = train.segments, np.ones(len(factor) - upper.size)
+    n = squares.size
     whole = np.broadcast_to(np.eye(2 * n), (tunings.size, 2 * n, 2 * n))
     step = np.empty(whole.shape)
     for p, span in enumerate(np.diff(segments.starts)):
         levels = np.where(segments.low[1, p], lower, upper)
-        squares, v = np.linalg.eigh(still + (lines.T * levels) @ lines)
-        w = np.sqrt(squares) / train.reference_angular_frequency
+        w, _, v = jacobi(np.sqrt(np.append(still, levels))[:, None] * factor)
+        w = w / train.reference_angular_frequency
         angle = w * (span / tunings)[:, None]
         c, s = np.cos(angle), np.sin(angle)
         step[:, :n, :n] = step[:, n:, n:] = (v * c[:, None, :]) @ v.T

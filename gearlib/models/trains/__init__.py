@@ -6,7 +6,8 @@ module           responsibility
 ``train``        `GearTrain`: checks, scales, start states, what runs ask of a model
 ``elements``     `Body`, `Shaft`, `Mesh`: the parameters in SI units
 ``assembly``     what a train has to be: names, gears that fit, torques in balance
-``structure``    matrices of supports, shafts and pins; lines of action; free motions
+``structure``    matrices of supports, shafts and pins; lines of action
+``elastic``      free motions and natural modes, to all digits
 ``turning``      speeds from tooth numbers, phases from positions, what cannot be assembled
 ``waves``        stiffness levels, deviations and run-out over the phase of the reference mesh
 ``system``       the dimensionless `TrainSystem` of the kernels

@@ -227,10 +227,10 @@ def _scales(train, moved, meshes):
     change = (moved.stiffness + lines.T @ (means[:, None] * lines)).imag
     deflection = train.static_deflection + 0j
     if deflection != FALLBACK:
-        own = lines[train.mesh_names.index(train.reference)]
+        own = train.linear_stretches[train.mesh_names.index(train.reference)] / squares
         force = moved.load.imag - change @ train.linear_deflection
-        rate = (own @ shapes) @ ((shapes.T @ force) / squares)
-        deflection += 1j * rate * np.sign(own @ train.linear_deflection)
+        rate = own @ (shapes.T @ force)
+        deflection += 1j * rate * np.sign(own @ (shapes.T @ train.structure.load))
     speed = train.reference_angular_frequency + 0j
     if train.reference_frequency is None:
         square = speed.real**2

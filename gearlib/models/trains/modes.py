@@ -28,11 +28,8 @@ def modes(train):
     frequency = np.concatenate([np.zeros(free.shape[1]), np.sqrt(squares)]) / (2.0 * math.pi)
     shapes = np.concatenate([free, shapes], axis=1)
     motions = np.einsum("bkn,np->pbk", train.structure.motions, shapes)
-    means = np.array([mesh.mean_stiffness for mesh in train.meshes])
-    energy = means * (train.structure.lines @ shapes).T ** 2
-    elastic = frequency > 0.0
-    energy[elastic] /= (2.0 * math.pi * frequency[elastic, None]) ** 2
-    energy[~elastic] = 0.0
+    energy = np.zeros((frequency.size, len(train.meshes)))
+    energy[free.shape[1] :] = train.strains[-len(train.meshes) :].T ** 2
     kinds = ["rigid"] * free.shape[1]
     kinds += [_kind(train, motion) for motion in motions[free.shape[1] :]]
     dataset = xr.Dataset(
@@ -98,8 +95,8 @@ def phasing(train, count=12):
     """Return which harmonics excite which modes, see `GearTrain.phasing`."""
     squares, shapes = train.linear_modes
     motions = np.einsum("bkn,np->pbk", train.structure.motions, shapes)
-    lines = train.structure.lines
-    deflection = lines @ train.linear_deflection
+    along = train.linear_stretches
+    deflection = along @ ((shapes.T @ train.structure.load) / squares)
     parts = {}
     for j, mesh in enumerate(train.meshes):
         for order in range(1, count + 1):
@@ -107,7 +104,7 @@ def phasing(train, count=12):
             if not mesh.varies or frequency > count:
                 continue
             wave = stiffness_harmonic(mesh, order, train.phases[mesh.name])
-            force = wave * deflection[j] * (lines[j] @ shapes)
+            force = wave * deflection[j] * along[j]
             parts.setdefault(frequency, []).append(force)
     orders = sorted(parts)
     force = np.array([np.abs(np.sum(parts[f], axis=0)) for f in orders])

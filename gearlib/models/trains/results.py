@@ -25,8 +25,8 @@ class TrainResults(Model):
     structure: Any
     static_deflection: Any
     body_names: Any
-    linear_deflection: Any
     linear_modes: Any
+    linear_stretches: Any
     free_motions: Any
     load: Any
     gyroscopic: Any
@@ -147,7 +147,9 @@ class TrainResults(Model):
     def mean_forces(self):
         """Static forces of the linear train, without errors, over the load, shape (m,)."""
         means = np.array([mesh.mean_stiffness for mesh in self.meshes])
-        return means * (self.structure.lines @ self.linear_deflection) / self.load
+        squares, shapes = self.linear_modes
+        parts = (shapes.T @ self.structure.load) / squares
+        return means * (self.linear_stretches @ parts) / self.load
 
     def reduction(self):
         """Return (reduce, lift), see `Model.reduction`: elastic modes span what is left.
@@ -159,11 +161,9 @@ class TrainResults(Model):
         """
         free, (_, shapes) = self.free_motions, self.linear_modes
         structure = self.structure
-        forces = [structure.damping @ free]
-        if self.gyroscopic:
-            forces.append(structure.turning @ free)
-        size = np.abs(structure.damping).max() + np.abs(structure.turning).max() + 1e-300
-        if np.abs(forces).max(initial=0.0) > 1e-9 * size * np.abs(free).max(initial=0.0):
+        forces = [structure.damping, structure.turning] if self.gyroscopic else [structure.damping]
+        # Against the parts that cancel, so that nothing is small beside a stiff shaft.
+        if any((np.abs(a @ free) > 1e-9 * (np.abs(a) @ np.abs(free))).any() for a in forces):
             raise ValueError(
                 "this train is not allowed here: its free rotation must feel neither damping nor "
                 "gyroscopic forces"

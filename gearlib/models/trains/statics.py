@@ -54,8 +54,9 @@ def equilibrium(train, phase=0.0):
     # In coordinates in which the linear train has unit stiffness; free motions take no part.
     squares, shapes = train.linear_modes
     basis = shapes / np.sqrt(squares)
-    lines = train.structure.lines @ basis
-    elastic, load = basis.T @ train.structure.stiffness @ basis, basis.T @ train.structure.load
+    lines = train.linear_stretches / np.sqrt(squares)
+    strains = train.strains[: -len(train.meshes)]
+    elastic, load = strains.T @ strains, basis.T @ train.structure.load
     # What rounding of the gaps makes of the forces, where there is no load.
     finite = np.where(np.isfinite(gaps), np.abs(gaps), 0.0)
     floor = (np.abs(lines.T) @ (stiffness * finite).max(axis=0)).max(initial=0.0)

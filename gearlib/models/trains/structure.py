@@ -44,6 +44,8 @@ class Structure(NamedTuple):
     centrifugal: np.ndarray  #: stiffness by the square of the frame speed, kg, shape (n, n)
     circulating: np.ndarray  #: stiffness by frame speed of supports at rest, N s/m, shape (n, n)
     outward: np.ndarray  #: centrifugal load by the square of the frame speed, kg m, shape (n,)
+    springs: tuple  #: all but the meshes: functionals, shape (s, n), and N/m, shape (s,)
+    masses: tuple  #: functionals, shape (3 b, n), and kg, shape (3 b,)
 
 
 def structure(bodies, meshes, shafts):
@@ -67,6 +69,7 @@ def structure(bodies, meshes, shafts):
     mass, stiffness, damping = np.zeros((3, n, n))
     turning, centrifugal, circulating = np.zeros((3, n, n))
     load, outward = np.zeros((2, n))
+    springs, masses = [], []
     for name, body in bodies.items():
         rows = own[name]
         supports = rows[:2].copy()
@@ -78,6 +81,7 @@ def structure(bodies, meshes, shafts):
         (x, y, u), r = rows, body.base_radius
         m = body.mass or 0.0
         mass += m * (np.outer(x, x) + np.outer(y, y)) + body.inertia / r**2 * np.outer(u, u)
+        masses += [(x, m), (y, m), (u, body.inertia / r**2)]
         turning += 2.0 * m * (np.outer(y, x) - np.outer(x, y))
         turned = y - own[body.carrier][2] if body.carrier else y
         centrifugal -= m * (np.outer(x, x) + np.outer(turned, turned))
@@ -85,6 +89,7 @@ def structure(bodies, meshes, shafts):
             if math.isfinite(body.support_stiffness[axis]):
                 stiffness += body.support_stiffness[axis] * np.outer(row, row)
                 damping += body.support_damping[axis] * np.outer(row, row)
+                springs.append((row, body.support_stiffness[axis]))
         if body.carrier:
             outward += m * bodies[body.carrier].base_radius * x
         else:
@@ -93,6 +98,7 @@ def structure(bodies, meshes, shafts):
         if math.isfinite(body.torsional_stiffness):
             stiffness += body.torsional_stiffness / r**2 * np.outer(u, u)
             damping += body.torsional_damping / r**2 * np.outer(u, u)
+            springs.append((u, body.torsional_stiffness / r**2))
         load += body.torque / r * u
         motions[name] = np.stack([*_turned(rows[:2], body.angle if body.carrier else 0.0), u])
     for shaft in shafts:
@@ -105,6 +111,7 @@ def structure(bodies, meshes, shafts):
         ):
             stiffness += k * np.outer(row, row)
             damping += d * np.outer(row, row)
+            springs.append((row, k))
     lines, across = np.zeros((2, len(meshes), n))
     arms = np.zeros((len(meshes), 2, 2))
     for j, mesh in enumerate(meshes):
@@ -132,7 +139,15 @@ def structure(bodies, meshes, shafts):
         centrifugal,
         circulating,
         outward,
+        _listed(springs, n),
+        _listed(masses, n),
     )
+
+
+def _listed(parts, n):
+    """Return functionals and values of pairs as arrays."""
+    rows, values = np.array([row for row, _ in parts]), np.array([value for _, value in parts])
+    return rows.reshape(len(parts), n), values
 
 
 def _pin(angle, carrier):
@@ -145,18 +160,3 @@ def _turned(rows, angle):
     """Return the components along fixed axes of a motion along axes at an angle."""
     c, s = math.cos(angle), math.sin(angle)
     return np.stack([c * rows[0] - s * rows[1], s * rows[0] + c * rows[1]])
-
-
-def free_motions(stiffness, mass):
-    """Return the motions that no stiffness resists, shape (n, k), and the modes of all others.
-
-    Returns (free, squares, shapes): squared angular frequencies, shape (n - k,), and
-    mass-normalised shapes, (n, n - k).
-    """
-    root = np.linalg.cholesky(mass)
-    inverse = np.linalg.inv(root)
-    squares, vectors = np.linalg.eigh(inverse @ stiffness @ inverse.T)
-    shapes = inverse.T @ vectors
-    # Rounding of an eigenvalue is some n units in the last place of the largest.
-    rigid = squares <= 1e-13 * squares.size * max(squares[-1], 0.0)
-    return shapes[:, rigid], squares[~rigid], shapes[:, ~rigid]

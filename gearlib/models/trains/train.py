@@ -1,6 +1,5 @@
 """`GearTrain`: bodies, shafts and meshes as one piecewise-linear model."""
 
-import dataclasses
 import math
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,9 +10,10 @@ import numpy as np
 from gearlib import checks
 from gearlib.data.arrays import floats
 from gearlib.models.trains import assembly, turning, waves
+from gearlib.models.trains.elastic import linear
 from gearlib.models.trains.elements import Body, Mesh, Shaft
 from gearlib.models.trains.results import TrainResults
-from gearlib.models.trains.structure import free_motions, structure
+from gearlib.models.trains.structure import structure
 
 if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
     from gearlib.models.propagators import several_meshes  # noqa: F401
@@ -171,25 +171,33 @@ class GearTrain(TrainResults):
         return 2 * len(self.structure.coordinates)
 
     @cached_property
-    def mean_stiffness_matrix(self):
-        """Stiffness with all flanks in contact at mean stiffness, N/m."""
-        lines = self.structure.lines
-        means = np.array([mesh.mean_stiffness for mesh in self.meshes])
-        return self.structure.stiffness + lines.T @ (means[:, None] * lines)
-
-    @cached_property
     def _linear(self):
-        return free_motions(self.mean_stiffness_matrix, self.structure.mass)
+        (rows, values), lines = self.structure.springs, self.structure.lines
+        means = [mesh.mean_stiffness for mesh in self.meshes]
+        springs = np.concatenate([rows, lines]), np.concatenate([values, means])
+        return linear(springs, self.structure.masses)
 
     @property
     def free_motions(self):
         """Motions of the train that no stiffness resists, mass-normalised, shape (n, k)."""
-        return self._linear[0]
+        return self._linear.free
 
-    @cached_property
+    @property
     def linear_modes(self):
         """(squared angular frequencies, mass-normalised shapes) of the elastic modes."""
-        return self._linear[1:]
+        return self._linear.squares, self._linear.shapes
+
+    @property
+    def strains(self):
+        """`Linear.strains` of the springs of the structure, then of the meshes."""
+        return self._linear.strains
+
+    @cached_property
+    def linear_stretches(self):
+        """Relative displacements of the meshes in the elastic modes, shape (m, p)."""
+        means = np.array([mesh.mean_stiffness for mesh in self.meshes])
+        own = self.strains[-means.size :] / np.sqrt(means)[:, None]
+        return own * np.sqrt(self._linear.squares)
 
     @property
     def reference_mesh(self):
@@ -218,10 +226,11 @@ class GearTrain(TrainResults):
 
         The force is that of the linear train: mean stiffness, all flanks in contact, no errors.
         """
-        squares, shapes = self.linear_modes
-        own = self.structure.lines[self.mesh_names.index(self.reference)]
-        value = abs(own @ self.linear_deflection)
-        largest = np.abs(shapes @ ((shapes.T @ np.abs(self.structure.load)) / squares)).max()
+        (squares, shapes), load = self.linear_modes, self.structure.load
+        own = self.linear_stretches[self.mesh_names.index(self.reference)] / squares
+        value = abs(own @ (shapes.T @ load))
+        # Without load rounding is left of the parts.
+        largest = np.abs(own) @ (np.abs(shapes).T @ np.abs(load))
         return float(value) if value > 1e-9 * largest else FALLBACK
 
     @property
@@ -234,9 +243,8 @@ class GearTrain(TrainResults):
         """What the tuning is counted in, rad/s."""
         if self.reference_frequency is not None:
             return 2.0 * math.pi * self.reference_frequency
-        squares, shapes = self.linear_modes
-        own = self.structure.lines[self.mesh_names.index(self.reference)]
-        share = (own @ shapes) ** 2 / squares
+        squares = self._linear.squares
+        share = self.strains[self.mesh_names.index(self.reference) - len(self.meshes)] ** 2
         # Modes of one frequency are one: in them the energy may lie in any direction.
         together = [share[np.abs(squares - w) < 1e-6 * w].sum() for w in squares]
         return math.sqrt(squares[int(np.argmax(np.array(together) > 0.999999 * max(together)))])

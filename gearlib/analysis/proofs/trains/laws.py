@@ -18,7 +18,6 @@ from gearlib.analysis.proofs.balls import flint
 from gearlib.analysis.proofs.path import Uncertain
 from gearlib.analysis.proofs.trains.parts import COAST, DRIVE, parts_of
 from gearlib.kernels.codes import INVERSE, NORMAL
-from gearlib.models.trains.structure import free_motions
 
 #: Of the largest entry: a free motion is free up to this, a thousand roundings of floats.
 _FREE = 1e-13
@@ -66,12 +65,8 @@ class TrainLaws:
     def _take_out_free_motions(self):
         module, parts = flint(), self.parts
         total = parts.in_contact()
-        floats = [
-            np.array([[float(value) for value in row] for row in matrix])
-            for matrix in (total, parts.mass)
-        ]
-        motions, squares, shapes = free_motions(*floats)
-        self.fixed = _pivots(motions)
+        found = parts.linear()
+        self.fixed = _pivots(found.free)
         self.kept = [i for i in range(len(total)) if i not in self.fixed]
         inverse = module.arb_mat(parts.mass.tolist()).inv()
         e, n = len(self.kept), len(total)
@@ -88,7 +83,7 @@ class TrainLaws:
             self._check_free(motions)
         self.reduce, self._respond = reduce, reduce * inverse
         middle = np.array([[float(value) for value in row] for row in reduce.tolist()])
-        self._modes = middle @ shapes, np.sqrt(squares) / float(parts.frequency)
+        self._modes = middle @ found.shapes, np.sqrt(found.squares) / float(parts.frequency)
 
     def _check_free(self, motions):
         """Refuse a train whose free motion is none, or is damped."""

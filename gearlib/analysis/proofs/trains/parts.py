@@ -17,6 +17,7 @@ import numpy as np
 from gearlib.analysis.proofs.balls import flint
 from gearlib.analysis.proofs.path import Uncertain
 from gearlib.models.trains import turning
+from gearlib.models.trains.elastic import linear
 
 #: Numbers of the two sides of a tooth, as in tables of the models.
 COAST, DRIVE = 0, 1
@@ -73,6 +74,16 @@ class Parts(NamedTuple):
     length: Any  #: the unit of displacements, m
     frequency: Any  #: what the tuning is counted in, rad/s
     derived: dict  #: numbers that the library derives from the model, here exact ones
+    springs: tuple  #: all but the meshes, in floats, as of `gearlib.models.trains.elastic.linear`
+    masses: tuple
+
+    def linear(self):
+        """Return the `Linear` model with all flanks in contact at their upper levels."""
+        rows = [[float(value) for value in mesh.lines[DRIVE]] for mesh in self.meshes]
+        levels = [float(mesh.levels[0]) for mesh in self.meshes]
+        directions, values = self.springs
+        springs = np.concatenate([directions, rows]), np.concatenate([values, levels])
+        return linear(springs, self.masses)
 
     def in_contact(self):
         """Return the stiffness with all flanks in contact at their upper levels, shape (n, n)."""
@@ -204,6 +215,8 @@ def _of_train(train):
             "phases": dict(train.phases),
             "inverse_phases": dict(train.inverse_phases),
         },
+        train.structure.springs,
+        train.structure.masses,
     )
 
 
@@ -322,4 +335,9 @@ def _of_pair(model):
         model.moving_backlash or model.inverse_deviation != model.deviation,
     )
     length, frequency = arb(pair.load) / mean, (mean / pair.reduced_mass).sqrt()
-    return Parts(names, mass, stiffness, damping, load, (mesh,), length, frequency, {})
+    # One functional for each coordinate; the two rotations are held by the mesh only.
+    springs = np.eye(n), np.array([0.0, 0.0, *(float(stiffness[i, i]) for i in range(2, n))])
+    masses = np.eye(n), np.array([float(mass[i, i]) for i in range(n)])
+    return Parts(
+        names, mass, stiffness, damping, load, (mesh,), length, frequency, {}, springs, masses
+    )
