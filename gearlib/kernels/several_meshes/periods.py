@@ -9,9 +9,9 @@ import numpy as np
 
 from gearlib.kernels import orbit
 from gearlib.kernels.arrays import copy
-from gearlib.kernels.codes import BACKLASH, EVENT_LIMIT, JAMMED, NORMAL, OK, UNRESOLVED
+from gearlib.kernels.codes import BOTH, EVENT_LIMIT, JAMMED, NORMAL, OK, UNRESOLVED
 from gearlib.kernels.jit import kernel
-from gearlib.kernels.piecewise_linear.system import beyond, dot
+from gearlib.kernels.piecewise_linear.system import dot
 from gearlib.kernels.several_meshes.combinations import (
     combination,
     multiply,
@@ -51,15 +51,6 @@ def _cross(system, grid, w, j, p, vectors):
     w.rest[j] = 1
     w.contact[j] = w.target[j]
     return dot(grid.rate[j], z)
-
-
-@kernel
-def _closed(system, grid, w, j):
-    """Return whether mesh j, which has just left a flank, lies behind the other one already."""
-    if w.contact[j] != BACKLASH or grid.open[j]:
-        return False
-    line = w.line[j]
-    return beyond(system.far[j] if line == 1 else system.near[j], w.z, line)
 
 
 @kernel
@@ -107,8 +98,8 @@ def go(
     first, last = system.first_segment[number], system.first_segment[number + 1]
     rate, step, spin = tables.rate, tables.step, grid.spin
     z, own, term, image_, longest = w.z, w.z[:n], w.term, w.image, system.longest
-    look_rows, tail_rows, apart, never = tables.look, tables.tail, grid.apart, grid.open
-    contact, look, tail = w.contact, w.look, w.tail
+    look_rows, tail_rows, apart = tables.look, tables.tail, grid.apart
+    contact, look, tail, never, closing = w.contact, w.look, w.tail, grid.open, grid.closing
     count, taken, on_line = 0, 0, True
     for p in range(first, last):
         c, h = -1, grid.length[p]
@@ -121,7 +112,18 @@ def go(
                     c = combination(system, tables, w.effects)
                 left, best = h - t, 2.0
                 quiet = look_ahead(
-                    look_rows, tail_rows, apart, c, z, contact, never, look, tail, term, w.clear
+                    look_rows,
+                    tail_rows,
+                    apart,
+                    c,
+                    z,
+                    contact,
+                    never,
+                    closing,
+                    look,
+                    tail,
+                    term,
+                    w.clear,
                 )
                 if on_line or not quiet:
                     best = first_events(system, grid, tables, c, w, left, to_bernstein)
@@ -156,6 +158,8 @@ def go(
                     close = min(spread + w.spread[j], _AT_ONCE * longest / left)
                     if w.share[j] > 1.0 or w.share[j] - best > close:
                         continue
+                    if w.target[j] == BOTH:
+                        return JAMMED, events
                     before = w.contact[j]
                     speed = _cross(system, grid, w, j, p, vectors)
                     count += 1
@@ -167,8 +171,6 @@ def go(
                         )
                         if w.found[0] > row:
                             events[row, EVENT_MESH] = j
-                    if _closed(system, grid, w, j):
-                        return JAMMED, events
                 if count > limit:
                     return EVENT_LIMIT, events
                 t += length
