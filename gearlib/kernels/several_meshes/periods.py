@@ -54,6 +54,19 @@ def _cross(system, grid, w, j, p, vectors):
 
 
 @kernel
+def _in_order(events, row, first):
+    """Put the last event, in `row`, before those at its phase whose mesh has a higher number."""
+    while (
+        row > first
+        and events[row - 1, orbit.EVENT_PHASE] == events[row, orbit.EVENT_PHASE]
+        and events[row - 1, EVENT_MESH] > events[row, EVENT_MESH]
+    ):
+        for k in range(EVENT_COLUMNS):
+            events[row - 1, k], events[row, k] = events[row, k], events[row - 1, k]
+        row -= 1
+
+
+@kernel
 def go(
     system,
     grid,
@@ -101,6 +114,7 @@ def go(
     look_rows, tail_rows, apart = tables.look, tables.tail, grid.apart
     contact, look, tail, never, closing = w.contact, w.look, w.tail, grid.open, grid.closing
     count, taken, on_line = 0, 0, True
+    opening, latest = w.found[0], 0.0
     for p in range(first, last):
         c, h = -1, grid.length[p]
         for index in range(grid.substeps[p]):
@@ -164,13 +178,15 @@ def go(
                     speed = _cross(system, grid, w, j, p, vectors)
                     count += 1
                     if recording:
-                        row, at = w.found[0], phase + length * system.tuning
+                        # Sums of parts of a substep may round below the phase of the last event.
+                        row, latest = w.found[0], max(phase + length * system.tuning, latest)
                         v = speed / system.tuning
                         events, w.found[0] = orbit.note(
-                            events, row, 0, at, before, w.contact[j], v, summary[j]
+                            events, row, 0, latest, before, w.contact[j], v, summary[j]
                         )
                         if w.found[0] > row:
                             events[row, EVENT_MESH] = j
+                            _in_order(events, row, opening)
                 if count > limit:
                     return EVENT_LIMIT, events
                 t += length
