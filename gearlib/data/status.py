@@ -31,8 +31,9 @@ MESSAGES = {
         'loosen the tolerances, or take method "exact" or "taylor"'
     ),
     JAMMED: (
-        "the moving bearings closed the backlash, so that both flanks would touch at once: "
-        "raise the backlash, stiffen the bearings, or take moving_backlash=False"
+        "deviations, run-out or moving bearings closed the backlash, so that both flanks of a mesh "
+        "would touch at once: raise the backlash, take smaller deviations or stiffer bearings, or, "
+        "with six degrees of freedom, moving_backlash=False"
     ),
     UNRESOLVED: (
         "the motion kept so close to a flank line that rounding hides whether it crosses it: "

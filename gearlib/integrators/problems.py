@@ -6,6 +6,8 @@ A branch of a model is one piece of the stiffness with one contact code. Both cl
     phases that bound the pieces of one mesh period, and whether a piece lies below the mean;
 ``repeats``
     mesh periods after which the excitation repeats;
+``closing``
+    whether both flanks might touch at once;
 ``start(state)``
     (z, contact code) at phase 0;
 ``rate(t, z, piece, contact)``
@@ -43,7 +45,7 @@ class OneDegree:
     def __init__(self, pair, tuning):
         law = pair.law(tuning)
         self.breaks, self.low, self.gap = law.breaks, law.low, law.gap
-        self.repeats = 1
+        self.repeats, self.closing = 1, False
         self._upper, self._lower, self._ground = law.upper, law.lower, law.ground
         near = law.pieces.tolist(), law.stiffness.tolist()
         far = law.far_pieces.tolist(), law.far_stiffness.tolist()
@@ -101,6 +103,7 @@ class Linear:
         self._system, self._outputs = pair.system(tuning)
         self.breaks, self.low = self._system.starts, self._system.low
         self.gap, self.repeats = pair.backlash_ratio, pair.repeats
+        self.closing = self._system.closing
         n = self._system.near.size
         self._moving = n - 1 - 2 * self._system.harmonics.size
 

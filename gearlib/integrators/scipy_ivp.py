@@ -201,6 +201,8 @@ class _WholeTrain(several_meshes.Whole):
             solver.step()
             if not np.abs(solver.y).max() < several_meshes.RANGE:
                 return solver.y, status.OVERFLOW
+            if self.problem.jammed(solver.t, solver.y):
+                return solver.y, status.JAMMED
             if solver.status == "failed":
                 return z, status.STALLED
             dense = solver.dense_output()

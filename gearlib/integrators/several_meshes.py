@@ -15,7 +15,7 @@ import numpy as np
 from gearlib.data import status
 from gearlib.integrators.split import Stall
 from gearlib.kernels import orbit
-from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
+from gearlib.kernels.codes import BACKLASH, BOTH, INVERSE, NORMAL
 from gearlib.kernels.several_meshes.combinations import matrix_of
 from gearlib.kernels.several_meshes.record import FORCE_SUM
 from gearlib.kernels.steps import several_meshes as steps
@@ -72,6 +72,13 @@ class Problem:
         normal = near >= 0.0
         return normal * NORMAL + (~normal & (far <= 0.0)) * INVERSE
 
+    def jammed(self, t, z):
+        """Return whether both flanks of a mesh touch at once."""
+        if not self.grid.closing.any():
+            return False
+        near, far = (self._lines @ self.full(t, z)).reshape(2, -1)
+        return bool((self.grid.closing & (near >= 0.0) & (far < -_OFF)).any())
+
     def rate(self, full, segment, codes):
         """Return dz/dtau."""
         key = segment, codes.tobytes()
@@ -126,7 +133,8 @@ class Recorded:
             if len(samples):
                 problem.propagator.fill(self.raw, samples)
         if self.found:
-            events = np.array(self.found)
+            # A step over several changes of contact notes them mesh by mesh.
+            events = np.array(sorted(self.found, key=lambda row: (*row[:2], row[-1])))
         half, ends = z.size // 2, z / problem.propagator.scale
         period = self._period() if code == status.OK else 0
         return ends[:half], ends[half:], period, events, len(self.found), code, self.evaluations
@@ -265,6 +273,8 @@ class FixedSteps(Whole):
                 t = _TURN * n + i * h
                 new = steps.runge_kutta_step(system, t, h, z)
                 self.evaluations += _STAGES
+                if self.problem.jammed(t + h, new):
+                    return new, status.JAMMED
                 if not np.abs(new).max() < RANGE:
                     return new, status.OVERFLOW
                 self.record(t, t + h, z, new, _line(t, h, z, new))
@@ -318,12 +328,16 @@ class Split(Recorded):
             else:
                 after = BACKLASH if gap > 0.0 else -code
                 found.append((j, 0, -1, after) if code == NORMAL else (j, 1, 1, after))
+                if self.problem.grid.closing[j]:
+                    found.append((j, 1, -1, BOTH) if code == NORMAL else (j, 0, 1, BOTH))
         return found
 
     def go(self, z):
         """Go through the run; return (z, status)."""
         problem, system = self.problem, self.problem.system
         codes = problem.codes(problem.full(0.0, z))
+        if problem.jammed(0.0, z):
+            return z, status.JAMMED
         for j in problem.meshes:
             # On a line, within rounding: in contact, which may end at once.
             for line, code, row in ((0, NORMAL, system.near), (1, INVERSE, system.far)):
@@ -360,6 +374,8 @@ class Split(Recorded):
                         t, z, hit = done.t, done.z, done.hit
                     if hit is not None:
                         codes = self._change(t, z, codes, exits, hit)
+                        if BOTH in codes:
+                            return z, status.JAMMED
             if not np.abs(z).max() < RANGE:
                 return z, status.OVERFLOW
         return z, status.OK
@@ -383,7 +399,7 @@ class Split(Recorded):
         """Put z just beyond the line that ended a phase; return the new contact codes."""
         j, line, direction, after = next(leave for leave in exits if leave[:2] == hit)
         self.problem.off(t, z, j, line, direction)
-        if self.keep:
+        if self.keep and after != BOTH:
             self.add_event(t, self.problem.full(t, z), j, int(codes[j]), after)
         codes = codes.copy()
         codes[j] = after

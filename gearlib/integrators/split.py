@@ -12,7 +12,7 @@ import numpy as np
 from gearlib.data import status
 from gearlib.kernels import orbit
 from gearlib.kernels.closed_form.event_by_event import within_range
-from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
+from gearlib.kernels.codes import BACKLASH, BOTH, INVERSE, NORMAL
 from gearlib.kernels.steps.equation_of_motion import SIDE
 from gearlib.kernels.steps.recording import add_stretch, add_values, note
 
@@ -120,13 +120,18 @@ class Exit(NamedTuple):
     after: int  #: the next contact code
 
 
-def exits_of(contact, gap):
-    """Return the `Exit`s of a contact code at a backlash in static deflections."""
+def exits_of(contact, gap, closing=False):
+    """Return the `Exit`s of a contact code at a backlash in static deflections.
+
+    `closing`: whether both flanks might touch at once.
+    """
     if contact == BACKLASH:
         far = [Exit(FAR, -1, INVERSE)] if gap < math.inf else []
         return [Exit(NEAR, 1, NORMAL), *far]
     after = BACKLASH if gap > 0.0 else -contact
-    return [Exit(NEAR, -1, after) if contact == NORMAL else Exit(FAR, 1, after)]
+    both = [Exit(FAR, -1, BOTH) if contact == NORMAL else Exit(NEAR, 1, BOTH)]
+    own = [Exit(NEAR, -1, after) if contact == NORMAL else Exit(FAR, 1, after)]
+    return own + both if closing else own
 
 
 class Phase(NamedTuple):
@@ -173,7 +178,10 @@ class Split(Recorded):
         """Go through the run; return (z, status)."""
         problem, breaks = self.problem, self.problem.breaks.tolist()
         pieces = range(len(problem.low))
-        self.exits = {code: exits_of(code, problem.gap) for code in (NORMAL, BACKLASH, INVERSE)}
+        codes = NORMAL, BACKLASH, INVERSE
+        self.exits = {code: exits_of(code, problem.gap, problem.closing) for code in codes}
+        if problem.closing and contact == NORMAL and problem.lines(0.0, z)[FAR] < -self.off(z):
+            return z, status.JAMMED
         for leave in self.exits[contact]:
             if problem.lines(0.0, z)[leave.line] == 0.0:
                 z[0] -= leave.direction * self.off(z)
@@ -198,7 +206,10 @@ class Split(Recorded):
                         self._record(n, t, done, piece, contact)
                     t, z = done.t, done.z
                     if done.hit is not None:
-                        contact = self._change(n, t, z, contact, self.exits[contact][done.hit])
+                        leave = self.exits[contact][done.hit]
+                        if leave.after == BOTH:
+                            return z, status.JAMMED
+                        contact = self._change(n, t, z, contact, leave)
             if not within_range(*problem.observe(_TURN * (n + 1), z)):
                 return z, status.OVERFLOW
         return z, status.OK

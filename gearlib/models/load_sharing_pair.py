@@ -236,6 +236,7 @@ class LoadSharingPair(WithPair):
             longest=0.0,
             tuning=0.0,
             repeats=repeats,
+            closing=bool(-np.min(least) > self.backlash),
         )
         return system, max(line[0][..., 0].max() for line in lines)
 

@@ -58,7 +58,7 @@ from dataclasses import dataclass, field, fields
 import numpy as np
 
 from gearlib import checks
-from gearlib.kernels.piecewise_linear.system import Part, System
+from gearlib.kernels.piecewise_linear.system import Part, System, may_close
 from gearlib.models import derivatives, excitation, piecewise_linear
 from gearlib.models.harmonics import Harmonics
 from gearlib.models.pair import GearPair
@@ -308,6 +308,7 @@ class SixDegreePair(WithPair):
             frequencies,
             tuning,
             self.repeats,
+            closing=not endless and bool(may_close(near, far, one)),
         )
         return system, outputs
 

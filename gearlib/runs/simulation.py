@@ -253,6 +253,8 @@ def _time_course(pair, samples, code):
 def _event_table(events):
     """Return the variables over ``event`` from the event table of `Model.room`."""
     phase = 2.0 * math.pi * events[:, orbit.EVENT_PERIOD] + events[:, orbit.EVENT_PHASE]
+    # Events come in their order; the sum may round one below the event before it.
+    phase = np.maximum.accumulate(phase)
     columns = {
         "event_phase": phase,
         "event_from": events[:, orbit.EVENT_FROM].astype(np.int8),

@@ -72,7 +72,7 @@ class _OneDegree:
     def __init__(self, pair, tuning, problem):
         self.law = pair.law(tuning)
         law = self.law
-        self.gap = law.gap
+        self.gap, self.closing = law.gap, problem.closing
         #: Per contact code, whether |x'| comes in.
         self.turns = {c: self._damping(c)[1] != 0.0 for c in (NORMAL, BACKLASH, INVERSE)}
         self._orders = [row[0] for row in law.force if row[0] > 0.0]
@@ -150,7 +150,8 @@ class _SixDegrees:
 
     def __init__(self, pair, tuning, problem):
         self._system = pair.system(tuning)[0]
-        self.gap, self._m = problem.gap, problem.start((0.0, 0.0))[0].size
+        self.gap, self.closing = problem.gap, problem.closing
+        self._m = problem.start((0.0, 0.0))[0].size
         self.turns = dict.fromkeys((NORMAL, BACKLASH, INVERSE), False)
         self._where = {
             contact: tuple(
@@ -209,8 +210,8 @@ def _integrator(model, contact, sign, tol):
 
     `sign` is that of x' where it matters, else 0.
     """
-    far_flank = bool(np.isfinite(model.gap))
-    key = type(model), model.structure(contact), sign, far_flank, model.gap > 0.0, tol
+    flanks = bool(np.isfinite(model.gap)), model.gap > 0.0, model.closing
+    key = type(model), model.structure(contact), sign, flanks, tol
     made = _COMPILED.integrators
     if key not in made:
         import heyoka as hy
@@ -220,7 +221,7 @@ def _integrator(model, contact, sign, tol):
         # Without a cooldown of its own: the automatic one is infinite from rest on a line.
         events = [
             hy.t_event(lines[leave.line], direction=towards[leave.direction], cooldown=0.0)
-            for leave in exits_of(contact, model.gap)
+            for leave in exits_of(contact, model.gap, model.closing)
         ]
         if sign:
             events.append(hy.t_event(speed, direction=towards[-sign], cooldown=0.0))

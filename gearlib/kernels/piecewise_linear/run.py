@@ -16,6 +16,7 @@ from gearlib.kernels.arrays import copy, enlarged
 from gearlib.kernels.closed_form.event_by_event import within_range
 from gearlib.kernels.codes import (
     BACKLASH,
+    BOTH,
     EVENT_LIMIT,
     INVERSE,
     JAMMED,
@@ -28,13 +29,14 @@ from gearlib.kernels.jit import kernel
 from gearlib.kernels.piecewise_linear.system import (
     ORDER,
     REST,
+    behind,
     carry,
     dot,
     evaluate,
     expand,
     functional_of,
     image,
-    jammed,
+    next_contact,
     scratch,
     set_harmonics,
     tables,
@@ -50,17 +52,18 @@ def _multiply(factor, values, out):
 
 
 @kernel
-def _first_event(contact, on_line, at_rest, near, far, to_bernstein, scaled, work):
+def _first_event(contact, closing, on_line, at_rest, near, far, to_bernstein, scaled, work):
     """Return (share of the step, next contact code) of the first event.
 
     Share 2: none; -1: rounding hides whether there is one.
 
     near, far: polynomials of y and y - s over the step. `on_line`: the step starts exactly on a
-    line (1 the normal, -1 the far one, 0 none); `at_rest`: and at rest relative to it.
+    line (1 the normal, -1 the far one, 0 none); `at_rest`: and at rest relative to it. `closing`:
+    whether, in contact, the other flank has to be looked at too.
     """
     best, target = 2.0, contact
     for line in (NORMAL, INVERSE):
-        if contact == -line:
+        if contact == -line and not closing:
             continue
         side = float(line if contact == line else -line)
         _multiply(side, near if line == NORMAL else far, scaled)
@@ -70,7 +73,7 @@ def _first_event(contact, on_line, at_rest, near, far, to_bernstein, scaled, wor
                 scaled[1] = 0.0
         share = first_fall(scaled, to_bernstein, work)
         if share < best:
-            best, target = share, (BACKLASH if contact == line else line)
+            best, target = share, next_contact(contact, line)
     return best, target
 
 
@@ -114,12 +117,20 @@ def go(system, table, to_bernstein, z, contact, on_line, at_rest, s, record, rec
                 i = contact + 1
                 left = h - t
                 expand(system.a[i, p], table.counts[i, p], table.columns[i, p], z, s.series)
-                if contact != INVERSE:
+                if contact != INVERSE or system.closing:
                     functional_of(s.series, system.near, left, near)
-                if contact != NORMAL:
+                if contact != NORMAL or system.closing:
                     functional_of(s.series, system.far, left, far)
                 share, target = _first_event(
-                    contact, on_line, at_rest, near, far, to_bernstein, s.scaled, s.work
+                    contact,
+                    system.closing,
+                    on_line,
+                    at_rest,
+                    near,
+                    far,
+                    to_bernstein,
+                    s.scaled,
+                    s.work,
                 )
                 if share < 0.0:
                     return contact, limit + 3, record, recorded
@@ -140,13 +151,13 @@ def go(system, table, to_bernstein, z, contact, on_line, at_rest, s, record, rec
                 events += 1
                 if events > limit:
                     return contact, events, record, recorded
+                if target == BOTH:
+                    return contact, limit + 2, record, recorded
                 t += length
                 line = 1 if NORMAL in (contact, target) else -1
                 functional = system.near if line == 1 else system.far
                 z[system.fix] -= dot(functional, z) / functional[system.fix]
                 contact, on_line = target, line
-                if contact == BACKLASH and jammed(system, z, line):
-                    return contact, limit + 2, record, recorded
     return contact, events, record, recorded
 
 
@@ -237,6 +248,12 @@ def contact_at(system, z):
 
 
 @kernel
+def jammed_at(system, z, contact, on_line):
+    """Return whether both flanks touch at the start z of a run, which is in this contact."""
+    return system.closing and (contact == NORMAL or on_line == 1) and behind(system.far, z)
+
+
+@kernel
 def _velocity(system):
     """Return the functional y', shape (n,): the same for every contact code."""
     return image(system.a[1, 0].T, system.near)
@@ -261,6 +278,8 @@ def run_linear(
     contact, on_line, at_rest = contact_at(system, z)
     speed = _velocity(system)
     x, v = dot(system.position, z), dot(speed, z)
+    if jammed_at(system, z, contact, on_line):
+        return x, v, 0, events, 0, JAMMED
     if unseen > 0:
         own, own_speed, way = part.system, _velocity(part.system), period_tables(part.system)
         short, rest = image(part.into, z), image(part.rest_into, z)

@@ -13,13 +13,14 @@ from typing import NamedTuple
 import numpy as np
 
 from gearlib.kernels.arrays import copy
-from gearlib.kernels.jit import kernel
+from gearlib.kernels.codes import BACKLASH, BOTH
+from gearlib.kernels.jit import inlined, kernel
 
 ORDER = 20
 #: |A| h of a substep: (1.3)^21 / 21! e^1.3 = 2e-17.
 REACH = 1.3
-#: Overlap of the flank lines, in shares of the terms of their distance, that is more than rounding.
-_JAM = 1e-9
+#: Overlap of both flanks at a start, in shares of the terms of a distance, that is no rounding.
+_JAM = 1e-13
 #: A sum this small, as a share of its parts, is the rounding of zero.
 REST = 1e-14
 
@@ -40,6 +41,7 @@ class System(NamedTuple):
     tuning: float
     repeats: int = 1  #: mesh periods after which the excitation repeats
     first: int = 0  #: mesh period of the excitation in which runs begin
+    closing: bool = False  #: whether both flanks might touch at once, see `may_close`
 
 
 class Tables(NamedTuple):
@@ -217,24 +219,48 @@ def dot(functional, z):
     return total
 
 
-@kernel
-def jammed(system, z, line):
-    """Return whether a state that has just left a flank lies behind the other one already.
+@inlined
+def next_contact(contact, line):
+    """Return the contact behind a flank line that a motion crosses, 1 drive, -1 coast side.
 
-    Then moving bearings have closed the backlash; of two flanks in contact at once the model says
-    nothing. `line` is that of the flank left, 1 the normal, -1 the far one.
+    A flank of its own it leaves; from the other one it would come into contact with `BOTH`.
     """
-    return beyond(system.far if line == 1 else system.near, z, line)
+    if contact == line:
+        return BACKLASH
+    return BOTH if contact == -line else line
+
+
+def may_close(near, far, one):
+    """Return whether both flanks might touch at once: whether far - near can fall below zero.
+
+    Both touch where near >= 0 >= far. Proven for all time if far - near is a constant and harmonics
+    that are smaller together; where coordinates move it, or harmonics might, the run has to tell.
+
+    Parameters
+    ----------
+    near, far : ndarray, shape (..., n)
+        Functionals of the distances.
+    one : int
+        The component that is 1; coordinates come before it, harmonics after it.
+
+    Returns
+    -------
+    ndarray of bool, shape (...)
+    """
+    rows = (far - near).real
+    cosines, sines = rows[..., one + 1 :: 2], rows[..., one + 2 :: 2]
+    most = np.hypot(cosines, sines).sum(axis=-1) * (1.0 + 1e-12)
+    return rows[..., :one].any(axis=-1) | ((most > 0.0) & (rows[..., one] <= most))
 
 
 @kernel
-def beyond(functional, z, line):
-    """Return whether a distance is on the other side of its flank line by more than rounding.
+def behind(far, z):
+    """Return whether a state lies behind the coast-side line by more than rounding.
 
-    `line` is that of the other flank, which z has just left; z of shape (n,) or longer.
+    z of shape (n,) or longer. Where the drive side touches, both do.
     """
     value, size = 0.0, 0.0
-    for r in range(functional.shape[0]):
-        value += functional[r] * z[r]
-        size += abs(functional[r] * z[r])
-    return line * value < -_JAM * size
+    for r in range(far.shape[0]):
+        value += far[r] * z[r]
+        size += abs(far[r] * z[r])
+    return value < -_JAM * size

@@ -7,9 +7,9 @@ do not.
 import numpy as np
 
 from gearlib.kernels.arrays import copy_rows
-from gearlib.kernels.codes import NORMAL, OK, OVERFLOW
+from gearlib.kernels.codes import JAMMED, NORMAL, OK, OVERFLOW
 from gearlib.kernels.jit import kernel
-from gearlib.kernels.piecewise_linear.run import contact_at, go, set_harmonics, stopped
+from gearlib.kernels.piecewise_linear.run import contact_at, go, jammed_at, set_harmonics, stopped
 from gearlib.kernels.piecewise_linear.system import (
     ORDER,
     dot,
@@ -65,6 +65,8 @@ def vary_linear(system, to_bernstein, z, moving, periods, limit, matrices):
     # The lines of contact need the constants, which come with the harmonics.
     set_harmonics(system, z, 2.0 * np.pi * system.first)
     contact, on_line, at_rest = contact_at(system, z)
+    if jammed_at(system, z, contact, on_line):
+        return JAMMED
     previous = contact
     for i in range(periods):
         set_harmonics(system, z, 2.0 * np.pi * (system.first + i))

@@ -20,9 +20,9 @@ from typing import NamedTuple
 import numpy as np
 
 from gearlib.kernels.arrays import copy
-from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
+from gearlib.kernels.codes import BOTH, INVERSE, NORMAL
 from gearlib.kernels.jit import inlined, kernel
-from gearlib.kernels.piecewise_linear.system import ORDER, dot, exponential, jammed, product
+from gearlib.kernels.piecewise_linear.system import ORDER, dot, exponential, next_contact, product
 from gearlib.kernels.polynomial import fall_by_shape, first_fall, lowest_of_parabola
 
 #: Terms from this degree on are bounded together: (1.3)^8 / 8! = 2e-4 of the state.
@@ -234,7 +234,7 @@ def pass_period(system, table, to_bernstein, z, contact, on_line, at_rest, limit
     state, term, image, wide, work = table[8:]
     flat, n = state.reshape(state.size), z.shape[0]
     copy(z, flat[:n])
-    events = 0
+    events, closing = 0, system.closing
     for p in range(system.substeps.shape[0]):
         h = (system.starts[p + 1] - system.starts[p]) / system.substeps[p]
         for _ in range(system.substeps[p]):
@@ -245,7 +245,7 @@ def pass_period(system, table, to_bernstein, z, contact, on_line, at_rest, limit
                     _prepare(system, table, i, p)
                 best, target = 2.0, contact
                 for line in (NORMAL, INVERSE):
-                    if contact == -line:
+                    if contact == -line and not closing:
                         continue
                     rows, tail = (near, near_tail) if line == NORMAL else (far, far_tail)
                     on, side = on_line == line, float(line if contact == line else -line)
@@ -254,7 +254,7 @@ def pass_period(system, table, to_bernstein, z, contact, on_line, at_rest, limit
                         rows, tail, i, p, side, left / h, on, rest, flat, wide, to_bernstein, work
                     )
                     if share < best:
-                        best, target = share, (BACKLASH if contact == line else line)
+                        best, target = share, next_contact(contact, line)
                 at_rest, on_line = False, 0
                 if best > 1.0:
                     if t == 0.0:
@@ -267,6 +267,8 @@ def pass_period(system, table, to_bernstein, z, contact, on_line, at_rest, limit
                     break
                 if best < 0.0:
                     return contact, limit + 3
+                if target == BOTH:
+                    return contact, limit + 2
                 length = best * left
                 _advance(fine, rate, i, p, h, length, state, term, image)
                 events += 1
@@ -277,7 +279,5 @@ def pass_period(system, table, to_bernstein, z, contact, on_line, at_rest, limit
                 functional = system.near if on_line == 1 else system.far
                 flat[system.fix] -= dot(functional, flat[:n]) / functional[system.fix]
                 contact = target
-                if contact == BACKLASH and jammed(system, flat[:n], on_line):
-                    return contact, limit + 2
     copy(flat, z)
     return contact, events

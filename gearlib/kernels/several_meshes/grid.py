@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gearlib.kernels.jit import kernel
-from gearlib.kernels.piecewise_linear.system import ORDER
+from gearlib.kernels.piecewise_linear.system import ORDER, may_close
 from gearlib.kernels.several_meshes.combinations import BEHIND, LOOK, filled_up
 
 
@@ -18,6 +18,7 @@ class Grid(NamedTuple):
     rate: np.ndarray  #: functionals of dd_j/dtheta, shape (m, n)
     far_rate: np.ndarray  #: of the distances from the coast side
     open: np.ndarray  #: bool, whether a mesh has no coast side, shape (m,)
+    closing: np.ndarray  #: bool, whether both of its flanks might touch at once, shape (m,)
     apart: np.ndarray  #: rows of far - near by constant and harmonics, (m, ORDER + 1, 1 + 2 h)
     spin: np.ndarray  #: frequencies of the harmonics by theta, shape (h,)
 
@@ -70,7 +71,8 @@ def grid_of(system):
     never = ~system.far[:, :one].any(axis=1)
     spin = system.harmonics * system.tuning
     near, far = system.near @ system.free, system.far @ system.free
-    return Grid(substeps, length, kind, near, far, never, apart, spin)
+    closing = ~never & may_close(system.near, system.far, one)
+    return Grid(substeps, length, kind, near, far, never, closing, apart, spin)
 
 
 @kernel

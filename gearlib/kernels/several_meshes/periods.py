@@ -9,9 +9,9 @@ import numpy as np
 
 from gearlib.kernels import orbit
 from gearlib.kernels.arrays import copy
-from gearlib.kernels.codes import BACKLASH, EVENT_LIMIT, JAMMED, NORMAL, OK, UNRESOLVED
+from gearlib.kernels.codes import BOTH, EVENT_LIMIT, JAMMED, NORMAL, OK, UNRESOLVED
 from gearlib.kernels.jit import kernel
-from gearlib.kernels.piecewise_linear.system import beyond, dot
+from gearlib.kernels.piecewise_linear.system import dot
 from gearlib.kernels.several_meshes.combinations import (
     combination,
     multiply,
@@ -54,12 +54,16 @@ def _cross(system, grid, w, j, p, vectors):
 
 
 @kernel
-def _closed(system, grid, w, j):
-    """Return whether mesh j, which has just left a flank, lies behind the other one already."""
-    if w.contact[j] != BACKLASH or grid.open[j]:
-        return False
-    line = w.line[j]
-    return beyond(system.far[j] if line == 1 else system.near[j], w.z, line)
+def _in_order(events, row, first):
+    """Put the last event, in `row`, before those at its phase whose mesh has a higher number."""
+    while (
+        row > first
+        and events[row - 1, orbit.EVENT_PHASE] == events[row, orbit.EVENT_PHASE]
+        and events[row - 1, EVENT_MESH] > events[row, EVENT_MESH]
+    ):
+        for k in range(EVENT_COLUMNS):
+            events[row - 1, k], events[row, k] = events[row, k], events[row - 1, k]
+        row -= 1
 
 
 @kernel
@@ -107,9 +111,10 @@ def go(
     first, last = system.first_segment[number], system.first_segment[number + 1]
     rate, step, spin = tables.rate, tables.step, grid.spin
     z, own, term, image_, longest = w.z, w.z[:n], w.term, w.image, system.longest
-    look_rows, tail_rows, apart, never = tables.look, tables.tail, grid.apart, grid.open
-    contact, look, tail = w.contact, w.look, w.tail
+    look_rows, tail_rows, apart = tables.look, tables.tail, grid.apart
+    contact, look, tail, never, closing = w.contact, w.look, w.tail, grid.open, grid.closing
     count, taken, on_line = 0, 0, True
+    opening, latest = w.found[0], 0.0
     for p in range(first, last):
         c, h = -1, grid.length[p]
         for index in range(grid.substeps[p]):
@@ -121,7 +126,18 @@ def go(
                     c = combination(system, tables, w.effects)
                 left, best = h - t, 2.0
                 quiet = look_ahead(
-                    look_rows, tail_rows, apart, c, z, contact, never, look, tail, term, w.clear
+                    look_rows,
+                    tail_rows,
+                    apart,
+                    c,
+                    z,
+                    contact,
+                    never,
+                    closing,
+                    look,
+                    tail,
+                    term,
+                    w.clear,
                 )
                 if on_line or not quiet:
                     best = first_events(system, grid, tables, c, w, left, to_bernstein)
@@ -156,19 +172,21 @@ def go(
                     close = min(spread + w.spread[j], _AT_ONCE * longest / left)
                     if w.share[j] > 1.0 or w.share[j] - best > close:
                         continue
+                    if w.target[j] == BOTH:
+                        return JAMMED, events
                     before = w.contact[j]
                     speed = _cross(system, grid, w, j, p, vectors)
                     count += 1
                     if recording:
-                        row, at = w.found[0], phase + length * system.tuning
+                        # Sums of parts of a substep may round below the phase of the last event.
+                        row, latest = w.found[0], max(phase + length * system.tuning, latest)
                         v = speed / system.tuning
                         events, w.found[0] = orbit.note(
-                            events, row, 0, at, before, w.contact[j], v, summary[j]
+                            events, row, 0, latest, before, w.contact[j], v, summary[j]
                         )
                         if w.found[0] > row:
                             events[row, EVENT_MESH] = j
-                    if _closed(system, grid, w, j):
-                        return JAMMED, events
+                            _in_order(events, row, opening)
                 if count > limit:
                     return EVENT_LIMIT, events
                 t += length

@@ -6,9 +6,9 @@ import numpy as np
 
 from gearlib.kernels import orbit
 from gearlib.kernels.arrays import copy
-from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL, OK, OVERFLOW, UNRESOLVED
+from gearlib.kernels.codes import BACKLASH, INVERSE, JAMMED, NORMAL, OK, OVERFLOW, UNRESOLVED
 from gearlib.kernels.jit import kernel
-from gearlib.kernels.piecewise_linear.system import REST, dot, image, set_harmonics
+from gearlib.kernels.piecewise_linear.system import REST, behind, dot, image, set_harmonics
 from gearlib.kernels.several_meshes.combinations import by_columns, matrix_of
 from gearlib.kernels.several_meshes.grid import work_of
 from gearlib.kernels.several_meshes.periods import go
@@ -136,6 +136,10 @@ def run_train(
     number = system.first % system.repeats
     set_harmonics(system, w.z[:n], 2.0 * math.pi * system.first)
     set_contacts(system, grid.open, w, system.first_segment[number])
+    for j in range(m):
+        touches = w.contact[j] == NORMAL or w.line[j] == 1
+        if grid.closing[j] and touches and behind(system.far[j], w.z[:n]):
+            return 0, events, 0, JAMMED
     unseen = periods - record_periods
     per_period = samples.shape[0] // max(record_periods, 1)
     for i in range(periods):

@@ -7,9 +7,9 @@ otherwise the first crossing is proved by the shape of the polynomial, or isolat
 """
 
 from gearlib.kernels.arrays import copy
-from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
+from gearlib.kernels.codes import BACKLASH, NORMAL
 from gearlib.kernels.jit import inlined, kernel
-from gearlib.kernels.piecewise_linear.system import ORDER, REACH
+from gearlib.kernels.piecewise_linear.system import ORDER, REACH, next_contact
 from gearlib.kernels.polynomial import fall_by_shape, first_fall, horner, lowest_of_parabola
 from gearlib.kernels.several_meshes.combinations import LOOK, multiply
 
@@ -72,7 +72,7 @@ def to_far(apart, j, scale, constants, curve):
 
 
 @inlined
-def look_ahead(rows, tails, apart, c, z, contact, never, look, tail, term, clear):
+def look_ahead(rows, tails, apart, c, z, contact, never, closing, look, tail, term, clear):
     """Fill `clear`, which meshes provably come to no flank line within the longest substep.
 
     Their parabolas stay clear of the line by more than all higher terms can make. Fills look and
@@ -89,7 +89,7 @@ def look_ahead(rows, tails, apart, c, z, contact, never, look, tail, term, clear
         reach = (abs(look[i + 3]) + abs(look[i + 4])) + (abs(look[i + 5]) + abs(look[i + 6]))
         reach += abs(look[i + 7]) + tail[j]
         if code == NORMAL:
-            alone = lowest_of_parabola(x, v, a) > reach
+            alone = not closing[j] and lowest_of_parabola(x, v, a) > reach
         else:
             # Deviations that differ from flank to flank are left to the whole polynomial.
             alone = never[j] or apart.shape[2] == 1
@@ -138,12 +138,11 @@ def first_events(system, grid, tables, c, w, left, to_bernstein):
         if w.clear[j] and w.rest[j] == 0:
             continue
         for line in (1, -1):
-            # The drive side bounds the backlash from above, the coast side from below.
-            if code == -line or (line == -1 and grid.open[j]):
+            # The drive side bounds the backlash from above, the coast side from below; in contact
+            # the other flank matters only where it might touch too.
+            if (code == -line and not grid.closing[j]) or (line == -1 and grid.open[j]):
                 continue
-            side = -1.0 if code != line and line == 1 else 1.0
-            if line == -1 and code == INVERSE:
-                side = -1.0
+            side = float(line if code == line else -line)
             rest = w.rest[j] if w.line[j] == line else 0
             polynomial(look, tables.behind, m * c + j, w.behind, z, j, scale, curve)
             if line == -1:
@@ -155,6 +154,6 @@ def first_events(system, grid, tables, c, w, left, to_bernstein):
                 return -1.0
             if share < w.share[j]:
                 w.share[j], w.spread[j] = share, spread
-                w.target[j] = BACKLASH if code != BACKLASH else line
+                w.target[j] = next_contact(code, line)
         best = min(best, w.share[j])
     return best

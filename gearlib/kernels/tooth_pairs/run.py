@@ -12,7 +12,16 @@ import numpy as np
 from gearlib.kernels import orbit
 from gearlib.kernels.closed_form.deviation import multiply
 from gearlib.kernels.closed_form.event_by_event import within_range
-from gearlib.kernels.codes import BACKLASH, EVENT_LIMIT, INVERSE, NORMAL, OK, OVERFLOW, UNRESOLVED
+from gearlib.kernels.codes import (
+    BACKLASH,
+    EVENT_LIMIT,
+    INVERSE,
+    JAMMED,
+    NORMAL,
+    OK,
+    OVERFLOW,
+    UNRESOLVED,
+)
 from gearlib.kernels.jit import inlined, kernel
 from gearlib.kernels.taylor.run import add_samples, add_step, first_crossing
 from gearlib.kernels.taylor.series import ORDER, PUSH, ROWS, C, V, X, state_at
@@ -98,30 +107,32 @@ def _follow(row, t, drag, unit, h, matrix):
 
 
 @inlined
-def _first_event(overlap, inside, lower, s, line, t, h, x, series, to_bernstein, work):
+def _first_event(overlap, inside, lower, closing, s, line, t, h, x, series, to_bernstein, work):
     """Return (share of a step of length h, number of the pair) of the first touch or parting.
 
     Share 2: none; -1: rounding hides whether there is one. The number after the last pair is the
-    coast side. `overlap`, `inside`: of the segment; `line`: on which the step starts, -1 on none.
+    coast side. `overlap`, `inside`: of the segment; `line`: on which the step starts, -1 on none;
+    `closing`: whether what touches on the other side has to be looked at too.
     """
     coast, k = overlap.shape[0], overlap.shape[1]
     best, which = 2.0, -1
     for i in range(k):
         bit = 1 << i
-        if s == coast or not inside & bit:
+        if (s == coast and not closing) or not inside & bit:
             continue
-        _fill(series, ROWS + i, overlap[s & ~bit, i], t, ORDER + 1)
+        touches = s != coast and s & bit != 0
+        _fill(series, ROWS + i, overlap[s & ~bit if s != coast else 0, i], t, ORDER + 1)
         if line == i:
             series[ROWS + i, 0] = 0.0
-        side = 1.0 if s & bit else -1.0
+        side = 1.0 if touches else -1.0
         share = first_crossing(series, ROWS + i, 0.0, side, h, to_bernstein, work)
         if share < best:
             best, which = share, i
-    if lower > -math.inf and (s == 0 or s == coast):
+    if lower > -math.inf and (closing or s == 0 or s == coast):
         for j in range(ORDER + 1):
             series[ROWS + k, j] = series[X, j]
         series[ROWS + k, 0] = 0.0 if line == k else x - lower
-        side = 1.0 if s == 0 else -1.0
+        side = 1.0 if s != coast else -1.0
         share = first_crossing(series, ROWS + k, 0.0, side, h, to_bernstein, work)
         if share < best:
             best, which = share, k
@@ -159,6 +170,7 @@ def run_pairs(
     starts, first_segment, inside = system.starts, system.first_segment, system.inside
     force, overlap, slip, damping = system.force, system.overlap, system.slip, system.damping
     lower, longest, tuning = system.lower, system.longest, system.tuning
+    closing = system.closing
     k, coast, unit = overlap.shape[2], overlap.shape[1], 1.0 / (tuning * tuning)
     series, work = np.zeros((ROWS + k + 1, ORDER + 1)), np.empty((50, ORDER + 2))
     kept = min(periods, orbit.strobe_periods(system.repeats))
@@ -184,6 +196,8 @@ def run_pairs(
                 s = touching(flanks, pairs, lower, 0.0, x)
                 line = -1
                 after = _contact_of(s, coast)
+                if after == NORMAL and x < lower:
+                    return x, v, 0, events, 0, JAMMED, steps
                 if recorded >= 0 and after != before and not start:
                     events, found = orbit.note(
                         events, found, n, starts[p] - begin, before, after, v, summary
@@ -199,10 +213,12 @@ def run_pairs(
                 if end - phase - h < 1e-13:
                     h = end - phase
                 best, which = _first_event(
-                    flanks, pairs, lower, s, line, t, h, x, series, to_bernstein, work
+                    flanks, pairs, lower, closing, s, line, t, h, x, series, to_bernstein, work
                 )
                 if best < 0.0:
                     return x, v, 0, events, 0, UNRESOLVED, steps
+                if best <= 1.0 and (s != 0 and which == k if s != coast else which < k):
+                    return x, v, 0, events, 0, JAMMED, steps
                 h = h if best > 1.0 else best * h
                 x, v = state_at(series, h)
                 steps += 1

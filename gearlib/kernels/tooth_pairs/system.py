@@ -34,3 +34,4 @@ class ToothPairSystem(NamedTuple):
     longest: float  #: phase of the longest step
     tuning: float  #: nu
     repeats: int  #: mesh periods after which the pairs of teeth repeat
+    closing: bool  #: whether pairs of teeth and the coast side might touch at once
