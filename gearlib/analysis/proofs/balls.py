@@ -10,6 +10,9 @@ from dataclasses import dataclass
 from decimal import Context, Decimal
 from fractions import Fraction
 
+#: Bits where few will do: for derivatives, for polynomials, and where a radius is looked for.
+COARSE = 64
+
 
 def flint():
     """Return the module of python-flint.

@@ -16,7 +16,7 @@ from gearlib.analysis.proofs.path import Uncertain
 
 _MAX_NEWTON = 12
 #: Boxes that are tried for the largest one with a single zero, and the first of them.
-_TRIES, _LARGEST = 40, 0.1
+_TRIES, LARGEST = 40, 0.1
 #: A derivative whose inverse is larger than this is singular.
 _SINGULAR = 1e13
 
@@ -96,10 +96,10 @@ def enclose(system, centre, inverse):
     return [m + s for m, s in zip(centre, shift, strict=True)] if inside(shift, radii) else None
 
 
-def uniqueness(system, centre, inverse, singular):
+def uniqueness(system, centre, inverse, singular, largest=LARGEST):
     """Return a radius, a float: the box of it about `centre` has exactly one zero.
 
-    The first radius that passes is not the largest possible one.
+    `largest` is tried first. The first radius that passes is not the largest possible one.
 
     Raises
     ------
@@ -107,7 +107,7 @@ def uniqueness(system, centre, inverse, singular):
         With the arguments `singular` if none passes.
     """
     residuals, _ = system(centre)
-    radius = _LARGEST
+    radius = largest
     for _ in range(_TRIES):
         radii = [radius] * len(centre)
         shift = image(system, centre, radii, inverse, residuals)

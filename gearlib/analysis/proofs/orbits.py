@@ -11,7 +11,7 @@ from gearlib.analysis.proofs.certificates import Certificate, Refusal, listed
 from gearlib.analysis.proofs.extrema import extrema
 from gearlib.analysis.proofs.krawczyk import enclose, polish, uniqueness
 from gearlib.analysis.proofs.laws import Laws
-from gearlib.analysis.proofs.path import Path, Uncertain
+from gearlib.analysis.proofs.path import SWITCH, Path, Uncertain
 from gearlib.analysis.proofs.signs import check_contacts
 from gearlib.kernels import orbit as columns
 from gearlib.models.model import is_model
@@ -215,9 +215,12 @@ class Proof:
     def states_at(self, part):
         """Return the enclosure of (x, w) after some whole mesh periods."""
         turn = 2 * flint().arb.pi() * part
-        (x, w), last = self.box[:2], 0
+        (x, w), last = self.box[:2], self.path.start
         for node, (x_end, w_end, phase, _) in zip(self.path.nodes, self.states, strict=True):
             if phase.overlaps(turn):
+                if node.kind == SWITCH:
+                    # Only a switch at the start of a period is this close to it: they are one.
+                    return x_end, w_end
                 raise Uncertain(
                     "switch", f"a contact may coincide with the start of mesh period {part}"
                 )

@@ -21,6 +21,8 @@ from gearlib.kernels.codes import INVERSE, NORMAL
 
 #: Of the largest entry: a free motion is free up to this, a thousand roundings of floats.
 _FREE = 1e-13
+#: Times that differ by less have exponentials that follow from each other at little cost.
+_NEAR = 1e-6
 
 
 class TrainLaws:
@@ -40,6 +42,7 @@ class TrainLaws:
         self.parts, self.tuning = parts_of(model), module.arb(tuning)
         self.repeats = model.repeats
         self._laws: dict = {}
+        self._flows: dict = {}
         self._take_out_free_motions()
         meshes = self.parts.meshes
         self.waves = sorted({frequency for mesh in meshes for frequency in mesh.waves})
@@ -192,7 +195,8 @@ class TrainLaws:
             (code, *level[COAST if code == INVERSE else DRIVE]) if code else code
             for code, level in zip(codes, levels, strict=True)
         )
-        if key not in self._laws:
+        name = flint().ctx.prec, key
+        if name not in self._laws:
             matrix, rate = self._free * 1, self.parts.frequency
             for j, (mesh, code) in enumerate(zip(self.parts.meshes, codes, strict=True)):
                 if not code:
@@ -203,8 +207,17 @@ class TrainLaws:
                 more = self._rates[j][side] * ((mesh.damping - mesh.film) / rate)
                 matrix += self._pushes[j][side] * (elastic + more)
                 matrix += self._across[j] * (elastic * (mesh.friction[side] * sense))
-            self._laws[key] = self.inverse * matrix * self.basis
-        return self._laws[key]
+            self._laws[name] = self.inverse * matrix * self.basis
+        return self._laws[name]
+
+    def flow(self, law, t):
+        """Return the exponential of a law by a time, from a known one at nearly the same time."""
+        known = self._flows.setdefault((id(law), flint().ctx.prec), [])
+        for at, power in known:
+            if abs(t - at) < _NEAR:
+                return (law * (t - at)).exp() * power
+        known.append((t, (law * t).exp()))
+        return known[-1][1]
 
     def start(self, state):
         """Return (y, dy/dtheta) of a state (q, dq/dtau) in floats, a list of balls."""
@@ -218,6 +231,12 @@ class TrainLaws:
     def rest(self):
         """Return the constant and the harmonics of z at tau = 0."""
         return [1] + [1, 0] * len(self.waves)
+
+
+def norm(matrix):
+    """Return the largest sum of magnitudes in a row, an upper bound."""
+    arb = flint().arb
+    return max(sum(map(abs, row), arb(0)).upper() for row in matrix.tolist())
 
 
 def _ball(fraction):

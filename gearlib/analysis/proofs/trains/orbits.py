@@ -2,26 +2,30 @@
 
 import math
 from functools import partial
+from itertools import pairwise
 
 from gearlib.analysis.orbits.shooting import resting
-from gearlib.analysis.proofs.balls import digits_of, enclosure, flint, precision
+from gearlib.analysis.proofs.balls import COARSE, digits_of, enclosure, flint, precision
 from gearlib.analysis.proofs.certificates import MeshEvent, TrainCertificate
-from gearlib.analysis.proofs.krawczyk import polish, uniqueness
+from gearlib.analysis.proofs.krawczyk import LARGEST, image, polish, uniqueness
 from gearlib.analysis.proofs.orbits import FOLD, enclosed, first_with
 from gearlib.analysis.proofs.path import Uncertain
 from gearlib.analysis.proofs.trains.laws import TrainLaws
 from gearlib.analysis.proofs.trains.multipliers import eigenvalues, judge
 from gearlib.analysis.proofs.trains.parts import parts_of
 from gearlib.analysis.proofs.trains.path import TrainPath
-from gearlib.analysis.proofs.trains.signs import COARSE, check_contacts
+from gearlib.analysis.proofs.trains.signs import check_contacts
 from gearlib.analysis.proofs.trains.windows import Windows
 from gearlib.kernels import orbit as columns
 from gearlib.runs.run_arguments import MAX_EVENTS
 
 #: Bits beyond the digits asked for where contacts come together.
 _MORE = 320
-#: How often contacts at nearly one phase are put into another order.
-_ORDERS = 3
+#: How often contacts at nearly one phase are put into another order; what is near, and the bits
+#: that tell most of them apart.
+_ORDERS, _NEAR, _SORTING = 3, 1e-9, 96
+#: A box that shows how large a box about the orbit may be.
+_SMALL = 2.0**-24
 
 
 def listed_contacts(orbit):
@@ -111,22 +115,48 @@ class TrainProof:
             self.speeds = check_contacts(self.path, codes, self.box)
             _, ends = self.path.states(self.box)
             self.phases = self.box[n:]
-            self.map = self.path.monodromy(system(self.box)[1])
+            self.map = self.path.monodromy(system(self.box, flint().ctx.prec)[1])
         self._check_period([ends[node] for node in self.path.ends])
-        self.radius = uniqueness(system, self.centre, inverse, FOLD)
+        self.radius = self._radius(system, inverse)
+
+    def _radius(self, system, inverse):
+        """Return the radius of uniqueness, looked for with few bits where these suffice."""
+        n = len(self.centre)
+        for bits in (COARSE, flint().ctx.prec):
+            with precision(bits):
+                try:
+                    shift = image(system, self.centre, [_SMALL] * n, inverse, [0] * n)
+                    # The share of a box that its image fills grows with the box.
+                    share = float(max(abs(s) for s in shift).upper()) / _SMALL
+                    largest = 0.5 * _SMALL / share if share > _SMALL else LARGEST
+                    return uniqueness(system, self.centre, inverse, FOLD, min(largest, LARGEST))
+                except Uncertain:
+                    continue
+        raise Uncertain(*FOLD)
 
     def _polished(self, given, events):
         """Return (midpoints of a zero, inverse of the derivative); the contacts in their order."""
         n = len(given)
+        start, events = self._ordered(given, events)
         for _ in range(_ORDERS):
             self.path = TrainPath(self.laws, self.codes, events, self.orbit.period)
-            centre, inverse = polish(self.path.equations, [*given, *self.path.guess], FOLD)
-            phases = centre[n:]
-            order = sorted(range(len(phases)), key=phases.__getitem__)
-            if order == list(range(len(phases))):
+            centre, inverse = polish(self.path.equations, [*start, *self.path.guess], FOLD)
+            order = _order(centre[n:])
+            if order == list(range(len(order))):
                 break
-            events = [(phases[i], *events[i][1:]) for i in order]
+            events = [(centre[n + i], *events[i][1:]) for i in order]
         return centre, inverse
+
+    def _ordered(self, start, events):
+        """Return state and events; where floats may have mixed up their order, in a better one."""
+        phases = [phase for phase, *_ in events]
+        if not any(b - a < _NEAR for a, b in pairwise(phases)):
+            return start, events
+        with precision(_SORTING):
+            path = TrainPath(self.laws, self.codes, events, self.orbit.period, framed=False)
+            centre, _ = polish(path.equations, [*start, *path.guess], FOLD)
+        n = len(start)
+        return centre[:n], [(centre[n + i], *events[i][1:]) for i in _order(centre[n:])]
 
     def _check_period(self, states):
         """Refuse an orbit that repeats earlier; `states` are those at the ends of its repeats."""
@@ -181,3 +211,8 @@ class TrainProof:
             laws.parts.derived,
         )
         return found, min(digits_of(value) for value in numbers)
+
+
+def _order(phases):
+    """Return the numbers of phases in their order."""
+    return sorted(range(len(phases)), key=phases.__getitem__)

@@ -11,13 +11,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gearlib.analysis.proofs.balls import flint
+from gearlib.analysis.proofs.balls import COARSE, flint, precision
 from gearlib.analysis.proofs.path import Uncertain
+from gearlib.analysis.proofs.trains.laws import norm
 from gearlib.analysis.proofs.trains.parts import COAST, DRIVE
 from gearlib.kernels.codes import NORMAL
 
 #: Most arcs of an orbit.
 _MOST = 1000
+#: Of an arc that hardly turns or stretches a box: its time by the norm of its law.
+_SHORT = 0.125
 
 
 @dataclass(frozen=True)
@@ -35,16 +38,27 @@ class Node:
 class Arc(NamedTuple):
     """An arc in the frames of its ends: z~ = frame c."""
 
-    base: Any  #: time near to that of the arc
+    base: Any  #: time near to that of the arc; where both ends are known the time itself
     power: Any  #: exponential of that time, from the frame before to that of this arc
-    begins: Any  #: the law in the frame before
-    law: Any  #: the law in the frame of this arc
+    begins: Any  #: the law in the frame before; None where the arc begins at a known phase
+    law: Any  #: the law in the frame of this arc; None where it ends at a known phase
     frame: Any
     back: Any  #: its inverse
 
+    def turn(self, t):
+        """Return the exponential of what a time differs from the base by; None: by nothing."""
+        law = self.begins if self.law is None else self.law
+        return None if law is None else (law * (t - self.base)).exp()
+
+    def after(self, z, turn):
+        """Return columns in the frame before after `turn` of a time, in the frame of this arc."""
+        if turn is None:
+            return self.power * z
+        return turn * (self.power * z) if self.law is not None else self.power * (turn * z)
+
     def go(self, z, t):
         """Return columns in the frame before after a time, in the frame of this arc."""
-        return (self.law * (t - self.base)).exp() * (self.power * z)
+        return self.after(z, self.turn(t))
 
 
 class TrainPath:
@@ -58,9 +72,11 @@ class TrainPath:
     events : list of (phase, mesh, code before, code after)
         In their order; phases, floats or balls, count on over the periods.
     period : int
+    framed : bool
+        Whether boxes turn with the motion; of use where they are wide, or the bits are many.
     """
 
-    def __init__(self, laws, codes, events, period):
+    def __init__(self, laws, codes, events, period, framed=True):
         arb, now = flint().arb, list(codes)
         self.laws, self.scale = laws, 1 / laws.tuning
         turn = 2 * arb.pi()
@@ -93,81 +109,92 @@ class TrainPath:
             self.guess.append(phase)
             now[mesh] = after
         self.nodes.append(Node(laws.law(now, segment), turn * period))
-        self.arcs = self._frames()
+        self.arcs = self._frames(framed)
 
     def phases(self, unknown):
         """Return the phase of every node; `unknown` are those that are not known."""
         unknown = iter(unknown)
         return [next(unknown) if node.phase is None else node.phase for node in self.nodes]
 
-    def _frames(self):
+    def _frames(self, framed):
         """Return the `Arc` of every node: exponentials at about the times that arcs will last.
 
         Frames are orthogonal, by the QR method of Lohner: boxes turn with the motion, and hardly
-        grow by being wrapped anew after every arc.
+        grow by being wrapped anew after every arc. A short arc keeps the frame before.
         """
         n = 2 * len(self.laws.kept)
         frame = back = _unit(self.laws.size)
-        spread, found, last = np.eye(n), [], 0
+        spread, found, last, known = np.eye(n), [], 0, True
         for node, phase in zip(self.nodes, self.phases(self.guess), strict=True):
-            base = ((phase - last) * self.scale).mid()
-            power, begins = (node.law * base).exp(), back * node.law * frame
-            spread = _floats(power)[:n, :n] @ spread
-            # The longest direction first: it decides how the box lies.
-            order = np.argsort(-np.linalg.norm(spread, axis=0), kind="stable")
-            spread, _ = np.linalg.qr(spread[:, order])
-            old, frame = frame, _unit(self.laws.size)
-            for i in range(n):
-                for j in range(n):
-                    frame[i, j] = float(spread[i, j])
-            back = frame.inv()
-            law = back * node.law * frame
-            found.append(Arc(base, back * power * old, begins, law, frame, back))
+            starts_known, known = known, node.phase is not None
+            base = (phase - last) * self.scale
+            if not (starts_known and known):
+                base = base.mid()
+            law = None
+            if not framed:
+                begins = law = node.law
+                power = self.laws.flow(law, base)
+            elif abs(base) * norm(node.law) < _SHORT:
+                begins = law = back * node.law * frame
+                power = (law * base).exp()
+            else:
+                flow = self.laws.flow(node.law, base)
+                begins = None if starts_known else back * node.law * frame
+                spread = _floats(flow)[:n, :n] @ spread
+                # The longest direction first: it decides how the box lies.
+                order = np.argsort(-np.linalg.norm(spread, axis=0), kind="stable")
+                spread, _ = np.linalg.qr(spread[:, order])
+                power, frame = flow * frame, _unit(self.laws.size)
+                for i in range(n):
+                    for j in range(n):
+                        frame[i, j] = float(spread[i, j])
+                back = frame.inv()
+                power = back * power
+                law = None if known else back * node.law * frame
+            found.append(Arc(base, power, begins, law, frame, back))
             last = phase
         return found
 
-    def equations(self, unknowns):
-        """Return (residuals, derivatives, a row each) by the unknowns (y, dy/dtheta, phases)."""
+    def equations(self, unknowns, bits=None):
+        """Return (residuals, derivatives, a row each) by the unknowns (y, dy/dtheta, phases).
+
+        Derivatives with so many bits; by default with as many as Newton's method has a use for.
+        """
         arb_mat, laws = flint().arb_mat, self.laws
         n, size, m = 2 * len(laws.kept), laws.size, len(unknowns)
-        # The state, and its derivatives behind it.
-        z = arb_mat(size, 1 + m)
-        for i, value in enumerate([*unknowns[:n], *laws.rest()]):
-            z[i, 0] = value
-            if i < n:
-                z[i, 1 + i] = 1
-        z = laws.inverse * z
+        bits = bits or max(COARSE, flint().ctx.prec // 3)
+        z = laws.inverse * arb_mat([[value] for value in [*unknowns[:n], *laws.rest()]])
+        slopes = arb_mat(size, m)
+        for i in range(size):
+            for j in range(n):
+                slopes[i, j] = laws.inverse[i, j]
         residuals, rows = [], []
-        last, last_column, column = 0, None, n + 1
+        last, last_column, column = 0, None, n
         phases = self.phases(unknowns[n:])
         for node, phase, arc in zip(self.nodes, phases, self.arcs, strict=True):
             if last_column is not None:
                 # The later the arc begins, the less of it there is.
-                self._move(z, arc.begins, last_column, -self.scale)
-            z = arc.go(z, (phase - last) * self.scale)
+                _add(slopes, last_column, arc.begins * z * -self.scale)
+            turn = arc.turn((phase - last) * self.scale)
+            z = arc.after(z, turn)
+            with precision(bits):
+                slopes = arc.after(slopes, turn)
             last, last_column = phase, None
             if node.phase is None:
-                self._move(z, arc.law, column, self.scale)
+                _add(slopes, column, arc.law * z * self.scale)
                 distance = laws.distances[node.mesh][node.side] * arc.frame
-                residual, *row = (distance * z).entries()
-                residuals.append(residual)
-                rows.append(row)
+                residuals.append((distance * z)[0, 0])
+                rows.append((distance * slopes).entries())
                 last_column = column
                 column += 1
-        z = laws.basis * (self.arcs[-1].frame * z)
+        ends = laws.basis * self.arcs[-1].frame
+        z, slopes = ends * z, ends * slopes
         for i in range(n):
             residuals.append(z[i, 0] - unknowns[i])
-            row = [z[i, 1 + j] for j in range(m)]
+            row = [slopes[i, j] for j in range(m)]
             row[i] -= 1
             rows.append(row)
         return residuals, rows
-
-    @staticmethod
-    def _move(z, law, column, rate):
-        """Add what a later phase adds to the state to a column of its derivatives."""
-        state = flint().arb_mat([[z[i, 0]] for i in range(z.nrows())])
-        for i, value in enumerate((law * state).entries()):
-            z[i, column] += value * rate
 
     def states(self, unknowns):
         """Return (z~ at the start, time) of every arc, and z~ at the nodes."""
@@ -200,6 +227,12 @@ class TrainPath:
         by_phases = arb_mat([row[n:] for row in rows[:k]])
         rates = by_phases.solve(arb_mat([row[:n] for row in rows[:k]]))
         return back - arb_mat([row[n:] for row in rows[k:]]) * rates
+
+
+def _add(matrix, column, values):
+    """Add values, shape (n, 1), to a column of a matrix."""
+    for i, value in enumerate(values.entries()):
+        matrix[i, column] += value
 
 
 def _unit(n):

@@ -6,18 +6,15 @@ coefficient that holds the remainder; `gearlib.analysis.proofs.signs` proves the
 
 import math
 
-import numpy as np
-
-from gearlib.analysis.proofs.balls import flint, precision
+from gearlib.analysis.proofs.balls import COARSE, flint, precision
 from gearlib.analysis.proofs.path import Uncertain
 from gearlib.analysis.proofs.signs import CROSSING, keeps_off
+from gearlib.analysis.proofs.trains.laws import norm
 from gearlib.analysis.proofs.trains.parts import COAST, DRIVE
 from gearlib.kernels.codes import INVERSE, NORMAL
 
-#: Degree of the polynomials, and by how much the fastest motion turns on one of them.
+#: Degree of the polynomials, and the time of one of them by the norm of the law.
 _ORDER, _REACH = 18, 1.0
-#: Bits where few will do: for polynomials, and where the radius is looked for.
-COARSE = 64
 _TOGETHER = (
     "together",
     "contacts of several meshes coincide, or come too near to each other to tell their order",
@@ -84,22 +81,26 @@ def check_arc(laws, law, z, end, t, codes, on_line, at):
     """
     module = flint()
     bounds = bounds_of(laws, codes, laws.distances)
-    count = max(1, math.ceil(_fastest(law) * float(t.mid()) / _REACH))
+    rows = module.arb_mat([row.entries() for *_, row in bounds])
+    size = norm(law)
+    count = max(1, math.ceil(float(size * t.mid()) / _REACH))
     h = t / count
-    step = (law * h).exp() if count > 1 else None
-    with precision(COARSE):
-        over = (law * module.arb(0).union(h)).exp()
-        rows = [module.arb_mat([row.entries() for *_, row in bounds])]
-        for k in range(1, _ORDER + 2):
-            rows.append(rows[-1] * law * (1 / module.arb(k)))
     for piece in range(count):
-        begins = (rows[0] * z).entries()
+        begins = (rows * z).entries()
         with precision(COARSE):
-            series = [begins, *((row * z).entries() for row in rows[1:-1])]
+            terms, power, following = [z], module.arb(1), z
+            for k in range(1, _ORDER + 1):
+                terms.append(law * terms[-1] * (1 / module.arb(k)))
+                power *= h
+                following += terms[-1] * power
             # The last coefficient holds the remainder, of the distance and of its derivatives.
-            series.append((rows[-1] * (over * z)).entries())
-        z = end if piece == count - 1 else step * z
-        ends = (rows[0] * z).entries()
+            rest = law * terms[-1] * (1 / module.arb(_ORDER + 1))
+            largest = max(abs(value).upper() for value in rest.entries())
+            room = module.arb(0, ((size * h).exp() * largest).upper())
+            terms.append(module.arb_mat([[room]] * laws.size))
+            series = [begins, *((rows * term).entries() for term in terms[1:])]
+        z = end if piece == count - 1 else following + terms[-1] * (power * h)
+        ends = (rows * z).entries()
         for i, (j, side, sign, _) in enumerate(bounds):
             curve = Curve([values[i] for values in series])
             # Of the ends the states know more than the polynomials.
@@ -115,12 +116,6 @@ def check_arc(laws, law, z, end, t, codes, on_line, at):
                     f"before phase {at:.6g} the mesh {laws.parts.meshes[j].name!r} comes too near "
                     "to a flank line to prove that it does not touch it",
                 )
-
-
-def _fastest(law):
-    """Return the largest eigenvalue of a law in floating point, which proves nothing."""
-    matrix = np.array([[float(value) for value in row] for row in law.tolist()])
-    return float(np.abs(np.linalg.eigvals(matrix)).max())
 
 
 def bounds_of(laws, codes, distances):

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 from gearlib.analysis.proofs.balls import flint
 from gearlib.analysis.proofs.path import Uncertain
+from gearlib.analysis.proofs.trains.laws import norm
 from gearlib.analysis.proofs.trains.signs import bounds_of, check_arc
 
 #: By how much wider a window is than what is known of its contacts; more where signs next to it
@@ -160,8 +161,8 @@ class Windows:
         for i in numbers:
             change = laws.basis * (path.nodes[i + 1].law - path.nodes[i].law) * laws.inverse
             changes.append(change)
-        norm = _norm(law) + sum((_norm(one) for one in changes), arb(0))
-        eta = (norm * length).expm1().upper()
+        most = norm(law) + sum((norm(one) for one in changes), arb(0))
+        eta = (most * length).expm1().upper()
         room = arb(0, (eta * max(abs(value).upper() for value in begins.entries())).upper())
         within = begins + module.arb_mat(size, 1, [room] * size)
         moved = law * within
@@ -181,7 +182,7 @@ class Windows:
                     jump[k, 0] = 0
             kick = jump * row * (1 / speed)
             through += kick
-            bound *= 1 + _norm(kick)
+            bound *= 1 + norm(kick)
             speeds.append(speed)
         rest = (((1 + eta) ** (len(numbers) + 1) - 1) * bound).upper()
         through += module.arb_mat(size, size, [arb(0, rest)] * size**2)
@@ -217,9 +218,3 @@ class Windows:
 def _column(matrix):
     """Return the first column of a matrix."""
     return flint().arb_mat([[matrix[i, 0]] for i in range(matrix.nrows())])
-
-
-def _norm(matrix):
-    """Return the largest sum of magnitudes in a row, an upper bound."""
-    arb = flint().arb
-    return max(sum(map(abs, row), arb(0)).upper() for row in matrix.tolist())
