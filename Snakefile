@@ -13,11 +13,15 @@ from snakemake.exceptions import WorkflowError
 from snakemake.logging import logger
 from snakemake.utils import min_version
 from gearlib import config as configuration
+from gearlib import processor
 from gearlib.data.files import remove_leftovers
 from workflow.provenance import write as write_provenance
 from workflow.checksums import foreign, replaced
 
 min_version("9.12")
+
+# Here, before a drawing loads numpy, for all jobs: those on other nodes read this file there.
+os.environ.update(processor.settings())
 
 # Jobs and their files are many objects that stay: to look for garbage among them takes an eighth of
 # a start.

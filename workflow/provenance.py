@@ -13,6 +13,8 @@ from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
 
+from gearlib import processor
+
 #: Packages whose versions can change results.
 PACKAGES = (
     ["gearlib", "matplotlib", "netCDF4", "numba", "llvmlite", "numpy", "pydantic", "scipy"]
@@ -45,6 +47,7 @@ def write(results, root):
             "system": platform.platform(),
             "processor": _processor(),
             "cores": os.cpu_count(),
+            "settings": processor.settings(),
         },
         "jobs": [_job(path, results / "benchmarks") for path in jobs],
     }

@@ -1,4 +1,4 @@
-"""In every process of the small workflow: what it really loaded, and what it had to compile."""
+"""In every process of the small workflow: its processor, what it loaded, what it had to compile."""
 
 import atexit
 import json
@@ -7,6 +7,8 @@ import sys
 import time
 from importlib.machinery import SourceFileLoader
 from pathlib import Path
+
+import emulated
 
 _compiled = []
 _source_to_code = SourceFileLoader.source_to_code
@@ -30,10 +32,12 @@ def _write():
         "written": list(job.output) if hasattr(job, "rule") else [],
         "loaded": sorted(filter(None, files)),
         "compiled": _compiled,
+        "processor": emulated.taken() if job else {},
     }
     path = Path(os.environ["GEARLIB_RECORDS"], f"{os.getpid()}-{time.time_ns()}.json")
     path.write_text(json.dumps(record), encoding="utf-8")
 
 
+emulated.begin()
 SourceFileLoader.source_to_code = _compile
 atexit.register(_write)
