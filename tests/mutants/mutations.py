@@ -18,10 +18,10 @@ ROOT = Path(__file__).resolve().parents[2]
 #: Rooms by how their files begin; the longest beginning counts.
 ROOMS = """
 analysis analysis/global_dynamics analysis/harmonics analysis/orbits analysis/proofs
-analysis/tongues checks cli config data figures integrators kernels kernels/closed_form kernels/piecewise_linear
-kernels/several_meshes kernels/steps kernels/taylor kernels/tooth_pairs models models/geometry
-models/propagators models/trains pages runs studies studies/claims studies/trains studies/trials
-tunings
+analysis/tongues checks cli config data figures integrators kernels kernels/closed_form
+kernels/piecewise_linear kernels/several_meshes kernels/steps kernels/taylor kernels/tooth_pairs
+models models/geometry models/propagators models/trains pages runs studies studies/claims
+studies/trains studies/trials tunings
 """
 ROOMS = {f"gearlib/{room}": room for room in ROOMS.split()} | {"workflow/": "workflow"}
 #: Others' packages, which are not installed for the tests; what is run by hand.
