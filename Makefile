@@ -3,7 +3,7 @@
 # make lint    the checks of style, formatting, imports and types only
 # make golden  renew the golden numbers and pictures of tests/golden
 # make references  renew the references in 50 digits that tests take from tests/references
-# make faults  plant known faults one at a time and see that the tests notice: half an hour
+# make faults  plant known faults one at a time and see that the tests notice: less than an hour
 # make mutants  mutants at random of all rooms against the tests that reach them: hours; a few
 #              seconds with `make mutants ROOM=tunings COUNT=3 TESTS=tests/unit/test_tunings.py`
 # make peers   add to .venv the solvers of others that method= can call, where they install

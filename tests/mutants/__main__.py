@@ -32,8 +32,8 @@ from tests.mutants.reach import PLAIN, reach
 
 VERDICTS = Path(__file__).with_name("verdicts.yaml")
 KEY = ("file", "where", "source", "mutated")
-#: Seconds of tests: in the first round, and in all rounds of one kind.
-FIRST, ALL = 5.0, 150.0
+#: Seconds of the tests of a first round.
+FIRST = 5.0
 LEAST = 0.95
 
 
@@ -77,8 +77,8 @@ class Worker:
 class Judge:
     """What becomes of a mutant, and which tests may say so: those that pass without one here."""
 
-    def __init__(self, reached):
-        self.reached, self.sound = reached, {}
+    def __init__(self, reached, most=150.0):
+        self.reached, self.most, self.sound = reached, most, {}
 
     def verdict(self, one, worker):
         """Return "killed", "timeout" or "survived", and the test that noticed."""
@@ -116,12 +116,13 @@ class Judge:
 
     def _rounds(self, one, kernel):
         if kernel:
-            yield from _split(self.reached.tests(one, "plain"), PLAIN, 40.0)
+            yield from _split(self.reached.tests(one, "plain"), PLAIN, self.most / 4.0)
         near = self.reached.tests(one)
-        yield from _split(near, {}, ALL)
+        yield from _split(near, {}, self.most)
         if not kernel:
             wide = self.reached.whole_files(near)
-            yield from _split({name: wide[name] for name in wide if name not in near}, {}, ALL)
+            rest = {name: wide[name] for name in wide if name not in near}
+            yield from _split(rest, {}, self.most)
 
 
 def _quickest(tests, path):
@@ -130,17 +131,17 @@ def _quickest(tests, path):
 
 
 def _split(tests, environment, most):
-    """Yield the quickest tests, then those that take longer, up to so many seconds in all."""
+    """Yield the first tests, then the others, up to so many seconds in all."""
     parts, total = ({}, {}), 0.0
-    for name in sorted(tests, key=tests.get):
+    for name in tests:
         total += tests[name] + 0.01
         if total > most and parts[0]:
             break
         parts[total > FIRST][name] = tests[name]
     for part in parts:
         # File by file: what a file prepares is prepared once.
-        order = {name.partition("::")[0]: i for i, name in reversed([*enumerate(part)])}
-        names = sorted(part, key=lambda name: order[name.partition("::")[0]])
+        files = [*dict.fromkeys(name.partition("::")[0] for name in part)]
+        names = sorted(part, key=lambda name: files.index(name.partition("::")[0]))
         yield {name: part[name] for name in names}, environment
 
 
@@ -181,6 +182,7 @@ def main():
     parser.add_argument("--count", type=int, default=20, help="mutants of a room")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--seconds", type=float, default=150.0, help="of tests for one mutant")
     parser.add_argument("--tests", nargs="*", default=[], help="files of tests; default: all")
     parser.add_argument("--resume", action="store_true", help="keep what was killed before")
     parser.add_argument("--folder", type=Path, default=ROOT / "build/mutants")
@@ -190,7 +192,9 @@ def main():
         parser.error(f"no such room: {', '.join(sorted(unknown))}")
     given.folder.mkdir(parents=True, exist_ok=True)
     kernels = any(room.startswith("kernels") for room in rooms)
-    judge = Judge(reach(given.folder / "reach.json", given.tests, given.jobs, kernels))
+    judge = Judge(
+        reach(given.folder / "reach.json", given.tests, given.jobs, kernels), given.seconds
+    )
     path = given.folder / "results.jsonl"
     old = path.read_text(encoding="utf-8") if given.resume and path.is_file() else ""
     killed = {tuple(row[key] for key in KEY): row for row in map(json.loads, old.splitlines())}
