@@ -54,7 +54,7 @@ class Reach:
                 self.width.update({names[i] for tests in lines.values() for i in tests})
 
     def worth(self, tests):
-        """Return them in the order in which they are worth running: quick ones that reach little."""
+        """Return tests, with their seconds, in their order: first quick ones that reach little."""
         key = {name: (seconds + 0.02) * self.width[name] for name, seconds in tests.items()}
         return {name: tests[name] for name in sorted(tests, key=key.get)}
 
