@@ -3,7 +3,9 @@
 # make lint    the checks of style, formatting, imports and types only
 # make golden  renew the golden numbers and pictures of tests/golden
 # make references  renew the references in 50 digits that tests take from tests/references
-# make faults  plant known faults one at a time and see that the tests notice: an hour
+# make faults  plant known faults one at a time and see that the tests notice: less than an hour
+# make mutants  mutants at random of all rooms against the tests that reach them: hours; a few
+#              seconds with `make mutants ROOM=tunings COUNT=3 TESTS=tests/unit/test_tunings.py`
 # make peers   add to .venv the solvers of others that method= can call, where they install
 # make torture  50 times kill -9, full and read-only disks, damaged files: minutes
 # make random-trains  500 random gear trains against scipy, event by event: ten minutes
@@ -22,8 +24,8 @@ INSTALLED := .venv/installed.stamp
 TESTING := .venv/testing.stamp
 COMMA := ,
 
-.PHONY: all lint golden references test faults torture peers random-trains random-certificates \
-    slurm-test bench report docs speed-and-accuracy clean distclean
+.PHONY: all lint golden references test faults mutants torture peers random-trains \
+    random-certificates slurm-test bench report docs speed-and-accuracy clean distclean
 
 all: $(INSTALLED)
 	$(BIN)/snakemake -j$(JOBS)
@@ -47,6 +49,13 @@ test: lint
 
 faults: $(TESTING)
 	$(BIN)/python -m tests.faults
+
+# ROOM: one or more, by default all; RESUME=1 goes on with what an earlier run has not killed.
+COUNT ?= 20
+SEED ?= 1
+mutants: $(TESTING)
+	$(BIN)/python -m tests.mutants $(ROOM) --count $(COUNT) --seed $(SEED) --jobs $(JOBS) \
+	    $(if $(TESTS),--tests $(TESTS)) $(if $(RESUME),--resume)
 
 torture: $(TESTING)
 	GEARLIB_KILLS=50 $(BIN)/python -m pytest tests/robustness -rs

@@ -13,7 +13,8 @@ def pytest_sessionstart(session):
     Workers that compile at the same time would do the same work twice, into the same files.
     """
     config = session.config
-    if getattr(config.option, "numprocesses", None) and not hasattr(config, "workerinput"):
+    several = getattr(config.option, "numprocesses", None) and not hasattr(config, "workerinput")
+    if several and not os.environ.get("NUMBA_DISABLE_JIT"):
         spawned = multiprocessing.get_context("spawn")
         with ProcessPoolExecutor(min(2, os.cpu_count() or 1), mp_context=spawned) as pool:
             for done in [pool.submit(warm_up) for warm_up in FAMILIES]:

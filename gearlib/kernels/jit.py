@@ -11,9 +11,10 @@ def _compile(function, **options):
     compiled = njit(
         fastmath=False, error_model="numpy", nogil=True, no_cfunc_wrapper=True, **options
     )(function)
-    if not numba.config.DISABLE_JIT:
-        # What `cache=True` would do, with another cache.
-        compiled._cache = KernelCache(function)
+    if numba.config.DISABLE_JIT:
+        return function
+    # What `cache=True` would do, with another cache.
+    compiled._cache = KernelCache(function)
     # numba compiles a kernel again for each constant in a call from another kernel, as a type of
     # its own, and the code is the same: a third of all compilation.
     template = compiled.get_call_template

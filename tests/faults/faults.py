@@ -1,4 +1,7 @@
-"""The list of faults that the tests have to see: what is planted where, and which tests look."""
+"""The list of faults that the tests have to see: what is planted where, and which tests look.
+
+Faults that `make mutants` can make, an operator, a constant, a branch, are not listed.
+"""
 
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,10 @@
 """Whole files or none."""
 
+import numpy as np
 import pytest
+import xarray as xr
 
+from gearlib.data import storage
 from gearlib.data.files import remove_leftovers, replacing
 
 
@@ -22,3 +25,11 @@ def test_what_a_killed_process_left_is_removed(tmp_path):
         (tmp_path / name).touch()
     remove_leftovers(tmp_path)
     assert sorted(path.name for path in tmp_path.iterdir()) == [".hidden", "result.nc"]
+
+
+def test_numbers_are_compressed(tmp_path):
+    numbers = {"floats": ("time", np.full(20_000, 0.1)), "counts": ("time", np.arange(20_000))}
+    for name, (dimension, values) in numbers.items():
+        storage.write(xr.Dataset({name: (dimension, values)}), tmp_path / name)
+        assert (tmp_path / name).stat().st_size < 0.3 * values.nbytes
+        assert storage.read(tmp_path / name)[name].values.tobytes() == values.tobytes()

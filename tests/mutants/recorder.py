@@ -1,0 +1,80 @@
+"""A plugin of pytest that records, with coverage running, which tests reach a line, and their time.
+
+``MUTANTS_SECONDS`` is the longest that a test may take; ``MUTANTS_FOLDER`` gets the times, and its
+``only.json`` names the tests that count, where not all do.
+"""
+
+import json
+import os
+import signal
+from pathlib import Path
+
+import coverage
+import pytest
+
+_LONGEST = float(os.environ["MUTANTS_SECONDS"])
+_folder = Path(os.environ["MUTANTS_FOLDER"])
+_times: dict = {}
+_failed: set = set()
+
+
+class _TooLong(BaseException):
+    pass
+
+
+def _stop(number, frame):
+    raise _TooLong
+
+
+@pytest.hookimpl(hookwrapper=True)
+def pytest_runtest_protocol(item):
+    """Give what runs from here the name of the test."""
+    running = coverage.Coverage.current()
+    running.switch_context(item.nodeid)
+    yield
+    running.switch_context("")
+
+
+def pytest_collection_modifyitems(items):
+    """Keep the tests that count."""
+    only = set(json.loads((_folder / "only.json").read_text(encoding="utf-8")))
+    items[:] = [item for item in items if not only or item.nodeid in only]
+
+
+def _limited():
+    """Run a part of a test for no longer than it may."""
+    signal.signal(signal.SIGALRM, _stop)
+    signal.setitimer(signal.ITIMER_REAL, _LONGEST)
+    try:
+        outcome = yield
+        # Else it would end the session.
+        if outcome.excinfo and issubclass(outcome.excinfo[0], _TooLong):
+            outcome.force_exception(TimeoutError("longer than is allowed here"))
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+
+
+@pytest.hookimpl(hookwrapper=True)
+def pytest_runtest_setup(item):
+    """Limit what a test asks for."""
+    yield from _limited()
+
+
+@pytest.hookimpl(hookwrapper=True)
+def pytest_runtest_call(item):
+    """Limit the test."""
+    yield from _limited()
+
+
+def pytest_runtest_logreport(report):
+    """Add the seconds of one part of a test, in the process that ran it."""
+    _times[report.nodeid] = _times.get(report.nodeid, 0.0) + report.duration
+    if report.outcome != "passed":
+        _failed.add(report.nodeid)
+
+
+def pytest_sessionfinish(session):
+    """Write them; what failed or was skipped notices nothing."""
+    passed = {name: seconds for name, seconds in _times.items() if name not in _failed}
+    path = _folder / f"{os.getpid()}.seconds.json"
+    path.write_text(json.dumps(passed), encoding="utf-8")

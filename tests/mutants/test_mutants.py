@@ -1,0 +1,144 @@
+"""The tool of `make mutants`: what it changes, and that it tells who survives."""
+
+import ast
+
+import pytest
+
+from tests.mutants.__main__ import KEY, Judge, table, verdicts
+from tests.mutants.mutations import ROOMS, files, mutations, room_of, sample
+
+CODE = '''
+"""A sum."""
+
+
+def total(values, start=0):
+    return start + sum(v * v for v in values if v > 1)
+
+
+def told(value):
+    return f(value, 2) if value is None or not value else -value
+'''
+
+
+@pytest.fixture
+def tree(tmp_path):
+    (tmp_path / "gearlib/cli").mkdir(parents=True)
+    (tmp_path / "gearlib/cli/sums.py").write_text(CODE)
+    (tmp_path / "workflow").mkdir()
+    return tmp_path
+
+
+def test_each_kind_of_mutation_is_made(tree):
+    found = {(one.kind, one.mutated) for one in mutations("gearlib/cli/sums.py", tree)}
+    total = "return start + sum(v * v for v in values if v > 1)"
+    told = "return f(value, 2) if value is None or not value else -value"
+    for kind, old, new, line in [
+        ("operator", "start +", "start -", total),
+        ("operator", "v * v", "v / v", total),
+        ("dropped term", "start + sum(v * v for v in values if v > 1)", "(start)", total),
+        ("comparison", "v > 1", "v >= 1", total),
+        ("comparison", "v > 1", "v < 1", total),
+        ("constant", "> 1", "> 2", total),
+        ("branch", "if v > 1", "if (not (v > 1))", total),
+        ("swapped", "value, 2", "2, value", told),
+        ("branch", "or", "and", told),
+        ("branch", "not value", " value", told),
+        ("comparison", "is None", "is not None", told),
+        ("operator", "-value", " value", told),
+    ]:
+        assert (kind, " ".join(line.replace(old, new).split())) in found, (kind, new)
+    assert ("constant", "def total(values, start=1):") in found
+    assert not any("sum." in mutated for _, mutated in found)
+
+
+def test_every_mutation_of_a_sample_parses_and_changes_the_code(tree):
+    chosen = sample("cli", 100, 1, tree)
+    assert len({one.key for one in chosen}) == len(chosen) > 20
+    for one in chosen:
+        assert ast.dump(ast.parse(one.planted(tree))) != ast.dump(ast.parse(CODE)), one
+
+
+def test_a_sample_hangs_on_its_seed_and_not_on_edits_elsewhere(tree):
+    before = [one.key for one in sample("cli", 8, 1, tree)]
+    assert before != [one.key for one in sample("cli", 8, 2, tree)]
+    path = tree / "gearlib/cli/sums.py"
+    path.write_text('"""Longer."""\n\n\n' + path.read_text())
+    assert before == [one.key for one in sample("cli", 8, 1, tree)]
+
+
+def test_every_file_of_the_package_has_a_room():
+    rooms = {room_of(file) for file in files()}
+    assert rooms == set(ROOMS.values())
+
+
+def test_rules_are_changed_by_their_tokens(tree):
+    (tree / "workflow/a.smk").write_text(
+        "rule one:\n    threads: 2\n\nif x == 1 and y:\n    z = 3\n"
+    )
+    found = {one.mutated for one in mutations("workflow/a.smk", tree)}
+    assert found == {
+        "threads: 3",
+        "if x != 1 and y:",
+        "if x == 2 and y:",
+        "if x == 1 or y:",
+        "z = 4",
+    }
+
+
+class Here:
+    """A worker whose tests are calls of the file that it holds."""
+
+    def __init__(self, tree, tests):
+        self.tree, self.tests = tree, tests
+
+    def run(self, tests, environment):
+        space = {}
+        exec((self.tree / "gearlib/cli/sums.py").read_text(), space)
+        return next(([1, name] for name in tests if not self.tests[name](space)), [0, ""])
+
+
+class Reached:
+    """Every test reaches every line, in a second."""
+
+    def __init__(self, tests):
+        self.names = dict.fromkeys(tests, 1.0)
+
+    def tests(self, one, kernels="compiled"):
+        return self.names
+
+    whole_files = tests
+
+
+def test_who_survives_is_told_from_who_is_killed(tree):
+    tests = {
+        "wrong on the code as it is": lambda space: space["total"]([2]) == 5,
+        "right": lambda space: space["total"]([1, 2, 3], 4) == 17,
+    }
+    judge, worker = Judge(Reached(tests)), Here(tree, tests)
+    found = {
+        one.mutated: judge.verdict(one, worker)
+        for one in sample("cli", 100, 1, tree)
+        if one.where == "total"
+    }
+    assert found["return start - sum(v * v for v in values if v > 1)"] == ("killed", "right")
+    # A default that no test takes.
+    assert found["def total(values, start=1):"] == ("survived", "")
+    assert not judge.sound["wrong on the code as it is",]
+    assert (tree / "gearlib/cli/sums.py").read_text() == CODE
+
+
+def test_a_survivor_has_to_be_named():
+    row = dict.fromkeys(KEY, "x") | {"room": "cli", "line": 1, "verdict": "survived"}
+    killed = [row | {"source": str(i), "verdict": "killed"} for i in range(19)]
+    key = tuple(row[key] for key in KEY)
+    assert table(killed, {})[1:] == ([], True)
+    assert table([row, *killed], {})[1:] == ([row], False)
+    assert table([row, *killed], {key: {"why": "message"}})[1:] == ([], True)
+    assert not table([row, *killed[:9]], {key: {"why": "message"}})[2], "too few are killed"
+    assert table([row, *killed[:9]], {key: {"why": "equal"}})[2]
+
+
+def test_every_verdict_has_a_reason():
+    whys = {"equal", "tolerance", "speed", "message", "looks", "unreachable", "beyond"}
+    for key, row in verdicts().items():
+        assert row["why"] in whys and len(row["reason"]) > 10, key
