@@ -28,7 +28,7 @@ def drawn(gear):
 
 
 def random_machine(rng):
-    """Return (gears, meshes, shafts, sense): a tree of meshes and shafts, each driven either way."""
+    """Return (gears, meshes, shafts, sense): a tree of meshes, driven either way, and shafts."""
 
     def external():
         return Gear(int(rng.integers(19, 46)), float(rng.choice([0.0, rng.uniform(0.0, 0.5)])))
@@ -212,10 +212,10 @@ def keyed(teeth, places=(0.0, 0.0), sense=1, keying=None, **more):
 
 
 def test_keyed_teeth_are_in_line():
-    """By hand: the tooth of 36 at the mesh lies a quarter of a pitch before the line of centres.
+    """By hand: a tooth of 36 whose flank is at the mesh lies 18 - 1/4 pitches from angle 0.
 
-    So does the one of 24 in line with it, 24/36 of a quarter of its own pitch, where its flank is at
-    the mesh if it lies a quarter of a pitch away: after 24/36 (18 - 1/4) - 1/4 of its mesh periods.
+    The one of 24 in line with it lies 24/36 as many of its own pitches away, and its flank is at
+    the mesh when the tooth has come to 1/4: after 24/36 (18 - 1/4) - 1/4 periods of that mesh.
     """
     right = (24 / 36 * (18 - 0.25) - 0.25) % 1.0
     for sense in (1, -1):
