@@ -124,6 +124,8 @@ def test_phases_are_those_of_teeth_placed_one_by_one(seed):
     machine = Machine(gears, meshes, shafts, sense)
     train = train_of(machine, rng)
     check(train, machine)
+    lines = [dataclasses.replace(m, position=None, line_of_action=m.line) for m in train.meshes]
+    assert train.replace(meshes=lines).phases == pytest.approx(train.phases, abs=1e-12)
     # One machine, one result: by other names, in a mirror, and driven backwards by the same flanks.
     assert train_of(machine, rng).phases == pytest.approx(train.phases, abs=1e-12)
     mirrored = Machine(
