@@ -231,6 +231,18 @@ def test_keyed_teeth_are_in_line():
     assert loop().phases["second 1"] == pytest.approx(right, abs=1e-12)
 
 
+def test_half_way_between_two_teeth_a_mirror_image_takes_the_same():
+    """Two teeth of the second gear are as near to the line of centres at the start."""
+    gears, places, pitch = (24, 36, 20, 40), (0.3, 1.1), 1.5 * math.pi
+    one = keyed(gears, places, pitch_phase=pitch)
+    other = keyed(gears, [-place for place in places], sense=-1, pitch_phase=pitch)
+    assert other.phases == pytest.approx(one.phases, abs=1e-12)
+    # It is the one half a pitch to the counterclockwise side, where the drive-side flanks are.
+    turned = 36 * (0.3 + math.pi) / math.tau + 0.5
+    away = 20 * 1.1 / math.tau - turned * 20 / 36 + 0.25
+    assert apart(one.phases["c-d"], -away - pitch / math.tau) < 1e-12
+
+
 def loop(keyings=(None, None), second=math.tau / 3, teeth=(24, 36, 24, 36)):
     """Return a reducer of two branches."""
     train = gearlib.split_power_reducer(
