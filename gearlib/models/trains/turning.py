@@ -18,7 +18,7 @@ line of centres of the mesh that orients it.
 
 On the coast side the other gear drives: with the play shared by both gears, coast-side flanks come
 to the pitch point (1 + s_1 - s_2) / 2 periods after the drive-side ones, s_1 being the thickness of
-the gear that drives these (Guo & Parker, Mech. Mach. Theory 78 (2014) 263-271).
+the gear that drives these; see Guo & Parker, Mech. Mach. Theory 78 (2014) 263-271.
 """
 
 import math
