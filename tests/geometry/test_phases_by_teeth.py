@@ -229,6 +229,15 @@ def test_keyed_teeth_are_in_line():
     for pitch, whole in ((math.tau / 24, 1.0), (math.tau / 36, 1.0 / 3.0)):
         assert apart(keyed((24, 36, 24, 36), keying=pitch).phases["c-d"], right, whole) < 1e-12
     assert loop().phases["second 1"] == pytest.approx(right, abs=1e-12)
+    # Through a body without teeth angles add up, from whichever end they are given.
+    train = keyed((24, 36, 24, 36))
+    shafts = [
+        Shaft(bodies=("b", "flywheel"), stiffness=1e6, keying=0.3),
+        Shaft(bodies=("c", "flywheel"), stiffness=1e6, keying=0.2),
+    ]
+    flywheel = Body(name="flywheel", inertia=1e-2, base_radius=0.1)
+    joined = train.replace(bodies=(*train.bodies, flywheel), shafts=shafts)
+    assert joined.phases["c-d"] == pytest.approx(ahead, abs=1e-12)
 
 
 def test_half_way_between_two_teeth_a_mirror_image_takes_the_same():
@@ -284,6 +293,27 @@ def test_a_loop_and_an_angle_of_keying_have_to_agree():
     assert loop((0.0, asked), second).phases == pytest.approx(free.phases, abs=1e-7)
     # Asked for in the second branch, it is the first that gives way.
     assert loop((None, 0.0), second).phases != free.phases
+
+
+def test_a_phase_that_is_given_parts_the_train():
+    """Beyond a mesh whose phase is given no tooth is known; a given start shifts all."""
+    flank = dict(max_stiffness=4e8, stiffness_ratio=0.6, contact_ratio=1.6)
+    bodies = [Body(name=name, teeth=24, inertia=1e-3, base_radius=0.045) for name in "abcd"]
+    meshes = [
+        gearlib.Mesh(pinion=a, wheel=b, position=0.3 * i * i, direction=(-1) ** i, **flank)
+        for i, (a, b) in enumerate(("ab", "bc", "cd"))
+    ]
+    train = GearTrain(bodies=bodies, meshes=meshes)
+
+    def given(**phases):
+        with_phases = [dataclasses.replace(m, phase=phases.get(m.pinion)) for m in meshes]
+        return list(train.replace(meshes=with_phases).phases.values())
+
+    free = given()
+    assert 0.0 not in free[1:]
+    assert given(a=0.2) == pytest.approx([(g + 0.2) % 1.0 for g in free], abs=1e-12)
+    assert given(b=0.35) == pytest.approx([0.0, 0.35, 0.0], abs=1e-12)
+    assert given(a=0.2, b=0.35, c=1.6) == pytest.approx([0.2, 0.35, 0.6], abs=1e-12)
 
 
 def test_who_drives_is_said_once():

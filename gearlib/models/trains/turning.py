@@ -182,7 +182,7 @@ def phases(bodies, meshes, shafts, reference, speed):
         if shaft.keying is not None and set(shaft.bodies) <= set(middles):
             _check_keying(shaft, bodies, middles)
     found |= {mesh.name: mesh.phase for mesh in meshes if mesh.phase is not None}
-    return {name: _rounded(g) for name, g in found.items()}
+    return {mesh.name: _rounded(found[mesh.name]) for mesh in meshes}
 
 
 def _check_keying(shaft, bodies, middles):
