@@ -194,7 +194,9 @@ class BodyPart(Given):
     torsional_damping: TwistDamping = Field(default=None, description="Of the same, N m s/rad.")
     torque: Torque = Field(default=None, description="Counterclockwise, N m.")
     eccentricity: RunOut = Field(default=None, description="Run-out of the base circle, m.")
-    eccentricity_phase: Angle = Field(default=None, description="Its direction at tau = 0, rad.")
+    eccentricity_phase: Angle = Field(
+        default=None, description="Its direction at tau = 0, rad; on a carrier from the pin."
+    )
     offset: numbers(Error, 2, "By how much the axis is misplaced, m.") = None
     carrier: Label = Field(default=None, description="Name of the body that carries the axis.")
     angle: Angle = Field(default=None, description="Of the pin on the carrier, rad.")
@@ -255,7 +257,10 @@ class MeshPart(DampingByRatio):
         "meshes have it; of the reference mesh the pinion.",
     )
     phase: Finite = Field(default=None, description="Of the stiffness, in mesh periods.")
-    inverse_phase: Finite = Field(default=None, description="The same of the coast side.")
+    inverse_phase: Finite = Field(
+        default=None,
+        description="The same of the coast side. Default: by tooth_thickness, else `phase`.",
+    )
     backlash: Backlash = Field(default=None, description="m.")
     backlash_damping: DampingCoefficient = Field(
         default=None, description="In the backlash, N s/m."

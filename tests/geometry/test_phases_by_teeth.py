@@ -28,7 +28,7 @@ def drawn(gear):
 
 
 def random_machine(rng):
-    """Return (gears, meshes, shafts, sense): a tree of meshes and shafts, each driven either way."""
+    """Return (gears, meshes, shafts, sense): a tree of meshes, driven either way, and shafts."""
 
     def external():
         return Gear(int(rng.integers(19, 46)), float(rng.choice([0.0, rng.uniform(0.0, 0.5)])))
@@ -124,6 +124,8 @@ def test_phases_are_those_of_teeth_placed_one_by_one(seed):
     machine = Machine(gears, meshes, shafts, sense)
     train = train_of(machine, rng)
     check(train, machine)
+    lines = [dataclasses.replace(m, position=None, line_of_action=m.line) for m in train.meshes]
+    assert train.replace(meshes=lines).phases == pytest.approx(train.phases, abs=1e-12)
     # One machine, one result: by other names, in a mirror, and driven backwards by the same flanks.
     assert train_of(machine, rng).phases == pytest.approx(train.phases, abs=1e-12)
     mirrored = Machine(
@@ -212,10 +214,10 @@ def keyed(teeth, places=(0.0, 0.0), sense=1, keying=None, **more):
 
 
 def test_keyed_teeth_are_in_line():
-    """By hand: the tooth of 36 at the mesh lies a quarter of a pitch before the line of centres.
+    """By hand: a tooth of 36 whose flank is at the mesh lies 18 - 1/4 pitches from angle 0.
 
-    So does the one of 24 in line with it, 24/36 of a quarter of its own pitch, where its flank is at
-    the mesh if it lies a quarter of a pitch away: after 24/36 (18 - 1/4) - 1/4 of its mesh periods.
+    The one of 24 in line with it lies 24/36 as many of its own pitches away, and its flank is at
+    the mesh when the tooth has come to 1/4: after 24/36 (18 - 1/4) - 1/4 periods of that mesh.
     """
     right = (24 / 36 * (18 - 0.25) - 0.25) % 1.0
     for sense in (1, -1):
@@ -227,6 +229,27 @@ def test_keyed_teeth_are_in_line():
     for pitch, whole in ((math.tau / 24, 1.0), (math.tau / 36, 1.0 / 3.0)):
         assert apart(keyed((24, 36, 24, 36), keying=pitch).phases["c-d"], right, whole) < 1e-12
     assert loop().phases["second 1"] == pytest.approx(right, abs=1e-12)
+    # Through a body without teeth angles add up, from whichever end they are given.
+    train = keyed((24, 36, 24, 36))
+    shafts = [
+        Shaft(bodies=("b", "flywheel"), stiffness=1e6, keying=0.3),
+        Shaft(bodies=("c", "flywheel"), stiffness=1e6, keying=0.2),
+    ]
+    flywheel = Body(name="flywheel", inertia=1e-2, base_radius=0.1)
+    joined = train.replace(bodies=(*train.bodies, flywheel), shafts=shafts)
+    assert joined.phases["c-d"] == pytest.approx(ahead, abs=1e-12)
+
+
+def test_half_way_between_two_teeth_a_mirror_image_takes_the_same():
+    """Two teeth of the second gear are as near to the line of centres at the start."""
+    gears, places, pitch = (24, 36, 20, 40), (0.3, 1.1), 1.5 * math.pi
+    one = keyed(gears, places, pitch_phase=pitch)
+    other = keyed(gears, [-place for place in places], sense=-1, pitch_phase=pitch)
+    assert other.phases == pytest.approx(one.phases, abs=1e-12)
+    # It is the one half a pitch to the counterclockwise side, where the drive-side flanks are.
+    turned = 36 * (0.3 + math.pi) / math.tau + 0.5
+    away = 20 * 1.1 / math.tau - turned * 20 / 36 + 0.25
+    assert apart(one.phases["c-d"], -away - pitch / math.tau) < 1e-12
 
 
 def loop(keyings=(None, None), second=math.tau / 3, teeth=(24, 36, 24, 36)):
@@ -270,6 +293,27 @@ def test_a_loop_and_an_angle_of_keying_have_to_agree():
     assert loop((0.0, asked), second).phases == pytest.approx(free.phases, abs=1e-7)
     # Asked for in the second branch, it is the first that gives way.
     assert loop((None, 0.0), second).phases != free.phases
+
+
+def test_a_phase_that_is_given_parts_the_train():
+    """Beyond a mesh whose phase is given no tooth is known; a given start shifts all."""
+    flank = dict(max_stiffness=4e8, stiffness_ratio=0.6, contact_ratio=1.6)
+    bodies = [Body(name=name, teeth=24, inertia=1e-3, base_radius=0.045) for name in "abcd"]
+    meshes = [
+        gearlib.Mesh(pinion=a, wheel=b, position=0.3 * i * i, direction=(-1) ** i, **flank)
+        for i, (a, b) in enumerate(("ab", "bc", "cd"))
+    ]
+    train = GearTrain(bodies=bodies, meshes=meshes)
+
+    def given(**phases):
+        with_phases = [dataclasses.replace(m, phase=phases.get(m.pinion)) for m in meshes]
+        return list(train.replace(meshes=with_phases).phases.values())
+
+    free = given()
+    assert 0.0 not in free[1:]
+    assert given(a=0.2) == pytest.approx([(g + 0.2) % 1.0 for g in free], abs=1e-12)
+    assert given(b=0.35) == pytest.approx([0.0, 0.35, 0.0], abs=1e-12)
+    assert given(a=0.2, b=0.35, c=1.6) == pytest.approx([0.2, 0.35, 0.6], abs=1e-12)
 
 
 def test_who_drives_is_said_once():

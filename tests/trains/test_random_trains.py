@@ -33,6 +33,26 @@ def test_a_deviation_through_a_change_of_contact():
     np.testing.assert_allclose(found, end, rtol=0.0, atol=1e-10)
 
 
+def test_a_ring_drives_planets_that_run_out():
+    """Phases of drawn teeth on both sides, run-out of carried gears, wheels that drive."""
+    train = gearlib.planetary(
+        planets=2, teeth=(28, 98), driving="ring", stiffness_ratio=(0.6, 0.6), load=400.0
+    )
+    run_out = {"eccentricity": 3e-5, "eccentricity_phase": 0.7, "offset": (2e-6, 3e-6)}
+    bodies = [
+        replace(body, **run_out) if body.name in ("ring", "planet 2") else body
+        for body in train.bodies
+    ]
+    flank = {"friction": (0.05, 0.03), "pitch_phase": 1.4, "tooth_thickness": (0.53, 0.45)}
+    flank |= {"backlash": 4e-6}
+    train = train.replace(bodies=bodies, meshes=[replace(m, **flank) for m in train.meshes])
+    end, events = Reference(train, 3.0).run(train.start_state("static"), 4)
+    run = gearlib.simulate(train, 3.0, periods=4, record_periods=4, initial_state="static")
+    assert run.event.size == len(events) > 5 and set(run.event_to.values) == {-1, 0, 1}
+    found = run.final_state.values * np.repeat([1.0, 3.0], train.size // 2)
+    np.testing.assert_allclose(found, end, rtol=0.0, atol=1e-11 * np.abs(end).max())
+
+
 @cache
 def compared(seed):
     return compare(seed)

@@ -96,7 +96,7 @@ def test_branches_share_as_a_displaced_pin_makes_them(internal):
     )
     r_a, r_b = (train.by_name[f"satellite 1 {x}"].base_radius for x in "ab")
     ratio, a = r_a / r_b, math.radians(20.0)
-    # At phase 0 the first meshes are at the upper level, the second, 7/12 of a period off, the lower.
+    # At phase 0 the first meshes are at the upper level, the second, 7/12 periods off, the lower.
     assert train.phases["second 1"] == pytest.approx(7 / 12, abs=1e-12)
     compliance = 1.0 / pair.max_stiffness + r_a**2 / k + ratio**2 / pair.min_stiffness
     closer = -delta * math.cos(a) * (1.0 + ratio if internal else 1.0 - ratio)

@@ -18,7 +18,7 @@ line of centres of the mesh that orients it.
 
 On the coast side the other gear drives: with the play shared by both gears, coast-side flanks come
 to the pitch point (1 + s_1 - s_2) / 2 periods after the drive-side ones, s_1 being the thickness of
-the gear that drives these (Guo & Parker, Mech. Mach. Theory 78 (2014) 263-271).
+the gear that drives these; see Guo & Parker, Mech. Mach. Theory 78 (2014) 263-271.
 """
 
 import math
@@ -197,7 +197,7 @@ def phases(bodies, meshes, shafts, reference, speed):
         if shaft.keying is not None and set(shaft.bodies) <= set(middles):
             _check_keying(shaft, bodies, middles)
     found |= {mesh.name: mesh.phase for mesh in meshes if mesh.phase is not None}
-    return {name: _rounded(g) for name, g in found.items()}
+    return {mesh.name: _rounded(found[mesh.name]) for mesh in meshes}
 
 
 def _check_keying(shaft, bodies, middles):
