@@ -196,6 +196,7 @@ class Exact:
             "springs": springs / STIFF,
             "forces": whole - springs,
             "lines": lines,
+            "load": -slope,
             "mass": self.curvature(lambda v: self.kinetic(loaded, v), rest)[0],
             "coriolis": coriolis - coriolis.T,
             "damping": self.curvature(lambda v: self.lost(loaded, v), rest)[0],
