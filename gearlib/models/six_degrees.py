@@ -20,7 +20,8 @@ of its own distance, by virtual work: b = d(y - s)/dy3, 0 for the s above, 1 if 
 not move. At a flank that is just touched no force jumps; why in this way, and where k_m > k makes
 dampers drive: `docs/theory/model.md`. Friction F_T = mu sigma(tau) C g acts across the line of
 action, with g = y in normal mesh, y - s in inverse mesh, 0 in the backlash; its direction sigma
-reverses at the pitch point and half a mesh period later.
+reverses at the pitch point and half a mesh period later. It opposes the sliding with z a quarter
+turn from y the way gear 3 turns.
 
 In the run-out the rotations are those of the steady speed, phi_j = tau / teeth_j: the vibration
 of an angle, 1e-5 rad, moves the run-out by 1e-5 of itself. So the system is linear between events.

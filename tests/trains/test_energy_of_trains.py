@@ -25,6 +25,8 @@ class Balance:
     def __init__(self, train, tuning):
         self.train, self.system = train, train.system(tuning)
         self.omega = train.reference_angular_frequency
+        frame = float(train.speeds[train.reference_mesh.pinion]) * train.carrier_ratio
+        self.frame = frame * tuning * self.omega if train.gyroscopic else 0.0
 
     def motions(self, z):
         """Return (motions of the bodies, rates, distances, rates), m and m/s."""
@@ -60,11 +62,23 @@ class Balance:
             total += 0.5 * body.inertia / body.base_radius**2 * rates[2] ** 2
             total += 0.5 * (stiff[0] * seen[0] ** 2 + stiff[1] * seen[1] ** 2)
             total += 0.5 * body.torsional_stiffness * (seen[2] / body.base_radius) ** 2
+            total -= self.centrifugal(body, moved)
         for shaft in self.train.shafts:
             total += 0.5 * shaft.stiffness * self.twist(shaft, moved) ** 2
         for mesh, d, code, k in zip(self.train.meshes, distances, codes, levels, strict=True):
             total += 0.5 * k * {1: d, 0: 0.0, -1: d + mesh.backlash}[int(code)] ** 2
         return total
+
+    def centrifugal(self, body, bodies):
+        """Return the work of the centrifugal force on the way out of the turned place."""
+        x, y, _ = bodies[self.train.body_names.index(body.name)]
+        out = 0.0
+        if body.carrier:
+            c, s = math.cos(body.angle), math.sin(body.angle)
+            turn = bodies[self.train.body_names.index(body.carrier)][2]
+            x, y, out = c * x + s * y, c * y - s * x - turn, self.train.by_name[body.carrier]
+            out = out.base_radius * x
+        return (body.mass or 0.0) * self.frame**2 * (0.5 * (x**2 + y**2) + out)
 
     def twist(self, shaft, bodies):
         one, other = (
@@ -75,14 +89,17 @@ class Balance:
 
     def powers(self, z, codes):
         """Return (power of the torques, dissipation), W."""
-        _, rates, _, closing = self.motions(z)
+        moved, rates, _, closing = self.motions(z)
         load, lost = 0.0, 0.0
-        for body, (_, _, u), seen in zip(
-            self.train.bodies, rates, self.supports(rates), strict=True
+        for body, (x, y, _), (vx, vy, u), seen in zip(
+            self.train.bodies, moved, rates, self.supports(rates), strict=True
         ):
             load += body.torque / body.base_radius * u
             lost += body.support_damping[0] * seen[0] ** 2 + body.support_damping[1] * seen[1] ** 2
             lost += body.torsional_damping * (seen[2] / body.base_radius) ** 2
+            if not body.carrier:
+                # A support that stands still sees the turning of what is off the axis.
+                lost += body.support_damping[0] * self.frame * (vy * x - vx * y)
         for shaft in self.train.shafts:
             lost += shaft.damping * self.twist(shaft, rates) ** 2
         for mesh, rate, code in zip(self.train.meshes, closing, codes, strict=True):
@@ -169,6 +186,8 @@ def jumping(jump, **options):
         (jumping(0.6, pin_errors=[(0.0, 1e-6), (0.0, 0.0), (0.0, 0.0)]), 13.5, 60, {1, 0}),
         (jumping(0.6, backlash=1e-7), 8.0, 60, {1, 0, -1}),
         (jumping(0.3), 1.475, 2, {1}),
+        # In the frame of the carrier, at 4200 rpm.
+        (jumping(0.6, turning=True, gyroscopic=True, backlash=1e-7), 7.0, 40, {1, 0, -1}),
         (split_power_reducer(PAPER), 0.95, 9, {1, 0, -1}),
     ],
 )

@@ -225,10 +225,11 @@ class Mesh:
         Constant displacement along the line of action, m: an error of assembly.
     friction : pair of float, default (0, 0)
         Coefficients in normal and inverse mesh, >= 0. The force acts on the axes across the line of
-        action and reverses at the pitch point and half a mesh period later.
+        action, against the sliding, which turns at the pitch point and half a mesh period later.
     pitch_phase : float, default 0
-        Phase of this mesh at which teeth touch at the pitch point and the sliding turns from -1 to
-        1, rad, when the pinion drives; it counts negative where the wheel does.
+        Phase of this mesh at which drive-side flanks touch at the pitch point, rad, when the pinion
+        drives; it counts negative where the wheel does. Those of the coast side do a tooth
+        thickness later or earlier.
     tooth_thickness : pair of float, optional
         Of pinion and wheel on their working circles, in pitches, in (0, 1); by default half a
         pitch.

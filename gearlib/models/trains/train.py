@@ -40,7 +40,8 @@ class GearTrain(TrainResults):
         Speed of the frame in which positions are given, over that of the reference pinion in this
         frame; not 0 where a carrier turns.
     gyroscopic : bool, default False
-        Whether the forces of the turning frame act on axes that can move.
+        Whether the forces of the turning frame act on axes that can move; bodies without a carrier
+        then lie on its axis.
 
     Raises
     ------

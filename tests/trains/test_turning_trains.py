@@ -1,0 +1,235 @@
+"""Forces of the turning frame: a Lagrangian of finite rotations, symmetry, balances, rotors."""
+
+import math
+import os
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import gearlib
+from gearlib import planetary, simulate
+from tests.trains.lagrangian import linear
+
+COUNT = int(os.environ.get("GEARLIB_LAGRANGIANS", "2"))
+
+
+def turning(rng=None, planets=3, **options):
+    """Return a turning planetary train; with `rng` one without any symmetry."""
+    given = dict(planets=planets, turning=True, gyroscopic=True)
+    if rng is not None:
+        teeth = ((27, 99), (28, 98), (30, 90))[rng.integers(3)]
+        whole = rng.permutation(sum(teeth) // 9)[:planets] * 9
+        given |= dict(
+            teeth=teeth,
+            positions=[2.0 * math.pi * k / sum(teeth) for k in whole],
+            masses=tuple(rng.uniform(0.5, 6.0, 4)),
+            reduced_inertias=tuple(rng.uniform(0.5, 6.0, 4)),
+            support_stiffness=tuple(10.0 ** rng.uniform(7.0, 9.0, 4)),
+            torsional_stiffness=(0.0, 10.0 ** rng.uniform(7.0, 9.0), 0.0),
+            load=rng.uniform(-3000.0, 3000.0),
+        )
+    return planetary(**(given | options))
+
+
+def turned(train):
+    """Return the coordinates of a turn of the whole train about its axis by 1 rad, m."""
+    q = np.zeros(train.size // 2)
+    for i, (name, axis) in enumerate(train.structure.coordinates):
+        body = train.by_name[name]
+        if axis == "u":
+            q[i] = body.base_radius
+        elif axis == "y" and body.carrier:
+            q[i] = train.by_name[body.carrier].base_radius
+    return q
+
+
+def standing(train):
+    """Return the train with torsional supports that make its static state a single one."""
+    return train.replace(
+        bodies=[
+            body if body.carrier else replace(body, torsional_stiffness=1e5)
+            for body in train.bodies
+        ]
+    )
+
+
+@pytest.mark.parametrize("seed", range(COUNT))
+def test_matrices_are_those_of_the_energies_at_finite_rotations(seed):
+    """Beside the turn of the lines of action with their axes, which the library leaves out."""
+    rng = np.random.default_rng(seed)
+    train = standing(turning(rng, planets=2 + seed % 2))
+    if seed % 2:
+        # Rigid axes and rigid pins, one of them along one axis only.
+        free = {"sun": (math.inf, math.inf), "planet 1": (math.inf, 2e8)}
+        train = train.replace(
+            bodies=[
+                replace(b, support_stiffness=free.get(b.name, b.support_stiffness))
+                for b in train.bodies
+            ]
+        )
+    speed = rng.uniform(-300.0, 300.0)
+    exact = {name: np.array(rows) for name, rows in linear(train, speed).items()}
+    own = train.structure
+    for name, expected in (
+        ("springs", train.mean_stiffness_matrix),
+        ("load", (own.load + speed**2 * own.outward)[:, None]),
+        ("mass", own.mass),
+        ("coriolis", speed * own.turning),
+        ("damping", own.damping),
+        ("circulating", speed * own.circulating),
+    ):
+        close = 1e-13 * np.abs(expected).max()
+        np.testing.assert_allclose(exact[name], expected, rtol=0, atol=close)
+    lines = exact["lines"]
+    kept = exact["forces"] - lines
+    np.testing.assert_allclose(
+        kept, speed**2 * own.centrifugal, rtol=0, atol=1e-13 * np.abs(kept).max()
+    )
+    # What is left out is of the order of a force over a length; it resists no turn either.
+    assert 0.0 < np.abs(lines).max() < 1e-2 * np.abs(train.mean_stiffness_matrix).max()
+    rigid = turned(train)
+    assert np.abs(lines @ rigid).max() < 1e-12 * (np.abs(lines) @ np.abs(rigid)).max()
+
+
+@pytest.mark.parametrize("tuning", [0.01, 1.0, 30.0])
+def test_a_turn_of_the_whole_train_costs_nothing(tuning):
+    for seed in range(6):
+        torsional = dict(torsional_stiffness=(0.0, 0.0, 0.0))
+        train = turning(np.random.default_rng(seed), planets=seed + 1, **torsional)
+        rigid, n = turned(train), train.size // 2
+        system = train.system(tuning)
+        forces = train.structure.mass @ system.free[n : 2 * n, :n]
+        assert np.abs(forces @ rigid).max() < 1e-13 * (np.abs(forces) @ np.abs(rigid)).max()
+        rows = np.concatenate([system.near[:, :n], system.far[:, :n]])
+        assert np.abs(rows @ rigid).max() < 1e-12 * np.abs(rigid).max()
+
+
+@pytest.mark.parametrize("planets", [3, 4])
+def test_a_train_turned_as_a_whole_has_the_same_motion(planets):
+    train = turning(
+        teeth=(27, 99) if planets == 3 else (28, 100),
+        planets=planets,
+        torsional_stiffness=(0.0, 0.0, 0.0),
+        stiffness_ratio=(0.7, 0.7),
+    )
+    n, rigid = train.size // 2, turned(train)
+    # By as much as a static deflection of the pins.
+    rigid = np.append(rigid / np.abs(rigid).max(), np.zeros(n))
+    start = train.start_state("static")
+    ends = [
+        simulate(train, 1.0, periods=50, initial_state=tuple(state)).final_state.values
+        for state in (start, start + rigid)
+    ]
+    np.testing.assert_allclose(ends[1] - ends[0], rigid, rtol=0, atol=1e-10)
+
+
+def test_angular_momentum_is_kept_through_bounces():
+    """Without a torsional support all torques are in balance, and no support has a moment.
+
+    With the energy in the turning frame (tests/trains/test_energy_of_trains.py), whose balance is
+    that of the fixed frame less the speed of the frame times this, power in the fixed frame closes.
+    """
+    train = turning(torsional_stiffness=(0.0, 0.0, 0.0), stiffness_ratio=(0.5, 0.5), backlash=2e-6)
+    tuning, length = 1.0, train.static_deflection
+    start = train.start_state("static")
+    start[:3] += 20.0
+    run = simulate(train, tuning, periods=40, record_periods=40, initial_state=tuple(start))
+    assert {-1, 0, 1} >= set(run.event_to.values.tolist()) >= {0, 1}
+    mesh_speed = tuning * train.reference_angular_frequency
+    frame = train.carrier_ratio * float(train.speeds["sun"]) * mesh_speed
+
+    def momentum(state):
+        total, n = [0.0, 0.0], train.size // 2
+        for i, (name, axis) in enumerate(train.structure.coordinates):
+            body = train.by_name[name]
+            q, v = length * state[i], length * mesh_speed * state[n + i]
+            if axis == "u":
+                part = body.inertia / body.base_radius * v
+            elif body.carrier is None:
+                continue
+            else:
+                # m (r + zeta)^2 W + m r eta', to first order.
+                r = train.by_name[body.carrier].base_radius
+                part = body.mass * r * (v if axis == "y" else 2.0 * frame * q)
+            total[0] += part
+            total[1] += abs(part)
+        return np.array(total)
+
+    (one, _), (two, size) = momentum(start), momentum(run.final_state.values)
+    assert abs(two - one) < 1e-9 * size
+
+
+@pytest.mark.parametrize("periods", [50, 600, 2000, 20_000])
+def test_a_turning_train_stays_together(periods):
+    found = []
+    for gyroscopic in (True, False):
+        train = turning(stiffness_ratio=(0.7, 0.7), gyroscopic=gyroscopic)
+        run = simulate(train, 1.0, periods=periods)
+        assert run.status == 0
+        found.append(float(run.dynamic_force.max()))
+    assert found[0] < 3.0
+    if periods > 100:
+        # At 890 rpm of the carrier the frame moves natural frequencies by some hertz of a thousand.
+        assert abs(found[0] / found[1] - 1.0) < 0.02
+
+
+def test_several_random_trains_stay_together():
+    for seed in range(4):
+        train = turning(np.random.default_rng(seed), planets=seed + 1, stiffness_ratio=(0.8, 0.8))
+        early, late = (
+            simulate(train, 0.37, periods=periods, initial_state="static")
+            for periods in (100, 3000)
+        )
+        assert late.status == 0
+        assert late.dynamic_force.max() < 1.5 * early.dynamic_force.max()
+
+
+def whirl(stiffness, outer, shaft, inner, speed):
+    """Return the eigenvalues of the sun as a Jeffcott rotor, in the frame that turns at `speed`.
+
+    It has a support that stands still and a shaft to a plate with a rigid axis, which turns with
+    the frame; all meshes are in their backlash.
+    """
+    train = planetary(turning=True, gyroscopic=True, backlash_damping=0.0, load=0.0)
+    bodies = [
+        replace(body, mass=2.0, support_stiffness=stiffness, support_damping=outer)
+        if body.name == "sun"
+        else replace(body, support_stiffness=math.inf)
+        if body.name == "carrier"
+        else body
+        for body in train.bodies
+    ]
+    plate = gearlib.Body(name="plate", inertia=1.0, base_radius=0.1)
+    bent = gearlib.Shaft(
+        bodies=("sun", "plate"), stiffness=1.0, bending_stiffness=shaft, bending_damping=inner
+    )
+    train = train.replace(bodies=[*bodies, plate], shafts=[bent])
+    at_one = float(train.speeds["sun"]) * train.carrier_ratio * train.reference_angular_frequency
+    system, n = train.system(speed / at_one), train.size // 2
+    own = [train.structure.coordinates.index(("sun", axis)) for axis in "xy"]
+    own += [n + i for i in own]
+    values = np.linalg.eigvals(system.free[np.ix_(own, own)]) * train.reference_angular_frequency
+    return values[np.argsort(values.imag)]
+
+
+def test_an_undamped_jeffcott_rotor_whirls_at_one_frequency_of_the_fixed_frame():
+    natural = math.sqrt(1e8 / 2.0)
+    for speed in (0.1 * natural, 0.9 * natural, 1.1 * natural, 5.0 * natural):
+        values = whirl(1e8, 0.0, 0.0, 0.0, speed)
+        # Forward and backward whirl at +-w0, seen from a frame that turns by W.
+        expected = sorted(s * natural - c * speed for s in (1, -1) for c in (1, -1))
+        np.testing.assert_allclose(values.imag, expected, rtol=0, atol=1e-9 * (natural + speed))
+        np.testing.assert_allclose(values.real, 0.0, atol=1e-7 * natural)
+
+
+def test_damping_that_turns_drives_a_rotor_above_its_critical_speed():
+    """A support that stands still never does; with both, above w0 (1 + c_outer / c_inner)."""
+    natural = math.sqrt((6e7 + 4e7) / 2.0)
+    for outer, inner in ((500.0, 400.0), (200.0, 400.0), (0.0, 300.0), (300.0, 0.0)):
+        limit = natural * (1.0 + outer / inner) if inner else math.inf
+        for speed in (0.5 * natural, 0.999 * limit, 1.001 * limit, 3.5 * natural):
+            if math.isinf(speed):
+                continue
+            values = whirl(6e7, outer, 4e7, inner, speed)
+            assert (values.real.max() > 0.0) == (speed > limit)
