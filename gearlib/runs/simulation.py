@@ -203,6 +203,8 @@ def run(
         **options,
     )
     end = np.ravel([x, v])
+    if code == status.OK and summary.reach(table) > pair.bound(tuning, initial_state):
+        code = status.OVERFLOW
     if code != status.OK:
         for array in (samples, table, end):
             array[...] = math.nan
