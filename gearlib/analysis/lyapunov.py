@@ -13,8 +13,12 @@ import numpy as np
 
 from gearlib.data import status
 from gearlib.kernels.growth import carry
+from gearlib.models.model import FAR
 from gearlib.runs.variational import without_rotation
 
+#: A motion this many times as large as its model grows without bound if it becomes as many times
+#: as large in so many periods as are counted, again and again, up to `Model.bound`.
+LARGE, GROWN = 1e2, 1.5
 #: Maps held in memory at a time.
 _CHUNK = 512
 #: Batches of consecutive periods whose means give the uncertainty.
@@ -28,10 +32,11 @@ _SLACK = 7.0
 class Exponent(NamedTuple):
     """Largest Lyapunov exponent per mesh period."""
 
-    value: float  #: NaN: the run could not go on
+    value: float  #: NaN: the run could not go on, or the motion grows without bound
     uncertainty: float  #: standard error of the mean over batches
     growth: float  #: logarithm of the whole growth, value times periods
     periods: int
+    status: int = status.OK  #: `gearlib.data.status`; OVERFLOW: the motion grows without bound
 
     @property
     def positive(self):
@@ -64,14 +69,23 @@ def largest(pair, tuning, *, state=(0.0, 0.0), settle=1000, periods=4000, max_ev
     """
     propagator = pair.propagator(tuning)
     z = propagator.start(state)
+    size = Size(pair, tuning)
+    before = size(z)
+    bound = FAR * max(pair.extent, before)
+
+    def failed(code):
+        return Exponent(math.nan, math.nan, math.nan, periods, code)
+
     logs, weights, vector = np.empty(periods), None, None
     done = -settle
     while done < periods:
         count = min(_CHUNK, periods - done) if done >= 0 else min(_CHUNK, -done)
         first = (settle + done) % pair.repeats
         z, maps, code = propagator.maps(z, count, max_events, first)
+        if code == status.OK and size(z) > bound:
+            code = status.OVERFLOW
         if code != status.OK:
-            return Exponent(math.nan, math.nan, math.nan, periods)
+            return failed(code)
         maps = without_rotation(pair, maps)
         if vector is None:
             # Any direction will do: settling turns it into the growing one.
@@ -82,6 +96,51 @@ def largest(pair, tuning, *, state=(0.0, 0.0), settle=1000, periods=4000, max_ev
             # Over-damped to nothing: no deviation is left to grow.
             return Exponent(-math.inf, 0.0, -math.inf, periods)
         done += count
+        if done == 0:
+            before = size(z)
+    if grows(size, propagator, z, before, bound, periods, max_events):
+        return failed(status.OVERFLOW)
     batches = np.array([part.mean() for part in np.array_split(logs, min(BATCHES, periods))])
     error = batches.std(ddof=1) / math.sqrt(batches.size) if batches.size > 1 else math.inf
     return Exponent(float(logs.mean()), float(error), float(logs.sum()), periods)
+
+
+class Size:
+    """How large the states of a model are, without free rotation, in displacements."""
+
+    def __init__(self, pair, tuning):
+        self.extent, self.cycle = pair.extent, pair.repeats
+        self._reduce, _ = pair.reduction()
+        self._weights = np.repeat([1.0, tuning], len(self._reduce) // 2)
+
+    def __call__(self, states):
+        """Return the size of a state, or of each of several, shape (k, n); infinite if NaN."""
+        seen = np.abs(states @ self._reduce.T * self._weights).max(axis=-1)
+        return np.where(np.isfinite(seen), seen, math.inf)
+
+
+def grows(size, propagator, z, before, bound, periods, max_events):
+    """Return whether a motion that has grown goes on to do so, beyond a bound.
+
+    Parameters
+    ----------
+    size : Size
+    propagator : gearlib.models.propagators.base.Base
+    z : ndarray, shape (n,)
+        Where the motion is.
+    before : float
+        Its size so many periods ago.
+    bound : float
+    periods, max_events : int
+        As of `largest`.
+    """
+    ends, codes = z[None].copy(), np.zeros(1, np.int64)
+    periods += -periods % size.cycle
+    after = float(size(z))
+    while LARGE * size.extent < after <= bound and after > GROWN * before:
+        before = after
+        propagator.skip(ends.copy(), periods, max_events, ends, codes)
+        if codes[0] not in (status.OK, status.OVERFLOW):
+            return False
+        after = math.inf if codes[0] else float(size(ends[0]))
+    return after > bound

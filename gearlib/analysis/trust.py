@@ -10,6 +10,8 @@ label              rule
 =================  ===========================================================================
 periodic           all runs repeat after the same number of mesh periods, deviations decay, and
                    the extrema agree in at least `DIGITS` digits
+unbounded          the motion grows beyond all bounds, see `Model.bound`: it has gone so far, or is
+                   far out and grows on, and no run repeats
 chaotic            deviations grow: exponent above three times its uncertainty, and a growth
                    beyond what linear growth would reach in the counted periods
 quasi-periodic     no run repeats, and deviations neither grow nor decay exponentially
@@ -33,7 +35,7 @@ from gearlib.models.profiles import Fourier
 from gearlib.runs.run_arguments import check_tuning
 from gearlib.runs.simulation import run
 
-LABELS = ("periodic", "quasi-periodic", "chaotic", "undecided")
+LABELS = ("periodic", "quasi-periodic", "chaotic", "undecided", "unbounded")
 
 #: Agreement in fewer digits is none.
 DIGITS = 4
@@ -50,7 +52,7 @@ class Trust:
     message: str  #: the reason in one sentence
     period: int  #: in mesh periods; 0 unless periodic
     digits: float  #: decimal digits to which the extrema of all runs agree; NaN unless periodic
-    exponent: float  #: largest Lyapunov exponent per mesh period
+    exponent: float  #: largest Lyapunov exponent per mesh period; NaN if unbounded
     uncertainty: float  #: of the exponent, one standard error
     runs: xr.Dataset  #: displacement_max, displacement_min, period, status over run
 
@@ -198,6 +200,11 @@ def decide(runs, found, repeats=1):
     def verdict(label, message, period=0, digits=math.nan):
         return Trust(label, message, period, digits, found.value, found.uncertainty, runs)
 
+    gone = runs.status.values == status.OVERFLOW
+    if found.status == status.OVERFLOW or gone.any():
+        if not runs.period.values.any() and (found.status == status.OVERFLOW or gone.all()):
+            return verdict("unbounded", status.MESSAGES[status.OVERFLOW])
+        return verdict("undecided", "some runs grow without bound and others do not: see the runs")
     failed = runs.run.values[runs.status.values != status.OK]
     if failed.size or math.isnan(found.value):
         return verdict(

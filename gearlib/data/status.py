@@ -5,6 +5,7 @@ import numpy as np
 from gearlib.kernels.codes import (
     EVENT_LIMIT,
     JAMMED,
+    NO_START,
     NOT_CONVERGED,
     OK,
     OVERFLOW,
@@ -19,8 +20,8 @@ MESSAGES = {
         "raise max_events, or the tuning (slow meshes bounce many times per period)"
     ),
     OVERFLOW: (
-        "the motion grew beyond the range of floating-point numbers: "
-        "add damping, leave the parametric-resonance tongue or run fewer periods"
+        "the motion grows without bound, beyond 1e8 times its start, backlash and static "
+        "deflection: add damping or leave the parametric-resonance tongue"
     ),
     NOT_CONVERGED: (
         "the iterations on the contact force did not come to rest within a step: "
@@ -39,10 +40,14 @@ MESSAGES = {
         "the motion kept so close to a flank line that rounding hides whether it crosses it: "
         'move the initial state or the tuning by a millionth, or take method "scipy"'
     ),
+    NO_START: (
+        "there is no start: the run whose end it should be could not go on, "
+        "and its own status says why"
+    ),
 }
 
 #: CF flag attributes of every variable that holds a status.
 FLAGS = {
     "flag_values": np.array(list(MESSAGES), dtype=np.int8),
-    "flag_meanings": "ok event_limit overflow not_converged stalled jammed unresolved",
+    "flag_meanings": "ok event_limit unbounded not_converged stalled jammed unresolved no_start",
 }

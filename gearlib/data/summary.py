@@ -45,6 +45,11 @@ def variables(pair, dims, table, ends, codes, record_periods):
     return named
 
 
+def reach(table):
+    """Return the largest distance from the flank line in a summary, of all meshes."""
+    return float(np.abs(table[..., [orbit.X_MAX, orbit.X_MIN]]).max())
+
+
 def in_words(run):
     """Return in a sentence what the motion of a run of `gearlib.simulate` is.
 

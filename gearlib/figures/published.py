@@ -7,7 +7,7 @@ from matplotlib.lines import Line2D
 from gearlib.figures import style
 
 _HEIGHT = 5.6
-_LABELS = ("periodic", "quasi-periodic", "chaotic", "undecided")
+_LABELS = ("periodic", "quasi-periodic", "chaotic", "undecided", "unbounded")
 _CHAOTIC = 2
 #: Periods of the forcing drawn in the phase plane; of a chaotic motion as many as were recorded.
 _SHOWN = 4

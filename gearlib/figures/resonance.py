@@ -38,7 +38,10 @@ _LABEL_COLOURS = (
     ("quasi-periodic", "#56B4E9"),
     ("chaotic", "#D55E00"),
     ("undecided", "#CC79A7"),
+    ("unbounded", "#999999"),
 )
+#: So many of them are explained even where they do not occur.
+_ALWAYS = 4
 
 
 @style.styled()
@@ -233,7 +236,11 @@ def _handles(main_direction, carried, labels, branches, tongues):
             Line2D([], [], color="black", linewidth=0.7, linestyle=line, label="unstable orbit")
         )
     if labels:
-        handles += [Patch(facecolor=c, label=f"from rest: {n}") for n, c in _LABEL_COLOURS]
+        met = {int(code) for one in labels.values() for code in one.label.values}
+        shown = [
+            named for code, named in enumerate(_LABEL_COLOURS) if code in {*range(_ALWAYS), *met}
+        ]
+        handles += [Patch(facecolor=c, label=f"from rest: {n}") for n, c in shown]
     if tongues is not None:
         handles.append(Patch(facecolor=TONGUE_COLOUR, label="tongue"))
     return handles

@@ -4,12 +4,12 @@ import math
 
 import numpy as np
 
-from gearlib.data import status
+from gearlib.data import status, summary
 from gearlib.kernels import orbit
 
 
 def run_each(
-    run, tunings, order, state, carry, periods, record_periods, limit, summaries, ends, codes
+    run, tunings, order, state, carry, periods, record_periods, limit, bound, summaries, ends, codes
 ):
     """Run the tunings ``tunings[order]`` one after the other.
 
@@ -29,6 +29,8 @@ def run_each(
             limit,
             summaries[i],
         )
+        if code == status.OK and summary.reach(summaries[i]) > bound:
+            code = status.OVERFLOW
         ok = code == status.OK
         if not ok:
             summaries[i] = math.nan

@@ -40,7 +40,8 @@ def warm_up():
 
     ratios = np.array([1.2, 0.7, 1.8, 2.7, 0.06, 0.06, 4.0])
     rows = np.empty((1, SUMMARY_COLUMNS)), np.empty((1, 2)), np.empty((1, 2), dtype=np.int64)
-    run_many(ratios, np.array([0.9]), np.argsort([0.9]), np.zeros(2), False, 2, 1, 100, *rows)
+    one = np.array([0.9]), np.argsort([0.9]), np.zeros(2)
+    run_many(ratios, *one, False, 2, 1, 100, np.inf, *rows)
     samples, events = np.empty((4, SAMPLE_COLUMNS)), np.empty((4, EVENT_COLUMNS))
     run(mesh(ratios, 0.9), 0.0, 0.0, 2, 1, samples, events, 100, rows[0][0])
     return source_hash()

@@ -20,6 +20,10 @@ if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
     from gearlib.models.propagators import closed_form, piecewise_linear, taylor  # noqa: F401
 
 
+#: A motion that is so many times as large as what made it grows without bound.
+FAR = 1e8
+
+
 class Model:
     """What can be simulated: parameters, the words for its variables, its propagators."""
 
@@ -197,6 +201,29 @@ class Model:
     def flank_lines(self):
         """Displacements at which normal and inverse mesh begin."""
         return self.equation.upper, self.equation.lower
+
+    @property
+    def extent(self):
+        """Return the largest length of the model: of a displacement unit, its flanks, its loads."""
+        import numpy as np
+
+        lines, lengths = np.abs(np.ravel(self.flank_lines)), [1.0]
+        lengths += lines[np.isfinite(lines)].tolist()
+        if self.equation is not None:
+            equation = self.equation
+            force = abs(equation.load) + np.abs(equation.force[:, 1:]).sum()
+            lengths += [force / equation.natural**2, np.abs(equation.deviation[:, 1:]).sum()]
+        return float(max(lengths))
+
+    def bound(self, tuning, state=(0.0, 0.0)):
+        """Return the displacement beyond which a motion from a state has grown without bound.
+
+        It is `FAR` times the largest of the model's lengths and of the start: a motion that gains
+        as much as these in every period would take as many periods.
+        """
+        n = 0 if isinstance(state, str) else len(state) // 2
+        start = [abs(x) for x in state[:n]] + [tuning * abs(v) for v in state[n:]] if n else [0.0]
+        return FAR * max(self.extent, *start)
 
     def damped(self):
         """Return whether there is any damping on the way of the motion."""

@@ -15,7 +15,7 @@ from gearlib.data.variables import DESCRIPTIONS
 from gearlib.kernels import orbit
 from gearlib.kernels.codes import OK
 
-GRAZING, ONE_SIDED, FOLD, DOUBLE = 1, 2, 3, 4
+GRAZING, ONE_SIDED, FOLD, DOUBLE, EDGE = 1, 2, 3, 4, 5
 MESSAGES = {
     0: "the derivatives hold on both sides",
     GRAZING: (
@@ -29,10 +29,14 @@ MESSAGES = {
     ),
     FOLD: "the orbit is at a fold, where it has no derivatives by parameters: all are NaN",
     DOUBLE: "two multipliers coincide, whose derivatives are NaN: they part like a square root",
+    EDGE: (
+        "a contact ratio is 1 or 2, where a segment of the other stiffness appears or vanishes: "
+        "there the extrema of forces jump, and their derivatives by it are NaN"
+    ),
 }
 _FLAGS = {
     "flag_values": np.array(list(MESSAGES), dtype=np.int8),
-    "flag_meanings": "ok grazing one_sided fold double_multiplier",
+    "flag_meanings": "ok grazing one_sided fold double_multiplier edge",
 }
 #: With which the names of parameters of the start begin.
 _START = "initial_"
@@ -192,7 +196,8 @@ def variables(propagator, names, along, z, tangents, sizes, periods, recorded, m
         if done != OK or found != count:
             # Rounding decides whether there is an event at all.
             events[:], times[:], grazing = math.nan, math.nan, True
-        code = GRAZING if grazing else ONE_SIDED if one_sided else 0
+        edge = not np.isfinite(extrema).all()
+        code = GRAZING if grazing else EDGE if edge else ONE_SIDED if one_sided else 0
     else:
         for array in (samples, events, extrema, times):
             array[:] = math.nan

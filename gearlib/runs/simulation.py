@@ -86,7 +86,7 @@ def simulate(
         velocity, acceleration, dynamic_force, final_state, the extrema, the fractions of time,
         event_phase and event_velocity, also of body_motion; and sensitivity_status: 1 where the
         motion grazes a flank line, with NaN for such an event, 2 where a start on a flank line has
-        one side only.
+        one side only, 5 at a contact ratio of 1 or 2, with NaN for what jumps there.
 
     Raises
     ------
@@ -203,6 +203,8 @@ def run(
         **options,
     )
     end = np.ravel([x, v])
+    if code == status.OK and summary.reach(table) > pair.bound(tuning, initial_state):
+        code = status.OVERFLOW
     if code != status.OK:
         for array in (samples, table, end):
             array[...] = math.nan

@@ -102,6 +102,7 @@ def sweep(
     ends = np.empty((tunings.size, len(pair.components)))
     codes = np.empty((tunings.size, 2), dtype=np.int64)
     carry = direction != "cold"
+    bound = pair.bound(float(tunings.max()), initial_state)
 
     def go_through(order):
         module.run_many(
@@ -113,6 +114,7 @@ def sweep(
             periods,
             record_periods,
             max_events,
+            bound,
             table,
             ends,
             codes,

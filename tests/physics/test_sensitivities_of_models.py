@@ -7,6 +7,7 @@ import pytest
 
 from gearlib import (
     DeadZoneOscillator,
+    GearPair,
     Harmonics,
     OneDegreePair,
     SixDegreePair,
@@ -20,7 +21,9 @@ from gearlib.analysis.orbits.branch_points import Shooting
 from gearlib.analysis.orbits.parameters import RATIOS, value_of
 from gearlib.models.derivatives import PARAMETERS, START
 from gearlib.models.profiles import Steps
-from gearlib.runs.sensitivities import GRAZING, ONE_SIDED
+from gearlib.models.propagators import record
+from gearlib.models.propagators.record import Record
+from gearlib.runs.sensitivities import EDGE, GRAZING, ONE_SIDED
 from tests.physics.test_dead_zone import as_oscillator
 from tests.physics.test_sensitivities import (
     DAMPED,
@@ -204,6 +207,59 @@ def test_across_a_grazing():
                 values, found = (run[f"d_{variable}_d_{name}"].values for run in (one, other))
                 if found.shape == values.shape:
                     np.testing.assert_allclose(found, values, rtol=1e3 * size, atol=size)
+
+
+def nans(run):
+    """Return the derivatives of a run that are not all numbers."""
+    return {name for name in run.data_vars if name[:2] == "d_" and np.isnan(run[name]).any()}
+
+
+@pytest.mark.parametrize("contact_ratio", [1.0, 2.0])
+def test_forces_jump_at_the_edge_of_the_contact_ratio(contact_ratio):
+    pair = DAMPED.replace(contact_ratio=contact_ratio)
+    for name, code in (("contact_ratio", EDGE), ("load", 0)):
+        run = simulate(pair, 0.8, periods=20, sensitivities=name)
+        assert int(run.sensitivity_status) == code
+        wanted = {f"d_dynamic_force_{end}_d_{name}" for end in ("max", "min")} if code else set()
+        assert nans(run) == wanted
+
+
+def test_an_infinite_backlash_stays_infinite():
+    gears = GEARS.replace(backlash=np.inf)
+    run = simulate(gears, 0.8, periods=3, sensitivities=("load", "backlash"))
+    assert np.isinf(run.backlash).all() and not nans(run)
+    assert not run.d_backlash_d_load.any() and not run.d_final_state_d_backlash.any()
+
+
+@pytest.mark.parametrize("periods", [1, 3])
+def test_a_slow_mesh_is_looked_at_once(monkeypatch, periods):
+    """It rests near its largest and smallest displacement most of the time: all pieces are kept.
+
+    From rest on the flank line, which is no touch, however many pieces follow.
+    """
+    counts = {"added": 0, "seen": 0}
+
+    def counted(method, key, count):
+        def replaced(self, *arguments):
+            counts[key] += count(self)
+            return method(self, *arguments)
+
+        return replaced
+
+    pieces = counted(Record._sift, "seen", lambda one: len(one._pieces))
+    monkeypatch.setattr(record, "_MANY", 16)
+    monkeypatch.setattr(Record, "_sift", pieces)
+    monkeypatch.setattr(Record, "add", counted(Record.add, "added", lambda one: 1))
+    pair = GearPair.from_ratios(
+        contact_ratio=1.569, stiffness_ratio=0.5879, damping=0.0617, backlash_damping=0.0617
+    )
+    run = simulate(OneDegreePair(pair=pair), 0.01, periods=periods, sensitivities="tuning")
+    assert int(run.sensitivity_status) == 0 and int(run.status) == 0
+    assert counts["seen"] <= 3 * counts["added"]
+    own = simulate(pair, 0.01, periods=periods, sensitivities="tuning")
+    for name in ("displacement_max", "dynamic_force_max", "final_state"):
+        wanted = own[f"d_{name}_d_tuning"]
+        np.testing.assert_allclose(run[f"d_{name}_d_tuning"], wanted, rtol=1e-7, atol=1e-9)
 
 
 def test_a_full_start_of_six_degrees():

@@ -12,6 +12,7 @@ from gearlib.analysis.global_dynamics.attractors import (
 )
 from gearlib.data import status
 from gearlib.kernels import orbit as columns
+from gearlib.models.model import FAR
 
 #: Random states that run first, to find the attractors.
 _SCOUTS = 128
@@ -19,8 +20,6 @@ _SCOUTS = 128
 _CLOSER, _LOOKS = 8, 6
 #: Cycles of the first rounds after which states that are caught leave.
 _ROUND = 24
-#: Displacements beyond this, static deflections, are on the way to infinity.
-_FAR = 1e6
 _EXPONENT_PERIODS = 2000
 _RECORD = 256
 
@@ -62,9 +61,11 @@ def classify(strobe, states, cycles, *, stop_early=True, seed=0):
     scouts = rng.choice(len(states), min(_SCOUTS, len(states)), replace=False)
     run.learn(strobe(strobe.start(states[np.sort(scouts)]), cycles)[0])
     run.advance(cycles, stop_early)
+    run.let_grow()
     run.look_closer()
     if run.left.size and not run.all_chaotic():
         run.advance(cycles, True)
+        run.let_grow()
         run.look_closer()
     run.name_the_rest()
     return run.sorted()
@@ -78,6 +79,9 @@ class _Run:
         self.known = []
         self.labels = np.full(len(states), -1)
         self.unbounded = np.zeros(len(states), bool)
+        #: Sizes beyond which each has left all bounds, as of `Model.bound`.
+        self.size = lyapunov.Size(strobe.pair, strobe.tuning)
+        self.bounds = FAR * np.maximum(self.size.extent, self.size(strobe.start(states)))
         #: States without a label: their numbers, where they are.
         self.left, self.at = np.arange(len(states)), strobe.start(states)
         self.others = {}
@@ -97,8 +101,7 @@ class _Run:
     def catch(self):
         """Label the states that are in a trapping ellipse, and those that have left all bounds."""
         seen = self.strobe.seen(self.at)
-        gone = ~np.isfinite(seen).all(axis=1)
-        gone |= np.abs(np.nan_to_num(seen)).max(axis=1) > _FAR
+        gone = self.size(self.at) > self.bounds[self.left]
         self.unbounded[self.left[gone]] = True
         caught = gone.copy()
         for i, one in enumerate(self.known):
@@ -119,6 +122,22 @@ class _Run:
             self.catch()
             done += step
             step = done
+
+    def let_grow(self):
+        """Follow what is far out for as long as it grows; label what leaves all bounds."""
+        size = self.size(self.at)
+        places = np.flatnonzero(size > lyapunov.LARGE * self.size.extent)
+        gone = np.zeros(self.left.size, bool)
+        while places.size:
+            ends, codes = self.strobe(self.at[places], -(-_EXPONENT_PERIODS // self.strobe.cycle))
+            after = np.where(codes == status.EVENT_LIMIT, 0.0, self.size(ends))
+            growing = after > lyapunov.GROWN * size[places]
+            out = growing & (after > self.bounds[self.left[places]])
+            self.at[places[growing]], size[places] = ends[growing], after
+            gone[places[out]] = True
+            places = places[growing & ~out]
+        self.unbounded[self.left[gone]] = True
+        self.left, self.at = self.left[~gone], self.at[~gone]
 
     def sample(self):
         """Return places in `left` of a few states."""
@@ -150,7 +169,7 @@ class _Run:
             if not one.growth > 0.0:
                 return False
             found.append(one)
-        value, uncertainty, growth, periods = np.array(found).T
+        value, uncertainty, growth, periods, _ = np.array(found).T
         # Of weak chaos one motion alone may not suffice to tell.
         error = np.sqrt((uncertainty**2).sum()) / len(found)
         mean = lyapunov.Exponent(value.mean(), error, growth.sum(), int(periods.sum()))

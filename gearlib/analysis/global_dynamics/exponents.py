@@ -10,7 +10,7 @@ from gearlib import checks
 from gearlib.analysis import lyapunov
 from gearlib.analysis.global_dynamics import grids
 from gearlib.analysis.global_dynamics.parameters import models, name_parameter
-from gearlib.data import provenance
+from gearlib.data import provenance, status
 from gearlib.data.variables import describe
 from gearlib.integrators import choose
 from gearlib.runs.run_arguments import MAX_EVENTS
@@ -50,7 +50,8 @@ def lyapunov_exponents(
     -------
     xarray.Dataset
         Over the parameter under its name: exponent, per mesh period, and uncertainty, the
-        standard error of its mean over 20 batches. NaN for a run that could not go on.
+        standard error of its mean over 20 batches; status, where it is not 0 both are NaN: the
+        run could not go on, the motion grows without bound, or its start has no numbers.
 
     Raises
     ------
@@ -78,15 +79,19 @@ def lyapunov_exponents(
     def one(i):
         model, nu = cases[i]
         if not np.isfinite(rows[i]).all():
-            return np.nan, np.nan
+            return np.nan, np.nan, status.NO_START
         found = lyapunov.largest(
             model, nu, state=tuple(rows[i]), settle=settle, periods=periods, max_events=max_events
         )
-        return found.value, found.uncertainty
+        return found.value, found.uncertainty, found.status
 
     with ThreadPoolExecutor(threads) as pool:
         found = np.array(list(pool.map(one, range(values.size))))
-    data = {"exponent": (parameter, found[:, 0]), "uncertainty": (parameter, found[:, 1])}
+    data = {
+        "exponent": (parameter, found[:, 0]),
+        "uncertainty": (parameter, found[:, 1]),
+        "status": (parameter, found[:, 2].astype(np.int8)),
+    }
     dataset = name_parameter(describe(xr.Dataset(data, {parameter: values}), pair), parameter)
     dataset.attrs = provenance.attributes(
         "Largest Lyapunov exponents of a gear mesh",

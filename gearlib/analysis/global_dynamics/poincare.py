@@ -135,5 +135,8 @@ def section(pair, tuning, states, settle, periods, phase, max_events):
             chosen = slice(share.numerator, None, share.denominator)
             table[i, :, 0], table[i, :, 1] = run.displacement[chosen], run.velocity[chosen]
             ends[i], codes[i] = run.final_state, run.status
+    for i, state in enumerate(states):
+        if codes[i] == status.OK and np.abs(table[i, :, 0]).max() > pair.bound(tuning, state):
+            table[i], codes[i] = math.nan, status.OVERFLOW
     ends[codes != status.OK] = math.nan
     return table, ends, codes

@@ -10,6 +10,7 @@ from gearlib.analysis.global_dynamics.basins import KIND_FLAGS, basins
 from gearlib.analysis.global_dynamics.bifurcation import bifurcation_diagram
 from gearlib.analysis.global_dynamics.exponents import lyapunov_exponents
 from gearlib.analysis.global_dynamics.poincare import poincare_section
+from gearlib.data import status
 from gearlib.data.variables import describe
 from gearlib.models.pair import GearPair
 from gearlib.runs.sweeping import CARRIED
@@ -101,7 +102,9 @@ def bifurcation(pair, tunings, coarse, settings, threads=None):
             periods=settings["exponent_periods"],
             threads=threads,
         )
-        found.append(diagram.assign(rates.data_vars))
+        # What stopped the diagram stops the exponents too.
+        stopped = diagram.status.where(diagram.status != status.OK, rates.status)
+        found.append(diagram.assign(rates.data_vars).assign(status=stopped))
     names = xr.DataArray(names, dims="direction", name="direction")
     both = xr.concat(found, names, combine_attrs="drop")
     both = describe(both.assign(speed=("tuning", pair.speed(both.tuning.values))))

@@ -15,7 +15,18 @@ from gearlib.kernels.jit import kernel
 
 @kernel
 def run_many(
-    ratios, tunings, order, state, carry, periods, record_periods, limit, summaries, ends, codes
+    ratios,
+    tunings,
+    order,
+    state,
+    carry,
+    periods,
+    record_periods,
+    limit,
+    bound,
+    summaries,
+    ends,
+    codes,
 ):
     """Run the tunings ``tunings[order]``.
 
@@ -32,6 +43,8 @@ def run_many(
         Whether a run starts from the end of the one before it (after a failed one: from `state`).
     periods, record_periods, limit : int
         As of `gearlib.kernels.closed_form.run.run`.
+    bound : float
+        Displacement beyond which a motion has grown without bound: OVERFLOW.
     summaries, ends : ndarray, shapes (n, 9), (n, 2)
         Summary and final state of every tuning.
     codes : ndarray of int, shape (n, 2)
@@ -47,6 +60,8 @@ def run_many(
         x, v, period, _, _, status = run_at(
             m, work, x, v, periods, record_periods, samples, events, limit, summaries[i]
         )
+        if status == OK and max(summaries[i, orbit.X_MAX], -summaries[i, orbit.X_MIN]) > bound:
+            status = OVERFLOW
         if status != OK:
             summaries[i, :] = math.nan
             ends[i, :] = math.nan

@@ -30,6 +30,8 @@ class VariedSystem(Varied):
             np.array([getattr(one, name) for one, _ in pairs]) + 0j for name in ("a", "stiffness")
         )
         self._outputs = np.array([outputs for _, outputs in pairs]) + 0j
+        # An infinite backlash stays infinite.
+        self._outputs[~np.isfinite(self._outputs).all(axis=-1)] = 0.0
         self.near, self.far, self.position = (
             np.array([[getattr(one, name)] for one, _ in pairs]) + 0j
             for name in ("near", "far", "position")

@@ -24,7 +24,7 @@ _BETWEEN = 0.05
 _OUTSIDE = 1e-9
 #: What is higher by less than this share is not higher: ends of pieces next to a turning point.
 _HIGHER = 1e-12
-#: Pieces that are kept before those that matter are sifted out.
+#: Pieces that are kept, at least, before those that matter are sifted out.
 _MANY = 512
 #: Steps of Newton's method to a turning point, from a secant.
 _NEWTON = 5
@@ -58,6 +58,8 @@ class Record:
         #: Whether a turning point lies on a flank line.
         self.touching = self._begun = False
         self._taken, self._pieces = 0, []
+        # How many of the pieces have been looked at for touches; with how many they are sifted.
+        self._looked, self._most = 0, _MANY
         self._moved = np.zeros((self.meshes, self.k))
 
     def event(self, mesh, before, after, segment, moved, velocity):
@@ -94,7 +96,7 @@ class Record:
         curves = terms[:, :, 0] @ np.concatenate([rows[:m], near, far, rows[3 * m : 4 * m]]).T
         moved = np.stack([self._moved, np.zeros_like(self._moved)])
         table = _powers(_PLACES, len(terms)) @ curves
-        if len(self._pieces) > _MANY:
+        if len(self._pieces) > self._most:
             self._sift()
         self._pieces.append(_Piece(codes, segments, terms, curves, table, moved))
         self._moved = np.zeros_like(self._moved)
@@ -120,6 +122,8 @@ class Record:
         near = [self._near(column, sign)[0] for column in columns for sign in (1.0, -1.0)]
         kept = np.unique(np.concatenate([*near, [len(self._pieces) - 1]]))
         self._pieces = [self._pieces[i] for i in kept]
+        # A slow mesh rests: where most pieces stay, twice as many may come before the next look.
+        self._looked, self._most = len(kept), max(_MANY, 2 * len(kept))
 
     def _near(self, column, sign):
         """Return the pieces that may hold the largest `sign` times a curve, and its reach."""
@@ -151,7 +155,7 @@ class Record:
 
     def _touches(self, column):
         """Return whether a turning point of a distance from a flank lies on its line."""
-        for i, piece in enumerate(self._pieces):
+        for i, piece in enumerate(self._pieces[self._looked :]):
             if np.abs(piece.table[:, column]).min() < _BETWEEN:
                 # A start at rest on a line is no touch.
                 first = not (i or self._begun)

@@ -1,0 +1,150 @@
+"""Motions that grow without bound are called so, everywhere, and no others are.
+
+Far out neither backlash nor load matters: with both flanks alike the mesh is Hill's equation, and a
+motion grows without bound where the largest multiplier of that is greater than 1.
+"""
+
+import math
+
+import numpy as np
+import pytest
+
+from gearlib import (
+    Body,
+    DeadZoneOscillator,
+    GearPair,
+    GearTrain,
+    Harmonics,
+    Mesh,
+    OneDegreePair,
+    basins,
+    bifurcation_diagram,
+    lyapunov_exponents,
+    poincare_section,
+    simulate,
+    sweep,
+    trust,
+)
+from gearlib.analysis.trust import LABELS, scan
+from gearlib.data import status
+from gearlib.data.status import NO_START, OVERFLOW
+
+PAIR = GearPair.from_ratios(
+    contact_ratio=1.3, stiffness_ratio=0.4, damping=0.02, backlash_damping=0.01, backlash=1.0
+)
+#: Across the lower end of the principal tongue, which lies at 0.9406.
+TUNINGS = np.array([0.93, 0.94, 0.941, 0.9412, 0.942, 0.9435, 0.945])
+GROWS = np.array([False, False, True, True, True, True, True])
+CONSERVATIVE = GearPair.from_ratios(contact_ratio=1.569, stiffness_ratio=0.5879, backlash=4.0)
+
+
+def one_pair(pair):
+    """Return a `GearPair` as a train of two gears."""
+    radius = 0.1
+    gear = {"teeth": 20, "base_radius": radius, "inertia": 2.0 * pair.reduced_mass * radius**2}
+    bodies = [Body(name=name, torque=pair.load * radius, **gear) for name in ("pinion", "wheel")]
+    names = ("max_stiffness", "stiffness_ratio", "contact_ratio", "backlash")
+    more = {name: getattr(pair, name) for name in (*names, "material_damping", "backlash_damping")}
+    return GearTrain(bodies=bodies, meshes=[Mesh(pinion="pinion", wheel="wheel", **more)])
+
+
+def growth(pair, tuning):
+    """Return the logarithm of the largest multiplier with both flanks always in contact."""
+    return math.log(np.abs(np.linalg.eigvals(one_pair(pair).contact_map(tuning))).max())
+
+
+def test_the_tunings_lie_on_both_sides_of_the_tongue():
+    assert [growth(PAIR, nu) > 0.0 for nu in TUNINGS] == GROWS.tolist()
+
+
+def test_labels():
+    found = scan(PAIR, TUNINGS)
+    names = [LABELS[code] for code in found.label.values]
+    assert names == ["unbounded" if grows else "periodic" for grows in GROWS]
+    assert (np.isnan(found.exponent.values) == GROWS).all()
+    assert "unbounded" in found.label.flag_meanings.split()
+    assert "bound" in trust(PAIR, 0.942).message
+
+
+def test_exponents_have_a_status():
+    found = lyapunov_exponents(PAIR, TUNINGS)
+    assert found.status.values.tolist() == np.where(GROWS, OVERFLOW, 0).tolist()
+    assert (np.isnan(found.exponent.values) == GROWS).all()
+    states = np.zeros((2, 2))
+    states[1] = math.nan
+    found = lyapunov_exponents(PAIR, [0.93, 0.94], states=states)
+    assert found.status.values.tolist() == [0, NO_START] and np.isnan(found.exponent.values[1])
+
+
+def test_a_run_that_stops_gives_its_reason():
+    found = lyapunov_exponents(PAIR, [0.93], max_events=1)
+    assert found.status.values.tolist() == [status.EVENT_LIMIT]
+
+
+@pytest.mark.parametrize("direction", ["cold", "up", "down"])
+def test_sweeps(direction):
+    run = sweep(PAIR, TUNINGS, periods=6000, record_periods=2, direction=direction)
+    wanted = GROWS.copy()
+    assert (run.status.values == np.where(wanted, OVERFLOW, 0)).all()
+    assert (run.displacement_max.isnull().values == wanted).all()
+    # What follows a motion without bound starts from rest.
+    cold = sweep(PAIR, [0.94], periods=6000, record_periods=2)
+    if direction != "up":
+        np.testing.assert_array_equal(run.displacement_max.values[1], cold.displacement_max[0])
+
+
+def test_diagrams_and_sections():
+    found = bifurcation_diagram(PAIR, [0.94, 0.9435], settle=2000, strobes=4)
+    assert found.status.values.tolist() == [0, OVERFLOW]
+    assert found.displacement.isnull().values.tolist() == [[False] * 4, [True] * 4]
+    one = poincare_section(PAIR, 0.9435, [(0.0, 0.0)], periods=4, settle=2000)
+    assert one.status.values.tolist() == [OVERFLOW] and one.final_state.isnull().all()
+
+
+def test_basins():
+    grid = ((-2.0, 2.0, 4), (-2.0, 2.0, 4))
+    for nu, kind in ((0.93, "periodic"), (0.941, "unbounded"), (0.945, "unbounded")):
+        found = basins(PAIR, nu, grid)
+        flags = found.attractor_kind.flag_meanings.split()
+        assert [flags[code] for code in found.attractor_kind.values] == [kind]
+
+
+@pytest.mark.parametrize("make", [lambda pair: OneDegreePair(pair=pair), one_pair])
+def test_other_models(make):
+    model = make(PAIR)
+    for nu, code in ((0.93, 0), (0.945, OVERFLOW)):
+        run = simulate(model, nu, periods=700, samples_per_period=1)
+        assert int(run.status) == code
+        found = lyapunov_exponents(model, [nu], settle=200, periods=400)
+        assert found.status.values.tolist() == [code]
+
+
+@pytest.mark.parametrize("tuning", [0.82, 0.9])
+def test_conservative_chaos_is_no_growth(tuning):
+    assert trust(CONSERVATIVE, tuning).label == "chaotic"
+
+
+def test_a_start_far_out_is_no_growth():
+    run = simulate(PAIR, 0.8, periods=4000, initial_state=(1e9, 0.0))
+    assert int(run.status) == 0 and float(run.displacement_max) < 10.0
+    found = basins(PAIR, 0.8, ((1e7, 1e9, 2), (0.0, 0.0, 1)))
+    assert found.attractor_kind.values.tolist() == [0]
+
+
+def test_a_unit_of_length_that_is_small_is_no_growth():
+    """All lengths in a unit of 1e-12 of the other; the motion is the same."""
+    small, large = (
+        simulate(
+            DeadZoneOscillator(
+                upper_stiffness=1.0,
+                damping=0.05,
+                forcing=Harmonics((0.3 * size,)),
+                load=size,
+            ),
+            0.7,
+            periods=400,
+        )
+        for size in (1.0, 1e12)
+    )
+    assert int(small.status) == int(large.status) == 0
+    np.testing.assert_allclose(large.displacement_max, 1e12 * small.displacement_max, rtol=1e-9)
