@@ -74,10 +74,7 @@ class Problem:
 
     def jammed(self, t, z):
         """Return whether both flanks of a mesh touch at once."""
-        if not self.grid.closing.any():
-            return False
-        near, far = (self._lines @ self.full(t, z)).reshape(2, -1)
-        return bool((self.grid.closing & (near >= 0.0) & (far < -_OFF)).any())
+        return steps.jammed(self.system, self.grid.closing, t, z)
 
     def rate(self, full, segment, codes):
         """Return dz/dtau."""
@@ -263,8 +260,11 @@ class FixedSteps(Whole):
         h, system = _TURN / self.steps, self.problem.system
         for n in range(self.first):
             self.add_strobe(n, z)
-            z, taken = steps.runge_kutta_period(system, n, self.steps, z, RANGE)
+            closing = self.problem.grid.closing
+            z, taken, jam = steps.runge_kutta_period(system, closing, n, self.steps, z, RANGE)
             self.evaluations += _STAGES * taken
+            if jam:
+                return z, status.JAMMED
             if not np.abs(z).max() < RANGE:
                 return z, status.OVERFLOW
         for n in range(self.first, self.periods):
