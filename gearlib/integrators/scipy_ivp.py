@@ -93,6 +93,8 @@ class _Whole(Recorded):
             solver.step()
             if not within_range(*self.problem.observe(solver.t, solver.y)):
                 return solver.y, status.OVERFLOW
+            if self.jammed(solver.t, solver.y):
+                return solver.y, status.JAMMED
             if solver.status == "failed":
                 return z, status.STALLED
             if _TURN * strobe > solver.t and opening >= solver.t:

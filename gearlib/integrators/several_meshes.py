@@ -73,11 +73,8 @@ class Problem:
         return normal * NORMAL + (~normal & (far <= 0.0)) * INVERSE
 
     def jammed(self, t, z):
-        """Return whether both flanks of a mesh touch at once."""
-        if not self.grid.closing.any():
-            return False
-        near, far = (self._lines @ self.full(t, z)).reshape(2, -1)
-        return bool((self.grid.closing & (near >= 0.0) & (far < -_OFF)).any())
+        """Return whether both flanks touch at once in a mesh."""
+        return steps.jammed(self.system, self.grid.closing, t, z)
 
     def rate(self, full, segment, codes):
         """Return dz/dtau."""
@@ -263,10 +260,11 @@ class FixedSteps(Whole):
         h, system = _TURN / self.steps, self.problem.system
         for n in range(self.first):
             self.add_strobe(n, z)
-            z, taken = steps.runge_kutta_period(system, n, self.steps, z, RANGE)
+            closing = self.problem.grid.closing
+            z, taken, jam = steps.runge_kutta_period(system, closing, n, self.steps, z, RANGE)
             self.evaluations += _STAGES * taken
-            if not np.abs(z).max() < RANGE:
-                return z, status.OVERFLOW
+            if jam or not np.abs(z).max() < RANGE:
+                return z, status.JAMMED if jam else status.OVERFLOW
         for n in range(self.first, self.periods):
             self.add_strobe(n, z)
             for i in range(self.steps):
@@ -399,7 +397,7 @@ class Split(Recorded):
         """Put z just beyond the line that ended a phase; return the new contact codes."""
         j, line, direction, after = next(leave for leave in exits if leave[:2] == hit)
         self.problem.off(t, z, j, line, direction)
-        if self.keep and after != BOTH:
+        if self.keep:
             self.add_event(t, self.problem.full(t, z), j, int(codes[j]), after)
         codes = codes.copy()
         codes[j] = after

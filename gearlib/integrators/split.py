@@ -67,6 +67,13 @@ class Recorded:
         near, far = self.problem.lines(t, z)
         return NORMAL if near >= 0.0 else (INVERSE if far <= 0.0 else BACKLASH)
 
+    def jammed(self, t, z):
+        """Return whether both flanks touch at once, by more than rounding."""
+        if not self.problem.closing:
+            return False
+        near, far = self.problem.lines(t, z)
+        return near >= 0.0 and far < -1e-13 * max(1.0, np.abs(z).max())
+
     def add_strobe(self, n, t, z):
         """Keep the state at the start of period n, if it is one of the last."""
         row = n - (self.periods - self.kept)
@@ -180,7 +187,7 @@ class Split(Recorded):
         pieces = range(len(problem.low))
         codes = NORMAL, BACKLASH, INVERSE
         self.exits = {code: exits_of(code, problem.gap, problem.closing) for code in codes}
-        if problem.closing and contact == NORMAL and problem.lines(0.0, z)[FAR] < -self.off(z):
+        if self.jammed(0.0, z):
             return z, status.JAMMED
         for leave in self.exits[contact]:
             if problem.lines(0.0, z)[leave.line] == 0.0:

@@ -9,6 +9,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import nnls
 
 from gearlib import GearPair, Harmonics, LoadSharingPair, OneDegreePair, simulate
+from gearlib.data.status import JAMMED
 from gearlib.geometry import Mesh, PathTable, optimum_relief
 from gearlib.models.geometry.load_sharing import pairs_at
 from tests.geometry.drawings import fzg_c, high, ring, twenty
@@ -294,3 +295,21 @@ def test_one_sentence_with_key_value_and_range(case):
         call()
     message = str(refused.value)
     assert message.startswith(key) and allowed in message, message
+
+
+@pytest.mark.parametrize(("backlash", "jams"), [(3e-6, True), (7e-6, True), (9e-6, False)])
+def test_teeth_too_thick_for_the_backlash_jam(backlash, jams):
+    """One tooth in three is 8 um too thick: no force of the coast side is left out."""
+    drawing = with_backlash(fzg_c(), backlash)
+    model = constant(drawing, pitch_errors=(0.0, -8e-6, 0.0))
+    system = model.system(0.3)
+    assert system.closing == jams
+    loose = dataclasses.replace(model, drawing=with_backlash(fzg_c(), FAR))
+    loose = dataclasses.replace(loose, pair=model.pair.replace(backlash=FAR))
+    for record in (1, 9):
+        run = simulate(model, 0.3, periods=9, record_periods=record)
+        assert int(run.status) == (JAMMED if jams else 0)
+    # The thick tooth touches at -8 um under a light load: beyond the coast side.
+    run = simulate(loose, 0.3, periods=9, record_periods=9)
+    deepest = float(run.displacement_min) * model.static_deflection
+    assert (deepest < -backlash) == jams

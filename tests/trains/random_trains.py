@@ -84,6 +84,35 @@ def _alike(rng, train):
     return train.replace(meshes=meshes, bodies=bodies)
 
 
+def edge_problem(rng):
+    """Return (train, tuning, state) of a train whose flanks hardly have room: what may jam it.
+
+    Backlashes of nothing to some um, deviations of either flank as large as that, and run-out.
+    """
+    train, tuning, state = random_problem(rng)
+    meshes = []
+    for mesh in train.meshes:
+        backlash = float(rng.choice([0.0, 1e-7, 1e-6, 5e-6]))
+        size = max(backlash, 2e-7) * rng.choice([0.1, 0.3, 0.6, 1.0, 3.0])
+        waves = [
+            gearlib.Harmonics(tuple(size * rng.uniform(-1.0, 1.0, 2)), (size * rng.normal(),))
+            for _ in range(2)
+        ]
+        waves[1] = waves[rng.integers(2)]
+        more = dict(backlash=backlash, deviation=waves[0], inverse_deviation=waves[1])
+        meshes.append(replace(mesh, **more))
+    bodies = [
+        replace(body, eccentricity=float(rng.choice([0.0, 1e-6])), eccentricity_phase=1.0)
+        if body.teeth
+        else body
+        for body in train.bodies
+    ]
+    moved = train.replace(meshes=meshes, bodies=bodies)
+    if rng.random() < 0.5:
+        state = moved.start_state("static")
+    return moved, tuning, state
+
+
 def chain_train(rng):
     """Return gears in a row, 2 to 6 meshes, some on shafts of two gears."""
     count = int(rng.integers(2, 7))

@@ -1,17 +1,22 @@
 """Events of several meshes: one pair as a train, simultaneous and nearly simultaneous ones."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 import gearlib
 from gearlib import Body, GearTrain, Mesh, Shaft
 from gearlib.kernels import orbit
-from gearlib.kernels.several_meshes.combinations import combinations
-from gearlib.kernels.several_meshes.grid import grid_of
-from gearlib.kernels.several_meshes.periods import EVENT_MESH
+from gearlib.kernels.several_meshes.combinations import combination, combinations
+from gearlib.kernels.several_meshes.grid import grid_of, work_of
+from gearlib.kernels.several_meshes.periods import EVENT_MESH, in_order
+from gearlib.kernels.several_meshes.substeps import look_ahead
 from tests.paper import PAPER
+from tests.trains.against_scipy import matrix
+from tests.trains.random_trains import random_problem, symmetric_problem
 from tests.trains.test_train_system import six_degrees
 
 #: Bounces once a mesh period.
@@ -195,3 +200,106 @@ def test_a_train_at_rest_on_its_flanks_begins_in_contact():
     assert not len(at_start)
     run = gearlib.simulate(train, 0.5, periods=1, samples_per_period=4096)
     assert (run.contact[0] == 1).all() and (run.displacement[1:9] > 0.0).all()
+
+
+@pytest.mark.parametrize("mesh", range(6))
+def test_terms_of_high_degree_bring_a_distance_to_its_line(mesh):
+    """All terms below the eighth stand still: what bounds the rest has to see it coming."""
+    propagator = PLANETS.propagator(1.0)
+    system, grid, tables, n = propagator.system, propagator.grid, propagator.tables, PLANETS.size
+    a, row, rows = matrix(system, [1] * 6, 0), system.near[mesh], []
+    for k in range(9):
+        rows.append(row)
+        row = row @ a * (system.longest / (k + 1))
+    work, rows = work_of(n + 1, 6), np.array(rows)
+    effects = system.effect[2, 0]
+    for fall, clear in ((-8.0, False), (0.0, True)):
+        wanted = np.zeros(9)
+        wanted[0], wanted[8] = 1.0, fall
+        state = np.linalg.lstsq(rows[:, :n], wanted - rows[:, n], rcond=None)[0]
+        full = np.append(state, 1.0)
+        np.testing.assert_allclose(rows @ full, wanted, rtol=0, atol=1e-6)
+        end = system.near[mesh] @ expm(a * system.longest) @ full
+        assert (end < -1.0) == (not clear)
+        work.contact[:], work.z[: n + 1] = 1, full
+        look_ahead(
+            tables.look,
+            tables.tail,
+            grid.apart,
+            combination(system, tables, effects),
+            work.z,
+            work.contact,
+            grid.open,
+            grid.closing,
+            work.look,
+            work.tail,
+            work.term,
+            work.clear,
+        )
+        # Of a state without the eighth term the bound is as large: it may be clear, or not.
+        assert not work.clear[mesh] or clear
+
+
+@pytest.mark.parametrize("load", [3000.0, -3000.0, 0.0])
+@pytest.mark.parametrize("line", [1, -1])
+def test_a_start_at_rest_on_either_flank_line(line, load):
+    train = pairs_as_train(PAIR)
+    torques = [replace(body, torque=load * body.base_radius) for body in train.bodies]
+    train = train.replace(bodies=torques)
+    state = np.zeros(train.size)
+    if line == -1:
+        state[:2] = -0.5 * PAIR.backlash / train.static_deflection
+    # The load presses on one side, and opens the other; without it nothing moves, and the coast
+    # side counts as open.
+    code = {1: int(load >= 0.0), -1: -int(load < 0.0)}[line]
+    events, _, samples = train.propagator(0.9).record(state, 1, 100, 64)
+    assert samples[0, orbit.SAMPLE_CONTACT] == samples[1, orbit.SAMPLE_CONTACT] == code
+    # What is pressed on stays in contact for a while; what opens strikes later.
+    assert not len(events) or events[0, orbit.EVENT_PHASE] > 0.1
+
+
+# Of sixty each those in which sums of parts of a substep round below the event before.
+@pytest.mark.parametrize(
+    ("kind", "seed"),
+    [(symmetric_problem, seed) for seed in (12, 26, 30, 54)] + [(random_problem, 17)],
+)
+def test_events_are_recorded_in_their_order(kind, seed):
+    train, tuning, state = kind(np.random.default_rng(seed))
+    events, _, _ = train.propagator(tuning).record(state, 40, 10**5)
+    same = np.diff(events[:, orbit.EVENT_PERIOD]) == 0.0
+    apart = np.diff(events[:, orbit.EVENT_PHASE])
+    assert (apart[same] >= 0.0).all()
+    assert (np.diff(events[:, EVENT_MESH])[same & (apart == 0.0)] >= 0).all()
+    run = gearlib.simulate(train, tuning, periods=40, record_periods=40, initial_state=state)
+    assert run.event.size == len(events) > 10 and (np.diff(run.event_phase) >= 0.0).all()
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        dict(method="rk4", options={"steps_per_period": 60}),
+        dict(method="scipy", options={"rtol": 1e-6}),
+        dict(method="scipy", options={"events": True, "rtol": 1e-9, "solver": "DOP853"}),
+    ],
+)
+def test_other_methods_record_events_in_their_order(options):
+    for train in (PLANETS, gearlib.planetary(teeth=(28, 98), stiffness_ratio=(0.7, 0.7))):
+        run = gearlib.simulate(train, 1.0, periods=12, record_periods=12, **options)
+        assert run.event.size > 6 and (np.diff(run.event_phase) >= 0.0).all()
+
+
+def test_events_at_one_phase_come_by_the_numbers_of_their_meshes():
+    rows = np.zeros((4, 6))
+    rows[:, orbit.EVENT_PHASE], rows[:, EVENT_MESH] = (1.0, 2.0, 2.0, 2.0), (3, 1, 2, 0)
+    ordered = rows.copy()
+    in_order(ordered, 3, 0)
+    assert ordered[:, EVENT_MESH].tolist() == [3, 0, 1, 2]
+    # Not before those of another period.
+    kept = rows.copy()
+    in_order(kept, 3, 2)
+    assert kept[:, EVENT_MESH].tolist() == [3, 1, 0, 2]
+    # What one mesh does at a phase stays as it was.
+    rows[3, EVENT_MESH] = 2
+    kept = rows.copy()
+    in_order(kept, 3, 0)
+    np.testing.assert_array_equal(kept, rows)

@@ -1,6 +1,7 @@
 """What the kernels get: against the six-degree model, and against a code of its own."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -187,6 +188,46 @@ def test_segments_begin_where_a_stiffness_changes_and_nowhere_else():
     for j, (rate, phase) in enumerate(((1.0, 0.0), (2.0 / 3.0, 7.0 / 12.0))):
         away = np.abs((middle * rate / (2.0 * math.pi) - phase + 0.5) % 1.0 - 0.5)
         assert list(stages.low[2, :, j]) == list(away > (PAPER.contact_ratio - 1.0) / 2.0)
+
+
+def test_the_excitation_repeats_after_the_least_common_period():
+    """Stages of 24:36 and 20:25 on shafts, and run-out: thirds, fifths and revolutions."""
+
+    def least(train):
+        turning = [train.speeds[body.name] for body in train.bodies if body.eccentricity]
+        every = [*train.rates, *turning]
+        return next(n for n in range(1, 10**5) if all((n * v).denominator == 1 for v in every))
+
+    stages = two_stage(PAPER)
+    pinion, wheel = stages.bodies[0], stages.bodies[-1]
+
+    def eccentric(*names):
+        return stages.replace(
+            bodies=[replace(b, eccentricity=(b.name in names) * 1e-6) for b in stages.bodies]
+        )
+
+    assert least(stages) == stages.repeats == 3
+    # Thirds of the mesh period, revolutions of the first and of the last gear.
+    counts = {}
+    for names in ((pinion.name,), (wheel.name,), (pinion.name, wheel.name)):
+        train = eccentric(*names)
+        counts[names] = train.repeats
+        assert train.repeats == least(train)
+    both = counts[pinion.name, wheel.name]
+    assert both > counts[pinion.name,] and both > counts[wheel.name,], counts
+    rng = np.random.default_rng(5)
+    some = [random_problem(rng)[0] for _ in range(12)]
+    some += [
+        one.replace(bodies=[replace(b, eccentricity=1e-6 * bool(b.teeth)) for b in one.bodies])
+        for one in some
+    ]
+    assert [train.repeats for train in some] == [least(train) for train in some]
+    # And what is made of it does repeat: levels a period later are those of the first.
+    train = some[-1]
+    system, turn = train.system(1.0), 2.0 * math.pi
+    for j, rate in enumerate(train.rates):
+        assert (train.repeats * rate).denominator == 1, j
+    np.testing.assert_allclose(system.starts[-1], turn * train.repeats, rtol=1e-15)
 
 
 def test_a_back_flank_has_its_own_phase():

@@ -29,6 +29,7 @@ REFUSALS = {
     "switch": "a contact coincides with a switch of the stiffness or the start of a mesh period",
     "together": "contacts of several meshes come together and are not passed, or are too many",
     "grazing": "the motion comes too near to a flank line without crossing it, or crosses too flat",
+    "jammed": "both flanks of a mesh touch at once, or it is not proven that they do not",
     "tongue": "it is not proven that deviations grow everywhere between two edges",
     "period": "the orbit repeats after fewer mesh periods than the candidate says",
     "precision": "the digits asked for were not reached",

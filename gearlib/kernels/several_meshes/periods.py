@@ -54,7 +54,7 @@ def _cross(system, grid, w, j, p, vectors):
 
 
 @kernel
-def _in_order(events, row, first):
+def in_order(events, row, first):
     """Put the last event, in `row`, before those at its phase whose mesh has a higher number."""
     while (
         row > first
@@ -186,7 +186,7 @@ def go(
                         )
                         if w.found[0] > row:
                             events[row, EVENT_MESH] = j
-                            _in_order(events, row, opening)
+                            in_order(events, row, opening)
                 if count > limit:
                     return EVENT_LIMIT, events
                 t += length

@@ -6,7 +6,7 @@ import numpy as np
 
 from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
 from gearlib.kernels.jit import kernel
-from gearlib.kernels.piecewise_linear.system import dot, set_harmonics
+from gearlib.kernels.piecewise_linear.system import behind, dot, set_harmonics
 from gearlib.kernels.steps.equation_of_motion import SIDE
 
 
@@ -40,6 +40,20 @@ def rate(system, t, z):
 
 
 @kernel
+def jammed(system, closing, t, z):
+    """Return whether both flanks touch at once in one of the meshes in which they might."""
+    if not closing.any():
+        return False
+    full = np.empty(system.free.shape[0])
+    full[: z.shape[0]] = z
+    set_harmonics(system, full, t)
+    for j in range(closing.shape[0]):
+        if closing[j] and dot(system.near[j], full) >= 0.0 and behind(system.far[j], full):
+            return True
+    return False
+
+
+@kernel
 def runge_kutta_step(system, t, h, z):
     """Return z after one step from (t, z)."""
     k1 = rate(system, t, z)
@@ -50,11 +64,16 @@ def runge_kutta_step(system, t, h, z):
 
 
 @kernel
-def runge_kutta_period(system, n, steps, z, largest):
-    """Return (z after mesh period n, steps taken): fewer where z leaves `largest`, or is NaN."""
+def runge_kutta_period(system, closing, n, steps, z, largest):
+    """Return (z after mesh period n, steps taken, whether the flanks are `jammed` there).
+
+    Fewer steps where z leaves `largest`, or is NaN, and where flanks jam.
+    """
     h = 2.0 * math.pi / steps
     for i in range(steps):
         z = runge_kutta_step(system, 2.0 * math.pi * n + i * h, h, z)
         if not np.abs(z).max() < largest:
-            return z, i + 1
-    return z, steps
+            return z, i + 1, False
+        if jammed(system, closing, 2.0 * math.pi * n + (i + 1) * h, z):
+            return z, i + 1, True
+    return z, steps, False

@@ -25,6 +25,9 @@ from gearlib.models.geometry.energy import PairCompliance, matrix
 from gearlib.models.geometry.iso import iso_stiffness
 from gearlib.models.geometry.relief import PathTable
 
+#: Places closer than this share of a base pitch are one.
+_ONE = 1e-12
+
 
 @dataclass(frozen=True)
 class Sharing:
@@ -145,7 +148,11 @@ def pairs_at(
     if inside is None:
         inside = since < mesh.contact_ratio
     position = mesh.path[0] + np.minimum(since, mesh.contact_ratio) * mesh.base_pitch
-    compliance = _compliance(mesh, position, inside, stiffness, coupling)
+    # Compliances repeat with every pitch; only errors tell the pairs of a long run-out apart.
+    place = np.column_stack([np.round(since[:, 0] / _ONE), inside])
+    _, first, each = np.unique(place, axis=0, return_index=True, return_inverse=True)
+    own = _compliance(mesh, position[first], inside[first], stiffness, coupling)
+    compliance = own[each.reshape(-1)]
     gap = relief_gap(mesh, position)
     if deviation is not None:
         gap = gap + deviation.at(position)

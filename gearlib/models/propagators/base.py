@@ -114,9 +114,13 @@ class Base:
         Returns (events, summary, samples) as of `gearlib.kernels.closed_form.run`; `samples` of
         shape (periods * samples_per_period, 6 or more).
         """
+        return self.recorded(z, periods, limit, samples_per_period)[:3]
+
+    def recorded(self, z, periods, limit, samples_per_period=0):
+        """Return the same and the status."""
         samples, events, summary = self.model.room(periods * samples_per_period)
         done = self.run(np.array(z, float), periods, periods, samples, events, limit, summary)
-        return done[3][: done[4]], summary, samples
+        return done[3][: done[4]], summary, samples, done[5]
 
     def skip(self, states, periods, limit, ends, codes):
         """Take states, shape (k, size), through mesh periods; fill their ends and their status."""

@@ -31,6 +31,7 @@ class Equilibrium(NamedTuple):
     q: np.ndarray  #: m, shape (n,); no part in free motions
     force: np.ndarray  #: N, of drive sides positive, of coast sides negative, shape (m,)
     contact: np.ndarray  #: 1, 0, -1 as of `contact_states`, shape (m,)
+    wedged: np.ndarray  #: bool, whether both flanks touch, each with a force of its own, shape (m,)
 
 
 def equilibrium(train, phase=0.0):
@@ -73,12 +74,20 @@ def equilibrium(train, phase=0.0):
     if not np.abs(residual).max(initial=0.0) <= _BALANCED * scale:
         raise ValueError("the static equilibrium is not found to rounding; no result")
     contact = np.where(distances[1] >= 0.0, 1, np.where(distances[0] <= 0.0, -1, 0))
-    return Equilibrium(basis @ a, forces, contact.astype(np.int8))
+    # Less than rounding of a distance is no overlap.
+    wedged = (contact == 1) & (distances[0] < -1e-12 * (finite.max() + np.abs(lines @ a)))
+    return Equilibrium(basis @ a, forces, contact.astype(np.int8), wedged)
 
 
 def static(train, phase=0.0):
     """Return the load sharing of a train, see `GearTrain.static`."""
     found = equilibrium(train, phase)
+    if found.wedged.any():
+        name = train.mesh_names[int(found.wedged.argmax())]
+        raise ValueError(
+            f"the train is jammed at phase = {phase!r}: both flanks of mesh {name!r} touch at "
+            "once; raise its backlash or take smaller deviations"
+        )
     groups = branches(train)
     shares = np.empty(found.force.size)
     for group in set(groups):

@@ -308,7 +308,7 @@ class GearTrain(TrainResults):
         Raises
         ------
         ValueError
-            If there is no equilibrium.
+            If there is no equilibrium, or both flanks of a mesh touch in it.
         """
         from gearlib.models.trains.statics import static
 

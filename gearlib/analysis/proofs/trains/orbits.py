@@ -16,6 +16,7 @@ from gearlib.analysis.proofs.trains.parts import parts_of
 from gearlib.analysis.proofs.trains.path import TrainPath
 from gearlib.analysis.proofs.trains.signs import check_contacts
 from gearlib.analysis.proofs.trains.windows import Windows
+from gearlib.data.status import JAMMED, MESSAGES
 from gearlib.kernels import orbit as columns
 from gearlib.runs.run_arguments import MAX_EVENTS
 
@@ -34,9 +35,11 @@ def listed_contacts(orbit):
     Events are (phase, mesh, code before, code after), phases counted on over the mesh periods.
     """
     model = orbit.pair
-    events, summary, _ = model.propagator(orbit.tuning).record(
+    events, summary, _, code = model.propagator(orbit.tuning).recorded(
         orbit.state, orbit.period, MAX_EVENTS
     )
+    if code == JAMMED:
+        raise Uncertain("jammed", MESSAGES[JAMMED])
     table = [
         (
             2.0 * math.pi * row[columns.EVENT_PERIOD] + row[columns.EVENT_PHASE],

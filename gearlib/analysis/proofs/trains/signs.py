@@ -23,6 +23,7 @@ _SWITCH = (
     "switch",
     "a contact cannot be told apart from a switch of a stiffness or the start of the orbit",
 )
+JAMMED = "jammed", "both flanks may touch at once: it is not proven that the backlash stays open"
 
 
 class Curve:
@@ -111,11 +112,21 @@ def check_arc(laws, law, z, end, t, codes, on_line, at):
                 and stops
                 and keeps_off(curve, None, None, h, None, sign, 0, CROSSING, CROSSING)
             ):
+                name = laws.parts.meshes[j].name
+                if overlaps(codes[j], side):
+                    raise Uncertain(
+                        JAMMED[0], f"before phase {at:.6g} of mesh {name!r} {JAMMED[1]}"
+                    )
                 raise Uncertain(
                     "grazing",
-                    f"before phase {at:.6g} the mesh {laws.parts.meshes[j].name!r} comes too near "
-                    "to a flank line to prove that it does not touch it",
+                    f"before phase {at:.6g} the mesh {name!r} comes too near to a flank line to "
+                    "prove that it does not touch it",
                 )
+
+
+def overlaps(code, side):
+    """Return whether both flanks touch where a mesh of this contact code comes to a side."""
+    return (code, side) in ((NORMAL, COAST), (INVERSE, DRIVE))
 
 
 def bounds_of(laws, codes, distances):

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 from gearlib.analysis.proofs.balls import flint
 from gearlib.analysis.proofs.path import Uncertain
 from gearlib.analysis.proofs.trains.laws import norm
-from gearlib.analysis.proofs.trains.signs import bounds_of, check_arc
+from gearlib.analysis.proofs.trains.signs import JAMMED, bounds_of, check_arc, overlaps
 
 #: By how much wider a window is than what is known of its contacts; more where signs next to it
 #: are to be proven.
@@ -211,7 +211,7 @@ class Windows:
         for codes in (now, after):
             for j, side, sign, row in bounds_of(laws, codes, laws.rows):
                 if (j, side) not in crossing and not sign * (row * within)[0, 0] > 0:
-                    raise Uncertain(*_STATUS)
+                    raise Uncertain(*(JAMMED if overlaps(codes[j], side) else _STATUS))
         now[:] = after
 
 

@@ -1,0 +1,239 @@
+"""Both flanks of a mesh at once: a run either says so, or keeps them apart at every instant.
+
+Samples are judged by distances that the reference in `tests.trains.reference` writes down for
+itself, of motions in which nothing looks at the other flank. ``GEARLIB_JAMMED=400`` takes so many
+random trains in place of a few: some minutes.
+"""
+
+import math
+import os
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import gearlib
+from gearlib import Body, GearPair, GearTrain, Harmonics, Mesh, SixDegreePair
+from gearlib.data import status
+from gearlib.kernels.piecewise_linear.system import may_close
+from tests.trains.random_trains import edge_problem
+from tests.trains.reference import Reference
+
+COUNT = int(os.environ.get("GEARLIB_JAMMED", "40"))
+#: Samples of a mesh period; an overlap in static deflections that is more than rounding.
+SAMPLES, DEEP = 2000, 1e-9
+
+
+def two_gears(drive, coast, backlash=1e-6, load=400.0):
+    radius = 0.05
+    body = dict(teeth=24, base_radius=radius, inertia=6.0 * radius**2, torque=load * radius)
+    mesh = Mesh(
+        pinion="a",
+        wheel="b",
+        max_stiffness=4e8,
+        stiffness_ratio=0.6,
+        contact_ratio=1.5,
+        backlash=backlash,
+        material_damping=2000.0,
+        backlash_damping=500.0,
+        deviation=Harmonics((drive,)),
+        inverse_deviation=Harmonics((coast,)),
+    )
+    return GearTrain(bodies=[Body(name="a", **body), Body(name="b", **body)], meshes=[mesh])
+
+
+def overlap(train, tuning, states, periods):
+    """Return by how much both flanks of a mesh overlap at samples, static deflections, (k, m).
+
+    states : ndarray, shape (k, n), coordinates in static deflections at equal steps of the phase.
+    """
+    reference = Reference(train, tuning)
+    times = 2.0 * math.pi * periods * np.arange(len(states)) / len(states) / reference.mesh_speed
+    motion = states @ reference.distance.T
+    found = []
+    for j, mesh in enumerate(train.meshes):
+        drive, coast = (reference.errors(j, side, times)[0] / reference.length for side in (1, 0))
+        room = mesh.backlash / reference.length
+        found.append(np.minimum(motion[:, j] + drive, -(motion[:, j] + coast + room)))
+    return np.stack(found, axis=1)
+
+
+def unwatched(train, tuning, state, periods):
+    """Return (status, overlaps) of a motion in which flanks in contact look at no other flank."""
+    propagator = train.propagator(tuning)
+    closing = np.zeros_like(propagator.grid.closing)
+    propagator.grid = propagator.grid._replace(closing=closing)
+    *_, samples, code = propagator.recorded(state, periods, 10**5, SAMPLES)
+    return code, overlap(train, tuning, samples[:, 6 * len(train.meshes) :], periods)
+
+
+@pytest.mark.parametrize("start", [(0.0, 0.0), "static"])
+@pytest.mark.parametrize(
+    ("drive", "coast", "tuning", "jams"),
+    [
+        # Slowly, the load holds the drive side: it is the coast side that comes to touch too.
+        (1e-6, -1e-6, 0.2, True),
+        (0.9e-6, -0.9e-6, 0.2, True),
+        # The backlash closes by 0.2 um, but not while the flanks are there.
+        (0.6e-6, -0.6e-6, 0.2, False),
+        (0.6e-6, -0.6e-6, 0.5, True),
+        (0.499e-6, -0.499e-6, 0.5, False),
+        # Both flanks alike: the backlash stays.
+        (1e-6, 1e-6, 0.5, False),
+    ],
+)
+def test_two_gears_whose_backlash_closes(start, drive, coast, tuning, jams):
+    train = two_gears(drive, coast)
+    run = gearlib.simulate(train, tuning, periods=20, initial_state=start)
+    assert int(run.status) == (status.JAMMED if jams else status.OK)
+    _, both = unwatched(train, tuning, train.start_state(start), 20)
+    assert (both.max() > 1e-3) == jams
+    if jams:
+        assert np.isnan(run.displacement_max).all() and "both flanks" in run.status.attrs["message"]
+        _, maps, code = train.propagator(tuning).maps(train.start_state(start), 20, 100)
+        assert code == status.JAMMED and np.isnan(maps).all()
+
+
+def test_the_run_ends_where_the_second_flank_comes_to_touch():
+    train = two_gears(1e-6, -1e-6)
+    propagator, start = train.propagator(0.2), train.start_state((0.0, 0.0))
+    _, both = unwatched(train, 0.2, start, 20)
+    first = int(np.flatnonzero(both.max(axis=1) > 0.0)[0]) // SAMPLES
+    # Periods before that are as they were, and may be asked for.
+    if first:
+        assert propagator.recorded(start, first, 100)[3] == status.OK
+    assert propagator.recorded(start, first + 1, 100)[3] == status.JAMMED
+
+
+def test_a_start_in_which_both_flanks_touch():
+    train = two_gears(0.0, -3e-6)
+    state = np.zeros(train.size)
+    for at, jams in ((0.01, True), (-0.01, False), (0.99, True), (1.01, False)):
+        # Both touch between d = 0 and 2 um; the pinion moves along the line of action.
+        state[0] = at * 2e-6 / train.static_deflection
+        code = train.propagator(0.9).recorded(state, 1, 100)[3]
+        first = unwatched(train, 0.9, state, 1)[1][0].max()
+        assert (first >= 0.0) == jams
+        if jams:
+            assert code == status.JAMMED
+
+
+@pytest.mark.parametrize("seed", range(COUNT))
+def test_random_trains_with_hardly_any_backlash(seed):
+    train, tuning, state = edge_problem(np.random.default_rng(seed))
+    periods = 3
+    *_, code = train.propagator(tuning).recorded(state, periods, 10**5)
+    before, both = unwatched(train, tuning, state, periods)
+    deepest = both.max(axis=1)
+    if code == status.OK:
+        # Proven for every instant, so at the samples too.
+        assert before == status.OK and deepest.max() <= DEEP
+    else:
+        assert code == status.JAMMED
+        # Seen by the samples, or between two of them, where distances hardly change.
+        speed = np.abs(np.diff(both, axis=0)).max()
+        assert deepest.max() > -2.0 * speed
+
+
+def test_some_of_them_jam_and_some_could_but_do_not():
+    codes, could = [], []
+    for seed in range(40):
+        train, tuning, state = edge_problem(np.random.default_rng(seed))
+        propagator = train.propagator(tuning)
+        codes.append(propagator.recorded(state, 3, 10**5)[3])
+        could.append(propagator.grid.closing.any())
+    jammed, could = np.array(codes) == status.JAMMED, np.array(could)
+    assert jammed.sum() >= 8 and (~jammed & could).sum() >= 5 and not (jammed & ~could).any()
+
+
+def test_backlashes_that_provably_stay_open_are_not_looked_at():
+    # far - near = 2 - cos - sin: at least 2 - sqrt(2), and the amplitude of a pair is their root.
+    near, far = np.array([1.0, 0.0, 1.0, 1.0]), np.array([1.0, 2.0, 0.0, 0.0])
+    assert not may_close(near, far, 1)
+    assert may_close(near, far * [1.0, 0.7, 0.0, 0.0], 1)
+    # Without backlash, and flanks alike: they never overlap.
+    assert not may_close(near, near, 1)
+    # A coordinate between them: whether they do, the run has to tell.
+    assert may_close(near, far * [0.5, 1.0, 0.0, 0.0], 1)
+    assert not two_gears(0.499e-6, -0.499e-6).propagator(0.5).grid.closing.any()
+    assert two_gears(0.501e-6, -0.501e-6).propagator(0.5).grid.closing.all()
+
+
+def six(moving, backlash=1.2e-6, drive=0.8e-6, coast=-0.8e-6):
+    pair = GearPair(
+        max_stiffness=4e8,
+        stiffness_ratio=0.6,
+        contact_ratio=1.5,
+        reduced_mass=3.0,
+        load=400.0,
+        backlash=backlash,
+        material_damping=2000.0,
+        backlash_damping=500.0,
+    )
+    return SixDegreePair(
+        pair=pair,
+        base_radii=(0.05, 0.05),
+        inertias=(0.015, 0.015),
+        masses=(4.0, 4.0),
+        bearing_stiffness=(1e9,) * 4,
+        bearing_damping=(500.0,) * 4,
+        deviation=Harmonics((drive,)),
+        inverse_deviation=Harmonics((coast,)),
+        moving_backlash=moving,
+    )
+
+
+@pytest.mark.parametrize("moving", [False, True])
+@pytest.mark.parametrize("tuning", [0.15, 0.3, 0.6])
+@pytest.mark.parametrize("backlash", [0.4e-6, 1.2e-6, 1.55e-6, 3e-6, 30e-6])
+def test_six_degrees_whose_backlash_closes(moving, tuning, backlash):
+    model = six(moving, backlash)
+    runs = [gearlib.simulate(model, tuning, periods=6, record_periods=n) for n in (1, 6)]
+    code = int(runs[0].status)
+    assert code == int(runs[1].status)
+    propagator = model.propagator(tuning)
+    assert code == propagator.maps(propagator.start((0.0, 0.0)), 6, 100)[2]
+    propagator.system = propagator.system._replace(closing=False)
+    _, _, samples = propagator.record(propagator.start((0.0, 0.0)), 6, 100, SAMPLES)
+    # y of Eq. (4) and s of Eq. (10), from rotations and bearings.
+    u3, u2, y3, _, y2, _ = samples[:, 6:12].T
+    unit, wave = model.static_deflection, np.cos(np.arange(len(samples)) * 2.0 * math.pi / SAMPLES)
+    y = u3 + u2 + y3 - y2 + 0.8e-6 / unit * wave
+    s = -backlash / unit + 1.6e-6 / unit * wave
+    if moving:
+        s += y3 - y2
+    both = np.minimum(y, s - y).max()
+    assert code == (status.JAMMED if both > 0.0 else status.OK), both
+    # No sample is so near that the next one might decide otherwise.
+    assert abs(both) > 1e-4
+
+
+def test_other_methods_say_so_too():
+    split = dict(solver="DOP853", events=True, rtol=1e-10, atol=1e-10)
+    ways = [("scipy", split), ("scipy", split | {"events": False})]
+    train, model = two_gears(1e-6, -1e-6), six(False, 0.4e-6)
+    for one, more in ((train, [("rk4", {"steps_per_period": 400})]), (model, [])):
+        for method, options in ways + more:
+            for record in (1, 12):
+                run = gearlib.simulate(
+                    one, 0.2, periods=12, record_periods=record, method=method, options=options
+                )
+                assert int(run.status) == status.JAMMED, (method, options)
+
+
+def test_a_wedged_train_has_no_load_sharing():
+    # C (2 d - 1 um) = 100 N while both touch: d = 0.625 um, the coast side 0.375 um too deep.
+    train = two_gears(1e-6, -1e-6, load=100.0)
+    with pytest.raises(ValueError, match="jammed at phase = 0.0: both flanks of mesh 'a-b'"):
+        train.static()
+    assert float(train.static(math.pi).mesh_force[0]) == pytest.approx(100.0)
+    # Without backlash, but without deviations: one flank touches.
+    assert int(two_gears(0.0, 0.0, 0.0).static().contact[0]) == 1
+
+
+def test_a_proof_says_that_flanks_overlap():
+    open_, closed = two_gears(0.8e-6, -0.1e-6), two_gears(0.8e-6, -1.5e-6)
+    orbit = gearlib.periodic_orbit(open_, 0.2)
+    assert gearlib.certify(orbit)
+    refused = gearlib.certify(replace(orbit, pair=closed))
+    assert refused.status == "jammed" and "both flanks" in refused.message
