@@ -22,7 +22,7 @@ _TRIES, LARGEST = 40, 0.1
 #: A derivative whose inverse is larger than this is singular.
 _SINGULAR = 1e13
 #: Status and sentence where the library is at fault.
-_WRONG = (
+WRONG = (
     "derivative",
     "the derivative of the equations is not that of their differences: a fault of the library",
 )
@@ -100,7 +100,7 @@ def check_derivative(system, centre, residuals):
     """
     module, n = flint(), len(centre)
     # So far that differences have many digits, and so near that the derivative hardly changes.
-    unit = module.arb(2) ** -(0.6 * module.ctx.prec)
+    unit = module.arb(2) ** -(0.4 * module.ctx.prec)
     steps = [unit * max(1, abs(m)) * (n + i) / n for i, m in enumerate(centre)]
     other = [(m + step).mid() for m, step in zip(centre, steps, strict=True)]
     steps = [b - m for m, b in zip(centre, other, strict=True)]
@@ -109,7 +109,7 @@ def check_derivative(system, centre, residuals):
     for row, after, before in zip(rows, moved, residuals, strict=True):
         slope = sum((entry * step for entry, step in zip(row, steps, strict=True)), module.arb(0))
         if not slope.overlaps(after - before):
-            raise Uncertain(*_WRONG)
+            raise Uncertain(*WRONG)
 
 
 def enclose(system, centre, inverse):

@@ -2,12 +2,19 @@
 
 import math
 from functools import partial
-from itertools import pairwise
+from itertools import pairwise, product
 
 from gearlib.analysis.orbits.shooting import resting
 from gearlib.analysis.proofs.balls import COARSE, digits_of, enclosure, flint, precision
 from gearlib.analysis.proofs.certificates import MeshEvent, TrainCertificate
-from gearlib.analysis.proofs.krawczyk import LARGEST, image, polish, uniqueness
+from gearlib.analysis.proofs.krawczyk import (
+    LARGEST,
+    WRONG,
+    check_derivative,
+    image,
+    polish,
+    uniqueness,
+)
 from gearlib.analysis.proofs.orbits import FOLD, enclosed, first_with
 from gearlib.analysis.proofs.path import Uncertain
 from gearlib.analysis.proofs.trains.laws import TrainLaws
@@ -24,6 +31,8 @@ _MORE = 320
 #: How often contacts at nearly one phase are put into another order; what is near, and the bits
 #: that tell most of them apart.
 _ORDERS, _NEAR, _SORTING = 3, 1e-9, 96
+#: By how much derivatives in an order and through windows may differ.
+_SAME = 2.0**-32
 #: A box that shows how large a box about the orbit may be, and how often a smaller one is tried.
 _SMALL, _TRIES = 2.0**-24, 20
 
@@ -106,6 +115,7 @@ class TrainProof:
         windows = Windows(self.path, codes, self.centre[n:])
         if windows.any():
             system = windows.equations
+            self._check_derivative(windows)
             self.centre, inverse = polish(system, self.centre[:n], FOLD)
         self.box, self.moved = enclosed(system, self.centre, inverse, given)
         if windows.any():
@@ -120,6 +130,22 @@ class TrainProof:
         # Few bits suffice for a radius, but not for windows.
         with precision(flint().ctx.prec if windows.any() else COARSE):
             self.radius = self._radius(system, inverse)
+
+    def _check_derivative(self, windows):
+        """Hold the derivative through windows against that in the one order that was found.
+
+        Differences would say nothing: at another place than their middle windows are as wide as the
+        step to it.
+        """
+        n, path = 2 * len(self.laws.kept), self.path
+        residuals, rows = path.equations(self.centre)
+        check_derivative(path.equations, self.centre, residuals)
+        ordered = path.monodromy(rows)
+        _, rows = windows.equations(self.centre[:n])
+        for i, j in product(range(n), repeat=2):
+            apart = ordered[i, j] - (i == j) - rows[i][j]
+            if not abs(apart).lower() < _SAME * max(1, abs(ordered[i, j])):
+                raise Uncertain(*WRONG)
 
     def _radius(self, system, inverse, small=_SMALL):
         """Return the radius of uniqueness; `small` is one that shows how large it may be."""
