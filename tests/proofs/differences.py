@@ -156,6 +156,24 @@ class Orbit:
             last = phase
         return [*found, x - u[0], w - u[1]]
 
+    def off_lines(self, u, scale, count=24):
+        """Return whether a motion is where its contacts say, at places within every arc."""
+        (x, w), phases, last = u[:2], iter(u[2:]), self.start
+        n = self.numbers
+        for at, contact, segment, goal, _ in self.arcs:
+            phase = next(phases) if at is None else at
+            law, orders = self.law(contact, segment, 1 / scale)
+            z = [x, w, mpf(1), *(f(order * last) for order in orders for f in (cos, sin))]
+            for _ in range(count):
+                z = flow(law, z, (phase - last) * scale / count)
+                far = abs(z[0] - n.near) < KNOWN or abs(z[0] - n.far) < KNOWN
+                if not far and contact != (1 if z[0] > n.near else -1 if z[0] < n.far else 0):
+                    return False
+            x, w, last = z[0], z[1], phase
+            if at is None:
+                x = n.near if 1 in (contact, goal) else n.far
+        return True
+
     def deviations(self, phases, scale):
         """Return the map of small deviations for given phases of contact: a saltation at each."""
         phases, last, columns = iter(phases), self.start, [[mpf(1), mpf(0)], [mpf(0), mpf(1)]]
