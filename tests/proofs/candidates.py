@@ -34,6 +34,50 @@ def random_orbit(seed):
     return None
 
 
+def random_other_orbit(seed):
+    """Return the `Orbit` of a random model of one degree of freedom under harmonics, or None."""
+    rng = np.random.default_rng(seed)
+
+    def waves(size):
+        return gearlib.Harmonics(*(tuple(size * rng.normal(0.0, 1.0, rng.integers(3)))
+                                   for _ in range(2)))  # fmt: skip
+
+    if seed % 2:
+        pair = gearlib.GearPair.from_ratios(
+            contact_ratio=float(rng.uniform(1.1, 1.9)),
+            stiffness_ratio=float(rng.uniform(0.3, 0.9)),
+            damping=float(rng.uniform(0.02, 0.1)),
+            backlash_damping=float(rng.choice([0.0, 0.03])),
+            backlash=float(rng.uniform(0.5, 5.0)),
+        )
+        model = gearlib.OneDegreePair(
+            pair=pair,
+            excitation=waves(0.1 * pair.load),
+            deviation=waves(0.1 * pair.static_deflection),
+        )
+    else:
+        steps = gearlib.Steps((0.0, float(rng.uniform(1.0, 5.0))), (1.0, 0.6))
+        model = gearlib.DeadZoneOscillator(
+            upper_edge=float(rng.uniform(-0.5, 2.0)),
+            lower_edge=float(rng.choice([-0.8, -2.0, -np.inf])),
+            upper_stiffness=steps if rng.random() < 0.5 else 1.2,
+            lower_stiffness=1.5 if rng.random() < 0.5 else None,
+            damping=float(rng.choice([0.0, 0.05])),
+            upper_damping=0.1,
+            ground_stiffness=float(rng.choice([0.0, 0.1])),
+            load=float(rng.uniform(0.1, 0.6)),
+            forcing=waves(0.4),
+        )
+    tuning, guess = float(rng.uniform(0.4, 2.4)), tuple(rng.normal(0.0, 1.5, 2))
+    for period in rng.permutation([1, 2, 3]):
+        try:
+            orbit = gearlib.periodic_orbit(model, tuning, guess=guess, period=int(period))
+        except NoOrbit:
+            continue
+        return _shortest(orbit)
+    return None
+
+
 def _shortest(orbit):
     """Return the orbit with the fewest mesh periods after which it repeats."""
     for part in range(1, orbit.period):

@@ -1,16 +1,23 @@
-"""Certificates of other models of one degree of freedom, against a solver of scipy."""
+"""Certificates of other models of one degree of freedom, against a solver of scipy.
+
+And against a second code in 70 digits; ``GEARLIB_CERTIFICATES=1000`` takes more random models.
+"""
 
 import json
 import math
+import os
 from dataclasses import replace
 
+import mpmath
 import numpy as np
 import pytest
+from mpmath import mpf
 from scipy.integrate import solve_ivp
 
 import gearlib
 from tests.paper import PAPER
-from tests.proofs.candidates import extrema_apart
+from tests.proofs.candidates import extrema_apart, never_right, random_other_orbit
+from tests.proofs.differences import DIGITS, Orbit, differences, eliminated, of_equation
 
 MATERIAL = PAPER.replace(material_damping=3953.7)
 FORCED = gearlib.OneDegreePair(
@@ -108,3 +115,80 @@ def test_a_motion_of_a_dead_zone_oscillator():
     found = gearlib.certify_motion(orbit)
     assert found and found.periods < 40
     assert not gearlib.certify_motion(orbit, periods=1)
+
+
+#: Of numbers that follow from the middle of enclosures of 30 digits.
+ROOM = mpf(10) ** -24
+
+
+def middle(enclosure):
+    return (mpf(str(enclosure.low)) + mpf(str(enclosure.high))) / 2
+
+
+def inside(value, enclosure, room=ROOM):
+    return mpf(str(enclosure.low)) - room <= value <= mpf(str(enclosure.high)) + room
+
+
+def unconfirmed(found):
+    """Return what a second code does not find of a certificate: it proves nothing, in 70 digits."""
+    with mpmath.workdps(DIGITS):
+        nu, wrong = mpf(found.tuning), []
+        changes = [(middle(event.phase), event.after) for event in found.events]
+        numbers = of_equation(found.pair.equation)
+        other = Orbit(numbers, found.pattern[0], changes, found.period)
+        u = [middle(found.displacement), middle(found.velocity) * nu, *(at for at, _ in changes)]
+        function = lambda u: other.equations(u, 1 / nu)  # noqa: E731
+        rows = differences(function, u)
+        steps = mpmath.lu_solve(mpmath.matrix(rows), mpmath.matrix(function(u)))
+        u = [value - step for value, step in zip(u, steps, strict=True)]
+        boxes = [found.displacement, found.velocity, *(event.phase for event in found.events)]
+        for value, box in zip([u[0], u[1] / nu, *u[2:]], boxes, strict=True):
+            wrong += [] if inside(value, box, 0) else ["box"]
+        wrong += [] if other.off_lines(u, 1 / nu) else ["contacts"]
+        matrix = eliminated(rows, 2)
+        pairs = (matrix[0, 0] + matrix[1, 1], found.trace), (mpmath.det(matrix), found.determinant)
+        wrong += [] if all(inside(value, box) for value, box in pairs) else ["multipliers"]
+        largest = max(abs(one) for one in mpmath.eig(matrix)[0])
+        wrong += [] if (found.stability == "stable") == (largest < 1) else ["stability"]
+        for part in range(1, found.period):
+            cut = [one for one in changes if one[0] < 2 * mpmath.pi * part]
+            shorter = Orbit(numbers, found.pattern[0], cut, part)
+            back = shorter.equations(u[: 2 + len(cut)], 1 / nu)[-2:]
+            wrong += [] if max(map(abs, back)) > 1e-9 else ["period"]
+        return wrong
+
+
+COUNT = int(os.environ.get("GEARLIB_CERTIFICATES", "12"))
+#: What a candidate may be that is not proven: it repeats earlier, or is not an isolated one.
+ALLOWED = ("period", "fold", "grazing", "contacts", "distance")
+
+
+def test_random_models_under_harmonics():
+    proven = []
+    for seed in range(COUNT):
+        orbit = random_other_orbit(seed)
+        if orbit is None:
+            continue
+        found = gearlib.certify(orbit)
+        if not found:
+            assert found.status in ALLOWED, (seed, found)
+            continue
+        proven.append(found)
+        assert found.pattern == orbit.pattern
+        assert unconfirmed(found) == [], seed
+        for statuses, candidate in never_right(orbit, np.random.default_rng(seed)):
+            refused = gearlib.certify(candidate)
+            assert not refused and refused.status in statuses, (seed, refused)
+    assert len(proven) >= 0.4 * COUNT
+    assert sum(found.period > 1 for found in proven) >= 0.08 * COUNT
+
+
+def test_a_dead_zone_without_a_contact_in_the_first_period():
+    """Forced, so that the state at the start of a period depends on its phase."""
+    free = replace(STOP, upper_edge=50.0, lower_edge=-50.0, ground_stiffness=0.3)
+    once = gearlib.periodic_orbit(free, 0.8)
+    assert gearlib.certify(once) and len(once.pattern) == 1
+    for period in (2, 3):
+        twice = gearlib.periodic_orbit(free, 0.8, period=period)
+        refused = gearlib.certify(twice)
+        assert refused.status == "period" and "after 1 mesh period already" in refused.message

@@ -26,6 +26,7 @@ REFUSALS = {
     "contacts": "the motion from the candidate has other contacts than the candidate lists",
     "distance": "there is no orbit within the stated distance of the candidate, or none is found",
     "fold": "the derivative of the equations is singular, or too nearly so",
+    "derivative": "derivatives do not agree with differences of the equations: a fault of gearlib",
     "switch": "a contact coincides with a switch of the stiffness or the start of a mesh period",
     "together": "contacts of several meshes come together and are not passed, or are too many",
     "grazing": "the motion comes too near to a flank line without crossing it, or crosses too flat",

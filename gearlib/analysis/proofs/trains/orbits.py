@@ -2,12 +2,19 @@
 
 import math
 from functools import partial
-from itertools import pairwise
+from itertools import pairwise, product
 
 from gearlib.analysis.orbits.shooting import resting
 from gearlib.analysis.proofs.balls import COARSE, digits_of, enclosure, flint, precision
 from gearlib.analysis.proofs.certificates import MeshEvent, TrainCertificate
-from gearlib.analysis.proofs.krawczyk import LARGEST, image, polish, uniqueness
+from gearlib.analysis.proofs.krawczyk import (
+    LARGEST,
+    WRONG,
+    check_derivative,
+    image,
+    polish,
+    uniqueness,
+)
 from gearlib.analysis.proofs.orbits import FOLD, enclosed, first_with
 from gearlib.analysis.proofs.path import Uncertain
 from gearlib.analysis.proofs.trains.laws import TrainLaws
@@ -15,7 +22,7 @@ from gearlib.analysis.proofs.trains.multipliers import eigenvalues, judge
 from gearlib.analysis.proofs.trains.parts import parts_of
 from gearlib.analysis.proofs.trains.path import TrainPath
 from gearlib.analysis.proofs.trains.signs import check_contacts
-from gearlib.analysis.proofs.trains.windows import Windows
+from gearlib.analysis.proofs.trains.windows import Windows, close
 from gearlib.data.status import JAMMED, MESSAGES
 from gearlib.kernels import orbit as columns
 from gearlib.runs.run_arguments import MAX_EVENTS
@@ -25,8 +32,10 @@ _MORE = 320
 #: How often contacts at nearly one phase are put into another order; what is near, and the bits
 #: that tell most of them apart.
 _ORDERS, _NEAR, _SORTING = 3, 1e-9, 96
-#: A box that shows how large a box about the orbit may be.
-_SMALL = 2.0**-24
+#: By how much derivatives in an order and through windows may differ.
+_SAME = 2.0**-32
+#: A box that shows how large a box about the orbit may be, and how often a smaller one is tried.
+_SMALL, _TRIES = 2.0**-24, 20
 
 
 def listed_contacts(orbit):
@@ -109,6 +118,7 @@ class TrainProof:
         windows = Windows(self.path, codes, self.centre[n:])
         if windows.any():
             system = windows.equations
+            self._check_derivative(windows)
             self.centre, inverse = polish(system, self.centre[:n], FOLD)
         self.box, self.moved = enclosed(system, self.centre, inverse, given)
         if windows.any():
@@ -120,22 +130,38 @@ class TrainProof:
             self.phases = self.box[n:]
             self.map = self.path.monodromy(system(self.box, flint().ctx.prec)[1])
         self._check_period([ends[node] for node in self.path.ends])
-        self.radius = self._radius(system, inverse)
+        # Few bits suffice for a radius, but not for windows.
+        with precision(flint().ctx.prec if windows.any() else COARSE):
+            self.radius = self._radius(system, inverse)
 
-    def _radius(self, system, inverse):
-        """Return the radius of uniqueness, looked for with few bits where these suffice."""
+    def _check_derivative(self, windows):
+        """Hold the derivative through windows against that in the one order that was found.
+
+        Differences would say nothing: at another place than their middle windows are as wide as the
+        step to it.
+        """
+        n, path = 2 * len(self.laws.kept), self.path
+        residuals, rows = path.equations(self.centre)
+        check_derivative(path.equations, self.centre, residuals)
+        ordered = path.monodromy(rows)
+        _, rows = windows.equations(self.centre[:n])
+        for i, j in product(range(n), repeat=2):
+            apart = ordered[i, j] - (i == j) - rows[i][j]
+            if not abs(apart).lower() < _SAME * max(1, abs(ordered[i, j])):
+                raise Uncertain(*WRONG)
+
+    def _radius(self, system, inverse, small=_SMALL):
+        """Return the radius of uniqueness; `small` is one that shows how large it may be."""
         n = len(self.centre)
-        for bits in (COARSE, flint().ctx.prec):
-            with precision(bits):
-                try:
-                    shift = image(system, self.centre, [_SMALL] * n, inverse, [0] * n)
-                    # The share of a box that its image fills grows with the box.
-                    share = float(max(abs(s) for s in shift).upper()) / _SMALL
-                    largest = 0.5 * _SMALL / share if share > _SMALL else LARGEST
-                    return uniqueness(system, self.centre, inverse, FOLD, min(largest, LARGEST))
-                except Uncertain:
-                    continue
-        raise Uncertain(*FOLD)
+        for _ in range(_TRIES):
+            shift = image(system, self.centre, [small] * n, inverse, [0] * n)
+            # The share of a box that its image fills grows with the box.
+            share = float(max(abs(s) for s in shift).upper()) / small
+            if share < 1.0:
+                break
+            small *= _SMALL
+        largest = min(LARGEST, small / _SMALL, 0.5 * small / max(share, small))
+        return uniqueness(system, self.centre, inverse, FOLD, largest)
 
     def _polished(self, given, events):
         """Return (midpoints of a zero, inverse of the derivative); the contacts in their order."""
@@ -144,10 +170,10 @@ class TrainProof:
         for _ in range(_ORDERS):
             self.path = TrainPath(self.laws, self.codes, events, self.orbit.period)
             centre, inverse = polish(self.path.equations, [*start, *self.path.guess], FOLD)
-            order = _order(centre[n:])
-            if order == list(range(len(order))):
+            # What coincides has no order.
+            if all(a - b < close() for a, b in pairwise(centre[n:])):
                 break
-            events = [(centre[n + i], *events[i][1:]) for i in order]
+            events = [(centre[n + i], *events[i][1:]) for i in _order(centre[n:])]
         return centre, inverse
 
     def _ordered(self, start, events):

@@ -13,7 +13,7 @@ The flow is continuous, and smooth for each order; so Krawczyk's test holds with
 
 from typing import Any, NamedTuple
 
-from gearlib.analysis.proofs.balls import flint
+from gearlib.analysis.proofs.balls import COARSE, flint, precision
 from gearlib.analysis.proofs.path import Uncertain
 from gearlib.analysis.proofs.trains.laws import norm
 from gearlib.analysis.proofs.trains.signs import JAMMED, bounds_of, check_arc, overlaps
@@ -22,6 +22,11 @@ from gearlib.analysis.proofs.trains.signs import JAMMED, bounds_of, check_arc, o
 #: are to be proven.
 _ROOM, _WIDE = 4, 32
 _STATUS = "together", "contacts that come together are not proven to be crossings"
+
+
+def close():
+    """Return how near contacts come to each other that share a window."""
+    return flint().arb(2) ** -(flint().ctx.prec // 2)
 
 
 class Crossed(NamedTuple):
@@ -45,11 +50,10 @@ class Windows:
 
     def __init__(self, path, codes, phases):
         self.path, self.laws, self.codes = path, path.laws, list(codes)
-        close = flint().arb(2) ** -(flint().ctx.prec // 2)
         #: Numbers of the nodes, those of one window together, and their phases.
         self.groups, last = [], None
         for i, (node, phase) in enumerate(zip(path.nodes, path.phases(phases), strict=True)):
-            together = last is not None and node.phase is None and phase - last < close
+            together = last is not None and node.phase is None and phase - last < close()
             if together:
                 self.groups[-1][0].append(i)
             else:
@@ -62,10 +66,10 @@ class Windows:
 
     def equations(self, unknowns):
         """Return (residuals, derivatives, a row each) of the return, by (y, dy/dtheta)."""
-        ends, _, _ = self.run(unknowns)
-        n = len(unknowns)
-        rows = [[ends[i, 1 + j] - int(i == j) for j in range(n)] for i in range(n)]
-        return [ends[i, 0] - unknowns[i] for i in range(n)], rows
+        ends, rows, _, _ = self.run(unknowns)
+        for i, row in enumerate(rows):
+            row[i] -= 1
+        return [end - value for end, value in zip(ends, unknowns, strict=True)], rows
 
     def equations_or_nothing(self, unknowns):
         """Return the same, without a bound in a box in which windows are not passed."""
@@ -83,30 +87,26 @@ class Windows:
         Uncertain
             If a mesh comes to a flank line between windows.
         """
-        ends, found, switches = self.run(box, prove=True)
+        _, rows, found, switches = self.run(box, prove=True)
         phases = [one.phase for one in found for _ in one.speeds]
-        n = len(box)
-        matrix = flint().arb_mat([[ends[i, 1 + j] for j in range(n)] for i in range(n)])
-        return phases, [speed for one in found for speed in one.speeds], switches, matrix
+        speeds = [speed for one in found for speed in one.speeds]
+        return phases, speeds, switches, flint().arb_mat(rows)
 
     def run(self, unknowns, prove=False):
-        """Return (state and derivatives at the end, `Crossed` windows, z~ at every switch).
+        """Return (state at the end, rows of its derivatives, `Crossed` windows, z~ at switches).
 
         Raises
         ------
         Uncertain
             If a window is not passed as it should be; where `prove` is set also if a mesh comes to
-            a flank line between windows.
+            a flank line between windows. Only then derivatives have all digits.
         """
         module, laws, path = flint(), self.laws, self.path
-        n, now = len(unknowns), list(self.codes)
-        z = module.arb_mat(laws.size, 1 + n)
-        for i, value in enumerate([*unknowns, *laws.rest()]):
-            z[i, 0] = value
-            if i < n:
-                z[i, 1 + i] = 1
-        z, time, found, switches = laws.inverse * z, 0, [], {}
-        start = _column(z)
+        n, now, bits = len(unknowns), list(self.codes), module.ctx.prec
+        few = bits if prove else max(COARSE, bits // 3)
+        start = z = laws.inverse * module.arb_mat([[v] for v in [*unknowns, *laws.rest()]])
+        slopes = module.arb_mat([row[:n] for row in laws.inverse.tolist()])
+        time, found, switches = 0, [], {}
         for numbers, phase in self.groups:
             first, arc = path.nodes[numbers[0]], path.arcs[numbers[0]]
             end = phase * path.scale
@@ -120,27 +120,33 @@ class Windows:
                     "contacts that come together cannot be told apart from others, a switch of a "
                     "stiffness or the start of the orbit",
                 )
-            z = arc.go(z, end - half - time)
+            t = end - half - time
+            turn = arc.turn(t)
+            z = arc.after(z, turn)
+            with precision(few):
+                slopes = arc.after(slopes, turn)
             here = arc.frame * z
             if prove:
                 at = float(phase.mid())
-                t = end - half - time
-                check_arc(laws, first.law, start, _column(here), t, now, (None, None), at)
+                check_arc(laws, first.law, start, here, t, now, (None, None), at)
             time = end + half
             if first.phase is None:
-                there, speeds = self._through(numbers, here, 2 * half, now)
+                through, start, speeds = self._through(numbers, here, 2 * half, now)
                 ball = module.arb(end.mid(), (half + end.rad()).upper())
                 found.append(Crossed(ball / path.scale, speeds))
-                last = path.arcs[numbers[-1]]
-                z, start = last.back * there, _column(there)
+                back = path.arcs[numbers[-1]].back
+                z = back * start
+                with precision(few):
+                    slopes = back * (through * (arc.frame * slopes))
             else:
-                start = switches[numbers[0]] = _column(here)
-        return laws.basis * (path.arcs[-1].frame * z), found, switches
+                start = switches[numbers[0]] = here
+        ends = module.arb_mat((laws.basis * path.arcs[-1].frame).tolist()[:n])
+        return (ends * z).entries(), (ends * slopes).tolist(), found, switches
 
     def _half(self, numbers, z, room):
         """Return half the length of a window about contacts, by a state near to them."""
         module, laws = flint(), self.laws
-        z, largest = _column(z), module.arb(2) ** -(0.7 * module.ctx.prec)
+        largest = module.arb(2) ** -(0.7 * module.ctx.prec)
         for i in numbers:
             node = self.path.nodes[i]
             row = laws.distances[node.mesh][node.side]
@@ -151,11 +157,13 @@ class Windows:
         return largest
 
     def _through(self, numbers, z, length, now):
-        """Return (state and derivatives behind a window, speeds); `now` is changed in place."""
+        """Return (map of small deviations through a window, z~ behind it, speeds).
+
+        `now` is changed in place.
+        """
         module, laws, path = flint(), self.laws, self.path
         e, size, arb = len(laws.kept), laws.size, module.arb
-        z = laws.basis * z
-        begins = _column(z)
+        begins = laws.basis * z
         law = laws.basis * path.nodes[numbers[0]].law * laws.inverse
         changes = []
         for i in numbers:
@@ -188,10 +196,7 @@ class Windows:
         through += module.arb_mat(size, size, [arb(0, rest)] * size**2)
         for k in range(size):
             through[k, k] += 1
-        behind = through * z
-        for k in range(size):
-            behind[k, 0] = ends[k, 0]
-        return laws.inverse * behind, speeds
+        return laws.inverse * through * laws.basis, laws.inverse * ends, speeds
 
     def _check(self, numbers, begins, within, ends, now):
         """Prove that the meshes of a window cross their lines once, and no others touch one."""
@@ -213,8 +218,3 @@ class Windows:
                 if (j, side) not in crossing and not sign * (row * within)[0, 0] > 0:
                     raise Uncertain(*(JAMMED if overlaps(codes[j], side) else _STATUS))
         now[:] = after
-
-
-def _column(matrix):
-    """Return the first column of a matrix."""
-    return flint().arb_mat([[matrix[i, 0]] for i in range(matrix.nrows())])
