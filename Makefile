@@ -13,17 +13,22 @@
 # make report  results/report.html, all figures, tables and claims on one page
 # make docs    build/docs/index.html, the documentation as a site
 # make speed-and-accuracy  after `make peers`: renew numbers and pictures of that page: 20 min
+# make same-bytes  the small workflow on emulated processors, byte by byte: an hour
 # make clean   remove the results; `make distclean` the environment as well
+#
+# ARGS is handed to what a target calls, as in `make faults ARGS=drawing`; with SHORT=1 benchmarks
+# call everything once. The test of these targets runs them in such short forms.
 
 PYTHON ?= python3
 JOBS ?= 2
+ARGS ?=
 BIN := .venv/bin
 INSTALLED := .venv/installed.stamp
 TESTING := .venv/testing.stamp
 COMMA := ,
 
 .PHONY: all lint golden references test faults torture peers random-trains random-certificates \
-    slurm-test bench report docs speed-and-accuracy clean distclean
+    slurm-test bench report docs speed-and-accuracy same-bytes clean distclean
 
 all: $(INSTALLED)
 	$(BIN)/snakemake -j$(JOBS)
@@ -37,25 +42,26 @@ lint: $(TESTING)
 
 # Review what has moved, and why, before it is committed.
 golden: $(TESTING)
-	$(BIN)/python -m tests.golden
+	$(BIN)/python -m tests.golden $(ARGS)
 
 references: $(TESTING)
-	$(BIN)/python -m tests.references
+	$(BIN)/python -m tests.references $(ARGS)
 
 test: lint
-	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder -rs
+	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder -rs $(ARGS)
 
 faults: $(TESTING)
-	$(BIN)/python -m tests.faults
+	$(BIN)/python -m tests.faults $(ARGS)
 
 torture: $(TESTING)
-	GEARLIB_KILLS=50 $(BIN)/python -m pytest tests/robustness -rs
+	GEARLIB_KILLS=50 $(BIN)/python -m pytest tests/robustness -rs $(ARGS)
 
 random-trains: $(TESTING)
-	GEARLIB_TRAINS=500 $(BIN)/python -m pytest -n $(JOBS) tests/trains/test_random_trains.py -rs
+	GEARLIB_TRAINS=500 $(BIN)/python -m pytest -n $(JOBS) tests/trains/test_random_trains.py -rs $(ARGS)
 
 random-certificates: $(TESTING)
-	GEARLIB_CERTIFICATES=10000 $(BIN)/python -m pytest -n $(JOBS) tests/proofs/test_certificates.py -rs
+	GEARLIB_CERTIFICATES=10000 $(BIN)/python -m pytest -n $(JOBS) tests/proofs/test_certificates.py \
+	    -rs $(ARGS)
 
 peers: $(INSTALLED)
 	$(BIN)/python -m pip install --quiet --constraint requirements/constraints.txt \
@@ -74,10 +80,13 @@ slurm-test: $(TESTING)
 	    apt-get update && apt-get install --yes --no-install-recommends \
 	        slurmctld slurmd slurm-client munge; \
 	fi
-	$(BIN)/python -m pytest tests/slurm -rs
+	$(BIN)/python -m pytest tests/slurm -rs $(ARGS)
 
 bench: $(INSTALLED)
-	$(BIN)/python -m benchmarks.run
+	$(BIN)/python -m benchmarks.run $(ARGS)
+
+same-bytes: $(TESTING)
+	$(BIN)/python -m tests.workflow.same_bytes $(ARGS)
 
 report: all
 	$(BIN)/snakemake --report results/report.html

@@ -15,10 +15,11 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.short import repeats
 from gearlib import sweep
 from gearlib.models.propagators.closed_form import ratios
 
-TUNINGS, ROUNDS = 4096, 7
+TUNINGS, ROUNDS = 4096, repeats(7)
 #: Range of tunings, periods: the paper's characteristic, and where nothing settles.
 CASES = ((0.5, 1.4, 120), (0.85, 1.0, 50))
 
