@@ -5,7 +5,6 @@ import platform
 import subprocess
 import sys
 
-import numpy as np
 import pytest
 
 from gearlib import processor

@@ -1,7 +1,7 @@
 """Every target of the Makefile does what it says: each runs in a short form.
 
-Most run whole, in a copy of the project whose results are there, with less to do. Those that install
-packages, or are tests that `make test` runs with smaller numbers, run with a stand-in for Python
+Most run whole, in a copy of the project whose results are there, with less to do. Those that
+install packages, or are tests that `make test` runs with smaller numbers, run with a stand-in for Python
 that only notes what it is told to run.
 """
 

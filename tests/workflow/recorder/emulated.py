@@ -51,7 +51,7 @@ def taken():
         found["numpy"] = [name for name in numpy.__cpu_dispatch__ if features[name]]
     if "numba.core.registry" in sys.modules:
         codegen = sys.modules["numba.core.registry"].cpu_target.target_context.codegen()
-        found["numba"] = codegen.magic_tuple()[1:]
+        found["numba"] = [*codegen.magic_tuple()[1:]]
     # As it stood when the process began: the C library has read it then.
     begun = Path("/proc/self/environ").read_text(encoding="utf-8").split("\0")
     found["glibc"] = [one.partition("=")[2] for one in begun if one.startswith("GLIBC_TUNABLES=")]
