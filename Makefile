@@ -4,8 +4,7 @@
 # make golden  renew the golden numbers and pictures of tests/golden
 # make references  renew the references in 50 digits that tests take from tests/references
 # make faults  plant known faults one at a time and see that the tests notice: less than an hour
-# make mutants  mutants at random of all rooms against the tests that reach them: hours; a few
-#              seconds with `make mutants ROOM=tunings COUNT=3 TESTS=tests/unit/test_tunings.py`
+# make mutants  mutants at random of all rooms against the tests that reach them: hours
 # make peers   add to .venv the solvers of others that method= can call, where they install
 # make torture  50 times kill -9, full and read-only disks, damaged files: minutes
 # make random-trains  500 random gear trains against scipy, event by event: ten minutes
@@ -15,17 +14,22 @@
 # make report  results/report.html, all figures, tables and claims on one page
 # make docs    build/docs/index.html, the documentation as a site
 # make speed-and-accuracy  after `make peers`: renew numbers and pictures of that page: 20 min
+# make same-bytes  the small workflow on emulated processors, byte by byte: an hour
 # make clean   remove the results; `make distclean` the environment as well
+#
+# ARGS is handed to what a target calls, as in `make faults ARGS=drawing`; with SHORT=1 benchmarks
+# call everything once. The test of these targets runs them in such short forms.
 
 PYTHON ?= python3
 JOBS ?= 2
+ARGS ?=
 BIN := .venv/bin
 INSTALLED := .venv/installed.stamp
 TESTING := .venv/testing.stamp
 COMMA := ,
 
 .PHONY: all lint golden references test faults mutants torture peers random-trains \
-    random-certificates slurm-test bench report docs speed-and-accuracy clean distclean
+    random-certificates slurm-test bench report docs speed-and-accuracy same-bytes clean distclean
 
 all: $(INSTALLED)
 	$(BIN)/snakemake -j$(JOBS)
@@ -39,32 +43,29 @@ lint: $(TESTING)
 
 # Review what has moved, and why, before it is committed.
 golden: $(TESTING)
-	$(BIN)/python -m tests.golden
+	$(BIN)/python -m tests.golden $(ARGS)
 
 references: $(TESTING)
-	$(BIN)/python -m tests.references
+	$(BIN)/python -m tests.references $(ARGS)
 
 test: lint
-	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder -rs
+	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder -rs $(ARGS)
 
 faults: $(TESTING)
-	$(BIN)/python -m tests.faults
+	$(BIN)/python -m tests.faults $(ARGS)
 
-# ROOM: one or more, by default all; RESUME=1 goes on with what an earlier run has not killed.
-COUNT ?= 20
-SEED ?= 1
 mutants: $(TESTING)
-	$(BIN)/python -m tests.mutants $(ROOM) --count $(COUNT) --seed $(SEED) --jobs $(JOBS) \
-	    $(if $(TESTS),--tests $(TESTS)) $(if $(RESUME),--resume)
+	$(BIN)/python -m tests.mutants --jobs $(JOBS) $(ARGS)
 
 torture: $(TESTING)
-	GEARLIB_KILLS=50 $(BIN)/python -m pytest tests/robustness -rs
+	GEARLIB_KILLS=50 $(BIN)/python -m pytest tests/robustness -rs $(ARGS)
 
 random-trains: $(TESTING)
-	GEARLIB_TRAINS=500 $(BIN)/python -m pytest -n $(JOBS) tests/trains/test_random_trains.py -rs
+	GEARLIB_TRAINS=500 $(BIN)/python -m pytest -n $(JOBS) tests/trains/test_random_trains.py -rs $(ARGS)
 
 random-certificates: $(TESTING)
-	GEARLIB_CERTIFICATES=10000 $(BIN)/python -m pytest -n $(JOBS) tests/proofs/test_certificates.py -rs
+	GEARLIB_CERTIFICATES=10000 $(BIN)/python -m pytest -n $(JOBS) tests/proofs/test_certificates.py \
+	    -rs $(ARGS)
 
 peers: $(INSTALLED)
 	$(BIN)/python -m pip install --quiet --constraint requirements/constraints.txt \
@@ -83,10 +84,13 @@ slurm-test: $(TESTING)
 	    apt-get update && apt-get install --yes --no-install-recommends \
 	        slurmctld slurmd slurm-client munge; \
 	fi
-	$(BIN)/python -m pytest tests/slurm -rs
+	$(BIN)/python -m pytest tests/slurm -rs $(ARGS)
 
 bench: $(INSTALLED)
-	$(BIN)/python -m benchmarks.run
+	$(BIN)/python -m benchmarks.run $(ARGS)
+
+same-bytes: $(TESTING)
+	$(BIN)/python -m tests.workflow.same_bytes $(ARGS)
 
 report: all
 	$(BIN)/snakemake --report results/report.html

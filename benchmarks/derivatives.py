@@ -5,6 +5,7 @@ Those of a pair by closed forms, and by matrices of a model of one degree and of
 
 import time
 
+from benchmarks.short import repeats
 from gearlib import (
     OneDegreePair,
     continue_orbit,
@@ -14,7 +15,7 @@ from gearlib import (
     split_power_reducer,
 )
 
-ROUNDS = 15
+ROUNDS = repeats(15)
 SEVEN = (
     "stiffness_ratio",
     "contact_ratio",
@@ -78,7 +79,7 @@ def rows(damped, chaotic):
         def with_seven(model=model, tuning=tuning, periods=periods, names=names):
             return simulate(model, tuning, periods=periods, sensitivities=names)
 
-        without, with_all = least(without_any, with_seven, rounds=3)
+        without, with_all = least(without_any, with_seven, rounds=repeats(3))
         table += [
             (f"seven derivatives, {words}", with_all * 1e3, "ms"),
             ("  to the run without them", with_all / without, "times"),

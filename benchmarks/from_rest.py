@@ -15,10 +15,11 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.short import repeats
 from gearlib import sweep
 from gearlib.models.propagators.closed_form import ratios
 
-TUNINGS, ROUNDS = 4096, 7
+TUNINGS, ROUNDS = 4096, repeats(7)
 #: Range of tunings, periods: the paper's characteristic, and where nothing settles.
 CASES = ((0.5, 1.4, 120), (0.85, 1.0, 50))
 
@@ -101,7 +102,7 @@ def rows(pair):
         " damping=0.0617, backlash_damping=0.0617, backlash=4);"
         f"sweep(pair, np.linspace(0.5, 1.4, {TUNINGS}), periods=120, record_periods=24, threads=1)"
     )
-    spent = min(fresh([sys.executable, "-c", code]) for _ in range(3))
+    spent = min(fresh([sys.executable, "-c", code]) for _ in range(repeats(3)))
     table.append((f"fresh process: import, {TUNINGS} runs of 120 periods", spent, "s"))
     spent = least(lambda: sweep(pair, [0.9, 0.95], periods=10**7, record_periods=24, threads=1))
     table.append(("two tunings, 10^7 periods each", spent * 1e3, "ms"))

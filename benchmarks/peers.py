@@ -8,10 +8,11 @@ import time
 
 import numpy as np
 
+from benchmarks.short import repeats
 from gearlib import integrators, sweep
 from gearlib.kernels import orbit
 
-_TUNING, _REPEATS = 0.9, 5
+_TUNING, _REPEATS = 0.9, repeats(5)
 
 
 def _runner(model, method):

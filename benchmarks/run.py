@@ -19,6 +19,7 @@ import numpy as np
 import gearlib
 from benchmarks import derivatives, from_rest, geometry, peers, trains
 from benchmarks.scipy_split import run as scipy_split
+from benchmarks.short import SHORT, repeats
 from gearlib import GearPair, OneDegreePair, SixDegreePair, simulate, sweep
 from gearlib.kernels import orbit
 from gearlib.kernels.piecewise_linear import run as linear
@@ -27,7 +28,7 @@ from gearlib.kernels.taylor.run import run_nonlinear
 from gearlib.kernels.taylor.series import ORDER
 from gearlib.pages.explorer.view import look
 
-REPEATS = 7
+REPEATS = repeats(7)
 DAMPED = GearPair.from_ratios(
     contact_ratio=1.569, stiffness_ratio=0.5879, damping=0.0617, backlash_damping=0.0617, backlash=4
 )
@@ -35,7 +36,8 @@ DAMPED = GearPair.from_ratios(
 
 def seconds(call):
     """Return the median time of `call` over the repeats, after one call not counted."""
-    call()
+    if not SHORT:
+        call()
     times = []
     for _ in range(REPEATS):
         start = time.perf_counter()

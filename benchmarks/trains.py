@@ -14,10 +14,11 @@ from functools import partial
 
 import numpy as np
 
+from benchmarks.short import repeats
 from gearlib import idler, integrators, planetary, sweep
 from gearlib.studies.trials.difficult_problems import PAPER
 
-ROUNDS = 4
+ROUNDS = repeats(4)
 #: Mesh periods of the errors.
 FEW = 3
 #: Speeds that ours takes in one call: its tables depend on them in part only.

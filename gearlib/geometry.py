@@ -4,6 +4,8 @@ The code lies in `gearlib.models.geometry`; `Mesh` here is one of two drawn gear
 `gearlib.Mesh` is one of a `GearTrain`.
 """
 
+from typing import TYPE_CHECKING
+
 from gearlib.models.geometry.blank import RACKS, Material, Rack, Web
 from gearlib.models.geometry.dynamic_factor import DynamicFactor, dynamic_factor
 from gearlib.models.geometry.gear import SpurGear
@@ -12,7 +14,9 @@ from gearlib.models.geometry.mesh import Mesh
 from gearlib.models.geometry.relief import PathTable, TipRelief
 from gearlib.models.geometry.stiffness import MeshStiffness, mesh_stiffness
 from gearlib.models.geometry.transmission_error import optimum_relief
-from gearlib.models.trains.drawn import planetary_set
+
+if TYPE_CHECKING:
+    from gearlib.models.trains.drawn import planetary_set
 
 __all__ = [
     "RACKS",
@@ -32,3 +36,12 @@ __all__ = [
     "optimum_relief",
     "planetary_set",
 ]
+
+
+def __getattr__(name):
+    # Drawn gears need none of the compiled code of trains, which takes half a second to load.
+    if name != "planetary_set":
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from gearlib.models.trains.drawn import planetary_set
+
+    return planetary_set

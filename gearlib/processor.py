@@ -43,7 +43,7 @@ def settings(environment=None, flags=None):
         Features of the processor as in ``/proc/cpuinfo``; by default of this one.
     """
     environment = os.environ if environment is None else environment
-    flags = _flags() if flags is None else flags
+    flags = features() if flags is None else flags
     if environment.get(SWITCH) == "native" or not flags >= LEVEL:
         return {}
     tunables = environment.get("GLIBC_TUNABLES", "").split(":")
@@ -64,8 +64,8 @@ def settings(environment=None, flags=None):
     }
 
 
-def _flags():
-    """Return the features of this processor, none where they are not known."""
+def features():
+    """Return the features of this processor, a set of str; none where Linux does not say."""
     if platform.machine() not in ("x86_64", "AMD64"):
         return set()
     try:

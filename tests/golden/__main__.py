@@ -3,7 +3,7 @@
 Runs the small workflow of tests/workflow in a temporary folder, says what has moved and writes only
 that: review the difference before it is committed, and say why in the commit. Results of a small
 workflow that is there already are taken with ``--results FOLDER``; after a change of nothing but
-figures, ``--drawn`` draws them again from the golden numbers, in a minute.
+figures, ``--drawn`` draws them again from the golden numbers, in a minute, or some of them in less.
 """
 
 import argparse
@@ -33,19 +33,22 @@ def renew(results):
     pictures.renew(results)
 
 
-def renew_drawn():
-    """Write what figures hold where it differs; print it."""
+def renew_drawn(figures=()):
+    """Write what figures, by default all, hold where it differs; print it."""
     with tempfile.TemporaryDirectory() as folder:
-        print(*redraw.renew(redraw.redraw(Path(folder) / "drawn")), sep="\n")
+        found = redraw.redraw(Path(folder) / "drawn", figures)
+        print(*redraw.renew(found, figures), sep="\n")
 
 
 def main():
     parser = argparse.ArgumentParser(prog="python -m tests.golden", description=__doc__)
     parser.add_argument("--results", type=Path, help="results of a small workflow")
-    parser.add_argument("--drawn", action="store_true", help="what figures hold, nothing else")
+    parser.add_argument(
+        "--drawn", nargs="*", metavar="figure", help="what figures hold, nothing else; default: all"
+    )
     given = parser.parse_args()
-    if given.drawn:
-        renew_drawn()
+    if given.drawn is not None:
+        renew_drawn(given.drawn)
         return
     if given.results:
         renew(given.results)

@@ -129,8 +129,8 @@ def stored():
     return sorted(path.stem for path in FOLDER.glob("*.json"))
 
 
-def renew(found):
-    """Store what figures hold where it differs; return sentences on what has moved."""
+def renew(found, figures=()):
+    """Store what figures, by default all, hold where it differs; return sentences on what moved."""
     sentences = []
     FOLDER.mkdir(exist_ok=True)
     for name, facts in found.items():
@@ -141,7 +141,7 @@ def renew(found):
         if moved:
             drawn.write(facts, path)
         sentences += moved
-    for name in set(stored()) - set(found):
+    for name in set() if figures else set(stored()) - set(found):
         (FOLDER / f"{name}.json").unlink()
         sentences.append(f"{name}: gone")
     return sentences

@@ -1,7 +1,8 @@
 """Renew the stored references: `make references`, some minutes.
 
 Runs the tests that use them with everything computed in 50 digits, and writes what they asked for,
-unless one of them fails.
+unless one of them fails. Of tests that are named, as to pytest, the references are renewed, and
+others kept.
 """
 
 import sys
@@ -20,9 +21,12 @@ MODULES = [
 
 def main():
     Stored.recording = True
-    code = pytest.main(["-p", "no:xdist", "-q", *MODULES])
+    chosen = sys.argv[1:]
+    code = pytest.main(["-p", "no:xdist", "-q", *(chosen or MODULES)])
     if code == 0:
         for stored in Stored.known.values():
+            if chosen:
+                stored.recorded = stored.entries | stored.recorded
             stored.write()
             print(f"{stored.path.name}: {len(stored.recorded)}")
     return code

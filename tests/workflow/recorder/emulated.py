@@ -2,8 +2,8 @@
 
 What a processor lacks, libraries cannot use; what else they choose by it is chosen here where the
 environment leaves it open, in each process anew, before it loads anything. ``GEARLIB_EMULATED``
-holds such choices as JSON. {"qemu": name of a processor} has QEMU run the process instead, whose
-CPUID is then that of the other processor, to all libraries: slow, and no pretence.
+holds such choices as JSON. {"qemu": name of a processor} has QEMU run the jobs instead, whose CPUID
+is then that of the other processor, to all libraries: slow, and no pretence.
 """
 
 import ctypes
@@ -22,7 +22,7 @@ def begin():
     choices = json.loads(os.environ.get("GEARLIB_EMULATED", "{}"))
     inside = os.environ.get("GEARLIB_INSIDE") == str(os.getpid())
     if "qemu" in choices:
-        if not inside:
+        if not inside and ".snakemake/scripts" in " ".join(sys.orig_argv):
             os.environ["GEARLIB_INSIDE"] = str(os.getpid())
             command = [shutil.which("qemu-x86_64"), "-cpu", choices["qemu"], sys.executable]
             os.execv(command[0], [*command, *sys.orig_argv[1:]])
@@ -51,7 +51,7 @@ def taken():
         found["numpy"] = [name for name in numpy.__cpu_dispatch__ if features[name]]
     if "numba.core.registry" in sys.modules:
         codegen = sys.modules["numba.core.registry"].cpu_target.target_context.codegen()
-        found["numba"] = codegen.magic_tuple()[1:]
+        found["numba"] = [*codegen.magic_tuple()[1:]]
     # As it stood when the process began: the C library has read it then.
     begun = Path("/proc/self/environ").read_text(encoding="utf-8").split("\0")
     found["glibc"] = [one.partition("=")[2] for one in begun if one.startswith("GLIBC_TUNABLES=")]
