@@ -14,7 +14,7 @@ import time
 import pytest
 
 PACKAGES = """
-hypothesis matplotlib.pyplot mpmath netCDF4 numba numpy pint pydantic scipy.integrate scipy.linalg
+bokeh.models bokeh.plotting click flint hypothesis matplotlib.pyplot mpmath netCDF4 numba numpy pandas
 scipy.optimize scipy.signal scipy.sparse scipy.special xarray yaml
 """
 
