@@ -14,8 +14,9 @@ import time
 import pytest
 
 PACKAGES = """
-bokeh.models bokeh.plotting click flint hypothesis matplotlib.pyplot mpmath netCDF4 numba numpy pandas
-scipy.optimize scipy.signal scipy.sparse scipy.special xarray yaml
+bokeh.models bokeh.plotting click flint hypothesis matplotlib.pyplot mpmath netCDF4 numba numpy
+pandas pint pydantic rich scipy.integrate scipy.linalg scipy.optimize scipy.signal scipy.sparse
+scipy.special xarray yaml
 """
 
 
