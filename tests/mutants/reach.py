@@ -4,6 +4,7 @@ Compiled kernels cannot be traced. Tests that are quick are therefore recorded o
 kernels that run as plain Python ("plain"); most mutants of a kernel die there, uncompiled.
 """
 
+import contextlib
 import hashlib
 import json
 import os
@@ -100,12 +101,14 @@ def reach(path, tests=(), workers=2, plain=False):
     recorded = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
     if recorded.get("of") != wanted:
         chosen = [*tests] or [part for name in LEFT_OUT for part in ("--ignore", name)]
-        recorded = {"of": wanted, "compiled": record(chosen, 600.0, workers)}
+        recorded = {"of": wanted, "compiled": record([chosen], 600.0, workers)}
     if plain and "plain" not in recorded:
         seconds = recorded["compiled"]["seconds"]
         quick = {name for name in seconds if seconds[name] < QUICK and name.startswith(_NUMERICAL)}
         chosen = sorted({name.partition("::")[0] for name in quick})
-        recorded["plain"] = record(chosen, LONGEST_PLAIN, workers, PLAIN, quick)
+        # One by one: threads that a test has left behind can wait for ever.
+        chosen = [[name] for name in chosen]
+        recorded["plain"] = record(chosen, LONGEST_PLAIN, 1, PLAIN, quick, 300.0)
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps(recorded), encoding="utf-8")
     return Reach(recorded)
@@ -114,8 +117,22 @@ def reach(path, tests=(), workers=2, plain=False):
 _NUMERICAL = ("tests/geometry", "tests/physics", "tests/proofs", "tests/trains", "tests/unit")
 
 
-def record(arguments, longest, workers, environment=(), only=()):
-    """Run tests with coverage; return their seconds and the tests of each line of each file."""
+def record(runs, longest, workers, environment=(), only=(), most=None):
+    """Run tests with coverage; return their seconds and the tests of each line of each file.
+
+    Parameters
+    ----------
+    runs : sequence of list of str
+        Arguments of pytest, one process after the other.
+    longest : float
+        Seconds after which a test is given up.
+    workers : int
+    environment : dict, optional
+    only : set of str, optional
+        Tests that count; by default all.
+    most : float, optional
+        Seconds after which a process is given up, with all its tests.
+    """
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "settings").write_text(_SETTINGS.format(folder=name), encoding="utf-8")
@@ -127,10 +144,10 @@ def record(arguments, longest, workers, environment=(), only=()):
         }
         spread = ["-n", str(workers), "--dist", "loadfile"] if workers > 1 else ["-p", "no:xdist"]
         command = [sys.executable, "-m", "pytest", "-p", "tests.mutants.recorder", *spread]
-        environment = os.environ | more | dict(environment)
-        subprocess.run(
-            [*command, *arguments], cwd=ROOT, env=environment, stdout=sys.stderr, check=False
-        )
+        given = {"cwd": ROOT, "env": os.environ | more | dict(environment), "stdout": sys.stderr}
+        for run in runs:
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                subprocess.run([*command, *run], **given, timeout=most, check=False)
         return _gathered(folder)
 
 
