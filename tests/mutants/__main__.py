@@ -43,11 +43,13 @@ class Worker:
     def __init__(self, folder):
         self.folder = Path(folder)
         self.tree = copied(folder)
-        # Known by the text, not by the time, so that a mutant is never taken for another.
+        # Known by the text, not by the time, so that a mutant is never taken for another; and who
+        # compiles it again keeps to that.
         checked = py_compile.PycInvalidationMode.CHECKED_HASH
-        compileall.compile_dir(self.tree, quiet=2, invalidation_mode=checked)
+        for part in ("gearlib", "workflow"):
+            compileall.compile_dir(self.tree / part, quiet=2, invalidation_mode=checked)
         threads = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS")
-        more = {"PYTHONPATH": str(self.tree), "PYTHONDONTWRITEBYTECODE": "1", "PYTEST_ADDOPTS": ""}
+        more = {"PYTHONPATH": str(self.tree), "PYTHONDONTWRITEBYTECODE": "", "PYTEST_ADDOPTS": ""}
         self.server = subprocess.Popen(
             [sys.executable, "-m", "tests.mutants.worker"],
             cwd=self.tree,
