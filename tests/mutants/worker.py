@@ -11,6 +11,7 @@ import signal
 import sys
 import time
 
+import hypothesis
 import pytest
 
 PACKAGES = """
@@ -47,6 +48,10 @@ def _run(order, answer):
         os.dup2(empty.fileno(), 0)
         os.dup2(output.fileno(), 1)
         os.dup2(output.fileno(), 2)
+    # One example is enough to kill.
+    only = hypothesis.Phase.explicit, hypothesis.Phase.generate
+    hypothesis.settings.register_profile("mutants", phases=only, database=None)
+    hypothesis.settings.load_profile("mutants")
     chosen = _Chosen(order["tests"])
     files = dict.fromkeys(name.partition("::")[0] for name in order["tests"])
     options = ["-x", "-p", "no:cacheprovider", "-p", "no:xdist", "--tb=short"]
