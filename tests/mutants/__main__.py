@@ -28,7 +28,7 @@ import yaml
 
 from tests.faults.__main__ import copied
 from tests.mutants.mutations import ROOMS, ROOT, sample
-from tests.mutants.reach import PLAIN, reach
+from tests.mutants.reach import KERNELS, PLAIN, reach
 
 VERDICTS = Path(__file__).with_name("verdicts.yaml")
 KEY = ("file", "where", "source", "mutated")
@@ -86,7 +86,7 @@ class Judge:
         """Return "killed", "timeout" or "survived", and the test that noticed."""
         path = worker.tree / one.file
         text = path.read_text(encoding="utf-8")
-        kernel = one.file.startswith("gearlib/kernels/")
+        kernel = one.file.startswith(KERNELS)
         for tests, environment in self._rounds(one, kernel):
             tests = {name: t for name, t in tests.items() if self.sound.get(name, True)}
             while tests:

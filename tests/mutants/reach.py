@@ -21,6 +21,7 @@ from tests.mutants.mutations import ROOT
 
 #: Tests that take less are recorded with plain kernels too; so long may they take then, in seconds.
 QUICK, LONGEST_PLAIN = 0.2, 2.0
+KERNELS = "gearlib/kernels/"
 PARTS = ("compiled", "plain")
 PLAIN = {"NUMBA_DISABLE_JIT": "1"}
 #: They plant faults themselves, or kill what runs.
@@ -68,7 +69,17 @@ class Reach:
         reached = {name for part in PARTS for name in self._reached(part, one)}
         if one.file.startswith("workflow/"):
             reached |= {name for name in known if name.startswith(_OF_THE_WORKFLOW)}
-        return self.worth({name: known[name] for name in sorted(reached) if name in known})
+        found = self.worth({name: known[name] for name in sorted(reached) if name in known})
+        if kernels == "compiled" and one.file.startswith(KERNELS):
+            # Many are too slow to reach it as plain Python.
+            callers = {name for file in _callers(one.file) for name in self._of_file(file)}
+            found |= self.worth({name: known[name] for name in sorted(callers) if name in known})
+        return found
+
+    def _of_file(self, file):
+        part = self.recorded["compiled"]
+        tests = {i for names in part["lines"].get(file, {}).values() for i in names}
+        return [part["tests"][i] for i in tests]
 
     def _reached(self, part, one):
         if part not in self.recorded:
@@ -175,6 +186,20 @@ def _gathered(folder):
         for line, tests in of_file.items():
             of_file[line] = sorted(tests)
     return {"tests": list(names), "seconds": seconds, "lines": lines}
+
+
+def _callers(kernel):
+    """Return the files outside of the kernels that import one, or what imports it."""
+    texts = {path: path.read_text(encoding="utf-8") for path in ROOT.glob("gearlib/**/*.py")}
+    texts = {path.relative_to(ROOT).as_posix(): text for path, text in texts.items()}
+    found, waiting = set(), [kernel]
+    while waiting:
+        parent, _, name = waiting.pop().removesuffix(".py").replace("/", ".").rpartition(".")
+        named = re.compile(rf"{parent}\.{name}\b|from {parent} import [^\n]*\b{name}\b")
+        new = {file for file, text in texts.items() if named.search(text)} - found
+        found |= new
+        waiting += [file for file in new if file.startswith(KERNELS)]
+    return {file for file in found if not file.startswith(KERNELS)}
 
 
 def _hash():
