@@ -104,6 +104,15 @@ def test_rules(runs, exponent, label, words):
     assert found.label == label and words in found.message
 
 
+def test_digits_are_those_of_the_height():
+    # The largest of all differences is 1e-6 of the height, whatever the height.
+    for height in (1e-3, 1.0, 50.0):
+        high = height * np.array([1.0, 1.0 + 1e-6, 1.0])
+        runs = table(high, height * np.array([0.0, 0.0, 1e-7]), [1, 1, 1])
+        found = decide(runs, Exponent(-0.1, 0.01, -100.0, 1000))
+        assert found.label == "periodic" and found.digits == pytest.approx(6.0, abs=1e-6)
+
+
 @pytest.mark.parametrize(
     ("changed", "part"),
     [
