@@ -28,7 +28,7 @@ import yaml
 
 from tests.faults.__main__ import copied
 from tests.mutants.mutations import ROOMS, ROOT, sample
-from tests.mutants.reach import PLAIN, reach
+from tests.mutants.reach import KERNELS, PLAIN, reach
 
 VERDICTS = Path(__file__).with_name("verdicts.yaml")
 KEY = ("file", "where", "source", "mutated")
@@ -43,11 +43,13 @@ class Worker:
     def __init__(self, folder):
         self.folder = Path(folder)
         self.tree = copied(folder)
-        # Known by the text, not by the time, so that a mutant is never taken for another.
+        # Known by the text, not by the time, so that a mutant is never taken for another; and who
+        # compiles it again keeps to that.
         checked = py_compile.PycInvalidationMode.CHECKED_HASH
-        compileall.compile_dir(self.tree, quiet=2, invalidation_mode=checked)
+        for part in ("gearlib", "workflow"):
+            compileall.compile_dir(self.tree / part, quiet=2, invalidation_mode=checked)
         threads = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS")
-        more = {"PYTHONPATH": str(self.tree), "PYTHONDONTWRITEBYTECODE": "1", "PYTEST_ADDOPTS": ""}
+        more = {"PYTHONPATH": str(self.tree), "PYTHONDONTWRITEBYTECODE": "", "PYTEST_ADDOPTS": ""}
         self.server = subprocess.Popen(
             [sys.executable, "-m", "tests.mutants.worker"],
             cwd=self.tree,
@@ -84,7 +86,7 @@ class Judge:
         """Return "killed", "timeout" or "survived", and the test that noticed."""
         path = worker.tree / one.file
         text = path.read_text(encoding="utf-8")
-        kernel = one.file.startswith("gearlib/kernels/")
+        kernel = one.file.startswith(KERNELS)
         for tests, environment in self._rounds(one, kernel):
             tests = {name: t for name, t in tests.items() if self.sound.get(name, True)}
             while tests:

@@ -38,6 +38,8 @@ _COMPARED = {
     ast.Is: ("is", "is not"), ast.IsNot: (r"is\s+not", "is"), ast.In: ("in", "not in"),
     ast.NotIn: (r"not\s+in", "in"),
 }  # fmt: skip
+#: Functions that do not ask for the order of their arguments.
+_SYMMETRIC = {"gcd", "hypot", "isclose", "lcm", "max", "maximum", "min", "minimum"}
 
 
 @dataclass(frozen=True)
@@ -242,8 +244,10 @@ class _Changes(ast.NodeVisitor):
         self.generic_visit(node)
 
     def visit_Call(self, node):
+        name = getattr(node.func, "attr", getattr(node.func, "id", ""))
         for one, other in zip(node.args, node.args[1:], strict=False):
-            self.swap(one, other)
+            if name not in _SYMMETRIC:
+                self.swap(one, other)
         # A check that what runs side by side is equally long: nothing fails without it.
         node.keywords = [word for word in node.keywords if word.arg != "strict"]
         self.generic_visit(node)

@@ -4,6 +4,7 @@ Compiled kernels cannot be traced. Tests that are quick are therefore recorded o
 kernels that run as plain Python ("plain"); most mutants of a kernel die there, uncompiled.
 """
 
+import contextlib
 import hashlib
 import json
 import os
@@ -20,6 +21,7 @@ from tests.mutants.mutations import ROOT
 
 #: Tests that take less are recorded with plain kernels too; so long may they take then, in seconds.
 QUICK, LONGEST_PLAIN = 0.2, 2.0
+KERNELS = "gearlib/kernels/"
 PARTS = ("compiled", "plain")
 PLAIN = {"NUMBA_DISABLE_JIT": "1"}
 #: They plant faults themselves, or kill what runs.
@@ -67,7 +69,17 @@ class Reach:
         reached = {name for part in PARTS for name in self._reached(part, one)}
         if one.file.startswith("workflow/"):
             reached |= {name for name in known if name.startswith(_OF_THE_WORKFLOW)}
-        return self.worth({name: known[name] for name in sorted(reached) if name in known})
+        found = self.worth({name: known[name] for name in sorted(reached) if name in known})
+        if kernels == "compiled" and one.file.startswith(KERNELS):
+            # Many are too slow to reach it as plain Python.
+            callers = {name for file in _callers(one.file) for name in self._of_file(file)}
+            found |= self.worth({name: known[name] for name in sorted(callers) if name in known})
+        return found
+
+    def _of_file(self, file):
+        part = self.recorded["compiled"]
+        tests = {i for names in part["lines"].get(file, {}).values() for i in names}
+        return [part["tests"][i] for i in tests]
 
     def _reached(self, part, one):
         if part not in self.recorded:
@@ -78,7 +90,8 @@ class Reach:
 
     def whole_files(self, tests):
         """Return all tests of the files of some: what one keeps in memory the others use."""
-        paths = {test.partition("::")[0] for test in tests}
+        # Each figure by itself.
+        paths = {test.partition("::")[0] for test in tests} - {"tests/golden/test_drawn.py"}
         known = self.recorded["compiled"]["seconds"]
         return self.worth({name: known[name] for name in known if name.partition("::")[0] in paths})
 
@@ -100,12 +113,14 @@ def reach(path, tests=(), workers=2, plain=False):
     recorded = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
     if recorded.get("of") != wanted:
         chosen = [*tests] or [part for name in LEFT_OUT for part in ("--ignore", name)]
-        recorded = {"of": wanted, "compiled": record(chosen, 600.0, workers)}
+        recorded = {"of": wanted, "compiled": record([chosen], 600.0, workers)}
     if plain and "plain" not in recorded:
         seconds = recorded["compiled"]["seconds"]
         quick = {name for name in seconds if seconds[name] < QUICK and name.startswith(_NUMERICAL)}
         chosen = sorted({name.partition("::")[0] for name in quick})
-        recorded["plain"] = record(chosen, LONGEST_PLAIN, workers, PLAIN, quick)
+        # One by one: threads that a test has left behind can wait for ever.
+        chosen = [[name] for name in chosen]
+        recorded["plain"] = record(chosen, LONGEST_PLAIN, 1, PLAIN, quick, 300.0)
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps(recorded), encoding="utf-8")
     return Reach(recorded)
@@ -114,8 +129,22 @@ def reach(path, tests=(), workers=2, plain=False):
 _NUMERICAL = ("tests/geometry", "tests/physics", "tests/proofs", "tests/trains", "tests/unit")
 
 
-def record(arguments, longest, workers, environment=(), only=()):
-    """Run tests with coverage; return their seconds and the tests of each line of each file."""
+def record(runs, longest, workers, environment=(), only=(), most=None):
+    """Run tests with coverage; return their seconds and the tests of each line of each file.
+
+    Parameters
+    ----------
+    runs : sequence of list of str
+        Arguments of pytest, one process after the other.
+    longest : float
+        Seconds after which a test is given up.
+    workers : int
+    environment : dict, optional
+    only : set of str, optional
+        Tests that count; by default all.
+    most : float, optional
+        Seconds after which a process is given up, with all its tests.
+    """
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "settings").write_text(_SETTINGS.format(folder=name), encoding="utf-8")
@@ -127,10 +156,10 @@ def record(arguments, longest, workers, environment=(), only=()):
         }
         spread = ["-n", str(workers), "--dist", "loadfile"] if workers > 1 else ["-p", "no:xdist"]
         command = [sys.executable, "-m", "pytest", "-p", "tests.mutants.recorder", *spread]
-        environment = os.environ | more | dict(environment)
-        subprocess.run(
-            [*command, *arguments], cwd=ROOT, env=environment, stdout=sys.stderr, check=False
-        )
+        given = {"cwd": ROOT, "env": os.environ | more | dict(environment), "stdout": sys.stderr}
+        for run in runs:
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                subprocess.run([*command, *run], **given, timeout=most, check=False)
         return _gathered(folder)
 
 
@@ -157,6 +186,20 @@ def _gathered(folder):
         for line, tests in of_file.items():
             of_file[line] = sorted(tests)
     return {"tests": list(names), "seconds": seconds, "lines": lines}
+
+
+def _callers(kernel):
+    """Return the files outside of the kernels that import one, or what imports it."""
+    texts = {path: path.read_text(encoding="utf-8") for path in ROOT.glob("gearlib/**/*.py")}
+    texts = {path.relative_to(ROOT).as_posix(): text for path, text in texts.items()}
+    found, waiting = set(), [kernel]
+    while waiting:
+        parent, _, name = waiting.pop().removesuffix(".py").replace("/", ".").rpartition(".")
+        named = re.compile(rf"{parent}\.{name}\b|from {parent} import [^\n]*\b{name}\b")
+        new = {file for file, text in texts.items() if named.search(text)} - found
+        found |= new
+        waiting += [file for file in new if file.startswith(KERNELS)]
+    return {file for file in found if not file.startswith(KERNELS)}
 
 
 def _hash():

@@ -7,6 +7,8 @@
 import json
 import os
 import signal
+import sys
+import time
 from pathlib import Path
 
 import coverage
@@ -16,6 +18,9 @@ _LONGEST = float(os.environ["MUTANTS_SECONDS"])
 _folder = Path(os.environ["MUTANTS_FOLDER"])
 _times: dict = {}
 _failed: set = set()
+_alone: dict = {}
+#: Seconds that it takes to plan a single figure.
+_SNAKEMAKE = 3.0
 
 
 class _TooLong(BaseException):
@@ -39,6 +44,27 @@ def pytest_collection_modifyitems(items):
     """Keep the tests that count."""
     only = set(json.loads((_folder / "only.json").read_text(encoding="utf-8")))
     items[:] = [item for item in items if not only or item.nodeid in only]
+
+
+def pytest_collection_finish(session):
+    """Give each figure that one test draws for all its own test, which can also draw it alone."""
+    redraw = sys.modules.get("tests.golden.redraw")
+    if redraw is None:
+        return
+    draw = redraw._draw
+    tests = [item.nodeid for item in session.items if "test_drawn" in item.nodeid]
+
+    def one(given, params, output):
+        start = time.monotonic()
+        stem = Path(output[0]).stem
+        mine = [name for name in tests if name.endswith(f"[{stem}]")]
+        if mine:
+            coverage.Coverage.current().switch_context(mine[0])
+        draw(given, params, output)
+        for name in mine:
+            _alone[name] = time.monotonic() - start + _SNAKEMAKE
+
+    redraw._draw = one
 
 
 def _limited():
@@ -75,6 +101,6 @@ def pytest_runtest_logreport(report):
 
 def pytest_sessionfinish(session):
     """Write them; what failed or was skipped notices nothing."""
-    passed = {name: seconds for name, seconds in _times.items() if name not in _failed}
+    passed = {name: t for name, t in (_times | _alone).items() if name not in _failed}
     path = _folder / f"{os.getpid()}.seconds.json"
     path.write_text(json.dumps(passed), encoding="utf-8")

@@ -11,11 +11,13 @@ import signal
 import sys
 import time
 
+import hypothesis
 import pytest
 
 PACKAGES = """
-hypothesis matplotlib.pyplot mpmath netCDF4 numba numpy pint pydantic scipy.integrate scipy.linalg
-scipy.optimize scipy.signal scipy.sparse scipy.special xarray yaml
+bokeh.models bokeh.plotting click flint hypothesis matplotlib.pyplot mpmath netCDF4 numba numpy
+pandas pint pydantic rich scipy.integrate scipy.linalg scipy.optimize scipy.signal scipy.sparse
+scipy.special xarray yaml
 """
 
 
@@ -46,6 +48,10 @@ def _run(order, answer):
         os.dup2(empty.fileno(), 0)
         os.dup2(output.fileno(), 1)
         os.dup2(output.fileno(), 2)
+    # One example is enough to kill.
+    only = hypothesis.Phase.explicit, hypothesis.Phase.generate
+    hypothesis.settings.register_profile("mutants", phases=only, database=None)
+    hypothesis.settings.load_profile("mutants")
     chosen = _Chosen(order["tests"])
     files = dict.fromkeys(name.partition("::")[0] for name in order["tests"])
     options = ["-x", "-p", "no:cacheprovider", "-p", "no:xdist", "--tb=short"]

@@ -208,6 +208,13 @@ def test_step_limit_is_a_status(method, options):
     assert int(run.status) == 1
 
 
+@pytest.mark.parametrize(("method", "options"), [("rk45", {}), ("scipy", {}), ("scipy", SPLIT)])
+def test_the_step_limit_is_that_of_a_period(method, options):
+    run = simulate(PAIR, 0.9, periods=40, method=method, options=options, max_events=100)
+    # Six or seven evaluations a step: in all there are more steps than that.
+    assert int(run.status) == 0 and int(run.evaluations) > 7 * 100
+
+
 @pytest.mark.parametrize(
     ("method", "options", "part"),
     [

@@ -8,6 +8,7 @@ from scipy.optimize import brentq
 
 from gearlib import (
     GearPair,
+    Harmonics,
     OneDegreePair,
     continue_orbit,
     locus,
@@ -156,6 +157,24 @@ def test_hysteresis_is_that_of_the_sweeps(up):
     first = slice(int(np.flatnonzero(up.label == FOLD)[0]) + 1)
     branch = np.interp(tunings[:jump], up.tuning.values[first], up.orbit_height.values[first])
     np.testing.assert_allclose(branch, height[:jump], atol=0.02)
+
+
+@pytest.mark.parametrize("tuning", [0.6, 1.3])
+def test_turning_points_of_a_harmonic_motion(tuning):
+    # Constant stiffness and a harmonic deviation: 1 + A cos(tau - phi), from the state at tau = 0.
+    pair = MATERIAL.replace(stiffness_ratio=1.0)
+    model = OneDegreePair(pair=pair, deviation=Harmonics((2e-6,)))
+    orbit = periodic_orbit(model, tuning)
+    assert orbit.pattern == (1,)
+    x, v = orbit.state - (1.0, 0.0)
+    height, latest = math.hypot(x, v), math.atan2(v, x)
+    phases, displacements = turning_points(model, tuning, orbit.state, 1, 10_000)
+    assert len(phases) == 4  # one mesh period more is gone through
+    turned = (phases - latest) / math.pi
+    # The orbit closes to 1e-12; polynomials of fifth order over 512 samples are better than that.
+    np.testing.assert_allclose(turned, np.round(turned), rtol=0, atol=1e-10)
+    extrema = 1.0 + height * np.cos(math.pi * np.round(turned))
+    np.testing.assert_allclose(displacements, extrema, rtol=0, atol=1e-11)
 
 
 def test_grazings_touch_the_flank_line(up):

@@ -252,6 +252,28 @@ def test_more_degenerate_terms_contract_more():
         assert bound == one.norm_bound
 
 
+def test_easier_equations_count_as_well():
+    # One application of the force law a step, on the same samples: so few harmonics are coarse.
+    found = schmidt(MATERIAL, 0.7, harmonics=8, degenerate=0)
+    guessed = schmidt(MATERIAL, 0.7, harmonics=8, degenerate=0, guess=found)
+    assert found.converged and found.iterations > guessed.iterations > 0
+    for one in (found, guessed):
+        assert one.evaluations == one.iterations * one.samples
+
+
+def test_what_leaves_all_bounds_has_no_multipliers():
+    start = 5.0 * np.cos(np.arange(16) * np.pi / 8)
+    found = schmidt(CUBIC, 0.95, harmonics=8, degenerate=0, guess=start, max_iterations=200)
+    assert found.status == "diverged" and found.iterations < 200
+    assert np.isnan(found.multipliers).all()
+    assert np.isnan([found.norm_bound, found.contraction]).all()
+
+
+def test_without_a_remainder_nothing_has_to_contract():
+    found = schmidt(CONSTANT, 0.7, harmonics=3, degenerate=(0, 1, 2, 3))
+    assert found.converged and found.norm_bound == 0.0
+
+
 def test_the_automatic_choice_keeps_its_bound():
     for nu in (0.4, 0.7, 1.0):
         found = schmidt(MATERIAL, nu, harmonics=64)

@@ -8,7 +8,7 @@ import xarray as xr
 
 from gearlib import Fourier, OneDegreePair, trust
 from gearlib.analysis.lyapunov import Exponent, largest
-from gearlib.analysis.trust import decide
+from gearlib.analysis.trust import LABELS, decide, scan
 from tests.paper import PAPER
 from tests.physics.test_six_degrees import gears
 
@@ -104,6 +104,15 @@ def test_rules(runs, exponent, label, words):
     assert found.label == label and words in found.message
 
 
+def test_digits_are_those_of_the_height():
+    # The largest of all differences is 1e-6 of the height, whatever the height.
+    for height in (1e-3, 1.0, 50.0):
+        high = height * np.array([1.0, 1.0 + 1e-6, 1.0])
+        runs = table(high, height * np.array([0.0, 0.0, 1e-7]), [1, 1, 1])
+        found = decide(runs, Exponent(-0.1, 0.01, -100.0, 1000))
+        assert found.label == "periodic" and found.digits == pytest.approx(6.0, abs=1e-6)
+
+
 @pytest.mark.parametrize(
     ("changed", "part"),
     [
@@ -115,3 +124,28 @@ def test_rules(runs, exponent, label, words):
 def test_wrong_input(changed, part):
     with pytest.raises(ValueError, match=part):
         trust(DAMPED, 0.9, **changed)
+
+
+def test_what_shears_is_no_chaos():
+    # Quasi-periodic: deviations grow in proportion to time, here by up to 500 in the first period.
+    for rate in (0.1, 1.0, 500.0):
+        growth = math.log(rate * 4000)
+        assert not Exponent(growth / 4000, 1e-9, growth, 4000).positive
+    # Exponential growth, known to a tenth, and no better than its own error.
+    assert Exponent(0.02, 0.002, 80.0, 4000).positive
+    assert not Exponent(0.02, 0.02, 80.0, 4000).positive
+
+
+def test_a_scan_holds_the_labels_of_its_points():
+    options = {"periods": 100, "exponent_periods": 500}
+    found = scan(PAPER, [0.7, 0.9], **options)
+    # CF: one word for each value.
+    words = found.label.attrs["flag_meanings"].split()
+    values = found.label.attrs["flag_values"].tolist()
+    assert len(words) == len(values) and all(word.isidentifier() for word in words)
+    for tuning, label in zip((0.7, 0.9), found.label.values, strict=True):
+        one = trust(PAPER, tuning, **options)
+        assert one.label == LABELS[label]
+        assert words[values.index(label)].replace("_", "-") == one.label
+        for name in ("period", "digits", "exponent", "uncertainty"):
+            np.testing.assert_equal(float(found[name].sel(tuning=tuning)), getattr(one, name))

@@ -3,6 +3,7 @@
 import io
 import sys
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -77,8 +78,25 @@ def test_orbit_and_trust_say_what_they_found(run):
     done = run("orbit", *PAIR, "--tuning", "0.7", "-o", "orbit.nc")
     assert done.exit_code == 0 and "stable orbit of period 1" in done.output
     assert xr.load_dataset("orbit.nc").residual < 1e-12
+    orbit = gearlib.periodic_orbit(pair(), 0.7)
+    for words, numbers, digits in (
+        ("state at tau = 0     ", orbit.state, 15),
+        ("Floquet multipliers  ", orbit.multipliers, 12),
+    ):
+        assert words + " ".join(f"{x:.{digits}g}" for x in numbers) + "\n" in done.output
     done = run("trust", *PAIR, "--tuning", "0.7", "--periods", "500")
     assert done.exit_code == 0 and done.output.startswith("periodic: ")
+
+
+def test_of_many_numbers_of_an_orbit_the_first_are_printed(run, monkeypatch):
+    orbit = gearlib.periodic_orbit(pair(), 0.7)
+    for count, end in ((12, "10 11\n"), (13, "10 11 ... 13 in all\n")):
+        longer = SimpleNamespace(
+            **{name: getattr(orbit, name) for name in ("stable", "period", "pattern", "grazing")},
+            **{"multipliers": orbit.multipliers, "state": np.arange(count), "dataset": dict},
+        )
+        monkeypatch.setitem(gearlib.__dict__, "periodic_orbit", lambda *_, it=longer, **__: it)
+        assert f"0 1 2 3 4 5 6 7 8 9 {end}" in run("orbit", *PAIR, "--tuning", "0.7").output
 
 
 def test_wrong_input_is_refused_with_code_2(run, tmp_path):

@@ -1,12 +1,15 @@
 """What a configuration leaves out: the defaults, and that config.yaml shows them."""
 
+import colorsys
+import itertools
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 
 from gearlib import GearPair, SixDegreePair
-from gearlib.config import ConfigError, load, schema
+from gearlib.config import ConfigError, defaults, load, schema
 
 PAPER = yaml.safe_load(Path("config.yaml").read_text(encoding="utf-8"))
 GEARS = {
@@ -49,6 +52,17 @@ def differences(one, other, path=""):
         elif one[key] != other[key]:
             found.add(here)
     return found
+
+
+def test_further_colours_are_hues_far_apart():
+    colours = [*itertools.islice(defaults._palette(), 30)]
+    assert len({*colours}) == 30
+    parts = [[int(colour[i : i + 2], 16) / 255.0 for i in (1, 3, 5)] for colour in colours[8:]]
+    hues = sorted(colorsys.rgb_to_hls(*part)[0] for part in parts)
+    # Turns of the golden ratio: of any number of points the smallest gap is at least 0.38 of the
+    # mean one. Colours are rounded to 1/255.
+    gaps = np.diff([*hues, hues[0] + 1.0])
+    assert gaps.min() > 0.3 / len(hues)
 
 
 def test_the_configuration_of_the_project_shows_the_defaults():

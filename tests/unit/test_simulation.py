@@ -205,6 +205,7 @@ def test_overflow_is_a_status_not_a_number():
         (lambda: simulate(PAIR, 0.8, periods=2, options=["steps"]), "options = ['steps']"),
         (lambda: sweep(PAIR, [], periods=2, record_periods=1), "tunings = []"),
         (lambda: sweep(PAIR, [0.8, -1.0], periods=2, record_periods=1), "tunings[1] = -1.0"),
+        (lambda: sweep(PAIR, [-0.8, -1.0], periods=2, record_periods=1), "tunings[0] = -0.8"),
         (lambda: sweep(PAIR, [0.8, 0.8], periods=2, record_periods=1), "0.8 twice"),
         (lambda: sweep(PAIR, ["a"], periods=2, record_periods=1), "tunings[0] = 'a'"),
         (lambda: sweep(PAIR, [0.8], periods=2, record_periods=1, direction="left"), "'left'"),

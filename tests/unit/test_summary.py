@@ -1,0 +1,40 @@
+"""What a run is in a sentence, and when contact counts as lost."""
+
+import numpy as np
+import pytest
+
+from gearlib import simulate
+from gearlib.data.contact_loss import lost_share
+from gearlib.data.summary import in_words
+from tests.paper import PAPER
+
+
+@pytest.mark.parametrize(
+    ("period", "motion"),
+    [
+        (0, "does not repeat within 16 mesh periods"),
+        (1, "repeats every mesh period"),
+        (2, "repeats every 2 mesh periods"),
+        (16, "repeats every 16 mesh periods"),
+    ],
+)
+@pytest.mark.parametrize(
+    ("inverse", "bounces", "contact"),
+    [
+        (0.0, 0.0, "the flanks never part"),
+        (0.0, 1.0, "it loses contact once per mesh period"),
+        (0.0, 0.5, "it loses contact 0.5 times per mesh period"),
+        (0.01, 2.0, "it strikes both flanks"),
+    ],
+)
+def test_a_motion_in_words(period, motion, inverse, bounces, contact):
+    run = simulate(PAPER, 0.7, periods=2)
+    for name, value in {"period": period, "fraction_inverse": inverse, "bounces": bounces}.items():
+        run[name] = run[name].copy(data=np.array(value))
+    assert in_words(run) == f"The motion from rest {motion}; {contact}."
+
+
+def test_rounding_of_times_is_no_loss_of_contact():
+    shares = np.array([1.0, 1.0 - 1e-12, 1.0 + 1e-12, 0.999, 0.0])
+    np.testing.assert_allclose(lost_share(shares), [0.0, 0.0, 0.0, 0.001, 1.0], rtol=1e-12)
+    assert (lost_share(shares)[:3] == 0.0).all()
