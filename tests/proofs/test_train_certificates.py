@@ -54,6 +54,7 @@ def chain():
             position=0.4 - math.pi,
             friction=(0.06, 0.04),
             pitch_phase=-0.7,
+            tooth_thickness=(0.53, 0.46),
             material_damping=1500.0,
             backlash_damping=200.0,
             deviation=gearlib.Harmonics((1e-6, 5e-7), (3e-7,)),

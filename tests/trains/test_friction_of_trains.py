@@ -7,12 +7,15 @@ all properties of a mesh at work they have the same motion.
 
 import math
 from dataclasses import replace
+from fractions import Fraction
 
 import numpy as np
 import pytest
 
 import gearlib
+from gearlib.analysis.proofs.trains.parts import parts_of
 from tests.trains.random_trains import planetary_train
+from tests.trains.reference import Reference
 from tests.trains.sliding import past, sliding
 from tests.trains.test_train_system import six_degrees
 
@@ -199,7 +202,7 @@ def final(train, state, periods):
 @pytest.mark.parametrize("describe", [mirrored, renamed, exchanged])
 def test_one_machine_has_one_motion(describe):
     met = set()
-    for seed in range(4):
+    for seed in range(3):
         rng = np.random.default_rng(seed)
         for train in list(trains(rng))[:2]:
             other, key_of = describe(train)
@@ -244,3 +247,28 @@ def test_friction_of_the_six_degree_pair_opposes_the_same_sliding():
                         assert forces[2 + k] * speed[1] * (1.0 if i == 1 else -1.0) < 0.0
                         seen.add((i, code))
     assert len(seen) == 4
+
+
+def test_a_second_code_has_the_same_motion():
+    for seed in range(2):
+        train = chain(np.random.default_rng(seed))
+        start = train.start_state("static")
+        end, events = Reference(train, 0.9).run(start, 3)
+        run = final(train, start, 3)
+        assert run.event.size == len(events)
+        scale = np.repeat([1.0, 0.9], train.size // 2)
+        np.testing.assert_allclose(run.final_state.values * scale, end, rtol=0, atol=1e-9)
+
+
+def test_proofs_know_the_same_friction():
+    pytest.importorskip("flint")
+    for seed in range(4):
+        train = chain(np.random.default_rng(seed))
+        starts, sense = train.segments.starts, train.segments.sense
+        for j, mesh in enumerate(parts_of(train).meshes):
+            across = [float(value) for value in mesh.across]
+            np.testing.assert_allclose(across, train.structure.across[j], rtol=0, atol=1e-14)
+            for segment in range(0, starts.size - 1, 5):
+                middle = Fraction((starts[segment] + starts[segment + 1]) / (4.0 * math.pi))
+                found = [mesh.sense(side, middle * mesh.rate) for side in (0, 1)]
+                assert found == sense[:, segment, j].tolist()
