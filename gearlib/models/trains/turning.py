@@ -102,15 +102,11 @@ def inverse_phase(mesh, speed, phase):
         return mesh.inverse_phase % 1.0
     if mesh.tooth_thickness is None:
         return phase
-    later = pitch_phase(mesh, speed) / math.pi + (1.0 + thicker(mesh, speed)) / 2.0
+    own, other = mesh.tooth_thickness
+    if driver(mesh, speed) == mesh.wheel:
+        own, other = other, own
+    later = pitch_phase(mesh, speed) / math.pi + (1.0 + own - other) / 2.0
     return _rounded(phase + later)
-
-
-def thicker(mesh, speed):
-    """Return how much thicker the teeth are of the gear that drives a mesh, in pitches."""
-    one = driver(mesh, speed)
-    other = mesh.wheel if one == mesh.pinion else mesh.pinion
-    return _thickness(mesh, one) - _thickness(mesh, other)
 
 
 def _ratio(bodies, mesh):
