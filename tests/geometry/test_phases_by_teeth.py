@@ -314,6 +314,9 @@ def test_a_phase_that_is_given_parts_the_train():
     assert given(a=0.2) == pytest.approx([(g + 0.2) % 1.0 for g in free], abs=1e-12)
     assert given(b=0.35) == pytest.approx([0.0, 0.35, 0.0], abs=1e-12)
     assert given(a=0.2, b=0.35, c=1.6) == pytest.approx([0.2, 0.35, 0.6], abs=1e-12)
+    # Without a thickness the coast side has the phase of the drive side, unless it is given.
+    coast = train.replace(meshes=[dataclasses.replace(meshes[0], inverse_phase=1.25), *meshes[1:]])
+    assert coast.inverse_phases == train.phases | {"a-b": 0.25}
 
 
 def test_who_drives_is_said_once():
