@@ -182,6 +182,7 @@ def test_a_planetary_set_driven_by_sun_or_ring(name, driving):
     if driving == "ring":
         meshes = [(b, a, gap, ahead + math.pi) for a, b, gap, ahead in meshes]
     machine = Machine(gears, meshes)
+    assert train.speeds["carrier"] == 0
     numbered = dict(zip(train.mesh_names, meshes, strict=True))
     for mesh, contact in numbered.items():
         for coast, found in ((False, train.phases), (True, train.inverse_phases)):
