@@ -182,6 +182,7 @@ def test_a_planetary_set_driven_by_sun_or_ring(name, driving):
     if driving == "ring":
         meshes = [(b, a, gap, ahead + math.pi) for a, b, gap, ahead in meshes]
     machine = Machine(gears, meshes)
+    assert train.speeds["carrier"] == 0
     numbered = dict(zip(train.mesh_names, meshes, strict=True))
     for mesh, contact in numbered.items():
         for coast, found in ((False, train.phases), (True, train.inverse_phases)):
@@ -314,6 +315,9 @@ def test_a_phase_that_is_given_parts_the_train():
     assert given(a=0.2) == pytest.approx([(g + 0.2) % 1.0 for g in free], abs=1e-12)
     assert given(b=0.35) == pytest.approx([0.0, 0.35, 0.0], abs=1e-12)
     assert given(a=0.2, b=0.35, c=1.6) == pytest.approx([0.2, 0.35, 0.6], abs=1e-12)
+    # Without a thickness the coast side has the phase of the drive side, unless it is given.
+    coast = train.replace(meshes=[dataclasses.replace(meshes[0], inverse_phase=1.25), *meshes[1:]])
+    assert coast.inverse_phases == train.phases | {"a-b": 0.25}
 
 
 def test_who_drives_is_said_once():
