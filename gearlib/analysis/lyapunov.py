@@ -82,8 +82,6 @@ def largest(pair, tuning, *, state=(0.0, 0.0), settle=1000, periods=4000, max_ev
         count = min(_CHUNK, periods - done) if done >= 0 else min(_CHUNK, -done)
         first = (settle + done) % pair.repeats
         z, maps, code = propagator.maps(z, count, max_events, first)
-        if code == status.OK and size(z) > bound:
-            code = status.OVERFLOW
         if code != status.OK:
             return failed(code)
         maps = without_rotation(pair, maps)

@@ -215,7 +215,9 @@ def trust(pair, tuning, state, periods, output_path, force):
     with progress.clock("running it in several ways"):
         found = gearlib.trust(pair, tuning, periods=periods, initial_state=state)
     click.echo(f"{found.label}: {found.message}")
-    click.echo(f"Lyapunov exponent    {found.exponent:.6g} +- {found.uncertainty:.2g} per period")
+    if not math.isnan(found.exponent):
+        rate = f"{found.exponent:.6g} +- {found.uncertainty:.2g}"
+        click.echo(f"Lyapunov exponent    {rate} per period")
     output.save(found.runs, output_path)
     if found.label == "undecided":
         output.fail("undecided: see the message above for what to try")

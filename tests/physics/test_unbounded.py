@@ -117,6 +117,8 @@ def test_other_models(make):
         assert int(run.status) == code
         found = lyapunov_exponents(model, [nu], settle=200, periods=400)
         assert found.status.values.tolist() == [code]
+    run = sweep(model, [0.93, 0.945], periods=700, record_periods=1, direction="down")
+    assert run.status.values.tolist() == [0, OVERFLOW]
 
 
 @pytest.mark.parametrize("tuning", [0.82, 0.9])
@@ -125,6 +127,9 @@ def test_conservative_chaos_is_no_growth(tuning):
 
 
 def test_a_start_far_out_is_no_growth():
+    for state in ((1e9, 0.0), (0.0, 1e9)):
+        run = simulate(PAIR, 0.8, periods=2, record_periods=2, initial_state=state)
+        assert int(run.status) == 0 and float(run.displacement_max) > 1e8
     run = simulate(PAIR, 0.8, periods=4000, initial_state=(1e9, 0.0))
     assert int(run.status) == 0 and float(run.displacement_max) < 10.0
     found = basins(PAIR, 0.8, ((1e7, 1e9, 2), (0.0, 0.0, 1)))

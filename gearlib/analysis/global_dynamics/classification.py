@@ -65,7 +65,6 @@ def classify(strobe, states, cycles, *, stop_early=True, seed=0):
     run.look_closer()
     if run.left.size and not run.all_chaotic():
         run.advance(cycles, True)
-        run.let_grow()
         run.look_closer()
     run.name_the_rest()
     return run.sorted()
