@@ -242,6 +242,8 @@ def static(train, phase, output_path, force):
     """Load sharing of the gear train at rest, with gaps and errors."""
     output.check(output_path, force)
     found = train.static(phase)
+    if found.status:
+        output.fail(found.status.attrs["message"])
     output.columns(found, "mesh", ["mesh_force", "contact", "load_sharing"])
     output.save(found, output_path)
 

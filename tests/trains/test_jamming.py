@@ -208,6 +208,36 @@ def test_six_degrees_whose_backlash_closes(moving, tuning, backlash):
     assert abs(both) > 1e-4
 
 
+@pytest.mark.parametrize("velocity", [10.0, 20.0])
+def test_bearings_that_close_the_backlash_before_the_record(velocity):
+    """A blow at the start; later the flanks keep apart, so that no recorded period tells."""
+    model = six(True, 1e-6, 0.0, 0.0)
+    pair = model.pair.replace(material_damping=3e4, backlash_damping=3e3)
+    bearings = dict(bearing_damping=(2e4,) * 4, bearing_stiffness=(4e8,) * 4)
+    model, start = replace(model, pair=pair, **bearings), (1.0, velocity)
+    propagator = model.propagator(0.9)
+    propagator.system = propagator.system._replace(closing=False)
+    _, _, samples = propagator.record(propagator.start(start), 6, 100, SAMPLES)
+    u3, u2, y3, _, y2, _ = samples[:, 6:12].T
+    y, far = u3 + u2 + y3 - y2, -(u3 + u2) - 1e-6 / model.static_deflection
+    both = np.minimum(y, far).reshape(6, -1).max(axis=1)
+    assert both[1] > 0.1 and both[2:].max() < -1.0
+    for record in (1, 6):
+        run = gearlib.simulate(model, 0.9, periods=6, record_periods=record, initial_state=start)
+        assert int(run.status) == status.JAMMED
+
+
+def test_six_degrees_that_start_with_both_flanks_touching():
+    # 1.6 um of deviation against 0.4 um of backlash: at tau = 0 both touch from y = 0 to 1.2 um.
+    model = six(False, 0.4e-6)
+    start = 0.6e-6 / model.static_deflection, 0.0
+    propagator = model.propagator(0.3)
+    assert propagator.maps(propagator.start(start), 1, 100)[2] == status.JAMMED
+    for record in (1, 2):
+        run = gearlib.simulate(model, 0.3, periods=2, record_periods=record, initial_state=start)
+        assert int(run.status) == status.JAMMED
+
+
 def test_other_methods_say_so_too():
     split = dict(solver="DOP853", events=True, rtol=1e-10, atol=1e-10)
     ways = [("scipy", split), ("scipy", split | {"events": False})]
@@ -221,14 +251,18 @@ def test_other_methods_say_so_too():
                 assert int(run.status) == status.JAMMED, (method, options)
 
 
-def test_a_wedged_train_has_no_load_sharing():
+def test_statics_say_where_the_load_wedges_a_mesh():
     # C (2 d - 1 um) = 100 N while both touch: d = 0.625 um, the coast side 0.375 um too deep.
     train = two_gears(1e-6, -1e-6, load=100.0)
-    with pytest.raises(ValueError, match="jammed at phase = 0.0: both flanks of mesh 'a-b'"):
-        train.static()
-    assert float(train.static(math.pi).mesh_force[0]) == pytest.approx(100.0)
+    wedged, free = train.static(), train.static(math.pi)
+    assert int(wedged.status) == status.JAMMED and "both flanks" in wedged.status.attrs["message"]
+    assert int(free.status) == status.OK
+    # Net of the 250 N and 150 N on both flanks: the load.
+    for found in (wedged, free):
+        assert float(found.mesh_force[0]) == pytest.approx(100.0)
     # Without backlash, but without deviations: one flank touches.
-    assert int(two_gears(0.0, 0.0, 0.0).static().contact[0]) == 1
+    without = two_gears(0.0, 0.0, 0.0).static()
+    assert int(without.contact[0]) == 1 and int(without.status) == status.OK
 
 
 def test_a_proof_says_that_flanks_overlap():

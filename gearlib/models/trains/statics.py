@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
+from gearlib.data import status
 from gearlib.data.variables import describe
 from gearlib.models.trains.structure import AXES
 from gearlib.models.trains.system import functionals
@@ -82,12 +83,7 @@ def equilibrium(train, phase=0.0):
 def static(train, phase=0.0):
     """Return the load sharing of a train, see `GearTrain.static`."""
     found = equilibrium(train, phase)
-    if found.wedged.any():
-        name = train.mesh_names[int(found.wedged.argmax())]
-        raise ValueError(
-            f"the train is jammed at phase = {phase!r}: both flanks of mesh {name!r} touch at "
-            "once; raise its backlash or take smaller deviations"
-        )
+    code = status.JAMMED if found.wedged.any() else status.OK
     groups = branches(train)
     shares = np.empty(found.force.size)
     for group in set(groups):
@@ -101,6 +97,7 @@ def static(train, phase=0.0):
             "load_sharing": ("mesh", shares),
             "body_displacement": (("body", "axis"), train.structure.motions @ found.q),
             "reference_phase": ((), float(phase)),
+            "status": ((), np.int8(code)),
         },
         coords={
             "mesh": list(train.mesh_names),
@@ -109,7 +106,9 @@ def static(train, phase=0.0):
         },
         attrs={"title": "Static equilibrium of a gear train"},
     )
-    return describe(dataset)
+    dataset = describe(dataset)
+    dataset["status"].attrs["message"] = status.MESSAGES[code]
+    return dataset
 
 
 def branches(train):

@@ -303,12 +303,13 @@ class GearTrain(TrainResults):
         -------
         xarray.Dataset
             Over `mesh`: mesh_force (N), contact, load_sharing (force over the mean of the meshes of
-            the same central gear); over `body` and `axis`: body_displacement (m).
+            the same central gear); over `body` and `axis`: body_displacement (m); and status:
+            jammed where both flanks of a mesh touch, whose mesh_force is then that of both.
 
         Raises
         ------
         ValueError
-            If there is no equilibrium, or both flanks of a mesh touch in it.
+            If there is no equilibrium.
         """
         from gearlib.models.trains.statics import static
 
