@@ -375,3 +375,22 @@ def test_play_that_closes_is_looked_for():
         assert len(_bounds(code, ("coast", "drive"), False)) == fixed
         assert len(_bounds(code, ("coast", "drive"), True)) == moving
     assert len(_bounds(1, (None, "drive"), True)) == len(_bounds(0, (None, "drive"), True)) == 1
+
+
+def test_of_which_meshes_the_play_changes():
+    """Where bearings open it, or the two flanks deviate unlike each other."""
+    one, other = gearlib.Harmonics((1e-6,)), gearlib.Harmonics((0.0, 1e-6))
+    for moving, coast, changes in ((False, one, False), (False, other, True), (True, one, True)):
+        six = gears(
+            1e9,
+            600.0,
+            moving_backlash=moving,
+            deviation=one,
+            inverse_deviation=coast,
+        )
+        assert parts_of(six).meshes[0].moving == changes
+    for inverse, changes in ((one, False), (other, True)):
+        train = branches()
+        mesh = replace(train.meshes[0], deviation=one, inverse_deviation=inverse)
+        train = train.replace(meshes=[mesh, *train.meshes[1:]])
+        assert [mesh.moving for mesh in parts_of(train).meshes] == [changes, False]
