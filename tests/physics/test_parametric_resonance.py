@@ -174,6 +174,13 @@ def test_equal_stretches_have_the_discriminant_of_meissner():
         assert no_loss.trace(pair, nu) == pytest.approx(expected, abs=1e-13)
 
 
+@pytest.mark.parametrize("damping", [1.5, 5.0])
+def test_where_all_is_over_damped_no_tongue_is_left(damping):
+    pair = mesh(1.5, 0.5, damping)
+    assert find(pair, 0.2, 3.0) == []
+    assert meissner.gap(meissner.equation_of(pair), 1) is None
+
+
 class Parabola:
     """A map with the multiplier 1 at nu = 0.7 and on both sides of nu = 1, a thousandth off it."""
 
