@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from scipy.special import mathieu_a, mathieu_b
 
 from gearlib import Fourier, GearPair, Harmonics, OneDegreePair, Tabulated, simulate, tongues
-from gearlib.analysis.tongues import find, meissner, no_loss
+from gearlib.analysis.tongues import find, hill, meissner, no_loss
 from tests.physics.test_six_degrees import EVERYTHING, gears
 
 PAPER = (1.569, 0.5879)
@@ -148,7 +148,10 @@ def test_damping_may_open_a_closed_tongue_again():
 
 @pytest.mark.parametrize("order", [2, 3, 5])
 def test_tongues_are_pinched_where_half_waves_fit(order):
-    for kappa, nu in meissner.coexistence(order, contact_ratio=PAPER[0]):
+    points = meissner.coexistence(order, contact_ratio=PAPER[0])
+    # sqrt(kappa) = 0.569 (n - m) / (0.431 m) is below 1 from m = 0.569 n on.
+    assert len(points) == order - 1 - math.floor(0.569 * order)
+    for kappa, nu in points:
         pair = mesh(PAPER[0], kappa)
         matrix, _ = no_loss.period_map(pair, nu)
         # All solutions are periodic: Meissner's equation has no instability there.
@@ -169,6 +172,30 @@ def test_equal_stretches_have_the_discriminant_of_meissner():
         b = math.pi * math.sqrt(low) / nu
         expected = 2.0 * math.cos(3 * b) * math.cos(b) - 10.0 / 3.0 * math.sin(3 * b) * math.sin(b)
         assert no_loss.trace(pair, nu) == pytest.approx(expected, abs=1e-13)
+
+
+@pytest.mark.parametrize("damping", [1.5, 5.0])
+def test_where_all_is_over_damped_no_tongue_is_left(damping):
+    pair = mesh(1.5, 0.5, damping)
+    assert find(pair, 0.2, 3.0) == []
+    assert meissner.gap(meissner.equation_of(pair), 1) is None
+
+
+class Parabola:
+    """A map with the multiplier 1 at nu = 0.7 and on both sides of nu = 1, a thousandth off it."""
+
+    size = 2
+
+    def contact_map(self, nu):
+        return np.diag([1.0 + (nu - 0.7) * ((nu - 1.0) ** 2 - 1e-6), 2.0])
+
+
+@pytest.mark.parametrize("grid", [[0.8, 0.99, 1.4], [0.6, 0.75, 0.99, 1.4], [0.6, 0.8, 1.01, 1.4]])
+def test_a_narrow_tongue_between_two_tunings_of_a_scan_is_found(grid):
+    maps = np.array([Parabola().contact_map(nu) for nu in grid])
+    places = [nu for nu in (0.7, 0.999, 1.001) if nu > grid[0]]
+    found = sorted(hill._zeros(Parabola(), 1.0, np.array(grid), maps))
+    np.testing.assert_allclose(found, places, rtol=1e-12)
 
 
 @pytest.mark.parametrize("order", [1, 2, 3, 4])

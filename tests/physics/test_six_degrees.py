@@ -7,7 +7,8 @@ import pytest
 from scipy.linalg import eigh
 
 from benchmarks.scipy_split import run as scipy_run
-from gearlib import Harmonics, SixDegreePair, simulate, sweep
+from gearlib import Harmonics, SixDegreePair, periodic_orbit, simulate, sweep
+from gearlib.analysis.orbits.touching import turning_points
 from gearlib.data import status
 from gearlib.kernels.piecewise_linear import run as linear
 from gearlib.kernels.piecewise_linear import system as core_system
@@ -291,3 +292,15 @@ def test_a_backlash_closed_by_the_bearings_is_refused():
         assert "moving_backlash=False" in run.status.attrs["message"]
     fixed = gears(2.43e9, 4000.0, 0.0, backlash=1.98e-5, moving_backlash=False, **options)
     assert simulate(fixed, 1.808, **start).status == status.OK
+
+
+def test_an_orbit_is_found_from_the_mesh_and_from_all_coordinates():
+    model = gears(3e7, 3953.7, 3953.7, free=True, share=0.2)
+    orbit = periodic_orbit(model, 0.7)
+    assert orbit.state.size == model.size > 2
+    expected = turning_points(model, 0.7, orbit.state, 1, 10_000)
+    # The mesh alone: other coordinates where they rest under the load. Both gears may have turned.
+    for guess in (orbit.state, (1.0, 0.0)):
+        again = periodic_orbit(model, 0.7, guess=guess)
+        found = turning_points(model, 0.7, again.state, 1, 10_000)
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-8)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gearlib import GearPair
-from gearlib.analysis.tongues import chart, explanation
+from gearlib.analysis.tongues import chart, explanation, meissner
 from gearlib.data.storage import read, write
 from gearlib.figures import parametric_resonance as picture
 from gearlib.figures import resonance
@@ -48,6 +48,30 @@ def test_the_sentence_follows_the_facts(facts, tuning, words):
         facts = explanation.compute(PAIRS, tuning, 0.6, 1.1, RUN)
     text = explanation.explanation(facts)
     assert text == facts.attrs["explanation"] and all(part in text for part in words)
+
+
+def test_where_the_orbit_itself_leaves_the_flank_in_words(facts):
+    words = "only from nu = 0.7654: forced response"
+    same = facts.assign(forced_from=("damping", [0.76541, 0.76543]))
+    assert words in explanation.explanation(same)
+    apart = facts.assign(forced_from=("damping", [0.76541, 0.7668]))
+    assert "only from nu = 0.7654 to 0.7668, by damping:" in explanation.explanation(apart)
+    past = facts.assign(forced_from=("damping", [0.64, np.nan]))
+    assert "only from" not in explanation.explanation(past)
+
+
+def test_the_chart_marks_the_pinched_tongues_that_it_shows(facts):
+    pair = GearPair(**PARAMETERS)
+    planes, values, tunings = chart._points(pair, [2, 3, 5], 0.3)
+    expected = {"stiffness_ratio": [], "contact_ratio": []}
+    for order in (2, 3, 5):
+        own = meissner.coexistence(order, contact_ratio=pair.contact_ratio)
+        expected["stiffness_ratio"] += [tuple(point) for point in own if point[0] >= 0.3]
+        own = meissner.coexistence(order, stiffness_ratio=pair.stiffness_ratio)
+        expected["contact_ratio"] += map(tuple, own)
+    for plane, points in expected.items():
+        shown = zip(values[planes == plane], tunings[planes == plane], strict=True)
+        assert points and sorted(shown) == sorted(points)
 
 
 def test_the_chart_is_drawn_and_stored(facts, tmp_path):
