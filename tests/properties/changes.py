@@ -89,12 +89,12 @@ def _times(value, factor):
     return value * factor
 
 
-def mirrored_train(train):
-    """Return the image of a train in a mirror along x, which turns the other way round."""
+def mirrored(train):
+    """Return the image of a train in a mirror along x, which turns the other way round.
 
-    def flipped(angle):
-        return None if angle is None else -angle
-
+    With it, as of all descriptions of a train below, the function from a coordinate to the one that
+    is the same motion, and its sign.
+    """
     bodies = [
         dataclasses.replace(
             body,
@@ -108,19 +108,21 @@ def mirrored_train(train):
     meshes = [
         dataclasses.replace(
             mesh,
-            position=flipped(mesh.position),
-            line_of_action=flipped(mesh.line_of_action),
+            position=_negative(mesh.position),
+            line_of_action=_negative(mesh.line_of_action),
             direction=-mesh.direction,
         )
         for mesh in train.meshes
     ]
-    return train.replace(bodies=bodies, meshes=meshes)
+    shafts = [dataclasses.replace(shaft, keying=_negative(shaft.keying)) for shaft in train.shafts]
+    return train.replace(bodies=bodies, meshes=meshes, shafts=shafts), lambda key: (
+        key,
+        1.0 if key[1] == "x" else -1.0,
+    )
 
 
-def mirrored_components(train):
-    """Return the sign of each component of a train's state in the mirror."""
-    signs = [{"x": 1.0, "y": -1.0, "u": -1.0}[axis] for _, axis in train.structure.coordinates]
-    return signs * 2
+def _negative(angle):
+    return None if angle is None else -angle
 
 
 def mirrored_oscillator(model):
@@ -141,34 +143,57 @@ def mirrored_oscillator(model):
     )
 
 
-def renamed(train, order):
-    """Return a train with other names, its elements in another order; names by the old ones."""
-    names = {body.name: f"body {i}" for i, body in zip(order, train.bodies, strict=False)}
-    for i, body in enumerate(train.bodies):
-        names.setdefault(body.name, f"one more {i}")
+def renamed(train):
+    """Return a train with other names, its elements in the opposite order."""
+    new = {body.name: f"body {len(train.bodies) - i}" for i, body in enumerate(train.bodies)}
     bodies = [
-        dataclasses.replace(body, name=names[body.name], carrier=names.get(body.carrier))
-        for body in train.bodies
+        dataclasses.replace(body, name=new[body.name], carrier=new.get(body.carrier))
+        for body in reversed(train.bodies)
     ]
     meshes = [
         dataclasses.replace(
             mesh,
             name=f"mesh {mesh.name}",
-            pinion=names[mesh.pinion],
-            wheel=names[mesh.wheel],
+            pinion=new[mesh.pinion],
+            wheel=new[mesh.wheel],
+            driving=new.get(mesh.driving),
         )
-        for mesh in train.meshes
+        for mesh in reversed(train.meshes)
     ]
     shafts = [
-        dataclasses.replace(shaft, bodies=tuple(names[name] for name in reversed(shaft.bodies)))
-        for shaft in train.shafts
+        dataclasses.replace(
+            shaft,
+            bodies=tuple(new[name] for name in reversed(shaft.bodies)),
+            keying=_negative(shaft.keying),
+        )
+        for shaft in reversed(train.shafts)
     ]
-    return names, train.replace(
-        bodies=sorted(bodies, key=lambda body: body.name),
-        meshes=sorted(meshes, key=lambda mesh: mesh.name[::-1]),
-        shafts=shafts[::-1],
-        reference=f"mesh {train.reference}",
+    other = train.replace(
+        bodies=bodies, meshes=meshes, shafts=shafts, reference=f"mesh {train.reference}"
     )
+    return other, lambda key: ((new[key[0]], key[1]), 1.0)
+
+
+def exchanged(train):
+    """Return a train with the pinion of each external mesh called its wheel, and the reverse."""
+
+    def of(mesh):
+        if mesh.internal:
+            return mesh
+        assert mesh.line_of_action is None
+        unsaid = mesh.name == train.reference and not mesh.driving
+        return dataclasses.replace(
+            mesh,
+            pinion=mesh.wheel,
+            wheel=mesh.pinion,
+            position=(mesh.position or 0.0) + math.pi,
+            # Of the reference mesh the pinion drives where nothing is said.
+            driving=mesh.pinion if unsaid else mesh.driving,
+            pitch_phase=-mesh.pitch_phase,
+            tooth_thickness=mesh.tooth_thickness and mesh.tooth_thickness[::-1],
+        )
+
+    return train.replace(meshes=[of(mesh) for mesh in train.meshes]), lambda key: (key, 1.0)
 
 
 def later(train, periods):

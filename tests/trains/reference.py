@@ -19,6 +19,13 @@ TOLERANCES = dict(rtol=1e-12, atol=1e-13)
 PLACES = np.linspace(0.0, 1.0, 17)
 
 
+def mean_stiffness(train):
+    """Return the stiffness with all flanks in contact at mean stiffness, N/m, shape (n, n)."""
+    lines = train.structure.lines
+    means = np.array([mesh.mean_stiffness for mesh in train.meshes])
+    return train.structure.stiffness + lines.T @ (means[:, None] * lines)
+
+
 class Reference:
     """The equations of motion of a train at one tuning, in static deflections and theta."""
 

@@ -14,6 +14,7 @@ import pytest
 
 import gearlib
 from gearlib.analysis.proofs.trains.parts import parts_of
+from tests.properties.changes import exchanged, mirrored, renamed
 from tests.trains.random_trains import planetary_train
 from tests.trains.reference import Reference
 from tests.trains.sliding import past, sliding
@@ -137,58 +138,6 @@ def test_friction_takes_power_out_at_every_sample(seed):
                         assert force @ speed <= -least
                         seen += 1
     assert seen > 100
-
-
-def mirrored(train):
-    """Return the mirror image in the x axis, and the signs of its coordinates."""
-    bodies = [
-        replace(
-            body,
-            torque=-body.torque,
-            eccentricity_phase=-body.eccentricity_phase,
-            offset=(body.offset[0], -body.offset[1]),
-            angle=-body.angle,
-        )
-        for body in train.bodies
-    ]
-    meshes = [
-        replace(mesh, position=-mesh.position, direction=-mesh.direction) for mesh in train.meshes
-    ]
-    signs = {
-        (body, axis): 1.0 if axis == "x" else -1.0 for body, axis in train.structure.coordinates
-    }
-    return train.replace(bodies=bodies, meshes=meshes), lambda key: (key, signs[key])
-
-
-def renamed(train):
-    """Return the train with other names, in another order."""
-    new = {name: f"body {len(name)}{name[::-1]}" for name in train.body_names}
-    bodies = [
-        replace(body, name=new[body.name], carrier=new.get(body.carrier)) for body in train.bodies
-    ][::-1]
-    meshes = [
-        replace(mesh, name=f"of {mesh.name}", pinion=new[mesh.pinion], wheel=new[mesh.wheel])
-        for mesh in train.meshes
-    ][::-1]
-    other = train.replace(bodies=bodies, meshes=meshes, reference=f"of {train.reference}")
-    return other, lambda key: ((new[key[0]], key[1]), 1.0)
-
-
-def exchanged(train):
-    """Return the train with pinion and wheel of all external meshes but the reference exchanged."""
-
-    def of(mesh):
-        if mesh.internal or mesh.name == train.reference:
-            return mesh
-        return replace(
-            mesh,
-            pinion=mesh.wheel,
-            wheel=mesh.pinion,
-            position=mesh.position + math.pi,
-            tooth_thickness=mesh.tooth_thickness[::-1],
-        )
-
-    return train.replace(meshes=[of(mesh) for mesh in train.meshes]), lambda key: (key, 1.0)
 
 
 def final(train, state, periods):
