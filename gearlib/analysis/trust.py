@@ -204,7 +204,8 @@ def decide(runs, found, repeats=1):
     if found.status == status.OVERFLOW or gone.any():
         if not runs.period.values.any() and (found.status == status.OVERFLOW or gone.all()):
             return verdict("unbounded", status.MESSAGES[status.OVERFLOW])
-        return verdict("undecided", "some runs grow without bound and others do not: see the runs")
+        names = ", ".join(runs.run.values[gone]) or "the variational run"
+        return verdict("undecided", f"some runs grow without bound, others do not: {names}")
     failed = runs.run.values[runs.status.values != status.OK]
     if failed.size or math.isnan(found.value):
         return verdict(

@@ -97,6 +97,8 @@ def table(high, low, period, status=0):
         (table([2.0, 3.0], [0.0, 0.0], [0, 0]), (0.005, 1e-4, 5.0), "quasi-periodic", "neither"),
         (table([2.0, 2.0], [0.0, 0.0], [1, 1]), (0.0, 0.01, 0.0), "undecided", "run more"),
         (table([2.0, 2.0], [0.0, 0.0], [1, 1], 2), (-0.1, 0.1, -9.0), "undecided", "run 0"),
+        (table([2.0, 2.0], [0.0, 0.0], [0, 0], 2), (0.1, 0.01, 100.0), "unbounded", "bound"),
+        (table([2.0, 2.0], [0.0, 0.0], [1, 1], 1), (-0.1, 0.1, -9.0), "undecided", "go on: run 0"),
     ],
 )
 def test_rules(runs, exponent, label, words):
