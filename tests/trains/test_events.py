@@ -14,6 +14,7 @@ from gearlib.kernels.several_meshes.combinations import combination, combination
 from gearlib.kernels.several_meshes.grid import grid_of, work_of
 from gearlib.kernels.several_meshes.periods import EVENT_MESH, in_order
 from gearlib.kernels.several_meshes.substeps import look_ahead
+from gearlib.runs.simulation import _event_table
 from tests.paper import PAPER
 from tests.trains.against_scipy import matrix
 from tests.trains.random_trains import random_problem, symmetric_problem
@@ -303,3 +304,12 @@ def test_events_at_one_phase_come_by_the_numbers_of_their_meshes():
     kept = rows.copy()
     in_order(kept, 3, 0)
     np.testing.assert_array_equal(kept, rows)
+
+
+def test_phases_that_round_past_the_end_of_their_period_keep_the_order():
+    rows = np.zeros((2, 6))
+    # Sums of substeps end an ulp behind the period; the next event comes at the start of the next.
+    rows[0, orbit.EVENT_PHASE] = np.nextafter(2.0 * math.pi, 7.0)
+    rows[1, orbit.EVENT_PERIOD] = 1
+    dims, phases = _event_table(rows)["event_phase"]
+    assert dims == ("event",) and phases[0] == phases[1] == rows[0, orbit.EVENT_PHASE]
