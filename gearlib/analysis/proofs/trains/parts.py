@@ -44,7 +44,7 @@ class MeshParts(NamedTuple):
         found = set()
         if self.levels[0] != self.levels[1] and 0 < self.overlap < 1:
             found = {g + side * self.overlap / 2 for g in self.phases for side in (1, -1)}
-        if any(self.friction):
+        if any(share != 0 for share in self.friction):
             turn = self.phases[DRIVE] + self.pitch
             found |= {turn, turn + Fraction(1, 2)}
         return found
