@@ -13,8 +13,10 @@ from functools import cache
 import mpmath
 import numpy as np
 import pytest
+from flint import arb
 
 import gearlib
+from gearlib.analysis.proofs.balls import digits_of
 from gearlib.analysis.proofs.orbits import REACH
 from tests.paper import PAPER
 from tests.physics.high_precision import propagate
@@ -224,3 +226,8 @@ def test_without_flint_the_message_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "flint", None)
     with pytest.raises(ImportError, match=r"python-flint.*gearlib\[proof\]"):
         gearlib.certify(orbit)
+
+
+def test_exact_numbers_have_as_many_digits_as_anyone_asks_for():
+    assert digits_of(arb(0)) >= 300 and digits_of(arb(1)) >= 300
+    assert digits_of(arb(1, 1e-30)) in (29, 30) and digits_of(arb(1e9, 1e-30)) in (38, 39)

@@ -394,3 +394,12 @@ def test_of_which_meshes_the_play_changes():
         mesh = replace(train.meshes[0], deviation=one, inverse_deviation=inverse)
         train = train.replace(meshes=[mesh, *train.meshes[1:]])
         assert [mesh.moving for mesh in parts_of(train).meshes] == [changes, False]
+
+
+@pytest.mark.parametrize("ratio, low", [(1.0, True), (2.0, False)])
+def test_a_stiffness_that_never_switches(ratio, low):
+    train = branches()
+    meshes = [replace(mesh, contact_ratio=ratio) for mesh in train.meshes]
+    for mesh in parts_of(train.replace(meshes=meshes)).meshes:
+        assert mesh.cuts() == set()
+        assert all(mesh.low(1, Fraction(k, 8)) == low for k in range(8))

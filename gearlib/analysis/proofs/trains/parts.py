@@ -46,7 +46,7 @@ class MeshParts(NamedTuple):
         found = set()
         if self.levels[0] != self.levels[1] and 0 < self.overlap < 1:
             found = {g + side * self.overlap / 2 for g in self.phases for side in (1, -1)}
-        if any(self.friction):
+        if any(share != 0 for share in self.friction):
             turns = {self.phases[DRIVE] + pitch for pitch in self.pitches}
             found |= {turn + half for turn in turns for half in (0, Fraction(1, 2))}
         return found
