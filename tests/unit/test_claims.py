@@ -11,6 +11,7 @@ import xarray as xr
 import yaml
 
 from gearlib import config, simulate, sweep
+from gearlib.analysis.orbits.special_points import REGULAR
 from gearlib.analysis.tongues import explanation
 from gearlib.data.gathering import gather_phase_planes, gather_resonance
 from gearlib.studies import certificates, claims, jump, phase_lag, resonance_branches, scenes
@@ -216,6 +217,9 @@ def test_a_second_program_confirms_what_the_words_rest_on(paper, tmp_path):
     certificates.write_json(paper[-1], tmp_path / "certificates.json")
     rows = certificates.read_json(tmp_path / "certificates.json")
     assert rows == json.loads(json.dumps(paper[-1]))
+    counts = {row["damping"]: row["orbits"] for row in rows if row["claim"] == "count"}
+    for name, branch in paper[-2].items():
+        assert sum(counts[name].values()) == int((branch.label == REGULAR).sum()) > 100
     motions = [row for row in rows if row["claim"] == "motion" and row["damping"] == "k1"]
     # That of P11, with bounces, and one of P7, without.
     for at in (0.815, 1.14):
