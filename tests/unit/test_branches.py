@@ -47,7 +47,7 @@ def test_a_tuning_between_two_points_of_a_branch_is_guessed_between_their_states
             "state": (("point", "coordinate"), np.stack([tunings, 3.0 - tunings**2], 1)),
         }
     )
-    # On the chord from 3 - 0.64 to 3 - 0.81, twice; not between branches, nor by that of period two.
+    # On the chord from 3 - 0.64 to 3 - 0.81, twice; not between branches, nor with period two.
     found = [*certificates._crossings(branch, 0.84)]
     assert len(found) == 2
     np.testing.assert_allclose(found, [(0.84, 3.0 - 0.708)] * 2, rtol=0, atol=1e-14)
