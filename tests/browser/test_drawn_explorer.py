@@ -42,6 +42,15 @@ def set_sliders(shown, **values):
         widget.value = values.get(name, start[name])
 
 
+def test_the_damping_reaches_to_twice_that_of_the_gears(mapping, shown):
+    strong = {"k1": {"material": "80000 N s/m", "backlash": "0 N s/m"}}
+    other = DrawnPage(mapping | {"dampings": mapping["dampings"] | strong}, "k1")
+    for one in (shown, other):
+        slider, own = one.sliders["damping"], one.drawing.start.damping
+        assert slider.start == 0.0 and slider.end == pytest.approx(max(0.3, 2.0 * own))
+    assert other.drawing.start.damping > 0.3
+
+
 def test_sliders_stand_for_the_drawn_gears_of_the_library(drawing, shown):
     drawn = twenty()
     assert drawing.mesh(drawing.start) == replace(drawn, backlash=100e-6)

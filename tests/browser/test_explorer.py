@@ -76,6 +76,24 @@ def test_moving_a_slider_updates_every_source(mapping):
         assert len(source.data["x"]) > 0, name
 
 
+def test_sliders_reach_around_the_gears_that_are_given(mapping):
+    gears = mapping["gear_pair"]
+    heavier = mapping | {"gear_pair": gears | {"load": "33 kN", "backlash": "400 um"}}
+    strong = {"material": "60000 N s/m", "backlash": "40000 N s/m"}
+    heavier["dampings"] = mapping["dampings"] | {"k1": strong}
+    for given in (mapping, heavier):
+        shown = page.Page(given, "k1")
+        pair, sliders = shown.base, shown.sliders
+        for name, slider in sliders.items():
+            assert slider.start <= slider.value <= slider.end, name
+        # The load over two decades in steps of a percent, the others from none to twice their own.
+        load = np.array([sliders["load"].start, sliders["load"].end, sliders["load"].step])
+        np.testing.assert_allclose(load / pair.load, [0.05, 5.0, 0.01])
+        for name, own in (("damping", pair.damping_ratio), ("backlash_damping", 0.0)):
+            assert sliders[name].start == 0.0 and sliders[name].end >= max(0.3, 2.0 * own)
+        assert sliders["damping"].end < max(0.3, 2.5 * pair.damping_ratio) + 1e-12
+
+
 def _plots(shown):
     """Return the plots of the page by their titles' first words."""
     panes = shown.layout().select(pn.pane.Bokeh)

@@ -10,7 +10,7 @@ from scipy.optimize import nnls
 
 from gearlib import GearPair, Harmonics, LoadSharingPair, OneDegreePair, simulate
 from gearlib.data.status import JAMMED
-from gearlib.geometry import Mesh, PathTable, optimum_relief
+from gearlib.geometry import Mesh, PathTable, SpurGear, TipRelief, optimum_relief
 from gearlib.models.geometry.load_sharing import pairs_at
 from tests.geometry.drawings import fzg_c, high, ring, twenty
 
@@ -30,6 +30,22 @@ def constant(mesh, **changes):
     return LoadSharingPair(
         pair=pair, drawing=mesh, stiffness=PathTable((0.0,), (C,)), phases=8, **changes
     )
+
+
+@pytest.mark.parametrize("teeth", [20, 90])
+def test_reliefs_begin_at_a_cut_of_the_phase(teeth):
+    # Of many teeth the whole path lies far from the points where the line touches the base circles.
+    common = {"teeth": teeth, "module": 4e-3, "width": 0.03}
+    bare = SpurGear(**common)
+    length = 0.3 * Mesh(bare, bare).longest_relief
+    own = dataclasses.replace(bare, tip_relief=TipRelief(amount=20e-6, length=length))
+    mesh = Mesh(own, own, backlash=100e-6)
+    cuts = LoadSharingPair.from_geometry(mesh, stiffness="iso", **OPTIONS)._cuts()
+    start, end = mesh.path
+    # The pinion's tip leaves at the end of the path, the wheel's comes in at its start.
+    for reach in (length, end - start - length):
+        away = np.abs(cuts - reach / mesh.base_pitch % 1.0)
+        assert away.min() < 1e-12
 
 
 @pytest.mark.parametrize(

@@ -232,6 +232,19 @@ def test_the_figure_of_the_rectangle_shows_its_costs_beside_the_spread(costs, tm
     with (tmp_path / "costs.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert [row["verdict"] for row in rows] == list(costs.rectangle_verdict.values.ravel())
+    reference = costs.answer.sel(stiffness_method=rectangle.REFERENCE)
+    columns = {
+        **{f"{form} ({rectangle.REFERENCE})": reference.sel(form=form) for form in rectangle.FORMS},
+        **{
+            f"difference, {name}": costs.rectangle_cost.sel(stiffness_method=name)
+            for name in costs.stiffness_method.values
+        },
+        "spread": costs.method_spread,
+    }
+    for name, values in columns.items():
+        values = values.transpose("pair", "observable").values.ravel()
+        written = [float(row[name] or "nan") for row in rows]
+        np.testing.assert_allclose(written, values, rtol=5e-4)
 
 
 def test_the_table_of_the_means(stiffness, tmp_path):

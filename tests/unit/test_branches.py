@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
+import xarray as xr
 
 from gearlib.analysis.orbits.special_points import DOUBLING, FOLD, GRAZING
 from gearlib.data import storage
 from gearlib.figures import branches as picture
 from gearlib.figures import style
-from gearlib.studies import resonance_branches
+from gearlib.studies import certificates, resonance_branches
 from tests.paper import PAPER
 
 RANGE = {"start": 0.79, "stop": 0.83}
@@ -34,6 +35,22 @@ def test_doubled_branches_follow():
     doublings = found.tuning.values[(found.label == DOUBLING) & (found.period == 1)]
     starts = [found.tuning.values[found.branch == k][0] for k in (1, 2)]
     np.testing.assert_allclose(np.sort(starts), np.sort(doublings), atol=1e-9)
+
+
+def test_a_tuning_between_two_points_of_a_branch_is_guessed_between_their_states():
+    tunings = np.array([0.7, 0.8, 0.9, 0.9, 0.8, 0.82, 0.9])
+    branch = xr.Dataset(
+        {
+            "tuning": ("point", tunings),
+            "period": ("point", [1, 1, 1, 1, 1, 2, 2]),
+            "branch": ("point", [0, 0, 0, 1, 1, 2, 2]),
+            "state": (("point", "coordinate"), np.stack([tunings, 3.0 - tunings**2], 1)),
+        }
+    )
+    # On the chord from 3 - 0.64 to 3 - 0.81, twice; not between branches, nor with period two.
+    found = [*certificates._crossings(branch, 0.84)]
+    assert len(found) == 2
+    np.testing.assert_allclose(found, [(0.84, 3.0 - 0.708)] * 2, rtol=0, atol=1e-14)
 
 
 def test_loci_and_pictures(damped, tmp_path):

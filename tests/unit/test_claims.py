@@ -11,6 +11,7 @@ import xarray as xr
 import yaml
 
 from gearlib import config, simulate, sweep
+from gearlib.analysis.orbits.special_points import REGULAR
 from gearlib.analysis.tongues import explanation
 from gearlib.data.gathering import gather_phase_planes, gather_resonance
 from gearlib.studies import certificates, claims, jump, phase_lag, resonance_branches, scenes
@@ -18,6 +19,7 @@ from gearlib.studies.claims import characteristics, machine
 from gearlib.studies.claims.characteristics import drift, spread
 from gearlib.studies.claims.data import LINE
 from gearlib.studies.claims.explanations import GRAZING, Facts
+from gearlib.studies.claims.scenes import contact_ratios
 from gearlib.studies.trains import one_mesh
 from tests.paper import PAPER
 from tests.proofs.checker import faults
@@ -212,10 +214,32 @@ def test_what_is_proven_follows_from_certificates(paper):
     assert said["P11"] == said["P10"] == said["P7"] == "" and said["P6"]
 
 
+@pytest.mark.parametrize("low", [0.4, 0.6])
+@pytest.mark.parametrize("high", [0.4, 0.6])
+def test_small_contact_ratios_mesh_at_least_stiffness_and_large_ones_at_full(low, high):
+    scene = xr.Dataset(
+        {
+            "fraction_min_stiffness": ("case", [low, 0.95 - high]),
+            "fraction_normal": ("case", [0.85, 0.9]),
+            "fraction_inverse": ("case", [0.05, 0.05]),
+        },
+        {"case": ["small", "large"]},
+    )
+    holds, words = contact_ratios(SimpleNamespace(scene=lambda name, count: scene))
+    assert holds == (low > 0.5 and high > 0.5)
+    assert words == (
+        f"small: {100 * low:.0f} % in mesh at C_min, {100 * (0.9 - low):.0f} % at C_max; "
+        f"large: {100 * (0.95 - high):.0f} % in mesh at C_min, {100 * high:.0f} % at C_max"
+    )
+
+
 def test_a_second_program_confirms_what_the_words_rest_on(paper, tmp_path):
     certificates.write_json(paper[-1], tmp_path / "certificates.json")
     rows = certificates.read_json(tmp_path / "certificates.json")
     assert rows == json.loads(json.dumps(paper[-1]))
+    counts = {row["damping"]: row["orbits"] for row in rows if row["claim"] == "count"}
+    for name, branch in paper[-2].items():
+        assert sum(counts[name].values()) == int((branch.label == REGULAR).sum()) > 100
     motions = [row for row in rows if row["claim"] == "motion" and row["damping"] == "k1"]
     # That of P11, with bounces, and one of P7, without.
     for at in (0.815, 1.14):

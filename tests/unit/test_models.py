@@ -3,10 +3,19 @@
 import dataclasses
 import math
 
+import numpy as np
 import pytest
 
-from gearlib import DeadZoneOscillator, GearPair, Harmonics, OneDegreePair, SixDegreePair
+from gearlib import (
+    DeadZoneOscillator,
+    GearPair,
+    Harmonics,
+    OneDegreePair,
+    SixDegreePair,
+    Tabulated,
+)
 from gearlib.models.model import Model
+from gearlib.models.profiles import Steps
 from tests.paper import PAPER
 
 ONE = OneDegreePair(pair=PAPER, cubic_damping=4e5, deviation=Harmonics((1e-6,)))
@@ -87,3 +96,35 @@ def test_what_follows_by_default_goes_on_following():
 def test_a_pair_alone_is_no_model_of_its_own():
     assert type(ONE.replace(load=1.0)) is OneDegreePair
     assert type(PAPER.replace(load=1.0)) is GearPair
+
+
+def test_the_reduced_mass_of_two_gears_is_that_of_two_bodies():
+    (r3, r2), (j3, j2), (m3, m2) = SIX.base_radii, SIX.inertias, SIX.masses
+    torsional = j3 * j2 / (j2 * r3**2 + j3 * r2**2)
+    assert SIX.reduced_mass_torsional == pytest.approx(torsional, rel=1e-14)
+    # A body that is free is pushed away and turned: two springs' worth of inertia in parallel.
+    free = 1.0 / (1.0 / torsional + (m2 + m3) / (m2 * m3))
+    assert SIX.reduced_mass_free == pytest.approx(free, rel=1e-14)
+
+
+def test_the_last_step_of_a_table_goes_on_at_the_start():
+    steps = Steps(phase=(1.0, 3.0), stiffness=(5.0, 2.0))
+    pieces = steps.pieces()
+    np.testing.assert_array_equal(pieces.breaks, [0.0, 1.0, 3.0, 2.0 * math.pi])
+    np.testing.assert_array_equal(pieces.lines, [[2.0, 0.0], [5.0, 0.0], [2.0, 0.0]])
+    np.testing.assert_array_equal(pieces.low, [True, False, True])
+
+
+def test_no_piece_of_a_table_crosses_the_mean():
+    rng = np.random.default_rng(6)
+    for first in (0.0, 0.4):
+        phase = np.sort(np.append(rng.uniform(first, 2.0 * math.pi, 6), first))
+        table = Tabulated(tuple(phase), tuple(rng.uniform(1e8, 4e8, 7)))
+        pieces = table.pieces(PAPER)
+        value, slope = pieces.lines.T
+        end = value + slope * np.diff(pieces.breaks)
+        np.testing.assert_allclose(end, np.roll(value, -1), rtol=0, atol=1e-12)
+        assert np.where(pieces.low, np.maximum(value, end), 1.0).max() <= 1.0 + 1e-12
+        assert np.where(pieces.low, 1.0, np.minimum(value, end)).min() >= 1.0 - 1e-12
+        mean = np.sum((value + end) / 2.0 * np.diff(pieces.breaks)) / (2.0 * math.pi)
+        assert mean == pytest.approx(1.0, abs=1e-12)
