@@ -4,6 +4,7 @@
 # make golden  renew the golden numbers and pictures of tests/golden
 # make references  renew the references in 50 digits that tests take from tests/references
 # make faults  plant known faults one at a time and see that the tests notice: an hour
+# make rounding  all again from starts moved by 1e-12: what is drawn and printed stays the same
 # make peers   add to .venv the solvers of others that method= can call, where they install
 # make torture  50 times kill -9, full and read-only disks, damaged files: minutes
 # make random-trains  500 random gear trains against scipy, event by event: ten minutes
@@ -22,7 +23,7 @@ INSTALLED := .venv/installed.stamp
 TESTING := .venv/testing.stamp
 COMMA := ,
 
-.PHONY: all lint golden references test faults torture peers random-trains random-certificates \
+.PHONY: all lint golden references test faults rounding torture peers random-trains random-certificates \
     slurm-test bench report docs speed-and-accuracy clean distclean
 
 all: $(INSTALLED)
@@ -47,6 +48,9 @@ test: lint
 
 faults: $(TESTING)
 	$(BIN)/python -m tests.faults
+
+rounding: $(TESTING)
+	$(BIN)/python -m tests.rounding
 
 torture: $(TESTING)
 	GEARLIB_KILLS=50 $(BIN)/python -m pytest tests/robustness -rs
