@@ -119,7 +119,7 @@ class SymmetryBreaking(Started):
     stop: OwnStop = 21.0
     step: OwnStep = 0.1
     starts: integer_within(ge=1, le=1000) = Field(
-        default=16, description="Seeded starts of every motion."
+        default=8, description="Seeded starts of every motion."
     )
     reference_frequency: _Frequency = Field(
         default=1000.0, description="What the tuning is counted in, Hz."

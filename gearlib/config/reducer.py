@@ -64,7 +64,7 @@ class Reducer(Started):
         "Of the branches in one case, m. Default: a quarter of backlash in the first.",
     )
     periods: integer_within(ge=1, le=1_000_000) = Field(
-        default=126, description="Mesh periods of a run, rounded up to whole repeats."
+        default=210, description="Mesh periods of a run, rounded up to whole repeats."
     )
     record_periods: integer_within(ge=1) = Field(
         default=42, description="The last ones, which are evaluated; at most `periods`."

@@ -119,7 +119,7 @@ REFUSED = [
     ("reducer/damping_ratio", -0.1, "reducer.damping_ratio = -0.1", "from 0 to 1"),
     ("reducer/pin_error", [".inf", 0], "reducer.pin_error[0] = '.inf'", "'10 um'"),
     ("reducer/backlashes", [1e-5, -1e-5, 1e-5], "reducer.backlashes[1] = -1e-05", ">= 0"),
-    ("reducer/record_periods", 127, "reducer.record_periods = 127", "1 to reducer.periods = 126"),
+    ("reducer/record_periods", 211, "reducer.record_periods = 211", "1 to reducer.periods = 210"),
     ("reducer/stop", 0.7, "reducer.stop = 0.7", "reducer.start = 0.74 plus a whole multiple"),
     ("one_mesh/other_teeth", [25, 35, 25, 36], "one_mesh.other_teeth", "one centre distance"),
     ("one_mesh/soft_support", 0, "one_mesh.soft_support = 0", "> 0"),

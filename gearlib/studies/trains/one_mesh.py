@@ -294,7 +294,7 @@ def _shared_digits(low, high):
     if low == high or math.isnan(low):
         return f"{low:.4g}"
     for digits in (4, 3, 2):
-        first, last = (f"{x:.{digits}g}" for x in (2.0 * low - high, 2.0 * high - low))
+        first, last = (f"{x:#.{digits}g}" for x in (2.0 * low - high, 2.0 * high - low))
         if first == last:
             return first
     return "differs"
