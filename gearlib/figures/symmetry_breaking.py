@@ -75,7 +75,7 @@ def draw(data, periods_shown):
         panel.set_ylabel(f"{words},\nmeshes of the sun")
         panel.set_ylim(bottom=0.0 if key != "bounces" else -0.05)
     _draw_course(axes[4], data, suns, periods_shown)
-    lines = [
+    lines: list = [
         Line2D([], [], color=style.PALETTE[0], linestyle=(0, (4, 2)), label="planets alike"),
         Line2D([], [], color=style.PALETTE[4], label="all other disturbances"),
         *(

@@ -59,7 +59,7 @@ def draw(curves):
     above.set_xlabel("tuning $\\nu$")
     grid[-1].set_xlabel("speed of the reference pinion (rpm)")
     grid[0].set_xlim(speed[0], speed[-1])
-    handles = [
+    handles: list = [
         Line2D([], [], color=style.PALETTE[j % len(style.PALETTE)], linewidth=width, label=name)
         for j, (name, width) in enumerate(zip(names, widths, strict=True))
     ]
