@@ -5,6 +5,7 @@
 # make references  renew the references in 50 digits that tests take from tests/references
 # make faults  plant known faults one at a time and see that the tests notice: less than an hour
 # make mutants  mutants at random of all rooms against the tests that reach them: hours
+# make rounding  all again from starts moved by 1e-12: what is drawn and printed stays the same
 # make peers   add to .venv the solvers of others that method= can call, where they install
 # make torture  50 times kill -9, full and read-only disks, damaged files: minutes
 # make random-trains  500 random gear trains against scipy, event by event: ten minutes
@@ -28,7 +29,7 @@ INSTALLED := .venv/installed.stamp
 TESTING := .venv/testing.stamp
 COMMA := ,
 
-.PHONY: all lint golden references test faults mutants torture peers random-trains \
+.PHONY: all lint golden references test faults mutants rounding torture peers random-trains \
     random-certificates slurm-test bench report docs speed-and-accuracy same-bytes clean distclean
 
 all: $(INSTALLED)
@@ -56,6 +57,9 @@ faults: $(TESTING)
 
 mutants: $(TESTING)
 	$(BIN)/python -m tests.mutants --jobs $(JOBS) $(ARGS)
+
+rounding: $(TESTING)
+	$(BIN)/python -m tests.rounding $(ARGS)
 
 torture: $(TESTING)
 	GEARLIB_KILLS=50 $(BIN)/python -m pytest tests/robustness -rs $(ARGS)

@@ -40,6 +40,9 @@ LABELS = ("periodic", "quasi-periodic", "chaotic", "undecided", "unbounded")
 #: Agreement in fewer digits is none.
 DIGITS = 4
 
+#: More digits than these are no property of a motion but of the rounding of its runs.
+_MOST_DIGITS = 10.0
+
 #: A decay slower than this over the counted periods is none.
 _DECAY = -3.0
 
@@ -150,14 +153,14 @@ def scan(pair, tunings, **options):
     Returns
     -------
     xarray.Dataset
-        Over ``tuning``: label (index in `LABELS`, CF flags), period, digits, exponent,
-        uncertainty.
+        Over ``tuning``: label (index in `LABELS`, CF flags), period, digits (at most 10),
+        exponent, uncertainty.
     """
     found = [trust(pair, nu, **options) for nu in tunings]
     data = {
         "label": ("tuning", np.array([LABELS.index(one.label) for one in found], np.int8)),
         "period": ("tuning", np.array([one.period for one in found], np.int32)),
-        "digits": ("tuning", np.array([one.digits for one in found])),
+        "digits": ("tuning", np.minimum([one.digits for one in found], _MOST_DIGITS)),
         "exponent": ("tuning", np.array([one.exponent for one in found])),
         "uncertainty": ("tuning", np.array([one.uncertainty for one in found])),
     }

@@ -17,8 +17,8 @@ from gearlib.config.types import (
     OwnStep,
     OwnStop,
     OwnTuning,
-    Positive,
     Section,
+    Started,
     Stiffness,
     integer_within,
     number_within,
@@ -110,7 +110,7 @@ class TrainChart(Grid):
     )
 
 
-class SymmetryBreaking(Grid):
+class SymmetryBreaking(Started):
     """Where the symmetric motion of equal planets in phase breaks."""
 
     key: ClassVar = "symmetry_breaking"
@@ -118,6 +118,9 @@ class SymmetryBreaking(Grid):
     start: OwnStart = 9.0
     stop: OwnStop = 21.0
     step: OwnStep = 0.1
+    starts: integer_within(ge=1, le=1000) = Field(
+        default=8, description="Seeded starts of every motion."
+    )
     reference_frequency: _Frequency = Field(
         default=1000.0, description="What the tuning is counted in, Hz."
     )
@@ -126,19 +129,19 @@ class SymmetryBreaking(Grid):
         99,
     ]
     jump: _Jump = Field(default=0.6, description="Jump of the stiffness over its mean.")
-    disturbance: Positive = Field(
-        default=1e-6, description="Added to the symmetric orbit, static deflections."
-    )
-    settle: integer_within(ge=1, le=1_000_000) = Field(
-        default=1000, description="Mesh periods before a motion is recorded."
+    periods: integer_within(ge=1, le=1_000_000) = Field(
+        default=300, description="Mesh periods of a run beside the symmetric orbit."
     )
     record_periods: integer_within(ge=1, le=10_000) = Field(
-        default=48, description="Mesh periods recorded."
+        default=24, description="Mesh periods recorded."
     )
     samples_per_period: integer_within(ge=8, le=4096) = Field(
         default=64, description="Samples of a recorded mesh period."
     )
     shown: OwnTuning = Field(default=19.5, description="Tuning of the course; one of the grid.")
+    shown_after: integer_within(ge=0, le=10_000) = Field(
+        default=100, description="Mesh periods from the first start to the course."
+    )
     periods_shown: integer_within(ge=1, le=10_000) = Field(
         default=4, description="Mesh periods of the course."
     )

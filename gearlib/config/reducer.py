@@ -7,13 +7,12 @@ from pydantic import Field, model_validator
 from gearlib.config.types import (
     Backlash,
     DampingName,
-    Grid,
     Length,
     OwnStart,
     OwnStep,
     OwnStop,
-    Positive,
     Section,
+    Started,
     Stiffness,
     check_record,
     integer_within,
@@ -29,7 +28,7 @@ Offset = quantity("m", "10 um")
 _ONE_CENTRE = 1e-9
 
 
-class Reducer(Grid):
+class Reducer(Started):
     """Fig. 1 a: three double satellites between central gears, the gear pair as every mesh."""
 
     key: ClassVar = "reducer"
@@ -65,7 +64,7 @@ class Reducer(Grid):
         "Of the branches in one case, m. Default: a quarter of backlash in the first.",
     )
     periods: integer_within(ge=1, le=1_000_000) = Field(
-        default=210, description="Mesh periods of a run."
+        default=210, description="Mesh periods of a run, rounded up to whole repeats."
     )
     record_periods: integer_within(ge=1) = Field(
         default=42, description="The last ones, which are evaluated; at most `periods`."
@@ -78,7 +77,7 @@ class Reducer(Grid):
         return self
 
 
-class OneMesh(Grid):
+class OneMesh(Started):
     """Models of the reducer, from one pair to the whole train, in cases that tell them apart."""
 
     key: ClassVar = "one_mesh"
@@ -86,16 +85,14 @@ class OneMesh(Grid):
     start: OwnStart = 0.75
     stop: OwnStop = 1.8
     step: OwnStep = 0.025
+    starts: integer_within(ge=1, le=1000) = Field(
+        default=8, description="Seeded starts of every motion."
+    )
     other_teeth: numbers(
         Teeth, 4, "Of input, satellites a, satellites b, output: branches out of phase."
     ) = [25, 35, 25, 35]
     soft_support: Stiffness = Field(
         description="Of all axes where they are soft, N/m. Default: a quarter of max_stiffness."
-    )
-    disturbance: Positive = Field(
-        default=1e-3,
-        description="Of the first mode at the start, where branches alike may part, static "
-        "deflections.",
     )
     tolerance: number_within(gt=0, le=10) = Field(
         default=0.1, description="Largest change of an answer that counts as none."

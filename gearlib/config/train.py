@@ -23,7 +23,6 @@ from gearlib.config.types import (
     DampingName,
     Finite,
     Given,
-    Grid,
     Inertia,
     Length,
     Mass,
@@ -31,11 +30,13 @@ from gearlib.config.types import (
     RunOut,
     Section,
     Start,
+    Started,
     Step,
     Stiffness,
     StiffnessRatio,
     Stop,
     Truth,
+    check_record,
     integer_within,
     number_within,
     numbers,
@@ -344,7 +345,7 @@ class Train(Given):
         return given[self.kind] | common
 
 
-class TrainSweep(Grid):
+class TrainSweep(Started):
     """Every mesh of the train of the section `train` over speed; the target of this name."""
 
     key: ClassVar = "train_sweep"
@@ -362,9 +363,5 @@ class TrainSweep(Grid):
 
     @model_validator(mode="after")
     def _check(self):
-        if self.record_periods > self.periods:
-            raise ValueError(
-                f"train_sweep.record_periods = {self.record_periods} is not allowed: it must be an "
-                f"integer from 1 to train_sweep.periods = {self.periods}"
-            )
+        check_record("train_sweep", self)
         return self

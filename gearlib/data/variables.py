@@ -60,13 +60,23 @@ DESCRIPTIONS = {
     "speed": ("min-1", "speed of the gear whose revolutions count"),
     "mesh_branch": ("1", "branch of the mesh"),
     "mesh_stage": ("1", "stage of the mesh"),
-    "lost_alone": ("1", "only branch that loses contact, 0: none or several"),
-    "struck_alone": ("1", "only branch that strikes its far flanks, 0: none or several"),
-    "largest_factor": ("1", "largest dynamic factor of all tunings"),
+    "lost_alone_share": ("1", "share of the starts in which only the branch loses contact"),
+    "struck_alone_share": ("1", "share of the starts in which only the branch strikes far flanks"),
+    "largest_factor": ("1", "largest dynamic factor of all tunings with settled motions"),
     "factor_tuning": ("1", "tuning of the largest dynamic factor"),
-    "answer": ("1", "what the model says of the observable"),
-    "answer_change": ("1", "change of the answer that the whole train makes"),
+    "answer": ("1", "what the model says of the observable, median over the starts"),
+    "answer_change": (
+        "1",
+        "change of the answer that the whole train makes, largest of all starts",
+    ),
+    "answer_shared": ("1", "whether the answer is the same from all starts"),
     "sufficient": ("1", "smallest model whose answers are those of the whole train"),
+    "sufficient_share": ("1", "share of the starts from which the model suffices"),
+    "start": ("1", "number of the start"),
+    "settled": ("1", "whether all starts end on a stable orbit, in trains on one"),
+    "settled_share": ("1", "share of the starts that end on a stable orbit"),
+    "motion_count": ("1", "stable orbits on which starts end"),
+    "largest_share": ("1", "share of the starts on the stable orbit that has most"),
     "phasing": ("1", "number of the pair of tooth numbers"),
     "teeth_sun": ("1", "teeth of the sun"),
     "teeth_ring": ("1", "teeth of the ring"),
@@ -359,6 +369,19 @@ _FLAGS = {
 }
 
 
+#: Endings of the names of ranges over starts, in words.
+_RANGES = {"low": "least of all starts", "high": "most of all starts"}
+
+
+def _entry(name):
+    """Return (CF units, long_name) of a variable, or of the range of one."""
+    of, _, end = name.rpartition("_")
+    if name not in DESCRIPTIONS and end in _RANGES:
+        units, long_name = DESCRIPTIONS[of]
+        return units, f"{long_name}, {_RANGES[end]}"
+    return DESCRIPTIONS[name]
+
+
 def describe(dataset, model=None):
     """Give every variable of `dataset` its units, long_name and flags; return the dataset.
 
@@ -374,7 +397,7 @@ def describe(dataset, model=None):
     for name, variable in dataset.variables.items():
         if "units" in variable.attrs:
             continue
-        units, long_name = DESCRIPTIONS[name]
+        units, long_name = _entry(name)
         long_name = names.get(name, long_name)
         if variable.dtype.kind not in "OUST":
             variable.attrs["units"] = units

@@ -70,9 +70,9 @@ def draw(diagram):
 
 
 def _mark_lost(axes, data, rate):
-    """Mark, along the mesh frequencies, the speeds at which a mesh of them parts in a sweep."""
+    """Mark, along the mesh frequencies, the speeds at which a mesh parts from all starts."""
     speed = data.speed.values
-    lost = (lost_share(data.fraction_normal.values) > 0.0).any(axis=0)
+    lost = (lost_share(data.fraction_normal_high.values) > 0.0).any(axis=0)
     half = (speed[1] - speed[0]) / 2.0
     for own in np.unique(data.mesh_rate.values):
         there = lost[:, data.mesh_rate.values == own].any(axis=1)

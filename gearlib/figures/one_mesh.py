@@ -5,10 +5,11 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 from gearlib.figures import style
+from gearlib.figures.starts import draw_range
 
 _CASES = {
-    "in_phase": "in phase,\nstarted alike",
-    "disturbed": "in phase,\ndisturbed at the start",
+    "in_phase": "in phase,\nheld alike",
+    "disturbed": "in phase,\nstarts beside",
     "out_of_phase": "branches\nout of phase",
     "pin_error": "in phase,\none axis displaced",
     "soft_supports": "in phase,\nsoft supports",
@@ -35,6 +36,8 @@ _WIDTHS = (1.0, 1.0, 2.0, 1.0, 0.7)
 _DARKEST = 10.0
 #: Changes are written without decimals from the one on, as more than it from the other.
 _WHOLE, _MANY = 10.0, 99.0
+#: In place of a change that the starts do not share.
+_DIFFERS = "~"
 
 
 @style.styled()
@@ -49,7 +52,8 @@ def draw(comparison):
     Returns
     -------
     matplotlib.figure.Figure
-        Shaded: changes beyond the tolerance; bold: the smallest model that suffices.
+        Shaded: changes beyond the tolerance, medians over all starts; without a number where it
+        differs from start to start; bold: the smallest model that suffices from all of them.
     """
     data = comparison
     figure = Figure((style.PAGE_WIDTH, 5.2), layout="constrained")
@@ -65,6 +69,7 @@ def draw(comparison):
         ):
             values = shown.dynamic_factor.sel(model=name).values
             look = {"color": colour, "linestyle": dashes, "linewidth": width}
+            draw_range(axes, data.tuning.values, shown.sel(model=name), "dynamic_factor", colour)
             axes.plot(data.tuning.values, values, label=_MODELS[name].replace("\n", " "), **look)
         axes.set_title(_CASES[case], fontsize=7)
         axes.set_xlabel("tuning $\\nu$")
@@ -84,6 +89,7 @@ def draw(comparison):
 def _draw_changes(axes, data):
     """Draw the changes that the whole train makes, models by observables."""
     change = data.answer_change.values[:-1]
+    ends = [data[f"answer_change_{end}"].values[:-1] for end in ("low", "high")]
     tolerance = float(data.tolerance)
     beyond = np.where(change > tolerance, np.minimum(change, _DARKEST * tolerance), np.nan)
     axes.imshow(
@@ -96,9 +102,9 @@ def _draw_changes(axes, data):
     for i, name in enumerate(names):
         weight = "bold" if name == data.sufficient.item() else "normal"
         for j in range(change.shape[1]):
-            axes.text(
-                j, i, _words(change[i, j]), ha="center", va="center", fontsize=5.5, weight=weight
-            )
+            low, high = (_words(end[i, j]) for end in ends)
+            words = low if low == high else _DIFFERS
+            axes.text(j, i, words, ha="center", va="center", fontsize=5.5, weight=weight)
     axes.set_yticks(range(len(names)), [_MODELS[name] for name in names], fontsize=6)
     words = [_OBSERVABLES[name] for name in data.observable.values]
     axes.set_xticks(range(len(words)), words, fontsize=6, rotation=90)

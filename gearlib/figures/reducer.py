@@ -3,8 +3,10 @@
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
 from gearlib.figures import style
+from gearlib.figures.starts import draw_range, draw_shares
 
 _TITLES = {
     "alike": "branches alike",
@@ -21,14 +23,17 @@ _MARKS = {"up": "^", "down": "v"}
 #: Motions that differ by less are one in a plot.
 _SEEN = 0.01
 #: Where in a panel the marks of single branches lie, shares of its height.
-_STRIPS = {"lost_alone": 0.03, "struck_alone": 0.08}
-_SYMBOLS = {"lost_alone": "s", "struck_alone": "x"}
+_STRIPS = {"lost_alone_share": 0.03, "struck_alone_share": 0.08}
+_SYMBOLS = {"lost_alone_share": "s", "struck_alone_share": "x"}
 _WIDTHS = (2.2, 1.4, 0.8)
 
 
 @style.styled()
 def draw(characteristics):
     """Draw a column for each case: the branches from rest, up and down where these differ.
+
+    From rest, lines are medians over all starts and shades their range; the lowest row has the
+    share of the starts that settle, and of those that share one motion.
 
     Parameters
     ----------
@@ -40,20 +45,29 @@ def draw(characteristics):
     matplotlib.figure.Figure
     """
     data = characteristics
-    figure = Figure((style.PAGE_WIDTH, 6.0), layout="constrained")
-    grid = figure.subplots(len(_ROWS), data.sizes["case"], sharex=True, sharey="row", squeeze=False)
+    figure = Figure((style.PAGE_WIDTH, 6.8), layout="constrained")
+    grid = figure.subplots(
+        len(_ROWS) + 1,
+        data.sizes["case"],
+        sharex=True,
+        sharey="row",
+        squeeze=False,
+        height_ratios=[1.0] * len(_ROWS) + [0.35],
+    )
     tuning, speed = data.tuning.values, data.speed.values
     for column, case in zip(grid.T, data.case.values, strict=True):
         shown = data.sel(case=case)
-        for axes, (name, stage, label) in zip(column, _ROWS, strict=True):
+        for axes, (name, stage, label) in zip(column, _ROWS, strict=False):
             _draw_branches(axes, shown, name, stage)
             axes.grid(linewidth=0.3, color="0.85")
             if axes is grid[list(column).index(axes), 0]:
                 axes.set_ylabel(label)
         _draw_alone(column[0], shown)
+        draw_shares(column[-1], tuning, shown.sel(direction="cold"))
         column[0].set_title(_TITLES[case])
         style.add_scale(column[0], tuning, speed, "speed of the input (rpm)")
         column[-1].set_xlabel("tuning of the pair alone $\\nu$")
+    grid[-1, 0].set_ylabel("share of\nthe starts")
     grid[0, 0].set_xlim(tuning[0], tuning[-1])
     figure.legend(handles=_legend(data), loc="outside lower center", ncols=4, fontsize=6.5)
     return figure
@@ -67,10 +81,16 @@ def _draw_branches(axes, data, name, stage):
         colour = style.PALETTE[branch - 1]
         values = data[name].isel(mesh=j)
         rest = values.sel(direction="cold").values
+        draw_range(axes, tuning, data.sel(direction="cold").isel(mesh=j), name, colour)
         axes.plot(tuning, rest, color=colour, linewidth=_width(branch))
         for direction, marker in _MARKS.items():
             carried = values.sel(direction=direction).values
-            apart = np.abs(carried - rest) > _SEEN * np.abs(rest)
+            # Nor in the range of all starts.
+            low, high = (
+                data[f"{name}_{end}"].isel(mesh=j).sel(direction="cold").values
+                for end in ("low", "high")
+            )
+            apart = np.maximum(low - carried, carried - high) > _SEEN * np.abs(rest)
             axes.plot(
                 tuning[apart],
                 carried[apart],
@@ -83,11 +103,11 @@ def _draw_branches(axes, data, name, stage):
 
 
 def _draw_alone(axes, data):
-    """Mark, near the lower edge, the motions from rest in which one branch alone parts, strikes."""
+    """Mark, near the lower edge, where from all starts one branch alone parts, strikes."""
     for name, height in _STRIPS.items():
-        branches = data[name].sel(direction="cold").values
-        for branch in np.unique(branches[branches > 0]):
-            at = data.tuning.values[branches == branch]
+        shares = data[name].sel(direction="cold")
+        for branch in data.branch.values:
+            at = data.tuning.values[shares.sel(branch=branch).values == 1.0]
             axes.plot(
                 at,
                 np.full(at.size, height),
@@ -116,11 +136,17 @@ def _legend(data):
         words = f"speed {direction}, where it differs"
         handles.append(Line2D([], [], marker=marker, markerfacecolor="none", label=words, **point))
     symbols = {
-        "lost_alone": "contact lost in this branch only",
-        "struck_alone": "far flank struck in this branch only",
+        "lost_alone_share": "contact lost in this branch only",
+        "struck_alone_share": "far flank struck in this branch only",
     }
     handles += [
         Line2D([], [], marker=_SYMBOLS[name], label=label, **point)
         for name, label in symbols.items()
     ]
-    return handles
+    words = "one motion" if data.largest_share.equals(data.settled_share) else "the most common one"
+    return [
+        *handles,
+        Patch(color="0.6", alpha=0.4, linewidth=0, label="range of all starts"),
+        Patch(color="0.8", label="share of the starts that settle"),
+        Line2D([], [], color=style.PALETTE[0], linewidth=0.9, label=f"that share {words}"),
+    ]

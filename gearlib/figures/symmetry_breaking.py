@@ -8,6 +8,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from gearlib.figures import style
+from gearlib.figures.starts import draw_shares
 
 #: Verdict -> words and shade.
 _SHADES = {
@@ -22,6 +23,8 @@ _MARKERS = ("o", "x", "^", "s", "D", "v")
 def draw(data, periods_shown):
     """Draw multipliers, bounces and largest forces over the mesh frequency, and one course.
 
+    Markers are medians over all starts beside the symmetric motion, bars their range.
+
     Parameters
     ----------
     data : xarray.Dataset
@@ -33,11 +36,11 @@ def draw(data, periods_shown):
     -------
     matplotlib.figure.Figure
     """
-    figure = Figure((style.PAGE_WIDTH, 8.0), layout="constrained")
-    axes = figure.subplots(4, 1, height_ratios=[1.0, 1.0, 1.0, 1.1])
+    figure = Figure((style.PAGE_WIDTH, 8.6), layout="constrained")
+    axes = figure.subplots(5, 1, height_ratios=[1.0, 1.0, 1.0, 0.3, 1.1])
     unit = float(data.reference_frequency) / 1e3
     frequency = data.tuning.values * unit
-    for panel in axes[:3]:
+    for panel in axes[:4]:
         _shade(panel, frequency, data.verdict.values)
         panel.set_xlim(frequency[0], frequency[-1])
         panel.axvline(float(data.shown) * unit, color="black", linewidth=0.6, linestyle=(0, (1, 2)))
@@ -48,7 +51,9 @@ def draw(data, periods_shown):
         axes[0].plot(frequency, data[key].values, color=colour, linestyle=line)
     axes[0].axhline(1.0, color="black", linewidth=0.5)
     axes[0].set_ylabel("largest |multiplier|")
-    axes[2].set_xlabel("mesh frequency, kHz")
+    draw_shares(axes[3], frequency, data)
+    axes[3].set_ylabel("share of\nthe starts")
+    axes[3].set_xlabel("mesh frequency, kHz")
     suns = [str(name) for name in data.mesh.values if str(name).startswith("sun")]
     for panel, key, words in (
         (axes[1], "bounces", "bounces per mesh period"),
@@ -57,6 +62,8 @@ def draw(data, periods_shown):
         alike = data[f"symmetric_{key}"].sel(mesh=suns[0]).values
         panel.plot(frequency, alike, color=style.PALETTE[0], linestyle=(0, (4, 2)))
         for i, name in enumerate(suns):
+            ends = (data[f"{key}_{end}"].sel(mesh=name).values for end in ("low", "high"))
+            panel.vlines(frequency, *ends, color=_colour(i), linewidth=1.5, alpha=0.4)
             panel.plot(
                 frequency,
                 data[key].sel(mesh=name).values,
@@ -67,8 +74,8 @@ def draw(data, periods_shown):
             )
         panel.set_ylabel(f"{words},\nmeshes of the sun")
         panel.set_ylim(bottom=0.0 if key != "bounces" else -0.05)
-    _draw_course(axes[3], data, suns, periods_shown)
-    lines = [
+    _draw_course(axes[4], data, suns, periods_shown)
+    lines: list = [
         Line2D([], [], color=style.PALETTE[0], linestyle=(0, (4, 2)), label="planets alike"),
         Line2D([], [], color=style.PALETTE[4], label="all other disturbances"),
         *(
@@ -77,6 +84,11 @@ def draw(data, periods_shown):
             for i, name in enumerate(suns)
         ),
     ]  # fmt: skip
+    lines += [
+        Line2D([], [], color="0.4", linewidth=1.5, alpha=0.4, label="range of all starts"),
+        Patch(color="0.8", label="share of the starts that settle"),
+        Line2D([], [], color=style.PALETTE[0], linewidth=0.9, label="on one orbit"),
+    ]
     present = [_SHADES[code] for code in _SHADES if code in data.verdict.values]
     shades = [Patch(color=colour, label=words) for words, colour in present]
     figure.legend(handles=[*lines, *shades], loc="outside upper center", ncols=3)
@@ -108,4 +120,4 @@ def _draw_course(axes, data, suns, periods):
     axes.set_ylabel("mesh force over load")
     axes.set_xlim(0.0, periods)
     if not np.isfinite(data.dynamic_force.values).all():
-        axes.text(0.5, 0.5, "no symmetric orbit", ha="center", transform=axes.transAxes)
+        axes.text(0.5, 0.5, "no symmetric orbit, or chaos", ha="center", transform=axes.transAxes)

@@ -3,8 +3,10 @@
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
 from gearlib.figures import style
+from gearlib.figures.starts import draw_range, draw_shares
 
 _ROWS = (
     ("dynamic_factor", "largest force over static force"),
@@ -17,6 +19,9 @@ _LINES = {"up": "-", "down": (0, (4, 2))}
 def draw(curves):
     """Draw a colour for each mesh; meshes that move alike lie on top of each other.
 
+    Shades are ranges over all starts beside static equilibrium, dots their medians; lines carry
+    one start, where it settles.
+
     Parameters
     ----------
     curves : xarray.Dataset
@@ -26,16 +31,24 @@ def draw(curves):
     -------
     matplotlib.figure.Figure
     """
-    figure = Figure((style.PAGE_WIDTH, 4.6), layout="constrained")
-    grid = figure.subplots(len(_ROWS), 1, sharex=True)
+    figure = Figure((style.PAGE_WIDTH, 5.2), layout="constrained")
+    ratios = [1.0] * len(_ROWS) + [0.3]
+    grid = figure.subplots(len(_ROWS) + 1, 1, sharex=True, height_ratios=ratios)
+    cold = curves.sel(direction="cold")
     names = list(curves.mesh.values)
     widths = np.linspace(3.0, 0.8, len(names))
     speed = curves.speed.values
-    for axes, (variable, label) in zip(grid, _ROWS, strict=True):
+    draw_shares(grid[-1], speed, cold)
+    grid[-1].set_ylabel("share of\nthe starts")
+    for axes, (variable, label) in zip(grid, _ROWS, strict=False):
         for j, width in enumerate(widths):
+            colour = style.PALETTE[j % len(style.PALETTE)]
+            one = cold.isel(mesh=j)
+            draw_range(axes, speed, one, variable, colour)
+            apart = one.settled.values == 0
+            axes.plot(speed[apart], one[variable].values[apart], ".", color=colour, markersize=1.5)
             for direction, line in _LINES.items():
                 values = curves[variable].sel(direction=direction).isel(mesh=j).values
-                colour = style.PALETTE[j % len(style.PALETTE)]
                 axes.plot(speed, values, color=colour, linestyle=line, linewidth=width)
         axes.set_ylabel(label)
         axes.grid(linewidth=0.3, color="0.85")
@@ -46,13 +59,18 @@ def draw(curves):
     above.set_xlabel("tuning $\\nu$")
     grid[-1].set_xlabel("speed of the reference pinion (rpm)")
     grid[0].set_xlim(speed[0], speed[-1])
-    handles = [
+    handles: list = [
         Line2D([], [], color=style.PALETTE[j % len(style.PALETTE)], linewidth=width, label=name)
         for j, (name, width) in enumerate(zip(names, widths, strict=True))
     ]
     handles += [
         Line2D([], [], color="black", linestyle=line, label=f"speed {direction}")
         for direction, line in _LINES.items()
+    ]
+    handles += [
+        Patch(color="0.6", alpha=0.4, linewidth=0, label="range of all starts"),
+        Patch(color="0.8", label="share of the starts that settle"),
+        Line2D([], [], color=style.PALETTE[0], linewidth=0.9, label="on one orbit"),
     ]
     figure.legend(handles=handles, loc="outside lower center", ncols=4)
     return figure

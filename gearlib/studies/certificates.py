@@ -9,6 +9,7 @@ branches only how many are proven, unless all are asked for.
 import json
 import math
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 
@@ -30,6 +31,8 @@ TWO = (0.815, 0.8151)
 NEAR = 1e-4
 #: Above the tunings of the paper's bounces, 1.12, by more than the reading of its plot.
 ABOVE = 1.14
+#: Digits of the states and tunings that are proven of: fewer than all processors agree on.
+CANDIDATE_DIGITS = 11
 
 
 def compute(pairs, branches, tunings, initial_state, whole=False):
@@ -61,7 +64,7 @@ def compute(pairs, branches, tunings, initial_state, whole=False):
     tunings = sorted({*map(float, tunings), *TWO, ABOVE})
     found = []
     for name, parameters in pairs.items():
-        pair, branch = GearPair(**parameters), branches[name]
+        pair, branch = GearPair(**parameters), _rounded_branch(branches[name])
         rows = [{}, *_tongues(pair, branch), *_points(pair, branch), *_ranges(pair, branch)]
         for tuning in tunings:
             rows += _at(pair, branch, tuning, initial_state)
@@ -76,6 +79,26 @@ def _row(proven, tuning=None):
         return proven.as_dict()
     row = {"claim": "refusal", "status": proven.status, "message": proven.message}
     return row if tuning is None else row | {"tuning": float(tuning).hex()}
+
+
+def _rounded(values):
+    """Return candidates with fewer digits: of the last ones processors have different opinions.
+
+    What is enclosed does not depend on them, the box that is written does.
+    """
+    return np.array([float(f"{x:.{CANDIDATE_DIGITS - 1}e}") for x in np.ravel(values)]).reshape(
+        np.shape(values)
+    )
+
+
+def _rounded_branch(branch):
+    return branch.assign(
+        {name: (branch[name].dims, _rounded(branch[name].values)) for name in ("state", "tuning")}
+    )
+
+
+def _rounded_orbit(orbit):
+    return replace(orbit, state=_rounded(orbit.state))
 
 
 def _tongues(pair, branch):
@@ -115,7 +138,7 @@ def _ranges(pair, branch):
         except NoOrbit:
             continue
         if orbit.pattern == (1,):
-            yield _row(certify_range(orbit, to=high), low)
+            yield _row(certify_range(_rounded_orbit(orbit), to=high), low)
 
 
 def _at(pair, branch, tuning, initial_state):
@@ -128,13 +151,13 @@ def _at(pair, branch, tuning, initial_state):
             continue
         if not any(np.abs(orbit.state - state).max() < 1e-6 for state in seen):
             seen.append(orbit.state)
-            yield _row(certify(orbit), tuning)
+            yield _row(certify(_rounded_orbit(orbit)), tuning)
     if pair.damped():
         try:
             orbit = periodic_orbit(pair, tuning)
         except NoOrbit:
             return
-        yield _row(certify_motion(orbit, tuple(initial_state)), tuning)
+        yield _row(certify_motion(_rounded_orbit(orbit), tuple(initial_state)), tuning)
 
 
 def _crossings(branch, tuning):
@@ -152,7 +175,7 @@ def _all_points(pair, branch):
     counts, rows = Counter(), []
     for point in np.flatnonzero(branch.label.values == REGULAR):
         orbit = as_orbit(*restored(pair, branch, int(point), MAX_EVENTS))
-        proven = certify(orbit)
+        proven = certify(_rounded_orbit(orbit))
         counts[proven.stability if proven else f"refused: {proven.status}"] += 1
         rows.append(_row(proven, orbit.tuning))
     return dict(sorted(counts.items())), rows

@@ -36,7 +36,7 @@ def compute(pair, start, stop, **settings):
     -------
     xarray.Dataset
         As of `gearlib.continue_orbit`, one branch after the other over ``point``: their numbers in
-        branch, their periods in period.
+        branch, their periods in period. Multipliers are NaN at grazings.
 
     Raises
     ------
@@ -65,7 +65,20 @@ def compute(pair, start, stop, **settings):
     ]
     dataset = xr.concat(parts, "point", data_vars="minimal", combine_attrs="override")
     dataset.attrs["title"] = "Branches of periodic orbits of a gear mesh"
-    return describe(dataset)
+    return describe(_without_multipliers_at_grazings(dataset))
+
+
+def _without_multipliers_at_grazings(dataset):
+    """Return the dataset with NaN for multipliers of grazing orbits.
+
+    They change like the root of the distance from the grazing: half of the digits of the place, and
+    of what rounding leaves of it, are no digits of theirs.
+    """
+    away = dataset.label != GRAZING
+    names = ("multiplier_real", "multiplier_imaginary")
+    return dataset.assign(
+        {name: dataset[name].where(away).assign_attrs(dataset[name].attrs) for name in names}
+    )
 
 
 def _at_end(pair, tuning):
@@ -113,7 +126,8 @@ def compute_loci(pair, branches, start, stop, lowest, highest):
     -------
     xarray.Dataset
         Over ``point``: tuning, damping_ratio, label, locus, the number of the special point from
-        which the locus was followed, and state, multipliers, residual as of `gearlib.locus`.
+        which the locus was followed, and state, multipliers (NaN at grazings), residual as of
+        `gearlib.locus`.
     """
     parts = []
     given = value_of(pair, 1.0, "damping")
@@ -145,4 +159,4 @@ def compute_loci(pair, branches, start, stop, lowest, highest):
     dataset = dataset.assign(own_damping=given)
     dataset["label"].attrs |= branches.label.attrs
     dataset.attrs = branches.attrs | {"title": "Loci of special points over tuning and damping"}
-    return describe(dataset)
+    return describe(_without_multipliers_at_grazings(dataset))

@@ -68,7 +68,8 @@ def diagram():
     normal[0, 2, 1, 4] = 0.9
     characteristics = xr.Dataset(
         {
-            "fraction_normal": (("case", "direction", "tuning", "mesh"), normal),
+            "fraction_normal_high": (("case", "direction", "tuning", "mesh"), normal),
+            "settled": (("case", "direction", "tuning"), np.ones(normal.shape[:3], np.int8)),
             "speed": ("tuning", train.speed(tunings)),
         },
         {

@@ -123,7 +123,7 @@ REFUSED = [
     ("reducer/stop", 0.7, "reducer.stop = 0.7", "reducer.start = 0.74 plus a whole multiple"),
     ("one_mesh/other_teeth", [25, 35, 25, 36], "one_mesh.other_teeth", "one centre distance"),
     ("one_mesh/soft_support", 0, "one_mesh.soft_support = 0", "> 0"),
-    ("one_mesh/disturbance", 0, "one_mesh.disturbance = 0", "> 0"),
+    ("one_mesh/spread", 0, "one_mesh.spread = 0", "> 0"),
     (
         "mesh_stiffness/pairs/FZG-C/wheel/teeth",
         2,

@@ -25,7 +25,7 @@ def chart():
 
 def breaking(tunings, **other):
     given = CONFIG.symmetry_breaking.model_dump(exclude={*GRID, "periods_shown"}) | other
-    return symmetry.compute(TRAIN, tunings, given | {"settle": 500, "disturbance": 1e-3})
+    return symmetry.compute(TRAIN, tunings, given | {"starts": 4, "first_starts": 2})
 
 
 def test_the_default_train_is_the_library_s():
@@ -63,22 +63,24 @@ def test_symmetry_breaks_where_only_other_multipliers_leave_the_circle(tmp_path)
     data = breaking([16.0, 19.5, 15.0], shown=19.5)
     assert data.verdict.values.tolist() == [1, 2, 3]
     assert (data.symmetric_multiplier > 1.0).values.tolist() == [False, False, True]
-    suns = data.bounces.values[:2, :3]
-    assert suns[0].tolist() == [0.0, 0.0, 0.0] and sorted(suns[1]) == [0.0, 0.5, 0.5]
+    # Beside a stable motion starts come back; where it breaks each leads to a motion of its own.
+    assert data.settled.values.tolist() == [1, 0, 0]
+    assert data.bounces.values[0].max() == 0.0 and data.bounces_high.values[1, :3].min() > 0.1
     assert data.symmetric_bounces.values[1].max() == 0.0
-    force = data.dynamic_force_max.values / data.symmetric_dynamic_force_max.values
-    assert force[0].max() < 1.0 + 1e-4 and force[1].max() > 2.0
+    own = data.symmetric_dynamic_force_max.values
+    np.testing.assert_allclose(data.dynamic_force_max_high.values[0], own[0], rtol=1e-9)
+    assert (data.dynamic_force_max_high.values[1, :3] > 2.0 * own[1, :3]).all()
     course = data.dynamic_force.sel(mesh="sun 1").values
     assert np.isfinite(course).all() and course.min() == 0.0
     figure = symmetry_breaking.draw(data, periods_shown=2)
     style.save(figure, tmp_path / "breaking.png")
-    assert len(figure.axes) == 4
+    assert len(figure.axes) == 5
 
 
 def test_without_a_symmetric_orbit_the_figure_says_so():
     data = breaking([16.0, 17.0], shown=20.0)
     words = [text.get_text() for text in symmetry_breaking.draw(data, 1).axes[-1].texts]
-    assert words == ["no symmetric orbit"]
+    assert words == ["no symmetric orbit, or chaos"]
 
 
 @pytest.mark.parametrize(
@@ -87,7 +89,7 @@ def test_without_a_symmetric_orbit_the_figure_says_so():
         ({"train_chart": {"teeth": [[27, 99], [28, 99]]}}, "train_chart.teeth[1] = [28, 99]"),
         ({"symmetry_breaking": {"teeth": [28, 98]}}, "symmetry_breaking.teeth = [28, 98]"),
         ({"symmetry_breaking": {"shown": 19.55}}, "symmetry_breaking.shown = 19.55"),
-        ({"symmetry_breaking": {"periods_shown": 49}}, "symmetry_breaking.periods_shown = 49"),
+        ({"symmetry_breaking": {"periods_shown": 25}}, "symmetry_breaking.periods_shown = 25"),
         ({"planetary": {"planets": 5}}, "train_chart.teeth[0] = [27, 99]"),
         ({"planetary": {"load": "3 m"}}, "planetary.load = '3 m'"),
         ({"planetary": {"pressure_angle": "50 deg"}}, "planetary.pressure_angle"),

@@ -75,8 +75,8 @@ def merge(base, changes):
             base[key] = value
 
 
-def small_project(folder):
-    """Return a copy of the project without results, its configuration the small one."""
+def project_copy(folder):
+    """Return a copy of the project without results."""
     folder.mkdir()
     for name in COPIED:
         source = ROOT / name
@@ -84,7 +84,12 @@ def small_project(folder):
             shutil.copytree(source, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
         else:
             shutil.copy2(source, folder / name)
-    project = Project(folder)
+    return Project(folder)
+
+
+def small_project(folder):
+    """Return a copy of the project without results, its configuration the small one."""
+    project = project_copy(folder)
     small = yaml.safe_load((ROOT / "tests/workflow/small.yaml").read_text(encoding="utf-8"))
     # Those that nobody gets unasked too.
     small["targets"] = [*get_args(Target)]

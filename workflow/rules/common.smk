@@ -42,6 +42,8 @@ DRAWN = "7 From the drawing"
 
 #: The keys of a grid of tunings.
 GRID = {"start", "stop", "step"}
+#: Those of the starts of every motion.
+STARTS = {"starts", "first_starts", "seed", "spread"}
 
 #: Priority of jobs that take long: at the end of a build none of them runs alone.
 LONG = 1

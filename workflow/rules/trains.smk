@@ -31,7 +31,7 @@ use rule job as one_mesh with:
         function="gearlib.studies.trains.one_mesh:compute",
         pair=canonical(CONFIG.pair_parameters(CONFIG.reducer.damping)),
         tunings=grid_of(CONFIG.one_mesh),
-        settings=canonical(CONFIG.reducer.model_dump(exclude={"damping", "backlashes", *GRID})),
+        settings=canonical(CONFIG.reducer.model_dump(exclude={"damping", "backlashes", *GRID, *STARTS})),
         changes=canonical(CONFIG.one_mesh.model_dump(exclude=GRID)),
 
 
@@ -106,7 +106,7 @@ use rule job as campbell with:
         script="compute",
         function="gearlib.studies.trains.campbell:compute",
         pair=canonical(CONFIG.pair_parameters(CONFIG.reducer.damping)),
-        settings=canonical(CONFIG.reducer.model_dump(exclude={"damping", *GRID})),
+        settings=canonical(CONFIG.reducer.model_dump(exclude={"damping", *GRID, *STARTS})),
         orders=CONFIG.campbell.orders,
 
 

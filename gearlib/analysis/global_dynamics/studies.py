@@ -75,7 +75,8 @@ def bifurcation(pair, tunings, coarse, settings, threads=None):
     -------
     diagram : xarray.Dataset
         displacement, velocity (direction, tuning, strobe); exponent, uncertainty, period
-        (direction, tuning); speed (rpm) over tuning. Directions: up, down, and "cold 1",
+        (direction, tuning); speed (rpm) and settled, whether all directions are periodic, over
+        tuning. Directions: up, down, and "cold 1",
         "cold 2", ... from as many random initial states as `starts`.
     shares : xarray.Dataset
         As of `gearlib.basin_stability`.
@@ -107,7 +108,13 @@ def bifurcation(pair, tunings, coarse, settings, threads=None):
         found.append(diagram.assign(rates.data_vars).assign(status=stopped))
     names = xr.DataArray(names, dims="direction", name="direction")
     both = xr.concat(found, names, combine_attrs="drop")
-    both = describe(both.assign(speed=("tuning", pair.speed(both.tuning.values))))
+    # Beside chaos rounding decides which of the starts has left it, and to which orbit.
+    settled = (both.period > 0).all("direction").astype(np.int8)
+    both = describe(both.assign(settled=settled, speed=("tuning", pair.speed(both.tuning.values))))
+    both["settled"].attrs |= {
+        "flag_values": np.arange(2, dtype=np.int8),
+        "flag_meanings": "unsettled all_starts_on_periodic_orbits",
+    }
     both.attrs = found[0].attrs
     shares = basin_stability(
         pair,
@@ -161,5 +168,7 @@ def sections(cases, settings):
         found.append(section.drop_vars("strobe"))
     titles = xr.DataArray([case["title"] for case in cases], dims="case", name="case")
     dataset = describe(xr.concat(found, titles, data_vars="all", combine_attrs="drop"))
+    flags = {"flag_values": np.arange(2, dtype=np.int8), "flag_meanings": "regular chaotic"}
+    dataset["chaotic"].attrs |= flags
     dataset.attrs = found[0].attrs
     return dataset

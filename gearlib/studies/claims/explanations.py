@@ -21,6 +21,9 @@ _TOUCH = 1e-6
 #: Multipliers this close to the unit circle lie on it; far above the rounding of their orbits.
 _ON_CIRCLE = 1e-6
 
+#: Products of multipliers that are this close to 1 are 1.
+_ROUNDING = 1e-9
+
 
 class Facts:
     """What branches and tongues say, asked for by what a sentence needs."""
@@ -84,13 +87,16 @@ def _forced_loss(facts):
     name = facts.data.names(False, False)[0]
     lost, _ = facts.loss_and_return(name)
     product = np.prod(_multipliers(facts.branch(name)), axis=-1)
-    miss = float(abs(abs(product) - 1.0).max())
+    # At grazings there are none.
+    miss = float(np.nanmax(abs(abs(product) - 1.0)))
+    # How far rounding goes is no number of the orbits.
+    within = "to rounding" if miss < _ROUNDING else f"within {miss:.0e}"
     folds = facts.folds(name)
     upper = folds[folds > lost]
     fold = f", and the branch folds back at {upper[0]:.6g}" if upper.size else ""
     return (
         f"forced response: the orbit without loss of contact touches the flank at nu = {lost:.6g}"
-        f"{fold}; undamped, the product of the multipliers is 1 (within {miss:.0e}), so that no "
+        f"{fold}; undamped, the product of the multipliers is 1 ({within}), so that no "
         "motion settles"
     )
 

@@ -4,8 +4,8 @@ from gearlib.studies import claims
 from gearlib.studies.claims.data import NoData
 
 _CASES = {
-    "in_phase": "branches in phase and started alike",
-    "disturbed": "disturbed at the start",
+    "in_phase": "branches in phase and held alike",
+    "disturbed": "starts beside",
     "out_of_phase": "branches out of phase",
     "pin_error": "one axis displaced",
     "soft_supports": "soft supports",
@@ -27,9 +27,17 @@ def one_mesh(found):
         raise NoData("some of the runs could not go on")
     base = found.sel(case=found.case.values[0])
     peaks = base.answer.sel(observable="peak_tuning")
-    words = ", ".join(f"{_MODELS[name]} {float(peaks.sel(model=name)):.4g}" for name in _SHOWN)
+    shared = base.answer_shared.sel(observable="peak_tuning")
+    words = ", ".join(
+        f"{_MODELS[name]} {float(peaks.sel(model=name)):.4g}"
+        if int(shared.sel(model=name))
+        else f"{_MODELS[name]} not the same from all starts"
+        for name in _SHOWN
+    )
     words = f"largest dynamic factor, {_CASES[base.case.item()]}, at nu = {words}; "
-    words += f"smallest model within {float(found.tolerance):g} of the whole train, "
+    words += (
+        f"smallest model within {float(found.tolerance):g} of the whole train from all starts, "
+    )
     suffices = zip(found.case.values, found.sufficient.values, strict=True)
     words += "; ".join(f"{_CASES[case]}: {_MODELS[name]}" for case, name in suffices)
     # The most favourable case counts: with it the replacement stands or falls.

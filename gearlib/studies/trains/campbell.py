@@ -33,13 +33,15 @@ def compute(characteristics, pair, settings, orders):
     Returns
     -------
     xarray.Dataset
-        That of `GearTrain.campbell`; fraction_normal over (direction, tuning, mesh), speed (rpm)
-        over tuning, mesh_rate over mesh.
+        That of `GearTrain.campbell`; fraction_normal_high over (direction, tuning, mesh), the most
+        of all starts, which all lose contact where it is less than 1; settled over (direction,
+        tuning), speed (rpm) over tuning, mesh_rate over mesh.
     """
     train = train_of(GearPair(**pair), settings)
     data = train.campbell(orders).drop_vars("modal_force")
     sweeps = characteristics.sel(case=CASE, drop=True)
-    data["fraction_normal"] = sweeps.fraction_normal
+    for name in ("fraction_normal_high", "settled"):
+        data[name] = sweeps[name]
     data["speed"] = sweeps.speed
     data["mesh_rate"] = ("mesh", [float(rate) for rate in train.rates])
     data.attrs = provenance.attributes(
@@ -61,7 +63,7 @@ def write_csv(diagram, path):
     path : str or os.PathLike
     """
     speeds = diagram.speed.values
-    lost = (lost_share(diagram.fraction_normal.values) > 0.0).any(axis=(0, 2))
+    lost = (lost_share(diagram.fraction_normal_high.values) > 0.0).any(axis=(0, 2))
     rows = {}
     for order in diagram.stiffness_order.values:
         for mode in diagram.mode.values:

@@ -1,10 +1,10 @@
 """Whether one mesh stands for the machine: models of the reducer, from one pair to all of it.
 
 The paper names a reducer with three double satellites and studies one mesh of one branch. Here the
-models of that reducer run side by side: in phase and started exactly alike, as small models take
-it; the same started a little beside; with branches out of phase, one axis displaced, soft supports.
-For every case the smallest model is named whose answers are those of the whole train, within a
-tolerance.
+models of that reducer run side by side: in phase and held alike, as small models take it; the same
+from starts beside; with branches out of phase, one axis displaced, soft supports. For every case
+the smallest model is named whose answers are those of the whole train, within a tolerance, from
+all starts.
 """
 
 import dataclasses
@@ -18,7 +18,7 @@ from gearlib.data.contact_loss import lost_share
 from gearlib.data.variables import describe
 from gearlib.models.pair import GearPair
 from gearlib.models.trains.parts import gear_masses
-from gearlib.runs.sweeping import sweep
+from gearlib.studies.trains import motions
 from gearlib.studies.trains.reducer import BRANCHES, displaced, train_of
 
 #: From the smallest to the whole. ``pair_in_train``: the pair with its share of the central gear.
@@ -35,6 +35,8 @@ OBSERVABLES = (
     "characteristic",
 )
 
+#: Answers from two starts that are this close, relatively, are one.
+_SAME = 1e-9
 #: Change of the dynamic factor from tuning to tuning that counts as a jump.
 JUMP = 0.5
 
@@ -96,19 +98,26 @@ def models(pair, settings, case, changes):
         settings = settings | {"support_stiffness": changes["soft_support"]}
     if case == "pin_error":
         errors = {"pin_errors": displaced(settings)}
+    torsional, whole = (
+        train_of(pair, settings, **errors, **rigid)
+        for rigid in ({"support_stiffness": math.inf}, {})
+    )
+    if case == "in_phase":
+        # Their motion with all branches alike.
+        torsional, whole = in_phase(torsional), in_phase(whole)
     driving, driven = gear_masses(pair, *settings["teeth"][:2])
     share = 1.0 / (BRANCHES / driving + 1.0 / driven)
     return {
         "pair": pair,
         "pair_in_train": pair.replace(reduced_mass=share),
         "two_meshes": in_phase(train_of(pair, settings)),
-        "torsional": train_of(pair, settings, support_stiffness=math.inf, **errors),
-        "whole": train_of(pair, settings, **errors),
+        "torsional": torsional,
+        "whole": whole,
     }
 
 
-def characteristic(model, pair, tunings, disturbance, run):
-    """Return what a model says of the first stage, from static equilibrium.
+def characteristic(model, pair, tunings, settings):
+    """Return what a model says of the first stage, from starts beside static equilibrium.
 
     Parameters
     ----------
@@ -116,28 +125,30 @@ def characteristic(model, pair, tunings, disturbance, run):
     pair : GearPair
         Whose mean eigenfrequency the tunings are counted in.
     tunings : sequence of float, shape (t,)
-    disturbance : float
-        Of the first mode of a train at the start, static deflections.
-    run : dict
-        periods, record_periods.
+    settings : dict
+        As of `gearlib.studies.trains.motions`.
 
     Returns
     -------
-    tuple of ndarray, shape (t,)
+    tuple of ndarray
         Largest dynamic factor, largest share of time without drive-side contact, and largest load
-        sharing, of all meshes of the stage.
+        sharing, of all meshes of the stage, shape (starts, t); whether all starts settle on one
+        orbit, shape (t,).
     """
     if not model.mesh_names:
-        unit = model.mesh_frequency(1.0) / pair.mesh_frequency(1.0)
-        start = (pair.mean_stiffness / pair.max_stiffness, 0.0)
-        found = sweep(model, np.asarray(tunings) / unit, initial_state=start, **run)
-        ones = np.ones(found.tuning.size)
-        return found.dynamic_force_max.values, lost_share(found.fraction_normal).values, ones
-    start = model.disturbed("static", disturbance)
-    found = sweep(model, tunings, initial_state=start, **run)
-    found = found.isel(mesh=[name.startswith("first") for name in found.mesh.values])
-    kept = found.dynamic_factor, lost_share(found.fraction_normal), found.load_sharing
-    return tuple(one.max("mesh").values for one in kept)
+        tunings = np.asarray(tunings) * pair.mesh_frequency(1.0) / model.mesh_frequency(1.0)
+        state = (pair.mean_stiffness / pair.max_stiffness, 0.0)
+        found = motions.from_rest(model, tunings, settings, state)
+        names = ("dynamic_force_max", "fraction_normal")
+        one = motions.summarise(model, found, settings, names)
+        factor, loss = one.dynamic_force_max.values, lost_share(one.fraction_normal.values)
+        return factor, loss, np.ones_like(factor), one.settled.values
+    found = motions.from_rest(model, tunings, settings)
+    names = ("dynamic_factor", "fraction_normal", "load_sharing")
+    one = motions.summarise(model, found, settings, names)
+    one = one.isel(mesh=[name.startswith("first") for name in model.mesh_names])
+    kept = one.dynamic_factor, lost_share(one.fraction_normal), one.load_sharing
+    return *(values.max("mesh").values for values in kept), one.settled.values
 
 
 def observe(tunings, factor, loss, sharing):
@@ -179,42 +190,59 @@ def compute(pair, tunings, settings, changes):
     settings : dict
         Of the reducer, as of `models`, and periods, record_periods.
     changes : dict
-        As of `models`, and disturbance, tolerance.
+        As of `models`, and tolerance, and the starts of `gearlib.studies.trains.motions`.
 
     Returns
     -------
     xarray.Dataset
-        dynamic_factor over (case, model, tuning), the largest of the first stage; answer and
-        answer_change over (case, model, observable); sufficient over case; tolerance.
+        dynamic_factor over (case, model, tuning), the largest of the first stage, and its range;
+        settled over the same; answer and answer_change over (case, model, observable), medians over
+        the starts, and their ranges; answer_shared, whether both are the same from all starts;
+        sufficient over case, from all starts; tolerance.
     """
     pair = GearPair(**pair)
-    run = {name: settings[name] for name in ("periods", "record_periods")}
-    factors = np.empty((len(CASES), len(MODELS), len(tunings)))
-    values = np.empty((len(CASES), len(MODELS), len(OBSERVABLES)))
+    settings = settings | {name: changes[name] for name in motions.SETTINGS if name in changes}
+    count = settings["starts"]
+    factors = np.empty((len(CASES), len(MODELS), count, len(tunings)))
+    values = np.empty((len(CASES), count, len(MODELS), len(OBSERVABLES)))
+    settled = np.empty((len(CASES), len(MODELS), len(tunings)), np.int8)
     known = {}
     for i, case in enumerate(CASES):
-        for j, (name, model) in enumerate(models(pair, settings, case, changes).items()):
-            # Only several branches can part; the small models are the same in several cases.
-            parts = case != "in_phase" and name in ("torsional", "whole")
-            beside = changes["disturbance"] if parts else 0.0
-            if (model, beside) not in known:
-                known[model, beside] = characteristic(model, pair, tunings, beside, run)
-            factors[i, j] = known[model, beside][0]
-            values[i, j, :-1] = observe(tunings, *known[model, beside])
+        for j, model in enumerate(models(pair, settings, case, changes).values()):
+            # The small models are the same in several cases.
+            if model not in known:
+                known[model] = characteristic(model, pair, tunings, settings)
+            *found, settled[i, j] = known[model]
+            factors[i, j] = found[0]
+            values[i, :, j, :-1] = [observe(tunings, *one) for one in zip(*found, strict=True)]
     whole = factors[:, -1:]
-    values[..., -1] = (np.abs(factors - whole) / whole).mean(axis=-1)
+    away = (np.abs(factors - whole) / whole).mean(axis=-1)
+    values[..., -1] = away.swapaxes(1, 2)
     change = relative_changes(values)
     change[..., -1] = values[..., -1]
-    within = (change <= changes["tolerance"]).all(axis=-1)
-    dataset = xr.Dataset(
+    within = (change <= changes["tolerance"]).all(axis=(1, -1))
+    shared = [np.isclose(one, one[:, :1], rtol=_SAME, equal_nan=True) for one in (values, change)]
+    over = ("case", "model", "tuning")
+    data = {
+        "settled": (over, settled, motions.SETTLED_FLAGS),
+        "answer_shared": (
+            ("case", "model", "observable"),
+            np.logical_and(*shared).all(axis=1).astype(np.int8),
+            {"flag_values": np.arange(2, dtype=np.int8), "flag_meanings": "unsettled shared"},
+        ),
+        "sufficient": ("case", [MODELS[int(row.argmax())] for row in within]),
+        "tolerance": float(changes["tolerance"]),
+        "static_deflection": pair.static_deflection,
+    }
+    every = xr.Dataset(
         {
-            "dynamic_factor": (("case", "model", "tuning"), factors),
-            "answer": (("case", "model", "observable"), values),
-            "answer_change": (("case", "model", "observable"), change),
-            "sufficient": ("case", [MODELS[int(row.argmax())] for row in within]),
-            "tolerance": float(changes["tolerance"]),
-            "static_deflection": pair.static_deflection,
-        },
+            "dynamic_factor": (("case", "model", "start", "tuning"), factors),
+            "answer": (("case", "start", "model", "observable"), values),
+            "answer_change": (("case", "start", "model", "observable"), change),
+        }
+    )
+    dataset = xr.Dataset(
+        data | motions.over_starts(every, list(every)),
         {
             "case": list(CASES),
             "model": list(MODELS),
@@ -227,13 +255,13 @@ def compute(pair, tunings, settings, changes):
         train_of(pair, settings),
         method="exact",
         initial_state="static",
-        **run,
+        **{name: settings[name] for name in motions.SETTINGS},
     )
     return describe(dataset)
 
 
 def write_csv(comparison, path):
-    """Write the answers as a table, a row for each case and model.
+    """Write the digits of the answers that all starts share, a row for each case and model.
 
     Parameters
     ----------
@@ -248,6 +276,25 @@ def write_csv(comparison, path):
         for case in comparison.case.values:
             for model in comparison.model.values:
                 one = comparison.sel(case=case, model=model)
-                values = [*one.answer.values, *one.answer_change.values[:-1]]
+                texts = [
+                    _shared_digits(low, high)
+                    for name, few in (("answer", None), ("answer_change", -1))
+                    for low, high in zip(
+                        one[f"{name}_low"].values[:few],
+                        one[f"{name}_high"].values[:few],
+                        strict=True,
+                    )
+                ]
                 chosen = "yes" if model == one.sufficient.item() else "no"
-                writer.writerow([case, model, *(f"{x:.4g}" for x in values), chosen])
+                writer.writerow([case, model, *texts, chosen])
+
+
+def _shared_digits(low, high):
+    """Return the digits, four at most, that all numbers of a range have, wider by itself."""
+    if low == high or math.isnan(low):
+        return f"{low:.4g}"
+    for digits in (4, 3, 2):
+        first, last = (f"{x:#.{digits}g}" for x in (2.0 * low - high, 2.0 * high - low))
+        if first == last:
+            return first
+    return "differs"

@@ -1,21 +1,15 @@
-"""Every mesh of the train of the configuration over speed, carried up and down."""
+"""Every mesh of the train of the configuration over speed: from all starts, and carried."""
 
 import numpy as np
-import xarray as xr
 
 from gearlib.data import provenance
 from gearlib.data.variables import describe
 from gearlib.models.trains.described import described
-from gearlib.runs.sweeping import CARRIED, sweep
+from gearlib.runs.sweeping import DIRECTIONS
+from gearlib.studies.trains import motions
 
-_KEPT = (
-    "dynamic_factor",
-    "load_sharing",
-    "fraction_normal",
-    "fraction_inverse",
-    "period",
-    "status",
-)
+#: What is kept of every motion: median and range over its starts.
+_KEPT = ("dynamic_factor", "load_sharing", "fraction_normal")
 
 
 def compute(train, tunings, settings):
@@ -27,33 +21,19 @@ def compute(train, tunings, settings):
         Arguments of `gearlib.models.trains.described.described`.
     tunings : sequence of float, shape (t,)
     settings : dict
-        periods, record_periods: of every run, in periods of the reference mesh.
+        As of `gearlib.studies.trains.motions`.
 
     Returns
     -------
     xarray.Dataset
-        Over (direction, tuning, mesh): dynamic_factor, load_sharing, fraction_normal,
-        fraction_inverse; over (direction, tuning): period, status; over tuning: speed.
+        Over (direction, tuning, mesh): dynamic_factor, load_sharing, fraction_normal, medians over
+        the starts, and their ranges, _low and _high; over (direction, tuning): shares of motions
+        as of `gearlib.studies.trains.motions.summarise`; over tuning: speed.
     """
-    model = described(**train)
-    runs = [
-        sweep(model, tunings, direction=direction, initial_state="static", **settings)
-        for direction in CARRIED
-    ]
-    first = runs[0]
-    data = {
-        name: (("direction", *first[name].dims), np.array([run[name].values for run in runs]))
-        for name in _KEPT
-    }
-    data["speed"] = ("tuning", first.speed.values)
-    dataset = xr.Dataset(
-        data,
-        {
-            "direction": list(CARRIED),
-            "tuning": first.tuning.values,
-            "mesh": list(model.mesh_names),
-        },
-    )
+    model, tunings = described(**train), np.asarray(tunings, float)
+    dataset, _ = motions.over_directions(model, tunings, settings, _KEPT, DIRECTIONS)
+    dataset = dataset.assign(speed=("tuning", model.speed(tunings)))
+    dataset = dataset.assign_coords(tuning=tunings, mesh=list(model.mesh_names))
     dataset.attrs = provenance.attributes(
         "All meshes of a gear train over speed",
         model,

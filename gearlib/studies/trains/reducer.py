@@ -3,6 +3,7 @@
 The paper prints no number of the machine beyond those of one mesh; what is chosen stands in the
 section `reducer` of the configuration and in `gearlib.models.trains.reducer`. The tuning is that of
 the pair alone, mesh frequency of the first stage over the mean eigenfrequency of its `GearPair`.
+Every motion has many starts, see `gearlib.studies.trains.motions`.
 """
 
 import numpy as np
@@ -13,20 +14,15 @@ from gearlib.data.contact_loss import ROUNDING, lost_share
 from gearlib.data.variables import describe
 from gearlib.models.pair import GearPair
 from gearlib.models.trains.reducer import split_power_reducer
-from gearlib.runs.sweeping import DIRECTIONS, sweep
+from gearlib.runs.sweeping import DIRECTIONS
+from gearlib.studies.trains import motions
 
 BRANCHES = 3
 
-#: What is kept of every sweep.
-_KEPT = (
-    "dynamic_factor",
-    "load_sharing",
-    "fraction_normal",
-    "fraction_inverse",
-    "bounces",
-    "period",
-    "status",
-)
+#: What is kept of every motion: median and range over its starts.
+_KEPT = ("dynamic_factor", "load_sharing", "fraction_normal")
+#: What the shares of the starts are told of, for each branch.
+_ALONE = ("lost_alone_share", "struck_alone_share")
 
 
 def train_of(pair, settings, **changes):
@@ -98,58 +94,51 @@ def compute(pair, tunings, settings):
     tunings : sequence of float, shape (t,)
     settings : dict
         As of `train_of`, and pin_error (m, radial and tangential), backlashes (m, by branch),
-        periods, record_periods.
+        and those of `gearlib.studies.trains.motions`.
 
     Returns
     -------
     xarray.Dataset
         Over (case, direction, tuning, mesh): dynamic_factor, load_sharing, fraction_normal,
-        fraction_inverse, bounces; over (case, direction, tuning): period, status, lost_alone and
-        struck_alone, the only branch that loses contact, that strikes its far flanks (0: none or
-        several); over (case, direction, mesh): largest_factor and factor_tuning; over mesh:
-        mesh_branch, mesh_stage.
+        medians over the starts, and their ranges, _low and _high; over (case, direction, tuning):
+        settled, period, motion_count and shares of motions as of `motions.summarise`; over branch
+        too: lost_alone_share and struck_alone_share, of the starts in which only this branch loses
+        contact, strikes its far flanks; over (case, direction, mesh): largest_factor and
+        factor_tuning, of settled motions; over mesh: mesh_branch, mesh_stage.
     """
-    pair = GearPair(**pair)
+    pair, tunings = GearPair(**pair), np.asarray(tunings, float)
     trains = cases(pair, settings)
-    run = {name: settings[name] for name in ("periods", "record_periods")}
-    sweeps = [
-        [
-            sweep(train, tunings, direction=direction, initial_state="static", **run)
-            for direction in DIRECTIONS
-        ]
-        for train in trains.values()
-    ]
-    first = sweeps[0][0]
-    names = first.mesh.values
+    names = trains["alike"].mesh_names
     branch = np.array([int(name.split()[1]) for name in names])
-    over = ("case", "direction")
-    data = {
-        name: (
-            (*over, *first[name].dims),
-            np.array([[one[name].values for one in row] for row in sweeps]),
-        )
-        for name in _KEPT
-    }
-    lost = lost_share(data["fraction_normal"][1]) > 0.0
-    struck = data["fraction_inverse"][1] > ROUNDING
-    data["lost_alone"] = ((*over, "tuning"), alone(lost, branch))
-    data["struck_alone"] = ((*over, "tuning"), alone(struck, branch))
-    factor = data["dynamic_factor"][1]
-    data["largest_factor"] = ((*over, "mesh"), factor.max(axis=2))
-    data["factor_tuning"] = ((*over, "mesh"), first.tuning.values[factor.argmax(axis=2)])
-    data["mesh_branch"] = ("mesh", branch.astype(np.int32))
     stage = [1 if name.startswith("first") else 2 for name in names]
-    data["mesh_stage"] = ("mesh", np.array(stage, np.int32))
-    data["speed"] = ("tuning", first.speed.values)
-    dataset = xr.Dataset(
-        data,
-        {
-            "case": list(trains),
-            "direction": list(DIRECTIONS),
-            "tuning": first.tuning.values,
-            "mesh": list(names),
-        },
+    parts = []
+    for train in trains.values():
+        own, every = motions.over_directions(train, tunings, settings, _KEPT, DIRECTIONS)
+        share = {name: [] for name in _ALONE}
+        for one in every:
+            lost = lost_share(one.fraction_normal.values) > 0.0
+            struck = one.fraction_inverse.values > ROUNDING
+            for name, happens in zip(_ALONE, (lost, struck), strict=True):
+                only = alone(happens, branch)
+                share[name].append((only[..., None] == np.unique(branch)).mean(axis=0))
+        over = ("direction", "tuning", "branch")
+        settled = own.dynamic_factor.where(own.settled == 1)
+        there = settled.notnull().any("tuning")
+        top = settled.fillna(-np.inf).argmax("tuning")
+        parts.append(
+            own.assign({name: (over, np.array(values)) for name, values in share.items()}).assign(
+                largest_factor=settled.max("tuning"),
+                factor_tuning=xr.DataArray(tunings, dims="tuning").isel(tuning=top).where(there),
+            )
+        )
+    whole = xr.concat(
+        parts, xr.DataArray(list(trains), dims="case", name="case"), combine_attrs="override"
     )
+    dataset = whole.assign(
+        mesh_branch=("mesh", branch.astype(np.int32)),
+        mesh_stage=("mesh", np.array(stage, np.int32)),
+        speed=("tuning", trains["alike"].speed(tunings)),
+    ).assign_coords(tuning=tunings, mesh=list(names), branch=np.unique(branch).astype(np.int32))
     dataset.attrs = provenance.attributes(
         "All meshes of a reducer with three double satellites",
         trains["alike"],
@@ -157,13 +146,13 @@ def compute(pair, tunings, settings):
         initial_state="static",
         pin_error=settings["pin_error"],
         backlashes=settings["backlashes"],
-        **run,
+        **{name: settings[name] for name in motions.SETTINGS},
     )
     return describe(dataset)
 
 
 def write_csv(characteristics, path):
-    """Write what is found as a table, a row for each case, direction and mesh.
+    """Write what all starts share as a table, a row for each case, direction and mesh.
 
     Parameters
     ----------
@@ -175,18 +164,21 @@ def write_csv(characteristics, path):
     with files.table(path) as writer:
         factors = ["largest_dynamic_factor", "at_tuning", "at_speed_rpm"]
         only = ["contact_lost_in_its_branch_only_at", "far_flank_struck_in_its_branch_only_at"]
-        writer.writerow(["case", "direction", "mesh", *factors, *only])
+        writer.writerow(["case", "direction", "mesh", *factors, *only, "not_settled_at"])
         per_tuning = float(data.speed[0] / data.tuning[0])
         for case in data.case.values:
             for direction in data.direction.values:
                 shown = data.sel(case=case, direction=direction)
+                settled = shown.settled.values == 1
                 for j, mesh in enumerate(data.mesh.values):
                     nu = float(shown.factor_tuning[j])
                     numbers = [f"{float(shown.largest_factor[j]):.4g}", f"{nu:g}"]
-                    branch = int(data.mesh_branch[j])
-                    alone = [
-                        " ".join(f"{x:g}" for x in data.tuning.values[shown[name] == branch])
-                        for name in ("lost_alone", "struck_alone")
-                    ]
+                    own = shown.sel(branch=int(data.mesh_branch[j]))
+                    places = [settled & (own[name].values == 1.0) for name in _ALONE]
+                    listed = [_listed(data.tuning.values[at]) for at in (*places, ~settled)]
                     speed = f"{per_tuning * nu:.0f}"
-                    writer.writerow([case, direction, mesh, *numbers, speed, *alone])
+                    writer.writerow([case, direction, mesh, *numbers, speed, *listed])
+
+
+def _listed(tunings):
+    return " ".join(f"{nu:g}" for nu in tunings)

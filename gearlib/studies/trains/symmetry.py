@@ -4,7 +4,8 @@ N equal planets in phase may move alike; then sun, ring and carrier do not move 
 planet takes an N-th of what turns. So the symmetric motion is that of a train with one planet,
 rigid supports of sun, ring and carrier, and an N-th of their inertias, torques and torsional
 supports: kinetic energy, work and the forces of meshes and pins all divide by N. Its multipliers
-are those of symmetric disturbances; those of all others only the full train has.
+are those of symmetric disturbances; those of all others only the full train has. What becomes of
+the motion is asked from many starts beside it, see `gearlib.studies.trains.motions`.
 """
 
 import dataclasses
@@ -19,16 +20,19 @@ from gearlib.data.variables import describe
 from gearlib.models.trains.train import GearTrain
 from gearlib.runs.run_arguments import MAX_EVENTS
 from gearlib.runs.simulation import simulate
-from gearlib.runs.sweeping import sweep
+from gearlib.studies.trains import motions
 from gearlib.studies.trains.stability import with_jump
 
 #: What the multipliers of the symmetric motion say, in the order of the codes.
 VERDICTS = ("no orbit", "stable", "symmetry breaks", "unstable in itself")
 #: Residual of the lifted orbit in the full train, static deflections: more is no symmetric train.
 _MISS = 1e-9
-#: What is kept of the motions, for each mesh.
+#: What is kept of the motions, for each mesh: median and range over the starts.
 _SEEN = ("bounces", "load_sharing", "dynamic_force_max")
+#: What is kept of the symmetric one.
 _ALIKE = ("bounces", "dynamic_force_max")
+#: Forces of a start 1e-9 beside agree to this: those of rounding to far less than a line is wide.
+_SEEN_BESIDE = 1e-3
 #: Central gears of the meshes of the reduced train, in order.
 _CENTRAL = ("sun", "ring")
 
@@ -127,15 +131,59 @@ def symmetric(train):
     return np.tile(kinds == "rotational", 2)
 
 
-def _aside(train):
-    """Return a turn of one planet less what of it is alike for all, of largest entry 1."""
-    reduce, lift = train.reduction()
-    alike = symmetric(train)
-    turn = np.zeros(train.size)
-    planet = next(body.name for body in train.bodies if body.carrier)
-    turn[train.structure.coordinates.index((planet, "u"))] = 1.0
-    rest = lift[:, ~alike] @ (reduce[~alike] @ turn)
-    return rest / np.abs(rest).max()
+def symmetric_orbits(small, tunings, settings):
+    """Return the state of an orbit of one common period at each tuning, None where none is found.
+
+    Where all starts of the reduced train settle on one such orbit it is that. Elsewhere the orbit
+    of a neighbouring tuning leads to it, from below and then from above: from where a run without
+    end happens to be, Newton's method would find now one orbit, now another or none.
+
+    Parameters
+    ----------
+    small : gearlib.GearTrain
+        As of `reduced`.
+    tunings : sequence of float, shape (t,)
+    settings : dict
+        As of `gearlib.studies.trains.motions`.
+    """
+    found = motions.from_rest(small, tunings, settings)
+    once = [one.settled and one.periods[0] == small.repeats for one in found]
+    states = [one.states[0] if own else None for one, own in zip(found, once, strict=True)]
+    rising = np.argsort(tunings)
+    for order in (rising, rising[::-1]):
+        for before, i in zip(order, order[1:], strict=False):
+            if states[i] is None and states[before] is not None:
+                states[i] = _near(small, float(tunings[i]), states[before])
+    return states
+
+
+def _near(small, tuning, state):
+    try:
+        return periodic_orbit(small, tuning, guess=state, period=small.repeats).state
+    except NoOrbit:
+        return None
+
+
+def _course(train, tuning, state, settings):
+    """Return the forces after the first start, NaN where a start beside has others.
+
+    They are drawn as lines: so these must be the same to `_SEEN_BESIDE` for all that rounding does.
+    """
+    first = motions.starts(train, state, settings | {"starts": 1})[0]
+    recorded = settings["record_periods"]
+    one, other = (
+        simulate(
+            train,
+            tuning,
+            periods=settings["shown_after"] + recorded,
+            record_periods=recorded,
+            samples_per_period=settings["samples_per_period"],
+            initial_state=tuple(begin),
+        ).dynamic_force.values
+        for begin in (first, motions.beside(first))
+    )
+    same = np.abs(one - other).max() <= _SEEN_BESIDE * np.abs(one).max()
+    return one if same else np.full_like(one, np.nan)
 
 
 def compute(train, tunings, settings):
@@ -148,67 +196,71 @@ def compute(train, tunings, settings):
     tunings : sequence of float, shape (t,)
         Mesh frequencies over the reference frequency.
     settings : dict
-        reference_frequency, Hz; teeth: (z_s, z_r); jump: of the stiffness over its mean;
-        disturbance: of the symmetric orbit, static deflections; settle, record_periods: mesh
-        periods of the motion that follows; shown: the tuning of its course; samples_per_period.
+        reference_frequency, Hz; teeth: (z_s, z_r); jump: of the stiffness over its mean; shown: the
+        tuning of the course; shown_after, mesh periods; samples_per_period; those of
+        `gearlib.studies.trains.motions`.
 
     Returns
     -------
     xarray.Dataset
-        Over tuning: the largest multipliers of symmetric and other disturbances, the verdict;
-        over tuning and mesh what the disturbed motion does: bounces, load sharing, largest force.
-        Over mesh and phase: the forces at the tuning that is shown.
+        Over tuning: the largest multipliers of symmetric and other disturbances, the verdict, and
+        shares of the motions from all starts beside the symmetric one, as of `motions.summarise`;
+        over tuning and mesh what these do: bounces, load sharing, largest force, medians and
+        ranges. Over mesh and phase: the forces at the tuning that is shown, after the first start.
     """
     train = with_jump(train | {"teeth": settings["teeth"]}, settings["jump"], settings)
     small = reduced(train)
     lift = lifting(train, small)
     tunings = np.asarray(tunings, float)
-    run = {name: settings[name] for name in ("record_periods", "samples_per_period")}
-    rest = {"initial_state": "static", "periods": settings["settle"]}
-    settled = sweep(small, tunings, record_periods=1, threads=1, **rest)
-    aside = settings["disturbance"] * _aside(train)
-    largest = np.full((2, tunings.size), np.nan)
-    verdict, period = np.zeros(tunings.size, np.int8), np.zeros(tunings.size, np.int32)
-    shape = tunings.size, len(train.meshes)
-    names = [*_SEEN, *(f"symmetric_{name}" for name in _ALIKE)]
-    found = {name: np.full(shape, np.nan) for name in names}
-    samples = run["record_periods"] * run["samples_per_period"]
+    states = symmetric_orbits(small, tunings, settings)
+    ranges = [f"{name}{end}" for name in _SEEN for end in ("", "_low", "_high")]
+    names = [*ranges, *(f"symmetric_{name}" for name in _ALIKE)]
+    found = {name: np.full((tunings.size, len(train.meshes)), np.nan) for name in names}
+    shares = {name: np.zeros(tunings.size) for name in motions.SHARES}
+    largest, verdict = np.full((2, tunings.size), np.nan), np.zeros(tunings.size, np.int8)
+    samples = settings["record_periods"] * settings["samples_per_period"]
     course = np.full((samples, len(train.meshes)), np.nan)
-    for i, tuning in enumerate(tunings):
-        try:
-            orbit = periodic_orbit(small, tuning, guess=settled.final_state.values[i])
-            state = lift @ orbit.state
-            inside, outside, _, miss = multipliers(train, tuning, state)
-        except NoOrbit:
-            continue
+
+    def look(i):
+        if states[i] is None:
+            return None
+        inside, outside, _, miss = multipliers(train, tunings[i], lift @ states[i])
         if miss > _MISS:
-            continue
+            return None
         largest[:, i] = abs(inside[0]), abs(outside[0])
+        begin = motions.starts(train, lift @ states[i], settings)
+        if largest[:, i].max() < 1.0:
+            # Starts beside it come back: that is its multipliers' word.
+            begin = np.tile(lift @ states[i], (settings["first_starts"], 1))
+        return motions.ends(train, float(tunings[i]), begin, settings)
+
+    for i, becomes in enumerate(motions.in_parallel(look, range(tunings.size))):
+        if becomes is None:
+            continue
         verdict[i] = 3 if largest[0, i] > 1.0 else 2 if largest[1, i] > 1.0 else 1
-        own = simulate(small, tuning, periods=1, initial_state=tuple(orbit.state))
-        becomes = simulate(
-            train,
-            tuning,
-            periods=settings["settle"] + settings["record_periods"],
-            initial_state=tuple(state + aside),
-            **run,
-        )
-        period[i] = becomes.period
-        for name in _SEEN:
-            found[name][i] = becomes[name]
+        one = motions.summarise(train, [becomes], settings, _SEEN).isel(tuning=0)
+        for name, values in motions.over_starts(one, _SEEN).items():
+            found[name][i] = values
+        for name in motions.SHARES:
+            shares[name][i] = one[name]
+        own = simulate(small, tunings[i], periods=1, initial_state=tuple(states[i]))
         for name in _ALIKE:
             alike = dict(zip(_CENTRAL, own[name].values, strict=True))
             found[f"symmetric_{name}"][i] = [alike[mesh.split()[0]] for mesh in train.mesh_names]
-        if np.isclose(tuning, settings["shown"]):
-            course = becomes.dynamic_force.values
-    first = settings["settle"] * run["samples_per_period"]
-    phase = (first + np.arange(samples)) * (2.0 * math.pi / run["samples_per_period"])
+        if np.isclose(tunings[i], settings["shown"]):
+            course = _course(train, tunings[i], lift @ states[i], settings)
+    first = settings["shown_after"] * settings["samples_per_period"]
+    phase = (first + np.arange(samples)) * (2.0 * math.pi / settings["samples_per_period"])
+    whole = ("settled", "motion_count", "period")
     dataset = xr.Dataset(
         {
             "verdict": ("tuning", verdict),
             "symmetric_multiplier": ("tuning", largest[0]),
             "other_multiplier": ("tuning", largest[1]),
-            "period": ("tuning", period),
+            **{
+                name: ("tuning", values.astype(np.int32) if name in whole else values)
+                for name, values in shares.items()
+            },
             **{name: (("tuning", "mesh"), values) for name, values in found.items()},
             "dynamic_force": (("phase", "mesh"), course),
             "shown": settings["shown"],
@@ -220,6 +272,7 @@ def compute(train, tunings, settings):
         "Symmetry breaking of a planetary train", train, method="exact", **settings
     )
     dataset = describe(dataset)
+    dataset["settled"] = dataset.settled.astype(np.int8).assign_attrs(motions.SETTLED_FLAGS)
     dataset.verdict.attrs |= {
         "flag_values": np.arange(len(VERDICTS), dtype=np.int8),
         "flag_meanings": " ".join(words.replace(" ", "_") for words in VERDICTS),

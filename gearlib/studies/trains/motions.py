@@ -1,0 +1,338 @@
+"""Where motions from many starts end: on which stable orbit, or on none.
+
+What rounding decides is no result. So every motion begins at seeded starts of physical size, and
+what is said of it is said of a stable periodic orbit, found to rounding by Newton's method from
+where the run came to. Starts that end on one such orbit share one motion. Motions that end on none,
+slow ones and chaos, are told by their range over all starts; so are motions of which the start
+alone, moved by less than anything that can be measured, decides where they end.
+"""
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple
+
+import numpy as np
+import xarray as xr
+
+from gearlib.analysis.orbits.shooting import NoOrbit, periodic_orbit
+from gearlib.data import status, summary
+from gearlib.runs.run_arguments import MAX_EVENTS
+
+#: What `settled` says.
+SETTLED_FLAGS = {
+    "flag_values": np.arange(2, dtype=np.int8),
+    "flag_meanings": "unsettled all_starts_on_one_stable_orbit",
+}
+#: Names of what `summarise` says of the motions, and of the settings.
+SHARES = ["settled", "settled_share", "motion_count", "largest_share", "period"]
+SETTINGS = ("periods", "record_periods", "starts", "first_starts", "seed", "spread")
+#: A run that ends so near to a stable orbit, and came nearer, settles on it; one that changes by
+#: more over its record is near none. Static deflections.
+_NEAR = 0.3
+#: Starts are moved by this to see whether they decide where a motion ends; rounding is less.
+_BESIDE = 1e-9
+#: Multiples of the common period of all meshes that an orbit is looked for with.
+_MULTIPLES = (1, 2)
+#: Searches without an orbit after which no other is begun at a tuning.
+_SEARCHES = 3
+
+
+def starts(model, state, settings):
+    """Return the starts: a state of a model with seeded displacements added, shape (k, size).
+
+    Parameters
+    ----------
+    model : Model
+    state : tuple of float, array_like or "static"
+        As of `gearlib.simulate`.
+    settings : dict
+        starts, seed, and spread, the largest displacement of a coordinate, static deflections.
+    """
+    if isinstance(state, str):
+        state = model.start_state(state)
+    generator, half = np.random.default_rng(settings["seed"]), model.size // 2
+    found = np.tile(np.asarray(state, float), (settings["starts"], 1))
+    # Of bodies, not of natural modes: of two with one frequency no computer knows which is which.
+    found[:, :half] += settings["spread"] * generator.uniform(-1.0, 1.0, (len(found), half))
+    return found
+
+
+def beside(state):
+    """Return a state next to one, by more than rounding and less than anything that is measured."""
+    return state + _BESIDE * np.cos(1.0 + np.arange(len(state)) ** 2.0)
+
+
+class Ends(NamedTuple):
+    """Where the motions from some starts end, each over the first axis."""
+
+    tables: np.ndarray  #: summaries as of `Model.room`, of orbits where there is one
+    orbits: np.ndarray  #: number of the stable orbit in the order found, -1: none
+    periods: np.ndarray  #: in mesh periods, 0: none
+    states: np.ndarray  #: at a multiple of the common period
+    codes: np.ndarray  #: `gearlib.data.status`
+
+    @property
+    def settled(self):
+        """Whether all of them end on one orbit."""
+        return bool((self.orbits == 0).all())
+
+
+class _Tuning:
+    """A model at one tuning, and the stable orbits that were found there."""
+
+    def __init__(self, model, tuning, settings):
+        self.model, self.tuning = model, tuning
+        self.propagator = model.propagator(tuning)
+        #: Takes free rotations out of a state.
+        self.bend, self.neutral = np.eye(model.size), True
+        try:
+            reduce, lift = model.reduction()
+            self.bend = lift @ reduce
+        except ValueError:
+            # Its free rotation is not neutral: Newton's method does not take such a train.
+            self.neutral = False
+        self.recorded, cycles = settings["record_periods"], _MULTIPLES[-1] * model.repeats
+        #: Orbits of all multiples are in one phase in the middle and at the end of a run.
+        self.half = -(-max(settings["periods"], 2 * self.recorded) // (2 * cycles)) * cycles
+        self.orbits: list = []
+        self.searches = 0
+        #: Deviations of this size stay small beside a stable orbit.
+        self.near = 2.0 * settings["spread"]
+
+    def _run(self, z, periods, recorded, first):
+        samples, events, table = self.model.room(events=0)
+        arguments = periods, recorded, samples, events, MAX_EVENTS, table
+        done = self.propagator.run(z, *arguments, first=first % self.model.repeats)
+        return table, done[2], int(done[5])
+
+    def end(self, start):
+        """Return (table, orbit, period, state, status) of the motion from a start."""
+        z, first, half = np.array(start, float), 0, None
+        for periods in (self.half, self.half - self.recorded, self.recorded):
+            half = z.copy() if first == self.half else half
+            if periods:
+                table, period, code = self._run(z, periods, periods, first)
+                if code != status.OK:
+                    return np.full_like(table, np.nan), -1, 0, z, code
+            first += periods
+        number = self._known(half, z)
+        near = period or self._apart(half, z) < _NEAR
+        if number < 0 and near and self.searches < _SEARCHES:
+            number = self._new(period, half, z)
+            self.searches += number < 0
+        if number >= 0:
+            found, points, own = self.orbits[number]
+            return own, number, found, points[0], code
+        return table, -1, 0, z, code
+
+    def _apart(self, one, other):
+        return np.abs(self.bend @ (one - other)).max()
+
+    def _known(self, half, end):
+        """Return the number of the orbit that a motion comes nearer to, -1 if there is none."""
+        for number, (_, points, _) in enumerate(self.orbits):
+            now, then = (min(self._apart(z, point) for point in points) for z in (end, half))
+            if now < _NEAR and (now < then or now < self.near):
+                return number
+        return -1
+
+    def _new(self, period, half, end):
+        """Return the number of a new orbit from where a motion has come to, -1: there is none."""
+        cycle = self.model.repeats
+        wanted = (
+            [period]
+            if period and not period % cycle
+            else [cycle * multiple for multiple in _MULTIPLES]
+        )
+        # Without Newton's method only a run that repeats has an orbit.
+        wanted = wanted if period or self.neutral else []
+        for one in wanted:
+            state = self._orbit(one, end)
+            if state is None:
+                continue
+            z, points = state.copy(), []
+            for _ in range(one // cycle):
+                points.append(z.copy())
+                self._run(z, cycle, 1, 0)
+            own = self._run(state.copy(), self.recorded, self.recorded, 0)[0]
+            self.orbits.append((one, points, own))
+            if self._known(half, end) == len(self.orbits) - 1:
+                return len(self.orbits) - 1
+            self.orbits.pop()
+        return -1
+
+    def _orbit(self, period, end):
+        """Return the state at tau = 0 of the stable orbit next to a state, None: there is none."""
+        if not self.neutral:
+            return end.copy()
+        try:
+            orbit = periodic_orbit(self.model, self.tuning, guess=end, period=period)
+        except NoOrbit:
+            return None
+        return orbit.state if orbit.stable else None
+
+
+def ends(model, tuning, states, settings):
+    """Return where the motions from these states end at one tuning.
+
+    Parameters
+    ----------
+    model : Model
+    tuning : float
+    states : ndarray, shape (k, size)
+    settings : dict
+        periods, record_periods: of every run, in mesh periods, rounded up to whole repeats;
+        first_starts: where so many of the states end on one stable orbit, the others are taken to
+        end there too.
+
+    Returns
+    -------
+    Ends
+    """
+    here, found = _Tuning(model, tuning, settings), []
+    for i, state in enumerate(states):
+        if i == settings["first_starts"] and all(row[1] == 0 for row in found):
+            found += found[:1] * (len(states) - i)
+            break
+        found.append(here.end(state))
+    if len(here.orbits) > 1:
+        for i, state in enumerate(states):
+            if found[i][1] != here.end(beside(state))[1]:
+                found[i] = (found[i][0], -1, 0, *found[i][3:])
+    tables, orbits, periods, last, codes = (np.array(column) for column in zip(*found, strict=True))
+    return Ends(tables, orbits, periods, last, codes)
+
+
+def from_rest(model, tunings, settings, state="static"):
+    """Return where the motions from all starts end, tuning by tuning: a list of `Ends`.
+
+    Parameters
+    ----------
+    model : Model
+    tunings : sequence of float, shape (t,)
+    settings : dict
+        As of `starts` and `ends`.
+    state : tuple of float, or "static"
+        Beside which the starts lie.
+    """
+    begin = starts(model, state, settings)
+    return in_parallel(lambda nu: ends(model, float(nu), begin, settings), tunings)
+
+
+def in_parallel(call, values):
+    """Return what a call gives for each value; kernels leave the interpreter to other threads."""
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        return list(pool.map(call, values))
+
+
+def carried(model, tunings, settings, direction, state="static"):
+    """Return the same for one start that carries its motion from tuning to tuning.
+
+    Every run begins where the one before ended, with the displacements of the first start of
+    `starts` added; behind a motion that did not settle it begins from rest.
+
+    Parameters
+    ----------
+    model, tunings, settings, state
+        As of `from_rest`.
+    direction : {"up", "down"}
+    """
+    first = starts(model, state, settings | {"starts": 1})
+    away = first - (model.start_state(state) if isinstance(state, str) else state)
+    order, begin = np.argsort(tunings), first
+    found = [None] * len(order)
+    for i in order if direction == "up" else order[::-1]:
+        here = found[i] = ends(model, float(tunings[i]), begin, settings)
+        begin = here.states + away if here.settled else first
+    return found
+
+
+def summarise(model, found, settings, names):
+    """Return the medians and ranges of summaries over all starts, and the shares of motions.
+
+    Parameters
+    ----------
+    model : Model
+    found : list of Ends
+        Of each tuning, with equal numbers of starts.
+    settings : dict
+        record_periods.
+    names : sequence of str
+        Summaries as of `gearlib.sweep`.
+
+    Returns
+    -------
+    xarray.Dataset
+        Over (start, tuning) and mesh: the summaries. Over (tuning,): settled; settled_share, of
+        the starts that end on a stable orbit; motion_count, of different ones; largest_share, of
+        the one on which most starts end; period, 0 unless settled.
+    """
+    tables, orbits, periods, states, codes = (
+        np.stack(column, axis=1) for column in zip(*found, strict=True)
+    )
+    both = np.stack([periods, codes], axis=-1)
+    every = summary.variables(
+        model, ("start", "tuning"), tables, states, both, settings["record_periods"]
+    )
+    counts = [np.unique(row[row >= 0], return_counts=True)[1] for row in orbits.T]
+    settled = np.array([one.settled for one in found])
+    shares = {
+        "settled": settled.astype(np.int8),
+        "settled_share": (orbits >= 0).mean(axis=0),
+        "motion_count": np.array([len(one) for one in counts], np.int32),
+        "largest_share": np.array([max(one, default=0) for one in counts]) / len(orbits),
+        "period": np.where(settled, periods[0], 0).astype(np.int32),
+    }
+    dataset = xr.Dataset(
+        {name: every[name] for name in names}
+        | {name: ("tuning", values) for name, values in shares.items()}
+    )
+    dataset["settled"].attrs |= SETTLED_FLAGS
+    return dataset
+
+
+def over_starts(every, names):
+    """Return name, name_low, name_high -> DataArray: median and range over ``start``."""
+    found = {}
+    for name in names:
+        found[name] = every[name].median("start", skipna=False)
+        found[f"{name}_low"] = every[name].min("start", skipna=False)
+        found[f"{name}_high"] = every[name].max("start", skipna=False)
+    return found
+
+
+def over_directions(model, tunings, settings, names, directions):
+    """Return medians, ranges and shares over direction, tuning and mesh, and all starts of each.
+
+    Parameters
+    ----------
+    model : GearTrain
+    tunings : sequence of float, shape (t,)
+    settings : dict
+        As of `starts` and `ends`.
+    names : sequence of str
+        Summaries as of `gearlib.sweep`.
+    directions : sequence of {"cold", "up", "down"}
+        "cold": beside static equilibrium, from all starts; the others carry the first.
+
+    Returns
+    -------
+    (xarray.Dataset, list of xarray.Dataset)
+        The summaries with their _low and _high, and the shares of `summarise`; what that gives,
+        direction by direction, with fraction_inverse. Where a carried motion did not settle its
+        numbers are NaN.
+    """
+    every, own = [], []
+    for direction in directions:
+        if direction == "cold":
+            found = from_rest(model, tunings, settings)
+        else:
+            found = carried(model, tunings, settings, direction)
+        one = summarise(model, found, settings, (*names, "fraction_inverse"))
+        values = over_starts(one, names)
+        if direction != "cold":
+            values = {name: kept.where(one.settled == 1) for name, kept in values.items()}
+        every.append(one)
+        own.append(one[SHARES].assign(values))
+    coordinate = xr.DataArray(list(directions), dims="direction", name="direction")
+    return xr.concat(own, coordinate, combine_attrs="override"), every

@@ -1,0 +1,82 @@
+"""Motions from many starts: what all of them share, and what they do not."""
+
+import numpy as np
+import pytest
+
+from gearlib import GearPair, periodic_orbit, simulate
+from gearlib.config import load
+from gearlib.studies.trains import motions, reducer
+from tests.paper import CONFIG as PROJECT
+
+SETTINGS = {"periods": 120, "record_periods": 12, "starts": 5, "first_starts": 2, "seed": 3}
+SETTINGS |= {"spread": 0.02}
+CONFIG = load(PROJECT)
+PAIR = GearPair(**CONFIG.pair_parameters(CONFIG.reducer.damping))
+TRAIN = reducer.train_of(PAIR, CONFIG.reducer.model_dump())
+
+
+def test_starts_are_seeded_of_the_size_asked_for_and_no_two_alike():
+    one, again = (motions.starts(TRAIN, "static", SETTINGS) for _ in range(2))
+    assert (one == again).all() and one.shape == (5, TRAIN.size)
+    away = one - TRAIN.start_state("static")
+    half = TRAIN.size // 2
+    assert not away[:, half:].any() and 0.01 < np.abs(away[:, :half]).max() <= 0.02
+    assert (motions.starts(TRAIN, "static", SETTINGS | {"seed": 4}) != one)[:, :half].all()
+    # The first ones do not depend on how many there are.
+    assert (motions.starts(TRAIN, "static", SETTINGS | {"starts": 2}) == one[:2]).all()
+
+
+def test_settled_motions_are_the_periodic_orbit_and_not_a_late_transient():
+    (found,) = motions.from_rest(TRAIN, [1.2], SETTINGS)
+    assert found.settled and (found.periods == TRAIN.repeats).all()
+    orbit = periodic_orbit(TRAIN, 1.2, guess=found.states[0], period=TRAIN.repeats)
+    exact = simulate(TRAIN, 1.2, periods=12, record_periods=12, initial_state=tuple(orbit.state))
+    every = motions.summarise(TRAIN, [found], SETTINGS, ["dynamic_factor"])
+    for start in range(5):
+        ours = every.dynamic_factor.isel(start=start, tuning=0)
+        np.testing.assert_allclose(ours, exact.dynamic_factor, rtol=1e-11)
+    assert float(every.settled_share[0]) == float(every.largest_share[0]) == 1.0
+
+
+def test_motions_that_part_are_told_by_their_range():
+    # Where branches that move alike are unstable.
+    (found,) = motions.from_rest(TRAIN, [1.6], SETTINGS)
+    every = motions.summarise(TRAIN, [found], SETTINGS, ["dynamic_factor"])
+    assert not found.settled and int(every.settled[0]) == 0 and int(every.period[0]) == 0
+    low, high = (
+        motions.over_starts(every, ["dynamic_factor"])[f"dynamic_factor_{end}"].values
+        for end in ("low", "high")
+    )
+    assert (high > 1.1 * low).all()
+
+
+def test_shares_are_those_of_the_motions_that_starts_lead_to():
+    # Between the jumps of k1 one motion keeps contact, another loses it.
+    keeps = simulate(PAIR, 0.80, periods=400, record_periods=1)
+    loses = simulate(PAIR, 0.82, periods=400, record_periods=1)
+    assert float(keeps.fraction_normal) == 1.0 > float(loses.fraction_normal)
+    low, high = keeps.final_state.values, loses.final_state.values
+    states = np.array([low, high, low, low])
+    found = motions.ends(PAIR, 0.81, states, SETTINGS | {"first_starts": 4})
+    every = motions.summarise(PAIR, [found], SETTINGS, ["displacement_max"])
+    assert found.orbits.tolist() == [0, 1, 0, 0]
+    assert float(every.largest_share[0]) == 0.75 and int(every.motion_count[0]) == 2
+    assert float(every.settled_share[0]) == 1.0 and int(every.settled[0]) == 0
+
+
+def test_few_starts_stand_for_all_only_where_they_agree():
+    begin = motions.starts(TRAIN, "static", SETTINGS)
+    few = motions.ends(TRAIN, 1.2, begin, SETTINGS)
+    every = motions.ends(TRAIN, 1.2, begin, SETTINGS | {"first_starts": 5})
+    np.testing.assert_allclose(few.tables, every.tables, rtol=1e-12)
+    assert (few.orbits == every.orbits).all()
+
+
+@pytest.mark.parametrize("direction", ["up", "down"])
+def test_a_carried_motion_begins_anew_behind_one_that_did_not_settle(direction):
+    tunings = [1.56, 1.6, 1.2] if direction == "down" else [1.2, 1.6, 1.84]
+    found = motions.carried(TRAIN, tunings, SETTINGS, direction)
+    alone = motions.carried(TRAIN, tunings[-1:], SETTINGS, direction)
+    last = -1 if direction == "up" else tunings.index(1.2)
+    assert not found[1].settled and found[last].settled
+    np.testing.assert_allclose(found[last].tables, alone[0].tables, rtol=1e-9)
