@@ -31,7 +31,9 @@ use rule job as one_mesh with:
         function="gearlib.studies.trains.one_mesh:compute",
         pair=canonical(CONFIG.pair_parameters(CONFIG.reducer.damping)),
         tunings=grid_of(CONFIG.one_mesh),
-        settings=canonical(CONFIG.reducer.model_dump(exclude={"damping", "backlashes", *GRID, *STARTS})),
+        settings=canonical(
+            CONFIG.reducer.model_dump(exclude={"damping", "backlashes", *GRID, *STARTS})
+        ),
         changes=canonical(CONFIG.one_mesh.model_dump(exclude=GRID)),
 
 
