@@ -333,12 +333,9 @@ def test_derivatives_through_contacts_at_once():
 def spoilt(monkeypatch, owner, name, change):
     """Have a method that returns (residuals, rows) return other rows."""
     real = getattr(owner, name)
-
-    def method(self, *arguments, **options):
-        found = real(self, *arguments, **options)
-        return change(found)
-
-    monkeypatch.setattr(owner, name, method)
+    monkeypatch.setattr(
+        owner, name, lambda self, *given, **more: change(real(self, *given, **more))
+    )
 
 
 def with_entry(i, j, by):
