@@ -20,6 +20,7 @@ from gearlib import (
 )
 from gearlib.analysis.global_dynamics.attractors import attractor_of
 from gearlib.analysis.global_dynamics.stroboscope import Stroboscope
+from gearlib.analysis.global_dynamics.studies import _random_states
 from gearlib.analysis.orbits.parameters import RATIOS, value_of, with_parameter
 from gearlib.kernels.closed_form.event_by_event import ARC_COLUMNS, march_period
 from gearlib.kernels.closed_form.mesh import contact_of, mesh
@@ -335,3 +336,13 @@ def test_wrong_basins(changed, part):
 def test_wrong_input(call, part):
     with pytest.raises(ValueError, match=part):
         call()
+
+
+def test_random_states_fill_their_region():
+    region = ((-3.0, 5.0), (10.0, 12.0))
+    states = _random_states(region, 2000)
+    for values, (low, high) in zip(states.T, region, strict=True):
+        # The next quantile of 2000 is wider than 1 % once in 5e8 times.
+        assert low <= values.min() < low + 0.01 * (high - low)
+        assert high - 0.01 * (high - low) < values.max() <= high
+    np.testing.assert_array_equal(states, _random_states(region, 2000))

@@ -112,3 +112,9 @@ def test_run_out_repeats_after_a_revolution():
 def test_wrong_input(changed, part):
     with pytest.raises(ValueError, match=part):
         periodic_orbit(DAMPED, 0.9, **changed)
+
+
+@pytest.mark.parametrize("model", [PAPER, OneDegreePair(pair=PAPER, cubic_damping=4e5)])
+def test_a_motion_from_rest_that_cannot_go_on_leads_to_no_orbit(model):
+    with pytest.raises(NoOrbit, match="the motion from rest could not go on"):
+        periodic_orbit(model, 0.9, max_events=1)

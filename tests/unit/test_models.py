@@ -128,3 +128,11 @@ def test_no_piece_of_a_table_crosses_the_mean():
         assert np.where(pieces.low, 1.0, np.minimum(value, end)).min() >= 1.0 - 1e-12
         mean = np.sum((value + end) / 2.0 * np.diff(pieces.breaks)) / (2.0 * math.pi)
         assert mean == pytest.approx(1.0, abs=1e-12)
+
+
+def test_what_is_infinite_is_no_parameter_of_a_derivative():
+    stiffness = (1e8, math.inf, 2e8, 3e8)
+    model = SIX.replace(bearing_stiffness=stiffness, bearing_damping=(0.0,) * 4)
+    for i, value in enumerate(stiffness):
+        assert (f"bearing_stiffness[{i}]" in model.derivatives) == math.isfinite(value)
+    assert {"inertias[0]", "inertias[1]", "masses[0]", "masses[1]"} <= model.derivatives.keys()
