@@ -80,3 +80,16 @@ def test_a_carried_motion_begins_anew_behind_one_that_did_not_settle(direction):
     last = -1 if direction == "up" else tunings.index(1.2)
     assert not found[1].settled and found[last].settled
     np.testing.assert_allclose(found[last].tables, alone[0].tables, rtol=1e-9)
+
+
+def test_directions_lie_side_by_side():
+    tunings, names = [1.2, 1.24], ["dynamic_factor"]
+    own, every = motions.over_directions(TRAIN, tunings, SETTINGS, names, ["cold", "down"])
+    ways = motions.from_rest(TRAIN, tunings, SETTINGS), motions.carried(
+        TRAIN, tunings, SETTINGS, "down"
+    )
+    for direction, found, one in zip(own.direction.values, ways, every, strict=True):
+        alone = motions.summarise(TRAIN, found, SETTINGS, (*names, "fraction_inverse"))
+        assert one.equals(alone)
+        values = motions.over_starts(alone, names)["dynamic_factor"]
+        np.testing.assert_array_equal(own.dynamic_factor.sel(direction=direction), values)

@@ -213,6 +213,9 @@ def test_a_model_has_what_the_protocol_says(name):
         value = value_of(model, NU, parameter)
         moved, tuning = with_parameter(model, NU, parameter, 0.9 * value + 0.01)
         assert value_of(moved, tuning, parameter) == pytest.approx(0.9 * value + 0.01, rel=1e-12)
+        if parameter == "backlash":
+            tight, tuning = with_parameter(model, NU, parameter, 0.0)
+            assert value_of(tight, tuning, parameter) == 0.0
 
 
 @pytest.mark.parametrize("name", [name for name in MODELS if name != "number"])

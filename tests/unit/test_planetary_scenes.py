@@ -59,9 +59,19 @@ def test_shares_of_the_chart_are_those_of_its_points(tmp_path):
     style.save(train_chart.draw(data), tmp_path / "chart.png")
 
 
+def test_tongues_of_higher_harmonics_are_named():
+    given = CONFIG.train_chart.model_dump(exclude=GRID) | {"values": 1}
+    train = stability.with_jump(TRAIN | {"teeth": given["teeth"][0]}, given["largest_jump"], given)
+    # Twice the highest natural frequency over 2 and 3: the middles of its own tongues.
+    top = 2.0 * np.sqrt(train.linear_modes[0][-1]) / train.reference_angular_frequency
+    data = stability.compute(TRAIN, top / np.array([3.0, 2.0]), given)
+    assert data.first_order_unstable.isel(phasing=0, row=0).sel(plane="stiffness_jump").all()
+
+
 def test_symmetry_breaks_where_only_other_multipliers_leave_the_circle(tmp_path):
     data = breaking([16.0, 19.5, 15.0], shown=19.5)
     assert data.verdict.values.tolist() == [1, 2, 3]
+    assert data.motion_count.dtype == data.period.dtype == np.int32
     assert (data.symmetric_multiplier > 1.0).values.tolist() == [False, False, True]
     # Beside a stable motion starts come back; where it breaks each leads to a motion of its own.
     assert data.settled.values.tolist() == [1, 0, 0]
