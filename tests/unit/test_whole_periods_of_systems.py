@@ -9,7 +9,12 @@ from gearlib import GearPair, Harmonics, OneDegreePair, SixDegreePair
 from gearlib.kernels.jit import kernel
 from gearlib.kernels.piecewise_linear.run import contact_at, go, set_harmonics
 from gearlib.kernels.piecewise_linear.system import ORDER, carry, dot, image, scratch, tables
-from gearlib.kernels.piecewise_linear.whole_periods import _prepare, pass_period, period_tables
+from gearlib.kernels.piecewise_linear.whole_periods import (
+    _prepare,
+    _stays_above,
+    pass_period,
+    period_tables,
+)
 from gearlib.kernels.polynomial import (
     bernstein_matrix,
     fall_by_shape,
@@ -130,6 +135,23 @@ def test_the_tail_bounds_all_higher_terms():
                 row = row @ system.a[i, p] * (h / k)
                 expected += np.abs(row) * (k >= 8)
             np.testing.assert_allclose(tail[i, p], expected, rtol=1e-12, atol=1e-300)
+
+
+@kernel
+def stays_above(rows, tail, z, wide):
+    return _stays_above(rows, tail, 0, 0, 1.0, z, wide)
+
+
+def test_every_term_can_bring_a_distance_to_its_line():
+    # 1 + c s^k, and c at most for what is beyond the eighth.
+    rows, tail, wide = np.zeros((1, 1, 6, 9, 4)), np.zeros((1, 1, 9)), np.zeros((6, 4))
+    tail[0, 0, 8] = 1.0
+    for k in range(8):
+        rows[0, 0, k // 4, k, k % 4] = 1.0
+    for k in range(1, 9):
+        z = np.zeros(9)
+        for z[0], z[k], above in ((1.0, -2.0, False), (1.0, -0.5, True), (-1.0, 0.5, False)):
+            assert stays_above(rows, tail, z, wide) == above, k
 
 
 def test_a_parabola_is_lowest_where_it_is():
