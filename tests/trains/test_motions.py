@@ -85,8 +85,9 @@ def test_a_carried_motion_begins_anew_behind_one_that_did_not_settle(direction):
 def test_directions_lie_side_by_side():
     tunings, names = [1.2, 1.24], ["dynamic_factor"]
     own, every = motions.over_directions(TRAIN, tunings, SETTINGS, names, ["cold", "down"])
-    ways = motions.from_rest(TRAIN, tunings, SETTINGS), motions.carried(
-        TRAIN, tunings, SETTINGS, "down"
+    ways = (
+        motions.from_rest(TRAIN, tunings, SETTINGS),
+        motions.carried(TRAIN, tunings, SETTINGS, "down"),
     )
     for direction, found, one in zip(own.direction.values, ways, every, strict=True):
         alone = motions.summarise(TRAIN, found, SETTINGS, (*names, "fraction_inverse"))
