@@ -227,3 +227,16 @@ def test_wrong_input_is_refused_in_one_sentence(name):
 def test_what_stands_beside_the_wrong_inputs_is_allowed():
     assert train().phases == {"a-b": 0.0}
     assert planetary(positions=[0.0, 2.0 * math.pi * 42 / 126, 4.4879895051282759]).size == 36
+
+
+def test_combinations_of_meshes_have_numbers_of_64_bits():
+    # Nine effects each.
+    count = max(number for number in range(1, 30) if 9**number < 2**63)
+    ends = {0: 100.0, count: 100.0 * (-1.0) ** (count + 1)}
+    bodies = [replace(A, name=f"g{i}", torque=ends.get(i, 0.0)) for i in range(count + 2)]
+    meshes = [
+        replace(AB, pinion=f"g{i}", wheel=f"g{i + 1}", name=f"mesh {i}") for i in range(count + 1)
+    ]
+    assert len(train(bodies=bodies[:-1], meshes=meshes[:-1]).meshes) == count
+    with pytest.raises(ValueError, match=f"at most {count}"):
+        train(bodies=bodies, meshes=meshes)
