@@ -114,3 +114,13 @@ def test_the_table_has_every_intersection_once(diagram, tmp_path):
         expected = "" if below else nearest[f"{tuning:g}"]
         assert row["contact_lost_at_the_nearest_speed_swept"] == expected
         assert row["excited"] == ("yes" if row["mode_kind"] == "rotational" else "no")
+
+
+@pytest.mark.parametrize("excites", [[True, False], [False, True], [False, False]])
+def test_modes_of_one_frequency_are_excited_if_one_of_them_is(diagram, tmp_path, excites):
+    twice = diagram.isel(mode=[0, 0]).assign_coords(mode=[1, 2])
+    twice["excites"] = ("stiffness_order", "mode"), [excites] * twice.stiffness_order.size
+    campbell.write_csv(twice, tmp_path / "table.csv")
+    with (tmp_path / "table.csv").open(encoding="utf-8") as file:
+        found = [row["excited"] for row in csv.DictReader(file)]
+    assert found and {*found} == {"yes" if any(excites) else "no"}
