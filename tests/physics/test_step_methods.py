@@ -194,6 +194,16 @@ def test_smoothed_contact_converges_with_its_sharpness():
     np.testing.assert_allclose(ratios, 4.0, rtol=0.2)
 
 
+def test_the_smoothed_far_flank_pushes_back():
+    pair = PAIR.replace(backlash=12e-6)
+    start = {"periods": 1, "record_periods": 1, "initial_state": (-pair.backlash_ratio - 3.0, 0.0)}
+    exact = simulate(pair, 0.9, **start)
+    smoothed = simulate(pair, 0.9, method="smoothed", options={"sharpness": 1000.0}, **start)
+    assert exact.fraction_inverse > 0.05
+    for name in ("displacement_max", "fraction_inverse", "dynamic_force_min"):
+        np.testing.assert_allclose(smoothed[name], exact[name], rtol=5e-3, err_msg=name)
+
+
 def test_smoothed_force_is_as_far_off_as_documented():
     run = simulate(PAIR, 0.9, periods=40, method="smoothed", samples_per_period=4096)
     stiffness, x, gap = run.stiffness, run.displacement, PAIR.backlash_ratio

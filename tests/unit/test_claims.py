@@ -17,9 +17,9 @@ from gearlib.data.gathering import gather_phase_planes, gather_resonance
 from gearlib.studies import certificates, claims, jump, phase_lag, resonance_branches, scenes
 from gearlib.studies.claims import characteristics, machine
 from gearlib.studies.claims.characteristics import drift, spread
-from gearlib.studies.claims.data import LINE
+from gearlib.studies.claims.data import LINE, Data, NoData
 from gearlib.studies.claims.explanations import GRAZING, Facts
-from gearlib.studies.claims.scenes import contact_ratios
+from gearlib.studies.claims.scenes import contact_ratios, phase_shift
 from gearlib.studies.trains import one_mesh
 from tests.paper import PAPER
 from tests.proofs.checker import faults
@@ -212,6 +212,25 @@ def test_what_is_proven_follows_from_certificates(paper):
     fewer = [row for row in paper[-1] if row["claim"] != "motion"]
     said = {one.id: one.proven for one in claims.evaluate(PAPER, DAMPINGS, *paper[:-1], fewer)}
     assert said["P11"] == said["P10"] == said["P7"] == "" and said["P6"]
+    fewer = [row for row in paper[-1] if row["claim"] != "orbit"]
+    said = {one.id: one.proven for one in claims.evaluate(PAPER, DAMPINGS, *paper[:-1], fewer)}
+    assert "with k1 and both" in said["P7"] and "multipliers" not in said["P7"]
+
+
+def test_a_curve_is_read_only_where_its_tunings_reach(paper):
+    given = Data(PAPER, DAMPINGS, *paper[:5])
+    low, high = given.resonance.tuning.values[[0, -1]]
+    assert given.curve("k1", low, high).tuning.size == given.resonance.tuning.size
+    for ends in ((low - 0.02, high), (low, high + 0.02)):
+        with pytest.raises(NoData, match="do not cover"):
+            given.curve("k1", *ends)
+
+
+def test_lags_are_named_by_their_dampings(paper):
+    _, words = phase_shift(SimpleNamespace(phase_lag=paper[2]))
+    for damping in paper[2].damping.values:
+        lag = float(paper[2].lag.isel(harmonic=0).sel(damping=damping))
+        assert f"k1 = {damping:g} N s/m: {lag:.3f}" in words
 
 
 @pytest.mark.parametrize("low", [0.4, 0.6])

@@ -101,6 +101,12 @@ def test_modules_loaded_by_name_count_where_they_are_declared(tmp_path):
         sources(tmp_path / "run2.py", tmp_path)
 
 
+def test_what_is_no_module_is_refused(tmp_path):
+    make(tmp_path, {"gearlib/__init__.py": "", "run.py": "import gearlib.none"})
+    with pytest.raises(ImportError, match="gearlib.none is no module"):
+        sources(tmp_path / "run.py", tmp_path)
+
+
 LAZY = ["from gearlib import GearPair", "import gearlib"]
 
 
