@@ -76,6 +76,9 @@ def test_an_orbit_is_proven_and_a_second_program_agrees(case):
     assert extrema_apart(found, orbit) < 1e-9
     for one, (real, imaginary) in zip(orbit.multipliers, found.multipliers, strict=True):
         assert min(abs(one - float(real) - s * 1j * float(imaginary)) for s in (1, -1)) < 1e-7
+        bare = not imaginary.low and not imaginary.high
+        words = f"  multiplier    {real}" + ("" if bare else f", i ({imaginary})")
+        assert words in repr(found).splitlines()
 
 
 def test_the_proven_state_returns_in_fifty_digits():

@@ -337,6 +337,19 @@ def test_contacts_in_another_order_are_seen():
         assert error.value.args[0] in ("together", "switch")
 
 
+def test_slow_contacts_at_once_are_proven():
+    meshes = [replace(mesh, material_damping=4500.0) for mesh in branches().meshes]
+    proven = gearlib.certify(gearlib.periodic_orbit(branches().replace(meshes=meshes), 1.5))
+    assert proven and len(proven.events) == 4, proven
+
+
+def test_an_orbit_taken_twice_is_refused():
+    once = found("idler")
+    twice = gearlib.periodic_orbit(once.pair, once.tuning, guess=once.state, period=2)
+    words = "it repeats after 1 mesh period already, not after 2"
+    assert gearlib.certify(twice).message == words
+
+
 def test_multiple_eigenvalues_are_enclosed():
     with precision(128):
         # Two of 1/2 to one vector, a pair on the unit circle, and -2.
