@@ -127,6 +127,8 @@ def test_each_glyph_of_the_page_holds_what_the_legend_says(whole):
 
 def test_what_the_page_cuts_orbits_from(whole):
     _, ends, document = whole
+    slider = document.get_model_by_name("tuning")
+    assert (slider.start, slider.end) == tuple(ends.tuning.values[[0, -1]])
     arguments = document.get_model_by_name("choose").args
     planes, courses, last = (arguments[name].data for name in ("planes", "courses", "ends"))
     number = 0
