@@ -238,7 +238,7 @@ def main():
         + explorer()
         + against_scipy()
         + peers.rows(damped, six)
-        + derivatives.rows(DAMPED, chaotic)
+        + derivatives.rows(DAMPED, chaotic, damped)
     )
     for name, value, unit in rows + geometry.rows() + trains.rows():
         print(f"{name:70s} {value:10.3g} {unit}")

@@ -109,7 +109,8 @@ def test_runs_against_50_digits(case):
     }
     own = tuple(getattr(pair, name) for name in GearPair.RATIOS)
     expected = REFERENCES.rows(exact.of_run, own, tuning, 3, state)
-    assert int(run.sensitivity_status) == 0
+    # 5: at a contact ratio of 1 or 2 a segment appears.
+    assert int(run.sensitivity_status) == (5 if ratios[0] in (1.0, 2.0) else 0)
     for j, reference in enumerate(expected):
         if math.isinf(own[4]) and j == 4:
             continue

@@ -193,7 +193,13 @@ def exchanged(train):
             tooth_thickness=mesh.tooth_thickness and mesh.tooth_thickness[::-1],
         )
 
-    return train.replace(meshes=[of(mesh) for mesh in train.meshes]), lambda key: (key, 1.0)
+    first = train.reference_mesh
+    changes = {"meshes": [of(mesh) for mesh in train.meshes]}
+    if train.carrier_ratio and not first.internal:
+        # It is counted in the speed of the reference pinion, which is another gear now.
+        ratio = train.carrier_ratio * train.speeds[first.pinion] / train.speeds[first.wheel]
+        changes["carrier_ratio"] = float(ratio)
+    return train.replace(**changes), lambda key: (key, 1.0)
 
 
 def later(train, periods):

@@ -21,9 +21,8 @@ PLACES = np.linspace(0.0, 1.0, 17)
 
 def mean_stiffness(train):
     """Return the stiffness with all flanks in contact at mean stiffness, N/m, shape (n, n)."""
-    lines = train.structure.lines
-    means = np.array([mesh.mean_stiffness for mesh in train.meshes])
-    return train.structure.stiffness + lines.T @ (means[:, None] * lines)
+    lines, means = train.structure.lines, [mesh.mean_stiffness for mesh in train.meshes]
+    return train.structure.stiffness + lines.T @ np.diag(means) @ lines
 
 
 class Reference:

@@ -39,12 +39,16 @@ SHORT = {
     "test": (["--assume-old=lint", "JOBS=0", "ARGS=tests/unit/test_tunings.py"], "10 passed"),
     "golden": (["ARGS=--drawn fig2_phase_shift"], "tests.golden"),
     "references": ([f"ARGS='{REFERENCE}'"], "accuracy.json: "),
-    "faults": (["ARGS='windows of a sweep overlap by a tuning'"], "1 of 1 faults caught"),
+    "faults": (
+        ["ARGS='phase planes keep the phase from the start of the run'"],
+        "1 of 1 faults caught",
+    ),
     "mutants": (
         ["ARGS=tunings --count 2 --tests tests/unit/test_tunings.py"],
         "tunings",
     ),
     "bench": (["SHORT=1"], "all tables of this speed"),
+    "rounding": (["ARGS=--results results --moved results"], "0 differences"),
     "same-bytes": ([f"ARGS=--target {DRAWN} 'Zen 2'"], "Zen 2: 1 jobs, 0 of 1 files"),
     "clean": ([], "rm -rf .snakemake"),
     "distclean": ([], "rm -rf .venv"),
