@@ -104,3 +104,5 @@ def pytest_sessionfinish(session):
     passed = {name: t for name, t in (_times | _alone).items() if name not in _failed}
     path = _folder / f"{os.getpid()}.seconds.json"
     path.write_text(json.dumps(passed), encoding="utf-8")
+    # On a busy machine a worker is ended before it would do so itself.
+    coverage.Coverage.current().save()
