@@ -156,7 +156,9 @@ def record(runs, longest, workers, environment=(), only=(), most=None):
         }
         spread = ["-n", str(workers), "--dist", "loadfile"] if workers > 1 else ["-p", "no:xdist"]
         command = [sys.executable, "-m", "pytest", "-p", "tests.mutants.recorder", *spread]
-        given = {"cwd": ROOT, "env": os.environ | more | dict(environment), "stdout": sys.stderr}
+        # Of a test that records, as that of `make mutants` does, the name would stand for all.
+        own = {name: text for name, text in os.environ.items() if name != "PYTEST_CURRENT_TEST"}
+        given = {"cwd": ROOT, "env": own | more | dict(environment), "stdout": sys.stderr}
         for run in runs:
             with contextlib.suppress(subprocess.TimeoutExpired):
                 subprocess.run([*command, *run], **given, timeout=most, check=False)
