@@ -103,14 +103,14 @@ def sliding_turns(mesh, speed):
     other sign.
     """
     drive = pitch_phase(mesh, speed) / math.tau
-    return drive + _thicker(mesh, speed) / 2.0, drive
+    return drive + float(thicker(mesh, speed)) / 2.0, drive
 
 
-def _thicker(mesh, speed):
-    """Return by how much teeth of the gear that drives are thicker than the others, in pitches."""
+def thicker(mesh, speed):
+    """Return by how much teeth of the gear that drives are thicker, in pitches, a `Fraction`."""
     if mesh.tooth_thickness is None:
-        return 0.0
-    own, other = mesh.tooth_thickness
+        return Fraction(0)
+    own, other = map(Fraction, mesh.tooth_thickness)
     return own - other if driver(mesh, speed) == mesh.pinion else other - own
 
 

@@ -132,14 +132,6 @@ def _turns(angle):
     return Fraction(angle / (2.0 * math.pi))
 
 
-def _thicker(train, mesh):
-    """Return by how much teeth of the gear that drives are thicker, in pitches, exactly."""
-    if mesh.tooth_thickness is None:
-        return Fraction(0)
-    own, other = map(Fraction, mesh.tooth_thickness)
-    return own - other if turning.driver(mesh, train.speeds) == mesh.pinion else other - own
-
-
 def _of_train(train):
     if train.gyroscopic:
         raise Uncertain(
@@ -270,7 +262,7 @@ def _mesh(train, mesh, rate, along, motions):
         tuple(map(arb, mesh.friction[::-1])),
         rate,
         (Fraction(train.inverse_phases[mesh.name]), g),
-        (pitch + _thicker(train, mesh) / 2, pitch),
+        (pitch + turning.thicker(mesh, train.speeds) / 2, pitch),
         Fraction(mesh.contact_ratio) - 1,
         mesh.inverse_deviation != mesh.deviation,
     )
