@@ -96,7 +96,7 @@ def phasing(train, count=12):
     squares, shapes = train.linear_modes
     motions = np.einsum("bkn,np->pbk", train.structure.motions, shapes)
     along = train.linear_stretches
-    deflection = along @ ((shapes.T @ train.structure.load) / squares)
+    deflection = train.loaded_stretches
     parts = {}
     for j, mesh in enumerate(train.meshes):
         for order in range(1, count + 1):

@@ -26,7 +26,7 @@ class TrainResults(Model):
     static_deflection: Any
     body_names: Any
     linear_modes: Any
-    linear_stretches: Any
+    loaded_stretches: Any
     free_motions: Any
     load: Any
     gyroscopic: Any
@@ -147,9 +147,7 @@ class TrainResults(Model):
     def mean_forces(self):
         """Static forces of the linear train, without errors, over the load, shape (m,)."""
         means = np.array([mesh.mean_stiffness for mesh in self.meshes])
-        squares, shapes = self.linear_modes
-        parts = (shapes.T @ self.structure.load) / squares
-        return means * (self.linear_stretches @ parts) / self.load
+        return means * self.loaded_stretches / self.load
 
     def reduction(self):
         """Return (reduce, lift), see `Model.reduction`: elastic modes span what is left.

@@ -200,6 +200,12 @@ class GearTrain(TrainResults):
         own = self.strains[-means.size :] / np.sqrt(means)[:, None]
         return own * np.sqrt(self._linear.squares)
 
+    @cached_property
+    def loaded_stretches(self):
+        """The same of the linear train under its load, m, shape (m,)."""
+        squares, shapes = self.linear_modes
+        return self.linear_stretches @ ((shapes.T @ self.structure.load) / squares)
+
     @property
     def reference_mesh(self):
         """The `Mesh` that sets scales, phase and tuning."""
