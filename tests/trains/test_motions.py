@@ -43,6 +43,7 @@ def test_motions_that_part_are_told_by_their_range():
     (found,) = motions.from_rest(TRAIN, [1.6], SETTINGS)
     every = motions.summarise(TRAIN, [found], SETTINGS, ["dynamic_factor"])
     assert not found.settled and int(every.settled[0]) == 0 and int(every.period[0]) == 0
+    assert (found.orbits < 0).any() and not found.periods[found.orbits < 0].any()
     low, high = (
         motions.over_starts(every, ["dynamic_factor"])[f"dynamic_factor_{end}"].values
         for end in ("low", "high")
@@ -62,6 +63,27 @@ def test_shares_are_those_of_the_motions_that_starts_lead_to():
     assert found.orbits.tolist() == [0, 1, 0, 0]
     assert float(every.largest_share[0]) == 0.75 and int(every.motion_count[0]) == 2
     assert float(every.settled_share[0]) == 1.0 and int(every.settled[0]) == 0
+    # On the boundary of the basins, to rounding, the start alone decides: that counts as neither.
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        leads = motions.ends(PAIR, 0.81, [keeps.final_state.values, middle], SETTINGS).orbits[1]
+        low, high = (middle, high) if leads == 0 else (low, middle)
+    at_it = motions.ends(PAIR, 0.81, [*states[:2], low], SETTINGS | {"first_starts": 3})
+    assert at_it.orbits.tolist() == [0, 1, -1] and at_it.periods[2] == 0
+
+
+def test_a_start_beside_a_stable_orbit_settles_on_it_though_the_distance_swings():
+    orbit = periodic_orbit(PAIR, 0.9)
+    short = SETTINGS | {"periods": 2, "record_periods": 1, "starts": 4, "first_starts": 4}
+    begin = motions.starts(PAIR, orbit.state, short)
+    # In the middle and at the end of the run.
+    half, end = (
+        np.abs(simulate(PAIR, 0.9, periods=n, initial_state=tuple(z)).final_state - orbit.state)
+        for n in (2, 4)
+        for z in begin[:1]
+    )
+    assert orbit.stable and end.max() > half.max()
+    assert not motions.ends(PAIR, 0.9, begin, short).orbits.any()
 
 
 def test_few_starts_stand_for_all_only_where_they_agree():

@@ -141,6 +141,23 @@ def test_the_smallest_sufficient_model_follows_from_the_changes(comparison):
     assert factor.sel(model="whole", tuning=1.38) > 1.5 * factor.sel(model="pair", tuning=1.38)
 
 
+def test_without_tolerance_only_the_same_motion_suffices():
+    short = {"periods": 6, "record_periods": 3, "starts": 1, "first_starts": 1}
+    exact = CHANGES | short | {"tolerance": 0.0}
+    found = one_mesh.compute(PAIR.as_dict(), [0.82, 0.96], SETTINGS | short, exact)
+    # Alike, all branches move as one exactly.
+    assert found.sufficient.values.tolist() == ["two_meshes"] + ["whole"] * 4
+
+
+def test_only_in_its_own_case_an_axis_is_displaced():
+    errors = {"pin_errors": reducer.displaced(SETTINGS)}
+    for case, given in (("disturbed", {}), ("pin_error", errors)):
+        assert one_mesh.models(PAIR, SETTINGS, case, CHANGES)["whole"] == reducer.train_of(
+            PAIR, SETTINGS, **given
+        )
+    assert TRAIN != reducer.train_of(PAIR, SETTINGS, **errors)
+
+
 def test_changes_are_relative_and_a_jump_that_one_lacks_counts():
     values = np.array(
         [[0.9, np.nan, 0.0, np.nan], [1.1, 1.2, 0.1, np.nan], [1.0, 1.2, 0.0, np.nan]]

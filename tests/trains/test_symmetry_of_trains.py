@@ -1,6 +1,7 @@
 """What phasing forbids stays zero through bounces; N planets in phase are the train of one."""
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -144,3 +145,20 @@ def test_what_the_symmetry_breaks_into():
 def test_planets_that_differ_have_no_reduced_train(options):
     with pytest.raises(ValueError, match="planet 2 is not allowed: all must be alike and in phase"):
         symmetry.reduced(planetary(**options))
+
+
+@pytest.mark.parametrize("size", [1.0, 100.0])
+@pytest.mark.parametrize("apart", [0.5, 2.0])
+def test_forces_are_shown_where_a_start_beside_has_the_same_relatively(monkeypatch, size, apart):
+    forces = [size * np.cos(np.arange(24.0)).reshape(12, 2)]
+    forces += [forces[0] + apart * symmetry._SEEN_BESIDE * size * (forces[0] == size)]
+    runs = iter(forces)
+    monkeypatch.setattr(
+        symmetry,
+        "simulate",
+        lambda *_, **__: SimpleNamespace(dynamic_force=SimpleNamespace(values=next(runs))),
+    )
+    settings = dict(starts=1, seed=1, spread=0.1, record_periods=1)
+    settings |= dict(shown_after=1, samples_per_period=12)
+    course = symmetry._course(train((27, 99), 3), 1.0, "static", settings)
+    assert np.isnan(course).all() == (apart > 1.0) and np.isnan(course).any() == (apart > 1.0)
