@@ -30,7 +30,6 @@ _SETTINGS = """
 [run]
 data_file = {folder}/coverage
 parallel = true
-context = ${{PYTEST_CURRENT_TEST-}}
 patch = subprocess, fork
 include =
     */gearlib/*
@@ -67,9 +66,9 @@ class Reach:
         """
         known = self.recorded[kernels]["seconds"]
         reached = {name for part in PARTS for name in self._reached(part, one)}
-        if one.file.startswith("workflow/"):
-            reached |= {name for name in known if name.startswith(_OF_THE_WORKFLOW)}
         found = self.worth({name: known[name] for name in sorted(reached) if name in known})
+        if one.file.startswith("workflow/"):
+            found |= self.of(_OF_THE_WORKFLOW)
         if kernels == "compiled" and one.file.startswith(KERNELS):
             # Many are too slow to reach it as plain Python.
             callers = {name for file in _callers(one.file) for name in self._of_file(file)}
@@ -87,6 +86,11 @@ class Reach:
         names, lines = self.recorded[part]["tests"], self.recorded[part]["lines"].get(one.file, {})
         found = {test for n in range(one.line, one.last + 1) for test in lines.get(str(n), ())}
         return [names[i] for i in found or {test for tests in lines.values() for test in tests}]
+
+    def of(self, start):
+        """Return all tests, with their seconds, whose names begin so."""
+        known = self.recorded["compiled"]["seconds"]
+        return self.worth({name: known[name] for name in known if name.startswith(start)})
 
     def whole_files(self, tests):
         """Return all tests of the files of some: what one keeps in memory the others use."""
@@ -156,9 +160,7 @@ def record(runs, longest, workers, environment=(), only=(), most=None):
         }
         spread = ["-n", str(workers), "--dist", "loadfile"] if workers > 1 else ["-p", "no:xdist"]
         command = [sys.executable, "-m", "pytest", "-p", "tests.mutants.recorder", *spread]
-        # Of a test that records, as that of `make mutants` does, the name would stand for all.
-        own = {name: text for name, text in os.environ.items() if name != "PYTEST_CURRENT_TEST"}
-        given = {"cwd": ROOT, "env": own | more | dict(environment), "stdout": sys.stderr}
+        given = {"cwd": ROOT, "env": os.environ | more | dict(environment), "stdout": sys.stderr}
         for run in runs:
             with contextlib.suppress(subprocess.TimeoutExpired):
                 subprocess.run([*command, *run], **given, timeout=most, check=False)
@@ -183,8 +185,7 @@ def _gathered(folder):
                 continue
             of_file = lines.setdefault(found[1], {})
             for line, contexts in data.contexts_by_lineno(file).items():
-                for context in contexts:
-                    test = context.rpartition(" (")[0] if context.endswith(")") else context
+                for test in contexts:
                     if test in seconds or test.startswith("tests/"):
                         at = names.setdefault(test, len(names))
                         of_file.setdefault(str(line), set()).add(at)

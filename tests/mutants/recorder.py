@@ -36,6 +36,9 @@ def pytest_runtest_protocol(item):
     """Give what runs from here the name of the test."""
     running = coverage.Coverage.current()
     running.switch_context(item.nodeid)
+    # And what it starts as other processes: coverage hands them its settings.
+    running.config.context = item.nodeid
+    os.environ["COVERAGE_PROCESS_CONFIG"] = running.config.serialize()
     yield
     running.switch_context("")
 

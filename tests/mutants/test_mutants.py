@@ -6,6 +6,7 @@ import pytest
 
 from tests.mutants.__main__ import KEY, Judge, table, verdicts
 from tests.mutants.mutations import ROOMS, files, mutations, room_of, sample
+from tests.mutants.reach import Reach
 
 CODE = '''
 """A sum."""
@@ -107,6 +108,14 @@ class Reached:
         return self.names
 
     whole_files = tests
+
+
+def test_tests_that_reach_a_line_come_before_those_that_may():
+    one = next(one for one in mutations("workflow/provenance.py") if one.line > 30)
+    seconds = {"tests/workflow/a": 9.0, "tests/unit/b": 1.0, "tests/unit/c": 1.0}
+    lines = {one.file: {str(one.line): [1]}, "gearlib/pair.py": {"1": [2]}}
+    reached = Reach({"compiled": {"tests": [*seconds], "seconds": seconds, "lines": lines}})
+    assert list(reached.tests(one)) == ["tests/unit/b", "tests/workflow/a"]
 
 
 def test_who_survives_is_told_from_who_is_killed(tree):
