@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -19,7 +20,7 @@ from gearlib.studies.claims import characteristics, machine
 from gearlib.studies.claims.characteristics import drift, spread
 from gearlib.studies.claims.data import LINE, Data, NoData
 from gearlib.studies.claims.explanations import GRAZING, Facts
-from gearlib.studies.claims.scenes import contact_ratios, phase_shift
+from gearlib.studies.claims.scenes import contact_ratios, jump_words, phase_shift
 from gearlib.studies.trains import one_mesh
 from tests.paper import PAPER
 from tests.proofs.checker import faults
@@ -180,12 +181,13 @@ def test_explanations_are_made_from_computed_facts(paper):
     said = {claim.id: claim.explanation for claim in claims.evaluate(PAPER, DAMPINGS, *paper)}
     # The numbers are those of the tests of branches and tongues, found there in other ways.
     assert "0.6556" in said["P4"] and "0.6673" in said["P4"]
-    assert "0.790326" in said["P5"] and "product of the multipliers is 1" in said["P5"]
+    assert "0.790326" in said["P5"] and "of the multipliers is 1 (to rounding)" in said["P5"]
     assert "k1: the orbit loses contact at nu = 0.802052" in said["P6"]
     assert "1.11373" in said["P6"] and "0.816045" in said["P6"]
     assert "1.12838" in said["P7"]
-    assert "neither grow nor decay" in said["P10"] and "0.66: largest" in said["P10"]
-    assert "deviations grow" in said["P10"]
+    # At the tunings that the statement names.
+    for tuning, growth in (("0.60", "neither grow"), ("0.66", "grow"), ("0.78", "neither grow")):
+        assert re.search(rf"{tuning}: largest multiplier [\d.]+, deviations {growth}", said["P10"])
     assert "0.816045045" in said["P11"] and "0.81569" in said["P11"]
     assert said["P1"] == said["P12"] == ""
 
@@ -224,6 +226,25 @@ def test_a_curve_is_read_only_where_its_tunings_reach(paper):
     for ends in ((low - 0.02, high), (low, high + 0.02)):
         with pytest.raises(NoData, match="do not cover"):
             given.curve("k1", *ends)
+
+
+def test_bounces_above_count_from_beyond_the_reading_of_the_plot(paper):
+    for tuning, holds in ((1.13, True), (1.15, False)):
+        resonance = paper[0].copy(deep=True)
+        resonance.displacement_min.loc[
+            {"damping": "k1", "tuning": slice(tuning - 1e-3, tuning + 1e-3)}
+        ] = -1.0
+        given = Data(PAPER, DAMPINGS, resonance, *paper[1:5])
+        assert characteristics.only_oil_bounces_above(given)[0] == holds
+
+
+def test_what_moves_the_jump_between_the_papers_tunings_is_named():
+    jumps = {"jump": [0.8157, 0.81495, 0.81505, 0.81515], "value": [0.0, 1.0, 2.0, 3.0]}
+    jumps = {name: ("variation", values) for name, values in jumps.items()}
+    jumps |= {"kind": ("variation", ["none", "below", "between", "above"])}
+    words = jump_words(SimpleNamespace(jump=xr.Dataset(jumps)))
+    assert words.startswith("; from rest the orbit jumps at 0.8157000;")
+    assert words.endswith(" with: between 2")
 
 
 def test_lags_are_named_by_their_dampings(paper):
