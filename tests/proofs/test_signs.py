@@ -1,5 +1,6 @@
 """That arcs keep off the flank lines, and that a contact which is not listed is noticed."""
 
+import itertools
 import math
 from dataclasses import replace
 
@@ -49,6 +50,8 @@ def test_an_arc_that_starts_or_ends_on_the_line():
     # A turn from rest on the line to rest on it.
     assert arc(LINEAR, 0.0, 0.0, 2.0 * math.pi, TOUCHING, TOUCHING)
     assert not arc(LINEAR, 0.0, 0.0, 2.0 * math.pi, TOUCHING, TOUCHING, side=-1)
+    # At rest on the line for ever, without load.
+    assert not arc((Elastic, 1.0, 0.0, 0.0), 0.0, 0.0, 1.0, TOUCHING, TOUCHING)
 
 
 @pytest.mark.parametrize("damping", [0.0, 0.1])
@@ -101,15 +104,18 @@ def test_contacts_out_of_order_or_at_a_switch_are_noticed():
         one = proof(orbit)
         start, given = one.box[:2], list(one.states)
         check_contacts(one.path, start, given)
-        at = next(i for i, node in enumerate(one.path.nodes) if node.before != node.after)
-        x, w, phase, t = given[at]
-        following = given[at + 1][2]
+        lost, gained = (i for i, node in enumerate(one.path.nodes) if node.before != node.after)
+        x, w, phase, t = given[lost]
+        following = given[lost + 1][2]
         for other in (following, following + 0.1, phase.union(following)):
-            given[at] = x, w, other, t
+            given[lost] = x, w, other, t
             with pytest.raises(Uncertain, match="cannot be told apart"):
                 check_contacts(one.path, start, given)
-        # Up through the line where contact is said to be lost, or to rest on it.
-        for speed in (-w, 0 * w):
-            given[at] = x, speed, phase, t
+        given[lost] = x, w, phase, t
+        # Up through the line where contact is said to be lost, down where gained, or to rest on it.
+        for at, share in itertools.product((lost, gained), (-1, 0)):
+            x, w, phase, t = given[at]
+            given[at] = x, share * w, phase, t
             with pytest.raises(Uncertain, match="not proven to be a crossing"):
                 check_contacts(one.path, start, given)
+            given[at] = x, w, phase, t

@@ -1,0 +1,83 @@
+"""Enclosures hold what they have to, and are hardly wider than that."""
+
+import math
+
+import mpmath
+import pytest
+
+import gearlib
+from gearlib.analysis.proofs import krawczyk, ranges
+from gearlib.analysis.proofs.balls import precision
+from gearlib.analysis.proofs.laws import Elastic
+from gearlib.analysis.proofs.orbits import listed_contacts
+from gearlib.analysis.proofs.trains.laws import TrainLaws
+from gearlib.analysis.proofs.trains.orbits import listed_contacts as contacts_of_trains
+from gearlib.analysis.proofs.trains.path import TrainPath
+from tests.paper import PAPER
+from tests.proofs import test_train_certificates
+
+MATERIAL = PAPER.replace(material_damping=3953.7)
+
+
+@pytest.mark.parametrize("damping", [0.4, 1.0])
+def test_waves_of_all_dampings_next_to_the_critical_one(damping):
+    """Stiffnesses on either side of the square of the damping, in one ball."""
+    time, apart = 1.3, 0.05
+    with mpmath.workdps(50), precision(160) as arb:
+        law = Elastic(arb(damping**2, apart), arb(damping), arb(0))
+        found = law.waves(arb(time))
+        for share in (-0.999, -0.5, 0.5, 0.999):
+            square = mpmath.mpf(damping) ** 2 + share * mpmath.mpf(apart) - mpmath.mpf(damping) ** 2
+            root, decay = mpmath.sqrt(square), mpmath.exp(-mpmath.mpf(damping) * time)
+            waves = mpmath.cos(root * time), mpmath.sin(root * time) / root
+            for ball, wave in zip(found, waves, strict=True):
+                assert ball.contains(arb(mpmath.nstr(mpmath.re(decay * wave), 45)))
+        # No wider than the values spread, but for the bend.
+        assert float(found[1].rad()) < 1.2 * math.exp(-damping * time) * apart * time**3 / 6.0
+
+
+@pytest.mark.parametrize("case, share", [("parametric resonance", 0.5), ("chain", 0.3)])
+def test_frames_keep_boxes_from_being_wrapped(case, share):
+    orbit, radius = test_train_certificates.found(case), 1e-9
+    with precision(160) as arb:
+        laws = TrainLaws(orbit.pair, orbit.tuning)
+        given = laws, *contacts_of_trains(orbit), orbit.period
+        framed, bare = TrainPath(*given), TrainPath(*given, framed=False)
+        start = [*laws.start(orbit.state), *framed.guess]
+        box = [arb(value.mid(), radius) for value in start]
+        wide, wider = (
+            max(float(value.rad()) for value in path.equations(box, 160)[0])
+            for path in (framed, bare)
+        )
+        assert wide < share * wider
+        if not framed.guess:
+            # Without contacts all is linear: a box about the image turns with it, in n dimensions
+            # no wider than that by sqrt(n).
+            slopes = framed.equations([value.mid() for value in start], 160)[1]
+            image = max(sum(float(abs(entry.mid())) for entry in row) for row in slopes)
+            assert wide < math.sqrt(len(slopes)) * image * radius
+
+
+@pytest.mark.parametrize("side", [-1, 1])
+def test_boxes_of_a_range_hold_its_orbits_wherever_their_centre_lies(monkeypatch, side):
+    """Newton's method, which centres a box, is no part of the proof."""
+    orbit, polish, boxes = gearlib.periodic_orbit(MATERIAL, 0.9), krawczyk.polish, []
+    away = iter([side * 1e-3, 0.0])
+
+    def beside(*given):
+        (x, *others), inverse = polish(*given)
+        return [x + next(away), *others], inverse
+
+    def noted(path, start, states):
+        boxes.append(start)
+
+    with precision(128) as arb:
+        part = ranges._Range(orbit, *listed_contacts(orbit))
+        ends = [1 / arb(nu) for nu in (0.9, 0.900001)]
+        systems = [part.system(end) for end in ends]
+        inside = [krawczyk.enclose(one, *polish(one, part.here, ranges.FOLD)) for one in systems]
+        monkeypatch.setattr(ranges, "check_contacts", noted)
+        monkeypatch.setattr(krawczyk, "polish", beside)
+        part._piece(ends[0].union(ends[1]), ends[1], None)
+        for one in inside:
+            assert all(ball.contains(x) for ball, x in zip(*boxes, one, strict=False))
