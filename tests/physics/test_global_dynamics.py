@@ -18,6 +18,7 @@ from gearlib import (
     simulate,
     sweep,
 )
+from gearlib.analysis.global_dynamics import studies
 from gearlib.analysis.global_dynamics.attractors import attractor_of
 from gearlib.analysis.global_dynamics.stroboscope import Stroboscope
 from gearlib.analysis.global_dynamics.studies import _random_states
@@ -346,3 +347,25 @@ def test_random_states_fill_their_region():
         assert low <= values.min() < low + 0.01 * (high - low)
         assert high - 0.01 * (high - low) < values.max() <= high
     np.testing.assert_array_equal(states, _random_states(region, 2000))
+
+
+def test_one_case_alone_is_its_own_basins():
+    settings = {"displacement": BOX, "velocity": BOX, "count": 4, "periods": 400}
+    case = {"title": "one", "tuning": 0.72, "pair": MATERIAL.as_dict()}
+    found = studies.basin_cases([case], settings)
+    alone = basins(MATERIAL, 0.72, grid(4), periods=400)
+    np.testing.assert_array_equal(found.basin.sel(case="one"), alone.basin)
+    assert found.attrs == alone.attrs
+
+
+def test_a_diagram_and_its_exponents_are_stopped_by_either(monkeypatch):
+    settings = {"settle": 5, "strobes": 2, "exponent_periods": 20, "starts": 0, "samples": 4}
+    settings |= {"displacement": BOX, "velocity": BOX, "periods": 50}
+    for name, codes in (("bifurcation_diagram", [0, 1, 0]), ("lyapunov_exponents", [2, 3, 0])):
+        call = getattr(studies, name)
+        stop = lambda *a, call=call, codes=codes, **k: call(*a, **k).assign(  # noqa: E731
+            status=("tuning", codes)
+        )
+        monkeypatch.setattr(studies, name, stop)
+    found, _ = studies.bifurcation(BOTH.as_dict(), [0.7, 0.8, 0.9], [0.9], settings)
+    assert found.status.values.tolist() == [[2, 1, 0]] * 2

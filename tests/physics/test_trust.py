@@ -7,7 +7,7 @@ import pytest
 import xarray as xr
 
 from gearlib import Fourier, OneDegreePair, trust
-from gearlib.analysis.lyapunov import Exponent, largest
+from gearlib.analysis.lyapunov import Exponent, Size, largest
 from gearlib.analysis.trust import LABELS, decide, scan
 from tests.paper import PAPER
 from tests.physics.test_six_degrees import gears
@@ -22,6 +22,14 @@ def test_exponent_of_constant_damping():
     expected = -2.0 * math.pi * DAMPED.damping_ratio / 0.9
     # A vector that turns has the modulus in the mean, up to its ellipse over the count.
     assert found.value == pytest.approx(expected, abs=2e-3)
+
+
+def test_the_size_of_a_state_is_a_displacement():
+    size = Size(DAMPED, 0.8)
+    # Rates by the mesh phase, over the tuning; the larger of both counts.
+    for state, expected in (([3.0, 0.0], 3.0), ([0.0, -2.0], 1.6), ([-3.0, 2.0], 3.0)):
+        assert size(np.array(state)) == pytest.approx(expected, rel=1e-14)
+    assert size(np.array([math.nan, 0.0])) == math.inf
 
 
 def test_exponents_of_the_models_agree():
@@ -151,3 +159,6 @@ def test_a_scan_holds_the_labels_of_its_points():
         assert words[values.index(label)].replace("_", "-") == one.label
         for name in ("period", "digits", "exponent", "uncertainty"):
             np.testing.assert_equal(float(found[name].sel(tuning=tuning)), getattr(one, name))
+    # What lies beyond is rounding.
+    settled = trust(DAMPED, 0.7, periods=500, exponent_periods=500)
+    assert settled.digits > 10 and scan(DAMPED, [0.7], periods=500).digits == 10.0

@@ -71,6 +71,14 @@ def test_results_of_another_folder_are_noticed(results):
     shutil.rmtree(".snakemake")
     shutil.move("kept", ".snakemake")
     assert foreign(results) == []
-    path.unlink()
     shutil.rmtree(".snakemake")
-    assert foreign(results) == []
+    # Of several jobs as well, whichever log is read last.
+    more = [Path(f"results/case/{i}.nc") for i in range(3)]
+    for i, other in enumerate(more):
+        other.write_bytes(b"other")
+        log = Path(f"results/case/logs/{i}.log")
+        log.write_text(record(log, [other]), encoding="utf-8")
+    shutil.rmtree(".snakemake")
+    assert foreign(results) == sorted([*more, path])
+    path.unlink()
+    assert foreign(results) == more

@@ -17,6 +17,7 @@ def test_it_is_written_where_a_job_is_newer(tmp_path):
     assert [path.name for path in results.glob("*.json")] == [target.name]
     record = json.loads(target.read_text())
     assert record["jobs"] == [{"job": "cold/k1", "seconds": 1.5, "megabytes": None}]
+    assert {"gearlib", "numpy", "scipy", "snakemake", "xarray"} <= set(record["versions"])
     written = target.stat().st_mtime
     for later, again in ((-1.0, False), (0.0, False), (1.0, True)):
         os.utime(target, (written, written))
