@@ -1,12 +1,19 @@
-"""Scripts of jobs begin with their log, and do nothing where they are only imported."""
+"""Scripts of jobs: they begin with their log, and hand what a rule says to the library."""
 
+import inspect
 import json
 import runpy
 import sys
 from types import SimpleNamespace
 
 import pytest
+import xarray as xr
 
+from gearlib import GearPair, sweep
+from gearlib.analysis.global_dynamics import studies
+from gearlib.data import storage
+from gearlib.studies.trials import published, steady_orbits, work_precision
+from tests.paper import PAPER
 from tests.workflow.project import ROOT
 
 FOLDER = ROOT / "workflow/scripts"
@@ -45,10 +52,72 @@ def test_a_job_begins_with_its_log(run, script):
     run(script, "imported")
 
 
-def test_without_flint_nothing_is_proven(run, monkeypatch, tmp_path):
+@pytest.fixture
+def job(run, monkeypatch):
+    """Return what runs a script to its end."""
     monkeypatch.setitem(sys.modules, "joblog", SimpleNamespace(redirect_output=print))
+    return lambda script, **given: run(script, "__main__", log=["its.log"], **given)
+
+
+def test_without_flint_nothing_is_proven(job, tmp_path):
     path = tmp_path / "certificates.json"
     # Neither branches nor what is asked of them.
     given = {"params": SimpleNamespace(flint=False), "output": SimpleNamespace(json=path)}
-    run("certificates", "__main__", log=["its.log"], **given)
+    job("certificates", **given)
     assert json.loads(path.read_text()) == []
+
+
+def test_a_window_of_a_sweep_is_that_of_the_library(job, tmp_path):
+    pair, path = PAPER.as_dict(), tmp_path / "window.nc"
+    settings = {"periods": 6, "record_periods": 2}
+    job(
+        "sweep_window",
+        params=SimpleNamespace(pair=pair, step=0.1, run=settings),
+        wildcards=SimpleNamespace(window="0.7000-0.9000", damping="k1", direction="up"),
+        threads=1,
+        output=SimpleNamespace(window=path),
+    )
+    found = storage.read(path)
+    expected = sweep(GearPair(**pair), [0.7, 0.8, 0.9], direction="up", **settings)
+    assert found.damping == "k1" and found.direction == "up"
+    xr.testing.assert_equal(found.displacement_max.drop_vars(["damping", "direction"]),
+                            expected.displacement_max)  # fmt: skip
+
+
+class Named:
+    """What a rule says, by its name."""
+
+    def __getattr__(self, name):
+        return name
+
+
+@pytest.mark.parametrize(
+    ("script", "module", "name", "others"),
+    [
+        ("basins", studies, "basin_cases", {"threads": "threads"}),
+        ("work_precision_times", work_precision, "times", {"known": "references"}),
+        ("steady_orbit_times", steady_orbits, "times", {"names": "problems"}),
+    ],
+)
+def test_arguments_are_what_the_rule_calls_them(job, monkeypatch, script, module, name, others):
+    given, written, takes = {}, [], inspect.signature(getattr(module, name))
+
+    def call(*arguments, **named):
+        given.update(takes.bind(*arguments, **named).arguments)
+        return "computed"
+
+    monkeypatch.setattr(module, name, call)
+    monkeypatch.setattr(storage, "read", str)
+    monkeypatch.setattr(storage, "write", lambda *what: written.append(what))
+    named = dict.fromkeys(("params", "input", "output", "wildcards"), Named())
+    job(script, threads="threads", **named)
+    assert given == {name: others.get(name, name) for name in takes.parameters}
+    assert written == [("computed", "dataset")]
+
+
+def test_each_survey_goes_to_its_file(job, monkeypatch, tmp_path):
+    monkeypatch.setattr(published, "survey", lambda name, size: xr.Dataset({name: size}))
+    files = {name: tmp_path / f"{name}.nc" for name in published.PROBLEMS}
+    job("published", params=SimpleNamespace(settings={"size": 2.0}), output=files)
+    for name, path in files.items():
+        assert float(storage.read(path)[name]) == 2.0
