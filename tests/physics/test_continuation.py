@@ -299,3 +299,33 @@ def test_the_turning_point_half_a_period_on_is_not_lost():
         # The same turning point one period on has the same height to rounding.
         least = min(abs(heights - line).min() for line in lines(FREE))
         assert found == pytest.approx(least, abs=1e-12)
+
+
+def test_the_nearest_touch_is_the_same_whichever_period_comes_first():
+    doubled = GearPair.from_ratios(
+        contact_ratio=1.6, stiffness_ratio=0.6, damping=0.02, backlash=math.inf
+    )
+    orbit = periodic_orbit(doubled, 1.7, guess=(0.7, 0.9), period=2)
+    later = simulate(doubled, 1.7, periods=1, initial_state=tuple(orbit.state)).final_state.values
+    (one, _), (other, _) = (
+        nearest_touch(doubled, 1.7, state, 2, 100) for state in (orbit.state, later)
+    )
+    # One of the two lies in the second period of the orbit.
+    assert one - other == pytest.approx(2.0 * math.pi, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    "stop", [{"limits": (0.81, 0.85)}, {"limits": (0.8, 0.85), "max_height": 3.0}]
+)
+def test_a_branch_that_turns_round_ends_at_its_limits(stop):
+    pair = FREE.replace(material_damping=3953.7)
+    run = simulate(pair, 0.812, periods=300, record_periods=1)
+    # Of small bounces: it folds back at 0.816, and again at 0.808.
+    orbit = periodic_orbit(pair, 0.812, guess=run.final_state.values)
+    branch = continue_orbit(orbit, to=0.85, **stop)
+    assert FOLD in branch.label and branch.label[-1] == END
+    assert not (branch.label[:-1] == END).any()
+    if "max_height" not in stop:
+        assert float(branch.tuning[-1]) == pytest.approx(0.81, abs=1e-12)
+    else:
+        assert branch.orbit_height[-1] > 3.0 >= branch.orbit_height[:-1].max()
