@@ -7,7 +7,7 @@ import pytest
 import xarray as xr
 
 from gearlib import Fourier, OneDegreePair, trust
-from gearlib.analysis.lyapunov import Exponent, Size, largest
+from gearlib.analysis.lyapunov import Exponent, Size, grows, largest
 from gearlib.analysis.trust import LABELS, decide, scan
 from tests.paper import PAPER
 from tests.physics.test_six_degrees import gears
@@ -30,6 +30,20 @@ def test_the_size_of_a_state_is_a_displacement():
     for state, expected in (([3.0, 0.0], 3.0), ([0.0, -2.0], 1.6), ([-3.0, 2.0], 3.0)):
         assert size(np.array(state)) == pytest.approx(expected, rel=1e-14)
     assert size(np.array([math.nan, 0.0])) == math.inf
+
+
+class Still:
+    """A propagator of a motion that stays where it is."""
+
+    @staticmethod
+    def skip(states, periods, max_events, ends, codes):
+        ends[:] = states
+
+
+def test_growth_counts_beyond_its_bound():
+    here, size = np.array([50.0, 0.0]), Size(DAMPED, 0.8)
+    for bound, beyond in ((50.0, False), (49.9, True)):
+        assert grows(size, Still, here, 50.0, bound, 20, 100) == beyond
 
 
 def test_exponents_of_the_models_agree():
