@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gearlib import GearPair
+from gearlib import GearPair, sweep
 from gearlib.analysis.tongues import chart, explanation, meissner
 from gearlib.data.storage import read, write
 from gearlib.figures import parametric_resonance as picture
@@ -26,6 +26,12 @@ def test_the_singular_region_is_a_tongue(facts):
     assert free.cause == explanation.PARAMETRIC and damped.cause == explanation.NONE
     assert free.nearest_order == 3 and free.tuning_from.sel(order=3) < 0.66
     assert 0.66 < free.tuning_to.sel(order=3) < free.loss_to < 0.68
+    # From the first to the last tuning from rest, and no further than a step of the scan.
+    ends = [float(free.loss_from), float(free.loss_to)]
+    beside = [ends[0] - 0.1 * (ends[1] - ends[0]), ends[1] + 0.1 * (ends[1] - ends[0])]
+    for tunings, lost in ((ends, True), (beside, False)):
+        run = sweep(GearPair(**PARAMETERS), tunings, record_periods=RUN["periods"], **RUN)
+        assert ((run.displacement_min < -1e-9) == lost).all()
     # Contact is lost although the orbit without loss keeps it.
     assert free.growth > 0.0 and free.orbit_min > 0.2 and free.lost
     assert not damped.lost and damped.damping_ratio > facts.closing_damping.sel(order=3)
