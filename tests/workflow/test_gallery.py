@@ -1,4 +1,4 @@
-"""The gallery as the workflow takes it: laid over config.yaml, it stands by itself."""
+"""Configurations as the workflow takes them: the gallery laid over config.yaml, no scenes."""
 
 import shutil
 
@@ -21,3 +21,10 @@ def test_a_case_of_the_gallery_is_planned(tmp_path):
         "planetary_compile_train_kernels": 1,
         "planetary_train_sweep": 1,
     }
+
+
+def test_without_scenes_no_models_are_compared(tmp_path):
+    project = small_project(tmp_path / "project")
+    project.configure(lambda settings: settings.update(scenes={}))
+    planned = project.planned()
+    assert planned["draw_resonance"] and not {"scene", "compare_models"} & set(planned)
