@@ -91,6 +91,20 @@ def test_the_map_of_one_period(ratios, nu):
     assert meissner.growth(*ratios, nu) == pytest.approx(math.log(radius), abs=1e-7)
 
 
+@pytest.mark.parametrize("nu", [0.004, 0.0015])
+def test_growth_beyond_the_numbers_of_a_machine(nu):
+    """Over-damped stretches so long that exp of the growth has no float."""
+    ratios = MESHES[-1]
+    with mpmath.workdps(2000):
+        flow = map_in_50_digits(*ratios, nu)
+        half, square = (flow[0, 0] + flow[1, 1]) / 2, mpmath.det(flow)
+        expected = mpmath.log(abs(half) + mpmath.sqrt(half * half - square))
+    assert half * half > square
+    # The sign of the trace says of which order the gap is.
+    found = max(meissner._growth(meissner.equation(*ratios), 1.0 / nu, order) for order in (1, 2))
+    assert found == pytest.approx(float(expected), rel=1e-10)
+
+
 def test_every_tongue_is_found_and_is_one_interval():
     random = np.random.default_rng(7)
     for _ in range(60):

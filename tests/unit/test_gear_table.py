@@ -15,7 +15,7 @@ from gearlib.cli import main
 from gearlib.config import load
 from gearlib.geometry import Mesh, SpurGear, iso_stiffness
 from gearlib.studies import gear_table
-from tests.geometry.drawings import fzg_c, iso_example
+from tests.geometry.drawings import fzg_c, iso_example, ring
 from tests.unit.test_drawn_gears import FZG
 
 ISO_EXAMPLE = [
@@ -89,6 +89,15 @@ def test_options_alone_draw_gears(run):
     pair = GearPair.from_geometry(iso_example(), torque=9000.0)
     assert found["mean_stiffness", "iso"] == pytest.approx(pair.mean_stiffness, rel=1e-12)
     assert found["overlap_ratio", "mesh"] == iso_example().overlap_ratio
+
+
+def test_options_draw_a_ring_gear(run):
+    own = ["--teeth", "36", "99", "--module", "4 mm", "--width", "30 mm", "--torque", "100"]
+    done = run(*own, "--outer-diameter", "440 mm", "--internal", "--format", "json")
+    assert done.exit_code == 0, done.output
+    found = values(json.loads(done.output))["mean_stiffness"]["iso"]
+    pair = GearPair.from_geometry(ring(), torque=100.0)
+    assert found == pytest.approx(pair.mean_stiffness, rel=1e-12)
 
 
 def test_the_dampings_of_another_pair_count_by_name_only(run, tmp_path):
