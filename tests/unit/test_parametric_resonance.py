@@ -38,6 +38,14 @@ def test_the_singular_region_is_a_tongue(facts):
     assert explanation.orbit_min(GearPair(**PARAMETERS), 0.8) < 0.0 < free.forced_from < 0.8
 
 
+def test_an_orbit_that_touches_the_flank_does_not_leave_it(facts):
+    touch = float(facts.forced_from.sel(damping="conservative"))
+    pair = GearPair(**PARAMETERS)
+    assert abs(explanation.orbit_min(pair, touch)) < 1e-10
+    for tuning, cause in ((touch, explanation.NONE), (touch + 1e-5, explanation.FORCED)):
+        assert explanation._facts(pair, tuning, RUN)["cause"] == cause
+
+
 @pytest.mark.parametrize(
     ("tuning", "words"),
     [
