@@ -253,6 +253,22 @@ def test_loci(up, name, to):
         locus(MATERIAL, up, 0, "damping", to=0.03)
 
 
+@pytest.mark.parametrize("end", [0, 1])
+def test_a_locus_ends_behind_its_limits_and_not_on_them(up, end):
+    fold = int(np.flatnonzero(up.label == FOLD)[0])
+    to = (0.0, 0.1)[end]
+    free = locus(MATERIAL, up, fold, "damping", to=to)
+    beyond = free.tuning.values[1:] - free.tuning.values[0]
+    # The tuning goes one way, to the limit that is set at its third point.
+    side = int(beyond[0] > 0.0)
+    assert free.point.size > 5 and (np.diff(free.tuning[:5]) > 0.0).all() == bool(side)
+    limits = [-np.inf, np.inf]
+    limits[side] = float(free.tuning[2])
+    curve = locus(MATERIAL, up, fold, "damping", to=to, limits=tuple(limits))
+    assert curve.attrs["ended"] == "at a limit" and curve.point.size == 4
+    np.testing.assert_array_equal(curve.tuning, free.tuning[:4])
+
+
 @pytest.mark.parametrize("label", [FOLD, DOUBLING])
 @pytest.mark.parametrize("as_model", [lambda pair: pair, lambda pair: OneDegreePair(pair=pair)])
 def test_slopes_of_folds_and_doublings(up, as_model, label):

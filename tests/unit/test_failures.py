@@ -89,6 +89,20 @@ def test_other_events_are_missed_events_if_the_state_is_off(contacts):
     assert (found, off) == ("missed_event", failures.wrong_contacts(contacts, CONTACTS))
 
 
+def test_extrema_of_an_orbit_are_looked_for_between_the_steps():
+    def highest(quantity, method, **options):
+        question = Problem("", PAIR, 0.7, quantity=quantity, tolerance=1e-2, record_periods=1)
+        return failures.run(question, method, options, 4).high
+
+    exact = highest("orbit", "exact")
+    between, at_steps = (
+        abs(highest(quantity, "rk4", steps_per_period=16) - exact)
+        for quantity in ("orbit", "state")
+    )
+    # The steps themselves are good to 1e-3.
+    assert between < 2e-3 and at_steps > 4.0 * between
+
+
 def test_wrong_contacts_are_counted():
     assert failures.wrong_contacts((), CONTACTS) == 2
     assert failures.wrong_contacts(CONTACTS, CONTACTS) == 0
