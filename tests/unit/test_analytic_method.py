@@ -73,6 +73,8 @@ def test_steady_orbits(monkeypatch):
     assert (errors.event_error.values[1, 1:] < 1e-2).all()
     # Damping is the same everywhere: Liouville's formula, which Hill's method keeps to rounding.
     assert (errors.multiplier_error.values[:, lines == "harmonic balance"] < 1e-12).all()
+    # By differences of settled runs.
+    assert (errors.multiplier_error.values[:, lines == "exact"] < 1e-6).all()
     assert orbit_figures.draw_orbits(errors).axes
 
 

@@ -240,6 +240,11 @@ def test_the_matrix_has_units_flags_and_both_columns(columns, tmp_path):
     refused = matrix.sel(problem="stiff_bearings", trial="rk4-40")
     assert VERDICTS[int(refused.verdict)] == "refused" and np.isnan(refused.error)
     assert "it takes one degree of freedom" in refused.message.item()
+    for name in CHOSEN:
+        state = difficult_problems.problems()[name].state
+        start = state if len(state) == 2 else [math.nan] * 2
+        one = matrix.sel(problem=name)
+        np.testing.assert_array_equal([one.displacement, one.velocity], start)
     assert matrix.words.dims == ("problem",) and matrix.options.dims == ("trial",)
     storage.write(matrix, tmp_path / "matrix.nc")
     assert storage.read(tmp_path / "matrix.nc").equals(matrix)
