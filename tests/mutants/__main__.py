@@ -35,6 +35,8 @@ KEY = ("file", "where", "source", "mutated")
 #: Seconds of the tests of a first round.
 FIRST = 5.0
 LEAST = 0.95
+#: Rooms of which more than 20 mutants are taken.
+COUNTS = dict.fromkeys(("analysis/proofs", "studies/claims", "studies/trains", "workflow"), 40)
 #: They run all jobs of a small workflow and compare what these write.
 FIRST_RUN = "tests/workflow/test_first_run.py"
 
@@ -192,7 +194,7 @@ def main():
     """Run the sample."""
     parser = argparse.ArgumentParser(prog="python -m tests.mutants", description=__doc__)
     parser.add_argument("rooms", nargs="*", metavar="room", help="default: all rooms")
-    parser.add_argument("--count", type=int, default=20, help="mutants of a room")
+    parser.add_argument("--count", type=int, help="mutants of a room; default: 20, of some 40")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--seconds", type=float, default=150.0, help="of tests for one mutant")
@@ -213,7 +215,7 @@ def main():
     killed = {tuple(row[key] for key in KEY): row for row in map(json.loads, old.splitlines())}
     waiting, results = queue.Queue(), []
     for room in rooms:
-        for one in sample(room, given.count, given.seed):
+        for one in sample(room, given.count or COUNTS.get(room, 20), given.seed):
             if killed.get(one.key, {"verdict": "survived"})["verdict"] == "survived":
                 waiting.put((room, one))
             else:

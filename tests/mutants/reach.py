@@ -4,6 +4,7 @@ Compiled kernels cannot be traced. Tests that are quick are therefore recorded o
 kernels that run as plain Python ("plain"); most mutants of a kernel die there, uncompiled.
 """
 
+import ast
 import contextlib
 import hashlib
 import json
@@ -85,6 +86,8 @@ class Reach:
             return []
         names, lines = self.recorded[part]["tests"], self.recorded[part]["lines"].get(one.file, {})
         found = {test for n in range(one.line, one.last + 1) for test in lines.get(str(n), ())}
+        if _at_import(one):
+            found = set()
         return [names[i] for i in found or {test for tests in lines.values() for test in tests}]
 
     def of(self, start):
@@ -193,6 +196,15 @@ def _gathered(folder):
         for line, tests in of_file.items():
             of_file[line] = sorted(tests)
     return {"tests": list(names), "seconds": seconds, "lines": lines}
+
+
+def _at_import(one):
+    """Return whether a mutation lies outside the bodies of all functions."""
+    if not one.file.endswith(".py"):
+        return False
+    nodes = ast.walk(ast.parse((ROOT / one.file).read_text(encoding="utf-8")))
+    functions = (node for node in nodes if isinstance(node, ast.FunctionDef))
+    return not any(node.body[0].lineno <= one.line <= node.end_lineno for node in functions)
 
 
 def _callers(kernel):

@@ -118,6 +118,18 @@ def test_tests_that_reach_a_line_come_before_those_that_may():
     assert list(reached.tests(one)) == ["tests/unit/b", "tests/workflow/a"]
 
 
+def test_what_runs_at_import_is_reached_by_all_that_reach_the_module():
+    seconds = {"tests/unit/a": 1.0, "tests/unit/b": 1.0}
+    found = mutations("gearlib/tunings.py")
+    constant = next(one for one in found if one.source == "NAME_DECIMALS = 4")
+    inside = next(one for one in found if one.where == "grid")
+    # The first one has imported it.
+    lines = {"gearlib/tunings.py": {str(constant.line): [0], str(inside.line): [1]}}
+    reached = Reach({"compiled": {"tests": [*seconds], "seconds": seconds, "lines": lines}})
+    assert set(reached.tests(constant)) == set(seconds)
+    assert set(reached.tests(inside)) == {"tests/unit/b"}
+
+
 def test_who_survives_is_told_from_who_is_killed(tree):
     tests = {
         "wrong on the code as it is": lambda space: space["total"]([2]) == 5,

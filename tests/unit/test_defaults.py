@@ -92,6 +92,10 @@ def test_the_gears_alone_are_a_configuration(backlash, dampings):
     damped = [name for name, d in dampings.items() if any(d.values())]
     assert config.jump.damping == (damped or ["none"])[0]
     assert config.nonlinear_damping.damping > 0.0
+    # All motions settle only where contact is damped: of the first such one, or of none of these.
+    settling = [d["material"] for d in dampings.values() if d["material"]]
+    shown = config.bifurcation.damping.material
+    assert shown == settling[0] if settling else shown > 0.0
     assert set(config.figures.colours) == set(dampings)
     assert len(set(config.figures.colours.values())) == len(dampings)
     name = next(iter(dampings))

@@ -250,6 +250,11 @@ def test_the_matrix_has_units_flags_and_both_columns(columns, tmp_path):
     assert storage.read(tmp_path / "matrix.nc").equals(matrix)
 
 
+def test_one_column_alone_is_a_matrix(columns):
+    matrix = gathering.gather_failures(columns[:1])
+    assert matrix.words.dims == ("problem",) and matrix.error.dims == ("problem", "trial")
+
+
 def test_columns_of_other_problems_are_refused(columns):
     other = failures.compute("rk4", "rk4", {}, CHOSEN[:2])
     with pytest.raises(ValueError):

@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
+import xarray as xr
 
 from gearlib import simulate
 from gearlib.data.contact_loss import lost_share
 from gearlib.data.summary import in_words
+from gearlib.data.variables import describe
 from tests.paper import PAPER
 
 
@@ -38,3 +40,8 @@ def test_rounding_of_times_is_no_loss_of_contact():
     shares = np.array([1.0, 1.0 - 1e-12, 1.0 + 1e-12, 0.999, 0.0])
     np.testing.assert_allclose(lost_share(shares), [0.0, 0.0, 0.0, 0.001, 1.0], rtol=1e-12)
     assert (lost_share(shares)[:3] == 0.0).all()
+
+
+def test_a_variable_without_an_entry_is_named():
+    with pytest.raises(KeyError, match="displacement_extra"):
+        describe(xr.Dataset({"displacement_extra": 1.0}))
