@@ -73,7 +73,7 @@ DESCRIPTIONS = {
     "sufficient": ("1", "smallest model whose answers are those of the whole train"),
     "sufficient_share": ("1", "share of the starts from which the model suffices"),
     "start": ("1", "number of the start"),
-    "settled": ("1", "whether all starts end on a stable orbit, in trains on one"),
+    "settled": ("1", "whether motions end on a stable orbit, in trains from all starts on one"),
     "settled_share": ("1", "share of the starts that end on a stable orbit"),
     "motion_count": ("1", "stable orbits on which starts end"),
     "largest_share": ("1", "share of the starts on the stable orbit that has most"),
