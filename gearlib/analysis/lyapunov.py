@@ -109,8 +109,16 @@ def largest(pair, tuning, *, state=(0.0, 0.0), settle=1000, periods=4000, max_ev
     return Exponent(float(logs.mean()), float(error), float(logs.sum()), periods)
 
 
-def growth(pair, tuning, state, periods, *, first=0, max_events=1_000_000):
-    """Return the logarithms of the largest growth of a small deviation on its way, and of the last.
+class Growth(NamedTuple):
+    """How a small deviation has grown."""
+
+    most: float  #: logarithm of its largest growth on the way; infinite: the run could not go on
+    last: float  #: of that at the end
+    vector: np.ndarray | None  #: its direction at the end; None: it has vanished
+
+
+def growth(pair, tuning, state, periods, *, first=0, vector=None, max_events=1_000_000):
+    """Return the `Growth` of a small deviation on its way.
 
     Parameters
     ----------
@@ -120,29 +128,75 @@ def growth(pair, tuning, state, periods, *, first=0, max_events=1_000_000):
         Mesh periods.
     first : int
         Number of the first of them, where the excitation repeats after several.
-
-    Returns
-    -------
-    most, last : float
-        Over the deviation at the start; infinite where the run could not go on.
+    vector : ndarray, optional
+        The deviation; by default one in all coordinates.
     """
-    propagator, logs, vector = pair.propagator(tuning), np.empty(periods), None
+    propagator, logs = pair.propagator(tuning), np.empty(periods)
     z, carried = propagator.start(state), _carrier(pair, tuning, propagator, max_events)
     for done in range(0, periods, _CHUNK):
         counted = logs[done : done + _CHUNK]
         z, vector, code = carried(z, vector, counted, first + done)
         if code != status.OK:
-            return math.inf, math.inf
+            return Growth(math.inf, math.inf, None)
         if vector is None:
             logs[done:] = -math.inf
             break
     grown = np.cumsum(logs)
-    return max(float(grown.max()), 0.0), float(grown[-1])
+    return Growth(max(float(grown.max()), 0.0), float(grown[-1]), vector)
 
 
 def lost(pair, tuning, state, periods):
     """Return whether rounding decides where a motion goes; arguments as of `growth`."""
-    return growth(pair, tuning, state, periods)[0] > LOST
+    return growth(pair, tuning, state, periods).most > LOST
+
+
+class Carried:
+    """A deviation that goes on with a motion from one run to the next.
+
+    It is never less than rounding, nor more than the motion.
+    """
+
+    def __init__(self, pair):
+        self.pair, self.before, self.vector = pair, 0.0, None
+
+    def run(self, tuning, state, periods, first=0):
+        """Return the `Growth` in a run, and whether rounding decides where it goes."""
+        vector = self.vector if self.before else None
+        found = growth(self.pair, tuning, state, periods, first=first, vector=vector)
+        return found, self.before + found.most > LOST
+
+    def go_on(self, found):
+        """Go on from the end of a run."""
+        self.before = min(max(self.before + found.last, 0.0), LOST)
+        self.vector = found.vector
+
+
+def lost_in_sweep(pair, tunings, ends, start, periods):
+    """Return where rounding may have led a motion that is carried from tuning to tuning.
+
+    Parameters
+    ----------
+    pair : GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator
+    tunings : ndarray, shape (n,)
+        In the order of the sweep.
+    ends : ndarray, shape (n, components)
+        Final states; behind a NaN the motion begins anew.
+    start : tuple of float
+    periods : int
+        Mesh periods at each tuning.
+
+    Returns
+    -------
+    ndarray of bool, shape (n,)
+    """
+    lost = np.zeros(len(tunings), bool)
+    begins = [start, *(end if np.isfinite(end).all() else start for end in ends[:-1])]
+    for i, (nu, begin) in enumerate(zip(tunings, begins, strict=True)):
+        if begin is start:
+            deviation = Carried(pair)
+        found, lost[i] = deviation.run(float(nu), tuple(begin), periods, i * periods)
+        deviation.go_on(found)
+    return lost
 
 
 def _carrier(pair, tuning, propagator, max_events):

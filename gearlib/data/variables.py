@@ -140,8 +140,10 @@ DESCRIPTIONS = {
     "height": ("1", "height of the orbit from rest in static deflections"),
     "jump": ("1", "tuning at which the orbit jumps"),
     "shift": ("1", "shift of the jump against the base"),
-    "height_below": ("1", "height of the orbit just below the jump in static deflections"),
-    "height_above": ("1", "height of the orbit just above the jump in static deflections"),
+    "jump_interval": ("1", "width of the tuning interval to which the jump is known"),
+    "jump_share": ("1", "share of the starts from which the orbit jumps"),
+    "height_below": ("1", "height of the orbit below the jump in static deflections"),
+    "height_above": ("1", "height of the orbit above the jump in static deflections"),
     "switches": ("1", "large changes of height between neighbouring tunings of the scan"),
     # page of the report
     "motion": ("1", "what the motion is, in words"),

@@ -3,7 +3,6 @@
 import numpy as np
 
 from gearlib.analysis import lyapunov
-from gearlib.data import status
 from gearlib.runs.sweeping import CARRIED
 
 #: Strobes of one orbit agree to this share of its height: far more than what is left of settling.
@@ -53,21 +52,13 @@ def _order(diagram, direction):
 
 
 def _lost(pair, diagram, direction, start):
-    """Return where rounding may have led the motion of a diagram to another orbit, over tuning.
-
-    A deviation is carried on with the motion; it is never less than rounding, nor more than the
-    motion.
-    """
-    lost, begin, before = np.zeros(diagram.sizes["tuning"], bool), start, 0.0
+    """Return where rounding may have led the motion of a diagram to another orbit, over tuning."""
+    order, tunings = _order(diagram, direction), diagram.tuning.values
     periods = int(diagram.strobe.values[-1]) + 1
-    for i in _order(diagram, direction):
-        nu = float(diagram.tuning.values[i])
-        most, last = lyapunov.growth(pair, nu, tuple(begin), periods)
-        lost[i] = before + most > lyapunov.LOST
-        if direction in CARRIED:
-            goes_on = diagram.status.values[i] == status.OK
-            begin = diagram.final_state.values[i] if goes_on else start
-            before = min(max(before + last, 0.0), lyapunov.LOST) if goes_on else 0.0
+    if direction not in CARRIED:
+        return np.array([lyapunov.lost(pair, float(nu), start, periods) for nu in tunings])
+    lost, ends = np.zeros(len(order), bool), diagram.final_state.values[order]
+    lost[order] = lyapunov.lost_in_sweep(pair, tunings[order], ends, start, periods)
     return lost
 
 
