@@ -17,7 +17,6 @@ OIL, _ = nonlinear_damping.model(
 
 
 def test_growth_is_that_of_two_runs_side_by_side():
-    # Below the limit differences of runs are those of the maps; 0.665 grows by some 1e7.
     beside, periods = 1e-11, 228
     ends = [
         simulate(LIGHT, 0.665, periods=periods, initial_state=(x, x)).final_state.values
@@ -25,7 +24,7 @@ def test_growth_is_that_of_two_runs_side_by_side():
     ]
     away = np.hypot(*((ends[1] - ends[0]) * (1.0, 0.665)))
     found = lyapunov.growth(LIGHT, 0.665, (0.0, 0.0), periods)
-    assert found.last == pytest.approx(np.log(away / beside / np.sqrt(2.0)), abs=0.3)
+    assert found.last == pytest.approx(np.log(away / beside), abs=0.01)
     assert 14.0 < found.most < lyapunov.LOST
     assert not lyapunov.lost(LIGHT, 0.665, (0.0, 0.0), periods)
     assert lyapunov.lost(LIGHT, 0.66, (0.0, 0.0), 400)
@@ -44,7 +43,8 @@ def test_a_deviation_goes_on_with_the_motion():
 
 
 def test_lags_behind_chaos_are_left_out():
-    options = {"harmonics": 2, "periods": 400, "samples_per_period": 16}
+    # After so many the run happens to repeat after one: it is left out all the same.
+    options = {"harmonics": 2, "periods": 6000, "samples_per_period": 16}
     found = phase_lag.compute(PAPER.as_dict(), [4000.0, 40.0], 0.66, [0.65, 0.66], **options)
     assert found.settled.values.tolist() == [[1, 1], [1, 0]]
     assert np.isnan(found.first_lag.values[1, 1]) and np.isfinite(found.first_lag.values[0]).all()
@@ -54,23 +54,25 @@ def test_lags_behind_chaos_are_left_out():
 
 def test_a_carried_motion_is_lost_behind_chaos_until_all_are_on_one_orbit():
     third = PAPER.replace(material_damping=1281.6, backlash_damping=1281.6)
-    tunings, chaotic = np.array([0.575, 0.576, 0.7]), (-2.0, 3.0)
-    options = {"settle": 200, "strobes": 8}
+    tunings = np.array([0.575, 0.7, 0.9])
+    chaotic, rest = (1.6435, -2.7626), (0.0, 0.0)
+    directions, starts = ["up", "cold", "cold"], [chaotic, chaotic, rest]
+    options = {"settle": 400, "strobes": 48}
     diagrams = [
         studies.bifurcation_diagram(third, tunings, direction=name, initial_state=start, **options)
-        for name, start in (("up", chaotic), ("cold", chaotic), ("cold", (0.0, 0.0)))
+        for name, start in zip(directions, starts, strict=True)
     ]
-    starts = [chaotic, chaotic, (0.0, 0.0)]
-    lost = np.array([lyapunov.lost(third, nu, chaotic, 208) for nu in tunings])
-    found = settled(third, diagrams, ["up", "cold", "cold"], starts)
-    assert (found[1] == (~lost & (diagrams[1].period.values > 0))).all()
-    print(found, lost, [d.period.values for d in diagrams])
+    # At 0.7 the two cold starts end on two orbits, at 0.9 all on one.
+    found = settled(third, diagrams, directions, starts)
+    assert found.tolist() == [[False, False, True], [False, True, True], [True, True, True]]
 
 
 def test_a_jump_out_of_a_chaotic_transient_is_known_to_an_interval():
     run = {"periods": 120, "record_periods": 24}
-    found = jump.find(OIL, np.linspace(0.6, 0.64, 11), 1e-6, "down", **run, initial_state=(9.0, 0))
-    assert abs(found.tuning - 0.6095) <= found.interval and found.interval > 1e-4
+    found = jump.find(OIL, np.linspace(0.588, 1.0, 104), 1e-6, "down", **run)
+    # On the branch at 0.612 still, and not at 0.608 any more.
+    assert 0.608 < found.tuning < 0.612 and 1e-4 < found.interval < 0.004
+    assert found.below < 2.0 and found.above > 8.5
     up = jump.find(OIL, np.linspace(0.79, 0.81, 6), 1e-6, **run)
     assert up.interval < 1e-6
 
