@@ -27,6 +27,13 @@ BATCHES = 20
 _SIGMAS = 3.0
 #: Growth exp(slack) beyond the linear growth of a quasi-periodic motion is exponential.
 _SLACK = 7.0
+#: Logarithm of the growth, 1e10, beyond which rounding decides where a motion goes.
+LOST = 10.0 * math.log(10.0)
+#: What a variable "settled" says of single motions.
+SETTLED_FLAGS = {
+    "flag_values": np.arange(2, dtype=np.int8),
+    "flag_meanings": "unsettled settled",
+}
 
 
 class Exponent(NamedTuple):
@@ -39,13 +46,17 @@ class Exponent(NamedTuple):
     status: int = status.OK  #: `gearlib.data.status`; OVERFLOW: the motion grows without bound
 
     @property
-    def positive(self):
-        """Whether deviations grow exponentially.
+    def grown(self):
+        """Whether deviations have grown by more than in a quasi-periodic motion.
 
-        A quasi-periodic motion shears: deviations grow in proportion to time, by log(periods).
+        That shears: deviations grow in proportion to time, by log(periods).
         """
-        linear = math.log(self.periods) + _SLACK
-        return self.growth > linear and self.value > _SIGMAS * self.uncertainty
+        return self.growth > math.log(self.periods) + _SLACK
+
+    @property
+    def positive(self):
+        """Whether deviations grow exponentially: so much, and steadily."""
+        return self.grown and self.value > _SIGMAS * self.uncertainty
 
 
 def largest(pair, tuning, *, state=(0.0, 0.0), settle=1000, periods=4000, max_events=1_000_000):
@@ -69,28 +80,23 @@ def largest(pair, tuning, *, state=(0.0, 0.0), settle=1000, periods=4000, max_ev
     """
     propagator = pair.propagator(tuning)
     z = propagator.start(state)
-    size = Size(pair, tuning)
+    size, carried = Size(pair, tuning), _carrier(pair, tuning, propagator, max_events)
     before = size(z)
     bound = FAR * max(pair.extent, before)
 
     def failed(code):
         return Exponent(math.nan, math.nan, math.nan, periods, code)
 
-    logs, weights, vector = np.empty(periods), None, None
+    # Any direction will do: settling turns it into the growing one.
+    logs, vector = np.empty(periods), None
     done = -settle
     while done < periods:
         count = min(_CHUNK, periods - done) if done >= 0 else min(_CHUNK, -done)
-        first = (settle + done) % pair.repeats
-        z, maps, code = propagator.maps(z, count, max_events, first)
+        counted = logs[done : done + count] if done >= 0 else np.empty(count)
+        z, vector, code = carried(z, vector, counted, settle + done)
         if code != status.OK:
             return failed(code)
-        maps = without_rotation(pair, maps)
         if vector is None:
-            # Any direction will do: settling turns it into the growing one.
-            vector, weights = np.ones(maps.shape[1]), np.ones(maps.shape[1])
-            weights[maps.shape[1] // 2 :] = tuning
-        counted = logs[done : done + count] if done >= 0 else np.empty(count)
-        if not carry(maps, weights, vector, counted):
             # Over-damped to nothing: no deviation is left to grow.
             return Exponent(-math.inf, 0.0, -math.inf, periods)
         done += count
@@ -101,6 +107,115 @@ def largest(pair, tuning, *, state=(0.0, 0.0), settle=1000, periods=4000, max_ev
     batches = np.array([part.mean() for part in np.array_split(logs, min(BATCHES, periods))])
     error = batches.std(ddof=1) / math.sqrt(batches.size) if batches.size > 1 else math.inf
     return Exponent(float(logs.mean()), float(error), float(logs.sum()), periods)
+
+
+class Growth(NamedTuple):
+    """How a small deviation has grown."""
+
+    most: float  #: logarithm of its largest growth on the way; infinite: the run could not go on
+    last: float  #: of that at the end
+    vector: np.ndarray | None  #: its direction at the end; None: it has vanished
+
+
+def growth(pair, tuning, state, periods, *, first=0, vector=None, max_events=1_000_000):
+    """Return the `Growth` of a small deviation on its way.
+
+    Parameters
+    ----------
+    pair, tuning, state, max_events
+        As of `largest`.
+    periods : int
+        Mesh periods.
+    first : int
+        Number of the first of them, where the excitation repeats after several.
+    vector : ndarray, optional
+        The deviation; by default one in all coordinates.
+    """
+    propagator, logs = pair.propagator(tuning), np.empty(periods)
+    z, carried = propagator.start(state), _carrier(pair, tuning, propagator, max_events)
+    for done in range(0, periods, _CHUNK):
+        counted = logs[done : done + _CHUNK]
+        z, vector, code = carried(z, vector, counted, first + done)
+        if code != status.OK:
+            return Growth(math.inf, math.inf, None)
+        if vector is None:
+            logs[done:] = -math.inf
+            break
+    grown = np.cumsum(logs)
+    return Growth(max(float(grown.max()), 0.0), float(grown[-1]), vector)
+
+
+def lost(pair, tuning, state, periods):
+    """Return whether rounding decides where a motion goes; arguments as of `growth`."""
+    return growth(pair, tuning, state, periods).most > LOST
+
+
+class Carried:
+    """A deviation that goes on with a motion from one run to the next.
+
+    It is never less than rounding, nor more than the motion.
+    """
+
+    def __init__(self, pair):
+        self.pair, self.before, self.vector = pair, 0.0, None
+
+    def run(self, tuning, state, periods, first=0):
+        """Return the `Growth` in a run, and whether rounding decides where it goes."""
+        vector = self.vector if self.before else None
+        found = growth(self.pair, tuning, state, periods, first=first, vector=vector)
+        return found, self.before + found.most > LOST
+
+    def go_on(self, found):
+        """Go on from the end of a run."""
+        self.before = min(max(self.before + found.last, 0.0), LOST)
+        self.vector = found.vector
+
+
+def lost_in_sweep(pair, tunings, ends, start, periods):
+    """Return where rounding may have led a motion that is carried from tuning to tuning.
+
+    Parameters
+    ----------
+    pair : GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator
+    tunings : ndarray, shape (n,)
+        In the order of the sweep.
+    ends : ndarray, shape (n, components)
+        Final states; behind a NaN the motion begins anew.
+    start : tuple of float
+    periods : int
+        Mesh periods at each tuning.
+
+    Returns
+    -------
+    ndarray of bool, shape (n,)
+    """
+    lost = np.zeros(len(tunings), bool)
+    begins = [start, *(end if np.isfinite(end).all() else start for end in ends[:-1])]
+    for i, (nu, begin) in enumerate(zip(tunings, begins, strict=True)):
+        if begin is start:
+            deviation = Carried(pair)
+        found, lost[i] = deviation.run(float(nu), tuple(begin), periods, i * periods)
+        deviation.go_on(found)
+    return lost
+
+
+def _carrier(pair, tuning, propagator, max_events):
+    """Return the call that carries a state and a deviation through as many periods as `logs` has.
+
+    It fills these, and returns the state; the deviation, None if it has vanished; and the status.
+    None in place of a deviation is one in all coordinates.
+    """
+
+    def carried(z, vector, logs, first):
+        z, maps, code = propagator.maps(z, logs.size, max_events, first % pair.repeats)
+        if code != status.OK:
+            return z, vector, code
+        maps = without_rotation(pair, maps)
+        vector = np.ones(maps.shape[1]) if vector is None else vector
+        weights = np.repeat([1.0, tuning], vector.size // 2)
+        return z, vector if carry(maps, weights, vector, logs) else None, code
+
+    return carried
 
 
 class Size:

@@ -157,6 +157,15 @@ class Jump(Grid):
     tolerances: listing(
         number_within(gt=0, le=0.1), "Relative tolerances of a 4(5) pair without event location."
     ) = [1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8]
+    starts: integer_within(ge=1, le=1000) = Field(
+        default=8, description="Seeded starts with every tolerance."
+    )
+    seed: integer_within(ge=0, le=1_000_000) = Field(
+        default=1, description="Of the random displacements at the start."
+    )
+    spread: number_within(gt=0, le=10) = Field(
+        default=0.02, description="Largest of these displacements, static deflections."
+    )
     marked: Annotated[
         list[Tuning],
         Field(max_length=2, description="Tunings marked in the figures, and the band between."),

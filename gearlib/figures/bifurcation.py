@@ -55,10 +55,13 @@ def draw(diagram, shares, branches=None):
             rasterized=True,
         )
         value, error = one.exponent.values, one.uncertainty.values
-        if kind == "cold":
-            middle.plot(tuning, value, ".", markersize=2.0, color=colour, markeredgewidth=0.0)
-        else:
-            middle.plot(tuning, value, color=colour, linewidth=0.7)
+        # Lines join settled motions only.
+        line = one.settled.values.astype(bool) & (kind != "cold")
+        dots = np.where(line, np.nan, value)
+        middle.plot(tuning, dots, ".", markersize=2.0, color=colour, markeredgewidth=0.0)
+        if line.any():
+            middle.plot(tuning, np.where(line, value, np.nan), color=colour, linewidth=0.7)
+        if kind != "cold":
             low, high = value - 3.0 * error, value + 3.0 * error
             middle.fill_between(tuning, low, high, color=colour, alpha=0.3, linewidth=0)
     kinds = {str(name).split()[0] for name in diagram.direction.values}

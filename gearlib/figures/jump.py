@@ -38,9 +38,9 @@ def draw(jumps, marked=()):
     Returns
     -------
     matplotlib.figure.Figure
-        Shifts on a logarithm to both sides of zero; the orange band is where the jump would lie
-        between the marked tunings. A variation without a jump in the scan is named above
-        its panel.
+        Shifts on a logarithm to both sides of zero, pale: their range where many starts were
+        asked; the orange band is where the jump would lie between the marked tunings. A variation
+        without a jump in the scan is named above its panel.
     """
     kinds = [kind for kind in _KINDS if kind in jumps.kind.values]
     # Rounded up.
@@ -96,6 +96,8 @@ def _draw_kind(axes, rows, base, marked, label, logarithmic):
     axes.update_datalim(np.column_stack([value, np.zeros(value.size)]))
     # Stems, no line from value to value: what the jump does in between is not known.
     axes.vlines(value, 0.0, shift, color=style.PALETTE[0], linewidth=0.6)
+    ranges = rows.shift_low.values, rows.shift_high.values
+    axes.vlines(value, *ranges, color=style.PALETTE[0], linewidth=4.0, alpha=0.3)
     axes.plot(value[~many], shift[~many], "o", color=style.PALETTE[0], markersize=3)
     axes.plot(value[many], shift[many], "x", color=style.PALETTE[0], markersize=4)
     if logarithmic:

@@ -5,7 +5,7 @@ import numpy as np
 from gearlib.figures import style
 
 _HEIGHT = 3.3
-_CHAOTIC = "#D55E00"
+_CHAOTIC, _UNDECIDED = "#D55E00", "#A0A0A0"
 _REGULAR = ("#0072B2", "#009E73", "#4D4D4D", "#56B4E9", "#CC79A7")
 
 
@@ -21,7 +21,8 @@ def draw(data):
     Returns
     -------
     matplotlib.figure.Figure
-        Orange: chaotic orbits; other colours: regular ones, each orbit in one colour.
+        Orange: chaotic orbits; grey: undecided ones; other colours: regular ones, each orbit in
+        one colour.
     """
     figure, panels = style.panels(data.sizes["case"], _HEIGHT)
     for i, axes in enumerate(panels):
@@ -30,10 +31,11 @@ def draw(data):
 
 
 def _draw_case(axes, case):
-    chaotic = case.chaotic.values.astype(bool)
+    chaotic, undecided = case.chaotic.values == 1, case.chaotic.values == 2
     # Chaos first, so that islands in it are seen.
     for i in np.argsort(~chaotic, kind="stable"):
-        colour = _CHAOTIC if chaotic[i] else _REGULAR[i % len(_REGULAR)]
+        colour = _UNDECIDED if undecided[i] else _REGULAR[i % len(_REGULAR)]
+        colour = _CHAOTIC if chaotic[i] else colour
         axes.plot(
             case.displacement.values[i],
             case.velocity.values[i],
@@ -46,9 +48,10 @@ def _draw_case(axes, case):
         )
     share = 100.0 * chaotic.mean()
     degrees = np.degrees(float(case.phase))
+    words = f", {undecided.sum()} undecided" if undecided.any() else ""
     axes.set_title(
         f"{case.case.item()}\n$\\tau$ = {degrees:.0f}°; {share:.0f} % of {chaotic.size} orbits "
-        "chaotic"
+        f"chaotic{words}"
     )
     axes.set_xlabel("displacement (static defl.)")
     axes.set_ylabel(

@@ -3,7 +3,11 @@
 Two tunings a step apart may belong to different attractors (Fig. 6 of the paper: 0.815 and
 0.8151). The jump is looked for as what it is, the largest change of the orbit's height between
 neighbouring tunings of a cold scan, and bisected: of the middle tuning the height decides to which
-side it belongs. A continuous curve ends with two equal heights, and has no jump.
+side it belongs. A continuous curve ends with two equal heights, and has no jump. Where rounding
+decides to which side a motion goes the bisection ends, since more is not known of the jump.
+
+Under step control rounding shows at every tuning. So the jump by such a method is asked from many
+seeded starts, each beside the exact jump from the same start: median and range of the differences.
 """
 
 from typing import TYPE_CHECKING, NamedTuple
@@ -11,17 +15,25 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import xarray as xr
 
+from gearlib.analysis import lyapunov
 from gearlib.data.variables import describe
 from gearlib.models.one_degree import OneDegreePair
 from gearlib.models.pair import GearPair
 from gearlib.models.profiles import Fourier
 from gearlib.runs.sweeping import sweep
+from gearlib.studies.trains import motions
 
 if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
     from gearlib.integrators import rk45  # noqa: F401
 
 #: Heights closer than this, in static deflections, are those of one orbit.
 SAME_HEIGHT = 0.1
+#: Steps of the scan to both sides of the exact jump in which another method is asked for its own.
+_BESIDE = 4
+#: Heights of one orbit agree to this, static deflections, where starts have settled.
+_ONE_ORBIT = 1e-6
+#: Starts beside a carried motion that rounding has led, and of a method.
+_STARTS = {"starts": 8, "seed": 1, "spread": 0.02}
 
 #: Kinds of variation, and what their value means.
 KINDS = {
@@ -39,9 +51,11 @@ class Jump(NamedTuple):
     """A jump of the orbit from rest between two tunings."""
 
     tuning: float  #: middle of the last interval; NaN: there is no jump
-    below: float  #: height of the orbit just below, static deflections
-    above: float  #: and just above
+    #: Height of the orbit below, static deflections, where it jumps in the scan; NaN: not known.
+    below: float
+    above: float  #: and above
     switches: int  #: changes of height in the scan at least half as large as the largest
+    interval: float  #: width of the last interval; more than asked where rounding decides
 
 
 def find(pair, tunings, resolution, direction="cold", **run):
@@ -63,15 +77,28 @@ def find(pair, tunings, resolution, direction="cold", **run):
     tunings = np.asarray(tunings, float)
     scan = sweep(pair, tunings, direction=direction, **run)
     height = _heights(scan)
+    exact, lost = "method" not in run, np.zeros(0, bool)
     steps, large = height_steps(height)
+    while exact and large.any():
+        i = int(np.argmax(steps))
+        places, lost = _lost(pair, scan, height, i, direction, run)
+        if not places.size:
+            break
+        height[places] = np.nan
+        steps, large = height_steps(height)
     i = int(np.argmax(steps))
     low, high = tunings[i], tunings[i + 1]
-    below, above = height[i], height[i + 1]
-    states = scan.final_state.values
+    below, above = beside = height[i], height[i + 1]
+    states, deviation = scan.final_state.values, lyapunov.Carried(pair)
     if direction != "cold":
         run["initial_state"] = tuple(states[i if direction == "up" else i + 1])
-    while high - low > resolution:
+    while high - low > resolution and not lost.any():
         middle = 0.5 * (low + high)
+        if exact:
+            start = run.get("initial_state", (0.0, 0.0))
+            grown, gone = deviation.run(middle, start, run["periods"])
+            if gone:
+                break
         one = sweep(pair, [middle], **run)
         height = float(_heights(one)[0])
         is_below = abs(height - below) <= abs(height - above)
@@ -81,9 +108,43 @@ def find(pair, tunings, resolution, direction="cold", **run):
             high, above = middle, height
         if (direction == "up" and is_below) or (direction == "down" and not is_below):
             run["initial_state"] = tuple(one.final_state.values[0])
+            if exact:
+                deviation.go_on(grown)
     if not abs(above - below) > SAME_HEIGHT:
-        return Jump(np.nan, float(below), float(above), 0)
-    return Jump(0.5 * (low + high), float(below), float(above), int(large.sum()))
+        return Jump(np.nan, float(below), float(above), 0, high - low)
+    # The nearer to the jump, the less a run has settled: its heights are those of the scan.
+    below, above = (np.nan, np.nan) if lost.any() else beside
+    return Jump(0.5 * (low + high), float(below), float(above), int(large.sum()), high - low)
+
+
+def _lost(pair, scan, height, i, direction, run):
+    """Return which heights count no more beside step `i`, and whether rounding decides of others.
+
+    Where rounding has led a carried motion, starts beside it are asked: what all of them do counts.
+    """
+    tunings, start = scan.tuning.values, run.get("initial_state", (0.0, 0.0))
+    periods = run["periods"]
+    if direction == "cold":
+        lost = np.array([lyapunov.lost(pair, nu, start, periods) for nu in tunings[i : i + 2]])
+        return i + np.flatnonzero(lost), lost
+    order = np.arange(tunings.size)[:: 1 if direction == "up" else -1]
+    way = order[: max(np.argmax(order == i), np.argmax(order == i + 1)) + 1]
+    ends = scan.final_state.values[way]
+    lost = lyapunov.lost_in_sweep(pair, tunings[way], ends, start, periods)
+    if not lost.any():
+        return order[:0], lost
+    k = int(np.argmax(lost))
+    begin = ends[k - 1] if k and np.isfinite(ends[k - 1]).all() else start
+    rest, step, apart = way[k:], height[i + 1] - height[i], 0.0
+    for state in motions.starts(pair, begin, _STARTS):
+        other = run | {"initial_state": tuple(state), "direction": direction}
+        theirs = height.copy()
+        theirs[rest] = _heights(sweep(pair, tunings[rest], **other))
+        if not (theirs[i + 1] - theirs[i]) / step > 0.5:
+            return order[k:], lost
+        apart = max(apart, np.abs(theirs - height)[i : i + 2].max())
+    # All on one orbit again: nothing is left of where they have been.
+    return order[:0], lost & (apart > _ONE_ORBIT)
 
 
 def height_steps(height):
@@ -148,7 +209,8 @@ def compute(pair, tunings, settings, run):
     tunings : sequence of float, shape (n,)
         The scan.
     settings : dict
-        As of `variations`, and resolution.
+        As of `variations`, and resolution; starts, seed and spread for tolerances, as of
+        `gearlib.studies.trains.motions.starts`.
     run : dict
         periods, record_periods, initial_state.
 
@@ -156,29 +218,76 @@ def compute(pair, tunings, settings, run):
     -------
     xarray.Dataset
         height over tuning, of the base; over variation: kind, value, jump (NaN: none in the
-        scan), shift against the base, height_below, height_above, switches.
+        scan), shift against the base with its range shift_low and shift_high over all starts,
+        jump_interval, to which it is known, jump_share of the starts that jump, height_below,
+        height_above, switches; settled, not so of tolerances, which are asked from all starts:
+        medians.
     """
     pair = GearPair(**pair)
-    rows = []
+    rows, others = [], None
     for kind, value, model, changed in variations(pair, settings):
-        found = find(model, tunings, settings["resolution"], **run | changed)
-        rows.append((kind, float(value), *found))
-    kind, value, jump, below, above, switches = (
-        np.array(column) for column in zip(*rows, strict=True)
-    )
+        if kind == "tolerance":
+            others = others or _from_starts(pair, tunings, settings, run)
+            found, shifts = _by_method(pair, tunings, settings, run | changed, others)
+            found = found._replace(tuning=rows[0][2].tuning + _median(shifts))
+        else:
+            found = find(model, tunings, settings["resolution"], **run | changed)
+            shifts = np.array([found.tuning - rows[0][2].tuning if rows else 0.0 * found.tuning])
+        rows.append((kind, float(value), found, shifts))
     base = sweep(pair, tunings, **run)
+    kind, value, found, shifts = zip(*rows, strict=True)
+    jump, below, above, switches, interval = (np.array(each) for each in zip(*found, strict=True))
+    low, high = np.array([(_end(np.min, one), _end(np.max, one)) for one in shifts]).T
     dataset = xr.Dataset(
         {
             "height": ("tuning", _heights(base)),
-            "kind": ("variation", kind.astype(object)),
-            "value": ("variation", value),
+            "kind": ("variation", np.array(kind, object)),
+            "value": ("variation", np.array(value)),
             "jump": ("variation", jump),
             "shift": ("variation", jump - jump[0]),
+            "shift_low": ("variation", low),
+            "shift_high": ("variation", high),
+            "jump_interval": ("variation", interval),
+            "jump_share": ("variation", np.array([np.isfinite(one).mean() for one in shifts])),
             "height_below": ("variation", below),
             "height_above": ("variation", above),
             "switches": ("variation", switches.astype(np.int32)),
+            "settled": ("variation", np.array([each != "tolerance" for each in kind], np.int8)),
         },
-        {"tuning": base.tuning.values, "variation": np.arange(kind.size)},
+        {"tuning": base.tuning.values, "variation": np.arange(len(rows))},
     )
+    dataset["settled"].attrs |= lyapunov.SETTLED_FLAGS
     dataset.attrs = base.attrs | {"title": "Jump of the motion from rest, and what moves it"}
     return describe(dataset)
+
+
+def _from_starts(pair, tunings, settings, run):
+    """Return (start, exact `Jump`) of all starts."""
+    states = motions.starts(pair, run.get("initial_state", (0.0, 0.0)), _STARTS | settings)
+    return [
+        (state, find(pair, tunings, settings["resolution"], **run | {"initial_state": state}))
+        for state in map(tuple, states)
+    ]
+
+
+def _by_method(pair, tunings, settings, run, others):
+    """Return the median `Jump` by a method, and its distances from the exact one of each start."""
+    found, step = [], float(tunings[1] - tunings[0])
+    for state, exact in others:
+        away = np.abs(np.asarray(tunings) - exact.tuning)
+        near = np.asarray(tunings)[~(away > (_BESIDE + 0.5) * step)]
+        found.append(find(pair, near, settings["resolution"], **run | {"initial_state": state}))
+    columns = (np.array(column) for column in zip(*found, strict=True))
+    pairs = zip(found, others, strict=True)
+    shifts = np.array([one.tuning - exact.tuning for one, (_, exact) in pairs])
+    return Jump(*map(_median, columns)), shifts
+
+
+def _end(which, values):
+    """Return the least, the median or the largest of those values that are numbers, or NaN."""
+    values = values[np.isfinite(values)]
+    return float(which(values)) if values.size else np.nan
+
+
+def _median(values):
+    return _end(np.median, values)

@@ -121,8 +121,9 @@ def compute(pair, place, power, tunings, settings, run, samples_per_period):
     -------
     xarray.Dataset
         displacement_max, displacement_min, period over (direction, tuning); over (direction,):
-        jump (NaN: none) and jump_size, peak and peak_tuning, lost_from and lost_to (ends of the
-        widest range of tunings with contact loss);
+        jump (NaN: none), jump_interval, to which it is known, and jump_size, of the scan beside
+        it; peak and peak_tuning, lost_from and lost_to (ends of the widest range of tunings with
+        contact loss);
         displacement and velocity over (shown, phase); speed (rpm) over tuning; coefficient;
         scalar coordinates place and power.
     """
@@ -171,6 +172,7 @@ def _facts(damped, curve, direction, run):
     first, last = _widest(curve.displacement_min.values < -_TOUCH)
     return {
         "jump": found.tuning,
+        "jump_interval": found.interval,
         "jump_size": found.above - found.below,
         "peak": highest[top] if np.isfinite(highest[top]) else np.nan,
         "peak_tuning": tuning[top],
@@ -199,7 +201,7 @@ def write_csv(studies, path):
     path : str or os.PathLike
         Replaced in one step.
     """
-    facts = ("jump", "jump_size", "peak", "peak_tuning", "lost_from", "lost_to")
+    facts = ("jump", "jump_interval", "jump_size", "peak", "peak_tuning", "lost_from", "lost_to")
     with files.table(path) as writer:
         writer.writerow(["place", "power", "coefficient", "unit", "direction", *facts])
         for study in studies:

@@ -3,11 +3,15 @@
 With the complex Fourier coefficients X_n of y(tau) and C_n of C(tau) over one mesh period, the lag
 of the n-th harmonic is arg(C_n / X_n): by so much of its own cycle y comes after C. Without damping
 it is 0 or 180 degrees, so it is counted from -90 to 270.
+
+With little damping a motion may go through chaos for long before it settles. There rounding decides
+on which orbit it ends, and nothing is told of it.
 """
 
 import numpy as np
 import xarray as xr
 
+from gearlib.analysis import lyapunov
 from gearlib.models.pair import GearPair
 from gearlib.runs.simulation import simulate
 
@@ -57,30 +61,40 @@ def compute(pair, dampings, tuning, tunings, *, harmonics, periods, samples_per_
     -------
     xarray.Dataset
         displacement, stiffness over (damping, phase); lag over (damping, harmonic);
-        first_lag over (damping, tuning). NaN where the orbit does not repeat in one period.
+        first_lag, settled over (damping, tuning). Lags are NaN where the orbit does not repeat in
+        one period; they and the displacement where rounding decides on which orbit a motion ends.
     """
     run = {"periods": periods, "samples_per_period": samples_per_period}
     models = [GearPair(**pair | {"material_damping": k}) for k in dampings]
     shown = [simulate(model, tuning, **run) for model in models]
     first = [[harmonic_lags(simulate(m, nu, **run), 1)[0] for nu in tunings] for m in models]
+    rest = (0.0, 0.0)
+    settled = ~np.array([[lyapunov.lost(m, nu, rest, periods) for nu in tunings] for m in models])
+    known = ~np.array([[lyapunov.lost(m, tuning, rest, periods)] for m in models])
     degrees = {"units": "degree"}
     dataset = xr.Dataset(
         {
             "displacement": (
                 ("damping", "phase"),
-                np.array([one.displacement.values for one in shown]),
+                np.where(known, [one.displacement.values for one in shown], np.nan),
                 shown[0].displacement.attrs,
             ),
             "stiffness": (("phase",), shown[0].stiffness.values, shown[0].stiffness.attrs),
             "lag": (
                 ("damping", "harmonic"),
-                np.array([harmonic_lags(one, harmonics) for one in shown]),
+                np.where(known, [harmonic_lags(one, harmonics) for one in shown], np.nan),
                 degrees | {"long_name": "lag of the motion behind the mesh stiffness"},
             ),
             "first_lag": (
                 ("damping", "tuning"),
-                np.array(first),
+                np.where(settled, first, np.nan),
                 degrees | {"long_name": "lag of the first harmonic behind the mesh stiffness"},
+            ),
+            "settled": (
+                ("damping", "tuning"),
+                settled.astype(np.int8),
+                lyapunov.SETTLED_FLAGS
+                | {"units": "1", "long_name": "whether the motion from rest settles"},
             ),
             "shown_tuning": ((), tuning, {"units": "1", "long_name": "tuning of the courses"}),
         },

@@ -57,6 +57,9 @@ def test_variations():
         "displacements": [0.1],
         "velocities": [0.1],
         "tolerances": [1e-3, 1e-8],
+        "starts": 4,
+        "seed": 1,
+        "spread": 0.02,
     }
     found = jump.compute(PAIR.as_dict(), np.linspace(0.80, 0.83, 16), settings, RUN)
     kinds = [*jump.KINDS]

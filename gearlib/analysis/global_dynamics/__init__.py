@@ -12,6 +12,7 @@ module                  responsibility
 ``basin_stability``     `basin_stability`: shares over the tuning, from random states
 ``poincare``            `poincare_section`: states at one mesh phase, of many orbits
 ``bifurcation``         `bifurcation_diagram`: stroboscopic states over a parameter
+``settled``             which motions of a diagram rounding has no part in
 ``exponents``           `lyapunov_exponents`: largest exponent over a parameter
 ``studies``             the studies of the workflow
 ======================  =============================================================

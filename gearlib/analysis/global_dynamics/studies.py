@@ -10,6 +10,7 @@ from gearlib.analysis.global_dynamics.basins import KIND_FLAGS, basins
 from gearlib.analysis.global_dynamics.bifurcation import bifurcation_diagram
 from gearlib.analysis.global_dynamics.exponents import lyapunov_exponents
 from gearlib.analysis.global_dynamics.poincare import poincare_section
+from gearlib.analysis.global_dynamics.settled import settled
 from gearlib.data import status
 from gearlib.data.variables import describe
 from gearlib.models.pair import GearPair
@@ -74,10 +75,10 @@ def bifurcation(pair, tunings, coarse, settings, threads=None):
     Returns
     -------
     diagram : xarray.Dataset
-        displacement, velocity (direction, tuning, strobe); exponent, uncertainty, period
-        (direction, tuning); speed (rpm) and settled, whether all directions are periodic, over
-        tuning. Directions: up, down, and "cold 1",
-        "cold 2", ... from as many random initial states as `starts`.
+        displacement, velocity (direction, tuning, strobe); exponent, uncertainty, period, settled
+        (direction, tuning), whether the motion is periodic and rounding does not decide on which
+        orbit; speed (rpm) over tuning. Directions: up, down, and "cold 1", "cold 2", ... from as
+        many random initial states as `starts`.
     shares : xarray.Dataset
         As of `gearlib.basin_stability`.
     """
@@ -85,12 +86,13 @@ def bifurcation(pair, tunings, coarse, settings, threads=None):
     region = settings["displacement"], settings["velocity"]
     names = [*CARRIED, *(f"cold {i + 1}" for i in range(settings["starts"]))]
     starts = [(0.0, 0.0)] * len(CARRIED) + _random_states(region, settings["starts"]).tolist()
-    found = []
-    for name, start in zip(names, starts, strict=True):
+    diagrams, found = [], []
+    directions = [name.split()[0] for name in names]
+    for direction, start in zip(directions, starts, strict=True):
         diagram = bifurcation_diagram(
             pair,
             tunings,
-            direction=name.split()[0],
+            direction=direction,
             settle=settings["settle"],
             strobes=settings["strobes"],
             initial_state=start,
@@ -105,16 +107,14 @@ def bifurcation(pair, tunings, coarse, settings, threads=None):
         )
         # What stopped the diagram stops the exponents too.
         stopped = diagram.status.where(diagram.status != status.OK, rates.status)
+        diagrams.append(diagram)
         found.append(diagram.assign(rates.data_vars).assign(status=stopped))
     names = xr.DataArray(names, dims="direction", name="direction")
     both = xr.concat(found, names, combine_attrs="drop")
-    # Beside chaos rounding decides which of the starts has left it, and to which orbit.
-    settled = (both.period > 0).all("direction").astype(np.int8)
-    both = describe(both.assign(settled=settled, speed=("tuning", pair.speed(both.tuning.values))))
-    both["settled"].attrs |= {
-        "flag_values": np.arange(2, dtype=np.int8),
-        "flag_meanings": "unsettled all_starts_on_periodic_orbits",
-    }
+    known = settled(pair, diagrams, directions, starts).astype(np.int8)
+    both = both.assign(settled=(("direction", "tuning"), known))
+    both = describe(both.assign(speed=("tuning", pair.speed(both.tuning.values))))
+    both["settled"].attrs |= lyapunov.SETTLED_FLAGS
     both.attrs = found[0].attrs
     shares = basin_stability(
         pair,
@@ -146,7 +146,9 @@ def sections(cases, settings):
     Returns
     -------
     xarray.Dataset
-        displacement, velocity (case, orbit, strobe); chaotic, exponent (case, orbit).
+        displacement, velocity (case, orbit, strobe); chaotic, exponent (case, orbit): chaotic are
+        motions that rounding leads elsewhere, undecided those of which deviations have grown by
+        less, but by more than in regular ones, or before the record only.
     """
     # The same initial states in all cases.
     states = _random_states((settings["displacement"], settings["velocity"]), settings["orbits"])
@@ -161,14 +163,18 @@ def sections(cases, settings):
             lyapunov.largest(pair, tuning, state=tuple(state), settle=settle, periods=periods)
             for state in states
         ]
-        chaotic = np.array([rate.positive for rate in rates], np.int8)
+        lost = np.array([lyapunov.lost(pair, tuning, z, settle + periods) for z in states])
+        grown = np.array([rate.grown for rate in rates])
+        chaotic = np.where(lost & grown, 1, 2 * (lost | grown)).astype(np.int8)
         section = section.assign(
             chaotic=("orbit", chaotic), exponent=("orbit", np.array([rate.value for rate in rates]))
         )
         found.append(section.drop_vars("strobe"))
     titles = xr.DataArray([case["title"] for case in cases], dims="case", name="case")
     dataset = describe(xr.concat(found, titles, data_vars="all", combine_attrs="drop"))
-    flags = {"flag_values": np.arange(2, dtype=np.int8), "flag_meanings": "regular chaotic"}
-    dataset["chaotic"].attrs |= flags
+    dataset["chaotic"].attrs |= {
+        "flag_values": np.arange(3, dtype=np.int8),
+        "flag_meanings": "regular chaotic undecided",
+    }
     dataset.attrs = found[0].attrs
     return dataset

@@ -48,7 +48,9 @@ def jump_words(data):
     base = float(jumps.jump[0])
     if not np.isfinite(base):
         return "; no jump from rest in the scan"
-    inside = (jumps.jump.values >= TWO[0]) & (jumps.jump.values <= TWO[1])
+    # Of a tolerance the whole range over its starts.
+    low, high = base + jumps.shift_low.values, base + jumps.shift_high.values
+    inside = (low >= TWO[0]) & (high <= TWO[1])
     movers = [
         f"{kind} {value:g}"
         for kind, value in zip(jumps.kind.values[inside], jumps.value.values[inside], strict=True)
