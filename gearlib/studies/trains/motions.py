@@ -16,6 +16,7 @@ import xarray as xr
 
 from gearlib.analysis.orbits.shooting import NoOrbit, periodic_orbit
 from gearlib.data import status, summary
+from gearlib.kernels.orbit import FORCE_MIN
 from gearlib.runs.run_arguments import MAX_EVENTS
 
 #: What `settled` says.
@@ -31,6 +32,8 @@ SETTINGS = ("periods", "record_periods", "starts", "first_starts", "seed", "spre
 _NEAR = 0.3
 #: Starts are moved by this to see whether they decide where a motion ends; rounding is less.
 _BESIDE = 1e-9
+#: Extrema that change by less from there are not decided by rounding, a thousandth of it or less.
+KEPT = 1e-3
 #: Multiples of the common period of all meshes that an orbit is looked for with.
 _MULTIPLES = (1, 2)
 #: Searches without an orbit after which no other is begun at a tuning.
@@ -105,16 +108,23 @@ class _Tuning:
         done = self.propagator.run(z, *arguments, first=first % self.model.repeats)
         return table, done[2], int(done[5])
 
-    def end(self, start):
-        """Return (table, orbit, period, state, status) of the motion from a start."""
+    def course(self, start):
+        """Return (table, period, state in the middle, state at the end, status) of a motion."""
         z, first, half = np.array(start, float), 0, None
         for periods in (self.half, self.half - self.recorded, self.recorded):
             half = z.copy() if first == self.half else half
             if periods:
                 table, period, code = self._run(z, periods, periods, first)
                 if code != status.OK:
-                    return np.full_like(table, np.nan), -1, 0, z, code
+                    return np.full_like(table, np.nan), 0, half, z, code
             first += periods
+        return table, period, half, z, code
+
+    def end(self, start):
+        """Return (table, orbit, period, state, status) of the motion from a start."""
+        table, period, half, z, code = self.course(start)
+        if code != status.OK:
+            return table, -1, 0, z, code
         number = self._known(half, z)
         near = period or self._apart(half, z) < _NEAR
         if number < 0 and near and self.searches < _SEARCHES:
@@ -201,6 +211,34 @@ def ends(model, tuning, states, settings):
                 found[i] = (found[i][0], -1, 0, *found[i][3:])
     tables, orbits, periods, last, codes = (np.array(column) for column in zip(*found, strict=True))
     return Ends(tables, orbits, periods, last, codes)
+
+
+def kept(model, tunings, found, settings, state="static"):
+    """Return where the numbers of all motions stay what they are if starts move by next to nothing.
+
+    Those on stable orbits do, and slow motions; chaotic ones do not, so that rounding decides. Of
+    motions that end on no orbit as many are asked as there are first starts.
+
+    Parameters
+    ----------
+    model, tunings, settings, state
+        As of `from_rest`.
+    found : list of Ends
+        What that gives.
+
+    Returns
+    -------
+    ndarray of bool, shape (t,)
+    """
+    begin = starts(model, state, settings)
+
+    def one(nu, here):
+        there, extrema = _Tuning(model, float(nu), settings), (..., slice(FORCE_MIN + 1))
+        asked = np.flatnonzero(here.orbits < 0)[: settings["first_starts"]]
+        again = ((i, there.course(beside(begin[i]))[0]) for i in asked)
+        return all(np.abs((z - here.tables[i])[extrema]).max() < KEPT for i, z in again)
+
+    return np.array(in_parallel(lambda given: one(*given), zip(tunings, found, strict=True)))
 
 
 def from_rest(model, tunings, settings, state="static"):
