@@ -135,7 +135,7 @@ def characteristic(model, pair, tunings, settings):
     tuple of ndarray
         Largest dynamic factor, largest share of time without drive-side contact, and largest load
         sharing, of all meshes of the stage, shape (starts, t); whether all starts settle on one
-        orbit, and whether these numbers are free of rounding, as of `motions.kept`, shape (t,).
+        orbit and rounding decides none of them, and whether it decides none, shape (t,).
     """
     if not model.mesh_names:
         tunings = np.asarray(tunings) * pair.mesh_frequency(1.0) / model.mesh_frequency(1.0)
@@ -145,14 +145,14 @@ def characteristic(model, pair, tunings, settings):
         one = motions.summarise(model, found, settings, names)
         factor, loss = one.dynamic_force_max.values, lost_share(one.fraction_normal.values)
         kept = motions.kept(model, tunings, found, settings, state)
-        return factor, loss, np.ones_like(factor), one.settled.values, kept
+        return factor, loss, np.ones_like(factor), one.settled.values * kept, kept
     found = motions.from_rest(model, tunings, settings)
     names = ("dynamic_factor", "fraction_normal", "load_sharing")
     one = motions.summarise(model, found, settings, names)
     one = one.isel(mesh=[name.startswith("first") for name in model.mesh_names])
     every = one.dynamic_factor, lost_share(one.fraction_normal), one.load_sharing
     kept = motions.kept(model, tunings, found, settings)
-    return *(values.max("mesh").values for values in every), one.settled.values, kept
+    return *(values.max("mesh").values for values in every), one.settled.values * kept, kept
 
 
 def observe(tunings, factor, loss, sharing):
