@@ -97,7 +97,7 @@ def test_directions_lie_side_by_side():
 
 
 def test_motions_that_rounding_decides_are_not_kept():
-    # On rigid axes: chaos at 1.025, at 1.05 an orbit to which some starts come through chaos, at 1.2
+    # On rigid axes: chaos at 1.025, at 1.05 an orbit that some starts reach through chaos, at 1.2
     # straight ways; with elastic axes branches part at 1.6, but slowly.
     settings = CONFIG.reducer.model_dump() | {"starts": 4, "first_starts": 4}
     models = one_mesh.models(PAIR, settings, "disturbed", CONFIG.one_mesh.model_dump())
