@@ -21,6 +21,7 @@ import numpy as np
 import yaml
 
 from docs.hooks.speed_and_accuracy_data import FOLDER, MOST, take_over
+from gearlib.studies.model_comparison import DIFFERS
 
 DOCS = Path(__file__).resolve().parents[1]
 PAGE = DOCS / "speed_and_accuracy.md"
@@ -334,16 +335,23 @@ def models():
     for scene in dict.fromkeys(row["scene"] for row in rows):
         mine = {row["model"]: row for row in rows if row["scene"] == scene}
         one = next(row for row in mine.values() if row["chosen"] == "yes")
-        change, tolerance = float(one["change"]), float(one["tolerance"])
+        tolerance = float(one["tolerance"])
+        change = math.inf if one["change"] == DIFFERS else float(one["change"])
         if math.isnan(change):
             why = "no larger model"
+        elif not change:
+            why = "larger models change nothing"
+        elif math.isinf(change):
+            why = "by how much larger models change, rounding decides"
         elif change <= tolerance:
             why = f"larger models change {number(change)}, allowed are {tolerance:g}"
         else:
             why = f"chosen by hand: larger models change {number(change)}, more than {tolerance:g}"
-        largest = max(float(row["cost"]) for row in mine.values())
-        times = largest / float(one["cost"])
-        body.append([f"`{scene}`", f"`{one['model']}`", why, count(times) + " ×"])
+        costs = [row["cost"] for row in mine.values()]
+        times = DIFFERS
+        if DIFFERS not in costs:
+            times = count(max(map(float, costs)) / float(one["cost"])) + " ×"
+        body.append([f"`{scene}`", f"`{one['model']}`", why, times])
     return table(["scene", "model", "why it suffices", "cost of the dearest model"], body)
 
 

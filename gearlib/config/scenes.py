@@ -9,15 +9,19 @@ from gearlib.config.types import (
     DampingName,
     Harmonic,
     Section,
+    Seeded,
     integer_within,
     listing,
     number_within,
 )
 
 
-class Models(Section):
+class Models(Seeded):
     """The comparison of models: what more than the smallest one would change in a scene."""
 
+    starts: integer_within(ge=1, le=1000) = Field(
+        default=32, description="Seeded starts of a run that rounding decides."
+    )
     harmonics: Harmonic = Field(
         default=20, description="Harmonics of the truncated stiffness compared with."
     )

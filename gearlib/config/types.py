@@ -254,15 +254,11 @@ class Grid(Section):
         return self
 
 
-class Started(Grid):
-    """A grid of which every motion has many starts; see `gearlib.studies.trains.motions`."""
+class Seeded(Section):
+    """Base of the sections that ask seeded starts of a motion."""
 
     starts: integer_within(ge=1, le=1000) = Field(
         default=32, description="Seeded starts of every motion."
-    )
-    first_starts: integer_within(ge=1, le=1000) = Field(
-        default=4,
-        description="Where so many of the starts end on one stable orbit, no others are run.",
     )
     seed: integer_within(ge=0, le=1_000_000) = Field(
         default=1, description="Of the random displacements at the start."
@@ -270,4 +266,13 @@ class Started(Grid):
     spread: number_within(gt=0, le=10) = Field(
         default=0.02,
         description="Largest displacement of a body at the start, static deflections.",
+    )
+
+
+class Started(Seeded, Grid):
+    """A grid of which every motion has many starts; see `gearlib.studies.trains.motions`."""
+
+    first_starts: integer_within(ge=1, le=1000) = Field(
+        default=4,
+        description="Where so many of the starts end on one stable orbit, no others are run.",
     )

@@ -14,6 +14,9 @@ _WORDS = {
 }
 #: Changes below the one or above the other are drawn as these.
 _LEAST, _MOST = 1e-6, 100.0
+_OUTSIDE = 1e5
+#: In place of a number that rounding decides.
+_DIFFERS = "~"
 
 
 @style.styled()
@@ -31,7 +34,8 @@ def draw(comparisons, scenes):
     -------
     matplotlib.figure.Figure
         The chosen model is filled; the number on a bar is its cost, components of the state
-        advanced per mesh period. The largest model has no change of its own.
+        advanced per mesh period. The largest model has no change of its own. Where rounding
+        decides, bars are medians over the starts, with their range, and have no numbers.
     """
     figure = Figure(
         (style.PAGE_WIDTH, _HEAD + _ROW_HEIGHT * len(comparisons)), layout="constrained"
@@ -41,7 +45,7 @@ def draw(comparisons, scenes):
         tolerance = float(data.tolerance)
         for i, name in enumerate(data.model.values):
             change, chosen = float(data.change[i]), name == data.chosen.item()
-            width = max(change, _LEAST) if np.isfinite(change) else _LEAST
+            width = _LEAST if np.isnan(change) else np.clip(change, _LEAST, _OUTSIDE)
             axes.barh(
                 i,
                 width,
@@ -49,12 +53,18 @@ def draw(comparisons, scenes):
                 edgecolor=style.PALETTE[0],
                 height=0.7,
             )
-            words = f"{change:.2g}" if np.isfinite(change) else "the largest model"
+            free = bool(data.change_free_of_rounding[i])
+            if not np.isnan(change) and not free:
+                ends = [min(float(data[f"change_{end}"][i]), _OUTSIDE) for end in ("low", "high")]
+                axes.plot(ends, [i, i], color=style.PALETTE[4], linewidth=2.0)
+                width = max(width, ends[1])
+            words = f"{change:.2g}" if free else _DIFFERS
+            words = "the largest model" if np.isnan(change) else words
             words += " (carries the scene)" if chosen else ""
             # Beside the bar, or within it where the words would leave the panel.
-            inside = width > _MOST / 100.0
+            inside = width > _MOST / (100.0 if free else 10.0)
             axes.annotate(
-                f"{words}; cost {float(data.cost[i]):.3g}",
+                f"{words}; cost {f'{float(data.cost[i]):.3g}' if free else _DIFFERS}",
                 (min(width, _MOST), i),
                 (-4 if inside else 4, 0),
                 textcoords="offset points",

@@ -36,7 +36,7 @@ _WIDTHS = (1.0, 1.0, 2.0, 1.0, 0.7)
 _DARKEST = 10.0
 #: Changes are written without decimals from the one on, as more than it from the other.
 _WHOLE, _MANY = 10.0, 99.0
-#: In place of a change that the starts do not share.
+#: In place of a change that the starts do not share, or that rounding decides.
 _DIFFERS = "~"
 
 
@@ -90,6 +90,9 @@ def _draw_changes(axes, data):
     """Draw the changes that the whole train makes, models by observables."""
     change = data.answer_change.values[:-1]
     ends = [data[f"answer_change_{end}"].values[:-1] for end in ("low", "high")]
+    # The last model is the whole train, from which changes are counted.
+    free = data.answer_free_of_rounding.values
+    free = free[:-1] & free[-1]
     tolerance = float(data.tolerance)
     beyond = np.where(change > tolerance, np.minimum(change, _DARKEST * tolerance), np.nan)
     axes.imshow(
@@ -103,7 +106,7 @@ def _draw_changes(axes, data):
         weight = "bold" if name == data.sufficient.item() else "normal"
         for j in range(change.shape[1]):
             low, high = (_words(end[i, j]) for end in ends)
-            words = low if low == high else _DIFFERS
+            words = low if low == high and free[i, j] else _DIFFERS
             axes.text(j, i, words, ha="center", va="center", fontsize=5.5, weight=weight)
     axes.set_yticks(range(len(names)), [_MODELS[name] for name in names], fontsize=6)
     words = [_OBSERVABLES[name] for name in data.observable.values]

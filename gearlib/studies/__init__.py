@@ -4,6 +4,7 @@
 name                    responsibility
 ======================  ==============================================================
 ``scenes``              the time courses of a few runs, side by side
+``runs_beside``         a run, or seeded ones beside where rounding decides it
 ``model_comparison``    what larger models would change in a scene, and what they cost
 ``phase_lag``           lag of the motion behind the mesh stiffness
 ``jump``                where the motion from rest jumps, and what moves the jump

@@ -8,7 +8,11 @@ is the largest difference of an observable from any larger model, in units of
 
 The smallest model whose change is within the tolerance carries the scene. A truncated stiffness is
 no smaller than the rectangle, whose phases have closed forms; its row shows what the cut changes.
+Of runs that rounding decides seeded starts are asked, and the change has to be within the tolerance
+from all of them.
 """
+
+import math
 
 import numpy as np
 import xarray as xr
@@ -19,7 +23,8 @@ from gearlib.models.one_degree import OneDegreePair
 from gearlib.models.pair import GearPair
 from gearlib.models.profiles import Fourier
 from gearlib.models.six_degrees import SixDegreePair
-from gearlib.runs.simulation import simulate
+from gearlib.studies import runs_beside
+from gearlib.studies.trains import motions
 
 #: name -> words; from the smallest to the largest, the truncated stiffness apart.
 LADDER = {
@@ -28,6 +33,11 @@ LADDER = {
     "six_degrees": "6 degrees of freedom, run-out and friction",
 }
 TRUNCATED = "one_degree_harmonics"
+
+#: In the table, in place of a number that is another one from start to start.
+DIFFERS = "differs"
+#: Changes that are smaller are differences of rounding.
+_NOTHING = 1e-9
 
 _DISPLACEMENTS = ("displacement_max", "displacement_min")
 _FORCES = ("dynamic_force_max", "dynamic_force_min")
@@ -61,16 +71,21 @@ def cost(model, tuning, result, run):
     """Return the deterministic cost of a run: components advanced per mesh period.
 
     Components of the state times the pieces of a period: phases of contact for closed forms,
-    series coefficients for Taylor steps, substeps and phases for matrix exponentials.
+    series coefficients for Taylor steps, substeps and phases for matrix exponentials. The number
+    of Taylor steps hangs on the last digits of their series, so that it is told as 1, 2 or 5 times
+    a power of ten.
     """
     # Three segments of stiffness, and what the contact events add.
     phases = result.event.size / run["record_periods"] + 3
     propagator, evaluations = model.propagator(tuning), int(result.evaluations)
-    pieces = evaluations / run["periods"] if evaluations else propagator.pieces + phases
-    return propagator.components * pieces
+    if not evaluations:
+        return propagator.components * (propagator.pieces + phases)
+    work = propagator.components * evaluations / run["periods"]
+    power = 10.0 ** math.floor(math.log10(work))
+    return min((digit * power for digit in (1, 2, 5, 10)), key=lambda x: abs(math.log(x / work)))
 
 
-def compute(cases, six_degrees, harmonics, observables, tolerance, candidates, run):
+def compute(cases, six_degrees, harmonics, observables, tolerance, candidates, run, starts):
     """Return the comparison of models for one scene.
 
     Parameters
@@ -88,36 +103,60 @@ def compute(cases, six_degrees, harmonics, observables, tolerance, candidates, r
         The models in `LADDER` that may carry the scene, the smallest first.
     run : dict
         Arguments of `gearlib.simulate`.
+    starts : dict
+        starts, seed, spread: as of `gearlib.studies.runs_beside.runs`.
 
     Returns
     -------
     xarray.Dataset
         value over (model, case, observable); change over (model,): the largest change that any
         larger model makes, NaN for the largest; for the truncated stiffness that from the
-        rectangle; cost over (model,); chosen: the name of the model; tolerance.
+        rectangle; cost over (model,); each the median over the starts
+        where rounding decides a run, with its range; free_of_rounding over (model, case), whether
+        it does not, and change_free_of_rounding over (model,), whether in none of the runs of
+        change and cost; chosen: the name of the model; tolerance.
     """
     names = [*LADDER, TRUNCATED]
-    values = np.empty((len(names), len(cases), len(observables)))
+    values = np.empty((starts["starts"], len(names), len(cases), len(observables)))
     units = np.ones_like(values)
-    costs = np.empty((len(names), len(cases)))
+    costs = np.empty(values.shape[:-1])
+    alone = np.empty(costs.shape[1:], bool)
     for i, name in enumerate(names):
         for j, case in enumerate(cases):
-            model = build(name, case["pair"], six_degrees, harmonics)
-            result = simulate(model, case["tuning"], **run)
-            values[i, j] = [float(result[key]) for key in observables]
-            units[i, j] = [_unit(result, key) for key in observables]
-            costs[i, j] = cost(model, case["tuning"], result, run)
-    change = np.full(len(names), np.nan)
-    for i in range(len(LADDER) - 1):
-        larger = slice(i + 1, len(LADDER))
-        change[i] = np.max(np.abs(values[i] - values[larger]) / units[larger])
-    change[-1] = np.max(np.abs(values[-1] - values[0]) / units[0])
-    carried = [name for name in candidates[:-1] if change[names.index(name)] <= tolerance]
-    dataset = xr.Dataset(
+            model, tuning = build(name, case["pair"], six_degrees, harmonics), case["tuning"]
+            result, told = runs_beside.runs(model, tuning, run, starts)
+            alone[i, j] = told[0] is result
+            # One that is free of rounding stands for all starts.
+            values[:, i, j] = [[float(one[key]) for key in observables] for one in told]
+            units[:, i, j] = [[_unit(one, key) for key in observables] for one in told]
+            costs[:, i, j] = [cost(model, tuning, one, run) for one in told]
+    change = np.full(values.shape[:2], np.nan)
+    free: np.ndarray = alone.all(axis=1)
+    # The truncated stiffness is compared with the first, the largest model with none.
+    larger = {i: [*range(i + 1, len(LADDER))] for i in range(len(LADDER) - 1)} | {len(LADDER): [0]}
+    for i, others in larger.items():
+        apart = np.abs(values[:, [i]] - values[:, others]) / units[:, others]
+        # From a start that could not go on nothing is within a tolerance.
+        change[:, i] = np.where(np.isnan(apart), math.inf, apart).max(axis=(1, 2, 3))
+        free[i] &= alone[others].all()
+    change[change < _NOTHING] = 0.0
+    least, most = change.min(axis=0), change.max(axis=0)
+    # A range from some starts is widened by itself: all of it has to be within the tolerance.
+    with np.errstate(invalid="ignore"):
+        most = np.where(free, most, 2.0 * most - least)
+    carried = [name for name in candidates[:-1] if most[names.index(name)] <= tolerance]
+    every = xr.Dataset(
         {
-            "value": (("model", "case", "observable"), values),
-            "change": ("model", change),
-            "cost": ("model", costs.mean(axis=1)),
+            "value": (("start", "model", "case", "observable"), values),
+            "change": (("start", "model"), change),
+            "cost": (("start", "model"), costs.mean(axis=2)),
+        }
+    )
+    dataset = xr.Dataset(
+        motions.over_starts(every, list(every))
+        | {
+            "free_of_rounding": (("model", "case"), alone.astype(np.int8), runs_beside.FLAGS),
+            "change_free_of_rounding": ("model", free.astype(np.int8), runs_beside.FLAGS),
             "chosen": (carried or candidates[-1:])[0],
             "tolerance": float(tolerance),
             "harmonics": harmonics,
@@ -146,6 +185,8 @@ def _unit(run, observable):
 def write_csv(comparisons, scenes, path):
     """Write the comparisons of all scenes as one table, replacing the file in one step.
 
+    What rounding decides has no number there.
+
     Parameters
     ----------
     comparisons : list of xarray.Dataset
@@ -157,17 +198,11 @@ def write_csv(comparisons, scenes, path):
     with files.table(path) as writer:
         writer.writerow(["scene", "model", "change", "tolerance", "cost", "chosen"])
         for scene, data in zip(scenes, comparisons, strict=True):
-            for name, change, work in zip(
-                data.model.values, data.change.values, data.cost.values, strict=True
-            ):
-                chosen = "yes" if name == data.chosen.item() else "no"
-                writer.writerow(
-                    [
-                        scene,
-                        name,
-                        f"{change:.4g}",
-                        f"{float(data.tolerance):g}",
-                        f"{work:.4g}",
-                        chosen,
-                    ]
+            for i, name in enumerate(data.model.values):
+                free = bool(data.change_free_of_rounding[i])
+                change, work = (
+                    f"{value:.4g}" if free or math.isnan(value) else DIFFERS
+                    for value in (float(data[key][i]) for key in ("change", "cost"))
                 )
+                chosen = "yes" if name == data.chosen.item() else "no"
+                writer.writerow([scene, name, change, f"{float(data.tolerance):g}", work, chosen])

@@ -1,12 +1,14 @@
 """Scenes: the time courses of a few runs, side by side in one dataset."""
 
+import numpy as np
 import xarray as xr
 
-from gearlib.runs.simulation import simulate
+from gearlib.data.variables import describe
+from gearlib.studies import runs_beside
 from gearlib.studies.model_comparison import build
 
 
-def compute(cases, model, six_degrees, run):
+def compute(cases, model, six_degrees, run, starts):
     """Return the recorded time courses and orbit summaries of some cases.
 
     Parameters
@@ -19,23 +21,30 @@ def compute(cases, model, six_degrees, run):
         What `SixDegreePair` needs beyond the pair.
     run : dict
         Keyword arguments of `gearlib.simulate`, the same for all cases.
+    starts : dict
+        starts, seed, spread: as of `gearlib.studies.runs_beside.runs`.
 
     Returns
     -------
     xarray.Dataset
         The variables of `gearlib.simulate` over (case, phase) and (case), without the events;
-        the phase counts from the start of the record; model.
+        the phase counts from the start of the record; model; free_of_rounding, whether rounding
+        does not decide the run; losing_share, of the seeded starts from which contact is lost where
+        it does, 0 or 1 elsewhere.
     """
-    runs = []
+    courses = []
     for case in cases:
         pair = build(model, case["pair"], six_degrees)
-        dataset = simulate(pair, case["tuning"], **run).drop_dims("event")
+        asked, told = runs_beside.runs(pair, case["tuning"], run, starts)
+        dataset = asked.drop_dims("event")
+        dataset["free_of_rounding"] = (), np.int8(told[0] is asked), runs_beside.FLAGS
+        dataset["losing_share"] = (), np.mean([float(one.bounces) > 0.0 for one in told])
         phase = (dataset.phase - dataset.phase[0]).assign_attrs(dataset.phase.attrs)
         phase.attrs["long_name"] = "mesh phase from the start of the record"
         title = xr.Variable((), case["title"], {"long_name": "case of the scene"})
-        runs.append(dataset.assign_coords(phase=phase, case=title))
+        courses.append(describe(dataset.assign_coords(phase=phase, case=title), pair))
     scene = xr.concat(
-        runs,
+        courses,
         dim="case",
         data_vars="all",
         coords="minimal",

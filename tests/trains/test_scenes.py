@@ -174,6 +174,29 @@ def test_a_jump_is_the_largest_step_of_the_characteristic():
     assert math.isnan(smooth[2])
 
 
+def test_answers_that_hang_on_what_rounding_decides_are_found():
+    # Three starts at five tunings; rounding decides the motions at the fourth.
+    firm = np.array([True, True, True, False, True])
+    flat = np.ones((3, 5))
+    factor = np.array([[1.0, 3.0, 2.9, 2.0 + d, 1.0] for d in (0.0, 0.1, 0.2)])
+    # peak tuning, peak factor, jump, contact loss, load sharing
+    assert one_mesh.certain(factor, flat, firm).all(axis=0).tolist() == [1, 1, 1, 0, 1]
+    # Widened by itself its range reaches the peak, and the step behind it may be the largest.
+    factor[:, 3] += [0.2, 0.4, 0.6]
+    assert one_mesh.certain(factor, flat, firm).all(axis=0).tolist() == [0, 0, 0, 0, 1]
+    # Only the step before it may be.
+    factor[:, 3] = [0.9, 1.0, 1.1]
+    assert one_mesh.certain(factor, flat, firm).all(axis=0).tolist() == [1, 1, 0, 0, 1]
+    # It is the peak, of a height that is another one from start to start.
+    factor[:, 3] = [6.0, 6.1, 6.2]
+    assert one_mesh.certain(factor, flat, firm).all(axis=0).tolist() == [1, 0, 1, 0, 1]
+    flat[:, 3] = [1.1, 1.2, 1.3]
+    assert not one_mesh.certain(factor, flat, firm)[:, 4].any()
+    assert one_mesh.certain(factor, flat, np.ones(5, bool)).all()
+    # No step that counts as a jump, whatever the motions in doubt are.
+    assert one_mesh.certain(1.0 + 0.01 * factor, flat, firm)[:, 2].all()
+
+
 def test_the_verdict_on_one_mesh_follows_the_data(comparison):
     holds, words = machine.one_mesh(comparison)
     assert not holds and "held alike: the two meshes of one branch" in words

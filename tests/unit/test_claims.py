@@ -36,6 +36,7 @@ DAMPINGS = {
     "none": {"material": 0.0, "backlash": 0.0},
 }
 RUN = {"periods": 120, "record_periods": 24}
+STARTS = {"starts": 4, "seed": 1, "spread": 0.02}
 IDS = ["P1", "P2", "P3", "P4", "P5", "P6", "P7", "P8", "P9", "P10", "P11", "P12", "P13"]
 
 
@@ -71,7 +72,7 @@ def configured_scenes():
         # Which model carries a scene is the matter of `model_comparison` and its tests.
         model = settings.candidates(scene)[0]
         six = settings.six_degrees.model_dump()
-        result[name] = scenes.compute(cases, model, six, RUN | {"samples_per_period": 16})
+        result[name] = scenes.compute(cases, model, six, RUN | {"samples_per_period": 16}, STARTS)
     return result
 
 

@@ -24,6 +24,7 @@ from gearlib.studies import phase_lag, scenes
 from tests.paper import PARAMETERS
 
 RUN = {"periods": 40, "record_periods": 8}
+STARTS = {"starts": 4, "seed": 1, "spread": 0.02}
 
 
 def pairs(backlash=4.0):
@@ -99,7 +100,7 @@ def test_time_courses_have_a_column_for_each_case():
         "backlash": math.inf,
     }
     cases = [{"title": f"case {nu}", "tuning": nu, "pair": pair} for nu in (0.7, 0.9)]
-    scene = scenes.compute(cases, "one_degree", {}, RUN | {"samples_per_period": 32})
+    scene = scenes.compute(cases, "one_degree", {}, RUN | {"samples_per_period": 32}, STARTS)
     courses = ["displacement", "modified_stiffness"]
     figure = time_courses.draw(scene, courses=courses, periods_shown=2)
     grid = np.reshape(figure.axes, (3, 2))
@@ -178,7 +179,7 @@ def comparisons(tolerance=0.05):
     cases = [{"title": "one", "tuning": 0.82, "pair": PARAMETERS | {"material_damping": 3953.7}}]
     names = list(comparison.LADDER)
     return {
-        name: comparison.compute(cases, six, 5, ["displacement_max"], tolerance, names, RUN)
+        name: comparison.compute(cases, six, 5, ["displacement_max"], tolerance, names, RUN, STARTS)
         for name in ("first", "second")
     }
 

@@ -17,6 +17,7 @@ use rule job as compare_models with:
         six_degrees=canonical(CONFIG.six_degrees.model_dump()),
         harmonics=CONFIG.models.harmonics,
         run=canonical(run_length()),
+        starts=canonical(CONFIG.models.model_dump(include=STARTS)),
 
 
 use rule job as model_table with:

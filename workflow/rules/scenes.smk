@@ -15,3 +15,4 @@ use rule job as scene with:
         cases=cases_of,
         six_degrees=canonical(CONFIG.six_degrees.model_dump()),
         run=canonical(run_length() | {"samples_per_period": CONFIG.run.samples_per_period}),
+        starts=canonical(CONFIG.models.model_dump(include=STARTS)),

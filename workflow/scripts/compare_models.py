@@ -12,5 +12,6 @@ if __name__ == "__main__":
         snakemake.params.harmonics,
         **snakemake.params.question,
         run=snakemake.params.run,
+        starts=snakemake.params.starts,
     )
     storage.write(dataset, snakemake.output.dataset)

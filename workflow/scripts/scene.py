@@ -11,5 +11,6 @@ if __name__ == "__main__":
         storage.read(snakemake.input.comparison).chosen.item(),
         snakemake.params.six_degrees,
         snakemake.params.run,
+        snakemake.params.starts,
     )
     storage.write(dataset, snakemake.output.dataset)

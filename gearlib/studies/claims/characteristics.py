@@ -64,8 +64,15 @@ def conservative_chaotic(data):
     # "Bounces and inverse mesh, chaotic": no tuning without bounces, and each found in most.
     holds = abs(first - 0.8) <= READING and share["contact lost"] == 1.0
     holds &= share["inverse mesh"] > 0.5 and share["unsteady"] > 0.5
-    words = ", ".join(f"{name} {100 * value:.0f} %" for name, value in share.items())
+    # At which of them, rounding decides: the motion is chaotic.
+    words = ", ".join(f"{name}: {in_words(value)}" for name, value in share.items())
     return bool(holds), f"bounces begin at {first:.4g}; of the tunings from there to 1.12: {words}"
+
+
+def in_words(share):
+    """Return a share of chaotic motions: exactly how many, rounding decides."""
+    some = "most" if share > 0.5 else "some"
+    return {1.0: "all", 0.0: "none"}.get(float(share), some)
 
 
 def damped_bounces(data):

@@ -31,6 +31,8 @@ SETTINGS = ("periods", "record_periods", "starts", "first_starts", "seed", "spre
 _NEAR = 0.3
 #: Starts are moved by this to see whether they decide where a motion ends; rounding is less.
 _BESIDE = 1e-9
+#: A motion that changes by less from there is not decided by rounding, a thousandth of it or less.
+KEPT = 1e-3
 #: Multiples of the common period of all meshes that an orbit is looked for with.
 _MULTIPLES = (1, 2)
 #: Searches without an orbit after which no other is begun at a tuning.
@@ -68,8 +70,13 @@ class Ends(NamedTuple):
     tables: np.ndarray  #: summaries as of `Model.room`, of orbits where there is one
     orbits: np.ndarray  #: number of the stable orbit in the order found, -1: none
     periods: np.ndarray  #: in mesh periods, 0: none
-    states: np.ndarray  #: at a multiple of the common period
+    marks: np.ndarray  #: states on the way, and at the end, at a multiple of the common period
     codes: np.ndarray  #: `gearlib.data.status`
+
+    @property
+    def states(self):
+        """Where they end."""
+        return self.marks[:, -1]
 
     @property
     def settled(self):
@@ -93,7 +100,8 @@ class _Tuning:
             self.neutral = False
         self.recorded, cycles = settings["record_periods"], _MULTIPLES[-1] * model.repeats
         #: Orbits of all multiples are in one phase in the middle and at the end of a run.
-        self.half = -(-max(settings["periods"], 2 * self.recorded) // (2 * cycles)) * cycles
+        half = -(-max(settings["periods"], 2 * self.recorded) // (2 * cycles)) * cycles
+        self.marks = half // (2 * cycles) * cycles, half, 2 * half - self.recorded, 2 * half
         self.orbits: list = []
         self.searches = 0
         #: Deviations of this size stay small beside a stable orbit.
@@ -105,33 +113,45 @@ class _Tuning:
         done = self.propagator.run(z, *arguments, first=first % self.model.repeats)
         return table, done[2], int(done[5])
 
-    def end(self, start):
-        """Return (table, orbit, period, state, status) of the motion from a start."""
-        z, first, half = np.array(start, float), 0, None
-        for periods in (self.half, self.half - self.recorded, self.recorded):
-            half = z.copy() if first == self.half else half
+    def course(self, start):
+        """Return (table, period, marks, status) of a motion.
+
+        Marks are its states after a quarter, after the half, before the record and at the end.
+        """
+        z, first, marks = np.array(start, float), 0, np.full((4, np.size(start)), np.nan)
+        for i, until in enumerate(self.marks):
+            periods = until - first
             if periods:
                 table, period, code = self._run(z, periods, periods, first)
                 if code != status.OK:
-                    return np.full_like(table, np.nan), -1, 0, z, code
-            first += periods
+                    return np.full_like(table, np.nan), 0, marks, code
+            marks[i], first = z, until
+        return table, period, marks, code
+
+    def end(self, start):
+        """Return (table, orbit, period, marks, status) of the motion from a start."""
+        table, period, marks, code = self.course(start)
+        if code != status.OK:
+            return table, -1, 0, marks, code
+        half, z = marks[1], marks[-1]
         number = self._known(half, z)
-        near = period or self._apart(half, z) < _NEAR
+        near = period or self.apart(half, z) < _NEAR
         if number < 0 and near and self.searches < _SEARCHES:
             number = self._new(period, half, z)
             self.searches += number < 0
         if number >= 0:
             found, points, own = self.orbits[number]
-            return own, number, found, points[0], code
-        return table, -1, 0, z, code
+            marks[-1] = points[0]
+            return own, number, found, marks, code
+        return table, -1, 0, marks, code
 
-    def _apart(self, one, other):
-        return np.abs(self.bend @ (one - other)).max()
+    def apart(self, one, other):
+        return np.abs((one - other) @ self.bend.T).max()
 
     def _known(self, half, end):
         """Return the number of the orbit that a motion comes nearer to, -1 if there is none."""
         for number, (_, points, _) in enumerate(self.orbits):
-            now, then = (min(self._apart(z, point) for point in points) for z in (end, half))
+            now, then = (min(self.apart(z, point) for point in points) for z in (end, half))
             if now < _NEAR and (now < then or now < self.near):
                 return number
         return -1
@@ -199,8 +219,40 @@ def ends(model, tuning, states, settings):
         for i, state in enumerate(states):
             if found[i][1] != here.end(beside(state))[1]:
                 found[i] = (found[i][0], -1, 0, *found[i][3:])
-    tables, orbits, periods, last, codes = (np.array(column) for column in zip(*found, strict=True))
-    return Ends(tables, orbits, periods, last, codes)
+    return Ends(*(np.array(column) for column in zip(*found, strict=True)))
+
+
+def kept(model, tunings, found, settings, state="static"):
+    """Return where all motions stay what they are if starts move by next to nothing.
+
+    Motions drawn onto an orbit do, and slow ones. Chaotic ones do not, nor those that come to an
+    orbit through chaos, late or early: rounding decides. As many as there are first starts are
+    asked, where some motion ends on no orbit or starts have parted on their way.
+
+    Parameters
+    ----------
+    model, tunings, settings, state
+        As of `from_rest`.
+    found : list of Ends
+        What that gives.
+
+    Returns
+    -------
+    ndarray of bool, shape (t,)
+    """
+    begin = starts(model, state, settings)[: settings["first_starts"]]
+
+    def one(nu, here):
+        there = _Tuning(model, float(nu), settings)
+        if (here.orbits >= 0).all() and there.apart(
+            here.marks[:, 0], here.marks[0, 0]
+        ) < there.near:
+            return True
+        ways = ((there.course(beside(z))[2], here.marks[i]) for i, z in enumerate(begin))
+        # The last mark may be that of the orbit itself.
+        return all(there.apart(way[:-1], mark[:-1]) < KEPT for way, mark in ways)
+
+    return np.array(in_parallel(lambda given: one(*given), zip(tunings, found, strict=True)))
 
 
 def from_rest(model, tunings, settings, state="static"):
@@ -267,9 +319,10 @@ def summarise(model, found, settings, names):
         the starts that end on a stable orbit; motion_count, of different ones; largest_share, of
         the one on which most starts end; period, 0 unless settled.
     """
-    tables, orbits, periods, states, codes = (
+    tables, orbits, periods, marks, codes = (
         np.stack(column, axis=1) for column in zip(*found, strict=True)
     )
+    states = marks[..., -1, :]
     both = np.stack([periods, codes], axis=-1)
     every = summary.variables(
         model, ("start", "tuning"), tables, states, both, settings["record_periods"]

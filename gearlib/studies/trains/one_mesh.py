@@ -37,6 +37,8 @@ OBSERVABLES = (
 
 #: Answers from two starts that are this close, relatively, are one.
 _SAME = 1e-9
+#: In place of a number that is another one from start to start.
+_DIFFERS = "differs"
 #: Change of the dynamic factor from tuning to tuning that counts as a jump.
 JUMP = 0.5
 
@@ -133,7 +135,7 @@ def characteristic(model, pair, tunings, settings):
     tuple of ndarray
         Largest dynamic factor, largest share of time without drive-side contact, and largest load
         sharing, of all meshes of the stage, shape (starts, t); whether all starts settle on one
-        orbit, shape (t,).
+        orbit and rounding decides none of them, and whether it decides none, shape (t,).
     """
     if not model.mesh_names:
         tunings = np.asarray(tunings) * pair.mesh_frequency(1.0) / model.mesh_frequency(1.0)
@@ -142,13 +144,15 @@ def characteristic(model, pair, tunings, settings):
         names = ("dynamic_force_max", "fraction_normal")
         one = motions.summarise(model, found, settings, names)
         factor, loss = one.dynamic_force_max.values, lost_share(one.fraction_normal.values)
-        return factor, loss, np.ones_like(factor), one.settled.values
+        kept = motions.kept(model, tunings, found, settings, state)
+        return factor, loss, np.ones_like(factor), one.settled.values * kept, kept
     found = motions.from_rest(model, tunings, settings)
     names = ("dynamic_factor", "fraction_normal", "load_sharing")
     one = motions.summarise(model, found, settings, names)
     one = one.isel(mesh=[name.startswith("first") for name in model.mesh_names])
-    kept = one.dynamic_factor, lost_share(one.fraction_normal), one.load_sharing
-    return *(values.max("mesh").values for values in kept), one.settled.values
+    every = one.dynamic_factor, lost_share(one.fraction_normal), one.load_sharing
+    kept = motions.kept(model, tunings, found, settings)
+    return *(values.max("mesh").values for values in every), one.settled.values * kept, kept
 
 
 def observe(tunings, factor, loss, sharing):
@@ -158,6 +162,48 @@ def observe(tunings, factor, loss, sharing):
     i, top = int(np.argmax(steps)), int(np.argmax(factor))
     jump = (tunings[i] + tunings[i + 1]) / 2.0 if steps[i] > JUMP else math.nan
     return [tunings[top], factor[top], jump, loss.mean(), sharing.max()]
+
+
+def certain(factor, sharing, firm):
+    """Return which numbers of `observe` hang on no motion that rounding decides.
+
+    Such a motion is known by its range over all starts, here with as much again on both sides. What
+    is largest is certain if it is so wherever in these ranges the others lie.
+
+    Parameters
+    ----------
+    factor, sharing : ndarray, shape (starts, t)
+        As of `characteristic`.
+    firm : ndarray of bool, shape (t,)
+        Where rounding decides no motion.
+
+    Returns
+    -------
+    ndarray of bool, shape (starts, 5)
+    """
+    low, high = _bounds(factor, firm)
+    top, peak = _largest(low, high)
+    least = np.maximum(0.0, np.maximum(low[:, 1:] - high[:, :-1], low[:, :-1] - high[:, 1:]))
+    most = np.maximum(high[:, 1:] - low[:, :-1], high[:, :-1] - low[:, 1:])
+    step, jump = _largest(least, most)
+    at_step = np.take_along_axis(least, step[:, None], axis=1)[:, 0]
+    jump = (jump & (at_step > JUMP)) | (most.max(axis=1) <= JUMP)
+    shared, most_shared = _largest(*_bounds(sharing, firm))
+    loss = np.full(len(factor), firm.all())
+    return np.stack([peak, peak & firm[top], jump, loss, most_shared & firm[shared]], axis=1)
+
+
+def _bounds(values, firm):
+    low, high = values.min(axis=0), values.max(axis=0)
+    wide = high - low
+    return np.where(firm, values, low - wide), np.where(firm, values, high + wide)
+
+
+def _largest(low, high):
+    """Return which has the largest lower bound, and whether no other can be larger."""
+    top = low.argmax(axis=1)
+    others = np.where(np.arange(low.shape[1]) == top[:, None], -np.inf, high)
+    return top, np.take_along_axis(low, top[:, None], axis=1)[:, 0] >= others.max(axis=1)
 
 
 def relative_changes(values):
@@ -179,6 +225,14 @@ def relative_changes(values):
     return np.where(one_missing, math.inf, np.where(np.isnan(change), 0.0, change))
 
 
+def _free_changes(firm):
+    """Return where rounding decides neither an answer nor that of the whole train."""
+    both = firm & firm[..., -1:, :]
+    # The whole train differs from itself by nothing, whatever it does.
+    both[..., -1, :] = True
+    return both
+
+
 def compute(pair, tunings, settings, changes):
     """Return all models in all cases, and the smallest that suffices in each.
 
@@ -197,8 +251,9 @@ def compute(pair, tunings, settings, changes):
     xarray.Dataset
         dynamic_factor over (case, model, tuning), the largest of the first stage, and its range;
         settled over the same; answer and answer_change over (case, model, observable), medians over
-        the starts, and their ranges; answer_shared, whether both are the same from all starts;
-        sufficient over case, from all starts; tolerance.
+        the starts, and their ranges; answer_free_of_rounding, whether the answer hangs on no motion
+        that rounding decides; answer_shared, whether that of the whole train does not either, and
+        both are the same from all starts; sufficient over case, from all starts; tolerance.
     """
     pair = GearPair(**pair)
     settings = settings | {name: changes[name] for name in motions.SETTINGS if name in changes}
@@ -206,29 +261,43 @@ def compute(pair, tunings, settings, changes):
     factors = np.empty((len(CASES), len(MODELS), count, len(tunings)))
     values = np.empty((len(CASES), count, len(MODELS), len(OBSERVABLES)))
     settled = np.empty((len(CASES), len(MODELS), len(tunings)), np.int8)
+    firm = np.empty((len(CASES), len(MODELS), len(OBSERVABLES)), bool)
     known = {}
     for i, case in enumerate(CASES):
         for j, model in enumerate(models(pair, settings, case, changes).values()):
             # The small models are the same in several cases.
             if model not in known:
                 known[model] = characteristic(model, pair, tunings, settings)
-            *found, settled[i, j] = known[model]
+            *found, settled[i, j], kept = known[model]
             factors[i, j] = found[0]
             values[i, :, j, :-1] = [observe(tunings, *one) for one in zip(*found, strict=True)]
+            firm[i, j, :-1] = certain(found[0], found[2], kept).all(axis=0)
+            firm[i, j, -1] = kept.all()
     whole = factors[:, -1:]
     away = (np.abs(factors - whole) / whole).mean(axis=-1)
     values[..., -1] = away.swapaxes(1, 2)
     change = relative_changes(values)
     change[..., -1] = values[..., -1]
-    within = (change <= changes["tolerance"]).all(axis=(1, -1))
+    firm[..., -1] &= firm[:, -1:, -1]
+    both = _free_changes(firm)
+    least, most = change.min(axis=1), change.max(axis=1)
+    with np.errstate(invalid="ignore"):
+        most = np.where(both, most, 2.0 * most - least)
+    within = (most <= changes["tolerance"]).all(axis=-1)
     shared = [np.isclose(one, one[:, :1], rtol=_SAME, equal_nan=True) for one in (values, change)]
-    over = ("case", "model", "tuning")
+    flags = {"flag_values": np.arange(2, dtype=np.int8)}
+    over, answers = ("case", "model", "tuning"), ("case", "model", "observable")
     data = {
         "settled": (over, settled, motions.SETTLED_FLAGS),
+        "answer_free_of_rounding": (
+            answers,
+            firm.astype(np.int8),
+            flags | {"flag_meanings": "unsettled free_of_rounding"},
+        ),
         "answer_shared": (
-            ("case", "model", "observable"),
-            np.logical_and(*shared).all(axis=1).astype(np.int8),
-            {"flag_values": np.arange(2, dtype=np.int8), "flag_meanings": "unsettled shared"},
+            answers,
+            (np.logical_and(*shared).all(axis=1) & firm & both).astype(np.int8),
+            flags | {"flag_meanings": "unsettled shared"},
         ),
         "sufficient": ("case", [MODELS[int(row.argmax())] for row in within]),
         "tolerance": float(changes["tolerance"]),
@@ -263,6 +332,8 @@ def compute(pair, tunings, settings, changes):
 def write_csv(comparison, path):
     """Write the digits of the answers that all starts share, a row for each case and model.
 
+    Answers that hang on motions which rounding decides have none.
+
     Parameters
     ----------
     comparison : xarray.Dataset
@@ -270,6 +341,8 @@ def write_csv(comparison, path):
     path : str or os.PathLike
     """
     names = [str(name) for name in comparison.observable.values]
+    firm = comparison.answer_free_of_rounding == 1
+    settled = {"answer": firm, "answer_change": firm.copy(data=_free_changes(firm.values))}
     with files.table(path) as writer:
         changes = [f"change_of_{name}" for name in names[:-1]]
         writer.writerow(["case", "model", *names, *changes, "smallest_that_suffices"])
@@ -277,11 +350,12 @@ def write_csv(comparison, path):
             for model in comparison.model.values:
                 one = comparison.sel(case=case, model=model)
                 texts = [
-                    _shared_digits(low, high)
+                    _shared_digits(low, high) if sure else _DIFFERS
                     for name, few in (("answer", None), ("answer_change", -1))
-                    for low, high in zip(
+                    for low, high, sure in zip(
                         one[f"{name}_low"].values[:few],
                         one[f"{name}_high"].values[:few],
+                        settled[name].sel(case=case, model=model).values[:few],
                         strict=True,
                     )
                 ]
@@ -297,4 +371,4 @@ def _shared_digits(low, high):
         first, last = (f"{x:#.{digits}g}" for x in (2.0 * low - high, 2.0 * high - low))
         if first == last:
             return first
-    return "differs"
+    return _DIFFERS
