@@ -8,6 +8,10 @@ from gearlib.kernels.jit import kernel
 from gearlib.kernels.piecewise_linear.system import may_close
 from gearlib.kernels.several_meshes.modes import DEGREE
 
+# Entries of `Work.place`: events recorded so far, mesh period, segment (-1: at the start of a
+# period), events of the period, samples taken of it, events before it.
+FOUND, PERIOD, SEGMENT, COUNT, TAKEN, OPENING = range(6)
+
 
 class Grid(NamedTuple):
     """What the meshes of a system and its segments are like."""
@@ -44,7 +48,8 @@ class Work(NamedTuple):
     image: np.ndarray
     factors: np.ndarray
     sizes: np.ndarray  #: of the modes
-    found: np.ndarray  #: int, (events recorded so far, period, samples taken), shape (3,)
+    place: np.ndarray  #: int, how far the run is, by the names below, shape (6,)
+    ahead: np.ndarray  #: theta left of the segment, phase of the last event, shape (2,)
     bernstein: np.ndarray  #: coefficients of intervals that wait, and their widths
 
 
@@ -88,6 +93,7 @@ def work_of(n, wide, m):
         np.zeros(wide),
         np.zeros(n),
         np.zeros(n),
-        np.zeros(3, np.int64),
+        np.array([0, 0, -1, 0, 0, 0]),
+        np.zeros(2),
         np.empty((53, DEGREE + 2)),
     )

@@ -131,6 +131,71 @@ def forget_lengths(tables):
     tables.at[:] = -1
 
 
+@kernel
+def fill_curves(tables, c, rows, exponentials, powers):
+    """Fill the Bernstein coefficients of the distances of combination c over its piece.
+
+    Parameters
+    ----------
+    tables : Modes
+        With rates, block and piece of c.
+    c : int
+    rows : ndarray, shape (2, m, n)
+        Distances as functionals of y, far and near.
+    exponentials : ndarray, shape (k, DEGREE + 1)
+        From the terms (z / 2)^i / i! of e^(z (s - 1/2)) to Bernstein coefficients on [0, 1].
+    powers : ndarray, shape (DEGREE + 1, DEGREE + 1)
+        From powers of s to them.
+    """
+    pairs, single, n, piece = (
+        tables.pairs[c],
+        tables.single[c],
+        tables.block.shape[1],
+        tables.piece[c],
+    )
+    real, imaginary = np.empty(DEGREE + 1), np.empty(DEGREE + 1)
+    curves = tables.curves[c]
+    for k in range(pairs + single):
+        half = 0.5 * piece * complex(tables.rates[c, k, 0], tables.rates[c, k, 1])
+        term = np.exp(half)
+        real[:] = 0.0
+        imaginary[:] = 0.0
+        for i in range(exponentials.shape[0]):
+            for r in range(DEGREE + 1):
+                real[r] += term.real * exponentials[i, r]
+                imaginary[r] += term.imag * exponentials[i, r]
+            term *= half / (i + 1)
+        for line in range(2):
+            for j in range(rows.shape[1]):
+                if k < pairs:
+                    u, v = rows[line, j, 2 * k], rows[line, j, 2 * k + 1]
+                    for r in range(DEGREE + 1):
+                        curves[line, j, 2 * k, r] = u * real[r] + v * imaginary[r]
+                        curves[line, j, 2 * k + 1, r] = v * real[r] - u * imaginary[r]
+                else:
+                    for r in range(DEGREE + 1):
+                        curves[line, j, pairs + k, r] = rows[line, j, pairs + k] * real[r]
+    first = 2 * pairs + single
+    row, new = np.empty(n - first), np.empty(n - first)
+    for line in range(2):
+        for j in range(rows.shape[1]):
+            for i in range(n - first):
+                row[i] = rows[line, j, first + i]
+                for r in range(DEGREE + 1):
+                    curves[line, j, first + i, r] = row[i]
+            for k in range(1, DEGREE + 1):
+                for i in range(n - first):
+                    new[i] = 0.0
+                for q in range(n - first):
+                    share = row[q] * piece / k
+                    for i in range(n - first):
+                        new[i] += share * tables.block[c, q, i]
+                row, new = new, row
+                for i in range(n - first):
+                    for r in range(DEGREE + 1):
+                        curves[line, j, first + i, r] += row[i] * powers[k, r]
+
+
 @inlined
 def multiply(columns, c, z, out):
     """out = matrix c times z, for matrices stored by columns, shape (c, n, w)."""

@@ -13,6 +13,7 @@ from gearlib.kernels.codes import BOTH, EVENT_LIMIT, JAMMED, NORMAL, OK, UNRESOL
 from gearlib.kernels.jit import kernel
 from gearlib.kernels.piecewise_linear.system import dot
 from gearlib.kernels.several_meshes.distances import first_events, keeps_off, sizes_of
+from gearlib.kernels.several_meshes.grid import COUNT, FOUND, OPENING, SEGMENT, TAKEN
 from gearlib.kernels.several_meshes.modes import (
     advance,
     key_of,
@@ -23,9 +24,11 @@ from gearlib.kernels.several_meshes.modes import (
 )
 from gearlib.kernels.several_meshes.record import record
 
-#: Two crossings closer than this share of `TrainSystem.longest` are one whatever their speeds: near
+#: Two crossings closer than this share of a piece are one whatever their speeds: near
 #: grazing rounding would spread without bound what happens at once.
 _AT_ONCE = 1e-13
+#: Rounding that the states of equal meshes have gathered, over that of one distance.
+_GATHERED = 8.0
 #: Returned where the tables lack a combination: that of the effects of `Work`. No status of a run.
 MISSING = -1
 
@@ -97,21 +100,23 @@ def go(system, grid, tables, w, number, limit, vectors, recording, summary, samp
     Returns
     -------
     status : int
-        MISSING where the tables lack a combination: the period has to be begun anew with it.
+        MISSING where the tables lack a combination: it goes on from there when called again.
     events
     """
-    m = system.near.shape[0]
+    m, phase = system.near.shape[0], 0.0
     first, last = system.first_segment[number], system.first_segment[number + 1]
-    count, opening, latest = 0, w.found[0], 0.0
-    w.found[2] = 0
-    for p in range(first, last):
-        c, left = -1, grid.length[p]
+    if w.place[SEGMENT] < 0:
+        w.place[SEGMENT], w.place[COUNT], w.place[OPENING] = first, 0, w.place[FOUND]
+        w.place[TAKEN], w.ahead[0], w.ahead[1] = 0, grid.length[first], 0.0
+    while w.place[SEGMENT] < last:
+        p, c, left = w.place[SEGMENT], -1, w.ahead[0]
         while left > 0.0:
             if c < 0:
                 for j in range(m):
                     w.effects[j] = system.effect[w.contact[j] + 1, p, j]
                 c = tables.slots[slot_of(tables, key_of(system, w.effects))]
                 if c < 0:
+                    w.ahead[0] = left
                     return MISSING, events
                 w.clear[:] = False
                 piece = tables.piece[c]
@@ -167,25 +172,29 @@ def go(system, grid, tables, w, number, limit, vectors, recording, summary, samp
                 if w.share[j] == best:
                     spread = max(spread, w.spread[j])
             for j in range(m):
-                close = min(spread + w.spread[j], _AT_ONCE * system.longest / piece)
+                close = min(_GATHERED * (spread + w.spread[j]), _AT_ONCE)
                 if w.share[j] > 1.0 or w.share[j] - best > close:
                     continue
                 if w.target[j] == BOTH:
                     return JAMMED, events
                 before = w.contact[j]
                 speed = _cross(system, grid, w, j, p, vectors)
-                count += 1
+                w.place[COUNT] += 1
                 if recording:
                     # Sums of lengths may round below the phase of the last event.
-                    row, latest = w.found[0], max(phase + length * system.tuning, latest)
-                    v = speed / system.tuning
-                    events, w.found[0] = orbit.note(
-                        events, row, 0, latest, before, w.contact[j], v, summary[j]
+                    row, v = w.place[FOUND], speed / system.tuning
+                    w.ahead[1] = max(phase + length * system.tuning, w.ahead[1])
+                    events, w.place[FOUND] = orbit.note(
+                        events, row, 0, w.ahead[1], before, w.contact[j], v, summary[j]
                     )
-                    if w.found[0] > row:
+                    if w.place[FOUND] > row:
                         events[row, EVENT_MESH] = j
-                        in_order(events, row, opening)
-            if count > limit:
+                        in_order(events, row, w.place[OPENING])
+            if w.place[COUNT] > limit:
                 return EVENT_LIMIT, events
             c = -1
+        w.place[SEGMENT] = p + 1
+        if p + 1 < last:
+            w.ahead[0] = grid.length[p + 1]
+    w.place[SEGMENT] = -1
     return OK, events

@@ -8,6 +8,7 @@ from gearlib.kernels.codes import BACKLASH, INVERSE
 from gearlib.kernels.jit import kernel
 from gearlib.kernels.polynomial import highest_from
 from gearlib.kernels.several_meshes.distances import begin_of, curve_of
+from gearlib.kernels.several_meshes.grid import TAKEN
 from gearlib.kernels.several_meshes.modes import DEGREE, advance, multiply, turn_by
 
 #: Columns of a summary: those of `orbit` and the integral of the elastic force over the phase.
@@ -52,8 +53,8 @@ def record(system, grid, tables, c, w, p, phase, length, summary, samples):
             _add_extrema(curve, stiffness, w, row, orbit.FORCE_MAX, orbit.FORCE_MIN)
         at = phase + done * tuning
         end = at + part * tuning - 1e-12
-        while w.found[2] < samples.shape[0]:
-            taken = w.found[2]
+        while w.place[TAKEN] < samples.shape[0]:
+            taken = w.place[TAKEN]
             wanted = 2.0 * math.pi * taken / samples.shape[0]
             if wanted >= end:
                 break
@@ -66,7 +67,7 @@ def record(system, grid, tables, c, w, p, phase, length, summary, samples):
             for j in range(m):
                 samples[taken, n + j] = w.contact[j]
             samples[taken, n + m] = p
-            w.found[2] = taken + 1
+            w.place[TAKEN] = taken + 1
         turn_by(tables, c, part, w.factors)
         advance(tables, c, w.factors, part, w.other, w.term, w.image)
         done += part

@@ -5,10 +5,10 @@ import math
 import numpy as np
 
 from gearlib.kernels import orbit
-from gearlib.kernels.arrays import copy, copy_rows
 from gearlib.kernels.codes import BACKLASH, INVERSE, JAMMED, NORMAL, OK, OVERFLOW, UNRESOLVED
 from gearlib.kernels.jit import kernel
 from gearlib.kernels.piecewise_linear.system import REST, behind, dot, image, set_harmonics
+from gearlib.kernels.several_meshes.grid import FOUND, OPENING, PERIOD, SEGMENT
 from gearlib.kernels.several_meshes.periods import MISSING, go
 from gearlib.kernels.several_meshes.system import matrix_of
 
@@ -99,7 +99,19 @@ def begin(system, grid, w):
 
 @kernel
 def run_train(
-    system, grid, tables, w, periods, record_periods, samples, events, limit, summary, strobes, maps
+    system,
+    grid,
+    tables,
+    w,
+    periods,
+    record_periods,
+    samples,
+    events,
+    limit,
+    summary,
+    strobes,
+    vectors,
+    maps,
 ):
     """Run a gear train on from the state of `Work` and the mesh period counted there.
 
@@ -120,6 +132,8 @@ def run_train(
         Begun by `orbit.clear_summary`.
     strobes : ndarray, shape (m, k + 1, 2)
         Filled with the states of the meshes at the end of each of the last k periods, and before.
+    vectors : ndarray, shape (2 N, n filled up)
+        Storage; or of shape (0, n filled up).
     maps : ndarray, shape (periods, 2 N, 2 N)
         Filled with the growth of small deviations over each period; or of shape (0, 2 N, 2 N).
 
@@ -131,29 +145,21 @@ def run_train(
     """
     m, n = system.near.shape
     moving, kept = maps.shape[1], strobes.shape[1] - 1
-    vectors = np.zeros((moving if maps.shape[0] > 0 else 0, w.z.shape[0]))
     unseen = periods - record_periods
     per_period = samples.shape[0] // max(record_periods, 1)
-    start, before, line, rest = w.z.copy(), w.contact.copy(), w.line.copy(), w.rest.copy()
-    kept_summary = summary.copy()
-    for i in range(w.found[1], periods):
-        # Harmonics are put to their values: their rounding must not grow with the run.
-        set_harmonics(system, w.z[:n], 2.0 * math.pi * (system.first + i))
-        row = i - (periods - kept)
-        if row >= 0:
-            _strobe(system, grid, w.z, strobes, row)
+    for i in range(w.place[PERIOD], periods):
+        if w.place[SEGMENT] < 0:
+            # Harmonics are put to their values: their rounding must not grow with the run.
+            set_harmonics(system, w.z[:n], 2.0 * math.pi * (system.first + i))
+            row = i - (periods - kept)
+            if row >= 0:
+                _strobe(system, grid, w.z, strobes, row)
+            vectors[:] = 0.0
+            for r in range(vectors.shape[0]):
+                vectors[r, r] = 1.0
         recording = i >= unseen
         begin = max(i - unseen, 0) * per_period
         end = begin + per_period if recording else begin
-        vectors[:] = 0.0
-        for r in range(vectors.shape[0]):
-            vectors[r, r] = 1.0
-        known = w.found[0]
-        copy(w.z, start)
-        for j in range(m):
-            before[j], line[j], rest[j] = w.contact[j], w.line[j], w.rest[j]
-        if recording:
-            copy_rows(summary, kept_summary)
         status, events = go(
             system,
             grid,
@@ -168,15 +174,8 @@ def run_train(
             events,
         )
         if status == MISSING:
-            # The period begins anew when the tables have what it lacks.
-            copy(start, w.z)
-            for j in range(m):
-                w.contact[j], w.line[j], w.rest[j] = before[j], line[j], rest[j]
-            if recording:
-                copy_rows(kept_summary, summary)
-            w.found[0] = known
             return events, status
-        for row in range(known, w.found[0]):
+        for row in range(w.place[OPENING], w.place[FOUND]):
             events[row, orbit.EVENT_PERIOD] = i
         if status == OK and _too_large(w.z):
             status = OVERFLOW
@@ -189,7 +188,7 @@ def run_train(
         for r in range(vectors.shape[0]):
             for k in range(moving):
                 maps[i, k, r] = vectors[r, k]
-        w.found[1] = i + 1
+        w.place[PERIOD] = i + 1
     if record_periods > 0:
         _strobe(system, grid, w.z, strobes, kept)
     return events, OK

@@ -18,15 +18,23 @@ import scipy.linalg
 
 from gearlib.kernels.piecewise_linear import system as piecewise_linear
 from gearlib.kernels.polynomial import bernstein_matrix
-from gearlib.kernels.several_meshes.modes import DEGREE, REACH, forget, key_of, slot_of
+from gearlib.kernels.several_meshes.modes import (
+    DEGREE,
+    REACH,
+    fill_curves,
+    forget,
+    key_of,
+    slot_of,
+)
 from gearlib.kernels.several_meshes.system import matrix_of
 
 #: Terms of the series of e^z, |z| <= REACH / 2: the next is 3.6^36 / 36! = 3e-22.
 _TERMS = 36
 #: Largest condition number of a basis, rows scaled: rounding of 1e-16 becomes 1e-10.
 _CONDITION = 1e6
-#: Slow eigenvalues lie below the widest gap between these, over that of the reference mode.
-_SLOW = 1e-3, 3e-2
+#: Slow eigenvalues lie below the widest gap between these, over that of the reference mode; real
+#: ones, as of flights against damping, whose forced motion is far off, between the others.
+_SLOW, _SLOW_REAL = (1e-3, 3e-2), (0.3, 3.0)
 #: Coupling of a free rotation, and growth of a mode, that is rounding.
 _NOTHING = 1e-12
 #: Norm of a block times its piece: 2^24 / 24! = 3e-17.
@@ -76,19 +84,6 @@ def _exponentials():
 @cache
 def _powers():
     return bernstein_matrix(DEGREE)
-
-
-def exponential_curves(rates):
-    """Return Bernstein coefficients of e^(rate s) on [0, 1], shape (k, DEGREE + 1).
-
-    rates: complex ndarray, shape (k,), magnitudes up to REACH.
-    """
-    half = 0.5 * rates
-    terms = np.empty((rates.size, _TERMS), complex)
-    terms[:, 0] = np.exp(half)
-    for k in range(1, _TERMS):
-        terms[:, k] = terms[:, k - 1] * half / k
-    return terms @ _exponentials()
 
 
 class Frame:
@@ -150,17 +145,23 @@ class Frame:
         return Basis(self.out @ p, back @ self.into, pairs, single, blocks, len(one))
 
 
+def _gap(sizes, bounds):
+    """Return the middle of the widest gap between sizes, in the logarithm, between two bounds."""
+    edges = np.sort([*bounds, *sizes[(sizes > bounds[0]) & (sizes < bounds[1])]])
+    k = int(np.argmax(np.diff(np.log(edges))))
+    return math.sqrt(edges[k] * edges[k + 1])
+
+
 def _split(a):
     """Return (fast eigenvalues, their vectors, basis of the slow part, its block)."""
     values, vectors = np.linalg.eig(a)
-    sizes = np.sort(np.abs(values))
-    if not sizes.size or sizes[0] > _SLOW[1]:
+    sizes, real = np.abs(values), values.imag == 0.0
+    slow, damped = _gap(sizes, _SLOW), _gap(sizes[real], _SLOW_REAL)
+    if not ((sizes < slow) | (real & (sizes < damped))).any():
         return values + 0j, vectors, np.zeros((len(a), 0)), np.zeros((0, 0))
-    # Below the widest gap.
-    bounds = np.concatenate([[_SLOW[0]], sizes[(sizes > _SLOW[0]) & (sizes < _SLOW[1])], _SLOW[1:]])
-    k = int(np.argmax(np.diff(np.log(bounds))))
-    limit = math.sqrt(bounds[k] * bounds[k + 1])
-    t, q, s = scipy.linalg.schur(a, output="real", sort=lambda x, y: math.hypot(x, y) < limit)
+    t, q, s = scipy.linalg.schur(
+        a, output="real", sort=lambda x, y: math.hypot(x, y) < (slow if y else damped)
+    )
     own = scipy.linalg.solve_sylvester(t[:s, :s], -t[s:, s:], -t[:s, s:])
     values, vectors = np.linalg.eig(t[s:, s:])
     return values + 0j, (q[:, s:] + q[:, :s] @ own) @ vectors, q[:, :s], t[:s, :s]
@@ -216,21 +217,10 @@ def _whole(basis, a, frequencies):
     return out[:, order], into[order], pairs, basis.single, block
 
 
-def _block_rows(rows, block, piece):
-    """Return Bernstein coefficients of rows e^(block t) on a piece, shape (m, s, DEGREE + 1)."""
-    powers = np.empty((DEGREE + 1, *rows.shape))
-    powers[0] = rows
-    for k in range(1, DEGREE + 1):
-        powers[k] = powers[k - 1] @ block * (piece / k)
-    return np.einsum("kms,kj->msj", powers, _powers())
-
-
 def _piece_of(block):
     """Return a length on which the series of a block ends behind DEGREE."""
-    # What one component adds to another counts by the way from the one to the other and back.
-    balanced = scipy.linalg.matrix_balance(block, permute=False)[0]
-    power = np.linalg.matrix_power(balanced, DEGREE + 1)
-    size = np.linalg.norm(power) ** (1.0 / (DEGREE + 1))
+    # The root of so high a power hides the scales of the components.
+    size = np.linalg.norm(np.linalg.matrix_power(block, DEGREE + 1)) ** (1.0 / (DEGREE + 1))
     return _BLOCK / size if size > 0.0 else math.inf
 
 
@@ -245,7 +235,8 @@ def add(tables, system, grid, frame, effects):
     moving = n - 1 - 2 * h
     basis = frame.basis(a[:moving, :moving])
     out, into, pairs, single, block = np.eye(n), np.eye(n), np.zeros(0), np.zeros(0), a
-    hidden, piece = 0, math.inf
+    # Of slow motions too a piece is no longer than some period of the reference mode.
+    hidden, piece = 0, REACH
     if basis is not None:
         found = _whole(basis, a, grid.spin)
         if not (np.abs(found[0]) @ np.abs(found[1])).max() < _CONDITION * 1e6:
@@ -255,33 +246,25 @@ def add(tables, system, grid, frame, effects):
     k, f = 2 * pairs.size, 2 * pairs.size + single.size
     rates = np.concatenate([pairs, single])
     if rates.size:
-        piece = REACH / np.abs(rates).max()
+        piece = min(piece, REACH / np.abs(rates).max())
     if basis is None:
         piece = _BLOCK * system.longest / piecewise_linear.REACH
     elif len(block) > 1:
         piece = min(piece, _piece_of(block))
-    if not piece < math.inf:
-        piece = float(grid.length.max())
     tables.pairs[c], tables.single[c], tables.piece[c] = pairs.size, single.size, piece
     tables.rates[c, : rates.size, 0], tables.rates[c, : rates.size, 1] = rates.real, rates.imag
     tables.block[c, : n - f, : n - f] = block
     tables.into[c, :, :n], tables.out[c, :, :n] = into.T, out.T
-    turning = exponential_curves(rates * piece)
-    for line, functionals in enumerate((system.far, system.near)):
-        rows = functionals @ out
-        # Free rotations of the whole train move no mesh.
-        rows[:, n - 1 - hidden : n - 1] = 0.0
-        weights = rows[:, :k:2] - 1j * rows[:, 1:k:2]
-        curves = tables.curves[c, line].transpose(1, 0, 2)
-        waves = weights.T[:, :, None] * turning[: pairs.size, None, :]
-        curves[:k:2], curves[1:k:2] = waves.real, -waves.imag
-        curves[k:f] = rows.T[k:f, :, None] * turning[pairs.size :, None, :].real
-        curves[f:] = _block_rows(rows[:, f:], block, piece).transpose(1, 0, 2)
-        tables.level[c, :, line] = rows[:, n - 1]
+    rows = np.stack([system.far, system.near]) @ out
+    # Free rotations of the whole train move no mesh.
+    rows[:, :, n - 1 - hidden : n - 1] = 0.0
+    fill_curves(tables, c, rows, _exponentials(), _powers())
+    weights = np.hypot(rows[1, :, :k:2], rows[1, :, 1:k:2])
     # The harmonics of the far side may differ: then `Grid.plain` is false.
-    tables.swing[c, :, : pairs.size] = np.abs(weights)
-    tables.swing[c, :, pairs.size : rates.size] = np.abs(rows[:, k:f])
-    tables.steady[c] = ~rows[:, f : n - 1].any(axis=1) & (rates.real <= _NOTHING).all()
+    tables.swing[c, :, : pairs.size] = weights
+    tables.swing[c, :, pairs.size : rates.size] = np.abs(rows[1, :, k:f])
+    tables.level[c] = rows[:, :, n - 1].T
+    tables.steady[c] = ~rows[1, :, f : n - 1].any(axis=1) & (rates.real <= _NOTHING).all()
     tables.slots[slot_of(tables, key_of(system, effects))] = c
     tables.keys[c] = key_of(system, effects)
     tables.known[0] = c + 1

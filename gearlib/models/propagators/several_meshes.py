@@ -6,7 +6,7 @@ import numpy as np
 
 from gearlib.kernels import orbit
 from gearlib.kernels.codes import OK
-from gearlib.kernels.several_meshes.grid import grid_of, work_of
+from gearlib.kernels.several_meshes.grid import FOUND, grid_of, work_of
 from gearlib.kernels.several_meshes.modes import Modes, forget, forget_lengths, modes
 from gearlib.kernels.several_meshes.periods import MISSING
 from gearlib.kernels.several_meshes.run import begin, period_of, run_train
@@ -128,6 +128,7 @@ class Propagator(Matrices):
             orbit.clear_summary(row)
         kept = min(periods, orbit.strobe_periods(system.repeats)) if record_periods else 0
         strobes = np.empty((m, kept + 1, 2))
+        vectors = np.empty((z.size if len(maps) else 0, w.z.size))
         code = begin(system, self.grid, w)
         while code == OK:
             events, code = run_train(
@@ -142,6 +143,7 @@ class Propagator(Matrices):
                 limit,
                 summary,
                 strobes,
+                vectors,
                 maps,
             )
             if code != MISSING:
@@ -151,7 +153,7 @@ class Propagator(Matrices):
         z[:] = w.z[: z.size] / self.scale
         done = code == OK and record_periods > 0
         period = period_of(system, strobes, summary) if done else 0
-        return period, events, int(w.found[0]), code
+        return period, events, int(w.place[FOUND]), code
 
     def run(self, z, periods, record_periods, samples, events, limit, summary, first=0):
         """Run from z; see `Base.run`. Samples have the columns of `GearTrain.room`."""
