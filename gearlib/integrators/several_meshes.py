@@ -16,8 +16,8 @@ from gearlib.data import status
 from gearlib.integrators.split import Stall
 from gearlib.kernels import orbit
 from gearlib.kernels.codes import BACKLASH, BOTH, INVERSE, NORMAL
-from gearlib.kernels.several_meshes.combinations import matrix_of
 from gearlib.kernels.several_meshes.record import FORCE_SUM
+from gearlib.kernels.several_meshes.system import matrix_of
 from gearlib.kernels.steps import several_meshes as steps
 from gearlib.kernels.steps.equation_of_motion import SIDE
 

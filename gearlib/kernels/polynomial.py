@@ -60,7 +60,7 @@ def _to_bernstein(coefficients, matrix, out):
 
 
 @inlined
-def _halve(b, left, n):
+def halve(b, left, n):
     """Turn Bernstein coefficients into those of the right half; fill those of the left."""
     left[0] = b[0]
     for j in range(1, n + 1):
@@ -177,7 +177,7 @@ def first_fall(coefficients, to_bernstein, work):
         else:
             # The right half stays in this row, the left half goes on top.
             left = work[depth + 1]
-            _halve(b, left, n)
+            halve(b, left, n)
             b[n + 1] = 0.5 * width
             left[n + 1] = 0.5 * width
             depth += 1
@@ -287,19 +287,27 @@ def fall_by_shape(coefficients, first):
 def highest(coefficients, to_bernstein, work, floor):
     """Return the largest value of a polynomial on [0, 1], or `floor` if that is larger.
 
-    Branch and bound on the Bernstein coefficients: an interval is dropped when none of them lies
-    above the best value so far. NaN if the budget of intervals does not suffice. Arguments as of
-    `first_fall`.
+    NaN if the budget of intervals does not suffice. Arguments as of `first_fall`.
     """
-    n = coefficients.shape[0] - 1
     reach = 0.0
-    for k in range(1, n + 1):
+    for k in range(1, coefficients.shape[0]):
         reach += abs(coefficients[k])
     if coefficients[0] + reach <= floor:
         return floor
     _to_bernstein(coefficients, to_bernstein, work[0])
-    noise = _CLOSE * (abs(coefficients[0]) + reach)
-    depth = 0
+    return highest_from(work, coefficients.shape[0] - 1, floor)
+
+
+@kernel
+def highest_from(work, n, floor):
+    """Return the same of Bernstein coefficients of degree n, which begin the first row of `work`.
+
+    Branch and bound: an interval is dropped when no coefficient lies above the best value so far.
+    """
+    size = 0.0
+    for k in range(n + 1):
+        size = max(size, abs(work[0, k]))
+    noise, depth = _CLOSE * size, 0
     for _ in range(_MAX_INTERVALS):
         if depth < 0:
             return floor
@@ -311,6 +319,6 @@ def highest(coefficients, to_bernstein, work, floor):
         if bound <= floor + noise or depth == _MAX_DEPTH:
             depth -= 1
             continue
-        _halve(b, work[depth + 1], n)
+        halve(b, work[depth + 1], n)
         depth += 1
     return floor if depth < 0 else math.nan

@@ -5,18 +5,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.linalg import expm
 
 import gearlib
 from gearlib import Body, GearTrain, Mesh, Shaft
 from gearlib.kernels import orbit
-from gearlib.kernels.several_meshes.combinations import combination, combinations
-from gearlib.kernels.several_meshes.grid import grid_of, work_of
+from gearlib.kernels.several_meshes.modes import modes
 from gearlib.kernels.several_meshes.periods import EVENT_MESH, in_order
-from gearlib.kernels.several_meshes.substeps import look_ahead
 from gearlib.runs.simulation import _event_table
 from tests.paper import PAPER
-from tests.trains.against_scipy import matrix
 from tests.trains.random_trains import random_problem, symmetric_problem
 from tests.trains.test_train_system import six_degrees
 
@@ -175,8 +171,8 @@ def test_tables_that_are_forgotten_change_nothing():
     start = PLANETS.start_state("static")
     asked = propagator.record(start, 60, 100, 8)
     n, m = propagator.system.near.shape[1], 6
-    lengths = int(grid_of(propagator.system).kind.max()) + 1
-    propagator.tables = combinations(n, PLANETS.size // 2, m, lengths, memory=1)
+    lengths = int(propagator.grid.kind.max()) + 1
+    propagator.tables = modes(n, m, lengths, memory=1)
     assert propagator.tables.keys.size == 2
     for one, other in zip(asked, propagator.record(start, 60, 100, 8), strict=True):
         np.testing.assert_array_equal(one, other)
@@ -201,44 +197,6 @@ def test_a_train_at_rest_on_its_flanks_begins_in_contact():
     assert not len(at_start)
     run = gearlib.simulate(train, 0.5, periods=1, samples_per_period=4096)
     assert (run.contact[0] == 1).all() and (run.displacement[1:9] > 0.0).all()
-
-
-@pytest.mark.parametrize("mesh", range(6))
-def test_terms_of_high_degree_bring_a_distance_to_its_line(mesh):
-    """One term from the third to the eighth, and no other below the ninth: it is seen coming."""
-    propagator = PLANETS.propagator(1.0)
-    system, grid, tables, n = propagator.system, propagator.grid, propagator.tables, PLANETS.size
-    a, row, rows = matrix(system, [1] * 6, 0), system.near[mesh], []
-    for k in range(9):
-        rows.append(row)
-        row = row @ a * (system.longest / (k + 1))
-    work, rows = work_of(n + 1, 6), np.array(rows)
-    effects = system.effect[2, 0]
-    for degree, fall in [*((k, -8.0) for k in range(3, 9)), (8, 0.0)]:
-        wanted, clear = np.zeros(9), fall == 0.0
-        wanted[0], wanted[degree] = 1.0, fall
-        state = np.linalg.lstsq(rows[:, :n], wanted - rows[:, n], rcond=None)[0]
-        full = np.append(state, 1.0)
-        np.testing.assert_allclose(rows @ full, wanted, rtol=0, atol=1e-6)
-        end = system.near[mesh] @ expm(a * system.longest) @ full
-        assert (end < -1.0) == (not clear)
-        work.contact[:], work.z[: n + 1] = 1, full
-        look_ahead(
-            tables.look,
-            tables.tail,
-            grid.apart,
-            combination(system, tables, effects),
-            work.z,
-            work.contact,
-            grid.open,
-            grid.closing,
-            work.look,
-            work.tail,
-            work.term,
-            work.clear,
-        )
-        # Of a state without the eighth term the bound is as large: it may be clear, or not.
-        assert not work.clear[mesh] or clear
 
 
 @pytest.mark.parametrize("load", [3000.0, -3000.0, 0.0])

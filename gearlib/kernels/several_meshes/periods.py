@@ -1,28 +1,36 @@
-"""Through mesh periods, substep by substep, with all events of all meshes.
+"""Through mesh periods, from event to event of all meshes.
 
-A substep ends at the first event of any mesh. Crossings of several meshes within their rounding are
-one event of them all: their saltation matrices commute, so that the order does not matter
+Up to the next switch of a stiffness or the next crossing of a flank line by any mesh the modes of
+the present combination turn and shrink. Crossings of several meshes within their rounding are one
+event of them all: their saltation matrices commute, so that the order does not matter
 (`docs/theory/trains.md`).
 """
 
 import numpy as np
 
 from gearlib.kernels import orbit
-from gearlib.kernels.arrays import copy
 from gearlib.kernels.codes import BOTH, EVENT_LIMIT, JAMMED, NORMAL, OK, UNRESOLVED
 from gearlib.kernels.jit import kernel
 from gearlib.kernels.piecewise_linear.system import dot
-from gearlib.kernels.several_meshes.combinations import (
-    combination,
+from gearlib.kernels.several_meshes.distances import first_events, keeps_off, sizes_of
+from gearlib.kernels.several_meshes.grid import COUNT, FOUND, OPENING, SEGMENT, TAKEN
+from gearlib.kernels.several_meshes.modes import (
+    advance,
+    key_of,
     multiply,
-    whole_step,
+    slot_of,
+    turn_by,
+    turn_over,
 )
-from gearlib.kernels.several_meshes.record import sample, summarise
-from gearlib.kernels.several_meshes.substeps import advance, first_events, look_ahead
+from gearlib.kernels.several_meshes.record import record
 
-#: Two crossings closer than this share of a substep are one whatever their speeds: near grazing
-#: rounding would spread without bound what happens at once.
+#: Two crossings closer than this share of a piece are one whatever their speeds: near
+#: grazing rounding would spread without bound what happens at once.
 _AT_ONCE = 1e-13
+#: Rounding that the states of equal meshes have gathered, over that of one distance.
+_GATHERED = 8.0
+#: Returned where the tables lack a combination: that of the effects of `Work`. No status of a run.
+MISSING = -1
 
 #: Columns of the event table: those of `orbit` and the number of the mesh.
 EVENT_MESH = orbit.EVENT_COLUMNS
@@ -67,25 +75,12 @@ def in_order(events, row, first):
 
 
 @kernel
-def go(
-    system,
-    grid,
-    tables,
-    to_bernstein,
-    w,
-    number,
-    limit,
-    vectors,
-    recording,
-    summary,
-    samples,
-    events,
-):
+def go(system, grid, tables, w, number, limit, vectors, recording, summary, samples, events):
     """Go through one mesh period from its start; the state of `Work` is changed in place.
 
     Parameters
     ----------
-    system, grid, tables, to_bernstein, w : TrainSystem, Grid, Combinations, ndarray, Work
+    system, grid, tables, w : TrainSystem, Grid, Modes, Work
     number : int
         Which of the mesh periods after which the excitation repeats.
     limit : int
@@ -105,90 +100,101 @@ def go(
     Returns
     -------
     status : int
+        MISSING where the tables lack a combination: it goes on from there when called again.
     events
     """
-    m, n = system.near.shape
+    m, phase = system.near.shape[0], 0.0
     first, last = system.first_segment[number], system.first_segment[number + 1]
-    rate, step, spin = tables.rate, tables.step, grid.spin
-    z, own, term, image_, longest = w.z, w.z[:n], w.term, w.image, system.longest
-    look_rows, tail_rows, apart = tables.look, tables.tail, grid.apart
-    contact, look, tail, never, closing = w.contact, w.look, w.tail, grid.open, grid.closing
-    count, taken, on_line = 0, 0, True
-    opening, latest = w.found[0], 0.0
-    for p in range(first, last):
-        c, h = -1, grid.length[p]
-        for index in range(grid.substeps[p]):
-            t = 0.0
-            while t < h:
+    if w.place[SEGMENT] < 0:
+        w.place[SEGMENT], w.place[COUNT], w.place[OPENING] = first, 0, w.place[FOUND]
+        w.place[TAKEN], w.ahead[0], w.ahead[1] = 0, grid.length[first], 0.0
+    while w.place[SEGMENT] < last:
+        p, c, left = w.place[SEGMENT], -1, w.ahead[0]
+        while left > 0.0:
+            if c < 0:
+                for j in range(m):
+                    w.effects[j] = system.effect[w.contact[j] + 1, p, j]
+                c = tables.slots[slot_of(tables, key_of(system, w.effects))]
                 if c < 0:
-                    for j in range(m):
-                        w.effects[j] = system.effect[w.contact[j] + 1, p, j]
-                    c = combination(system, tables, w.effects)
-                left, best = h - t, 2.0
-                quiet = look_ahead(
-                    look_rows,
-                    tail_rows,
-                    apart,
-                    c,
-                    z,
-                    contact,
-                    never,
-                    closing,
-                    look,
-                    tail,
-                    term,
-                    w.clear,
-                )
-                if on_line or not quiet:
-                    best = first_events(system, grid, tables, c, w, left, to_bernstein)
-                    w.rest[:] = 0
-                    on_line = False
+                    w.ahead[0] = left
+                    return MISSING, events
+                w.clear[:] = False
+                piece = tables.piece[c]
+                multiply(tables.into, c, w.z, w.y)
+            modes, quiet = sizes_of(tables, c, w.y, w.sizes), True
+            for j in range(m):
+                if not w.clear[j]:
+                    code = w.contact[j]
+                    w.clear[j] = w.rest[j] == 0 and keeps_off(
+                        tables,
+                        c,
+                        j,
+                        code,
+                        grid.closing[j],
+                        grid.open[j],
+                        grid.plain[j],
+                        w.sizes,
+                        modes,
+                    )
+                    quiet &= w.clear[j]
+            length, best = left, 2.0
+            if not quiet:
+                length = min(piece, left)
+                best = first_events(tables, c, grid, w, length / piece)
+                w.rest[:] = 0
                 if best < 0.0:
                     return UNRESOLVED, events
-                length = left if best > 1.0 else best * left
+                if best <= 1.0:
+                    length = best * piece
+            if recording:
+                phase = system.starts[p] - system.starts[first]
+                phase += (grid.length[p] - left) * system.tuning
+                record(system, grid, tables, c, w, p, phase, length, summary, samples)
+            kind = grid.kind[p]
+            if length == grid.length[p] and kind < tables.at.shape[1]:
+                factors = tables.turns[turn_over(tables, c, kind, length)]
+            else:
+                turn_by(tables, c, length, w.factors)
+                factors = w.factors
+            advance(tables, c, factors, length, w.y, w.term, w.image)
+            left -= length
+            for i in range(vectors.shape[0]):
+                multiply(tables.into, c, vectors[i], w.other)
+                advance(tables, c, factors, length, w.other, w.term, w.image)
+                multiply(tables.out, c, w.other, vectors[i])
+            if best > 1.0:
+                if not left > 0.0:
+                    multiply(tables.out, c, w.y, w.z)
+                continue
+            multiply(tables.out, c, w.y, w.z)
+            spread = 0.0
+            for j in range(m):
+                if w.share[j] == best:
+                    spread = max(spread, w.spread[j])
+            for j in range(m):
+                close = min(_GATHERED * (spread + w.spread[j]), _AT_ONCE)
+                if w.share[j] > 1.0 or w.share[j] - best > close:
+                    continue
+                if w.target[j] == BOTH:
+                    return JAMMED, events
+                before = w.contact[j]
+                speed = _cross(system, grid, w, j, p, vectors)
+                w.place[COUNT] += 1
                 if recording:
-                    phase = system.starts[p] - system.starts[first]
-                    phase += (index * h + t) * system.tuning
-                    summarise(system, grid, tables, c, w, p, length, summary, to_bernstein)
-                    taken = sample(system, grid, tables, c, w, p, phase, length, samples, taken)
-                if best > 1.0 and t == 0.0:
-                    s = whole_step(tables, c, grid.kind[p], h)
-                    multiply(step, s, z, term)
-                    copy(term, own)
-                    for i in range(vectors.shape[0]):
-                        multiply(step, s, vectors[i], term)
-                        copy(term, vectors[i, :n])
-                else:
-                    advance(rate, c, spin, longest, length, z, term, image_)
-                    for i in range(vectors.shape[0]):
-                        advance(rate, c, spin, longest, length, vectors[i], term, image_)
-                if best > 1.0:
-                    break
-                spread = 0.0
-                for j in range(m):
-                    if w.share[j] == best:
-                        spread = max(spread, w.spread[j])
-                for j in range(m):
-                    close = min(spread + w.spread[j], _AT_ONCE * longest / left)
-                    if w.share[j] > 1.0 or w.share[j] - best > close:
-                        continue
-                    if w.target[j] == BOTH:
-                        return JAMMED, events
-                    before = w.contact[j]
-                    speed = _cross(system, grid, w, j, p, vectors)
-                    count += 1
-                    if recording:
-                        # Sums of parts of a substep may round below the phase of the last event.
-                        row, latest = w.found[0], max(phase + length * system.tuning, latest)
-                        v = speed / system.tuning
-                        events, w.found[0] = orbit.note(
-                            events, row, 0, latest, before, w.contact[j], v, summary[j]
-                        )
-                        if w.found[0] > row:
-                            events[row, EVENT_MESH] = j
-                            in_order(events, row, opening)
-                if count > limit:
-                    return EVENT_LIMIT, events
-                t += length
-                c, on_line = -1, True
+                    # Sums of lengths may round below the phase of the last event.
+                    row, v = w.place[FOUND], speed / system.tuning
+                    w.ahead[1] = max(phase + length * system.tuning, w.ahead[1])
+                    events, w.place[FOUND] = orbit.note(
+                        events, row, 0, w.ahead[1], before, w.contact[j], v, summary[j]
+                    )
+                    if w.place[FOUND] > row:
+                        events[row, EVENT_MESH] = j
+                        in_order(events, row, w.place[OPENING])
+            if w.place[COUNT] > limit:
+                return EVENT_LIMIT, events
+            c = -1
+        w.place[SEGMENT] = p + 1
+        if p + 1 < last:
+            w.ahead[0] = grid.length[p + 1]
+    w.place[SEGMENT] = -1
     return OK, events

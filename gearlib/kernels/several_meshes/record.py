@@ -6,8 +6,10 @@ from gearlib.kernels import orbit
 from gearlib.kernels.arrays import copy
 from gearlib.kernels.codes import BACKLASH, INVERSE
 from gearlib.kernels.jit import kernel
-from gearlib.kernels.piecewise_linear.system import ORDER
-from gearlib.kernels.several_meshes.substeps import advance, polynomial, to_far
+from gearlib.kernels.polynomial import highest_from
+from gearlib.kernels.several_meshes.distances import begin_of, curve_of
+from gearlib.kernels.several_meshes.grid import TAKEN
+from gearlib.kernels.several_meshes.modes import DEGREE, advance, multiply, turn_by
 
 #: Columns of a summary: those of `orbit` and the integral of the elastic force over the phase.
 FORCE_SUM = orbit.SUMMARY_COLUMNS
@@ -15,45 +17,57 @@ SUMMARY_COLUMNS = orbit.SUMMARY_COLUMNS + 1
 
 
 @kernel
-def summarise(system, grid, tables, c, w, p, length, summary, to_bernstein):
-    """Add a substep, or a part of one, to the summaries of all meshes."""
-    m, n = system.near.shape
-    scale, curve, phase = length / system.longest, w.curve, length * system.tuning
-    constants = w.z[n - 1 - 2 * grid.spin.shape[0] : n]
-    for j in range(m):
-        polynomial(w.look, tables.behind, m * c + j, w.behind, w.z, j, scale, curve)
-        row, code = summary[j], w.contact[j]
-        copy(curve, w.scaled)
-        orbit.add_curve(w.scaled, to_bernstein, w.bernstein, row, orbit.X_MAX, orbit.X_MIN)
-        orbit.add_time(code, phase, system.low[code + 1, p, j], row)
-        if code == BACKLASH:
-            continue
-        if code == INVERSE:
-            to_far(grid.apart, j, scale, constants, curve)
-        for k in range(ORDER + 1):
-            curve[k] *= system.stiffness[code + 1, p, j]
-            row[FORCE_SUM] += phase * curve[k] / (k + 1)
-        orbit.add_curve(curve, to_bernstein, w.bernstein, row, orbit.FORCE_MAX, orbit.FORCE_MIN)
+def _add_extrema(curve, factor, w, row, most, least):
+    """Add the extrema of a curve times a factor to two columns of a summary."""
+    for sign, column in ((1.0, most), (-1.0, least)):
+        for k in range(DEGREE + 1):
+            w.bernstein[0, k] = sign * factor * curve[k]
+        row[column] = sign * highest_from(w.bernstein, DEGREE, sign * row[column])
 
 
 @kernel
-def sample(system, grid, tables, c, w, p, phase, length, samples, taken):
-    """Fill the samples within a piece that begins at `phase`; return how many are taken.
-
-    Columns: the state, shape (n,), the contact codes, shape (m,), the number of the segment.
-    """
+def record(system, grid, tables, c, w, p, phase, length, summary, samples):
+    """Record what begins at `phase`, with the state y of `Work`, and lasts `length` of theta."""
     m, n = system.near.shape
-    end = phase + length * system.tuning - 1e-12
-    while taken < samples.shape[0]:
-        at = 2.0 * math.pi * taken / samples.shape[0]
-        if at >= end:
-            break
-        copy(w.z, w.other)
-        t = max(at - phase, 0.0) / system.tuning
-        advance(tables.rate, c, grid.spin, system.longest, t, w.other, w.term, w.image)
-        copy(w.other, samples[taken, :n])
+    tuning, done, curve = system.tuning, 0.0, w.bernstein[52]
+    copy(w.y, w.other)
+    for j in range(m):
+        orbit.add_time(
+            w.contact[j], length * tuning, system.low[w.contact[j] + 1, p, j], summary[j]
+        )
+    while done < length:
+        part = min(tables.piece[c], length - done)
         for j in range(m):
-            samples[taken, n + j] = w.contact[j]
-        samples[taken, n + m] = p
-        taken += 1
-    return taken
+            row, code = summary[j], w.contact[j]
+            curve_of(tables.curves[c, 1, j], w.other, curve)
+            begin_of(curve, part / tables.piece[c], DEGREE)
+            _add_extrema(curve, 1.0, w, row, orbit.X_MAX, orbit.X_MIN)
+            if code == BACKLASH:
+                continue
+            if code == INVERSE:
+                curve_of(tables.curves[c, 0, j], w.other, curve)
+                begin_of(curve, part / tables.piece[c], DEGREE)
+            stiffness = system.stiffness[code + 1, p, j]
+            for k in range(DEGREE + 1):
+                row[FORCE_SUM] += part * tuning * stiffness * curve[k] / (DEGREE + 1)
+            _add_extrema(curve, stiffness, w, row, orbit.FORCE_MAX, orbit.FORCE_MIN)
+        at = phase + done * tuning
+        end = at + part * tuning - 1e-12
+        while w.place[TAKEN] < samples.shape[0]:
+            taken = w.place[TAKEN]
+            wanted = 2.0 * math.pi * taken / samples.shape[0]
+            if wanted >= end:
+                break
+            t = max(wanted - at, 0.0) / tuning
+            copy(w.other, w.sampled)
+            turn_by(tables, c, t, w.factors)
+            advance(tables, c, w.factors, t, w.sampled, w.term, w.image)
+            multiply(tables.out, c, w.sampled, w.moved)
+            copy(w.moved, samples[taken, :n])
+            for j in range(m):
+                samples[taken, n + j] = w.contact[j]
+            samples[taken, n + m] = p
+            w.place[TAKEN] = taken + 1
+        turn_by(tables, c, part, w.factors)
+        advance(tables, c, w.factors, part, w.other, w.term, w.image)
+        done += part

@@ -5,13 +5,12 @@ import math
 import numpy as np
 
 from gearlib.kernels import orbit
-from gearlib.kernels.arrays import copy
 from gearlib.kernels.codes import BACKLASH, INVERSE, JAMMED, NORMAL, OK, OVERFLOW, UNRESOLVED
 from gearlib.kernels.jit import kernel
 from gearlib.kernels.piecewise_linear.system import REST, behind, dot, image, set_harmonics
-from gearlib.kernels.several_meshes.combinations import by_columns, matrix_of
-from gearlib.kernels.several_meshes.grid import work_of
-from gearlib.kernels.several_meshes.periods import go
+from gearlib.kernels.several_meshes.grid import FOUND, OPENING, PERIOD, SEGMENT
+from gearlib.kernels.several_meshes.periods import MISSING, go
+from gearlib.kernels.several_meshes.system import matrix_of
 
 #: Derivatives of a distance that are looked at where a motion starts on a flank line at rest.
 _DERIVATIVES = 10
@@ -86,26 +85,42 @@ def _too_large(z):
 
 
 @kernel
+def begin(system, grid, w):
+    """Set the contacts of `Work` for its state at the start of a run; return the status."""
+    n = system.near.shape[1]
+    set_harmonics(system, w.z[:n], 2.0 * math.pi * system.first)
+    set_contacts(system, grid.open, w, system.first_segment[system.first % system.repeats])
+    for j in range(system.near.shape[0]):
+        touches = w.contact[j] == NORMAL or w.line[j] == 1
+        if grid.closing[j] and touches and behind(system.far[j], w.z[:n]):
+            return JAMMED
+    return OK
+
+
+@kernel
 def run_train(
     system,
     grid,
     tables,
-    to_bernstein,
-    z,
+    w,
     periods,
     record_periods,
     samples,
     events,
     limit,
     summary,
+    strobes,
+    vectors,
     maps,
 ):
-    """Run a gear train from tau = 0; z is changed in place to the end of the run.
+    """Run a gear train on from the state of `Work` and the mesh period counted there.
+
+    Where the tables lack a combination the run waits: it is to be called again with the events
+    returned once they have it.
 
     Parameters
     ----------
-    system, grid, tables, to_bernstein : TrainSystem, Grid, Combinations, ndarray
-    z : ndarray, shape (n,)
+    system, grid, tables, w : TrainSystem, Grid, Modes, Work
     periods, record_periods : int
         Of the reference mesh, and how many at the end are recorded; 0: none.
     samples : ndarray, shape (record_periods k, n + m + 1)
@@ -114,55 +129,43 @@ def run_train(
     limit : int
         Most events in one mesh period.
     summary : ndarray, shape (m, 10)
+        Begun by `orbit.clear_summary`.
+    strobes : ndarray, shape (m, k + 1, 2)
+        Filled with the states of the meshes at the end of each of the last k periods, and before.
+    vectors : ndarray, shape (2 N, n filled up)
+        Storage; or of shape (0, n filled up).
     maps : ndarray, shape (periods, 2 N, 2 N)
         Filled with the growth of small deviations over each period; or of shape (0, 2 N, 2 N).
 
     Returns
     -------
-    period : int
-        As of `orbit.orbit_period`, for all meshes; 0 without record.
-    events, found : ndarray, int
+    events : ndarray
     status : int
+        Or MISSING.
     """
     m, n = system.near.shape
-    moving = maps.shape[1]
-    for j in range(m):
-        orbit.clear_summary(summary[j])
-    kept = min(periods, orbit.strobe_periods(system.repeats))
-    strobes = np.empty((m, kept + 1, 2))
-    w = work_of(n, m)
-    copy(z, w.z[:n])
-    vectors = np.zeros((moving if maps.shape[0] > 0 else 0, w.z.shape[0]))
-    number = system.first % system.repeats
-    set_harmonics(system, w.z[:n], 2.0 * math.pi * system.first)
-    set_contacts(system, grid.open, w, system.first_segment[number])
-    for j in range(m):
-        touches = w.contact[j] == NORMAL or w.line[j] == 1
-        if grid.closing[j] and touches and behind(system.far[j], w.z[:n]):
-            return 0, events, 0, JAMMED
+    moving, kept = maps.shape[1], strobes.shape[1] - 1
     unseen = periods - record_periods
     per_period = samples.shape[0] // max(record_periods, 1)
-    for i in range(periods):
-        number = (system.first + i) % system.repeats
-        # Harmonics are put to their values: their rounding must not grow with the run.
-        set_harmonics(system, w.z[:n], 2.0 * math.pi * (system.first + i))
-        row = i - (periods - kept)
-        if row >= 0:
-            _strobe(system, grid, w.z, strobes, row)
+    for i in range(w.place[PERIOD], periods):
+        if w.place[SEGMENT] < 0:
+            # Harmonics are put to their values: their rounding must not grow with the run.
+            set_harmonics(system, w.z[:n], 2.0 * math.pi * (system.first + i))
+            row = i - (periods - kept)
+            if row >= 0:
+                _strobe(system, grid, w.z, strobes, row)
+            vectors[:] = 0.0
+            for r in range(vectors.shape[0]):
+                vectors[r, r] = 1.0
         recording = i >= unseen
         begin = max(i - unseen, 0) * per_period
         end = begin + per_period if recording else begin
-        vectors[:] = 0.0
-        for r in range(vectors.shape[0]):
-            vectors[r, r] = 1.0
-        before = w.found[0]
         status, events = go(
             system,
             grid,
             tables,
-            to_bernstein,
             w,
-            number,
+            (system.first + i) % system.repeats,
             limit,
             vectors,
             recording,
@@ -170,7 +173,9 @@ def run_train(
             samples[begin:end],
             events,
         )
-        for row in range(before, w.found[0]):
+        if status == MISSING:
+            return events, status
+        for row in range(w.place[OPENING], w.place[FOUND]):
             events[row, orbit.EVENT_PERIOD] = i
         if status == OK and _too_large(w.z):
             status = OVERFLOW
@@ -179,21 +184,27 @@ def run_train(
                 if orbit.unresolved(summary[j]):
                     status = UNRESOLVED
         if status != OK:
-            return 0, events, w.found[0], status
-        if maps.shape[0] > 0:
-            by_columns(vectors[:, :moving], maps[i])
-    copy(w.z, z)
-    if record_periods == 0:
-        return 0, events, w.found[0], status
-    _strobe(system, grid, w.z, strobes, kept)
+            return events, status
+        for r in range(vectors.shape[0]):
+            for k in range(moving):
+                maps[i, k, r] = vectors[r, k]
+        w.place[PERIOD] = i + 1
+    if record_periods > 0:
+        _strobe(system, grid, w.z, strobes, kept)
+    return events, OK
+
+
+@kernel
+def period_of(system, strobes, summary):
+    """Return the period of a recorded run as of `orbit.orbit_period`, for all meshes."""
     period = 1
-    for j in range(m):
+    for j in range(summary.shape[0]):
         height = summary[j, orbit.X_MAX] - summary[j, orbit.X_MIN]
         one = orbit.orbit_period(strobes[j], system.tuning, height, system.repeats)
         period = period // math.gcd(period, one) * one if one > 0 else 0
         if period == 0:
             break
-    return period, events, w.found[0], status
+    return period
 
 
 @kernel

@@ -16,6 +16,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gearlib.kernels.arrays import copy_rows
+from gearlib.kernels.jit import kernel
+
 
 class TrainSystem(NamedTuple):
     """One train at one tuning: n components, m meshes, p segments, e effects of a mesh at most."""
@@ -35,3 +38,16 @@ class TrainSystem(NamedTuple):
     tuning: float  #: dtau/dtheta
     repeats: int  #: reference mesh periods after which the excitation repeats
     first: int = 0  #: reference mesh period of the excitation in which runs begin
+
+
+@kernel
+def matrix_of(system, effects, a):
+    """Fill `a`, shape (n, n), with the matrix of a combination of effects, shape (m,)."""
+    copy_rows(system.free, a)
+    for j in range(effects.shape[0]):
+        for k in range(2):
+            push, grip = system.push[j, effects[j], k], system.grip[j, effects[j], k]
+            for r in range(push.shape[0]):
+                if push[r] != 0.0:
+                    for i in range(push.shape[0]):
+                        a[r, i] += push[r] * grip[i]

@@ -6,8 +6,9 @@ module                responsibility
 ``base``              what all propagators offer
 ``closed_form``       a `GearPair`: scalar closed forms between events
 ``piecewise_linear``  matrix exponentials between events, any number of coordinates
-``several_meshes``    the same with several meshes: trains of gears
-``matrices``          derivatives by parameters of these two, by
+``several_meshes``    trains of gears: many coordinates, events of all meshes, by
+``modes``             the modes of every combination of contacts
+``matrices``          derivatives by parameters of the last two kinds, by
 ``varied``            what their matrices change by,
 ``tangents``          what the motion changes by, arc by arc and event by event,
 ``record``            and what is recorded of that

@@ -1,4 +1,4 @@
-"""Gear trains: matrix exponentials between the events of all meshes."""
+"""Gear trains: between the events of all meshes their modes turn."""
 
 import math
 
@@ -6,22 +6,15 @@ import numpy as np
 
 from gearlib.kernels import orbit
 from gearlib.kernels.codes import OK
-from gearlib.kernels.piecewise_linear.system import ORDER
-from gearlib.kernels.polynomial import bernstein_matrix
-from gearlib.kernels.several_meshes.combinations import (
-    Combinations,
-    combinations,
-    forget,
-    forget_lengths,
-)
-from gearlib.kernels.several_meshes.grid import grid_of
-from gearlib.kernels.several_meshes.run import run_train
+from gearlib.kernels.several_meshes.grid import FOUND, grid_of, work_of
+from gearlib.kernels.several_meshes.modes import Modes, forget, forget_lengths, modes
+from gearlib.kernels.several_meshes.periods import MISSING
+from gearlib.kernels.several_meshes.run import begin, period_of, run_train
 from gearlib.models.derivatives import STEP
 from gearlib.models.propagators.matrices import Matrices
+from gearlib.models.propagators.modes import Frame, add
 from gearlib.models.propagators.tangents import Motion
 from gearlib.models.propagators.varied import Varied
-
-_TO_BERNSTEIN = bernstein_matrix(ORDER)
 
 
 class VariedTrain(Varied):
@@ -95,7 +88,7 @@ class VariedTrain(Varied):
 class Propagator(Matrices):
     """A gear train at one tuning; its tables fill as it runs, so that threads need one each."""
 
-    words = "matrix exponentials"
+    words = "modes of every combination of contacts"
     chunk = 1
 
     def __init__(self, model, tuning, other=None):
@@ -104,19 +97,20 @@ class Propagator(Matrices):
         self.grid = grid_of(system)
         m, n = system.near.shape
         lengths = int(self.grid.kind.max()) + 1
-        self.components, self.pieces = n, int(self.grid.substeps.sum())
+        self.components, self.pieces = n, len(self.grid.length)
+        self.frame = other.frame if other else Frame(model.structure.mass, model.free_motions)
         # Between coordinates and their rates by phase, and those by theta of the kernels.
         self.scale = np.repeat([1.0, tuning], model.size // 2)
         if other is not None and other.tables.at.shape[1] >= lengths:
-            self.tables: Combinations = other.tables
+            self.tables: Modes = other.tables
             fields = ("free", "near", "push", "grip")
             pairs = [(getattr(system, name), getattr(other.system, name)) for name in fields]
             if all(np.array_equal(new, old) for new, old in pairs):
-                forget_lengths(self.tables.known, self.tables.at)
+                forget_lengths(self.tables)
             else:
-                forget(self.tables.known, self.tables.slots, self.tables.at)
+                forget(self.tables)
         else:
-            self.tables = combinations(n, model.size // 2, m, lengths)
+            self.tables = modes(n, m, lengths)
 
     def at(self, tuning):
         """Return the propagator of another tuning; it takes the tables over, see `Base.at`."""
@@ -127,25 +121,39 @@ class Propagator(Matrices):
         return self.model.start_state(state)
 
     def _go(self, z, periods, record_periods, samples, events, limit, summary, maps, first):
-        full = np.zeros(self.components)
-        full[: z.size] = z * self.scale
-        system = self.system._replace(first=first)
-        done = run_train(
-            system,
-            self.grid,
-            self.tables,
-            _TO_BERNSTEIN,
-            full,
-            periods,
-            record_periods,
-            samples,
-            events,
-            limit,
-            summary,
-            maps,
-        )
-        z[:] = full[: z.size] / self.scale
-        return done
+        system, m = self.system._replace(first=first), self.system.near.shape[0]
+        w = work_of(self.components, self.tables.out.shape[2], m)
+        w.z[: z.size] = z * self.scale
+        for row in summary:
+            orbit.clear_summary(row)
+        kept = min(periods, orbit.strobe_periods(system.repeats)) if record_periods else 0
+        strobes = np.empty((m, kept + 1, 2))
+        vectors = np.empty((z.size if len(maps) else 0, w.z.size))
+        code = begin(system, self.grid, w)
+        while code == OK:
+            events, code = run_train(
+                system,
+                self.grid,
+                self.tables,
+                w,
+                periods,
+                record_periods,
+                samples,
+                events,
+                limit,
+                summary,
+                strobes,
+                vectors,
+                maps,
+            )
+            if code != MISSING:
+                break
+            add(self.tables, system, self.grid, self.frame, w.effects)
+            code = OK
+        z[:] = w.z[: z.size] / self.scale
+        done = code == OK and record_periods > 0
+        period = period_of(system, strobes, summary) if done else 0
+        return period, events, int(w.place[FOUND]), code
 
     def run(self, z, periods, record_periods, samples, events, limit, summary, first=0):
         """Run from z; see `Base.run`. Samples have the columns of `GearTrain.room`."""

@@ -1,0 +1,277 @@
+"""How the distances of meshes from their flank lines go along a piece: proofs and first events.
+
+The amplitudes of the modes bound a distance as long as nothing happens: mostly this proves that no
+line is reached. Otherwise the distance is a polynomial in Bernstein form, whose first fall through
+zero is isolated: nothing is sampled.
+"""
+
+import math
+
+import numpy as np
+
+from gearlib.kernels.codes import INVERSE, NORMAL
+from gearlib.kernels.jit import inlined, kernel
+from gearlib.kernels.piecewise_linear.system import next_contact
+from gearlib.kernels.polynomial import halve
+from gearlib.kernels.several_meshes.modes import DEGREE
+
+#: Rounding of a distance, as a share of its parts.
+_ROUNDING = 1e-15
+#: Halvings after which an interval is as short as rounding.
+_MAX_DEPTH = 48
+#: Intervals looked at; polynomials with many nearly double roots take some hundred.
+_MAX_INTERVALS = 1000
+#: Steps of Newton's method, of which every eighth halves the bracket: 60 halvings leave nothing.
+_MAX_NEWTON = 480
+#: Binomials of all degrees up to DEGREE.
+BINOMIALS = np.array(
+    [[float(math.comb(n, k)) for k in range(DEGREE + 1)] for n in range(DEGREE + 1)]
+)
+
+
+@inlined
+def sizes_of(tables, c, y, sizes):
+    """Fill `sizes` with the amplitudes of pairs and real modes; return how many there are."""
+    pairs = tables.pairs[c]
+    for k in range(pairs):
+        u, v = y[2 * k], y[2 * k + 1]
+        sizes[k] = math.sqrt(u * u + v * v)
+    for k in range(tables.single[c]):
+        sizes[pairs + k] = abs(y[2 * pairs + k])
+    return pairs + tables.single[c]
+
+
+@inlined
+def keeps_off(tables, c, j, code, closing, never, plain, sizes, count):
+    """Return whether mesh j provably stays off its flank lines as long as the contacts stay.
+
+    Where both lines might be reached, or move against one another, this cannot tell.
+    """
+    if not tables.steady[c, j]:
+        return False
+    reach = 0.0
+    for k in range(count):
+        reach += tables.swing[c, j, k] * sizes[k]
+    far, near = tables.level[c, j, 0], tables.level[c, j, 1]
+    if code == NORMAL:
+        return not closing and near > reach + _ROUNDING * abs(near)
+    if code == INVERSE:
+        return not closing and plain and -far > reach + _ROUNDING * abs(far)
+    if not -near > reach + _ROUNDING * abs(near):
+        return False
+    return never or (plain and far > reach + _ROUNDING * abs(far))
+
+
+@inlined
+def curve_of(curves, y, b):
+    """Fill b, shape (DEGREE + 1,), with the Bernstein coefficients: curves, (n, DEGREE + 1)."""
+    for r in range(DEGREE + 1):
+        b[r] = 0.0
+    i, n = 0, curves.shape[0]
+    while i + 3 < n:
+        p, q, s, t = y[i], y[i + 1], y[i + 2], y[i + 3]
+        for r in range(DEGREE + 1):
+            b[r] += (curves[i, r] * p + curves[i + 1, r] * q) + (
+                curves[i + 2, r] * s + curves[i + 3, r] * t
+            )
+        i += 4
+    while i < n:
+        p = y[i]
+        for r in range(DEGREE + 1):
+            b[r] += curves[i, r] * p
+        i += 1
+
+
+@kernel
+def rounding_of(curves, y):
+    """Return the rounding of a distance: of the largest coefficients that its parts have."""
+    size = 0.0
+    for i in range(curves.shape[0]):
+        size += max(abs(curves[i, 0]), abs(curves[i, DEGREE]), abs(curves[i, DEGREE // 2])) * abs(
+            y[i]
+        )
+    return _ROUNDING * size
+
+
+@kernel
+def begin_of(b, share, n):
+    """Turn Bernstein coefficients of degree n into those on [0, share]."""
+    if share == 1.0:
+        return
+    for j in range(1, n + 1):
+        for i in range(n, j - 1, -1):
+            b[i] = (1.0 - share) * b[i - 1] + share * b[i]
+
+
+@kernel
+def _root(b, n, s, p, q):
+    """Return (s, slope at s) where Bernstein coefficients of degree n pass zero, near s."""
+    for i in range(n + 1):
+        p[i] = BINOMIALS[n, i] * b[i]
+    for i in range(n):
+        q[i] = BINOMIALS[n - 1, i] * (b[i + 1] - b[i])
+    low, high, rate, scale, last = 0.0, 1.0, 0.0, 1.0, 0.0
+    for step in range(_MAX_NEWTON):
+        rate = 0.0
+        if s <= 0.5:
+            ratio, scale = s / (1.0 - s), 1.0 - s
+            value = p[n]
+            for i in range(n - 1, -1, -1):
+                value = value * ratio + p[i]
+                rate = rate * ratio + q[i]
+        else:
+            ratio, scale = (1.0 - s) / s, s
+            value = p[0]
+            for i in range(1, n + 1):
+                value = value * ratio + p[i]
+                rate = rate * ratio + q[i - 1]
+        if value > 0.0:
+            low = s
+        else:
+            high = s
+        # Both sums lack powers of the scale, the value one more.
+        new = s - value * scale / (n * rate) if rate < 0.0 else -1.0
+        newton = low <= new <= high and step % 8 < 7
+        if not newton:
+            new = 0.5 * (low + high)
+        moved = abs(new - s)
+        s = new
+        # What a step of Newton's method leaves goes with its square, as from the last step to it.
+        if moved <= 2e-16 * high or (newton and moved * moved * moved < 1e-17 * high * last * last):
+            break
+        last = moved if newton else 0.0
+    return s, n * rate * scale ** (n - 1)
+
+
+@kernel
+def _changes(b, n, noise):
+    """Return (sign changes of Bernstein coefficients, place of the last): no more roots are there.
+
+    Coefficients that cannot be told from zero do not count, unless they are first.
+    """
+    changes, place, before = 0, 0.0, b[0]
+    last = 0
+    for i in range(1, n + 1):
+        if abs(b[i]) > noise:
+            if before * b[i] < 0.0:
+                changes += 1
+                place = (last + (i - last) * before / (before - b[i])) / n
+            before, last = b[i], i
+    return changes, place
+
+
+@kernel
+def first_fall(work, zeros, end, noise):
+    """Return (first s in [0, end] where a polynomial falls through zero, its rounding).
+
+    2: there is none; -1: the budget of intervals does not suffice to tell. A polynomial in
+    Bernstein form has no more roots than its coefficients change signs, and lies between the
+    smallest and the largest: what neither settles is halved.
+
+    Parameters
+    ----------
+    work : ndarray, shape (53, DEGREE + 2)
+        The first row: Bernstein coefficients on [0, 1]; changed. Storage for those that wait.
+    zeros : int
+        How many coefficients, from the constant on, are zero: 1 on the line, 2 at rest on it.
+    end : float
+    noise : float
+        A dip below zero that cannot be told from rounding.
+    """
+    n, b, rounding = DEGREE, work[0], noise
+    # Factors s are divided out: beside such a root the next one could not be told from rounding.
+    for _ in range(min(zeros, n - 2)):
+        for i in range(n):
+            b[i] = b[i + 1] * n / (i + 1)
+        noise *= n
+        n -= 1
+    slope = n * (b[1] - b[0])
+    if zeros == 0 and b[0] <= 0.0 and slope < -noise:
+        return 0.0, 0.0
+    if zeros > 0 and abs(b[0]) <= noise and slope < -noise:
+        # Its root is closer than rounding can place it.
+        return max(-b[0] / slope, 0.0), 0.0
+    p, q = work[_MAX_DEPTH + 2], work[_MAX_DEPTH + 3]
+    depth, low = 0, 0.0
+    b[DEGREE + 1] = 1.0
+    for _ in range(_MAX_INTERVALS):
+        if depth < 0 or low > end:
+            return 2.0, 0.0
+        b = work[depth]
+        width = b[DEGREE + 1]
+        smallest, largest = b[0], b[0]
+        for j in range(1, n + 1):
+            smallest, largest = min(smallest, b[j]), max(largest, b[j])
+        if smallest >= -noise:
+            low += width
+            depth -= 1
+            continue
+        changes, place = _changes(b, n, noise)
+        if changes == 1 and b[0] > 0.0:
+            s, slope = _root(b, n, place, p, q)
+            found = low + width * s
+            if found > end:
+                return 2.0, 0.0
+            slope *= found**zeros / width
+            return found, rounding / abs(slope) if slope != 0.0 else 0.0
+        if (largest < 0.0 and b[n] >= b[0]) or (changes == 1 and b[n] > noise):
+            # Below from the start, and coming up.
+            low += width
+            depth -= 1
+        elif depth == _MAX_DEPTH:
+            if b[n] < -noise and b[n] < b[0]:
+                # Rounding hides how it falls, not that it does.
+                return low, 0.0
+            low += width
+            depth -= 1
+        else:
+            # The right half stays in this row, the left half goes on top.
+            left = work[depth + 1]
+            halve(b, left, n)
+            b[DEGREE + 1] = 0.5 * width
+            left[DEGREE + 1] = 0.5 * width
+            depth += 1
+    return (2.0 if depth < 0 else -1.0), 0.0
+
+
+@kernel
+def first_events(tables, c, grid, w, end):
+    """Find when each mesh crosses a flank line first; fill share, target and spread of `Work`.
+
+    Returns the smallest share of the piece, at most `end`, 2 if there is none, -1 if rounding hides
+    whether there is one.
+    """
+    best, curve, b = 2.0, w.bernstein[52], w.bernstein[0]
+    for j in range(w.contact.shape[0]):
+        w.share[j], code = 2.0, w.contact[j]
+        if w.clear[j] and w.rest[j] == 0:
+            continue
+        known = False
+        for line in (1, -1):
+            # The drive side bounds the backlash from above, the coast side from below; in contact
+            # the other flank matters only where it might touch too.
+            if (code == -line and not grid.closing[j]) or (line == -1 and grid.open[j]):
+                continue
+            curves, shift = tables.curves[c, (line + 1) // 2, j], 0.0
+            if known and grid.plain[j]:
+                shift = tables.level[c, j, 0] - tables.level[c, j, 1]
+            else:
+                curve_of(curves, w.y, curve)
+            known = True
+            sign = -1.0 if ((code != NORMAL) if line == 1 else (code == INVERSE)) else 1.0
+            lowest = math.inf
+            for k in range(DEGREE + 1):
+                b[k] = sign * (curve[k] + shift)
+                lowest = min(lowest, b[k])
+            zeros = w.rest[j] if w.line[j] == line else 0
+            if lowest > 0.0 and zeros == 0:
+                continue
+            noise = rounding_of(curves, w.y)
+            found, spread = first_fall(w.bernstein, zeros, end, noise)
+            if found < 0.0:
+                return -1.0
+            if found < w.share[j]:
+                w.share[j], w.spread[j] = found, spread
+                w.target[j] = next_contact(code, line)
+        best = min(best, w.share[j])
+    return best
