@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+import scipy.linalg
 
 from gearlib import (
     DeadZoneOscillator,
@@ -216,6 +217,18 @@ def test_deviations_from_rest_swing_as_the_contact_does(model):
     exact = [[c, s * frequency], [-s / frequency, c]]
     # Twenty radians of oscillation in steps of one: their roundings.
     assert maps[0] == pytest.approx(np.array(exact), abs=1e-13)
+
+
+@pytest.mark.parametrize("damping", [0.0, 3.0, 114.0])
+def test_deviations_from_rest_die_as_the_damping_says(damping):
+    # x'' + d x' + x = 0 by Taylor steps; the motion itself rests at its static deflection.
+    model = DeadZoneOscillator(upper_stiffness=1.0, load=1.0, damping=damping)
+    frequency = 0.31
+    _, maps, _ = model.propagator(frequency, "taylor").maps(np.array([1.0, 0.0]), 1, LIMIT)
+    rates = np.array([[0.0, 1.0], [-1.0 / frequency**2, -damping / frequency]])
+    exact = scipy.linalg.expm(2.0 * math.pi * rates)
+    # The roundings of some 2000 steps where the damping is largest.
+    assert maps[0] == pytest.approx(exact, abs=1e-12)
 
 
 def test_the_four_motions_of_rattling_gears():
