@@ -90,6 +90,23 @@ def linear(t, x, v, damping, stiffness, amplitude, frequency):
     return (wave + free).real, (1j * frequency * wave + root * free).real
 
 
+def test_a_contact_that_is_not_there_makes_no_difference():
+    known = {
+        "upper_stiffness": 2.0,
+        "ground_stiffness": 0.3,
+        "damping": 0.1,
+        "forcing": Harmonics((1.5,)),
+    }
+    far = {"lower_stiffness": Series(3.0, Harmonics((1.0,))), "lower_damping": 0.7}
+    runs = [
+        simulate(DeadZoneOscillator(**known, **more), 0.8, periods=20, record_periods=3)
+        for more in ({}, far)
+    ]
+    assert "exact" in DeadZoneOscillator(**known, **far).mathematics
+    assert runs[0].sizes["event"] > 0
+    np.testing.assert_allclose(runs[0].displacement, runs[1].displacement, rtol=0, atol=1e-12)
+
+
 @pytest.mark.parametrize("method", ["exact", "taylor"])
 @pytest.mark.parametrize("how", ["ground", "no gap"])
 def test_what_is_linear_is_a_driven_linear_oscillator(method, how):

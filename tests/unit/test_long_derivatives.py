@@ -12,7 +12,7 @@ LIMIT = 10_000
 
 
 def walked(tuning, start, periods, monkeypatch):
-    """Return the walk over so many periods, unrecorded, and [span, whether by a map] of its ways."""
+    """Return the walk over so many periods, unrecorded, and (span, by a map or not) of its ways."""
     ways = []
     by_map = Walk._by_map
 
