@@ -133,6 +133,15 @@ def test_clearance_of_teeth_at_their_reference_distance(shifts):
     assert Mesh(pinion, wheel).clearances == pytest.approx((1e-3, 1e-3), abs=1e-15)
 
 
+def test_clearance_in_a_ring_gear():
+    mesh = ring()
+    pinion, wheel, distance = mesh.pinion, mesh.wheel, 4e-3 * (99 - 36) / 2.0
+    root = wheel.root_diameter / 2.0 - distance - pinion.tip_diameter / 2.0
+    tip = wheel.tip_diameter / 2.0 - distance - pinion.root_diameter / 2.0
+    assert root == pytest.approx(1e-3, abs=1e-12)
+    assert mesh.clearances == pytest.approx((root, tip), abs=1e-12)
+
+
 def test_pitch_phase_of_equal_gears():
     mesh = twenty()
     # Symmetry: the pitch point lies in the middle of the path, half a pitch beside a pair of pairs.

@@ -164,3 +164,6 @@ def test_sweeps_of_methods_that_run_one_tuning_after_the_other_say_so_too(trains
     # Beyond 1e8, and far from what a float can hold.
     assert math.log(1e9) < 60 * growth(pair, 2.0) < math.log(1e100)
     assert curve.status.values.tolist() == [status.OK, OVERFLOW]
+    for name in ("displacement_max", "dynamic_force_min", "fraction_normal", "final_state"):
+        gone = np.isnan(curve[name].transpose("tuning", ...)).values.reshape(2, -1)
+        assert not gone[0].any() and gone[1].all(), name
