@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from gearlib import OneDegreePair, simulate
+from gearlib.models.propagators.record import Record
 from gearlib.models.propagators.tangents import _OFTEN, Walk
 from tests.physics.test_sensitivities import DAMPED
 
@@ -46,6 +47,19 @@ def test_no_map_is_kept_for_the_ways_from_and_to_events(monkeypatch):
     # Whole segments and whole steps, in contact and in the backlash.
     assert len({span for span, _ in ways}) <= 2 * len(starts)
     assert any(by_map for _, by_map in ways)
+
+
+@pytest.mark.parametrize("tuning", [1.9, 2.3, 3.1])
+def test_a_record_has_the_steps_of_the_kernels(tuning, monkeypatch):
+    added = []
+    monkeypatch.setattr(Record, "add", lambda self, *piece: added.append(piece))
+    propagator = MODEL.propagator(tuning)
+    along = propagator.directions(MODEL, ["damping_ratio"])
+    start = np.array([1.0, 0.0])
+    walk, _ = propagator._walk(start, along, np.zeros((2, 1)), 7, LIMIT)
+    assert len(walk.motion.events) == 0
+    walk.go(record_from=2)
+    assert len(added) == 5 * propagator.pieces
 
 
 @pytest.mark.parametrize("start", [(1.0, 0.0), (0.5, -6.0)])
