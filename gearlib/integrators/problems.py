@@ -99,13 +99,12 @@ class Linear:
     """A piecewise-linear system z' = A z; its constant and its harmonics are given, not solved."""
 
     def __init__(self, pair, tuning):
-        self._pair = pair
-        self._system, self._outputs = pair.system(tuning)
+        self._propagator = pair.propagator(tuning)
+        self._system, self._outputs = self._propagator.system, self._propagator.outputs
         self.breaks, self.low = self._system.starts, self._system.low
         self.gap, self.repeats = pair.backlash_ratio, pair.repeats
         self.closing = self._system.closing
-        n = self._system.near.size
-        self._moving = n - 1 - 2 * self._system.harmonics.size
+        self._moving = pair.size
 
     def _full(self, t, z):
         full = np.empty(self._system.near.size)
@@ -115,9 +114,8 @@ class Linear:
 
     def start(self, state):
         """Return (z, contact code) at phase 0."""
-        full = self._pair.initial(self._system, state)
-        set_harmonics(self._system, full, 0.0)
-        return full[: self._moving].copy(), contact_at(self._system, full)[0]
+        z = self._propagator.start(state)
+        return z, contact_at(self._system, self._full(0.0, z))[0]
 
     def lines(self, t, z):
         """Return the displacements over the normal and the far flank."""

@@ -109,7 +109,7 @@ class Series:
         if not isinstance(self.harmonics, Harmonics):
             raise ValueError(f"harmonics = {self.harmonics!r} is not allowed: it must be Harmonics")
         table = self.harmonics.table()
-        phase = np.linspace(0.0, 2.0 * math.pi, _SCAN * max(len(table), 1) + 1)
+        phase = np.linspace(0.0, 2.0 * math.pi, _SCAN * len(table) + 1)
         least = self.mean + float(_waves(table, phase).min())
         # A series that touches zero rounds to either side of it.
         if least < -1e-12 * self.mean:

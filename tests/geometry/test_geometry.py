@@ -123,6 +123,25 @@ def test_distance_without_backlash_of_shifted_teeth():
         )
 
 
+@pytest.mark.parametrize("shifts", [(0.0, 0.0), (0.2, -0.2)])
+def test_clearance_of_teeth_at_their_reference_distance(shifts):
+    # The dedendum, 1.25 m, is a quarter of the module more than the addendum.
+    pinion, wheel = (
+        SpurGear(teeth=z, module=4e-3, width=20e-3, shift=x)
+        for z, x in zip((25, 60), shifts, strict=True)
+    )
+    assert Mesh(pinion, wheel).clearances == pytest.approx((1e-3, 1e-3), abs=1e-15)
+
+
+def test_clearance_in_a_ring_gear():
+    mesh = ring()
+    pinion, wheel, distance = mesh.pinion, mesh.wheel, 4e-3 * (99 - 36) / 2.0
+    root = wheel.root_diameter / 2.0 - distance - pinion.tip_diameter / 2.0
+    tip = wheel.tip_diameter / 2.0 - distance - pinion.root_diameter / 2.0
+    assert root == pytest.approx(1e-3, abs=1e-12)
+    assert mesh.clearances == pytest.approx((root, tip), abs=1e-12)
+
+
 def test_pitch_phase_of_equal_gears():
     mesh = twenty()
     # Symmetry: the pitch point lies in the middle of the path, half a pitch beside a pair of pairs.

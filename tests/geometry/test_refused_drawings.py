@@ -239,3 +239,13 @@ def test_what_is_just_allowed():
     assert gear(teeth=17).shift == 0.0
     assert ring().contact_ratio > 1.8
     assert mesh(0.1204).backlash > 0.0
+
+
+def test_bounds_that_belong_to_a_range_are_taken():
+    assert Material(poisson=0.0).poisson == 0.0
+
+
+@pytest.mark.parametrize("kind", [Material, Rack, SpurGear, Web])
+def test_parts_of_a_drawing_take_their_values_by_name(kind):
+    with pytest.raises(TypeError, match="positional"):
+        kind(0.01, 0.06, 0.04)

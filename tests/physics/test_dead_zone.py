@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+import scipy.linalg
 
 from gearlib import (
     DeadZoneOscillator,
@@ -87,6 +88,23 @@ def linear(t, x, v, damping, stiffness, amplitude, frequency):
     c = complex(rest, (root.real * rest - speed) / root.imag)
     wave, free = steady * np.exp(1j * frequency * t), c * np.exp(root * t)
     return (wave + free).real, (1j * frequency * wave + root * free).real
+
+
+def test_a_contact_that_is_not_there_makes_no_difference():
+    known = {
+        "upper_stiffness": 2.0,
+        "ground_stiffness": 0.3,
+        "damping": 0.1,
+        "forcing": Harmonics((1.5,)),
+    }
+    far = {"lower_stiffness": Series(3.0, Harmonics((1.0,))), "lower_damping": 0.7}
+    runs = [
+        simulate(DeadZoneOscillator(**known, **more), 0.8, periods=20, record_periods=3)
+        for more in ({}, far)
+    ]
+    assert "exact" in DeadZoneOscillator(**known, **far).mathematics
+    assert runs[0].sizes["event"] > 0
+    np.testing.assert_allclose(runs[0].displacement, runs[1].displacement, rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("method", ["exact", "taylor"])
@@ -216,6 +234,18 @@ def test_deviations_from_rest_swing_as_the_contact_does(model):
     exact = [[c, s * frequency], [-s / frequency, c]]
     # Twenty radians of oscillation in steps of one: their roundings.
     assert maps[0] == pytest.approx(np.array(exact), abs=1e-13)
+
+
+@pytest.mark.parametrize("damping", [0.0, 3.0, 114.0])
+def test_deviations_from_rest_die_as_the_damping_says(damping):
+    # x'' + d x' + x = 0 by Taylor steps; the motion itself rests at its static deflection.
+    model = DeadZoneOscillator(upper_stiffness=1.0, load=1.0, damping=damping)
+    frequency = 0.31
+    _, maps, _ = model.propagator(frequency, "taylor").maps(np.array([1.0, 0.0]), 1, LIMIT)
+    rates = np.array([[0.0, 1.0], [-1.0 / frequency**2, -damping / frequency]])
+    exact = scipy.linalg.expm(2.0 * math.pi * rates)
+    # The roundings of some 2000 steps where the damping is largest.
+    assert maps[0] == pytest.approx(exact, abs=1e-12)
 
 
 def test_the_four_motions_of_rattling_gears():

@@ -153,3 +153,17 @@ def test_a_unit_of_length_that_is_small_is_no_growth():
     )
     assert int(small.status) == int(large.status) == 0
     np.testing.assert_allclose(large.displacement_max, 1e12 * small.displacement_max, rtol=1e-9)
+
+
+@pytest.mark.parametrize(("trains", "method"), [(False, "scipy"), (True, "rk4"), (False, "exact")])
+def test_sweeps_of_methods_that_run_one_tuning_after_the_other_say_so_too(trains, method):
+    pair = GearPair.from_ratios(contact_ratio=1.5, stiffness_ratio=0.3, backlash=0.0)
+    curve = sweep(
+        one_pair(pair) if trains else pair, [0.7, 2.0], periods=60, record_periods=1, method=method
+    )
+    # Beyond 1e8, and far from what a float can hold.
+    assert math.log(1e9) < 60 * growth(pair, 2.0) < math.log(1e100)
+    assert curve.status.values.tolist() == [status.OK, OVERFLOW]
+    for name in ("displacement_max", "dynamic_force_min", "fraction_normal", "final_state"):
+        gone = np.isnan(curve[name].transpose("tuning", ...)).values.reshape(2, -1)
+        assert not gone[0].any() and gone[1].all(), name

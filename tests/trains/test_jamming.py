@@ -251,6 +251,19 @@ def test_other_methods_say_so_too():
                 assert int(run.status) == status.JAMMED, (method, options)
 
 
+def test_steps_jam_at_the_same_phase_before_the_record_and_within_it():
+    # In the second period: before the record another loop goes through the steps.
+    runs = [
+        gearlib.simulate(
+            two_gears(0.6e-6, -0.6e-6), 0.5, periods=12, record_periods=record,
+            method="rk4", options={"steps_per_period": 400},
+        )
+        for record in (1, 12)
+    ]  # fmt: skip
+    assert all(int(run.status) == status.JAMMED for run in runs)
+    assert 4 * 400 < int(runs[0].evaluations) == int(runs[1].evaluations) < 4 * 800
+
+
 def test_statics_say_where_the_load_wedges_a_mesh():
     # C (2 d - 1 um) = 100 N while both touch: d = 0.625 um, the coast side 0.375 um too deep.
     train = two_gears(1e-6, -1e-6, load=100.0)

@@ -75,6 +75,9 @@ def test_steps_over_switches_come_close(method, options, close):
     assert all(value < close for value in off.values()), off
     assert found.event.size == expected.event.size
     np.testing.assert_allclose(found.event_phase, expected.event_phase, rtol=0.0, atol=close)
+    # Before errors have grown from bounce to bounce: well within a step of the fixed ones.
+    first = [one.event_phase[:3] for one in (found, expected)]
+    np.testing.assert_allclose(*first, rtol=0.0, atol=0.01 * close)
 
 
 def test_rk4_converges_with_order_four_where_no_step_meets_a_change():

@@ -3,10 +3,11 @@
 import os
 import subprocess
 import sys
+import tempfile
 
 import pytest
 
-from gearlib.kernels.cache import KeyedFiles, remove_unused
+from gearlib.kernels.cache import KeyedFiles, _temporary_folder, remove_unused
 
 #: A kernel for two types of argument, which the processes meet in different order.
 PROGRAM = """
@@ -188,3 +189,14 @@ def test_folder_that_cannot_be_written(tmp_path):
     files = KeyedFiles(str(tmp_path / "file"), "kernel", None)
     files.save("key", "code")
     assert files.load("key") is None
+
+
+def test_a_temporary_folder_of_somebody_else_is_not_used(tmp_path, monkeypatch):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    own = _temporary_folder()
+    assert os.path.dirname(own) == str(tmp_path) and own == _temporary_folder()
+    owner = os.getuid()
+    (tmp_path / f"gearlib-{owner + 1}").mkdir()
+    monkeypatch.setattr(os, "getuid", lambda: owner + 1)
+    other = _temporary_folder()
+    assert not os.listdir(other) and other not in (own, str(tmp_path / f"gearlib-{owner + 1}"))

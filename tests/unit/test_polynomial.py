@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gearlib.kernels import polynomial
-from gearlib.kernels.polynomial import bernstein_matrix, first_fall, highest
+from gearlib.kernels.polynomial import bernstein_matrix, fall_by_shape, first_fall, highest
 from gearlib.kernels.taylor.run import first_crossing
 from gearlib.kernels.taylor.series import ROWS, X
 
@@ -157,3 +157,35 @@ def test_largest_value():
         found = highest(c, MATRIX, WORK, -np.inf)
         # A grid of 5e-5 misses a smooth maximum by its curvature times 1e-9.
         assert -1e-12 <= found - sampled <= 1e-6
+
+
+def _first_root(coefficients):
+    roots = np.roots(coefficients[::-1])
+    real = roots.real[(abs(roots.imag) < 1e-9) & (roots.real > 0.0) & (roots.real < 1.0)]
+    return min(real, default=2.0)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_fall_that_its_shape_tells_is_found_without_looking_further(seed):
+    rng = np.random.default_rng(seed)
+    # It falls all along, bent one way or both; or it is bent one way, and rises at first.
+    falls = np.append(1.0, -rng.uniform(0.0, 2.0, 20) / 2.0 ** np.arange(1, 21) ** 1.5)
+    falls[1] = -1.0
+    bent = np.append([1.0, rng.uniform(0.1, 2.0), -rng.uniform(4.0, 9.0)], 1e-3 * falls[3:])
+    wavy = np.append([1.0, -2.0, 0.4, -0.4], 1e-3 * falls[4:])
+    for curve in (falls, bent, wavy):
+        found = fall_by_shape(curve, 0)
+        assert found == pytest.approx(_first_root(curve), abs=1e-13)
+        # The same behind a start on the line.
+        assert fall_by_shape(np.append(0.0, curve), 1) == pytest.approx(found, abs=1e-15)
+
+
+@pytest.mark.parametrize("seed", range(200))
+def test_a_shape_tells_nothing_wrong(seed):
+    rng = np.random.default_rng(seed)
+    decay = rng.uniform(0.0, 1.5)
+    curve = rng.normal(size=13) * np.exp(-decay * np.arange(13))
+    curve[0] = abs(curve[0])
+    found, roots = fall_by_shape(curve, 0), _first_root(curve)
+    assert found in (-1.0, 2.0) or found == pytest.approx(roots, abs=1e-9)
+    assert found != 2.0 or roots == 2.0

@@ -6,6 +6,8 @@ import pytest
 
 from gearlib import Fourier, Harmonics, OneDegreePair
 from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
+from gearlib.kernels.polynomial import bernstein_matrix
+from gearlib.kernels.taylor.run import first_crossing
 from gearlib.kernels.taylor.series import ORDER, ROWS, V, X, expand, tables
 from tests.paper import PAPER
 
@@ -88,13 +90,26 @@ def test_series_against_40_digits(contact, x, sign):
             assert (error <= 1e-13 * size).all()
 
 
+@pytest.mark.parametrize("degree", range(1, ORDER + 1))
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_crossing_is_seen_whatever_term_brings_it(degree, side):
+    # side (x - line) = 1 - 2 (t / h)^degree, and the same without a crossing in the step.
+    h, line, work = 0.4, 0.7, np.empty((50, ORDER + 2))
+    for fall, place in ((2.0, 0.5 ** (1.0 / degree)), (0.99, 2.0)):
+        series = np.zeros((ROWS, ORDER + 1))
+        series[X, 0], series[X, degree] = line + side, -side * fall / h**degree
+        found = first_crossing(series, X, line, side, h, bernstein_matrix(ORDER), work)
+        assert found == pytest.approx(place, abs=1e-13)
+
+
 def test_a_line_alone_and_a_plain_spring():
     # Without harmonics the product with the stiffness has two terms, or one.
     law = law_of_everything()
     none = np.empty((0, 3))
     for slope in (0.2, 0.0):
+        line = np.array([[0.8, slope]])
         plain = law._replace(
-            pieces=np.array([[0.8, slope]]), breaks=np.array([0.0, 7.0]), stiffness=none
+            pieces=line, far_pieces=line, breaks=np.array([0.0, 7.0]), stiffness=none
         )
         series = np.zeros((ROWS, ORDER + 1))
         expand(*tables(plain), 0, 0.4, NORMAL, 1.0, 1.3, 0.9, series, ORDER)

@@ -9,6 +9,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from scipy.optimize import brentq
 
 from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
 
@@ -26,8 +27,8 @@ _OUTSIDE = 1e-9
 _HIGHER = 1e-12
 #: Pieces that are kept, at least, before those that matter are sifted out.
 _MANY = 512
-#: Steps of Newton's method to a turning point, from a secant.
-_NEWTON = 5
+#: How exactly a turning point is placed within a piece.
+_EXACT = 1e-15
 
 
 class _Piece(NamedTuple):
@@ -174,16 +175,15 @@ def _powers(places, count):
 def _turning(piece, column):
     """Return the places of the turning points of a curve within its piece."""
     order = np.arange(1, len(piece.curves))
-    rate = piece.curves[1:, column] * order
-    bend = rate[1:] * order[:-1]
-    values, found = _powers(_PLACES, rate.size) @ rate, []
-    for i in np.flatnonzero(values[:-1] * values[1:] <= 0.0):
-        low, high = _PLACES[i : i + 2]
-        s = low + (high - low) * values[i] / ((values[i] - values[i + 1]) or 1.0)
-        for _ in range(_NEWTON):
-            powers = _powers([s], rate.size)[0]
-            below = powers[:-1] @ bend
-            s = min(max(s - (powers @ rate) / below, low), high) if below else s
-        if -_OUTSIDE <= s <= 1.0 + _OUTSIDE:
-            found.append(s)
-    return found
+    slopes, powers = piece.curves[1:, column] * order, order - 1
+
+    def rate(s):
+        return slopes @ s**powers
+
+    values = [rate(s) for s in _PLACES]
+    found = [
+        brentq(rate, _PLACES[i], _PLACES[i + 1], xtol=_EXACT)
+        for i, value in enumerate(values[:-1])
+        if value == 0.0 or (value < 0.0) != (values[i + 1] < 0.0)
+    ]
+    return [s for s in found if -_OUTSIDE <= s <= 1.0 + _OUTSIDE]

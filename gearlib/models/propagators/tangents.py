@@ -169,7 +169,7 @@ class Walk:
         if span <= 0.0:
             return
         matrix, slopes = self.varied.matrix(self.codes, self.segments)
-        count = math.ceil(span / longest * (1.0 - 1e-12))
+        count = self._steps(span)
         h, flat = span / count, slopes.reshape(-1, len(matrix))
         share = REACH * h / longest
         for step in range(count):
@@ -188,6 +188,10 @@ class Walk:
                 self.record.add(self.start + t + step * h, h, *own, np.array(terms))
             self.z = sum(reversed(terms))
 
+    def _steps(self, span):
+        """Return in how many steps to go over a span; rounding asks for no further one."""
+        return math.ceil(span / self.varied.longest(self.segments) * (1.0 - 1e-12))
+
     def _by_map(self, span):
         """Go on by a span if that is worth a map; return whether it was."""
         key = self.varied.effects(self.codes, self.segments), span
@@ -204,7 +208,7 @@ class Walk:
     def _map(self, span):
         """Return (the exponential over a span, its slopes), shapes (n, n) and (k n, n)."""
         matrix, slopes = self.varied.matrix(self.codes, self.segments)
-        count = math.ceil(span / self.varied.longest(self.segments) * (1.0 - 1e-12))
+        count = self._steps(span)
         one, ahead = np.eye(len(matrix)), np.zeros_like(slopes)
         whole, rates = one, ahead
         for j in range(1, ORDER + 4):

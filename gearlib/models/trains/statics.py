@@ -163,8 +163,7 @@ def _minimum(elastic, lines, stiffness, gaps, load, floor):
         step = -np.linalg.solve(hessian, slope)
         length = _search(elastic, lines, stiffness, gaps, load, a, step)
         if length is None:
-            # Without load there is a rest; what is left of the slope is rounding.
-            return None if deflection > 0.0 else a
+            return None
         a = a + length * step
         scale = floor + np.abs(load).max(initial=0.0) + np.abs(elastic @ a).max(initial=0.0)
         distances = lines @ a + gaps
@@ -202,5 +201,6 @@ def _search(elastic, lines, stiffness, gaps, load, a, step):
     at = slope(ahead)
     rise = at - value
     if rise <= 1e-13 * (abs(at) + abs(value)):
-        return None
+        # Without load nothing drives on, and what is left of the slope is rounding.
+        return None if load.any() else before
     return before - value * (ahead - before) / rise

@@ -49,8 +49,6 @@ def segments(meshes, rates, phases, turns, repeats):
         elif cut in marks:
             kept[-1] = cut
     starts = np.array(kept)
-    if starts[-1] - whole * repeats > -_ONE:
-        starts[-1] = whole * repeats
     middle = (starts[:-1] + starts[1:]) / 2.0
     low = np.zeros((2, middle.size, len(meshes)), dtype=bool)
     sense = np.ones(low.shape)
