@@ -66,8 +66,8 @@ def _exponentials():
         ]
         for d in range(n, DEGREE):
             b = [
-                (Fraction(j, d + 1) * b[j - 1] if j else 0)
-                + (Fraction(d + 1 - j, d + 1) * b[j] if j <= d else 0)
+                (Fraction(j, d + 1) * b[j - 1] if j else Fraction(0))
+                + (Fraction(d + 1 - j, d + 1) * b[j] if j <= d else Fraction(0))
                 for j in range(d + 2)
             ]
         chebyshev.append(b)
