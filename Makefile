@@ -74,12 +74,6 @@ random-certificates: $(TESTING)
 peers: $(INSTALLED)
 	$(BIN)/python -m pip install --quiet --constraint requirements/constraints.txt \
 	    --editable '.[peers]'
-	@if command -v "$${FC:-gfortran}" > /dev/null; then \
-	    $(BIN)/python -m pip install --quiet --constraint requirements/constraints.txt \
-	        --editable '.[peers-built]' || echo "numbalsoda is left out: it did not build"; \
-	else \
-	    echo "numbalsoda is left out: there is no gfortran to build it with"; \
-	fi
 
 # The test itself, part of `make test` too, installs nothing, and says why where it cannot run.
 slurm-test: $(TESTING)

@@ -39,7 +39,6 @@ FAMILIES = {
     "controlled": ("step control only", "#D55E00", (0, (5, 1.5))),
     "fixed": ("fixed steps", "#E69F00", (0, (1.5, 1.2))),
     "smoothed": ("smoothed contact", "#CC79A7", (0, (6, 1.5, 1.5, 1.5))),
-    "harmonics": ("harmonics", "#009E73", "-"),
     "other": ("other packages", "#4D4D4D", (0, (3, 1))),
 }
 _MARKERS = "*osD^vPX<>hp"

@@ -20,14 +20,6 @@ from gearlib.config import yaml_keys
 from gearlib.config.trials import PEERS
 from workflow.sources import sources
 
-#: Published problems and what the report calls them; names of gearlib.studies.trials.published,
-#: which would load the numerical stack.
-PUBLISHED = {
-    "gear_rattle": "Gear rattle",
-    "gear_pair": "Gear pair with periodic stiffness and dead zone",
-    "soft_impact": "Soft impact",
-}
-
 ROOT = Path(workflow.basedir)
 
 #: Fig. 2 to 8 and the table of statements.
@@ -36,9 +28,8 @@ PAPER_TARGETS = ["phase_lag", "resonance", "phase_planes", "scenes", "jump", "cl
 #: The parts of the report, numbered because its menu is in the order of the alphabet.
 PAPER, CLAIMS = "1 The paper's figures", "2 The paper's statements"
 EXPLANATIONS, METHODS = "3 Explanations", "4 Methods"
-PUBLISHED_PART = "5 Published problems"
-TRAINS = "6 Gear trains"
-DRAWN = "7 From the drawing"
+TRAINS = "5 Gear trains"
+DRAWN = "6 From the drawing"
 
 #: The keys of a grid of tunings.
 GRID = {"start", "stop", "step"}
@@ -220,11 +211,6 @@ def work_precision_files(kind):
     """Return the files of all methods: kind is errors or times."""
     methods = CONFIG.work_precision.methods
     return [f"results/work_precision/{kind}_{name}.nc" for name in methods if installed(name)]
-
-
-def time_integration_methods():
-    """Return the methods of settled orbits that are behind ``method=``."""
-    return [name for name in CONFIG.steady_orbits.methods if name in integrators.METHODS]
 
 
 def work_precision_settings():
