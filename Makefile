@@ -27,12 +27,13 @@ ARGS ?=
 BIN := .venv/bin
 INSTALLED := .venv/installed.stamp
 TESTING := .venv/testing.stamp
+SCHEMA := build/config.schema.json
 COMMA := ,
 
 .PHONY: all lint golden references test faults mutants rounding torture peers random-trains \
     random-certificates slurm-test bench report docs speed-and-accuracy same-bytes clean distclean
 
-all: $(INSTALLED)
+all: $(INSTALLED) $(SCHEMA)
 	$(BIN)/snakemake -j$(JOBS)
 
 lint: $(TESTING)
@@ -114,6 +115,12 @@ $(INSTALLED) $(TESTING): pyproject.toml requirements/constraints.txt
 	@# Some packages hold files that are wrong on purpose.
 	PYTHONPYCACHEPREFIX= $(BIN)/python -m compileall -qq -j 2 -x '/tests/' .venv || true
 	touch $@ $(INSTALLED)
+
+# For editors; the wheel and the documentation make their own.
+$(SCHEMA): $(INSTALLED) $(wildcard gearlib/config/*.py gearlib/models/geometry/*.py)
+	mkdir -p $(@D)
+	$(BIN)/python -m gearlib schema > $@.new
+	mv $@.new $@
 
 clean:
 	rm -rf .snakemake
