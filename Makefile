@@ -1,7 +1,7 @@
 # make         set up .venv with the pinned packages and compute everything, results/
 # make test    the packages of the tests as well, and all checks: style, imports, a small workflow
 # make lint    the checks of style, formatting, imports and types only
-# make golden  renew the golden numbers and pictures of tests/golden
+# make golden  renew the golden numbers of tests/golden, and what figures hold of them
 # make references  renew the references in 50 digits that tests take from tests/references
 # make faults  plant known faults one at a time and see that the tests notice: less than an hour
 # make mutants  mutants at random of all rooms against the tests that reach them: hours

@@ -1,12 +1,10 @@
 """The comparison with golden data itself: what it lets pass, and what not."""
 
-import shutil
-
 import numpy as np
 import pytest
 import xarray as xr
 
-from tests.golden import data, pictures, redraw
+from tests.golden import data, redraw
 from tests.golden.tolerances import TABLE, tolerance
 
 KNOWN = sorted(str(path.relative_to(data.FOLDER)) for path in data.FOLDER.rglob("*.nc"))
@@ -94,17 +92,3 @@ def test_every_row_of_the_table_is_used():
 def test_golden_files_are_small():
     assert sum((data.FOLDER / name).stat().st_size for name in KNOWN) < 1_000_000
     assert sum(path.stat().st_size for path in redraw.FOLDER.iterdir()) < 1_000_000
-    assert sum(path.stat().st_size for path in pictures.FOLDER.iterdir()) < 2_000_000
-
-
-def test_the_page_of_pictures(tmp_path):
-    same, other = sorted(pictures.FOLDER.glob("*.png"))[:2]
-    (tmp_path / "figures").mkdir()
-    shutil.copyfile(same, tmp_path / "figures" / same.name)
-    shutil.copyfile(same, tmp_path / "figures" / other.name)
-    shutil.copyfile(same, tmp_path / "figures/a_time.png")
-    printed = pictures.compare(tmp_path, tmp_path / "report")
-    assert "1 failed, 1 passed" in printed
-    assert f"FAILED tests/golden/compare_pictures.py::test_picture[{other.stem}]" in printed
-    page = (tmp_path / "report" / pictures.PAGE).read_text(encoding="utf-8")
-    assert same.stem in page and other.stem in page
