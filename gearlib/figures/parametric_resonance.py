@@ -1,7 +1,5 @@
 """Parametric resonance: stability of the motion without loss of contact, after Ince and Strutt."""
 
-import textwrap
-
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -15,8 +13,6 @@ _Y_LABELS = {
     "damping": "damping ratio $\\beta$",
 }
 _COLOURS = ("#000000", "#0072B2", "#009E73", "#D55E00", "#CC79A7")
-#: Lines of the sentence below, characters.
-_WRAP = 128
 
 
 @style.styled()
@@ -28,8 +24,7 @@ def draw(chart, facts):
     chart : xarray.Dataset
         As of `gearlib.analysis.tongues.chart.compute`.
     facts : xarray.Dataset
-        As of `gearlib.analysis.tongues.explanation.compute`; its sentence goes below, its
-        dampings into the plane of damping.
+        As of `gearlib.studies.contact_loss.compute`; its dampings go into the plane of damping.
 
     Returns
     -------
@@ -83,8 +78,6 @@ def draw(chart, facts):
                markersize=3.5, label="width zero"),
     ]  # fmt: skip
     figure.legend(handles=handles, loc="outside upper center", ncols=6)
-    words = textwrap.fill(str(facts.attrs["explanation"]), _WRAP)
-    figure.supxlabel(words, fontsize=7, x=0.01, ha="left")
     return figure
 
 

@@ -19,12 +19,13 @@ def curve():
     return xr.Dataset(values, coords)
 
 
-def test_words_count_but_for_their_digits():
-    golden = curve().assign_attrs(explanation="closed from 0.00885 on")
-    other = golden.assign_attrs(explanation="closed from 0.0089 on")
-    assert data.differences("a.nc", golden, other) == []
-    (words,) = data.differences("a.nc", golden, golden.assign_attrs(explanation="open"))
-    assert "explanation was 'closed from 0.00885 on', is 'open'" in words
+def test_what_verdicts_mean_is_compared():
+    def of(words):
+        return xr.Dataset({"verdict": ("trial", [0, 1], {"flag_meanings": words})})
+
+    assert data.differences("a.nc", of("right wrong"), of("right wrong")) == []
+    (words,) = data.differences("a.nc", of("right wrong"), of("wrong right"))
+    assert words == "a.nc: flag_meanings was 'right wrong', is 'wrong right'"
 
 
 @pytest.mark.parametrize(
@@ -67,12 +68,18 @@ def test_variables_sizes_and_texts():
 def test_what_is_kept(tmp_path):
     times = xr.DataArray([1.0], dims="rung", attrs={"units": "s"})
     whole = xr.Dataset(
-        {"x": ("phase", np.arange(200.0)), "period_time": times, "message": "a"},
-        attrs={"explanation": "b", "title": "c"},
+        {
+            "x": ("phase", np.arange(200.0), {"long_name": "b"}),
+            "verdict": ((), 0, {"flag_meanings": "right", "long_name": "b"}),
+            "period_time": times,
+            "message": "a",
+        },
+        attrs={"title": "c"},
     )
     whole.to_netcdf(tmp_path / "a.nc")
     kept = data.kept(tmp_path / "a.nc")
-    assert set(kept.variables) == {"x"} and set(kept.attrs) == {"explanation"}
+    assert set(kept.variables) == {"x", "verdict"} and not kept.attrs and not kept.x.attrs
+    assert kept.verdict.attrs == {"flag_meanings": "right"}
     assert kept.x.size <= data.SAMPLES and kept.x[1] == 4.0
     for name in ("a/shard.nc", "times.nc", "work/times_rk4.nc", "work/errors_rk4.nc"):
         (tmp_path / name).parent.mkdir(exist_ok=True)

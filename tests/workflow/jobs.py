@@ -33,9 +33,9 @@ EXPERIMENTS = {
         {"label": DAMPINGS}, {"draw_resonance": 1}, simulates=True, with_k1={"label": 1}
     ),
     "parametric_resonance": Experiment(
-        {"parametric_resonance": 1, "tongues": 1, "parametric_resonance_page": 1},
+        {"parametric_resonance": 1, "tongues": 1, "parametric_resonance_table": 1},
         {"draw_parametric_resonance": 1, "draw_resonance": 1},
-        with_k1={"tongues": 1, "parametric_resonance_page": 1},
+        with_k1={"tongues": 1, "parametric_resonance_table": 1},
     ),
     "branches": Experiment(
         {"branches": DAMPINGS, "loci": 1},
