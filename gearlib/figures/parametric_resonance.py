@@ -19,18 +19,10 @@ _COLOURS = ("#000000", "#0072B2", "#009E73", "#D55E00", "#CC79A7")
 def draw(chart, facts):
     """Draw growth and tongues over the tuning and each of the other parameters.
 
-    Parameters
-    ----------
-    chart : xarray.Dataset
-        As of `gearlib.analysis.tongues.chart.compute`.
-    facts : xarray.Dataset
-        As of `gearlib.studies.contact_loss.compute`; its dampings go into the plane of damping.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Shade: growth per mesh period at the first damping. Lines: edges of the tongues, one colour
-        for each damping. Circles: points of width zero. Dashed: the pair itself.
+    `chart` is that of `gearlib.analysis.tongues.chart.compute`, `facts` that of
+    `gearlib.studies.contact_loss.compute`, whose dampings go into the plane of damping. Shade:
+    growth per mesh period at the first damping. Lines: edges of the tongues, one colour for
+    each damping. Circles: points of width zero. Dashed: the pair itself.
     """
     figure = Figure((style.PAGE_WIDTH, 6.6), layout="constrained")
     grid = figure.add_gridspec(2, 2, height_ratios=[1.25, 1.0])
