@@ -34,11 +34,7 @@ td {{ border-bottom: 1px solid #ddd; overflow-wrap: break-word; }}
 def write_table_page(csv_path, path):
     """Write the table of a CSV file as a page, replacing the file in one step.
 
-    Parameters
-    ----------
-    csv_path : str or os.PathLike
-        Its first row names the columns; ``_`` in names is shown as a space.
-    path : str or os.PathLike
+    Its first row names the columns; ``_`` in names is shown as a space.
     """
     with open(csv_path, newline="", encoding="utf-8") as file:
         header, *rows = csv.reader(file)
