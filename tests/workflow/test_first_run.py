@@ -65,7 +65,7 @@ def test_the_report_holds_every_figure_and_table(first_run, report):
     project, (_, entries) = first_run[0], report
     results = project / "results"
     pictures = {path.stem for path in (results / "figures").iterdir()}
-    tables = {path.stem for path in [*results.glob("*.csv"), *results.glob("*.txt")]}
+    tables = {path.stem for path in results.glob("*.csv")}
     expected = {f"results/figures/{name}.png" for name in pictures}
     expected |= {f"results/tables/{name}.html" for name in tables}
     assert set(entries) == expected
