@@ -1,7 +1,7 @@
 # make         set up .venv with the pinned packages and compute everything, results/
 # make test    the packages of the tests as well, and all checks: style, imports, a small workflow
 # make lint    the checks of style, formatting, imports and types only
-# make golden  renew the golden numbers and pictures of tests/golden
+# make golden  renew the golden numbers of tests/golden, and what figures hold of them
 # make references  renew the references in 50 digits that tests take from tests/references
 # make faults  plant known faults one at a time and see that the tests notice: less than an hour
 # make mutants  mutants at random of all rooms against the tests that reach them: hours
@@ -27,12 +27,13 @@ ARGS ?=
 BIN := .venv/bin
 INSTALLED := .venv/installed.stamp
 TESTING := .venv/testing.stamp
+SCHEMA := build/config.schema.json
 COMMA := ,
 
 .PHONY: all lint golden references test faults mutants rounding torture peers random-trains \
     random-certificates slurm-test bench report docs speed-and-accuracy same-bytes clean distclean
 
-all: $(INSTALLED)
+all: $(INSTALLED) $(SCHEMA)
 	$(BIN)/snakemake -j$(JOBS)
 
 lint: $(TESTING)
@@ -74,12 +75,6 @@ random-certificates: $(TESTING)
 peers: $(INSTALLED)
 	$(BIN)/python -m pip install --quiet --constraint requirements/constraints.txt \
 	    --editable '.[peers]'
-	@if command -v "$${FC:-gfortran}" > /dev/null; then \
-	    $(BIN)/python -m pip install --quiet --constraint requirements/constraints.txt \
-	        --editable '.[peers-built]' || echo "numbalsoda is left out: it did not build"; \
-	else \
-	    echo "numbalsoda is left out: there is no gfortran to build it with"; \
-	fi
 
 # The test itself, part of `make test` too, installs nothing, and says why where it cannot run.
 slurm-test: $(TESTING)
@@ -120,6 +115,12 @@ $(INSTALLED) $(TESTING): pyproject.toml requirements/constraints.txt
 	@# Some packages hold files that are wrong on purpose.
 	PYTHONPYCACHEPREFIX= $(BIN)/python -m compileall -qq -j 2 -x '/tests/' .venv || true
 	touch $@ $(INSTALLED)
+
+# For editors; the wheel and the documentation make their own.
+$(SCHEMA): $(INSTALLED) $(wildcard gearlib/config/*.py gearlib/models/geometry/*.py)
+	mkdir -p $(@D)
+	$(BIN)/python -m gearlib schema > $@.new
+	mv $@.new $@
 
 clean:
 	rm -rf .snakemake

@@ -28,16 +28,9 @@ def steps(start, stop, step):
 
 
 def grid(start, stop, step):
-    """Return the tunings ``start, start + step, ..., stop``.
+    """Return the tunings ``start, start + step, ..., stop``, floats.
 
-    Parameters
-    ----------
-    start, stop, step : float
-        Ends (both included) and distance; ``stop - start`` is a whole multiple of `step`.
-
-    Returns
-    -------
-    list of float
+    ``stop - start`` is a whole multiple of `step`.
     """
     first, distance = _decimal(start), _decimal(step)
     return [float(first + i * distance) for i in range(int(steps(start, stop, step)) + 1)]
@@ -47,19 +40,9 @@ def windows(start, stop, step, width):
     """Return the windows of a grid, as pairs (first tuning, last tuning).
 
     The windows are ``[start, start + width]``, ``(start + width, start + 2 width]`` and so on:
-    half open, so that no tuning is computed twice, and counted from `start`, so that a
-    later `stop` adds windows and leaves the earlier ones as they are.
-
-    Parameters
-    ----------
-    start, stop, step : float
-        The grid, as in `grid`.
-    width : float
-        Width of a window, a whole multiple of `step`. The last window may be shorter.
-
-    Returns
-    -------
-    list of tuple of float
+    half open, so that no tuning is computed twice, and counted from `start`, so that a later
+    `stop` adds windows and leaves the earlier ones as they are. `width` is a whole multiple of
+    `step`; the last window may be shorter.
     """
     distance, per_window = _decimal(step), int(steps(0.0, width, step))
     last = int(steps(start, stop, step))

@@ -19,7 +19,7 @@ from gearlib import processor
 PACKAGES = (
     ["gearlib", "matplotlib", "netCDF4", "numba", "llvmlite", "numpy", "pydantic", "scipy"]
     + ["snakemake", "xarray"]
-    + ["CyRK", "diffrax", "heyoka", "numbalsoda", "scikit-sundae"]
+    + ["diffrax", "heyoka", "scikit-sundae"]
 )
 
 

@@ -6,10 +6,10 @@ with which a wrong value is refused.
 
 from mkdocs.structure.files import File
 
-from gearlib.config import CASE_NAME, schema
+from gearlib.config import CASE_NAME, schema, schema_text
 from gearlib.config.validation import allowed
 
-PAGE = "reference/configuration.md"
+PAGE, SCHEMA = "reference/configuration.md", "config.schema.json"
 _HEAD = f"""# Configuration
 
 Every key of `config.yaml`, written from the typed model that checks it (`gearlib/config`). Only
@@ -21,7 +21,8 @@ gears have none, it is 5 % of the critical one. There are no other keys: a wrong
 refused before the first job, in a sentence that names key, value and allowed range. Names in angle
 brackets are free: letters, digits, `+`, `_`, `-`.
 
-Editors with YAML support complete the keys; they read `workflow/schemas/config.schema.json`.
+Editors with YAML support complete the keys; they read `build/config.schema.json`, which `make`
+writes. [The same schema]({SCHEMA}) comes from `gearlib schema` and lies in the wheel.
 Values with a dimension are [numbers in SI or texts with a unit](../how_to/units.md). One key may
 stand beside those below: [`cases`](../how_to/cases.md), a mapping of names (`{CASE_NAME}`) to keys
 that differ.
@@ -29,8 +30,9 @@ that differ.
 
 
 def on_files(files, config):
-    """Add the page."""
+    """Add the page, and the schema beside it."""
     files.append(File.generated(config, PAGE, content=reference()))
+    files.append(File.generated(config, f"reference/{SCHEMA}", content=schema_text()))
     return files
 
 

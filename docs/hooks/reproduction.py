@@ -1,14 +1,15 @@
 """The table of `reproduction.md`: the paper's sentence, ours, the verdict, why.
 
-Statements, numbers, verdicts and computed explanations are those of `docs/claims/claims.csv` and
-`assumption.csv`, copies of what the workflow writes; the other reasons are prose, in
-`docs/claims/why.yaml`. After a run of the workflow,
+Statements, numbers and verdicts are those of `docs/claims/claims.csv` and `assumption.csv`, copies
+of what the workflow writes. The reasons are prose, in `docs/claims/why.yaml`, with numbers from
+the copies of `parametric_resonance.csv` and `certificates.csv`. After a run of the workflow,
 
     python -m docs.hooks.reproduction results
 
-takes over the table and the figures (smaller than the originals).
+takes over the tables and the figures (smaller than the originals).
 """
 
+import contextlib
 import csv
 import sys
 from pathlib import Path
@@ -22,6 +23,8 @@ FOLDER = Path(__file__).resolve().parents[1] / "claims"
 IMAGES = FOLDER.with_name("images")
 #: Tables of claims, and the statements in them.
 TABLES = {"claims.csv": CHECKS, "assumption.csv": (CHECK,)}
+#: Tables of the numbers in the reasons.
+TONGUES, CERTIFICATES = "parametric_resonance.csv", "certificates.csv"
 PAGE, MARK = "reproduction.md", "<!-- claims -->"
 #: Figures shown on the page, and on those of gear trains and of drawn gears.
 PICTURES = (
@@ -57,8 +60,7 @@ def claims(folder=FOLDER):
 
 def _claims(path):
     """Return the rows of a table of claims, refused where they are not those of the code."""
-    with path.open(newline="", encoding="utf-8") as file:
-        found = list(csv.DictReader(file))
+    found = _rows(path)
     have = [(row["id"], row["statement"], row["where"], row["figure"]) for row in found]
     if have != [check[:4] for check in TABLES[path.name]]:
         raise ValueError(
@@ -68,9 +70,38 @@ def _claims(path):
     return found
 
 
-def reasons():
-    """Return id -> why the verdict is what it is."""
-    return yaml.safe_load((FOLDER / "why.yaml").read_text(encoding="utf-8"))
+def _rows(path):
+    with path.open(newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def reasons(folder=FOLDER):
+    """Return id -> why the verdict is what it is, with the numbers of the tables in a folder."""
+    texts = yaml.safe_load((FOLDER / "why.yaml").read_text(encoding="utf-8"))
+    tongue, proven = tables(folder)
+    return {key: text.format(tongue=tongue, proven=proven) for key, text in texts.items()}
+
+
+def tables(folder=FOLDER):
+    """Return the rows of both tables: damping -> row, and damping -> claim -> rows by tuning."""
+    tongue = {row["damping"]: _numbers(row) for row in _rows(Path(folder) / TONGUES)}
+    proven = {}
+    rows = map(_numbers, _rows(Path(folder) / CERTIFICATES))
+    for row in sorted(rows, key=lambda row: row["tuning"]):
+        # Orbits and motions by their tuning, what lies at any tuning by its contacts.
+        at = "tuning" if row["claim"] in ("orbit", "motion") else "contacts"
+        kind = f"{row['claim']} {row[at]}".strip()
+        proven.setdefault(row["damping"], {}).setdefault(kind, []).append(row)
+    return tongue, proven
+
+
+def _numbers(row):
+    """Return a row with its numbers as such."""
+    found = dict(row)
+    for key, text in row.items():
+        with contextlib.suppress(ValueError):
+            found[key] = int(text) if text.isdigit() else float(text)
+    return found
 
 
 def table():
@@ -81,10 +112,6 @@ def table():
         paper = f"{row['statement']} ({row['where']})"
         ours = f"{row['computed']} ([{row['figure']}](#{anchor(row['figure'])}))"
         reason = " ".join(why[row["id"]].split())
-        if row.get("explanation"):
-            reason += f" *Computed:* {row['explanation'].rstrip('.')}."
-        if row.get("proven"):
-            reason += f" *[Proven](theory/proofs.md):* {row['proven']}."
         lines.append(f"| {row['id']} | {paper} | {ours} | **{row['verdict']}** | {reason} |")
     return "\n".join(lines)
 
@@ -97,7 +124,8 @@ def anchor(figure):
 def take_over(results):
     """Copy the claims and the figures of `results` into the documentation."""
     claims(results)
-    for name in TABLES:
+    reasons(results)
+    for name in (*TABLES, TONGUES, CERTIFICATES):
         (FOLDER / name).write_bytes((Path(results) / name).read_bytes())
     copy_pictures(results, PICTURES)
 

@@ -127,7 +127,7 @@ def _chart_of(path):
 def _facts_of(results, remark):
     record = json.loads((results / "provenance.json").read_text(encoding="utf-8"))
     used = ("gearlib", "python", "numba", "numpy", "scipy")
-    peers = ("CyRK", "diffrax", "heyoka", "numbalsoda", "scikit-sundae")
+    peers = ("diffrax", "heyoka", "scikit-sundae")
     methods = _settings().work_precision.methods
     absent = [m for m in methods if not (results / f"work_precision/errors_{m}.nc").exists()]
     return {

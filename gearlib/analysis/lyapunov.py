@@ -60,23 +60,10 @@ class Exponent(NamedTuple):
 
 
 def largest(pair, tuning, *, state=(0.0, 0.0), settle=1000, periods=4000, max_events=1_000_000):
-    """Return the largest Lyapunov exponent of the motion from a state.
+    """Return the `Exponent`, the largest Lyapunov exponent, of the motion from a state at tau = 0.
 
-    Parameters
-    ----------
-    pair : GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator
-        The free rotation of six degrees of freedom, which never grows nor decays, is left out.
-    tuning : float
-    state : tuple of float
-        Displacement in static deflections and dx/dtau at tau = 0.
-    settle, periods : int
-        Mesh periods before the count, and counted.
-    max_events : int
-        As of `gearlib.simulate`.
-
-    Returns
-    -------
-    Exponent
+    It is counted over so many periods after those to settle. The free rotation of six degrees
+    of freedom, which never grows nor decays, is left out.
     """
     propagator = pair.propagator(tuning)
     z = propagator.start(state)
@@ -235,17 +222,7 @@ class Size:
 def grows(size, propagator, z, before, bound, periods, max_events):
     """Return whether a motion that has grown goes on to do so, beyond a bound.
 
-    Parameters
-    ----------
-    size : Size
-    propagator : gearlib.models.propagators.base.Base
-    z : ndarray, shape (n,)
-        Where the motion is.
-    before : float
-        Its size so many periods ago.
-    bound : float
-    periods, max_events : int
-        As of `largest`.
+    `z`, shape (n,), is where it is, `before` its size so many periods ago.
     """
     ends, codes = z[None].copy(), np.zeros(1, np.int64)
     periods += -periods % size.cycle

@@ -189,15 +189,10 @@ def _other_ways(pair):
 
 
 def decide(runs, found, repeats=1):
-    """Return the `Trust` that follows from the runs and the exponent; see the rules above.
+    """Return the `Trust` that follows from the runs and the `Exponent`; see the rules above.
 
-    Parameters
-    ----------
-    runs : xarray.Dataset
-        displacement_max, displacement_min, period, status over run.
-    found : gearlib.analysis.lyapunov.Exponent
-    repeats : int, default 1
-        Mesh periods after which the excitation repeats.
+    `runs` has displacement_max, displacement_min, period, status over run; the excitation
+    repeats after so many mesh periods.
     """
 
     def verdict(label, message, period=0, digits=math.nan):

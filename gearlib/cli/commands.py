@@ -5,6 +5,7 @@ import math
 import click
 
 from gearlib.cli import drawn, gears, output, progress, speeds
+from gearlib.config import schema_text
 from gearlib.version import __version__
 
 #: What is printed of every mesh of a gear train.
@@ -303,6 +304,12 @@ def campbell(train, count, output_path, force):
     cells = [[*(f"{number:.6g}" for number in row[:3]), row[3]] for row in sorted(excited)]
     output.rows(["critical_speed rpm", "order", "natural_frequency Hz", "mode_kind"], cells)
     output.save(found, output_path)
+
+
+@main.command()
+def schema():
+    """Print the JSON schema of the configuration, which editors read."""
+    click.echo(schema_text(), nl=False)
 
 
 @main.command()

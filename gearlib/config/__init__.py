@@ -27,9 +27,7 @@ module               responsibility
 ===================  ===================================================
 
 Only ``gear_pair`` (or ``gears`` instead) and ``dampings`` have no defaults. The JSON schema for
-editors is generated from the model::
-
-    python -m gearlib.config --write-schema
+editors is made from the model: ``gearlib schema`` prints it, wheel and documentation hold it.
 
 This package stays free of the numerical stack, because every start of the workflow reads it.
 """
@@ -38,16 +36,12 @@ import copy
 import json
 import re
 from functools import cache
-from pathlib import Path
 
 from pydantic import ValidationError
 
 from gearlib.config import defaults
 from gearlib.config.model import Config
 from gearlib.config.validation import sentences, show
-
-#: Where the generated schema lies, seen from the root of the project.
-SCHEMA_PATH = Path("workflow/schemas/config.schema.json")
 
 #: Cases are part of the names of rules.
 CASE_NAME = "[A-Za-z][A-Za-z0-9_]*"

@@ -31,9 +31,7 @@ from gearlib.config.train import OF_PAIRS, Train, TrainSweep
 from gearlib.config.trials import (
     Failures,
     JumpByMethod,
-    Published,
     StabilityChart,
-    SteadyOrbits,
     WorkPrecision,
 )
 from gearlib.config.types import MAX_JOBS, MAX_PAGE_SAMPLES, Name, Section, listing
@@ -61,9 +59,7 @@ Target = Literal[
     "stability_chart",
     "failures",
     "work_precision",
-    "steady_orbits",
     "jump_by_method",
-    "published",
     "reducer",
     "one_mesh",
     "campbell",
@@ -126,9 +122,7 @@ class Config(Section):
     stability_chart: StabilityChart
     failures: Failures = Failures()
     work_precision: WorkPrecision
-    steady_orbits: SteadyOrbits = SteadyOrbits()
     jump_by_method: JumpByMethod
-    published: Published = Published()
     reducer: Reducer
     one_mesh: OneMesh
     campbell: Campbell = Campbell()

@@ -39,8 +39,6 @@ MethodName = Literal[
     "heyoka",
     "cvode",
     "diffrax",
-    "cyrk",
-    "numbalsoda",
 ]
 
 
@@ -49,8 +47,6 @@ PEERS = {
     "heyoka": "heyoka",
     "cvode": "sksundae",
     "diffrax": "diffrax",
-    "cyrk": "CyRK",
-    "numbalsoda": "numbalsoda",
 }
 
 
@@ -209,45 +205,6 @@ class WorkPrecision(Section):
     )
     repeats: integer_within(ge=1, le=1000) = Field(
         default=9, description="Largest number of timed runs, of which the shortest counts."
-    )
-
-
-class Published(Section):
-    """Published problems of dead-zone oscillators, see gearlib/studies/trials/published.py."""
-
-    starts: integer_within(ge=1, le=100_000) = Field(
-        default=120, description="Initial states from which coexisting motions are sought."
-    )
-    settle: integer_within(ge=1, le=1_000_000) = Field(
-        default=400, description="Periods of the forcing before a run is recorded."
-    )
-    exponent_periods: integer_within(ge=20, le=1_000_000) = Field(
-        default=1500, description="Periods over which the exponent is averaged."
-    )
-    points: integer_within(ge=1, le=1_000_000) = Field(
-        default=2000, description="Points of every Poincare section."
-    )
-    values: integer_within(ge=2, le=10_000) = Field(
-        default=161, description="Values of the scanned parameter, three starts each."
-    )
-    check_periods: integer_within(ge=4, le=1000) = Field(
-        default=20, description="Periods over which an independent integration is compared."
-    )
-
-
-class SteadyOrbits(Section):
-    """Errors of settled orbits: methods of the frequency domain beside time integration."""
-
-    methods: listing(
-        Literal["exact", "taylor", "rk4", "rk45", "newmark", "harmonic_balance", "schmidt"],
-        "Time integration: names of `gearlib.methods()`; and methods of the frequency domain.",
-    ) = ["exact", "taylor", "rk4", "rk45", "harmonic_balance", "schmidt"]
-    problems: listing(
-        Literal["smooth", "bouncing", "near_fold", "cubic"],
-        "Test problems that settle, see gearlib/studies/trials/problems.py.",
-    ) = ["smooth", "bouncing", "near_fold", "cubic"]
-    repeats: integer_within(ge=1, le=1000) = Field(
-        default=1, description="Number of timed runs; their median is taken."
     )
 
 

@@ -11,14 +11,7 @@ from pathlib import Path
 def replacing(path):
     """Give a temporary path beside `path` to write to; on success it takes the place of `path`.
 
-    Parameters
-    ----------
-    path : str or os.PathLike
-        Its folder is made if need be. The temporary name keeps the suffix.
-
-    Yields
-    ------
-    pathlib.Path
+    The folder is made if need be. The temporary name keeps the suffix.
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -40,10 +33,7 @@ def table(path):
 def remove_leftovers(folder):
     """Remove the temporary files below `folder` of processes that were killed while they wrote.
 
-    Parameters
-    ----------
-    folder : pathlib.Path
-        No other process may be writing there: its temporary files would go as well.
+    No other process may be writing there: its temporary files would go as well.
     """
     for path in folder.rglob(".*"):
         if re.match(r"\.\d+\.", path.name):

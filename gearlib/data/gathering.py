@@ -23,24 +23,10 @@ _DRAWN = {"displacement", "velocity", "contact"}
 
 
 def gather_resonance(shards):
-    """Return the resonance characteristics of all dampings and directions.
+    """Return the characteristics, as of `gearlib.sweep`, over (damping, direction, tuning).
 
-    Parameters
-    ----------
-    shards : list of xarray.Dataset
-        Results of `gearlib.sweep`, one for each window of tunings, with scalar coordinates
-        `damping` and `direction`.
-
-    Returns
-    -------
-    xarray.Dataset
-        The variables of `gearlib.sweep` over (damping, direction, tuning); the scales to SI as
-        they are.
-
-    Raises
-    ------
-    ValueError
-        If dampings or directions do not share their tunings.
+    Shards are sweeps, one for each window of tunings, with scalar coordinates `damping` and
+    `direction`. Scales to SI stay as they are. ValueError if their tunings are not the same.
     """
     shared = PAIR_SCALES | TUNING_SCALES
 
@@ -84,23 +70,10 @@ def gather_phase_planes(shards):
 
 
 def gather_failures(columns):
-    """Return the matrix of failures.
+    """Return the matrix of failures over (problem, trial); what describes a problem, once.
 
-    Parameters
-    ----------
-    columns : list of xarray.Dataset
-        Results of `gearlib.studies.trials.failures.compute`, one trial each, in the order of the
-        figure.
-
-    Returns
-    -------
-    xarray.Dataset
-        The variables of the columns over (problem, trial); what describes a problem, once.
-
-    Raises
-    ------
-    ValueError
-        If trials do not share their problems.
+    Columns are datasets of `gearlib.studies.trials.failures.compute`, one trial each, in the
+    order of the figure. ValueError if they do not share their problems.
     """
     shared = {name for name in columns[0].data_vars if columns[0][name].dims == ("problem",)}
     return _stack(columns, "trial", shared)

@@ -52,13 +52,7 @@ class _Sources:
 
 
 def declare_sources(paths):
-    """State that results depend on these source files alone.
-
-    Parameters
-    ----------
-    paths : iterable of str or os.PathLike
-        Their order counts, their folders do not.
-    """
+    """State that results depend on these files alone; their order counts, their folders do not."""
     _Sources.paths, _Sources.digest = [Path(path) for path in paths], None
 
 

@@ -11,20 +11,10 @@ from gearlib.version import __version__
 
 
 def write(dataset, path):
-    """Write `dataset` to the netCDF file `path`, replacing it in one step.
+    """Write `dataset` to the netCDF file `path`, replacing it in one step; OSError if it cannot be.
 
     The file appears complete or not at all, and holds nothing that changes between two equal
     calculations.
-
-    Parameters
-    ----------
-    dataset : xarray.Dataset
-    path : str or os.PathLike
-
-    Raises
-    ------
-    OSError
-        If the file cannot be written.
     """
     # CF asks for a history. It usually tells the time, which would change the bytes.
     history = f"{dataset.attrs.get('title', 'dataset')}: written by gearlib {__version__}"

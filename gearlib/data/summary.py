@@ -10,19 +10,10 @@ from gearlib.kernels import orbit
 def variables(pair, dims, table, ends, codes, record_periods):
     """Return name -> (dims, values) of orbit summaries.
 
-    Parameters
-    ----------
-    pair : gearlib.models.model.Model
-    dims : tuple of str
-        Leading dimensions of the variables; () for one run.
-    table : ndarray, shape (..., 9) or (..., m, 10) of m meshes
-        Summaries as of `Model.room`.
-    ends : ndarray, shape (..., k)
-        Final states.
-    codes : ndarray of int, shape (..., 2)
-        Period of the orbit, status.
-    record_periods : int
-        Mesh periods that the summaries cover.
+    `dims` lead those of the variables, () for one run; `table` are summaries as of
+    `Model.room`, shape (..., 9) or (..., m, 10) of m meshes, over so many recorded periods;
+    `ends`, shape (..., k), are final states; `codes`, shape (..., 2), period of the orbit and
+    status.
     """
     span = 2.0 * math.pi * record_periods
     columns = {
@@ -51,12 +42,7 @@ def reach(table):
 
 
 def in_words(run):
-    """Return in a sentence what the motion of a run of `gearlib.simulate` is.
-
-    Parameters
-    ----------
-    run : xarray.Dataset
-    """
+    """Return in a sentence what the motion of a run of `gearlib.simulate` is."""
     if int(run.status):
         return run.status.attrs["message"]
     period = int(run.period)

@@ -25,17 +25,7 @@ def draw(data):
 
 @style.styled()
 def draw_convergence(data):
-    """Draw the iterates, their errors, and the range of convergence.
-
-    Parameters
-    ----------
-    data : xarray.Dataset
-        Of `gearlib.studies.analytic_method.compute`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-    """
+    """Draw iterates, errors, range of convergence of `gearlib.studies.analytic_method.compute`."""
     shown = data.shown.values
     figure = Figure((style.PAGE_WIDTH, 7.6), layout="constrained")
     above, middle, below = figure.subfigures(3, 1, height_ratios=[2.3, 2.0, 3.3])
@@ -108,14 +98,7 @@ def _draw_range(figure, data):
 def draw_harmonics(data):
     """Draw errors over the number of harmonics, and the curve of harmonic balance.
 
-    Parameters
-    ----------
-    data : xarray.Dataset
-        Of `gearlib.studies.analytic_method.compute`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
+    `data` is that of `gearlib.studies.analytic_method.compute`.
     """
     shown = data.shown.values
     figure = Figure((style.PAGE_WIDTH, 5.4), layout="constrained")

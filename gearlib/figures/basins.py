@@ -27,18 +27,10 @@ def looks(kinds):
 
 @style.styled()
 def draw(data):
-    """Draw the basins of all cases.
+    """Draw the basins of all cases of `gearlib.analysis.global_dynamics.studies.basin_cases`.
 
-    Parameters
-    ----------
-    data : xarray.Dataset
-        As computed by `gearlib.analysis.global_dynamics.studies.basin_cases`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Every initial state has the colour of its attractor, whose stroboscopic states are marked
-        where they lie in the picture; below, periods and shares.
+    Every initial state has the colour of its attractor, whose stroboscopic states are marked
+    where they lie in the picture; below, periods and shares.
     """
     figure, panels = style.panels(data.sizes["case"], _HEIGHT)
     for i, axes in enumerate(panels):

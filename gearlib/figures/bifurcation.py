@@ -20,19 +20,10 @@ _NAMED = 0.04
 
 @style.styled()
 def draw(diagram, shares, branches=None):
-    """Draw diagram, exponents and shares.
+    """Draw diagram, exponents and shares of `gearlib.analysis.global_dynamics.studies.bifurcation`.
 
-    Parameters
-    ----------
-    diagram, shares : xarray.Dataset
-        As computed by `gearlib.analysis.global_dynamics.studies.bifurcation`.
-    branches : xarray.Dataset, optional
-        Continued branches, laid over the diagram: tuning, state (point, coordinate), stable and
-        branch along ``point``; dashed where unstable.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
+    `branches`, if given, are laid over the diagram, dashed where unstable: tuning, state
+    (point, coordinate), stable and branch along ``point``.
     """
     figure = Figure((style.PAGE_WIDTH, _HEIGHT), layout="constrained")
     top, middle, bottom = figure.subplots(

@@ -22,14 +22,7 @@ _SPECIAL = {
 def draw_curve(axes, branches, variable, colour, width=1.0, zorder=2.0):
     """Draw a variable of branches over the tuning: solid where stable, dashed where unstable.
 
-    Parameters
-    ----------
-    axes : matplotlib.axes.Axes
-    branches : xarray.Dataset
-        As of `gearlib.studies.resonance_branches.compute`.
-    variable : str
-    colour, width, zorder
-        Of the lines.
+    `branches` are those of `gearlib.studies.resonance_branches.compute`.
     """
     tuning, values = branches.tuning.values, branches[variable].values
     number, stable = branches.branch.values, branches.stable.values.astype(bool)
@@ -54,18 +47,9 @@ def draw_curve(axes, branches, variable, colour, width=1.0, zorder=2.0):
 def draw(branches, loci):
     """Draw the branches of one damping, labelled, and the loci of their special points.
 
-    Parameters
-    ----------
-    branches : xarray.Dataset
-        As of `gearlib.studies.resonance_branches.compute`.
-    loci : xarray.Dataset
-        As of `gearlib.studies.resonance_branches.compute_loci`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Above, heights of orbits over the tuning; below, where the special points lie over tuning
-        and damping ratio. The dotted line is the damping of the branches.
+    They are those of `compute` and `compute_loci` of `gearlib.studies.resonance_branches`.
+    Above, heights of orbits over the tuning; below, where the special points lie over tuning
+    and damping ratio. The dotted line is the damping of the branches.
     """
     figure = Figure((style.PAGE_WIDTH, _HEIGHT), layout="constrained")
     top, bottom = figure.subplots(2, sharex=True, height_ratios=[1.2, 1.0])

@@ -14,18 +14,10 @@ _LOST = "#F0E442"
 
 @style.styled()
 def draw(diagram):
-    """Draw frequencies over the speed of the reference pinion.
+    """Draw frequencies over the speed of the reference pinion: `gearlib.studies.trains.campbell`.
 
-    Parameters
-    ----------
-    diagram : xarray.Dataset
-        As computed by `gearlib.studies.trains.campbell.compute`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Dots: intersections that the meshes excite, circles: those that they do not. Behind the line
-        of a mesh frequency: the speeds at which a mesh of it parts in a sweep.
+    Dots: intersections that the meshes excite, circles: those that they do not. Behind the line
+    of a mesh frequency: the speeds at which a mesh of it parts in a sweep.
     """
     data = diagram
     figure = Figure((style.PAGE_WIDTH, 4.2), layout="constrained")

@@ -22,17 +22,9 @@ _STRIP, _LOWEST = 0.025, 0.02
 
 @style.styled()
 def draw(factors):
-    """Draw a panel for each method of the mesh stiffness.
+    """Draw a panel for each method of the mesh stiffness, of `gearlib.studies.dynamic_factor`.
 
-    Parameters
-    ----------
-    factors : xarray.Dataset
-        As computed by `gearlib.studies.dynamic_factor.compute`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Triangles: jumps; strips above the lower edge: speeds at which contact is lost.
+    Triangles: jumps; strips above the lower edge: speeds at which contact is lost.
     """
     data = factors
     figure = Figure((style.PAGE_WIDTH, 3.6), layout="constrained")

@@ -50,17 +50,9 @@ def _number(error):
 def draw(matrix, gradients=None):
     """Draw the verdicts, a row for each problem and a column for each trial.
 
-    Parameters
-    ----------
-    matrix : xarray.Dataset
-        As gathered from `gearlib.studies.trials.failures.compute`.
-    gradients : xarray.Dataset, optional
-        As of `gearlib.studies.trials.gradients.compute`: columns beside them, for some problems.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        A star marks a run of fewer periods than the others of its row.
+    `matrix` is gathered from `gearlib.studies.trials.failures.compute`; `gradients`, if given,
+    of `gearlib.studies.trials.gradients.compute`, are columns beside it for some problems. A
+    star marks a run of fewer periods than the others of its row.
     """
     names = matrix.verdict.attrs["flag_meanings"].split()
     periods = matrix.periods.values

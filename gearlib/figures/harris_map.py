@@ -21,15 +21,7 @@ _MARKERS = ("s", "x", "o")
 def draw(data):
     """Draw the error at all loads for each relief, and below its range and the contact ratio.
 
-    Parameters
-    ----------
-    data : xarray.Dataset
-        As of `gearlib.studies.tip_relief.harris_map`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Thick: the design load.
+    `data` is that of `gearlib.studies.tip_relief.harris_map`. Thick: the design load.
     """
     figure = Figure((style.PAGE_WIDTH, 5.0), layout="constrained")
     rows = figure.subfigures(2, 1, height_ratios=(1.2, 1.0))

@@ -28,19 +28,10 @@ _LINEAR = 1e-7
 def draw(jumps, marked=()):
     """Draw the orbit's height over the tuning and the jump over everything that may move it.
 
-    Parameters
-    ----------
-    jumps : xarray.Dataset
-        As computed by `gearlib.studies.jump.compute`.
-    marked : sequence of float
-        Tunings to compare with, at most two.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Shifts on a logarithm to both sides of zero, pale: their range where many starts were
-        asked; the orange band is where the jump would lie between the marked tunings. A variation
-        without a jump in the scan is named above its panel.
+    `jumps` are those of `gearlib.studies.jump.compute`, `marked` are tunings to compare with,
+    at most two. Shifts on a logarithm to both sides of zero, pale: their range where many starts
+    were asked; the orange band is where the jump would lie between the marked tunings. A variation
+    without a jump in the scan is named above its panel.
     """
     kinds = [kind for kind in _KINDS if kind in jumps.kind.values]
     # Rounded up.

@@ -14,20 +14,13 @@ _COLUMNS = (1.01, 1.12)
 def draw(jumps, marked=()):
     """Draw the switch points of all methods over the tuning, the cheapest methods above.
 
-    Parameters
-    ----------
-    jumps : list of xarray.Dataset
-        Results of `gearlib.studies.trials.jump_by_method.compute`, one for each method.
-    marked : sequence of float
-        Tunings to compare with, at most two.
+    `jumps` are datasets of `gearlib.studies.trials.jump_by_method.compute`, one for each
+    method, `marked` tunings to compare with, at most two.
 
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Ticks lie in the middle of a step of the scan, that of the largest switch where bisection
-        puts it. The black line is the exact jump, the band lies between the marked tunings; a thin
-        line shows how far a scan went. Beside each row the evaluations per mesh period and the
-        error of the largest switch; "none": the scan has no switch.
+    Ticks lie in the middle of a step of the scan, that of the largest switch where bisection
+    puts it. The black line is the exact jump, the band lies between the marked tunings; a thin
+    line shows how far a scan went. Beside each row the evaluations per mesh period and the
+    error of the largest switch; "none": the scan has no switch.
     """
     rows = sorted(
         (

@@ -23,15 +23,8 @@ _UNIT = 1e8
 def draw(stiffness):
     """Draw for each pair the courses over the mesh period, and the means beside them.
 
-    Parameters
-    ----------
-    stiffness : xarray.Dataset
-        As computed by `gearlib.studies.mesh_stiffness.compute`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Bands: the stated uncertainty; crosses: published means.
+    `stiffness` is that of `gearlib.studies.mesh_stiffness.compute`. Bands: the stated
+    uncertainty; crosses: published means.
     """
     data = stiffness
     count = data.sizes["pair"]

@@ -23,19 +23,10 @@ _DIFFERS = "~"
 def draw(comparisons, scenes):
     """Draw the change of every model as a bar, a row of bars per scene.
 
-    Parameters
-    ----------
-    comparisons : list of xarray.Dataset
-        Results of `gearlib.studies.model_comparison.compute`.
-    scenes : list of str
-        The names of their scenes.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        The chosen model is filled; the number on a bar is its cost, components of the state
-        advanced per mesh period. The largest model has no change of its own. Where rounding
-        decides, bars are medians over the starts, with their range, and have no numbers.
+    `comparisons` are datasets of `gearlib.studies.model_comparison.compute`, of the scenes of
+    these names. The chosen model is filled; the number on a bar is its cost, components of the
+    state advanced per mesh period. The largest model has no change of its own. Where rounding
+    decides, bars are medians over the starts, with their range, and have no numbers.
     """
     figure = Figure(
         (style.PAGE_WIDTH, _HEAD + _ROW_HEIGHT * len(comparisons)), layout="constrained"

@@ -17,14 +17,7 @@ _SAME = 2e-3
 def draw(studies):
     """Draw characteristics above (up and down), phase planes below, a column per place.
 
-    Parameters
-    ----------
-    studies : list of xarray.Dataset
-        Results of `gearlib.studies.nonlinear_damping.compute`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
+    `studies` are datasets of `gearlib.studies.nonlinear_damping.compute`.
     """
     places = list(dict.fromkeys(study.place.item() for study in studies))
     shown = studies[0].shown.values

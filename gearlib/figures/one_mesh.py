@@ -44,16 +44,9 @@ _DIFFERS = "~"
 def draw(comparison):
     """Draw for each case the characteristics of all models above the changes of their answers.
 
-    Parameters
-    ----------
-    comparison : xarray.Dataset
-        As computed by `gearlib.studies.trains.one_mesh.compute`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Shaded: changes beyond the tolerance, medians over all starts; without a number where it
-        differs from start to start; bold: the smallest model that suffices from all of them.
+    `comparison` is that of `gearlib.studies.trains.one_mesh.compute`. Shaded: changes beyond
+    the tolerance, medians over all starts; without a number where it differs from start to
+    start; bold: the smallest model that suffices from all of them.
     """
     data = comparison
     figure = Figure((style.PAGE_WIDTH, 5.2), layout="constrained")

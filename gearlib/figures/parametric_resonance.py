@@ -1,7 +1,5 @@
 """Parametric resonance: stability of the motion without loss of contact, after Ince and Strutt."""
 
-import textwrap
-
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -15,27 +13,16 @@ _Y_LABELS = {
     "damping": "damping ratio $\\beta$",
 }
 _COLOURS = ("#000000", "#0072B2", "#009E73", "#D55E00", "#CC79A7")
-#: Lines of the sentence below, characters.
-_WRAP = 128
 
 
 @style.styled()
 def draw(chart, facts):
     """Draw growth and tongues over the tuning and each of the other parameters.
 
-    Parameters
-    ----------
-    chart : xarray.Dataset
-        As of `gearlib.analysis.tongues.chart.compute`.
-    facts : xarray.Dataset
-        As of `gearlib.analysis.tongues.explanation.compute`; its sentence goes below, its
-        dampings into the plane of damping.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Shade: growth per mesh period at the first damping. Lines: edges of the tongues, one colour
-        for each damping. Circles: points of width zero. Dashed: the pair itself.
+    `chart` is that of `gearlib.analysis.tongues.chart.compute`, `facts` that of
+    `gearlib.studies.contact_loss.compute`, whose dampings go into the plane of damping. Shade:
+    growth per mesh period at the first damping. Lines: edges of the tongues, one colour for
+    each damping. Circles: points of width zero. Dashed: the pair itself.
     """
     figure = Figure((style.PAGE_WIDTH, 6.6), layout="constrained")
     grid = figure.add_gridspec(2, 2, height_ratios=[1.25, 1.0])
@@ -83,8 +70,6 @@ def draw(chart, facts):
                markersize=3.5, label="width zero"),
     ]  # fmt: skip
     figure.legend(handles=handles, loc="outside upper center", ncols=6)
-    words = textwrap.fill(str(facts.attrs["explanation"]), _WRAP)
-    figure.supxlabel(words, fontsize=7, x=0.01, ha="left")
     return figure
 
 

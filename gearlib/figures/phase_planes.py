@@ -13,21 +13,12 @@ _MARGIN = 0.06
 
 @style.styled()
 def draw(phase_planes, *, colours=None):
-    """Draw a grid of phase planes {y'; y}.
+    """Draw a grid of phase planes {y'; y}, with colours by the name of the damping, if given.
 
-    Parameters
-    ----------
-    phase_planes : xarray.Dataset
-        As gathered: displacement and velocity over (damping, tuning, phase), period over
-        (damping, tuning), the scalar backlash_ratio.
-    colours : dict of str to str, optional
-        Colours of the dampings by name.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Axes are common to a row. Each cell says whether the orbit is steady, that is repeats
-        after n mesh periods. A run that could not go on (NaN) says so.
+    `phase_planes` are gathered: displacement and velocity over (damping, tuning, phase), period
+    over (damping, tuning), the scalar backlash_ratio. Axes are common to a row. Each cell says
+    whether the orbit is steady, that is repeats after n mesh periods. A run that could not go
+    on (NaN) says so.
     """
     tunings = phase_planes.tuning.values
     looks = style.looks([str(name) for name in phase_planes.damping.values], colours)

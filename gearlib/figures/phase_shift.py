@@ -10,17 +10,7 @@ _HEIGHT = 6.4
 
 @style.styled()
 def draw(lags):
-    """Draw the phase lag.
-
-    Parameters
-    ----------
-    lags : xarray.Dataset
-        As computed by `gearlib.studies.phase_lag.compute`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-    """
+    """Draw the phase lag of `gearlib.studies.phase_lag.compute`."""
     figure = Figure((style.PAGE_WIDTH, _HEIGHT), layout="constrained")
     grid = figure.add_gridspec(3, 2, height_ratios=[1.0, 1.6, 1.8])
     stiffness = figure.add_subplot(grid[0, 0])

@@ -11,18 +11,10 @@ _REGULAR = ("#0072B2", "#009E73", "#4D4D4D", "#56B4E9", "#CC79A7")
 
 @style.styled()
 def draw(data):
-    """Draw the sections of all cases.
+    """Draw the sections of all cases of `gearlib.analysis.global_dynamics.studies.sections`.
 
-    Parameters
-    ----------
-    data : xarray.Dataset
-        As computed by `gearlib.analysis.global_dynamics.studies.sections`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Orange: chaotic orbits; grey: undecided ones; other colours: regular ones, each orbit in
-        one colour.
+    Orange: chaotic orbits; grey: undecided ones; other colours: regular ones, each orbit in one
+    colour.
     """
     figure, panels = style.panels(data.sizes["case"], _HEIGHT)
     for i, axes in enumerate(panels):

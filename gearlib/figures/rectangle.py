@@ -24,16 +24,9 @@ _LEAST, _MOST = 1e-4, 10.0
 def draw(costs):
     """Draw for each pair the heights by whole course and rectangle, and what the latter costs.
 
-    Parameters
-    ----------
-    costs : xarray.Dataset
-        As computed by `gearlib.studies.rectangle.compute`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Below: a mark for each method, its difference between course and rectangle; the bar is the
-        spread between the methods; dashed: the tolerance.
+    `costs` are those of `gearlib.studies.rectangle.compute`. Below: a mark for each method, its
+    difference between course and rectangle; the bar is the spread between the methods; dashed:
+    the tolerance.
     """
     count = costs.sizes["pair"]
     figure = Figure((style.PAGE_WIDTH, 5.0), layout="constrained")

@@ -32,17 +32,9 @@ _WIDTHS = (2.2, 1.4, 0.8)
 def draw(characteristics):
     """Draw a column for each case: the branches from rest, up and down where these differ.
 
-    From rest, lines are medians over all starts and shades their range; the lowest row has the
-    share of the starts that settle, and of those that share one motion.
-
-    Parameters
-    ----------
-    characteristics : xarray.Dataset
-        As computed by `gearlib.studies.trains.reducer.compute`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
+    `characteristics` are those of `gearlib.studies.trains.reducer.compute`. From rest, lines
+    are medians over all starts and shades their range; the lowest row has the share of the
+    starts that settle, and of those that share one motion.
     """
     data = characteristics
     figure = Figure((style.PAGE_WIDTH, 6.8), layout="constrained")

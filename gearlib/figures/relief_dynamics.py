@@ -19,15 +19,8 @@ _LINES = {"up": "-", "down": (0, (2, 1.2))}
 def draw(data):
     """Draw the largest dynamic force over tuning, a panel for each load.
 
-    Parameters
-    ----------
-    data : xarray.Dataset
-        As of `gearlib.studies.tip_relief.dynamics`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Shaded: tunings at which one of both models loses contact.
+    `data` is that of `gearlib.studies.tip_relief.dynamics`. Shaded: tunings at which one of
+    both models loses contact.
     """
     count = data.sizes["load_ratio"]
     figure = Figure((style.PAGE_WIDTH, 3.0), layout="constrained")

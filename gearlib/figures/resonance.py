@@ -65,7 +65,7 @@ def draw(resonance, *, colours=None, labels=(), branches=(), tongues=None):
         dashed where unstable.
     tongues : xarray.Dataset, optional
         tuning_from and tuning_to over (damping, order) as of
-        `gearlib.analysis.tongues.explanation`: shades in the panel of each damping.
+        `gearlib.studies.contact_loss`: shades in the panel of each damping.
 
     Returns
     -------

@@ -36,15 +36,8 @@ def verdicts(radius, true):
 def draw(chart):
     """Draw a map of verdicts for each method, and the true radius below.
 
-    Parameters
-    ----------
-    chart : xarray.Dataset
-        As computed by `gearlib.studies.trials.stability.compute`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        The dashed line is the limit of explicit Runge-Kutta steps at the maximum stiffness.
+    `chart` is that of `gearlib.studies.trials.stability.compute`. The dashed line is the limit
+    of explicit Runge-Kutta steps at the maximum stiffness.
     """
     methods = [str(name) for name in chart.method.values]
     rows = -(-len(methods) // 2)

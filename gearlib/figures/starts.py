@@ -11,14 +11,8 @@ _NARROW = 1e-3
 def draw_range(axes, x, data, name, colour):
     """Shade the range of a variable over all starts, where it has one.
 
-    Parameters
-    ----------
-    axes : matplotlib.axes.Axes
-    x : ndarray, shape (t,)
-    data : xarray.Dataset
-        name_low and name_high over tuning, as of `gearlib.studies.trains.motions.over_starts`.
-    name : str
-    colour : str
+    `data` has name_low and name_high over tuning, as of
+    `gearlib.studies.trains.motions.over_starts`.
     """
     low, high = data[f"{name}_low"].values, data[f"{name}_high"].values
     wide = high - low > _NARROW * np.abs(high)

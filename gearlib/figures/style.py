@@ -74,18 +74,9 @@ def styled():
 
 
 def looks(names, colours=None):
-    """Return the looks of the dampings.
+    """Return name -> `Look` of the dampings, named in the order of the data.
 
-    Parameters
-    ----------
-    names : iterable of str
-        Names of the dampings, in the order of the data.
-    colours : dict of str to str, optional
-        Colours by name; a name without one takes the next of the palette.
-
-    Returns
-    -------
-    dict of str to Look
+    A name without one among `colours` takes the next of the palette.
     """
     chosen = colours or {}
     return {
@@ -109,18 +100,9 @@ def length_unit(length):
 def shade_areas(axes, backlash, direction):
     """Shade backlash and inverse mesh across an axes whose limits are set.
 
-    Parameters
-    ----------
-    axes : matplotlib.axes.Axes
-    backlash : float
-        In static deflections; may be infinite.
-    direction : {"x", "y"}
-        The axis of the displacement.
-
-    Returns
-    -------
-    dict of str to tuple of float
-        The visible range (low, high) of every area that is in the picture.
+    The backlash, in static deflections, may be infinite; `direction`, "x" or "y", is the axis
+    of the displacement. Return the visible range (low, high) of every area in the picture by
+    its name.
     """
     low, high = sorted(axes.get_ylim() if direction == "y" else axes.get_xlim())
     ranges = {
@@ -143,12 +125,7 @@ def shade_areas(axes, backlash, direction):
 def add_scale(axes, values, others, label):
     """Add a second scale above an axes, such as speed in rpm over tuning.
 
-    Parameters
-    ----------
-    axes : matplotlib.axes.Axes
-    values, others : ndarray, shape (n,)
-        What the axes counts in, and what the second scale has there, in proportion.
-    label : str
+    Where the axes has `values`, an ndarray, the second scale has `others`, in proportion.
     """
     rate = float(others[-1] / values[-1])
     above = axes.secondary_xaxis("top", functions=(lambda x: x * rate, lambda y: y / rate))

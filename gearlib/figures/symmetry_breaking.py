@@ -23,18 +23,8 @@ _MARKERS = ("o", "x", "^", "s", "D", "v")
 def draw(data, periods_shown):
     """Draw multipliers, bounces and largest forces over the mesh frequency, and one course.
 
-    Markers are medians over all starts beside the symmetric motion, bars their range.
-
-    Parameters
-    ----------
-    data : xarray.Dataset
-        As of `gearlib.studies.trains.symmetry.compute`.
-    periods_shown : int
-        Mesh periods of the course.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
+    `data` is that of `gearlib.studies.trains.symmetry.compute`, the course has so many mesh
+    periods. Markers are medians over all starts beside the symmetric motion, bars their range.
     """
     figure = Figure((style.PAGE_WIDTH, 8.6), layout="constrained")
     axes = figure.subplots(5, 1, height_ratios=[1.0, 1.0, 1.0, 0.3, 1.1])

@@ -31,22 +31,12 @@ _MIN_STIFFNESS_COLOUR = "#D55E00"
 
 @style.styled()
 def draw(scene, *, courses, periods_shown):
-    """Draw a scene.
+    """Draw a scene of `gearlib.studies.scenes.compute`.
 
-    Parameters
-    ----------
-    scene : xarray.Dataset
-        As computed by `gearlib.studies.scenes.compute`.
-    courses : list of str
-        Variables over (case, phase) that are drawn below the phase planes, from above.
-    periods_shown : int
-        Mesh periods drawn, the last ones of the record.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Times in the backlash are shaded; times in mesh at the lower stiffness are marked by a bar
-        above the modified stiffness, with their share of the record.
+    `courses` are variables over (case, phase), drawn below the phase planes from above;
+    `periods_shown` the last mesh periods of the record. Times in the backlash are shaded; times
+    in mesh at the lower stiffness are marked by a bar above the modified stiffness, with their
+    share of the record.
     """
     titles = [str(title) for title in scene.case.values]
     phase = scene.phase.values

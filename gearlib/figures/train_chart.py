@@ -25,14 +25,7 @@ _LINES = ("-", (0, (4, 2)))
 def draw(chart):
     """Draw a panel for each plane and phasing, and the shares that the first order has wrong.
 
-    Parameters
-    ----------
-    chart : xarray.Dataset
-        As of `gearlib.studies.trains.stability.compute`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
+    `chart` is that of `gearlib.studies.trains.stability.compute`.
     """
     planes, phasings = chart.plane.values, range(chart.sizes["phasing"])
     figure = Figure((style.PAGE_WIDTH, 7.4), layout="constrained")

@@ -19,17 +19,9 @@ _LINES = {"up": "-", "down": (0, (4, 2))}
 def draw(curves):
     """Draw a colour for each mesh; meshes that move alike lie on top of each other.
 
-    Shades are ranges over all starts beside static equilibrium, dots their medians; lines carry
-    one start, where it settles.
-
-    Parameters
-    ----------
-    curves : xarray.Dataset
-        As of `gearlib.studies.trains.over_speed.compute`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
+    `curves` are those of `gearlib.studies.trains.over_speed.compute`. Shades are ranges over
+    all starts beside static equilibrium, dots their medians; lines carry one start, where it
+    settles.
     """
     figure = Figure((style.PAGE_WIDTH, 5.2), layout="constrained")
     ratios = [1.0] * len(_ROWS) + [0.3]

@@ -39,7 +39,6 @@ FAMILIES = {
     "controlled": ("step control only", "#D55E00", (0, (5, 1.5))),
     "fixed": ("fixed steps", "#E69F00", (0, (1.5, 1.2))),
     "smoothed": ("smoothed contact", "#CC79A7", (0, (6, 1.5, 1.5, 1.5))),
-    "harmonics": ("harmonics", "#009E73", "-"),
     "other": ("other packages", "#4D4D4D", (0, (3, 1))),
 }
 _MARKERS = "*osD^vPX<>hp"
@@ -96,17 +95,10 @@ def limits_of(values, low=0.4, high=2.5):
 
 
 def draw_panel(axes, costs, errors, lines, floor):
-    """Draw the errors of all methods over their costs.
+    """Draw the errors of all methods over their costs; those below `floor` are rounding.
 
-    Parameters
-    ----------
-    axes : matplotlib.axes.Axes
-    costs, errors : list of (line names, ndarray) and list of ndarray
-        For each method, over its settings; a cost of 0 is drawn at the left edge.
-    lines : dict
-        As of `lines_of`.
-    floor : float
-        Errors below are rounding.
+    For each method, over its settings, `costs` has (names of lines, ndarray) and `errors` an
+    ndarray; a cost of 0 is drawn at the left edge. `lines` are those of `lines_of`.
     """
     left, right = axes.get_xlim()
     bottom = axes.get_ylim()[0]
@@ -171,15 +163,8 @@ def draw(errors):
 def draw_evaluations(errors):
     """Draw the error of the final state over evaluations of the right-hand side.
 
-    Parameters
-    ----------
-    errors : list of xarray.Dataset
-        Results of `gearlib.studies.trials.work_precision.errors`, one for each method.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Closed forms evaluate no right-hand side: they are at the left edge.
+    `errors` are datasets of `gearlib.studies.trials.work_precision.errors`, one for each
+    method. Closed forms evaluate no right-hand side: they are at the left edge.
     """
     costs = [data.period_evaluations.values for data in errors]
     figure, _ = _draw_states(errors, costs, _EVALUATIONS, "rounding of the state")
@@ -190,14 +175,8 @@ def draw_evaluations(errors):
 def draw_time(errors, times):
     """Draw the error of the final state over the wall time.
 
-    Parameters
-    ----------
-    errors, times : list of xarray.Dataset
-        Results of `gearlib.studies.trials.work_precision.errors` and `times` of the same methods.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
+    Datasets of `errors` and `times` of `gearlib.studies.trials.work_precision`, of the same
+    methods.
     """
     costs = [data.period_time.values for data in times]
     # The quickest measurement is the least disturbed one.
@@ -215,15 +194,8 @@ def draw_time(errors, times):
 def draw_measures(errors):
     """Draw the errors of event phases and Floquet multipliers over evaluations.
 
-    Parameters
-    ----------
-    errors : list of xarray.Dataset
-        As of `draw_evaluations`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        A panel for every problem with events, then for every problem with a settled orbit.
+    `errors` as of `draw_evaluations`. A panel for every problem with events, then for every
+    problem with a settled orbit.
     """
     kinds = {
         "event_error": ("event_floor", "error of event phases (rad)"),

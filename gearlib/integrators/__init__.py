@@ -71,8 +71,6 @@ METHODS = _Modules(
         "heyoka": "peers.heyoka",
         "cvode": "peers.cvode",
         "diffrax": "peers.diffrax",
-        "cyrk": "peers.cyrk",
-        "numbalsoda": "peers.numbalsoda",
     }
 )
 

@@ -7,7 +7,7 @@
       = c_l(t) (x - lower_edge)     x <= lower_edge:               lower contact
 
 Rattling gears, a gear pair in Kahraman's and Singh's variables and an oscillator with an elastic
-stop are three sets of these parameters, see `gearlib.studies.trials.published`.
+stop are three sets of these parameters.
 
 ====================  ===========  ================================================================
 name                  symbol       meaning

@@ -9,6 +9,7 @@ name                    responsibility
 ``phase_lag``           lag of the motion behind the mesh stiffness
 ``jump``                where the motion from rest jumps, and what moves the jump
 ``resonance_branches``  the branches behind Fig. 3, and loci of their special points
+``contact_loss``        what begins at a tuning: parametric or forced motion
 ``certificates``        what is proven of the paper's orbits
 ``nonlinear_damping``   equivalent linear, quadratic and cubic damping side by side
 ``analytic_method``     the paper's analytic method at work, against exact orbits

@@ -156,20 +156,39 @@ def _range(pair, tunings, settings):
 
 
 def _errors(pair, settings):
-    """Return the errors of both methods over their numbers of harmonics."""
-    data = {}
+    """Return the errors of both methods over their numbers of harmonics, and what a search costs.
+
+    Errors are those of the motion next to the exact orbit, evaluations those of a search without
+    a guess.
+    """
+    kinds, data = ("displacement", "velocity", "event", "multiplier"), {}
     for name, solve in (("balance", harmonic_balance), ("schmidt", schmidt)):
         ladder = settings[f"{name}_harmonics"]
-        found = np.empty((3, len(settings["shown"]), len(ladder)))
+        found = np.empty((len(kinds), len(settings["shown"]), len(ladder)))
+        evaluations = np.empty(found.shape[1:])
         for i, nu in enumerate(settings["shown"]):
             orbit = periodic_orbit(pair, nu)
             guess = exact_course(orbit, 8 * _PHASES)[0]
             for j, harmonics in enumerate(ladder):
                 error = errors(solve(pair, nu, harmonics=harmonics, guess=guess), orbit)
-                found[:, i, j] = error.displacement, error.velocity, error.multiplier
-        for kind, values in zip(("displacement", "velocity", "multiplier"), found, strict=True):
-            data[f"{name}_{kind}_error"] = (("shown", f"{name}_harmonics"), values)
+                found[:, i, j] = [getattr(error, kind) for kind in kinds]
+                evaluations[i, j] = _searched(solve, pair, nu, harmonics)
+        axes = "shown", f"{name}_harmonics"
+        data |= {
+            f"{name}_{kind}_error": (axes, values)
+            for kind, values in zip(kinds, found, strict=True)
+        }
+        data[f"{name}_evaluations"] = axes, evaluations
     return data
+
+
+def _searched(solve, pair, tuning, harmonics):
+    """Return the evaluations of the force law of a search without a guess; NaN if it fails."""
+    try:
+        solution = solve(pair, tuning, harmonics=harmonics)
+    except NoOrbit:
+        return np.nan
+    return solution.evaluations if getattr(solution, "converged", True) else np.nan
 
 
 def _curves(pair, tunings, settings, run):

@@ -123,6 +123,41 @@ def test_claims_are_those_of_the_code(hook):
     assert linked <= {reproduction.anchor(heading) for heading in headings}
 
 
+def test_reasons_say_what_their_tables_say(hook):
+    from gearlib.analysis.tongues import meissner
+    from tests.paper import PAPER
+
+    reproduction = hook("reproduction")
+    why = reproduction.reasons()
+    third = meissner.tongue(meissner.equation_of(PAPER), 3)
+    assert f"from {third.start:.4f} to {third.stop:.4f}" in " ".join(why["P4"].split())
+    tongue, proven = reproduction.tables()
+    assert tongue["k1m"]["cause"] == "parametric instability"  # P10
+    # P6: what is said of k1 holds of k1+k1m, every range is one of stable orbits.
+    for kind in ("range N", "grazing N"):
+        assert [row["tuning"] for row in proven["k1"][kind]] == [
+            row["tuning"] for row in proven["k1+k1m"][kind]
+        ]
+    assert {row["stability"] for row in proven["k1"]["range N"]} == {"stable"}
+    # P4, P7, P10: both multipliers on the unit circle, or unstable.
+    for damping, kinds in (
+        ("conservative", ["range N"]),
+        ("k1m", ["orbit 0.6", "orbit 0.66", "orbit 0.78", "orbit 1.14"]),
+    ):
+        rows = [row for kind in kinds for row in proven[damping][kind] if row["contacts"] == "N"]
+        assert [row["stability"] == "unstable" for row in rows] == [False, True, False, False]
+        assert sum("on the unit circle, exactly" in row["reason"] for row in rows) == 3
+    for nu in (0.6, 0.66, 0.78, 0.8, 0.81, 0.82):
+        for damping in ("k1", "k1+k1m", "k1m"):
+            reached = f"motion {nu}" in proven[damping]
+            assert reached == (damping != "k1m" or nu >= 0.8)
+    # P11: of two stable orbits the motion from rest tends to the small one.
+    for nu in (0.815, 0.8151):
+        small, _, large = proven["k1"][f"orbit {nu}"]
+        assert small["stability"] == large["stability"] == "stable"
+        assert small["lowest"] == proven["k1"][f"motion {nu}"][0]["lowest"] > large["lowest"]
+
+
 @needs_mkdocs
 def test_every_key_of_the_configuration_is_on_its_page(hook):
     from gearlib.config import schema

@@ -1,4 +1,4 @@
-"""Renew golden numbers, what figures hold, and pictures: `make golden`.
+"""Renew golden numbers and what figures hold of them: `make golden`.
 
 Runs the small workflow of tests/workflow in a temporary folder, says what has moved and writes only
 that: review the difference before it is committed, and say why in the commit. Results of a small
@@ -10,12 +10,12 @@ import argparse
 import tempfile
 from pathlib import Path
 
-from tests.golden import data, pictures, redraw, test_golden_numbers
+from tests.golden import data, redraw, test_golden_numbers
 from tests.workflow.project import small_project
 
 
 def renew(results):
-    """Write what differs from the golden data and pictures; print it."""
+    """Write what differs from the golden data; print it."""
     names = data.datasets(results)
     for name in names:
         found = data.kept(results / name)
@@ -29,8 +29,6 @@ def renew(results):
             print(f"{path.relative_to(data.FOLDER)}: gone")
             path.unlink()
     renew_drawn()
-    print(pictures.compare(results, Path("build/pictures")))
-    pictures.renew(results)
 
 
 def renew_drawn(figures=()):

@@ -18,7 +18,6 @@ from types import SimpleNamespace
 from unittest import mock
 
 import matplotlib
-import numpy as np
 import yaml
 
 from gearlib.figures import style
@@ -115,7 +114,6 @@ def _put_data(project):
         times = {
             name.replace("evaluations", "time"): 1e-6 + 1e-7 * n for name, n in counted.items()
         }
-        times["shooting_time"] = "problem", 1e-5 * np.arange(1, one.sizes["problem"] + 1)
         times["closed_form_time"] = (), 1e-6
         data.write(one.assign(times), path.with_name(path.name.replace("errors", "times")))
     # One time for all, later than that of the sources: to Snakemake they are up to date.

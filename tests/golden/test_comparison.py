@@ -1,12 +1,10 @@
 """The comparison with golden data itself: what it lets pass, and what not."""
 
-import shutil
-
 import numpy as np
 import pytest
 import xarray as xr
 
-from tests.golden import data, pictures, redraw
+from tests.golden import data, redraw
 from tests.golden.tolerances import TABLE, tolerance
 
 KNOWN = sorted(str(path.relative_to(data.FOLDER)) for path in data.FOLDER.rglob("*.nc"))
@@ -21,12 +19,13 @@ def curve():
     return xr.Dataset(values, coords)
 
 
-def test_words_count_but_for_their_digits():
-    golden = curve().assign_attrs(explanation="closed from 0.00885 on")
-    other = golden.assign_attrs(explanation="closed from 0.0089 on")
-    assert data.differences("a.nc", golden, other) == []
-    (words,) = data.differences("a.nc", golden, golden.assign_attrs(explanation="open"))
-    assert "explanation was 'closed from 0.00885 on', is 'open'" in words
+def test_what_verdicts_mean_is_compared():
+    def of(words):
+        return xr.Dataset({"verdict": ("trial", [0, 1], {"flag_meanings": words})})
+
+    assert data.differences("a.nc", of("right wrong"), of("right wrong")) == []
+    (words,) = data.differences("a.nc", of("right wrong"), of("wrong right"))
+    assert words == "a.nc: flag_meanings was 'right wrong', is 'wrong right'"
 
 
 @pytest.mark.parametrize(
@@ -69,12 +68,18 @@ def test_variables_sizes_and_texts():
 def test_what_is_kept(tmp_path):
     times = xr.DataArray([1.0], dims="rung", attrs={"units": "s"})
     whole = xr.Dataset(
-        {"x": ("phase", np.arange(200.0)), "period_time": times, "message": "a"},
-        attrs={"explanation": "b", "title": "c"},
+        {
+            "x": ("phase", np.arange(200.0), {"long_name": "b"}),
+            "verdict": ((), 0, {"flag_meanings": "right", "long_name": "b"}),
+            "period_time": times,
+            "message": "a",
+        },
+        attrs={"title": "c"},
     )
     whole.to_netcdf(tmp_path / "a.nc")
     kept = data.kept(tmp_path / "a.nc")
-    assert set(kept.variables) == {"x"} and set(kept.attrs) == {"explanation"}
+    assert set(kept.variables) == {"x", "verdict"} and not kept.attrs and not kept.x.attrs
+    assert kept.verdict.attrs == {"flag_meanings": "right"}
     assert kept.x.size <= data.SAMPLES and kept.x[1] == 4.0
     for name in ("a/shard.nc", "times.nc", "work/times_rk4.nc", "work/errors_rk4.nc"):
         (tmp_path / name).parent.mkdir(exist_ok=True)
@@ -94,17 +99,3 @@ def test_every_row_of_the_table_is_used():
 def test_golden_files_are_small():
     assert sum((data.FOLDER / name).stat().st_size for name in KNOWN) < 1_000_000
     assert sum(path.stat().st_size for path in redraw.FOLDER.iterdir()) < 1_000_000
-    assert sum(path.stat().st_size for path in pictures.FOLDER.iterdir()) < 2_000_000
-
-
-def test_the_page_of_pictures(tmp_path):
-    same, other = sorted(pictures.FOLDER.glob("*.png"))[:2]
-    (tmp_path / "figures").mkdir()
-    shutil.copyfile(same, tmp_path / "figures" / same.name)
-    shutil.copyfile(same, tmp_path / "figures" / other.name)
-    shutil.copyfile(same, tmp_path / "figures/a_time.png")
-    printed = pictures.compare(tmp_path, tmp_path / "report")
-    assert "1 failed, 1 passed" in printed
-    assert f"FAILED tests/golden/compare_pictures.py::test_picture[{other.stem}]" in printed
-    page = (tmp_path / "report" / pictures.PAGE).read_text(encoding="utf-8")
-    assert same.stem in page and other.stem in page

@@ -69,9 +69,6 @@ TABLE = {
     ("symmetry_breaking.nc", "dynamic_force"): Tolerance(
         1e-6, 1e-6, "rounding grows with the disturbance that breaks the symmetry, by ten places"
     ),
-    ("published/*", "exponent uncertainty share disagreement scan_displacement"): Tolerance(
-        0.1, 0.1, "chaos among the motions: averages over it, and samples", stray=0.3
-    ),
 }
 
 

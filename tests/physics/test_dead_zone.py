@@ -20,11 +20,10 @@ from gearlib import (
 )
 from gearlib.analysis.lyapunov import largest
 from gearlib.data import storage
-from gearlib.figures import published as picture
 from gearlib.kernels.piecewise_linear.system import ORDER
 from gearlib.kernels.piecewise_linear.variation import vary_linear
 from gearlib.kernels.polynomial import bernstein_matrix
-from gearlib.studies.trials import published
+from tests.physics import published
 
 LIMIT = 10_000
 JUDGE = {"solver": "DOP853", "rtol": 1e-13, "atol": 1e-14, "events": True}
@@ -44,8 +43,7 @@ UNEQUAL = DeadZoneOscillator(
     forcing=Harmonics((0.7, 0.2), (0.1,)),
     deviation=Harmonics((), (0.05,)),
 )
-PROBLEMS = {name: problem.make(problem.value) for name, problem in published.PROBLEMS.items()}
-MODELS = PROBLEMS | {"unequal": (UNEQUAL, 1.3)}
+MODELS = published.PROBLEMS | {"unequal": (UNEQUAL, 1.3)}
 
 
 def as_oscillator(pair, **changes):
@@ -249,7 +247,7 @@ def test_deviations_from_rest_die_as_the_damping_says(damping):
 
 
 def test_the_four_motions_of_rattling_gears():
-    model, frequency = PROBLEMS["gear_rattle"]
+    model, frequency = published.PROBLEMS["gear_rattle"]
     patterns = {
         (0.61, 0.0): (1,),
         (0.64, -0.1): (1, 0, 1, 0, 1),
@@ -265,8 +263,30 @@ def test_the_four_motions_of_rattling_gears():
         assert orbit.multipliers.prod().real == pytest.approx(math.exp(-0.6), abs=1e-12)
 
 
+@pytest.mark.parametrize("name", published.MOTIONS)
+def test_the_motions_that_coexist_are_found_and_another_solver_follows_them(name):
+    model, frequency = published.PROBLEMS[name]
+    periodic, chaotic = [], []
+    for start in published.starts(name, 24):
+        end = simulate(model, frequency, periods=120, initial_state=tuple(start))
+        known = chaotic if int(end.period) == 0 else periodic
+        state = end.final_state.values
+        # Motions of these problems lie a hundredth apart; one that does not repeat has no state.
+        if not known or (known is periodic and min(np.abs(known - state).max(axis=1)) > 1e-2):
+            known.append(state)
+    assert (len(periodic), len(chaotic)) == published.MOTIONS[name]
+    for state in (*periodic, *chaotic):
+        settings = {"periods": 4, "record_periods": 4, "initial_state": tuple(state)}
+        run, judge = (
+            simulate(model, frequency, **settings, **method)
+            for method in ({}, {"method": "scipy", "options": JUDGE})
+        )
+        # What the solver's tolerance leaves, amplified by the bounces and by chaos.
+        assert np.abs(run.displacement - judge.displacement).max() < 1e-9
+
+
 def test_the_soft_stop_has_chaos_beside_the_motion_without_impact():
-    model, frequency = PROBLEMS["soft_impact"]
+    model, frequency = published.PROBLEMS["soft_impact"]
     steady = 0.5 / (1.0 - frequency**2 + 0.04j * frequency)
     orbit = periodic_orbit(model, frequency, guess=(0.6, 0.0))
     assert orbit.pattern == (0,)
@@ -282,7 +302,7 @@ def test_the_soft_stop_has_chaos_beside_the_motion_without_impact():
 
 
 def test_sweep_goes_over_the_frequency_of_the_forcing():
-    model, _ = PROBLEMS["gear_rattle"]
+    model, _ = published.PROBLEMS["gear_rattle"]
     settings = {"periods": 20, "record_periods": 2}
     frequencies = [5.0, 2.0 * math.pi, 7.5]
     curve = sweep(model, frequencies, **settings)
@@ -303,19 +323,6 @@ def test_a_run_says_in_its_own_words_what_it_holds(tmp_path):
     for stiffness in (Series(2.0, Harmonics((0.5,))), 3.0):
         model = DeadZoneOscillator(upper_stiffness=stiffness, upper_edge=0.1)
         storage.write(simulate(model, 1.3, periods=2), tmp_path / "run.nc")
-
-
-def test_survey_and_its_picture():
-    settings = {"settle": 120, "exponent_periods": 100, "points": 20, "check_periods": 4}
-    for name, count in (("gear_rattle", 4), ("soft_impact", 2)):
-        survey = published.survey(name, starts=24, values=2, **settings)
-        assert survey.sizes["attractor"] >= count
-        # The chaotic motion amplifies what the independent solver leaves.
-        assert float(survey.disagreement.max()) < 1e-9
-        assert float(survey.share.sum()) == pytest.approx(1.0)
-        figure = picture.draw_survey(survey, name)
-        assert len(figure.axes) == 4
-    assert set(picture.SYMBOLS) == set(published.PROBLEMS)
 
 
 ONE = {"upper_stiffness": 1.0}

@@ -20,7 +20,7 @@ from tests.paper import PAPER
 from tests.physics.test_step_methods import FULL as MESH
 from tests.physics.test_step_methods import SIX
 
-PEERS = ("heyoka", "cvode", "diffrax", "cyrk", "numbalsoda")
+PEERS = ("heyoka", "cvode", "diffrax")
 AVAILABLE = {method.name: method for method in gearlib.methods()}
 PAIR = PAPER.replace(material_damping=3953.7, backlash_damping=3953.7)
 FULL = MESH.replace(contact_ratio=1.569, quadratic_stiffness=1e4)
@@ -31,8 +31,6 @@ TIGHT = {
     "heyoka": ({}, 1e-12),
     "cvode": ({"rtol": 1e-11, "atol": 1e-11}, 1e-8),
     "diffrax": ({"rtol": 1e-11, "atol": 1e-11}, 1e-8),
-    "cyrk": ({"rtol": 1e-11, "atol": 1e-11}, 1e-8),
-    "numbalsoda": ({"rtol": 1e-11, "atol": 1e-11}, 1e-8),
 }
 SIX_TAKEN = ("heyoka", "cvode")
 

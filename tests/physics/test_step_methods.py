@@ -48,7 +48,7 @@ SIX = SixDegreePair(
 )
 SPLIT = {"solver": "DOP853", "rtol": 1e-12, "atol": 1e-12, "events": True}
 NAMES = ("exact", "taylor", "rk4", "rk45", "newmark", "generalised_alpha", "scipy", "smoothed")
-PEERS = ("heyoka", "cvode", "diffrax", "cyrk", "numbalsoda")
+PEERS = ("heyoka", "cvode", "diffrax")
 #: Every method but the exact ones, with each of its options that changes what it does.
 VARIANTS = [
     ("rk4", {}),

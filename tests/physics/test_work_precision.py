@@ -70,7 +70,7 @@ def test_two_other_codes_confirm_the_reference_of_the_train(known, method, optio
         # What a hundred steps of heyoka, or a thousand of the others, leave of the last place.
         ("heyoka", "heyoka", 1e-14),
         ("scipy", "scipy DOP853, split", 2e-13),
-        *((name, name, 2e-13) for name in ("cvode", "diffrax", "cyrk", "numbalsoda")),
+        *((name, name, 2e-13) for name in ("cvode", "diffrax")),
     ],
 )
 def test_solvers_of_others_go_down_to_their_floors(known, method, line, floor):

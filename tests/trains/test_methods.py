@@ -127,7 +127,7 @@ def test_sweeps_take_them_and_what_does_not_is_refused_in_a_sentence():
     assert many.dynamic_force_max.dims == ("tuning", "mesh")
     np.testing.assert_array_equal(many.bounces[1], one.bounces)
     np.testing.assert_array_equal(many.final_state[1], one.final_state)
-    for method in ("taylor", "rk45", "newmark", "cvode", "diffrax", "cyrk", "numbalsoda"):
+    for method in ("taylor", "rk45", "newmark", "cvode", "diffrax"):
         with pytest.raises(ValueError, match=f"method = '{method}' .* it takes .* must be one of"):
             run(train, method)
 

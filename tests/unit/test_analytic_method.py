@@ -1,15 +1,15 @@
 """The scenes of the frequency domain: datasets and figures, from small settings."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from gearlib import GearPair
+from gearlib.analysis.orbits.shooting import NoOrbit
 from gearlib.figures import analytic_method as figures
-from gearlib.figures import steady_orbits as orbit_figures
 from gearlib.studies import analytic_method
-from gearlib.studies.trials import steady_orbits
 from tests.paper import PARAMETERS
-from tests.unit.test_work_precision import SETTINGS
 
 
 @pytest.fixture(scope="module")
@@ -58,24 +58,27 @@ def test_without_loss():
     assert pair.backlash == 0.0 and pair.backlash_damping == 100.0
 
 
-def test_steady_orbits(monkeypatch):
-    short = [steady_orbits.LADDERS["harmonic_balance"][0]._replace(values=(4, 16, 64))]
-    monkeypatch.setitem(steady_orbits.LADDERS, "harmonic_balance", short)
-    arguments = ["exact", "harmonic_balance"], ["smooth", "bouncing"], PARAMETERS, SETTINGS
-    errors = steady_orbits.errors(*arguments)
-    lines = errors.line.values
-    assert set(lines) == {"exact", "harmonic balance"}
-    # A settled run has its own rounding.
-    assert (errors.state_error.values[:, lines == "exact"] < 1e-12).all()
-    over_harmonics = errors.state_error.values[:, lines == "harmonic balance"]
-    assert (over_harmonics[:, -1] < 1e-2 * over_harmonics[:, 0]).all()
-    assert np.isnan(errors.event_error.values[0]).all()
-    assert (errors.event_error.values[1, 1:] < 1e-2).all()
-    # Damping is the same everywhere: Liouville's formula, which Hill's method keeps to rounding.
-    assert (errors.multiplier_error.values[:, lines == "harmonic balance"] < 1e-12).all()
-    # By differences of settled runs.
-    assert (errors.multiplier_error.values[:, lines == "exact"] < 1e-6).all()
-    assert orbit_figures.draw_orbits(errors).axes
+def test_events_multipliers_and_what_a_search_costs(data):
+    for name in ("balance", "schmidt"):
+        # At 0.7 contact is never lost: no events, and Liouville's formula, which Hill's method
+        # keeps to rounding.
+        events, multipliers = data[f"{name}_event_error"], data[f"{name}_multiplier_error"]
+        assert np.isnan(events.values[0]).all() and (multipliers.values[0] < 1e-12).all()
+        # Phases of crossings are as good as the displacement, 0.25 / 16^2.
+        assert (events.values[1, 1] < 1e-3) and events.values[1, 1] < events.values[1, 0]
+        # Without a guess all orbits are found here; twice the harmonics cost more.
+        assert (np.diff(data[f"{name}_evaluations"]) > 0.0).all()
+
+
+def test_a_search_that_fails_has_no_cost():
+    def fails(*_, harmonics):
+        raise NoOrbit("none")
+
+    def wanders(*_, harmonics):
+        return SimpleNamespace(converged=False, evaluations=7)
+
+    for solve in (fails, wanders):
+        assert np.isnan(analytic_method._searched(solve, None, 1.0, 8))
 
 
 def test_figures(data):

@@ -12,7 +12,7 @@ import yaml
 from gearlib import config
 from gearlib.figures import work_precision
 from gearlib.models.model import Model
-from gearlib.studies.trials import problems, published, references
+from gearlib.studies.trials import problems, references
 from tests.unit.test_defaults import GEARS
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -66,11 +66,7 @@ def caption(path, settings):
 
 def defined(path):
     """Return the numbers that belong to a caption whatever is computed: what it cites, defines."""
-    name = path.stem.removeprefix("published_")
-    if name in published.PROBLEMS:
-        # Equations and references of published problems.
-        return numbers(Path(published.__file__).read_text(encoding="utf-8"))
-    if path.stem.startswith(("work_precision", "steady_orbits")):
+    if path.stem.startswith("work_precision"):
         return {float(references.DIGITS[1])}
     return numbers(Model.references.replace("-", " ")) if path.stem == "workflow" else set()
 

@@ -2,7 +2,6 @@
 
 import csv
 import json
-import re
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -13,13 +12,12 @@ import yaml
 
 from gearlib import config, simulate, sweep
 from gearlib.analysis.orbits.special_points import REGULAR
-from gearlib.analysis.tongues import explanation
+from gearlib.analysis.tongues import meissner
 from gearlib.data.gathering import gather_phase_planes, gather_resonance
 from gearlib.studies import certificates, claims, jump, phase_lag, resonance_branches, scenes
-from gearlib.studies.claims import characteristics, machine
+from gearlib.studies.claims import characteristics, machine, proven
 from gearlib.studies.claims.characteristics import drift, spread
 from gearlib.studies.claims.data import LINE, Data, NoData
-from gearlib.studies.claims.explanations import GRAZING, Facts
 from gearlib.studies.claims.scenes import contact_ratios, jump_words, phase_shift
 from gearlib.studies.trains import one_mesh
 from tests.paper import PAPER
@@ -84,21 +82,14 @@ def jumps():
     return jump.compute(pair, np.linspace(0.81, 0.82, 11), settings, RUN)
 
 
-def facts(dampings=DAMPINGS):
-    """Return the tongues and the branches of periodic orbits."""
+def branches(dampings=DAMPINGS):
+    """Return the branches of periodic orbits."""
     pairs = {
         name: PAPER.replace(material_damping=k["material"], backlash_damping=k["backlash"])
         for name, k in dampings.items()
     }
-    tongues = explanation.compute(
-        {name: pair.as_dict() for name, pair in pairs.items()},
-        0.66,
-        0.5,
-        1.4,
-        {"periods": 120, "initial_state": (0.0, 0.0)},
-    )
     step = {"step": 0.05, "max_height": 20.0, "max_points": 2000}
-    return tongues, {
+    return {
         name: resonance_branches.compute(pair, 0.5, 1.4, **step) for name, pair in pairs.items()
     }
 
@@ -124,8 +115,14 @@ def proofs(branches, dampings=DAMPINGS):
 @pytest.fixture(scope="module")
 def paper():
     tables = data(np.arange(0.5, 1.4001, 0.002), [0.60, 0.66, 0.78, 0.80, 0.81, 0.82])
-    known = facts()
-    return *tables, lags(), jumps(), configured_scenes(), *known, proofs(known[1])
+    return *tables, lags(), jumps(), configured_scenes()
+
+
+@pytest.fixture(scope="module")
+def known():
+    """Branches of periodic orbits, and what is proven of them."""
+    found = branches()
+    return found, proofs(found)
 
 
 def verdicts(table):
@@ -142,10 +139,6 @@ def test_the_paper(paper):
     assert verdicts(table) == expected
     computed = {claim.id: claim.computed for claim in table}
     assert "k1m unsteady at 0.60 (0.3), 0.66 (0.7), 0.78 (0.05);" in computed["P10"]
-    # Growth by 8.5 % per mesh period, as the tongue says: P4.
-    why = {claim.id: claim.explanation for claim in table}
-    assert "0.66: largest multiplier 1.08495, deviations grow" in why["P10"]
-    assert "grow by 8.5 % per mesh period" in why["P4"]
     assert "jumps at 0.81569" in computed["P11"] and "with: no variation" in computed["P11"]
     # The two tunings of config.yaml on either side of the jump.
     assert "0.8156: y_min -0.148, 0.8157: y_min -1.977; from rest" in computed["P11"]
@@ -178,50 +171,8 @@ def test_both_readings_of_steady_are_printed(paper):
     assert said["P10"] == "differs"
 
 
-def test_explanations_are_made_from_computed_facts(paper):
-    said = {claim.id: claim.explanation for claim in claims.evaluate(PAPER, DAMPINGS, *paper)}
-    # The numbers are those of the tests of branches and tongues, found there in other ways.
-    assert "0.6556" in said["P4"] and "0.6673" in said["P4"]
-    assert "0.790326" in said["P5"] and "of the multipliers is 1 (to rounding)" in said["P5"]
-    assert "k1: the orbit loses contact at nu = 0.802052" in said["P6"]
-    assert "1.11373" in said["P6"] and "0.816045" in said["P6"]
-    assert "1.12838" in said["P7"]
-    # At the tunings that the statement names.
-    for tuning, growth in (("0.60", "neither grow"), ("0.66", "grow"), ("0.78", "neither grow")):
-        assert re.search(rf"{tuning}: largest multiplier [\d.]+, deviations {growth}", said["P10"])
-    assert "0.816045045" in said["P11"] and "0.81569" in said["P11"]
-    assert said["P1"] == said["P12"] == ""
-
-
-def test_what_is_proven_follows_from_certificates(paper):
-    said = {claim.id: claim.proven for claim in claims.evaluate(PAPER, DAMPINGS, *paper)}
-    assert {key for key, words in said.items() if words} == {"P4", "P6", "P7", "P10", "P11"}
-    # The numbers are those of the tests of branches and tongues, found there in other ways.
-    assert "from 0.5624 to 0.6555 and from 0.6675 to 0.7902 and from 1.1285 to 1.4" in said["P4"]
-    assert "unstable from 0.6556243338 to 0.6673416295" in said["P4"]
-    assert "touches the flank at 0.7903261462, 1.128379318" in said["P4"]
-    assert "k1: a stable orbit without loss of contact lives at every nu from 0.5502" in said["P6"]
-    assert "to 0.8019 and from 1.1139 to 1.4 and touches" in said["P6"]
-    assert "flank at 0.802051993, 1.11372635" in said["P6"]
-    assert "folds at 0.8081903379, 0.8160450454" in said["P6"]
-    assert "with k1 and both; with k1m both multipliers" in said["P7"]
-    assert "k1m at 0.80, 0.81, 0.82; k1m at 0.60, 0.78: both" in said["P10"]
-    assert "at 0.66 it is unstable" in said["P10"]
-    assert (
-        "tends to the small ones at 0.815 (lowest x of the small ones -0.127, of the large -1.985; "
-        "near after 17 mesh periods) and to the small" in said["P11"]
-    )
-    # An orbit that is refused leaves no trace in the words.
-    fewer = [row for row in paper[-1] if row["claim"] != "motion"]
-    said = {one.id: one.proven for one in claims.evaluate(PAPER, DAMPINGS, *paper[:-1], fewer)}
-    assert said["P11"] == said["P10"] == said["P7"] == "" and said["P6"]
-    fewer = [row for row in paper[-1] if row["claim"] != "orbit"]
-    said = {one.id: one.proven for one in claims.evaluate(PAPER, DAMPINGS, *paper[:-1], fewer)}
-    assert "with k1 and both" in said["P7"] and "multipliers" not in said["P7"]
-
-
 def test_a_curve_is_read_only_where_its_tunings_reach(paper):
-    given = Data(PAPER, DAMPINGS, *paper[:5])
+    given = Data(PAPER, DAMPINGS, *paper)
     low, high = given.resonance.tuning.values[[0, -1]]
     assert given.curve("k1", low, high).tuning.size == given.resonance.tuning.size
     for ends in ((low - 0.02, high), (low, high + 0.02)):
@@ -274,12 +225,49 @@ def test_small_contact_ratios_mesh_at_least_stiffness_and_large_ones_at_full(low
     )
 
 
-def test_a_second_program_confirms_what_the_words_rest_on(paper, tmp_path):
-    certificates.write_json(paper[-1], tmp_path / "certificates.json")
+def test_what_is_proven_stands_in_a_table(known, tmp_path):
+    proven.write_csv(known[1], tmp_path / "certificates.csv")
+    with (tmp_path / "certificates.csv").open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    said = [row for row in known[1] if row["claim"] not in ("count", "refusal")]
+    assert [row["claim"] for row in rows] == [row["claim"] for row in said]
+
+    def of(damping, *kind):
+        return [
+            row
+            for row in rows
+            if (row["damping"], row["claim"], row["contacts"]) == (damping, *kind)
+        ]
+
+    def at(*kind):
+        return sorted(float(row["tuning"]) for row in of(*kind))
+
+    # The numbers are those of the tests of branches and tongues, found there in other ways.
+    third = meissner.tongue(meissner.equation_of(PAPER), 3)
+    for name in ("none", "k1m"):
+        (row,) = [one for one in of(name, "tongue", "") if 0.6 < float(one["tuning"]) < 0.8]
+        assert float(row["tuning"]) == pytest.approx(third.start, abs=1e-10)
+        assert float(row["until"]) == pytest.approx(third.stop, abs=1e-10)
+        assert at(name, "grazing", "N")[1:] == [0.7903261462, 1.128379318]
+    assert at("k1", "grazing", "N")[1:] == [0.802051993, 1.11372635]
+    assert at("k1", "fold", "BNB") == [0.8160450454] and 0.8081903379 in at("k1", "fold", "BIBNB")
+    kept = [(row["tuning"], row["until"], row["stability"]) for row in of("k1", "range", "N")]
+    assert kept == [("0.5502", "0.8019", "stable"), ("1.1139", "1.4", "stable")]
+    neutral, unstable, *_ = of("k1m", "orbit", "N")
+    assert "on the unit circle, exactly" in neutral["reason"]
+    assert (unstable["tuning"], unstable["stability"]) == ("0.66", "unstable")
+    for nu, periods, lowest in (("0.815", "17", "-0.127"), ("0.8151", "18", "-0.1299")):
+        (motion,) = [row for row in of("k1", "motion", "BNB") if row["tuning"] == nu]
+        assert motion["periods"] == periods and f"{float(motion['lowest']):.4g}" == lowest
+        assert motion["lowest"] in [row["lowest"] for row in of("k1", "orbit", "BNB")]
+
+
+def test_a_second_program_confirms_what_the_words_rest_on(known, tmp_path):
+    certificates.write_json(known[1], tmp_path / "certificates.json")
     rows = certificates.read_json(tmp_path / "certificates.json")
-    assert rows == json.loads(json.dumps(paper[-1]))
+    assert rows == json.loads(json.dumps(known[1]))
     counts = {row["damping"]: row["orbits"] for row in rows if row["claim"] == "count"}
-    for name, branch in paper[-2].items():
+    for name, branch in known[0].items():
         assert sum(counts[name].values()) == int((branch.label == REGULAR).sum()) > 100
     motions = [row for row in rows if row["claim"] == "motion" and row["damping"] == "k1"]
     # That of P11, with bounces, and one of P7, without.
@@ -315,11 +303,6 @@ def test_the_thickness_of_a_line_is_a_touch():
     data = SimpleNamespace(names=lambda *_: ["none"], planes=lambda *_: planes)
     holds, words = characteristics.conservative_planes(data)
     assert holds and "bounces at 0.66, 0.80, 0.81, 0.82" in words
-    point = {"period": np.ones(3), "label": np.full(3, GRAZING), "tuning": [0.7, 0.8, 0.9]}
-    point["displacement_min"] = np.array([5e-6, -5e-7, 5e-7])
-    branch = xr.Dataset({name: ("point", values) for name, values in point.items()})
-    facts = Facts(None, None, {"k1": branch})
-    assert facts.grazings("k1").tolist() == [0.8, 0.9]
 
 
 def test_verdicts_follow_the_data(paper):
@@ -333,9 +316,7 @@ def test_verdicts_follow_the_data(paper):
     planes.displacement.loc[{"damping": "none", "tuning": 0.6}] = np.cos(planes.phase)
     planes.period.loc[{"damping": "none", "tuning": 0.6}] = 1
     table = verdicts(
-        claims.evaluate(
-            PAPER, DAMPINGS, resonance, planes, lags((40.0, 41.0)), paper[3], shown, *paper[5:]
-        )
+        claims.evaluate(PAPER, DAMPINGS, resonance, planes, lags((40.0, 41.0)), paper[3], shown)
     )
     assert [table[key] for key in ("P3", "P4", "P6", "P7", "P9", "P12", "P13")] == ["differs"] * 7
     assert table["P11"] == "holds"
@@ -348,15 +329,12 @@ def test_another_pair_differs_in_its_numbers(paper):
 
 
 def test_missing_data_are_named_not_guessed():
-    there = facts({"k1": DAMPINGS["k1"]})
     few = data(np.arange(0.9, 1.0, 0.05), [0.7], {"k1": DAMPINGS["k1"]})
-    table = claims.evaluate(
-        PAPER, {"k1": DAMPINGS["k1"]}, *few, lags((4000.0,)), jumps(), {}, *there, []
-    )
+    table = claims.evaluate(PAPER, {"k1": DAMPINGS["k1"]}, *few, lags((4000.0,)), jumps(), {})
     assert verdicts(table) == {"P1": "holds", "P2": "holds"} | dict.fromkeys(
         IDS[2:], "not evaluated"
     )
-    assert all(claim.computed and not claim.proven for claim in table)
+    assert all(claim.computed for claim in table)
 
 
 def test_one_mesh_does_not_stand_for_the_machine(tmp_path):

@@ -1,13 +1,16 @@
-"""Parametric resonance: the chart, the sentence about a tuning, and what is drawn of them."""
+"""Parametric resonance: the chart, the table on a tuning, and what is drawn of them."""
+
+import csv
 
 import numpy as np
 import pytest
 
 from gearlib import GearPair, sweep
-from gearlib.analysis.tongues import chart, explanation, meissner
+from gearlib.analysis.tongues import chart, meissner
 from gearlib.data.storage import read, write
 from gearlib.figures import parametric_resonance as picture
 from gearlib.figures import resonance
+from gearlib.studies import contact_loss
 from tests.paper import PARAMETERS
 from tests.unit.test_figures import GRID, curves
 
@@ -18,12 +21,12 @@ SETTINGS = {"damping_ratios": [0.0, 0.03], "least_stiffness_ratio": 0.3, "values
 
 @pytest.fixture(scope="module")
 def facts():
-    return explanation.compute(PAIRS, 0.66, 0.6, 1.1, RUN)
+    return contact_loss.compute(PAIRS, 0.66, 0.6, 1.1, RUN)
 
 
 def test_the_singular_region_is_a_tongue(facts):
     free, damped = facts.sel(damping="conservative"), facts.sel(damping="k1")
-    assert free.cause == explanation.PARAMETRIC and damped.cause == explanation.NONE
+    assert free.cause == contact_loss.PARAMETRIC and damped.cause == contact_loss.NONE
     assert free.nearest_order == 3 and free.tuning_from.sel(order=3) < 0.66
     assert 0.66 < free.tuning_to.sel(order=3) < free.loss_to < 0.68
     # From the first to the last tuning from rest, and no further than a step of the scan.
@@ -35,43 +38,60 @@ def test_the_singular_region_is_a_tongue(facts):
     # Contact is lost although the orbit without loss keeps it.
     assert free.growth > 0.0 and free.orbit_min > 0.2 and free.lost
     assert not damped.lost and damped.damping_ratio > facts.closing_damping.sel(order=3)
-    assert explanation.orbit_min(GearPair(**PARAMETERS), 0.8) < 0.0 < free.forced_from < 0.8
+    assert contact_loss.orbit_min(GearPair(**PARAMETERS), 0.8) < 0.0 < free.forced_from < 0.8
 
 
 def test_an_orbit_that_touches_the_flank_does_not_leave_it(facts):
     touch = float(facts.forced_from.sel(damping="conservative"))
     pair = GearPair(**PARAMETERS)
-    assert abs(explanation.orbit_min(pair, touch)) < 1e-10
-    for tuning, cause in ((touch, explanation.NONE), (touch + 1e-5, explanation.FORCED)):
-        assert explanation._facts(pair, tuning, RUN)["cause"] == cause
+    assert abs(contact_loss.orbit_min(pair, touch)) < 1e-10
+    for tuning, cause in ((touch, contact_loss.NONE), (touch + 1e-5, contact_loss.FORCED)):
+        assert contact_loss._facts(pair, tuning, RUN)["cause"] == cause
 
 
 @pytest.mark.parametrize(
-    ("tuning", "words"),
+    ("tuning", "causes"),
     [
-        (
-            0.66,
-            ("lies in the tongue of order 3", "by parametric instability", "With k1 "),
-        ),
-        (0.64, ("do not grow at nu = 0.64, outside of the tongue of order 3",)),
-        (0.82, ("leaves the flank at nu = 0.82", "by the forced response")),
+        (0.66, ["none", "parametric instability"]),
+        (0.64, ["none", "none"]),
+        (0.82, ["forced response", "forced response"]),
     ],
 )
-def test_the_sentence_follows_the_facts(facts, tuning, words):
+def test_what_happens_at_a_tuning_stands_in_a_table(facts, tmp_path, tuning, causes):
     if tuning != 0.66:
-        facts = explanation.compute(PAIRS, tuning, 0.6, 1.1, RUN)
-    text = explanation.explanation(facts)
-    assert text == facts.attrs["explanation"] and all(part in text for part in words)
+        facts = contact_loss.compute(PAIRS, tuning, 0.6, 1.1, RUN)
+    contact_loss.write_csv(facts, tmp_path / "table.csv")
+    with (tmp_path / "table.csv").open(encoding="utf-8") as file:
+        damped, free = csv.DictReader(file)
+    assert [row["damping"] for row in (damped, free)] == list(PAIRS)
+    assert [row["cause"] for row in (damped, free)] == causes
+    assert {float(row["tuning"]) for row in (damped, free)} == {tuning}
+    pair = GearPair(**PARAMETERS)
+    tongue = meissner.tongue(meissner.equation_of(pair), int(free["order"]))
+    assert float(free["tuning_from"]) == pytest.approx(tongue.start, abs=1e-9)
+    assert float(free["tuning_to"]) == pytest.approx(tongue.stop, abs=1e-9)
+    # That of the damped pair is closed: its damping ratio is above.
+    assert (damped["tuning_from"] == "") == (damped["order"] == "3")
+    if damped["tuning_from"] == "":
+        assert float(damped["damping_ratio"]) > float(damped["closing_damping"])
+    assert float(free["growth_percent"]) == pytest.approx(growth_percent(pair, tuning), abs=1e-7)
+    assert (free["lost"] == "yes") == (tuning != 0.64)
+    # The scan from 0.82 on ends before contact comes back.
+    assert (free["loss_from"] != "") == (tuning != 0.64) and (free["loss_to"] != "") == (
+        tuning == 0.66
+    )
 
 
-def test_where_the_orbit_itself_leaves_the_flank_in_words(facts):
-    words = "only from nu = 0.7654: forced response"
-    same = facts.assign(forced_from=("damping", [0.76541, 0.76543]))
-    assert words in explanation.explanation(same)
-    apart = facts.assign(forced_from=("damping", [0.76541, 0.7668]))
-    assert "only from nu = 0.7654 to 0.7668, by damping:" in explanation.explanation(apart)
-    past = facts.assign(forced_from=("damping", [0.64, np.nan]))
-    assert "only from" not in explanation.explanation(past)
+def growth_percent(pair, tuning):
+    """Return by how much undamped deviations grow per mesh period: two swings of two springs."""
+    share, kappa = pair.contact_ratio - 1.0, pair.stiffness_ratio
+    stiff = 1.0 / (share + (1.0 - share) * kappa)
+    period = np.eye(2)
+    for part, spring in ((share, stiff), (1.0 - share, kappa * stiff)):
+        rate, angle = np.sqrt(spring) / tuning, 2.0 * np.pi * part * np.sqrt(spring) / tuning
+        c, s = np.cos(angle), np.sin(angle)
+        period = np.array([[c, s / rate], [-s * rate, c]]) @ period
+    return 100.0 * (np.abs(np.linalg.eigvals(period)).max() - 1.0)
 
 
 def test_the_chart_marks_the_pinched_tongues_that_it_shows(facts):

@@ -193,8 +193,3 @@ def test_a_table_shows_what_the_csv_holds(tmp_path, cell):
     escaped = cell.replace("&", "&amp;").replace("<", "&lt;")
     assert f"<td>{escaped}</td><td>2</td>" in text
     assert "<th>first column</th>" in text
-
-
-def test_a_text_is_escaped(tmp_path):
-    tables.write_text_page("nu < 1", tmp_path / "words.html")
-    assert "<p>nu &lt; 1</p>" in (tmp_path / "words.html").read_text(encoding="utf-8")

@@ -33,9 +33,9 @@ EXPERIMENTS = {
         {"label": DAMPINGS}, {"draw_resonance": 1}, simulates=True, with_k1={"label": 1}
     ),
     "parametric_resonance": Experiment(
-        {"parametric_resonance": 1, "tongues": 1, "parametric_resonance_page": 1},
+        {"parametric_resonance": 1, "tongues": 1, "parametric_resonance_table": 1},
         {"draw_parametric_resonance": 1, "draw_resonance": 1},
-        with_k1={"tongues": 1, "parametric_resonance_page": 1},
+        with_k1={"tongues": 1, "parametric_resonance_table": 1},
     ),
     "branches": Experiment(
         {"branches": DAMPINGS, "loci": 1},
@@ -71,7 +71,6 @@ EXPERIMENTS = {
         simulates=True,
     ),
     "stability_chart": Experiment({"stability_chart": 1}, {"draw_stability_chart": 1}),
-    "published": Experiment({"published": 1}, {"draw_published": 1}, simulates=True),
     "reducer": Experiment(
         {"reducer": 1, "reducer_table": 1},
         {"draw_reducer": 1},
@@ -113,11 +112,6 @@ EXPERIMENTS = {
             "work_precision_table": 1,
         },
         {"draw_work_precision": 1, "draw_work_precision_time": 1},
-    ),
-    "steady_orbits": Experiment(
-        {"steady_orbits": 1, "steady_orbit_times": 1},
-        {"draw_steady_orbits": 1, "draw_steady_orbits_time": 1},
-        simulates=True,
     ),
     "analytic_method": Experiment(
         {"analytic_method": 1},

@@ -58,7 +58,7 @@ SHORT = {
 WHOLE = {
     "lint": ["ruff", "ruff", "snakefmt", "lint-imports", "mypy"],
     "docs": ["mkdocs"],
-    "peers": ["python", "python"],
+    "peers": ["python"],
     "random-certificates": ["python"],
     "random-trains": ["python"],
     "slurm-test": ["python"],
@@ -119,8 +119,8 @@ def test_what_make_test_runs_itself(target, tmp_path, request):
     """Run the recipe with stand-ins for its tools; what they are told has to be there."""
     tools = tmp_path / ".venv/bin"
     tools.mkdir(parents=True)
-    # Whatever asks for root or for a compiler.
-    for name in {*WHOLE[target], "apt-get", "gfortran"}:
+    # What asks for root, too.
+    for name in {*WHOLE[target], "apt-get"}:
         (tools / name).write_text(STAND_IN, encoding="utf-8")
         (tools / name).chmod(0o755)
     shutil.copy2(ROOT / "Makefile", tmp_path)

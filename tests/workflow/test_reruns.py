@@ -26,7 +26,7 @@ pytestmark = pytest.mark.slow
 DRAWN_BY_TABLE = {rule: n for rule, n in drawn().items() if rule != "draw_report_page"}
 
 # What rests on the charts of work and precision.
-MEASURED = ("work_precision", "jump_by_method", "steady_orbits")
+MEASURED = ("work_precision", "jump_by_method")
 
 
 def after_an_edit(path, records):
@@ -217,7 +217,7 @@ def test_a_file_and_a_key_on_the_command_line(project):
 def test_the_paper_alone(tmp_path):
     planned = small_project(tmp_path / "project").planned("paper")
     assert {"draw_phase_lag", "draw_resonance", "draw_scene", "draw_jump", "claims"} <= set(planned)
-    assert not {"basins", "published", "work_precision_errors", "draw_branches"} & set(planned)
+    assert not {"basins", "work_precision_errors", "draw_branches"} & set(planned)
 
 
 def test_cases_side_by_side(tmp_path):

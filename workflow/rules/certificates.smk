@@ -1,4 +1,4 @@
-"""What is proven of the orbits, in ball arithmetic, as a file that a second program can check."""
+"""What is proven of the orbits, in ball arithmetic, as a file that a second program can check and as a table."""
 
 
 use rule job as certificates with:
@@ -10,6 +10,8 @@ use rule job as certificates with:
         sources=script_sources("certificates"),
     output:
         json="results/certificates.json",
+        csv="results/certificates.csv",
+        page=table_page("certificates", "What is proven of the orbits: table", EXPLANATIONS),
     params:
         script="certificates",
         # Without python-flint nothing is proven, and the file is an empty list.

@@ -10,9 +10,6 @@ use rule job as claims with:
         phase_lag=rules.phase_lag.output.dataset,
         jump=rules.jump.output.dataset,
         scenes=[f"results/scenes/{name}.nc" for name in CONFIG.scenes],
-        tongues=rules.tongues.output.dataset,
-        branches=expand(rules.branches.output.dataset, damping=CONFIG.dampings),
-        certificates=rules.certificates.output.json,
         sources=script_sources("claims"),
     output:
         csv="results/claims.csv",

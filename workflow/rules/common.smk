@@ -20,14 +20,6 @@ from gearlib.config import yaml_keys
 from gearlib.config.trials import PEERS
 from workflow.sources import sources
 
-#: Published problems and what the report calls them; names of gearlib.studies.trials.published,
-#: which would load the numerical stack.
-PUBLISHED = {
-    "gear_rattle": "Gear rattle",
-    "gear_pair": "Gear pair with periodic stiffness and dead zone",
-    "soft_impact": "Soft impact",
-}
-
 ROOT = Path(workflow.basedir)
 
 #: Fig. 2 to 8 and the table of statements.
@@ -36,9 +28,11 @@ PAPER_TARGETS = ["phase_lag", "resonance", "phase_planes", "scenes", "jump", "cl
 #: The parts of the report, numbered because its menu is in the order of the alphabet.
 PAPER, CLAIMS = "1 The paper's figures", "2 The paper's statements"
 EXPLANATIONS, METHODS = "3 Explanations", "4 Methods"
-PUBLISHED_PART = "5 Published problems"
-TRAINS = "6 Gear trains"
-DRAWN = "7 From the drawing"
+TRAINS = "5 Gear trains"
+DRAWN = "6 From the drawing"
+
+#: The numbers of the reasons that the documentation gives for the verdicts.
+WHY = ["results/parametric_resonance.csv", "results/certificates.csv"]
 
 #: The keys of a grid of tunings.
 GRID = {"start", "stop", "step"}
@@ -222,11 +216,6 @@ def work_precision_files(kind):
     return [f"results/work_precision/{kind}_{name}.nc" for name in methods if installed(name)]
 
 
-def time_integration_methods():
-    """Return the methods of settled orbits that are behind ``method=``."""
-    return [name for name in CONFIG.steady_orbits.methods if name in integrators.METHODS]
-
-
 def work_precision_settings():
     """Return what the test problems take from the configuration, without methods and repeats."""
     apart = {"methods", "problems", "repeats"}
@@ -247,7 +236,7 @@ def target_files(targets):
         "labels": expand("results/labels/{damping}.nc", damping=CONFIG.dampings),
         "nonlinear_damping": ["results/nonlinear_damping.csv"],
         "models": ["results/models.csv"],
-        "parametric_resonance": ["results/tables/parametric_resonance.html"],
+        "parametric_resonance": ["results/parametric_resonance.csv"],
         "work_precision": ["results/work_precision.csv"],
         "jump_by_method": ["results/jump_by_method.csv"],
         "reducer": ["results/reducer.csv"],
@@ -255,8 +244,8 @@ def target_files(targets):
         "campbell": ["results/campbell.csv"],
         "mesh_stiffness": ["results/mesh_stiffness.csv"],
         "rectangle": ["results/rectangle.csv"],
-        "certificates": ["results/certificates.json"],
-        "claims": ["results/claims.csv", "results/claims.md"],
+        "certificates": ["results/certificates.json", "results/certificates.csv"],
+        "claims": ["results/claims.csv", "results/claims.md", *WHY],
         "report_page": ["results/report/index.html"],
     }
     wanted = [name for name in targets if name != "models" or CONFIG.scenes]

@@ -155,22 +155,6 @@ DRAWINGS = {
         absent=absent(CONFIG.work_precision.methods),
         target="work_precision",
     ),
-    "steady_orbits": Drawing(
-        "steady_orbits.draw_orbits",
-        {"errors": rules.steady_orbits.output.dataset},
-        {"steady_orbits": "Settled orbits: errors over evaluations"},
-        METHODS,
-    ),
-    "steady_orbits_time": Drawing(
-        "steady_orbits.draw_orbit_times",
-        {
-            "errors": rules.steady_orbits.output.dataset,
-            "times": rules.steady_orbit_times.output.dataset,
-        },
-        {"steady_orbits_time": "Settled orbits: errors over wall time"},
-        METHODS,
-        target="steady_orbits",
-    ),
     "jump_by_method": Drawing(
         "jump_by_method.draw",
         {"jumps": jump_by_method_files()},
@@ -196,12 +180,6 @@ DRAWINGS = {
         {"diagram": rules.campbell.output.dataset},
         {"campbell": "Fig. 1: Campbell diagram of the reducer"},
         EXPLANATIONS,
-    ),
-    "published": Drawing(
-        "published.draw",
-        dict(rules.published.output.items()),
-        {f"published_{name}": label for name, label in PUBLISHED.items()},
-        PUBLISHED_PART,
     ),
     "train_chart": Drawing(
         "train_chart.draw",

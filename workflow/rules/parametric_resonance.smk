@@ -21,30 +21,33 @@ use rule job as tongues with:
     pathvars:
         job="tongues",
     input:
-        sources=script_sources("tongues"),
+        sources=function_sources("gearlib.studies.contact_loss:compute"),
         kernels=rules.compile_kernels.output.stamp,
     output:
         dataset="results/tongues.nc",
-        sentence="results/parametric_resonance.txt",
     params:
-        script="tongues",
+        script="compute",
+        function="gearlib.studies.contact_loss:compute",
         pairs=canonical({name: CONFIG.pair_parameters(name) for name in CONFIG.dampings}),
-        asked=CONFIG.parametric_resonance.asked,
-        tunings=canonical([CONFIG.parametric_resonance.start, CONFIG.parametric_resonance.stop]),
-        run=canonical(run_length()),
+        tuning=CONFIG.parametric_resonance.asked,
+        start=CONFIG.parametric_resonance.start,
+        stop=CONFIG.parametric_resonance.stop,
+        run=canonical({key: run_length()[key] for key in ("periods", "initial_state")}),
 
 
-use rule job as parametric_resonance_page with:
+use rule job as parametric_resonance_table with:
     pathvars:
-        job="parametric_resonance_page",
+        job="parametric_resonance_table",
     input:
-        sentence=rules.tongues.output.sentence,
-        sources=script_sources("text_page"),
+        tongues=rules.tongues.output.dataset,
+        sources=function_sources("gearlib.studies.contact_loss:write_csv", script="table"),
     output:
+        csv="results/parametric_resonance.csv",
         page=table_page(
             "parametric_resonance",
-            "Parametric resonance: the tuning in question, in words",
+            "Parametric resonance: the tuning in question",
             EXPLANATIONS,
         ),
     params:
-        script="text_page",
+        script="table",
+        function="gearlib.studies.contact_loss:write_csv",

@@ -6,12 +6,7 @@ from joblog import redirect_output
 from gearlib.data import storage
 from gearlib.models.pair import GearPair
 from gearlib.pages.report import tables
-from gearlib.studies import certificates, claims
-
-
-def _by_name(paths):
-    return {Path(path).stem: storage.read(path) for path in paths}
-
+from gearlib.studies import claims
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])
@@ -22,10 +17,7 @@ if __name__ == "__main__":
         storage.read(snakemake.input.phase_planes),
         storage.read(snakemake.input.phase_lag),
         storage.read(snakemake.input.jump),
-        _by_name(snakemake.input.scenes),
-        storage.read(snakemake.input.tongues),
-        _by_name(snakemake.input.branches),
-        certificates.read_json(snakemake.input.certificates),
+        {Path(path).stem: storage.read(path) for path in snakemake.input.scenes},
     )
     claims.write_csv(table, snakemake.output.csv)
     claims.write_markdown(table, snakemake.output.markdown)

@@ -79,19 +79,7 @@ class Attractor:
 
 
 def find(strobe, states, known):
-    """Return the periodic attractors that settled states are near, without those known.
-
-    Parameters
-    ----------
-    strobe : Stroboscope
-    states : ndarray, shape (k, n)
-        After a transient; finite.
-    known : list of Attractor
-
-    Returns
-    -------
-    list of Attractor
-    """
+    """Return the `Attractor`s, without those `known`, that settled states (k, n) are near."""
     series = [states]
     for _ in range(2 * MAX_CYCLES):
         series.append(strobe(series[-1], 1)[0])

@@ -35,26 +35,11 @@ def refuse_undamped(pair):
 
 
 def classify(strobe, states, cycles, *, stop_early=True, seed=0):
-    """Return the attractors, and the label of each initial state.
+    """Return the attractors, and of each initial state, shape (k, 2), the index of its own.
 
-    Parameters
-    ----------
-    strobe : Stroboscope
-    states : ndarray, shape (k, 2)
-        Displacements and velocities.
-    cycles : int
-        Of each run; states without an attractor by then get as many again.
-    stop_early : bool
-        Whether a run ends when it is in a trapping ellipse of an attractor.
-    seed : int
-        Of the choice of states that are looked at first.
-
-    Returns
-    -------
-    attractors : list of Attractor
-        By kind, period and height; kinds other than periodic once at most.
-    labels : ndarray of int, shape (k,)
-        Index in `attractors`.
+    Attractors come by kind, period and height; kinds other than periodic once at most. A run
+    has so many `cycles`, without an attractor by then as many again, and with `stop_early` it
+    ends in a trapping ellipse. `seed` chooses the states that are looked at first.
     """
     rng = np.random.default_rng(seed)
     run = _Run(strobe, states, rng)

@@ -25,16 +25,9 @@ def check_one_mesh(pair):
 def initial_states(grid):
     """Return (displacements, velocities) of a grid of initial states, as float arrays.
 
-    Parameters
-    ----------
-    grid : tuple
-        Displacements in static deflections, and dx/dtau: each a tuple (first, last, count) or an
-        array of different values.
-
-    Raises
-    ------
-    ValueError
-        Naming the value and what is allowed; too many states are refused before any is made.
+    Of each the grid has a tuple (first, last, count) or an array of different values,
+    displacements in static deflections, velocities dx/dtau. A ValueError names what is not
+    allowed; too many states are refused before any is made.
     """
     try:
         first, second = grid

@@ -9,22 +9,10 @@ PARAMETERS = tuple(RATIOS)
 
 
 def models(pair, tuning, parameter, values):
-    """Return (pair, tuning) for each value of a parameter.
+    """Return (pair, tuning) for each value, shape (n,), of a parameter, one of `PARAMETERS`.
 
-    Parameters
-    ----------
-    pair : GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator
-        Ratios other than the tuning are varied of a `GearPair` only.
-    tuning : float or None
-        Where another parameter is varied.
-    parameter : str
-        One of `PARAMETERS`.
-    values : ndarray, shape (n,)
-
-    Raises
-    ------
-    ValueError
-        Naming the argument, its value and the allowed range.
+    The given tuning is taken where another parameter is varied; ratios other than the tuning
+    are varied of a `GearPair` only. A ValueError names argument, value and allowed range.
     """
     checks.one_of("parameter", parameter, PARAMETERS)
     if parameter == "tuning":

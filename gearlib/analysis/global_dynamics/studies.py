@@ -29,13 +29,8 @@ _FILL = {
 def basin_cases(cases, settings, threads=None):
     """Return the basins of several cases, over ``case``.
 
-    Parameters
-    ----------
-    cases : list of dict
-        title, tuning, and pair: keyword arguments of `GearPair`.
-    settings : dict
-        displacement and velocity: (lowest, highest); count in each direction; periods.
-    threads : int, optional
+    A case is a dict of title, tuning and pair, keyword arguments of `GearPair`; settings are
+    displacement and velocity: (lowest, highest); count in each direction; periods.
     """
     grid = tuple((*settings[name], settings["count"]) for name in ("displacement", "velocity"))
     found = [

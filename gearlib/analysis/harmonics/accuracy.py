@@ -23,18 +23,10 @@ class Errors(NamedTuple):
 
 
 def errors(solution, orbit=None):
-    """Return the `Errors` of a solution.
+    """Return the `Errors` of a `PeriodicSolution`.
 
-    Parameters
-    ----------
-    solution : PeriodicSolution
-    orbit : gearlib.analysis.orbits.shooting.Orbit, optional
-        The exact orbit; by default the one that shooting finds from the state of the solution.
-
-    Raises
-    ------
-    gearlib.analysis.orbits.shooting.NoOrbit
-        If shooting finds none there.
+    Against the exact `Orbit`, by default the one that shooting finds from its state, or
+    NoOrbit.
     """
     if orbit is None:
         orbit = periodic_orbit(

@@ -67,14 +67,8 @@ def weights(equation, force):
 def remainder_norm(weights, degenerate):
     """Return a bound of the norm of the remainder in mean squares.
 
-    Below 1 its Neumann series converges.
-
-    Parameters
-    ----------
-    weights : ndarray, shape (harmonics + 1,)
-        As of `weights`.
-    degenerate : ndarray of int
-        Harmonics of the degenerate part.
+    Below 1 its Neumann series converges. Weights as of `weights`, shape (harmonics + 1,), and
+    the harmonics of the degenerate part.
     """
     left = np.delete(weights, degenerate)
     return float(left.max()) if left.size else 0.0

@@ -24,13 +24,8 @@ _ASIDE = 1e-3 + 0.7e-3j
 def multipliers(equation, coefficients, harmonics=None):
     """Return the two Floquet multipliers of the period, complex, largest first.
 
-    Parameters
-    ----------
-    equation : MeshEquation
-    coefficients : ndarray, shape (equation.harmonics + 1,)
-        The motion.
-    harmonics : int, optional
-        K; as many as the motion has, at most 100, by default.
+    `coefficients`, shape (equation.harmonics + 1,), are those of the motion. `harmonics`, K, is
+    as many as the motion has, at most 100, by default.
     """
     most = min(equation.harmonics, MOST) if harmonics is None else harmonics
     k = np.arange(-most, most + 1)

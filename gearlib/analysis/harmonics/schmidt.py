@@ -177,16 +177,7 @@ class Iterate(NamedTuple):
 
 
 def iterate(equation, coefficients, degenerate, tolerance):
-    """Yield the steps of the method, without end; see `Iterate`.
-
-    Parameters
-    ----------
-    equation : MeshEquation
-    coefficients : ndarray of complex, shape (harmonics + 1,)
-        First guess.
-    degenerate : ndarray of int
-    tolerance : float
-    """
+    """Yield the steps of the method from first coefficients, without end; see `Iterate`."""
     remainder = np.ones(equation.harmonics + 1, bool)
     remainder[degenerate] = False
     gain = np.zeros(equation.harmonics + 1, complex)

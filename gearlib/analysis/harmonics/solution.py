@@ -178,17 +178,8 @@ def easing(equation, guess):
 def first_coefficients(equation, guess):
     """Return the harmonics from which a search starts, shape (harmonics + 1,).
 
-    Parameters
-    ----------
-    equation : MeshEquation
-    guess : PeriodicSolution, array_like of float, shape (n,), or None
-        A solution of the same period; displacements at n equal steps of phase over the period;
-        or None, the static deflection.
-
-    Raises
-    ------
-    ValueError
-        Naming the argument, its value and the allowed range.
+    The guess is a `PeriodicSolution` of the same period; displacements at n equal steps of
+    phase over the period; or None, the static deflection. A ValueError names it.
     """
     result = np.zeros(equation.harmonics + 1, complex)
     if guess is None:

@@ -81,16 +81,7 @@ def between(problem, a, b, share):
 def special_points(problem, a, b):
     """Return the special points other than grazings from point `a` to `b`, in branch order.
 
-    Parameters
-    ----------
-    problem : Shooting
-    a, b : BranchPoint
-        Neighbours of one contact pattern.
-
-    Raises
-    ------
-    Lost
-        If the branch could not be followed on the chord.
+    Neighbours of one contact pattern; Lost if the branch could not be followed on the chord.
     """
     found = []
     for label, test in _TESTS:

@@ -21,18 +21,10 @@ _RIM = 1e-9
 
 
 def turning_points(pair, tuning, state, period, max_events):
-    """Return (phases, displacements) of the turning points of a motion.
+    """Return (phases, displacements), each of shape (k,), of the turning points of a motion.
 
-    Parameters
-    ----------
-    pair, tuning, state, max_events
-        As of `Propagator.record`.
-    period : int
-        One mesh period more is gone through, so that no turning point of an orbit lies on a rim.
-
-    Returns
-    -------
-    phases, displacements : ndarray, shape (k,)
+    Arguments as of `Propagator.record`. One mesh period more than `period` is gone through, so
+    that no turning point of an orbit lies on a rim.
     """
     _, _, samples = pair.propagator(tuning).record(state, period + 1, max_events, _SAMPLES)
     x, v, a = (

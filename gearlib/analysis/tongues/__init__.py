@@ -9,7 +9,6 @@ module            responsibility
 ``undamped``      gear trains without damping: growth at many tunings
 ``no_loss``       motion without loss of contact: period map, orbit
 ``chart``         stability over tuning and one other parameter
-``explanation``   what begins at a tuning: parametric or forced motion
 ================  ======================================================
 """
 

@@ -33,20 +33,10 @@ class FirstOrder(NamedTuple):
 
 
 def first_order(train, start, stop, orders=8):
-    """Return the first-order tongues of a train whose middles lie within a range of tunings.
+    """Return the `FirstOrder` tongues of a train whose middles lie from tuning `start` to `stop`.
 
-    Parameters
-    ----------
-    train : gearlib.GearTrain
-    start, stop : float
-        Tunings.
-    orders : int, default 8
-        Harmonics of the reference mesh frequency.
-
-    Returns
-    -------
-    list of FirstOrder
-        Those that are wider than rounding, by order and tuning.
+    Of so many `orders`, harmonics of the reference mesh frequency, those that are wider than
+    rounding, by order and tuning.
     """
     squares, _ = train.linear_modes
     angular = np.sqrt(squares)

@@ -188,13 +188,7 @@ def _tongue(pair, order, low, high):
 def several_degrees(pair, start, stop, step):
     """Return the `Tongue`s of several degrees of freedom within a range of tunings, in order.
 
-    Parameters
-    ----------
-    pair : SixDegreePair or GearTrain
-    start, stop : float
-        Tongues are cut off at these.
-    step : float
-        Distance of the tunings of the scan.
+    They are cut off at `start` and `stop`; `step` is the distance of the tunings of the scan.
     """
     grid = np.linspace(start, stop, max(3, math.ceil((stop - start) / step) + 1))
     maps = np.array([pair.contact_map(nu) for nu in grid])

@@ -184,17 +184,10 @@ def tongue(m, order):
 
 
 def within_gap(order, low, high, damping, growth, over):
-    """Return the `Tongue` within a gap.
+    """Return the `Tongue` within a gap, `low` to `high` over k = 1 / nu.
 
-    Parameters
-    ----------
-    order : int
-    low, high : float
-        The gap over k = 1 / nu.
-    damping : float
-        Damping ratio; without any the tongue is the gap.
-    growth, over : callable
-        Of k: the logarithm of the growth, and a smooth function with its sign.
+    `growth` is the logarithm of the growth at k, `over` a smooth function with its sign.
+    Without damping the tongue is the gap.
     """
     sign = -1 if order % 2 else 1
     closed = Tongue(order, sign, math.nan, math.nan, growth(low), 1.0 / low)
@@ -257,12 +250,8 @@ def closing_damping(contact_ratio, stiffness_ratio, order):
 def closing(growth, dampings):
     """Return the largest damping ratio at which a growth passes 0 downwards; 0: none.
 
-    Parameters
-    ----------
-    growth : callable
-        Largest growth of a tongue by the damping ratio.
-    dampings : sequence of float
-        Where it is looked at; rising, the last one closes the tongue.
+    `growth` is the largest growth of a tongue by the damping ratio, `dampings` are where it is
+    looked at; rising, the last one closes the tongue.
     """
     # Damping also changes q: a segment of C_min close to over-damping may open a closed tongue
     # again. So the last damping that leaves it open is bracketed.

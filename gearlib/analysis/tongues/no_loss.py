@@ -17,15 +17,7 @@ from gearlib.models.stiffness import levels, segment_lengths
 def go(state, stiffness, damping, tuning, phase):
     """Return the state a phase later (negative: earlier) on a segment of constant stiffness.
 
-    Parameters
-    ----------
-    state : tuple of float
-        (x, dx/dtau) in static deflections.
-    stiffness : float
-        Over its mean.
-    damping : float
-        Damping ratio beta.
-    tuning, phase : float
+    (x, dx/dtau) in static deflections; stiffness over its mean, damping ratio beta.
     """
     rest = 1.0 / stiffness
     u, v = state[0] - rest, tuning * state[1]

@@ -14,18 +14,10 @@ NEUTRAL = 1e-6
 
 
 def growth(train, tunings):
-    """Return the logarithm of the largest multiplier per mesh period, shape (t,).
+    """Return the logarithm of the largest multiplier per mesh period at tunings, shape (t,).
 
-    Parameters
-    ----------
-    train : gearlib.GearTrain
-        Its damping is left out.
-    tunings : array_like of float, shape (t,)
-
-    Raises
-    ------
-    ValueError
-        If the train is gyroscopic: its stiffness is not symmetric.
+    Damping of the train is left out; ValueError if it is gyroscopic: its stiffness is not
+    symmetric.
     """
     matrices = maps(train, tunings)
     radius = np.abs(np.linalg.eigvals(matrices)).max(axis=1)

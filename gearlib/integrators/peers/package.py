@@ -13,7 +13,6 @@ class Package(NamedTuple):
 
     module: str  #: under which name it is imported
     distribution: str  #: under which name it is installed
-    remark: str = ""  #: what installing it takes besides pip
 
     def available(self):
         """Return whether the package can be found; it is not imported."""
@@ -21,4 +20,4 @@ class Package(NamedTuple):
 
     def note(self):
         """Return what to install, one clause."""
-        return f"pip install {self.distribution}" + (f" ({self.remark})" if self.remark else "")
+        return f"pip install {self.distribution}"

@@ -65,11 +65,8 @@ def mesh(values):
 def renaming(rename):
     """Name what the geometry refuses in another way.
 
-    Parameters
-    ----------
-    rename : callable
-        It gets the name of a parameter and that of its part, or None, and returns what stands for
-        both.
+    `rename` gets the name of a parameter and that of its part, or None, and returns what stands
+    for both.
     """
     try:
         yield

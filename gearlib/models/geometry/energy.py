@@ -100,18 +100,9 @@ def matrix(pair, positions, forces, coupling):
 def energy_stiffness(mesh, pitches, count, *, coupling=1.0, hertz="constant", torque=None):
     """Return the mesh stiffness at positions of the last pair that came into contact, N/m.
 
-    Parameters
-    ----------
-    mesh : Mesh
-    pitches : ndarray of float, shape (n,)
-        In base pitches after the start of contact.
-    count : int
-        Pairs in contact, one base pitch apart.
-    coupling : float, default 1
-        From 0 to 1, see the head of the module.
-    hertz : {"constant", "logarithmic"}, default "constant"
-    torque : float, optional
-        Of the pinion, N m; the logarithmic law needs it.
+    Positions are in base pitches after the start of contact, shape (n,); so many pairs are in
+    contact, one base pitch apart. Coupling is from 0 to 1, see the head of the module; `hertz`
+    is "constant" or "logarithmic", a law that needs the torque of the pinion, N m.
     """
     pair = PairCompliance(mesh, hertz)
     coupling = checks.number("coupling", coupling, "from 0 to 1", lambda v: 0.0 <= v <= 1.0)

@@ -126,15 +126,9 @@ def pairs_at(
 ):
     """Return the `ToothPairs` of a spur mesh; options as of `Mesh.transmission_error`.
 
-    Parameters
-    ----------
-    mesh : Mesh
-    pitches : ndarray, shape (m,)
-        Base pitches since the first pair came into mesh.
-    begun : ndarray, shape (m,)
-        How many of them count as whole: the number of the last pair.
-    inside : ndarray of bool, shape (m, k), optional
-        As of `ToothPairs`, where it is to be decided elsewhere.
+    `pitches`, shape (m,), are base pitches since the first pair came into mesh, `begun` how
+    many of them count as whole: the number of the last pair. `inside` as of `ToothPairs`, shape
+    (m, k), where it is to be decided elsewhere.
     """
     if mesh.overlap_ratio > 0.0:
         raise ValueError(

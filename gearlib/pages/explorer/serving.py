@@ -44,18 +44,9 @@ class Explorer:
 
 
 def serve(mapping, damping, port=0, show=True):
-    """Serve the page on this machine until interrupted.
+    """Serve the page of a configuration and one of its dampings until interrupted.
 
-    Parameters
-    ----------
-    mapping : dict
-        A configuration that `gearlib.config.load` accepts.
-    damping : str
-        One of its dampings.
-    port : int
-        0 takes any free one.
-    show : bool
-        Whether to open a browser.
+    On this machine; port 0 takes any free one, `show` opens a browser.
     """
     pn.extension()
     # The first view loads the compiled kernels, which is nothing to wait for while dragging.

@@ -75,19 +75,7 @@ class View:
 
 
 def look(pair, tuning, grid):
-    """Compute all that the explorer draws at one setting.
-
-    Parameters
-    ----------
-    pair : GearPair
-    tuning : float
-    grid : ndarray, shape (n,)
-        Tunings of the characteristic.
-
-    Returns
-    -------
-    View
-    """
+    """Return the `View`: what the explorer draws at one tuning, the characteristic on a grid."""
 
     def curve(direction):
         swept = sweep(
@@ -120,20 +108,10 @@ def look(pair, tuning, grid):
 
 
 def configuration(mapping, damping, setting):
-    """Return the text of a config.yaml that computes what is seen.
+    """Return the text of a config.yaml that computes what is seen; `gearlib.config.load` takes it.
 
-    Parameters
-    ----------
-    mapping : dict
-        The configuration that the explorer started from; what the sliders do not touch is kept.
-    damping : str
-        The damping combination that the sliders stand for.
-    setting : Setting
-
-    Returns
-    -------
-    str
-        It has passed `gearlib.config.load`.
+    What the sliders do not touch of `mapping`, from which the explorer started, is kept; they
+    stand for its damping of this name.
     """
     settings = config.load(mapping)
     pair = asdict(setting.pair(GearPair(**settings.pair_parameters(damping))))

@@ -112,22 +112,12 @@ slider.value = slider.start + slider.step * Math.max(0, Math.min(last, steps));
 
 
 def build(resonance, orbits, colours=None):
-    """Return the page as a text, the same bytes for the same data.
+    """Return the page as a text, HTML with everything in it, the same bytes for the same data.
 
-    Parameters
-    ----------
-    resonance : xarray.Dataset
-        As gathered: displacement_max and displacement_min in static deflections, period, all
-        over (damping, direction, tuning); speed (rpm) over tuning.
-    orbits : xarray.Dataset
-        As of `gearlib.pages.report.orbits.compute`, dampings in the order of `resonance`.
-    colours : dict of str to str, optional
-        Colours of the dampings by name.
-
-    Returns
-    -------
-    str
-        HTML with everything in it.
+    `resonance` is gathered: displacement_max and displacement_min in static deflections,
+    period, all over (damping, direction, tuning); speed (rpm) over tuning. `orbits` as of
+    `gearlib.pages.report.orbits.compute`, dampings in the order of `resonance`. `colours` by
+    the name of the damping.
     """
     title = "Resonance characteristics of a gear mesh"
     periods = round(orbits.sizes["phase"] * float(orbits.phase[1]) / (2.0 * np.pi))

@@ -1,4 +1,4 @@
-"""Tables and texts as HTML pages that need nothing else: browsers do not show CSV."""
+"""Tables as HTML pages that need nothing else: browsers do not show CSV."""
 
 import csv
 from html import escape
@@ -13,7 +13,6 @@ _PAGE = """<!doctype html>
 <title>{title}</title>
 <style>
 body {{ font: 15px/1.4 system-ui, sans-serif; color: #222; background: #fff; margin: 1.5em; }}
-p {{ max-width: 45em; }}
 table {{ border-collapse: collapse; font-variant-numeric: tabular-nums; }}
 th, td {{ padding: 0.35em 0.8em; text-align: left; vertical-align: top; max-width: 30em; }}
 th {{ position: sticky; top: 0; background: #444; color: #fff; }}
@@ -21,7 +20,12 @@ td {{ border-bottom: 1px solid #ddd; overflow-wrap: break-word; }}
 </style>
 </head>
 <body>
+<table>
+<thead>{head}</thead>
+<tbody>
 {body}
+</tbody>
+</table>
 </body>
 </html>
 """
@@ -30,34 +34,17 @@ td {{ border-bottom: 1px solid #ddd; overflow-wrap: break-word; }}
 def write_table_page(csv_path, path):
     """Write the table of a CSV file as a page, replacing the file in one step.
 
-    Parameters
-    ----------
-    csv_path : str or os.PathLike
-        Its first row names the columns; ``_`` in names is shown as a space.
-    path : str or os.PathLike
+    Its first row names the columns; ``_`` in names is shown as a space.
     """
     with open(csv_path, newline="", encoding="utf-8") as file:
         header, *rows = csv.reader(file)
     lines = [_row("th", [name.replace("_", " ") for name in header])]
     lines += [_row("td", row) for row in rows]
     head, *body = lines
-    _write(
-        path,
-        Path(csv_path).stem,
-        "\n".join(["<table>", f"<thead>{head}</thead>", "<tbody>", *body, "</tbody>", "</table>"]),
-    )
-
-
-def write_text_page(text, path):
-    """Write a paragraph as a page, replacing the file in one step."""
-    _write(path, Path(path).stem, f"<p>{escape(text)}</p>")
+    title = escape(Path(csv_path).stem.replace("_", " "))
+    with replacing(path) as temporary:
+        temporary.write_text(_PAGE.format(title=title, head=head, body="\n".join(body)), "utf-8")
 
 
 def _row(tag, cells):
     return f"<tr>{''.join(f'<{tag}>{escape(cell)}</{tag}>' for cell in cells)}</tr>"
-
-
-def _write(path, name, body):
-    text = _PAGE.format(title=escape(name.replace("_", " ")), body=body)
-    with replacing(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")

@@ -14,8 +14,7 @@ module               responsibility
 ``characteristics``  rules on scales, characteristics and phase planes
 ``scenes``           rules on single runs
 ``machine``          the rule on the whole reducer
-``explanations``     why they come out so: tongues, folds, grazings
-``proven``           what is proven about their orbits
+``proven``           what is proven about their orbits, as a table
 ===================  ======================================================
 """
 
@@ -25,8 +24,6 @@ from dataclasses import asdict, dataclass, fields
 
 from gearlib.data.files import replacing
 from gearlib.studies.claims.data import Data, NoData
-from gearlib.studies.claims.explanations import Facts, explain
-from gearlib.studies.claims.proven import Proven, words_for
 from gearlib.studies.claims.statements import CHECKS
 
 HOLDS, DIFFERS, OPEN = "holds", "differs", "not evaluated"
@@ -41,8 +38,6 @@ class Claim:
     where: str
     computed: str
     verdict: str
-    explanation: str
-    proven: str  #: what of it is a theorem; empty: nothing
     figure: str
 
 
@@ -54,9 +49,6 @@ def evaluate(
     phase_lag,
     jump,
     scenes,
-    tongues,
-    branches,
-    certificates,
 ):
     """Return the claims P1-P13.
 
@@ -75,12 +67,6 @@ def evaluate(
     scenes : dict of str to xarray.Dataset
         As computed by `gearlib.studies.scenes`, by name; P8 and P11-P13 look at those whose names
         begin with fig4, fig6, fig7, fig8.
-    tongues : xarray.Dataset
-        As computed by `gearlib.analysis.tongues.explanation`.
-    branches : dict of str to xarray.Dataset
-        As computed by `gearlib.studies.resonance_branches`, by the name of the damping.
-    certificates : list of dict
-        As computed by `gearlib.studies.certificates`; empty: nothing is proven.
 
     Returns
     -------
@@ -88,13 +74,11 @@ def evaluate(
     """
     resonance = resonance.sortby("tuning")
     data = Data(pair, dampings, resonance, phase_planes, phase_lag, jump, scenes)
-    facts = Facts(data, tongues, branches)
-    proven = Proven(data, certificates)
-    return [judge(check, data, facts, proven) for check in CHECKS]
+    return [judge(check, data) for check in CHECKS]
 
 
-def judge(check, data, facts=None, proven=None):
-    """Return the claim of one statement, with why and what is proven where that is known."""
+def judge(check, data):
+    """Return the claim of one statement."""
     identifier, statement, where, figure, rule = check
     try:
         holds, computed, *strictly = rule(data)
@@ -103,9 +87,7 @@ def judge(check, data, facts=None, proven=None):
             verdict += f" at plot resolution; strictly {strictly[0]}"
     except NoData as reason:
         verdict, computed = OPEN, str(reason)
-    explanation = explain(identifier, facts) if facts and verdict != OPEN else ""
-    words = words_for(identifier, proven) if proven else ""
-    return Claim(identifier, statement, where, computed, verdict, explanation, words, figure)
+    return Claim(identifier, statement, where, computed, verdict, figure)
 
 
 def write_csv(claims, path):
@@ -122,12 +104,11 @@ def write_markdown(claims, path):
     lines = [
         "# Statements of the paper against computed data",
         "",
-        "| id | the paper | computed | verdict | explanation | proven | figure |",
-        "|---|---|---|---|---|---|---|",
+        "| id | the paper | computed | verdict | figure |",
+        "|---|---|---|---|---|",
     ]
     lines += [
-        f"| {c.id} | {c.statement} ({c.where}) | {c.computed} | **{c.verdict}** "
-        f"| {c.explanation} | {c.proven} | {c.figure} |"
+        f"| {c.id} | {c.statement} ({c.where}) | {c.computed} | **{c.verdict}** | {c.figure} |"
         for c in claims
     ]
     _replace(path, "\n".join(lines) + "\n")

@@ -103,8 +103,6 @@ LADDERS = {
     "heyoka": [Line("heyoka", "other", "tol", (*_TOLERANCES, 1e-16))],
     "cvode": [Line("cvode", "other", "rtol", _TOLERANCES, follows=True)],
     "diffrax": [Line("diffrax", "other", "rtol", _TOLERANCES, follows=True)],
-    "cyrk": [Line("cyrk", "other", "rtol", _TOLERANCES, follows=True)],
-    "numbalsoda": [Line("numbalsoda", "other", "rtol", _TOLERANCES, follows=True)],
 }
 
 #: Accuracy parameters of methods that are not in `LADDERS`: the first that a method has.

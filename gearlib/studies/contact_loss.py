@@ -12,7 +12,7 @@ import xarray as xr
 from scipy.optimize import brentq
 
 from gearlib.analysis.tongues import closing_damping, find, meissner, no_loss
-from gearlib.data import provenance
+from gearlib.data import files, provenance
 from gearlib.data.variables import describe
 from gearlib.models.pair import GearPair
 from gearlib.runs.sweeping import sweep
@@ -54,7 +54,6 @@ def compute(pairs, tuning, start, stop, run):
         loss_to, the tunings around between which it does (NaN: beyond the scan); forced_from, the
         first tuning above at which that orbit itself leaves the flank (NaN: none near); cause, as
         of `CAUSES`.
-        The attribute explanation is the sentence of `explanation`.
     """
     low, high = _NEXT
     start, stop = min(start, low * tuning), max(stop, high * tuning)
@@ -88,7 +87,6 @@ def compute(pairs, tuning, start, stop, run):
         "flag_values": np.array(list(CAUSES), np.int8),
         "flag_meanings": " ".join(text.replace(" ", "_") for text in CAUSES.values()),
     }
-    dataset.attrs["explanation"] = explanation(dataset)
     return dataset
 
 
@@ -169,82 +167,36 @@ def _forced_from(pair, tuning):
     return float(brentq(lambda nu: orbit_min(pair, nu), scan[i - 1], scan[i], xtol=1e-12))
 
 
-def explanation(facts):
-    """Return what the data say about the tuning in question, in a few sentences.
+def write_csv(tongues, path):
+    """Write what happens at the tuning in question as a table, a row for each damping.
 
     Parameters
     ----------
-    facts : xarray.Dataset
+    tongues : xarray.Dataset
         As of `compute`.
+    path : str or os.PathLike
+        Replaced in one step.
     """
-    nu = float(facts.asked)
-    names = [str(name) for name in facts.damping.values]
-    by_cause = {
-        cause: [name for name in names if facts.cause.sel(damping=name) == cause]
-        for cause in CAUSES
-    }
-    parts = []
-    growing = facts.sel(damping=by_cause[PARAMETRIC])
-    for ratio in np.unique(growing.damping_ratio.values):
-        parts.append(_parametric(growing.sel(damping=growing.damping_ratio == ratio), nu))
-    if by_cause[FORCED]:
-        who = ", ".join(by_cause[FORCED])
-        parts.append(
-            f"With {who} the orbit of one mesh period itself leaves the flank at nu = {nu:g}: "
-            "contact is lost by the forced response."
-        )
-    if by_cause[NONE]:
-        parts.append(_quiet(facts, nu, by_cause[NONE]))
-    forced = facts.forced_from.where(facts.forced_from > nu)
-    if np.isfinite(forced).any():
-        low, high = float(forced.min()), float(forced.max())
-        span = f"{low:.4f}" if high - low < 5e-5 else f"{low:.4f} to {high:.4f}, by damping"
-        parts.append(
-            f"The orbit without loss of contact itself leaves the flank only from nu = {span}: "
-            "forced response."
-        )
-    return " ".join(parts)
-
-
-def _parametric(alike, nu):
-    """Return the sentence on dampings inside a tongue, alike in contact."""
-    one = alike.isel(damping=0)
-    order = int(one.nearest_order)
-    edges = one.sel(order=order)
-    names = ", ".join(map(str, alike.damping.values))
-    text = (
-        f"nu = {nu:g} lies in the tongue of order {order}, {float(edges.tuning_from):.4f} to "
-        f"{float(edges.tuning_to):.4f} ({names}): deviations from the orbit without loss of "
-        f"contact grow by {100.0 * math.expm1(float(one.growth)):.1f} % per mesh period, although "
-        f"that orbit keeps contact (least displacement {float(one.orbit_min):.3f} static "
-        "deflections)."
-    )
-    if not alike.lost.any():
-        return f"{text} From rest contact is not lost within the run."
-    text += " Contact is lost by parametric instability"
-    if np.isfinite(alike.loss_from).all() and np.isfinite(alike.loss_to).all():
-        low, high = float(alike.loss_from.min()), float(alike.loss_to.max())
-        text += f", from rest between nu = {low:.4f} and {high:.4f}"
-        if high > edges.tuning_to:
-            text += " (beyond the tongue deviations beat without growing)"
-    return text + "."
-
-
-def _quiet(facts, nu, names):
-    """Return the sentence on dampings with which deviations decay, or at least do not grow."""
-    quiet = facts.sel(damping=names)
-    lost = [name for name in names if quiet.lost.sel(damping=name)]
-    order = int(quiet.nearest_order[0])
-    verb = "decay" if (quiet.growth < 0.0).all() else "do not grow"
-    text = f"With {', '.join(names)} deviations {verb} at nu = {nu:g}"
-    if order and np.isfinite(quiet.tuning_from.sel(order=order)).any():
-        text += f", outside of the tongue of order {order}"
-    elif order:
-        closing = float(facts.closing_damping.sel(order=order))
-        text += (
-            f": the tongue of order {order} is closed from the damping ratio {closing:.5f} on, "
-            f"theirs is {float(quiet.damping_ratio.min()):.4f} at least"
-        )
-    if lost:
-        text += f"; contact is lost from rest all the same with {', '.join(lost)}"
-    return text + "."
+    own = ["tuning_from", "tuning_to", "closing_damping"]
+    rest = ["orbit_min", "loss_from", "loss_to", "forced_from"]
+    with files.table(path) as writer:
+        names = ["damping", "damping_ratio", "tuning", "cause", "lost", "order"]
+        writer.writerow([*names, *own, "growth_percent", *rest])
+        for name in tongues.damping.values:
+            one = tongues.sel(damping=name)
+            order = int(one.nearest_order)
+            tongue = one.sel(order=order) if order else None
+            edges = [math.nan] * 3 if tongue is None else [float(tongue[key]) for key in own]
+            grown = 100.0 * math.expm1(float(one.growth))
+            numbers = [*edges, grown, *(float(one[key]) for key in rest)]
+            writer.writerow(
+                [
+                    name,
+                    f"{float(one.damping_ratio):.6g}",
+                    f"{float(one.asked):g}",
+                    CAUSES[int(one.cause)],
+                    "yes" if one.lost else "no",
+                    order or "",
+                    *("" if math.isnan(number) else f"{number:.10g}" for number in numbers),
+                ]
+            )

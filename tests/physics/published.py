@@ -1,0 +1,89 @@
+"""Published oscillators with a dead zone: equations, parameters, boxes of starts, how many motions.
+
+===============  ===================================================================================
+problem          source, and what was checked of it
+===============  ===================================================================================
+gear_rattle      Mason, Piiroinen, Wilson, Homer: Basins of attraction in nonsmooth models of gear
+                 rattle, International Journal of Bifurcation and Chaos 19 (2009) 203-224,
+                 doi:10.1142/S021812740902283X: title, journal and DOI; equation and parameters as
+                 A. Wagemakers' collection of basins (github.com/awage/BasinsCollection) has them.
+gear_pair        Kahraman, Singh: Interactions between time-varying mesh stiffness and clearance
+                 non-linearities in a geared system, Journal of Sound and Vibration 146 (1991)
+                 135-156: the form of the equation is theirs; the origin of this set of parameters
+                 could not be opened.
+soft_impact      de Souza, Wiercigroch, Caldas, Balthazar: Suppressing grazing chaos in impacting
+                 system by structural nonlinearity, Chaos, Solitons & Fractals 38 (2008) 864-869,
+                 doi:10.1016/j.chaos.2007.01.022: DOI, equation and parameters as in the same
+                 collection, for chaos beside a motion without impact.
+===============  ===================================================================================
+
+No article could be opened, so no number of theirs is compared: what is, is an integration by scipy
+that ends at every contact, and the closed form of the motion without impact.
+"""
+
+import math
+
+import numpy as np
+
+from gearlib import DeadZoneOscillator, Harmonics, Series
+
+#: Of the sequence of starts that fills a box evenly: 1 / r and 1 / r^2, r^3 = r + 1.
+_FILL = np.array([0.7548776662466927, 0.5698402909980532])
+
+
+def gear_rattle(eccentricity=0.1, backlash=0.6, drag=0.6, stiffness=100.0):
+    """Return the model of rattling gears and the frequency of its forcing, whose period is 1.
+
+    theta'' + d theta' + 2 k B(theta) = 4 pi d - 4 pi^2 e cos 2 pi t - 2 pi e d sin 2 pi t, with the
+    backlash function B, 0 in |theta| < `backlash`.
+    """
+    forcing = Harmonics(
+        (-4.0 * math.pi**2 * eccentricity,), (-2.0 * math.pi * eccentricity * drag,)
+    )
+    model = DeadZoneOscillator(
+        upper_edge=backlash,
+        lower_edge=-backlash,
+        upper_stiffness=2.0 * stiffness,
+        damping=drag,
+        load=4.0 * math.pi * drag,
+        forcing=forcing,
+    )
+    return model, 2.0 * math.pi
+
+
+def gear_pair(frequency=0.5):
+    """Return x'' + 2 zeta x' + k(t) B(x) = F_m + sum F_r (r W)^2 cos r W t, three harmonics."""
+    model = DeadZoneOscillator(
+        upper_edge=1.0,
+        lower_edge=-1.0,
+        upper_stiffness=Series(1.0, Harmonics((-0.2, -0.1, -0.05))),
+        damping=2.0 * 0.05,
+        load=0.1,
+        # The support moves by minus the error of the transmission.
+        deviation=Harmonics((-0.01, -0.004, -0.002)),
+    )
+    return model, frequency
+
+
+def soft_impact(gap=0.63):
+    """Return y'' + 2 xi y' + y + alpha H(y - g) (y - g) = beta cos omega t."""
+    model = DeadZoneOscillator(
+        upper_edge=gap,
+        upper_stiffness=20.0,
+        damping=2.0 * 0.02,
+        ground_stiffness=1.0,
+        forcing=Harmonics((0.5,)),
+    )
+    return model, 0.417893
+
+
+PROBLEMS = {one.__name__: one() for one in (gear_rattle, gear_pair, soft_impact)}
+#: Largest displacement and velocity of the starts; periodic motions that coexist, and chaotic ones.
+BOXES = {"gear_rattle": (0.6, 4.0), "gear_pair": (2.0, 2.0), "soft_impact": (1.0, 1.0)}
+MOTIONS = {"gear_rattle": (4, 0), "gear_pair": (1, 0), "soft_impact": (1, 1)}
+
+
+def starts(name, count):
+    """Return initial states that fill the box of a problem evenly, shape (count, 2)."""
+    places = 2.0 * np.mod(0.5 + np.arange(count)[:, None] * _FILL, 1.0) - 1.0
+    return places * (1.0, 1.0 / PROBLEMS[name][1]) * BOXES[name]
