@@ -191,9 +191,13 @@ def test_bounces_above_count_from_beyond_the_reading_of_the_plot(paper):
 
 
 def test_what_moves_the_jump_between_the_papers_tunings_is_named():
-    jumps = {"jump": [0.8157, 0.81495, 0.81505, 0.81515], "value": [0.0, 1.0, 2.0, 3.0]}
+    # Of the last one the starts do not share between which tunings it jumps.
+    tunings = np.array([0.8157, 0.81495, 0.81505, 0.81515, 0.81505])
+    half = np.array([0.0, 0.0, 0.0, 0.0, 6e-5])
+    jumps = {"jump": tunings, "value": [0.0, 1.0, 2.0, 3.0, 4.0]}
+    jumps |= {"shift_low": tunings - 0.8157 - half, "shift_high": tunings - 0.8157 + half}
     jumps = {name: ("variation", values) for name, values in jumps.items()}
-    jumps |= {"kind": ("variation", ["none", "below", "between", "above"])}
+    jumps |= {"kind": ("variation", ["none", "below", "between", "above", "doubtful"])}
     words = jump_words(SimpleNamespace(jump=xr.Dataset(jumps)))
     assert words.startswith("; from rest the orbit jumps at 0.8157000;")
     assert words.endswith(" with: between 2")
