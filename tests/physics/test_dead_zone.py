@@ -347,6 +347,9 @@ ONE = {"upper_stiffness": 1.0}
         (lambda: DeadZoneOscillator(**ONE, ground_stiffness=-1.0), "ground_stiffness = -1.0"),
         (lambda: DeadZoneOscillator(**ONE, forcing=(1.0,)), "forcing = (1.0,)"),
         (lambda: Series(1.0, Harmonics((-0.8, -0.4))), "the stiffness falls to -0.2"),
+        # In the middle of the period only, and just behind its start.
+        (lambda: Series(1.0, Harmonics((1.25,))), "the stiffness falls to -0.25"),
+        (lambda: Series(1.0, Harmonics((), (-0.9, -0.9))), "the stiffness falls to -0.5"),
         (lambda: Series(0.0, Harmonics()), "mean = 0.0"),
         (lambda: Steps((0.0, 0.0), (1.0, 2.0)), "it must rise strictly"),
         (lambda: Steps((0.0,), (-1.0,)), "stiffness[0] = -1.0"),

@@ -137,3 +137,13 @@ def test_runs_that_cannot_go_on_say_so():
     for method, options in (("rk4", {"steps_per_period": 2}), ("scipy", SPLIT)):
         end = run(train, method, options, periods=900 if method == "rk4" else 3, max_events=1)
         assert int(end.status) != 0 and np.isnan(end.final_state).all()
+
+
+def test_the_limit_of_split_runs_counts_segments_and_events():
+    train, state = bouncing(), (0.5, 3.0, -2.0, 0.0, 1.0, 0.0)
+    more = {"initial_state": state, "periods": 1, "record_periods": 1}
+    events = run(train, "scipy", SPLIT, **more).event.size
+    most = len(train.segments.starts) - 1 + events
+    assert train.repeats == 1 and events > 3
+    for limit, code in ((most, 0), (most - 1, 1)):
+        assert int(run(train, "scipy", SPLIT, max_events=limit, **more).status) == code

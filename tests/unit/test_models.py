@@ -136,3 +136,9 @@ def test_what_is_infinite_is_no_parameter_of_a_derivative():
     for i, value in enumerate(stiffness):
         assert (f"bearing_stiffness[{i}]" in model.derivatives) == math.isfinite(value)
     assert {"inertias[0]", "inertias[1]", "masses[0]", "masses[1]"} <= model.derivatives.keys()
+
+
+def test_the_equation_of_a_model_stays_as_it_is():
+    for model in (ONE, OSCILLATOR):
+        with pytest.raises(dataclasses.FrozenInstanceError):
+            model.equation.upper = 1.0
