@@ -11,6 +11,7 @@ name                    responsibility
 ``resonance_branches``  the branches behind Fig. 3, and loci of their special points
 ``contact_loss``        what begins at a tuning: parametric or forced motion
 ``certificates``        what is proven of the paper's orbits
+``certificate_table``   the same as a table
 ``nonlinear_damping``   equivalent linear, quadratic and cubic damping side by side
 ``analytic_method``     the paper's analytic method at work, against exact orbits
 ``gear_table``          all that a drawing of two gears comes to

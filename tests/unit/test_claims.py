@@ -14,8 +14,16 @@ from gearlib import config, simulate, sweep
 from gearlib.analysis.orbits.special_points import REGULAR
 from gearlib.analysis.tongues import meissner
 from gearlib.data.gathering import gather_phase_planes, gather_resonance
-from gearlib.studies import certificates, claims, jump, phase_lag, resonance_branches, scenes
-from gearlib.studies.claims import characteristics, machine, proven
+from gearlib.studies import (
+    certificate_table,
+    certificates,
+    claims,
+    jump,
+    phase_lag,
+    resonance_branches,
+    scenes,
+)
+from gearlib.studies.claims import characteristics, machine
 from gearlib.studies.claims.characteristics import drift, spread
 from gearlib.studies.claims.data import LINE, Data, NoData
 from gearlib.studies.claims.scenes import contact_ratios, jump_words, phase_shift
@@ -230,7 +238,7 @@ def test_small_contact_ratios_mesh_at_least_stiffness_and_large_ones_at_full(low
 
 
 def test_what_is_proven_stands_in_a_table(known, tmp_path):
-    proven.write_csv(known[1], tmp_path / "certificates.csv")
+    certificate_table.write_csv(known[1], tmp_path / "certificates.csv")
     with (tmp_path / "certificates.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     said = [row for row in known[1] if row["claim"] not in ("count", "refusal")]

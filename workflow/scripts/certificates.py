@@ -5,8 +5,7 @@ from pathlib import Path
 from joblog import redirect_output
 from gearlib.data import storage
 from gearlib.pages.report import tables
-from gearlib.studies import certificates
-from gearlib.studies.claims import proven
+from gearlib.studies import certificate_table, certificates
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])
@@ -20,5 +19,5 @@ if __name__ == "__main__":
     else:
         print("python-flint is not installed: nothing is proven")
     certificates.write_json(rows, snakemake.output.json)
-    proven.write_csv(rows, snakemake.output.csv)
+    certificate_table.write_csv(rows, snakemake.output.csv)
     tables.write_table_page(snakemake.output.csv, snakemake.output.page)

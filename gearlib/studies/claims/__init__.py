@@ -14,7 +14,6 @@ module               responsibility
 ``characteristics``  rules on scales, characteristics and phase planes
 ``scenes``           rules on single runs
 ``machine``          the rule on the whole reducer
-``proven``           what is proven about their orbits, as a table
 ===================  ======================================================
 """
 
