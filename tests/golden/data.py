@@ -109,6 +109,8 @@ def differences(name, golden, found):
 
 def _difference(name, each, golden, found, steady):
     """Return no sentence or one."""
+    if golden.dims != found.dims:
+        return [f"{name}: {each} had the dimensions {golden.dims}, has {found.dims}"]
     old, new = golden.values, found.values
     if old.dtype.kind in "OUS":
         equal = (old.astype(str) == new.astype(str)).all()
