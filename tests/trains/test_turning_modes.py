@@ -1,6 +1,7 @@
 """What takes trains from event to event: modes of combinations, polynomials, first falls."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -172,3 +173,24 @@ def test_a_critical_damping_falls_back_on_one_block(share):
     c, _, codes = found[0]
     if (codes == 1).all():
         assert (propagator.tables.pairs[c] == 0) == (share == 1.0)
+
+
+@pytest.mark.parametrize("apart", [0.0, 1e-13, 1e-10, 1e-7, 1e-4, 1e-2])
+def test_deviations_at_and_beside_an_undamped_resonance(apart):
+    train = pairs_as_train(PAIR.replace(material_damping=0.0, backlash_damping=0.0))
+    mesh = replace(train.meshes[0], deviation=gearlib.Harmonics((1e-6,), (2e-6,)))
+    train = train.replace(meshes=[mesh])
+    # Both stiffness levels of a pair: the upper one of these is met exactly.
+    level = math.sqrt(PAIR.max_stiffness / PAIR.mean_stiffness)
+    rng = np.random.default_rng(3)
+    propagator, found = combinations_of(train, level * (1.0 + apart), rng, 8)
+    blocks = set()
+    for c, a, _ in found:
+        z = random_state(propagator, rng)
+        for t in (0.3, 4.0):
+            exact = expm(a * t) @ z
+            # Forced motions that nearly cancel lose at most six digits.
+            np.testing.assert_allclose(after(propagator, c, z, t)[0], exact, rtol=0, atol=1e-9)
+        blocks.add(bool(propagator.tables.pairs[c] == 0))
+    # One block only next to the resonance, or where nothing oscillates.
+    assert True in blocks or apart > 1e-7
