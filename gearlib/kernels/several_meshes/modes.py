@@ -30,7 +30,7 @@ REACH = 7.2
 #: changes no result.
 MEMORY = 2**28
 #: Combinations that are kept at most, and turns over lengths of segments for each.
-_MOST, _TURNS = 4096, 64
+_MOST, _TURNS = 1024, 64
 #: Terms of a series below this share of the state are nothing, whatever the scales.
 _NOTHING = 1e-30
 
