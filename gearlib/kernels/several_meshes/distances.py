@@ -179,6 +179,9 @@ def first_fall(work, zeros, end, noise):
         A dip below zero that cannot be told from rounding.
     """
     n, b, rounding = DEGREE, work[0], noise
+    if not noise < math.inf:
+        # Beyond the range of numbers: so is the end of the period, whose status says so.
+        return 2.0, 0.0
     # Factors s are divided out: beside such a root the next one could not be told from rounding.
     for _ in range(min(zeros, n - 2)):
         for i in range(n):

@@ -1,9 +1,9 @@
 """Modes of a combination of contacts, for the kernels of gear trains.
 
 The state obeys z' = A z with z = (q, q', 1, cos, sin, ...). Free rotations of the whole train come
-out first, by the kinematics. Of the rest the slow motions, whose eigenvalues may form Jordan blocks
-where meshes are apart, are split off by the real Schur form and stay a block; what is left is
-diagonalised. The constant and the harmonics add forced motions. Where the basis is badly
+out first, with its linear modes. Of the rest the slow motions, whose eigenvalues may form Jordan
+blocks where meshes are apart, are split off by the real Schur form and stay a block; what is left
+is diagonalised. The constant and the harmonics add forced motions. Where the basis is badly
 conditioned, as it is close to a critical damping or to an undamped resonance, all stays one block,
 whose series the kernels sum: matrix exponentials.
 """
@@ -87,31 +87,60 @@ def _powers():
 
 
 class Frame:
-    """Coordinates in which bases are sought: mass 1, free rotations of the whole train apart.
+    """Coordinates in which bases are sought: linear modes of a train, free rotations behind them.
+
+    In those of all meshes at their mean stiffness, scaled by their frequencies, springs of very
+    different stiffness lie apart: slow modes keep their digits beside shafts a million times as
+    stiff as a mesh.
 
     Parameters
     ----------
-    mass : ndarray, shape (N, N)
-    free : ndarray, shape (N, k)
-        Motions that no stiffness resists.
+    train : GearTrain
+    system : TrainSystem
     """
 
-    def __init__(self, mass, free):
-        down = np.linalg.cholesky(mass).T
-        n, k = free.shape
-        q = np.linalg.qr(down @ free, mode="complete")[0] if k else np.eye(n)
-        # Elastic coordinates and their rates before the free rotations and theirs.
-        split = np.zeros((2 * n, 2 * n))
-        r = n - k
-        split[:n, :r], split[n:, r : 2 * r] = q[:, k:], q[:, k:]
-        split[:n, 2 * r : 2 * r + k], split[n:, 2 * r + k :] = q[:, :k], q[:, :k]
-        both = np.kron(np.eye(2), down)
-        self.elastic = 2 * r
-        self.into, self.out = split.T @ both, np.linalg.solve(both, split)
+    def __init__(self, train, system):
+        from gearlib.models.trains.system import scaled
 
-    def basis(self, matrix):
-        """Return the `Basis` of a matrix, shape (2 N, 2 N); None where it is badly conditioned."""
-        a, e, size = self.into @ matrix @ self.out, self.elastic, len(matrix)
+        parts, unit = scaled(train, system.tuning), train.stiffness_scale
+        squares, shapes = train.linear_modes
+        omega = train.reference_angular_frequency
+        shapes, free = (x * (math.sqrt(unit) / omega) for x in (shapes, train.free_motions))
+        w = np.sqrt(squares) / omega
+        (n, r), k = shapes.shape, free.shape[1]
+        self.elastic = e = 2 * r
+        self.out, self.into, self.free = np.zeros((3, 2 * n, 2 * n))
+        self.out[:n, :r], self.out[n:, r:e] = shapes / w, shapes
+        self.out[:n, e : e + k], self.out[n:, e + k :] = free, free
+        momenta, turns = shapes.T @ parts.mass, free.T @ parts.mass
+        self.into[:r, :n], self.into[r:e, n:] = w[:, None] * momenta, momenta
+        self.into[e : e + k, :n], self.into[e + k :, n:] = turns, turns
+        # The springs alone, without the meshes at their mean stiffness.
+        beta = train.structure.lines @ shapes
+        mean = np.array([mesh.mean_stiffness for mesh in train.meshes]) / unit
+        self.free[:r, r:e], self.free[e : e + k, e + k :] = np.diag(w), np.eye(k)
+        self.free[r:e, :r] = (beta.T * mean) @ beta / w - np.diag(w)
+        both = np.hstack([shapes, free])
+        rows = np.concatenate([np.arange(r, e), np.arange(e + k, 2 * n)])
+        places = np.concatenate([np.arange(r), e + np.arange(k)])
+        scales = np.concatenate([1.0 / w, np.ones(k)])
+        self.free[np.ix_(rows, places)] -= (both.T @ parts.frame @ both) * scales
+        speeds = parts.mass @ system.free[n : 2 * n, n : 2 * n]
+        self.free[np.ix_(rows, rows)] += both.T @ speeds @ both
+
+    def matrix(self, system, effects):
+        """Return the matrix of a combination of effects in these coordinates, shape (2 N, 2 N)."""
+        a, size = self.free.copy(), len(self.free)
+        for j, effect in enumerate(effects):
+            if effect:
+                grip = system.grip[j, effect, :, :size] @ self.out
+                grip[:, self.elastic : self.elastic + (size - self.elastic) // 2] = 0.0
+                a += (self.into @ system.push[j, effect, :, :size].T) @ grip
+        return a
+
+    def basis(self, a):
+        """Return the `Basis` of such a matrix; None where it is badly conditioned."""
+        e, size = self.elastic, len(a)
         # Dampers against the ground hold free rotations too.
         if np.abs(a[:e, e:]).max(initial=0.0) > _NOTHING * np.abs(a).max():
             e = size
@@ -233,7 +262,7 @@ def add(tables, system, grid, frame, effects):
     a = np.empty((n, n))
     matrix_of(system, effects, a)
     moving = n - 1 - 2 * h
-    basis = frame.basis(a[:moving, :moving])
+    basis = frame.basis(frame.matrix(system, effects))
     out, into, pairs, single, block = np.eye(n), np.eye(n), np.zeros(0), np.zeros(0), a
     # Of slow motions too a piece is no longer than some period of the reference mode.
     hidden, piece = 0, REACH

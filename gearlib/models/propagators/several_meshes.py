@@ -98,7 +98,7 @@ class Propagator(Matrices):
         m, n = system.near.shape
         lengths = int(self.grid.kind.max()) + 1
         self.components, self.pieces = n, len(self.grid.length)
-        self.frame = other.frame if other else Frame(model.structure.mass, model.free_motions)
+        self.frame = other.frame if other and not model.gyroscopic else Frame(model, system)
         # Between coordinates and their rates by phase, and those by theta of the kernels.
         self.scale = np.repeat([1.0, tuning], model.size // 2)
         if other is not None and other.tables.at.shape[1] >= lengths:

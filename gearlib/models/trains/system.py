@@ -27,6 +27,7 @@ class Scaled(NamedTuple):
     stiffness: np.ndarray
     damping: np.ndarray
     load: np.ndarray
+    frame: np.ndarray  #: what a turning frame adds to the stiffness of the springs
 
 
 def scaled(train, tuning):
@@ -41,9 +42,10 @@ def scaled(train, tuning):
     outward = s.outward * (omega**2 * frame**2 / train.load)
     return Scaled(
         mass,
-        s.stiffness / unit + centrifugal + circulating,
+        s.stiffness / unit + (centrifugal + circulating),
         s.damping * (omega / unit) + turning,
         s.load / train.load + outward,
+        centrifugal + circulating,
     )
 
 
