@@ -12,7 +12,7 @@ import xarray as xr
 from gearlib import GearPair, sweep
 from gearlib.analysis.global_dynamics import studies
 from gearlib.data import storage
-from gearlib.studies.trials import published, steady_orbits, work_precision
+from gearlib.studies.trials import work_precision
 from tests.paper import PAPER
 from tests.workflow.project import ROOT
 
@@ -96,7 +96,6 @@ class Named:
     [
         ("basins", studies, "basin_cases", {"threads": "threads"}),
         ("work_precision_times", work_precision, "times", {"known": "references"}),
-        ("steady_orbit_times", steady_orbits, "times", {"names": "problems"}),
     ],
 )
 def test_arguments_are_what_the_rule_calls_them(job, monkeypatch, script, module, name, others):
@@ -113,11 +112,3 @@ def test_arguments_are_what_the_rule_calls_them(job, monkeypatch, script, module
     job(script, threads="threads", **named)
     assert given == {name: others.get(name, name) for name in takes.parameters}
     assert written == [("computed", "dataset")]
-
-
-def test_each_survey_goes_to_its_file(job, monkeypatch, tmp_path):
-    monkeypatch.setattr(published, "survey", lambda name, size: xr.Dataset({name: size}))
-    files = {name: tmp_path / f"{name}.nc" for name in published.PROBLEMS}
-    job("published", params=SimpleNamespace(settings={"size": 2.0}), output=files)
-    for name, path in files.items():
-        assert float(storage.read(path)[name]) == 2.0
