@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import panel as pn
 import pytest
+import xarray as xr
 import yaml
 from bokeh.models import Span
 from selenium.webdriver.common.keys import Keys
@@ -279,6 +280,22 @@ def test_each_curve_of_a_train_is_that_of_its_mesh(mapping):
         np.testing.assert_array_equal(_points(courses[i])[1], force)
         colours = {r.glyph.line_color for r in (curves[i], shares[i], courses[i])}
         assert len(colours) == 1
+
+
+@pytest.mark.parametrize(
+    ("period", "backlash", "inverse", "words"),
+    [
+        (3, [0.0, 0.0], [0.0, 0.0], "repeats after 3 mesh periods; all meshes stay in contact"),
+        (0, [0.0, 0.1], [0.0, 0.0], "does not repeat soon; contact is lost in idler-wheel"),
+        (1, [0.0, 0.2], [0.1, 0.1], "contact is lost in pinion-idler, idler-wheel"),
+    ],
+)
+def test_a_motion_of_a_train_in_words(period, backlash, inverse, words):
+    shares = {"fraction_backlash": ("mesh", backlash), "fraction_inverse": ("mesh", inverse)}
+    meshes = {"mesh": ["pinion-idler", "idler-wheel"]}
+    assert words in trains._in_words(
+        xr.Dataset({"status": 0, "period": period} | shares, coords=meshes)
+    )
 
 
 def test_what_is_refused_is_said(mapping):
