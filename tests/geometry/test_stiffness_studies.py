@@ -176,6 +176,7 @@ def test_differences_of_each_observable():
     [
         (0.05, 0.0, "negligible"),
         (0.06, 0.3, "within the spread"),
+        (0.3, 0.3, "within the spread"),
         (0.4, 0.3, "too large"),
         (0.4, math.inf, "within the spread"),
         (math.inf, math.inf, "too large"),

@@ -8,10 +8,12 @@ from gearlib.analysis.orbits.special_points import DOUBLING, FOLD, GRAZING
 from gearlib.data import storage
 from gearlib.figures import branches as picture
 from gearlib.figures import style
+from gearlib.models.one_degree import OneDegreePair
 from gearlib.studies import certificates, resonance_branches
 from tests.paper import PAPER
 
 RANGE = {"start": 0.79, "stop": 0.83}
+RESONANCE = {"start": 1.5, "stop": 2.6, "max_height": 1.5}
 SETTINGS = {**RANGE, "step": 0.05, "max_height": 3.0, "max_points": 500}
 
 
@@ -35,6 +37,26 @@ def test_doubled_branches_follow():
     doublings = found.tuning.values[(found.label == DOUBLING) & (found.period == 1)]
     starts = [found.tuning.values[found.branch == k][0] for k in (1, 2)]
     np.testing.assert_allclose(np.sort(starts), np.sort(doublings), atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("stiffness", "value", "side"),
+    # About the static deflection the cube stiffens with the amplitude, the square softens.
+    [("cubic_stiffness", 3e8, 1.0), ("quadratic_stiffness", 1e4, -1.0)],
+)
+def test_doubled_branches_lead_to_the_side_to_which_the_stiffness_bends_them(
+    stiffness, value, side
+):
+    pair = PAPER.replace(material_damping=500.0)
+    model = OneDegreePair(pair=pair, **{stiffness: value})
+    found = resonance_branches.compute(model, **SETTINGS | RESONANCE)
+    doublings = found.tuning.values[(found.label == DOUBLING) & (found.period == 1)]
+    # Both edges of the tongue at twice the natural frequency.
+    assert len(doublings) == 2 and found.branch.max() == 2
+    for number, doubling in enumerate(doublings, start=1):
+        away = side * (found.tuning.values[found.branch == number] - doubling)
+        assert away.min() > 0.0
+        assert away[-1] == away.max() > 0.002
 
 
 def test_a_tuning_between_two_points_of_a_branch_is_guessed_between_their_states():
