@@ -271,3 +271,21 @@ def test_phases_that_round_past_the_end_of_their_period_keep_the_order():
     rows[1, orbit.EVENT_PERIOD] = 1
     dims, phases = _event_table(rows)["event_phase"]
     assert dims == ("event",) and phases[0] == phases[1] == rows[0, orbit.EVENT_PHASE]
+
+
+def test_a_crossing_where_the_stiffness_switches_is_not_lost():
+    propagator = pairs_as_train(PAIR).propagator(NU)
+    switch, low, high = propagator.system.starts[1], 1.0, 2.0
+
+    def phase(pressed):
+        events, _, _, code = propagator.recorded(np.array([pressed, pressed, 0.0, 0.0]), 1, 100)
+        assert code == 0
+        return events[0, orbit.EVENT_PHASE]
+
+    # From rest, pressed on by more than the load: the more, the sooner the contact ends. Where that
+    # is at the switch, the segment behind it begins with a distance that is nothing but rounding.
+    while high - low > 1e-15:
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if phase(middle) < switch else (middle, high)
+    for k in range(-40, 40):
+        assert phase(low + k * np.spacing(low)) == pytest.approx(switch, abs=1e-13)

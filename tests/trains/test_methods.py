@@ -5,9 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy.integrate
 
 import gearlib
 from gearlib import integrators
+from gearlib.data import status
 from tests.paper import PAPER
 from tests.trains.random_trains import random_problem
 from tests.trains.reference import Reference
@@ -147,3 +149,18 @@ def test_the_limit_of_split_runs_counts_segments_and_events():
     assert train.repeats == 1 and events > 3
     for limit, code in ((most, 0), (most - 1, 1)):
         assert int(run(train, "scipy", SPLIT, max_events=limit, **more).status) == code
+
+
+@pytest.mark.parametrize(("state", "code"), [("static", status.STALLED), (1e160, status.OVERFLOW)])
+def test_a_solver_that_gives_up_ends_the_run(state, code, monkeypatch):
+    solve = scipy.integrate.solve_ivp
+
+    def gives_up(*arguments, **options):
+        done = solve(*arguments, **options)
+        done.status = -1
+        return done
+
+    monkeypatch.setattr(scipy.integrate, "solve_ivp", gives_up)
+    train = bouncing()
+    start = state if isinstance(state, str) else np.full(train.size, state)
+    assert int(run(train, "scipy", SPLIT, initial_state=start).status) == code

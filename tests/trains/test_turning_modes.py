@@ -12,9 +12,11 @@ from scipy.linalg import expm
 import gearlib
 from gearlib.kernels.polynomial import bernstein_matrix
 from gearlib.kernels.several_meshes import distances
+from gearlib.kernels.several_meshes import grid as several_meshes
 from gearlib.kernels.several_meshes.modes import DEGREE, REACH, advance, turn_by
 from gearlib.kernels.several_meshes.system import matrix_of
 from gearlib.models.propagators import modes
+from gearlib.models.propagators import several_meshes as propagators
 from tests.trains.random_trains import random_problem
 from tests.trains.test_events import PAIR, pairs_as_train
 
@@ -194,3 +196,17 @@ def test_deviations_at_and_beside_an_undamped_resonance(apart):
         blocks.add(bool(propagator.tables.pairs[c] == 0))
     # One block only next to the resonance, or where nothing oscillates.
     assert True in blocks or apart > 1e-7
+
+
+def test_a_lasting_contact_is_proven_and_no_polynomial_asked(monkeypatch):
+    train, kept = pairs_as_train(PAIR, 2), []
+
+    def work(*sizes):
+        kept.append(several_meshes.work_of(*sizes))
+        return kept[-1]
+
+    monkeypatch.setattr(propagators, "work_of", work)
+    # Far above the resonance both meshes only tremble.
+    run = gearlib.simulate(train, 3.1, periods=30, initial_state="static")
+    assert (run.contact == 1).all() and len(kept) == 1
+    assert kept[0].clear.all()

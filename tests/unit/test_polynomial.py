@@ -191,3 +191,12 @@ def test_a_shape_tells_nothing_wrong(seed):
     found, roots = fall_by_shape(curve, 0), _first_root(curve)
     assert found in (-1.0, 2.0) or found == pytest.approx(roots, abs=1e-9)
     assert found != 2.0 or roots == 2.0
+
+
+@pytest.mark.parametrize("power", [1, 2, 3, 7])
+def test_a_polynomial_that_falls_all_along_is_not_cut(power):
+    # The first coefficients of 1 - 2 s^k in Bernstein form are equal: no rise.
+    c, work = np.zeros(DEGREE + 1), np.full((50, DEGREE + 2), np.nan)
+    c[0], c[power] = 1.0, -2.0
+    assert first_fall(c, MATRIX, work) == pytest.approx(0.5 ** (1.0 / power), abs=1e-15)
+    assert np.isnan(work[1]).all()

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from gearlib.kernels.closed_form.contact_table import (
+    EMPTY,
     LAST,
     LEVEL_COLUMNS,
     NONE,
@@ -22,6 +23,7 @@ from gearlib.kernels.closed_form.many_runs import skip_many
 from gearlib.kernels.closed_form.mesh import contact_of, mesh
 from gearlib.kernels.closed_form.oscillator import evolve, level
 from gearlib.kernels.closed_form.whole_periods import ENTRY, advance, new_work, set_mesh, set_start
+from gearlib.kernels.codes import NORMAL
 from gearlib.kernels.jit import kernel
 from gearlib.models.stiffness import levels, segment_lengths
 
@@ -282,3 +284,13 @@ def test_elementary_functions():
     assert decay(math.inf) < 1e-300
     for angle in np.linspace(0.0, 60.0, 10_001):
         assert np.abs(np.subtract(cos_sin(angle), (math.cos(angle), math.sin(angle)))).max() < 3e-16
+
+
+@pytest.mark.parametrize("tuning", [1.6, 1.9, 2.5])
+def test_a_contact_that_is_proven_to_last_needs_no_table(tuning):
+    # What trembles on the flank is bounded for ever, whether its shape proves it or not.
+    m, work = mesh(ratios_of(1.5, 0.8, 0.05, 0.0, 4.0), tuning), new_work()
+    set_mesh(work, m)
+    set_start(work, 1.1, 0.0)
+    advance(m, work, 0, NORMAL, 1.1, 0.0, 40, LIMIT, np.empty((0, ARC_COLUMNS)))
+    assert (work.levels[:, LAST] == EMPTY).all()
