@@ -58,9 +58,12 @@ def test_further_colours_are_hues_far_apart():
     colours = [*itertools.islice(defaults._palette(), 30)]
     assert len({*colours}) == 30
     parts = [[int(colour[i : i + 2], 16) / 255.0 for i in (1, 3, 5)] for colour in colours[8:]]
-    hues = sorted(colorsys.rgb_to_hls(*part)[0] for part in parts)
-    # Turns of the golden ratio: of any number of points the smallest gap is at least 0.38 of the
-    # mean one. Colours are rounded to 1/255.
+    hues = np.array([colorsys.rgb_to_hls(*part)[0] for part in parts])
+    # Turns of the golden ratio. Colours are rounded to 1/255.
+    turns = hues - np.arange(1, 23) / ((1.0 + 5.0**0.5) / 2.0)
+    np.testing.assert_allclose(turns - np.round(turns), 0.0, atol=0.003)
+    # Of any number of points the smallest gap is at least 0.38 of the mean one.
+    hues.sort()
     gaps = np.diff([*hues, hues[0] + 1.0])
     assert gaps.min() > 0.3 / len(hues)
 
