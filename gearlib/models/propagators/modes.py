@@ -267,7 +267,9 @@ def add(tables, system, grid, frame, effects):
     # Of slow motions too a piece is no longer than some period of the reference mode.
     hidden, piece = 0, REACH
     if basis is not None:
-        found = _whole(basis, a, grid.spin)
+        # At a resonance without damping nothing is finite.
+        with np.errstate(divide="ignore", invalid="ignore"):
+            found = _whole(basis, a, grid.spin)
         # Of forced motions that nearly cancel: in static deflections.
         if not (np.abs(found[0]) @ np.abs(found[1][:, moving:]))[:moving].max() < _CONDITION:
             basis = None
