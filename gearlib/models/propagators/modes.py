@@ -270,8 +270,9 @@ def add(tables, system, grid, frame, effects):
         # At a resonance without damping nothing is finite.
         with np.errstate(divide="ignore", invalid="ignore"):
             found = _whole(basis, a, grid.spin)
-        # Of forced motions that nearly cancel: in static deflections.
-        if not (np.abs(found[0]) @ np.abs(found[1][:, moving:]))[:moving].max() < _CONDITION:
+            # Of forced motions that nearly cancel: in static deflections.
+            sizes = (np.abs(found[0]) @ np.abs(found[1][:, moving:]))[:moving]
+        if not sizes.max() < _CONDITION:
             basis = None
         else:
             (out, into, pairs, single, block), hidden = found, basis.hidden
