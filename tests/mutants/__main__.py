@@ -36,7 +36,8 @@ KEY = ("file", "where", "source", "mutated")
 FIRST = 5.0
 LEAST = 0.95
 #: Rooms of which more than 20 mutants are taken.
-COUNTS = dict.fromkeys(("analysis/proofs", "studies/claims", "studies/trains", "workflow"), 40)
+_LARGER = ("analysis/proofs", "integrators", "studies/claims", "studies/trains", "workflow")
+COUNTS = dict.fromkeys(_LARGER, 40)
 #: They run all jobs of a small workflow and compare what these write.
 FIRST_RUN = "tests/workflow/test_first_run.py"
 

@@ -1,12 +1,14 @@
 """Whole periods with many coordinates equal events one by one: thousands of random systems."""
 
 import math
+import types
 
 import numpy as np
 import pytest
 
-from gearlib import GearPair, Harmonics, OneDegreePair, SixDegreePair
+from gearlib import GearPair, Harmonics, OneDegreePair, SixDegreePair, simulate
 from gearlib.kernels.jit import kernel
+from gearlib.kernels.piecewise_linear import run
 from gearlib.kernels.piecewise_linear.run import contact_at, go, set_harmonics
 from gearlib.kernels.piecewise_linear.system import ORDER, carry, dot, image, scratch, tables
 from gearlib.kernels.piecewise_linear.whole_periods import (
@@ -21,6 +23,8 @@ from gearlib.kernels.polynomial import (
     first_fall,
     lowest_of_parabola,
 )
+from gearlib.models.propagators import piecewise_linear as propagators
+from tests.paper import PAPER
 
 CASES, SEEDS, PERIODS, LIMIT = 500, 4, 2, 1000
 MATRIX = bernstein_matrix(ORDER)
@@ -234,3 +238,20 @@ def test_shape_misses_no_dip(depth):
     c = np.zeros(ORDER + 1)
     c[:3] = 0.25 - depth, -1.0, 1.0
     assert fall_by_shape(c, 0) in (-1.0, first_fall(c.copy(), MATRIX, WORK))
+
+
+@pytest.mark.parametrize(("record_periods", "count"), [(3, 0), (2, 1)])
+def test_tables_of_whole_periods_are_made_for_periods_before_the_record(
+    record_periods, count, monkeypatch
+):
+    made = []
+
+    def tables(system):
+        made.append(system)
+        return period_tables(system)
+
+    scope = vars(run) | {"period_tables": tables}
+    kernel = types.FunctionType(run.run_linear.py_func.__code__, scope)
+    monkeypatch.setattr(propagators, "run_linear", kernel)
+    simulate(OneDegreePair(pair=PAPER), 0.9, periods=3, record_periods=record_periods)
+    assert len(made) == count
