@@ -14,13 +14,13 @@ import numpy as np
 from gearlib.kernels.jit import inlined, kernel
 
 #: Halvings after which an interval is as short as rounding.
-_MAX_DEPTH = 48
+MAX_DEPTH = 48
 #: Steps of Newton's method, of which every eighth halves the bracket: 60 halvings leave nothing.
-_MAX_NEWTON = 480
+MAX_NEWTON = 480
 #: Steps from a start so close that none has ever needed ten.
 _FEW_NEWTON = 60
 #: Intervals looked at; polynomials with up to ten nearly double roots take 140.
-_MAX_INTERVALS = 1000
+MAX_INTERVALS = 1000
 #: A dip smaller than this share of the coefficients cannot be told from their rounding.
 _ROUNDING = 4e-16
 #: Largest values are sought to this share of the coefficients, a hundred roundings.
@@ -73,7 +73,7 @@ def halve(b, left, n):
 def _bracketed_root(coefficients, low, high):
     """Return the root on [low, high] of a polynomial that falls through zero once there."""
     s = 0.5 * (low + high)
-    for step in range(_MAX_NEWTON):
+    for step in range(MAX_NEWTON):
         value, slope = horner(coefficients, s)
         if value > 0.0:
             low = s
@@ -149,7 +149,7 @@ def first_fall(coefficients, to_bernstein, work):
     depth = 0  # rows 0 ... depth of `work` hold the intervals still to be looked at
     low = 0.0
     work[0, n + 1] = 1.0
-    for _ in range(_MAX_INTERVALS):
+    for _ in range(MAX_INTERVALS):
         if depth < 0:
             return 2.0
         b = work[depth]
@@ -168,7 +168,7 @@ def first_fall(coefficients, to_bernstein, work):
             # Below from the start, and coming up.
             low += width
             depth -= 1
-        elif depth == _MAX_DEPTH:
+        elif depth == MAX_DEPTH:
             if b[n] < -noise and b[n] < b[0]:
                 # Rounding hides how it falls, not that it does.
                 return low
@@ -308,7 +308,7 @@ def highest_from(work, n, floor):
     for k in range(n + 1):
         size = max(size, abs(work[0, k]))
     noise, depth = _CLOSE * size, 0
-    for _ in range(_MAX_INTERVALS):
+    for _ in range(MAX_INTERVALS):
         if depth < 0:
             return floor
         b = work[depth]
@@ -316,7 +316,7 @@ def highest_from(work, n, floor):
         bound = b[0]
         for j in range(1, n + 1):
             bound = max(bound, b[j])
-        if bound <= floor + noise or depth == _MAX_DEPTH:
+        if bound <= floor + noise or depth == MAX_DEPTH:
             depth -= 1
             continue
         halve(b, work[depth + 1], n)

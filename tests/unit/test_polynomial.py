@@ -113,7 +113,7 @@ def test_roots_that_are_nearly_multiple_and_plateaus():
 
 def with_budget(kernel, intervals):
     """Return a kernel as Python, with another budget; the compiled one keeps its own."""
-    scope = vars(polynomial) | {"_MAX_INTERVALS": intervals}
+    scope = vars(polynomial) | {"MAX_INTERVALS": intervals}
     # What `highest` hands over to has the budget.
     handed = types.FunctionType(polynomial.highest_from.py_func.__code__, dict(scope))
     return types.FunctionType(kernel.py_func.__code__, scope | {"highest_from": handed})

@@ -12,17 +12,11 @@ import numpy as np
 from gearlib.kernels.codes import INVERSE, NORMAL
 from gearlib.kernels.jit import inlined, kernel
 from gearlib.kernels.piecewise_linear.system import next_contact
-from gearlib.kernels.polynomial import halve
+from gearlib.kernels.polynomial import MAX_DEPTH, MAX_INTERVALS, MAX_NEWTON, halve
 from gearlib.kernels.several_meshes.modes import DEGREE
 
 #: Rounding of a distance, as a share of its parts.
 _ROUNDING = 1e-15
-#: Halvings after which an interval is as short as rounding.
-_MAX_DEPTH = 48
-#: Intervals looked at; polynomials with many nearly double roots take some hundred.
-_MAX_INTERVALS = 1000
-#: Steps of Newton's method, of which every eighth halves the bracket: 60 halvings leave nothing.
-_MAX_NEWTON = 480
 #: Binomials of all degrees up to DEGREE.
 BINOMIALS = np.array(
     [[float(math.comb(n, k)) for k in range(DEGREE + 1)] for n in range(DEGREE + 1)]
@@ -111,7 +105,7 @@ def _root(b, n, s, p, q):
     for i in range(n):
         q[i] = BINOMIALS[n - 1, i] * (b[i + 1] - b[i])
     low, high, rate, scale, last = 0.0, 1.0, 0.0, 1.0, 0.0
-    for step in range(_MAX_NEWTON):
+    for step in range(MAX_NEWTON):
         rate = 0.0
         if s <= 0.5:
             ratio, scale = s / (1.0 - s), 1.0 - s
@@ -170,7 +164,7 @@ def first_fall(work, zeros, end, noise):
 
     Parameters
     ----------
-    work : ndarray, shape (53, DEGREE + 2)
+    work : ndarray, shape (MAX_DEPTH + 4, DEGREE + 2)
         The first row: Bernstein coefficients on [0, 1]; changed. Storage for those that wait.
     zeros : int
         How many coefficients, from the constant on, are zero: 1 on the line, 2 at rest on it.
@@ -194,10 +188,10 @@ def first_fall(work, zeros, end, noise):
     if zeros > 0 and abs(b[0]) <= noise and slope < -noise:
         # Its root is closer than rounding can place it.
         return max(-b[0] / slope, 0.0), 0.0
-    p, q = work[_MAX_DEPTH + 2], work[_MAX_DEPTH + 3]
+    p, q = work[MAX_DEPTH + 2], work[MAX_DEPTH + 3]
     depth, low = 0, 0.0
     b[DEGREE + 1] = 1.0
-    for _ in range(_MAX_INTERVALS):
+    for _ in range(MAX_INTERVALS):
         if depth < 0 or low > end:
             return 2.0, 0.0
         b = work[depth]
@@ -221,7 +215,7 @@ def first_fall(work, zeros, end, noise):
             # Below from the start, and coming up.
             low += width
             depth -= 1
-        elif depth == _MAX_DEPTH:
+        elif depth == MAX_DEPTH:
             if b[n] < -noise and b[n] < b[0]:
                 # Rounding hides how it falls, not that it does.
                 return low, 0.0
@@ -244,7 +238,7 @@ def first_events(tables, c, grid, w, end):
     Returns the smallest share of the piece, at most `end`, 2 if there is none, -1 if rounding hides
     whether there is one.
     """
-    best, curve, b = 2.0, w.bernstein[52], w.bernstein[0]
+    best, curve, b = 2.0, w.curve, w.bernstein[0]
     for j in range(w.contact.shape[0]):
         w.share[j], code = 2.0, w.contact[j]
         if w.clear[j] and w.rest[j] == 0:

@@ -6,6 +6,7 @@ import numpy as np
 
 from gearlib.kernels.jit import kernel
 from gearlib.kernels.piecewise_linear.system import may_close
+from gearlib.kernels.polynomial import MAX_DEPTH
 from gearlib.kernels.several_meshes.modes import DEGREE
 
 # Entries of `Work.place`: events recorded so far, mesh period, segment (-1: at the start of a
@@ -48,9 +49,10 @@ class Work(NamedTuple):
     image: np.ndarray
     factors: np.ndarray
     sizes: np.ndarray  #: of the modes
-    place: np.ndarray  #: int, how far the run is, by the names below, shape (6,)
+    place: np.ndarray  #: int, how far the run is, by the names above, shape (6,)
     ahead: np.ndarray  #: theta left of the segment, phase of the last event, shape (2,)
-    bernstein: np.ndarray  #: coefficients of intervals that wait, and their widths
+    curve: np.ndarray  #: Bernstein coefficients of a distance, shape (DEGREE + 1,)
+    bernstein: np.ndarray  #: those of intervals that wait, and their widths
 
 
 def grid_of(system):
@@ -95,5 +97,6 @@ def work_of(n, wide, m):
         np.zeros(n),
         np.array([0, 0, -1, 0, 0, 0]),
         np.zeros(2),
-        np.empty((53, DEGREE + 2)),
+        np.empty(DEGREE + 1),
+        np.empty((MAX_DEPTH + 4, DEGREE + 2)),
     )

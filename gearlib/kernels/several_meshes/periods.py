@@ -92,7 +92,7 @@ def go(system, grid, tables, w, number, limit, vectors, recording, summary, samp
     summary : ndarray, shape (m, 10)
         As of `orbit`, one row a mesh.
     samples : ndarray, shape (k, n + m + 1)
-        At equal steps of the period, as of `record.sample`.
+        At equal steps of the period, as of `record.record`.
     events : ndarray, shape (k, 6)
         As of `orbit`, and the number of the mesh; the period is 0. Enlarged as needed; none are
         recorded if it has no rows. How many there are stands in `Work`.
@@ -162,11 +162,11 @@ def go(system, grid, tables, w, number, limit, vectors, recording, summary, samp
                 multiply(tables.into, c, vectors[i], w.other)
                 advance(tables, c, factors, length, w.other, w.term, w.image)
                 multiply(tables.out, c, w.other, vectors[i])
-            if best > 1.0:
-                if not left > 0.0:
-                    multiply(tables.out, c, w.y, w.z)
+            if best > 1.0 and left > 0.0:
                 continue
             multiply(tables.out, c, w.y, w.z)
+            if best > 1.0:
+                break
             spread = 0.0
             for j in range(m):
                 if w.share[j] == best:

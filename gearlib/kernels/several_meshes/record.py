@@ -27,26 +27,30 @@ def _add_extrema(curve, factor, w, row, most, least):
 
 @kernel
 def record(system, grid, tables, c, w, p, phase, length, summary, samples):
-    """Record what begins at `phase`, with the state y of `Work`, and lasts `length` of theta."""
+    """Record what begins at `phase`, with the state y of `Work`, and lasts `length` of theta.
+
+    Samples have the columns: the state, shape (n,), the contact codes, shape (m,), the number of
+    the segment.
+    """
     m, n = system.near.shape
-    tuning, done, curve = system.tuning, 0.0, w.bernstein[52]
+    tuning, done, curve, piece = system.tuning, 0.0, w.curve, tables.piece[c]
     copy(w.y, w.other)
     for j in range(m):
         orbit.add_time(
             w.contact[j], length * tuning, system.low[w.contact[j] + 1, p, j], summary[j]
         )
     while done < length:
-        part = min(tables.piece[c], length - done)
+        part = min(piece, length - done)
         for j in range(m):
             row, code = summary[j], w.contact[j]
             curve_of(tables.curves[c, 1, j], w.other, curve)
-            begin_of(curve, part / tables.piece[c], DEGREE)
+            begin_of(curve, part / piece, DEGREE)
             _add_extrema(curve, 1.0, w, row, orbit.X_MAX, orbit.X_MIN)
             if code == BACKLASH:
                 continue
             if code == INVERSE:
                 curve_of(tables.curves[c, 0, j], w.other, curve)
-                begin_of(curve, part / tables.piece[c], DEGREE)
+                begin_of(curve, part / piece, DEGREE)
             stiffness = system.stiffness[code + 1, p, j]
             for k in range(DEGREE + 1):
                 row[FORCE_SUM] += part * tuning * stiffness * curve[k] / (DEGREE + 1)
