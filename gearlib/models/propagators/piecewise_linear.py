@@ -10,6 +10,7 @@ from gearlib.kernels.piecewise_linear.run import run_linear
 from gearlib.kernels.piecewise_linear.system import ORDER
 from gearlib.kernels.piecewise_linear.variation import vary_linear
 from gearlib.kernels.polynomial import bernstein_matrix
+from gearlib.kernels.slopes.itinerary import Places
 from gearlib.models.derivatives import START, STEP
 from gearlib.models.propagators.matrices import Matrices
 from gearlib.models.propagators.tangents import Motion
@@ -40,6 +41,10 @@ class VariedSystem(Varied):
         self._low, self._starts = system.low, system.starts
         self.switches = math.pi * np.array([[slopes.get("contact_ratio", 0.0) for slopes in along]])
         self._longest = np.diff(system.starts) / system.substeps
+        p = system.low.size
+        low = np.tile(system.low.astype(bool)[None, :, None], (3, 1, 1))
+        effect = np.arange(3 * p).reshape(3, p, 1)
+        self.places = Places(effect, low, system.starts, np.array([0, p]))
 
     def stack(self, effects):
         """As of `Varied`."""
@@ -154,7 +159,7 @@ class Propagator(Matrices):
     def final(self, walk):
         """Return the derivatives of displacement and velocity; see `Matrices.final`."""
         rows, slopes = walk.varied.rows(walk.codes, walk.segments)
-        return rows[:2] @ walk.z[:, 1 + walk.free :] + (slopes[:, :2] @ walk.z[:, 0]).T
+        return rows[:2] @ walk.block[:, walk.q :] + (slopes[:, :2] @ walk.block[:, 0]).T
 
     def switches(self, mesh):
         """Return the phases of switches, rising, 2 pi the last; see `Base.differentiate`."""

@@ -10,6 +10,7 @@ from gearlib.kernels.several_meshes.grid import FOUND, grid_of, work_of
 from gearlib.kernels.several_meshes.modes import Modes, forget, forget_lengths, modes
 from gearlib.kernels.several_meshes.periods import MISSING
 from gearlib.kernels.several_meshes.run import begin, period_of, run_train
+from gearlib.kernels.slopes.itinerary import Places
 from gearlib.models.derivatives import STEP
 from gearlib.models.propagators.matrices import Matrices
 from gearlib.models.propagators.modes import Frame, add
@@ -26,6 +27,9 @@ class VariedTrain(Varied):
         super().__init__()
         self.system, self.twins = system, [train.off_axis(slopes) for slopes in along]
         self._effects = system.effect.tolist()
+        self.places = Places(
+            system.effect, system.low.astype(bool), system.starts, system.first_segment
+        )
         tunings = [system.tuning + 1j * STEP * slopes.get("tuning", 0.0) for slopes in along]
         pairs = zip(self.twins, tunings, strict=True)
         systems = [system, *(train_system(*pair) for pair in pairs)]

@@ -1,0 +1,11 @@
+"""What a piecewise-linear motion changes by: many coordinates, any number of directions.
+
+====================  =============================================================================
+module                responsibility
+====================  =============================================================================
+``bases``             coordinates in which the matrix of an arc and its slopes fall into blocks
+``itinerary``         the arcs, crossings and switches of a motion, one after the other
+``through_arcs``      tangents along an arc, over a flank line and over a switch; whole periods
+``recorded_slopes``   derivatives of samples, events, extrema and shares of time
+====================  =============================================================================
+"""
