@@ -21,15 +21,17 @@ from gearlib.kernels.jit import kernel
 class Bases(NamedTuple):
     """The bases of C matrices: n components, s of which move, M complex coordinates, k slopes.
 
-    Of a conjugate pair one coordinate is kept. Real parts come before imaginary parts.
+    Of a conjugate pair one coordinate is kept. Real parts come before imaginary parts, coordinates
+    by themselves before those in blocks of several.
     """
 
-    into: np.ndarray  #: shape (C, 2 M, n)
-    out: np.ndarray  #: shape (C, n, 2 M)
-    blocks: np.ndarray  #: where blocks begin, then the number of coordinates, int, (C, M + 1)
+    into: np.ndarray  #: shape (C, n, 2 M)
+    out: np.ndarray  #: shape (C, 2 M, n)
+    blocks: np.ndarray  #: int, where blocks begin; the last two their end, shape (C, M + 2)
     matrix: np.ndarray  #: T, complex, shape (C, M, M)
-    slopes: np.ndarray  #: D, complex, shape (C, M, M, k)
-    shift: np.ndarray  #: S, shape (C, n, k s)
+    slopes: np.ndarray  #: D, complex, shape (C, k, M, M)
+    single_slopes: np.ndarray  #: its diagonal, shape (C, k, 2 M)
+    shift: np.ndarray  #: S, shape (C, n, k n)
 
 
 @kernel
@@ -118,7 +120,7 @@ def solve(t, cluster, rows, slopes, shift, blocks):
     """Fill shift and blocks of slopes, shape (k, M, n), of whose rows `rows` are kept.
 
     t x - x t = slopes between clusters, shift = x, shape (k, M, n); within them they are `blocks`,
-    shape (M, M, k).
+    shape (k, M, M).
     """
     k, m, n = slopes.shape
     for one in range(k):
@@ -141,4 +143,4 @@ def solve(t, cluster, rows, slopes, shift, blocks):
         for r in range(m):
             for c in range(m):
                 same = cluster[rows[r]] == cluster[rows[c]]
-                blocks[r, c, one] = slopes[one, r, rows[c]] if same else 0.0
+                blocks[one, r, c] = slopes[one, r, rows[c]] if same else 0.0

@@ -11,28 +11,24 @@ _REACH, _NOTHING = 1.0, 1e-19
 
 
 @kernel
-def multiplied(a, z, columns, out):
-    """out <- a z, the first columns."""
-    for r in range(out.shape[0]):
+def add_product(z, a, out):
+    """out <- out + z a, shapes (l, i), (i, j), (l, j)."""
+    for r in range(z.shape[0]):
         row = out[r]
-        for c in range(columns):
-            row[c] = 0.0
-        for i in range(z.shape[0]):
-            factor = a[r, i]
+        for i in range(z.shape[1]):
+            factor, other = z[r, i], a[i]
             if factor != 0.0:
-                other = z[i]
-                for c in range(columns):
-                    row[c] += factor * other[c]
+                for j in range(row.shape[0]):
+                    row[j] += factor * other[j]
 
 
 @kernel
-def _block(t, d, start, size, length, q, k, columns, y, out, terms):
-    """Carry the coordinates of one block of nearly equal eigenvalues: a series of its rest."""
-    half = y.shape[0] // 2
-    mean = 0.0j
+def _block(bases, c, start, size, length, q, k, rows, y, out, terms):
+    """Carry the coordinates of one block: the mean eigenvalue by itself, a series for the rest."""
+    t, d = bases.matrix[c], bases.slopes[c]
+    half, mean, norm = y.shape[1] // 2, 0.0j, 0.0
     for i in range(start, start + size):
         mean += t[i, i] / size
-    norm = 0.0
     for i in range(start, start + size):
         total = abs(t[i, i] - mean)
         for j in range(i + 1, start + size):
@@ -42,66 +38,68 @@ def _block(t, d, start, size, length, q, k, columns, y, out, terms):
     h = length / count
     factor = np.exp(mean * h)
     term, new = terms[0], terms[1]
-    for i in range(size):
-        for c in range(columns):
-            out[start + i, c], out[half + start + i, c] = (
-                y[start + i, c],
-                y[half + start + i, c],
-            )
+    for row in range(rows):
+        for i in range(start, start + size):
+            out[row, i], out[row, half + i] = y[row, i], y[row, half + i]
     for _ in range(count):
-        for i in range(size):
-            for c in range(columns):
-                term[i, c] = complex(out[start + i, c], out[half + start + i, c])
+        for row in range(rows):
+            for i in range(size):
+                term[row, i] = complex(out[row, start + i], out[row, half + start + i])
         share, j = 1.0, 0
+        # A slope has one factor less of the norm in each term.
         while share > _NOTHING or j < 3:
             j += 1
             share *= norm * h / max(j - 2, 1)
-            for i in range(size):
-                for c in range(columns):
-                    total = (t[start + i, start + i] - mean) * term[i, c]
+            for row in range(rows):
+                for i in range(size):
+                    total = (t[start + i, start + i] - mean) * term[row, i]
                     for other in range(i + 1, size):
-                        total += t[start + i, start + other] * term[other, c]
-                    new[i, c] = total
-                if columns > q:
-                    for other in range(size):
-                        for source in range((columns - q) // k):
-                            value, first = term[other, source], q + source * k
-                            for one in range(k):
-                                new[i, first + one] += d[start + i, start + other, one] * value
-            for i in range(size):
-                for c in range(columns):
-                    value = new[i, c] * (h / j)
-                    term[i, c] = value
-                    out[start + i, c] += value.real
-                    out[half + start + i, c] += value.imag
-        for i in range(size):
-            for c in range(columns):
-                value = factor * complex(out[start + i, c], out[half + start + i, c])
-                out[start + i, c], out[half + start + i, c] = value.real, value.imag
+                        total += t[start + i, start + other] * term[row, other]
+                    if row >= q:
+                        source, one = (row - q) // k, (row - q) % k
+                        for other in range(size):
+                            total += d[one, start + i, start + other] * term[source, other]
+                    new[row, i] = total * (h / j)
+            for row in range(rows):
+                for i in range(size):
+                    value = new[row, i]
+                    term[row, i] = value
+                    out[row, start + i] += value.real
+                    out[row, half + start + i] += value.imag
+        for row in range(rows):
+            for i in range(start, start + size):
+                value = factor * complex(out[row, i], out[row, half + i])
+                out[row, i], out[row, half + i] = value.real, value.imag
 
 
 @kernel
-def turn(bases, c, length, q, k, columns, y, out, terms):
-    """Fill `out` with the coordinates y, first columns, a length later."""
-    half, blocks, t, d = y.shape[0] // 2, bases.blocks[c], bases.matrix[c], bases.slopes[c]
-    b = 0
-    while True:
-        start, end = blocks[b], blocks[b + 1]
-        if end <= start:
-            break
-        if end == start + 1:
-            factor = np.exp(t[start, start] * length)
-            real, imaginary = factor.real, factor.imag
-            for col in range(columns):
-                x, v = y[start, col], y[half + start, col]
-                if col >= q:
-                    source, one = (col - q) // k, (col - q) % k
-                    slope = d[start, start, one] * length
-                    sx, sv = y[start, source], y[half + start, source]
-                    x += slope.real * sx - slope.imag * sv
-                    v += slope.real * sv + slope.imag * sx
-                out[start, col] = real * x - imaginary * v
-                out[half + start, col] = real * v + imaginary * x
+def turn(bases, c, length, q, k, rows, y, out, terms):
+    """Fill `out` with the coordinates y, first rows, a length later; see `Bases`.
+
+    `rows` are the state and free tangents, q of them, then k slopes of each.
+    """
+    half, single = y.shape[1] // 2, bases.blocks[c, 0]
+    factors = terms[0, 0]
+    for i in range(single):
+        factors[i] = np.exp(bases.matrix[c, i, i] * length)
+    for row in range(rows):
+        own, target = y[row], out[row]
+        if row < q:
+            for i in range(single):
+                a, b, x, v = factors[i].real, factors[i].imag, own[i], own[half + i]
+                target[i] = a * x - b * v
+                target[half + i] = a * v + b * x
         else:
-            _block(t, d, start, end - start, length, q, k, columns, y, out, terms)
+            source, slope = y[(row - q) // k], bases.single_slopes[c, (row - q) % k]
+            for i in range(single):
+                a, b, u, w = slope[i] * length, slope[half + i] * length, source[i], source[half + i]
+                x, v = own[i] + a * u - b * w, own[half + i] + a * w + b * u
+                a, b = factors[i].real, factors[i].imag
+                target[i] = a * x - b * v
+                target[half + i] = a * v + b * x
+    b = 0
+    while bases.blocks[c, b + 1] > bases.blocks[c, b]:
+        start = bases.blocks[c, b]
+        size = bases.blocks[c, b + 1] - start
+        _block(bases, c, start, size, length, q, k, rows, y, out, terms)
         b += 1

@@ -12,7 +12,7 @@ import numpy as np
 from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
 from gearlib.kernels.jit import kernel
 from gearlib.kernels.slopes.itinerary import FROM, LEFT, MESH, TO
-from gearlib.kernels.slopes.modal_turns import turn
+from gearlib.kernels.slopes.modal_turns import add_product, turn
 
 #: A turning point this close to a flank line, in static deflections, is a grazing.
 _CLOSEST = 1e-10
@@ -40,17 +40,17 @@ class Tables(NamedTuple):
 
     rows: np.ndarray  #: shape (C, r, n)
     row_slopes: np.ndarray  #: shape (C, k, r, n)
-    of_tangents: np.ndarray  #: of the coordinates of tangents, shape (C, r, 2 M)
-    of_states: np.ndarray  #: and of those of the state, shape (C, 2 M, r k)
-    curves: np.ndarray  #: displacement, distances from both flanks, m each, (C, 3 m, 2 M)
-    speeds: np.ndarray  #: their rates, shape (C, 3 m, 2 M)
+    of_tangents: np.ndarray  #: of the coordinates of tangents, shape (C, 2 M, r)
+    of_states: np.ndarray  #: and of those of the state, shape (C, 2 M, k r)
+    #: Displacement, distances from both flanks, m each, then their rates, shape (C, 2 M, 6 m).
+    curves: np.ndarray
     rates: np.ndarray  #: rates of the distances in components, shape (2 m, n)
     codes: np.ndarray  #: contact codes, int, shape (C, m)
     stiffness: np.ndarray  #: shape (C, m)
     low: np.ndarray  #: as of `itinerary.Places`
     place: np.ndarray  #: phase between places where curves are looked at, shape (C,)
     same: bool  #: whether displacements are the distances from the near flank
-    samples: np.ndarray  #: filled, shape (s, r, k)
+    samples: np.ndarray  #: filled, shape (s, k, r)
     events: np.ndarray  #: filled with those of phase and velocity, shape (e, 2, k)
     times: np.ndarray  #: in normal mesh, backlash, inverse mesh, at lower stiffness, (4, m, k)
     best: np.ndarray  #: largest and smallest displacement and force, shape (4, m)
@@ -62,35 +62,29 @@ class Tables(NamedTuple):
 
 
 @kernel
-def _value(rows, y):
-    total = 0.0
-    for i in range(rows.shape[0]):
-        total += rows[i] * y[i, 0]
+def _slope(tables, c, functional, y, q, slope):
+    """Fill `slope`, shape (k,), with what a functional changes by at coordinates y; return it."""
+    r, total = tables.rows.shape[1], 0.0
+    slope[:] = 0.0
+    for i in range(y.shape[1]):
+        factor = tables.of_tangents[c, i, functional]
+        total += factor * y[0, i]
+        for one in range(slope.shape[0]):
+            slope[one] += factor * y[q + one, i]
+            slope[one] += tables.of_states[c, i, one * r + functional] * y[0, i]
     return total
 
 
 @kernel
-def _slope(tables, c, functional, y, q, slope):
-    """Fill `slope`, shape (k,), with what a functional changes by at coordinates y."""
-    k = slope.shape[0]
-    slope[:] = 0.0
-    for i in range(y.shape[0]):
-        factor, value = tables.of_tangents[c, functional, i], y[i, 0]
-        own = tables.of_states[c, i, functional * k : functional * k + k]
-        for one in range(k):
-            slope[one] += factor * y[i, q + one] + own[one] * value
-
-
-@kernel
 def _slope_at(tables, c, functional, q, w):
-    """Fill the slope of `Work` with the same from its block of columns; return the functional."""
+    """Fill the slope of `Work` with the same from its rows; return the functional."""
     row, total, z = tables.rows[c, functional], 0.0, w.z
-    for i in range(z.shape[0]):
-        total += row[i] * z[i, 0]
+    for i in range(z.shape[1]):
+        total += row[i] * z[0, i]
     for one in range(w.slope.shape[0]):
         own, w.slope[one] = tables.row_slopes[c, one, functional], 0.0
-        for i in range(z.shape[0]):
-            w.slope[one] += row[i] * z[i, q + one] + own[i] * z[i, 0]
+        for i in range(z.shape[1]):
+            w.slope[one] += row[i] * z[q + one, i] + own[i] * z[0, i]
     return total
 
 
@@ -117,8 +111,8 @@ def _consider_end(tables, c, j, moved, q, w):
         return
     value, rate = _slope_at(tables, c, 3 * m + j, q, w), 0.0
     row = tables.rates[m + j if code == INVERSE else j]
-    for i in range(w.z.shape[0]):
-        rate += row[i] * w.z[i, 0]
+    for i in range(w.z.shape[1]):
+        rate += row[i] * w.z[0, i]
     for one in range(moved.shape[0]):
         w.slope[one] += tables.stiffness[c, j] * rate * moved[one]
     _consider(tables, 1, j, value, w.slope)
@@ -142,8 +136,8 @@ def event_velocity(tables, c, j, q, w):
     """Fill the slope of `Work` with that of the velocity of an event of mesh j that moves."""
     m = tables.codes.shape[1]
     rate = 0.0
-    for i in range(w.z.shape[0]):
-        rate += tables.rows[c, 2 * m + j, i] * w.z[i, 0]
+    for i in range(w.z.shape[1]):
+        rate += tables.rows[c, 2 * m + j, i] * w.z[0, i]
     _slope_at(tables, c, m + j, q, w)
     for one in range(w.slope.shape[0]):
         w.slope[one] += rate * w.moved[one]
@@ -187,25 +181,17 @@ def begin_arc(tables, c, q, w):
 @kernel
 def record_arc(bases, tables, c, t, length, q, w):
     """Take what is recorded along an arc from phase t of the period, coordinates in `Work`."""
-    k, r, first = w.slope.shape[0], tables.rows.shape[1], tables.phase[PERIOD_START] + t
-    step, columns, out = tables.phase[SAMPLE_STEP], w.y.shape[1], w.turned
-    of_tangents, of_states = tables.of_tangents[c], tables.of_states[c]
+    k, first, step = w.slope.shape[0], tables.phase[PERIOD_START] + t, tables.phase[SAMPLE_STEP]
+    out = w.turned
     while True:
         at = tables.phase[RECORD_START] + tables.counts[TAKEN] * step - first
         if not at < length - _SAME_PHASE:
             break
-        turn(bases, c, max(at, 0.0), q, k, columns, w.y, out, w.terms)
-        sample = tables.samples[tables.counts[TAKEN]].reshape(r * k)
+        turn(bases, c, max(at, 0.0), q, k, w.y.shape[0], w.y, out, w.terms)
+        sample = tables.samples[tables.counts[TAKEN]]
         sample[:] = 0.0
-        for i in range(out.shape[0]):
-            value, own = out[i, 0], of_states[i]
-            for j in range(r * k):
-                sample[j] += own[j] * value
-        for j in range(r):
-            for i in range(out.shape[0]):
-                factor = of_tangents[j, i]
-                for one in range(k):
-                    sample[j * k + one] += factor * out[i, q + one]
+        add_product(out[q : q + k], tables.of_tangents[c], sample)
+        add_product(out[:1], tables.of_states[c], sample.reshape(1, sample.size))
         tables.counts[TAKEN] += 1
     _turning_points(bases, tables, c, length, q, w)
     tables.counts[BEGUN] = 1
@@ -214,27 +200,31 @@ def record_arc(bases, tables, c, t, length, q, w):
 @kernel
 def _turning_points(bases, tables, c, length, q, w):
     """Compare the turning points of all curves on an arc with the extrema, look for touches."""
-    m = tables.codes.shape[1]
+    m, old, new = tables.codes.shape[1], w.curves[0], w.curves[1]
     count = max(int(math.ceil(length / tables.place[c])), 2)
     h = length / count
-    old, old_speed = np.zeros(3 * m), np.zeros(3 * m)
     for place in range(count + 1):
-        turn(bases, c, place * h, q, 1, 1, w.y, w.turned, w.terms)
+        _curves_at(bases, tables, c, place * h, q, w, new)
         for curve in range(m if tables.same else 0, 3 * m):
-            value = _value(tables.curves[c, curve], w.turned)
-            speed = _value(tables.speeds[c, curve], w.turned)
-            if place > 0 and (speed < 0.0) != (old_speed[curve] < 0.0):
+            a, b = old[3 * m + curve], new[3 * m + curve]
+            if place > 0 and (a < 0.0) != (b < 0.0):
                 # Between two places the curve is all but a cubic.
-                a, b = old_speed[curve], speed
-                share = a / (a - b)
-                cubic = _cubic(old[curve], a * h, value, b * h, share)
-                if _matters(tables, c, curve, cubic, abs(value - old[curve]) + abs(a - b) * h):
+                cubic = _cubic(old[curve], a * h, new[curve], b * h, a / (a - b))
+                range_ = abs(new[curve] - old[curve]) + abs(a - b) * h
+                if _matters(tables, c, curve, cubic, range_):
                     begin = (place - 1) * h
-                    at = _root(bases, tables.speeds[c, curve], c, begin, begin + h, a, b, q, w)
+                    at = _root(bases, tables, c, curve, begin, begin + h, a, b, q, w)
                     if tables.counts[BEGUN] or at > _AT_START * h:
                         _turning_point(bases, tables, c, curve, at, q, w)
-                    turn(bases, c, place * h, q, 1, 1, w.y, w.turned, w.terms)
-            old[curve], old_speed[curve] = value, speed
+        old, new = new, old
+
+
+@kernel
+def _curves_at(bases, tables, c, t, q, w, values):
+    """Fill `values`, shape (6 m,), with the curves and their rates at t."""
+    turn(bases, c, t, q, 1, 1, w.y, w.turned, w.terms)
+    values[:] = 0.0
+    add_product(w.turned[:1], tables.curves[c], values.reshape(1, values.size))
 
 
 @kernel
@@ -264,33 +254,36 @@ def _matters(tables, c, curve, value, range_):
 
 @kernel
 def _turning_point(bases, tables, c, curve, at, q, w):
+    """Compare a turning point of a curve with the extrema; note a touch."""
     m, k = tables.codes.shape[1], w.slope.shape[0]
     j, kind, code = curve % m, curve // m, tables.codes[c, curve % m]
-    turn(bases, c, at, q, k, q + k, w.y, w.turned, w.terms)
-    if kind > 0 and abs(_value(tables.curves[c, curve], w.turned)) <= _CLOSEST:
+    _curves_at(bases, tables, c, at, q, w, w.curves[2])
+    if kind > 0 and abs(w.curves[2, curve]) <= _CLOSEST:
         tables.counts[TOUCHING] = 1
+    turn(bases, c, at, q, k, q + k, w.y, w.turned, w.terms)
     if kind == 0 or (kind == 1 and tables.same):
-        _slope(tables, c, j, w.turned, q, w.slope)
-        _consider(tables, 0, j, _value(tables.of_tangents[c, j], w.turned), w.slope)
+        value = _slope(tables, c, j, w.turned, q, w.slope)
+        _consider(tables, 0, j, value, w.slope)
     if kind > 0 and code == (NORMAL if kind == 1 else INVERSE):
-        _slope(tables, c, 3 * m + j, w.turned, q, w.slope)
-        _consider(tables, 1, j, _value(tables.of_tangents[c, 3 * m + j], w.turned), w.slope)
+        value = _slope(tables, c, 3 * m + j, w.turned, q, w.slope)
+        _consider(tables, 1, j, value, w.slope)
 
 
 @kernel
-def _root(bases, speeds, c, low, high, a, b, q, w):
-    """Return where a speed is zero between two places where it is a and b: secants, halved."""
-    side = 0
+def _root(bases, tables, c, curve, low, high, a, b, q, w):
+    """Return where the rate of a curve is zero between places where it is a and b."""
+    place, at, side = 3 * tables.codes.shape[1] + curve, low, 0
     for _ in range(_STEPS):
         at = (low * b - high * a) / (b - a)
         if not low < at < high:
             at = 0.5 * (low + high)
             if not low < at < high:
                 break
-        turn(bases, c, at, q, 1, 1, w.y, w.turned, w.terms)
-        value = _value(speeds, w.turned)
+        _curves_at(bases, tables, c, at, q, w, w.curves[2])
+        value = w.curves[2, place]
         if value == 0.0:
-            return at
+            break
+        # A secant whose other end stays is bent towards it.
         if (value < 0.0) == (a < 0.0):
             low, a, b, side = at, value, 0.5 * b if side < 0 else b, -1
         else:

@@ -11,7 +11,7 @@ moves by dtau = -(row w + (d row/dp) z) / (row f): the speed cancels. The slopes
 small deviations, a product of those of arcs and of crossings, S = 1 - s row, follow in the same
 way; see `docs/theory/sensitivities.md`.
 
-What is carried is a block of columns: the state and f free tangents, q = 1 + f together, then what
+What is carried are rows: the state and f free tangents, q = 1 + f together, then what
 the state changes by, for k directions, then what each free tangent changes by, if that is wanted.
 """
 
@@ -22,7 +22,7 @@ import numpy as np
 
 from gearlib.kernels.jit import kernel
 from gearlib.kernels.slopes.itinerary import ARC, CROSSING, KIND, MESH, PERIOD
-from gearlib.kernels.slopes.modal_turns import multiplied, turn
+from gearlib.kernels.slopes.modal_turns import add_product, turn
 from gearlib.kernels.slopes.recorded_slopes import (
     PERIOD_START,
     begin_arc,
@@ -45,112 +45,102 @@ class Boundaries(NamedTuple):
     speed: np.ndarray  #: its rate, shape (J, n)
     jump: np.ndarray  #: by what dz/dtau falls, over the speed, shape (J, n)
     jump_slopes: np.ndarray  #: shape (J, k, n)
-    difference: np.ndarray  #: of the matrices before and after a switch, shape (J, n, n)
+    difference: np.ndarray  #: of the matrices at a switch, transposed, shape (J, n, n)
     moved: np.ndarray  #: by what a switch moves, shape (J, k)
-    matrix: np.ndarray  #: of each combination, shape (C, n, n)
+    matrix: np.ndarray  #: of each combination, transposed, shape (C, n, n)
     tuning: float
 
 
 class Work(NamedTuple):
-    """Storage of a walk with so many columns, k directions."""
+    """Storage of a walk with l rows, k directions."""
 
-    z: np.ndarray  #: the block, shape (n, columns)
-    y: np.ndarray  #: its coordinates at the start of an arc, shape (2 M, columns)
+    z: np.ndarray  #: the rows, shape (l, n)
+    y: np.ndarray  #: their coordinates at the start of an arc, shape (l, 2 M)
     turned: np.ndarray  #: and later, the same shape
-    terms: np.ndarray  #: of a series, complex, shape (2, M, columns)
-    shift: np.ndarray  #: shape (k s,)
-    reach: np.ndarray  #: shape (columns,)
+    terms: np.ndarray  #: of a series, complex, shape (2, l, M)
+    reach: np.ndarray  #: shape (l,)
     moved: np.ndarray  #: by what the phase of an event moves, shape (k,)
     slope: np.ndarray  #: shape (k,)
+    curves: np.ndarray  #: shape (3, 6 m)
 
 
 @kernel
-def _shifted(shift, sign, q, sources, k, z, work):
+def _shifted(shift, sign, q, sources, k, z):
     """Add sign S z to what each source changes by."""
-    size = shift.shape[1]
-    moving = size // k if k else 0
+    n = z.shape[1]
     for source in range(sources):
-        for i in range(size):
-            work[i] = 0.0
-        for c in range(z.shape[0]):
-            factor, row = sign * z[c, source], shift[c]
-            if factor != 0.0:
-                for i in range(size):
-                    work[i] += factor * row[i]
         first = q + source * k
-        for one in range(k):
-            for r in range(moving):
-                z[r, first + one] += work[one * moving + r]
+        slopes = z[first : first + k].reshape(k * n)
+        for c in range(n):
+            factor, row = sign * z[source, c], shift[c]
+            if factor != 0.0:
+                for i in range(k * n):
+                    slopes[i] += factor * row[i]
 
 
 @kernel
 def _meet(bounds, j, q, w):
-    """Fill `reach` of all columns at a flank line, and `moved`; return whether it is met slowly."""
-    z, reach, moved, row = w.z, w.reach, w.moved, bounds.row[j]
-    n, columns = z.shape
-    for c in range(columns):
-        reach[c] = 0.0
-    speed = 0.0
-    for r in range(n):
-        speed += bounds.speed[j, r] * z[r, 0]
-        if row[r] != 0.0:
-            for c in range(columns):
-                reach[c] += row[r] * z[r, c]
+    """Fill `reach` of all rows at a flank line, and `moved`; return whether it is met slowly."""
+    z, reach, moved, row, speed = w.z, w.reach, w.moved, bounds.row[j], 0.0
+    for i in range(z.shape[1]):
+        speed += bounds.speed[j, i] * z[0, i]
+    for r in range(z.shape[0]):
+        reach[r] = 0.0
+        for i in range(z.shape[1]):
+            reach[r] += row[i] * z[r, i]
     slow = not abs(speed) * bounds.tuning > SLOWEST
     for one in range(moved.shape[0]):
-        for r in range(n):
-            reach[q + one] += bounds.row_slopes[j, one, r] * z[r, 0]
+        for i in range(z.shape[1]):
+            reach[q + one] += bounds.row_slopes[j, one, i] * z[0, i]
         moved[one] = math.nan if slow else -reach[q + one] / speed
     return slow
 
 
 @kernel
 def _cross(bounds, j, before, after, q, rates, w):
-    """Take all columns over the flank line that `_meet` has looked at."""
+    """Take all rows over the flank line that `_meet` has looked at."""
     z, reach, moved, row, jump = w.z, w.reach, w.moved, bounds.row[j], bounds.jump[j]
-    n, columns = z.shape
-    k, f = moved.shape[0], q - 1
-    for c in range(1, columns):
-        for r in range(n):
-            z[r, c] -= jump[r] * reach[c]
+    n, k = z.shape[1], moved.shape[0]
+    for r in range(1, z.shape[0]):
+        for i in range(n):
+            z[r, i] -= jump[i] * reach[r]
     if not rates:
         return
     # M goes over by S: the arc before lasts longer, that behind less, and S itself changes.
-    crossed = z[:, 1:q].copy()
-    first, second = np.zeros((n, f)), np.zeros((n, f))
-    multiplied(bounds.matrix[after], crossed, f, second)
-    for c in range(f):
-        for r in range(n):
-            crossed[r, c] += jump[r] * reach[1 + c]
-    multiplied(bounds.matrix[before], crossed, f, first)
-    for c in range(f):
+    crossed = z[1:q].copy()
+    first, second = np.zeros((q - 1, n)), np.zeros((q - 1, n))
+    add_product(crossed, bounds.matrix[after], second)
+    for r in range(q - 1):
+        for i in range(n):
+            crossed[r, i] += jump[i] * reach[1 + r]
+    add_product(crossed, bounds.matrix[before], first)
+    for r in range(q - 1):
         fall = 0.0
-        for r in range(n):
-            fall += row[r] * first[r, c]
-        for r in range(n):
-            step = first[r, c] - jump[r] * fall - second[r, c]
-            for one in range(k):
-                change = moved[one] * step - bounds.jump_slopes[j, one, r] * reach[1 + c]
-                z[r, q + (c + 1) * k + one] += change
+        for i in range(n):
+            fall += row[i] * first[r, i]
+        for one in range(k):
+            own, slopes = z[q + (r + 1) * k + one], bounds.jump_slopes[j, one]
+            for i in range(n):
+                step = first[r, i] - jump[i] * fall - second[r, i]
+                own[i] += moved[one] * step - slopes[i] * reach[1 + r]
 
 
 @kernel
 def _switch(bounds, j, q, sources, w):
-    """Take all columns over a switch of the stiffness that moves."""
-    z, k, n = w.z, w.moved.shape[0], w.z.shape[0]
+    """Take all rows over a switch of the stiffness that moves."""
+    z, k, n = w.z, w.moved.shape[0], w.z.shape[1]
+    fall = np.zeros((sources, n))
+    add_product(z[:sources], bounds.difference[j], fall)
     for source in range(sources):
-        for r in range(n):
-            total = 0.0
-            for c in range(n):
-                total += bounds.difference[j, r, c] * z[c, source]
-            if total != 0.0:
-                for one in range(k):
-                    z[r, q + source * k + one] += total * bounds.moved[j, one]
+        for one in range(k):
+            own = z[q + source * k + one]
+            for i in range(n):
+                own[i] += fall[source, i] * bounds.moved[j, one]
 
 
 @kernel
 def walk(bases, bounds, states, steps, times, which, where, q, rates, w, recording, tables):
-    """Take a block of columns through steps of a motion.
+    """Take rows through steps of a motion.
 
     Parameters
     ----------
@@ -174,23 +164,25 @@ def walk(bases, bounds, states, steps, times, which, where, q, rates, w, recordi
     bool
         Whether a recorded event is so slow that it is a grazing.
     """
-    grazing, z, n, columns = False, w.z, w.z.shape[0], w.z.shape[1]
+    grazing, z, y, out = False, w.z, w.y, w.turned
     k, sources = w.moved.shape[0], q if rates else 1
     for i in range(steps.shape[0]):
         kind, c, j = steps[i, KIND], which[i], where[i]
         if kind == ARC:
             if recording:
                 begin_arc(tables, c, q, w)
-            _shifted(bases.shift[c], 1.0, q, sources, k, z, w.shift)
-            multiplied(bases.into[c], z, columns, w.y)
+            _shifted(bases.shift[c], 1.0, q, sources, k, z)
+            y[:] = 0.0
+            add_product(z, bases.into[c], y)
             if recording:
                 record_arc(bases, tables, c, times[i, 0], times[i, 1], q, w)
-            turn(bases, c, times[i, 1], q, k, columns, w.y, w.turned, w.terms)
-            multiplied(bases.out[c], w.turned, columns, z)
-            _shifted(bases.shift[c], -1.0, q, sources, k, z, w.shift)
+            turn(bases, c, times[i, 1], q, k, z.shape[0], y, out, w.terms)
+            z[:] = 0.0
+            add_product(out, bases.out[c], z)
+            _shifted(bases.shift[c], -1.0, q, sources, k, z)
         elif kind == PERIOD:
-            for r in range(n):
-                z[r, 0] = states[steps[i, MESH], r]
+            for r in range(z.shape[1]):
+                z[0, r] = states[steps[i, MESH], r]
             if recording:
                 tables.phase[PERIOD_START] = 2.0 * math.pi * steps[i, MESH]
         elif kind == CROSSING:

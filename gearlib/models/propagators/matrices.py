@@ -67,7 +67,7 @@ class Matrices(Base):
             return 0, code, False, False, None
         one_sided = walk.on_a_line(_ON_LINE)
         tables = walk.go(periods - recorded, len(samples) // recorded, len(events))
-        samples[:], events[:] = tables.samples, tables.events
+        samples[:], events[:] = np.swapaxes(tables.samples, 1, 2), tables.events
         extrema[:] = tables.extrema.reshape(extrema.shape)
         times[:] = tables.times.reshape(times.shape)
         grazing = walk.grazing or bool(tables.counts[TOUCHING])

@@ -10,26 +10,29 @@ from gearlib.kernels.slopes.bases import Bases, clusters, gather, solve, split
 _NEAR, _FARTHER, _CONDITION = 0.03, 4.0, 1e5
 
 
-def bases_of(pairs, size):
-    """Return the `Bases` of pairs (matrix, slopes), shapes (n, n), (k, n, n); `size` move."""
+def bases_of(pairs):
+    """Return the `Bases` of pairs (matrix, slopes), shapes (n, n) and (k, n, n)."""
     k, n = pairs[0][1].shape[:2]
     found = [_basis(matrix, slopes) for matrix, slopes in pairs]
     count, most = len(found), max(len(one[0]) for one in found)
     table = Bases(
-        np.zeros((count, 2 * most, n)),
         np.zeros((count, n, 2 * most)),
+        np.zeros((count, 2 * most, n)),
         np.zeros((count, most + 2), np.int64),
         np.zeros((count, most, most), complex),
-        np.zeros((count, most, most, k), complex),
-        np.zeros((count, n, k * size)),
+        np.zeros((count, k, most, most), complex),
+        np.zeros((count, k, 2 * most)),
+        np.zeros((count, n, k * n)),
     )
     for i, (into, out, blocks, matrix, slopes, shift) in enumerate(found):
         m = len(into)
-        table.into[i, :m], table.into[i, most : most + m] = into.real, into.imag
-        table.out[i, :, :m], table.out[i, :, most : most + m] = out.real, -out.imag
+        table.into[i, :, :m], table.into[i, :, most : most + m] = into.real.T, into.imag.T
+        table.out[i, :m], table.out[i, most : most + m] = out.real.T, -out.imag.T
         table.blocks[i, : len(blocks)] = blocks
-        table.matrix[i, :m, :m], table.slopes[i, :m, :m] = matrix, slopes
-        table.shift[i] = np.moveaxis(shift[:, :size], 2, 0).reshape(n, -1)
+        table.matrix[i, :m, :m], table.slopes[i, :, :m, :m] = matrix, slopes
+        diagonal = np.diagonal(table.slopes[i], axis1=1, axis2=2)
+        table.single_slopes[i] = np.hstack([diagonal.real, diagonal.imag])
+        table.shift[i] = np.moveaxis(shift, 2, 0).reshape(n, -1)
     return table
 
 
@@ -54,12 +57,15 @@ def _basis(a, slopes):
     together = cluster[:, None] == cluster
     matrix = np.triu(np.where(together, inverse @ a @ basis, 0.0))
     rows = np.flatnonzero(kept)
+    # Coordinates by themselves first.
+    several = np.bincount(cluster)[cluster[rows]] > 1
+    rows = rows[np.argsort(several, kind="stable")]
     into, out = inverse[rows], basis[:, rows] * kept[rows]
     changes = into @ (slopes * scale / scale[:, None]) @ basis
     shift = np.empty_like(changes)
-    blocks = np.empty((rows.size, rows.size, len(slopes)), complex)
+    blocks = np.empty((len(slopes), rows.size, rows.size), complex)
     solve(matrix, cluster, rows, changes, shift, blocks)
     shift = (out @ shift @ inverse).real / scale * scale[:, None]
-    ends = np.append(np.flatnonzero(np.diff(cluster[rows], prepend=-1)), rows.size)
-    ends = np.append(ends, rows.size)
+    ends = np.flatnonzero(np.diff(cluster[rows], prepend=-1, append=count))
+    ends = np.append(ends[ends >= rows.size - several.sum()], rows.size)
     return into / scale, out * scale[:, None], ends, matrix[np.ix_(rows, rows)], blocks, shift

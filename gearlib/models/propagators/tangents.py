@@ -68,8 +68,8 @@ class Walk:
 
     def _block(self, state, tangents):
         more = self.k * (self.q - 1) if self._rates else 0
-        block = np.zeros((state.size, 1 + tangents.shape[1] + more))
-        block[:, 0], block[: self.varied.size, 1 : 1 + tangents.shape[1]] = state, tangents
+        block = np.zeros((1 + tangents.shape[1] + more, state.size))
+        block[0], block[1 : 1 + tangents.shape[1], : self.varied.size] = state, tangents.T
         return block
 
     def _plan(self):
@@ -88,7 +88,7 @@ class Walk:
         self._which, self._met = self._combinations(effects, contacts, e)
         self._begins = np.append(np.flatnonzero(self._steps[:, KIND] == PERIOD), found)
         pairs = [self.varied.matrix(*one) for one in self._met]
-        self._bases = bases_of(pairs, self.varied.size)
+        self._bases = bases_of(pairs)
         kind, j = self._steps[:, KIND], self._steps[:, MESH] * (self._steps[:, KIND] != PERIOD)
         old = places.effect[self._steps[:, FROM] + 1, self._steps[:, LEFT], j]
         new = places.effect[self._steps[:, TO] + 1, self._steps[:, MET], j]
@@ -102,16 +102,16 @@ class Walk:
 
     def _storage(self):
         """Return the `Work` of the block."""
-        columns, half = self.block.shape[1], self._bases.into.shape[1] // 2
+        rows, full = len(self.block), self._bases.into.shape[2]
         return Work(
             self.block,
-            np.zeros((2 * half, columns)),
-            np.zeros((2 * half, columns)),
-            np.empty((2, half, columns), complex),
-            np.empty(self._bases.shift.shape[2]),
-            np.empty(columns),
+            np.zeros((rows, full)),
+            np.zeros((rows, full)),
+            np.empty((2, rows, full // 2), complex),
+            np.empty(rows),
             np.empty(self.k),
             np.empty(self.k),
+            np.empty((3, 6 * len(self.codes))),
         )
 
     def _combinations(self, effects, contacts, e):
@@ -124,7 +124,7 @@ class Walk:
 
     def _boundaries(self, pairs, rows):
         """Return the `Boundaries` of the crossings and switches in some rows of the steps."""
-        varied, k, n = self.varied, self.k, len(self.block)
+        varied, k, n = self.varied, self.k, self.block.shape[1]
         count = max(len(rows), 1)
         table = Boundaries(
             np.zeros((count, n)),
@@ -134,13 +134,13 @@ class Walk:
             np.zeros((count, k, n)),
             np.zeros((count, n, n)),
             np.zeros((count, k)),
-            np.array([matrix for matrix, _ in pairs]),
+            np.array([matrix.T for matrix, _ in pairs]),
             float(varied.tuning),
         )
         for i, row in enumerate(rows):
             step, (codes, segments) = self._steps[row], self._met[self._which[row]]
             j, before = int(step[MESH]), (codes, segments)
-            matrix = table.matrix[self._which[row]]
+            matrix = table.matrix[self._which[row]].T
             if step[KIND] == CROSSING:
                 code = int(step[TO])
                 flank = NORMAL if NORMAL in (codes[j], code) else INVERSE
@@ -152,16 +152,16 @@ class Walk:
             else:
                 old, new = int(step[LEFT]), int(step[MET])
                 segments = (*segments[:j], new, *segments[j + 1 :])
-                table.difference[i] = matrix - varied.matrix(codes, segments)[0]
+                table.difference[i] = (matrix - varied.matrix(codes, segments)[0]).T
                 table.moved[i] = varied.moves(codes[j], j, old, new)
         return table
 
     def on_a_line(self, close):
         """Return whether the start is on a flank line where the damping jumps, and moves off it."""
-        varied, z, own = self.varied, self.block[:, 0], slice(self.q, self.q + self.k)
+        varied, z, own = self.varied, self.block[0], slice(self.q, self.q + self.k)
         codes, segments = self.motion.codes, (int(varied.places.first[0]),) * varied.near.shape[1]
         for flank, (rows, slopes) in varied.lines.items():
-            reach = rows @ self.block[:, own] + (slopes @ z).T
+            reach = rows @ self.block[own].T + (slopes @ z).T
             size = np.abs(rows * z).sum(axis=1)
             at = np.abs(rows @ z) <= close * size
             for j in np.flatnonzero(at & reach.any(axis=1)):
@@ -176,13 +176,13 @@ class Walk:
     @property
     def tangents(self):
         """Those of the components that move, shape (s, f + k)."""
-        return self.block[: self.varied.size, 1 : self.q + self.k]
+        return self.block[1 : self.q + self.k, : self.varied.size].T
 
     @property
     def rates(self):
         """What the map of free tangents changes by, shape (k, s, f)."""
-        own = self.block[: self.varied.size, self.q + self.k :]
-        return np.moveaxis(own.reshape(len(own), self.q - 1, self.k), 2, 0)
+        own = self.block[self.q + self.k :, : self.varied.size]
+        return own.reshape(self.q - 1, self.k, -1).transpose(1, 2, 0)
 
     def go(self, record_from=None, samples_per_period=0, events=0):
         """Go through all periods; return the `recorded_slopes.Tables` from one on, or None."""
@@ -223,7 +223,7 @@ class Walk:
     def _recording(self, first, samples_per_period, events):
         """Return the `recorded_slopes.Tables` from a period on; without samples and events empty."""
         varied, k, m = self.varied, self.k, len(self.codes)
-        count, n, full = len(self._met), len(self.block), self._bases.out.shape[2]
+        count, (n, full) = len(self._met), self._bases.into.shape[1:]
         begin = self._begins[first]
         met = np.unique(self._which[begin:]) if samples_per_period else ()
         functionals = varied.rows(*self._met[0])[0].shape[0]
@@ -232,21 +232,19 @@ class Walk:
         stiffness = np.zeros((count, m))
         rows, slopes = np.zeros((count, functionals, n)), np.zeros((count, k, functionals, n))
         of_states = np.zeros((count, full, functionals * k))
-        curves, speeds = np.zeros((2, count, 3 * m, full))
+        curves = np.zeros((count, full, 6 * m))
         lines = np.concatenate([varied.lines[flank][0] for flank in (NORMAL, INVERSE)])
         place = np.ones(count)
         for i in met:
             codes[i], segments = self._met[i]
             stiffness[i] = varied.stiffness(tuple(codes[i].tolist()), segments)[0].real
             rows[i], slopes[i] = varied.rows(*self._met[i])
-            out, shift = self._bases.out[i], np.zeros((k, n, n))
-            shift[:, : varied.size] = np.moveaxis(
-                self._bases.shift[i].reshape(n, k, varied.size), 0, 2
-            )
-            own = (slopes[i] - rows[i] @ shift) @ out
-            of_states[i] = np.moveaxis(own, 0, 2).swapaxes(0, 1).reshape(full, -1)
+            out, shift = self._bases.out[i], self._bases.shift[i].reshape(n, k, n)
+            own = (slopes[i] - rows[i] @ np.moveaxis(shift, 0, 2)) @ out.T
+            of_states[i] = np.moveaxis(own, 2, 0).reshape(full, -1)
             curve = np.concatenate([rows[i, :m], lines])
-            curves[i], speeds[i] = curve @ out, curve @ self._bounds.matrix[i] @ out
+            rate = curve @ self._bounds.matrix[i].T
+            curves[i] = out @ np.concatenate([curve, rate]).T
             place[i] = varied.longest(segments) / _PLACES
         best = np.full((4, m), -np.inf)
         best[1::2] = np.inf
@@ -254,17 +252,16 @@ class Walk:
         return recorded.Tables(
             rows,
             slopes,
-            rows @ self._bases.out,
+            np.ascontiguousarray(np.swapaxes(rows @ np.swapaxes(self._bases.out, 1, 2), 1, 2)),
             of_states,
             curves,
-            speeds,
-            lines @ self._bounds.matrix[0],
+            lines @ self._bounds.matrix[0].T,
             codes,
             stiffness,
             varied.places.low,
             place,
             bool((varied.position[0] == varied.near[0]).all()),
-            np.zeros((periods * samples_per_period, functionals, k)),
+            np.zeros((periods * samples_per_period, k, functionals)),
             np.zeros((events, 2, k)),
             np.zeros((4, m, k)),
             best,
