@@ -17,12 +17,16 @@ import numpy as np
 
 from gearlib.kernels.jit import kernel
 
+#: Coupling of equal eigenvalues, relative, that is rounding; entries of an eigenvector in another
+#: one's place that are too large.
+_ROUNDING, _SLANT = 1e-14, 1e2
+
 
 class Bases(NamedTuple):
     """The bases of C matrices: n components, s of which move, M complex coordinates, k slopes.
 
     Of a conjugate pair one coordinate is kept. Real parts come before imaginary parts, coordinates
-    by themselves before those in blocks of several.
+    by which T is diagonal before blocks of T by which it is not.
     """
 
     into: np.ndarray  #: shape (C, n, 2 M)
@@ -30,7 +34,8 @@ class Bases(NamedTuple):
     blocks: np.ndarray  #: int, where blocks begin; the last two their end, shape (C, M + 2)
     matrix: np.ndarray  #: T, complex, shape (C, M, M)
     slopes: np.ndarray  #: D, complex, shape (C, k, M, M)
-    single_slopes: np.ndarray  #: its diagonal, shape (C, k, 2 M)
+    diagonal: np.ndarray  #: its diagonal, shape (C, k, 2 M)
+    pairs: np.ndarray  #: int, rows and columns of its other entries where T is diagonal, (C, P, 2)
     shift: np.ndarray  #: S, shape (C, n, k n)
 
 
@@ -113,6 +118,47 @@ def split(t, cluster):
                     total += y[i, other] * t[other, j]
             y[i, j] = total / (t[i, i] - t[j, j])
     return y
+
+
+@kernel
+def straighten(t, cluster, basis):
+    """Diagonalise the clusters of a block-diagonal t that are well-conditioned, in place.
+
+    Returns, by coordinates, whether a cluster stays a block.
+    """
+    n = t.shape[0]
+    block, size = np.zeros(n, np.bool_), 0.0
+    for i in range(n):
+        size = max(size, abs(t[i, i]))
+    first = 0
+    while first < n:
+        last = first + 1
+        while last < n and cluster[last] == cluster[first]:
+            last += 1
+        own, fits = np.eye(last - first) + 0.0j, True
+        for j in range(first, last):
+            for i in range(j - 1, first - 1, -1):
+                total, apart = 0.0j, t[j, j] - t[i, i]
+                for other in range(i + 1, j + 1):
+                    total += t[i, other] * own[other - first, j - first]
+                if abs(total) > _ROUNDING * size:
+                    fits = fits and abs(total) < _SLANT * abs(apart)
+                    own[i - first, j - first] = total / apart if fits else 0.0
+        if fits:
+            turned = np.zeros((n, last - first), t.dtype)
+            for r in range(n):
+                for j in range(last - first):
+                    for i in range(j + 1):
+                        turned[r, j] += basis[r, first + i] * own[i, j]
+            for j in range(last - first):
+                for r in range(n):
+                    basis[r, first + j] = turned[r, j]
+                for i in range(j):
+                    t[first + i, first + j] = 0.0
+        else:
+            block[first:last] = True
+        first = last
+    return block
 
 
 @kernel

@@ -87,8 +87,7 @@ def itinerary(places, codes, own, events, periods, steps, times, contacts):
                             steps[found, KIND], steps[found, MESH] = SWITCH, j
                             steps[found, FROM] = steps[found, TO] = codes[j]
                             steps[found, LEFT], steps[found, MET], found = old, p, row
-                    own[j] = p
-                p += 1
+                own[:], p = p, p + 1
             else:
                 break
     return found

@@ -8,6 +8,7 @@ from gearlib.kernels.jit import kernel
 
 #: Norm of a block times the length of a step of its series, and the last term that counts.
 _REACH, _NOTHING = 1.0, 1e-19
+_INVERSE = 1.0 / np.arange(1.0, 16.0)
 
 
 @kernel
@@ -23,10 +24,9 @@ def add_product(z, a, out):
 
 
 @kernel
-def _block(bases, c, start, size, length, q, k, rows, y, out, terms):
+def _block(t, d, start, size, length, q, k, rows, y, out, terms):
     """Carry the coordinates of one block: the mean eigenvalue by itself, a series for the rest."""
-    t, d = bases.matrix[c], bases.slopes[c]
-    half, mean, norm = y.shape[1] // 2, 0.0j, 0.0
+    half, mean, norm, sources = y.shape[1] // 2, 0.0j, 0.0, (rows - q) // k if rows > q else 0
     for i in range(start, start + size):
         mean += t[i, i] / size
     for i in range(start, start + size):
@@ -45,31 +45,50 @@ def _block(bases, c, start, size, length, q, k, rows, y, out, terms):
         for row in range(rows):
             for i in range(size):
                 term[row, i] = complex(out[row, start + i], out[row, half + start + i])
-        share, j = 1.0, 0
-        # A slope has one factor less of the norm in each term.
-        while share > _NOTHING or j < 3:
+        share, j, moving = 1.0, 0, True
+        # A slope has one factor less of the norm in each term; free motions have few terms.
+        while j < 3 or (moving and share > _NOTHING):
             j += 1
             share *= norm * h / max(j - 2, 1)
+            step = h / j
+            for i in range(size):
+                rest = t[start + i, start + i] - mean
+                for row in range(rows):
+                    new[row, i] = rest * term[row, i]
+                for other in range(i + 1, size):
+                    rest = t[start + i, start + other]
+                    for row in range(rows):
+                        new[row, i] += rest * term[row, other]
+                for source in range(sources):
+                    first = q + source * k
+                    for other in range(size):
+                        value = term[source, other]
+                        for one in range(k):
+                            new[first + one, i] += d[one, start + i, start + other] * value
+            moving = False
             for row in range(rows):
                 for i in range(size):
-                    total = (t[start + i, start + i] - mean) * term[row, i]
-                    for other in range(i + 1, size):
-                        total += t[start + i, start + other] * term[row, other]
-                    if row >= q:
-                        source, one = (row - q) // k, (row - q) % k
-                        for other in range(size):
-                            total += d[one, start + i, start + other] * term[source, other]
-                    new[row, i] = total * (h / j)
-            for row in range(rows):
-                for i in range(size):
-                    value = new[row, i]
+                    value = step * new[row, i]
                     term[row, i] = value
-                    out[row, start + i] += value.real
-                    out[row, half + start + i] += value.imag
+                    a, b = out[row, start + i] + value.real, out[row, half + start + i] + value.imag
+                    least = _NOTHING * (abs(a) + abs(b))
+                    moving = moving or abs(value.real) + abs(value.imag) > least
+                    out[row, start + i], out[row, half + start + i] = a, b
         for row in range(rows):
             for i in range(start, start + size):
                 value = factor * complex(out[row, i], out[row, half + i])
                 out[row, i], out[row, half + i] = value.real, value.imag
+
+
+@kernel
+def _mean_power(x):
+    """Return (e^x - 1) / x."""
+    if abs(x) > 0.5:
+        return (np.exp(x) - 1.0) / x
+    total = 1.0 + 0.0j
+    for j in range(13, 0, -1):
+        total = 1.0 + total * (x * _INVERSE[j])
+    return total
 
 
 @kernel
@@ -78,28 +97,44 @@ def turn(bases, c, length, q, k, rows, y, out, terms):
 
     `rows` are the state and free tangents, q of them, then k slopes of each.
     """
-    half, single = y.shape[1] // 2, bases.blocks[c, 0]
-    factors = terms[0, 0]
+    # Looked up once: each look into a tuple of arrays counts references.
+    blocks, t, d = bases.blocks[c], bases.matrix[c], bases.slopes[c]
+    half, single, factors = y.shape[1] // 2, blocks[0], terms[0, 0]
     for i in range(single):
-        factors[i] = np.exp(bases.matrix[c, i, i] * length)
-    for row in range(rows):
+        size, angle = np.exp(t[i, i].real * length), t[i, i].imag * length
+        factors[i] = complex(size * np.cos(angle), size * np.sin(angle))
+    for row in range(min(rows, q)):
         own, target = y[row], out[row]
-        if row < q:
-            for i in range(single):
-                a, b, x, v = factors[i].real, factors[i].imag, own[i], own[half + i]
-                target[i] = a * x - b * v
-                target[half + i] = a * v + b * x
-        else:
-            source, slope = y[(row - q) // k], bases.single_slopes[c, (row - q) % k]
-            for i in range(single):
-                a, b, u, w = slope[i] * length, slope[half + i] * length, source[i], source[half + i]
-                x, v = own[i] + a * u - b * w, own[half + i] + a * w + b * u
-                a, b = factors[i].real, factors[i].imag
-                target[i] = a * x - b * v
-                target[half + i] = a * v + b * x
+        for i in range(single):
+            a, b, x, v = factors[i].real, factors[i].imag, own[i], own[half + i]
+            target[i] = a * x - b * v
+            target[half + i] = a * v + b * x
+    if rows > q:
+        diagonal, pairs = bases.diagonal[c], bases.pairs[c]
+        for first in range(q, rows, k):
+            source = (first - q) // k
+            from_ = y[source]
+            for one in range(k):
+                own, target, slope = y[first + one], out[first + one], diagonal[one]
+                for i in range(single):
+                    a, b, u, w = slope[i], slope[half + i], from_[i], from_[half + i]
+                    x = own[i] + length * (a * u - b * w)
+                    v = own[half + i] + length * (a * w + b * u)
+                    a, b = factors[i].real, factors[i].imag
+                    target[i] = a * x - b * v
+                    target[half + i] = a * v + b * x
+            i = 0
+            while pairs[i, 0] >= 0:
+                r, j = pairs[i, 0], pairs[i, 1]
+                factor = factors[j] * length * _mean_power((t[r, r] - t[j, j]) * length)
+                factor *= complex(from_[j], from_[half + j])
+                for one in range(k):
+                    value = factor * d[one, r, j]
+                    out[first + one, r] += value.real
+                    out[first + one, half + r] += value.imag
+                i += 1
     b = 0
-    while bases.blocks[c, b + 1] > bases.blocks[c, b]:
-        start = bases.blocks[c, b]
-        size = bases.blocks[c, b + 1] - start
-        _block(bases, c, start, size, length, q, k, rows, y, out, terms)
+    while blocks[b + 1] > blocks[b]:
+        start = blocks[b]
+        _block(t, d, start, blocks[b + 1] - start, length, q, k, rows, y, out, terms)
         b += 1

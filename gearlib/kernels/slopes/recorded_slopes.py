@@ -26,8 +26,9 @@ _CUBIC = 1e-3
 _AT_START = 1e-9
 #: Steps that place a turning point to rounding.
 _STEPS = 80
-#: Of the counts: samples and events so far, whether a flank is touched, whether an arc is recorded.
-TAKEN, FOUND, TOUCHING, BEGUN = range(4)
+#: Of the counts: samples and events so far, whether a flank is touched, whether an arc is recorded,
+#: its combination.
+TAKEN, FOUND, TOUCHING, BEGUN, LAST = range(5)
 #: Of the phases.
 PERIOD_START, RECORD_START, SAMPLE_STEP = range(3)
 
@@ -44,6 +45,8 @@ class Tables(NamedTuple):
     of_states: np.ndarray  #: and of those of the state, shape (C, 2 M, k r)
     #: Displacement, distances from both flanks, m each, then their rates, shape (C, 2 M, 6 m).
     curves: np.ndarray
+    velocity: np.ndarray  #: rates of displacements in components, shape (m, n)
+    velocity_slopes: np.ndarray  #: shape (k, m, n)
     rates: np.ndarray  #: rates of the distances in components, shape (2 m, n)
     codes: np.ndarray  #: contact codes, int, shape (C, m)
     stiffness: np.ndarray  #: shape (C, m)
@@ -57,7 +60,7 @@ class Tables(NamedTuple):
     extrema: np.ndarray  #: filled with their slopes, shape (4, m, k)
     apart: np.ndarray  #: bool, whether the flanks of a mesh were apart, shape (m,)
     moved: np.ndarray  #: by what the switch at the start of an arc moves, shape (m, k)
-    counts: np.ndarray  #: int, shape (4,)
+    counts: np.ndarray  #: int, shape (5,)
     phase: np.ndarray  #: of the period, of the record; step of samples, shape (3,)
 
 
@@ -119,11 +122,11 @@ def _consider_end(tables, c, j, moved, q, w):
 
 
 @kernel
-def end_record(tables, c, q, w):
-    """Compare the end of the record, in combination c, and the backlash with the extrema."""
+def end_record(tables, q, w):
+    """Compare the end of the record and the backlash with the extrema."""
     tables.moved[:] = 0.0
     for j in range(tables.codes.shape[1]):
-        _consider_end(tables, c, j, tables.moved[j], q, w)
+        _consider_end(tables, tables.counts[LAST], j, tables.moved[j], q, w)
         for place in (2, 3):
             best = tables.best[place, j]
             size = _HIGHER * (abs(tables.best[2, j]) + abs(tables.best[3, j]))
@@ -132,15 +135,19 @@ def end_record(tables, c, q, w):
 
 
 @kernel
-def event_velocity(tables, c, j, q, w):
-    """Fill the slope of `Work` with that of the velocity of an event of mesh j that moves."""
-    m = tables.codes.shape[1]
-    rate = 0.0
-    for i in range(w.z.shape[1]):
-        rate += tables.rows[c, 2 * m + j, i] * w.z[0, i]
-    _slope_at(tables, c, m + j, q, w)
+def event_velocity(tables, matrix, j, q, w):
+    """Fill the slope of `Work` with that of the velocity of an event of mesh j that moves.
+
+    `matrix`, transposed, is that before the event.
+    """
+    z, row, rate = w.z, tables.velocity[j], 0.0
+    for i in range(z.shape[1]):
+        for r in range(z.shape[1]):
+            rate += z[0, i] * matrix[i, r] * row[r]
     for one in range(w.slope.shape[0]):
-        w.slope[one] += rate * w.moved[one]
+        own, w.slope[one] = tables.velocity_slopes[one, j], rate * w.moved[one]
+        for i in range(z.shape[1]):
+            w.slope[one] += row[i] * z[q + one, i] + own[i] * z[0, i]
 
 
 @kernel
@@ -159,12 +166,12 @@ def note_crossing(tables, step, moved, velocity):
 
 
 @kernel
-def note_switch(tables, step, c, moved, q, w):
+def note_switch(tables, step, moved, q, w):
     """Note a switch of the stiffness of a mesh in contact."""
     j = step[MESH]
     sign = 1.0 if tables.low[step[FROM] + 1, step[LEFT], j] else -1.0
     if tables.counts[BEGUN]:
-        _consider_end(tables, c, j, moved, q, w)
+        _consider_end(tables, tables.counts[LAST], j, moved, q, w)
     for one in range(moved.shape[0]):
         tables.times[3, j, one] += sign * moved[one]
         tables.moved[j, one] = moved[one]
@@ -194,7 +201,7 @@ def record_arc(bases, tables, c, t, length, q, w):
         add_product(out[:1], tables.of_states[c], sample.reshape(1, sample.size))
         tables.counts[TAKEN] += 1
     _turning_points(bases, tables, c, length, q, w)
-    tables.counts[BEGUN] = 1
+    tables.counts[BEGUN], tables.counts[LAST] = 1, c
 
 
 @kernel

@@ -189,11 +189,11 @@ def walk(bases, bounds, states, steps, times, which, where, q, rates, w, recordi
             slow = _meet(bounds, j, q, w)
             if recording:
                 grazing = grazing or slow
-                event_velocity(tables, c, steps[i, MESH], q, w)
+                event_velocity(tables, bounds.matrix[c], steps[i, MESH], q, w)
                 note_crossing(tables, steps[i], w.moved, w.slope)
             _cross(bounds, j, c, which[i + 1] if i + 1 < which.shape[0] else c, q, rates, w)
         else:
             if recording:
-                note_switch(tables, steps[i], c, bounds.moved[j], q, w)
+                note_switch(tables, steps[i], bounds.moved[j], q, w)
             _switch(bounds, j, q, sources, w)
     return grazing

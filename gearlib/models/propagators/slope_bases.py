@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.linalg import matrix_balance, schur
 
-from gearlib.kernels.slopes.bases import Bases, clusters, gather, solve, split
+from gearlib.kernels.slopes.bases import Bases, clusters, gather, solve, split, straighten
 
 #: Eigenvalues closer than this (by phase) stay in one block; by so much more where the basis has a
 #: larger condition number than this.
@@ -22,6 +22,7 @@ def bases_of(pairs):
         np.zeros((count, most, most), complex),
         np.zeros((count, k, most, most), complex),
         np.zeros((count, k, 2 * most)),
+        np.full((count, most * most + 1, 2), -1),
         np.zeros((count, n, k * n)),
     )
     for i, (into, out, blocks, matrix, slopes, shift) in enumerate(found):
@@ -31,7 +32,11 @@ def bases_of(pairs):
         table.blocks[i, : len(blocks)] = blocks
         table.matrix[i, :m, :m], table.slopes[i, :, :m, :m] = matrix, slopes
         diagonal = np.diagonal(table.slopes[i], axis1=1, axis2=2)
-        table.single_slopes[i] = np.hstack([diagonal.real, diagonal.imag])
+        table.diagonal[i] = np.hstack([diagonal.real, diagonal.imag])
+        straight = np.arange(most) < blocks[0]
+        pairs = straight & straight[:, None] & table.slopes[i].any(axis=0) & ~np.eye(most, dtype=bool)
+        pairs = np.argwhere(pairs)
+        table.pairs[i, : len(pairs)] = pairs
         table.shift[i] = np.moveaxis(shift, 2, 0).reshape(n, -1)
     return table
 
@@ -48,18 +53,19 @@ def _basis(a, slopes):
         count = clusters(np.diag(t).copy(), near, cluster, kept)
         gather(t, q, cluster, kept)
         basis = q @ split(t, cluster)
+        t = np.where(cluster[:, None] == cluster, t, 0.0)
+        block = straighten(t, cluster, basis)
         basis /= np.sqrt((basis.real**2 + basis.imag**2).sum(axis=0))
         inverse = np.linalg.inv(basis)
         condition = np.linalg.norm(inverse) * np.sqrt(n)
         if condition < _CONDITION or count == 1:
             break
         near *= _FARTHER
-    together = cluster[:, None] == cluster
-    matrix = np.triu(np.where(together, inverse @ a @ basis, 0.0))
+    matrix = np.triu(np.where(cluster[:, None] == cluster, inverse @ a @ basis, 0.0))
+    straight = ~block & (cluster[:, None] == cluster)
+    matrix[straight] = (matrix * np.eye(n))[straight]
     rows = np.flatnonzero(kept)
-    # Coordinates by themselves first.
-    several = np.bincount(cluster)[cluster[rows]] > 1
-    rows = rows[np.argsort(several, kind="stable")]
+    rows = rows[np.argsort(block[rows], kind="stable")]
     into, out = inverse[rows], basis[:, rows] * kept[rows]
     changes = into @ (slopes * scale / scale[:, None]) @ basis
     shift = np.empty_like(changes)
@@ -67,5 +73,5 @@ def _basis(a, slopes):
     solve(matrix, cluster, rows, changes, shift, blocks)
     shift = (out @ shift @ inverse).real / scale * scale[:, None]
     ends = np.flatnonzero(np.diff(cluster[rows], prepend=-1, append=count))
-    ends = np.append(ends[ends >= rows.size - several.sum()], rows.size)
+    ends = np.append(ends[ends >= rows.size - block[rows].sum()], rows.size)
     return into / scale, out * scale[:, None], ends, matrix[np.ix_(rows, rows)], blocks, shift

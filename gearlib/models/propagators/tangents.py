@@ -88,7 +88,7 @@ class Walk:
         self._which, self._met = self._combinations(effects, contacts, e)
         self._begins = np.append(np.flatnonzero(self._steps[:, KIND] == PERIOD), found)
         pairs = [self.varied.matrix(*one) for one in self._met]
-        self._bases = bases_of(pairs)
+        self._bases = bases_of(pairs[: 1 + self._which[self._steps[:, KIND] == ARC].max()])
         kind, j = self._steps[:, KIND], self._steps[:, MESH] * (self._steps[:, KIND] != PERIOD)
         old = places.effect[self._steps[:, FROM] + 1, self._steps[:, LEFT], j]
         new = places.effect[self._steps[:, TO] + 1, self._steps[:, MET], j]
@@ -115,12 +115,18 @@ class Walk:
         )
 
     def _combinations(self, effects, contacts, e):
-        """Return (number of the combination of each step, (codes, segments) of each)."""
+        """Return (number of the combination of each step, (codes, segments) of each).
+
+        Those of arcs come first.
+        """
         if e ** effects.shape[1] < 2**62:
             effects = effects @ e ** np.arange(effects.shape[1])
         unique = {"axis": 0, "return_index": True, "return_inverse": True}
         _, first, which = np.unique(effects, **unique)
-        return which.ravel(), [tuple(map(tuple, contacts[i].tolist())) for i in first]
+        which = which.ravel()
+        order = np.argsort(~np.isin(np.arange(len(first)), which[self._steps[:, KIND] == ARC]))
+        met = [tuple(map(tuple, contacts[i].tolist())) for i in first[order]]
+        return np.argsort(order)[which], met
 
     def _boundaries(self, pairs, rows):
         """Return the `Boundaries` of the crossings and switches in some rows of the steps."""
@@ -196,8 +202,7 @@ class Walk:
         if record_from is not None:
             self.tables = self._recording(record_from, samples_per_period, events)
             self._through(end, last, True)
-            arcs = np.flatnonzero(self._steps[:, KIND] == ARC)
-            recorded.end_record(self.tables, self._which[arcs[-1]], self.q, self._work)
+            recorded.end_record(self.tables, self.q, self._work)
         return self.tables
 
     def _through(self, first, last, recording=False):
@@ -223,9 +228,11 @@ class Walk:
     def _recording(self, first, samples_per_period, events):
         """Return the `recorded_slopes.Tables` from a period on; without samples and events empty."""
         varied, k, m = self.varied, self.k, len(self.codes)
-        count, (n, full) = len(self._met), self._bases.into.shape[1:]
+        count, n, full = self._bases.into.shape
         begin = self._begins[first]
-        met = np.unique(self._which[begin:]) if samples_per_period else ()
+        met = np.unique(self._which[begin:]) if samples_per_period else np.empty(0, int)
+        met = met[met < len(self._bases.into)]
+        velocity, velocity_slopes = (one[..., m : 2 * m, :] for one in varied.rows(*self._met[0]))
         functionals = varied.rows(*self._met[0])[0].shape[0]
         periods = len(self.motion.states) - first if samples_per_period else 0
         phase, codes = _TURN * first, np.zeros((count, m), np.int64)
@@ -255,6 +262,8 @@ class Walk:
             np.ascontiguousarray(np.swapaxes(rows @ np.swapaxes(self._bases.out, 1, 2), 1, 2)),
             of_states,
             curves,
+            velocity,
+            velocity_slopes,
             lines @ self._bounds.matrix[0].T,
             codes,
             stiffness,
@@ -268,7 +277,7 @@ class Walk:
             np.zeros((4, m, k)),
             np.array(contacts) == BACKLASH,
             np.zeros((m, k)),
-            np.zeros(4, np.int64),
+            np.zeros(5, np.int64),
             np.array([phase, phase, _TURN / max(samples_per_period, 1)]),
         )
 
