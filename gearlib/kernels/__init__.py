@@ -9,6 +9,7 @@ name                  responsibility
 ``steps``             for comparison: fixed steps, and an embedded pair under step control
 ``tooth_pairs``       one mesh whose pairs of teeth touch one by one
 ``several_meshes``    gear trains: many coordinates, events of all meshes
+``slopes``            what motions of the second and the last change by with parameters
 ``codes``             contact of a mesh, how a run ended
 ``polynomial``        first crossing and largest value of a polynomial, guaranteed
 ``orbit``             what is recorded of an orbit: extrema, fractions, samples, events

@@ -1,8 +1,8 @@
 """Tangents of a piecewise-linear motion: along arcs, over flank lines, over switches.
 
-Between events z' = A z. A tangent w = dz/dp at fixed phase obeys w' = A w + (dA/dp) z, and so do the
-columns of the map of small deviations and what these change by. Where dz/dtau jumps at a phase that
-moves by dtau,
+Between events z' = A z. A tangent w = dz/dp at fixed phase obeys w' = A w + (dA/dp) z, and so do
+the columns of the map of small deviations and what these change by. Where dz/dtau jumps at a phase
+that moves by dtau,
 
     w+ = w- + (f- - f+) dtau.
 

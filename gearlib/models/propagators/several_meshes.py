@@ -224,12 +224,14 @@ class Propagator(Matrices):
     def start_tangents(self, state, along):
         """Return what the start changes by, shape (size, k); see `Matrices.start_tangents`."""
         from gearlib.models.trains.derivatives import static_state
+        from gearlib.models.trains.statics import equilibrium
 
         names = [f"initial_state of {component}" for component in self.model.components]
         found = np.array([[slopes.get(name, 0.0) for slopes in along] for name in names])
         twins = self.varied(along).twins
         if isinstance(state, str):
-            moved = [static_state(self.model, twin).imag / STEP for twin in twins]
+            rest = equilibrium(self.model)
+            moved = [static_state(self.model, rest, twin).imag / STEP for twin in twins]
             found += np.array(moved).T
         return found
 

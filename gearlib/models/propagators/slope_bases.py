@@ -34,8 +34,8 @@ def bases_of(pairs):
         diagonal = np.diagonal(table.slopes[i], axis1=1, axis2=2)
         table.diagonal[i] = np.hstack([diagonal.real, diagonal.imag])
         straight = np.arange(most) < blocks[0]
-        pairs = straight & straight[:, None] & table.slopes[i].any(axis=0) & ~np.eye(most, dtype=bool)
-        pairs = np.argwhere(pairs)
+        pairs = straight & straight[:, None] & table.slopes[i].any(axis=0)
+        pairs = np.argwhere(pairs & ~np.eye(most, dtype=bool))
         table.pairs[i, : len(pairs)] = pairs
         table.shift[i] = np.moveaxis(shift, 2, 0).reshape(n, -1)
     return table

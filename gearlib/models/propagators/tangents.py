@@ -4,6 +4,7 @@ Here the tables of `gearlib.kernels.slopes` are made, for the combinations of co
 meets; the kernels take the tangents through it.
 """
 
+from copy import copy
 from typing import NamedTuple
 
 import numpy as np
@@ -226,7 +227,7 @@ class Walk:
         self.grazing = self.grazing or grazing
 
     def _recording(self, first, samples_per_period, events):
-        """Return the `recorded_slopes.Tables` from a period on; without samples and events empty."""
+        """Return the `recorded_slopes.Tables` from a period on; without samples, empty ones."""
         varied, k, m = self.varied, self.k, len(self.codes)
         count, n, full = self._bases.into.shape
         begin = self._begins[first]
@@ -297,10 +298,10 @@ class Walk:
         """Go through periods that repeat, by powers of one linear map; return where it ends."""
         s, kept, columns = self.varied.size, self.tangents.copy(), self.tangents.shape[1]
         # The map of a start, and what directions add in one repeat.
-        once = Walk.__new__(Walk)
-        once.__dict__ |= vars(self)
+        once = copy(self)
         once.q = 1 + s
-        once.block = once._block(self.motion.states[first], np.hstack([np.eye(s), np.zeros((s, self.k))]))
+        start = np.hstack([np.eye(s), np.zeros((s, self.k))])
+        once.block = once._block(self.motion.states[first], start)
         once._work = once._storage()
         once._through(first, first + repeat)
         power = np.zeros((s + columns, s + columns))
