@@ -2,8 +2,6 @@
 
 import math
 
-import numpy as np
-
 from gearlib.kernels.arrays import copy, enlarged
 from gearlib.kernels.closed_form.event_by_event import (
     CONTACT,
@@ -16,7 +14,7 @@ from gearlib.kernels.closed_form.event_by_event import (
 from gearlib.kernels.closed_form.flight import fly, lowest_time
 from gearlib.kernels.closed_form.oscillator import UNDERDAMPED, evolve, turning_time
 from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
-from gearlib.kernels.jit import inlined, kernel
+from gearlib.kernels.jit import inlined, kernel, uncounted
 from gearlib.kernels.polynomial import highest
 
 # Columns of the summary of an orbit. The TIME columns hold phase, BOUNCES a count.
@@ -59,10 +57,13 @@ def clear_summary(summary):
     summary[FORCE_MIN] = math.inf
 
 
-@kernel
+@uncounted
 def unresolved(summary):
     """Return whether an extremum could not be found."""
-    return np.isnan(summary[: FORCE_MIN + 1]).any()
+    for k in range(FORCE_MIN + 1):
+        if math.isnan(summary[k]):
+            return True
+    return False
 
 
 @kernel
@@ -136,7 +137,7 @@ def add_curve(curve, to_bernstein, work, summary, most, least):
     summary[least] = -highest(curve, to_bernstein, work, -summary[least])
 
 
-@kernel
+@uncounted
 def add_time(contact, length, low, summary):
     """Add a stretch of one contact code to the summary, `low`: at the lower stiffness."""
     if contact == BACKLASH:
