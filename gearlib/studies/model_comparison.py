@@ -70,10 +70,9 @@ def build(name, pair, six_degrees, harmonics=None):
 def cost(model, tuning, result, run):
     """Return the deterministic cost of a run: components advanced per mesh period.
 
-    Components of the state times the pieces of a period: phases of contact for closed forms,
-    series coefficients for Taylor steps, substeps and phases for matrix exponentials. The number
-    of Taylor steps hangs on the last digits of their series, so that it is told as 1, 2 or 5 times
-    a power of ten.
+    Components of the state times the pieces of a period: phases of contact for closed forms and
+    modes, series coefficients for Taylor steps, whose number hangs on the last digits, so that it
+    is told as 1, 2 or 5 times a power of ten.
     """
     # Three segments of stiffness, and what the contact events add.
     phases = result.event.size / run["record_periods"] + 3

@@ -19,7 +19,7 @@ import numpy as np
 
 from gearlib.kernels import orbit
 from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
-from gearlib.kernels.piecewise_linear.system import ORDER, REACH
+from gearlib.kernels.exponential import ORDER, REACH
 from gearlib.models.propagators.record import Record
 
 #: An event slower than this, in static deflections by natural time, is a grazing: see
