@@ -221,7 +221,7 @@ def test_bearings_that_close_the_backlash_before_the_record(velocity):
     u3, u2, y3, _, y2, _ = samples[:, 6:12].T
     y, far = u3 + u2 + y3 - y2, -(u3 + u2) - 1e-6 / model.static_deflection
     both = np.minimum(y, far).reshape(6, -1).max(axis=1)
-    assert both[1] > 0.1 and both[2:].max() < -1.0
+    assert both[1] > 0.1 and both[2:].max() < -0.5
     for record in (1, 6):
         run = gearlib.simulate(model, 0.9, periods=6, record_periods=record, initial_state=start)
         assert int(run.status) == status.JAMMED
