@@ -94,8 +94,8 @@ BIFURCATION = Study(
                 at the start of each mesh period for rising tuning, falling tuning, and from random
                 initial states. Black: continued periodic orbits, dashed where unstable. Middle: the
                 largest Lyapunov exponent, of up and down with three standard errors, a line where
-                motions settle; positive where the motion is chaotic. Below: the share of the initial
-                states that lead to each orbit."""
+                motions settle; positive where the motion is chaotic. Below: the share of the
+                initial states that lead to each orbit."""
                 ),
             )
         },
