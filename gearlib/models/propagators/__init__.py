@@ -5,7 +5,7 @@ module                responsibility
 ====================  ============================================================================
 ``base``              what all propagators offer
 ``closed_form``       a `GearPair`: scalar closed forms between events
-``piecewise_linear``  matrix exponentials between events, any number of coordinates
+``piecewise_linear``  one mesh, any number of coordinates: modes of its contacts
 ``several_meshes``    trains of gears: many coordinates, events of all meshes, by
 ``modes``             the modes of every combination of contacts
 ``matrices``          derivatives by parameters of the last two kinds, by

@@ -18,6 +18,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
+from gearlib.models.piecewise_linear import by_phase
 
 #: Coefficients of a series, per digit: steps of about a radian of the fastest oscillation.
 _ORDER_PER_DIGIT = 0.8
@@ -119,10 +120,10 @@ def _one_degree(model, nu):
 
 
 def _six_degrees(model, tuning):
-    system, _ = model.system(tuning)
+    system = model.system(tuning)
     count = system.starts.size - 1
     rows = {
-        (code, segment): [_sparse(row) for row in system.a[code + 1, segment]]
+        (code, segment): [_sparse(row) for row in by_phase(system, [code], segment)]
         for code in (INVERSE, BACKLASH, NORMAL)
         for segment in range(count)
     }
@@ -131,7 +132,7 @@ def _six_degrees(model, tuning):
     exact += [(turn + k * pi) % (2 * pi) for k in range(2)]
     # Which segments there are is known from the floats; where they end, in all digits.
     starts = [min(exact, key=lambda cut: abs(cut - Decimal(phase))) for phase in system.starts]
-    near, far = _sparse(system.near), _sparse(system.far)
+    near, far = _sparse(system.near[0]), _sparse(system.far[0])
     z = [Decimal(value) for value in model.initial(system, (0.0, 0.0)).tolist()]
     # At rest on the line in all digits, not in those of floats; u3 is in y with 1.
     z[0] -= _dot(near, z)
