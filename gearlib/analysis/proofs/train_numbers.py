@@ -15,12 +15,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gearlib.analysis.proofs.balls import flint
-from gearlib.analysis.proofs.path import Uncertain
+from gearlib.analysis.proofs.certificates import Uncertain
+from gearlib.analysis.proofs.path import COAST, DRIVE
 from gearlib.models.trains import turning
 from gearlib.models.trains.elastic import linear
-
-#: Numbers of the two sides of a tooth, as in tables of the models.
-COAST, DRIVE = 0, 1
 
 
 class MeshParts(NamedTuple):
