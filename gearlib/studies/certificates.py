@@ -19,8 +19,9 @@ from gearlib.analysis.orbits.shooting import NoOrbit, periodic_orbit
 from gearlib.analysis.orbits.special_points import DOUBLING, FOLD, GRAZING, REGULAR
 from gearlib.analysis.proofs.motions import certify_motion
 from gearlib.analysis.proofs.orbits import certify
-from gearlib.analysis.proofs.points import certify_fold, certify_grazing, certify_tongues
+from gearlib.analysis.proofs.points import certify_fold, certify_grazing
 from gearlib.analysis.proofs.ranges import certify_range
+from gearlib.analysis.proofs.tongue_edges import certify_tongues
 from gearlib.data.files import replacing
 from gearlib.models.pair import GearPair
 from gearlib.runs.run_arguments import MAX_EVENTS
