@@ -189,10 +189,7 @@ class _Common(Section):
 
     def damped_parameters(self, damping):
         """Return the keyword arguments of `gearlib.GearPair` for a `Damping`."""
-        return self.gear_pair.model_dump() | {
-            "material_damping": damping.material,
-            "backlash_damping": damping.backlash,
-        }
+        return self.gear_pair.model_dump() | damping.model_dump()
 
     def train_parameters(self, damping):
         """Return the keyword arguments of `gearlib.models.trains.described.described`.

@@ -102,22 +102,11 @@ def lowest_of_parabola(a, b, c):
 def first_fall(coefficients, to_bernstein, work):
     """Return the first s in [0, 1] where a polynomial falls through zero, 2 if there is none.
 
-    -1 if the budget of intervals does not suffice to tell.
-
-    Parameters
-    ----------
-    coefficients : ndarray, shape (n + 1,)
-        Power coefficients, constant first; may be changed. From zero, or below it by the rounding
-        of whoever starts there, the polynomial counts as falling at once when its slope is
-        negative; else what counts is where it falls after it has come up.
-    to_bernstein : ndarray, shape (n + 1, n + 1)
-        `bernstein_matrix` of degree n.
-    work : ndarray, shape (50, n + 2)
-        Storage: a row per waiting interval, its Bernstein coefficients and its width.
-
-    Returns
-    -------
-    float
+    -1 if the budget of intervals does not suffice to tell. `coefficients`, shape (n + 1,), constant
+    first, may be changed. From zero, or below it by the rounding of whoever starts there, the
+    polynomial counts as falling at once when its slope is negative; else what counts is where it
+    falls after it has come up. `to_bernstein`: `bernstein_matrix` of degree n; `work`, shape (50, n
+    + 2): a row per waiting interval, its Bernstein coefficients and its width.
     """
     n = coefficients.shape[0] - 1
     noise = 0.0
@@ -212,17 +201,8 @@ def fall_by_shape(coefficients, first):
     A polynomial that falls all along, or is bent one way all along, has at most one crossing
     between ends of opposite signs and, when it is not bent upwards, none between positive ones.
     Slope and bend are bounded by their parabolas and the magnitudes of all higher terms.
-
-    Parameters
-    ----------
-    coefficients : ndarray, shape (n + 1,)
-        As of `first_fall`, n >= 4.
-    first : int
-        1 to divide a factor s out (the start is on the line), else 0.
-
-    Returns
-    -------
-    float
+    `coefficients` as of `first_fall`, n >= 4; `first` is 1 to divide a factor s out (the start is
+    on the line).
     """
     c, n = coefficients, coefficients.shape[0] - 1
     end, size, steep, bend = 0.0, 0.0, 0.0, 0.0

@@ -31,7 +31,10 @@ WORDS = re.compile(
     r"\b(four|five|six|seven|eight|nine|ten|eleven|twelve|dozen|hundred|tenth|fifth|quarter)\b"
 )
 #: Neither the gears nor anything else of the project's configuration.
-LEAST = {"gear_pair": GEARS, "dampings": {"oil": {"material": 0.0, "backlash": 20.0}}}
+LEAST = {
+    "gear_pair": GEARS,
+    "dampings": {"oil": {"material_damping": 0.0, "backlash_damping": 20.0}},
+}
 PROJECT = yaml.safe_load((ROOT / "config.yaml").read_text(encoding="utf-8"))
 
 

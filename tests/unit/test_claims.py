@@ -37,10 +37,10 @@ from tests.proofs.tongues import tongue_faults
 
 ROOT = Path(__file__).resolve().parents[2]
 DAMPINGS = {
-    "k1": {"material": 3953.7, "backlash": 0.0},
-    "k1m": {"material": 0.0, "backlash": 3953.7},
-    "both": {"material": 3953.7, "backlash": 3953.7},
-    "none": {"material": 0.0, "backlash": 0.0},
+    "k1": {"material_damping": 3953.7, "backlash_damping": 0.0},
+    "k1m": {"material_damping": 0.0, "backlash_damping": 3953.7},
+    "both": {"material_damping": 3953.7, "backlash_damping": 3953.7},
+    "none": {"material_damping": 0.0, "backlash_damping": 0.0},
 }
 RUN = {"periods": 120, "record_periods": 24}
 STARTS = {"starts": 4, "seed": 1, "spread": 0.02}
@@ -51,7 +51,7 @@ def data(tunings, planes, dampings=DAMPINGS):
     """Return (resonance, phase planes) of the paper's pair."""
     curves, runs = [], []
     for name, k in dampings.items():
-        pair = PAPER.replace(material_damping=k["material"], backlash_damping=k["backlash"])
+        pair = PAPER.replace(**k)
         curve = sweep(pair, tunings, **RUN)
         curves.append(curve.assign_coords(damping=name, direction="cold"))
         runs += [
@@ -93,10 +93,7 @@ def jumps():
 
 def branches(dampings=DAMPINGS):
     """Return the branches of periodic orbits."""
-    pairs = {
-        name: PAPER.replace(material_damping=k["material"], backlash_damping=k["backlash"])
-        for name, k in dampings.items()
-    }
+    pairs = {name: PAPER.replace(**k) for name, k in dampings.items()}
     step = {"step": 0.05, "max_height": 20.0, "max_points": 2000}
     return {
         name: resonance_branches.compute(pair, 0.5, 1.4, **step) for name, pair in pairs.items()
@@ -113,10 +110,7 @@ def machines(tunings=(0.82, 1.38)):
 
 def proofs(branches, dampings=DAMPINGS):
     """Return the certificates."""
-    pairs = {
-        name: PAPER.replace(material_damping=k["material"], backlash_damping=k["backlash"])
-        for name, k in dampings.items()
-    }
+    pairs = {name: PAPER.replace(**k) for name, k in dampings.items()}
     pairs = {name: pair.as_dict() for name, pair in pairs.items()}
     return certificates.compute(pairs, branches, [0.60, 0.66, 0.78, 0.80, 0.81, 0.82], (0.0, 0.0))
 

@@ -75,7 +75,7 @@ def test_a_configuration_in_other_units_is_the_same():
         "backlash": "40 um",
         "load": "3.2895396 kN",
     }
-    settings["dampings"]["k1"]["material"] = "3.9537 N s/mm"
+    settings["dampings"]["k1"]["material_damping"] = "3.9537 N s/mm"
     settings["scenes"]["fig7_damping"]["cases"][0]["change"] = {"load": "1 kN"}
     read = load(settings)
     assert read.gear_pair == load(PAPER).gear_pair

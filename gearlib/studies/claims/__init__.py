@@ -53,7 +53,7 @@ def evaluate(
     ----------
     pair : GearPair
         The gear pair; its damping is not used.
-    dampings : dict of str to {"material": float, "backlash": float}
+    dampings : dict of str to {"material_damping": float, "backlash_damping": float}
         The damping combinations, N s/m, by name.
     resonance, phase_planes : xarray.Dataset
         As gathered by `gearlib.data.gathering`.
