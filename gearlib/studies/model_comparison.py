@@ -22,7 +22,7 @@ from gearlib.models.one_degree import OneDegreePair
 from gearlib.models.pair import GearPair
 from gearlib.models.profiles import Fourier
 from gearlib.models.six_degrees import SixDegreePair
-from gearlib.studies import many_starts
+from gearlib.studies import many_starts, runs_beside
 
 #: name -> words; from the smallest to the largest, the truncated stiffness apart.
 LADDER = {
@@ -100,7 +100,7 @@ def compute(cases, question, six_degrees, harmonics, run, starts):
     run : dict
         Arguments of `gearlib.simulate`.
     starts : dict
-        starts, seed, spread: as of `gearlib.studies.many_starts.runs`.
+        starts, seed, spread: as of `gearlib.studies.runs_beside.runs`.
 
     Returns
     -------
@@ -121,7 +121,7 @@ def compute(cases, question, six_degrees, harmonics, run, starts):
     for i, name in enumerate(names):
         for j, case in enumerate(cases):
             model, tuning = build(name, case["pair"], six_degrees, harmonics), case["tuning"]
-            result, told = many_starts.runs(model, tuning, run, starts)
+            result, told = runs_beside.runs(model, tuning, run, starts)
             alone[i, j] = told[0] is result
             # One that is free of rounding stands for all starts.
             values[:, i, j] = [[float(one[key]) for key in observables] for one in told]
@@ -152,8 +152,8 @@ def compute(cases, question, six_degrees, harmonics, run, starts):
     dataset = xr.Dataset(
         many_starts.over_starts(every, list(every))
         | {
-            "free_of_rounding": (("model", "case"), alone.astype(np.int8), many_starts.FLAGS),
-            "change_free_of_rounding": ("model", free.astype(np.int8), many_starts.FLAGS),
+            "free_of_rounding": (("model", "case"), alone.astype(np.int8), runs_beside.FLAGS),
+            "change_free_of_rounding": ("model", free.astype(np.int8), runs_beside.FLAGS),
             "chosen": (carried or candidates[-1:])[0],
             "tolerance": float(tolerance),
             "harmonics": harmonics,

@@ -90,12 +90,12 @@ BIFURCATION = Study(
                 "Bifurcation diagram, exponents, shares of the basins",
                 lambda c: (
                     f"""Damping {c.bifurcation.damping.material_damping} N s/m in contact and
-                {c.bifurcation.damping.backlash_damping} N s/m in the backlash. Above: displacement at the
-                start of each mesh period for rising tuning, falling tuning, and from random initial
-                states. Black: continued periodic orbits, dashed where unstable. Middle: the largest
-                Lyapunov exponent, of up and down with three standard errors, a line where motions
-                settle; positive where the motion is chaotic. Below: the share of the initial states
-                that lead to each orbit."""
+                {c.bifurcation.damping.backlash_damping} N s/m in the backlash. Above: displacement
+                at the start of each mesh period for rising tuning, falling tuning, and from random
+                initial states. Black: continued periodic orbits, dashed where unstable. Middle: the
+                largest Lyapunov exponent, of up and down with three standard errors, a line where
+                motions settle; positive where the motion is chaotic. Below: the share of the
+                initial states that lead to each orbit."""
                 ),
             )
         },

@@ -293,7 +293,7 @@ def compute(pair, tunings, settings, changes):
         "answer_free_of_rounding": (
             answers,
             firm.astype(np.int8),
-            many_starts.FLAGS,
+            settled_flags("free_of_rounding"),
         ),
         "answer_shared": (
             answers,
