@@ -16,26 +16,15 @@ def of_comparison(comparison, cases, six_degrees, run, starts):
 def compute(cases, model, six_degrees, run, starts):
     """Return the recorded time courses and orbit summaries of some cases.
 
-    Parameters
-    ----------
-    cases : list of dict
-        Each with title, tuning and pair (keyword arguments of `GearPair`).
-    model : str
-        A name in `gearlib.studies.model_comparison.LADDER`.
-    six_degrees : dict
-        What `SixDegreePair` needs beyond the pair.
-    run : dict
-        Keyword arguments of `gearlib.simulate`, the same for all cases.
-    starts : dict
-        starts, seed, spread: as of `gearlib.studies.runs_beside.runs`.
+    cases: each with title, tuning and pair (keyword arguments of `GearPair`); model: a name in
+    `gearlib.studies.model_comparison.LADDER`; six_degrees: what `SixDegreePair` needs beyond the
+    pair; run: keyword arguments of `gearlib.simulate`, the same for all cases; starts (starts,
+    seed, spread: as of `gearlib.studies.runs_beside.runs`).
 
-    Returns
-    -------
-    xarray.Dataset
-        The variables of `gearlib.simulate` over (case, phase) and (case), without the events;
-        the phase counts from the start of the record; model; free_of_rounding, whether rounding
-        does not decide the run; losing_share, of the seeded starts from which contact is lost where
-        it does, 0 or 1 elsewhere.
+    The variables of `gearlib.simulate` over (case, phase) and (case), without the events; the phase
+    counts from the start of the record; model; free_of_rounding, whether rounding does not decide
+    the run; losing_share, of the seeded starts from which contact is lost where it does, 0 or 1
+    elsewhere.
     """
     courses = []
     for case in cases:
