@@ -2,11 +2,9 @@
 
 import math
 
-import numpy as np
-
 from gearlib.kernels.arrays import copy, enlarged
 from gearlib.kernels.codes import BACKLASH, NORMAL
-from gearlib.kernels.jit import kernel
+from gearlib.kernels.jit import kernel, uncounted
 from gearlib.kernels.polynomial import highest
 
 # Columns of the summary of an orbit. The TIME columns hold phase, BOUNCES a count.
@@ -49,10 +47,13 @@ def clear_summary(summary):
     summary[FORCE_MIN] = math.inf
 
 
-@kernel
+@uncounted
 def unresolved(summary):
     """Return whether an extremum could not be found."""
-    return np.isnan(summary[: FORCE_MIN + 1]).any()
+    for k in range(FORCE_MIN + 1):
+        if math.isnan(summary[k]):
+            return True
+    return False
 
 
 @kernel
@@ -67,7 +68,7 @@ def add_curve(curve, to_bernstein, work, summary, most, least):
     summary[least] = -highest(curve, to_bernstein, work, -summary[least])
 
 
-@kernel
+@uncounted
 def add_time(contact, length, low, summary):
     """Add a stretch of one contact code to the summary, `low`: at the lower stiffness."""
     if contact == BACKLASH:

@@ -168,7 +168,7 @@ REFUSED = {
         "positions[1] = 2.0 ",
         "0.0498666",
     ),
-    "positions": (lambda: planets(positions=[0.0, 1.0]), "positions = [0.0, 1.0] ", "3 values"),
+    "positions": (lambda: planets(positions=[0.0, 1.0]), "positions = (0.0, 1.0) ", "3 values"),
     "modules": (
         lambda: planets(ring=SpurGear(teeth=99, module=2e-3, width=0.025, internal=True)),
         "module of the ring = 0.002 ",
@@ -181,10 +181,10 @@ REFUSED = {
     ),
     "backlash": (
         lambda: planets(backlashes=(1e-5, -1e-5)),
-        "backlash of the ring mesh = -1",
+        "backlashes[1] = -1",
         ">= 0",
     ),
-    "one position": (lambda: planets(positions=3), "positions = 3 ", "3 values"),
+    "one position": (lambda: planets(positions=3), "positions = 3 ", "a sequence"),
     "one backlash": (lambda: planets(backlashes=1e-5), "backlashes = 1e-05 ", "2 values"),
     "backlashes": (lambda: planets(backlashes=[1e-5] * 3), "backlashes = [1e-05, ", "2 values"),
     "torque": (lambda: planets(torque=0.0), "torque = 0.0 ", "> 0"),

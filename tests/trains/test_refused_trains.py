@@ -49,7 +49,7 @@ WRONG = {
         lambda: replace(A, teeth=None, eccentricity=1e-6),
         "eccentricity of body a = 1e-06 .* 0 for a body without teeth",
     ),
-    "name": (lambda: replace(A, name=7), "name of a body = 7 .* a text"),
+    "name": (lambda: replace(A, name=7), "name of body 7 = 7 .* a text"),
     "shaft": (
         lambda: Shaft(bodies=("a", "a"), stiffness=1.0),
         "bodies of a shaft = .'a', 'a'. .* two bodies",
@@ -72,7 +72,7 @@ WRONG = {
     ),
     "angle": (
         lambda: replace(AB, pressure_angle=1.6),
-        "pressure_angle of mesh a-b = 1.6 .* below pi / 2",
+        "pressure_angle of mesh a-b = 1.6 .* < pi / 2",
     ),
     "backlash": (lambda: replace(AB, backlash=-1e-6), "backlash of mesh a-b = -1e-06 .* >= 0"),
     "direction": (lambda: replace(AB, direction=0), "direction of mesh a-b = 0 .* one of 1, -1"),
@@ -169,15 +169,15 @@ WRONG = {
     "masses": (lambda: planetary(masses=(1.0, 2.0)), "masses = .* 4 values"),
     "made of no mass": (
         lambda: planetary(masses=(1.0, 2.0, 3.0, "a")),
-        r"masses.3. = 'a' .* a number",
+        r"masses.3. = 'a' .* a finite number > 0",
     ),
     "made of angle": (
         lambda: idler(PAPER, pressure_angle="a"),
-        "pressure_angle = 'a' .* below pi / 2",
+        "pressure_angle = 'a' .* < pi / 2",
     ),
     "made of supports": (
         lambda: idler(PAPER, support_stiffness="a"),
-        "support_stiffness .* = 'a' .* >= 0",
+        "support_stiffness = 'a' .* >= 0",
     ),
     "made of damping": (
         lambda: planetary(structural_damping=-1),
@@ -185,7 +185,7 @@ WRONG = {
     ),
     "made of shaft": (
         lambda: two_stage(PAPER, shaft_stiffness="a"),
-        "stiffness of shaft .* = 'a' .* > 0",
+        "shaft_stiffness = 'a' .* > 0",
     ),
     "made of gaps": (
         lambda: split_power_reducer(PAPER, backlashes=(1e-5,) * 3),
@@ -201,7 +201,7 @@ WRONG = {
     ),
     "pair": (lambda: idler(7), "pair = 7 .* a GearPair"),
     "idler teeth": (lambda: idler(PAPER, teeth=(24, 24)), "teeth = .24, 24. .* 3 values"),
-    "module": (lambda: two_stage(PAPER, modules=(0.004, 0.0)), "module = 0.0 .* > 0"),
+    "module": (lambda: two_stage(PAPER, modules=(0.004, 0.0)), r"modules.1. = 0.0 .* > 0"),
     "centres": (
         lambda: split_power_reducer(PAPER, teeth=(24, 36, 24, 40)),
         "teeth = .24, 36, 24, 40. .* one centre distance, .* 0.12 m in the first, 0.128 m",
