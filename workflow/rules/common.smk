@@ -18,7 +18,7 @@ from gearlib import config as configuration
 from gearlib import integrators
 from gearlib.config import yaml_keys
 from gearlib.config.studies import STUDIES
-from gearlib.config.studies.study import CLAIMS, EXPLANATIONS, pairs_of, run_length
+from gearlib.config.studies.study import CLAIMS, EXPLANATIONS, pairs_of, run_length, text_of
 from workflow.sources import sources
 
 ROOT = Path(workflow.basedir)
@@ -168,11 +168,11 @@ def captions():
     found = {"figures": {}, "tables": dict(OTHER_CAPTIONS)}
     for study in STUDIES.values():
         for table in study.tables:
-            found["tables"][table.name] = " ".join(table.caption(CONFIG).split())
+            found["tables"][table.name] = text_of(table.caption, CONFIG)
         for drawing in study.drawings:
             wildcards = drawing.names(CONFIG)
             for name, (_, caption) in drawing.figures.items():
-                text = " ".join(caption(CONFIG).split())
+                text = text_of(caption, CONFIG)
                 found["figures"][name] = text
                 for wildcard, values in wildcards.items():
                     for value in values:

@@ -226,11 +226,9 @@ SCENES = Study(
         {
             "{scene}": (
                 _label_of_scene,
-                lambda c: (
-                    """Phase planes and time courses of the scene {scene}, the last mesh
-                periods of the record; light grey: contact loss, dark grey: inverse mesh, bar:
-                contact at the lower stiffness."""
-                ),
+                """Phase planes and time courses of the scene {{scene}}, the last mesh periods of
+                the record; light grey: contact loss, dark grey: inverse mesh, bar: contact at
+                the lower stiffness.""",
             )
         },
         lambda c: (
