@@ -50,7 +50,7 @@ class Table(NamedTuple):
     """A rule ``<name>_table`` that writes a table, as CSV and as a page of the report."""
 
     name: str  #: of the CSV
-    function: str  #: of gearlib.studies, which returns column names and rows
+    function: str  #: of gearlib.studies: column names and rows; "": its rule has its own script
     data: dict
     label: str  #: in the report
     caption: object  #: as of `text_of`
