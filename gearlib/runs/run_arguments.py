@@ -2,6 +2,8 @@
 
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from gearlib import checks, integrators
 
 #: Most arcs (phases of contact and flights; Taylor steps) in one mesh period before a run gives up.
@@ -41,6 +43,15 @@ class Span(NamedTuple):
     periods: int  #: mesh periods
     recorded: int  #: the last ones of them
     limit: int  #: most arcs in one of them
+
+
+class Rows(NamedTuple):
+    """What a sweep writes, a row for each tuning; motions beyond a bound grow without one."""
+
+    bound: float
+    summaries: np.ndarray  #: as of `Model.room`
+    ends: np.ndarray  #: final states
+    codes: np.ndarray  #: period of the orbit, status
 
 
 class Asked(NamedTuple):

@@ -9,7 +9,7 @@ import xarray as xr
 from gearlib import checks
 from gearlib.data import provenance, summary
 from gearlib.data.variables import describe
-from gearlib.runs.run_arguments import MAX_EVENTS, check_either, check_run, check_tuning
+from gearlib.runs.run_arguments import MAX_EVENTS, Rows, check_either, check_run, check_tuning
 
 DIRECTIONS = ("cold", "up", "down")
 #: Those in which a motion is carried from one tuning to the next.
@@ -100,12 +100,11 @@ def sweep(
     ends = np.empty((tunings.size, len(pair.components)))
     codes = np.empty((tunings.size, 2), dtype=np.int64)
     carry = direction != "cold"
-    bound = pair.bound(float(tunings.max()), asked.state)
+    rows = Rows(pair.bound(float(tunings.max()), asked.state), table, ends, codes)
 
     def go_through(order):
-        rows = bound, table, ends, codes
         asked.module.run_many(
-            pair, tunings, order, asked.state, carry, *asked.span, *rows, **asked.options
+            pair, tunings, order, asked.state, carry, asked.span, rows, **asked.options
         )
 
     order = np.argsort(tunings)
