@@ -177,10 +177,10 @@ def comparisons(tolerance=0.05):
         "friction": [0.05, 0.05],
     }
     cases = [{"title": "one", "tuning": 0.82, "pair": PARAMETERS | {"material_damping": 3953.7}}]
-    names = list(comparison.LADDER)
+    asked = {"observables": ["displacement_max"], "candidates": list(comparison.LADDER)}
+    asked["tolerance"] = tolerance
     return {
-        name: comparison.compute(cases, six, 5, ["displacement_max"], tolerance, names, RUN, STARTS)
-        for name in ("first", "second")
+        name: comparison.compute(cases, asked, six, 5, RUN, STARTS) for name in ("first", "second")
     }
 
 
