@@ -25,7 +25,7 @@ from gearlib import checks
 MISSING = dataclasses.MISSING
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(eq=False, kw_only=True)
 class Number:
     """A real number within bounds, which `above` and `below` leave out."""
 
@@ -72,7 +72,7 @@ class Number:
         return checks.number(name, value, self.words, self.accepts)
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class Integer:
     """An integer; beyond `limit` a configuration takes it for a slip of the pen."""
 
@@ -91,7 +91,7 @@ class Integer:
         return checks.integer(name, value, self.least, self.most)
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class OneOf:
     """One of a few plain values."""
 
@@ -107,7 +107,7 @@ class OneOf:
         return checks.one_of(name, value, self.choices)
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class Text:
     """A text, the name of something."""
 
@@ -120,7 +120,7 @@ class Text:
         return value
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class Many:
     """Several values of a kind, as many as `count` says."""
 
@@ -141,7 +141,7 @@ class Many:
         return tuple(self.item.check(f"{name}[{i}]", value) for i, value in found)
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class Two:
     """Two values of a kind along x and y, or one for both."""
 
@@ -162,7 +162,7 @@ class Two:
         return tuple(self.item.check(f"{name}, {axis}", value) for axis, value in named)
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class Part:
     """An instance of a class, or of one of several."""
 
@@ -180,7 +180,7 @@ class Part:
         return value
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class Parameter:
     """A declared parameter of a constructor or function."""
 
@@ -210,15 +210,15 @@ class Parameter:
 def declared(thing):
     """Return name -> `Parameter` of what a dataclass or function declares, in order."""
     thing = inspect.unwrap(thing)
-    defaults = {
-        name: MISSING if one.default is inspect.Parameter.empty else one.default
-        for name, one in inspect.signature(thing).parameters.items()
-    }
+    if dataclasses.is_dataclass(thing):
+        defaults = {one.name: one.default for one in dataclasses.fields(thing)}
+    else:
+        defaults = thing.__kwdefaults__ or {}
     found = {}
     for name, hint in get_type_hints(thing, include_extras=True).items():
         if get_origin(hint) is Annotated:
             kind, words, symbol = (*hint.__metadata__, "")[:3]
-            found[name] = Parameter(kind, words, symbol, defaults[name])
+            found[name] = Parameter(kind, words, symbol, defaults.get(name, MISSING))
     return found
 
 
@@ -252,7 +252,30 @@ def checked(function):
 
 def documented(thing):
     """Give a class or function the table of its declared parameters in its docstring."""
-    lines = []
+    text = inspect.getdoc(thing)
+    made: Any = thing
+    if inspect.isclass(thing):
+        # When somebody asks: a start of the workflow does not.
+        made.__doc__ = _OnDemand(lambda: _with_table(text, thing))
+        made.__signature__ = _OnDemand(lambda: _plain(made.__init__, 1))
+    else:
+        made.__doc__, made.__signature__ = _with_table(text, thing), _plain(thing)
+    return thing
+
+
+class _OnDemand:
+    """An attribute of a class that is made when it is asked for."""
+
+    def __init__(self, make):
+        self.make = make
+
+    def __get__(self, instance, owner):
+        return self.make()
+
+
+def _with_table(text, thing):
+    """Return a docstring with the table of the declared parameters before what is raised."""
+    lines = ["Parameters", "----------"]
     for name, one in declared(thing).items():
         if one.default is MISSING:
             default = ""
@@ -260,20 +283,18 @@ def documented(thing):
             default = ", optional" if one.default is None else f", default {one.default!r}"
         words = textwrap.indent(textwrap.fill(one.description, 92), "    ")
         lines += [f"{name} : {one.kind.words}{default}", words]
-    text = inspect.getdoc(thing) or ""
-    if "Parameters\n---" not in text:
-        lines = ["Parameters", "----------", *lines]
     head, mark, rest = text.partition("\n\nRaises\n---")
-    gap = "\n" if "Parameters\n---" in text else "\n\n"
-    thing.__doc__ = head + gap + "\n".join(lines) + mark + rest
-    # What `help` shows has the plain types.
-    signature = inspect.signature(thing)
+    return "\n".join([head, "", *lines]) + mark + rest
+
+
+def _plain(function, skip=0):
+    """Return a signature with plain types, which `help` shows."""
+    signature = inspect.signature(function)
     plain = [
         one.replace(annotation=getattr(one.annotation, "__origin__", one.annotation))
-        for one in signature.parameters.values()
+        for one in list(signature.parameters.values())[skip:]
     ]
-    thing.__signature__ = signature.replace(parameters=plain)
-    return thing
+    return signature.replace(parameters=plain)
 
 
 def _written(value):

@@ -81,7 +81,7 @@ def allowed(node, schema):
     """Return the allowed values of a node of the JSON schema `schema` in words."""
     node = _resolve(node, schema)
     if "enum" in node:
-        return f"one of {', '.join(node['enum'])}"
+        return f"one of {', '.join(map(str, node['enum']))}"
     if "const" in node:
         return str(node["const"])
     kind = node["type"]
