@@ -8,6 +8,7 @@ import pytest
 
 from gearlib import GearPair, OneDegreePair, simulate
 from gearlib.config import load
+from gearlib.data.files import write_table
 from gearlib.figures import mesh_stiffness as stiffness_figure
 from gearlib.figures import rectangle as rectangle_figure
 from gearlib.models.geometry import described
@@ -229,7 +230,7 @@ def test_the_figure_of_the_rectangle_shows_its_costs_beside_the_spread(costs, tm
             expected = own.rectangle_cost.sel(stiffness_method=name)
             np.testing.assert_allclose(line.get_xdata(), np.clip(expected, 1e-4, 10.0))
         assert [text.get_text() for text in lower.texts] == list(own.rectangle_verdict.values)
-    rectangle.write_csv(costs, tmp_path / "costs.csv")
+    write_table(rectangle.rows(costs), tmp_path / "costs.csv")
     with (tmp_path / "costs.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert [row["verdict"] for row in rows] == list(costs.rectangle_verdict.values.ravel())
@@ -249,7 +250,7 @@ def test_the_figure_of_the_rectangle_shows_its_costs_beside_the_spread(costs, tm
 
 
 def test_the_table_of_the_means(stiffness, tmp_path):
-    mesh_stiffness.write_csv(stiffness, tmp_path / "means.csv")
+    write_table(mesh_stiffness.rows(stiffness), tmp_path / "means.csv")
     with (tmp_path / "means.csv").open(newline="") as file:
         rows = {(row["pair"], row["stiffness_method"]): row for row in csv.DictReader(file)}
     assert rows["z20-20", "energy"]["from_reference"] == "+0.0000"

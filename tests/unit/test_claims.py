@@ -13,6 +13,7 @@ import yaml
 from gearlib import config, simulate, sweep
 from gearlib.analysis.orbits.special_points import REGULAR
 from gearlib.analysis.tongues import meissner
+from gearlib.data.files import write_table
 from gearlib.data.gathering import gather_phase_planes, gather_resonance
 from gearlib.studies import (
     certificate_table,
@@ -232,7 +233,7 @@ def test_small_contact_ratios_mesh_at_least_stiffness_and_large_ones_at_full(low
 
 
 def test_what_is_proven_stands_in_a_table(known, tmp_path):
-    certificate_table.write_csv(known[1], tmp_path / "certificates.csv")
+    write_table(certificate_table.rows(known[1]), tmp_path / "certificates.csv")
     with (tmp_path / "certificates.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     said = [row for row in known[1] if row["claim"] not in ("count", "refusal")]
@@ -345,9 +346,9 @@ def test_missing_data_are_named_not_guessed():
 
 def test_one_mesh_does_not_stand_for_the_machine(tmp_path):
     comparison = machines()
-    machine.write_csv(comparison, tmp_path / "assumption.csv")
+    write_table(machine.rows(comparison), tmp_path / "assumption.csv")
     comparison.dynamic_factor[0, 0, 0] = np.nan
-    machine.write_csv(comparison, tmp_path / "gaps.csv")
+    write_table(machine.rows(comparison), tmp_path / "gaps.csv")
     rows = []
     for name in ("assumption.csv", "gaps.csv"):
         with (tmp_path / name).open(newline="", encoding="utf-8") as file:
@@ -361,7 +362,7 @@ def test_one_mesh_does_not_stand_for_the_machine(tmp_path):
 
 def test_files(paper, tmp_path):
     table = claims.evaluate(PAPER, DAMPINGS, *paper)
-    claims.write_csv(table, tmp_path / "claims.csv")
+    write_table(claims.rows(table), tmp_path / "claims.csv")
     claims.write_markdown(table, tmp_path / "claims.md")
     with (tmp_path / "claims.csv").open(newline="", encoding="utf-8") as file:
         assert [row["id"] for row in csv.DictReader(file)] == IDS

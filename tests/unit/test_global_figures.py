@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from gearlib.analysis.global_dynamics import studies
 from gearlib.data import storage
 from gearlib.figures import basins, bifurcation, poincare, style
+from gearlib.studies import global_picture as studies
 from tests.paper import PARAMETERS
 
 MATERIAL = PARAMETERS | {"material_damping": 3953.7}

@@ -8,6 +8,7 @@ import pytest
 from scipy.integrate import quad
 
 from gearlib import GearPair, OneDegreePair
+from gearlib.data.files import write_table
 from gearlib.studies import nonlinear_damping as study
 from tests.paper import PARAMETERS
 
@@ -60,7 +61,7 @@ def test_study(tmp_path):
     assert 0.81 < jumps[0] < 0.82 and math.isnan(jumps[2])
     peaks = [float(one.peak.sel(direction="cold")) for one in studies]
     assert peaks[0] > peaks[1] > peaks[2]
-    study.write_csv(studies, tmp_path / "table.csv")
+    write_table(study.rows(studies), tmp_path / "table.csv")
     with open(tmp_path / "table.csv", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == 9
