@@ -1,7 +1,5 @@
 """Section of the dynamic factor: a drawn pair, its accuracy, and the speeds."""
 
-from typing import ClassVar
-
 from pydantic import model_validator
 
 from gearlib.config.gears import FZG_C, DrawnPair
@@ -22,8 +20,6 @@ class DynamicFactor(Recorded):
 
     Tunings are those of the standard, N: speed over resonance speed.
     """
-
-    key: ClassVar = "dynamic_factor"
 
     start: OwnStart = 0.1
     stop: OwnStop = 2.0

@@ -1,6 +1,6 @@
 """Sections that describe the experiments: what is computed, one section for each."""
 
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
@@ -92,8 +92,6 @@ class PhasePlanes(Section):
 class PhaseLag(Grid):
     """The phase lag of the motion behind the mesh stiffness (Fig. 2)."""
 
-    key: ClassVar = "phase_lag"
-
     start: Start = 0.56
     stop: Stop = 0.79
     step: Step = 0.005
@@ -113,8 +111,6 @@ _VELOCITIES = (-1.0, -0.5, -0.1, 0.1, 0.5, 1.0)
 
 class Jump(Seeded, Grid):
     """Where the motion from rest jumps between two orbits, and what moves it (beside Fig. 6)."""
-
-    key: ClassVar = "jump"
 
     start: Start = 0.78
     stop: Stop = 0.86
@@ -153,8 +149,6 @@ _OF_SCHMIDT = (8, 32, 128, 512, 2048)
 class AnalyticMethod(Grid):
     """The paper's analytic method and harmonic balance against exact orbits."""
 
-    key: ClassVar = "analytic_method"
-
     start: Start = 0.3
     stop: Stop = 1.5
     step: Step = 0.02
@@ -173,8 +167,6 @@ class AnalyticMethod(Grid):
 class NonlinearDamping(Grid):
     """Linear, quadratic and cubic damping that dissipate alike at one amplitude."""
 
-    key: ClassVar = "nonlinear_damping"
-
     start: Start = 0.5
     stop: Stop = 1.4
     step: Step = 0.004
@@ -190,8 +182,6 @@ class NonlinearDamping(Grid):
 
 class ParametricResonance(Grid):
     """Tongues of parametric resonance: the motion without loss of contact, and its stability."""
-
-    key: ClassVar = "parametric_resonance"
 
     start: Tuning = Field(default=0.3, ge=0.05, description="First tuning of the chart.")
     stop: Stop = 2.4
@@ -210,8 +200,6 @@ class ParametricResonance(Grid):
 
 class Labels(Grid):
     """Labels of the motion from rest, chaos or artefact, marked in Fig. 3."""
-
-    key: ClassVar = "labels"
 
     start: Start = 0.5
     stop: Stop = 1.4
@@ -276,8 +264,6 @@ class Certificates(Section):
 
 class ReportPage(Grid):
     """The page of the report on which tunings are chosen: motions from rest over a grid."""
-
-    key: ClassVar = "report_page"
 
     start: Start = 0.5
     stop: Stop = 1.4

@@ -88,14 +88,7 @@ class DrawnPair(_Placed):
     torque: Torque = entry("Of the pinion, N m.")
 
     def check(self, place, *methods):
-        """Refuse gears that cannot be, or whose stiffness these methods cannot find.
-
-        Parameters
-        ----------
-        place : str
-            Full key of the section, which the message names.
-        *methods : {"iso", "energy"}
-        """
+        """Refuse gears, named by `place`, that cannot be or have no stiffness by these methods."""
         # These can be: no start of the workflow loads the geometry for them.
         keys = {"pinion", "wheel", "centre_distance"}
         known = [{key: pair[key] for key in keys & pair.keys()} for pair in (FZG_C, TWENTY)]
@@ -119,13 +112,7 @@ class Gears(MethodSection, DrawnPair):
         return self
 
     def mesh(self):
-        """Return the `gearlib.geometry.Mesh`.
-
-        Raises
-        ------
-        ValueError
-            If there cannot be such gears; the message names the key.
-        """
+        """Return the `gearlib.geometry.Mesh`; gears that cannot be are refused by their keys."""
         return drawing.mesh_of("gears", self)
 
     def load(self):
@@ -133,13 +120,7 @@ class Gears(MethodSection, DrawnPair):
         return self.model_dump(include={"torque", "power", "speed"})
 
     def pair(self):
-        """Return the keys of `gear_pair` as a dict, rounded to 12 digits.
-
-        Raises
-        ------
-        ValueError
-            If there cannot be such gears; the message names the key.
-        """
+        """Return the keys of `gear_pair` as a dict, to 12 digits; refuses as `mesh` does."""
         given = self.load() | drawing.method("gears", self)
         names = self.stiffness_options or ()
         found = drawing.derived("gears", self.mesh().pair_parameters, names, **given)

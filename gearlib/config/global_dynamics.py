@@ -1,6 +1,6 @@
 """Sections that describe the global picture: basins, bifurcation diagram, Poincare sections."""
 
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 from pydantic import Field, model_validator
 
@@ -83,8 +83,6 @@ class Basins(Section):
 
 class Bifurcation(Grid):
     """Bifurcation diagram over the tuning, Lyapunov exponents and shares of the basins."""
-
-    key: ClassVar = "bifurcation"
 
     start: Start = 0.45
     stop: Stop = 0.95

@@ -1,7 +1,5 @@
 """Sections of the planetary train and of its studies."""
 
-from typing import ClassVar
-
 from pydantic import model_validator
 
 from gearlib import tunings
@@ -76,8 +74,6 @@ class Planetary(_Train):
 class TrainChart(Grid):
     """Stability chart of the planetary train without damping and without loss of contact."""
 
-    key: ClassVar = "train_chart"
-
     start: OwnStart = 5.0
     stop: OwnStop = 26.0
     step: OwnStep = 0.05
@@ -92,8 +88,6 @@ class TrainChart(Grid):
 
 class SymmetryBreaking(Started):
     """Where the symmetric motion of equal planets in phase breaks."""
-
-    key: ClassVar = "symmetry_breaking"
 
     start: OwnStart = 9.0
     stop: OwnStop = 21.0

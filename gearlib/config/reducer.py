@@ -1,7 +1,5 @@
 """Sections of gear trains: the paper's reducer, and what stands for it."""
 
-from typing import ClassVar
-
 from pydantic import model_validator
 
 from gearlib.config.types import (
@@ -35,8 +33,6 @@ _ONE_CENTRE = 1e-9
 
 class Reducer(Started, Recorded):
     """Fig. 1 a: three double satellites between central gears, the gear pair as every mesh."""
-
-    key: ClassVar = "reducer"
 
     start: OwnStart = 0.74
     stop: OwnStop = 1.84
@@ -76,8 +72,6 @@ class Reducer(Started, Recorded):
 
 class OneMesh(Started):
     """Models of the reducer, from one pair to the whole train, in cases that tell them apart."""
-
-    key: ClassVar = "one_mesh"
 
     start: OwnStart = 0.75
     stop: OwnStop = 1.8

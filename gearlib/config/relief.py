@@ -1,6 +1,6 @@
 """Sections of tip relief: Harris maps of drawn gears, and the motion by two models."""
 
-from typing import ClassVar, Literal
+from typing import Literal
 
 from pydantic import model_validator
 
@@ -54,8 +54,6 @@ class HarrisMap(Section):
 
 class ReliefDynamics(Recorded):
     """These gears in motion, with the long relief: stiffness at the load beside pairs of teeth."""
-
-    key: ClassVar = "relief_dynamics"
 
     start: OwnStart = 0.2
     stop: OwnStop = 2.0

@@ -25,34 +25,22 @@ class Models(Seeded):
     harmonics: Harmonic = entry("Harmonics of the truncated stiffness compared with.", 20)
 
 
-Course = Literal[
-    "displacement",
-    "velocity",
-    "acceleration",
-    "stiffness",
-    "modified_stiffness",
-    "dynamic_force",
-    "friction_force",
-    "bearing_y3",
-    "bearing_z3",
-    "bearing_y2",
-    "bearing_z2",
-]
+_COURSES = (
+    *("displacement", "velocity", "acceleration", "stiffness", "modified_stiffness"),
+    *("dynamic_force", "friction_force", "bearing_y3", "bearing_z3", "bearing_y2"),
+    *("bearing_z2"),
+)
+Course = Literal[_COURSES]
 #: Courses that only six degrees of freedom have, and those that only friction sets off.
 SIX_ONLY = {"friction_force", "bearing_y3", "bearing_z3", "bearing_y2", "bearing_z2"}
 FRICTION_ONLY = {"friction_force", "bearing_z3", "bearing_z2"}
 
-Observable = Literal[
-    "displacement_max",
-    "displacement_min",
-    "dynamic_force_max",
-    "dynamic_force_min",
-    "fraction_normal",
-    "fraction_backlash",
-    "fraction_inverse",
-    "fraction_min_stiffness",
+_OBSERVABLES = (
+    *("displacement_max", "displacement_min", "dynamic_force_max", "dynamic_force_min"),
+    *("fraction_normal", "fraction_backlash", "fraction_inverse", "fraction_min_stiffness"),
     "bounces",
-]
+)
+Observable = Literal[_OBSERVABLES]
 
 
 class Case(MeshCase):

@@ -1,6 +1,6 @@
 """Sections of the mesh stiffness of drawn pairs: every method, and what its rectangle costs."""
 
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 from pydantic import Field, model_validator
 
@@ -51,8 +51,6 @@ class MeshStiffness(Section):
 
 class Rectangle(Recorded):
     """What the rectangular stiffness of the drawn pairs costs in their motion."""
-
-    key: ClassVar = "rectangle"
 
     start: OwnStart = 0.5
     stop: OwnStop = 1.3

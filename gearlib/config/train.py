@@ -1,6 +1,6 @@
 """Sections of the gear train: a ready-made one, or of one's own parts; its sweep over speed."""
 
-from typing import ClassVar, Literal
+from typing import Literal
 
 from pydantic import model_validator
 from pydantic_core import PydanticCustomError
@@ -156,8 +156,6 @@ class Train(Given):
 
 class TrainSweep(Started, Recorded):
     """Every mesh of the train of the section `train` over speed; the target of this name."""
-
-    key: ClassVar = "train_sweep"
 
     start: Start = 0.5
     stop: Stop = 1.4

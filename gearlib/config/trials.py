@@ -1,6 +1,6 @@
 """Sections that describe the trials of the methods."""
 
-from typing import Annotated, ClassVar, Literal, get_args
+from typing import Annotated, Literal, get_args
 
 from pydantic import Field, model_validator
 
@@ -28,19 +28,11 @@ Steps = whole(1, 100_000)
 
 
 #: Names of `gearlib.methods()`, kept here so that a start need not load the numerical stack.
-MethodName = Literal[
-    "exact",
-    "taylor",
-    "rk4",
-    "rk45",
-    "newmark",
-    "generalised_alpha",
-    "scipy",
-    "smoothed",
-    "heyoka",
-    "cvode",
-    "diffrax",
-]
+_METHODS = (
+    *("exact", "taylor", "rk4", "rk45", "newmark", "generalised_alpha"),
+    *("scipy", "smoothed", "heyoka", "cvode", "diffrax"),
+)
+MethodName = Literal[_METHODS]
 
 
 #: The package that each peer is imported from; where it is not installed, the peer is left out.
@@ -63,8 +55,6 @@ _STEPS = (4, 5, 6, 8, 10, 12, 16, 20, 24, 32, 48, 64, 96, 128, 192, 256)
 
 class StabilityChart(Grid):
     """Spectral radii of fixed-step methods on the mesh without contact loss."""
-
-    key: ClassVar = "stability_chart"
 
     start: Start = 0.2
     stop: Stop = 2.6
@@ -186,7 +176,9 @@ class WorkPrecision(Section):
 class SlowScan(Grid):
     """The scan of methods whose right-hand side is not compiled by the library."""
 
-    key: ClassVar = "jump_by_method.slow"
+    @classmethod
+    def key(cls):
+        return "jump_by_method.slow"
 
     start: Start = 0.8149
     stop: Stop = 0.8165
@@ -198,8 +190,6 @@ class SlowScan(Grid):
 
 class JumpByMethod(Grid):
     """Where each method puts the jump of the motion from rest."""
-
-    key: ClassVar = "jump_by_method"
 
     start: Start = 0.812
     stop: Stop = 0.82

@@ -11,7 +11,7 @@ dimension: ``"4e5 N/mm"``.
 import math
 import re
 from functools import cache
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import (
     AfterValidator,
@@ -223,24 +223,12 @@ def type_of(kind):
 
 
 def like(title, words, constructor, *names, base=None, without=(), required=(), optional=(), **own):
-    """Return a section whose keys are what a constructor or function declares.
+    """Return a section whose keys are what a constructor or function declares, or some `names`.
 
-    Parameters
-    ----------
-    title, words : str
-        Name and docstring of the section.
-    constructor : type or callable
-        See `gearlib.parameters.declared`; what is a part is left to `own`.
-    *names : str
-        Only these.
-    base : type, optional
-        The section to which they are added; `Given` by default, where what the constructor has by
-        default may be left out.
-    without, required, optional : iterable of str
-        Names that are no keys; that have to be given, though the constructor has a default; that
-        may be left out, though it has none, or none that counts.
-    **own
-        Key -> (type, field) of those that only the section has.
+    They are added to `base`, by default `Given`, where what has a default may be left out.
+    `without` are no keys; `required` have to be given, though there is a default; `optional` may be
+    left out, though there is none, or none that counts. `own` keys, (type, field) each, belong to
+    the section alone; parts such as a web are among these.
     """
     base, fields = base or Given, {}
     for name, one in parameters.declared(constructor).items():
@@ -337,15 +325,18 @@ OwnStep = Annotated[number_within(gt=0, le=10), Field(description="Distance of t
 class Grid(Section):
     """A range of tunings in equal steps; base of the sections that have one."""
 
-    key: ClassVar = ""  #: the name of the section, for messages
-
     start: OwnStart
     stop: OwnStop
     step: OwnStep
 
+    @classmethod
+    def key(cls):
+        """Return the name of the section, for messages."""
+        return re.sub("(?<!^)(?=[A-Z])", "_", cls.__name__).lower()
+
     @model_validator(mode="after")
     def _check_grid(self):
-        check_grid(self.key, self)
+        check_grid(self.key(), self)
         return self
 
 
@@ -374,9 +365,10 @@ class Recorded(Grid):
     @model_validator(mode="after")
     def _check_record(self):
         if self.record_periods > self.periods:
+            key = self.key()
             raise ValueError(
-                f"{self.key}.record_periods = {self.record_periods} is not allowed: it must be an "
-                f"integer from 1 to {self.key}.periods = {self.periods}"
+                f"{key}.record_periods = {self.record_periods} is not allowed: it must be an "
+                f"integer from 1 to {key}.periods = {self.periods}"
             )
         return self
 
