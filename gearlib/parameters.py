@@ -200,10 +200,10 @@ class Parameter:
     @property
     def description(self):
         """Its words, symbol and unit, a sentence."""
-        text = " ".join(filter(None, (self.words, self.symbol)))
-        # The unit stands before what is added to the words.
-        head = re.match(r".*?(?=;|\. |$)", text)[0]  # type: ignore[index]
-        return f"{', '.join(filter(None, (head, self.unit)))}{text[len(head) :]}."
+        # Symbol and unit stand before what is added to the words.
+        head = re.match(r".*?(?=;|\. |$)", self.words)[0]  # type: ignore[index]
+        rest, named = self.words[len(head) :], " ".join(filter(None, (head, self.symbol)))
+        return f"{', '.join(filter(None, (named, self.unit)))}{rest}."
 
 
 @functools.cache
@@ -220,6 +220,27 @@ def declared(thing):
             kind, words, symbol = (*hint.__metadata__, "")[:3]
             found[name] = Parameter(kind, words, symbol, defaults.get(name, MISSING))
     return found
+
+
+def named(thing):
+    """Return name -> (CF units, words) of the real numbers that something declares."""
+    found = {}
+    for name, one in declared(thing).items():
+        if isinstance(one.kind, Number):
+            # The words for what it is, without what is added.
+            head = re.match(r"[^;,=]*", one.words)[0].strip()  # type: ignore[index]
+            found[name] = cf_units(one.unit), head[0].lower() + head[1:]
+    return found
+
+
+def cf_units(unit):
+    """Return a unit as CF has it: "N s^2/m^2" is "N s2 m-2", "" is "1"."""
+    above, _, below = unit.partition("/")
+    powers = [part.replace("^", "") for part in above.split() if part != "1"]
+    for part in below.split():
+        base, _, power = part.partition("^")
+        powers.append(f"{base}-{power or 1}")
+    return " ".join(powers) or "1"
 
 
 def check(instance, whose=""):
@@ -339,13 +360,13 @@ TRUTH = OneOf((False, True))
 TEXT = Text()
 
 MaxStiffness = Annotated[float, STIFFNESS, "Maximum mesh stiffness", "C_max"]
-StiffnessRatio = Annotated[float, STIFFNESS_RATIO, "Stiffness ratio", "kappa = C_min / C_max"]
+StiffnessRatio = Annotated[float, STIFFNESS_RATIO, "Stiffness ratio kappa", "= C_min / C_max"]
 ContactRatio = Annotated[
     float, CONTACT_RATIO, "Contact ratio epsilon; both ends mean constant stiffness"
 ]
-Backlash = Annotated[float, BACKLASH, "Backlash s_k; infinite without a second flank"]
-MaterialDamping = Annotated[float, DAMPING, "Of the material, while the flanks touch,", "k_1"]
-BacklashDamping = Annotated[float, DAMPING, "Of the oil in the backlash,", "k_1m"]
+Backlash = Annotated[float, BACKLASH, "Backlash; infinite without a second flank", "s_k"]
+MaterialDamping = Annotated[float, DAMPING, "Damping of the material in contact", "k_1"]
+BacklashDamping = Annotated[float, DAMPING, "Damping of the oil in the backlash", "k_1m"]
 PressureAngle = Annotated[float, WORKING_ANGLE, "Pressure angle in operation"]
 
 # Damping in contact of drawn gears, one of the first three at most.
