@@ -129,8 +129,7 @@ def _plain(value):
         ),
         (
             {"own": {"meshes": [EVERY["own"]["meshes"][0] | {"direction": 0}]}},
-            "train.own.meshes[0].direction = 0 is not allowed: it must be an integer from -1 to 1 "
-            "other than 0",
+            "train.own.meshes[0].direction = 0 is not allowed: it must be one of 1, -1",
         ),
         (
             {"idler": {"teeth": [24, 30]}},

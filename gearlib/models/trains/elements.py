@@ -233,7 +233,7 @@ class Mesh:
         "Of the coast-side flanks, m; by default that of the drive side",
     ] = None
     error: Annotated[
-        float, ERROR, "Constant displacement along the line of action: an error of assembly"
+        float, ERROR, "Error of assembly: constant displacement along the line of action"
     ] = 0.0
     friction: Annotated[tuple, Two(NONNEGATIVE), "Coefficients in normal and inverse mesh"] = (
         0.0,
