@@ -27,14 +27,14 @@ from gearlib.config.types import (
     Length,
     Mass,
     NonNegative,
+    OwnStart,
+    OwnStep,
+    OwnStop,
     RunOut,
     Section,
-    Start,
     Started,
-    Step,
     Stiffness,
     StiffnessRatio,
-    Stop,
     Truth,
     check_record,
     integer_within,
@@ -350,9 +350,9 @@ class TrainSweep(Started):
 
     key: ClassVar = "train_sweep"
 
-    start: Start = 0.5
-    stop: Stop = 1.4
-    step: Step = 0.01
+    start: OwnStart = 0.5
+    stop: OwnStop = 1.4
+    step: OwnStep = 0.01
     damping: DampingName
     periods: integer_within(ge=1, le=1_000_000) = Field(
         default=120, description="Mesh periods of a run."
