@@ -25,7 +25,16 @@ from gearlib import (
     split_power_reducer,
 )
 from gearlib.config import ConfigError, load
-from gearlib.geometry import Mesh, PathTable, Rack, SpurGear, TipRelief, Web, dynamic_factor
+from gearlib.geometry import (
+    Mesh,
+    PathTable,
+    Rack,
+    SpurGear,
+    TipRelief,
+    Web,
+    dynamic_factor,
+    planetary_set,
+)
 from tests.geometry.drawings import fzg_c, ring, twenty
 from tests.paper import CONFIG, PAPER
 from tests.unit.test_drawn_gears import FZG
@@ -80,6 +89,7 @@ def test_what_does_not_go_together_is_refused_in_one_sentence(base, change, sent
 
 
 GEAR = {"teeth": 20, "module": 4e-3, "width": 0.02}
+PLANETS = {"module": 3e-3, "width": 0.025}
 INNER = {"teeth": 60, "module": 4e-3, "width": 0.02, "internal": True}
 A = Body(name="a", inertia=0.01, base_radius=0.1, teeth=20, torque=100.0)
 B = Body(name="b", inertia=0.02, base_radius=0.2, teeth=40, torque=200.0)
@@ -126,6 +136,16 @@ def error(**options):
 def sharing(**changes):
     own = {"pair": GearPair.from_geometry(fzg_c(), torque=1.0), "drawing": fzg_c()}
     return LoadSharingPair(**own | changes)
+
+
+def planets(teeth=(27, 36, 99), ring=None, **options):
+    sun, planet = (SpurGear(teeth=z, **PLANETS) for z in teeth[:2])
+    own = SpurGear(teeth=teeth[2], internal=True, outer_diameter=0.34, **PLANETS)
+    return planetary_set(sun, planet, ring or own, **{"torque": 100.0} | options)
+
+
+def inside(**changes):
+    return SpurGear(**PLANETS | {"internal": True} | changes)
 
 
 def train(bodies=(A, B), meshes=(AB,), **more):
@@ -303,6 +323,25 @@ LIBRARY = {
     "mesh = 'gears' ... Mesh": lambda: GearPair.from_geometry("gears", torque=1.0),
     "initial_state = ... 'static'": lambda: planetary().check_state(("a", "b")),
     "phase = nan ... finite": lambda: planetary().static(phase=math.nan),
+    # Planetary sets of drawn gears.
+    "internal of the ring = False ... True": lambda: planets(ring=SpurGear(teeth=36, **PLANETS)),
+    "teeth of the ring = 36 ... >= 37": lambda: planets(ring=inside(teeth=36)),
+    "tip_diameter of the ring = 0.291 ... begins 0.0404": lambda: planets(
+        (27, 96, 99), centre_distance=0.1845
+    ),
+    "centre_distance of the ring mesh = 0.09 ... > 0.0930296 m": lambda: planets((27, 33, 99)),
+    "tip_diameter of the ring = 0.291 ... begins 0.0102": lambda: planets((27, 37, 99)),
+    "planets = 4 ... (27 + 99) / 4": lambda: planets(planets=4),
+    "planets = 6 ... axes are": lambda: planets(planets=6),
+    "planets = 3 ... axes are": lambda: planets(positions=[0.0, math.tau * 10 / 126, math.pi]),
+    "positions[1] = 2.0 ... 0.0498666": lambda: planets(positions=[0.0, 2.0, 4.0]),
+    "positions = [0.0, 1.0] ... 3 values": lambda: planets(positions=[0.0, 1.0]),
+    "module of the ring = 0.002 ... 0.003": lambda: planets(ring=inside(teeth=99, module=2e-3)),
+    "outer_diameter = None ... ring gear": lambda: planets(ring=inside(teeth=99)),
+    "backlash of the ring mesh = -1 ... >= 0": lambda: planets(backlashes=(1e-5, -1e-5)),
+    "damping_ratio and material_damping ... one of": lambda: planets(
+        damping_ratio=0.1, material_damping=1.0
+    ),
     # Calls.
     "initial_state = (0.0,) ... must be": lambda: simulate(initial_state=(0.0,)),
     "initial_state = (inf, 0.0) ... must be": lambda: simulate(initial_state=(inf, 0.0)),
