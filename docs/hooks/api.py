@@ -7,6 +7,7 @@ from mkdocs.structure.files import File
 
 import gearlib
 import gearlib.geometry
+from gearlib import parameters
 from tables import markdown
 
 PAGE = "reference/api.md"
@@ -49,8 +50,21 @@ def reference():
                 # The class leaves its parameters to the table at the head of its module.
                 home = importlib.import_module(thing.__module__)
                 lines += [markdown(inspect.getdoc(home)), ""]
+            lines += parameters_of(thing)
             lines += [f"::: {thing.__module__}.{thing.__qualname__}", ""]
     return "\n".join(lines)
+
+
+def parameters_of(thing):
+    """Return the table of what a class or function declares, see `gearlib.parameters`."""
+    if not callable(thing) or not (declared := parameters.declared(thing)):
+        return []
+    lines = ["| parameter | meaning | allowed | default |", "|---|---|---|---|"]
+    for name, one in declared.items():
+        default = "" if one.default in (None, parameters.MISSING) else f"`{one.default!r}`"
+        cells = f"`{name}`", one.description, one.kind.words, default
+        lines.append(f"| {' | '.join(cell.replace('<', '&lt;') for cell in cells)} |")
+    return [*lines, ""]
 
 
 def signature(thing):

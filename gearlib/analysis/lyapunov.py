@@ -30,10 +30,7 @@ _SLACK = 7.0
 #: Logarithm of the growth, 1e10, beyond which rounding decides where a motion goes.
 LOST = 10.0 * math.log(10.0)
 #: What a variable "settled" says of single motions.
-SETTLED_FLAGS = {
-    "flag_values": np.arange(2, dtype=np.int8),
-    "flag_meanings": "unsettled settled",
-}
+SETTLED_FLAGS = status.settled_flags("settled")
 
 
 class Exponent(NamedTuple):

@@ -17,7 +17,7 @@ _COMMON = ("module", "width", "pressure_angle", "helix_angle", "rack")
 _EACH = ("teeth", "shift", "tip_diameter", "bore", "thickness_allowance")
 _OF_MESH = ("centre_distance", "backlash", "torque", "power", "speed", "stiffness")
 #: Stands for the damping that nothing says.
-_NONE = {"none": {"material": 0.0, "backlash": 0.0}}
+_NONE = {"none": {"material_damping": 0.0, "backlash_damping": 0.0}}
 
 
 def options(command):

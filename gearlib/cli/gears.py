@@ -121,11 +121,8 @@ def _gears(config_path, case, damping, changes):
 
 def _sections(gears, damping):
     """Return the sections of a configuration that describe the gears."""
-    coefficients = {"material": gears.material_damping, "backlash": gears.backlash_damping}
-    return {
-        "gear_pair": gears.model_dump(include=set(GearPairSection.model_fields)),
-        "dampings": {damping: coefficients},
-    }
+    pair = gears.model_dump(include=set(GearPairSection.model_fields))
+    return {"gear_pair": pair, "dampings": {damping: gears.model_dump(exclude=set(pair))}}
 
 
 def _model(mapping, gears, model):

@@ -26,7 +26,7 @@ _PAIR = GearPairSection(
     backlash=1.0,
     teeth=1,
 )
-_DAMPINGS = {"k1": Damping(material=1.0, backlash=0.0)}
+_DAMPINGS = {"k1": Damping(material_damping=1.0, backlash_damping=0.0)}
 _DAMPINGS_TYPE = TypeAdapter(Annotated[dict[Name, Damping], Field(min_length=1)])
 
 #: Apart also without red-green vision and in grey; further dampings get hues a golden ratio apart.
@@ -147,16 +147,26 @@ def _in_coefficients(node, pair):
 
 def _made(pair, dampings):
     """Return every default that depends on the gears, in the shape of the configuration."""
-    damped = {name: d for name, d in dampings.items() if d.material > 0.0 or d.backlash > 0.0}
+    damped = {
+        name: d
+        for name, d in dampings.items()
+        if d.material_damping > 0.0 or d.backlash_damping > 0.0
+    }
     first = next(iter(damped or dampings))
-    lightest = min(dampings, key=lambda name: dampings[name].material + dampings[name].backlash)
+    lightest = min(
+        dampings, key=lambda name: dampings[name].material_damping + dampings[name].backlash_damping
+    )
     frequency = math.sqrt(pair.mean_stiffness() / pair.reduced_mass)
     deflection = pair.load / pair.mean_stiffness()
     moderate = 2.0 * _DAMPING_RATIO * pair.reduced_mass * frequency
-    largest = max(max(d.material, d.backlash) for d in dampings.values()) or moderate
+    largest = (
+        max(max(d.material_damping, d.backlash_damping) for d in dampings.values()) or moderate
+    )
     # Only motions damped in contact settle wherever they start.
-    settling = {name: d for name, d in dampings.items() if d.material > 0.0} or {
-        f"damping ratio {_DAMPING_RATIO:g}": Damping(material=moderate, backlash=moderate)
+    settling = {name: d for name, d in dampings.items() if d.material_damping > 0.0} or {
+        f"damping ratio {_DAMPING_RATIO:g}": Damping(
+            material_damping=moderate, backlash_damping=moderate
+        )
     }
     cubic = largest / (deflection * frequency) ** 2
     masses = 6.0 * pair.reduced_mass
@@ -205,7 +215,7 @@ def _made(pair, dampings):
                     "damping": damping,
                     "phase": 0.0,
                     # Without damping nothing settles.
-                    "settle": 300 if damping.material + damping.backlash else 0,
+                    "settle": 300 if damping.material_damping + damping.backlash_damping else 0,
                 }
                 for name, damping in list(dampings.items())[:_PANELS]
             ]

@@ -35,7 +35,7 @@ def check_ranges(key, section):
 
 def check_damped(key, damping):
     """Refuse a mesh without any damping where attractors are looked for."""
-    if damping.material == damping.backlash == 0.0:
+    if damping.material_damping == damping.backlash_damping == 0.0:
         raise ValueError(
             f"{key}.damping = 0 is not allowed: material or backlash must be > 0, for a mesh "
             "without damping has no attractors"

@@ -31,8 +31,8 @@ from gearlib.config.types import (
 _SMALLEST, _LARGEST = 1e-30, 1e30
 #: Key of a damping -> what may stand in its place.
 IN_PLACE_OF = {
-    "material": ("damping_ratio", "logarithmic_decrement"),
-    "backlash": ("backlash_damping_ratio",),
+    "material_damping": ("damping_ratio", "logarithmic_decrement"),
+    "backlash_damping": ("backlash_damping_ratio",),
 }
 Ratio = number_within(ge=0, le=1000)
 
@@ -96,21 +96,22 @@ class Change(Given):
 class Damping(Given):
     """One combination of linear damping coefficients, or of ratios by which they are found."""
 
-    material: DampingCoefficient = Field(
+    material_damping: DampingCoefficient = Field(
         default=None, description="k_1 while the flanks touch, N s/m."
     )
-    backlash: DampingCoefficient = Field(
+    backlash_damping: DampingCoefficient = Field(
         default=None, description="k_1m of the oil in the backlash, N s/m."
     )
     damping_ratio: Ratio = Field(
-        default=None, description="beta in place of material: k_1 = 2 beta m_red Omega_s."
+        default=None, description="beta in place of material_damping: k_1 = 2 beta m_red Omega_s."
     )
     logarithmic_decrement: Ratio = Field(
         default=None,
-        description="delta = 2 pi beta / sqrt(1 - beta^2) in place of material.",
+        description="delta = 2 pi beta / sqrt(1 - beta^2) in place of material_damping.",
     )
     backlash_damping_ratio: Ratio = Field(
-        default=None, description="beta_m in place of backlash: k_1m = 2 beta_m m_red Omega_s."
+        default=None,
+        description="beta_m in place of backlash_damping: k_1m = 2 beta_m m_red Omega_s.",
     )
 
     @model_validator(mode="after")
@@ -124,7 +125,7 @@ class Damping(Given):
         return self
 
     def coefficients(self, pair):
-        """Return k_1 and k_1m of a `GearPairSection`, N s/m, as a dict."""
+        """Return k_1 and k_1m for a `GearPairSection`, N s/m, as keywords of `gearlib.GearPair`."""
         given, scale = self.model_dump(), (pair.mean_stiffness(), pair.reduced_mass)
         found = {}
         for key, others in IN_PLACE_OF.items():

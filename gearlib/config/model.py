@@ -1,82 +1,25 @@
 """The whole configuration: its sections, and what must agree between them."""
 
-from typing import Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, create_model, model_validator
 
-from gearlib.config.dynamic_factor import DynamicFactor
-from gearlib.config.experiments import (
-    AnalyticMethod,
-    Branches,
-    Certificates,
-    Figures,
-    Jump,
-    Labels,
-    NonlinearDamping,
-    ParametricResonance,
-    PhaseLag,
-    PhasePlanes,
-    ReportPage,
-    Resonance,
-)
+from gearlib.config.experiments import Figures
 from gearlib.config.gears import Gears
-from gearlib.config.global_dynamics import Basins, Bifurcation, Poincare
 from gearlib.config.mesh import Damping, GearPairSection, Run, SixDegrees
-from gearlib.config.planetary import Planetary, SymmetryBreaking, TrainChart
-from gearlib.config.reducer import Campbell, OneMesh, Reducer, check_centres
-from gearlib.config.relief import HarrisMap, ReliefDynamics
-from gearlib.config.scenes import FRICTION_ONLY, SIX_ONLY, Models, Scene
-from gearlib.config.stiffness import MeshStiffness, Rectangle
-from gearlib.config.train import OF_PAIRS, Train, TrainSweep
-from gearlib.config.trials import (
-    Failures,
-    JumpByMethod,
-    StabilityChart,
-    WorkPrecision,
-)
+from gearlib.config.planetary import Planetary
+from gearlib.config.reducer import check_centres
+from gearlib.config.scenes import FRICTION_ONLY, SIX_ONLY, Scene
+from gearlib.config.studies import STUDIES
+from gearlib.config.studies.study import default
+from gearlib.config.train import OF_PAIRS, Train
 from gearlib.config.types import MAX_JOBS, MAX_PAGE_SAMPLES, Name, Section, listing
 
 #: Limits that catch a mistyped step or window before it fills a disk.
 MAX_TUNINGS = 10_000_000
 MAX_SAMPLES = 100_000_000
 
-Target = Literal[
-    "phase_lag",
-    "resonance",
-    "phase_planes",
-    "scenes",
-    "jump",
-    "labels",
-    "branches",
-    "certificates",
-    "nonlinear_damping",
-    "analytic_method",
-    "models",
-    "parametric_resonance",
-    "basins",
-    "bifurcation",
-    "poincare",
-    "stability_chart",
-    "failures",
-    "work_precision",
-    "jump_by_method",
-    "reducer",
-    "one_mesh",
-    "campbell",
-    "train_chart",
-    "symmetry_breaking",
-    "mesh_stiffness",
-    "rectangle",
-    "dynamic_factor",
-    "harris_map",
-    "relief_dynamics",
-    "claims",
-    "report_page",
-    "train_sweep",
-]
-#: Unless a configuration says otherwise: by default the train is the reducer, which has a target.
-_NOT_BY_DEFAULT = {"train_sweep"}
-
+Target = Literal[tuple(STUDIES)]
 
 #: Sections that name one of the dampings.
 _OF_ONE_DAMPING = (
@@ -89,15 +32,15 @@ _OF_ONE_DAMPING = (
 )
 
 
-class Config(Section):
-    """The configuration of the workflow."""
+class _Common(Section):
+    """What the studies share, and what must agree between their sections."""
 
     # Each section is described by its own docstring.
     targets: listing(
         Target,
         "What `snakemake` without a target computes and draws. Fig. 3 shows labels, branches and "
         "tongues where labels, branches and parametric_resonance are among them.",
-    ) = [target for target in get_args(Target) if target not in _NOT_BY_DEFAULT]
+    ) = [name for name, study in STUDIES.items() if study.unasked]
     # Of these two there is one; what is dumped has the other, made from it.
     gears: Gears = Field(default=None, exclude=True)
     gear_pair: GearPairSection
@@ -105,41 +48,15 @@ class Config(Section):
         min_length=1, description="The damping combinations, by name."
     )
     run: Run = Run()
-    resonance: Resonance = Resonance()
-    phase_planes: PhasePlanes = PhasePlanes()
-    phase_lag: PhaseLag
-    jump: Jump
-    nonlinear_damping: NonlinearDamping
-    analytic_method: AnalyticMethod
     six_degrees: SixDegrees
     train: Train = Train()
-    train_sweep: TrainSweep
-    models: Models = Models()
-    labels: Labels = Labels()
-    branches: Branches
-    certificates: Certificates = Certificates()
-    parametric_resonance: ParametricResonance = ParametricResonance()
-    stability_chart: StabilityChart
-    failures: Failures = Failures()
-    work_precision: WorkPrecision
-    jump_by_method: JumpByMethod
-    reducer: Reducer
-    one_mesh: OneMesh
-    campbell: Campbell = Campbell()
     planetary: Planetary = Planetary()
-    train_chart: TrainChart = TrainChart()
-    symmetry_breaking: SymmetryBreaking = SymmetryBreaking()
-    dynamic_factor: DynamicFactor = DynamicFactor()
-    mesh_stiffness: MeshStiffness = MeshStiffness()
-    rectangle: Rectangle = Rectangle()
-    harris_map: HarrisMap = HarrisMap()
-    relief_dynamics: ReliefDynamics = ReliefDynamics()
-    basins: Basins
-    bifurcation: Bifurcation
-    poincare: Poincare
     scenes: dict[Name, Scene] = Field(default={}, description="Scenes by name, one figure each.")
-    report_page: ReportPage = ReportPage()
     figures: Figures
+
+    if TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any: ...
 
     @model_validator(mode="after")
     def _check(self):
@@ -272,10 +189,7 @@ class Config(Section):
 
     def damped_parameters(self, damping):
         """Return the keyword arguments of `gearlib.GearPair` for a `Damping`."""
-        return self.gear_pair.model_dump() | {
-            "material_damping": damping.material,
-            "backlash_damping": damping.backlash,
-        }
+        return self.gear_pair.model_dump() | damping.model_dump()
 
     def train_parameters(self, damping):
         """Return the keyword arguments of `gearlib.models.trains.described.described`.
@@ -306,3 +220,16 @@ class Config(Section):
     def case_parameters(self, case):
         """Return the keyword arguments of `gearlib.GearPair` for one case of a scene."""
         return self.pair_parameters(case.damping) | case.change.model_dump(exclude_unset=True)
+
+
+#: With the sections of all studies.
+Config = create_model(
+    "Config",
+    __base__=_Common,
+    __doc__="The configuration of the workflow.",
+    **{
+        name: (study.section, default(study.section))
+        for name, study in STUDIES.items()
+        if study.section
+    },
+)

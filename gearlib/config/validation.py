@@ -10,6 +10,8 @@ _BOUNDS = {
     "maximum": "<= {}",
 }
 _LONGEST_VALUE = 60
+#: Title of a section -> its keys of former versions, and what they are called now.
+_RENAMED = {"Damping": {"material": "material_damping", "backlash": "backlash_damping"}}
 
 
 def sentences(errors, schema):
@@ -41,6 +43,9 @@ def _sentence(error, schema):
         return f"{key} lists {twice} twice: its entries must be all different"
     if kind == "extra_forbidden":
         section = _node(path[:-1], schema)
+        new = _RENAMED.get(section.get("title"), {}).get(path[-1])
+        if new:
+            return f"{key} = {show(value)} is not a known key: it is called {new} now, in N s/m"
         return (
             f"{key} = {show(value)} is not a known key: {_key(path[:-1])} must be "
             f"{allowed(section, schema)}"

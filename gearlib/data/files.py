@@ -23,11 +23,10 @@ def replacing(path):
         temporary.unlink(missing_ok=True)
 
 
-@contextmanager
-def table(path):
-    """Give a `csv.writer` whose table takes the place of `path` in one step; see `replacing`."""
+def write_table(rows, path):
+    """Write rows, the first of them the names of the columns, as CSV in one step."""
     with replacing(path) as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
-        yield csv.writer(file, lineterminator="\n")
+        csv.writer(file, lineterminator="\n").writerows(rows)
 
 
 def remove_leftovers(folder):

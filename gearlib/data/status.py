@@ -51,3 +51,8 @@ FLAGS = {
     "flag_values": np.array(list(MESSAGES), dtype=np.int8),
     "flag_meanings": "ok event_limit unbounded not_converged stalled jammed unresolved no_start",
 }
+
+
+def settled_flags(words):
+    """Return the CF flags of a variable that says 0, unsettled, or 1, in these words."""
+    return {"flag_values": np.arange(2, dtype=np.int8), "flag_meanings": f"unsettled {words}"}

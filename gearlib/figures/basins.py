@@ -27,7 +27,7 @@ def looks(kinds):
 
 @style.styled()
 def draw(data):
-    """Draw the basins of all cases of `gearlib.analysis.global_dynamics.studies.basin_cases`.
+    """Draw the basins of all cases of `gearlib.studies.global_picture.basin_cases`.
 
     Every initial state has the colour of its attractor, whose stroboscopic states are marked
     where they lie in the picture; below, periods and shares.

@@ -20,7 +20,7 @@ _NAMED = 0.04
 
 @style.styled()
 def draw(diagram, shares, branches=None):
-    """Draw diagram, exponents and shares of `gearlib.analysis.global_dynamics.studies.bifurcation`.
+    """Draw diagram, exponents and shares of `gearlib.studies.global_picture.bifurcation`.
 
     `branches`, if given, are laid over the diagram, dashed where unstable: tuning, state
     (point, coordinate), stable and branch along ``point``.

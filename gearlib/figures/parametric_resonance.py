@@ -19,7 +19,7 @@ _COLOURS = ("#000000", "#0072B2", "#009E73", "#D55E00", "#CC79A7")
 def draw(chart, facts):
     """Draw growth and tongues over the tuning and each of the other parameters.
 
-    `chart` is that of `gearlib.analysis.tongues.chart.compute`, `facts` that of
+    `chart` is that of `gearlib.studies.tongue_chart.compute`, `facts` that of
     `gearlib.studies.contact_loss.compute`, whose dampings go into the plane of damping. Shade:
     growth per mesh period at the first damping. Lines: edges of the tongues, one colour for
     each damping. Circles: points of width zero. Dashed: the pair itself.

@@ -11,7 +11,7 @@ _REGULAR = ("#0072B2", "#009E73", "#4D4D4D", "#56B4E9", "#CC79A7")
 
 @style.styled()
 def draw(data):
-    """Draw the sections of all cases of `gearlib.analysis.global_dynamics.studies.sections`.
+    """Draw the sections of all cases of `gearlib.studies.global_picture.sections`.
 
     Orange: chaotic orbits; grey: undecided ones; other colours: regular ones, each orbit in one
     colour.

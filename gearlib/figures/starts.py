@@ -12,7 +12,7 @@ def draw_range(axes, x, data, name, colour):
     """Shade the range of a variable over all starts, where it has one.
 
     `data` has name_low and name_high over tuning, as of
-    `gearlib.studies.trains.motions.over_starts`.
+    `gearlib.studies.many_starts.over_starts`.
     """
     low, high = data[f"{name}_low"].values, data[f"{name}_high"].values
     wide = high - low > _NARROW * np.abs(high)

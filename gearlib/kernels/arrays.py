@@ -6,17 +6,17 @@ seconds to compile in every process that compiles anything.
 
 import numpy as np
 
-from gearlib.kernels.jit import kernel
+from gearlib.kernels.jit import kernel, uncounted
 
 
-@kernel
+@uncounted
 def copy(source, target):
     """Fill `target`, shape (n,), with the first n numbers of `source`."""
     for i in range(target.shape[0]):
         target[i] = source[i]
 
 
-@kernel
+@uncounted
 def copy_rows(source, target):
     """Fill the first rows of `target`, shape (m, n), with those of `source`, shape (k, n)."""
     for i in range(source.shape[0]):

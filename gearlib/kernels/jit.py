@@ -31,9 +31,24 @@ def kernel(function):
     ``fastmath=False``: the order of events hangs on the last digits. ``error_model="numpy"``: a
     division by zero gives infinity, which the kernels rely on. ``nogil``: sweeps run in threads.
     """
-    return _compile(function)
+    return _compile(function, _nrt=True)
 
 
 def inlined(function):
     """Compile `function` into its callers: for steps whose arguments cost more than their work."""
-    return _compile(function, forceinline=True)
+    return _compile(function, _nrt=True, forceinline=True)
+
+
+def uncounted(function):
+    """Compile `function` without counts of references: it makes and returns no arrays.
+
+    Every look into a tuple of arrays would count one reference up and down, for all threads: in
+    inner loops that costs more than the sums. (``_nrt`` stands everywhere: numba would pass it on
+    from a kernel to those that it calls.)
+    """
+    return _compile(function, _nrt=False)
+
+
+def woven(function):
+    """Compile `function` into its callers, and as `uncounted`."""
+    return _compile(function, _nrt=False, forceinline=True)

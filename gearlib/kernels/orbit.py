@@ -1,22 +1,10 @@
-"""What is recorded of an orbit, read off its arcs: extrema, fractions, samples, events, period."""
+"""What is recorded of an orbit: extrema, fractions, samples, events, period."""
 
 import math
 
-import numpy as np
-
 from gearlib.kernels.arrays import copy, enlarged
-from gearlib.kernels.closed_form.event_by_event import (
-    CONTACT,
-    DISPLACEMENT,
-    DURATION,
-    LEVEL,
-    START,
-    VELOCITY,
-)
-from gearlib.kernels.closed_form.flight import fly, lowest_time
-from gearlib.kernels.closed_form.oscillator import UNDERDAMPED, evolve, turning_time
-from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
-from gearlib.kernels.jit import inlined, kernel
+from gearlib.kernels.codes import BACKLASH, NORMAL
+from gearlib.kernels.jit import kernel, uncounted
 from gearlib.kernels.polynomial import highest
 
 # Columns of the summary of an orbit. The TIME columns hold phase, BOUNCES a count.
@@ -59,69 +47,13 @@ def clear_summary(summary):
     summary[FORCE_MIN] = math.inf
 
 
-@kernel
+@uncounted
 def unresolved(summary):
     """Return whether an extremum could not be found."""
-    return np.isnan(summary[: FORCE_MIN + 1]).any()
-
-
-@kernel
-def _add_displacement(m, lev, contact, x, summary):
-    summary[X_MAX] = max(summary[X_MAX], x)
-    summary[X_MIN] = min(summary[X_MIN], x)
-    force = 0.0
-    if contact == NORMAL:
-        force = lev.stiffness * x
-    elif contact == INVERSE:
-        force = lev.stiffness * (x + m.gap)
-    summary[FORCE_MAX] = max(summary[FORCE_MAX], force)
-    summary[FORCE_MIN] = min(summary[FORCE_MIN], force)
-
-
-@kernel
-def add_arcs(m, arcs, count, summary):
-    """Add arcs 0 ... count - 1 to the summary; extrema are those of the closed forms."""
-    for i in range(count):
-        contact = int(arcs[i, CONTACT])
-        lev = m.high if arcs[i, LEVEL] == 1.0 else m.low
-        duration, x, v = arcs[i, DURATION], arcs[i, DISPLACEMENT], arcs[i, VELOCITY]
-        _add_displacement(m, lev, contact, x, summary)
-        known = i + 1 < count
-        end, end_v = (arcs[i + 1, DISPLACEMENT], arcs[i + 1, VELOCITY]) if known else (0.0, 0.0)
-        if contact == BACKLASH:
-            summary[TIME_BACKLASH] += duration
-            if v < 0.0 and not (known and end_v < 0.0):
-                t = lowest_time(m.drag, m.pull, v)
-                if t < duration:
-                    lowest, _ = fly(m.drag, m.pull, x, v, t)
-                    _add_displacement(m, lev, contact, lowest, summary)
-            if not known:
-                end, _ = fly(m.drag, m.pull, x, v, duration)
-            # A flight lands on the line, not a rounding error past it.
-            end = min(max(end, -m.gap), 0.0)
-            _add_displacement(m, lev, contact, end, summary)
-            continue
-        shift = lev.rest if contact == NORMAL else lev.rest - m.gap
-        summary[TIME_NORMAL if contact == NORMAL else TIME_INVERSE] += duration
-        if arcs[i, LEVEL] == 0.0:
-            summary[TIME_LOW] += duration
-        if not known:
-            end, end_v = evolve(lev, x - shift, v, duration)
-            end += shift
-        # The first two turning points are the highest and the lowest: amplitudes never grow. Within
-        # half a turn there is one at most, and behind it the velocity has another sign.
-        if not (v * end_v > 0.0 and lev.w * duration < math.pi):
-            t = turning_time(lev, x - shift, v)
-            for _ in range(2):
-                if not t < duration:
-                    break
-                u, _v = evolve(lev, x - shift, v, t)
-                _add_displacement(m, lev, contact, u + shift, summary)
-                if lev.kind != UNDERDAMPED:
-                    break
-                t += math.pi / lev.w
-        end = max(end, 0.0) if contact == NORMAL else min(end, -m.gap)
-        _add_displacement(m, lev, contact, end, summary)
+    for k in range(FORCE_MIN + 1):
+        if math.isnan(summary[k]):
+            return True
+    return False
 
 
 @kernel
@@ -136,7 +68,7 @@ def add_curve(curve, to_bernstein, work, summary, most, least):
     summary[least] = -highest(curve, to_bernstein, work, -summary[least])
 
 
-@kernel
+@uncounted
 def add_time(contact, length, low, summary):
     """Add a stretch of one contact code to the summary, `low`: at the lower stiffness."""
     if contact == BACKLASH:
@@ -173,23 +105,6 @@ def add_event(events, found, period, phase, before, after, velocity):
 
 
 @kernel
-def add_events(arcs, count, previous, period, events, found):
-    """Append the changes of contact between successive arcs to the event table.
-
-    `previous` is the contact code before the first arc, `period` the number of the mesh period,
-    `found` the rows in use. Returns (events, found, previous); `events` is enlarged as needed.
-    """
-    for i in range(count):
-        contact = int(arcs[i, CONTACT])
-        if contact != previous:
-            events, found = add_event(
-                events, found, period, arcs[i, START], previous, contact, arcs[i, VELOCITY]
-            )
-            previous = contact
-    return events, found, previous
-
-
-@kernel
 def repeat_record(samples, events, found, seen, periods):
     """Repeat the samples and events of the first `seen` of so many periods up to their end.
 
@@ -208,53 +123,6 @@ def repeat_record(samples, events, found, seen, periods):
 
 
 @kernel
-def count_bounces(arcs, count, previous):
-    """Return (losses of normal contact among the arcs, contact code of the last arc)."""
-    bounces = 0
-    for i in range(count):
-        contact = int(arcs[i, CONTACT])
-        if previous == NORMAL and contact != NORMAL:
-            bounces += 1
-        previous = contact
-    return bounces, previous
-
-
-@inlined
-def in_arc(m, arc, t):
-    """Return (x, v, acceleration, force) at the phase t from the start of the mesh period."""
-    contact = int(arc[CONTACT])
-    lev = m.high if arc[LEVEL] == 1.0 else m.low
-    x, v, t = arc[DISPLACEMENT], arc[VELOCITY], t - arc[START]
-    if contact == BACKLASH:
-        x, v = fly(m.drag, m.pull, x, v, t)
-        return x, v, m.pull - 2.0 * m.drag * v, 0.0
-    shift = lev.rest if contact == NORMAL else lev.rest - m.gap
-    u, v = evolve(lev, x - shift, v, t)
-    return u + shift, v, -2.0 * lev.a * v - lev.square * u, lev.stiffness * (u + lev.rest)
-
-
-@kernel
-def sample_arcs(m, arcs, count, samples):
-    """Fill `samples`, shape (n, 6), with the states at n equal steps of one mesh period.
-
-    At an event or a stiffness switch the state just after it is taken.
-    """
-    n = samples.shape[0]
-    i = 0
-    for k in range(n):
-        t = 2.0 * math.pi * k / n
-        while i + 1 < count and arcs[i + 1, START] <= t:
-            i += 1
-        x, v, acceleration, force = in_arc(m, arcs[i], t)
-        samples[k, SAMPLE_X] = x
-        samples[k, SAMPLE_V] = v
-        samples[k, SAMPLE_A] = acceleration
-        samples[k, SAMPLE_CONTACT] = arcs[i, CONTACT]
-        samples[k, SAMPLE_STIFFNESS] = (m.high if arcs[i, LEVEL] == 1.0 else m.low).stiffness
-        samples[k, SAMPLE_FORCE] = force
-
-
-@kernel
 def strobe_periods(repeats):
     """Return how many periods before the end `orbit_period` looks at."""
     return 2 * MAX_PERIOD * repeats - 1
@@ -262,27 +130,13 @@ def strobe_periods(repeats):
 
 @kernel
 def orbit_period(strobes, tuning, height, repeats=1):
-    """Return the smallest n such that the last n stroboscopic states repeat after n periods.
+    """Return the least n such that the last n stroboscopic states repeat after n periods, or 0.
 
     n is at most 16 mesh periods, or a multiple, up to the 16th, of the `repeats` mesh periods after
-    which a run-out repeats. An n that is none has to hold all through a repeat, since a slow
-    run-out moves little from a period to the next.
-
-    Parameters
-    ----------
-    strobes : ndarray, shape (k + 1, 2)
-        Displacement and velocity at the end of each of the last k periods, and before them.
-    tuning : float
-        nu; turns dx/dtau into a displacement.
-    height : float
-        Height of the orbit, the scale of the comparison.
-    repeats : int, default 1
-        Mesh periods after which the excitation repeats.
-
-    Returns
-    -------
-    int
-        0 if there is none, or too few periods to tell.
+    which a run-out repeats. An n that is none has to hold all through a repeat, since a slow run-
+    out moves little from a period to the next. `strobes`, shape (k + 1, 2): displacement and
+    dx/dtau at the end of each of the last k periods, and before them; `height` of the orbit is the
+    scale.
     """
     last = strobes.shape[0] - 1
     tolerance = SAME_STATE * max(1.0, height)

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from gearlib.kernels.jit import inlined, kernel
+from gearlib.kernels.jit import inlined, kernel, uncounted, woven
 
 #: Halvings after which an interval is as short as rounding.
 MAX_DEPTH = 48
@@ -23,6 +23,11 @@ _FEW_NEWTON = 60
 MAX_INTERVALS = 1000
 #: A dip smaller than this share of the coefficients cannot be told from their rounding.
 _ROUNDING = 4e-16
+#: Highest degree, and what coefficient i adds to coefficient k of the left half, C(k, i) / 2^k, and
+#: of the right half, counted from the end, whose columns go backwards.
+_MOST = 24
+_LEFT = np.array([[math.comb(k, i) / 2.0**k for k in range(_MOST + 1)] for i in range(_MOST + 1)])
+_RIGHT = np.ascontiguousarray(_LEFT[:, ::-1])
 #: Largest values are sought to this share of the coefficients, a hundred roundings.
 _CLOSE = 4e-14
 
@@ -59,14 +64,38 @@ def _to_bernstein(coefficients, matrix, out):
             out[j] += matrix[i, j] * c
 
 
-@inlined
-def halve(b, left, n):
-    """Turn Bernstein coefficients into those of the right half; fill those of the left."""
-    left[0] = b[0]
-    for j in range(1, n + 1):
-        for i in range(n + 1 - j):
-            b[i] = 0.5 * (b[i] + b[i + 1])
-        left[j] = b[0]
+@woven
+def halve(b, left, whole, n):
+    """Turn Bernstein coefficients into those of the right half; fill those of the left.
+
+    Sums of columns, which the compiler does with all lanes of the vector unit; de Casteljau's
+    scheme waits for its own results. `whole` is storage.
+    """
+    for k in range(n + 1):
+        whole[k] = b[k]
+        left[k], b[k] = 0.0, 0.0
+    # A slice: the compiler does not know that a sum of two indices counts from the front.
+    right = _RIGHT[:, _MOST - n :]
+    i = 0
+    while i + 3 <= n:
+        p, q, s, t = whole[i], whole[i + 1], whole[i + 2], whole[i + 3]
+        for k in range(i, n + 1):
+            left[k] += (_LEFT[i, k] * p + _LEFT[i + 1, k] * q) + (
+                _LEFT[i + 2, k] * s + _LEFT[i + 3, k] * t
+            )
+        for k in range(i + 4):
+            b[k] += (right[n - i, k] * p + right[n - i - 1, k] * q) + (
+                right[n - i - 2, k] * s + right[n - i - 3, k] * t
+            )
+        i += 4
+    while i <= n:
+        p = whole[i]
+        for k in range(i, n + 1):
+            left[k] += _LEFT[i, k] * p
+        for k in range(i + 1):
+            b[k] += right[n - i, k] * p
+        i += 1
+    left[n] = b[0]
 
 
 @kernel
@@ -102,22 +131,11 @@ def lowest_of_parabola(a, b, c):
 def first_fall(coefficients, to_bernstein, work):
     """Return the first s in [0, 1] where a polynomial falls through zero, 2 if there is none.
 
-    -1 if the budget of intervals does not suffice to tell.
-
-    Parameters
-    ----------
-    coefficients : ndarray, shape (n + 1,)
-        Power coefficients, constant first; may be changed. From zero, or below it by the rounding
-        of whoever starts there, the polynomial counts as falling at once when its slope is
-        negative; else what counts is where it falls after it has come up.
-    to_bernstein : ndarray, shape (n + 1, n + 1)
-        `bernstein_matrix` of degree n.
-    work : ndarray, shape (50, n + 2)
-        Storage: a row per waiting interval, its Bernstein coefficients and its width.
-
-    Returns
-    -------
-    float
+    -1 if the budget of intervals does not suffice to tell. `coefficients`, shape (n + 1,), constant
+    first, may be changed. From zero, or below it by the rounding of whoever starts there, the
+    polynomial counts as falling at once when its slope is negative; else what counts is where it
+    falls after it has come up. `to_bernstein`: `bernstein_matrix` of degree n; `work`, shape (50, n
+    + 2): a row per waiting interval, its Bernstein coefficients and its width.
     """
     n = coefficients.shape[0] - 1
     noise = 0.0
@@ -177,7 +195,7 @@ def first_fall(coefficients, to_bernstein, work):
         else:
             # The right half stays in this row, the left half goes on top.
             left = work[depth + 1]
-            halve(b, left, n)
+            halve(b, left, work[MAX_DEPTH + 1], n)
             b[n + 1] = 0.5 * width
             left[n + 1] = 0.5 * width
             depth += 1
@@ -212,17 +230,8 @@ def fall_by_shape(coefficients, first):
     A polynomial that falls all along, or is bent one way all along, has at most one crossing
     between ends of opposite signs and, when it is not bent upwards, none between positive ones.
     Slope and bend are bounded by their parabolas and the magnitudes of all higher terms.
-
-    Parameters
-    ----------
-    coefficients : ndarray, shape (n + 1,)
-        As of `first_fall`, n >= 4.
-    first : int
-        1 to divide a factor s out (the start is on the line), else 0.
-
-    Returns
-    -------
-    float
+    `coefficients` as of `first_fall`, n >= 4; `first` is 1 to divide a factor s out (the start is
+    on the line).
     """
     c, n = coefficients, coefficients.shape[0] - 1
     end, size, steep, bend = 0.0, 0.0, 0.0, 0.0
@@ -298,7 +307,7 @@ def highest(coefficients, to_bernstein, work, floor):
     return highest_from(work, coefficients.shape[0] - 1, floor)
 
 
-@kernel
+@uncounted
 def highest_from(work, n, floor):
     """Return the same of Bernstein coefficients of degree n, which begin the first row of `work`.
 
@@ -319,6 +328,6 @@ def highest_from(work, n, floor):
         if bound <= floor + noise or depth == MAX_DEPTH:
             depth -= 1
             continue
-        halve(b, work[depth + 1], n)
+        halve(b, work[depth + 1], work[MAX_DEPTH + 1], n)
         depth += 1
     return floor if depth < 0 else math.nan

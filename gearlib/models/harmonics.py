@@ -3,8 +3,6 @@
 import math
 from dataclasses import dataclass
 
-import numpy as np
-
 from gearlib import checks
 
 
@@ -52,6 +50,8 @@ class Harmonics:
         ValueError
             If the phases are not equidistant over one period, or a value is not finite.
         """
+        import numpy as np  # here and below: a start of the workflow loads this module
+
         phase, values = np.asarray(phase, float), np.asarray(values, float)
         n = phase.size
         if phase.shape != values.shape or phase.ndim != 1 or n < 3:
@@ -73,6 +73,8 @@ class Harmonics:
 
     def table(self, scale=1.0):
         """Return rows (order, cosine, sine) with amplitudes times `scale`, shape (n, 3)."""
+        import numpy as np
+
         n = max(len(self.cosines), len(self.sines))
         rows = np.zeros((n, 3), np.result_type(float, scale))
         rows[:, 0] = np.arange(1, n + 1)

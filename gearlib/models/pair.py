@@ -1,17 +1,8 @@
 """Parameters of a gear pair: the border between SI units and dimensionless ratios.
 
 =====================  ======================  ==========================================
-name                   symbol                  unit or definition
+ratio or scale         symbol                  definition
 =====================  ======================  ==========================================
-max_stiffness          C_max                   N/m
-stiffness_ratio        kappa = C_min / C_max   1, in (0, 1]
-contact_ratio          epsilon                 1, in [1, 2]
-reduced_mass           m_red                   kg
-load                   F                       N, along the line of action
-backlash               s_k                     m
-material_damping       k_1                     N s/m, while the flanks touch
-backlash_damping       k_1m                    N s/m, of the oil while they do not
-teeth                  z                       mesh periods per revolution
 mean_stiffness         C_s                     Eq. (2)
 mean_eigenfrequency    Omega_s                 sqrt(C_s / m_red), rad/s
 damping_ratio          beta                    k_1 / (2 m_red Omega_s)
@@ -30,38 +21,32 @@ damping ratios.
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
-from gearlib import checks
+from gearlib import checks, parameters
 from gearlib.models.model import Model
 from gearlib.models.stiffness import mean_over_max
+from gearlib.parameters import (
+    LOAD,
+    MASS,
+    Backlash,
+    BacklashDamping,
+    ContactRatio,
+    Integer,
+    MaterialDamping,
+    MaxStiffness,
+    StiffnessRatio,
+)
 
 #: Below, the rest position of the softer segment lies so far away that the scalar closed forms,
 #: which are written about it, lose more than four digits.
 _LEAST_STIFFNESS_RATIO = 1e-4
 
 
+@parameters.documented
 @dataclass(frozen=True, kw_only=True)
 class GearPair(Model):
     """One pair of spur gears, in SI units; immutable.
-
-    Parameters
-    ----------
-    max_stiffness : float
-        Maximum mesh stiffness C_max, N/m; finite, > 0.
-    stiffness_ratio : float
-        kappa = C_min / C_max, in (0, 1].
-    contact_ratio : float
-        epsilon, in [1, 2]. Both ends mean constant stiffness.
-    reduced_mass : float
-        m_red, kg; finite, > 0.
-    load : float
-        Mean force along the line of action, N; finite, > 0.
-    backlash : float
-        s_k, m; >= 0, ``math.inf`` for a pair without a second flank.
-    material_damping, backlash_damping : float
-        k_1 in contact and k_1m in the backlash, N s/m; finite, >= 0.
-    teeth : int, default 24
-        Teeth of the gear whose revolutions are counted; >= 1.
 
     Raises
     ------
@@ -69,15 +54,15 @@ class GearPair(Model):
         If a value is impossible; the message names parameter, value and range.
     """
 
-    max_stiffness: float
-    stiffness_ratio: float
-    contact_ratio: float
-    reduced_mass: float
-    load: float
-    backlash: float
-    material_damping: float = 0.0
-    backlash_damping: float = 0.0
-    teeth: int = 24
+    max_stiffness: MaxStiffness
+    stiffness_ratio: StiffnessRatio
+    contact_ratio: ContactRatio
+    reduced_mass: Annotated[float, MASS, "Reduced mass", "m_red"]
+    load: Annotated[float, LOAD, "Mean force along the line of action", "F"]
+    backlash: Backlash
+    material_damping: MaterialDamping = 0.0
+    backlash_damping: BacklashDamping = 0.0
+    teeth: Annotated[int, Integer(1, limit=10_000), "Mesh periods per revolution", "z"] = 24
 
     one_mesh = True
     #: The ratios that, with the tuning, decide the motion in static deflections and mesh phase.
@@ -90,18 +75,7 @@ class GearPair(Model):
     )
 
     def __post_init__(self):
-        def put(name, value):
-            # The one place where the frozen fields are set, to plain floats.
-            object.__setattr__(self, name, value)
-
-        for name in ("max_stiffness", "reduced_mass", "load"):
-            put(name, checks.finite_positive(name, getattr(self, name)))
-        for name in ("material_damping", "backlash_damping"):
-            put(name, checks.finite_nonnegative(name, getattr(self, name)))
-        put("stiffness_ratio", _stiffness_ratio(self.stiffness_ratio))
-        put("contact_ratio", _contact_ratio(self.contact_ratio))
-        put("backlash", _backlash("backlash", self.backlash))
-        put("teeth", checks.integer("teeth", self.teeth, 1))
+        parameters.check(self)
 
     @classmethod
     def from_ratios(
@@ -137,7 +111,7 @@ class GearPair(Model):
         """
         damping = checks.finite_nonnegative("damping", damping)
         backlash_damping = checks.finite_nonnegative("backlash_damping", backlash_damping)
-        over_max = mean_over_max(_contact_ratio(contact_ratio), _stiffness_ratio(stiffness_ratio))
+        over_max = mean_over_max(*_ratios(contact_ratio, stiffness_ratio))
         # The mean stiffness is 1 up to rounding. Mass and load are the very same number, so that
         # static deflection and eigenfrequency are exactly 1 and ratios keep their last digit.
         unit = 1.0 / over_max * over_max
@@ -334,13 +308,8 @@ class GearPair(Model):
         }
 
 
-def _contact_ratio(value):
-    return checks.number("contact_ratio", value, "from 1 to 2", lambda v: 1.0 <= v <= 2.0)
-
-
-def _stiffness_ratio(value):
-    return checks.number("stiffness_ratio", value, "> 0 and <= 1", lambda v: 0.0 < v <= 1.0)
-
-
-def _backlash(name, value):
-    return checks.number(name, value, ">= 0 (infinity included)", lambda v: v >= 0.0)
+def _ratios(*values):
+    """Return contact and stiffness ratio, checked as those of a pair."""
+    known = parameters.declared(GearPair)
+    names = "contact_ratio", "stiffness_ratio"
+    return [known[name].kind.check(name, value) for name, value in zip(names, values, strict=True)]

@@ -3,12 +3,17 @@
 ======================  ==============================================================
 name                    responsibility
 ======================  ==============================================================
+``resonance_windows``   windows of the resonance characteristic
+``recorded_planes``     single runs behind the phase planes
+``trust_labels``        labels of the motion from rest
 ``scenes``              the time courses of a few runs, side by side
-``runs_beside``         a run, or seeded ones beside where rounding decides it
+``many_starts``         seeded starts, and whether rounding decides where a motion goes
 ``model_comparison``    what larger models would change in a scene, and what they cost
 ``phase_lag``           lag of the motion behind the mesh stiffness
 ``jump``                where the motion from rest jumps, and what moves the jump
 ``resonance_branches``  the branches behind Fig. 3, and loci of their special points
+``tongue_chart``        growth and tongues over the tuning and one other parameter
+``global_picture``      basins, bifurcation diagram with exponents and shares, sections
 ``contact_loss``        what begins at a tuning: parametric or forced motion
 ``certificates``        what is proven of the paper's orbits
 ``certificate_table``   the same as a table

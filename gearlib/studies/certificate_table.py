@@ -3,8 +3,6 @@
 Enclosures, see `docs/theory/proofs.md`, are far narrower than the digits printed here.
 """
 
-from gearlib.data import files
-
 #: Phases of contact as letters, by contact code.
 _LETTERS = {1: "N", 0: "B", -1: "I"}
 #: Columns; of a range or tongue `tuning` is where it begins, `until` where it ends.
@@ -13,28 +11,21 @@ _HEAD = ["damping", "claim", "tuning", "until", "contacts", "lowest", "periods"]
 _SAID = ["stability", "reason"]
 
 
-def write_csv(rows, path):
-    """Write the table, replacing the file in one step; refusals and counts are left out.
+def rows(certificates):
+    """Yield the table of the certificates of `gearlib.studies.certificates`.
 
-    Parameters
-    ----------
-    rows : list of dict
-        As computed by `gearlib.studies.certificates`.
-    path : str or os.PathLike
-        lowest: the least displacement of the orbit, static deflections; periods: of a motion, after
-        how many mesh periods it is near the orbit.
+    Refusals and counts are left out. lowest: the least displacement of the orbit, static
+    deflections; periods: of a motion, after how many mesh periods it is near the orbit.
     """
-    with files.table(path) as writer:
-        writer.writerow(_HEAD + _SAID)
-        for row in rows:
-            if row["claim"] not in ("count", "refusal"):
-                ends = "start" if row["claim"] in ("range", "tongue") else "tuning"
-                until = _decimal(row["stop"]) if ends == "start" else ""
-                contacts = "".join(_LETTERS[code] for code in row.get("pattern", ()))
-                lowest = _decimal(row["displacement_min"]) if "displacement_min" in row else ""
-                own = [row["damping"], row["claim"], _decimal(row[ends]), until, contacts, lowest]
-                said = [row.get(name, "") for name in ("periods", *_SAID)]
-                writer.writerow(own + said)
+    yield _HEAD + _SAID
+    for row in certificates:
+        if row["claim"] not in ("count", "refusal"):
+            ends = "start" if row["claim"] in ("range", "tongue") else "tuning"
+            until = _decimal(row["stop"]) if ends == "start" else ""
+            contacts = "".join(_LETTERS[code] for code in row.get("pattern", ()))
+            lowest = _decimal(row["displacement_min"]) if "displacement_min" in row else ""
+            own = [row["damping"], row["claim"], _decimal(row[ends]), until, contacts, lowest]
+            yield own + [row.get(name, "") for name in ("periods", *_SAID)]
 
 
 def _decimal(value):

@@ -12,7 +12,7 @@ import xarray as xr
 from scipy.optimize import brentq
 
 from gearlib.analysis.tongues import closing_damping, find, meissner, no_loss
-from gearlib.data import files, provenance
+from gearlib.data import provenance
 from gearlib.data.variables import describe
 from gearlib.models.pair import GearPair
 from gearlib.runs.sweeping import sweep
@@ -167,36 +167,25 @@ def _forced_from(pair, tuning):
     return float(brentq(lambda nu: orbit_min(pair, nu), scan[i - 1], scan[i], xtol=1e-12))
 
 
-def write_csv(tongues, path):
-    """Write what happens at the tuning in question as a table, a row for each damping.
-
-    Parameters
-    ----------
-    tongues : xarray.Dataset
-        As of `compute`.
-    path : str or os.PathLike
-        Replaced in one step.
-    """
+def rows(tongues):
+    """Yield what happens at the tuning in question as a table, a row for each damping."""
     own = ["tuning_from", "tuning_to", "closing_damping"]
     rest = ["orbit_min", "loss_from", "loss_to", "forced_from"]
-    with files.table(path) as writer:
-        names = ["damping", "damping_ratio", "tuning", "cause", "lost", "order"]
-        writer.writerow([*names, *own, "growth_percent", *rest])
-        for name in tongues.damping.values:
-            one = tongues.sel(damping=name)
-            order = int(one.nearest_order)
-            tongue = one.sel(order=order) if order else None
-            edges = [math.nan] * 3 if tongue is None else [float(tongue[key]) for key in own]
-            grown = 100.0 * math.expm1(float(one.growth))
-            numbers = [*edges, grown, *(float(one[key]) for key in rest)]
-            writer.writerow(
-                [
-                    name,
-                    f"{float(one.damping_ratio):.6g}",
-                    f"{float(one.asked):g}",
-                    CAUSES[int(one.cause)],
-                    "yes" if one.lost else "no",
-                    order or "",
-                    *("" if math.isnan(number) else f"{number:.10g}" for number in numbers),
-                ]
-            )
+    names = ["damping", "damping_ratio", "tuning", "cause", "lost", "order"]
+    yield [*names, *own, "growth_percent", *rest]
+    for name in tongues.damping.values:
+        one = tongues.sel(damping=name)
+        order = int(one.nearest_order)
+        tongue = one.sel(order=order) if order else None
+        edges = [math.nan] * 3 if tongue is None else [float(tongue[key]) for key in own]
+        grown = 100.0 * math.expm1(float(one.growth))
+        numbers = [*edges, grown, *(float(one[key]) for key in rest)]
+        yield [
+            name,
+            f"{float(one.damping_ratio):.6g}",
+            f"{float(one.asked):g}",
+            CAUSES[int(one.cause)],
+            "yes" if one.lost else "no",
+            order or "",
+            *("" if math.isnan(number) else f"{number:.10g}" for number in numbers),
+        ]

@@ -21,7 +21,7 @@ from gearlib.models.one_degree import OneDegreePair
 from gearlib.models.pair import GearPair
 from gearlib.models.profiles import Fourier
 from gearlib.runs.sweeping import sweep
-from gearlib.studies.trains import motions
+from gearlib.studies import many_starts
 
 if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
     from gearlib.integrators import rk45  # noqa: F401
@@ -136,7 +136,7 @@ def _lost(pair, scan, height, i, direction, run):
     k = int(np.argmax(lost))
     begin = ends[k - 1] if k and np.isfinite(ends[k - 1]).all() else start
     rest, step, apart = way[k:], height[i + 1] - height[i], 0.0
-    for state in motions.starts(pair, begin, _STARTS):
+    for state in many_starts.starts(pair, begin, _STARTS):
         other = run | {"initial_state": tuple(state), "direction": direction}
         theirs = height.copy()
         theirs[rest] = _heights(sweep(pair, tunings[rest], **other))
@@ -210,7 +210,7 @@ def compute(pair, tunings, settings, run):
         The scan.
     settings : dict
         As of `variations`, and resolution; starts, seed and spread for tolerances, as of
-        `gearlib.studies.trains.motions.starts`.
+        `gearlib.studies.many_starts.starts`.
     run : dict
         periods, record_periods, initial_state.
 
@@ -229,7 +229,7 @@ def compute(pair, tunings, settings, run):
         if kind == "tolerance":
             others = others or _from_starts(pair, tunings, settings, run)
             found, shifts = _by_method(pair, tunings, settings, run | changed, others)
-            found = found._replace(tuning=rows[0][2].tuning + _median(shifts))
+            found = found._replace(tuning=rows[0][2].tuning + many_starts.spread_of(shifts)[1])
         else:
             found = find(model, tunings, settings["resolution"], **run | changed)
             shifts = np.array([found.tuning - rows[0][2].tuning if rows else 0.0 * found.tuning])
@@ -237,7 +237,7 @@ def compute(pair, tunings, settings, run):
     base = sweep(pair, tunings, **run)
     kind, value, found, shifts = zip(*rows, strict=True)
     jump, below, above, switches, interval = (np.array(each) for each in zip(*found, strict=True))
-    low, high = np.array([(_end(np.min, one), _end(np.max, one)) for one in shifts]).T
+    low, _, high = np.array([many_starts.spread_of(one) for one in shifts]).T
     dataset = xr.Dataset(
         {
             "height": ("tuning", _heights(base)),
@@ -263,7 +263,7 @@ def compute(pair, tunings, settings, run):
 
 def _from_starts(pair, tunings, settings, run):
     """Return (start, exact `Jump`) of all starts."""
-    states = motions.starts(pair, run.get("initial_state", (0.0, 0.0)), _STARTS | settings)
+    states = many_starts.starts(pair, run.get("initial_state", (0.0, 0.0)), _STARTS | settings)
     return [
         (state, find(pair, tunings, settings["resolution"], **run | {"initial_state": state}))
         for state in map(tuple, states)
@@ -280,14 +280,4 @@ def _by_method(pair, tunings, settings, run, others):
     columns = (np.array(column) for column in zip(*found, strict=True))
     pairs = zip(found, others, strict=True)
     shifts = np.array([one.tuning - exact.tuning for one, (_, exact) in pairs])
-    return Jump(*map(_median, columns)), shifts
-
-
-def _end(which, values):
-    """Return the least, the median or the largest of those values that are numbers, or NaN."""
-    values = values[np.isfinite(values)]
-    return float(which(values)) if values.size else np.nan
-
-
-def _median(values):
-    return _end(np.median, values)
+    return Jump(*(many_starts.spread_of(column)[1] for column in columns)), shifts

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import xarray as xr
 
-from gearlib.data import files, provenance
+from gearlib.data import provenance
 from gearlib.data.variables import describe
 from gearlib.models.geometry import described
 from gearlib.models.profiles import Rectangular
@@ -108,38 +108,26 @@ def compute(pairs, samples):
     return describe(dataset)
 
 
-def write_csv(stiffness, path):
-    """Write the means as a table, a row for each pair and method, then what is published.
-
-    Parameters
-    ----------
-    stiffness : xarray.Dataset
-        Of `compute`.
-    path : str or os.PathLike
-    """
-    with files.table(path) as writer:
-        writer.writerow(
-            ["pair", "stiffness_method", "mean_stiffness", "stiffness_ratio", "from_reference"]
-        )
-        for pair in stiffness.pair.values:
-            own = stiffness.sel(pair=pair)
-            reference = float(own.mean_mesh_stiffness.sel(stiffness_method=REFERENCE))
-            rows = [
-                (
-                    name,
-                    float(own.mean_mesh_stiffness[j]),
-                    f"{float(own.own_stiffness_ratio[j]):.4g}",
-                )
-                for j, name in enumerate(own.stiffness_method.values)
-            ]
-            there = stiffness.isel(published=stiffness.published_pair.values == pair)
-            rows += [
-                (f"published: {name}", float(value), "")
-                for name, value in zip(
-                    there.published.values, there.published_stiffness.values, strict=True
-                )
-            ]
-            for name, mean, ratio in rows:
-                writer.writerow(
-                    [pair, name, f"{mean:.4g}", ratio, f"{mean / reference - 1.0:+.4f}"]
-                )
+def rows(stiffness):
+    """Yield the means as a table, a row for each pair and method, then what is published."""
+    yield ["pair", "stiffness_method", "mean_stiffness", "stiffness_ratio", "from_reference"]
+    for pair in stiffness.pair.values:
+        own = stiffness.sel(pair=pair)
+        reference = float(own.mean_mesh_stiffness.sel(stiffness_method=REFERENCE))
+        found = [
+            (
+                name,
+                float(own.mean_mesh_stiffness[j]),
+                f"{float(own.own_stiffness_ratio[j]):.4g}",
+            )
+            for j, name in enumerate(own.stiffness_method.values)
+        ]
+        there = stiffness.isel(published=stiffness.published_pair.values == pair)
+        found += [
+            (f"published: {name}", float(value), "")
+            for name, value in zip(
+                there.published.values, there.published_stiffness.values, strict=True
+            )
+        ]
+        for name, mean, ratio in found:
+            yield [pair, name, f"{mean:.4g}", ratio, f"{mean / reference - 1.0:+.4f}"]

@@ -17,14 +17,12 @@ import math
 import numpy as np
 import xarray as xr
 
-from gearlib.data import files
 from gearlib.data.variables import describe
 from gearlib.models.one_degree import OneDegreePair
 from gearlib.models.pair import GearPair
 from gearlib.models.profiles import Fourier
 from gearlib.models.six_degrees import SixDegreePair
-from gearlib.studies import runs_beside
-from gearlib.studies.trains import motions
+from gearlib.studies import many_starts
 
 #: name -> words; from the smallest to the largest, the truncated stiffness apart.
 LADDER = {
@@ -85,26 +83,24 @@ def cost(model, tuning, result, run):
     return min((digit * power for digit in (1, 2, 5, 10)), key=lambda x: abs(math.log(x / work)))
 
 
-def compute(cases, six_degrees, harmonics, observables, tolerance, candidates, run, starts):
+def compute(cases, question, six_degrees, harmonics, run, starts):
     """Return the comparison of models for one scene.
 
     Parameters
     ----------
     cases : list of dict
         Each with title, tuning and pair (keyword arguments of `GearPair`).
+    question : dict
+        observables: variables of `gearlib.sweep`; tolerance; candidates: the models in `LADDER`
+        that may carry the scene, the smallest first.
     six_degrees : dict
         What `SixDegreePair` needs beyond the pair.
     harmonics : int
         Of the truncated stiffness.
-    observables : list of str
-        Variables of `gearlib.sweep`.
-    tolerance : float
-    candidates : list of str
-        The models in `LADDER` that may carry the scene, the smallest first.
     run : dict
         Arguments of `gearlib.simulate`.
     starts : dict
-        starts, seed, spread: as of `gearlib.studies.runs_beside.runs`.
+        starts, seed, spread: as of `gearlib.studies.many_starts.runs`.
 
     Returns
     -------
@@ -116,7 +112,8 @@ def compute(cases, six_degrees, harmonics, observables, tolerance, candidates, r
         it does not, and change_free_of_rounding over (model,), whether in none of the runs of
         change and cost; chosen: the name of the model; tolerance.
     """
-    names = [*LADDER, TRUNCATED]
+    names, observables = [*LADDER, TRUNCATED], question["observables"]
+    tolerance, candidates = question["tolerance"], question["candidates"]
     values = np.empty((starts["starts"], len(names), len(cases), len(observables)))
     units = np.ones_like(values)
     costs = np.empty(values.shape[:-1])
@@ -124,7 +121,7 @@ def compute(cases, six_degrees, harmonics, observables, tolerance, candidates, r
     for i, name in enumerate(names):
         for j, case in enumerate(cases):
             model, tuning = build(name, case["pair"], six_degrees, harmonics), case["tuning"]
-            result, told = runs_beside.runs(model, tuning, run, starts)
+            result, told = many_starts.runs(model, tuning, run, starts)
             alone[i, j] = told[0] is result
             # One that is free of rounding stands for all starts.
             values[:, i, j] = [[float(one[key]) for key in observables] for one in told]
@@ -153,10 +150,10 @@ def compute(cases, six_degrees, harmonics, observables, tolerance, candidates, r
         }
     )
     dataset = xr.Dataset(
-        motions.over_starts(every, list(every))
+        many_starts.over_starts(every, list(every))
         | {
-            "free_of_rounding": (("model", "case"), alone.astype(np.int8), runs_beside.FLAGS),
-            "change_free_of_rounding": ("model", free.astype(np.int8), runs_beside.FLAGS),
+            "free_of_rounding": (("model", "case"), alone.astype(np.int8), many_starts.FLAGS),
+            "change_free_of_rounding": ("model", free.astype(np.int8), many_starts.FLAGS),
             "chosen": (carried or candidates[-1:])[0],
             "tolerance": float(tolerance),
             "harmonics": harmonics,
@@ -182,27 +179,17 @@ def _unit(run, observable):
     return 1.0
 
 
-def write_csv(comparisons, scenes, path):
-    """Write the comparisons of all scenes as one table, replacing the file in one step.
+def rows(comparisons, scenes):
+    """Yield the comparisons of all scenes as one table, replacing the file in one step.
 
-    What rounding decides has no number there.
-
-    Parameters
-    ----------
-    comparisons : list of xarray.Dataset
-        Results of `compute`.
-    scenes : list of str
-        The names of their scenes.
-    path : str or os.PathLike
-    """
-    with files.table(path) as writer:
-        writer.writerow(["scene", "model", "change", "tolerance", "cost", "chosen"])
-        for scene, data in zip(scenes, comparisons, strict=True):
-            for i, name in enumerate(data.model.values):
-                free = bool(data.change_free_of_rounding[i])
-                change, work = (
-                    f"{value:.4g}" if free or math.isnan(value) else DIFFERS
-                    for value in (float(data[key][i]) for key in ("change", "cost"))
-                )
-                chosen = "yes" if name == data.chosen.item() else "no"
-                writer.writerow([scene, name, change, f"{float(data.tolerance):g}", work, chosen])
+    What rounding decides has no number there."""
+    yield ["scene", "model", "change", "tolerance", "cost", "chosen"]
+    for scene, data in zip(scenes, comparisons, strict=True):
+        for i, name in enumerate(data.model.values):
+            free = bool(data.change_free_of_rounding[i])
+            change, work = (
+                f"{value:.4g}" if free or math.isnan(value) else DIFFERS
+                for value in (float(data[key][i]) for key in ("change", "cost"))
+            )
+            chosen = "yes" if name == data.chosen.item() else "no"
+            yield [scene, name, change, f"{float(data.tolerance):g}", work, chosen]

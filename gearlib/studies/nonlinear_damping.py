@@ -14,7 +14,6 @@ import math
 import numpy as np
 import xarray as xr
 
-from gearlib.data import files
 from gearlib.data.variables import describe
 from gearlib.models.one_degree import OneDegreePair
 from gearlib.models.pair import GearPair
@@ -191,24 +190,13 @@ def _widest(where):
     return int(starts[k]), int(ends[k] - 1)
 
 
-def write_csv(studies, path):
-    """Write coefficients, jumps, peaks and bounce windows of all models as one table.
-
-    Parameters
-    ----------
-    studies : list of xarray.Dataset
-        Results of `compute`.
-    path : str or os.PathLike
-        Replaced in one step.
-    """
+def rows(studies):
+    """Yield coefficients, jumps, peaks and bounce windows of all models as one table."""
     facts = ("jump", "jump_interval", "jump_size", "peak", "peak_tuning", "lost_from", "lost_to")
-    with files.table(path) as writer:
-        writer.writerow(["place", "power", "coefficient", "unit", "direction", *facts])
-        for study in studies:
-            coefficient = f"{float(study.coefficient):.6g}", study.coefficient.attrs["units"]
-            for direction in study.direction.values:
-                one = study.sel(direction=direction)
-                numbers = [f"{float(one[name]):.6g}" for name in facts]
-                writer.writerow(
-                    [study.place.item(), study.power.item(), *coefficient, direction, *numbers]
-                )
+    yield ["place", "power", "coefficient", "unit", "direction", *facts]
+    for study in studies:
+        coefficient = f"{float(study.coefficient):.6g}", study.coefficient.attrs["units"]
+        for direction in study.direction.values:
+            one = study.sel(direction=direction)
+            numbers = [f"{float(one[name]):.6g}" for name in facts]
+            yield [study.place.item(), study.power.item(), *coefficient, direction, *numbers]

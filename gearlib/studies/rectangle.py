@@ -16,7 +16,7 @@ import math
 import numpy as np
 import xarray as xr
 
-from gearlib.data import files, provenance
+from gearlib.data import provenance
 from gearlib.data.contact_loss import lost_share
 from gearlib.data.variables import describe
 from gearlib.models.geometry import described
@@ -209,26 +209,18 @@ def compute(pairs, tunings, samples, settings):
     return describe(dataset)
 
 
-def write_csv(costs, path):
-    """Write a row for each pair and observable: what the rectangle costs, beside the spread.
-
-    Parameters
-    ----------
-    costs : xarray.Dataset
-        Of `compute`.
-    path : str or os.PathLike
-    """
-    with files.table(path) as writer:
-        head = [f"{form} ({REFERENCE})" for form in FORMS]
-        words = [f"difference, {name}" for name in costs.stiffness_method.values]
-        writer.writerow(["pair", "observable", *head, *words, "spread", "verdict"])
-        for pair in costs.pair.values:
-            for name in costs.observable.values:
-                one = costs.sel(pair=pair, observable=name)
-                values = [
-                    *one.answer.sel(stiffness_method=REFERENCE).values,
-                    *one.rectangle_cost.values,
-                    float(one.method_spread),
-                ]
-                numbers = ["" if math.isnan(x) else f"{x:.4g}" for x in values]
-                writer.writerow([pair, name, *numbers, one.rectangle_verdict.item()])
+def rows(costs):
+    """Yield a row for each pair and observable: what the rectangle costs, beside the spread."""
+    head = [f"{form} ({REFERENCE})" for form in FORMS]
+    words = [f"difference, {name}" for name in costs.stiffness_method.values]
+    yield ["pair", "observable", *head, *words, "spread", "verdict"]
+    for pair in costs.pair.values:
+        for name in costs.observable.values:
+            one = costs.sel(pair=pair, observable=name)
+            values = [
+                *one.answer.sel(stiffness_method=REFERENCE).values,
+                *one.rectangle_cost.values,
+                float(one.method_spread),
+            ]
+            numbers = ["" if math.isnan(x) else f"{x:.4g}" for x in values]
+            yield [pair, name, *numbers, one.rectangle_verdict.item()]

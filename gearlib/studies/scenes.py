@@ -4,8 +4,13 @@ import numpy as np
 import xarray as xr
 
 from gearlib.data.variables import describe
-from gearlib.studies import runs_beside
+from gearlib.studies import many_starts
 from gearlib.studies.model_comparison import build
+
+
+def of_comparison(comparison, cases, six_degrees, run, starts):
+    """Return the scene by the model that its comparison chose; arguments as of `compute`."""
+    return compute(cases, comparison.chosen.item(), six_degrees, run, starts)
 
 
 def compute(cases, model, six_degrees, run, starts):
@@ -22,7 +27,7 @@ def compute(cases, model, six_degrees, run, starts):
     run : dict
         Keyword arguments of `gearlib.simulate`, the same for all cases.
     starts : dict
-        starts, seed, spread: as of `gearlib.studies.runs_beside.runs`.
+        starts, seed, spread: as of `gearlib.studies.many_starts.runs`.
 
     Returns
     -------
@@ -35,9 +40,9 @@ def compute(cases, model, six_degrees, run, starts):
     courses = []
     for case in cases:
         pair = build(model, case["pair"], six_degrees)
-        asked, told = runs_beside.runs(pair, case["tuning"], run, starts)
+        asked, told = many_starts.runs(pair, case["tuning"], run, starts)
         dataset = asked.drop_dims("event")
-        dataset["free_of_rounding"] = (), np.int8(told[0] is asked), runs_beside.FLAGS
+        dataset["free_of_rounding"] = (), np.int8(told[0] is asked), many_starts.FLAGS
         dataset["losing_share"] = (), np.mean([float(one.bounces) > 0.0 for one in told])
         phase = (dataset.phase - dataset.phase[0]).assign_attrs(dataset.phase.attrs)
         phase.attrs["long_name"] = "mesh phase from the start of the record"

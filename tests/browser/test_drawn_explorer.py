@@ -43,7 +43,7 @@ def set_sliders(shown, **values):
 
 
 def test_the_damping_reaches_to_twice_that_of_the_gears(mapping, shown):
-    strong = {"k1": {"material": "80000 N s/m", "backlash": "0 N s/m"}}
+    strong = {"k1": {"material_damping": "80000 N s/m", "backlash_damping": "0 N s/m"}}
     other = DrawnPage(mapping | {"dampings": mapping["dampings"] | strong}, "k1")
     for one in (shown, other):
         slider, own = one.sliders["damping"], one.drawing.start.damping

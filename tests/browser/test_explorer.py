@@ -80,7 +80,7 @@ def test_moving_a_slider_updates_every_source(mapping):
 def test_sliders_reach_around_the_gears_that_are_given(mapping):
     gears = mapping["gear_pair"]
     heavier = mapping | {"gear_pair": gears | {"load": "33 kN", "backlash": "400 um"}}
-    strong = {"material": "60000 N s/m", "backlash": "40000 N s/m"}
+    strong = {"material_damping": "60000 N s/m", "backlash_damping": "40000 N s/m"}
     heavier["dampings"] = mapping["dampings"] | {"k1": strong}
     for given in (mapping, heavier):
         shown = page.Page(given, "k1")

@@ -8,6 +8,7 @@ import pytest
 
 from gearlib import GearPair, OneDegreePair, simulate
 from gearlib.config import load
+from gearlib.data.files import write_table
 from gearlib.models.geometry import described
 from gearlib.models.geometry.energy import energy_stiffness
 from gearlib.studies import mesh_stiffness, rectangle
@@ -182,7 +183,7 @@ def test_costs_and_verdicts_follow_from_the_curves(costs):
 
 
 def test_the_table_of_the_rectangle(costs, tmp_path):
-    rectangle.write_csv(costs, tmp_path / "costs.csv")
+    write_table(rectangle.rows(costs), tmp_path / "costs.csv")
     with (tmp_path / "costs.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert [row["verdict"] for row in rows] == list(costs.rectangle_verdict.values.ravel())
@@ -202,7 +203,7 @@ def test_the_table_of_the_rectangle(costs, tmp_path):
 
 
 def test_the_table_of_the_means(stiffness, tmp_path):
-    mesh_stiffness.write_csv(stiffness, tmp_path / "means.csv")
+    write_table(mesh_stiffness.rows(stiffness), tmp_path / "means.csv")
     with (tmp_path / "means.csv").open(newline="") as file:
         rows = {(row["pair"], row["stiffness_method"]): row for row in csv.DictReader(file)}
     assert rows["z20-20", "energy"]["from_reference"] == "+0.0000"

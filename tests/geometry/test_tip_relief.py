@@ -10,7 +10,9 @@ from gearlib.studies import tip_relief
 from tests.geometry.drawings import fzg_c
 from tests.unit.test_defaults import GEARS
 
-CONFIG = load({"gear_pair": GEARS, "dampings": {"oil": {"material": 0.0, "backlash": 20.0}}})
+CONFIG = load(
+    {"gear_pair": GEARS, "dampings": {"oil": {"material_damping": 0.0, "backlash_damping": 20.0}}}
+)
 DRAWING = CONFIG.harris_map.gears.model_dump()
 TORQUE = DRAWING["torque"]
 SETTINGS = CONFIG.relief_dynamics.model_dump(exclude={"start", "stop", "step"})

@@ -18,15 +18,15 @@ from gearlib import (
     simulate,
     sweep,
 )
-from gearlib.analysis.global_dynamics import studies
 from gearlib.analysis.global_dynamics.attractors import attractor_of
 from gearlib.analysis.global_dynamics.stroboscope import Stroboscope
-from gearlib.analysis.global_dynamics.studies import _random_states
 from gearlib.analysis.orbits.parameters import RATIOS, value_of, with_parameter
 from gearlib.kernels.closed_form.event_by_event import ARC_COLUMNS, march_period
 from gearlib.kernels.closed_form.mesh import contact_of, mesh
 from gearlib.kernels.jit import kernel
 from gearlib.models.propagators.closed_form import ratios
+from gearlib.studies import global_picture as studies
+from gearlib.studies.global_picture import _random_states
 from tests.paper import PAPER
 
 LIMIT = 1_000_000

@@ -175,7 +175,7 @@ LIBRARY = {
     "bore = 0.075 ... < 0.07 m": lambda: gear(bore=0.075),
     "bore = 0.1 ... 0 for a ring": lambda: inner(bore=0.1),
     "outer_diameter = 0.24 ... above the root circle": lambda: inner(outer_diameter=0.24),
-    "outer_diameter = inf ... above the root circle": lambda: inner(outer_diameter=inf),
+    "outer_diameter = inf ... finite number > 0": lambda: inner(outer_diameter=inf),
     "outer_diameter = 0.1 ... only a ring gear": lambda: gear(outer_diameter=0.1),
     "outer_diameter = None ... above": lambda: inner().inertia,
     "thickness of the web = 0.03 ... 0.02": lambda: gear(web=web(thickness=0.03)),
@@ -282,6 +282,7 @@ LIBRARY = {
     "carrier of body b = 'b' ... which no carrier carries": lambda: train(
         bodies=(A, replace(B, carrier="b"))
     ),
+    "driving of mesh a-b = 'x' ... one of 'a', 'b'": lambda: replace(AB, driving="x"),
     "wheel of mesh a-b = 'a' ... another body than the pinion": lambda: train(
         meshes=[replace(AB, wheel="a")]
     ),
@@ -312,7 +313,7 @@ LIBRARY = {
     ),
     "teeth = (27, 98) ... an even number": lambda: planetary(teeth=(27, 98)),
     "planet_teeth = 80 ... fit into the ring": lambda: planetary(planet_teeth=80),
-    "teeth = [24, 36, 24, 40] ... one centre distance, ... 0.12 m in the first, 0.128 m": lambda: (
+    "teeth = ... one centre distance, ... 0.12 m in the first, 0.128 m": lambda: (
         split_power_reducer(PAPER, teeth=(24, 36, 24, 40))
     ),
     "backlashes[0] = 1e-05 ... 2 values": lambda: split_power_reducer(
@@ -335,10 +336,10 @@ LIBRARY = {
     "planets = 6 ... axes are": lambda: planets(planets=6),
     "planets = 3 ... axes are": lambda: planets(positions=[0.0, math.tau * 10 / 126, math.pi]),
     "positions[1] = 2.0 ... 0.0498666": lambda: planets(positions=[0.0, 2.0, 4.0]),
-    "positions = [0.0, 1.0] ... 3 values": lambda: planets(positions=[0.0, 1.0]),
+    "positions = (0.0, 1.0) ... 3 values": lambda: planets(positions=[0.0, 1.0]),
     "module of the ring = 0.002 ... 0.003": lambda: planets(ring=inside(teeth=99, module=2e-3)),
     "outer_diameter = None ... ring gear": lambda: planets(ring=inside(teeth=99)),
-    "backlash of the ring mesh = -1 ... >= 0": lambda: planets(backlashes=(1e-5, -1e-5)),
+    "backlashes[1] = -1 ... >= 0": lambda: planets(backlashes=(1e-5, -1e-5)),
     "damping_ratio and material_damping ... one of": lambda: planets(
         damping_ratio=0.1, material_damping=1.0
     ),

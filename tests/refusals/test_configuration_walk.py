@@ -52,7 +52,7 @@ def range_of(node, path):
     """Return the `Range` of a key; the table leaves out names of one's own and places in lists."""
     while resolve(node)["type"] == "array":
         node = resolve(node)["items"]
-    if resolve(node)["type"] in ("string", "boolean", "object"):
+    if resolve(node)["type"] in ("string", "boolean", "object") or "enum" in resolve(node):
         return None
     return RANGES.of([part for part in path if isinstance(part, str) and part != MINE])
 
@@ -61,7 +61,7 @@ def words(node, path):
     """Return what a sentence says is allowed: of numbers by the table, else by the schema."""
     node, found = resolve(node), range_of(node, path)
     if "enum" in node:
-        return f"one of {', '.join(node['enum'])}"
+        return f"one of {', '.join(map(str, node['enum']))}"
     if found:
         return found.words.removesuffix(" or a speed")
     if node["type"] == "array":
@@ -114,7 +114,7 @@ def wrong(node, own, number=None):
                 yield [*good[:at], value], (at, *rest), allowed
     elif kind == "boolean":
         yield from ((value, (), own) for value in (1, "yes", None, 0.0))
-    elif kind == "string":
+    elif kind == "string" or "enum" in node:
         unlike = ["no such ~ text"] if "enum" in node or "pattern" in node else ["", "x" * 61]
         yield from ((value, (), own) for value in (3, None, ["a"], {}, *unlike))
     elif own == ANYTHING:
@@ -250,6 +250,7 @@ def test_the_table_has_every_number_of_the_schema():
             inner = resolve(one)
             while inner["type"] == "array":
                 inner = resolve(inner["items"])
-            if inner["type"] in ("integer", "number") or inner["type"][0] == "number":
+            numeric = inner["type"] in ("integer", "number") or inner["type"][0] == "number"
+            if numeric and "enum" not in inner:
                 found[spell((*path, key))] = range_of(one, (*path, key))
     assert len(found) > 200 and [key for key in found if found[key] is None] == []

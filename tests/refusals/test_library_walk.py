@@ -100,8 +100,6 @@ CALLED = {
 INSTEAD = {"speed": "tuning", "speeds": "tunings"}
 #: Who is called differently where it is handed on to.
 HANDED_ON = {
-    "two_stage.shaft_stiffness": "stiffness of shaft",
-    "split_power_reducer.shaft_stiffness": "stiffness of shaft",
     "mesh_stiffness.method": "stiffness",
     "planetary_set.sun": "pinion of the sun mesh",
     "planetary_set.planet": "wheel of the sun mesh",
@@ -137,18 +135,19 @@ def wrong(one, found):
         yield None, None, found
     if found.count != 0:
         # Another length, and an entry.
-        count = found.count or 1
+        count, right = found.count or 1, found.entry.inside()[0]
         if found.count:
-            yield from ((value, value, found) for value in (7, (30,) * (count + 1)))
+            yield from ((value, value, found) for value in (7, (right,) * (count + 1)))
         if found.entry.numeric:
             # "A number" may go on to the one who checks it.
             beyond = [] if found.entry.words == "a number" else found.entry.outside()
             for value in ("fast", *beyond):
-                yield (30,) * (count - 1) + (value,), value, found.entry
+                yield (right,) * (count - 1) + (value,), value, found.entry
     elif found.numeric:
         yield from ((value, value, found) for value in ("fast", True, *found.outside()))
     else:
-        yield from ((value, value, found) for value in ("wrong", 7)[found.words == "a text" :])
+        only = found.words in ("a text", "a sequence")
+        yield from ((value, value, found) for value in ("wrong", 7)[only:])
 
 
 def core(found):

@@ -8,6 +8,7 @@ import pytest
 import xarray as xr
 
 from gearlib import planetary, split_power_reducer
+from gearlib.data.files import write_table
 from gearlib.studies.trains import campbell
 from tests.paper import PAPER
 
@@ -93,7 +94,7 @@ def test_the_diagram_of_the_reducer(diagram):
 
 def test_the_table_has_every_intersection_once(diagram, tmp_path):
     path = tmp_path / "table.csv"
-    campbell.write_csv(diagram, path)
+    write_table(campbell.rows(diagram), path)
     with path.open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     speeds = [int(row["critical_speed_rpm"]) for row in rows]
@@ -120,7 +121,7 @@ def test_the_table_has_every_intersection_once(diagram, tmp_path):
 def test_modes_of_one_frequency_are_excited_if_one_of_them_is(diagram, tmp_path, excites):
     twice = diagram.isel(mode=[0, 0]).assign_coords(mode=[1, 2])
     twice["excites"] = ("stiffness_order", "mode"), [excites] * twice.stiffness_order.size
-    campbell.write_csv(twice, tmp_path / "table.csv")
+    write_table(campbell.rows(twice), tmp_path / "table.csv")
     with (tmp_path / "table.csv").open(encoding="utf-8") as file:
         found = [row["excited"] for row in csv.DictReader(file)]
     assert found and {*found} == {"yes" if any(excites) else "no"}

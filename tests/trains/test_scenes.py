@@ -8,6 +8,7 @@ import pytest
 
 from gearlib import GearPair, periodic_orbit, simulate, sweep
 from gearlib.config import load
+from gearlib.data.files import write_table
 from gearlib.studies.claims import machine
 from gearlib.studies.claims.data import NoData
 from gearlib.studies.trains import one_mesh, reducer
@@ -209,8 +210,8 @@ def test_the_verdict_on_one_mesh_follows_the_data(comparison):
 
 
 def test_tables_hold_a_row_for_each_mesh_and_model(scene, comparison, tmp_path):
-    reducer.write_csv(scene, tmp_path / "reducer.csv")
-    one_mesh.write_csv(comparison, tmp_path / "one_mesh.csv")
+    write_table(reducer.rows(scene), tmp_path / "reducer.csv")
+    write_table(one_mesh.rows(comparison), tmp_path / "one_mesh.csv")
     rows = {
         path.stem: list(csv.DictReader(path.open(encoding="utf-8"))) for path in tmp_path.iterdir()
     }

@@ -86,7 +86,7 @@ def test_distances_are_polynomials_over_a_piece_and_bounded_by_the_amplitudes(se
     propagator, found = combinations_of(train, tuning, rng)
     tables, system, grid = propagator.tables, propagator.system, propagator.grid
     m, n = system.near.shape
-    sizes = np.zeros(n)
+    w = several_meshes.work_of(n, tables.out.shape[2], m)
     for c, _, codes in found:
         z = random_state(propagator, rng)
         shares = np.linspace(0.0, 1.0, 41)
@@ -98,7 +98,8 @@ def test_distances_are_polynomials_over_a_piece_and_bounded_by_the_amplitudes(se
                 for s in shares
             ]
         )
-        count = distances.sizes_of(tables, c, y, sizes)
+        count = distances.sizes_of(tables, c, y, w.sizes)
+        w.contact[:] = codes
         for j in range(m):
             for line, row in ((1, system.near[j]), (0, system.far[j])):
                 curve, exact = np.empty(DEGREE + 1), ways @ row
@@ -106,9 +107,7 @@ def test_distances_are_polynomials_over_a_piece_and_bounded_by_the_amplitudes(se
                 limit = 100.0 * distances.rounding_of(tables.curves[c, line, j], y)
                 limit += 1e-12 * np.abs(exact).max()
                 np.testing.assert_allclose(basis @ curve, exact, rtol=0, atol=limit)
-            far, near = grid.open[j], grid.plain[j]
-            arguments = (tables, c, j, codes[j], grid.closing[j], far, near, sizes, count)
-            if distances.keeps_off(*arguments):
+            if distances.keeps_off(tables, c, j, grid, w, count):
                 long = np.array([after(propagator, c, z, t)[0] for t in np.linspace(0, 30.0, 301)])
                 d, e = long @ system.near[j], long @ system.far[j]
                 stays = {1: d > 0.0, 0: (d < 0.0) & (e > 0.0), -1: e < 0.0}[codes[j]]

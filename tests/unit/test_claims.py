@@ -13,6 +13,7 @@ import yaml
 from gearlib import config, simulate, sweep
 from gearlib.analysis.orbits.special_points import REGULAR
 from gearlib.analysis.tongues import meissner
+from gearlib.data.files import write_table
 from gearlib.data.gathering import gather_phase_planes, gather_resonance
 from gearlib.studies import (
     certificate_table,
@@ -36,10 +37,10 @@ from tests.proofs.tongues import tongue_faults
 
 ROOT = Path(__file__).resolve().parents[2]
 DAMPINGS = {
-    "k1": {"material": 3953.7, "backlash": 0.0},
-    "k1m": {"material": 0.0, "backlash": 3953.7},
-    "both": {"material": 3953.7, "backlash": 3953.7},
-    "none": {"material": 0.0, "backlash": 0.0},
+    "k1": {"material_damping": 3953.7, "backlash_damping": 0.0},
+    "k1m": {"material_damping": 0.0, "backlash_damping": 3953.7},
+    "both": {"material_damping": 3953.7, "backlash_damping": 3953.7},
+    "none": {"material_damping": 0.0, "backlash_damping": 0.0},
 }
 RUN = {"periods": 120, "record_periods": 24}
 STARTS = {"starts": 4, "seed": 1, "spread": 0.02}
@@ -50,7 +51,7 @@ def data(tunings, planes, dampings=DAMPINGS):
     """Return (resonance, phase planes) of the paper's pair."""
     curves, runs = [], []
     for name, k in dampings.items():
-        pair = PAPER.replace(material_damping=k["material"], backlash_damping=k["backlash"])
+        pair = PAPER.replace(**k)
         curve = sweep(pair, tunings, **RUN)
         curves.append(curve.assign_coords(damping=name, direction="cold"))
         runs += [
@@ -92,10 +93,7 @@ def jumps():
 
 def branches(dampings=DAMPINGS):
     """Return the branches of periodic orbits."""
-    pairs = {
-        name: PAPER.replace(material_damping=k["material"], backlash_damping=k["backlash"])
-        for name, k in dampings.items()
-    }
+    pairs = {name: PAPER.replace(**k) for name, k in dampings.items()}
     step = {"step": 0.05, "max_height": 20.0, "max_points": 2000}
     return {
         name: resonance_branches.compute(pair, 0.5, 1.4, **step) for name, pair in pairs.items()
@@ -112,10 +110,7 @@ def machines(tunings=(0.82, 1.38)):
 
 def proofs(branches, dampings=DAMPINGS):
     """Return the certificates."""
-    pairs = {
-        name: PAPER.replace(material_damping=k["material"], backlash_damping=k["backlash"])
-        for name, k in dampings.items()
-    }
+    pairs = {name: PAPER.replace(**k) for name, k in dampings.items()}
     pairs = {name: pair.as_dict() for name, pair in pairs.items()}
     return certificates.compute(pairs, branches, [0.60, 0.66, 0.78, 0.80, 0.81, 0.82], (0.0, 0.0))
 
@@ -238,7 +233,7 @@ def test_small_contact_ratios_mesh_at_least_stiffness_and_large_ones_at_full(low
 
 
 def test_what_is_proven_stands_in_a_table(known, tmp_path):
-    certificate_table.write_csv(known[1], tmp_path / "certificates.csv")
+    write_table(certificate_table.rows(known[1]), tmp_path / "certificates.csv")
     with (tmp_path / "certificates.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     said = [row for row in known[1] if row["claim"] not in ("count", "refusal")]
@@ -351,9 +346,9 @@ def test_missing_data_are_named_not_guessed():
 
 def test_one_mesh_does_not_stand_for_the_machine(tmp_path):
     comparison = machines()
-    machine.write_csv(comparison, tmp_path / "assumption.csv")
+    write_table(machine.rows(comparison), tmp_path / "assumption.csv")
     comparison.dynamic_factor[0, 0, 0] = np.nan
-    machine.write_csv(comparison, tmp_path / "gaps.csv")
+    write_table(machine.rows(comparison), tmp_path / "gaps.csv")
     rows = []
     for name in ("assumption.csv", "gaps.csv"):
         with (tmp_path / name).open(newline="", encoding="utf-8") as file:
@@ -367,7 +362,7 @@ def test_one_mesh_does_not_stand_for_the_machine(tmp_path):
 
 def test_files(paper, tmp_path):
     table = claims.evaluate(PAPER, DAMPINGS, *paper)
-    claims.write_csv(table, tmp_path / "claims.csv")
+    write_table(claims.rows(table), tmp_path / "claims.csv")
     claims.write_markdown(table, tmp_path / "claims.md")
     with (tmp_path / "claims.csv").open(newline="", encoding="utf-8") as file:
         assert [row["id"] for row in csv.DictReader(file)] == IDS

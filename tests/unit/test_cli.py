@@ -173,7 +173,7 @@ def test_options_alone_give_six_degrees(run):
 def test_options_come_before_the_configuration(run, tmp_path):
     gears = {"max_stiffness": "4e5 N/mm", "stiffness_ratio": 0.5879, "contact_ratio": 1.569}
     gears |= {"reduced_mass": 3.123, "load": 3289.5396, "backlash": "40 um", "teeth": 24}
-    dampings = {"oil": {"material": 0.0, "backlash": 3953.7}}
+    dampings = {"oil": {"material_damping": 0.0, "backlash_damping": 3953.7}}
     text = yaml.safe_dump({"gear_pair": gears, "dampings": dampings})
     (tmp_path / "config.yaml").write_text(text, encoding="utf-8")
     done = run("simulate", "--tuning", "0.7", "--reduced-mass", "3.2", "-o", "run.nc")
@@ -240,7 +240,7 @@ def reducer(tmp_path):
 def mapping(train):
     gears = {"max_stiffness": 4e8, "stiffness_ratio": 0.5879, "contact_ratio": 1.569}
     gears |= {"reduced_mass": 3.123, "load": 3289.5396, "backlash": "40 um", "teeth": 24}
-    dampings = {"k1": {"material": 3953.7, "backlash": 0.0}}
+    dampings = {"k1": {"material_damping": 3953.7, "backlash_damping": 0.0}}
     return {"gear_pair": gears, "dampings": dampings, "train": train}
 
 

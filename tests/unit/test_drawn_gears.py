@@ -37,7 +37,7 @@ FZG = {
         "backlash": "160.5 um",
         "torque": "302 N m",
     },
-    "dampings": {"k": {"damping_ratio": 0.06, "backlash": 0.0}},
+    "dampings": {"k": {"damping_ratio": 0.06, "backlash_damping": 0.0}},
 }
 MISSING = object()
 
@@ -179,8 +179,8 @@ def test_dampings_by_ratio_decrement_and_coefficient():
     decrement = 2.0 * math.pi * 0.06 / math.sqrt(1.0 - 0.06**2)
     dampings = {
         "ratio": {"damping_ratio": 0.06, "backlash_damping_ratio": 0.02},
-        "decrement": {"logarithmic_decrement": decrement, "backlash": "30 N s/m"},
-        "k": {"material": 500.0, "backlash": 0.0},
+        "decrement": {"logarithmic_decrement": decrement, "backlash_damping": "30 N s/m"},
+        "k": {"material_damping": 500.0, "backlash_damping": 0.0},
     }
     # Of a pair given by its numbers too.
     for base in (FZG, PAPER):
@@ -191,7 +191,7 @@ def test_dampings_by_ratio_decrement_and_coefficient():
         assert by_decrement.damping_ratio == pytest.approx(0.06, rel=1e-11)
         assert by_decrement.backlash_damping == 30.0
         assert pair_of(settings, "k").material_damping == 500.0
-    own = {"damping_ratio": 0.02, "backlash": 0.0}
+    own = {"damping_ratio": 0.02, "backlash_damping": 0.0}
     case = {"title": "a", "tuning": 0.7, "damping": own}
     sections = {"bifurcation": {"damping": own}, "basins": {"cases": [case]}}
     sections["poincare"] = {"cases": [case | {"phase": 0.0, "settle": 10}]}
@@ -227,8 +227,8 @@ def test_a_configuration_laid_over_another_one():
     assert load(whole).gear_pair.load < load(FZG).gear_pair.load
     # What says the same in another way gives way.
     assert "gear_pair" not in laid_over(PAPER, FZG) and "gears" not in laid_over(FZG, PAPER)
-    k = laid_over(FZG, {"dampings": {"k": {"material": 1.0}}})["dampings"]["k"]
-    assert k == {"material": 1.0, "backlash": 0.0}
+    k = laid_over(FZG, {"dampings": {"k": {"material_damping": 1.0}}})["dampings"]["k"]
+    assert k == {"material_damping": 1.0, "backlash_damping": 0.0}
     found = cases(FZG | {"cases": {"a": {}, "b": {"gear_pair": PAPER["gear_pair"]}}})
     assert load(found["b"]).gear_pair == load(PAPER).gear_pair
     # Drawn gears do not get what config.yaml says of the paper's.

@@ -101,7 +101,7 @@ def test_options_draw_a_ring_gear(run):
 
 
 def test_the_dampings_of_another_pair_count_by_name_only(run, tmp_path):
-    dampings = {"k1": {"material": 4e3, "backlash": 0.0}}
+    dampings = {"k1": {"material_damping": 4e3, "backlash_damping": 0.0}}
     (tmp_path / "config.yaml").write_text(yaml.safe_dump({"dampings": dampings}), encoding="utf-8")
     for more, damping in (([], 0.0), (["--damping", "k1"], 4e3)):
         done = run(*ISO_EXAMPLE, "--format", "json", *more)

@@ -6,6 +6,7 @@ import math
 import numpy as np
 import pytest
 
+from gearlib.data.files import write_table
 from gearlib.studies import model_comparison as models
 from gearlib.studies import scenes
 from tests.paper import PARAMETERS
@@ -63,7 +64,7 @@ def test_units_of_a_change():
 
 
 def test_table(tmp_path):
-    models.write_csv([compare()], ["mine"], tmp_path / "models.csv")
+    write_table(models.rows([compare()], ["mine"]), tmp_path / "models.csv")
     with open(tmp_path / "models.csv", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert [row["model"] for row in rows] == [*NAMES, models.TRUNCATED]
@@ -97,7 +98,7 @@ def test_what_rounding_decides_is_labelled_and_has_no_number(tmp_path):
     # From start to start it differs by more than the tolerance: no smaller model suffices.
     assert one.chosen.item() == "six_degrees"
     assert (one.change_high > one.change_low)[[0, 1, 3]].all()
-    models.write_csv([one], ["mine"], tmp_path / "models.csv")
+    write_table(models.rows([one], ["mine"]), tmp_path / "models.csv")
     with open(tmp_path / "models.csv", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert [row["change"] for row in rows] == ["differs", "differs", "nan", "differs"]

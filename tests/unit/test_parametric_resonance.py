@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 from gearlib import GearPair, sweep
-from gearlib.analysis.tongues import chart, meissner
+from gearlib.analysis.tongues import meissner
+from gearlib.data.files import write_table
 from gearlib.data.storage import read, write
 from gearlib.figures import parametric_resonance as picture
 from gearlib.studies import contact_loss
+from gearlib.studies import tongue_chart as chart
 from tests.paper import PARAMETERS
 
 PAIRS = {"k1": PARAMETERS | {"material_damping": 3953.7}, "conservative": PARAMETERS}
@@ -58,7 +60,7 @@ def test_an_orbit_that_touches_the_flank_does_not_leave_it(facts):
 def test_what_happens_at_a_tuning_stands_in_a_table(facts, tmp_path, tuning, causes):
     if tuning != 0.66:
         facts = contact_loss.compute(PAIRS, tuning, 0.6, 1.1, RUN)
-    contact_loss.write_csv(facts, tmp_path / "table.csv")
+    write_table(contact_loss.rows(facts), tmp_path / "table.csv")
     with (tmp_path / "table.csv").open(encoding="utf-8") as file:
         damped, free = csv.DictReader(file)
     assert [row["damping"] for row in (damped, free)] == list(PAIRS)

@@ -12,7 +12,10 @@ from gearlib.figures import style, symmetry_breaking, train_chart
 from gearlib.studies.trains import stability, symmetry
 from tests.unit.test_defaults import GEARS
 
-LEAST = {"gear_pair": GEARS, "dampings": {"oil": {"material": 0.0, "backlash": 20.0}}}
+LEAST = {
+    "gear_pair": GEARS,
+    "dampings": {"oil": {"material_damping": 0.0, "backlash_damping": 20.0}},
+}
 CONFIG = load(LEAST)
 TRAIN = CONFIG.planetary.model_dump()
 GRID = {"start", "stop", "step"}

@@ -7,6 +7,7 @@ import pytest
 
 from gearlib import GearPair, simulate, sweep
 from gearlib.kernels import orbit
+from gearlib.kernels.closed_form import recorded_arcs
 from gearlib.kernels.closed_form.event_by_event import ARC_COLUMNS, march_period
 from gearlib.kernels.closed_form.mesh import contact_of, mesh
 from gearlib.kernels.closed_form.run import skip
@@ -157,11 +158,13 @@ def test_an_orbit_recorded_once_is_the_orbit_propagated_to_its_end():
             strobes = [(x, v)]
             for n in range(2976, 3000):
                 contact, x, v, count = march_period(m, contact, x, v, arcs, LIMIT)
-                orbit.add_arcs(m, arcs, count, summary)
-                orbit.sample_arcs(m, arcs, count, samples)
+                recorded_arcs.add_arcs(m, arcs, count, summary)
+                recorded_arcs.sample_arcs(m, arcs, count, samples)
                 seen.append(samples[:, 0].copy())
                 strobes.append((x, v))
-                events, found, previous = orbit.add_events(arcs, count, previous, n, events, found)
+                events, found, previous = recorded_arcs.add_events(
+                    arcs, count, previous, n, events, found
+                )
             expected = summary[[orbit.X_MAX, orbit.X_MIN, orbit.FORCE_MAX]]
             got = one.displacement_max, one.displacement_min, one.dynamic_force_max
             np.testing.assert_allclose(got, expected, rtol=0, atol=1e-11)

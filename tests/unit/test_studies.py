@@ -8,9 +8,9 @@ import pytest
 from scipy.integrate import quad
 
 from gearlib import GearPair, OneDegreePair, simulate
-from gearlib.analysis.global_dynamics import studies
 from gearlib.data import storage
-from gearlib.studies import jump, nonlinear_damping, phase_lag
+from gearlib.data.files import write_table
+from gearlib.studies import global_picture, jump, nonlinear_damping, phase_lag
 from tests.paper import PAPER, PARAMETERS
 
 PAIR = PAPER.replace(material_damping=3953.7)
@@ -131,7 +131,7 @@ def test_the_study_of_nonlinear_damping(tmp_path):
     assert 0.81 < jumps[0] < 0.82 and math.isnan(jumps[2])
     peaks = [float(one.peak.sel(direction="cold")) for one in studies]
     assert peaks[0] > peaks[1] > peaks[2]
-    nonlinear_damping.write_csv(studies, tmp_path / "table.csv")
+    write_table(nonlinear_damping.rows(studies), tmp_path / "table.csv")
     with open(tmp_path / "table.csv", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == 9
@@ -167,7 +167,7 @@ def test_phase_lag_of_a_mesh_without_resonance():
 def test_cases_of_different_attractors_share_a_table(tmp_path):
     found = (("three", 0.72, PAIR), ("two", 0.75, BOTH), ("one", 1.0, BOTH))
     cases = [{"title": name, "tuning": nu, "pair": pair.as_dict()} for name, nu, pair in found]
-    data = studies.basin_cases(cases, BOX | {"count": 12, "periods": 200})
+    data = global_picture.basin_cases(cases, BOX | {"count": 12, "periods": 200})
     assert [int((data.share.sel(case=name) > 0).sum()) for name in data.case.values] == [3, 2, 1]
     np.testing.assert_allclose(data.share.sum("attractor"), 1.0)
     storage.write(data, tmp_path / "basins.nc")
@@ -179,7 +179,9 @@ def test_cases_of_different_attractors_share_a_table(tmp_path):
 def test_a_bifurcation_goes_up_and_down_and_from_starts_of_its_own():
     run = {"settle": 100, "strobes": 8, "starts": 1, "exponent_periods": 40}
     settings = BOX | run | {"samples": 25, "periods": 200}
-    diagram, shares = studies.bifurcation(BOTH.as_dict(), [0.6, 0.75, 0.9], [0.7, 0.8], settings)
+    diagram, shares = global_picture.bifurcation(
+        BOTH.as_dict(), [0.6, 0.75, 0.9], [0.7, 0.8], settings
+    )
     assert diagram.direction.values.tolist() == ["up", "down", "cold 1"]
     np.testing.assert_allclose(shares.share.sum("attractor_family"), 1.0)
 
@@ -187,5 +189,5 @@ def test_a_bifurcation_goes_up_and_down_and_from_starts_of_its_own():
 def test_sections_tell_chaos_from_order():
     case = {"phase": 0.0, "settle": 0, "pair": PAPER.as_dict()}
     cases = [{"title": str(nu), "tuning": nu} | case for nu in (0.66, 0.8)]
-    data = studies.sections(cases, BOX | {"orbits": 6, "periods": 200})
+    data = global_picture.sections(cases, BOX | {"orbits": 6, "periods": 200})
     assert 0 < int(data.chaotic.sum()) <= 12

@@ -8,6 +8,7 @@ import pytest
 import xarray as xr
 
 from gearlib import integrators
+from gearlib.data.files import write_table
 from gearlib.figures import jump_by_method as jump_figure
 from gearlib.figures import work_precision as figures
 from gearlib.integrators.option import Option
@@ -198,7 +199,7 @@ def test_the_table_names_the_fastest_of_ours_and_of_the_others(tmp_path):
         measured("scipy", "scipy RK45", [5e-2, 1e-7], [3e-6, 9e-6]),
     ]
     errors, times = zip(*pairs, strict=True)
-    fastest.write_csv(errors, times, tmp_path / "table.csv")
+    write_table(fastest.rows(errors, times), tmp_path / "table.csv")
     with open(tmp_path / "table.csv", newline="") as file:
         rows = {row["accuracy_in_static_deflections"]: row for row in csv.DictReader(file)}
     assert list(rows) == [f"1e-{decade:02d}" for decade in range(1, 16)]
@@ -298,7 +299,7 @@ def test_the_largest_switch_is_the_jump_that_gearlib_jump_finds():
 
 
 def test_jump_by_method_as_table_and_figure(scanned, tmp_path):
-    jump_by_method.write_csv(scanned, tmp_path / "table.csv")
+    write_table(jump_by_method.rows(scanned), tmp_path / "table.csv")
     with open(tmp_path / "table.csv", newline="") as file:
         table = list(csv.DictReader(file))
     costs = [float(row["evaluations_per_period"]) for row in table]

@@ -126,7 +126,7 @@ def test_a_raised_stop_leaves_the_computed_windows(project):
 
 
 def test_a_damping_value_reruns_its_combination(project):
-    project.configure(lambda settings: settings["dampings"]["k1"].update(material=4000))
+    project.configure(lambda settings: settings["dampings"]["k1"].update(material_damping=4000))
     assert project.planned() == after_another_k1()
 
 

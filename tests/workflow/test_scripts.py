@@ -4,15 +4,17 @@ import inspect
 import json
 import runpy
 import sys
+from pkgutil import resolve_name
 from types import SimpleNamespace
 
 import pytest
 import xarray as xr
+import yaml
 
 from gearlib import GearPair, sweep
-from gearlib.analysis.global_dynamics import studies
+from gearlib.config import load
+from gearlib.config.studies import STUDIES
 from gearlib.data import storage
-from gearlib.studies.trials import work_precision
 from tests.paper import PAPER
 from tests.workflow.project import ROOT
 
@@ -70,48 +72,30 @@ def test_without_flint_nothing_is_proven(job, tmp_path):
     assert json.loads(path.read_text()) == []
 
 
-def test_a_window_of_a_sweep_is_that_of_the_library(job, tmp_path):
-    pair, path = PAPER.as_dict(), tmp_path / "window.nc"
+def test_a_job_calls_its_function_and_stores_what_it_returns(job, tmp_path):
+    pair, paths = PAPER.as_dict(), [tmp_path / "window.nc"]
     settings = {"periods": 6, "record_periods": 2}
-    job(
-        "sweep_window",
-        params=SimpleNamespace(pair=pair, step=0.1, run=settings),
-        wildcards=SimpleNamespace(window="0.7000-0.9000", damping="k1", direction="up"),
-        threads=1,
-        output=SimpleNamespace(window=path),
-    )
-    found = storage.read(path)
+    params = {"pair": pair, "window": [0.7, 0.9], "step": 0.1, "run": settings}
+    params |= {"damping": "k1", "direction": "up", "script": "compute"}
+    params["function"] = "gearlib.studies.resonance_windows:compute"
+    given = SimpleNamespace(**params, items=params.items)
+    # Of inputs that are no datasets nothing is read.
+    job("compute", params=given, input={"kernels": "kernels.sha256"}, threads=1, output=paths)
+    found = storage.read(paths[0])
     expected = sweep(GearPair(**pair), [0.7, 0.8, 0.9], direction="up", **settings)
     assert found.damping == "k1" and found.direction == "up"
     xr.testing.assert_equal(found.displacement_max.drop_vars(["damping", "direction"]),
                             expected.displacement_max)  # fmt: skip
 
 
-class Named:
-    """What a rule says, by its name."""
-
-    def __getattr__(self, name):
-        return name
+JOBS = {job.name: job for study in STUDIES.values() for job in study.jobs}
 
 
-@pytest.mark.parametrize(
-    ("script", "module", "name", "others"),
-    [
-        ("basins", studies, "basin_cases", {"threads": "threads"}),
-        ("work_precision_times", work_precision, "times", {"known": "references"}),
-    ],
-)
-def test_arguments_are_what_the_rule_calls_them(job, monkeypatch, script, module, name, others):
-    given, written, takes = {}, [], inspect.signature(getattr(module, name))
-
-    def call(*arguments, **named):
-        given.update(takes.bind(*arguments, **named).arguments)
-        return "computed"
-
-    monkeypatch.setattr(module, name, call)
-    monkeypatch.setattr(storage, "read", str)
-    monkeypatch.setattr(storage, "write", lambda *what: written.append(what))
-    named = dict.fromkeys(("params", "input", "output", "wildcards"), Named())
-    job(script, threads="threads", **named)
-    assert given == {name: others.get(name, name) for name in takes.parameters}
-    assert written == [("computed", "dataset")]
+@pytest.mark.parametrize("name", JOBS)
+def test_arguments_are_what_the_rule_calls_them(name):
+    settings = yaml.safe_load((ROOT / "config.yaml").read_text(encoding="utf-8"))
+    row = JOBS[name]
+    function = row.function if "gearlib." in row.function else f"gearlib.studies.{row.function}"
+    takes = inspect.signature(resolve_name(function))
+    given = [*row.params(load(settings)), *row.data]
+    takes.bind(**dict.fromkeys(given), **({"threads": 1} if "threads" in takes.parameters else {}))

@@ -6,7 +6,7 @@ use rule job as certificates with:
         job="certificates",
     input:
         kernels=rules.compile_kernels.output.stamp,
-        branches=expand(rules.branches.output.dataset, damping=CONFIG.dampings),
+        branches=expand("results/branches/{damping}.nc", damping=CONFIG.dampings),
         sources=script_sources("certificates"),
     output:
         json="results/certificates.json",
@@ -16,7 +16,7 @@ use rule job as certificates with:
         script="certificates",
         # Without python-flint nothing is proven, and the file is an empty list.
         flint=find_spec("flint") is not None,
-        pairs=canonical({name: CONFIG.pair_parameters(name) for name in CONFIG.dampings}),
+        pairs=canonical(pairs_of(CONFIG)),
         tunings=CONFIG.phase_planes.tunings,
-        initial_state=run_length()["initial_state"],
+        initial_state=run_length(CONFIG)["initial_state"],
         whole=CONFIG.certificates.all_points,

@@ -5,10 +5,10 @@ use rule job as claims with:
     pathvars:
         job="claims",
     input:
-        resonance=rules.gather_resonance.output.dataset,
-        phase_planes=rules.gather_phase_planes.output.dataset,
-        phase_lag=rules.phase_lag.output.dataset,
-        jump=rules.jump.output.dataset,
+        resonance="results/resonance.nc",
+        phase_planes="results/phase_planes.nc",
+        phase_lag="results/phase_lag.nc",
+        jump="results/jump.nc",
         scenes=[f"results/scenes/{name}.nc" for name in CONFIG.scenes],
         sources=script_sources("claims"),
     output:

@@ -4,6 +4,7 @@ from pathlib import Path
 
 from joblog import redirect_output
 from gearlib.data import storage
+from gearlib.data.files import write_table
 from gearlib.pages.report import tables
 from gearlib.studies import certificate_table, certificates
 
@@ -19,5 +20,5 @@ if __name__ == "__main__":
     else:
         print("python-flint is not installed: nothing is proven")
     certificates.write_json(rows, snakemake.output.json)
-    certificate_table.write_csv(rows, snakemake.output.csv)
+    write_table(certificate_table.rows(rows), snakemake.output.csv)
     tables.write_table_page(snakemake.output.csv, snakemake.output.page)

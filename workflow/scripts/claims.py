@@ -4,6 +4,7 @@ from pathlib import Path
 
 from joblog import redirect_output
 from gearlib.data import storage
+from gearlib.data.files import write_table
 from gearlib.models.pair import GearPair
 from gearlib.pages.report import tables
 from gearlib.studies import claims
@@ -19,6 +20,6 @@ if __name__ == "__main__":
         storage.read(snakemake.input.jump),
         {Path(path).stem: storage.read(path) for path in snakemake.input.scenes},
     )
-    claims.write_csv(table, snakemake.output.csv)
+    write_table(claims.rows(table), snakemake.output.csv)
     claims.write_markdown(table, snakemake.output.markdown)
     tables.write_table_page(snakemake.output.csv, snakemake.output.page)

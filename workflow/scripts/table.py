@@ -3,12 +3,14 @@
 from pkgutil import resolve_name
 
 from joblog import redirect_output
+from gearlib.data.files import write_table
 from gearlib.pages.report import tables
 from inputs import datasets
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])
-    write = resolve_name(snakemake.params.function)
-    given = snakemake.params.get("settings", {})
-    write(**datasets(snakemake.input), **given, path=snakemake.output.csv)
+    rows = resolve_name(snakemake.params.function)
+    write_table(
+        rows(**datasets(snakemake.input), **snakemake.params.settings), snakemake.output.csv
+    )
     tables.write_table_page(snakemake.output.csv, snakemake.output.page)

@@ -14,6 +14,5 @@ module                  responsibility
 ``bifurcation``         `bifurcation_diagram`: stroboscopic states over a parameter
 ``settled``             which motions of a diagram rounding has no part in
 ``exponents``           `lyapunov_exponents`: largest exponent over a parameter
-``studies``             the studies of the workflow
 ======================  =============================================================
 """

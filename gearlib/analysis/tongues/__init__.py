@@ -8,7 +8,6 @@ module            responsibility
 ``first_order``   gear trains: widths to first order
 ``undamped``      gear trains without damping: growth at many tunings
 ``no_loss``       motion without loss of contact: period map, orbit
-``chart``         stability over tuning and one other parameter
 ================  ======================================================
 """
 

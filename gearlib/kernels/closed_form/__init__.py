@@ -12,6 +12,7 @@ module              responsibility
 ``whole_periods``   whole mesh periods without exp, sine or cosine
 ``settled``         when a run has settled, and where it then ends
 ``run``             a whole run: fast until its last periods, which are recorded
+``recorded_arcs``   what is recorded of a period, read off its arcs
 ``many_runs``       runs over many tunings, and over many initial states
 ``sections``        states of many orbits at one mesh phase of every period
 ``deviation``       linearised maps of phases and flank crossings

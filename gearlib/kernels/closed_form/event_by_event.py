@@ -57,21 +57,9 @@ def next_event(m, lev, contact, x, v, horizon):
 def march(m, which, start, length, contact, x, v, arcs, count, limit):
     """Go through one segment; return (contact, x, v, count) at its end.
 
-    Parameters
-    ----------
-    m : Mesh
-    which : int
-        Stiffness level of the segment: 0 C_min, 1 C_max.
-    start, length : float
-        Phase from the start of the mesh period to the segment, and its length.
-    contact, x, v : int, float, float
-        State at the start of the segment.
-    arcs : ndarray, shape (n, 6)
-        Arc table, filled from row `count` on; with n = 0 nothing is written.
-    count : int
-        Arcs so far.
-    limit : int
-        Where `count` may go; count = limit + 1 is returned when it does not suffice.
+    The segment of stiffness level `which` (0 C_min, 1 C_max) begins `start` after the mesh period
+    and is `length` long. The arc table `arcs`, shape (n, 6), is filled from row `count` on, n = 0
+    for nothing; count = limit + 1 is returned when `limit` does not suffice.
     """
     _, contact, x, v, count = march_on(
         m, which, start, 0.0, length, contact, x, v, arcs, count, limit, False

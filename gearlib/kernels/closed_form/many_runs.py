@@ -28,27 +28,12 @@ def run_many(
     ends,
     codes,
 ):
-    """Run the tunings ``tunings[order]``.
+    """Run the tunings ``tunings[order]``; arguments otherwise as of `run` and `mesh`.
 
-    Parameters
-    ----------
-    ratios : ndarray, shape (7,)
-        See `gearlib.kernels.closed_form.mesh.mesh`.
-    tunings : ndarray, shape (n,)
-    order : ndarray of int, shape (k,)
-        Which tunings, and in which order.
-    state : ndarray, shape (2,)
-        Initial displacement and velocity.
-    carry : bool
-        Whether a run starts from the end of the one before it (after a failed one: from `state`).
-    periods, record_periods, limit : int
-        As of `gearlib.kernels.closed_form.run.run`.
-    bound : float
-        Displacement beyond which a motion has grown without bound: OVERFLOW.
-    summaries, ends : ndarray, shapes (n, 9), (n, 2)
-        Summary and final state of every tuning.
-    codes : ndarray of int, shape (n, 2)
-        Period and status of every tuning.
+    Each starts from `state`, shape (2,), or with `carry` from the end of the one before it (after a
+    failed one: from `state`). A displacement beyond `bound` is an OVERFLOW. Fills for every tuning
+    `summaries`, shape (n, 9), the final states `ends`, shape (n, 2), period and status in `codes`,
+    shape (n, 2).
     """
     samples = np.empty((0, orbit.SAMPLE_COLUMNS))
     events = np.empty((0, orbit.EVENT_COLUMNS))
@@ -74,18 +59,9 @@ def run_many(
 
 @kernel
 def skip_many(m, states, periods, limit, ends, statuses):
-    """Take many states through `periods` mesh periods from tau = 0, unrecorded.
+    """Take `states`, shape (k, 2), through `periods` mesh periods from tau = 0, unrecorded.
 
-    Parameters
-    ----------
-    m : Mesh
-    states, ends : ndarray, shape (k, 2)
-        Displacement and velocity at the start and at the end.
-    periods : int
-        >= 0.
-    limit : int
-        Most arcs in one mesh period.
-    statuses : ndarray of int, shape (k,)
+    Fills `ends`, shape (k, 2), and `statuses`, shape (k,); a period has `limit` arcs at most.
     """
     work = new_work()
     set_mesh(work, m)

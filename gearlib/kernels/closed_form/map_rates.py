@@ -128,25 +128,9 @@ def _switch(m, rates, switch, contact, matrix, changes):
 def vary_along(m, slopes, x, v, tangents, periods, limit, matrix, changes):
     """Go through mesh periods from (x, v) at tau = 0 with the map and its rates.
 
-    Parameters
-    ----------
-    m : Mesh
-    slopes, tangents : ndarray, shape (k, 8), (2, k)
-        As of `gearlib.kernels.closed_form.sensitivity.differentiate`.
-    x, v : float
-    periods : int
-    limit : int
-        Most arcs in one mesh period.
-    matrix : ndarray, shape (2, 2)
-        Filled with the map of all periods.
-    changes : ndarray, shape (k, 2, 2)
-        Filled with what it changes by; NaN where the motion grazes a flank line.
-
-    Returns
-    -------
-    x, v : float
-        State at the end.
-    status : int
+    `slopes`, shape (k, 8), and `tangents`, shape (2, k), as of `differentiate`. Fills `matrix`,
+    shape (2, 2), with the map of all periods and `changes`, shape (k, 2, 2), with what it changes
+    by, NaN where the motion grazes a flank line. Returns (x, v, status).
     """
     if not within_range(x, v):
         return x, v, OVERFLOW

@@ -4,6 +4,7 @@ import numpy as np
 
 from gearlib.kernels import orbit
 from gearlib.kernels.arrays import copy
+from gearlib.kernels.closed_form import recorded_arcs
 from gearlib.kernels.closed_form.event_by_event import ARC_COLUMNS, within_range
 from gearlib.kernels.closed_form.mesh import contact_of
 from gearlib.kernels.closed_form.settled import (
@@ -55,28 +56,11 @@ def whole_period(m, work, n, contact, x, v, limit, arcs):
 
 @kernel
 def skip(m, work, contact, x, v, periods, limit):
-    """Go through `periods` mesh periods from tau = 0, unrecorded.
+    """Go through `periods` mesh periods from tau = 0, unrecorded; `limit` arcs in each.
 
-    Parameters
-    ----------
-    m : Mesh
-    work : Work
-        Of that mesh and that start.
-    contact, x, v : int, float, float
-        State at tau = 0.
-    periods : int
-    limit : int
-        Most arcs in one mesh period.
-
-    Returns
-    -------
-    contact, x, v : int, float, float
-    status : int
-    repeat : int
-        Periods after which the orbit repeats if the run has settled, else 0. Of a run that has, at
-        least the last `repeat` periods have been gone through.
-    on_orbit : bool
-        Whether it is at rest on it but for rounding.
+    Returns (contact, x, v, status, repeat, on_orbit): `repeat`, the periods after which the orbit
+    repeats if the run has settled, else 0; of a run that has, at least the last `repeat` periods
+    have been gone through. `on_orbit`: whether it is at rest on it but for rounding.
     """
     n, look, pause = 0, 2 * _LOOK, _LOOK
     settled, on_orbit = not_settled(), False
@@ -114,36 +98,14 @@ def skip(m, work, contact, x, v, periods, limit):
 
 @kernel
 def run(m, x, v, periods, record_periods, samples, events, limit, summary):
-    """Run one mesh from the state (x, v) at tau = 0.
+    """Run one mesh from the state (x, v) at tau = 0, in static deflections and dx/dtau.
 
-    Parameters
-    ----------
-    m : Mesh
-    x, v : float
-        Displacement in static deflections and dx/dtau at tau = 0.
-    periods, record_periods : int
-        Mesh periods of the run; of its end that is recorded.
-    samples : ndarray, shape (record_periods * n, 6)
-        Filled with n equal steps per recorded period; n = 0 for none.
-    events : ndarray, shape (k, 5)
-        Buffer of the event table, enlarged as needed; k = 0 for no table.
-    limit : int
-        Most arcs in one mesh period.
-    summary : ndarray, shape (9,)
-        Filled with the summary of the recorded periods.
+    The last `record_periods` of its `periods` are recorded: `samples`, shape (record_periods * n,
+    6), are filled with n equal steps a period, n = 0 for none; `events`, shape (k, 5), enlarged as
+    needed, k = 0 for none; `summary`, shape (9,). A period has `limit` arcs at most.
 
-    Returns
-    -------
-    x, v : float
-        State at the end.
-    period : int
-        Period of the orbit in mesh periods, 0 if none was found.
-    events : ndarray
-        The table, perhaps enlarged.
-    found : int
-        Rows of it in use.
-    status : int
-        OK, EVENT_LIMIT or OVERFLOW.
+    Returns (x, v, period, events, found, status): the state at the end, the period of the orbit in
+    mesh periods (0 if none was found), the table and its rows in use, OK, EVENT_LIMIT or OVERFLOW.
     """
     work = new_work()
     set_mesh(work, m)
@@ -175,13 +137,15 @@ def run_at(m, work, x, v, periods, record_periods, samples, events, limit, summa
         status = outcome(x, v, count, limit)
         if status != OK:
             return x, v, 0, events, 0, status
-        orbit.add_arcs(m, arcs, count, summary)
-        bounces, last = orbit.count_bounces(arcs, count, previous)
+        recorded_arcs.add_arcs(m, arcs, count, summary)
+        bounces, last = recorded_arcs.count_bounces(arcs, count, previous)
         summary[orbit.BOUNCES] += bounces
         if want_events:
-            events, found, _ = orbit.add_events(arcs, count, previous, n, events, found)
+            events, found, _ = recorded_arcs.add_events(arcs, count, previous, n, events, found)
         if per_period > 0:
-            orbit.sample_arcs(m, arcs, count, samples[i * per_period : (i + 1) * per_period])
+            recorded_arcs.sample_arcs(
+                m, arcs, count, samples[i * per_period : (i + 1) * per_period]
+            )
         previous = last
     for k in range(orbit.TIME_NORMAL, orbit.SUMMARY_COLUMNS):
         summary[k] *= record_periods / seen

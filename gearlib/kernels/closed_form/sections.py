@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gearlib.kernels import orbit
+from gearlib.kernels.closed_form import recorded_arcs
 from gearlib.kernels.closed_form.event_by_event import ARC_COLUMNS, START, within_range
 from gearlib.kernels.closed_form.mesh import contact_of
 from gearlib.kernels.closed_form.run import outcome, skip, whole_period
@@ -13,24 +13,11 @@ from gearlib.kernels.jit import kernel
 
 @kernel
 def section(m, states, settle, phase, limit, table, ends, statuses):
-    """Fill the section of every orbit.
+    """Fill `table`, shape (n, periods, 2), with states of n orbits at a phase of every period.
 
-    Parameters
-    ----------
-    m : Mesh
-    states : ndarray, shape (n, 2)
-        Displacement and velocity at tau = 0.
-    settle : int
-        Mesh periods before the section begins.
-    phase : float
-        Mesh phase of the section, 0 <= phase < 2 pi.
-    limit : int
-        Most arcs in one mesh period.
-    table : ndarray, shape (n, periods, 2)
-        Filled with the states; what a run that could not go on has not reached stays as it was.
-    ends : ndarray, shape (n, 2)
-        States after all periods.
-    statuses : ndarray of int, shape (n,)
+    The orbits start in `states`, shape (n, 2), at tau = 0 and run `settle` periods before; `phase`
+    is in [0, 2 pi). Fills the states after all periods, `ends`, shape (n, 2), and `statuses`, shape
+    (n,); what a run that could not go on has not reached stays as it was.
     """
     work = new_work()
     set_mesh(work, m)
@@ -58,5 +45,5 @@ def _one(m, work, x, v, settle, phase, limit, table):
         i = 0
         while i + 1 < count and arcs[i + 1, START] <= phase:
             i += 1
-        table[row, 0], table[row, 1], _, _ = orbit.in_arc(m, arcs[i], phase)
+        table[row, 0], table[row, 1], _, _ = recorded_arcs.in_arc(m, arcs[i], phase)
     return x, v, status

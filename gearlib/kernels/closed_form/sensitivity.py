@@ -327,38 +327,17 @@ def go_through(m, slopes, x, v, tangents, periods, limit):
 def differentiate(
     m, slopes, x, v, tangents, periods, record_periods, limit, samples, events, extrema, times
 ):
-    """Take tangents through a run from the state (x, v) at tau = 0.
+    """Take tangents through a run from the state (x, v) at tau = 0; otherwise as `run`.
 
-    Parameters
-    ----------
-    m : Mesh
-    slopes : ndarray, shape (k, 8)
-        What the ratios of `mesh` and the tuning change by, for each direction.
-    x, v : float
-    tangents : ndarray, shape (2, k)
-        What the state at tau = 0 changes by; changed in place to the end.
-    periods, record_periods : int
-        As of `gearlib.kernels.closed_form.run.run`.
-    limit : int
-        Most arcs in one mesh period.
-    samples : ndarray, shape (record_periods * n, 4, k)
-        Filled with the derivatives of displacement, velocity, acceleration and force.
-    events : ndarray, shape (e, 2, k)
-        Filled with those of the phase and the velocity of the recorded events; NaN for a grazing.
-    extrema : ndarray, shape (4, k)
-        Filled with those of the extrema of displacement and force.
-    times : ndarray, shape (4, k)
-        Filled with those of the times (phase) in normal mesh, backlash, inverse mesh, and in mesh
-        at C_min.
+    `slopes`, shape (k, 8): what the ratios of `mesh` and the tuning change by, for each direction;
+    `tangents`, shape (2, k): what the state at tau = 0 changes by, changed in place to the end.
+    Filled with derivatives: `samples`, shape (record_periods * n, 4, k), of displacement, velocity,
+    acceleration, force; `events`, shape (e, 2, k), of phase and velocity, NaN for a grazing;
+    `extrema`, shape (4, k), of displacement and force; `times`, shape (4, k), of those in normal
+    mesh, backlash, inverse mesh and at C_min.
 
-    Returns
-    -------
-    found : int
-        Recorded events.
-    status : int
-        OK, EVENT_LIMIT or OVERFLOW.
-    grazing : bool
-        Whether the recorded motion touches a flank line.
+    Returns (found, status, grazing): recorded events, OK, EVENT_LIMIT or OVERFLOW, and whether the
+    recorded motion touches a flank line.
     """
     if not within_range(x, v):
         return 0, OVERFLOW, False

@@ -153,16 +153,7 @@ def sum_of_powers(m, matrix):
 
 @kernel
 def look_for_rest(m, work, n, contact, x, v, repeat, limit):
-    """Go through `repeat` periods, and see whether the run has settled.
-
-    Arguments as of `whole_periods.advance`.
-
-    Returns
-    -------
-    contact, x, v, count
-        As of `advance`.
-    settled : Settled
-    """
+    """Go through `repeat` periods as `advance`; return (contact, x, v, count, settled)."""
     arcs, derivative = np.empty((_MOST_ARCS, ARC_COLUMNS)), np.eye(2)
     start_x, start_v, previous = x, v, contact
     clear = True

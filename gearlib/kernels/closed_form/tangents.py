@@ -61,24 +61,10 @@ def bend(lev, t, c, s):
 
 @inlined
 def carry(m, rates, arc, t, tangents, ahead):
-    """Take tangents at the start of an arc to t after it.
+    """Take `tangents`, shape (2, k), from the start of `arc`, a row of the table, to t after it.
 
-    Parameters
-    ----------
-    m : Mesh
-    rates : ndarray, shape (10, k)
-        What the constants of the mesh change by, for each direction.
-    arc : ndarray, shape (6,)
-        Row of the arc table.
-    t : float
-    tangents : ndarray, shape (2, k)
-    ahead : ndarray, shape (2, k)
-        Filled; may be `tangents`.
-
-    Returns
-    -------
-    x, v : float
-        State at t.
+    `rates`, shape (10, k): what the constants of the mesh change by, for each direction. Fills
+    `ahead`, which may be `tangents`; returns the state (x, v) at t.
     """
     contact, which = int(arc[CONTACT]), int(arc[LEVEL])
     x, v = arc[DISPLACEMENT], arc[VELOCITY]

@@ -11,22 +11,10 @@ from gearlib.kernels.jit import kernel
 
 @kernel
 def vary(m, x, v, periods, limit, matrices):
-    """Go through mesh periods from (x, v) at tau = 0 and fill the map of each.
+    """Go through mesh periods from (x, v) at tau = 0; return (x, v, status).
 
-    Parameters
-    ----------
-    m : Mesh
-    x, v : float
-    periods : int
-    limit : int
-        Most arcs in one mesh period.
-    matrices : ndarray, shape (periods, 2, 2)
-        Filled with the derivative of the state at the end of each period by that at its start.
-
-    Returns
-    -------
-    x, v : float
-    status : int
+    Fills `matrices`, shape (periods, 2, 2), with the derivative of the state at the end of each
+    period by that at its start.
     """
     arcs = np.empty((64, ARC_COLUMNS))
     contact = contact_of(m.gap, x, v)

@@ -107,30 +107,11 @@ def _write(arcs, count, start, duration, contact, level, x, v):
 
 @kernel
 def advance(m, work, n, contact, x, v, periods, limit, arcs):
-    """Go through mesh periods n, n + 1 ... from tau = 2 pi n.
+    """Go through mesh periods n, n + 1 ... from tau = 2 pi n; return (contact, x, v, count).
 
-    Parameters
-    ----------
-    m : Mesh
-    work : Work
-        Of that mesh; carries a flight from one call to the next.
-    n : int
-        Periods gone through before.
-    contact, x, v : int, float, float
-        State at the start.
-    periods : int
-    limit : int
-        Most arcs in one mesh period.
-    arcs : ndarray, shape (k, 6)
-        Filled with the arcs of the last of the periods; k = 0 for none.
-
-    Returns
-    -------
-    contact, x, v : int, float, float
-        State at the end.
-    count : int
-        Arcs of the last period, of which k are in the table; more than `limit` when that did not
-        suffice. The state may be out of range, see `event_by_event.within_range`.
+    `work` is of that mesh and carries a flight from one call to the next. `arcs`, shape (k, 6), is
+    filled with the arcs of the last period, k = 0 for none; `count` is their number, more than
+    `limit` when that did not suffice. The state may be out of range, see `within_range`.
     """
     levels, tables, memory, states = work
     escape = 2.0 * m.pull * m.gap * MARGIN

@@ -10,10 +10,10 @@ import math
 import numpy as np
 
 from gearlib.kernels.codes import INVERSE, NORMAL
-from gearlib.kernels.jit import inlined, kernel
-from gearlib.kernels.piecewise_linear.system import next_contact
+from gearlib.kernels.jit import uncounted, woven
 from gearlib.kernels.polynomial import MAX_DEPTH, MAX_INTERVALS, MAX_NEWTON, halve
 from gearlib.kernels.several_meshes.modes import DEGREE
+from gearlib.kernels.several_meshes.system import next_contact
 
 #: Rounding of a distance, as a share of its parts.
 _ROUNDING = 1e-15
@@ -23,7 +23,7 @@ BINOMIALS = np.array(
 )
 
 
-@inlined
+@woven
 def sizes_of(tables, c, y, sizes):
     """Fill `sizes` with the amplitudes of pairs and real modes; return how many there are."""
     pairs = tables.pairs[c]
@@ -35,28 +35,55 @@ def sizes_of(tables, c, y, sizes):
     return pairs + tables.single[c]
 
 
-@inlined
-def keeps_off(tables, c, j, code, closing, never, plain, sizes, count):
-    """Return whether mesh j provably stays off its flank lines as long as the contacts stay.
-
-    Where both lines might be reached, or move against one another, this cannot tell.
-    """
-    if not tables.steady[c, j]:
-        return False
-    reach = 0.0
-    for k in range(count):
-        reach += tables.swing[c, j, k] * sizes[k]
-    far, near = tables.level[c, j, 0], tables.level[c, j, 1]
-    if code == NORMAL:
-        return not closing and near > reach + _ROUNDING * abs(near)
-    if code == INVERSE:
-        return not closing and plain and -far > reach + _ROUNDING * abs(far)
-    if not -near > reach + _ROUNDING * abs(near):
-        return False
-    return never or (plain and far > reach + _ROUNDING * abs(far))
+@woven
+def _counts(grid, j, code, line):
+    """Return whether mesh j may come to a line: in contact, to the other one only if `closing`."""
+    return not ((code == -line and not grid.closing[j]) or (line == -1 and grid.open[j]))
 
 
-@inlined
+@woven
+def _side(code, line):
+    """Return the sign of the distance from a line: above that of the contact it lies on."""
+    return -1.0 if ((code != NORMAL) if line == 1 else (code == INVERSE)) else 1.0
+
+
+@woven
+def _sum_of(a, b, count):
+    """Return the sum of the first products, in four sums that do not wait for one another."""
+    p, q, s, t = 0.0, 0.0, 0.0, 0.0
+    k = 0
+    while k + 3 < count:
+        p += a[k] * b[k]
+        q += a[k + 1] * b[k + 1]
+        s += a[k + 2] * b[k + 2]
+        t += a[k + 3] * b[k + 3]
+        k += 4
+    while k < count:
+        p += a[k] * b[k]
+        k += 1
+    return (p + q) + (s + t)
+
+
+@woven
+def keeps_off(tables, c, j, grid, w, count):
+    """Return whether mesh j provably stays off its flank lines as long as the contacts stay."""
+    reach, code = 0.0, w.contact[j]
+    for line in (1, -1):
+        if not _counts(grid, j, code, line):
+            continue
+        side = (line + 1) // 2
+        if not tables.steady[c, side, j]:
+            return False
+        # Lines that are a constant apart swing alike.
+        if line == 1 or code == INVERSE or not grid.plain[j]:
+            reach = _sum_of(tables.swing[c, side, j], w.sizes, count)
+        level = tables.level[c, side, j]
+        if not _side(code, line) * level > reach + _ROUNDING * abs(level):
+            return False
+    return True
+
+
+@woven
 def curve_of(curves, y, b):
     """Fill b, shape (DEGREE + 1,), with the Bernstein coefficients: curves, (n, DEGREE + 1)."""
     for r in range(DEGREE + 1):
@@ -76,7 +103,7 @@ def curve_of(curves, y, b):
         i += 1
 
 
-@kernel
+@uncounted
 def rounding_of(curves, y):
     """Return the rounding of a distance: of the largest coefficients that its parts have."""
     size = 0.0
@@ -87,7 +114,7 @@ def rounding_of(curves, y):
     return _ROUNDING * size
 
 
-@kernel
+@uncounted
 def begin_of(b, share, n):
     """Turn Bernstein coefficients of degree n into those on [0, share]."""
     if share == 1.0:
@@ -97,7 +124,7 @@ def begin_of(b, share, n):
             b[i] = (1.0 - share) * b[i - 1] + share * b[i]
 
 
-@kernel
+@uncounted
 def _root(b, n, s, p, q):
     """Return (s, slope at s) where Bernstein coefficients of degree n pass zero, near s."""
     for i in range(n + 1):
@@ -137,7 +164,7 @@ def _root(b, n, s, p, q):
     return s, n * rate * scale ** (n - 1)
 
 
-@kernel
+@uncounted
 def _changes(b, n, noise):
     """Return (sign changes of Bernstein coefficients, place of the last): no more roots are there.
 
@@ -154,7 +181,7 @@ def _changes(b, n, noise):
     return changes, place
 
 
-@kernel
+@uncounted
 def first_fall(work, zeros, end, noise):
     """Return (first s in [0, end] where a polynomial falls through zero, its rounding).
 
@@ -224,14 +251,14 @@ def first_fall(work, zeros, end, noise):
         else:
             # The right half stays in this row, the left half goes on top.
             left = work[depth + 1]
-            halve(b, left, n)
+            halve(b, left, work[MAX_DEPTH + 1], n)
             b[DEGREE + 1] = 0.5 * width
             left[DEGREE + 1] = 0.5 * width
             depth += 1
     return (2.0 if depth < 0 else -1.0), 0.0
 
 
-@kernel
+@woven
 def first_events(tables, c, grid, w, end):
     """Find when each mesh crosses a flank line first; fill share, target and spread of `Work`.
 
@@ -245,17 +272,15 @@ def first_events(tables, c, grid, w, end):
             continue
         known = False
         for line in (1, -1):
-            # The drive side bounds the backlash from above, the coast side from below; in contact
-            # the other flank matters only where it might touch too.
-            if (code == -line and not grid.closing[j]) or (line == -1 and grid.open[j]):
+            if not _counts(grid, j, code, line):
                 continue
             curves, shift = tables.curves[c, (line + 1) // 2, j], 0.0
             if known and grid.plain[j]:
-                shift = tables.level[c, j, 0] - tables.level[c, j, 1]
+                shift = tables.level[c, 0, j] - tables.level[c, 1, j]
             else:
                 curve_of(curves, w.y, curve)
             known = True
-            sign = -1.0 if ((code != NORMAL) if line == 1 else (code == INVERSE)) else 1.0
+            sign = _side(code, line)
             lowest = math.inf
             for k in range(DEGREE + 1):
                 b[k] = sign * (curve[k] + shift)

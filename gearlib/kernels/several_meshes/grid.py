@@ -5,9 +5,9 @@ from typing import NamedTuple
 import numpy as np
 
 from gearlib.kernels.jit import kernel
-from gearlib.kernels.piecewise_linear.system import may_close
 from gearlib.kernels.polynomial import MAX_DEPTH
 from gearlib.kernels.several_meshes.modes import DEGREE
+from gearlib.kernels.several_meshes.system import may_close
 
 # Entries of `Work.place`: events recorded so far, mesh period, segment (-1: at the start of a
 # period), events of the period, samples taken of it, events before it.

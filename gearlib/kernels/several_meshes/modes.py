@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gearlib.kernels.jit import inlined, kernel
+from gearlib.kernels.jit import kernel, uncounted, woven
 
 #: Degree of the polynomials of distances over a piece.
 DEGREE = 23
@@ -49,9 +49,9 @@ class Modes(NamedTuple):
     into: np.ndarray  #: from z to y, by columns, shape (c, n, n filled up)
     out: np.ndarray  #: from y to z, by columns
     curves: np.ndarray  #: Bernstein coefficients, far and near, (c, 2, m, n, DEGREE + 1)
-    swing: np.ndarray  #: largest share of a mode in the distances, shape (c, m, n)
-    level: np.ndarray  #: distances without the modes, far and near, shape (c, m, 2)
-    steady: np.ndarray  #: bool, whether `swing` and `level` bound the distances, shape (c, m)
+    swing: np.ndarray  #: largest share of a mode in the distances, far and near, (c, 2, m, n)
+    level: np.ndarray  #: distances without the modes, far and near, shape (c, 2, m)
+    steady: np.ndarray  #: bool, whether `swing` and `level` bound them, shape (c, 2, m)
     at: np.ndarray  #: int, where the turn over each length of segment is, -1: nowhere, (c, k)
     turns: np.ndarray  #: factors of the modes, shape (s, n)
 
@@ -68,7 +68,7 @@ def modes(n, meshes, lengths, memory=MEMORY):
         Bytes at most.
     """
     wide = filled_up(n)
-    each = 2 * n * wide + n * n + meshes * n * (2 * DEGREE + 3)
+    each = 2 * n * wide + n * n + meshes * n * (2 * DEGREE + 4)
     c = int(min(max(memory // (8 * each), 2), _MOST))
     slots = 1
     while slots < 4 * c:
@@ -85,9 +85,9 @@ def modes(n, meshes, lengths, memory=MEMORY):
         np.zeros((c, n, wide)),
         np.zeros((c, n, wide)),
         np.empty((c, 2, meshes, n, DEGREE + 1)),
-        np.empty((c, meshes, n)),
-        np.empty((c, meshes, 2)),
-        np.zeros((c, meshes), np.bool_),
+        np.empty((c, 2, meshes, n)),
+        np.empty((c, 2, meshes)),
+        np.zeros((c, 2, meshes), np.bool_),
         np.full((c, min(lengths, _TURNS)), -1, np.int64),
         np.empty((c * min(lengths, _TURNS), n)),
     )
@@ -98,22 +98,22 @@ def filled_up(count):
     return (count + 7) // 8 * 8
 
 
-@kernel
-def key_of(system, effects):
-    """Return the number of a combination of effects, int, shape (m,)."""
-    key, base = 0, system.push.shape[1]
+@uncounted
+def key_of(effects, base):
+    """Return the number of a combination of effects, int, shape (m,), each below `base`."""
+    key = 0
     for j in range(effects.shape[0]):
         key = key * base + effects[j]
     return key
 
 
-@kernel
-def slot_of(tables, key):
+@uncounted
+def slot_of(slots, keys, key):
     """Return the slot of a combination, or the free one where it belongs."""
-    mask = tables.slots.shape[0] - 1
+    mask = slots.shape[0] - 1
     # Multiplied by an odd number near the golden ratio, so that neighbours lie apart.
     slot = (key * 0x1E3779B97F4A7C15 >> 20) & mask
-    while tables.slots[slot] >= 0 and tables.keys[tables.slots[slot]] != key:
+    while slots[slot] >= 0 and keys[slots[slot]] != key:
         slot = (slot + 1) & mask
     return slot
 
@@ -196,7 +196,7 @@ def fill_curves(tables, c, rows, exponentials, powers):
                         curves[line, j, first + i, r] += row[i] * powers[k, r]
 
 
-@inlined
+@woven
 def multiply(columns, c, z, out):
     """out = matrix c times z, for matrices stored by columns, shape (c, n, w)."""
     n, w = columns.shape[1], columns.shape[2]
@@ -217,7 +217,7 @@ def multiply(columns, c, z, out):
         j += 1
 
 
-@kernel
+@woven
 def turn_by(tables, c, t, factors):
     """Fill `factors`, shape (n,), with what the modes of combination c turn and shrink by in t."""
     pairs = tables.pairs[c]
@@ -228,7 +228,7 @@ def turn_by(tables, c, t, factors):
         factors[2 * pairs + k] = math.exp(tables.rates[c, pairs + k, 0] * t)
 
 
-@kernel
+@woven
 def turn_over(tables, c, kind, t):
     """Return where the factors of a whole segment are in ``turns``; `kind` numbers its length."""
     if tables.at[c, kind] < 0:
@@ -239,7 +239,7 @@ def turn_over(tables, c, kind, t):
     return tables.at[c, kind]
 
 
-@kernel
+@woven
 def advance(tables, c, factors, t, y, term, image):
     """Take y, shape (n,) or longer, by t: `factors` are those of `turn_by`."""
     pairs, single, n = tables.pairs[c], tables.single[c], tables.block.shape[1]
@@ -254,7 +254,7 @@ def advance(tables, c, factors, t, y, term, image):
         _advance_block(tables.block[c], n - first, tables.piece[c], t, y[first:], term, image)
 
 
-@kernel
+@uncounted
 def _advance_block(block, size, piece, t, y, term, image):
     """Take the components of the block, over pieces on which their series ends."""
     steps = max(math.ceil(t / piece - 1e-9), 1.0)

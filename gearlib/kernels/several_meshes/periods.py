@@ -6,12 +6,9 @@ event of them all: their saltation matrices commute, so that the order does not 
 (`docs/theory/trains.md`).
 """
 
-import numpy as np
-
 from gearlib.kernels import orbit
 from gearlib.kernels.codes import BOTH, EVENT_LIMIT, JAMMED, NORMAL, OK, UNRESOLVED
-from gearlib.kernels.jit import kernel
-from gearlib.kernels.piecewise_linear.system import dot
+from gearlib.kernels.jit import uncounted, woven
 from gearlib.kernels.several_meshes.distances import first_events, keeps_off, sizes_of
 from gearlib.kernels.several_meshes.grid import COUNT, FOUND, OPENING, SEGMENT, TAKEN
 from gearlib.kernels.several_meshes.modes import (
@@ -23,45 +20,56 @@ from gearlib.kernels.several_meshes.modes import (
     turn_over,
 )
 from gearlib.kernels.several_meshes.record import record
+from gearlib.kernels.several_meshes.system import dot
 
 #: Two crossings closer than this share of a piece are one whatever their speeds: near
 #: grazing rounding would spread without bound what happens at once.
 _AT_ONCE = 1e-13
 #: Rounding that the states of equal meshes have gathered, over that of one distance.
 _GATHERED = 8.0
-#: Returned where the tables lack a combination: that of the effects of `Work`. No status of a run.
-MISSING = -1
+#: Returned where the tables lack a combination, that of the effects of `Work`, and where there is
+#: no place for more events. No status of a run.
+MISSING, FULL = -1, -2
 
 #: Columns of the event table: those of `orbit` and the number of the mesh.
 EVENT_MESH = orbit.EVENT_COLUMNS
 EVENT_COLUMNS = orbit.EVENT_COLUMNS + 1
 
 
-@kernel
+@woven
 def _cross(system, grid, w, j, p, vectors):
-    """Let mesh j cross the flank line that it has come to; return dd_j/dtheta."""
-    n = system.near.shape[1]
-    z = w.z[:n]
-    w.line[j] = 1 if NORMAL in (w.contact[j], w.target[j]) else -1
-    speed = dot(grid.rate[j] if w.line[j] == 1 else grid.far_rate[j], z)
-    old, new = system.effect[w.contact[j] + 1, p, j], system.effect[w.target[j] + 1, p, j]
-    # A tangential crossing varies nothing: the force of the mesh does not jump.
-    if vectors.shape[0] > 0 and speed != 0.0:
-        jump = np.zeros(n)
+    """Let mesh j cross the flank line that it has come to, with the `vectors` of deviations."""
+    n, line = system.near.shape[1], 1 if NORMAL in (w.contact[j], w.target[j]) else -1
+    w.line[j] = line
+    if vectors.shape[0] > 0:
+        rate = grid.rate if line == 1 else grid.far_rate
+        row = system.near if line == 1 else system.far
+        speed = 0.0
+        for r in range(n):
+            speed += rate[j, r] * w.z[r]
+        old, new = system.effect[w.contact[j] + 1, p, j], system.effect[w.target[j] + 1, p, j]
+        for r in range(n):
+            w.term[r] = 0.0
         for k in range(2):
-            more, less = dot(system.grip[j, new, k], z), dot(system.grip[j, old, k], z)
+            more, less = 0.0, 0.0
             for r in range(n):
-                jump[r] += system.push[j, new, k, r] * more - system.push[j, old, k, r] * less
-        for i in range(vectors.shape[0]):
-            share = dot(system.near[j], vectors[i, :n]) / speed
+                more += system.grip[j, new, k, r] * w.z[r]
+                less += system.grip[j, old, k, r] * w.z[r]
             for r in range(n):
-                vectors[i, r] += jump[r] * share
+                w.term[r] += system.push[j, new, k, r] * more - system.push[j, old, k, r] * less
+        # A tangential crossing varies nothing: the force of the mesh does not jump.
+        for i in range(vectors.shape[0] if speed != 0.0 else 0):
+            share = 0.0
+            for r in range(n):
+                share += row[j, r] * vectors[i, r]
+            share /= speed
+            for r in range(n):
+                vectors[i, r] += w.term[r] * share
     w.rest[j] = 1
     w.contact[j] = w.target[j]
-    return dot(grid.rate[j], z)
 
 
-@kernel
+@uncounted
 def in_order(events, row, first):
     """Put the last event, in `row`, before those at its phase whose mesh has a higher number."""
     while (
@@ -74,7 +82,7 @@ def in_order(events, row, first):
         row -= 1
 
 
-@kernel
+@woven
 def go(system, grid, tables, w, number, limit, vectors, recording, summary, samples, events):
     """Go through one mesh period from its start; the state of `Work` is changed in place.
 
@@ -94,14 +102,14 @@ def go(system, grid, tables, w, number, limit, vectors, recording, summary, samp
     samples : ndarray, shape (k, n + m + 1)
         At equal steps of the period, as of `record.record`.
     events : ndarray, shape (k, 6)
-        As of `orbit`, and the number of the mesh; the period is 0. Enlarged as needed; none are
-        recorded if it has no rows. How many there are stands in `Work`.
+        As of `orbit`, and the number of the mesh; the period is 0. None are recorded if it has no
+        rows. How many there are stands in `Work`.
 
     Returns
     -------
     status : int
-        MISSING where the tables lack a combination: it goes on from there when called again.
-    events
+        MISSING where the tables lack a combination, FULL where events have no place: it goes on
+        from there when called again.
     """
     m, phase = system.near.shape[0], 0.0
     first, last = system.first_segment[number], system.first_segment[number + 1]
@@ -114,36 +122,28 @@ def go(system, grid, tables, w, number, limit, vectors, recording, summary, samp
             if c < 0:
                 for j in range(m):
                     w.effects[j] = system.effect[w.contact[j] + 1, p, j]
-                c = tables.slots[slot_of(tables, key_of(system, w.effects))]
-                if c < 0:
+                    w.clear[j] = False
+                key = key_of(w.effects, system.push.shape[1])
+                c = tables.slots[slot_of(tables.slots, tables.keys, key)]
+                full = recording and 0 < events.shape[0] < w.place[FOUND] + m
+                if c < 0 or full:
                     w.ahead[0] = left
-                    return MISSING, events
-                w.clear[:] = False
+                    return MISSING if c < 0 else FULL
                 piece = tables.piece[c]
                 multiply(tables.into, c, w.z, w.y)
             modes, quiet = sizes_of(tables, c, w.y, w.sizes), True
             for j in range(m):
                 if not w.clear[j]:
-                    code = w.contact[j]
-                    w.clear[j] = w.rest[j] == 0 and keeps_off(
-                        tables,
-                        c,
-                        j,
-                        code,
-                        grid.closing[j],
-                        grid.open[j],
-                        grid.plain[j],
-                        w.sizes,
-                        modes,
-                    )
+                    w.clear[j] = w.rest[j] == 0 and keeps_off(tables, c, j, grid, w, modes)
                     quiet &= w.clear[j]
             length, best = left, 2.0
             if not quiet:
                 length = min(piece, left)
                 best = first_events(tables, c, grid, w, length / piece)
-                w.rest[:] = 0
+                for j in range(m):
+                    w.rest[j] = 0
                 if best < 0.0:
-                    return UNRESOLVED, events
+                    return UNRESOLVED
                 if best <= 1.0:
                     length = best * piece
             if recording:
@@ -176,25 +176,31 @@ def go(system, grid, tables, w, number, limit, vectors, recording, summary, samp
                 if w.share[j] > 1.0 or w.share[j] - best > close:
                     continue
                 if w.target[j] == BOTH:
-                    return JAMMED, events
+                    return JAMMED
                 before = w.contact[j]
-                speed = _cross(system, grid, w, j, p, vectors)
+                _cross(system, grid, w, j, p, vectors)
                 w.place[COUNT] += 1
                 if recording:
-                    # Sums of lengths may round below the phase of the last event.
-                    row, v = w.place[FOUND], speed / system.tuning
-                    w.ahead[1] = max(phase + length * system.tuning, w.ahead[1])
-                    events, w.place[FOUND] = orbit.note(
-                        events, row, 0, w.ahead[1], before, w.contact[j], v, summary[j]
-                    )
-                    if w.place[FOUND] > row:
+                    if before == NORMAL:
+                        summary[j, orbit.BOUNCES] += 1.0
+                    if events.shape[0] > 0:
+                        v = dot(grid.rate[j], w.z[: grid.rate.shape[1]]) / system.tuning
+                        # Sums of lengths may round below the phase of the last event.
+                        w.ahead[1] = max(phase + length * system.tuning, w.ahead[1])
+                        row = w.place[FOUND]
+                        events[row, orbit.EVENT_PERIOD] = 0.0
+                        events[row, orbit.EVENT_PHASE] = w.ahead[1]
+                        events[row, orbit.EVENT_FROM] = before
+                        events[row, orbit.EVENT_TO] = w.contact[j]
+                        events[row, orbit.EVENT_VELOCITY] = v
                         events[row, EVENT_MESH] = j
+                        w.place[FOUND] = row + 1
                         in_order(events, row, w.place[OPENING])
             if w.place[COUNT] > limit:
-                return EVENT_LIMIT, events
+                return EVENT_LIMIT
             c = -1
         w.place[SEGMENT] = p + 1
         if p + 1 < last:
             w.ahead[0] = grid.length[p + 1]
     w.place[SEGMENT] = -1
-    return OK, events
+    return OK

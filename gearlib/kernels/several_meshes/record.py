@@ -5,7 +5,7 @@ import math
 from gearlib.kernels import orbit
 from gearlib.kernels.arrays import copy
 from gearlib.kernels.codes import BACKLASH, INVERSE
-from gearlib.kernels.jit import kernel
+from gearlib.kernels.jit import uncounted, woven
 from gearlib.kernels.polynomial import highest_from
 from gearlib.kernels.several_meshes.distances import begin_of, curve_of
 from gearlib.kernels.several_meshes.grid import TAKEN
@@ -16,7 +16,7 @@ FORCE_SUM = orbit.SUMMARY_COLUMNS
 SUMMARY_COLUMNS = orbit.SUMMARY_COLUMNS + 1
 
 
-@kernel
+@uncounted
 def _add_extrema(curve, factor, w, row, most, least):
     """Add the extrema of a curve times a factor to two columns of a summary."""
     for sign, column in ((1.0, most), (-1.0, least)):
@@ -25,7 +25,7 @@ def _add_extrema(curve, factor, w, row, most, least):
         row[column] = sign * highest_from(w.bernstein, DEGREE, sign * row[column])
 
 
-@kernel
+@woven
 def record(system, grid, tables, c, w, p, phase, length, summary, samples):
     """Record what begins at `phase`, with the state y of `Work`, and lasts `length` of theta.
 

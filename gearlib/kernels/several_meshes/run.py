@@ -6,17 +6,23 @@ import numpy as np
 
 from gearlib.kernels import orbit
 from gearlib.kernels.codes import BACKLASH, INVERSE, JAMMED, NORMAL, OK, OVERFLOW, UNRESOLVED
-from gearlib.kernels.jit import kernel
-from gearlib.kernels.piecewise_linear.system import REST, behind, dot, image, set_harmonics
+from gearlib.kernels.jit import kernel, uncounted, woven
 from gearlib.kernels.several_meshes.grid import FOUND, OPENING, PERIOD, SEGMENT
-from gearlib.kernels.several_meshes.periods import MISSING, go
-from gearlib.kernels.several_meshes.system import matrix_of
+from gearlib.kernels.several_meshes.periods import go
+from gearlib.kernels.several_meshes.system import (
+    REST,
+    behind,
+    dot,
+    image,
+    matrix_of,
+    set_harmonics,
+)
 
 #: Derivatives of a distance that are looked at where a motion starts on a flank line at rest.
 _DERIVATIVES = 10
 
 
-@kernel
+@uncounted
 def _sign(functional, z):
     """Return the sign of a functional, 0 where it is the rounding of zero."""
     value, size = 0.0, 0.0
@@ -76,7 +82,7 @@ def set_contacts(system, open_, w, p):
             w.contact[j] = max(w.line[j], 0)
 
 
-@kernel
+@uncounted
 def _too_large(z):
     for r in range(z.shape[0]):
         if not abs(z[r]) < 1e150:
@@ -88,8 +94,9 @@ def _too_large(z):
 def begin(system, grid, w):
     """Set the contacts of `Work` for its state at the start of a run; return the status."""
     n = system.near.shape[1]
-    set_harmonics(system, w.z[:n], 2.0 * math.pi * system.first)
-    set_contacts(system, grid.open, w, system.first_segment[system.first % system.repeats])
+    set_harmonics(system.harmonics, w.z[:n], 2.0 * math.pi * system.first)
+    segments = system.first_segment
+    set_contacts(system, grid.open, w, segments[system.first % (segments.shape[0] - 1)])
     for j in range(system.near.shape[0]):
         touches = w.contact[j] == NORMAL or w.line[j] == 1
         if grid.closing[j] and touches and behind(system.far[j], w.z[:n]):
@@ -97,7 +104,7 @@ def begin(system, grid, w):
     return OK
 
 
-@kernel
+@uncounted
 def run_train(
     system,
     grid,
@@ -115,8 +122,8 @@ def run_train(
 ):
     """Run a gear train on from the state of `Work` and the mesh period counted there.
 
-    Where the tables lack a combination the run waits: it is to be called again with the events
-    returned once they have it.
+    Where the tables lack a combination, or events a place, the run waits: it is to be called again
+    once they have it.
 
     Parameters
     ----------
@@ -125,7 +132,7 @@ def run_train(
         Of the reference mesh, and how many at the end are recorded; 0: none.
     samples : ndarray, shape (record_periods k, n + m + 1)
     events : ndarray, shape (k, 6)
-        Enlarged as needed; none are recorded if it has no rows.
+        None are recorded if it has no rows.
     limit : int
         Most events in one mesh period.
     summary : ndarray, shape (m, 10)
@@ -139,9 +146,8 @@ def run_train(
 
     Returns
     -------
-    events : ndarray
     status : int
-        Or MISSING.
+        Or MISSING or FULL.
     """
     m, n = system.near.shape
     moving, kept = maps.shape[1], strobes.shape[1] - 1
@@ -150,22 +156,22 @@ def run_train(
     for i in range(w.place[PERIOD], periods):
         if w.place[SEGMENT] < 0:
             # Harmonics are put to their values: their rounding must not grow with the run.
-            set_harmonics(system, w.z[:n], 2.0 * math.pi * (system.first + i))
+            set_harmonics(system.harmonics, w.z[:n], 2.0 * math.pi * (system.first + i))
             row = i - (periods - kept)
             if row >= 0:
                 _strobe(system, grid, w.z, strobes, row)
-            vectors[:] = 0.0
             for r in range(vectors.shape[0]):
-                vectors[r, r] = 1.0
+                for k in range(vectors.shape[1]):
+                    vectors[r, k] = 1.0 if r == k else 0.0
         recording = i >= unseen
         begin = max(i - unseen, 0) * per_period
         end = begin + per_period if recording else begin
-        status, events = go(
+        status = go(
             system,
             grid,
             tables,
             w,
-            (system.first + i) % system.repeats,
+            (system.first + i) % (system.first_segment.shape[0] - 1),
             limit,
             vectors,
             recording,
@@ -173,8 +179,8 @@ def run_train(
             samples[begin:end],
             events,
         )
-        if status == MISSING:
-            return events, status
+        if status < 0:
+            return status
         for row in range(w.place[OPENING], w.place[FOUND]):
             events[row, orbit.EVENT_PERIOD] = i
         if status == OK and _too_large(w.z):
@@ -184,14 +190,14 @@ def run_train(
                 if orbit.unresolved(summary[j]):
                     status = UNRESOLVED
         if status != OK:
-            return events, status
+            return status
         for r in range(vectors.shape[0]):
             for k in range(moving):
                 maps[i, k, r] = vectors[r, k]
         w.place[PERIOD] = i + 1
     if record_periods > 0:
         _strobe(system, grid, w.z, strobes, kept)
-    return events, OK
+    return OK
 
 
 @kernel
@@ -207,7 +213,7 @@ def period_of(system, strobes, summary):
     return period
 
 
-@kernel
+@woven
 def _strobe(system, grid, z, strobes, row):
     own = z[: system.near.shape[1]]
     for j in range(strobes.shape[0]):

@@ -6,7 +6,7 @@ import numpy as np
 
 from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
 from gearlib.kernels.jit import kernel
-from gearlib.kernels.piecewise_linear.system import behind, dot, set_harmonics
+from gearlib.kernels.several_meshes.system import behind, dot, set_harmonics
 from gearlib.kernels.steps.equation_of_motion import SIDE
 
 
@@ -17,7 +17,7 @@ def rate(system, t, z):
     full, out = np.empty(system.free.shape[0]), np.empty(size)
     for i in range(size):
         full[i] = z[i]
-    set_harmonics(system, full, t)
+    set_harmonics(system.harmonics, full, t)
     place, segment = (t + SIDE) % (2.0 * math.pi * system.repeats), 0
     while segment < system.starts.shape[0] - 2 and system.starts[segment + 1] <= place:
         segment += 1
@@ -46,7 +46,7 @@ def jammed(system, closing, t, z):
         return False
     full = np.empty(system.free.shape[0])
     full[: z.shape[0]] = z
-    set_harmonics(system, full, t)
+    set_harmonics(system.harmonics, full, t)
     for j in range(closing.shape[0]):
         if closing[j] and dot(system.near[j], full) >= 0.0 and behind(system.far[j], full):
             return True

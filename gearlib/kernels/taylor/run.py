@@ -78,17 +78,11 @@ def first_crossing(series, row, line, side, h, to_bernstein, work):
 def take_step(
     constants, harmonics, to_bernstein, piece, phase, end, contact, sign, x, v, series, work
 ):
-    """Take one step from `phase`, not beyond `end`.
+    """Take one step from `phase`, not beyond `end`; its series stay in `series`.
 
-    Returns
-    -------
-    h : float
-        Length of the step; negative where rounding hides whether it ends at a flank line.
-    during : int
-        Contact code during the step.
-    contact, sign, x, v : int, float, float, float
-        State at its end; on a flank line and on a turning point exactly so.
-    The series of the step stay in `series`.
+    Returns (h, during, contact, sign, x, v): the length of the step, negative where rounding hides
+    whether it ends at a flank line; the contact code during it; the state at its end, on a flank
+    line and on a turning point exactly so.
     """
     upper, lower = constants[0, 0, UPPER], constants[0, 0, LOWER]
     if v == 0.0:

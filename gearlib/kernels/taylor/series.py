@@ -180,16 +180,9 @@ def _product(series, a, b, k):
 def expand(constants, harmonics, piece, phase, contact, sign, x, v, series, terms):
     """Fill the series of a motion through (x, x') at `phase`, inside piece `piece` of c(tau).
 
-    Parameters
-    ----------
-    constants, harmonics : ndarray
-        As of `tables`.
-    piece, phase, contact, x, v
-    sign : float
-        That of x' throughout the step.
-    series : ndarray, shape (ROWS, ORDER + 1)
-    terms : int
-        Coefficients of x' beyond the first, ORDER or fewer.
+    `constants` and `harmonics` as of `tables`, `sign` that of x' throughout the step; `series`,
+    shape (ROWS, ORDER + 1), is filled with `terms` coefficients of x' beyond the first, ORDER or
+    fewer.
     """
     i = contact + 1
     d1, d2, d3 = constants[i, piece, D1], sign * constants[i, piece, D2], constants[i, piece, D3]

@@ -1,58 +1,45 @@
 """What a gear is made of and cut with: material, basic rack, web."""
 
 from dataclasses import dataclass
+from typing import Annotated
 
 from gearlib import checks
+from gearlib.parameters import LENGTH, NONNEGATIVE, Number, check, documented
 
 
+@documented
 @dataclass(frozen=True, kw_only=True)
 class Material:
-    """An elastic material; steel of ISO 6336-1 by default.
+    """An elastic material; steel of ISO 6336-1 by default."""
 
-    Parameters
-    ----------
-    young : float, default 206e9
-        Modulus of elasticity, Pa; finite, > 0.
-    poisson : float, default 0.3
-        From 0 to below 0.5.
-    density : float, default 7850
-        kg/m^3; finite, > 0.
-    """
-
-    young: float = 206e9
-    poisson: float = 0.3
-    density: float = 7850.0
+    young: Annotated[
+        float, Number(unit="Pa", example="206 GPa", above=0), "Modulus of elasticity"
+    ] = 206e9
+    poisson: Annotated[float, Number(least=0, below=0.5), "Poisson's ratio"] = 0.3
+    density: Annotated[float, Number(unit="kg/m^3", example="7.85 g/cm^3", above=0), "Density"] = (
+        7850.0
+    )
 
     def __post_init__(self):
-        for name in ("young", "density"):
-            checks.finite_positive(f"{name} of a material", getattr(self, name))
-        checks.number(
-            "poisson of a material", self.poisson, ">= 0 and < 0.5", lambda v: 0.0 <= v < 0.5
-        )
+        check(self, " of a material")
 
 
+@documented
 @dataclass(frozen=True, kw_only=True)
 class Rack:
-    """The basic rack that generates the teeth, in modules.
+    """The basic rack that generates the teeth, in modules."""
 
-    Parameters
-    ----------
-    addendum, dedendum : float
-        h_aP and h_fP over the normal module; > 0, at most 3.
-    tip_radius : float
-        Of its tip, which cuts the fillet, rho_fP over the module; >= 0, below the dedendum. Where
-        it would not fit between the flanks, the largest that does.
-    """
-
-    addendum: float = 1.0
-    dedendum: float = 1.25
-    tip_radius: float = 0.38
+    addendum: Annotated[float, Number(above=0, most=3), "Of the rack,", "h_aP"] = 1.0
+    dedendum: Annotated[float, Number(above=0, most=3), "Of the rack,", "h_fP"] = 1.25
+    tip_radius: Annotated[
+        float,
+        NONNEGATIVE,
+        "Of its tip, which cuts the fillet, rho_fP, below the dedendum; where it would not fit "
+        "between the flanks, the largest that does",
+    ] = 0.38
 
     def __post_init__(self):
-        for name in ("addendum", "dedendum"):
-            checks.number(
-                f"{name} of a rack", getattr(self, name), "> 0 and <= 3", lambda v: 0.0 < v <= 3.0
-            )
+        check(self, " of a rack")
         checks.number(
             "tip_radius of a rack",
             self.tip_radius,
@@ -70,25 +57,17 @@ RACKS = {
 }
 
 
+@documented
 @dataclass(frozen=True, kw_only=True)
 class Web:
-    """A web between rim and hub, thinner than the face width.
+    """A web between rim and hub, thinner than the face width."""
 
-    Parameters
-    ----------
-    thickness : float
-        b_s, m; finite, > 0.
-    rim_diameter, hub_diameter : float
-        Of the rim inside and of the hub outside, m; finite, > 0, the rim's larger.
-    """
-
-    thickness: float
-    rim_diameter: float
-    hub_diameter: float
+    thickness: Annotated[float, LENGTH, "Of the web,", "b_s"]
+    rim_diameter: Annotated[float, LENGTH, "Inside of the rim"]
+    hub_diameter: Annotated[float, LENGTH, "Outside of the hub, smaller than that of the rim"]
 
     def __post_init__(self):
-        for name in ("thickness", "rim_diameter", "hub_diameter"):
-            checks.finite_positive(f"{name} of a web", getattr(self, name))
+        check(self, " of a web")
         checks.number(
             "rim_diameter of a web",
             self.rim_diameter,

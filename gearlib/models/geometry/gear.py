@@ -7,56 +7,45 @@ their tips, of a ring gear towards its axis.
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
-from gearlib import checks
+from gearlib import checks, parameters
 from gearlib.models.geometry.blank import RACKS, Material, Rack, Web
 from gearlib.models.geometry.involute import inv
 from gearlib.models.geometry.relief import TipRelief
+from gearlib.parameters import (
+    ERROR,
+    LENGTH,
+    RUN_OUT,
+    TRUTH,
+    Integer,
+    Many,
+    Number,
+    OneOf,
+    Part,
+    documented,
+)
 
 #: By so much the shift may lie below the limit of undercut: 17 teeth without shift, the limit of
 #: the textbooks, lie 0.006 below; the rack takes away less than a thousandth of a module.
 _UNDERCUT = 0.02
 
 
+class _RackKind(OneOf):
+    """A basic rack, or its letter."""
+
+    def __init__(self):
+        super().__init__(tuple(RACKS))
+
+    def check(self, name, value):
+        """Return a `Rack`, else raise ValueError."""
+        return value if isinstance(value, Rack) else RACKS[super().check(name, value)]
+
+
+@documented
 @dataclass(frozen=True, kw_only=True)
 class SpurGear:
     """A cylindrical gear, external or internal, spur or helical; immutable, in SI units.
-
-    Parameters
-    ----------
-    teeth : int
-        z, >= 3, of a ring gear too.
-    module : float
-        Normal module m_n, m; finite, > 0.
-    width : float
-        Face width b, m; finite, > 0.
-    shift : float, default 0
-        Profile shift coefficient x, from -3 to 3.
-    pressure_angle : float, default 20 degrees
-        Of the basic rack, alpha_n, rad; > 0 and < pi / 4.
-    helix_angle : float, default 0
-        At the reference circle, beta, rad; >= 0 and < pi / 3.
-    internal : bool, default False
-        Whether it is a ring gear.
-    tip_diameter : float, optional
-        d_a, m; by default d + 2 m_n (x + h_aP), of a ring gear d - 2 m_n (x + h_aP).
-    rack : {"A", "B", "C", "D"} or Rack, default "A"
-        Basic rack, by its letter in ISO 53.
-    thickness_allowance : float, default 0
-        Upper allowance of the normal tooth thickness E_sns, m; <= 0 (DIN 3967).
-    bore : float, default 0
-        Diameter, m; below that of the root.
-    outer_diameter : float, optional
-        Of the rim of a ring gear, m; its mass and inertia need it.
-    web : Web, optional
-    material : Material, default steel
-    quality : int, optional
-        Flank tolerance class of ISO 1328-1:2013, from 1 to 11; `pitch_deviation` and
-        `form_deviation` need it.
-    tip_relief : TipRelief, optional
-    pitch_errors : sequence of float, default none
-        By how much each flank lies back from its place along the line of action, m, tooth after
-        tooth as they come into mesh; as many as teeth.
 
     Raises
     ------
@@ -65,45 +54,57 @@ class SpurGear:
         message names parameter, value and range.
     """
 
-    teeth: int
-    module: float
-    width: float
-    shift: float = 0.0
-    pressure_angle: float = math.radians(20.0)
-    helix_angle: float = 0.0
-    internal: bool = False
-    tip_diameter: float | None = None
-    rack: Rack | str = "A"
-    thickness_allowance: float = 0.0
-    bore: float = 0.0
-    outer_diameter: float | None = None
-    web: Web | None = None
-    material: Material = Material()
-    quality: int | None = None
-    tip_relief: TipRelief | None = None
-    pitch_errors: tuple = ()
+    teeth: Annotated[int, Integer(3, limit=10_000), "Of a ring gear too,", "z"]
+    module: Annotated[float, LENGTH, "Normal module", "m_n"]
+    width: Annotated[float, LENGTH, "Face width", "b"]
+    shift: Annotated[float, Number(least=-3, most=3), "Profile shift coefficient", "x"] = 0.0
+    pressure_angle: Annotated[
+        float,
+        Number(unit="rad", example="20 deg", above=0, below=math.pi / 4),
+        "Of the basic rack,",
+        "alpha_n",
+    ] = math.radians(20.0)
+    helix_angle: Annotated[
+        float,
+        Number(unit="rad", example="15.8 deg", least=0, below=math.pi / 3),
+        "At the reference circle,",
+        "beta",
+    ] = 0.0
+    internal: Annotated[bool, TRUTH, "Whether it is a ring gear"] = False
+    tip_diameter: Annotated[
+        float | None, LENGTH, "d_a; by default d + 2 m_n (x + h_aP), of a ring gear with -"
+    ] = None
+    rack: Annotated[Rack | str, _RackKind(), "Basic rack, by its letter in ISO 53"] = "A"
+    thickness_allowance: Annotated[
+        float,
+        Number(unit="m", example="-50 um", most=0),
+        "Upper allowance of the normal tooth thickness E_sns; DIN 3967",
+    ] = 0.0
+    bore: Annotated[float, RUN_OUT, "Diameter; below that of the root"] = 0.0
+    outer_diameter: Annotated[
+        float | None, LENGTH, "Of the rim of a ring gear; its mass and inertia need it"
+    ] = None
+    web: Annotated[Web | None, Part((Web,)), "Between rim and hub"] = None
+    material: Annotated[Material, Part((Material,)), "Steel by default"] = Material()
+    quality: Annotated[
+        int | None,
+        Integer(1, 11),
+        "Flank tolerance class of ISO 1328-1:2013; `pitch_deviation` and `form_deviation` need it",
+    ] = None
+    tip_relief: Annotated[TipRelief | None, Part((TipRelief,)), "None by default"] = None
+    pitch_errors: Annotated[
+        tuple,
+        Many(ERROR),
+        "By how much each flank lies back from its place along the line of action, tooth after "
+        "tooth as they come into mesh; as many as teeth, or none",
+    ] = ()
 
     def __post_init__(self):
-        self._put("teeth", checks.integer("teeth", self.teeth, 3))
-        for name in ("module", "width"):
-            self._put(name, checks.finite_positive(name, getattr(self, name)))
-        self._within("shift", "from -3 to 3", lambda v: -3.0 <= v <= 3.0)
-        self._within("pressure_angle", "> 0 and < pi / 4 (rad)", lambda v: 0.0 < v < math.pi / 4)
-        self._within("helix_angle", ">= 0 and < pi / 3 (rad)", lambda v: 0.0 <= v < math.pi / 3)
-        self._within("thickness_allowance", "<= 0 and finite", lambda v: -math.inf < v <= 0.0)
-        checks.one_of("internal", self.internal, (False, True))
-        if not isinstance(self.rack, Rack):
-            checks.one_of("rack", self.rack, tuple(RACKS))
-            self._put("rack", RACKS[self.rack])
-        if not isinstance(self.material, Material):
-            raise ValueError(f"material = {self.material!r} is not allowed: it must be a Material")
-        if self.quality is not None:
-            self._put("quality", checks.integer("quality", self.quality, 1, 11))
+        parameters.check(self)
         self._check_teeth()
         self._check_blank()
 
     def _put(self, name, value):
-        # The one place where the frozen fields are set, to plain values.
         object.__setattr__(self, name, value)
 
     def _within(self, name, allowed, accept):
@@ -148,20 +149,14 @@ class SpurGear:
             "> 0 is allowed)",
             lambda v: thickness > 0.0,
         )
-        errors = self.pitch_errors
-        if not isinstance(errors, (tuple, list)) or len(errors) not in (0, self.teeth):
+        if len(self.pitch_errors) not in (0, self.teeth):
             raise ValueError(
-                f"pitch_errors = {errors!r} is not allowed: it must be {self.teeth} numbers, one "
-                "for each tooth"
+                f"pitch_errors = {self.pitch_errors!r} is not allowed: it must be {self.teeth} "
+                "numbers, one for each tooth"
             )
-        named = [(f"pitch_errors[{i}]", error) for i, error in enumerate(errors)]
-        checked = (checks.number(name, one, "finite", math.isfinite) for name, one in named)
-        self._put("pitch_errors", tuple(checked))
         relief = self.tip_relief
         if relief is None:
             return
-        if not isinstance(relief, TipRelief):
-            raise ValueError(f"tip_relief = {relief!r} is not allowed: it must be a TipRelief")
         checks.number(
             "amount of a tip relief",
             relief.amount,
@@ -185,9 +180,9 @@ class SpurGear:
             )
         if self.web is None:
             return
-        if not isinstance(self.web, Web) or self.internal:
+        if self.internal:
             raise ValueError(
-                f"web = {self.web!r} is not allowed: it must be a Web, of an external gear"
+                f"web = {self.web!r} is not allowed: it must be left out of a ring gear"
             )
         checks.number(
             "thickness of the web",

@@ -10,11 +10,13 @@ The mesh phase 0 lies in the middle of the segment with the larger number of pai
 
 import math
 from dataclasses import dataclass, replace
+from typing import Annotated
 
-from gearlib import checks
+from gearlib import checks, parameters
 from gearlib.models.geometry.gear import SpurGear
 from gearlib.models.geometry.involute import angle_of, inv
 from gearlib.models.geometry.parameters import pair_parameters, train_parameters
+from gearlib.parameters import LENGTH, RUN_OUT, Part, documented
 
 #: Backlash between minus this times the module and 0 is 0: drawings print shifts and distances
 #: rounded to the fourth digit.
@@ -25,19 +27,10 @@ _ROUNDING = 1e-3
 _INTO_FILLET = 0.05
 
 
+@documented
 @dataclass(frozen=True)
 class Mesh:
     """A pinion and a wheel in mesh; immutable, in SI units.
-
-    Parameters
-    ----------
-    pinion, wheel : SpurGear
-        Of an internal mesh the wheel is the ring gear.
-    centre_distance : float, optional
-        a, m; by default that at which the nominal teeth touch on both flanks.
-    backlash : float, optional
-        Normal backlash j_bn, m; >= 0. By default what shifts, centre distance and tooth thickness
-        allowances leave.
 
     Raises
     ------
@@ -45,17 +38,20 @@ class Mesh:
         If the gears do not fit together; the message names parameter, value and range.
     """
 
-    pinion: SpurGear
-    wheel: SpurGear
-    centre_distance: float | None = None
-    backlash: float | None = None
+    pinion: Annotated[SpurGear, Part((SpurGear,)), "The driving gear, external"]
+    wheel: Annotated[SpurGear, Part((SpurGear,)), "Of an internal mesh the ring gear"]
+    centre_distance: Annotated[
+        float | None, LENGTH, "a; by default that at which the nominal teeth touch on both flanks"
+    ] = None
+    backlash: Annotated[
+        float | None,
+        RUN_OUT,
+        "Normal backlash j_bn; by default what shifts, centre distance and allowances of the tooth "
+        "thickness leave",
+    ] = None
 
     def __post_init__(self):
-        for name in ("pinion", "wheel"):
-            if not isinstance(getattr(self, name), SpurGear):
-                raise ValueError(
-                    f"{name} = {getattr(self, name)!r} is not allowed: it must be a SpurGear"
-                )
+        parameters.check(self)
         self._check_gears()
         least = abs(self._signed(self.pinion.base_diameter, self.wheel.base_diameter)) / 2.0
         if self.centre_distance is None:
@@ -188,20 +184,17 @@ class Mesh:
         return turned * ratio + inv(angle) - inv(tips[1]) >= passed
 
     def _set_backlash(self):
-        given = self.backlash is not None
-        backlash = self.backlash if given else self._geometric_backlash()
-        module = self.pinion.module
-        if not given and -_ROUNDING * module <= backlash < 1e-12 * module:
+        if self.backlash is not None:
+            return
+        backlash, module = self._geometric_backlash(), self.pinion.module
+        if -_ROUNDING * module <= backlash < 1e-12 * module:
             backlash = 0.0
-        words = "a finite number >= 0"
-        if not given:
-            words = (
-                ">= 0; shifts, allowances of the tooth thickness and centre_distance leave too "
-                "little room"
-            )
-        self._put(
-            "backlash", checks.number("backlash", backlash, words, lambda v: 0 <= v < math.inf)
+        words = (
+            ">= 0; shifts, allowances of the tooth thickness and centre_distance leave too little "
+            "room"
         )
+        backlash = checks.number("backlash", backlash, words, lambda v: 0 <= v < math.inf)
+        self._put("backlash", backlash)
 
     def _geometric_backlash(self):
         """p_w minus both tooth thicknesses on the working circles, in the normal direction, m."""

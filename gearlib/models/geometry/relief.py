@@ -6,26 +6,21 @@ teeth touches. Positions are those of `gearlib.models.geometry.mesh`.
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 from gearlib import checks
+from gearlib.parameters import LENGTH, RUN_OUT, OneOf, check, documented
 
 #: Exponent of the relief over its length.
 SHAPES = {"linear": 1, "parabolic": 2}
 
 
+@documented
 @dataclass(frozen=True, kw_only=True)
 class TipRelief:
     """Tip relief of a gear, as on its drawing; immutable.
 
-    Parameters
-    ----------
-    amount : float
-        C_a, by how much the tip lies back, normal to the flank, m; finite, >= 0.
-    length : float
-        L_Ca, length of the relieved part along the path of contact, which is the difference of the
-        radii of curvature between the tip and its start, m; finite, > 0.
-    shape : {"linear", "parabolic"}, default "linear"
-        Over that length.
+    Its length is the difference of the radii of curvature between the tip and its start.
 
     Raises
     ------
@@ -33,17 +28,12 @@ class TipRelief:
         If a value is impossible; the message names parameter, value and range.
     """
 
-    amount: float
-    length: float
-    shape: str = "linear"
+    amount: Annotated[float, RUN_OUT, "C_a, by how much the tip lies back, normal to the flank"]
+    length: Annotated[float, LENGTH, "L_Ca, of the relieved part along the path of contact"]
+    shape: Annotated[str, OneOf(tuple(SHAPES)), "Over that length"] = "linear"
 
     def __post_init__(self):
-        words = "of a tip relief"
-        amount = checks.finite_nonnegative(f"amount {words}", self.amount)
-        object.__setattr__(self, "amount", amount)
-        length = checks.finite_positive(f"length {words}", self.length)
-        object.__setattr__(self, "length", length)
-        checks.one_of(f"shape {words}", self.shape, tuple(SHAPES))
+        check(self, " of a tip relief")
 
     def gap(self, from_tip):
         """Return the gap at distances from the tip along the path of contact, m."""

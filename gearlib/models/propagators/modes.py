@@ -292,13 +292,12 @@ def add(tables, system, grid, frame, effects):
     # Free rotations of the whole train move no mesh.
     rows[:, :, n - 1 - hidden : n - 1] = 0.0
     fill_curves(tables, c, rows, _exponentials(), _powers())
-    weights = np.hypot(rows[1, :, :k:2], rows[1, :, 1:k:2])
-    # The harmonics of the far side may differ: then `Grid.plain` is false.
-    tables.swing[c, :, : pairs.size] = weights
-    tables.swing[c, :, pairs.size : rates.size] = np.abs(rows[1, :, k:f])
-    tables.level[c] = rows[:, :, n - 1].T
-    tables.steady[c] = ~rows[1, :, f : n - 1].any(axis=1) & (rates.real <= _NOTHING).all()
-    tables.slots[slot_of(tables, key_of(system, effects))] = c
-    tables.keys[c] = key_of(system, effects)
+    tables.swing[c, :, :, : pairs.size] = np.hypot(rows[:, :, :k:2], rows[:, :, 1:k:2])
+    tables.swing[c, :, :, pairs.size : rates.size] = np.abs(rows[:, :, k:f])
+    tables.level[c] = rows[:, :, n - 1]
+    tables.steady[c] = ~rows[:, :, f : n - 1].any(axis=2) & (rates.real <= _NOTHING).all()
+    key = key_of(effects, system.push.shape[1])
+    tables.slots[slot_of(tables.slots, tables.keys, key)] = c
+    tables.keys[c] = key
     tables.known[0] = c + 1
     return c

@@ -5,10 +5,11 @@ import math
 import numpy as np
 
 from gearlib.kernels import orbit
+from gearlib.kernels.arrays import enlarged
 from gearlib.kernels.codes import OK
 from gearlib.kernels.several_meshes.grid import FOUND, grid_of, work_of
 from gearlib.kernels.several_meshes.modes import Modes, forget, forget_lengths, modes
-from gearlib.kernels.several_meshes.periods import MISSING
+from gearlib.kernels.several_meshes.periods import FULL, MISSING
 from gearlib.kernels.several_meshes.run import begin, period_of, run_train
 from gearlib.models.derivatives import STEP
 from gearlib.models.propagators.matrices import Matrices
@@ -131,7 +132,7 @@ class Propagator(Matrices):
         vectors = np.empty((z.size if len(maps) else 0, w.z.size))
         code = begin(system, self.grid, w)
         while code == OK:
-            events, code = run_train(
+            code = run_train(
                 system,
                 self.grid,
                 self.tables,
@@ -146,9 +147,12 @@ class Propagator(Matrices):
                 vectors,
                 maps,
             )
-            if code != MISSING:
+            if code == MISSING:
+                add(self.tables, system, self.grid, self.frame, w.effects)
+            elif code == FULL:
+                events = enlarged(events, 2 * len(events) + 16 * m)
+            else:
                 break
-            add(self.tables, system, self.grid, self.frame, w.effects)
             code = OK
         z[:] = w.z[: z.size] / self.scale
         done = code == OK and record_periods > 0

@@ -6,11 +6,44 @@ inertia / base_radius^2. See `gearlib.models.trains` for the functionals of the 
 """
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from typing import Annotated
 
 from gearlib import checks
 from gearlib.models.harmonics import Harmonics
 from gearlib.models.stiffness import mean_over_max
+from gearlib.parameters import (
+    ANGLE,
+    DAMPING,
+    ERROR,
+    FINITE,
+    INERTIA,
+    LENGTH,
+    MASS,
+    NONNEGATIVE,
+    RUN_OUT,
+    SHAFT_STIFFNESS,
+    SUPPORT,
+    TEETH,
+    TEXT,
+    TORQUE,
+    TRUTH,
+    TWIST_DAMPING,
+    Backlash,
+    BacklashDamping,
+    ContactRatio,
+    Many,
+    MaterialDamping,
+    MaxStiffness,
+    Number,
+    OneOf,
+    Part,
+    PressureAngle,
+    StiffnessRatio,
+    Two,
+    check,
+    documented,
+)
 
 #: Arguments of `Mesh.from_geometry` by which others are derived.
 _OF_DRAWING = (
@@ -24,40 +57,12 @@ _OF_DRAWING = (
 )
 
 
+@documented
 @dataclass(frozen=True, kw_only=True)
 class Body:
     """A gear or a carrier of a `GearTrain`; immutable.
 
-    Parameters
-    ----------
-    name : str
-    inertia : float
-        About its axis, kg m^2; finite, > 0.
-    base_radius : float
-        m; of a carrier the radius of the circle of its pins; finite, > 0.
-    teeth : int, optional
-        >= 3; none for a carrier.
-    mass : float, optional
-        kg, > 0; needed where the axis can move.
-    support_stiffness : float or pair of float, default infinite
-        Along x and y, N/m; >= 0, infinity: rigid. A body on a carrier: radial and tangential.
-    support_damping : float or pair of float, default 0
-        N s/m; finite, >= 0.
-    torsional_stiffness : float, default 0
-        Of a support against rotation, N m/rad; >= 0, infinity: the body does not turn.
-    torsional_damping : float, default 0
-        N m s/rad; finite, >= 0.
-    torque : float, default 0
-        Constant, N m, counterclockwise.
-    eccentricity, eccentricity_phase : float, default 0
-        Run-out of the base circle, m, >= 0, and its direction at the start, rad; of a body on a
-        carrier from the radius of its pin.
-    offset : pair of float, default (0, 0)
-        By how much the axis is misplaced, m: an error of a pin or bore.
-    carrier : str, optional
-        Name of the body that carries the axis.
-    angle : float, default 0
-        Of the pin on the carrier, rad.
+    A support belongs to the axis: along x and y, of a body on a carrier radial and tangential.
 
     Raises
     ------
@@ -65,46 +70,40 @@ class Body:
         If a value is impossible; the message names parameter, value and range.
     """
 
-    name: str
-    inertia: float
-    base_radius: float
-    teeth: int | None = None
-    mass: float | None = None
-    support_stiffness: tuple = (math.inf, math.inf)
-    support_damping: tuple = (0.0, 0.0)
-    torsional_stiffness: float = 0.0
-    torsional_damping: float = 0.0
-    torque: float = 0.0
-    eccentricity: float = 0.0
-    eccentricity_phase: float = 0.0
-    offset: tuple = (0.0, 0.0)
-    carrier: str | None = None
-    angle: float = 0.0
+    name: Annotated[str, TEXT, "Name of the body"]
+    inertia: Annotated[float, INERTIA, "About its axis"]
+    base_radius: Annotated[
+        float, LENGTH, "Base radius; of a carrier that of the circle of its pins"
+    ]
+    teeth: Annotated[int | None, TEETH, "Teeth; none of a carrier"] = None
+    mass: Annotated[float | None, MASS, "; needed where the axis can move"] = None
+    support_stiffness: Annotated[tuple, Two(SUPPORT), "Along x and y"] = (math.inf, math.inf)
+    support_damping: Annotated[tuple, Two(DAMPING), "Along x and y"] = (0.0, 0.0)
+    torsional_stiffness: Annotated[
+        float,
+        Number(unit="N m/rad", example="1 kN m/rad", least=0, infinite="infinity: rigid"),
+        "Of a support against rotation",
+    ] = 0.0
+    torsional_damping: Annotated[float, TWIST_DAMPING, "Of the same"] = 0.0
+    torque: Annotated[float, TORQUE, "Constant, counterclockwise"] = 0.0
+    eccentricity: Annotated[float, RUN_OUT, "Run-out of the base circle"] = 0.0
+    eccentricity_phase: Annotated[
+        float, ANGLE, "Direction of the run-out at tau = 0; on a carrier from the radius of the pin"
+    ] = 0.0
+    offset: Annotated[tuple, Two(ERROR), "By how much the axis is misplaced along x and y"] = (
+        0.0,
+        0.0,
+    )
+    carrier: Annotated[str | None, TEXT, "Name of the body that carries the axis"] = None
+    angle: Annotated[float, ANGLE, "Of the pin on the carrier"] = 0.0
 
     def __post_init__(self):
-        _text("name of a body", self.name)
-        put = _Setter(self, f"of body {self.name}")
-        put("inertia", checks.finite_positive)
-        put("base_radius", checks.finite_positive)
-        put.pair("support_stiffness", _stiffness)
-        put.pair("support_damping", checks.finite_nonnegative)
-        put.pair("offset", _finite)
-        put("torsional_stiffness", _stiffness)
-        for name in ("torsional_damping", "eccentricity"):
-            put(name, checks.finite_nonnegative)
-        for name in ("torque", "eccentricity_phase", "angle"):
-            put(name, _finite)
-        if self.teeth is not None:
-            put("teeth", lambda name, value: checks.integer(name, value, 3))
-        if self.mass is not None:
-            put("mass", checks.finite_positive)
+        check(self, f" of body {self.name}")
         if self.mass is None and not all(map(math.isinf, self.support_stiffness)):
             raise ValueError(
                 f"mass of body {self.name} = None is not allowed: it must be a finite number > 0 "
                 "where the support is elastic"
             )
-        if self.carrier is not None:
-            _text(f"carrier of body {self.name}", self.carrier)
         if self.eccentricity and self.teeth is None:
             raise ValueError(
                 f"eccentricity of body {self.name} = {self.eccentricity!r} is not allowed: it must "
@@ -133,33 +132,26 @@ class Body:
         return cls(name=name, **(own | more))
 
 
+@documented
 @dataclass(frozen=True, kw_only=True)
 class Shaft:
-    """An elastic shaft that joins two bodies; immutable.
+    """An elastic shaft that joins two bodies; immutable."""
 
-    Parameters
-    ----------
-    bodies : pair of str
-        Their names.
-    stiffness : float
-        Against torsion, N m/rad; finite, > 0.
-    damping : float, default 0
-        N m s/rad; finite, >= 0.
-    bending_stiffness : float, default 0
-        Between the displacements of both bodies, the same along x and y, N/m; finite, >= 0.
-    bending_damping : float, default 0
-        N s/m; finite, >= 0.
-    keying : float, optional
-        Angle from a tooth of the first gear to one of the second, from middle to middle, rad,
-        counterclockwise; by default 0, teeth in line, or what loops of meshes ask for.
-    """
-
-    bodies: tuple
-    stiffness: float
-    damping: float = 0.0
-    bending_stiffness: float = 0.0
-    bending_damping: float = 0.0
-    keying: float | None = None
+    bodies: Annotated[tuple, Many(TEXT, 2), "Names of both"]
+    stiffness: Annotated[float, SHAFT_STIFFNESS, "Against torsion"]
+    damping: Annotated[float, TWIST_DAMPING, "Of the same"] = 0.0
+    bending_stiffness: Annotated[
+        float,
+        Number(unit="N/m", example="1 kN/um", least=0),
+        "Between the displacements of both bodies, the same along x and y",
+    ] = 0.0
+    bending_damping: Annotated[float, DAMPING, "Of the same"] = 0.0
+    keying: Annotated[
+        float | None,
+        ANGLE,
+        "Counterclockwise from the middle of a tooth of the first gear to that of one of the "
+        "second; by default 0, teeth in line, or what loops of meshes ask for",
+    ] = None
 
     def __post_init__(self):
         names = self.bodies
@@ -172,67 +164,17 @@ class Shaft:
             raise ValueError(
                 f"bodies of a shaft = {names!r} is not allowed: it must be the names of two bodies"
             )
-        object.__setattr__(self, "bodies", tuple(names))
-        put = _Setter(self, f"of shaft {names[0]}-{names[1]}")
-        put("stiffness", checks.finite_positive)
-        for name in ("damping", "bending_stiffness", "bending_damping"):
-            put(name, checks.finite_nonnegative)
-        if self.keying is not None:
-            put("keying", _finite)
+        check(self, f" of shaft {names[0]}-{names[1]}")
 
 
+@documented
 @dataclass(frozen=True, kw_only=True)
 class Mesh:
     """Two gears in mesh; immutable.
 
-    Parameters
-    ----------
-    pinion, wheel : str
-        Names of the bodies; of an internal mesh the wheel is the ring gear.
-    max_stiffness, stiffness_ratio, contact_ratio : float
-        C_max in N/m, kappa in (0, 1], epsilon in [1, 2], as of a `GearPair`.
-    name : str, optional
-        By default ``pinion-wheel``.
-    internal : bool, default False
-    position : float, optional
-        Angle of the line of centres, rad: from the pinion to the wheel; internal: from the axis of
-        the wheel to that of the pinion. 0 by default.
-    pressure_angle : float, default 20 degrees
-        In operation, rad, in [0, pi / 2).
-    line_of_action : float, optional
-        Angle, rad, of the direction in which the mesh presses against the gear at which the
-        position begins; in place of `position`.
-    direction : {1, -1}, default 1
-        Which flanks are the drive side: 1, if they touch when the gear at which the position begins
-        is turned counterclockwise.
-    driving : str, optional
-        Name of the gear, pinion or wheel, that drives through the drive-side flanks; decides in
-        which sense the train turns. Where no mesh says so, the reference mesh's pinion drives.
-    phase : float, optional
-        By how many of its mesh periods the stiffness comes after that of the reference mesh; by
-        default as tooth numbers, positions, `tooth_thickness` and `pitch_phase` have it.
-    inverse_phase : float, optional
-        The same of the coast-side flanks; by default as `tooth_thickness` and `pitch_phase` have
-        it, or `phase` where no thickness is given.
-    backlash : float, default infinite
-        m, >= 0.
-    material_damping, backlash_damping : float, default 0
-        In contact and in the backlash, N s/m; finite, >= 0.
-    deviation, inverse_deviation : Harmonics
-        m, over the phase of this mesh, of drive-side and coast-side flanks; by default none, and
-        that of the drive side.
-    error : float, default 0
-        Constant displacement along the line of action, m: an error of assembly.
-    friction : pair of float, default (0, 0)
-        Coefficients in normal and inverse mesh, >= 0. The force acts on the axes across the line of
-        action, against the sliding, which turns at the pitch point and half a mesh period later.
-    pitch_phase : float, default 0
-        Phase of this mesh at which drive-side flanks touch at the pitch point, rad, when the pinion
-        drives; it counts negative where the wheel does. Those of the coast side do a tooth
-        thickness later or earlier.
-    tooth_thickness : pair of float, optional
-        Of pinion and wheel on their working circles, in pitches, in (0, 1); by default half a
-        pitch.
+    Its position is counted from the pinion to the wheel, of an internal mesh from the axis of the
+    wheel to that of the pinion. Friction acts on the axes across the line of action, against the
+    sliding, which turns at the pitch point and half a mesh period later.
 
     Raises
     ------
@@ -240,68 +182,89 @@ class Mesh:
         If a value is impossible; the message names parameter, value and range.
     """
 
-    pinion: str
-    wheel: str
-    max_stiffness: float
-    stiffness_ratio: float
-    contact_ratio: float
-    name: str | None = None
-    internal: bool = False
-    position: float | None = None
-    pressure_angle: float = math.radians(20.0)
-    line_of_action: float | None = None
-    direction: int = 1
-    driving: str | None = None
-    phase: float | None = None
-    inverse_phase: float | None = None
-    backlash: float = math.inf
-    material_damping: float = 0.0
-    backlash_damping: float = 0.0
-    deviation: Harmonics = field(default_factory=Harmonics)
-    inverse_deviation: Harmonics | None = None
-    error: float = 0.0
-    friction: tuple = (0.0, 0.0)
-    pitch_phase: float = 0.0
-    tooth_thickness: tuple | None = None
+    pinion: Annotated[str, TEXT, "Name of a body"]
+    wheel: Annotated[str, TEXT, "Name of a body; of an internal mesh the ring gear"]
+    max_stiffness: MaxStiffness
+    stiffness_ratio: StiffnessRatio
+    contact_ratio: ContactRatio
+    name: Annotated[str | None, TEXT, "By default pinion-wheel"] = None
+    internal: Annotated[bool, TRUTH, "Whether the wheel is a ring gear"] = False
+    position: Annotated[float | None, ANGLE, "Of the line of centres; 0 by default"] = None
+    pressure_angle: PressureAngle = math.radians(20.0)
+    line_of_action: Annotated[
+        float | None,
+        ANGLE,
+        "Direction in which the mesh presses against the gear at which the position begins; "
+        "in place of `position`",
+    ] = None
+    direction: Annotated[
+        int,
+        OneOf((1, -1)),
+        "Which flanks are the drive side: 1, if they touch when the gear at which the position "
+        "begins is turned counterclockwise",
+    ] = 1
+    driving: Annotated[
+        str | None,
+        TEXT,
+        "Pinion or wheel, which drives through the drive side and so decides in which sense "
+        "the train turns; by default as other meshes have it, of the reference mesh the pinion",
+    ] = None
+    phase: Annotated[
+        float | None,
+        FINITE,
+        "By how many of its mesh periods the stiffness comes after that of the reference mesh; "
+        "by default as tooth numbers, positions, `tooth_thickness` and `pitch_phase` have it",
+    ] = None
+    inverse_phase: Annotated[
+        float | None,
+        FINITE,
+        "The same of the coast-side flanks; by default as `tooth_thickness` and `pitch_phase` "
+        "have it, or `phase` where no thickness is given",
+    ] = None
+    backlash: Backlash = math.inf
+    material_damping: MaterialDamping = 0.0
+    backlash_damping: BacklashDamping = 0.0
+    deviation: Annotated[
+        Harmonics, Part((Harmonics,)), "Of the drive-side flanks over the phase of this mesh, m"
+    ] = Harmonics()
+    inverse_deviation: Annotated[
+        Harmonics | None,
+        Part((Harmonics,)),
+        "Of the coast-side flanks, m; by default that of the drive side",
+    ] = None
+    error: Annotated[
+        float, ERROR, "Constant displacement along the line of action: an error of assembly"
+    ] = 0.0
+    friction: Annotated[tuple, Two(NONNEGATIVE), "Coefficients in normal and inverse mesh"] = (
+        0.0,
+        0.0,
+    )
+    pitch_phase: Annotated[
+        float,
+        ANGLE,
+        "Phase of this mesh at which drive-side flanks touch at the pitch point when the pinion "
+        "drives; it counts negative where the wheel does. Those of the coast side do a tooth "
+        "thickness later or earlier",
+    ] = 0.0
+    tooth_thickness: Annotated[
+        tuple | None,
+        Two(Number(above=0, below=1)),
+        "Of pinion and wheel on their working circles, in pitches; by default half a pitch",
+    ] = None
 
     def __post_init__(self):
-        for name in ("pinion", "wheel"):
-            _text(f"{name} of a mesh", getattr(self, name))
         if self.name is None:
             object.__setattr__(self, "name", f"{self.pinion}-{self.wheel}")
-        _text("name of a mesh", self.name)
-        put = _Setter(self, f"of mesh {self.name}")
-        put("max_stiffness", checks.finite_positive)
-        put("stiffness_ratio", _number("> 0 and <= 1", lambda v: 0.0 < v <= 1.0))
-        put("contact_ratio", _number("from 1 to 2", lambda v: 1.0 <= v <= 2.0))
-        put("pressure_angle", _number("from 0 to below pi / 2", lambda v: 0.0 <= v < math.pi / 2))
-        put("backlash", _number(">= 0 (infinity included)", lambda v: v >= 0.0))
-        put("internal", lambda name, value: checks.one_of(name, value, (False, True)))
-        put("direction", lambda name, value: checks.one_of(name, value, (1, -1)))
-        for name in ("material_damping", "backlash_damping"):
-            put(name, checks.finite_nonnegative)
-        for name in ("error", "pitch_phase"):
-            put(name, _finite)
-        for name in ("position", "line_of_action", "phase", "inverse_phase"):
-            if getattr(self, name) is not None:
-                put(name, _finite)
-        put.pair("friction", checks.finite_nonnegative)
-        if self.tooth_thickness is not None:
-            put.pair("tooth_thickness", _number("> 0 and < 1", lambda v: 0.0 < v < 1.0))
+        whose = f" of mesh {self.name}"
+        check(self, whose)
         if self.driving is not None:
-            put("driving", lambda name, v: checks.one_of(name, v, (self.pinion, self.wheel)))
+            checks.one_of(f"driving{whose}", self.driving, (self.pinion, self.wheel))
         if self.inverse_deviation is None:
             object.__setattr__(self, "inverse_deviation", self.deviation)
-        for name in ("deviation", "inverse_deviation"):
-            if not isinstance(getattr(self, name), Harmonics):
-                raise ValueError(
-                    f"{name} of mesh {self.name} = {getattr(self, name)!r} is not allowed: it must "
-                    "be Harmonics"
-                )
         if self.line_of_action is not None and self.position is not None:
             raise ValueError(
-                f"line_of_action of mesh {self.name} = {self.line_of_action!r} is not allowed: it "
-                "must be left out where position is given"
+                f"line_of_action{whose} = {self.line_of_action!r} is not allowed: it must be left "
+                "out where position is given"
             )
 
     @classmethod
@@ -356,36 +319,3 @@ class Mesh:
     def varies(self):
         """Whether the stiffness has two levels in a mesh period."""
         return self.stiffness_ratio < 1.0 and 1.0 < self.contact_ratio < 2.0
-
-
-class _Setter:
-    """Checks the fields of one element and sets them to plain values."""
-
-    def __init__(self, element, words):
-        self.element, self.words = element, words
-
-    def __call__(self, name, check):
-        value = check(f"{name} {self.words}", getattr(self.element, name))
-        object.__setattr__(self.element, name, value)
-
-    def pair(self, name, check):
-        values, key = getattr(self.element, name), f"{name} {self.words}"
-        if not isinstance(values, (tuple, list)):
-            values = (values, values)
-        if len(values) != 2:
-            raise ValueError(f"{key} = {values!r} is not allowed: it must be one or two numbers")
-        checked = tuple(check(f"{key}, {axis}", v) for axis, v in zip("xy", values, strict=True))
-        object.__setattr__(self.element, name, checked)
-
-
-def _number(allowed, accept):
-    return lambda name, value: checks.number(name, value, allowed, accept)
-
-
-_finite = _number("finite", math.isfinite)
-_stiffness = _number(">= 0 (infinity: rigid)", lambda value: value >= 0.0)
-
-
-def _text(name, value):
-    if not isinstance(value, str) or not value:
-        raise ValueError(f"{name} = {value!r} is not allowed: it must be a text")

@@ -1,22 +1,69 @@
 """Parts of ready-made trains: gears by module and teeth, meshes by a `GearPair`."""
 
 import math
-from numbers import Real
+from typing import Annotated
 
-from gearlib import checks
 from gearlib.models.pair import GearPair
 from gearlib.models.trains.elements import Mesh
+from gearlib.parameters import (
+    ERROR,
+    LENGTH,
+    MASS,
+    SHAFT_STIFFNESS,
+    SUPPORT,
+    TIME,
+    TRUTH,
+    Many,
+    OneOf,
+    Part,
+)
 
 #: Of supports and shafts, s times their stiffness: choice, as in the trial of speed.
 STRUCTURAL_DAMPING = 1e-6
 #: In operation, rad.
 PRESSURE_ANGLE = math.radians(20.0)
 
+StructuralDamping = Annotated[float, TIME, "Damping of supports and shafts over their stiffness"]
+AxisStiffness = Annotated[float, SUPPORT, "Of all axes"]
+ShaftStiffness = Annotated[float, SHAFT_STIFFNESS, "Of each shaft against torsion"]
+Modules = Annotated[tuple, Many(LENGTH, 2), "Of both stages"]
+PinErrors = Annotated[
+    tuple | None,
+    Many(Many(ERROR, 2)),
+    "By how much the axis of each is misplaced, radial and tangential",
+]
+#: Of a planetary set.
+SetSupports = Annotated[tuple, Many(SUPPORT, 4), "Of sun, ring, carrier and planets"]
+SetTwists = Annotated[
+    tuple, Many(SUPPORT, 3), "Of the supports of sun, ring and carrier at their radius"
+]
+Turning = Annotated[bool, TRUTH, "Whether the carrier turns and the ring stands: decides the rpm"]
+Driving = Annotated[
+    str,
+    OneOf(("sun", "ring")),
+    'Which gear drives, seen from the carrier; "ring" also where the carrier drives the sun',
+]
+Gyroscopic = Annotated[
+    bool, TRUTH, "Whether axes that can move feel the turning frame, Coriolis and centrifugal"
+]
+#: Of three or four gears.
+_REDUCED, _MASSES = (
+    "I / r^2 of each; by default in proportion to z^2",
+    "Of each gear; by default twice I / r^2, as of discs",
+)
+ThreeReduced = Annotated[tuple | None, Many(MASS, 3), _REDUCED]
+FourReduced = Annotated[tuple | None, Many(MASS, 4), _REDUCED]
+ThreeMasses = Annotated[tuple | None, Many(MASS, 3), _MASSES]
+FourMasses = Annotated[tuple | None, Many(MASS, 4), _MASSES]
+
+
+def pair_of(pair):
+    """Return a `GearPair`, else raise ValueError."""
+    return Part((GearPair,)).check("pair", pair)
+
 
 def mesh_of(pair, pinion, wheel, **more):
     """Return a `Mesh` with the values of a `GearPair`."""
-    if not isinstance(pair, GearPair):
-        raise ValueError(f"pair = {pair!r} is not allowed: it must be a GearPair")
     own = ("max_stiffness", "stiffness_ratio", "contact_ratio", "backlash", "material_damping")
     values = {name: getattr(pair, name) for name in (*own, "backlash_damping")}
     return Mesh(pinion=pinion, wheel=wheel, **(values | more))
@@ -34,22 +81,11 @@ def gear(name, teeth, module, pressure_angle, reduced, mass, force):
 
 def base_radius(teeth, module, pressure_angle):
     """Return the base radius of a gear, m."""
-    angle = checked_angle(pressure_angle)
-    return checks.finite_positive("module", module) * teeth / 2.0 * math.cos(angle)
-
-
-def checked_angle(pressure_angle):
-    """Return a pressure angle, else raise ValueError."""
-    below = math.pi / 2.0
-    return checks.number(
-        "pressure_angle", pressure_angle, "from 0 to below pi / 2", lambda v: 0.0 <= v < below
-    )
+    return module * teeth / 2.0 * math.cos(pressure_angle)
 
 
 def gear_masses(pair, first, second, *others):
     """Return I / r^2 in proportion to z^2, the first two gears with the reduced mass of a pair."""
-    if not isinstance(pair, GearPair):
-        raise ValueError(f"pair = {pair!r} is not allowed: it must be a GearPair")
     unit = pair.reduced_mass * (1.0 / first**2 + 1.0 / second**2)
     return [unit * z**2 for z in (first, second, *others)]
 
@@ -61,12 +97,5 @@ def support(stiffness, structural_damping):
 
 
 def damping_of(stiffness, structural_damping):
-    """Return the damping of a stiffness, N s/m; what is none is left to the part that it is for."""
-    share = checks.finite_nonnegative("structural_damping", structural_damping)
-    return share * stiffness if isinstance(stiffness, Real) and stiffness < math.inf else 0.0
-
-
-def teeth_of(teeth, count):
-    """Return the numbers of teeth of so many gears, else raise ValueError."""
-    values = checks.many("teeth", teeth, count)
-    return [checks.integer(f"teeth[{i}]", z, 3) for i, z in enumerate(values)]
+    """Return the damping of a stiffness, N s/m; none of a rigid one."""
+    return structural_damping * stiffness if stiffness < math.inf else 0.0

@@ -15,84 +15,74 @@ All others are choices, stated here:
 """
 
 import math
+from typing import Annotated
 
 from gearlib import checks
 from gearlib.models.trains.elements import Body, Shaft
 from gearlib.models.trains.parts import (
     PRESSURE_ANGLE,
     STRUCTURAL_DAMPING,
+    AxisStiffness,
+    FourMasses,
+    FourReduced,
+    Modules,
+    PinErrors,
+    ShaftStiffness,
+    StructuralDamping,
     base_radius,
     damping_of,
     gear,
     gear_masses,
     mesh_of,
+    pair_of,
     support,
-    teeth_of,
 )
-from gearlib.models.trains.train import GearTrain
+from gearlib.parameters import BACKLASH, TEETH, TRUTH, Integer, Many, PressureAngle, checked
 
 
+@checked
 def split_power_reducer(
     pair,
     *,
-    branches=3,
-    teeth=None,
-    internal=False,
-    modules=(0.004, 0.004),
-    pressure_angle=PRESSURE_ANGLE,
-    reduced_inertias=None,
-    masses=None,
-    shaft_stiffness=1e6,
-    support_stiffness=1e9,
-    structural_damping=STRUCTURAL_DAMPING,
-    pin_errors=None,
-    backlashes=None,
+    branches: Annotated[int, Integer(1, limit=100), "Double satellites, equally spaced"] = 3,
+    teeth: Annotated[
+        tuple | None,
+        Many(TEETH, 4),
+        "Of input, both gears of a satellite, output; by default (24, 36, 24, 36), with a ring "
+        "gear (24, 36, 24, 84)",
+    ] = None,
+    internal: Annotated[bool, TRUTH, "Whether the output is a ring gear"] = False,
+    modules: Modules = (0.004, 0.004),
+    pressure_angle: PressureAngle = PRESSURE_ANGLE,
+    reduced_inertias: FourReduced = None,
+    masses: FourMasses = None,
+    shaft_stiffness: ShaftStiffness = 1e6,
+    support_stiffness: AxisStiffness = 1e9,
+    structural_damping: StructuralDamping = STRUCTURAL_DAMPING,
+    pin_errors: PinErrors = None,
+    backlashes: Annotated[
+        tuple | None,
+        Many(Many(BACKLASH, 2)),
+        "Of the first and second mesh of each branch; by default that of the pair",
+    ] = None,
     **options,
 ):
     """Return the reducer with double satellites whose axes stand still in the housing.
 
     Bodies are called ``input``, ``output``, ``satellite 1 a``, ``satellite 1 b``, ...; the meshes
-    of branch i ``first i`` (input and a) and ``second i`` (b and output).
-
-    Parameters
-    ----------
-    pair : GearPair
-        Every mesh; its load acts on each of the first stage.
-    branches : int, default 3
-        Double satellites, equally spaced.
-    teeth : 4 ints, optional
-        Of input, a, b and output; by default (24, 36, 24, 36), with internal output
-        (24, 36, 24, 84).
-    internal : bool, default False
-        Whether the output is a ring gear.
-    modules : pair of float
-        Of both stages, m.
-    pressure_angle : float
-        rad.
-    reduced_inertias, masses : 4 floats, optional
-        Of input, a, b and output, kg, see the module.
-    shaft_stiffness : float
-        Of every satellite's shaft against torsion, N m/rad.
-    support_stiffness : float
-        Of all axes, N/m; infinity: rigid.
-    structural_damping : float
-        Damping of supports and shafts over their stiffness, s.
-    pin_errors : sequence of pair of float, optional
-        By how much the axis of each satellite is misplaced, radial and tangential, m.
-    backlashes : sequence of pair of float, optional
-        Backlash of both meshes of each branch, m; by default that of the pair.
-    **options
-        Of `GearTrain`.
+    of branch i ``first i`` (input and a) and ``second i`` (b and output). Every mesh is `pair`, a
+    `GearPair`, whose load acts on each of the first stage; other options are those of `GearTrain`.
 
     Raises
     ------
     ValueError
         If a value is impossible or the two stages have different centre distances.
     """
-    n = checks.integer("branches", branches, 1)
-    checks.one_of("internal", internal, (False, True))
-    z = teeth_of(teeth or ((24, 36, 24, 84) if internal else (24, 36, 24, 36)), 4)
-    sizes = [checks.numbers("modules", modules, 2)[i // 2] for i in range(4)]
+    from gearlib.models.trains.train import GearTrain
+
+    n, pair = branches, pair_of(pair)
+    z = teeth or ((24, 36, 24, 84) if internal else (24, 36, 24, 36))
+    sizes = [modules[i // 2] for i in range(4)]
     centres = sizes[0] * (z[0] + z[1]), sizes[2] * (z[3] - z[2] if internal else z[3] + z[2])
     if abs(centres[0] - centres[1]) > 1e-9 * centres[0]:
         raise ValueError(
@@ -100,8 +90,7 @@ def split_power_reducer(
             f"{centres[0] / 2.0:.6g} m in the first, {centres[1] / 2.0:.6g} m in the second"
         )
     reduced = reduced_inertias or gear_masses(pair, *z)
-    reduced = checks.numbers("reduced_inertias", reduced, 4)
-    masses = checks.numbers("masses", masses or [2.0 * value for value in reduced], 4)
+    weights = masses or [2.0 * value for value in reduced]
     errors = checks.many("pin_errors", pin_errors or [(0.0, 0.0)] * n, n)
     gaps = checks.many("backlashes", backlashes or [(pair.backlash,) * 2] * n, n)
     radii = [base_radius(z[i], sizes[i], pressure_angle) for i in range(4)]
@@ -111,7 +100,7 @@ def split_power_reducer(
     bearing = support(support_stiffness, structural_damping)
 
     def body(i, name, force, offset=(0.0, 0.0)):
-        values = gear(name, z[i], sizes[i], pressure_angle, reduced[i], masses[i], force)
+        values = gear(name, z[i], sizes[i], pressure_angle, reduced[i], weights[i], force)
         return Body(**values, **bearing, offset=offset)
 
     bodies = [body(0, "input", n * pair.load), body(3, "output", out)]
@@ -119,8 +108,7 @@ def split_power_reducer(
     for i in range(n):
         psi = 2.0 * math.pi * i / n
         a, b = f"satellite {i + 1} a", f"satellite {i + 1} b"
-        radial, tangential = checks.numbers(f"pin_errors[{i}]", errors[i], 2)
-        gap, second_gap = checks.many(f"backlashes[{i}]", gaps[i], 2)
+        (radial, tangential), (gap, second_gap) = errors[i], gaps[i]
         c, s = math.cos(psi), math.sin(psi)
         offset = c * radial - s * tangential, s * radial + c * tangential
         bodies += [body(1, a, 0.0, offset), body(2, b, 0.0, offset)]

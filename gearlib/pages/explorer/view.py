@@ -117,9 +117,7 @@ def configuration(mapping, damping, setting):
     pair = asdict(setting.pair(GearPair(**settings.pair_parameters(damping))))
     seen = {
         "gear_pair": {key: pair[key] for key in settings.gear_pair.model_dump()},
-        "dampings": {
-            damping: {"material": pair["material_damping"], "backlash": pair["backlash_damping"]}
-        },
+        "dampings": {damping: {key: pair[key] for key in ("material_damping", "backlash_damping")}},
         "phase_planes": {"tunings": [setting.tuning]},
     }
     whole = laid_over(mapping, seen)

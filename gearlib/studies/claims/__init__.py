@@ -17,9 +17,7 @@ module               responsibility
 ===================  ======================================================
 """
 
-import csv
-import io
-from dataclasses import asdict, dataclass, fields
+from dataclasses import astuple, dataclass, fields
 
 from gearlib.data.files import replacing
 from gearlib.studies.claims.data import Data, NoData
@@ -55,7 +53,7 @@ def evaluate(
     ----------
     pair : GearPair
         The gear pair; its damping is not used.
-    dampings : dict of str to {"material": float, "backlash": float}
+    dampings : dict of str to {"material_damping": float, "backlash_damping": float}
         The damping combinations, N s/m, by name.
     resonance, phase_planes : xarray.Dataset
         As gathered by `gearlib.data.gathering`.
@@ -89,13 +87,10 @@ def judge(check, data):
     return Claim(identifier, statement, where, computed, verdict, figure)
 
 
-def write_csv(claims, path):
-    """Write the claims as CSV, a row per statement, replacing the file in one step."""
-    text = io.StringIO()
-    writer = csv.DictWriter(text, [f.name for f in fields(Claim)], lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(asdict(claim) for claim in claims)
-    _replace(path, text.getvalue())
+def rows(claims):
+    """Yield the claims as a table, a row per statement."""
+    yield [field.name for field in fields(Claim)]
+    yield from map(astuple, claims)
 
 
 def write_markdown(claims, path):
@@ -110,9 +105,5 @@ def write_markdown(claims, path):
         f"| {c.id} | {c.statement} ({c.where}) | {c.computed} | **{c.verdict}** | {c.figure} |"
         for c in claims
     ]
-    _replace(path, "\n".join(lines) + "\n")
-
-
-def _replace(path, text):
     with replacing(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+        temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")

@@ -23,7 +23,7 @@ class Data:
         self.phase_lag, self.jump, self.scenes = phase_lag, jump, scenes
         self.pair, self.resonance, self.phase_planes = pair, resonance, phase_planes
         self.dampings = {
-            name: (values["material"] > 0.0, values["backlash"] > 0.0)
+            name: (values["material_damping"] > 0.0, values["backlash_damping"] > 0.0)
             for name, values in dampings.items()
         }
 

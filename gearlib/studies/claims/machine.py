@@ -54,13 +54,6 @@ CHECK = (
 )
 
 
-def write_csv(comparison, path):
-    """Write the claim A1 as `claims.write_csv` does those of the paper.
-
-    Parameters
-    ----------
-    comparison : xarray.Dataset
-        As computed by `gearlib.studies.trains.one_mesh`.
-    path : str or os.PathLike
-    """
-    claims.write_csv([claims.judge(CHECK, comparison)], path)
+def rows(comparison):
+    """Return the claim A1 on a comparison of `one_mesh`, as `claims.rows` has the paper's."""
+    return claims.rows([claims.judge(CHECK, comparison)])

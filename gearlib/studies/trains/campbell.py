@@ -7,7 +7,7 @@ those of the reducer whose branches are alike.
 
 import numpy as np
 
-from gearlib.data import files, provenance
+from gearlib.data import provenance
 from gearlib.data.contact_loss import lost_share
 from gearlib.data.variables import describe
 from gearlib.models.pair import GearPair
@@ -53,18 +53,11 @@ def compute(characteristics, pair, settings, orders):
     return describe(data)
 
 
-def write_csv(diagram, path):
-    """Write the intersections up to the fastest speed swept, in the order of speed.
-
-    Parameters
-    ----------
-    diagram : xarray.Dataset
-        Of `compute`. Modes of one frequency are one row.
-    path : str or os.PathLike
-    """
+def rows(diagram):
+    """Yield the intersections up to the fastest speed swept, in the order of speed."""
     speeds = diagram.speed.values
     lost = (lost_share(diagram.fraction_normal_high.values) > 0.0).any(axis=(0, 2))
-    rows = {}
+    found = {}
     for order in diagram.stiffness_order.values:
         for mode in diagram.mode.values:
             one = diagram.sel(stiffness_order=order, mode=mode)
@@ -76,10 +69,9 @@ def write_csv(diagram, path):
             parts = ""
             if speed >= speeds[0]:
                 parts = "yes" if lost[np.abs(speeds - speed).argmin()] else "no"
-            excited = bool(one.excites) or rows.get(row, (False,))[0]
-            rows[row] = excited, speed, parts
-    with files.table(path) as writer:
-        names = ["critical_speed_rpm", "order_over_first_mesh", "natural_frequency_hz", "mode_kind"]
-        writer.writerow([*names, "excited", "contact_lost_at_the_nearest_speed_swept"])
-        for row, (excited, _, parts) in sorted(rows.items(), key=lambda item: item[1][1]):
-            writer.writerow([*row, "yes" if excited else "no", parts])
+            excited = bool(one.excites) or found.get(row, (False,))[0]
+            found[row] = excited, speed, parts
+    names = ["critical_speed_rpm", "order_over_first_mesh", "natural_frequency_hz", "mode_kind"]
+    yield [*names, "excited", "contact_lost_at_the_nearest_speed_swept"]
+    for row, (excited, _, parts) in sorted(found.items(), key=lambda item: item[1][1]):
+        yield [*row, "yes" if excited else "no", parts]

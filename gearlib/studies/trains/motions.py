@@ -7,8 +7,6 @@ slow ones and chaos, are told by their range over all starts; so are motions of 
 alone, moved by less than anything that can be measured, decides where they end.
 """
 
-import os
-from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
 import numpy as np
@@ -17,51 +15,20 @@ import xarray as xr
 from gearlib.analysis.orbits.shooting import NoOrbit, periodic_orbit
 from gearlib.data import status, summary
 from gearlib.runs.run_arguments import MAX_EVENTS
+from gearlib.studies.many_starts import KEPT, beside, in_parallel, over_starts, starts
 
 #: What `settled` says.
-SETTLED_FLAGS = {
-    "flag_values": np.arange(2, dtype=np.int8),
-    "flag_meanings": "unsettled all_starts_on_one_stable_orbit",
-}
+SETTLED_FLAGS = status.settled_flags("all_starts_on_one_stable_orbit")
 #: Names of what `summarise` says of the motions, and of the settings.
 SHARES = ["settled", "settled_share", "motion_count", "largest_share", "period"]
 SETTINGS = ("periods", "record_periods", "starts", "first_starts", "seed", "spread")
 #: A run that ends so near to a stable orbit, and came nearer, settles on it; one that changes by
 #: more over its record is near none. Static deflections.
 _NEAR = 0.3
-#: Starts are moved by this to see whether they decide where a motion ends; rounding is less.
-_BESIDE = 1e-9
-#: A motion that changes by less from there is not decided by rounding, a thousandth of it or less.
-KEPT = 1e-3
 #: Multiples of the common period of all meshes that an orbit is looked for with.
 _MULTIPLES = (1, 2)
 #: Searches without an orbit after which no other is begun at a tuning.
 _SEARCHES = 3
-
-
-def starts(model, state, settings):
-    """Return the starts: a state of a model with seeded displacements added, shape (k, size).
-
-    Parameters
-    ----------
-    model : Model
-    state : tuple of float, array_like or "static"
-        As of `gearlib.simulate`.
-    settings : dict
-        starts, seed, and spread, the largest displacement of a coordinate, static deflections.
-    """
-    if isinstance(state, str):
-        state = model.start_state(state)
-    generator, half = np.random.default_rng(settings["seed"]), model.size // 2
-    found = np.tile(np.asarray(state, float), (settings["starts"], 1))
-    # Of bodies, not of natural modes: of two with one frequency no computer knows which is which.
-    found[:, :half] += settings["spread"] * generator.uniform(-1.0, 1.0, (len(found), half))
-    return found
-
-
-def beside(state):
-    """Return a state next to one, by more than rounding and less than anything that is measured."""
-    return state + _BESIDE * np.cos(1.0 + np.arange(len(state)) ** 2.0)
 
 
 class Ends(NamedTuple):
@@ -271,12 +238,6 @@ def from_rest(model, tunings, settings, state="static"):
     return in_parallel(lambda nu: ends(model, float(nu), begin, settings), tunings)
 
 
-def in_parallel(call, values):
-    """Return what a call gives for each value; kernels leave the interpreter to other threads."""
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        return list(pool.map(call, values))
-
-
 def carried(model, tunings, settings, direction, state="static"):
     """Return the same for one start that carries its motion from tuning to tuning.
 
@@ -342,16 +303,6 @@ def summarise(model, found, settings, names):
     )
     dataset["settled"].attrs |= SETTLED_FLAGS
     return dataset
-
-
-def over_starts(every, names):
-    """Return name, name_low, name_high -> DataArray: median and range over ``start``."""
-    found = {}
-    for name in names:
-        found[name] = every[name].median("start", skipna=False)
-        found[f"{name}_low"] = every[name].min("start", skipna=False)
-        found[f"{name}_high"] = every[name].max("start", skipna=False)
-    return found
 
 
 def over_directions(model, tunings, settings, names, directions):

@@ -13,11 +13,13 @@ import math
 import numpy as np
 import xarray as xr
 
-from gearlib.data import files, provenance
+from gearlib.data import provenance
 from gearlib.data.contact_loss import lost_share
+from gearlib.data.status import settled_flags
 from gearlib.data.variables import describe
 from gearlib.models.pair import GearPair
 from gearlib.models.trains.parts import gear_masses
+from gearlib.studies import many_starts
 from gearlib.studies.trains import motions
 from gearlib.studies.trains.reducer import BRANCHES, displaced, train_of
 
@@ -285,19 +287,18 @@ def compute(pair, tunings, settings, changes):
         most = np.where(both, most, 2.0 * most - least)
     within = (most <= changes["tolerance"]).all(axis=-1)
     shared = [np.isclose(one, one[:, :1], rtol=_SAME, equal_nan=True) for one in (values, change)]
-    flags = {"flag_values": np.arange(2, dtype=np.int8)}
     over, answers = ("case", "model", "tuning"), ("case", "model", "observable")
     data = {
         "settled": (over, settled, motions.SETTLED_FLAGS),
         "answer_free_of_rounding": (
             answers,
             firm.astype(np.int8),
-            flags | {"flag_meanings": "unsettled free_of_rounding"},
+            many_starts.FLAGS,
         ),
         "answer_shared": (
             answers,
             (np.logical_and(*shared).all(axis=1) & firm & both).astype(np.int8),
-            flags | {"flag_meanings": "unsettled shared"},
+            settled_flags("shared"),
         ),
         "sufficient": ("case", [MODELS[int(row.argmax())] for row in within]),
         "tolerance": float(changes["tolerance"]),
@@ -311,7 +312,7 @@ def compute(pair, tunings, settings, changes):
         }
     )
     dataset = xr.Dataset(
-        data | motions.over_starts(every, list(every)),
+        data | many_starts.over_starts(every, list(every)),
         {
             "case": list(CASES),
             "model": list(MODELS),
@@ -329,38 +330,31 @@ def compute(pair, tunings, settings, changes):
     return describe(dataset)
 
 
-def write_csv(comparison, path):
-    """Write the digits of the answers that all starts share, a row for each case and model.
+def rows(comparison):
+    """Yield the digits of the answers that all starts share, a row for each case and model.
 
     Answers that hang on motions which rounding decides have none.
-
-    Parameters
-    ----------
-    comparison : xarray.Dataset
-        Of `compute`.
-    path : str or os.PathLike
     """
     names = [str(name) for name in comparison.observable.values]
     firm = comparison.answer_free_of_rounding == 1
     settled = {"answer": firm, "answer_change": firm.copy(data=_free_changes(firm.values))}
-    with files.table(path) as writer:
-        changes = [f"change_of_{name}" for name in names[:-1]]
-        writer.writerow(["case", "model", *names, *changes, "smallest_that_suffices"])
-        for case in comparison.case.values:
-            for model in comparison.model.values:
-                one = comparison.sel(case=case, model=model)
-                texts = [
-                    _shared_digits(low, high) if sure else _DIFFERS
-                    for name, few in (("answer", None), ("answer_change", -1))
-                    for low, high, sure in zip(
-                        one[f"{name}_low"].values[:few],
-                        one[f"{name}_high"].values[:few],
-                        settled[name].sel(case=case, model=model).values[:few],
-                        strict=True,
-                    )
-                ]
-                chosen = "yes" if model == one.sufficient.item() else "no"
-                writer.writerow([case, model, *texts, chosen])
+    changes = [f"change_of_{name}" for name in names[:-1]]
+    yield ["case", "model", *names, *changes, "smallest_that_suffices"]
+    for case in comparison.case.values:
+        for model in comparison.model.values:
+            one = comparison.sel(case=case, model=model)
+            texts = [
+                _shared_digits(low, high) if sure else _DIFFERS
+                for name, few in (("answer", None), ("answer_change", -1))
+                for low, high, sure in zip(
+                    one[f"{name}_low"].values[:few],
+                    one[f"{name}_high"].values[:few],
+                    settled[name].sel(case=case, model=model).values[:few],
+                    strict=True,
+                )
+            ]
+            chosen = "yes" if model == one.sufficient.item() else "no"
+            yield [case, model, *texts, chosen]
 
 
 def _shared_digits(low, high):

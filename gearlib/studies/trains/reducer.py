@@ -9,7 +9,7 @@ Every motion has many starts, see `gearlib.studies.trains.motions`.
 import numpy as np
 import xarray as xr
 
-from gearlib.data import files, provenance
+from gearlib.data import provenance
 from gearlib.data.contact_loss import ROUNDING, lost_share
 from gearlib.data.variables import describe
 from gearlib.models.pair import GearPair
@@ -151,33 +151,25 @@ def compute(pair, tunings, settings):
     return describe(dataset)
 
 
-def write_csv(characteristics, path):
-    """Write what all starts share as a table, a row for each case, direction and mesh.
-
-    Parameters
-    ----------
-    characteristics : xarray.Dataset
-        Of `compute`.
-    path : str or os.PathLike
-    """
+def rows(characteristics):
+    """Yield what all starts share as a table, a row for each case, direction and mesh."""
     data = characteristics
-    with files.table(path) as writer:
-        factors = ["largest_dynamic_factor", "at_tuning", "at_speed_rpm"]
-        only = ["contact_lost_in_its_branch_only_at", "far_flank_struck_in_its_branch_only_at"]
-        writer.writerow(["case", "direction", "mesh", *factors, *only, "not_settled_at"])
-        per_tuning = float(data.speed[0] / data.tuning[0])
-        for case in data.case.values:
-            for direction in data.direction.values:
-                shown = data.sel(case=case, direction=direction)
-                settled = shown.settled.values == 1
-                for j, mesh in enumerate(data.mesh.values):
-                    nu = float(shown.factor_tuning[j])
-                    numbers = [f"{float(shown.largest_factor[j]):.4g}", f"{nu:g}"]
-                    own = shown.sel(branch=int(data.mesh_branch[j]))
-                    places = [settled & (own[name].values == 1.0) for name in _ALONE]
-                    listed = [_listed(data.tuning.values[at]) for at in (*places, ~settled)]
-                    speed = f"{per_tuning * nu:.0f}"
-                    writer.writerow([case, direction, mesh, *numbers, speed, *listed])
+    factors = ["largest_dynamic_factor", "at_tuning", "at_speed_rpm"]
+    only = ["contact_lost_in_its_branch_only_at", "far_flank_struck_in_its_branch_only_at"]
+    yield ["case", "direction", "mesh", *factors, *only, "not_settled_at"]
+    per_tuning = float(data.speed[0] / data.tuning[0])
+    for case in data.case.values:
+        for direction in data.direction.values:
+            shown = data.sel(case=case, direction=direction)
+            settled = shown.settled.values == 1
+            for j, mesh in enumerate(data.mesh.values):
+                nu = float(shown.factor_tuning[j])
+                numbers = [f"{float(shown.largest_factor[j]):.4g}", f"{nu:g}"]
+                own = shown.sel(branch=int(data.mesh_branch[j]))
+                places = [settled & (own[name].values == 1.0) for name in _ALONE]
+                listed = [_listed(data.tuning.values[at]) for at in (*places, ~settled)]
+                speed = f"{per_tuning * nu:.0f}"
+                yield [case, direction, mesh, *numbers, speed, *listed]
 
 
 def _listed(tunings):

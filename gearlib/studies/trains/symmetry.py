@@ -20,6 +20,7 @@ from gearlib.data.variables import describe
 from gearlib.models.trains.train import GearTrain
 from gearlib.runs.run_arguments import MAX_EVENTS
 from gearlib.runs.simulation import simulate
+from gearlib.studies.many_starts import in_parallel, over_starts, starts
 from gearlib.studies.trains import motions
 from gearlib.studies.trains.stability import with_jump
 
@@ -169,7 +170,7 @@ def _course(train, tuning, state, settings):
 
     They are drawn as lines: so these must be the same to `_SEEN_BESIDE` for all that rounding does.
     """
-    first = motions.starts(train, state, settings | {"starts": 1})[0]
+    first = starts(train, state, settings | {"starts": 1})[0]
     recorded = settings["record_periods"]
     one, other = (
         simulate(
@@ -228,18 +229,18 @@ def compute(train, tunings, settings):
         if miss > _MISS:
             return None
         largest[:, i] = abs(inside[0]), abs(outside[0])
-        begin = motions.starts(train, lift @ states[i], settings)
+        begin = starts(train, lift @ states[i], settings)
         if largest[:, i].max() < 1.0:
             # Starts beside it come back: that is its multipliers' word.
             begin = np.tile(lift @ states[i], (settings["first_starts"], 1))
         return motions.ends(train, float(tunings[i]), begin, settings)
 
-    for i, becomes in enumerate(motions.in_parallel(look, range(tunings.size))):
+    for i, becomes in enumerate(in_parallel(look, range(tunings.size))):
         if becomes is None:
             continue
         verdict[i] = 3 if largest[0, i] > 1.0 else 2 if largest[1, i] > 1.0 else 1
         one = motions.summarise(train, [becomes], settings, _SEEN).isel(tuning=0)
-        for name, values in motions.over_starts(one, _SEEN).items():
+        for name, values in over_starts(one, _SEEN).items():
             found[name][i] = values
         for name in motions.SHARES:
             shares[name][i] = one[name]

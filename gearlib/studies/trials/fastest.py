@@ -5,7 +5,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gearlib.data import files
 from gearlib.studies.trials import work_precision
 
 
@@ -90,17 +89,14 @@ _COLUMNS = (
 )
 
 
-def write_csv(errors, times, path):
-    """Write the `table` of the datasets of methods, replacing the file in one step."""
-    with files.table(path) as writer:
-        names = [f"{who}_{column}" for who in UNREACHED for column in _COLUMNS]
-        writer.writerow(
-            ["problem", "accuracy_in_static_deflections", "own_is_times_faster", *names]
-        )
-        for row in table(errors, times):
-            ratio = f"{row.other.time / row.own.time:.3g}" if row.own and row.other else ""
-            cells = [*_cells(row.own, "own"), *_cells(row.other, "other")]
-            writer.writerow([row.problem, f"1e-{row.decade:02d}", ratio, *cells])
+def rows(errors, times):
+    """Yield the `table` of the datasets of methods, replacing the file in one step."""
+    names = [f"{who}_{column}" for who in UNREACHED for column in _COLUMNS]
+    yield ["problem", "accuracy_in_static_deflections", "own_is_times_faster", *names]
+    for row in table(errors, times):
+        ratio = f"{row.other.time / row.own.time:.3g}" if row.own and row.other else ""
+        cells = [*_cells(row.own, "own"), *_cells(row.other, "other")]
+        yield [row.problem, f"1e-{row.decade:02d}", ratio, *cells]
 
 
 def _cells(entry, who):

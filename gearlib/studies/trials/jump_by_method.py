@@ -12,7 +12,6 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
-from gearlib.data import files
 from gearlib.data.provenance import canonical_json
 from gearlib.data.variables import describe
 from gearlib.models.pair import GearPair
@@ -173,14 +172,14 @@ def compute(method, pair, tunings, slow_tunings, settings, run):
     return describe(dataset)
 
 
-def write_csv(datasets, path):
-    """Write the jumps of all methods as one table, the cheapest first, replacing the file."""
-    rows = []
+def rows(datasets):
+    """Yield the jumps of all methods as one table, the cheapest first, replacing the file."""
+    found = []
     for data in datasets:
         for k in range(data.sizes["rung"]):
             one = data.isel(rung=k)
             switches = data.switch_tuning.values[data.switch_rung.values == k]
-            rows.append(
+            found.append(
                 (
                     float(one.period_evaluations),
                     one.line.item(),
@@ -193,7 +192,6 @@ def write_csv(datasets, path):
                 )
             )
     names = ("switches", "jump", "error", "switch_tunings", "scan")
-    with files.table(path) as writer:
-        writer.writerow(["line", "knob", "evaluations_per_period", *names])
-        for cost, line, knob, *rest in sorted(rows, key=lambda row: row[:3]):
-            writer.writerow([line, knob, f"{cost:.4g}", *rest])
+    yield ["line", "knob", "evaluations_per_period", *names]
+    for cost, line, knob, *rest in sorted(found, key=lambda row: row[:3]):
+        yield [line, knob, f"{cost:.4g}", *rest]

@@ -1,0 +1,205 @@
+"""Studies of drawn gears: mesh stiffness, what its rectangle costs, dynamic factor, tip relief."""
+
+from gearlib.config.dynamic_factor import DynamicFactor
+from gearlib.config.relief import HarrisMap, ReliefDynamics
+from gearlib.config.stiffness import MeshStiffness, Rectangle
+from gearlib.config.studies.study import DRAWN, GRID, Drawing, Job, Study, Table, grid_of, without
+
+
+def _pairs(c):
+    return c.mesh_stiffness.model_dump()["pairs"]
+
+
+def _qualities(c):
+    pair = c.dynamic_factor.pair
+    return f"{pair.pinion.quality} and {pair.wheel.quality}"
+
+
+MESH_STIFFNESS = Study(
+    "mesh_stiffness",
+    MeshStiffness,
+    DRAWN,
+    Job(
+        "mesh_stiffness",
+        "mesh_stiffness:compute",
+        lambda c: {"pairs": _pairs(c), "samples": c.mesh_stiffness.samples},
+        kernels=(),
+    ),
+    Table(
+        "mesh_stiffness",
+        "mesh_stiffness:rows",
+        {"stiffness": "mesh_stiffness.nc"},
+        "Mesh stiffness by every method, table",
+        lambda c: (
+            """For each pair and method: mean mesh stiffness in N/m, stiffness ratio, and how
+        far the mean lies from that of the energy method, relative; published means below."""
+        ),
+    ),
+    Drawing(
+        "mesh_stiffness.draw",
+        {"stiffness": "mesh_stiffness.nc"},
+        {
+            "mesh_stiffness": (
+                "Mesh stiffness by every method",
+                lambda c: (
+                    f"""Mesh stiffness of {" and ".join(c.mesh_stiffness.pairs)} over the mesh
+                period: after the ISO standard, method B, and by the energy method, with one body
+                that yields to all pairs of teeth, with a body for each pair, and with a contact
+                that softens at low load. Bands: the stated uncertainty of both methods. Right: the
+                means; crosses: published ones."""
+                ),
+            )
+        },
+    ),
+)
+
+RECTANGLE = Study(
+    "rectangle",
+    Rectangle,
+    DRAWN,
+    Job(
+        "rectangle",
+        "rectangle:compute",
+        lambda c: {
+            "pairs": _pairs(c),
+            "tunings": grid_of(c.rectangle),
+            "samples": c.mesh_stiffness.samples,
+            "settings": without(c.rectangle, *GRID),
+        },
+        kernels=("kernels", "larger_kernels"),
+    ),
+    Table(
+        "rectangle",
+        "rectangle:rows",
+        {"costs": "rectangle.nc"},
+        "What the rectangular stiffness costs, table",
+        lambda c: (
+            """For each pair and observable: its value with the rectangle and with the whole
+        course, both by the energy method; what the course changes, by method; the spread between
+        the methods; the verdict. Empty: no jump, or a distance."""
+        ),
+    ),
+    Drawing(
+        "rectangle.draw",
+        {"costs": "rectangle.nc"},
+        {
+            "rectangle": (
+                "What the rectangular stiffness costs",
+                lambda c: (
+                    f"""Motion of the drawn pairs with the whole course of the stiffness, and
+                with the rectangle of the same means in double and single contact; damping ratio
+                {c.rectangle.damping_ratio}. Above: height of the orbit, speed rising and falling;
+                tuning and static deflection are those of the energy method. Below: what the
+                rectangle changes, a mark for each variant of the energy method in its colour,
+                beside the spread between the rectangles of all methods; what is too small to be
+                shown stands at the left edge. A difference up to the tolerance,
+                {c.rectangle.tolerance}, is negligible; one below the spread is smaller than the
+                uncertainty of the stiffness. Relative differences; of contact loss and of motions
+                of another period those of shares."""
+                ),
+            )
+        },
+    ),
+)
+
+DYNAMIC_FACTOR = Study(
+    "dynamic_factor",
+    DynamicFactor,
+    DRAWN,
+    Job(
+        "dynamic_factor",
+        "dynamic_factor:compute",
+        lambda c: {
+            "pair": c.dynamic_factor.model_dump()["pair"],
+            "ratios": grid_of(c.dynamic_factor),
+            "settings": without(c.dynamic_factor, "pair", *GRID),
+        },
+    ),
+    Drawing(
+        "dynamic_factor.draw",
+        {"factors": "dynamic_factor.nc"},
+        {
+            "dynamic_factor": (
+                "Dynamic factor of drawn gears, beside ISO 6336-1",
+                lambda c: (
+                    f"""Largest mesh force of two drawn gears over the static one, teeth
+                {c.dynamic_factor.pair.pinion.teeth} and {c.dynamic_factor.pair.wheel.teeth},
+                {c.dynamic_factor.pair.torque} N m on the pinion, damping ratio
+                {c.dynamic_factor.damping_ratio}: exact sweeps with speed up and down, beside the
+                dynamic factor of ISO 6336-1, method B. Two ways to find the mesh stiffness. Perfect
+                teeth, and teeth that deviate once in a mesh period by a cosine as high as the
+                classes {_qualities(c)} of ISO 1328-1 allow after running in. Triangles: jumps;
+                strips: contact is lost."""
+                ),
+            )
+        },
+    ),
+)
+
+HARRIS_MAP = Study(
+    "harris_map",
+    HarrisMap,
+    DRAWN,
+    Job(
+        "harris_map",
+        "tip_relief:harris_map",
+        lambda c: (
+            {"gears": c.harris_map.gears.model_dump()}
+            | c.harris_map.model_dump(include={"loads", "stiffness", "phases"})
+        ),
+        kernels=(),
+    ),
+    Drawing(
+        "harris_map.draw",
+        {"data": "harris_map.nc"},
+        {
+            "harris_map": (
+                "Tip relief: Harris maps",
+                lambda c: (
+                    f"""Harris maps: the static transmission error of drawn spur gears over
+                two mesh periods, at several loads, written over the design load of
+                {c.harris_map.gears.torque} N m (thick). Long relief begins where single contact
+                ends and has the amounts of least peak-to-peak error at the design load; short
+                relief has the same amounts on half of the length. Below: peak-to-peak error, and
+                the effective contact ratio, the mean number of pairs of teeth that touch. No relief
+                removes the variation of the error within single contact."""
+                ),
+            )
+        },
+    ),
+)
+
+RELIEF_DYNAMICS = Study(
+    "relief_dynamics",
+    ReliefDynamics,
+    DRAWN,
+    # Its own kernels are compiled by itself: no other job needs them.
+    Job(
+        "relief_dynamics",
+        "tip_relief:dynamics",
+        lambda c: {
+            "gears": c.harris_map.gears.model_dump(),
+            "stiffness": c.harris_map.stiffness,
+            "tunings": grid_of(c.relief_dynamics),
+            "settings": without(c.relief_dynamics, *GRID),
+        },
+        kernels=("larger_kernels",),
+    ),
+    Drawing(
+        "relief_dynamics.draw",
+        {"data": "relief_dynamics.nc"},
+        {
+            "relief_dynamics": (
+                "Tip relief: dynamic force by two models",
+                lambda c: (
+                    f"""The gears of the Harris map with long relief in motion, at several
+                loads over the design load, sweeping up and down in speed. Wide: one degree of
+                freedom with stiffness and deviation at the load. Thin: pairs of teeth that touch
+                one by one, each with its own flank line, exact between events. Shaded: a model
+                loses contact. The small model suffices where the largest dynamic forces differ by
+                at most {c.relief_dynamics.tolerance} of the force at all tunings."""
+                ),
+            )
+        },
+    ),
+)

@@ -1,0 +1,266 @@
+"""Studies behind the paper's figures and statements, and the page on which tunings are chosen."""
+
+import re
+
+from gearlib import tunings
+from gearlib.config.experiments import PhaseLag, PhasePlanes, ReportPage, Resonance
+from gearlib.config.studies.study import (
+    PAPER,
+    STARTS,
+    Drawing,
+    Job,
+    Study,
+    grid_of,
+    listed,
+    of_dampings,
+    pair_of,
+    pairs_of,
+    run_length,
+    sampled_run,
+)
+
+#: The numbers of the reasons that the documentation gives for the verdicts.
+WHY = ["parametric_resonance.csv", "certificates.csv"]
+
+
+def _colours(c):
+    return {"colours": c.figures.colours}
+
+
+def _windows(c):
+    """Return the files of all windows of the resonance characteristic."""
+    return [
+        f"resonance/{damping}/{direction}/{tunings.name_of(*window)}.nc"
+        for damping in c.dampings
+        for direction in c.resonance.directions
+        for window in c.resonance.windows(direction)
+    ]
+
+
+def _planes(c):
+    """Return the files of all phase planes."""
+    names = [tunings.name_of(tuning) for tuning in c.phase_planes.tunings]
+    return [f"phase_planes/{damping}/{name}.nc" for damping in c.dampings for name in names]
+
+
+def _beside(target, files):
+    """Return the function that gives files which Fig. 3 shows if they are those of a target."""
+    return lambda c: (files(c) if callable(files) else files) if target in c.targets else None
+
+
+def _resonance_caption(c):
+    targets, run = c.targets, c.run
+    parts = [
+        f"""Largest and smallest relative displacement over the tuning ν for {listed(c.dampings)},
+        record of the last {run.recorded_revolutions} of {run.revolutions} revolutions. Shaded:
+        normal mesh, backlash, inverse mesh. Lines are periodic orbits, dots are motions that do not
+        repeat. *cold*, from rest: every tuning starts from the initial state; *up*, *down*: the
+        state is carried from tuning to tuning, which shows hysteresis."""
+    ]
+    if "branches" in targets:
+        parts.append(
+            """Thin lines below: orbits of one mesh period, and of two where they branch off, solid
+            where stable, dashed where unstable."""
+        )
+    if "labels" in targets:
+        parts.append(
+            """The strip at the edge classifies the motion from rest, by runs of several kinds and
+            its largest Lyapunov exponent."""
+        )
+    if "parametric_resonance" in targets:
+        parts.append(
+            """Bands: instability tongues, tunings at which the motion without contact loss is
+            unstable at that damping."""
+        )
+    return " ".join(parts)
+
+
+def _label_of_scene(c, wildcards):
+    """Return the label of a scene in the report: its name in words, its dampings."""
+    words = re.sub(r"^fig(\d+)_", r"Fig. \1: ", wildcards.scene).replace("_", " ")
+    dampings = dict.fromkeys(case.damping for case in c.scenes[wildcards.scene].cases)
+    return f"{words}, damping {', '.join(dampings)}"
+
+
+def cases_of(c):
+    """Return the function of wildcards: the cases of a scene, with their gear pairs."""
+    return lambda wildcards: [
+        {"title": case.title, "tuning": case.tuning, "pair": c.case_parameters(case)}
+        for case in c.scenes[wildcards.scene].cases
+    ]
+
+
+PHASE_LAG = Study(
+    "phase_lag",
+    PhaseLag,
+    PAPER,
+    Job(
+        "phase_lag",
+        "phase_lag:compute",
+        lambda c: {
+            **c.phase_lag.model_dump(include={"tuning", "harmonics", "periods"}),
+            "pair": c.gear_pair.model_dump(),
+            "dampings": c.phase_lag.material_dampings,
+            "tunings": grid_of(c.phase_lag),
+            "samples_per_period": c.run.samples_per_period,
+        },
+    ),
+    Drawing(
+        "phase_shift.draw",
+        {"lags": "phase_lag.nc"},
+        {
+            "fig2_phase_shift": (
+                "Fig. 2: phase lag, material damping",
+                lambda c: (
+                    f"""Relative motion over the mesh stiffness for the material dampings
+                {listed(c.phase_lag.material_dampings)} N s/m, the lag of each harmonic of the mesh
+                period behind that of the stiffness, and the lag of the first one over the tuning;
+                gaps: no orbit of one mesh period, or chaos before the motion settles."""
+                ),
+            )
+        },
+    ),
+)
+
+RESONANCE = Study(
+    "resonance",
+    Resonance,
+    PAPER,
+    Job(
+        "sweep_window",
+        "resonance_windows:compute",
+        lambda c: {
+            "pair": pair_of(c),
+            "window": lambda wildcards: tunings.values_of(wildcards.window),
+            "step": c.resonance.step,
+            "run": run_length(c),
+            "damping": "{damping}",
+            "direction": "{direction}",
+        },
+        files=("resonance/{damping}/{direction}/{window}.nc",),
+    ),
+    Job(
+        "gather_resonance",
+        "gearlib.data.gathering:gather_resonance",
+        data={"shards": _windows},
+        files=("resonance.nc",),
+        kernels=(),
+    ),
+    Drawing(
+        "resonance.draw",
+        {
+            "resonance": "resonance.nc",
+            "labels": _beside("labels", of_dampings("labels/{damping}.nc")),
+            "branches": _beside("branches", of_dampings("branches/{damping}.nc")),
+            "tongues": _beside("parametric_resonance", "tongues.nc"),
+        },
+        {
+            "fig3_resonance": (
+                "Fig. 3: resonance characteristics, all dampings",
+                _resonance_caption,
+            )
+        },
+        _colours,
+    ),
+)
+
+PHASE_PLANES = Study(
+    "phase_planes",
+    PhasePlanes,
+    PAPER,
+    Job(
+        "phase_plane",
+        "recorded_planes:compute",
+        lambda c: {
+            "pair": pair_of(c),
+            "tuning": lambda wildcards: tunings.values_of(wildcards.tuning)[0],
+            "run": sampled_run(c),
+            "damping": "{damping}",
+        },
+        files=("phase_planes/{damping}/{tuning}.nc",),
+    ),
+    Job(
+        "gather_phase_planes",
+        "gearlib.data.gathering:gather_phase_planes",
+        data={"shards": _planes},
+        files=("phase_planes.nc",),
+        kernels=(),
+    ),
+    Drawing(
+        "phase_planes.draw",
+        {"phase_planes": "phase_planes.nc"},
+        {
+            "fig5_phase_planes": (
+                "Fig. 5: phase planes, all dampings",
+                lambda c: (
+                    f"""Phase planes of the last {c.run.recorded_revolutions} of
+                {c.run.revolutions} revolutions: one row for each tuning
+                ({listed(c.phase_planes.tunings)}), one column for each damping
+                ({listed(c.dampings)}). The backlash is shaded."""
+                ),
+            )
+        },
+        _colours,
+    ),
+)
+
+SCENES = Study(
+    "scenes",
+    None,
+    PAPER,
+    Job(
+        "scene",
+        "scenes:of_comparison",
+        lambda c: {
+            "cases": cases_of(c),
+            "six_degrees": c.six_degrees.model_dump(),
+            "run": sampled_run(c),
+            "starts": c.models.model_dump(include=STARTS),
+        },
+        {"comparison": "models/{scene}.nc"},
+        files=("scenes/{scene}.nc",),
+    ),
+    Drawing(
+        "time_courses.draw",
+        {"scene": "scenes/{scene}.nc"},
+        {
+            "{scene}": (
+                _label_of_scene,
+                lambda c: (
+                    """Phase planes and time courses of the scene {scene}, the last mesh
+                periods of the record; light grey: contact loss, dark grey: inverse mesh, bar:
+                contact at the lower stiffness."""
+                ),
+            )
+        },
+        lambda c: (
+            lambda wildcards: {
+                "courses": c.scenes[wildcards.scene].courses,
+                "periods_shown": c.scenes[wildcards.scene].periods_shown,
+            }
+        ),
+        name="scene",
+        names=lambda c: {"scene": list(c.scenes)},
+    ),
+)
+
+CLAIMS_TABLE = Study(
+    "claims", None, PAPER, results=lambda c: ["claims.csv", "claims.md", *WHY]
+)  # its rule has a script of its own
+
+REPORT_PAGE = Study(
+    "report_page",
+    ReportPage,
+    PAPER,
+    Job(
+        "report_orbits",
+        "gearlib.pages.report.orbits:compute",
+        lambda c: {
+            "pairs": pairs_of(c),
+            "tunings": grid_of(c.report_page),
+            "run": run_length(c) | {"samples_per_period": c.report_page.samples_per_period},
+            "periods_shown": c.report_page.periods_shown,
+        },
+    ),
+    results=lambda c: ["report/index.html"],
+)

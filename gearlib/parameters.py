@@ -1,0 +1,336 @@
+"""What a parameter is: unit, range, words and symbol, declared once, where something takes it.
+
+The annotations of a constructor or function declare its parameters: kind, words, symbol. ::
+
+    max_stiffness: Annotated[float, STIFFNESS, "Maximum mesh stiffness", "C_max"]
+
+All else follows from them: checks and refusals (`check`, `checked`), docstrings and tables of the
+docs (`documented`, `rows`), sections of the configuration with their schema and the options of
+commands (`gearlib.config.types.like`), ranges of sliders. No numerical stack: a start of the
+workflow reads this.
+"""
+
+import dataclasses
+import functools
+import inspect
+import math
+import re
+import textwrap
+from dataclasses import dataclass
+from typing import Annotated, Any, get_origin, get_type_hints
+
+from gearlib import checks
+
+#: Of a parameter that has to be given.
+MISSING = dataclasses.MISSING
+
+
+@dataclass(frozen=True, kw_only=True)
+class Number:
+    """A real number within bounds, which `above` and `below` leave out."""
+
+    unit: str = ""
+    #: A value in another unit of the dimension, as a configuration may have it.
+    example: str = ""
+    above: float | None = None
+    least: float | None = None
+    below: float | None = None
+    most: float | None = None
+    #: What infinity means, where it is allowed.
+    infinite: str = ""
+
+    @property
+    def range(self):
+        """The bounds in words."""
+        if self.least is not None and self.most is not None:
+            return f"from {_written(self.least)} to {_written(self.most)}"
+        signs = {">": self.above, ">=": self.least, "<": self.below, "<=": self.most}
+        return " and ".join(f"{sign} {_written(x)}" for sign, x in signs.items() if x is not None)
+
+    @property
+    def words(self):
+        """What is allowed."""
+        noun = "a number" if self.infinite else "a finite number"
+        notes = self.infinite or (self.unit if self.unit == "rad" else "")
+        more = f"({notes})" if notes else ""
+        return " ".join(filter(None, (noun, self.range, more)))
+
+    def accepts(self, value):
+        """Return whether a float other than NaN is allowed."""
+        return (
+            (math.isfinite(value) or (bool(self.infinite) and value > 0.0))
+            and (self.above is None or value > self.above)
+            and (self.least is None or value >= self.least)
+            and (self.below is None or value < self.below)
+            and (self.most is None or value <= self.most)
+        )
+
+    def check(self, name, value):
+        """Return a value as float, else raise ValueError."""
+        if type(value) is float and self.accepts(value):
+            return value  # most are, and the words take time
+        return checks.number(name, value, self.words, self.accepts)
+
+
+@dataclass(frozen=True)
+class Integer:
+    """An integer; beyond `limit` a configuration takes it for a slip of the pen."""
+
+    least: int
+    most: int | None = None
+    limit: int | None = None
+
+    @property
+    def words(self):
+        """What is allowed."""
+        low, high = self.least, self.most
+        return f"an integer >= {low}" if high is None else f"an integer from {low} to {high}"
+
+    def check(self, name, value):
+        """Return a value as int, else raise ValueError."""
+        return checks.integer(name, value, self.least, self.most)
+
+
+@dataclass(frozen=True)
+class OneOf:
+    """One of a few plain values."""
+
+    choices: tuple
+
+    @property
+    def words(self):
+        """What is allowed."""
+        return f"one of {', '.join(map(repr, self.choices))}"
+
+    def check(self, name, value):
+        """Return a value as it is, else raise ValueError."""
+        return checks.one_of(name, value, self.choices)
+
+
+@dataclass(frozen=True)
+class Text:
+    """A text, the name of something."""
+
+    words = "a text"
+
+    def check(self, name, value):
+        """Return a value as it is, else raise ValueError."""
+        if not isinstance(value, str) or not value:
+            raise ValueError(f"{name} = {value!r} is not allowed: it must be {self.words}")
+        return value
+
+
+@dataclass(frozen=True)
+class Many:
+    """Several values of a kind, as many as `count` says."""
+
+    item: Any
+    count: int | None = None
+
+    @property
+    def words(self):
+        """What is allowed."""
+        number = "several values" if self.count is None else f"{self.count} values"
+        return f"{number}, each {self.item.words}"
+
+    def check(self, name, values):
+        """Return values as a tuple, else raise ValueError."""
+        if self.count is not None:
+            values = checks.many(name, values, self.count)
+        found = enumerate(checks.sequence(name, values))
+        return tuple(self.item.check(f"{name}[{i}]", value) for i, value in found)
+
+
+@dataclass(frozen=True)
+class Two:
+    """Two values of a kind along x and y, or one for both."""
+
+    item: Any
+    count = 2
+
+    @property
+    def words(self):
+        """What is allowed."""
+        return f"one or two numbers, each {self.item.words}"
+
+    def check(self, name, values):
+        """Return both as a tuple, else raise ValueError."""
+        values = values if isinstance(values, (tuple, list)) else (values, values)
+        if len(values) != 2:
+            raise ValueError(f"{name} = {values!r} is not allowed: it must be {self.words}")
+        named = zip("xy", values, strict=True)
+        return tuple(self.item.check(f"{name}, {axis}", value) for axis, value in named)
+
+
+@dataclass(frozen=True)
+class Part:
+    """An instance of a class, or of one of several."""
+
+    classes: tuple
+
+    @property
+    def words(self):
+        """What is allowed."""
+        return " or ".join(f"a {one.__name__}" for one in self.classes)
+
+    def check(self, name, value):
+        """Return a value as it is, else raise ValueError."""
+        if not isinstance(value, self.classes):
+            raise ValueError(f"{name} = {value!r} is not allowed: it must be {self.words}")
+        return value
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A declared parameter of a constructor or function."""
+
+    kind: Any
+    words: str
+    symbol: str
+    default: Any
+
+    @property
+    def unit(self):
+        """Its unit, or that of each of its values; "" without one."""
+        kind = self.kind
+        while hasattr(kind, "item"):
+            kind = kind.item
+        return getattr(kind, "unit", "")
+
+    @property
+    def description(self):
+        """Its words, symbol and unit, a sentence."""
+        text = " ".join(filter(None, (self.words, self.symbol)))
+        # The unit stands before what is added to the words.
+        head = re.match(r".*?(?=;|\. |$)", text)[0]  # type: ignore[index]
+        return f"{', '.join(filter(None, (head, self.unit)))}{text[len(head) :]}."
+
+
+@functools.cache
+def declared(thing):
+    """Return name -> `Parameter` of what a dataclass or function declares, in order."""
+    thing = inspect.unwrap(thing)
+    defaults = {
+        name: MISSING if one.default is inspect.Parameter.empty else one.default
+        for name, one in inspect.signature(thing).parameters.items()
+    }
+    found = {}
+    for name, hint in get_type_hints(thing, include_extras=True).items():
+        if get_origin(hint) is Annotated:
+            kind, words, symbol = (*hint.__metadata__, "")[:3]
+            found[name] = Parameter(kind, words, symbol, defaults[name])
+    return found
+
+
+def check(instance, whose=""):
+    """Check what the class of a frozen dataclass declares, and set the fields to plain values.
+
+    `whose` follows the names in messages, as in " of body sun"; None stays where it is the default.
+    """
+    for name, parameter in declared(type(instance)).items():
+        value = getattr(instance, name)
+        if value is not None or parameter.default is not None:
+            # The one place where the frozen fields are set.
+            object.__setattr__(instance, name, parameter.kind.check(f"{name}{whose}", value))
+
+
+def checked(function):
+    """Check what a function declares of its keyword arguments before it is called."""
+    known = None
+
+    @functools.wraps(function)
+    def call(*args, **given):
+        nonlocal known
+        known = known or declared(function)
+        for name, parameter in known.items():
+            if given.get(name, parameter.default) is not parameter.default:
+                given[name] = parameter.kind.check(name, given[name])
+        return function(*args, **given)
+
+    return documented(call)
+
+
+def documented(thing):
+    """Give a class or function the table of its declared parameters in its docstring."""
+    lines = []
+    for name, one in declared(thing).items():
+        if one.default is MISSING:
+            default = ""
+        else:
+            default = ", optional" if one.default is None else f", default {one.default!r}"
+        words = textwrap.indent(textwrap.fill(one.description, 92), "    ")
+        lines += [f"{name} : {one.kind.words}{default}", words]
+    text = inspect.getdoc(thing) or ""
+    if "Parameters\n---" not in text:
+        lines = ["Parameters", "----------", *lines]
+    head, mark, rest = text.partition("\n\nRaises\n---")
+    gap = "\n" if "Parameters\n---" in text else "\n\n"
+    thing.__doc__ = head + gap + "\n".join(lines) + mark + rest
+    # What `help` shows has the plain types.
+    signature = inspect.signature(thing)
+    plain = [
+        one.replace(annotation=getattr(one.annotation, "__origin__", one.annotation))
+        for one in signature.parameters.values()
+    ]
+    thing.__signature__ = signature.replace(parameters=plain)
+    return thing
+
+
+def _written(value):
+    """Return a bound as text; fractions of pi as such."""
+    for n in (2, 3, 4):
+        if value == math.pi / n:
+            return f"pi / {n}"
+    return f"{value:g}"
+
+
+# Kinds with a dimension, and the parameters that many take.
+
+POSITIVE = Number(above=0)
+NONNEGATIVE = Number(least=0)
+FINITE = Number()
+ANGLE = Number(unit="rad", example="30 deg")
+#: A pressure angle in operation.
+WORKING_ANGLE = Number(unit="rad", example="20 deg", least=0, below=math.pi / 2)
+LENGTH = Number(unit="m", example="100 mm", above=0)
+BACKLASH = Number(unit="m", example="40 um", least=0, infinite="infinity included")
+RUN_OUT = Number(unit="m", example="10 um", least=0)
+ERROR = Number(unit="m", example="10 um")
+STIFFNESS = Number(unit="N/m", example="4e5 N/mm", above=0)
+#: Of a support.
+SUPPORT = Number(unit="N/m", example="1 kN/um", least=0, infinite="infinity: rigid")
+SHAFT_STIFFNESS = Number(unit="N m/rad", example="1 MN m/rad", above=0)
+MASS = Number(unit="kg", example="3123 g", above=0)
+INERTIA = Number(unit="kg m^2", example="978.52 kg cm^2", above=0)
+POWER = Number(unit="W", example="30 kW", above=0)
+SPEED = Number(unit="rpm", example="2000 rpm", above=0)
+LOAD = Number(unit="N", example="3.3 kN", above=0)
+FORCE = Number(unit="N", example="2 kN")
+TORQUE = Number(unit="N m", example="200 N m")
+DRIVING_TORQUE = Number(unit="N m", example="302 N m", above=0)
+DAMPING = Number(unit="N s/m", example="3.95 N s/mm", least=0)
+TWIST_DAMPING = Number(unit="N m s/rad", example="10 N m s/rad", least=0)
+TIME = Number(unit="s", example="1 us", least=0)
+TEETH = Integer(3, limit=100_000)
+STIFFNESS_RATIO = Number(above=0, most=1)
+CONTACT_RATIO = Number(least=1, most=2)
+TRUTH = OneOf((False, True))
+TEXT = Text()
+
+MaxStiffness = Annotated[float, STIFFNESS, "Maximum mesh stiffness", "C_max"]
+StiffnessRatio = Annotated[float, STIFFNESS_RATIO, "Stiffness ratio", "kappa = C_min / C_max"]
+ContactRatio = Annotated[
+    float, CONTACT_RATIO, "Contact ratio epsilon; both ends mean constant stiffness"
+]
+Backlash = Annotated[float, BACKLASH, "Backlash s_k; infinite without a second flank"]
+MaterialDamping = Annotated[float, DAMPING, "Of the material, while the flanks touch,", "k_1"]
+BacklashDamping = Annotated[float, DAMPING, "Of the oil in the backlash,", "k_1m"]
+PressureAngle = Annotated[float, WORKING_ANGLE, "Pressure angle in operation"]
+
+# Damping in contact of drawn gears, one of the first three at most.
+DampingRatio = Annotated[float | None, NONNEGATIVE, "Damping ratio in contact, beta"]
+Decrement = Annotated[
+    float | None, NONNEGATIVE, "delta = 2 pi beta / sqrt(1 - beta^2), in place of damping_ratio"
+]
+DrawnDamping = Annotated[float | None, DAMPING, "k_1 in contact, in place of damping_ratio"]
+BacklashDampingRatio = Annotated[float, NONNEGATIVE, "Damping ratio in the backlash, beta_m"]

@@ -1,0 +1,85 @@
+"""Many seeded starts of one motion, and whether rounding decides where it goes.
+
+What a chaotic motion comes to after many mesh periods hangs on the last digit of its start. A
+motion is one of these if a start moved by a billionth of a static deflection leads it elsewhere;
+then what starts of physical size have in common is told: medians, ranges and shares.
+"""
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+
+from gearlib.data.status import settled_flags
+from gearlib.runs.simulation import simulate
+
+#: What a variable says of a run.
+FLAGS = settled_flags("free_of_rounding")
+#: Starts are moved by this to see whether they decide where a motion ends; rounding is less.
+_BESIDE = 1e-9
+#: A motion that changes by less from there is not decided by rounding, a thousandth of it or less.
+KEPT = 1e-3
+_EXTREMA = ("displacement_max", "displacement_min", "dynamic_force_max", "dynamic_force_min")
+
+
+def starts(model, state, settings):
+    """Return the starts: a state of a model with seeded displacements added, shape (k, size).
+
+    The state is that of `gearlib.simulate`; settings are starts, seed, and spread, the largest
+    displacement of a coordinate, static deflections.
+    """
+    if isinstance(state, str):
+        state = model.start_state(state)
+    state = np.asarray(state, float)
+    generator, half = np.random.default_rng(settings["seed"]), state.size // 2
+    found = np.tile(state, (settings["starts"], 1))
+    # Of bodies, not of natural modes: of two with one frequency no computer knows which is which.
+    found[:, :half] += settings["spread"] * generator.uniform(-1.0, 1.0, (len(found), half))
+    return found
+
+
+def beside(state):
+    """Return a state next to one, by more than rounding and less than anything that is measured."""
+    return state + _BESIDE * np.cos(1.0 + np.arange(len(state)) ** 2.0)
+
+
+def runs(model, tuning, run, settings):
+    """Return the run from the start asked for, and those that tell what the motion is.
+
+    These are itself, where it is free of rounding; elsewhere one from each of the `starts`. `run`
+    has the arguments of `gearlib.simulate`, a start as displacement and velocity.
+    """
+    run = {"initial_state": (0.0, 0.0)} | run
+
+    def begun(state, **other):
+        return simulate(model, tuning, **run | other | {"initial_state": tuple(map(float, state))})
+
+    state = np.asarray(run["initial_state"], float)
+    asked, near = begun(state), begun(beside(state), samples_per_period=1)
+    away = max(abs(float(asked[name] - near[name])) for name in _EXTREMA)
+    if away < KEPT:
+        return asked, [asked]
+    return asked, [begun(z, samples_per_period=1) for z in starts(model, state, settings)]
+
+
+def in_parallel(call, values):
+    """Return what a call gives for each value; kernels leave the interpreter to other threads."""
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        return list(pool.map(call, values))
+
+
+def over_starts(every, names):
+    """Return name, name_low, name_high -> DataArray: median and range over ``start``."""
+    found = {}
+    for name in names:
+        found[name] = every[name].median("start", skipna=False)
+        found[f"{name}_low"] = every[name].min("start", skipna=False)
+        found[f"{name}_high"] = every[name].max("start", skipna=False)
+    return found
+
+
+def spread_of(values):
+    """Return least, median and largest of those values that are numbers, NaN where none is."""
+    values = values[np.isfinite(values)]
+    found = (np.min, np.median, np.max) if values.size else ()
+    return tuple(float(which(values)) for which in found) or (np.nan,) * 3
