@@ -71,6 +71,7 @@ class Range:
     def inside(self):
         """Return numbers just inside, of each bound one, or one where there is none."""
         found = [bound if allowed else _beside(bound, -way) for bound, allowed, way in self.bounds]
+        found = [0.999 * one if "pi" in self.words and one > 0.5 else one for one in found]
         return (found or [1.0]) + [math.inf] * self.infinite
 
 
@@ -79,6 +80,18 @@ def _beside(bound, way):
     if isinstance(bound, int):
         return bound + way
     return way * 1e-12 if bound == 0.0 else math.nextafter(bound, way * math.inf)
+
+
+def said(allowed, text):
+    """Return whether a sentence goes on with a range, a part of pi as a number near it."""
+    parts = re.split(r"pi / (\d)", allowed)
+    pattern = "".join(r"(\d\.\d+)" if i % 2 else re.escape(one) for i, one in enumerate(parts))
+    found = re.match(pattern, text)
+    wanted = [math.pi / int(one) for one in parts[1::2]]
+    return found is not None and all(
+        math.isclose(float(one), angle, rel_tol=1e-3)
+        for one, angle in zip(found.groups(), wanted, strict=True)
+    )
 
 
 class Ranges:
