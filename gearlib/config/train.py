@@ -266,6 +266,9 @@ class MeshPart(DampingByRatio):
     backlash_damping: DampingCoefficient = Field(
         default=None, description="In the backlash, N s/m."
     )
+    moving_backlash: Truth = Field(
+        default=None, description="Whether the coast side moves with supports and run-out."
+    )
     deviation: Deviation = Field(default=None, description="Of the drive-side flanks.")
     inverse_deviation: Deviation = Field(default=None, description="Of the coast-side flanks.")
     error: Error = Field(default=None, description="Of assembly, along the line of action, m.")

@@ -96,6 +96,7 @@ class GearTrain(TrainResults):
         assembly.check_names(self)
         assembly.check_gears(self)
         assembly.check_balance(self)
+        assembly.check_moving_backlash(self)
 
     # What follows is computed once.
 
@@ -118,6 +119,13 @@ class GearTrain(TrainResults):
     def structure(self):
         """The `Structure`: matrices in SI units."""
         return structure(self.by_name, self.meshes, self.shafts)
+
+    @cached_property
+    def far_lines(self):
+        """Coast-side distances by coordinates, (m, n): without supports where backlash moves."""
+        from gearlib.models.trains.system import far_lines
+
+        return far_lines(self)
 
     @cached_property
     def speeds(self):

@@ -95,19 +95,21 @@ def excitation(train):
         entry[sides, j] += (cosine, math.copysign(1.0, frequency) * sine)
 
     for j, mesh in enumerate(train.meshes):
+        # A coast side that moves with the axes meets nothing of what only they do.
+        axes = [1] if mesh.moving_backlash else [0, 1]
         constants[:, j] += mesh.error
         for name, arm in zip((mesh.pinion, mesh.wheel), train.structure.arms[j], strict=True):
             body = train.by_name[name]
             c, s = (math.cos(body.angle), math.sin(body.angle)) if body.carrier else (1.0, 0.0)
             x, y = body.offset
-            constants[:, j] += arm @ (c * x - s * y, s * x + c * y)
+            constants[axes, j] += arm @ (c * x - s * y, s * x + c * y)
             if body.eccentricity:
                 # arm . e (cos(theta + phase), sin(theta + phase))
                 size = body.eccentricity * math.hypot(*arm)
                 lead = body.eccentricity_phase - math.atan2(arm[1], arm[0])
                 lead += body.angle if body.carrier else 0.0
                 frequency = train.speeds[name]
-                add(frequency, j, [0, 1], size * math.cos(lead), -size * math.sin(lead))
+                add(frequency, j, axes, size * math.cos(lead), -size * math.sin(lead))
         rate, g = train.rates[j], train.phases[mesh.name]
         deviations = (mesh.inverse_deviation, mesh.deviation)
         for side, deviation in enumerate(deviations):

@@ -137,6 +137,8 @@ def _of_train(train):
         raise Uncertain(
             "model", "no proof is written for a train whose axes feel the turning of their frame"
         )
+    if any(mesh.moving_backlash for mesh in train.meshes):
+        raise Uncertain("model", "no proof is written for a train whose backlash moves")
     arb, coordinates = flint().arb, train.structure.coordinates
     n = len(coordinates)
     units = dict(zip(coordinates, _units(n), strict=True))
