@@ -10,8 +10,8 @@ module                responsibility
 ``modes``             the modes of every combination of contacts
 ``matrices``          derivatives by parameters of the last two kinds, by
 ``varied``            what their matrices change by,
-``tangents``          what the motion changes by, arc by arc and event by event,
-``record``            and what is recorded of that
+``slope_bases``       bases in which these are few numbers,
+``tangents``          and what the motion changes by, arc by arc and event by event
 ``taylor``            Taylor steps that end at events: any one degree of freedom
 ``tooth_pairs``       the same where the pairs of teeth touch one by one
 ====================  ============================================================================

@@ -100,7 +100,7 @@ class Propagator(Train):
     def final(self, walk):
         """Return the derivatives of displacement and velocity; see `Matrices.final`."""
         rows, slopes = walk.varied.rows(walk.codes, walk.segments)
-        return rows[:2] @ walk.z[:, 1 + walk.free :] + (slopes[:, :2] @ walk.z[:, 0]).T
+        return rows[:2] @ walk.block[walk.q :].T + (slopes[:, :2] @ walk.block[0]).T
 
     def switches(self, mesh):
         """Return the phases of switches, rising, 2 pi the last; see `Base.differentiate`."""

@@ -12,6 +12,7 @@ from gearlib.kernels.several_meshes.modes import Modes, forget, forget_lengths, 
 from gearlib.kernels.several_meshes.periods import EVENT_COLUMNS, EVENT_MESH, FULL, MISSING
 from gearlib.kernels.several_meshes.record import SUMMARY_COLUMNS
 from gearlib.kernels.several_meshes.run import begin, period_of, run_train
+from gearlib.kernels.slopes.itinerary import Places
 from gearlib.models.derivatives import STEP
 from gearlib.models.propagators.matrices import Matrices
 from gearlib.models.propagators.modes import Frame, add
@@ -30,6 +31,8 @@ class VariedSystem(Varied):
         self.system, self.size, self.switches = systems[0], size, switches
         self.tuning, self.repeats = self.system.tuning, self.system.repeats
         self._effects = self.system.effect.tolist()
+        one = self.system
+        self.places = Places(one.effect, one.low.astype(bool), one.starts, one.first_segment)
         self._free, self._push, self._grip, self._stiffness, self.near, self.far = (
             np.array([getattr(one, name) for one in systems]) + 0j
             for name in ("free", "push", "grip", "stiffness", "near", "far")
@@ -259,12 +262,14 @@ class Propagator(Matrices):
     def start_tangents(self, state, along):
         """Return what the start changes by, shape (size, k); see `Matrices.start_tangents`."""
         from gearlib.models.trains.derivatives import static_state
+        from gearlib.models.trains.statics import equilibrium
 
         names = [f"initial_state of {component}" for component in self.model.components]
         found = np.array([[slopes.get(name, 0.0) for slopes in along] for name in names])
         self.varied(along)
         if isinstance(state, str):
-            moved = [static_state(self.model, twin).imag / STEP for twin in self.twins]
+            rest = equilibrium(self.model)
+            moved = [static_state(self.model, rest, twin).imag / STEP for twin in self.twins]
             found += np.array(moved).T
         return found
 

@@ -49,21 +49,6 @@ def scaled(train, tuning):
     )
 
 
-def far_lines(train):
-    """Return `GearTrain.far_lines`."""
-    lines, arms = train.structure.lines.copy(), train.structure.arms
-    motions = dict(zip(train.body_names, train.structure.motions, strict=True))
-    for j, mesh in enumerate(train.meshes):
-        for name, arm in zip((mesh.pinion, mesh.wheel), arms[j], strict=True):
-            if mesh.moving_backlash:
-                body, give = train.by_name[name], motions[name][:2].copy()
-                if body.carrier:
-                    x, y, turn = motions[body.carrier]
-                    give -= x - math.sin(body.angle) * turn, y + math.cos(body.angle) * turn
-                lines[j] -= arm @ give
-    return lines
-
-
 def functionals(train, frequencies, waves, constants):
     """Return (near, far), shape (m, n) each, in static deflections."""
     lines = train.structure.lines

@@ -13,7 +13,7 @@ from gearlib.models.trains import assembly, turning, waves
 from gearlib.models.trains.elastic import linear
 from gearlib.models.trains.elements import Body, Mesh, Shaft
 from gearlib.models.trains.results import TrainResults
-from gearlib.models.trains.structure import structure
+from gearlib.models.trains.structure import far_lines, structure
 
 if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
     from gearlib.models.propagators import several_meshes  # noqa: F401
@@ -123,9 +123,7 @@ class GearTrain(TrainResults):
     @cached_property
     def far_lines(self):
         """Coast-side distances by coordinates, (m, n): without supports where backlash moves."""
-        from gearlib.models.trains.system import far_lines
-
-        return far_lines(self)
+        return far_lines(self.structure, self.by_name, self.meshes)
 
     @cached_property
     def speeds(self):
