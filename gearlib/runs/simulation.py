@@ -97,7 +97,7 @@ def simulate(
     ----------
     Hortel, Skuderova: Engineering Mechanics 14 (2007) 91-104, Eq. (1)-(3).
     """
-    tuning = tuning_of(pair, tuning, speed)
+    tuning, propagator = tuning_of(pair, tuning, speed), None
     if sensitivities:
         from gearlib.runs import sensitivities as derivatives
 
@@ -115,6 +115,7 @@ def simulate(
         method=method,
         options=options,
         max_events=max_events,
+        propagator=propagator,
     )
     periods, record_periods = ran.periods, ran.record_periods
     step = 2.0 * math.pi / samples_per_period
@@ -183,25 +184,23 @@ def run(
     method=None,
     options=None,
     max_events=MAX_EVENTS,
+    propagator=None,
 ):
-    """Run a gear pair at one tuning as `simulate` does, and return bare numbers, a `Run`."""
+    """Run a gear pair at one tuning as `simulate` does, and return bare numbers, a `Run`.
+
+    `propagator`, where there is one already, is that of pair, tuning and method.
+    """
     samples_per_period = checks.integer("samples_per_period", samples_per_period, 1)
     periods, record_periods, initial_state, method, module, options, max_events = check_run(
         pair, periods, record_periods, initial_state, method, options, max_events
     )
     samples, events, table = pair.room(record_periods * samples_per_period, _FIRST_EVENTS)
-    x, v, period, events, found, code, evaluations = module.run(
-        pair,
-        tuning,
-        initial_state,
-        periods,
-        record_periods,
-        samples,
-        events,
-        max_events,
-        table,
-        **options,
-    )
+    rest = periods, record_periods, samples, events, max_events, table
+    if propagator is None:
+        done = module.run(pair, tuning, initial_state, *rest, **options)
+    else:
+        done = propagator.run(propagator.start(initial_state), *rest)
+    x, v, period, events, found, code, evaluations = done
     end = np.ravel([x, v])
     if code == status.OK and summary.reach(table) > pair.bound(tuning, initial_state):
         code = status.OVERFLOW
