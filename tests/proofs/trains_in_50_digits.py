@@ -87,7 +87,7 @@ class Motion(Train):
         fast = sqrt(max(sum(abs(v) for j, v in row if j < n) for row in law[n : 2 * n]))
         fast = max([fast, *(abs(v) for row in law[2 * n :] for _, v in row)])
         fast += max(sum(abs(v) for j, v in row if n <= j < 2 * n) for row in law[n : 2 * n])
-        h = min(cut - tau, _REACH / fast)
+        h = min(cut - tau, _REACH / max(fast, mpf(1)))
         series = [columns[0]]
         for k in range(1, _TERMS):
             series.append([value / k for value in _times(law, series[-1])])
