@@ -104,11 +104,19 @@ def branches():
     return gearlib.GearTrain(bodies=bodies, meshes=meshes)
 
 
+def moving():
+    """The chain with a coast side that moves with the axes of its gears, and is met."""
+    train = chain()
+    mesh = replace(train.meshes[0], moving_backlash=True, backlash=8e-6)
+    return train.replace(meshes=[mesh, *train.meshes[1:]])
+
+
 #: Model, tuning, contacts gained and lost, the stability that is known.
 CASES = {
     "idler": (gearlib.idler(LIGHT), 0.6, 4, "stable"),
     "parametric resonance": (gearlib.idler(LIGHT), 1.0, 0, "unstable"),
     "chain": (chain(), 0.8, 8, "stable"),
+    "coast side that moves": (moving(), 0.8, None, None),
     "branches": (branches(), 1.5, 8, "stable"),
     "bearings": (
         gears(1e9, 600.0, 300.0, backlash=12e-6, **EVERYTHING | {"teeth": (1, 1)}),

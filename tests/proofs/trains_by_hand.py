@@ -217,7 +217,8 @@ class Train:
         ends = [(mesh["pinion"], 1, 1), (mesh["wheel"], -1, 1)]
         if mesh["internal"]:
             ends = [(mesh["wheel"], 1, 1), (mesh["pinion"], -1, -1)]
-        row, across, constant = [mpf(0)] * self.n, [mpf(0)] * self.n, number(mesh["error"])
+        row, across, give = ([mpf(0)] * self.n for _ in range(3))
+        own = constant = number(mesh["error"])
         # A way w of the contact past the pitch point the first gear slides on the second by
         # (speed - other speed) k x w; along the line of action it goes as the base circle does.
         (first, _, turn), (second, *_) = ends
@@ -236,7 +237,16 @@ class Train:
                 i = self.at.get(f"{name} {axis}")
                 if i is not None:
                     row[i] += sign * value
+                    give[i] -= sign * value
                     across[i] += slides * sign * other
+            if body["carrier"]:
+                # The way of its pin: radial x_c cos + y_c sin, tangential -x_c sin + y_c cos + u_c.
+                c, s = cos(psi), sin(psi)
+                pin = {"x": (c, -s), "y": (s, c), "u": (mpf(0), mpf(1))}
+                for axis, (radial, tangential) in pin.items():
+                    i = self.at.get(f"{body['carrier']} {axis}")
+                    if i is not None:
+                        give[i] += sign * (parts[0] * radial + parts[1] * tangential)
             if f"{name} u" in self.at:
                 row[self.at[f"{name} u"]] += way * turn
             constant += sign * sum(
@@ -258,10 +268,13 @@ class Train:
             :: -1 if mesh["internal"] else 1
         ]
         pitches = g + pitch + leads * (thick[0] + 1 - thick[1]) / 2, g + pitch
-        found = self._append(mesh, row, row, across, Fraction(rate), (coast, g), pitches)
-        found.constant = [constant + found.backlash, constant]
+        # A coast side that moves with the axes, Eq. (4), meets nothing of what only they do.
+        moving = mesh.get("moving_backlash", False)
+        other = [a + b for a, b in zip(row, give, strict=True)] if moving else row
+        found = self._append(mesh, row, other, across, Fraction(rate), (coast, g), pitches)
+        found.constant = [(own if moving else constant) + found.backlash, constant]
         for frequency, cosine, sine in runs:
-            found.add(frequency, (0, 1), cosine, sine)
+            found.add(frequency, (1,) if moving else (0, 1), cosine, sine)
         for side, name in ((0, "inverse_deviation"), (1, "deviation")):
             for values, shift in (("cosines", 0), ("sines", 1)):
                 for i, value in enumerate(mesh[name][values], start=1):
