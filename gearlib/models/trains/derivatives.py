@@ -176,6 +176,7 @@ def off_the_axis(train, slopes):
     deflection, speed = _scales(train, moved, meshes)
     return Twin(
         structure=moved,
+        far_lines=train.far_lines,
         meshes=meshes,
         excitation=(frequencies, waves, constants + 1j * STEP * np.array(errors)),
         static_deflection=deflection,
@@ -266,6 +267,7 @@ def static_state(train, found, twin):
             side = 1 if code == NORMAL else 0
             level = mesh.max_stiffness * (mesh.stiffness_ratio if low[side, j] else 1.0)
             gap = twin.excitation[2][side, j] + waves[side, j, ::2].sum()
+            line = line if side else twin.far_lines[j]
             stiffness += level * np.outer(line, line)
             force -= level * (gap + (0.0 if side else mesh.backlash)) * line
     # No part in free motions.
