@@ -17,7 +17,7 @@ from gearlib.config import gears as sections
 from gearlib.config.defaults import laid_over
 from gearlib.config.validation import allowed
 from gearlib.geometry import Material, Mesh, Rack, SpurGear, TipRelief, Web
-from gearlib.pages.explorer import view
+from gearlib.pages.explorer.one_pair import Pair
 from gearlib.pages.explorer.trains import Machine
 from tests.geometry.drawings import fzg_c, iso_example, ring
 
@@ -204,8 +204,8 @@ def test_dampings_by_ratio_decrement_and_coefficient():
 
 def test_the_explorer_takes_drawn_gears():
     settings = load(FZG)
-    setting = view.Setting.of(GearPair(**settings.pair_parameters("k")), 0.7)
-    saved = load(yaml.safe_load(view.configuration(FZG, "k", setting)))
+    explored = Pair(FZG, "k")
+    saved = load(yaml.safe_load(explored.configuration(explored.start)))
     assert saved.gear_pair == settings.gear_pair
     machine = Machine(FZG, "k", "split_power_reducer")
     saved = load(yaml.safe_load(machine.configuration(machine.start)))

@@ -59,16 +59,10 @@ class Evaluation:
 
 
 class Shooting:
-    """Orbits of one period of a model, over the state and one parameter or more.
+    """Orbits of `period` mesh periods of a model, over the state and one parameter or more.
 
-    Parameters
-    ----------
-    pair : GearPair, OneDegreePair or SixDegreePair
-    tuning : float
-    period : int
-    names, scales : sequence of str, of float
-        The parameters that vary, and what change of each weighs as much as a static deflection.
-    max_events : int
+    `names` are the parameters that vary, `scales` what change of each weighs as much as a static
+    deflection.
     """
 
     def __init__(self, pair, tuning, period, names, scales, max_events):
@@ -86,13 +80,7 @@ class Shooting:
         return np.append(self.reduce @ state, values) / self.units
 
     def model(self, y):
-        """Return (pair, tuning, full state) for scaled unknowns.
-
-        Raises
-        ------
-        ValueError
-            If a parameter has left its range.
-        """
+        """Return (pair, tuning, full state) for scaled unknowns, else ValueError."""
         n = len(self.reduce)
         pair, tuning = self.pair, self.tuning
         for name, value in zip(self.names, (y * self.units)[n:], strict=True):
