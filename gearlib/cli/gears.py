@@ -9,7 +9,7 @@ from pydantic import ValidationError
 
 from gearlib import config
 from gearlib.config import yaml_keys
-from gearlib.config.defaults import laid_over
+from gearlib.config.laying import laid_over
 from gearlib.config.mesh import DAMPINGS, GearPairSection
 from gearlib.config.types import like
 from gearlib.config.validation import sentences

@@ -9,7 +9,7 @@ import xarray as xr
 import yaml
 
 from gearlib import config
-from gearlib.config.defaults import laid_over
+from gearlib.config.laying import laid_over
 from gearlib.models.trains.described import described
 from gearlib.runs.simulation import simulate
 from gearlib.runs.sweeping import sweep

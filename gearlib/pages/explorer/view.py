@@ -9,7 +9,7 @@ import yaml
 
 from gearlib import config
 from gearlib.analysis.orbits.shooting import NoOrbit, periodic_orbit
-from gearlib.config.defaults import laid_over
+from gearlib.config.laying import laid_over
 from gearlib.data.summary import in_words
 from gearlib.models.pair import GearPair
 from gearlib.runs.simulation import simulate
