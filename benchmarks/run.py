@@ -22,7 +22,6 @@ from benchmarks.scipy_split import run as scipy_split
 from benchmarks.short import SHORT, repeats
 from gearlib import GearPair, OneDegreePair, SixDegreePair, simulate, sweep
 from gearlib.kernels import orbit
-from gearlib.kernels.piecewise_linear import run as linear
 from gearlib.kernels.polynomial import bernstein_matrix
 from gearlib.kernels.taylor.run import run_nonlinear
 from gearlib.kernels.taylor.series import ORDER
@@ -125,22 +124,9 @@ def against_scipy():
         return np.array(result[:2])
 
     def exact_six(periods):
-        system, outputs = six.system(0.9)
-        z = six.initial(system, (0.0, 0.0))
-        result = linear.run_linear(
-            system,
-            six.part(system),
-            outputs,
-            matrix,
-            z,
-            periods,
-            1,
-            samples,
-            events,
-            10**6,
-            summary,
-        )
-        return np.array(result[:2])
+        propagator = six.propagator(0.9)
+        z = propagator.start((0.0, 0.0))
+        return np.array(propagator.run(z, periods, 1, samples, events, 10**6, summary)[:2])
 
     rows = []
     for name, model, rtol, run, reference in (

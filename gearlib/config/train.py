@@ -14,14 +14,14 @@ from gearlib.config.types import (
     Given,
     Label,
     Length,
+    OwnStart,
+    OwnStep,
+    OwnStop,
     Periods,
     Recorded,
     RecordPeriods,
     Section,
-    Start,
     Started,
-    Step,
-    Stop,
     Truth,
     entry,
     like,
@@ -157,9 +157,9 @@ class Train(Given):
 class TrainSweep(Started, Recorded):
     """Every mesh of the train of the section `train` over speed; the target of this name."""
 
-    start: Start = 0.5
-    stop: Stop = 1.4
-    step: Step = 0.01
+    start: OwnStart = 0.5
+    stop: OwnStop = 1.4
+    step: OwnStep = 0.01
     damping: DampingName
     periods: Periods = 120
     record_periods: RecordPeriods = 12

@@ -26,8 +26,11 @@ import numpy as np
 
 from gearlib.kernels.closed_form.mesh import contact_between
 from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
-from gearlib.kernels.piecewise_linear.run import contact_at, set_harmonics
+from gearlib.kernels.several_meshes.grid import work_of
+from gearlib.kernels.several_meshes.run import set_contacts
+from gearlib.kernels.several_meshes.system import set_harmonics
 from gearlib.kernels.taylor.series import damping_of
+from gearlib.models.piecewise_linear import by_phase
 
 
 def problem_of(pair, tuning):
@@ -100,45 +103,51 @@ class Linear:
 
     def __init__(self, pair, tuning):
         self._propagator = pair.propagator(tuning)
-        self._system, self._outputs = self._propagator.system, self._propagator.outputs
-        self.breaks, self.low = self._system.starts, self._system.low
+        self.system = self._propagator.system
+        self.outputs = pair.outputs(self.system)
+        self.breaks, self.low = self.system.starts, self.system.low[2, :, 0]
+        self.near, self.far = self.system.near[0], self.system.far[0]
+        segments = range(len(self.low))
+        # By contact code + 1 and segment, with rates by phase.
+        self.a = np.array([[by_phase(self.system, [c], p) for p in segments] for c in (-1, 0, 1)])
         self.gap, self.repeats = pair.backlash_ratio, pair.repeats
-        self.closing = self._system.closing
+        self.closing = bool(self._propagator.grid.closing[0])
         self._moving = pair.size
 
     def _full(self, t, z):
-        full = np.empty(self._system.near.size)
+        full = np.empty(self.near.size)
         full[: self._moving] = z
-        set_harmonics(self._system, full, t)
+        set_harmonics(self.system.harmonics, full, t)
         return full
 
     def start(self, state):
         """Return (z, contact code) at phase 0."""
         z = self._propagator.start(state)
-        return z, contact_at(self._system, self._full(0.0, z))[0]
+        work = work_of(self.near.size, self.near.size, 1)
+        work.z[:] = self._full(0.0, z)
+        work.z[: self._moving] *= self._propagator.scale
+        set_contacts(self.system, self._propagator.grid.open, work, 0)
+        return z, int(work.contact[0])
 
     def lines(self, t, z):
         """Return the displacements over the normal and the far flank."""
         full = self._full(t, z)
-        return self._system.near @ full, self._system.far @ full
+        return self.near @ full, self.far @ full
 
     def observe(self, t, z):
         """Return (displacement, velocity)."""
         full = self._full(t, z)
         # The velocity of y is the same on every branch.
-        position = self._system.position
-        return position @ full, position @ (self._system.a[1, 0] @ full)
+        return self.near @ full, self.near @ (self.a[1, 0] @ full)
 
     def rate(self, t, z, piece, contact):
         """Return z' on a branch."""
-        return self._system.a[contact + 1, piece, : self._moving] @ self._full(t, z)
+        return self.a[contact + 1, piece, : self._moving] @ self._full(t, z)
 
     def sample(self, t, z, piece, contact):
         """Return a row of the sample table."""
-        s, full = self._system, self._full(t, z)
-        rate = s.a[contact + 1, piece] @ full
-        c, where = s.stiffness[contact + 1, piece], s.position
-        lines = {NORMAL: s.near @ full, BACKLASH: 0.0, INVERSE: s.far @ full}
-        elastic = lines[contact]
-        row = where @ full, where @ rate, where @ (s.a[contact + 1, piece] @ rate), contact, c
-        return *row, c * elastic, *(self._outputs[:, contact + 1, piece] @ full)
+        a, full = self.a[contact + 1, piece], self._full(t, z)
+        rate, c = a @ full, self.system.stiffness[contact + 1, piece, 0]
+        lines = {NORMAL: self.near @ full, BACKLASH: 0.0, INVERSE: self.far @ full}
+        row = self.near @ full, self.near @ rate, self.near @ (a @ rate), contact, c
+        return *row, c * lines[contact], *(self.outputs[:, contact + 1, piece] @ full)

@@ -4,11 +4,12 @@
 name                  responsibility
 ====================  =============================================================================
 ``closed_form``       one degree of freedom, linear damping: contact and flight in closed form
-``piecewise_linear``  many coordinates: matrix exponentials between events
 ``taylor``            nonlinear mesh: Taylor steps of order 20 that end at events
 ``steps``             for comparison: fixed steps, and an embedded pair under step control
 ``tooth_pairs``       one mesh whose pairs of teeth touch one by one
-``several_meshes``    gear trains: many coordinates, events of all meshes
+``several_meshes``    many coordinates, events of all meshes: modes of their contacts
+``exponential``       matrix exponentials by their series
+``slopes``            what motions of `several_meshes` change by with parameters
 ``codes``             contact of a mesh, how a run ended
 ``polynomial``        first crossing and largest value of a polynomial, guaranteed
 ``orbit``             what is recorded of an orbit: extrema, fractions, samples, events

@@ -3,7 +3,7 @@
 A new model is a subclass of `Model` in one file, a frozen dataclass, and its entry in
 ``gearlib/__init__.py``. With one degree of freedom it gives its ``equation``, and all the rest has
 a default. With more coordinates it gives instead ``size``, a piecewise-linear ``system`` with
-``part`` and ``initial``, ``mathematics``, ``flank_lines`` and ``damped``.
+``linear`` and ``initial``, ``mathematics``, ``flank_lines`` and ``damped``.
 
 Nobody asks a model for its class: what depends on the model stands below. Which kernels take it
 through its periods is decided by its ``mathematics`` alone.
@@ -101,18 +101,28 @@ class Model:
         return self.equation.law(tuning, tolerance)
 
     def system(self, tuning):
-        """Return (`System`, outputs) of a piecewise-linear model, see `Equation.system`."""
+        """Return the `TrainSystem` of a piecewise-linear model, see `Equation.system`."""
         return self.equation.system(tuning)
 
-    def part(self, system):
-        """Return the `Part` of a system that decides the events: by default all of it."""
-        from gearlib.models.piecewise_linear import undivided
+    def linear(self, system):
+        """Return (`Linear`, inertias) of a system: what its modes are counted in."""
+        import numpy as np
 
-        return undivided(system)
+        from gearlib.models.trains.elastic import Linear
+
+        square = np.array([self.equation.natural**2])
+        one = np.ones((1, 1))
+        return Linear(np.zeros((1, 0)), square, one, one), one[0]
+
+    def outputs(self, system):
+        """Return functionals of states by phase that are recorded too, shape (e, 3, p, n)."""
+        import numpy as np
+
+        return np.zeros((0, *system.effect.shape[:2], len(system.free)))
 
     def initial(self, system, state):
-        """Return the full state z of a system at tau = 0 for a displacement and velocity."""
-        z = 0.0 * system.near
+        """Return the full state z at tau = 0, by phase, for a displacement and velocity."""
+        z = 0.0 * system.near[0]
         z[:2] = state
         return z
 

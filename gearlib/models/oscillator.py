@@ -9,8 +9,8 @@
 
 with d(v) = d1 v + d2 |v| v + d3 v^3 and x' in units of the model's own time t; nu is the frequency
 of the excitation in that unit. Models give their parameters as an `Equation`; the kernels get it
-as a `Law` (Taylor steps) or, where all phases are linear with constant coefficients, as a `System`
-(matrix exponentials).
+as a `Law` (Taylor steps) or, where all phases are linear with constant coefficients, as a
+`TrainSystem` of one mesh (modes).
 """
 
 from dataclasses import dataclass
@@ -18,7 +18,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
-from gearlib.kernels.piecewise_linear.system import System
 from gearlib.kernels.taylor.series import Law
 from gearlib.models import piecewise_linear
 from gearlib.models.profiles import Pieces
@@ -75,48 +74,37 @@ class Equation:
         )
 
     def system(self, tuning):
-        """Return (`System`, outputs) at one frequency, if the equation is piecewise linear.
+        """Return the `TrainSystem` at one frequency, if the equation is piecewise linear.
 
-        Components x, x', 1 and a cosine and a sine of each order; no outputs, shape (0, 3, p, n).
+        Components x, dx/dt, 1 and a cosine and a sine of each order, over the model's own time t.
         """
-        unit, sides = 1.0 / tuning**2, self.sides()
-        rows = self._excitation(unit)
+        square, sides = tuning**2, self.sides()
+        rows = self._excitation(1.0 / square)
         orders = np.unique(rows[:, 0])
         n = 3 + 2 * orders.size
-        near, far, position = np.zeros((3, n), np.result_type(unit))
-        near[0] = far[0] = position[0] = 1.0
-        near[2] = -self.upper
-        two_sided = np.isfinite(self.lower)
-        far[2] = -self.lower if two_sided else 0.0
-        free = piecewise_linear.waves(n, 3, orders).astype(near.dtype)
+        near, far, push = np.zeros((3, n), np.result_type(square))
+        near[0] = far[0] = 1.0
+        near[2], push[1] = -self.upper, -1.0
+        free = piecewise_linear.waves(n, 3, tuning * orders).astype(near.dtype)
         free[0, 1] = 1.0
-        free[1, 0] = -self.ground * unit
-        free[1, 2] = self.load * unit
+        free[1, :3] = -self.ground, -self.damping[BACKLASH + 1, 0], self.load
         for order, cosine, sine in rows:
             column = 3 + 2 * int(np.searchsorted(orders, order))
-            free[1, column : column + 2] += cosine, sine
-        stiffness = np.array([sides[1].lines[:, 0], sides[0].lines[:, 0], sides[0].lines[:, 0]])
-        a = np.empty((3, stiffness.shape[1], n, n), free.dtype)
-        a[:] = free
-        for i, line in enumerate((far, np.zeros(n), near)):
-            for q, c in enumerate(stiffness[i]):
-                a[i, q, 1] -= c * unit * line
-                a[i, q, 1, 1] -= self.damping[i, 0] / tuning
-        breaks = sides[0].breaks
-        system = System(
-            a,
-            breaks,
-            piecewise_linear.substeps(a, breaks, 1, 2, self.natural / tuning),
-            sides[0].low,
-            stiffness,
-            near,
-            far if two_sided else piecewise_linear.never(n, 2),
-            position,
-            0,
-            orders,
-            tuning,
-        )
-        return system, np.zeros((0, 3, stiffness.shape[1], n))
+            free[1, column : column + 2] += cosine * square, sine * square
+        flanks = {NORMAL: (near, sides[0])}
+        if np.isfinite(self.lower):
+            far[2] = -self.lower
+            flanks[INVERSE] = far, sides[1]
+        gap = self.damping[BACKLASH + 1, 0]
+        made = {
+            code: piecewise_linear.Side(
+                line, side.lines[:, 0], self.damping[code + 1, 0] - gap, push, 0.0 * push
+            )
+            for code, (line, side) in flanks.items()
+        }
+        low = sides[0].low
+        pieces = piecewise_linear.Pieces(sides[0].breaks, low, np.ones(len(low)))
+        return piecewise_linear.one_mesh(free, made, pieces, orders, tuning)
 
     def _excitation(self, unit):
         """Return rows (order, cosine, sine) of force and deviation in phase, shape (n, 3)."""

@@ -1,11 +1,106 @@
-"""What the piecewise-linear models share: harmonics as components, an absent flank, substeps.
+"""What the piecewise-linear models share: systems of one mesh, harmonics as components, maps.
 
-See `gearlib.kernels.piecewise_linear.system` for the form of these models.
+See `gearlib.kernels.several_meshes.system` for the form of these models.
 """
+
+import math
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from gearlib.kernels.piecewise_linear.system import REACH, Part, exponential
+from gearlib.kernels.codes import INVERSE, NORMAL
+from gearlib.kernels.exponential import REACH, exponential
+from gearlib.kernels.several_meshes.system import TrainSystem, matrix_of
+
+
+class Side(NamedTuple):
+    """What one pair of flanks does while in contact, of n components and p segments."""
+
+    line: np.ndarray  #: distance from its line, shape (n,)
+    stiffness: np.ndarray  #: shape (p,)
+    damping: Any  #: what it has more than the backlash, by theta
+    push: np.ndarray  #: dz/dtheta by a unit of its force, shape (n,)
+    across: np.ndarray  #: and of its friction
+    friction: Any = 0.0  #: coefficient
+
+
+class Pieces(NamedTuple):
+    """Segments of the mesh period in which no stiffness and no sliding changes."""
+
+    starts: np.ndarray  #: phases that bound them, shape (p + 1,)
+    low: np.ndarray  #: bool, whether one is at the lower level, shape (p,)
+    sense: np.ndarray  #: of the sliding, 1 or -1, shape (p,)
+
+
+def one_mesh(free, sides, pieces, frequencies, tuning, repeats=1):
+    """Return the `TrainSystem` of one mesh.
+
+    `free`, shape (n, n), is dz/dtheta in the backlash; `sides` has a `Side` for NORMAL and, unless
+    there is none, for INVERSE; `frequencies` of the harmonics are by phase.
+    """
+    near, (n, p) = sides[NORMAL], (len(free), len(pieces.low))
+    one = n - 1 - 2 * len(frequencies)
+    far = sides[INVERSE].line if INVERSE in sides else never(n, one)
+    effect, kinds = np.zeros((3, p, 1), np.int64), {}
+    for code, side in sides.items():
+        for q in range(p):
+            # Segments of one level but another derivative are not alike.
+            what = code, side.stiffness[q].real, bool(pieces.low[q]), pieces.sense[q]
+            effect[code + 1, q, 0], *_ = kinds.setdefault(what, (len(kinds) + 1, side, q))
+    push, grip = np.zeros((2, 1, len(kinds) + 1, 2, n), free.dtype)
+    for d, side, q in kinds.values():
+        elastic = side.stiffness[q] * side.line
+        push[0, d] = side.push, side.across
+        # line @ free is the rate of a distance: the accelerations have no part in it.
+        grip[0, d, 0] = elastic + side.damping * (side.line @ free)
+        grip[0, d, 1] = side.friction * pieces.sense[q] * elastic
+    stiffness = np.repeat(near.stiffness[None], 3, axis=0).astype(free.dtype)
+    if INVERSE in sides:
+        stiffness[0] = sides[INVERSE].stiffness
+    system = TrainSystem(
+        free,
+        near.line[None],
+        far[None],
+        push,
+        grip,
+        effect,
+        stiffness[:, :, None],
+        np.repeat(np.asarray(pieces.low)[None, :, None], 3, axis=0),
+        np.real(pieces.starts).copy(),
+        np.array([0, p]),
+        1.0,
+        np.real(frequencies).astype(float),
+        tuning,
+        repeats,
+    )
+    # Velocities over the highest frequency of all combinations.
+    half, moving = one // 2, [matrix(system, [d])[:one, :one].real for d in range(len(kinds) + 1)]
+    highest = math.sqrt(max(np.linalg.norm(a[half:, :half], 2) for a in moving)) or 1.0
+    scale = np.repeat([1.0, highest], half)
+    norms = [np.linalg.norm(a * scale / scale[:, None], 2) for a in moving]
+    norms.append(np.abs(system.harmonics * tuning.real).max(initial=1e-300))
+    return system._replace(longest=float(REACH / max(norms)))
+
+
+def matrix(system, effects):
+    """Return the matrix dz/dtheta of a combination of effects, shape (n, n)."""
+    a = np.empty_like(system.free)
+    if np.iscomplexobj(a):
+        a[:] = system.free
+        for j, effect in enumerate(effects):
+            a += system.push[j, effect].T @ system.grip[j, effect]
+    else:
+        matrix_of(system, np.array(effects, np.int64), a)
+    return a
+
+
+def by_phase(system, codes, segment):
+    """Return the matrix dz/dtau of contact codes in a segment, with rates by phase."""
+    effects = [int(system.effect[code + 1, segment, j]) for j, code in enumerate(codes)]
+    half = (len(system.free) - 1 - 2 * system.harmonics.size) // 2
+    scale = np.ones(len(system.free), system.free.dtype)
+    scale[half : 2 * half] = system.tuning
+    return matrix(system, effects) * scale[None, :] / scale[:, None] / system.tuning
 
 
 def waves(n, first, frequencies):
@@ -24,38 +119,16 @@ def never(n, one):
     return functional
 
 
-def substeps(a, starts, m, one, frequency):
-    """Return the number of substeps of every segment, by the norm of its matrices.
+def contact_map(model, tuning):
+    """Return the map of deviations over all periods of the excitation, always in normal mesh.
 
-    The norm is that of scaled components: velocities over a natural frequency; constants and
-    harmonics, whose columns drive and never feed back, by their own frequencies.
+    See `Model.reduction`.
     """
-    a, starts = a.real, starts.real
-    scale = np.ones(a.shape[2])
-    scale[m : 2 * m] = frequency.real
-    scaled = a * scale[None, :] / scale[:, None]
-    driven = np.linalg.norm(scaled[..., : 2 * m, : 2 * m], 2, axis=(2, 3))
-    waves = np.abs(a[..., one:, one:]).max(axis=(2, 3), initial=0.0)
-    norms = np.maximum(driven, waves).max(axis=0)
-    return np.maximum(np.ceil(norms * np.diff(starts) / REACH), 1.0).astype(np.int64)
-
-
-def contact_map(model, pieces):
-    """Return the map of deviations over pieces of constant contact; see `Model.reduction`.
-
-    `pieces` are (matrix, length of a substep, number of substeps).
-    """
-    n = model.size
-    matrix = np.eye(n)
-    for a, length, substeps in pieces:
-        one = exponential(a, n, length)
-        matrix = np.linalg.matrix_power(one, int(substeps)) @ matrix
+    system, n, whole = model.system(tuning), model.size, np.eye(model.size)
+    codes = [NORMAL] * len(system.near)
+    for segment, length in enumerate(np.diff(system.starts)):
+        a = by_phase(system, codes, segment)[:n, :n].copy()
+        steps = math.ceil(length / tuning / system.longest)
+        whole = np.linalg.matrix_power(exponential(a, length / steps), steps) @ whole
     reduce, lift = model.reduction()
-    return reduce @ matrix @ lift
-
-
-def undivided(system):
-    """Return the `Part` of a system that is all of it."""
-    n = system.near.size
-    nothing = np.zeros((0, n))
-    return Part(system, np.eye(n), np.eye(n), np.zeros((0, 0)), nothing, np.zeros((n, 0)))
+    return reduce @ whole @ lift

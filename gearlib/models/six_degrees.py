@@ -59,10 +59,10 @@ from dataclasses import dataclass, field, fields
 import numpy as np
 
 from gearlib import checks
-from gearlib.kernels.piecewise_linear.system import Part, System, may_close
 from gearlib.models import derivatives, excitation, piecewise_linear
 from gearlib.models.harmonics import Harmonics
 from gearlib.models.pair import GearPair
+from gearlib.models.trains.elastic import linear
 from gearlib.models.with_pair import WithPair
 
 _BEARINGS = ("y3", "z3", "y2", "z2")
@@ -220,12 +220,7 @@ class SixDegreePair(WithPair):
 
     def contact_map(self, tuning):
         """Return the map of deviations over one mesh period in normal mesh; see `reduction`."""
-        system, _ = self.system(tuning)
-        # Of the three contact codes -1, 0, 1 the last.
-        lengths = np.diff(system.starts) / system.substeps
-        return piecewise_linear.contact_map(
-            self, zip(system.a[2], lengths, system.substeps, strict=True)
-        )
+        return piecewise_linear.contact_map(self, tuning)
 
     def damped(self):
         """Return whether there is any damping on the way of the motion."""
@@ -236,137 +231,96 @@ class SixDegreePair(WithPair):
         return [i for i, c in enumerate(self.bearing_stiffness) if math.isfinite(c.real)]
 
     def system(self, tuning):
-        """Return (`System`, outputs) at one tuning; outputs of shape (12, 3, p, n)."""
-        pair, unit = self.pair, 1.0 / tuning**2
-        moving = self.flexible()
+        """Return the `TrainSystem` at one tuning, over theta = Omega_s t.
+
+        Components: the coordinates, their rates, 1 and the harmonics.
+        """
+        pair, moving = self.pair, self.flexible()
         m = 2 + len(moving)
         frequencies, amplitudes = excitation.waves_of(self)
         n = 2 * m + 1 + 2 * frequencies.size
         one, waves = 2 * m, 2 * m + 1
-        pulse = np.zeros((3, n), np.result_type(unit))
+        pulse = np.zeros((3, n), np.result_type(tuning, amplitudes, pair.mean_eigenfrequency))
         pulse[:, waves:] = amplitudes
         near, far = np.zeros((2, n), pulse.dtype)
         near[:2] = far[:2] = 1.0
         endless = math.isinf(pair.backlash.real)
         far[one] = 0.0 if endless else pair.backlash_ratio
-        for k, i in enumerate(moving):
-            near[2 + k] = _IN_Y[_BEARINGS[i]]
+        near[2:m] = [_IN_Y[_BEARINGS[i]] for i in moving]
         if not self.moving_backlash:
             far[2:m] = near[2:m]
             far += pulse[0]
         near += pulse[0] + pulse[1]
         far += pulse[2]
-
-        free = piecewise_linear.waves(n, waves, frequencies).astype(pulse.dtype)
+        free = piecewise_linear.waves(n, waves, tuning * frequencies).astype(pulse.dtype)
         free[:m, m : 2 * m] = np.eye(m)
-        inertia = [
-            j / r**2 / pair.reduced_mass
-            for j, r in zip(self.inertias, self.base_radii, strict=True)
-        ]
-        mass = [self.masses[0 if _BEARINGS[i].endswith("3") else 1] for i in moving]
-        inertia = np.array(inertia + [value / pair.reduced_mass for value in mass])
+        inertia = self._inertias()
         for j in range(2):
-            free[m + j, one] = self.torques[j] / self.base_radii[j] / pair.load * unit / inertia[j]
-        for k, i in enumerate(moving):
-            row = m + 2 + k
-            share = unit / inertia[2 + k] / pair.mean_stiffness
-            free[row, 2 + k] -= self.bearing_stiffness[i] * share
-            speed = pair.mean_eigenfrequency * tuning
-            free[row, m + 2 + k] -= self.bearing_damping[i] * speed * share
-        across = np.zeros(m, free.dtype)
-        for k, i in enumerate(moving):
-            if _BEARINGS[i] in ("z3", "z2"):
-                across[2 + k] = (-1.0 if _BEARINGS[i] == "z3" else 1.0) * unit / inertia[2 + k]
+            free[m + j, one] = self.torques[j] / self.base_radii[j] / pair.load / inertia[j]
+        rate, across = pair.mean_eigenfrequency / pair.mean_stiffness, np.zeros(n, free.dtype)
+        for k, i in enumerate(moving, 2):
+            free[m + k, k] -= self.bearing_stiffness[i] / inertia[k] / pair.mean_stiffness
+            free[m + k, m + k] -= self.bearing_damping[i] * rate / inertia[k]
+            if not _IN_Y[_BEARINGS[i]]:
+                across[m + k] = (-1.0 if _BEARINGS[i] == "z3" else 1.0) / inertia[k]
+        oil = 2.0 * pair.backlash_damping_ratio * (near @ free)
+        free[m : 2 * m] -= np.outer(near[:m] / inertia, oil)
+        more = 2.0 * (pair.damping_ratio - pair.backlash_damping_ratio)
         starts, stiffness, low, sense = excitation.segments_of(self)
-        p = stiffness.size
-        outputs = np.zeros((len(OUTPUTS), 3, p, n), free.dtype)
-        # line @ free is the rate of a distance: the accelerations have no part in it.
-        oil = 2.0 * pair.backlash_damping_ratio * tuning * (near @ free)
-        more = 2.0 * (pair.damping_ratio - pair.backlash_damping_ratio) * tuning
-        a = np.tile(free, (3, p, 1, 1))
-        a[:, :, m : 2 * m] += np.outer(-near[:m] * unit / inertia, oil)
-        grips = self.friction[1], 0.0, self.friction[0]
-        for code, line in enumerate((far, np.zeros(n), near)):
-            for q in range(p):
-                elastic = stiffness[q] * line
-                total = elastic + more * (line @ free)
-                a[code, q, m : 2 * m] += np.outer(-line[:m] * unit / inertia, total)
-                friction = grips[code] * sense[q] * elastic
-                a[code, q, m : 2 * m] += np.outer(across, friction)
-                self._outputs(outputs[:, code, q], moving, near - far, friction, m, tuning)
-        outputs[OUTPUTS.index("backlash"), :, :, one] = -pair.backlash_ratio
-        system = System(
-            a,
-            starts,
-            # In 1 / nu of phase the mesh turns by a radian: velocities weigh like displacements.
-            piecewise_linear.substeps(a, starts, m, one, 1.0 / tuning),
-            low,
-            np.tile(stiffness, (3, 1)),
-            near,
-            piecewise_linear.never(n, one) if endless else far,
-            near,
-            0,
-            frequencies,
-            tuning,
-            self.repeats,
-            closing=not endless and bool(may_close(near, far, one)),
-        )
-        return system, outputs
+        sides = {}
+        for code, line, friction in ((1, near, self.friction[0]), (-1, far, self.friction[1])):
+            push = np.zeros(n, free.dtype)
+            push[m : 2 * m] = -line[:m] / inertia
+            if code == 1 or not endless:
+                sides[code] = piecewise_linear.Side(line, stiffness, more, push, across, friction)
+        pieces = piecewise_linear.Pieces(starts, low, sense)
+        return piecewise_linear.one_mesh(free, sides, pieces, frequencies, tuning, self.repeats)
 
-    def part(self, system):
-        """Return the `Part` that decides the events: without the free rotation of the pair.
+    def _inertias(self):
+        """Return the inertias of the coordinates over the reduced mass, shape (m,)."""
+        own = [j / r**2 for j, r in zip(self.inertias, self.base_radii, strict=True)]
+        own += [self.masses[0 if _BEARINGS[i].endswith("3") else 1] for i in self.flexible()]
+        return np.array(own) / self.pair.reduced_mass
 
-        Only u3 + u2 enters the mesh, and (J3 / Rb3^2) u3 - (J2 / Rb2^2) u2 feels no mesh force;
-        motions across the line of action belong to the part only under friction.
-        """
-        n, m = system.near.size, 2 + len(self.flexible())
-        share_3, share_2 = self._shares()
-        units = np.eye(n)
-        across = [2 + k for k, i in enumerate(self.flexible()) if not _IN_Y[_BEARINGS[i]]]
-        apart = [] if any(self.friction) else across
-        bearings = [j for j in range(2, m) if j not in apart]
-        into, back, rest_into, rest_back = [], [], [], []
-        for first in (0, m):
-            u3, u2 = units[first], units[first + 1]
-            into += [u3 + u2, *units[[first + j for j in bearings]]]
-            back += [share_3 * u3 + share_2 * u2, *units[[first + j for j in bearings]]]
-            rest_into += [share_2 * u3 - share_3 * u2, *units[[first + j for j in apart]]]
-            rest_back += [u3 - u2, *units[[first + j for j in apart]]]
-        into, back = np.array([*into, *units[2 * m :]]), np.stack([*back, *units[2 * m :]], axis=1)
-        # The constant drives the rest, and comes back with the part.
-        rest_into = np.array([*rest_into, units[2 * m]])
-        rest = rest_into @ system.a[1, 0] @ np.stack([*rest_back, units[2 * m]], axis=1)
-        rest_back = np.stack([*rest_back, np.zeros(n)], axis=1)
-        near, far = system.near @ back, system.far @ back
-        reduced = system._replace(a=into @ system.a @ back, near=near, far=far, position=near)
-        return Part(reduced, into, back, rest, rest_into, rest_back)
+    def linear(self, system):
+        """Return (`Linear`, inertias): all flanks in contact at the mean stiffness."""
+        inertias = self._inertias()
+        springs = np.eye(len(inertias))[2:]
+        values = [self.bearing_stiffness[i] / self.pair.mean_stiffness for i in self.flexible()]
+        rows = np.vstack([springs, system.near[:, : len(inertias)]])
+        return linear((rows, np.array([*values, 1.0])), (np.eye(len(inertias)), inertias)), inertias
+
+    def outputs(self, system):
+        """Return the functionals of OUTPUTS of states by phase, shape (12, 3, p, n)."""
+        pair, moving = self.pair, self.flexible()
+        m, n = 2 + len(moving), len(system.free)
+        rows = np.zeros((len(OUTPUTS), *system.effect.shape[:2], n), system.free.dtype)
+        rows[0, ..., 0] = rows[1, ..., 1] = 1.0
+        # s = y - (y - s)
+        rows[OUTPUTS.index("backlash")] = system.near[0] - system.far[0]
+        if math.isinf(pair.backlash.real):
+            rows[OUTPUTS.index("backlash"), ..., 2 * m] = -pair.backlash_ratio
+        rows[OUTPUTS.index("friction_force")] = system.grip[0, system.effect[:, :, 0], 1]
+        rate = pair.mean_eigenfrequency * system.tuning / pair.mean_stiffness
+        for k, i in enumerate(moving, 2):
+            rows[2 + i, ..., k] = 1.0
+            rows[8 + i, ..., k] = self.bearing_stiffness[i] / pair.mean_stiffness
+            rows[8 + i, ..., m + k] = self.bearing_damping[i] * rate
+        return rows
 
     def _shares(self):
         """Return what the gears take of a motion of the mesh without free rotation, sum 1."""
         shares = np.array([r * r / j for r, j in zip(self.base_radii, self.inertias, strict=True)])
         return shares / shares.sum()
 
-    def _outputs(self, rows, moving, line, friction, m, tuning):
-        """Fill the functionals of OUTPUTS for one contact code and segment, shape (12, n)."""
-        pair = self.pair
-        rows[0, 0] = rows[1, 1] = 1.0
-        # s = y - (y - s)
-        rows[6] = line
-        rows[7] = friction
-        for k, i in enumerate(moving):
-            rows[2 + i, 2 + k] = 1.0
-            rows[8 + i, 2 + k] = self.bearing_stiffness[i] / pair.mean_stiffness
-            speed = pair.mean_eigenfrequency * tuning
-            rows[8 + i, m + 2 + k] = self.bearing_damping[i] * speed / pair.mean_stiffness
-
     def initial(self, system, state):
-        """Return the full state z at tau = 0 for a relative displacement and velocity.
+        """Return the full state z at tau = 0 for a relative displacement and velocity, by phase.
 
         Bearings at rest, deflected by the load or free; the rotations share the motion as their
         inertias do, so that the free rotation of the pair is not set off.
         """
-        z = np.zeros(system.near.size, system.near.dtype)
-        moving = self.flexible()
+        z = np.zeros(len(system.free), system.free.dtype)
+        moving, near = self.flexible(), system.near[0]
         m = 2 + len(moving)
         if self.preload:
             for k, i in enumerate(moving):
@@ -375,10 +329,10 @@ class SixDegreePair(WithPair):
         shares = self._shares()
         z[2 * m] = 1.0
         z[2 * m + 1 :: 2] = 1.0
-        z[:2] = shares * (state[0] - system.near @ z)
-        z[m : m + 2] = shares * (state[1] - system.near @ (system.a[1, 0] @ z))
+        z[:2] = shares * (state[0] - near @ z)
+        z[m : m + 2] = shares * (state[1] - near @ (system.free @ z) / system.tuning)
         # The shares round; the line is to be met exactly.
-        z[0] += state[0] - system.near @ z
+        z[0] += state[0] - near @ z
         return z
 
     def as_dict(self):

@@ -175,7 +175,8 @@ def variables(propagator, names, along, z, tangents, sizes, periods, recorded, m
     """
     pair, k, (rows, count) = propagator.model, len(names), sizes
     m = max(len(pair.mesh_names), 1)
-    parameters = {name: pair.derivatives[name] for name in names}
+    every = pair.derivatives
+    parameters = {name: every[name] for name in names}
     columns = pair.room()[0].shape[1] - m * (orbit.SAMPLE_COLUMNS - len(_SAMPLES))
     samples, events = np.empty((rows, columns, k)), np.empty((count, 2, k))
     extrema, times = np.empty((2, 4 * m, k))

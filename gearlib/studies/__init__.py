@@ -8,6 +8,7 @@ name                    responsibility
 ``trust_labels``        labels of the motion from rest
 ``scenes``              the time courses of a few runs, side by side
 ``many_starts``         seeded starts, and whether rounding decides where a motion goes
+``runs_beside``         a run, or seeded ones beside where rounding decides it
 ``model_comparison``    what larger models would change in a scene, and what they cost
 ``phase_lag``           lag of the motion behind the mesh stiffness
 ``jump``                where the motion from rest jumps, and what moves the jump

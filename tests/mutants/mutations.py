@@ -19,7 +19,7 @@ ROOT = Path(__file__).resolve().parents[2]
 ROOMS = """
 analysis analysis/global_dynamics analysis/harmonics analysis/orbits analysis/proofs
 analysis/tongues checks cli config data figures integrators kernels kernels/closed_form
-kernels/piecewise_linear kernels/several_meshes kernels/steps kernels/taylor kernels/tooth_pairs
+kernels/several_meshes kernels/slopes kernels/steps kernels/taylor kernels/tooth_pairs
 models models/geometry models/propagators models/trains pages runs studies studies/claims
 studies/trains studies/trials tunings
 """

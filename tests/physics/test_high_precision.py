@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from gearlib import GearPair, OneDegreePair, SixDegreePair
-from gearlib.kernels.codes import NORMAL
+from gearlib.kernels.codes import BACKLASH, NORMAL
+from gearlib.models.piecewise_linear import by_phase
 from gearlib.studies.trials import high_precision, problems, references
 from tests.paper import CONFIG, PAPER
 from tests.physics.high_precision import propagate
@@ -89,7 +90,7 @@ def test_six_degrees_against_matrix_exponentials():
     nu = 0.8
     found = high_precision.run(six, nu, 1, 40)
     assert not found.events
-    system, _ = six.system(nu)
+    system = six.system(nu)
     epsilon = mpmath.mpf(six.pair.contact_ratio)
     # Friction turns at 0 and pi; the stiffness switches at pi (eps - 1) and pi (3 - eps).
     cuts = [0, mpmath.pi * (epsilon - 1), mpmath.pi, mpmath.pi * (3 - epsilon), 2 * mpmath.pi]
@@ -99,11 +100,12 @@ def test_six_degrees_against_matrix_exponentials():
         np.array(start, float), six.initial(system, (0.0, 0.0)), rtol=0, atol=1e-14
     )
     z = mpmath.matrix([digits_of(value) for value in start])
-    for matrix, begin, end in zip(system.a[NORMAL + 1], cuts, cuts[1:], strict=False):
+    for q, (begin, end) in enumerate(zip(cuts, cuts[1:], strict=False)):
+        matrix = by_phase(system, [NORMAL], q)
         z = mpmath.expm(mpmath.matrix(matrix.tolist()) * (end - begin), method="taylor") * z
-    y = mpmath.fdot(system.near.tolist(), z)
-    rate = mpmath.matrix(system.a[1, 0].tolist()) * z
-    speed = mpmath.fdot(system.near.tolist(), rate)
+    y = mpmath.fdot(system.near[0].tolist(), z)
+    rate = mpmath.matrix(by_phase(system, [BACKLASH], 0).tolist()) * z
+    speed = mpmath.fdot(system.near[0].tolist(), rate)
     for a, b in zip(found.state, (y, speed), strict=True):
         assert abs(digits_of(a) - b) < mpmath.mpf(10) ** -36
 

@@ -8,6 +8,7 @@ import pytest
 
 from gearlib import periodic_orbit, simulate
 from gearlib.analysis.orbits.shooting import contacts
+from gearlib.models.piecewise_linear import by_phase
 from gearlib.runs.variational import without_rotation
 from tests.physics.test_six_degrees import EVERYTHING, gears
 from tests.physics.test_variational import differences
@@ -19,28 +20,29 @@ FRICTION = {"friction": (0.06, 0.04), "pitch_phase": 0.7}
 @pytest.mark.parametrize("moving", [True, False])
 def test_no_force_jumps_at_a_flank_that_is_just_touched(moving):
     model = gears(1e9, 3953.7, 800.0, **EVERYTHING, moving_backlash=moving)
-    system, _ = model.system(0.9)
+    system = model.system(0.9)
     rng = np.random.default_rng(0)
-    for contact, line in ((0, system.far), (2, system.near)):
-        for q in range(system.substeps.size):
+    for contact, (line,) in ((-1, system.far), (1, system.near)):
+        for q in range(system.effect.shape[1]):
+            own, free = (by_phase(system, [code], q) for code in (contact, 0))
             # States on the line, at rest relative to it.
-            held = np.array([line, line @ system.a[1, q]])
+            held = np.array([line, line @ free])
             for _ in range(20):
                 z = rng.normal(size=line.size)
                 z -= np.linalg.pinv(held) @ (held @ z)
-                jump = (system.a[contact, q] - system.a[1, q]) @ z
+                jump = (own - free) @ z
                 # A sum of twenty terms of the size of the matrix.
-                assert abs(jump).max() < 1e-13 * abs(system.a[contact, q]).max()
+                assert abs(jump).max() < 1e-13 * abs(own).max()
 
 
 def test_a_backlash_at_rest_is_that_of_one_degree():
     # With the far flank s_k behind the normal one, k acts on y' in inverse mesh as in Eq. (6).
     model = gears(1e9, 3953.7, 800.0, moving_backlash=False)
-    system, _ = model.system(0.9)
-    difference = system.a[2] - system.a[0]
-    # Only the constant of y + s_k differs.
-    n = model.size
-    assert abs(difference[:, :, :n]).max() < 1e-15 * abs(system.a).max()
+    system, n = model.system(0.9), model.size
+    for q in range(system.effect.shape[1]):
+        one, other = (by_phase(system, [code], q) for code in (1, -1))
+        # Only the constant of y + s_k differs.
+        assert abs((one - other)[:, :n]).max() < 1e-15 * abs(one).max()
 
 
 @pytest.mark.parametrize("moving", [True, False])

@@ -17,6 +17,7 @@ from gearlib import (
 from gearlib.analysis import lyapunov
 from gearlib.analysis.trust import scan
 from gearlib.kernels import orbit
+from gearlib.models.piecewise_linear import by_phase
 from tests.paper import PAPER
 from tests.physics.test_six_degrees import EVERYTHING, gears
 
@@ -47,10 +48,10 @@ def test_a_damped_motion_repeats_with_the_run_out(teeth, repeats, nu):
 
 def relative(pair, nu, state):
     """Return displacement and velocity at tau = 0 of a full state without constants."""
-    system, _ = pair.system(nu)
-    z = pair.initial(system, (0.0, 0.0))
+    system = pair.system(nu)
+    z, (near,) = pair.initial(system, (0.0, 0.0)), system.near
     z[: state.size] = state
-    return system.position @ z, system.position @ (system.a[1, 0] @ z)
+    return near @ z, near @ (by_phase(system, [0], 0) @ z)
 
 
 @pytest.mark.parametrize(("teeth", "repeats"), [(EQUAL, 24), (UNEQUAL, 744)])

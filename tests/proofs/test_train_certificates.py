@@ -15,14 +15,14 @@ import gearlib
 from gearlib.analysis.orbits.shooting import NoOrbit
 from gearlib.analysis.proofs import krawczyk
 from gearlib.analysis.proofs.balls import precision
-from gearlib.analysis.proofs.orbits import FOLD, REACH
-from gearlib.analysis.proofs.path import Uncertain
-from gearlib.analysis.proofs.trains.laws import TrainLaws
-from gearlib.analysis.proofs.trains.multipliers import eigenvalues, judge
-from gearlib.analysis.proofs.trains.orbits import TrainProof, listed_contacts
-from gearlib.analysis.proofs.trains.parts import parts_of
-from gearlib.analysis.proofs.trains.path import TrainPath
-from gearlib.analysis.proofs.trains.signs import _bounds, check_contacts
+from gearlib.analysis.proofs.candidate import listed_contacts
+from gearlib.analysis.proofs.certificates import Uncertain
+from gearlib.analysis.proofs.multipliers import eigenvalues, judge
+from gearlib.analysis.proofs.orbits import FOLD, REACH, Proof
+from gearlib.analysis.proofs.path import Path
+from gearlib.analysis.proofs.signs import _bounds, check_contacts
+from gearlib.analysis.proofs.train_laws import TrainLaws
+from gearlib.analysis.proofs.train_numbers import parts_of
 from tests.paper import PAPER
 from tests.physics.test_six_degrees import EVERYTHING, gears
 from tests.proofs.trains_in_50_digits import Motion
@@ -281,9 +281,15 @@ def test_what_is_beyond_the_proof_is_refused_by_name(monkeypatch):
     turning = gearlib.planetary(turning=True, gyroscopic=True)
     refused = gearlib.certify(replace(orbit, pair=turning))
     assert refused.status == "model" and "frame" in refused.message
-    monkeypatch.setattr("gearlib.analysis.proofs.trains.path._MOST", 10)
+    monkeypatch.setattr("gearlib.analysis.proofs.path._MOST", 10)
     refused = gearlib.certify(orbit)
     assert refused.status == "together" and "too many" in refused.message
+
+
+def check(path, unknowns):
+    """Prove the contacts of a path."""
+    phases = path.phases(unknowns[2 * len(path.laws.kept) :])
+    check_contacts(path, *path.states(unknowns, 1 / path.laws.tuning), phases)
 
 
 @pytest.mark.parametrize("tuning", [0.6, 0.651837])
@@ -294,13 +300,14 @@ def test_contacts_that_are_not_listed_are_seen(tuning):
     """
     with precision(128):
         laws = TrainLaws(gearlib.idler(LIGHT), tuning)
-        path = TrainPath(laws, [1, 1], [], 1)
+        path = Path(laws, [1, 1], [], 1)
         start = laws.start(found("parametric resonance").state)
-        centre, inverse = krawczyk.polish(path.equations, start, FOLD)
-        box = krawczyk.enclose(path.equations, centre, inverse)
+        system = lambda u: path.equations(u, 1 / laws.tuning)  # noqa: E731
+        centre, inverse = krawczyk.polish(system, start, FOLD)
+        box = krawczyk.enclose(system, centre, inverse)
         assert box
         with pytest.raises(Uncertain) as error:
-            check_contacts(path, [1, 1], box)
+            check(path, box)
         assert error.value.args[0] == "grazing"
 
 
@@ -315,10 +322,10 @@ def test_contacts_that_are_not_listed_are_seen_where_others_coincide(backlash, s
     train = train.replace(meshes=[replace(mesh, **closed) for mesh in train.meshes])
     with precision(164):
         if status is None:
-            assert len(TrainProof(replace(orbit, pair=train), codes, events).phases) == 4
+            assert len(Proof(replace(orbit, pair=train), codes, events).phases) == 4
             return
         with pytest.raises(Uncertain) as error:
-            TrainProof(replace(orbit, pair=train), codes, events)
+            Proof(replace(orbit, pair=train), codes, events)
         assert error.value.args[0] == status
 
 
@@ -329,13 +336,14 @@ def test_contacts_in_another_order_are_seen():
         events = [(float(one.phase), one) for one in gearlib.certify(orbit).events]
         names = orbit.pair.mesh_names
         events = [(at, names.index(one.mesh), one.before, one.after) for at, one in events]
-        right = TrainPath(laws, [0, 1], events, 1)
-        box, _ = krawczyk.polish(right.equations, [*laws.start(orbit.state), *right.guess], FOLD)
-        check_contacts(right, [0, 1], box)
+        right = Path(laws, [0, 1], events, 1)
+        system = lambda u: right.equations(u, 1 / laws.tuning)  # noqa: E731
+        box, _ = krawczyk.polish(system, [*laws.start(orbit.state), *right.guess], FOLD)
+        check(right, box)
         n = 2 * len(laws.kept)
         turned = [*box[:n], box[n], box[n + 2], box[n + 1], box[n + 3]]
         with pytest.raises(Uncertain) as error:
-            check_contacts(right, [0, 1], turned)
+            check(right, turned)
         assert error.value.args[0] in ("together", "switch")
 
 

@@ -13,8 +13,9 @@ import numpy as np
 import pytest
 
 import gearlib
-from gearlib.analysis.proofs.trains.parts import parts_of
+from gearlib.analysis.proofs.train_numbers import parts_of
 from tests.properties.changes import exchanged, mirrored, renamed
+from tests.trains.against_scipy import matrix
 from tests.trains.random_trains import planetary_train
 from tests.trains.reference import Reference
 from tests.trains.sliding import past, sliding
@@ -181,7 +182,7 @@ def test_friction_of_the_six_degree_pair_opposes_the_same_sliding():
     seen = set()
     for seed in range(8):
         six, train = six_degrees(np.random.default_rng(seed))
-        (mesh,), (system, _) = train.meshes, six.system(0.9)
+        (mesh,), system = train.meshes, six.system(0.9)
         m = 2 + len(six.flexible())
         for segment, tau in enumerate((system.starts[:-1] + system.starts[1:]) / 2.0):
             for code in (1, -1):
@@ -190,7 +191,7 @@ def test_friction_of_the_six_degree_pair_opposes_the_same_sliding():
                 away = past(train, mesh, tau)[1 if code > 0 else 0]
                 _, speed = sliding(train, mesh, code > 0, away)
                 # Gear 3 turned into its flank, all else at rest: across it only friction acts.
-                forces = code * system.a[code + 1, segment, m : 2 * m, 0]
+                forces = code * matrix(system, [code], segment)[m : 2 * m, 0]
                 for k, i in enumerate(six.flexible()):
                     if i in (1, 3):
                         assert forces[2 + k] * speed[1] * (1.0 if i == 1 else -1.0) < 0.0

@@ -18,8 +18,7 @@ GOING = {
     "gearlib.kernels.closed_form.sections": {"section"},
     "gearlib.kernels.closed_form.variation": {"vary"},
     "gearlib.kernels.taylor.variation": {"vary_nonlinear"},
-    "gearlib.kernels.piecewise_linear.run": {"run_linear"},
-    "gearlib.kernels.piecewise_linear.variation": {"vary_linear"},
+    "gearlib.kernels.several_meshes.run": {"run_train"},
     "gearlib.kernels.taylor.run": {"run_nonlinear"},
 }
 

@@ -8,7 +8,6 @@ import math
 import mpmath
 import numpy as np
 import pytest
-from scipy.linalg import expm
 
 from gearlib.kernels.closed_form.crossing import descent_time, landing
 from gearlib.kernels.closed_form.event_by_event import within_range
@@ -24,7 +23,6 @@ from gearlib.kernels.closed_form.oscillator import evolve, level, turning_time
 from gearlib.kernels.closed_form.tangents import RATES, enter
 from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
 from gearlib.kernels.orbit import orbit_period
-from gearlib.kernels.piecewise_linear.system import carry
 from gearlib.models.propagators.closed_form import ratios
 from tests.paper import PAPER
 
@@ -178,15 +176,6 @@ def test_a_period_takes_both_components(component, period):
     assert orbit_period(strobes, 0.9, 1.0) == period
     strobes[:, component] += np.arange(32)
     assert orbit_period(strobes, 0.9, 1.0) == 0
-
-
-@pytest.mark.parametrize("times", [1, 2, 3, 10])
-def test_what_goes_its_own_way_goes_by_the_exponential(times):
-    rng = np.random.default_rng(times)
-    matrix, z = rng.normal(size=(4, 4)), rng.normal(size=4)
-    expected = expm(matrix * 1.7 * times) @ z
-    carry(matrix, z, 1.7, times)
-    np.testing.assert_allclose(z, expected, rtol=1e-10)
 
 
 def test_an_arc_in_the_contact_before_changes_no_tangent():

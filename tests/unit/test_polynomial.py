@@ -8,7 +8,13 @@ import numpy as np
 import pytest
 
 from gearlib.kernels import polynomial
-from gearlib.kernels.polynomial import bernstein_matrix, fall_by_shape, first_fall, highest
+from gearlib.kernels.polynomial import (
+    bernstein_matrix,
+    fall_by_shape,
+    first_fall,
+    highest,
+    lowest_of_parabola,
+)
 from gearlib.kernels.taylor.run import first_crossing
 from gearlib.kernels.taylor.series import ROWS, X
 
@@ -213,3 +219,39 @@ def test_steps_of_few_terms_leave_two_of_all(seed):
     falls[1] = -1.0
     for curve in (falls, np.append([1.0, -2.0, 0.4, -0.4], 1e-3 * falls[4:])):
         assert short(curve, 0) == pytest.approx(_first_root(curve), abs=1e-13)
+
+
+def test_a_parabola_is_lowest_where_it_is():
+    rng = np.random.default_rng(2)
+    s = np.linspace(0.0, 1.0, 2001)
+    for a, b, c in rng.normal(size=(500, 3)):
+        looked = (a + b * s + c * s * s).min()
+        found = lowest_of_parabola(a, b, c)
+        # A look misses the lowest point by half a step at most.
+        assert looked - abs(c) * 0.25e-3**2 - 1e-15 <= found <= looked + 1e-15
+
+
+def test_shape_tells_what_bernstein_form_tells():
+    rng = np.random.default_rng(0)
+    told = np.zeros(3, dtype=int)
+    for case in range(20_000):
+        decay = rng.uniform(0.2, 0.9)
+        c = rng.normal(size=DEGREE + 1) * decay ** np.arange(DEGREE + 1)
+        first = case % 2
+        c[0] = 0.0 if first else abs(c[0])
+        found = fall_by_shape(c, first)
+        told[0 if found < 0.0 else 1 if found > 1.0 else 2] += 1
+        if found >= 0.0:
+            expected = first_fall(c.copy(), MATRIX, WORK)
+            # Coefficients carry 1e-16 of their sum; a flat root moves by that over its slope.
+            slope = 1.0 if found > 1.0 else abs(np.polyval(np.polyder(c[::-1]), found))
+            assert abs(found - expected) <= 1e-14 * abs(c).sum() / slope, (case, c)
+    assert told.min() > 500
+
+
+@pytest.mark.parametrize("depth", [1e-3, 1e-6, 1e-9, -1e-9, -1e-3])
+def test_shape_misses_no_dip(depth):
+    # A parabola that dips below the line, or stays above it, in the middle of the interval.
+    c = np.zeros(DEGREE + 1)
+    c[:3] = 0.25 - depth, -1.0, 1.0
+    assert fall_by_shape(c, 0) in (-1.0, first_fall(c.copy(), MATRIX, WORK))

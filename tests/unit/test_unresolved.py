@@ -11,12 +11,11 @@ import pytest
 from gearlib import OneDegreePair, simulate
 from gearlib.data import status
 from gearlib.kernels import orbit
-from gearlib.kernels.piecewise_linear import run as linear
-from gearlib.kernels.piecewise_linear import variation as linear_variation
-from gearlib.kernels.piecewise_linear import whole_periods as linear_periods
+from gearlib.kernels.several_meshes import distances, periods, record
+from gearlib.kernels.several_meshes import run as trains
 from gearlib.kernels.taylor import run as nonlinear
 from gearlib.kernels.taylor import variation
-from gearlib.models.propagators import piecewise_linear, taylor
+from gearlib.models.propagators import several_meshes, taylor
 from tests.paper import PAPER
 from tests.physics.test_six_degrees import gears
 
@@ -38,12 +37,11 @@ def unknown(monkeypatch, module, name, answer):
 @pytest.fixture
 def python(monkeypatch):
     """Run the kernels in Python."""
-    plain(monkeypatch, linear, "run_linear", piecewise_linear)
-    plain(monkeypatch, linear, "_first_event")
-    plain(monkeypatch, linear, "_summarise")
-    plain(monkeypatch, linear, "go", linear_variation)
-    plain(monkeypatch, linear_periods, "pass_period", linear)
-    plain(monkeypatch, linear_periods, "_fall")
+    plain(monkeypatch, trains, "run_train", several_meshes)
+    plain(monkeypatch, periods, "go", trains)
+    plain(monkeypatch, distances, "first_events", periods)
+    plain(monkeypatch, record, "record", periods)
+    plain(monkeypatch, record, "_add_extrema")
     plain(monkeypatch, nonlinear, "take_step", variation)
     plain(monkeypatch, nonlinear, "first_crossing")
     plain(monkeypatch, orbit, "add_curve")
@@ -58,17 +56,15 @@ def is_unresolved(run):
     assert np.isnan(run.displacement_max) and np.isnan(run.final_state).all()
 
 
-@pytest.mark.parametrize("periods", [1, 2])
-def test_a_crossing_in_many_coordinates(python, periods):
+@pytest.mark.parametrize("count", [1, 2])
+def test_a_crossing_in_many_coordinates(python, count):
     # With two periods the first one, which is not recorded, meets it.
-    unknown(python, linear, "first_fall", -1.0)
-    unknown(python, linear_periods, "fall_by_shape", -1.0)
-    unknown(python, linear_periods, "first_fall", -1.0)
-    is_unresolved(simulate(SIX, 0.9, periods=periods, initial_state=(0.5, -2.0)))
+    unknown(python, distances, "first_fall", (-1.0, 0.0))
+    is_unresolved(simulate(SIX, 0.9, periods=count, initial_state=(0.5, -2.0)))
 
 
 def test_an_extremum_in_many_coordinates(python):
-    unknown(python, orbit, "highest", math.nan)
+    unknown(python, record, "highest_from", math.nan)
     is_unresolved(simulate(SIX, 0.9, periods=1))
 
 
@@ -80,15 +76,12 @@ def test_one_degree_in_taylor_steps(python, home, name, answer):
     is_unresolved(simulate(CURVED, 0.9, periods=1))
 
 
-@pytest.mark.parametrize(("model", "kernel"), [(SIX, "vary_linear"), (CURVED, "vary_nonlinear")])
-def test_maps(python, model, kernel):
-    unknown(python, linear, "first_fall", -1.0)
+@pytest.mark.parametrize("model", [SIX, CURVED])
+def test_maps(python, model):
+    unknown(python, distances, "first_fall", (-1.0, 0.0))
     unknown(python, nonlinear, "first_fall", -1.0)
     unknown(python, nonlinear, "fall_by_shape", -1.0)
-    if model is SIX:
-        plain(python, linear_variation, kernel, piecewise_linear)
-    else:
-        plain(python, variation, kernel, taylor)
+    plain(python, variation, "vary_nonlinear", taylor)
     _, maps, code = model.propagator(0.9).maps(model.propagator(0.9).start((0.5, -2.0)), 1, 1000)
     assert code == status.UNRESOLVED and np.isnan(maps).all()
 

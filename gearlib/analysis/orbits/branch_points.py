@@ -11,6 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
+from gearlib import checks
 from gearlib.analysis.orbits.parameters import with_parameter
 from gearlib.analysis.orbits.shooting import (
     RESIDUAL,
@@ -66,7 +67,7 @@ class Shooting:
 
     def __init__(self, pair, tuning, period, names, scales, max_events):
         self.pair, self.tuning, self.period = pair, tuning, period
-        self.names, self.max_events = names, max_events
+        self.names, self.max_events = names, checks.integer("max_events", max_events, 1)
         self._propagator = None
         self.reduce, self.lift = pair.reduction()
         n = len(self.reduce)

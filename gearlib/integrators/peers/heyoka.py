@@ -149,33 +149,32 @@ class _SixDegrees:
     aperiodic = True
 
     def __init__(self, pair, tuning, problem):
-        self._system = pair.system(tuning)[0]
+        self._problem = problem
         self.gap, self.closing = problem.gap, problem.closing
         self._m = problem.start((0.0, 0.0))[0].size
         self.turns = dict.fromkeys((NORMAL, BACKLASH, INVERSE), False)
         self._where = {
             contact: tuple(
-                map(tuple, np.argwhere((self._system.a[contact + 1, :, : self._m] != 0).any(0)))
+                map(tuple, np.argwhere((self._problem.a[contact + 1, :, : self._m] != 0).any(0)))
             )
             for contact in self.turns
         }
-        self._lines = tuple(
-            tuple(np.flatnonzero(row)) for row in (self._system.near, self._system.far)
-        )
+        self._lines = tuple(tuple(np.flatnonzero(row)) for row in (problem.near, problem.far))
 
     def structure(self, contact):
         """Return what decides the expressions of a contact code."""
-        return contact, self._m, self._where[contact], self._lines, self._system.harmonics.size
+        count = self._problem.system.harmonics.size
+        return contact, self._m, self._where[contact], self._lines, count
 
     def parameters(self, piece, contact):
         """Return the values of par[0], par[1], ..., the first that of mesh period 0."""
-        s = self._system
+        s, harmonics = self._problem, self._problem.system.harmonics
         rows, columns = zip(*self._where[contact], strict=True)
         lines = [row[list(at)] for row, at in zip((s.near, s.far), self._lines, strict=True)]
         return np.array(
             [
                 0.0,
-                *s.harmonics,
+                *harmonics,
                 *np.concatenate(lines),
                 *s.a[contact + 1, piece][rows, columns],
             ]
@@ -185,7 +184,7 @@ class _SixDegrees:
         """Return (equations, displacements over the flanks, None)."""
         import heyoka as hy
 
-        par, count = hy.par, self._system.harmonics.size
+        par, count = hy.par, self._problem.system.harmonics.size
         z = hy.make_vars(*(f"z{i}" for i in range(self._m)))
         phases = [par[1 + j] * (hy.time + par[0]) for j in range(count)]
         full = [*z, hy.expression(1.0)]

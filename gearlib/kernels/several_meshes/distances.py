@@ -258,6 +258,17 @@ def first_fall(work, zeros, end, noise):
     return (2.0 if depth < 0 else -1.0), 0.0
 
 
+@uncounted
+def _falls(b, zeros, noise):
+    """Return whether a distance that starts at rest on its line, as on the other one, falls."""
+    lead, size = 0.0, 0.0
+    for i in range(zeros + 1):
+        share = BINOMIALS[zeros, i]
+        lead += share * b[i] if (zeros - i) % 2 == 0 else -share * b[i]
+        size += share
+    return lead < -noise * size
+
+
 @woven
 def first_events(tables, c, grid, w, end):
     """Find when each mesh crosses a flank line first; fill share, target and spread of `Work`.
@@ -289,7 +300,10 @@ def first_events(tables, c, grid, w, end):
             if lowest > 0.0 and zeros == 0:
                 continue
             noise = rounding_of(curves, w.y)
-            found, spread = first_fall(w.bernstein, zeros, end, noise)
+            if zeros == 0 and w.rest[j] > 1 and not grid.gap[j] and _falls(b, w.rest[j], noise):
+                found, spread = 0.0, 0.0
+            else:
+                found, spread = first_fall(w.bernstein, zeros, end, noise)
             if found < 0.0:
                 return -1.0
             if found < w.share[j]:

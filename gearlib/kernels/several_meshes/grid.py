@@ -24,6 +24,7 @@ class Grid(NamedTuple):
     open: np.ndarray  #: bool, whether a mesh has no coast side, shape (m,)
     closing: np.ndarray  #: bool, whether both of its flanks might touch at once, shape (m,)
     plain: np.ndarray  #: bool, whether its flanks are a constant apart, shape (m,)
+    gap: np.ndarray  #: bool, whether there is a backlash between them, shape (m,)
     spin: np.ndarray  #: frequencies of the harmonics by theta, shape (h,)
 
 
@@ -71,7 +72,8 @@ def grid_of(system):
     near, far = system.near @ system.free, system.far @ system.free
     closing = ~never & may_close(system.near, system.far, one)
     spin = system.harmonics * system.tuning
-    return Grid(length, kind, near, far, never, closing, plain, spin)
+    gap = ~plain | (apart[:, one] != 0.0)
+    return Grid(length, kind, near, far, never, closing, plain, gap, spin)
 
 
 @kernel

@@ -54,7 +54,7 @@ def iso_stiffness(mesh, torque=None, application_factor=1.0):
     2 E_1 E_2 / (E_1 + E_2) over 206 GPa. cos(beta) takes c' of the virtual spur gears to the
     helical ones.
     """
-    gears = (mesh.pinion, mesh.wheel)
+    gears = (checks.drawn_mesh(mesh).pinion, mesh.wheel)
     if not mesh.wheel.internal:
         gears = sorted(gears, key=lambda gear: (gear.teeth, -gear.shift))
     teeth = tuple(math.inf if gear.internal else gear.virtual_teeth for gear in gears)

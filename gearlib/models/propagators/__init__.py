@@ -5,13 +5,13 @@ module                responsibility
 ====================  ============================================================================
 ``base``              what all propagators offer
 ``closed_form``       a `GearPair`: scalar closed forms between events
-``piecewise_linear``  matrix exponentials between events, any number of coordinates
+``piecewise_linear``  one mesh, any number of coordinates: modes of its contacts
 ``several_meshes``    trains of gears: many coordinates, events of all meshes, by
 ``modes``             the modes of every combination of contacts
 ``matrices``          derivatives by parameters of the last two kinds, by
 ``varied``            what their matrices change by,
-``tangents``          what the motion changes by, arc by arc and event by event,
-``record``            and what is recorded of that
+``slope_bases``       bases in which these are few numbers,
+``tangents``          and what the motion changes by, arc by arc and event by event
 ``taylor``            Taylor steps that end at events: any one degree of freedom
 ``tooth_pairs``       the same where the pairs of teeth touch one by one
 ====================  ============================================================================

@@ -3,6 +3,7 @@
 import numpy as np
 
 from gearlib.kernels.codes import OK
+from gearlib.kernels.slopes.recorded_slopes import FOUND, TOUCHING
 from gearlib.models.propagators.base import Base
 from gearlib.models.propagators.tangents import Walk
 
@@ -65,15 +66,12 @@ class Matrices(Base):
         if not walk:
             return 0, code, False, False, None
         one_sided = walk.on_a_line(_ON_LINE)
-        record = walk.go(periods - recorded, len(samples) // recorded)
-        if len(samples):
-            samples[:] = record.samples
-        for row, (phase, velocity) in zip(events, record.events, strict=False):
-            row[:] = phase, velocity
-        extrema[:] = record.extrema().reshape(extrema.shape)
-        times[:] = record.times.reshape(times.shape)
-        grazing = walk.grazing or record.touching
-        return len(record.events), code, grazing, one_sided, self.final(walk)
+        tables = walk.go(periods - recorded, len(samples) // recorded, len(events))
+        samples[:], events[:] = np.swapaxes(tables.samples, 1, 2), tables.events
+        extrema[:] = tables.extrema.reshape(extrema.shape)
+        times[:] = tables.times.reshape(times.shape)
+        grazing = walk.grazing or bool(tables.counts[TOUCHING])
+        return int(tables.counts[FOUND]), code, grazing, one_sided, self.final(walk)
 
     def final(self, walk):
         """Return the derivatives of the final state of a run, as it is recorded."""

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy.linalg
 
-from gearlib.kernels.piecewise_linear import system as piecewise_linear
+from gearlib.kernels import exponential
 from gearlib.kernels.polynomial import bernstein_matrix
 from gearlib.kernels.several_meshes.modes import (
     DEGREE,
@@ -95,38 +95,62 @@ class Frame:
 
     Parameters
     ----------
-    train : GearTrain
-    system : TrainSystem
+    frequencies : ndarray, shape (r,)
+        Of the linear modes, by theta.
+    shapes, rigid : ndarray, shapes (n, r), (n, k)
+        Modes and free rotations.
+    mass : ndarray, shape (n, n)
+        With which they are normalised.
     """
 
-    def __init__(self, train, system):
+    def __init__(self, frequencies, shapes, rigid, mass):
+        (n, r), k, w = shapes.shape, rigid.shape[1], frequencies
+        self.elastic = e = 2 * r
+        self.out, self.into, self.free = np.zeros((3, 2 * n, 2 * n))
+        self.out[:n, :r], self.out[n:, r:e] = shapes / w, shapes
+        self.out[:n, e : e + k], self.out[n:, e + k :] = rigid, rigid
+        momenta, turns = shapes.T @ mass, rigid.T @ mass
+        self.into[:r, :n], self.into[r:e, n:] = w[:, None] * momenta, momenta
+        self.into[e : e + k, :n], self.into[e + k :, n:] = turns, turns
+        self.free[:r, r:e], self.free[e : e + k, e + k :] = np.diag(w), np.eye(k)
+
+    @classmethod
+    def of_mesh(cls, model, system):
+        """Return the frame of a model with one mesh."""
+        found, mass = model.linear(system)
+        frame = cls(np.sqrt(found.squares), found.shapes, found.free, np.diag(mass))
+        size, e, r = len(frame.out), frame.elastic, len(found.squares)
+        rows = np.r_[r:e, e + size // 2 - r : size]
+        known = [*range(e), *rows[r:]]
+        whole = frame.into @ system.free[:size, :size] @ frame.out
+        # Positions of free rotations move nothing.
+        frame.free[np.ix_(rows, known)] = whole[np.ix_(rows, known)]
+        return frame
+
+    @classmethod
+    def of_train(cls, train, system):
+        """Return the frame of a train."""
         from gearlib.models.trains.system import scaled
 
         parts, unit = scaled(train, system.tuning), train.stiffness_scale
         squares, shapes = train.linear_modes
         omega = train.reference_angular_frequency
-        shapes, free = (x * (math.sqrt(unit) / omega) for x in (shapes, train.free_motions))
+        shapes, rigid = (x * (math.sqrt(unit) / omega) for x in (shapes, train.free_motions))
         w = np.sqrt(squares) / omega
-        (n, r), k = shapes.shape, free.shape[1]
-        self.elastic = e = 2 * r
-        self.out, self.into, self.free = np.zeros((3, 2 * n, 2 * n))
-        self.out[:n, :r], self.out[n:, r:e] = shapes / w, shapes
-        self.out[:n, e : e + k], self.out[n:, e + k :] = free, free
-        momenta, turns = shapes.T @ parts.mass, free.T @ parts.mass
-        self.into[:r, :n], self.into[r:e, n:] = w[:, None] * momenta, momenta
-        self.into[e : e + k, :n], self.into[e + k :, n:] = turns, turns
+        frame = cls(w, shapes, rigid, parts.mass)
+        (n, r), k, e = shapes.shape, rigid.shape[1], frame.elastic
         # The springs alone, without the meshes at their mean stiffness.
         beta = train.structure.lines @ shapes
         mean = np.array([mesh.mean_stiffness for mesh in train.meshes]) / unit
-        self.free[:r, r:e], self.free[e : e + k, e + k :] = np.diag(w), np.eye(k)
-        self.free[r:e, :r] = (beta.T * mean) @ beta / w - np.diag(w)
-        both = np.hstack([shapes, free])
+        frame.free[r:e, :r] = (beta.T * mean) @ beta / w - np.diag(w)
+        both = np.hstack([shapes, rigid])
         rows = np.concatenate([np.arange(r, e), np.arange(e + k, 2 * n)])
         places = np.concatenate([np.arange(r), e + np.arange(k)])
         scales = np.concatenate([1.0 / w, np.ones(k)])
-        self.free[np.ix_(rows, places)] -= (both.T @ parts.frame @ both) * scales
+        frame.free[np.ix_(rows, places)] -= (both.T @ parts.frame @ both) * scales
         speeds = parts.mass @ system.free[n : 2 * n, n : 2 * n]
-        self.free[np.ix_(rows, rows)] += both.T @ speeds @ both
+        frame.free[np.ix_(rows, rows)] += both.T @ speeds @ both
+        return frame
 
     def matrix(self, system, effects):
         """Return the matrix of a combination of effects in these coordinates, shape (2 N, 2 N)."""
@@ -281,7 +305,7 @@ def add(tables, system, grid, frame, effects):
     if rates.size:
         piece = min(piece, REACH / np.abs(rates).max())
     if basis is None:
-        piece = _BLOCK * system.longest / piecewise_linear.REACH
+        piece = _BLOCK * system.longest / exponential.REACH
     elif len(block) > 1:
         piece = min(piece, _piece_of(block))
     tables.pairs[c], tables.single[c], tables.piece[c] = pairs.size, single.size, piece

@@ -9,8 +9,10 @@ from gearlib.kernels.arrays import enlarged
 from gearlib.kernels.codes import OK
 from gearlib.kernels.several_meshes.grid import FOUND, grid_of, work_of
 from gearlib.kernels.several_meshes.modes import Modes, forget, forget_lengths, modes
-from gearlib.kernels.several_meshes.periods import FULL, MISSING
+from gearlib.kernels.several_meshes.periods import EVENT_COLUMNS, EVENT_MESH, FULL, MISSING
+from gearlib.kernels.several_meshes.record import SUMMARY_COLUMNS
 from gearlib.kernels.several_meshes.run import begin, period_of, run_train
+from gearlib.kernels.slopes.itinerary import Places
 from gearlib.models.derivatives import STEP
 from gearlib.models.propagators.matrices import Matrices
 from gearlib.models.propagators.modes import Frame, add
@@ -18,36 +20,31 @@ from gearlib.models.propagators.tangents import Motion
 from gearlib.models.propagators.varied import Varied
 
 
-class VariedTrain(Varied):
-    """A gear train."""
+class VariedSystem(Varied):
+    """Systems of a model and of its twins off the real axis, shape of a stack: (k + 1, ...).
 
-    def __init__(self, train, system, along):
-        from gearlib.models.trains.system import train_system
+    `switches` as of `Varied`; `outputs` of each system as of `Model.outputs`, by phase.
+    """
 
+    def __init__(self, systems, size, switches, outputs):
         super().__init__()
-        self.system, self.twins = system, [train.off_axis(slopes) for slopes in along]
-        self._effects = system.effect.tolist()
-        tunings = [system.tuning + 1j * STEP * slopes.get("tuning", 0.0) for slopes in along]
-        pairs = zip(self.twins, tunings, strict=True)
-        systems = [system, *(train_system(*pair) for pair in pairs)]
+        self.system, self.size, self.switches = systems[0], size, switches
+        self.tuning, self.repeats = self.system.tuning, self.system.repeats
+        self._effects = self.system.effect.tolist()
+        one = self.system
+        self.places = Places(one.effect, one.low.astype(bool), one.starts, one.first_segment)
         self._free, self._push, self._grip, self._stiffness, self.near, self.far = (
             np.array([getattr(one, name) for one in systems]) + 0j
             for name in ("free", "push", "grip", "stiffness", "near", "far")
         )
         self.position = self.near
-        self.size, self.tuning, self.repeats = train.size, system.tuning, system.repeats
-        half, every = train.size // 2, np.array([system.tuning, *tunings])
+        half, every = size // 2, np.array([one.tuning for one in systems])
         # From rates by theta to rates by phase.
         self._rate, self._scale = every[:, None, None], np.ones(self.near.shape[::2], complex)
         self._scale[:, half : 2 * half] = every[:, None]
-        self._outputs = np.zeros((len(every), half, self.near.shape[2]))
-        self._outputs[:, :, :half] = np.eye(half)
-        slopes = [
-            [one.get(("mesh", mesh.name, "contact_ratio"), 0.0) for one in along]
-            for mesh in train.meshes
-        ]
-        rates = np.array([float(rate) for rate in train.rates])
-        self.switches = math.pi * np.array(slopes) / rates[:, None]
+        self._outputs = np.array(outputs) + 0j
+        # An infinite backlash stays infinite.
+        self._outputs[~np.isfinite(self._outputs).all(axis=-1)] = 0.0
 
     def stack(self, effects):
         """As of `Varied`."""
@@ -77,13 +74,20 @@ class VariedTrain(Varied):
 
     def cuts(self, number):
         """As of `Varied`."""
-        first, last = self.system.first_segment[number : number + 2]
+        first, last = _segments(self.system, number)
         starts = self.system.starts
         return [(starts[p] - starts[first], p) for p in range(first, last)]
 
     def outputs(self, codes, segments):
         """As of `Varied`."""
-        return self._outputs
+        # Those of several meshes do not depend on contact and segment.
+        return self._outputs[:, :, codes[0] + 1, segments[0]]
+
+
+def _segments(system, number):
+    """Return the first segment of a mesh period and the one behind its last."""
+    number %= len(system.first_segment) - 1
+    return system.first_segment[number], system.first_segment[number + 1]
 
 
 class Propagator(Matrices):
@@ -99,7 +103,7 @@ class Propagator(Matrices):
         m, n = system.near.shape
         lengths = int(self.grid.kind.max()) + 1
         self.components, self.pieces = n, len(self.grid.length)
-        self.frame = other.frame if other and not model.gyroscopic else Frame(model, system)
+        self.frame = other.frame if other and not self.turning else self.frame_of(model, system)
         # Between coordinates and their rates by phase, and those by theta of the kernels.
         self.scale = np.repeat([1.0, tuning], model.size // 2)
         if other is not None and other.tables.at.shape[1] >= lengths:
@@ -113,23 +117,36 @@ class Propagator(Matrices):
         else:
             self.tables = modes(n, m, lengths)
 
+    frame_of = staticmethod(Frame.of_train)
+
+    @property
+    def turning(self):
+        """Whether the matrices without harmonics depend on the tuning."""
+        return self.model.gyroscopic
+
     def at(self, tuning):
         """Return the propagator of another tuning; it takes the tables over, see `Base.at`."""
-        return Propagator(self.model, tuning, self)
+        return type(self)(self.model, tuning, self)
 
     def start(self, state):
         """Return the state z; see `Base.start`."""
         return self.model.start_state(state)
 
-    def _go(self, z, periods, record_periods, samples, events, limit, summary, maps, first):
+    def go(self, z, samples, events, limit, summary, spans, maps=None, first=0):
+        """Run from z; `spans` are all periods and those recorded, `summary` has a row a mesh.
+
+        Returns (period, events, events found, status); samples as of `record.record`.
+        """
         system, m = self.system._replace(first=first), self.system.near.shape[0]
+        (periods, record_periods), size = spans, z.size
+        maps = np.empty((0, size, size)) if maps is None else maps
         w = work_of(self.components, self.tables.out.shape[2], m)
-        w.z[: z.size] = z * self.scale
+        w.z[:size] = z * self.scale
         for row in summary:
             orbit.clear_summary(row)
         kept = min(periods, orbit.strobe_periods(system.repeats)) if record_periods else 0
         strobes = np.empty((m, kept + 1, 2))
-        vectors = np.empty((z.size if len(maps) else 0, w.z.size))
+        vectors = np.empty((size if len(maps) else 0, w.z.size))
         code = begin(system, self.grid, w)
         while code == OK:
             code = run_train(
@@ -154,19 +171,20 @@ class Propagator(Matrices):
             else:
                 break
             code = OK
-        z[:] = w.z[: z.size] / self.scale
+        z[:] = w.z[:size] / self.scale
         done = code == OK and record_periods > 0
         period = period_of(system, strobes, summary) if done else 0
         return period, events, int(w.place[FOUND]), code
 
+    def raw(self, samples):
+        """Return empty samples as of `record.record`."""
+        m, n = self.system.near.shape
+        return np.empty((samples, n + m + 1))
+
     def run(self, z, periods, record_periods, samples, events, limit, summary, first=0):
         """Run from z; see `Base.run`. Samples have the columns of `GearTrain.room`."""
-        m, n = self.system.near.shape
-        raw = np.empty((len(samples), n + m + 1))
-        none = np.empty((0, z.size, z.size))
-        period, events, found, code = self._go(
-            z, periods, record_periods, raw, events, limit, summary, none, first
-        )
+        raw, spans = self.raw(len(samples)), (periods, record_periods)
+        period, events, found, code = self.go(z, raw, events, limit, summary, spans, first=first)
         if code == OK and len(samples):
             self.fill(raw, samples)
         half = z.size // 2
@@ -174,6 +192,12 @@ class Propagator(Matrices):
 
     def fill(self, raw, samples):
         """Fill samples, shape (k, 6 m + N), from states, contact codes and segments."""
+        m = len(self.system.near)
+        self.fill_meshes(raw, samples[:, : 6 * m].reshape(-1, m, 6))
+        samples[:, 6 * m :] = raw[:, : self.model.size // 2]
+
+    def fill_meshes(self, raw, columns):
+        """Fill the samples of the meshes, shape (k, m, 6)."""
         system, nu = self.system, self.system.tuning
         m, n = system.near.shape
         state, code, p = raw[:, :n], raw[:, n : n + m].astype(int), raw[:, -1].astype(int)
@@ -184,7 +208,6 @@ class Propagator(Matrices):
         rate = state @ system.free.T + np.einsum("kjt,kjtn->kn", forces, push)
         stiffness = np.take_along_axis(system.stiffness[:, p, :], code[None] + 1, axis=0)[0]
         near, far = state @ system.near.T, state @ system.far.T
-        columns = samples[:, : 6 * m].reshape(-1, m, 6)
         columns[..., orbit.SAMPLE_X] = near
         columns[..., orbit.SAMPLE_V] = state @ self.grid.rate.T / nu
         columns[..., orbit.SAMPLE_A] = rate @ self.grid.rate.T / nu**2
@@ -192,44 +215,61 @@ class Propagator(Matrices):
         columns[..., orbit.SAMPLE_STIFFNESS] = stiffness
         distance = np.where(code == 1, near, np.where(code == -1, far, 0.0))
         columns[..., orbit.SAMPLE_FORCE] = stiffness * distance
-        samples[:, 6 * m :] = state[:, : self.model.size // 2]
 
     def vary(self, z, periods, limit, maps, first):
         """Fill the maps; see `Base.vary`."""
-        samples, events, summary = self.model.room(events=0)
-        *_, code = self._go(z, periods, 0, samples, events, limit, summary, maps, first)
+        none, summary = self.raw(0), np.empty((len(self.system.near), SUMMARY_COLUMNS))
+        events = np.empty((0, EVENT_COLUMNS))
+        *_, code = self.go(z, none, events, limit, summary, (periods, 0), maps, first)
         # Deviations of rates count by phase, as rates do.
         maps *= self.scale[None, :] / self.scale[:, None]
         return code
 
     def vary_along(self, along):
         """Return what the train changes by; see `Matrices`."""
-        return VariedTrain(self.model, self.system, along)
+        from gearlib.models.trains.system import train_system
+
+        train, tuning = self.model, self.system.tuning
+        self.twins = [train.off_axis(slopes) for slopes in along]
+        systems = [self.system]
+        for twin, slopes in zip(self.twins, along, strict=True):
+            systems.append(train_system(twin, tuning + 1j * STEP * slopes.get("tuning", 0.0)))
+        slopes = [
+            [one.get(("mesh", mesh.name, "contact_ratio"), 0.0) for one in along]
+            for mesh in train.meshes
+        ]
+        rates = np.array([float(rate) for rate in train.rates])
+        half, n = train.size // 2, self.components
+        outputs = np.zeros((len(systems), half, 3, self.system.effect.shape[1], n))
+        outputs[...] = np.eye(half, n)[:, None, None]
+        switches = math.pi * np.array(slopes) / rates[:, None]
+        return VariedSystem(systems, train.size, switches, outputs)
 
     def motion(self, z, periods, limit):
         """Return the motion with all of its events; see `Matrices.motion`."""
         m, n = self.system.near.shape
-        raw, (_, events, summary) = np.empty((periods, n + m + 1)), self.model.room()
-        none = np.empty((0, z.size, z.size))
-        done = self._go(z.copy(), periods, periods, raw, events, limit, summary, none, 0)
-        _, events, found, code = done
+        raw, events = self.raw(periods), np.empty((16, EVENT_COLUMNS))
+        summary, spans = np.empty((m, SUMMARY_COLUMNS)), (periods, periods)
+        _, events, found, code = self.go(z.copy(), raw, events, limit, summary, spans)
         if code != OK:
             return None, code
         events, codes = events[:found], raw[0, n : n + m].astype(int)
         for row in events[::-1]:
-            codes[int(row[orbit.EVENT_COLUMNS])] = row[orbit.EVENT_FROM]
+            codes[int(row[EVENT_MESH])] = row[orbit.EVENT_FROM]
         raw[:, : z.size] /= self.scale
         return Motion(raw[:, :n], tuple(codes.tolist()), events), code
 
     def start_tangents(self, state, along):
         """Return what the start changes by, shape (size, k); see `Matrices.start_tangents`."""
         from gearlib.models.trains.derivatives import static_state
+        from gearlib.models.trains.statics import equilibrium
 
         names = [f"initial_state of {component}" for component in self.model.components]
         found = np.array([[slopes.get(name, 0.0) for slopes in along] for name in names])
-        twins = self.varied(along).twins
+        self.varied(along)
         if isinstance(state, str):
-            moved = [static_state(self.model, twin).imag / STEP for twin in twins]
+            rest = equilibrium(self.model)
+            moved = [static_state(self.model, rest, twin).imag / STEP for twin in self.twins]
             found += np.array(moved).T
         return found
 

@@ -1,36 +1,38 @@
 """Tangents of a piecewise-linear motion: what it changes by with parameters and with its start.
 
-The motion is gone through again from event to event. Between them z' = A z, so that a tangent
-w = dz/dp at fixed phase obeys w' = A w + (dA/dp) z, and both have one Taylor series. Where dz/dtau
-jumps at a phase that moves by dtau,
-
-    w+ = w- + (f- - f+) dtau.
-
-On a flank line row z = 0 the jump is as large as the speed, f- - f+ = s (row f), and the phase
-moves by dtau = -(row w + (d row/dp) z) / (row f): the speed cancels. The rates of the map M of
-small deviations, a product of those of arcs and of crossings, S = 1 - s row, follow in the same
-way; see `docs/theory/sensitivities.md`.
+Here the tables of `gearlib.kernels.slopes` are made, for the combinations of contacts that a motion
+meets; the kernels take the tangents through it.
 """
 
-import math
+from copy import copy
 from typing import NamedTuple
 
 import numpy as np
 
-from gearlib.kernels import orbit
 from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
-from gearlib.kernels.piecewise_linear.system import ORDER, REACH
-from gearlib.models.propagators.record import Record
+from gearlib.kernels.slopes import recorded_slopes as recorded
+from gearlib.kernels.slopes.itinerary import (
+    ARC,
+    COLUMNS,
+    CROSSING,
+    FROM,
+    KIND,
+    LEFT,
+    MESH,
+    MET,
+    PERIOD,
+    SWITCH,
+    TO,
+    itinerary,
+)
+from gearlib.kernels.slopes.through_arcs import Boundaries, Work, walk
+from gearlib.models.propagators.slope_bases import bases_of
 
-#: An event slower than this, in static deflections by natural time, is a grazing: see
-#: `gearlib.kernels.closed_form.sensitivity`.
-SLOWEST = 1e-5
-_TURN = 2.0 * math.pi
-#: States this close, relative, repeat. So many repeats are worth a map, and so many times that
-#: the same matrix goes over the same span.
-_AT_REST, _WORTH, _OFTEN = 1e-13, 4, 8
-#: Terms of a series below this share of the state are nothing.
-_NOTHING = 1e-20
+_TURN = 2.0 * np.pi
+#: States this close, relative, repeat. So many repeats are worth a map.
+_AT_REST, _WORTH = 1e-13, 4
+#: Places at which curves are looked at, within a step of a Taylor series.
+_PLACES = 8
 
 
 class Motion(NamedTuple):
@@ -56,35 +58,122 @@ class Walk:
     """
 
     def __init__(self, varied, motion, tangents, rates=False):
-        self.varied, self.motion = varied, motion
+        self.varied, self.motion, self._rates = varied, motion, rates
         self.k = len(varied.near) - 1
-        n, columns = motion.states.shape[1], tangents.shape[1]
-        self.free = columns - self.k
-        #: The state, and its tangents.
-        self.z = np.zeros((n, 1 + columns))
-        self.z[:, 0] = motion.states[0]
-        self.z[: varied.size, 1:] = tangents
-        self.rates = np.zeros((self.k, varied.size, varied.size)) if rates else None
-        self.grazing, self.record = False, None
-        #: (Effects, span) -> how often it was met, or its `_map`.
-        self._maps: dict = {}
-        self.codes = motion.codes
-        at = motion.events[:, orbit.EVENT_PERIOD].astype(int)
-        self._events = [motion.events[at == i] for i in range(len(motion.states))]
-        ((_, first), *_) = varied.cuts(0)
-        self.segments = (first,) * len(self.codes)
+        self.q = 1 + tangents.shape[1] - self.k
+        #: The state, its tangents, and by directions what free tangents change by.
+        self.block = self._block(motion.states[0], tangents)
+        self._plan()
+        #: The `recorded_slopes.Tables`, and whether an event in them is a grazing.
+        self.tables, self.grazing = None, False
+
+    def _block(self, state, tangents):
+        more = self.k * (self.q - 1) if self._rates else 0
+        block = np.zeros((1 + tangents.shape[1] + more, state.size))
+        block[0], block[1 : 1 + tangents.shape[1], : self.varied.size] = state, tangents.T
+        return block
+
+    def _plan(self):
+        """Lay down the steps of the motion, and the tables of what they meet."""
+        places, (states, codes, events) = self.varied.places, self.motion
+        m, e = len(codes), int(places.effect.max()) + 1
+        rows = len(states) * (2 + int(np.diff(places.first).max()) * (1 + m)) + 2 * len(events)
+        steps, times = np.empty((rows, COLUMNS), np.int64), np.empty((rows, 2))
+        contacts, own = np.empty((rows, 2, m), np.int64), np.zeros(m, np.int64)
+        codes = np.array(codes, np.int64)
+        found = itinerary(places, codes, own, events, len(states), steps, times, contacts)
+        self._steps, self._times, contacts = steps[:found], times[:found], contacts[:found]
+        #: Contact codes and segments at the end.
+        self.codes, self.segments = tuple(codes.tolist()), tuple(own.tolist())
+        effects = places.effect[contacts[:, 0] + 1, contacts[:, 1], np.arange(m)]
+        self._which, self._met = self._combinations(effects, contacts, e)
+        self._begins = np.append(np.flatnonzero(self._steps[:, KIND] == PERIOD), found)
+        pairs = [self.varied.matrix(*one) for one in self._met]
+        self._bases = bases_of(pairs[: 1 + self._which[self._steps[:, KIND] == ARC].max()])
+        kind, j = self._steps[:, KIND], self._steps[:, MESH] * (self._steps[:, KIND] != PERIOD)
+        old = places.effect[self._steps[:, FROM] + 1, self._steps[:, LEFT], j]
+        new = places.effect[self._steps[:, TO] + 1, self._steps[:, MET], j]
+        meets = np.flatnonzero((kind == CROSSING) | (kind == SWITCH))
+        keys = (((j * 2 + (kind == SWITCH)) * e + old) * e + new)[meets]
+        _, first, inverse = np.unique(keys, return_index=True, return_inverse=True)
+        self._where = np.zeros(found, np.int64)
+        self._where[meets] = inverse
+        self._bounds = self._boundaries(pairs, meets[first])
+        self._work = self._storage()
+
+    def _storage(self):
+        """Return the `Work` of the block."""
+        rows, full = len(self.block), self._bases.into.shape[2]
+        return Work(
+            self.block,
+            np.zeros((rows, full)),
+            np.zeros((rows, full)),
+            np.empty((2, rows, full // 2), complex),
+            np.empty(rows),
+            np.empty(self.k),
+            np.empty(self.k),
+            np.empty((3, 6 * len(self.codes))),
+        )
+
+    def _combinations(self, effects, contacts, e):
+        """Return (number of the combination of each step, (codes, segments) of each).
+
+        Those of arcs come first.
+        """
+        if e ** effects.shape[1] < 2**62:
+            effects = effects @ e ** np.arange(effects.shape[1])
+        unique = {"axis": 0, "return_index": True, "return_inverse": True}
+        _, first, which = np.unique(effects, **unique)
+        which = which.ravel()
+        order = np.argsort(~np.isin(np.arange(len(first)), which[self._steps[:, KIND] == ARC]))
+        met = [tuple(map(tuple, contacts[i].tolist())) for i in first[order]]
+        return np.argsort(order)[which], met
+
+    def _boundaries(self, pairs, rows):
+        """Return the `Boundaries` of the crossings and switches in some rows of the steps."""
+        varied, k, n = self.varied, self.k, self.block.shape[1]
+        count = max(len(rows), 1)
+        table = Boundaries(
+            np.zeros((count, n)),
+            np.zeros((count, k, n)),
+            np.zeros((count, n)),
+            np.zeros((count, n)),
+            np.zeros((count, k, n)),
+            np.zeros((count, n, n)),
+            np.zeros((count, k)),
+            np.array([matrix.T for matrix, _ in pairs]),
+            float(varied.tuning),
+        )
+        for i, row in enumerate(rows):
+            step, (codes, segments) = self._steps[row], self._met[self._which[row]]
+            j, before = int(step[MESH]), (codes, segments)
+            matrix = table.matrix[self._which[row]].T
+            if step[KIND] == CROSSING:
+                code = int(step[TO])
+                flank = NORMAL if NORMAL in (codes[j], code) else INVERSE
+                after = (*codes[:j], code, *codes[j + 1 :]), segments
+                lines, slopes = varied.lines[flank]
+                table.row[i], table.row_slopes[i] = lines[j], slopes[:, j]
+                table.speed[i] = lines[j] @ matrix
+                table.jump[i], table.jump_slopes[i] = varied.jump(before, after, flank, j)
+            else:
+                old, new = int(step[LEFT]), int(step[MET])
+                segments = (*segments[:j], new, *segments[j + 1 :])
+                table.difference[i] = (matrix - varied.matrix(codes, segments)[0]).T
+                table.moved[i] = varied.moves(codes[j], j, old, new)
+        return table
 
     def on_a_line(self, close):
         """Return whether the start is on a flank line where the damping jumps, and moves off it."""
-        varied = self.varied
+        varied, z, own = self.varied, self.block[0], slice(self.q, self.q + self.k)
+        codes, segments = self.motion.codes, (int(varied.places.first[0]),) * varied.near.shape[1]
         for flank, (rows, slopes) in varied.lines.items():
-            reach = rows @ self.z[:, 1 + self.free :] + (slopes @ self.z[:, 0]).T
-            size = np.abs(rows * self.z[:, 0]).sum(axis=1)
-            at = np.abs(rows @ self.z[:, 0]) <= close * size
+            reach = rows @ self.block[own].T + (slopes @ z).T
+            size = np.abs(rows * z).sum(axis=1)
+            at = np.abs(rows @ z) <= close * size
             for j in np.flatnonzero(at & reach.any(axis=1)):
                 sides = [
-                    ((*self.codes[:j], code, *self.codes[j + 1 :]), self.segments)
-                    for code in (flank, BACKLASH)
+                    ((*codes[:j], code, *codes[j + 1 :]), segments) for code in (flank, BACKLASH)
                 ]
                 jump, _ = varied.jump(*sides, flank, j)
                 if np.abs(jump).max() > close * np.abs(varied.matrix(*sides[0])[0]).max():
@@ -94,22 +183,104 @@ class Walk:
     @property
     def tangents(self):
         """Those of the components that move, shape (s, f + k)."""
-        return self.z[: self.varied.size, 1:]
+        return self.block[1 : self.q + self.k, : self.varied.size].T
 
-    def go(self, record_from=None, samples_per_period=0):
-        """Go through all periods; return the `Record` from one on, or None."""
-        first, repeat = self._settled(record_from or 0)
-        i = 0
-        while i < len(self.motion.states):
-            if i == first:
-                i = self._leap(i, repeat, record_from)
-                first = -1
-            if i == record_from:
-                start = _TURN * i
-                self.record = Record(self.varied, self.free, samples_per_period, start, self.codes)
-            self._through(i)
-            i += 1
-        return self.record
+    @property
+    def rates(self):
+        """What the map of free tangents changes by, shape (k, s, f)."""
+        own = self.block[self.q + self.k :, : self.varied.size]
+        return own.reshape(self.q - 1, self.k, -1).transpose(1, 2, 0)
+
+    def go(self, record_from=None, samples_per_period=0, events=0):
+        """Go through all periods; return the `recorded_slopes.Tables` from one on, or None."""
+        last = len(self.motion.states)
+        end = last if record_from is None else record_from
+        first, repeat = self._settled(end) if not self._rates else (-1, 0)
+        if first >= 0:
+            self._through(0, first)
+            first = self._leap(first, repeat, end)
+        self._through(max(first, 0), end)
+        if record_from is not None:
+            self.tables = self._recording(record_from, samples_per_period, events)
+            self._through(end, last, True)
+            recorded.end_record(self.tables, self.q, self._work)
+        return self.tables
+
+    def _through(self, first, last, recording=False):
+        """Go through mesh periods `first` to `last`, the latter left out."""
+        own = slice(self._begins[first], self._begins[last])
+        tables = self.tables or self._recording(0, 0, 0)
+        grazing = walk(
+            self._bases,
+            self._bounds,
+            self.motion.states,
+            self._steps[own],
+            self._times[own],
+            self._which[own],
+            self._where[own],
+            self.q,
+            self._rates,
+            self._work,
+            recording,
+            tables,
+        )
+        self.grazing = self.grazing or grazing
+
+    def _recording(self, first, samples_per_period, events):
+        """Return the `recorded_slopes.Tables` from a period on; without samples, empty ones."""
+        varied, k, m = self.varied, self.k, len(self.codes)
+        count, n, full = self._bases.into.shape
+        begin = self._begins[first]
+        met = np.unique(self._which[begin:]) if samples_per_period else np.empty(0, int)
+        met = met[met < len(self._bases.into)]
+        velocity, velocity_slopes = (one[..., m : 2 * m, :] for one in varied.rows(*self._met[0]))
+        functionals = varied.rows(*self._met[0])[0].shape[0]
+        periods = len(self.motion.states) - first if samples_per_period else 0
+        phase, codes = _TURN * first, np.zeros((count, m), np.int64)
+        stiffness = np.zeros((count, m))
+        rows, slopes = np.zeros((count, functionals, n)), np.zeros((count, k, functionals, n))
+        of_states = np.zeros((count, full, functionals * k))
+        curves = np.zeros((count, full, 6 * m))
+        lines = np.concatenate([varied.lines[flank][0] for flank in (NORMAL, INVERSE)])
+        place = np.ones(count)
+        for i in met:
+            codes[i], segments = self._met[i]
+            stiffness[i] = varied.stiffness(tuple(codes[i].tolist()), segments)[0].real
+            rows[i], slopes[i] = varied.rows(*self._met[i])
+            out, shift = self._bases.out[i], self._bases.shift[i].reshape(n, k, n)
+            own = (slopes[i] - rows[i] @ np.moveaxis(shift, 0, 2)) @ out.T
+            of_states[i] = np.moveaxis(own, 2, 0).reshape(full, -1)
+            curve = np.concatenate([rows[i, :m], lines])
+            rate = curve @ self._bounds.matrix[i].T
+            curves[i] = out @ np.concatenate([curve, rate]).T
+            place[i] = varied.longest(segments) / _PLACES
+        best = np.full((4, m), -np.inf)
+        best[1::2] = np.inf
+        contacts = self._met[self._which[min(begin, len(self._which) - 1)]][0]
+        return recorded.Tables(
+            rows,
+            slopes,
+            np.ascontiguousarray(np.swapaxes(rows @ np.swapaxes(self._bases.out, 1, 2), 1, 2)),
+            of_states,
+            curves,
+            velocity,
+            velocity_slopes,
+            lines @ self._bounds.matrix[0].T,
+            codes,
+            stiffness,
+            varied.places.low,
+            place,
+            bool((varied.position[0] == varied.near[0]).all()),
+            np.zeros((periods * samples_per_period, k, functionals)),
+            np.zeros((events, 2, k)),
+            np.zeros((4, m, k)),
+            best,
+            np.zeros((4, m, k)),
+            np.array(contacts) == BACKLASH,
+            np.zeros((m, k)),
+            np.zeros(5, np.int64),
+            np.array([phase, phase, _TURN / max(samples_per_period, 1)]),
+        )
 
     def _settled(self, end):
         """Return (period from which states before `end` repeat, after how many), or (-1, 0)."""
@@ -125,159 +296,18 @@ class Walk:
 
     def _leap(self, first, repeat, end):
         """Go through periods that repeat, by powers of one linear map; return where it ends."""
-        s, columns = self.varied.size, self.z.shape[1] - 1
+        s, kept, columns = self.varied.size, self.tangents.copy(), self.tangents.shape[1]
         # The map of a start, and what directions add in one repeat.
-        tangents = np.hstack([np.eye(s), np.zeros((s, self.k))])
-        once = Walk(self.varied, self.motion, tangents)
-        once.codes, once.segments, once._maps = self.codes, self.segments, self._maps
-        for i in range(first, first + repeat):
-            once._through(i)
+        once = copy(self)
+        once.q = 1 + s
+        start = np.hstack([np.eye(s), np.zeros((s, self.k))])
+        once.block = once._block(self.motion.states[first], start)
+        once._work = once._storage()
+        once._through(first, first + repeat)
         power = np.zeros((s + columns, s + columns))
         power[:s, :s], power[s:, s:] = once.tangents[:, :s], np.eye(columns)
-        power[:s, s + self.free :] = once.tangents[:, s:]
+        power[:s, s + self.q - 1 :] = once.tangents[:, s:]
         count = (end - first) // repeat
-        self.tangents[:] = np.linalg.matrix_power(power, count)[:s] @ np.vstack(
-            [self.tangents, np.eye(columns)]
-        )
-        self.codes, self.segments = once.codes, once.segments
+        both = np.vstack([kept, np.eye(columns)])
+        self.tangents[:] = np.linalg.matrix_power(power, count)[:s] @ both
         return first + count * repeat
-
-    def _through(self, i):
-        """Go through period i from its start."""
-        varied = self.varied
-        self.z[:, 0], self.start = self.motion.states[i], _TURN * i
-        stops = [(phase, None, p) for phase, p in varied.cuts(i % varied.repeats)]
-        stops += [(row[orbit.EVENT_PHASE], row, None) for row in self._events[i]]
-        t, whole = 0.0, True
-        for phase, event, segment in sorted(stops, key=lambda stop: stop[0]):
-            self._carry(t, phase, whole and event is None)
-            t, whole = max(t, phase), event is None
-            if event is None:
-                self._switch(t, segment)
-            else:
-                self._cross(t, event)
-        self._carry(t, _TURN, whole)
-
-    def _carry(self, t, end, whole):
-        """Go from phase t to `end` of a period; `whole` segments and steps have maps."""
-        span, longest = end - t, self.varied.longest(self.segments)
-        if self.record is None and self.rates is None and span > 0.0:
-            if whole and self._by_map(span):
-                return
-            while span >= longest and self._by_map(longest):
-                span -= longest
-        if span <= 0.0:
-            return
-        matrix, slopes = self.varied.matrix(self.codes, self.segments)
-        count = self._steps(span)
-        h, flat = span / count, slopes.reshape(-1, len(matrix))
-        share = REACH * h / longest
-        for step in range(count):
-            terms, size = [self.z], 1.0
-            for j in range(1, ORDER + 4):
-                size *= share / j
-                term = matrix @ terms[-1]
-                term[:, 1 + self.free :] += (flat @ terms[-1][:, 0]).reshape(self.k, -1).T
-                terms.append(term * (h / j))
-                if size < _NOTHING:
-                    break
-            if self.rates is not None:
-                self._carry_rates(matrix, slopes, h, len(terms))
-            if self.record is not None:
-                own = self.codes, self.segments
-                self.record.add(self.start + t + step * h, h, *own, np.array(terms))
-            self.z = sum(reversed(terms))
-
-    def _steps(self, span):
-        """Return in how many steps to go over a span; rounding asks for no further one."""
-        return math.ceil(span / self.varied.longest(self.segments) * (1.0 - 1e-12))
-
-    def _by_map(self, span):
-        """Go on by a span if that is worth a map; return whether it was."""
-        key = self.varied.effects(self.codes, self.segments), span
-        known = self._maps.get(key, 0)
-        if not isinstance(known, tuple):
-            self._maps[key] = self._map(span) if known == _OFTEN else known + 1
-            return False
-        one, ahead = known
-        moved = (ahead @ self.z[:, 0]).reshape(self.k, -1).T
-        self.z = one @ self.z
-        self.z[:, 1 + self.free :] += moved
-        return True
-
-    def _map(self, span):
-        """Return (the exponential over a span, its slopes), shapes (n, n) and (k n, n)."""
-        matrix, slopes = self.varied.matrix(self.codes, self.segments)
-        count = self._steps(span)
-        one, ahead = np.eye(len(matrix)), np.zeros_like(slopes)
-        whole, rates = one, ahead
-        for j in range(1, ORDER + 4):
-            ahead = (matrix @ ahead + slopes @ one) * (span / count / j)
-            one = matrix @ one * (span / count / j)
-            whole, rates = whole + one, rates + ahead
-        one, ahead = whole, rates
-        for _ in range(count - 1):
-            rates, whole = one @ rates + ahead @ whole, one @ whole
-        return whole, rates.reshape(-1, len(matrix))
-
-    def _carry_rates(self, matrix, slopes, h, count):
-        s = self.varied.size
-        a, rates = matrix[:s, :s], slopes[:, :s, :s]
-        one, all_ = self.z[:s, 1 : 1 + s], self.rates
-        for j in range(1, count):
-            all_ = (a @ all_ + rates @ one) * (h / j)
-            one = a @ one * (h / j)
-            self.rates = self.rates + all_
-
-    def _cross(self, t, event):
-        """Let a mesh cross a flank line at phase t of the period."""
-        varied, j = self.varied, int(event[orbit.EVENT_COLUMNS])
-        before, code = (self.codes, self.segments), int(event[orbit.EVENT_TO])
-        after = (*self.codes[:j], code, *self.codes[j + 1 :]), self.segments
-        flank = NORMAL if NORMAL in (self.codes[j], code) else INVERSE
-        row, row_slopes = (one[..., j, :] for one in varied.lines[flank])
-        matrix, _ = varied.matrix(*before)
-        rate = matrix @ self.z[:, 0]
-        speed = float(row @ rate)
-        reach = row @ self.z[:, 1:]
-        reach[self.free :] += row_slopes @ self.z[:, 0]
-        slow = not abs(speed) * varied.tuning > SLOWEST
-        moved = np.full(self.k, math.nan) if slow else -reach[self.free :] / speed
-        jump, jump_slopes = varied.jump(before, after, flank, j)
-        if self.rates is not None:
-            s = varied.size
-            one, saltation = self.z[:s, 1 : 1 + s], np.eye(s) - np.outer(jump, row)[:s, :s]
-            own, other = (varied.matrix(*side)[0][:s, :s] for side in (before, after))
-            change = moved[:, None, None] * (saltation @ own - other @ saltation)
-            change -= jump_slopes[:, :s, None] * row[:s]
-            self.rates = saltation @ self.rates + change @ one
-        if self.record is not None:
-            velocity, slopes = varied.rows(*before)
-            place = len(self.codes) + j
-            own = velocity[place] @ self.z[:, 1 + self.free :] + slopes[:, place] @ self.z[:, 0]
-            own += velocity[place] @ rate * moved
-            self.record.event(j, self.codes[j], code, self.segments[j], moved, own)
-            self.grazing = self.grazing or slow
-        self.z[:, 1:] -= np.outer(jump, reach)
-        self.codes = after[0]
-
-    def _switch(self, t, segment):
-        """Let the stiffness of all meshes become that of another segment."""
-        varied = self.varied
-        if segment in self.segments:
-            return
-        for j, (code, old) in enumerate(zip(self.codes, self.segments, strict=True)):
-            moved = varied.moves(code, j, old, segment)
-            segments = (*self.segments[:j], segment, *self.segments[j + 1 :])
-            if moved is not None:
-                first, last = (
-                    varied.matrix(self.codes, one)[0] for one in (self.segments, segments)
-                )
-                self.z[:, 1 + self.free :] += np.outer((first - last) @ self.z[:, 0], moved)
-                if self.rates is not None:
-                    s = varied.size
-                    change = ((first - last)[:s, :s] @ self.z[:s, 1 : 1 + s])[None]
-                    self.rates = self.rates + moved[:, None, None] * change
-                if self.record is not None:
-                    self.record.switch(j, varied.low(code, old, j), moved)
-            self.segments = segments

@@ -10,6 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
+from gearlib.kernels.slopes.itinerary import Places
 from gearlib.models.derivatives import STEP
 
 
@@ -31,7 +32,8 @@ class Varied:
     tuning: float
     #: By what the switches of each mesh move, those at which it becomes softer, shape (m, k).
     switches: np.ndarray
-    repeats: int  #: mesh periods after which the cuts repeat
+    repeats: int  #: mesh periods after which the places repeat
+    places: Places  #: where the stiffness switches, and what distinguishes matrices
 
     def __init__(self):
         self._matrices, self._rows, self._jumps = {}, {}, {}

@@ -11,7 +11,6 @@ import numpy as np
 
 from gearlib.kernels.codes import INVERSE, NORMAL
 from gearlib.models.derivatives import STEP, about_the_mean, check_edges, off_axis
-from gearlib.models.trains.statics import equilibrium
 from gearlib.models.trains.structure import structure
 from gearlib.models.trains.train import FALLBACK
 
@@ -168,21 +167,9 @@ def off_the_axis(train, slopes):
         off_axis(mesh, {key[0]: slope for key, slope in of("mesh", mesh.name).items()})
         for mesh in train.meshes
     )
-    own = train.structure
-    only = [
-        [_only(element, of(kind, label)) for label, element in elements(train)[kind].items()]
-        for kind in ("body", "shaft")
-    ]
-    change = structure({body.name: body for body in only[0]}, train.meshes, only[1])
-    turning = np.abs(train.free_motions.T @ change.load)
-    if (turning > 1e-9 * np.abs(train.free_motions.T) @ np.abs(change.load)).any():
-        raise ValueError(
-            "sensitivities is not allowed by a torque that turns the train: it must be 'load', "
-            "all torques in proportion"
-        )
-    moved = own._replace(
-        **{name: getattr(own, name) + 1j * STEP * getattr(change, name) for name in _LINEAR}
-    )
+    moved = train.structure
+    if any(key[0] in ("body", "shaft") for key in slopes):
+        moved = _structure(train, of)
     frequencies, waves, constants = train.excitation
     errors = [of("mesh", mesh.name).get(("error",), 0.0) for mesh in train.meshes]
     scale = meshes[train.mesh_names.index(train.reference)].mean_stiffness
@@ -201,6 +188,25 @@ def off_the_axis(train, slopes):
         carrier_ratio=train.carrier_ratio,
         gyroscopic=train.gyroscopic,
         repeats=train.repeats,
+    )
+
+
+def _structure(train, of):
+    """Return the `Structure` off the real axis; `of` gives the slopes of an element."""
+    own = train.structure
+    only = [
+        [_only(element, of(kind, label)) for label, element in elements(train)[kind].items()]
+        for kind in ("body", "shaft")
+    ]
+    change = structure({body.name: body for body in only[0]}, train.meshes, only[1])
+    turning = np.abs(train.free_motions.T @ change.load)
+    if (turning > 1e-9 * np.abs(train.free_motions.T) @ np.abs(change.load)).any():
+        raise ValueError(
+            "sensitivities is not allowed by a torque that turns the train: it must be 'load', "
+            "all torques in proportion"
+        )
+    return own._replace(
+        **{name: getattr(own, name) + 1j * STEP * getattr(change, name) for name in _LINEAR}
     )
 
 
@@ -248,9 +254,8 @@ def _scales(train, moved, meshes):
     return deflection, speed
 
 
-def static_state(train, twin):
-    """Return the start in static equilibrium off the real axis, shape (size,)."""
-    found = equilibrium(train)
+def static_state(train, found, twin):
+    """Return the start in static equilibrium, `found`, off the real axis, shape (size,)."""
     n = train.size // 2
     _, waves, constants = train.excitation
     low = train.segments.low[:, 0]

@@ -295,9 +295,13 @@ class Mesh:
     @property
     def line(self):
         """Angle of the line of action, rad."""
+        return self.line_by(math.pi)
+
+    def line_by(self, pi):
+        """Return the same with pi as a number of another kind."""
         if self.line_of_action is not None:
             return self.line_of_action
-        return (self.position or 0.0) + self.direction * (math.pi / 2.0 + self._tilt)
+        return (self.position or 0.0) + self.direction * (pi / 2.0 + self._tilt)
 
     @property
     def centres(self):

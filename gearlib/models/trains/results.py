@@ -8,7 +8,6 @@ import numpy as np
 from gearlib.kernels import orbit
 from gearlib.kernels.several_meshes.periods import EVENT_COLUMNS
 from gearlib.kernels.several_meshes.record import FORCE_SUM, SUMMARY_COLUMNS
-from gearlib.kernels.several_meshes.system import matrix_of
 from gearlib.models.model import Model
 from gearlib.models.piecewise_linear import contact_map
 from gearlib.models.trains.parameters import PARAMETERS, value_of, with_value
@@ -85,13 +84,7 @@ class TrainResults(Model):
 
     def contact_map(self, tuning):
         """Return the map of deviations over `repeats` periods in normal mesh; see `reduction`."""
-        system, pieces = self.system(tuning), []
-        for p, length in enumerate(np.diff(system.starts) / tuning):
-            whole = np.empty_like(system.free)
-            matrix_of(system, system.effect[2, p], whole)
-            substeps = math.ceil(length / system.longest)
-            pieces.append((whole, length / substeps, substeps))
-        return contact_map(self, pieces)
+        return contact_map(self, tuning)
 
     def disturbed(self, state, disturbance):
         """Return an initial state with so much added to the first coordinate that can bend."""

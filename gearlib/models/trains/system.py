@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gearlib.kernels.piecewise_linear.system import REACH
+from gearlib.kernels.exponential import REACH
 from gearlib.kernels.several_meshes.system import TrainSystem
 from gearlib.models import piecewise_linear
 

@@ -18,6 +18,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
+from gearlib.models.piecewise_linear import by_phase
 
 #: Coefficients of a series, per digit: steps of about a radian of the fastest oscillation.
 _ORDER_PER_DIGIT = 0.8
@@ -59,28 +60,13 @@ class Motion(NamedTuple):
 def run(model, tuning, periods, digits=50, state=(0, 0)):
     """Run mesh periods from a state at tau = 0.
 
-    Parameters
-    ----------
-    model : GearPair, OneDegreePair or SixDegreePair
-        Of the kinds that `gearlib.studies.trials.problems.build` makes: rectangular stiffness,
-        damping linear or cubic, no excitation of one degree of freedom.
-    tuning : float
-    periods : int
-    digits : int
-        How many decimal digits of the step are right; what a motion makes of them is another
-        thing: compare two runs.
-    state : tuple of Decimal or float
-        (x, dx/dtau); six degrees of freedom start from rest on the line only.
+    model (of the kinds that `gearlib.studies.trials.problems.build` makes: rectangular stiffness,
+    damping linear or cubic, no excitation of one degree of freedom); digits (how many decimal
+    digits of the step are right; what a motion makes of them is another thing: compare two runs);
+    state ((x, dx/dtau); six degrees of freedom start from rest on the line only).
 
-    Returns
-    -------
-    Motion
-
-    Raises
-    ------
-    Unresolved
-        If the motion grazes a flank line so closely that the digits do not tell whether it
-        crosses, or both flanks are in contact at once.
+    Unresolved if the motion grazes a flank line so closely that the digits do not tell whether it
+    crosses, or both flanks are in contact at once.
     """
     with localcontext(prec=digits + _GUARD):
         equations = equations_of(model, tuning)
@@ -119,10 +105,10 @@ def _one_degree(model, nu):
 
 
 def _six_degrees(model, tuning):
-    system, _ = model.system(tuning)
+    system = model.system(tuning)
     count = system.starts.size - 1
     rows = {
-        (code, segment): [_sparse(row) for row in system.a[code + 1, segment]]
+        (code, segment): [_sparse(row) for row in by_phase(system, [code], segment)]
         for code in (INVERSE, BACKLASH, NORMAL)
         for segment in range(count)
     }
@@ -131,7 +117,7 @@ def _six_degrees(model, tuning):
     exact += [(turn + k * pi) % (2 * pi) for k in range(2)]
     # Which segments there are is known from the floats; where they end, in all digits.
     starts = [min(exact, key=lambda cut: abs(cut - Decimal(phase))) for phase in system.starts]
-    near, far = _sparse(system.near), _sparse(system.far)
+    near, far = _sparse(system.near[0]), _sparse(system.far[0])
     z = [Decimal(value) for value in model.initial(system, (0.0, 0.0)).tolist()]
     # At rest on the line in all digits, not in those of floats; u3 is in y with 1.
     z[0] -= _dot(near, z)

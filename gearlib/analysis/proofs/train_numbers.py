@@ -1,0 +1,262 @@
+"""Trains, and the pair of six degrees, in balls: their matrices and meshes from SI numbers.
+
+    M q'' + D q' + K q = f - sum over meshes of (b_drive P + b_coast Q) - friction across them
+
+with the elements and forces of `gearlib.models.trains.structure` and `gearlib.models.six_degrees`,
+in m, N and s. All floating-point numbers of the model are exact numbers. So are, of a train, the
+phases of its meshes, counted in mesh periods, and the two units that the library derives: static
+deflection and reference frequency. Speeds are fractions of tooth numbers.
+"""
+
+import math
+from fractions import Fraction
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gearlib.analysis.proofs.balls import flint
+from gearlib.analysis.proofs.certificates import Uncertain
+from gearlib.analysis.proofs.path import COAST, DRIVE
+from gearlib.models.trains import turning
+from gearlib.models.trains.elastic import linear
+from gearlib.models.trains.structure import Numbers, structure
+from gearlib.models.trains.waves import excited
+
+
+class MeshParts(NamedTuple):
+    """One mesh; pairs are (coast side, drive side), rows are functionals of the n coordinates."""
+
+    name: str
+    lines: tuple  #: b: distances over the flanks are b q + constant + waves
+    across: Any  #: of the axes, the way of the sliding past the pitch point
+    constants: tuple  #: m, the backlash included; of the coast side None where there is none
+    waves: dict  #: frequency by phase, `Fraction` -> rows (cosine, sine) of both sides, m
+    levels: tuple  #: upper and lower stiffness, N/m
+    damping: Any  #: in contact, N s/m
+    film: Any  #: in the backlash
+    friction: tuple
+    rate: Fraction  #: mesh periods in one of the reference mesh
+    phases: tuple  #: middle of the upper level, in mesh periods, `Fraction`
+    pitches: tuple  #: where the sliding of both sides turns, after the phase of the drive side
+    overlap: Fraction  #: contact ratio - 1
+    moving: bool  #: whether the play between the flanks changes, so that it might close
+
+    def cuts(self):
+        """Return the phases in mesh periods at which stiffness or sliding changes."""
+        found = set()
+        if self.levels[0] != self.levels[1] and 0 < self.overlap < 1:
+            found = {g + side * self.overlap / 2 for g in self.phases for side in (1, -1)}
+        if any(share != 0 for share in self.friction):
+            turns = {self.phases[DRIVE] + pitch for pitch in self.pitches}
+            found |= {turn + half for turn in turns for half in (0, Fraction(1, 2))}
+        return found
+
+    def low(self, side, turns):
+        """Return whether the stiffness is at its lower level after so many mesh periods."""
+        away = abs((turns - self.phases[side] + Fraction(1, 2)) % 1 - Fraction(1, 2))
+        return self.overlap == 0 or away > self.overlap / 2
+
+    def sense(self, side, turns):
+        """Return the direction of the sliding after so many mesh periods."""
+        since = (turns - self.phases[DRIVE] - self.pitches[side]) % 1
+        return 1 if since < Fraction(1, 2) else -1
+
+
+class Parts(NamedTuple):
+    """A model of n coordinates."""
+
+    names: tuple  #: of the coordinates
+    mass: Any  #: shape (n, n), objects
+    stiffness: Any
+    damping: Any
+    load: Any  #: shape (n,)
+    meshes: tuple
+    length: Any  #: the unit of displacements, m
+    frequency: Any  #: what the tuning is counted in, rad/s
+    derived: dict  #: numbers that the library derives from the model, here exact ones
+    springs: tuple  #: all but the meshes, in floats, as of `gearlib.models.trains.elastic.linear`
+    masses: tuple
+
+    def linear(self):
+        """Return the `Linear` model with all flanks in contact at their upper levels."""
+        rows = [[float(value) for value in mesh.lines[DRIVE]] for mesh in self.meshes]
+        levels = [float(mesh.levels[0]) for mesh in self.meshes]
+        directions, values = self.springs
+        springs = np.concatenate([directions, rows]), np.concatenate([values, levels])
+        return linear(springs, self.masses)
+
+    def in_contact(self):
+        """Return the stiffness with all flanks in contact at their upper levels, shape (n, n)."""
+        total = self.stiffness.copy()
+        for mesh in self.meshes:
+            total += mesh.levels[0] * np.outer(mesh.lines[DRIVE], mesh.lines[DRIVE])
+        return total
+
+
+def parts_of(model):
+    """Return the `Parts` of a model.
+
+    Raises
+    ------
+    Uncertain
+        For a model without a proof.
+    """
+    if hasattr(model, "structure"):
+        return _of_train(model)
+    if hasattr(model, "bearing_stiffness"):
+        return _of_pair(model)
+    raise Uncertain(
+        "model",
+        "proofs are written for trains, and for one degree of freedom with linear phases of "
+        f"contact, not for this {type(model).__name__}",
+    )
+
+
+def balls():
+    """Return the balls of the present precision as `Numbers`, for the assembly of a train."""
+    arb = flint().arb
+
+    def cos_sin(angle):
+        sine, cosine = arb(angle).sin_cos()
+        return cosine, sine
+
+    def polar(x, y):
+        return (x * x + y * y).sqrt(), arb.atan2(y, x)
+
+    return Numbers(object, arb, cos_sin, polar, arb.pi())
+
+
+def _units(n):
+    arb = flint().arb
+    return [np.array([arb(int(i == j)) for j in range(n)], dtype=object) for i in range(n)]
+
+
+def _add(matrix, value, row):
+    matrix += flint().arb(value) * np.outer(row, row)
+
+
+def _turns(angle):
+    """Return an angle in turns, rounded once and exact from there on."""
+    return Fraction(angle / (2.0 * math.pi))
+
+
+def _of_train(train):
+    if train.gyroscopic:
+        raise Uncertain(
+            "model", "no proof is written for a train whose axes feel the turning of their frame"
+        )
+    arb, numbers = flint().arb, balls()
+    found = structure(train.by_name, train.meshes, train.shafts, numbers)
+    rows, constants = excited(train, found.arms, numbers)
+    meshes = []
+    for j, mesh in enumerate(train.meshes):
+        waves = {
+            frequency: entry[:, j].tolist()
+            for frequency, entry in rows.items()
+            if not all(value == 0 for value in entry[:, j].flat)
+        }
+        coast, drive = constants[:, j]
+        pitch = _turns(train.pitch_phases[mesh.name])
+        names = train.inverse_phases[mesh.name], train.phases[mesh.name]
+        meshes.append(
+            MeshParts(
+                mesh.name,
+                (found.lines[j],) * 2,
+                found.across[j],
+                (None if math.isinf(mesh.backlash) else coast + mesh.backlash, drive),
+                waves,
+                (arb(mesh.max_stiffness), arb(mesh.max_stiffness) * mesh.stiffness_ratio),
+                arb(mesh.material_damping),
+                arb(mesh.backlash_damping),
+                tuple(map(arb, mesh.friction[::-1])),
+                train.rates[j],
+                tuple(map(Fraction, names)),
+                (pitch + turning.thicker(mesh, train.speeds) / 2, pitch),
+                Fraction(mesh.contact_ratio) - 1,
+                mesh.inverse_deviation != mesh.deviation,
+            )
+        )
+    return Parts(
+        tuple(f"{name} {axis}" for name, axis in found.coordinates),
+        found.mass,
+        found.stiffness,
+        found.damping,
+        found.load,
+        tuple(meshes),
+        arb(train.static_deflection),
+        arb(train.reference_angular_frequency),
+        {
+            "static_deflection": train.static_deflection,
+            "reference_angular_frequency": train.reference_angular_frequency,
+            "phases": dict(train.phases),
+            "inverse_phases": dict(train.inverse_phases),
+        },
+        train.structure.springs,
+        train.structure.masses,
+    )
+
+
+def _of_pair(model):
+    """Return the `Parts` of a `SixDegreePair`."""
+    arb, pair = flint().arb, model.pair
+    bearings = [("y3", "z3", "y2", "z2")[i] for i in model.flexible()]
+    names = ("u3", "u2", *bearings)
+    n = len(names)
+    rows = dict(zip(names, _units(n), strict=True))
+    mass, stiffness, damping = balls().zeros(3, n, n)
+    none, load = balls().zeros(2, n)
+    for name, inertia, r, torque in zip(
+        ("u3", "u2"), model.inertias, model.base_radii, model.torques, strict=True
+    ):
+        _add(mass, inertia / arb(r) ** 2, rows[name])
+        load += arb(torque) / r * rows[name]
+    for i, name in zip(model.flexible(), bearings, strict=True):
+        _add(mass, model.masses[0 if name.endswith("3") else 1], rows[name])
+        _add(stiffness, model.bearing_stiffness[i], rows[name])
+        _add(damping, model.bearing_damping[i], rows[name])
+    turning = rows["u3"] + rows["u2"]
+    drive = turning + rows.get("y3", none) - rows.get("y2", none)
+    waves: dict = {}
+
+    def add(frequency, sides, cosine, sine):
+        entry = waves.setdefault(Fraction(frequency), [[arb(0), arb(0)], [arb(0), arb(0)]])
+        for side in sides:
+            entry[side][0] += cosine
+            entry[side][1] += sine
+
+    (e3, e2), (z3, z2) = model.eccentricities, model.teeth
+    # Where the backlash moves, its line takes run-out and bearings along.
+    sides = (DRIVE,) if model.moving_backlash else (COAST, DRIVE)
+    if e3:
+        add(Fraction(1, z3), sides, arb(0), arb(e3))
+    if e2:
+        s, c = arb(model.run_out_phase).sin_cos()
+        add(Fraction(1, z2), sides, -e2 * s, e2 * c)
+    for side, deviation in ((COAST, model.inverse_deviation), (DRIVE, model.deviation)):
+        for order, a, b in deviation.table().tolist():
+            add(int(order), (side,), arb(a), arb(b))
+    kappa, overlap = arb(pair.stiffness_ratio), arb(pair.contact_ratio) - 1
+    mean = arb(pair.max_stiffness) * (kappa * (1 - overlap) + overlap)
+    mesh = MeshParts(
+        "mesh",
+        (turning if model.moving_backlash else drive, drive),
+        rows.get("z3", none) - rows.get("z2", none),
+        (arb(pair.backlash) if math.isfinite(pair.backlash) else None, arb(0)),
+        waves,
+        (arb(pair.max_stiffness), arb(pair.max_stiffness) * kappa),
+        arb(pair.material_damping),
+        arb(pair.backlash_damping),
+        tuple(map(arb, model.friction[::-1])),
+        Fraction(1),
+        (Fraction(0), Fraction(0)),
+        (_turns(model.pitch_phase),) * 2,
+        Fraction(pair.contact_ratio) - 1,
+        model.moving_backlash or model.inverse_deviation != model.deviation,
+    )
+    length, frequency = arb(pair.load) / mean, (mean / pair.reduced_mass).sqrt()
+    # One functional for each coordinate; the two rotations are held by the mesh only.
+    springs = np.eye(n), np.array([0.0, 0.0, *(float(stiffness[i, i]) for i in range(2, n))])
+    masses = np.eye(n), np.array([float(mass[i, i]) for i in range(n)])
+    return Parts(
+        names, mass, stiffness, damping, load, (mesh,), length, frequency, {}, springs, masses
+    )

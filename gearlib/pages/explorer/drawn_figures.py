@@ -1,0 +1,88 @@
+"""Figures of drawn gears: derived numbers, Harris map, load share, and their motion."""
+
+import math
+
+import numpy as np
+import panel as pn
+from bokeh.models import ColumnDataSource, Span
+
+from gearlib.figures.style import PALETTE
+from gearlib.pages.explorer.motion import Motion
+from gearlib.pages.explorer.slider_page import small
+
+
+class DrawnFigures:
+    """The figures of the view of a `Drawing`, and of its motion."""
+
+    def __init__(self, drawing):
+        self.motion = Motion(over_speed=True)
+        self.table = pn.pane.Markdown("", width=330)
+        self._loads = drawing.loads
+        #: Names of the curves of the Harris map, in the order of the loads.
+        self._curves = [*range(drawing.loads.size), "chosen"]
+        names = [*self._curves, "share"]
+        self.sources = {name: ColumnDataSource({"x": [], "y": []}) for name in names}
+        self._pitch_point = Span(dimension="height", line_color="#999999", line_dash="dashed")
+
+    def panes(self):
+        """Return the derived numbers and the figures."""
+        teeth = self._harris(), self._share()
+        return [pn.Row(self.table, *map(pn.pane.Bokeh, teeth)), *self.motion.panes()]
+
+    def draw(self, seen):
+        """Show a view, and return it in words."""
+        lines = [f"| {name} | {value} |" for name, value in rows(seen)]
+        self.table.object = "\n".join(["| derived | |", "|---|---:|", *lines])
+        error = seen.error
+        # The mesh period closes where it began.
+        phase = np.append(error.phase.values / math.tau, 1.0)
+        curves = 1e6 * error.transmission_error.values
+        for name, curve in zip(self._curves, curves, strict=True):
+            self.sources[name].data = {"x": phase, "y": np.append(curve, curve[0])}
+        position, share = 1e3 * error.path_position.values, error.load_share.values[-1]
+        inside = np.isfinite(position)
+        order = np.argsort(position[inside])
+        self.sources["share"].data = {"x": position[inside][order], "y": share[inside][order]}
+        self._pitch_point.location = 1e3 * seen.mesh.pitch_point
+        return self.motion.draw(seen)
+
+    def _harris(self):
+        plot = small("Harris map: static transmission error", "mesh phase / 2π", "µm", 460)
+        for name, load in zip(self._curves, [*self._loads, None], strict=True):
+            chosen = load is None
+            plot.line(
+                "x",
+                "y",
+                source=self.sources[name],
+                color=PALETTE[0] if chosen else "#999999",
+                line_width=3 if chosen else 1,
+                legend_label="chosen torque" if chosen else f"{load:g} N m",
+            )
+        plot.add_layout(plot.legend[0], "right")
+        return plot
+
+    def _share(self):
+        plot = small("Load share of a pair of teeth", "position on the path of contact, mm", "")
+        plot.line("x", "y", source=self.sources["share"], color=PALETTE[0])
+        plot.add_layout(self._pitch_point)
+        return plot
+
+
+def rows(seen):
+    """Return the derived numbers of a view of drawn gears as pairs of texts."""
+    mesh, pair, static = seen.mesh, seen.pair, seen.error.isel(torque=-1)
+    return [
+        ("contact ratio", f"{mesh.contact_ratio:.4f}"),
+        ("working pressure angle", f"{math.degrees(mesh.working_pressure_angle):.2f}°"),
+        ("centre distance", f"{1e3 * mesh.centre_distance:.3f} mm"),
+        ("backlash", f"{1e6 * mesh.backlash:.0f} µm"),
+        ("least backlash, ISO/TR 10064-2", f"{1e6 * mesh.recommended_backlash:.0f} µm"),
+        ("C_max", f"{1e-6 * pair.max_stiffness:.1f} N/µm"),
+        ("κ", f"{pair.stiffness_ratio:.4f}"),
+        ("ε", f"{pair.contact_ratio:.4f}"),
+        ("static deflection", f"{1e6 * pair.static_deflection:.2f} µm"),
+        ("mean eigenfrequency", f"{pair.mean_eigenfrequency / math.tau:.0f} Hz"),
+        ("resonance speed", f"{pair.speed(1.0):.0f} rpm"),
+        ("peak-to-peak error", f"{1e6 * static.peak_to_peak_error.item():.2f} µm"),
+        ("effective contact ratio", f"{static.effective_contact_ratio.item():.4f}"),
+    ]
