@@ -49,7 +49,7 @@ _PUBLIC = {
     "certify_grazing": "analysis.proofs.points",
     "certify_motion": "analysis.proofs.motions",
     "certify_range": "analysis.proofs.ranges",
-    "certify_tongues": "analysis.proofs.points",
+    "certify_tongues": "analysis.proofs.tongue_edges",
     "continue_orbit": "analysis.orbits.continuation",
     "fold_sensitivities": "analysis.orbits.sensitivities",
     "harmonic_balance": "analysis.harmonics.harmonic_balance",

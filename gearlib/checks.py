@@ -9,23 +9,9 @@ _LARGEST = 2**63 - 1
 
 
 def number(name, value, allowed, accept):
-    """Return `value` as float if it is a real number that `accept` admits.
+    """Return `value` as float if it is a real number that `accept` admits, else ValueError.
 
-    Parameters
-    ----------
-    name : str
-        Name of the parameter, for the message.
-    value : object
-        The value to check.
-    allowed : str
-        The allowed range in words, for the message.
-    accept : callable
-        ``accept(float) -> bool``; never called with NaN.
-
-    Raises
-    ------
-    ValueError
-        If `value` is not a real number, is NaN or is refused by `accept`.
+    `accept` is never called with NaN; `allowed` are the words for what it admits.
     """
     # numpy's scalars register as Real; bool does too, but True is no stiffness.
     if isinstance(value, Real) and not isinstance(value, bool):

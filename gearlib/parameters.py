@@ -25,7 +25,7 @@ from gearlib import checks
 MISSING = dataclasses.MISSING
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(eq=False, kw_only=True)
 class Number:
     """A real number within bounds, which `above` and `below` leave out."""
 
@@ -72,7 +72,7 @@ class Number:
         return checks.number(name, value, self.words, self.accepts)
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class Integer:
     """An integer; beyond `limit` a configuration takes it for a slip of the pen."""
 
@@ -91,7 +91,7 @@ class Integer:
         return checks.integer(name, value, self.least, self.most)
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class OneOf:
     """One of a few plain values."""
 
@@ -107,7 +107,7 @@ class OneOf:
         return checks.one_of(name, value, self.choices)
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class Text:
     """A text, the name of something."""
 
@@ -120,7 +120,7 @@ class Text:
         return value
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class Many:
     """Several values of a kind, as many as `count` says."""
 
@@ -141,7 +141,7 @@ class Many:
         return tuple(self.item.check(f"{name}[{i}]", value) for i, value in found)
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class Two:
     """Two values of a kind along x and y, or one for both."""
 
@@ -162,7 +162,7 @@ class Two:
         return tuple(self.item.check(f"{name}, {axis}", value) for axis, value in named)
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class Part:
     """An instance of a class, or of one of several."""
 
@@ -180,7 +180,7 @@ class Part:
         return value
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class Parameter:
     """A declared parameter of a constructor or function."""
 
@@ -200,26 +200,47 @@ class Parameter:
     @property
     def description(self):
         """Its words, symbol and unit, a sentence."""
-        text = " ".join(filter(None, (self.words, self.symbol)))
-        # The unit stands before what is added to the words.
-        head = re.match(r".*?(?=;|\. |$)", text)[0]  # type: ignore[index]
-        return f"{', '.join(filter(None, (head, self.unit)))}{text[len(head) :]}."
+        # Symbol and unit stand before what is added to the words.
+        head = re.match(r".*?(?=;|\. |$)", self.words)[0]  # type: ignore[index]
+        rest, named = self.words[len(head) :], " ".join(filter(None, (head, self.symbol)))
+        return f"{', '.join(filter(None, (named, self.unit)))}{rest}."
 
 
 @functools.cache
 def declared(thing):
     """Return name -> `Parameter` of what a dataclass or function declares, in order."""
     thing = inspect.unwrap(thing)
-    defaults = {
-        name: MISSING if one.default is inspect.Parameter.empty else one.default
-        for name, one in inspect.signature(thing).parameters.items()
-    }
+    if dataclasses.is_dataclass(thing):
+        defaults = {one.name: one.default for one in dataclasses.fields(thing)}
+    else:
+        defaults = thing.__kwdefaults__ or {}
     found = {}
     for name, hint in get_type_hints(thing, include_extras=True).items():
         if get_origin(hint) is Annotated:
             kind, words, symbol = (*hint.__metadata__, "")[:3]
-            found[name] = Parameter(kind, words, symbol, defaults[name])
+            found[name] = Parameter(kind, words, symbol, defaults.get(name, MISSING))
     return found
+
+
+def named(thing):
+    """Return name -> (CF units, words) of the real numbers that something declares."""
+    found = {}
+    for name, one in declared(thing).items():
+        if isinstance(one.kind, Number):
+            # The words for what it is, without what is added.
+            head = re.match(r"[^;,=]*", one.words)[0].strip()  # type: ignore[index]
+            found[name] = cf_units(one.unit), head[0].lower() + head[1:]
+    return found
+
+
+def cf_units(unit):
+    """Return a unit as CF has it: "N s^2/m^2" is "N s2 m-2", "" is "1"."""
+    above, _, below = unit.partition("/")
+    powers = [part.replace("^", "") for part in above.split() if part != "1"]
+    for part in below.split():
+        base, _, power = part.partition("^")
+        powers.append(f"{base}-{power or 1}")
+    return " ".join(powers) or "1"
 
 
 def check(instance, whose=""):
@@ -252,7 +273,30 @@ def checked(function):
 
 def documented(thing):
     """Give a class or function the table of its declared parameters in its docstring."""
-    lines = []
+    text = inspect.getdoc(thing)
+    made: Any = thing
+    if inspect.isclass(thing):
+        # When somebody asks: a start of the workflow does not.
+        made.__doc__ = _OnDemand(lambda: _with_table(text, thing))
+        made.__signature__ = _OnDemand(lambda: _plain(made.__init__, 1))
+    else:
+        made.__doc__, made.__signature__ = _with_table(text, thing), _plain(thing)
+    return thing
+
+
+class _OnDemand:
+    """An attribute of a class that is made when it is asked for."""
+
+    def __init__(self, make):
+        self.make = make
+
+    def __get__(self, instance, owner):
+        return self.make()
+
+
+def _with_table(text, thing):
+    """Return a docstring with the table of the declared parameters before what is raised."""
+    lines = ["Parameters", "----------"]
     for name, one in declared(thing).items():
         if one.default is MISSING:
             default = ""
@@ -260,20 +304,18 @@ def documented(thing):
             default = ", optional" if one.default is None else f", default {one.default!r}"
         words = textwrap.indent(textwrap.fill(one.description, 92), "    ")
         lines += [f"{name} : {one.kind.words}{default}", words]
-    text = inspect.getdoc(thing) or ""
-    if "Parameters\n---" not in text:
-        lines = ["Parameters", "----------", *lines]
     head, mark, rest = text.partition("\n\nRaises\n---")
-    gap = "\n" if "Parameters\n---" in text else "\n\n"
-    thing.__doc__ = head + gap + "\n".join(lines) + mark + rest
-    # What `help` shows has the plain types.
-    signature = inspect.signature(thing)
+    return "\n".join([head, "", *lines]) + mark + rest
+
+
+def _plain(function, skip=0):
+    """Return a signature with plain types, which `help` shows."""
+    signature = inspect.signature(function)
     plain = [
         one.replace(annotation=getattr(one.annotation, "__origin__", one.annotation))
-        for one in signature.parameters.values()
+        for one in list(signature.parameters.values())[skip:]
     ]
-    thing.__signature__ = signature.replace(parameters=plain)
-    return thing
+    return signature.replace(parameters=plain)
 
 
 def _written(value):
@@ -318,13 +360,13 @@ TRUTH = OneOf((False, True))
 TEXT = Text()
 
 MaxStiffness = Annotated[float, STIFFNESS, "Maximum mesh stiffness", "C_max"]
-StiffnessRatio = Annotated[float, STIFFNESS_RATIO, "Stiffness ratio", "kappa = C_min / C_max"]
+StiffnessRatio = Annotated[float, STIFFNESS_RATIO, "Stiffness ratio kappa", "= C_min / C_max"]
 ContactRatio = Annotated[
     float, CONTACT_RATIO, "Contact ratio epsilon; both ends mean constant stiffness"
 ]
-Backlash = Annotated[float, BACKLASH, "Backlash s_k; infinite without a second flank"]
-MaterialDamping = Annotated[float, DAMPING, "Of the material, while the flanks touch,", "k_1"]
-BacklashDamping = Annotated[float, DAMPING, "Of the oil in the backlash,", "k_1m"]
+Backlash = Annotated[float, BACKLASH, "Backlash; infinite without a second flank", "s_k"]
+MaterialDamping = Annotated[float, DAMPING, "Damping of the material in contact", "k_1"]
+BacklashDamping = Annotated[float, DAMPING, "Damping of the oil in the backlash", "k_1m"]
 PressureAngle = Annotated[float, WORKING_ANGLE, "Pressure angle in operation"]
 
 # Damping in contact of drawn gears, one of the first three at most.

@@ -102,18 +102,10 @@ class Growth(NamedTuple):
 
 
 def growth(pair, tuning, state, periods, *, first=0, vector=None, max_events=1_000_000):
-    """Return the `Growth` of a small deviation on its way.
+    """Return the `Growth` of a small deviation over mesh periods; other arguments as of `largest`.
 
-    Parameters
-    ----------
-    pair, tuning, state, max_events
-        As of `largest`.
-    periods : int
-        Mesh periods.
-    first : int
-        Number of the first of them, where the excitation repeats after several.
-    vector : ndarray, optional
-        The deviation; by default one in all coordinates.
+    `first` is the number of the first period, where the excitation repeats after several; `vector`
+    is the deviation, by default one in all coordinates.
     """
     propagator, logs = pair.propagator(tuning), np.empty(periods)
     z, carried = propagator.start(state), _carrier(pair, tuning, propagator, max_events)
@@ -156,22 +148,10 @@ class Carried:
 
 
 def lost_in_sweep(pair, tunings, ends, start, periods):
-    """Return where rounding may have led a motion that is carried from tuning to tuning.
+    """Return where rounding may have led a motion carried over tunings, shape (n,), bool, (n,).
 
-    Parameters
-    ----------
-    pair : GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator
-    tunings : ndarray, shape (n,)
-        In the order of the sweep.
-    ends : ndarray, shape (n, components)
-        Final states; behind a NaN the motion begins anew.
-    start : tuple of float
-    periods : int
-        Mesh periods at each tuning.
-
-    Returns
-    -------
-    ndarray of bool, shape (n,)
+    `ends` are final states, shape (n, components), behind a NaN the motion begins anew; `periods`
+    are those at each tuning.
     """
     lost = np.zeros(len(tunings), bool)
     begins = [start, *(end if np.isfinite(end).all() else start for end in ends[:-1])]

@@ -5,14 +5,15 @@ from pathlib import Path
 
 import click
 import yaml
-from pydantic import Field, ValidationError
+from pydantic import ValidationError
 
 from gearlib import config
 from gearlib.config import yaml_keys
 from gearlib.config.defaults import laid_over
-from gearlib.config.mesh import GearPairSection
-from gearlib.config.types import DampingCoefficient
+from gearlib.config.mesh import DAMPINGS, GearPairSection
+from gearlib.config.types import like
 from gearlib.config.validation import sentences
+from gearlib.models.pair import GearPair
 
 MODELS = ("one_degree", "six_degrees", "train")
 _DEFAULT_CONFIG = "config.yaml"
@@ -20,11 +21,8 @@ _DEFAULT_CONFIG = "config.yaml"
 _ONLY_DAMPING = "damping"
 
 
-class _Gears(GearPairSection):
-    """A gear pair with its damping, SI."""
-
-    material_damping: DampingCoefficient = Field(description="k_1 while the flanks touch, N s/m.")
-    backlash_damping: DampingCoefficient = Field(description="k_1m in the backlash, N s/m.")
+_WORDS = "A gear pair with its damping, SI."
+_Gears = like("Gears", _WORDS, GearPair, *DAMPINGS, base=GearPairSection, required=DAMPINGS)
 
 
 def options(command):
@@ -128,7 +126,7 @@ def _sections(gears, damping):
 def _model(mapping, gears, model):
     """Return the model of the gears; a train, bodies and bearings are those of a configuration."""
     # Only here, so that --help does not pay for the numerical stack.
-    from gearlib import GearPair, SixDegreePair
+    from gearlib import SixDegreePair
     from gearlib.models.trains.described import described
 
     pair = GearPair(**gears.model_dump())

@@ -69,19 +69,9 @@ def laid_over(base, change):
 
 
 def filled(mapping):
-    """Return a configuration with what it leaves out, as far as that depends on the gears.
+    """Return what was read from YAML with its defaults and tunings for speeds, and what is wrong.
 
-    Speeds become tunings.
-
-    Parameters
-    ----------
-    mapping : dict
-        What was read from YAML, not yet checked.
-
-    Returns
-    -------
-    tuple of dict, list of str
-        With a sentence for each speed that is refused.
+    The defaults are those that depend on the gears; a speed that is refused has a sentence.
     """
     if not isinstance(mapping, dict):
         return mapping, []

@@ -9,24 +9,7 @@ _DIGITS = 12
 
 
 def gear_of(key, section, like=None, **more):
-    """Return the `SpurGear` of a section.
-
-    Parameters
-    ----------
-    key : str
-        Full key of the section, for messages.
-    section : gearlib.config.gears.GearSection
-    like : GearSection, optional
-        The gear whose module, width, angles, rack and material this one has where it leaves them
-        out.
-    **more
-        Other arguments.
-
-    Raises
-    ------
-    ValueError
-        If there cannot be such a gear; the message names the key.
-    """
+    """Return the `SpurGear` of a section, named by `key`; `like` has what it leaves out."""
     from gearlib.models.geometry.described import gear
 
     with naming(key):
@@ -55,16 +38,7 @@ def _both(key):
 
 
 def coefficient(name, value, stiffness, mass):
-    """Return the damping coefficient, N s/m, of a ratio or decrement, rounded.
-
-    Parameters
-    ----------
-    name : str
-        Its key in a damping.
-    value : float
-    stiffness, mass : float
-        C_s in N/m and m_red in kg.
-    """
+    """Return the damping, N s/m, rounded, of a ratio or decrement by its name; N/m and kg."""
     from gearlib.models.geometry.parameters import coefficient
 
     return rounded(coefficient(value, stiffness, mass, name == "logarithmic_decrement"))
@@ -85,14 +59,8 @@ def method(key, section):
 def naming(key, options=None, **places):
     """Name keys in full where the geometry refuses.
 
-    Parameters
-    ----------
-    key : str
-        Of the section whose parameters these are.
-    options : iterable of str, optional
-        Names of the stiffness options.
-    **places
-        Name of a gear -> its full key.
+    `key` is that of the section, `options` are names of stiffness options, `places` the full keys
+    of gears by their names.
     """
     from gearlib.models.geometry.described import OF_RACK, renaming
 

@@ -1,88 +1,33 @@
 """Sections of drawn gears in a train, and their check before any job runs."""
 
-from typing import Annotated, Literal
-
-from pydantic import Field, model_validator
+from pydantic import model_validator
 
 from gearlib.config import drawing
 from gearlib.config.gears import GearSection, MethodSection, PinionSection, Power, Speed, Torque
-from gearlib.config.types import (
-    Angle,
-    DampingCoefficient,
-    Inertia,
-    Length,
-    Mass,
-    NonNegative,
-    RunOut,
-    Truth,
-    integer_within,
-    numbers,
-    quantity,
-)
+from gearlib.config.types import entry, like
+from gearlib.models.geometry.gear import SpurGear
+from gearlib.models.trains.drawn import planetary_set
 
-Support = quantity("N/m", "1 kN/um", ge=0, infinite=True)
-Time = quantity("s", "1 us", ge=0)
-PinErrors = Annotated[
-    list[numbers(quantity("m", "10 um"), 2, "Radial and tangential.")],
-    Field(min_length=1, description="By how much the axis of each is misplaced, m."),
-]
-Central = Annotated[
-    Literal["sun", "ring"],
-    Field(description="Which gear drives, seen from the carrier. Default: sun."),
-]
+_OF_RING = ("outer_diameter",)
+_DAMPINGS = ("damping_ratio", "logarithmic_decrement", "material_damping", "backlash_damping_ratio")
 
 
-class RingSection(GearSection):
-    """The ring gear of a planetary set; what it shares with the sun is the sun's by default."""
-
-    outer_diameter: Length = Field(description="Of its rim, m.")
-
-
-class DampingByRatio(MethodSection):
-    """Stiffness and damping of drawn meshes."""
-
-    damping_ratio: NonNegative = Field(default=None, description="beta of each mesh by itself.")
-    logarithmic_decrement: NonNegative = Field(
-        default=None, description="delta, in place of damping_ratio."
-    )
-    material_damping: DampingCoefficient = Field(
-        default=None, description="k_1 in contact, N s/m, in place of damping_ratio."
-    )
-    backlash_damping_ratio: NonNegative = Field(default=None, description="beta_m.")
+_WORDS = "The ring gear of a planetary set; what it shares with the sun is the sun's by default."
+RingSection = like("RingSection", _WORDS, SpurGear, *_OF_RING, base=GearSection, required=_OF_RING)
+_WORDS = "Stiffness and damping of drawn meshes."
+DampingByRatio = like("DampingByRatio", _WORDS, planetary_set, *_DAMPINGS, base=MethodSection)
+_Set = like("_Set", "", planetary_set, base=DampingByRatio, without=("torque", *_DAMPINGS))
 
 
-class PlanetarySet(DampingByRatio):
+class PlanetarySet(_Set):
     """Sun, planets and ring by their drawing. Arguments of `gearlib.geometry.planetary_set`."""
 
     sun: PinionSection
     planet: GearSection
     ring: RingSection
-    torque: Torque = Field(default=None, description="Of the sun, N m; or power and speed.")
-    power: Power = Field(default=None, description="Of the sun, W.")
-    speed: Speed = Field(default=None, description="Of the sun, rpm.")
-    planets: integer_within(ge=1, le=100) = Field(default=None, description="Planets. Default: 3.")
-    positions: Annotated[list[Angle], Field(min_length=1)] = Field(
-        default=None, description="Angles of the planets, rad; equally spaced if left out."
-    )
-    centre_distance: Length = Field(
-        default=None, description="m. Default: that of sun and planet without backlash."
-    )
-    backlashes: numbers(RunOut, 2, "Normal backlash of the meshes of sun and ring, m.") = None
-    carrier_mass: Mass = Field(default=None, description="Without planets, kg. Default: a disc.")
-    carrier_inertia: Inertia = Field(default=None, description="kg m^2. Default: a disc.")
-    support_stiffness: numbers(Support, 4, "Of sun, ring, carrier and planets, N/m.") = None
-    torsional_stiffness: numbers(Support, 3, "Of sun, ring and carrier at their radius, N/m.") = (
-        None
-    )
-    structural_damping: Time = Field(
-        default=None, description="Damping of all supports over their stiffness, s."
-    )
-    pin_errors: PinErrors = None
-    turning: Truth = Field(default=None, description="Whether the carrier turns. Default: true.")
-    driving: Central = None
-    gyroscopic: Truth = Field(
-        default=None, description="Whether the forces of the turning frame are felt."
-    )
+    torque: Torque = entry("Of the sun, N m; or power and speed.", None)
+    power: Power = entry("Of the sun, W.", None)
+    speed: Speed = entry("Of the sun, rpm.", None)
 
     @model_validator(mode="after")
     def _check(self):

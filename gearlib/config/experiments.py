@@ -1,6 +1,6 @@
 """Sections that describe the experiments: what is computed, one section for each."""
 
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
@@ -17,15 +17,19 @@ from gearlib.config.types import (
     Positive,
     PositiveDampingCoefficient,
     Section,
+    Seeded,
     Start,
+    Starts,
     Step,
     Stop,
+    Tolerance,
     Truth,
     Tuning,
     check_count,
-    integer_within,
+    entry,
     listing,
     number_within,
+    whole,
 )
 
 
@@ -35,9 +39,7 @@ class Resonance(Section):
     start: Start = 0.5
     stop: Stop = 1.4
     step: Step = 0.0005
-    window: Tuning = Field(
-        default=0.9, description="Tunings of one job of a cold sweep; a whole multiple of step."
-    )
+    window: Tuning = entry("Tunings of one job of a cold sweep; a whole multiple of step.", 0.9)
     directions: listing(
         Literal["cold", "up", "down"],
         "cold: every tuning from the initial state; up, down: the state is carried along.",
@@ -78,23 +80,17 @@ class Resonance(Section):
         return [(self.start, self.stop)]
 
 
+_SHOWN = (0.6, 0.66, 0.78, 0.8, 0.81, 0.82)
+
+
 class PhasePlanes(Section):
     """The phase planes (Fig. 5): one run for each tuning and damping."""
 
-    tunings: listing(Tuning, "Tunings nu, one row of phase planes each.") = [
-        0.6,
-        0.66,
-        0.78,
-        0.8,
-        0.81,
-        0.82,
-    ]
+    tunings: listing(Tuning, "Tunings nu, one row of phase planes each.") = list(_SHOWN)
 
 
 class PhaseLag(Grid):
     """The phase lag of the motion behind the mesh stiffness (Fig. 2)."""
-
-    key: ClassVar = "phase_lag"
 
     start: Start = 0.56
     stop: Stop = 0.79
@@ -103,154 +99,99 @@ class PhaseLag(Grid):
         DampingCoefficient,
         "Material damping k_1 of each curve, N s/m. Default: the largest, and a hundredth of it.",
     )
-    tuning: Tuning = Field(default=0.72, description="Tuning of the courses.")
-    harmonics: integer_within(ge=1, le=20) = Field(
-        default=5, description="Harmonics of the mesh period measured."
-    )
-    periods: integer_within(ge=1, le=1_000_000) = Field(
-        default=6000, description="Mesh periods of a run, to settle."
-    )
+    tuning: Tuning = entry("Tuning of the courses.", 0.72)
+    harmonics: whole(1, 20) = entry("Harmonics of the mesh period measured.", 5)
+    periods: whole(1, 1_000_000) = entry("Mesh periods of a run, to settle.", 6000)
 
 
-class Jump(Grid):
+_FACTORS = (0.5, 0.8, 0.9, 0.95, 1.05, 1.1, 1.25, 2.0)
+_DISPLACEMENTS = (-1.0, -0.5, -0.1, 0.1, 0.5, 1.0, 2.0)
+_VELOCITIES = (-1.0, -0.5, -0.1, 0.1, 0.5, 1.0)
+
+
+class Jump(Seeded, Grid):
     """Where the motion from rest jumps between two orbits, and what moves it (beside Fig. 6)."""
-
-    key: ClassVar = "jump"
 
     start: Start = 0.78
     stop: Stop = 0.86
     step: Step = 0.001
     damping: DampingName
-    resolution: number_within(gt=0, le=0.1) = Field(
-        default=1e-08, description="Width of the tuning interval to which the jump is bisected."
+    resolution: number_within(gt=0, le=0.1) = entry(
+        "Width of the tuning interval to which the jump is bisected.", 1e-08
     )
     harmonics: listing(
         Harmonic, "Numbers of stiffness harmonics instead of the full rectangle."
     ) = [1, 2, 3, 5, 10, 20]
-    factors: listing(Positive, "Factors on the damping, and on the backlash.") = [
-        0.5,
-        0.8,
-        0.9,
-        0.95,
-        1.05,
-        1.1,
-        1.25,
-        2.0,
-    ]
-    displacements: listing(Finite, "Other initial displacements, static deflections.") = [
-        -1.0,
-        -0.5,
-        -0.1,
-        0.1,
-        0.5,
-        1.0,
-        2.0,
-    ]
-    velocities: listing(Finite, "Other initial velocities, static deflections per radian.") = [
-        -1.0,
-        -0.5,
-        -0.1,
-        0.1,
-        0.5,
-        1.0,
-    ]
+    factors: listing(Positive, "Factors on the damping, and on the backlash.") = list(_FACTORS)
+    displacements: listing(Finite, "Other initial displacements, static deflections.") = list(
+        _DISPLACEMENTS
+    )
+    velocities: listing(Finite, "Other initial velocities, static deflections per radian.") = list(
+        _VELOCITIES
+    )
     tolerances: listing(
         number_within(gt=0, le=0.1), "Relative tolerances of a 4(5) pair without event location."
     ) = [1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8]
-    starts: integer_within(ge=1, le=1000) = Field(
-        default=8, description="Seeded starts with every tolerance."
-    )
-    seed: integer_within(ge=0, le=1_000_000) = Field(
-        default=1, description="Of the random displacements at the start."
-    )
-    spread: number_within(gt=0, le=10) = Field(
-        default=0.02, description="Largest of these displacements, static deflections."
-    )
+    starts: Starts = 8
     marked: Annotated[
         list[Tuning],
         Field(max_length=2, description="Tunings marked in the figures, and the band between."),
     ] = []
 
 
-Harmonics = integer_within(ge=1, le=100_000)
+Harmonics = whole(1, 100_000)
+
+
+_OF_BALANCE = (4, 8, 16, 32, 64, 128)
+_OF_SCHMIDT = (8, 32, 128, 512, 2048)
 
 
 class AnalyticMethod(Grid):
     """The paper's analytic method and harmonic balance against exact orbits."""
-
-    key: ClassVar = "analytic_method"
 
     start: Start = 0.3
     stop: Stop = 1.5
     step: Step = 0.02
     damping: DampingName
     shown: listing(Tuning, "Tunings of the iterations and of the errors.") = [0.45, 0.7, 1.0]
-    iterations: integer_within(ge=1, le=1000) = Field(default=40, description="Iterations shown.")
-    iteration_harmonics: integer_within(ge=8, le=100_000) = Field(
-        default=512, description="Harmonics of the iterations shown."
+    iterations: whole(1, 1000) = entry("Iterations shown.", 40)
+    iteration_harmonics: whole(8, 100_000) = entry("Harmonics of the iterations shown.", 512)
+    harmonics: whole(8, 512) = entry("Harmonics of the range and of the curve.", 32)
+    most_degenerate: whole(0, 8) = entry("Degenerate harmonics at most.", 5)
+    balance_harmonics: listing(Harmonics, "Of the errors of harmonic balance.") = list(_OF_BALANCE)
+    schmidt_harmonics: listing(Harmonics, "Of the errors of E. Schmidt's method.") = list(
+        _OF_SCHMIDT
     )
-    harmonics: integer_within(ge=8, le=512) = Field(
-        default=32, description="Harmonics of the range and of the curve."
-    )
-    most_degenerate: integer_within(ge=0, le=8) = Field(
-        default=5, description="Degenerate harmonics at most."
-    )
-    balance_harmonics: listing(Harmonics, "Of the errors of harmonic balance.") = [
-        4,
-        8,
-        16,
-        32,
-        64,
-        128,
-    ]
-    schmidt_harmonics: listing(Harmonics, "Of the errors of E. Schmidt's method.") = [
-        8,
-        32,
-        128,
-        512,
-        2048,
-    ]
 
 
 class NonlinearDamping(Grid):
     """Linear, quadratic and cubic damping that dissipate alike at one amplitude."""
 
-    key: ClassVar = "nonlinear_damping"
-
     start: Start = 0.5
     stop: Stop = 1.4
     step: Step = 0.004
-    damping: PositiveDampingCoefficient = Field(
-        description=(
-            "Linear coefficient all are equivalent to, N s/m. Default: the largest of the dampings."
-        )
+    damping: PositiveDampingCoefficient = entry(
+        "Linear coefficient all are equivalent to, N s/m. Default: the largest of the dampings."
     )
-    amplitude: Positive = Field(
-        default=1.0,
-        description="Amplitude of the harmonic motion at which they are, static deflections.",
+    amplitude: Positive = entry(
+        "Amplitude of the harmonic motion at which they are, static deflections.", 1.0
     )
-    tuning: Tuning = Field(
-        default=0.8, description="Tuning that gives the frequency of that motion."
-    )
+    tuning: Tuning = entry("Tuning that gives the frequency of that motion.", 0.8)
     shown: listing(Tuning, "Tunings of the phase planes.") = [0.78, 0.82, 0.95]
 
 
 class ParametricResonance(Grid):
     """Tongues of parametric resonance: the motion without loss of contact, and its stability."""
 
-    key: ClassVar = "parametric_resonance"
-
     start: Tuning = Field(default=0.3, ge=0.05, description="First tuning of the chart.")
     stop: Stop = 2.4
     step: Step = 0.005
-    asked: Tuning = Field(
-        default=0.66, description="Tuning that the sentence about the singular region is on."
+    asked: Tuning = entry("Tuning that the sentence about the singular region is on.", 0.66)
+    values: whole(2, 10_000) = entry(
+        "Values of the stiffness ratio, contact ratio and damping.", 161
     )
-    values: integer_within(ge=2, le=10_000) = Field(
-        default=161, description="Values of the stiffness ratio, contact ratio and damping."
-    )
-    least_stiffness_ratio: number_within(ge=0.001, lt=1) = Field(
-        default=0.2, description="Smallest stiffness ratio of the chart."
+    least_stiffness_ratio: number_within(ge=0.001, lt=1) = entry(
+        "Smallest stiffness ratio of the chart.", 0.2
     )
     damping_ratios: listing(
         NonNegative, "Damping ratios whose tongues are drawn; the first one has the shades."
@@ -260,20 +201,15 @@ class ParametricResonance(Grid):
 class Labels(Grid):
     """Labels of the motion from rest, chaos or artefact, marked in Fig. 3."""
 
-    key: ClassVar = "labels"
-
     start: Start = 0.5
     stop: Stop = 1.4
     step: Step = 0.01
-    periods: integer_within(ge=1, le=1_000_000) = Field(
-        default=1500, description="Mesh periods of a run, to settle."
+    periods: whole(1, 1_000_000) = entry("Mesh periods of a run, to settle.", 1500)
+    exponent_periods: whole(20, 1_000_000) = entry(
+        "Mesh periods over which the exponent is averaged.", 2000
     )
-    exponent_periods: integer_within(ge=20, le=1_000_000) = Field(
-        default=2000, description="Mesh periods over which the exponent is averaged."
-    )
-    disturbance: Positive = Field(
-        default=0.001,
-        description="Added to the initial displacement in the disturbed run, static deflections.",
+    disturbance: Positive = entry(
+        "Added to the initial displacement in the disturbed run, static deflections.", 0.001
     )
 
 
@@ -281,12 +217,8 @@ class LociSection(Section):
     """Special points over tuning and material damping, those of the labelled branch."""
 
     damping: DampingName
-    lowest: number_within(ge=0, le=10) = Field(
-        default=0.005, description="Damping ratio at which the loci end below."
-    )
-    highest: number_within(gt=0, le=10) = Field(
-        default=0.2, description="Damping ratio at which the loci end above."
-    )
+    lowest: number_within(ge=0, le=10) = entry("Damping ratio at which the loci end below.", 0.005)
+    highest: Tolerance = entry("Damping ratio at which the loci end above.", 0.2)
 
     @model_validator(mode="after")
     def _check(self):
@@ -301,18 +233,15 @@ class LociSection(Section):
 class Branches(Section):
     """Branches of periodic orbits behind Fig. 3, and their special points over the damping."""
 
-    start: Tuning = Field(default=0.5, description="Tuning at which the branches begin.")
-    stop: Tuning = Field(default=1.4, description="Tuning at which they end.")
-    step: number_within(gt=0, le=1) = Field(
-        default=0.05,
-        description="Largest step, static deflections; from start to stop counts as one.",
+    start: Tuning = entry("Tuning at which the branches begin.", 0.5)
+    stop: Tuning = entry("Tuning at which they end.", 1.4)
+    step: number_within(gt=0, le=1) = entry(
+        "Largest step, static deflections; from start to stop counts as one.", 0.05
     )
-    max_height: Positive = Field(
-        default=20.0, description="Height of orbits at which a branch ends, static deflections."
+    max_height: Positive = entry(
+        "Height of orbits at which a branch ends, static deflections.", 20.0
     )
-    max_points: integer_within(ge=2, le=1_000_000) = Field(
-        default=2000, description="Most points of one branch."
-    )
+    max_points: whole(2, 1_000_000) = entry("Most points of one branch.", 2000)
     loci: LociSection
 
     @model_validator(mode="after")
@@ -328,25 +257,20 @@ class Branches(Section):
 class Certificates(Section):
     """What is proven of the orbits, a file that a second program can check."""
 
-    all_points: Truth = Field(
-        default=False,
-        description="Whether it holds all points of the branches, some MB; else how many hold.",
+    all_points: Truth = entry(
+        "Whether it holds all points of the branches, some MB; else how many hold.", False
     )
 
 
 class ReportPage(Grid):
     """The page of the report on which tunings are chosen: motions from rest over a grid."""
 
-    key: ClassVar = "report_page"
-
     start: Start = 0.5
     stop: Stop = 1.4
     step: Step = 0.005
-    periods_shown: integer_within(ge=1, le=100) = Field(
-        default=2, description="Mesh periods shown, the last ones."
-    )
-    samples_per_period: integer_within(ge=8, le=4096) = Field(
-        default=128, description="Samples per mesh period; the page grows with them."
+    periods_shown: whole(1, 100) = entry("Mesh periods shown, the last ones.", 2)
+    samples_per_period: whole(8, 4096) = entry(
+        "Samples per mesh period; the page grows with them.", 128
     )
 
     def count(self):
@@ -358,9 +282,7 @@ class Figures(Section):
     """How the figures are drawn; no computation depends on it."""
 
     formats: listing(Literal["png", "pdf", "svg"], "File formats of every figure.") = ["png", "pdf"]
-    dpi: integer_within(ge=50, le=1200) = Field(
-        default=200, description="Resolution of pixel formats, dots per inch."
-    )
-    colours: dict[Name, Colour] = Field(
-        default={}, description="Colour of each damping, '#rrggbb'. Default: one of a palette."
+    dpi: whole(50, 1200) = entry("Resolution of pixel formats, dots per inch.", 200)
+    colours: dict[Name, Colour] = entry(
+        "Colour of each damping, '#rrggbb'. Default: one of a palette.", {}
     )

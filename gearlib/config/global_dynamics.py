@@ -1,6 +1,6 @@
 """Sections that describe the global picture: basins, bifurcation diagram, Poincare sections."""
 
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 from pydantic import Field, model_validator
 
@@ -9,14 +9,16 @@ from gearlib.config.types import (
     Distance,
     Finite,
     Grid,
+    Periods,
     Section,
     Start,
     Step,
     Stop,
     check_grid,
-    integer_within,
+    entry,
     number_within,
     numbers,
+    whole,
 )
 
 Range = numbers(Finite, 2, "Lowest and highest initial value.")
@@ -51,10 +53,8 @@ class GlobalCase(MeshCase):
 class SectionCase(GlobalCase):
     """One panel of the Poincare sections."""
 
-    phase: number_within(ge=0, lt=360) = Field(description="Mesh phase of the section, degrees.")
-    settle: integer_within(ge=0, le=1_000_000) = Field(
-        description="Mesh periods before the section."
-    )
+    phase: number_within(ge=0, lt=360) = entry("Mesh phase of the section, degrees.")
+    settle: whole(0, 1_000_000) = entry("Mesh periods before the section.")
 
 
 class Basins(Section):
@@ -70,12 +70,8 @@ class Basins(Section):
     ]
     displacement: Range = [-6.0, 6.0]
     velocity: Range = [-6.0, 6.0]
-    count: integer_within(ge=2, le=5000) = Field(
-        default=240, description="Initial states in each direction."
-    )
-    periods: integer_within(ge=1, le=1_000_000) = Field(
-        default=400, description="Mesh periods of a run."
-    )
+    count: whole(2, 5000) = entry("Initial states in each direction.", 240)
+    periods: Periods = 400
 
     @model_validator(mode="after")
     def _check(self):
@@ -88,38 +84,25 @@ class Basins(Section):
 class Bifurcation(Grid):
     """Bifurcation diagram over the tuning, Lyapunov exponents and shares of the basins."""
 
-    key: ClassVar = "bifurcation"
-
     start: Start = 0.45
     stop: Stop = 0.95
     step: Step = 0.001
     damping: Annotated[
         Damping, Field(description="Default: the first of the dampings with material damping.")
     ]
-    share_step: Distance = Field(
-        default=0.01,
-        description="Distance of the tunings of the shares; stop is start + a multiple of it.",
+    share_step: Distance = entry(
+        "Distance of the tunings of the shares; stop is start + a multiple of it.", 0.01
     )
-    settle: integer_within(ge=0, le=1_000_000) = Field(
-        default=400, description="Mesh periods before the record."
-    )
-    strobes: integer_within(ge=1, le=10_000) = Field(
-        default=48, description="Stroboscopic states recorded."
-    )
-    starts: integer_within(ge=0, le=1000) = Field(
-        default=8, description="Random initial states besides up and down."
-    )
-    exponent_periods: integer_within(ge=20, le=1_000_000) = Field(
-        default=800, description="Mesh periods over which an exponent is averaged."
+    settle: whole(0, 1_000_000) = entry("Mesh periods before the record.", 400)
+    strobes: whole(1, 10_000) = entry("Stroboscopic states recorded.", 48)
+    starts: whole(0, 1000) = entry("Random initial states besides up and down.", 8)
+    exponent_periods: whole(20, 1_000_000) = entry(
+        "Mesh periods over which an exponent is averaged.", 800
     )
     displacement: Range = [-6.0, 6.0]
     velocity: Range = [-6.0, 6.0]
-    samples: integer_within(ge=1, le=1_000_000) = Field(
-        default=400, description="Initial states of the shares."
-    )
-    periods: integer_within(ge=1, le=1_000_000) = Field(
-        default=400, description="Mesh periods of their runs."
-    )
+    samples: whole(1, 1_000_000) = entry("Initial states of the shares.", 400)
+    periods: whole(1, 1_000_000) = entry("Mesh periods of their runs.", 400)
 
     @model_validator(mode="after")
     def _check(self):
@@ -142,12 +125,8 @@ class Poincare(Section):
     ]
     displacement: Range = [-5.0, 6.0]
     velocity: Range = [-6.0, 6.0]
-    orbits: integer_within(ge=1, le=10_000) = Field(
-        default=60, description="Random initial states."
-    )
-    periods: integer_within(ge=20, le=1_000_000) = Field(
-        default=600, description="Mesh periods of the section."
-    )
+    orbits: whole(1, 10_000) = entry("Random initial states.", 60)
+    periods: whole(20, 1_000_000) = entry("Mesh periods of the section.", 600)
 
     @model_validator(mode="after")
     def _check(self):

@@ -1,31 +1,30 @@
 """Sections that describe the gears and the length of the runs."""
 
-from pydantic import Field, model_validator
+from pydantic import model_validator
 from pydantic_core import PydanticCustomError
 
 from gearlib.config.drawing import coefficient
 from gearlib.config.types import (
     Angle,
-    Backlash,
-    ContactRatio,
     DampingCoefficient,
     Finite,
-    Given,
     Inertia,
+    Label,
     Length,
-    Load,
     Mass,
     NonNegative,
     RunOut,
     Section,
     Stiffness,
-    StiffnessRatio,
     Truth,
     Tuning,
-    integer_within,
+    entry,
+    like,
     number_within,
     numbers,
+    whole,
 )
+from gearlib.models.pair import GearPair
 
 #: Gears beyond these have no squares of their scales within the floating-point numbers.
 _SMALLEST, _LARGEST = 1e-30, 1e30
@@ -34,25 +33,15 @@ IN_PLACE_OF = {
     "material_damping": ("damping_ratio", "logarithmic_decrement"),
     "backlash_damping": ("backlash_damping_ratio",),
 }
+DAMPINGS = tuple(IN_PLACE_OF)
 Ratio = number_within(ge=0, le=1000)
 
 
-class GearPairSection(Section):
-    """The gear pair in SI units, without its damping."""
+_Pair = like("_Pair", "", GearPair, base=Section, without=DAMPINGS, required=("teeth",))
 
-    max_stiffness: Stiffness = Field(description="Maximum mesh stiffness C_max, N/m.")
-    stiffness_ratio: StiffnessRatio = Field(description="kappa = C_min / C_max.")
-    contact_ratio: ContactRatio = Field(
-        description="Contact ratio epsilon; both ends mean constant stiffness."
-    )
-    reduced_mass: Mass = Field(description="Reduced mass m_red, kg.")
-    load: Load = Field(description="Mean force F along the line of action, N.")
-    backlash: Backlash = Field(
-        description="Backlash s_k, m; .inf for a pair without a second flank."
-    )
-    teeth: integer_within(ge=1, le=10_000) = Field(
-        description="Teeth: mesh periods per revolution."
-    )
+
+class GearPairSection(_Pair):
+    """The gear pair in SI units, without its damping."""
 
     @model_validator(mode="after")
     def _check(self):
@@ -80,38 +69,23 @@ class GearPairSection(Section):
         return self.max_stiffness * (high + (1.0 - high) * self.stiffness_ratio)
 
 
-class Change(Given):
-    """Other values for some keys of gear_pair, each as there; those left out stay."""
-
-    max_stiffness: Stiffness = Field(default=None, description="Max stiffness of the case.")
-    stiffness_ratio: StiffnessRatio = Field(
-        default=None, description="Stiffness ratio of the case."
-    )
-    contact_ratio: ContactRatio = Field(default=None, description="Contact ratio of the case.")
-    reduced_mass: Mass = Field(default=None, description="Reduced mass of the case.")
-    load: Load = Field(default=None, description="Load of the case.")
-    backlash: Backlash = Field(default=None, description="Backlash of the case.")
+_OTHERS = [name for name in GearPairSection.model_fields if name != "teeth"]
+_WORDS = "Other values for some keys of gear_pair, each as there; those left out stay."
+Change = like("Change", _WORDS, GearPair, *_OTHERS, optional=_OTHERS)
+_Coefficients = like("_Coefficients", "", GearPair, *DAMPINGS, optional=DAMPINGS)
 
 
-class Damping(Given):
+class Damping(_Coefficients):
     """One combination of linear damping coefficients, or of ratios by which they are found."""
 
-    material_damping: DampingCoefficient = Field(
-        default=None, description="k_1 while the flanks touch, N s/m."
+    damping_ratio: Ratio = entry(
+        "beta in place of material_damping: k_1 = 2 beta m_red Omega_s.", None
     )
-    backlash_damping: DampingCoefficient = Field(
-        default=None, description="k_1m of the oil in the backlash, N s/m."
+    logarithmic_decrement: Ratio = entry(
+        "delta = 2 pi beta / sqrt(1 - beta^2) in place of material_damping.", None
     )
-    damping_ratio: Ratio = Field(
-        default=None, description="beta in place of material_damping: k_1 = 2 beta m_red Omega_s."
-    )
-    logarithmic_decrement: Ratio = Field(
-        default=None,
-        description="delta = 2 pi beta / sqrt(1 - beta^2) in place of material_damping.",
-    )
-    backlash_damping_ratio: Ratio = Field(
-        default=None,
-        description="beta_m in place of backlash_damping: k_1m = 2 beta_m m_red Omega_s.",
+    backlash_damping_ratio: Ratio = entry(
+        "beta_m in place of backlash_damping: k_1m = 2 beta_m m_red Omega_s.", None
     )
 
     @model_validator(mode="after")
@@ -137,38 +111,29 @@ class Damping(Given):
 class State(Section):
     """State at the start, tau = 0: the middle of the segment of C_max."""
 
-    displacement: Finite = Field(default=0.0, description="x, in static deflections.")
-    velocity: Finite = Field(default=0.0, description="dx/dtau, in static deflections per radian.")
+    displacement: Finite = entry("x, in static deflections.", 0.0)
+    velocity: Finite = entry("dx/dtau, in static deflections per radian.", 0.0)
 
 
 class MeshCase(Section):
     """One run of several side by side: a mesh at one tuning."""
 
-    title: str = Field(
-        min_length=1,
-        max_length=60,
-        description="Above the column or panel; names the case in the data.",
-        json_schema_extra={"$comment": "a text of 1 to 60 characters"},
-    )
-    tuning: Tuning = Field(description="Tuning nu.")
-    change: Change = Field(
-        default=Change(), description="Other values for keys of gear_pair, in this case only."
-    )
+    title: Label = entry("Above the column or panel; names the case in the data.")
+    tuning: Tuning = entry("Tuning nu.")
+    change: Change = entry("Other values for keys of gear_pair, in this case only.", Change())
 
 
 class Run(Section):
     """Length and record of every run."""
 
-    revolutions: integer_within(ge=1, le=1_000_000) = Field(
-        default=5, description="Revolutions of every run."
+    revolutions: whole(1, 1_000_000) = entry("Revolutions of every run.", 5)
+    recorded_revolutions: whole(1) = entry(
+        "The last ones, which are evaluated; at most `revolutions`.", 1
     )
-    recorded_revolutions: integer_within(ge=1) = Field(
-        default=1, description="The last ones, which are evaluated; at most `revolutions`."
+    samples_per_period: whole(8, 65_536) = entry(
+        "Samples of a recorded mesh period in the phase planes.", 256
     )
-    samples_per_period: integer_within(ge=8, le=65_536) = Field(
-        default=256, description="Samples of a recorded mesh period in the phase planes."
-    )
-    initial_state: State = Field(default=State(), description="State from which cold runs start.")
+    initial_state: State = entry("State from which cold runs start.", State())
 
     @model_validator(mode="after")
     def _check(self):
@@ -203,15 +168,12 @@ class SixDegrees(Section):
         "e3, e2, run-out of the pitch circles, m. Default: 0.8 static deflections, at most a "
         "fifth of the backlash.",
     )
-    run_out_phase: Angle = Field(
-        default=0.0, description="Delta, relative phase of the run-out, rad."
-    )
+    run_out_phase: Angle = entry("Delta, relative phase of the run-out, rad.", 0.0)
     friction: numbers(NonNegative, 2, "Coefficients of friction in normal and inverse mesh.") = [
         0.05,
         0.05,
     ]
-    pitch_phase: Angle = Field(default=0.0, description="Mesh phase of the pitch point, rad.")
-    moving_backlash: Truth = Field(
-        default=True,
-        description="true: the far flank moves as in Eq. (4); false: it stays s_k behind y = 0.",
+    pitch_phase: Angle = entry("Mesh phase of the pitch point, rad.", 0.0)
+    moving_backlash: Truth = entry(
+        "true: the far flank moves as in Eq. (4); false: it stays s_k behind y = 0.", True
     )

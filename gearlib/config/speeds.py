@@ -29,19 +29,9 @@ _MOST, _STEPS = 1000, 10**9
 
 
 def in_tunings(mapping, pair):
-    """Return a configuration with tunings in place of speeds, and what is wrong with these.
+    """Return what was read from YAML with tunings in place of speeds, and sentences on wrong ones.
 
-    Parameters
-    ----------
-    mapping : dict
-        What was read from YAML, not yet checked.
-    pair : GearPairSection or None
-        The gears; None while they are refused: then any tunings do.
-
-    Returns
-    -------
-    tuple of dict, list of str
-        One sentence for each problem.
+    `pair`, a `GearPairSection`, is None while the gears are refused: then any tunings do.
     """
     problems = []
     found = {

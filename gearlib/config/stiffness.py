@@ -1,30 +1,32 @@
 """Sections of the mesh stiffness of drawn pairs: every method, and what its rectangle costs."""
 
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 from pydantic import Field, model_validator
 
 from gearlib.config.gears import FZG_C, TWENTY, DrawnPair
 from gearlib.config.types import (
-    Grid,
     Name,
     OwnStart,
     OwnStep,
     OwnStop,
+    Periods,
     Positive,
+    Recorded,
+    RecordPeriods,
     Section,
+    Share,
     Stiffness,
-    check_record,
-    integer_within,
-    number_within,
+    entry,
+    whole,
 )
 
 
 class PublishedPair(DrawnPair):
     """A pair of gears by their drawing, with what others find for it."""
 
-    published: dict[Name, Stiffness] = Field(
-        default={}, description="Mean mesh stiffness in the literature by source, N/m."
+    published: dict[Name, Stiffness] = entry(
+        "Mean mesh stiffness in the literature by source, N/m.", {}
     )
 
 
@@ -38,9 +40,7 @@ class MeshStiffness(Section):
         },
         description="Drawn pairs by name.",
     )
-    samples: integer_within(ge=8, le=4096) = Field(
-        default=64, description="Phases of a course over the mesh period."
-    )
+    samples: whole(8, 4096) = entry("Phases of a course over the mesh period.", 64)
 
     @model_validator(mode="after")
     def _check(self):
@@ -49,28 +49,13 @@ class MeshStiffness(Section):
         return self
 
 
-class Rectangle(Grid):
+class Rectangle(Recorded):
     """What the rectangular stiffness of the drawn pairs costs in their motion."""
-
-    key: ClassVar = "rectangle"
 
     start: OwnStart = 0.5
     stop: OwnStop = 1.3
     step: OwnStep = 0.005
-    damping_ratio: number_within(ge=0, le=1) = Field(
-        default=0.03, description="In contact, by the energy method; the coefficient is kept."
-    )
-    tolerance: Positive = Field(
-        default=0.05, description="Largest difference of an observable that counts as none."
-    )
-    periods: integer_within(ge=1, le=1_000_000) = Field(
-        default=160, description="Mesh periods of a run."
-    )
-    record_periods: integer_within(ge=1) = Field(
-        default=16, description="The last ones, which are evaluated; at most `periods`."
-    )
-
-    @model_validator(mode="after")
-    def _check(self):
-        check_record("rectangle", self)
-        return self
+    damping_ratio: Share = entry("In contact, by the energy method; the coefficient is kept.", 0.03)
+    tolerance: Positive = entry("Largest difference of an observable that counts as none.", 0.05)
+    periods: Periods = 160
+    record_periods: RecordPeriods = 16

@@ -1,6 +1,6 @@
 """Sections that describe the trials of the methods."""
 
-from typing import Annotated, ClassVar, Literal, get_args
+from typing import Annotated, Literal, get_args
 
 from pydantic import Field, model_validator
 
@@ -18,28 +18,21 @@ from gearlib.config.types import (
     Start,
     Step,
     Stop,
-    integer_within,
+    entry,
     listing,
     number_within,
+    whole,
 )
 
-Steps = integer_within(ge=1, le=100_000)
+Steps = whole(1, 100_000)
 
 
 #: Names of `gearlib.methods()`, kept here so that a start need not load the numerical stack.
-MethodName = Literal[
-    "exact",
-    "taylor",
-    "rk4",
-    "rk45",
-    "newmark",
-    "generalised_alpha",
-    "scipy",
-    "smoothed",
-    "heyoka",
-    "cvode",
-    "diffrax",
-]
+_METHODS = (
+    *("exact", "taylor", "rk4", "rk45", "newmark", "generalised_alpha"),
+    *("scipy", "smoothed", "heyoka", "cvode", "diffrax"),
+)
+MethodName = Literal[_METHODS]
 
 
 #: The package that each peer is imported from; where it is not installed, the peer is left out.
@@ -53,16 +46,15 @@ PEERS = {
 class FixedStepMethod(Section):
     """A fixed-step method of the stability chart."""
 
-    method: Literal["rk4", "newmark", "generalised_alpha"] = Field(description="Its name.")
-    options: dict[Name, Finite] = Field(
-        default={}, description="Its options, except the steps per period."
-    )
+    method: Literal["rk4", "newmark", "generalised_alpha"] = entry("Its name.")
+    options: dict[Name, Finite] = entry("Its options, except the steps per period.", {})
+
+
+_STEPS = (4, 5, 6, 8, 10, 12, 16, 20, 24, 32, 48, 64, 96, 128, 192, 256)
 
 
 class StabilityChart(Grid):
     """Spectral radii of fixed-step methods on the mesh without contact loss."""
-
-    key: ClassVar = "stability_chart"
 
     start: Start = 0.2
     stop: Stop = 2.6
@@ -70,27 +62,8 @@ class StabilityChart(Grid):
     damping: Annotated[
         DampingName, Field(description="One of the dampings. Default: the lightest.")
     ]
-    fine_step: Distance = Field(
-        default=0.002, description="Distance of the tunings of the exact spectral radius."
-    )
-    steps: listing(Steps, "Steps per mesh period.") = [
-        4,
-        5,
-        6,
-        8,
-        10,
-        12,
-        16,
-        20,
-        24,
-        32,
-        48,
-        64,
-        96,
-        128,
-        192,
-        256,
-    ]
+    fine_step: Distance = entry("Distance of the tunings of the exact spectral radius.", 0.002)
+    steps: listing(Steps, "Steps per mesh period.") = list(_STEPS)
     methods: dict[Name, FixedStepMethod] = Field(
         default={
             "rk4": FixedStepMethod(method="rk4"),
@@ -114,9 +87,9 @@ class Trial(Section):
         description="Above the column; names the trial in the data.",
         json_schema_extra={"$comment": "a text matching ^[A-Za-z0-9+_-]{1,40}$"},
     )
-    method: MethodName = Field(description="A name of `gearlib.methods`.")
-    options: dict[Name, Option] = Field(
-        default={}, description="Its options that are not the defaults, see `gearlib.methods`."
+    method: MethodName = entry("A name of `gearlib.methods`.")
+    options: dict[Name, Option] = entry(
+        "Its options that are not the defaults, see `gearlib.methods`.", {}
     )
 
 
@@ -181,61 +154,52 @@ class WorkPrecision(Section):
     problems: listing(Problem, "Test problems, see gearlib/studies/trials/problems.py.") = list(
         get_args(Problem)
     )
-    damping: PositiveDampingCoefficient = Field(
-        description="Linear damping of the damped problems, N s/m. Default: the largest one."
+    damping: PositiveDampingCoefficient = entry(
+        "Linear damping of the damped problems, N s/m. Default: the largest one."
     )
-    cubic_damping: CubicDamping = Field(
-        description=(
-            "Cubic damping of the problem cubic, N s^3/m^3. Default: the one that has the force of "
-            "`damping` at the velocity static deflection * mean eigenfrequency."
-        )
+    cubic_damping: CubicDamping = entry(
+        "Cubic damping of the problem cubic, N s^3/m^3. Default: the one that has the force of "
+        "`damping` at the velocity static deflection * mean eigenfrequency."
     )
-    periods: integer_within(ge=1, le=10_000) = Field(
-        default=20, description="Mesh periods of a run."
+    periods: whole(1, 10_000) = entry("Mesh periods of a run.", 20)
+    conservative_periods: whole(1, 10_000) = entry(
+        "The same without damping, where rounding errors grow fast, and of the gear train.", 3
     )
-    conservative_periods: integer_within(ge=1, le=10_000) = Field(
-        default=3,
-        description=(
-            "The same without damping, where rounding errors grow fast, and of the gear train."
-        ),
+    record_periods: whole(1, 100) = entry(
+        "The last mesh periods, whose events are compared; at most `periods`.", 3
     )
-    record_periods: integer_within(ge=1, le=100) = Field(
-        default=3,
-        description="The last mesh periods, whose events are compared; at most `periods`.",
-    )
-    repeats: integer_within(ge=1, le=1000) = Field(
-        default=9, description="Largest number of timed runs, of which the shortest counts."
+    repeats: whole(1, 1000) = entry(
+        "Largest number of timed runs, of which the shortest counts.", 9
     )
 
 
 class SlowScan(Grid):
     """The scan of methods whose right-hand side is not compiled by the library."""
 
-    key: ClassVar = "jump_by_method.slow"
+    @classmethod
+    def key(cls):
+        return "jump_by_method.slow"
 
     start: Start = 0.8149
     stop: Stop = 0.8165
     step: Step = 0.0001
-    resolution: number_within(gt=0, le=0.1) = Field(
-        default=1e-06, description="Width of the tuning interval to which the jump is bisected."
+    resolution: number_within(gt=0, le=0.1) = entry(
+        "Width of the tuning interval to which the jump is bisected.", 1e-06
     )
 
 
 class JumpByMethod(Grid):
     """Where each method puts the jump of the motion from rest."""
 
-    key: ClassVar = "jump_by_method"
-
     start: Start = 0.812
     stop: Stop = 0.82
     step: Step = 0.0001
     methods: listing(MethodName, "Names of `gearlib.methods()`.") = list(get_args(MethodName))
     damping: DampingName
-    resolution: number_within(gt=0, le=0.1) = Field(
-        default=1e-08, description="Width of the tuning interval to which the jump is bisected."
+    resolution: number_within(gt=0, le=0.1) = entry(
+        "Width of the tuning interval to which the jump is bisected.", 1e-08
     )
-    most_evaluations: Positive = Field(
-        default=7000.0,
-        description="Settings that cost more evaluations per mesh period are left out.",
+    most_evaluations: Positive = entry(
+        "Settings that cost more evaluations per mesh period are left out.", 7000.0
     )
     slow: SlowScan = SlowScan()

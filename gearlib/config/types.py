@@ -10,7 +10,8 @@ dimension: ``"4e5 N/mm"``.
 
 import math
 import re
-from typing import Annotated, Any, ClassVar
+from functools import cache
+from typing import Annotated, Any, Literal
 
 from pydantic import (
     AfterValidator,
@@ -20,12 +21,13 @@ from pydantic import (
     Field,
     PlainValidator,
     WithJsonSchema,
+    create_model,
     model_serializer,
     model_validator,
 )
 from pydantic_core import PydanticCustomError
 
-from gearlib import tunings
+from gearlib import parameters, tunings
 from gearlib.config import units
 
 #: Limit that catches a mistyped step before it makes as many jobs or tunings.
@@ -48,6 +50,12 @@ def read_integer(value):
     if isinstance(value, str) and _INTEGER.fullmatch(value):
         return int(value)
     return value
+
+
+def _read_choice(value):
+    if isinstance(value, bool):  # pydantic would take true for 1
+        raise PydanticCustomError("choice", "no choice")
+    return read_integer(value)
 
 
 def _read_truth(value):
@@ -78,8 +86,9 @@ def number_within(**bounds):
     return Annotated[float, Field(allow_inf_nan=False, **bounds), BeforeValidator(_read_number)]
 
 
-def integer_within(**bounds):
-    """Return the type of an integer within `bounds` (gt, ge, lt, le)."""
+def whole(least, most=None):
+    """Return the type of an integer within bounds."""
+    bounds = {"ge": least} if most is None else {"ge": least, "le": most}
     return Annotated[int, Field(**bounds), BeforeValidator(read_integer)]
 
 
@@ -115,33 +124,20 @@ def _in_rpm(**bounds):
     return Field(allow_inf_nan=False, json_schema_extra=extra, **bounds)
 
 
-Finite = number_within()
-Positive = number_within(gt=0)
-NonNegative = number_within(ge=0)
-#: Of the gear pair: `gearlib.config.speeds` has made numbers of texts in rpm.
-Tuning = Annotated[float, _in_rpm(gt=0, le=100), BeforeValidator(_read_number)]
-#: Of a train or drawing, which takes no speed.
-OwnTuning = number_within(gt=0, le=100)
-Harmonic = integer_within(ge=1, le=1000)
-StiffnessRatio = number_within(gt=0, le=1)
-ContactRatio = number_within(ge=1, le=2)
-Stiffness = quantity("N/m", "4e5 N/mm", gt=0)
-Mass = quantity("kg", "3123 g", gt=0)
-Inertia = quantity("kg m^2", "978.52 kg cm^2", gt=0)
-Load = quantity("N", "3.3 kN", gt=0)
-Length = quantity("m", "100 mm", gt=0)
-RunOut = quantity("m", "10 um", ge=0)
-Backlash = quantity("m", "40 um", ge=0, infinite=True)
-DampingCoefficient = quantity("N s/m", "3.95 N s/mm", ge=0)
-PositiveDampingCoefficient = quantity("N s/m", "3.95 N s/mm", gt=0)
-CubicDamping = quantity("N s^3/m^3", "5e-6 N s^3/mm^3", gt=0)
-Angle = quantity("rad", "30 deg")
 Truth = Annotated[
     bool, Field(json_schema_extra={"$comment": "true or false"}), BeforeValidator(_read_truth)
 ]
 #: Short enough for titles that name it.
 _NAME = r"^[A-Za-z0-9+_-]{1,40}$"
 Name = Annotated[str, Field(pattern=_NAME)]
+Label = Annotated[
+    str,
+    Field(
+        min_length=1,
+        max_length=60,
+        json_schema_extra={"$comment": "a text of 1 to 60 characters"},
+    ),
+]
 DampingName = Annotated[
     str,
     Field(
@@ -170,6 +166,11 @@ Option = Annotated[
 ]
 
 
+def entry(words, default=..., **bounds):
+    """Return the field of a key, by its description and default."""
+    return Field(default=default, description=words, **bounds)
+
+
 def listing(item, description):
     """Return the type of a non-empty list of different items, and its description."""
     return Annotated[
@@ -194,6 +195,97 @@ class Given(Section):
         if self is None:  # as the default of a section inside another
             return None
         return {key: value for key, value in dump(self).items() if value is not None}
+
+
+def _in_bounds(kind):
+    """Return the bounds of a number as pydantic calls them."""
+    bounds = {"gt": kind.above, "ge": kind.least, "lt": kind.below, "le": kind.most}
+    return {name: value for name, value in bounds.items() if value is not None}
+
+
+@cache
+def type_of(kind):
+    """Return the type of a kind of `gearlib.parameters`, as YAML has its values."""
+    if isinstance(kind, parameters.Number):
+        if not kind.unit:
+            return number_within(**_in_bounds(kind))
+        return quantity(kind.unit, kind.example, infinite=bool(kind.infinite), **_in_bounds(kind))
+    if isinstance(kind, parameters.Integer):
+        return whole(kind.least, kind.limit if kind.most is None else kind.most)
+    if isinstance(kind, parameters.Text):
+        return Label
+    if kind == parameters.TRUTH:
+        return Truth
+    if isinstance(kind, parameters.OneOf):
+        return Annotated[Literal[kind.choices], BeforeValidator(_read_choice)]
+    least, most = kind.count or 1, kind.count
+    return Annotated[list[type_of(kind.item)], Field(min_length=least, max_length=most)]
+
+
+def like(title, words, constructor, *names, base=None, without=(), required=(), optional=(), **own):
+    """Return a section whose keys are what a constructor or function declares, or some `names`.
+
+    They are added to `base`, by default `Given`, where what has a default may be left out.
+    `without` are no keys; `required` have to be given, though there is a default; `optional` may be
+    left out, though there is none, or none that counts. `own` keys, (type, field) each, belong to
+    the section alone; parts such as a web are among these.
+    """
+    base, fields = base or Given, {}
+    for name, one in parameters.declared(constructor).items():
+        if (
+            (names and name not in names)
+            or name in without
+            or isinstance(one.kind, parameters.Part)
+        ):
+            continue
+        default, more = ..., {}
+        if name in optional or (one.default is None and name not in required):
+            default = None
+        elif name not in required and one.default is not parameters.MISSING:
+            default = list(one.default) if isinstance(one.default, tuple) else one.default
+            if issubclass(base, Given):
+                # Left out, it is not dumped; the schema says what the constructor makes of it.
+                more = {} if _infinite(default) else {"json_schema_extra": {"default": default}}
+                default = None
+        fields[name] = (type_of(one.kind), entry(one.description, default, **more))
+    return create_model(title, __base__=base, __doc__=words, **(fields | own))
+
+
+def _infinite(value):
+    """Return whether a default cannot be written as JSON."""
+    return math.inf in (value if isinstance(value, list) else [value])
+
+
+Finite, Positive, NonNegative = map(
+    type_of, (parameters.FINITE, parameters.POSITIVE, parameters.NONNEGATIVE)
+)
+Stiffness, Mass, Inertia = map(type_of, (parameters.STIFFNESS, parameters.MASS, parameters.INERTIA))
+Length, RunOut, Error, Backlash, Angle = map(
+    type_of,
+    (
+        parameters.LENGTH,
+        parameters.RUN_OUT,
+        parameters.ERROR,
+        parameters.BACKLASH,
+        parameters.ANGLE,
+    ),
+)
+Load = type_of(parameters.LOAD)
+DampingCoefficient = type_of(parameters.DAMPING)
+ContactRatio = type_of(parameters.CONTACT_RATIO)
+PositiveDampingCoefficient = quantity("N s/m", "3.95 N s/mm", gt=0)
+CubicDamping = quantity("N s^3/m^3", "5e-6 N s^3/mm^3", gt=0)
+#: Of the gear pair: `gearlib.config.speeds` has made numbers of texts in rpm.
+Tuning = Annotated[float, _in_rpm(gt=0, le=100), BeforeValidator(_read_number)]
+#: Of a train or drawing, which takes no speed.
+OwnTuning = number_within(gt=0, le=100)
+Harmonic = whole(1, 1000)
+Share = number_within(ge=0, le=1)
+Tolerance = number_within(gt=0, le=10)
+Resolution = Annotated[
+    number_within(gt=0, le=0.1),
+    Field(description="Width of the tuning interval to which the jump is bisected."),
+]
 
 
 def numbers(item, count, description):
@@ -221,15 +313,6 @@ def check_grid(key, section, step_key="step"):
         )
 
 
-def check_record(key, section):
-    """Refuse a section that records more mesh periods than it runs."""
-    if section.record_periods > section.periods:
-        raise ValueError(
-            f"{key}.record_periods = {section.record_periods} is not allowed: it must be an "
-            f"integer from 1 to {key}.periods = {section.periods}"
-        )
-
-
 Start = Annotated[Tuning, Field(description="First tuning.")]
 Stop = Annotated[Tuning, Field(description="Last one; start + a whole multiple of step.")]
 Distance = Annotated[float, _in_rpm(gt=0, le=10), BeforeValidator(_read_number)]
@@ -242,37 +325,65 @@ OwnStep = Annotated[number_within(gt=0, le=10), Field(description="Distance of t
 class Grid(Section):
     """A range of tunings in equal steps; base of the sections that have one."""
 
-    key: ClassVar = ""  #: the name of the section, for messages
-
     start: OwnStart
     stop: OwnStop
     step: OwnStep
 
+    @classmethod
+    def key(cls):
+        """Return the name of the section, for messages."""
+        return re.sub("(?<!^)(?=[A-Z])", "_", cls.__name__).lower()
+
     @model_validator(mode="after")
     def _check_grid(self):
-        check_grid(self.key, self)
+        check_grid(self.key(), self)
+        return self
+
+
+Periods = Annotated[whole(1, 1_000_000), Field(description="Mesh periods of a run.")]
+RecordPeriods = Annotated[
+    whole(1),
+    Field(description="The last ones, which are evaluated; at most `periods`."),
+]
+Starts = Annotated[whole(1, 1000), Field(description="Seeded starts of every motion.")]
+Seed = Annotated[
+    whole(0, 1_000_000),
+    Field(description="Of the random displacements at the start."),
+]
+Spread = Annotated[
+    number_within(gt=0, le=10),
+    Field(description="Largest displacement of a body at the start, static deflections."),
+]
+
+
+class Recorded(Grid):
+    """A grid of runs of which the last mesh periods are evaluated."""
+
+    periods: Periods
+    record_periods: RecordPeriods
+
+    @model_validator(mode="after")
+    def _check_record(self):
+        if self.record_periods > self.periods:
+            key = self.key()
+            raise ValueError(
+                f"{key}.record_periods = {self.record_periods} is not allowed: it must be an "
+                f"integer from 1 to {key}.periods = {self.periods}"
+            )
         return self
 
 
 class Seeded(Section):
     """Base of the sections that ask seeded starts of a motion."""
 
-    starts: integer_within(ge=1, le=1000) = Field(
-        default=32, description="Seeded starts of every motion."
-    )
-    seed: integer_within(ge=0, le=1_000_000) = Field(
-        default=1, description="Of the random displacements at the start."
-    )
-    spread: number_within(gt=0, le=10) = Field(
-        default=0.02,
-        description="Largest displacement of a body at the start, static deflections.",
-    )
+    starts: Starts = 32
+    seed: Seed = 1
+    spread: Spread = 0.02
 
 
 class Started(Seeded, Grid):
     """A grid of which every motion has many starts; see `gearlib.studies.trains.motions`."""
 
-    first_starts: integer_within(ge=1, le=1000) = Field(
-        default=4,
-        description="Where so many of the starts end on one stable orbit, no others are run.",
+    first_starts: whole(1, 1000) = entry(
+        "Where so many of the starts end on one stable orbit, no others are run.", 4
     )

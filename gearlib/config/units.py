@@ -41,20 +41,7 @@ def _registry():
 
 
 def read(text, unit):
-    """Return a text with a unit as a number in `unit`.
-
-    Parameters
-    ----------
-    text : str
-        A number and a unit of the same dimension.
-    unit : str
-        What the number is wanted in, such as "N s/m".
-
-    Raises
-    ------
-    ValueError
-        If the text is no such thing.
-    """
+    """Return a text such as "3 kN" as a number in a `unit` of its dimension, else ValueError."""
     match = TEXT.fullmatch(text.strip())
     if match is None:
         raise ValueError(f"{text!r} is not a number with a unit")

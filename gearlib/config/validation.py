@@ -15,19 +15,7 @@ _RENAMED = {"Damping": {"material": "material_damping", "backlash": "backlash_da
 
 
 def sentences(errors, schema):
-    """Return one sentence per problem.
-
-    Parameters
-    ----------
-    errors : list of dict
-        ``pydantic.ValidationError.errors()``.
-    schema : dict
-        JSON schema of the model that was checked.
-
-    Returns
-    -------
-    list of str
-    """
+    """Return a sentence for each of ``ValidationError.errors()``, by the JSON schema checked."""
     return [_sentence(error, schema) for error in errors]
 
 
@@ -81,7 +69,7 @@ def allowed(node, schema):
     """Return the allowed values of a node of the JSON schema `schema` in words."""
     node = _resolve(node, schema)
     if "enum" in node:
-        return f"one of {', '.join(node['enum'])}"
+        return f"one of {', '.join(map(str, node['enum']))}"
     if "const" in node:
         return str(node["const"])
     kind = node["type"]

@@ -44,22 +44,12 @@ def gather_resonance(shards):
 def gather_phase_planes(shards):
     """Return the phase planes of all dampings and tunings.
 
-    Parameters
-    ----------
-    shards : list of xarray.Dataset
-        Results of `gearlib.simulate` with a scalar coordinate `damping`.
+    shards: results of `gearlib.simulate` with a scalar coordinate `damping`.
 
-    Returns
-    -------
-    xarray.Dataset
-        displacement, velocity, contact over (damping, tuning, phase), the phase counted from the
-        start of the record; orbit summary, final state and status over (damping, tuning); the
-        scales to SI.
+    displacement, velocity, contact over (damping, tuning, phase), the phase counted from the start
+    of the record; orbit summary, final state and status over (damping, tuning); the scales to SI.
 
-    Raises
-    ------
-    ValueError
-        If dampings do not share their tunings, or runs their recorded phases.
+    ValueError if dampings do not share their tunings, or runs their recorded phases.
     """
 
     def tunings(datasets):

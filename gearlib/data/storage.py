@@ -38,12 +38,8 @@ def write(dataset, path):
 def read(path):
     """Return the dataset in the netCDF file `path`, in memory, the file closed.
 
-    Raises
-    ------
-    FileNotFoundError
-        If there is no such file.
-    OSError
-        If it cannot be read: cut short, damaged, or something else than netCDF.
+    FileNotFoundError if there is no such file. OSError if it cannot be read: cut short, damaged, or
+    something else than netCDF.
     """
     try:
         return xr.load_dataset(path, engine="netcdf4")

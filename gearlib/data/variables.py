@@ -390,10 +390,7 @@ def describe(dataset, model=None):
     A model whose variables are no gear mesh's names them itself, in ``long_names``. Variables that
     bring units of their own, as derivatives do, keep their attributes.
 
-    Raises
-    ------
-    KeyError
-        If a variable has no entry here: nothing leaves without units.
+    KeyError if a variable has no entry here: nothing leaves without units.
     """
     names = {} if model is None else model.long_names
     for name, variable in dataset.variables.items():

@@ -48,30 +48,17 @@ _ALWAYS = 4
 def draw(resonance, *, colours=None, labels=(), branches=(), tongues=None):
     """Draw resonance characteristics.
 
-    Parameters
-    ----------
-    resonance : xarray.Dataset
-        As gathered: displacement_max and displacement_min in static deflections, period, all over
-        (damping, direction, tuning); speed (rpm) over tuning; the scalars static_deflection (m),
-        backlash_ratio, tuning_factor_max and tuning_factor_min.
-    colours : dict of str to str, optional
-        Colours of the dampings by name.
-    labels : list of xarray.Dataset, optional
-        For each damping its label over the tuning, as of `gearlib.analysis.trust.scan`, for cold
-        runs: a strip on the lower rim of its panel.
-    branches : list of xarray.Dataset, optional
-        For each damping its branches of periodic orbits, as of
-        `gearlib.studies.resonance_branches.compute`: thin lines in its panel, solid where stable,
-        dashed where unstable.
-    tongues : xarray.Dataset, optional
-        tuning_from and tuning_to over (damping, order) as of
-        `gearlib.studies.contact_loss`: shades in the panel of each damping.
+    resonance (as gathered: displacement_max and displacement_min in static deflections, period, all
+    over (damping, direction, tuning); speed (rpm) over tuning; the scalars static_deflection (m),
+    backlash_ratio, tuning_factor_max and tuning_factor_min); colours: colours of the dampings by
+    name; labels (for each damping its label over the tuning, as of `gearlib.analysis.trust.scan`,
+    for cold runs: a strip on the lower rim of its panel); branches (for each damping its branches
+    of periodic orbits, as of `gearlib.studies.resonance_branches.compute`: thin lines in its panel,
+    solid where stable, dashed where unstable); tongues (tuning_from and tuning_to over (damping,
+    order) as of `gearlib.studies.contact_loss`: shades in the panel of each damping).
 
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Lines are orbits that repeat, symbols are orbits that do not. What lies beyond the picture
-        is marked by a caret on its rim. Runs that could not go on (NaN) are left out.
+    Lines are orbits that repeat, symbols are orbits that do not. What lies beyond the picture is
+    marked by a caret on its rim. Runs that could not go on (NaN) are left out.
     """
     resonance = resonance.sortby("tuning")
     labels, branches = _by_damping(labels), _by_damping(branches)

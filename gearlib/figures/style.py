@@ -170,15 +170,7 @@ def _freeze(figure):
 def save(figure, path):
     """Write a figure as PNG, PDF or SVG, by the suffix of `path`, replacing it in one step.
 
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-    path : str or os.PathLike
-
-    Raises
-    ------
-    ValueError
-        If the suffix is none of .png, .pdf, .svg.
+    ValueError if the suffix is none of .png, .pdf, .svg.
     """
     path = Path(path)
     form = path.suffix.removeprefix(".")

@@ -34,9 +34,9 @@ A method is a module that offers
 ``run(pair, tuning, state, periods, record_periods, samples, events, limit, summary, **options)``
     one run; arguments as of `gearlib.kernels.closed_form.run.run`, whose returns are followed by
     the number of evaluations of the right-hand side;
-``run_many(pair, tunings, order, state, carry, periods, record_periods, limit, bound, summaries,
-ends, codes, **options)``
-    many, as of `gearlib.kernels.closed_form.many_runs.run_many`.
+``run_many(pair, tunings, order, state, carry, span, rows, **options)``
+    ``tunings[order]``, with the state carried along or not; `Span` and `Rows` are those of
+    `gearlib.runs.run_arguments`.
 """
 
 from collections import UserDict

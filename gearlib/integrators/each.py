@@ -8,25 +8,24 @@ from gearlib.data import status, summary
 from gearlib.kernels import orbit
 
 
-def run_each(
-    run, tunings, order, state, carry, periods, record_periods, limit, bound, summaries, ends, codes
-):
-    """Run the tunings ``tunings[order]`` one after the other.
+def run_each(run, tunings, order, state, carry, span, rows):
+    """Run the tunings ``tunings[order]`` one after the other; see `gearlib.integrators`.
 
     ``run(tuning, state, periods, record_periods, samples, events, limit, summary)`` is one run of
-    a method; the other arguments are those of `gearlib.kernels.closed_form.many_runs.run_many`.
+    a method.
     """
     samples, events = np.empty((0, orbit.SAMPLE_COLUMNS)), np.empty((0, orbit.EVENT_COLUMNS))
+    bound, summaries, ends, codes = rows
     current = state
     for i in order:
         x, v, period, _, _, code, _ = run(
             float(tunings[i]),
             current,
-            periods,
-            record_periods,
+            span.periods,
+            span.recorded,
             samples,
             events,
-            limit,
+            span.limit,
             summaries[i],
         )
         if code == status.OK and summary.reach(summaries[i]) > bound:

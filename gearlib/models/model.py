@@ -64,7 +64,7 @@ class Model:
     #: name of a field -> its value by default, from the model
     by_default: dict = {}
     #: Its parameters over which orbits are followed, beside ratios: name -> (CF units, long_name)
-    parameters: dict = {}
+    parameters: Any = {}
     #: Parameters that make the motion in normal mesh nonlinear, if they are not 0.
     nonlinear: tuple = ()
 

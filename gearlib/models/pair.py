@@ -58,11 +58,11 @@ class GearPair(Model):
     stiffness_ratio: StiffnessRatio
     contact_ratio: ContactRatio
     reduced_mass: Annotated[float, MASS, "Reduced mass", "m_red"]
-    load: Annotated[float, LOAD, "Mean force along the line of action", "F"]
+    load: Annotated[float, LOAD, "Load, the mean force along the line of action,", "F"]
     backlash: Backlash
     material_damping: MaterialDamping = 0.0
     backlash_damping: BacklashDamping = 0.0
-    teeth: Annotated[int, Integer(1, limit=10_000), "Mesh periods per revolution", "z"] = 24
+    teeth: Annotated[int, Integer(1, limit=10_000), "Teeth z: mesh periods per revolution"] = 24
 
     one_mesh = True
     #: The ratios that, with the tuning, decide the motion in static deflections and mesh phase.
@@ -162,10 +162,10 @@ class GearPair(Model):
 
     @property
     def equation(self):
-        """The `Equation`, of the pair as a `OneDegreePair`."""
-        from gearlib.models.one_degree import OneDegreePair
+        """The `Equation` in static deflections and 1 / Omega_s of time."""
+        from gearlib.models.mesh_equation import mesh_equation
 
-        return OneDegreePair(pair=self).equation
+        return mesh_equation(self)
 
     @property
     def mathematics(self):

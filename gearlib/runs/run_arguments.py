@@ -1,5 +1,9 @@
 """Arguments that all runs share, checked."""
 
+from typing import Any, NamedTuple
+
+import numpy as np
+
 from gearlib import checks, integrators
 
 #: Most arcs (phases of contact and flights; Taylor steps) in one mesh period before a run gives up.
@@ -33,20 +37,46 @@ def check_either(model, name, tuning, speed_name, speed):
         )
 
 
-def check_run(pair, periods, record_periods, initial_state, method, options, max_events):
-    """Return periods, record_periods, state, method name, module and options, max_events, checked.
+class Span(NamedTuple):
+    """How long a run goes on."""
 
-    Raises
-    ------
-    ValueError
-        Naming the argument, its value and the allowed range.
-    """
+    periods: int  #: mesh periods
+    recorded: int  #: the last ones of them
+    limit: int  #: most arcs in one of them
+
+
+class Rows(NamedTuple):
+    """What a sweep writes, a row for each tuning; motions beyond a bound grow without one."""
+
+    bound: float
+    summaries: np.ndarray  #: as of `Model.room`
+    ends: np.ndarray  #: final states
+    codes: np.ndarray  #: period of the orbit, status
+
+
+class Asked(NamedTuple):
+    """What is asked of a run, checked."""
+
+    span: Span
+    state: tuple
+    method: str
+    module: Any
+    options: dict
+
+    def attributes(self):
+        """Return what a dataset says of it."""
+        periods, recorded, _ = self.span
+        said = {"method": self.method, "options": self.options, "initial_state": self.state}
+        return said | {"periods": periods, "record_periods": recorded}
+
+
+def check_run(
+    pair, periods, record_periods, initial_state, method=None, options=None, max_events=MAX_EVENTS
+):
+    """Return the arguments of a run as `Asked`; ValueError names argument, value and range."""
     chosen = integrators.choose(pair, method, options)
     periods = checks.integer("periods", periods, 1)
-    return (
-        periods,
-        checks.integer("record_periods", record_periods, 1, periods),
-        pair.check_state(initial_state),
-        *chosen,
-        checks.integer("max_events", max_events, 1),
-    )
+    recorded = checks.integer("record_periods", record_periods, 1, periods)
+    state = pair.check_state(initial_state)
+    span = Span(periods, recorded, checks.integer("max_events", max_events, 1))
+    return Asked(span, state, *chosen)

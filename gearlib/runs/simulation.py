@@ -106,26 +106,15 @@ def simulate(
         sensitivities = derivatives.check(pair, sensitivities, chosen)
         along, propagator = derivatives.directions(pair, sensitivities), pair.propagator(tuning)
         start = propagator.start_tangents(pair.check_state(initial_state), along)
-    ran = run(
-        pair,
-        tuning,
-        periods=periods,
-        record_periods=record_periods,
-        samples_per_period=samples_per_period,
-        initial_state=initial_state,
-        method=method,
-        options=options,
-        max_events=max_events,
-        propagator=propagator,
-    )
-    periods, record_periods = ran.periods, ran.record_periods
-    step = 2.0 * math.pi / samples_per_period
-    first = (periods - record_periods) * samples_per_period
+    asked = check_run(pair, periods, record_periods, initial_state, method, options, max_events)
+    ran = _run(pair, tuning, asked, samples_per_period, propagator)
+    recorded = asked.span.recorded
+    first = (asked.span.periods - recorded) * samples_per_period
     data = {
         **_time_course(pair, ran.samples, ran.status),
         **_event_table(ran.events),
         **summary.variables(
-            pair, (), ran.table, ran.end, np.array([ran.period, ran.status]), record_periods
+            pair, (), ran.table, ran.end, np.array([ran.period, ran.status]), recorded
         ),
         **pair.scales(),
         **pair.speed_scales(tuning),
@@ -133,26 +122,18 @@ def simulate(
         "evaluations": ran.evaluations,
     }
     if sensitivities:
-        z, sizes = propagator.start(ran.initial_state), (len(ran.samples), len(ran.events))
-        counts = periods, record_periods, max_events
-        data |= derivatives.variables(
-            propagator, sensitivities, along, z, start, sizes, *counts, not ran.status
-        )
+        z, sizes = propagator.start(asked.state), (len(ran.samples), len(ran.events))
+        span, ok = asked.span, not ran.status
+        counts = span.periods, span.recorded, span.limit, ok
+        data |= derivatives.variables(propagator, sensitivities, along, z, start, sizes, *counts)
     coords = {
-        "phase": (first + np.arange(len(ran.samples))) * step,
+        "phase": (first + np.arange(len(ran.samples))) * (2.0 * math.pi / samples_per_period),
         **pair.coordinates(),
     }
     dataset = describe(xr.Dataset(data, coords), pair)
     dataset["status"].attrs["message"] = status.MESSAGES[ran.status]
     dataset.attrs = provenance.attributes(
-        "Time course of a gear mesh",
-        pair,
-        method=ran.method,
-        options=ran.options,
-        tuning=tuning,
-        periods=periods,
-        record_periods=record_periods,
-        initial_state=ran.initial_state,
+        "Time course of a gear mesh", pair, tuning=tuning, **asked.attributes()
     )
     return dataset
 
@@ -168,61 +149,35 @@ class Run(NamedTuple):
     status: int
     evaluations: int
     method: str
-    options: dict
-    initial_state: tuple
-    periods: int
-    record_periods: int
 
 
-def run(
-    pair,
-    tuning,
-    *,
-    periods,
-    record_periods,
-    samples_per_period,
-    initial_state,
-    method=None,
-    options=None,
-    max_events=MAX_EVENTS,
-    propagator=None,
-):
+def run(pair, tuning, samples_per_period, **asked):
     """Run a gear pair at one tuning as `simulate` does, and return bare numbers, a `Run`.
 
-    `propagator`, where there is one already, is that of pair, tuning and method.
+    `asked` are the arguments of `gearlib.runs.run_arguments.check_run`.
     """
+    return _run(pair, tuning, check_run(pair, **asked), samples_per_period)
+
+
+def _run(pair, tuning, asked, samples_per_period, propagator=None):
+    """Run; `propagator`, where there is one already, is that of pair, tuning and method."""
     samples_per_period = checks.integer("samples_per_period", samples_per_period, 1)
-    periods, record_periods, initial_state, method, module, options, max_events = check_run(
-        pair, periods, record_periods, initial_state, method, options, max_events
-    )
-    samples, events, table = pair.room(record_periods * samples_per_period, _FIRST_EVENTS)
-    rest = periods, record_periods, samples, events, max_events, table
+    periods, recorded, limit = asked.span
+    samples, events, table = pair.room(recorded * samples_per_period, _FIRST_EVENTS)
+    span = periods, recorded, samples, events, limit, table
     if propagator is None:
-        done = module.run(pair, tuning, initial_state, *rest, **options)
+        done = asked.module.run(pair, tuning, asked.state, *span, **asked.options)
     else:
-        done = propagator.run(propagator.start(initial_state), *rest)
+        done = propagator.run(propagator.start(asked.state), *span)
     x, v, period, events, found, code, evaluations = done
     end = np.ravel([x, v])
-    if code == status.OK and summary.reach(table) > pair.bound(tuning, initial_state):
+    if code == status.OK and summary.reach(table) > pair.bound(tuning, asked.state):
         code = status.OVERFLOW
     if code != status.OK:
         for array in (samples, table, end):
             array[...] = math.nan
         found = 0
-    return Run(
-        samples,
-        events[:found],
-        table,
-        end,
-        period,
-        code,
-        evaluations,
-        method,
-        options,
-        initial_state,
-        periods,
-        record_periods,
-    )
+    return Run(samples, events[:found], table, end, period, code, evaluations, asked.method)
 
 
 def _time_course(pair, samples, code):

@@ -9,7 +9,7 @@ import xarray as xr
 from gearlib import checks
 from gearlib.data import provenance, summary
 from gearlib.data.variables import describe
-from gearlib.runs.run_arguments import MAX_EVENTS, check_either, check_run, check_tuning
+from gearlib.runs.run_arguments import MAX_EVENTS, Rows, check_either, check_run, check_tuning
 
 DIRECTIONS = ("cold", "up", "down")
 #: Those in which a motion is carried from one tuning to the next.
@@ -86,15 +86,13 @@ def sweep(
         tunings = _check_tunings("tunings", tunings)
     else:
         tunings = pair.tuning_at(_check_tunings("speeds", speeds))
-    periods, record_periods, initial_state, method, module, options, max_events = check_run(
-        pair, periods, record_periods, initial_state, method, options, max_events
-    )
+    asked = check_run(pair, periods, record_periods, initial_state, method, options, max_events)
     checks.one_of("direction", direction, DIRECTIONS)
-    if direction != "cold" and method != "exact" and pair.size > 2:
+    if direction != "cold" and asked.method != "exact" and pair.size > 2:
         raise ValueError(
             f"direction = {direction!r} is not allowed for six degrees of freedom by method "
-            f"{method!r}: it must be 'cold', or the method 'exact', which carries all coordinates "
-            "along"
+            f"{asked.method!r}: it must be 'cold', or the method 'exact', which carries all "
+            "coordinates along"
         )
     threads = os.cpu_count() if threads is None else checks.integer("threads", threads, 1)
 
@@ -102,23 +100,11 @@ def sweep(
     ends = np.empty((tunings.size, len(pair.components)))
     codes = np.empty((tunings.size, 2), dtype=np.int64)
     carry = direction != "cold"
-    bound = pair.bound(float(tunings.max()), initial_state)
+    rows = Rows(pair.bound(float(tunings.max()), asked.state), table, ends, codes)
 
     def go_through(order):
-        module.run_many(
-            pair,
-            tunings,
-            order,
-            initial_state,
-            carry,
-            periods,
-            record_periods,
-            max_events,
-            bound,
-            table,
-            ends,
-            codes,
-            **options,
+        asked.module.run_many(
+            pair, tunings, order, asked.state, carry, asked.span, rows, **asked.options
         )
 
     order = np.argsort(tunings)
@@ -135,7 +121,7 @@ def sweep(
             list(pool.map(go_through, chunks))
 
     data = {
-        **summary.variables(pair, ("tuning",), table, ends, codes, record_periods),
+        **summary.variables(pair, ("tuning",), table, ends, codes, asked.span.recorded),
         **pair.scales(),
         **{name: (("tuning",), x) for name, x in pair.speed_scales(tunings).items()},
     }
@@ -144,12 +130,8 @@ def sweep(
     dataset.attrs = provenance.attributes(
         "Resonance characteristic of a gear mesh",
         pair,
-        method=method,
-        options=options,
         direction=direction,
-        periods=periods,
-        record_periods=record_periods,
-        initial_state=initial_state,
+        **asked.attributes(),
     )
     return dataset
 

@@ -36,23 +36,11 @@ _CONTACT = ("never lost", "lost")
 def compute(pair, tunings, settings, run):
     """Return all that the two figures of the analytic method show.
 
-    Parameters
-    ----------
-    pair : dict
-        Keyword arguments of `GearPair`.
-    tunings : sequence of float, shape (n,)
-        Of the range of convergence and of the resonance curve.
-    settings : dict
-        shown: tunings of the iterations and errors; iterations: how many are shown;
-        iteration_harmonics: their harmonics; harmonics: of the range and the curve;
-        most_degenerate: degenerate harmonics at most; balance_harmonics, schmidt_harmonics: of
-        the errors.
-    run : dict
-        periods, record_periods of the exact curves.
-
-    Returns
-    -------
-    xarray.Dataset
+    pair: keyword arguments of `GearPair`; tunings: shape (n,), of the range of convergence and of
+    the resonance curve; settings (shown: tunings of the iterations and errors; iterations: how many
+    are shown; iteration_harmonics: their harmonics; harmonics: of the range and the curve;
+    most_degenerate: degenerate harmonics at most; balance_harmonics, schmidt_harmonics: of the
+    errors); run: periods, record_periods of the exact curves.
     """
     pair = GearPair(**pair)
     data = (

@@ -3,7 +3,8 @@
 Of every damping: the tongues, the special points of the branches behind Fig. 3, the orbits on these
 branches at the tunings that the paper's statements name, and where the motion from rest tends to
 there; the ranges of tunings with an orbit that never loses contact. Of all other points of the
-branches only how many are proven, unless all are asked for.
+branches only how many are proven, unless all are asked for. Of the first damping that is one also
+`certificates_of_trains`.
 """
 
 import json
@@ -19,11 +20,13 @@ from gearlib.analysis.orbits.shooting import NoOrbit, periodic_orbit
 from gearlib.analysis.orbits.special_points import DOUBLING, FOLD, GRAZING, REGULAR
 from gearlib.analysis.proofs.motions import certify_motion
 from gearlib.analysis.proofs.orbits import certify
-from gearlib.analysis.proofs.points import certify_fold, certify_grazing, certify_tongues
+from gearlib.analysis.proofs.points import certify_fold, certify_grazing
 from gearlib.analysis.proofs.ranges import certify_range
+from gearlib.analysis.proofs.tongue_edges import certify_tongues
 from gearlib.data.files import replacing
 from gearlib.models.pair import GearPair
 from gearlib.runs.run_arguments import MAX_EVENTS
+from gearlib.studies import certificates_of_trains
 
 #: Tunings of the paper's Fig. 6.
 TWO = (0.815, 0.8151)
@@ -38,28 +41,16 @@ CANDIDATE_DIGITS = 11
 def compute(pairs, branches, tunings, initial_state, whole=False):
     """Return the certificates of all dampings.
 
-    Parameters
-    ----------
-    pairs : dict of str to dict
-        Keyword arguments of `GearPair`, by the name of the damping.
-    branches : dict of str to xarray.Dataset
-        As of `gearlib.studies.resonance_branches`, by the name of the damping.
-    tunings : sequence of float
-        At which orbits and motions are asked for, beside `TWO` and `ABOVE`.
-    initial_state : sequence of float, shape (2,)
-    whole : bool, default False
-        Whether all points of the branches are asked for.
+    pairs: keyword arguments of `GearPair`, by the name of the damping; branches: as of
+    `gearlib.studies.resonance_branches`, by the name of the damping; tunings: at which orbits and
+    motions are asked for, beside `TWO` and `ABOVE`; initial_state: shape (2,); whole: whether all
+    points of the branches are asked for.
 
-    Returns
-    -------
-    list of dict
-        Claims as of `Certificate.as_dict` and the others, with the name of the damping; refusals
-        with status and message; of each damping how many points of its branches are proven.
+    Claims as of `Certificate.as_dict` and the others, with the name of the damping, of trains also
+    that of the model; refusals with status and message; of each damping how many points of its
+    branches are proven.
 
-    Raises
-    ------
-    ImportError
-        Without python-flint.
+    ImportError: Without python-flint.
     """
     tunings = sorted({*map(float, tunings), *TWO, ABOVE})
     found = []
@@ -71,6 +62,13 @@ def compute(pairs, branches, tunings, initial_state, whole=False):
         counts, orbits = _all_points(pair, branch)
         rows[0] = {"claim": "count", "orbits": counts}
         found += [{"damping": name} | row for row in rows + (orbits if whole else [])]
+    damped = (name for name, parameters in pairs.items() if GearPair(**parameters).damped())
+    for name in list(damped)[:1]:
+        proven = certificates_of_trains.compute(
+            GearPair(**pairs[name]), _rounded_orbit, _rounded_branch
+        )
+        for train, tuning, row in proven:
+            found.append({"damping": name, "model": train} | _row(row, tuning))
     return found
 
 

@@ -33,27 +33,16 @@ CAUSES = {NONE: "none", PARAMETRIC: "parametric instability", FORCED: "forced re
 def compute(pairs, tuning, start, stop, run):
     """Return the tongues of the dampings of one pair, and what happens at a tuning.
 
-    Parameters
-    ----------
-    pairs : dict of str to dict
-        Keyword arguments of `GearPair` by the name of the damping.
-    tuning : float
-        The tuning in question.
-    start, stop : float
-        Range of tunings whose tongues are listed; widened to those next to the tuning.
-    run : dict
-        periods, initial_state of the motion from rest.
+    pairs: keyword arguments of `GearPair` by the name of the damping; tuning: the tuning in
+    question; start, stop (range of tunings whose tongues are listed; widened to those next to the
+    tuning); run: periods, initial_state of the motion from rest.
 
-    Returns
-    -------
-    xarray.Dataset
-        Over (damping, order): tuning_from, tuning_to (NaN: closed), closing_damping over order.
-        Over damping, at the tuning in question, `asked`: damping_ratio; nearest_order, of the
-        tongue next to it; growth of deviations; orbit_min, the least displacement of the orbit
-        without loss of contact; lost, whether the motion from rest loses contact; loss_from and
-        loss_to, the tunings around between which it does (NaN: beyond the scan); forced_from, the
-        first tuning above at which that orbit itself leaves the flank (NaN: none near); cause, as
-        of `CAUSES`.
+    Over (damping, order): tuning_from, tuning_to (NaN: closed), closing_damping over order. Over
+    damping, at the tuning in question, `asked`: damping_ratio; nearest_order, of the tongue next to
+    it; growth of deviations; orbit_min, the least displacement of the orbit without loss of
+    contact; lost, whether the motion from rest loses contact; loss_from and loss_to, the tunings
+    around between which it does (NaN: beyond the scan); forced_from, the first tuning above at
+    which that orbit itself leaves the flank (NaN: none near); cause, as of `CAUSES`.
     """
     low, high = _NEXT
     start, stop = min(start, low * tuning), max(stop, high * tuning)

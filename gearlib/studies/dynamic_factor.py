@@ -27,23 +27,14 @@ JUMP = 0.75
 def compute(pair, ratios, settings):
     """Return K_v of exact sweeps, up and down, and that of the standard.
 
-    Parameters
-    ----------
-    pair : dict
-        As of `gearlib.models.geometry.described.mesh`, both gears with their quality; torque, N m,
-        of the pinion.
-    ratios : sequence of float, shape (n,)
-        Speeds over the resonance speed of the standard, N.
-    settings : dict
-        damping_ratio, periods, record_periods.
+    pair (as of `gearlib.models.geometry.described.mesh`, both gears with their quality; torque, N
+    m, of the pinion); ratios: shape (n,), speeds over the resonance speed of the standard, N;
+    settings: damping_ratio, periods, record_periods.
 
-    Returns
-    -------
-    xarray.Dataset
-        Over (stiffness_method, tooth_deviation, direction, resonance_ratio): dynamic_factor,
-        fraction_normal, jumps (whether K_v jumps from the speed before, in the order of the sweep),
-        status; over (tooth_deviation, resonance_ratio): standard_factor; over resonance_ratio:
-        speed (rpm of the pinion); torque, damping_ratio.
+    Over (stiffness_method, tooth_deviation, direction, resonance_ratio): dynamic_factor,
+    fraction_normal, jumps (whether K_v jumps from the speed before, in the order of the sweep),
+    status; over (tooth_deviation, resonance_ratio): standard_factor; over resonance_ratio: speed
+    (rpm of the pinion); torque, damping_ratio.
     """
     mesh, torque = described.mesh(pair), pair["torque"]
     ratios = np.asarray(ratios, float)

@@ -22,20 +22,10 @@ class Quantity(NamedTuple):
 def compute(mesh, *, damping=None, options=None, **load):
     """Return the rows of the table.
 
-    Parameters
-    ----------
-    mesh : gearlib.geometry.Mesh
-    damping : dict, optional
-        material_damping and backlash_damping, N s/m.
-    options : dict, optional
-        Method of stiffness -> its options.
-    **load
-        torque, or power and speed, as of `GearPair.from_geometry`.
+    damping: material_damping and backlash_damping, N s/m; options: method of stiffness -> its
+    options; **load: torque, or power and speed, as of `GearPair.from_geometry`.
 
-    Returns
-    -------
-    list of Quantity
-        A method that does not hold for these gears is left out of the rows.
+    A method that does not hold for these gears is left out of the rows.
     """
     pairs = {}
     for method in METHODS:

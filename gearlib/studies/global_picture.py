@@ -59,25 +59,13 @@ def basin_cases(cases, settings, threads=None):
 def bifurcation(pair, tunings, coarse, settings, threads=None):
     """Return a diagram up and down with its exponents, and the shares of the attractors.
 
-    Parameters
-    ----------
-    pair : dict
-        Keyword arguments of `GearPair`.
-    tunings, coarse : sequence of float
-        Of the diagram, and of the shares.
-    settings : dict
-        settle, strobes, exponent_periods, starts, displacement, velocity, samples, periods.
-    threads : int, optional
+    pair: keyword arguments of `GearPair`; tunings, coarse: of the diagram, and of the shares;
+    settings: settle, strobes, exponent_periods, starts, displacement, velocity, samples, periods.
 
-    Returns
-    -------
-    diagram : xarray.Dataset
-        displacement, velocity (direction, tuning, strobe); exponent, uncertainty, period, settled
-        (direction, tuning), whether the motion is periodic and rounding does not decide on which
-        orbit; speed (rpm) over tuning. Directions: up, down, and "cold 1", "cold 2", ... from as
-        many random initial states as `starts`.
-    shares : xarray.Dataset
-        As of `gearlib.basin_stability`.
+    diagram: displacement, velocity (direction, tuning, strobe); exponent, uncertainty, period,
+    settled (direction, tuning), whether the motion is periodic and rounding does not decide on
+    which orbit; speed (rpm) over tuning. Directions: up, down, and "cold 1", "cold 2", ... from as
+    many random initial states as `starts`; shares: as of `gearlib.basin_stability`.
     """
     pair = GearPair(**pair)
     region = settings["displacement"], settings["velocity"]
@@ -133,19 +121,12 @@ def _random_states(region, count):
 def sections(cases, settings):
     """Return Poincare sections of random initial states, over ``case``.
 
-    Parameters
-    ----------
-    cases : list of dict
-        title, tuning, phase (degrees), settle, and pair: keyword arguments of `GearPair`.
-    settings : dict
-        displacement and velocity: (lowest, highest); orbits; periods.
+    cases (title, tuning, phase (degrees), settle, and pair: keyword arguments of `GearPair`);
+    settings (displacement and velocity: (lowest, highest); orbits; periods).
 
-    Returns
-    -------
-    xarray.Dataset
-        displacement, velocity (case, orbit, strobe); chaotic, exponent (case, orbit): chaotic are
-        motions that rounding leads elsewhere, undecided those of which deviations have grown by
-        less, but by more than in regular ones, or before the record only.
+    displacement, velocity (case, orbit, strobe); chaotic, exponent (case, orbit): chaotic are
+    motions that rounding leads elsewhere, undecided those of which deviations have grown by less,
+    but by more than in regular ones, or before the record only.
     """
     # The same initial states in all cases.
     states = _random_states((settings["displacement"], settings["velocity"]), settings["orbits"])

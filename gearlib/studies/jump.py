@@ -61,18 +61,10 @@ class Jump(NamedTuple):
 def find(pair, tunings, resolution, direction="cold", **run):
     """Return the `Jump` of a pair within a scan.
 
-    Parameters
-    ----------
-    pair : GearPair, OneDegreePair or SixDegreePair
-    tunings : sequence of float, shape (n,)
-        The scan, rising, n >= 2.
-    resolution : float
-        Width of the last interval.
-    direction : {"cold", "up", "down"}
-        Of the scan. When the state is carried along, the bisection starts from the state on the
-        side from which the jump is reached.
-    **run
-        Further arguments of `gearlib.sweep`.
+    tunings: shape (n,), the scan, rising, n >= 2; resolution: width of the last interval;
+    direction: {"cold", "up", "down"}, of the scan. When the state is carried along, the bisection
+    starts from the state on the side from which the jump is reached; **run: further arguments of
+    `gearlib.sweep`.
     """
     tunings = np.asarray(tunings, float)
     scan = sweep(pair, tunings, direction=direction, **run)
@@ -150,16 +142,9 @@ def _lost(pair, scan, height, i, direction, run):
 def height_steps(height):
     """Return the steps between neighbouring heights of a scan, and which count as switches.
 
-    Parameters
-    ----------
-    height : ndarray, shape (n,)
-        n >= 2; NaN for a run that could not go on: no orbit is like it.
+    height (shape (n,), n >= 2; NaN for a run that could not go on: no orbit is like it).
 
-    Returns
-    -------
-    steps : ndarray, shape (n - 1,)
-    large : ndarray of bool, shape (n - 1,)
-        At least half as large as the largest, and no difference within one orbit.
+    The steps; large: at least half as large as the largest, and no difference within one orbit.
     """
     steps = np.nan_to_num(np.abs(np.diff(height)), nan=0.0)
     return steps, steps >= max(0.5 * steps.max(), SAME_HEIGHT)
@@ -172,11 +157,7 @@ def _heights(curve):
 def variations(pair, settings):
     """Yield (kind, value, model, changed arguments of `sweep`) of every variation.
 
-    Parameters
-    ----------
-    pair : GearPair
-    settings : dict
-        harmonics, factors, displacements, velocities, tolerances: lists of values.
+    settings (harmonics, factors, displacements, velocities, tolerances: lists of values).
     """
     yield "base", 0.0, pair, {}
     for n in settings["harmonics"]:
@@ -202,26 +183,14 @@ def variations(pair, settings):
 def compute(pair, tunings, settings, run):
     """Return the jump of the motion from rest and of all its variations.
 
-    Parameters
-    ----------
-    pair : dict
-        Keyword arguments of `GearPair`.
-    tunings : sequence of float, shape (n,)
-        The scan.
-    settings : dict
-        As of `variations`, and resolution; starts, seed and spread for tolerances, as of
-        `gearlib.studies.many_starts.starts`.
-    run : dict
-        periods, record_periods, initial_state.
+    pair: keyword arguments of `GearPair`; tunings: shape (n,), the scan; settings (as of
+    `variations`, and resolution; starts, seed and spread for tolerances, as of
+    `gearlib.studies.many_starts.starts`); run: periods, record_periods, initial_state.
 
-    Returns
-    -------
-    xarray.Dataset
-        height over tuning, of the base; over variation: kind, value, jump (NaN: none in the
-        scan), shift against the base with its range shift_low and shift_high over all starts,
-        jump_interval, to which it is known, jump_share of the starts that jump, height_below,
-        height_above, switches; settled, not so of tolerances, which are asked from all starts:
-        medians.
+    height over tuning, of the base; over variation: kind, value, jump (NaN: none in the scan),
+    shift against the base with its range shift_low and shift_high over all starts, jump_interval,
+    to which it is known, jump_share of the starts that jump, height_below, height_above, switches;
+    settled, not so of tolerances, which are asked from all starts: medians.
     """
     pair = GearPair(**pair)
     rows, others = [], None

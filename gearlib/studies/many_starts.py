@@ -10,16 +10,10 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from gearlib.data.status import settled_flags
-from gearlib.runs.simulation import simulate
-
-#: What a variable says of a run.
-FLAGS = settled_flags("free_of_rounding")
 #: Starts are moved by this to see whether they decide where a motion ends; rounding is less.
 _BESIDE = 1e-9
 #: A motion that changes by less from there is not decided by rounding, a thousandth of it or less.
 KEPT = 1e-3
-_EXTREMA = ("displacement_max", "displacement_min", "dynamic_force_max", "dynamic_force_min")
 
 
 def starts(model, state, settings):
@@ -41,25 +35,6 @@ def starts(model, state, settings):
 def beside(state):
     """Return a state next to one, by more than rounding and less than anything that is measured."""
     return state + _BESIDE * np.cos(1.0 + np.arange(len(state)) ** 2.0)
-
-
-def runs(model, tuning, run, settings):
-    """Return the run from the start asked for, and those that tell what the motion is.
-
-    These are itself, where it is free of rounding; elsewhere one from each of the `starts`. `run`
-    has the arguments of `gearlib.simulate`, a start as displacement and velocity.
-    """
-    run = {"initial_state": (0.0, 0.0)} | run
-
-    def begun(state, **other):
-        return simulate(model, tuning, **run | other | {"initial_state": tuple(map(float, state))})
-
-    state = np.asarray(run["initial_state"], float)
-    asked, near = begun(state), begun(beside(state), samples_per_period=1)
-    away = max(abs(float(asked[name] - near[name])) for name in _EXTREMA)
-    if away < KEPT:
-        return asked, [asked]
-    return asked, [begun(z, samples_per_period=1) for z in starts(model, state, settings)]
 
 
 def in_parallel(call, values):

@@ -52,20 +52,12 @@ def _phases(contact_ratio, samples):
 def compute(pairs, samples):
     """Return the mesh stiffness of drawn pairs by every method.
 
-    Parameters
-    ----------
-    pairs : dict of str to dict
-        As of `gearlib.models.geometry.described.mesh`, and torque, published: name -> mean
-        stiffness.
-    samples : int
-        Phases of the courses.
+    pairs (as of `gearlib.models.geometry.described.mesh`, and torque, published: name -> mean
+    stiffness); samples: phases of the courses.
 
-    Returns
-    -------
-    xarray.Dataset
-        stiffness_phase over (pair, point), mesh_stiffness over (pair, stiffness_method, point);
-        mean_mesh_stiffness, own_stiffness_ratio over (pair, stiffness_method); method_uncertainty
-        over stiffness_method, relative; published_stiffness and published_pair over published.
+    stiffness_phase over (pair, point), mesh_stiffness over (pair, stiffness_method, point);
+    mean_mesh_stiffness, own_stiffness_ratio over (pair, stiffness_method); method_uncertainty over
+    stiffness_method, relative; published_stiffness and published_pair over published.
     """
     shape = len(pairs), len(METHODS)
     phases = np.empty((len(pairs), samples + 4))

@@ -22,7 +22,7 @@ from gearlib.models.one_degree import OneDegreePair
 from gearlib.models.pair import GearPair
 from gearlib.models.profiles import Fourier
 from gearlib.models.six_degrees import SixDegreePair
-from gearlib.studies import many_starts
+from gearlib.studies import many_starts, runs_beside
 
 #: name -> words; from the smallest to the largest, the truncated stiffness apart.
 LADDER = {
@@ -44,15 +44,8 @@ _FORCES = ("dynamic_force_max", "dynamic_force_min")
 def build(name, pair, six_degrees, harmonics=None):
     """Return the model of a name in `LADDER`, or the truncated one.
 
-    Parameters
-    ----------
-    name : str
-    pair : dict
-        Keyword arguments of `GearPair`.
-    six_degrees : dict
-        What `SixDegreePair` needs beyond the pair.
-    harmonics : int, optional
-        Of the truncated stiffness.
+    pair: keyword arguments of `GearPair`; six_degrees: what `SixDegreePair` needs beyond the pair;
+    harmonics: of the truncated stiffness.
     """
     pair = GearPair(**pair)
     if name == "one_degree":
@@ -85,31 +78,18 @@ def cost(model, tuning, result, run):
 def compute(cases, question, six_degrees, harmonics, run, starts):
     """Return the comparison of models for one scene.
 
-    Parameters
-    ----------
-    cases : list of dict
-        Each with title, tuning and pair (keyword arguments of `GearPair`).
-    question : dict
-        observables: variables of `gearlib.sweep`; tolerance; candidates: the models in `LADDER`
-        that may carry the scene, the smallest first.
-    six_degrees : dict
-        What `SixDegreePair` needs beyond the pair.
-    harmonics : int
-        Of the truncated stiffness.
-    run : dict
-        Arguments of `gearlib.simulate`.
-    starts : dict
-        starts, seed, spread: as of `gearlib.studies.many_starts.runs`.
+    cases: each with title, tuning and pair (keyword arguments of `GearPair`); question
+    (observables: variables of `gearlib.sweep`; tolerance; candidates: the models in `LADDER` that
+    may carry the scene, the smallest first); six_degrees: what `SixDegreePair` needs beyond the
+    pair; harmonics: of the truncated stiffness; run: arguments of `gearlib.simulate`; starts
+    (starts, seed, spread: as of `gearlib.studies.runs_beside.runs`).
 
-    Returns
-    -------
-    xarray.Dataset
-        value over (model, case, observable); change over (model,): the largest change that any
-        larger model makes, NaN for the largest; for the truncated stiffness that from the
-        rectangle; cost over (model,); each the median over the starts
-        where rounding decides a run, with its range; free_of_rounding over (model, case), whether
-        it does not, and change_free_of_rounding over (model,), whether in none of the runs of
-        change and cost; chosen: the name of the model; tolerance.
+    value over (model, case, observable); change over (model,): the largest change that any larger
+    model makes, NaN for the largest; for the truncated stiffness that from the rectangle; cost over
+    (model,); each the median over the starts where rounding decides a run, with its range;
+    free_of_rounding over (model, case), whether it does not, and change_free_of_rounding over
+    (model,), whether in none of the runs of change and cost; chosen: the name of the model;
+    tolerance.
     """
     names, observables = [*LADDER, TRUNCATED], question["observables"]
     tolerance, candidates = question["tolerance"], question["candidates"]
@@ -120,7 +100,7 @@ def compute(cases, question, six_degrees, harmonics, run, starts):
     for i, name in enumerate(names):
         for j, case in enumerate(cases):
             model, tuning = build(name, case["pair"], six_degrees, harmonics), case["tuning"]
-            result, told = many_starts.runs(model, tuning, run, starts)
+            result, told = runs_beside.runs(model, tuning, run, starts)
             alone[i, j] = told[0] is result
             # One that is free of rounding stands for all starts.
             values[:, i, j] = [[float(one[key]) for key in observables] for one in told]
@@ -151,8 +131,8 @@ def compute(cases, question, six_degrees, harmonics, run, starts):
     dataset = xr.Dataset(
         many_starts.over_starts(every, list(every))
         | {
-            "free_of_rounding": (("model", "case"), alone.astype(np.int8), many_starts.FLAGS),
-            "change_free_of_rounding": ("model", free.astype(np.int8), many_starts.FLAGS),
+            "free_of_rounding": (("model", "case"), alone.astype(np.int8), runs_beside.FLAGS),
+            "change_free_of_rounding": ("model", free.astype(np.int8), runs_beside.FLAGS),
             "chosen": (carried or candidates[-1:])[0],
             "tolerance": float(tolerance),
             "harmonics": harmonics,

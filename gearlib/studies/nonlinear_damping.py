@@ -37,21 +37,7 @@ _RESOLUTION = 1e-6
 def dissipation(coefficient, power, amplitude, frequency):
     """Return the work per period of D |v|^(n-1) v in a harmonic motion.
 
-    Parameters
-    ----------
-    coefficient : float
-        D, N s^n/m^n.
-    power : int
-        n >= 1.
-    amplitude : float
-        A, m.
-    frequency : float
-        w, rad/s.
-
-    Returns
-    -------
-    float
-        N m.
+    coefficient: D, N s^n/m^n; power: n >= 1; amplitude: A, m; frequency: w, rad/s; the work in N m.
     """
     integral = 2.0 * math.sqrt(math.pi) * math.gamma(power / 2.0 + 1.0)
     integral /= math.gamma((power + 3.0) / 2.0)
@@ -61,10 +47,7 @@ def dissipation(coefficient, power, amplitude, frequency):
 def equivalent(coefficient, power, amplitude, frequency):
     """Return the coefficient of a power that dissipates what a linear one does; see `dissipation`.
 
-    Returns
-    -------
-    float
-        N s^n/m^n.
+    In N s^n/m^n.
     """
     linear = dissipation(coefficient, 1, amplitude, frequency)
     return linear / dissipation(1.0, power, amplitude, frequency)
@@ -73,20 +56,11 @@ def equivalent(coefficient, power, amplitude, frequency):
 def model(pair, place, power, settings):
     """Return one model of the study.
 
-    Parameters
-    ----------
-    pair : dict
-        Keyword arguments of `GearPair`, without damping.
-    place : {"material", "oil"}
-    power : {"linear", "quadratic", "cubic"}
-    settings : dict
-        damping (N s/m), amplitude (static deflections), tuning.
+    pair: keyword arguments of `GearPair`, without damping; place: {"material", "oil"}; power:
+    {"linear", "quadratic", "cubic"}; settings: damping (N s/m), amplitude (static deflections),
+    tuning.
 
-    Returns
-    -------
-    pair : GearPair or OneDegreePair
-    coefficient : float
-        N s^n/m^n.
+    Pair and coefficient, N s^n/m^n.
     """
     undamped = GearPair(**pair)
     n = POWERS.index(power) + 1
@@ -105,26 +79,14 @@ def model(pair, place, power, settings):
 def compute(pair, place, power, tunings, settings, run, samples_per_period):
     """Return characteristics and phase planes of one model of the study.
 
-    Parameters
-    ----------
-    pair, place, power
-        As of `model`.
-    tunings : sequence of float, shape (n,)
-    settings : dict
-        damping, amplitude, tuning (see `model`), shown: tunings of the phase planes.
-    run : dict
-        periods, record_periods, initial_state.
-    samples_per_period : int
+    pair, place, power: as of `model`; tunings: shape (n,); settings (damping, amplitude, tuning
+    (see `model`), shown: tunings of the phase planes); run: periods, record_periods, initial_state.
 
-    Returns
-    -------
-    xarray.Dataset
-        displacement_max, displacement_min, period over (direction, tuning); over (direction,):
-        jump (NaN: none), jump_interval, to which it is known, and jump_size, of the scan beside
-        it; peak and peak_tuning, lost_from and lost_to (ends of the widest range of tunings with
-        contact loss);
-        displacement and velocity over (shown, phase); speed (rpm) over tuning; coefficient;
-        scalar coordinates place and power.
+    displacement_max, displacement_min, period over (direction, tuning); over (direction,): jump
+    (NaN: none), jump_interval, to which it is known, and jump_size, of the scan beside it; peak and
+    peak_tuning, lost_from and lost_to (ends of the widest range of tunings with contact loss);
+    displacement and velocity over (shown, phase); speed (rpm) over tuning; coefficient; scalar
+    coordinates place and power.
     """
     damped, coefficient = model(pair, place, power, settings)
     curves = [sweep(damped, tunings, direction=name, **run) for name in DIRECTIONS]

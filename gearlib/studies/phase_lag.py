@@ -19,17 +19,9 @@ from gearlib.runs.simulation import simulate
 def harmonic_lags(run, count):
     """Return the lags of the first harmonics of a recorded period, degrees in [-90, 270).
 
-    Parameters
-    ----------
-    run : xarray.Dataset
-        Result of `gearlib.simulate` with one recorded period.
-    count : int
-        Number of harmonics.
+    run: result of `gearlib.simulate` with one recorded period; count: number of harmonics.
 
-    Returns
-    -------
-    ndarray, shape (count,)
-        NaN unless the orbit repeats after one mesh period.
+    Shape (count,). NaN unless the orbit repeats after one mesh period.
     """
     if int(run.period) != 1:
         return np.full(count, np.nan)
@@ -41,28 +33,14 @@ def harmonic_lags(run, count):
 def compute(pair, dampings, tuning, tunings, *, harmonics, periods, samples_per_period):
     """Return courses at one tuning and lags over many.
 
-    Parameters
-    ----------
-    pair : dict
-        Keyword arguments of `GearPair`; its material damping is replaced.
-    dampings : list of float, shape (d,)
-        Material damping, N s/m.
-    tuning : float
-        Of the courses.
-    tunings : list of float, shape (t,)
-        Of the lags.
-    harmonics : int
-        Harmonics of the mesh period whose lag is measured at `tuning`.
-    periods : int
-        Mesh periods of every run, enough for the lightest damping to settle.
-    samples_per_period : int
+    pair (keyword arguments of `GearPair`; its material damping is replaced); dampings: shape (d,),
+    material damping, N s/m; tuning: of the courses; tunings: shape (t,), of the lags; harmonics:
+    harmonics of the mesh period whose lag is measured at `tuning`; periods: mesh periods of every
+    run, enough for the lightest damping to settle.
 
-    Returns
-    -------
-    xarray.Dataset
-        displacement, stiffness over (damping, phase); lag over (damping, harmonic);
-        first_lag, settled over (damping, tuning). Lags are NaN where the orbit does not repeat in
-        one period; they and the displacement where rounding decides on which orbit a motion ends.
+    displacement, stiffness over (damping, phase); lag over (damping, harmonic); first_lag, settled
+    over (damping, tuning). Lags are NaN where the orbit does not repeat in one period; they and the
+    displacement where rounding decides on which orbit a motion ends.
     """
     run = {"periods": periods, "samples_per_period": samples_per_period}
     models = [GearPair(**pair | {"material_damping": k}) for k in dampings]

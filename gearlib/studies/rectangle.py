@@ -48,15 +48,8 @@ JUMP = 0.3
 def runs(pair, own, profile, tunings, run):
     """Return height, force, contact loss, period of one model, of shape (direction, tuning).
 
-    Parameters
-    ----------
-    pair : GearPair
-        In whose mean eigenfrequency and static deflection tunings and heights are counted.
-    own : GearPair
-    profile : Rectangular or Tabulated
-    tunings : ndarray of float, shape (t,)
-    run : dict
-        periods, record_periods.
+    pair: in whose mean eigenfrequency and static deflection tunings and heights are counted;
+    tunings: shape (t,); run: periods, record_periods.
     """
     model = own if isinstance(profile, Rectangular) else OneDegreePair(pair=own, profile=profile)
     faster = pair.mean_eigenfrequency / own.mean_eigenfrequency
@@ -122,23 +115,13 @@ def verdict(cost, spread, tolerance):
 def compute(pairs, tunings, samples, settings):
     """Return what the rectangle costs in every observable, beside the spread of the methods.
 
-    Parameters
-    ----------
-    pairs : dict of str to dict
-        As of `gearlib.studies.mesh_stiffness.compute`.
-    tunings : sequence of float, shape (t,)
-    samples : int
-        Phases of the courses.
-    settings : dict
-        damping_ratio, tolerance, periods, record_periods.
+    pairs: as of `gearlib.studies.mesh_stiffness.compute`; tunings: shape (t,); samples: phases of
+    the courses; settings: damping_ratio, tolerance, periods, record_periods.
 
-    Returns
-    -------
-    xarray.Dataset
-        orbit_height, dynamic_force, lost_share, period over (pair, stiffness_method, form,
-        direction, tuning); answer over (pair, stiffness_method, form, observable); rectangle_cost
-        over (pair, stiffness_method, observable); method_spread and rectangle_verdict over (pair,
-        observable), the latter by the largest cost of all methods.
+    orbit_height, dynamic_force, lost_share, period over (pair, stiffness_method, form, direction,
+    tuning); answer over (pair, stiffness_method, form, observable); rectangle_cost over (pair,
+    stiffness_method, observable); method_spread and rectangle_verdict over (pair, observable), the
+    latter by the largest cost of all methods.
     """
     tunings = np.asarray(tunings, float)
     run = {name: settings[name] for name in ("periods", "record_periods")}

@@ -35,24 +35,12 @@ def loci_of(pair, branches, start, stop, lowest, highest):
 def compute(pair, start, stop, **settings):
     """Return the branches of one pair over the tuning.
 
-    Parameters
-    ----------
-    pair : GearPair
-    start, stop : float
-        Tunings.
-    **settings
-        step, max_height, max_points of `gearlib.continue_orbit`.
+    start, stop: tunings; **settings: step, max_height, max_points of `gearlib.continue_orbit`.
 
-    Returns
-    -------
-    xarray.Dataset
-        As of `gearlib.continue_orbit`, one branch after the other over ``point``: their numbers in
-        branch, their periods in period. Multipliers are NaN at grazings.
+    As of `gearlib.continue_orbit`, one branch after the other over ``point``: their numbers in
+    branch, their periods in period. Multipliers are NaN at grazings.
 
-    Raises
-    ------
-    NoOrbit
-        If neither end has an orbit of one mesh period.
+    NoOrbit if neither end has an orbit of one mesh period.
     """
     found = []
     for here, there in ((start, stop), (stop, start)):
@@ -122,23 +110,12 @@ def _doubled(pair, branch, start, stop, settings):
 def compute_loci(pair, branches, start, stop, lowest, highest):
     """Return the loci of folds, doublings and grazings of period one over tuning and damping.
 
-    Parameters
-    ----------
-    pair : GearPair
-        The pair of the branches.
-    branches : xarray.Dataset
-        As of `compute`.
-    start, stop : float
-        Tunings between which the loci are followed.
-    lowest, highest : float
-        Damping ratios in contact between which they are.
+    pair: the pair of the branches; branches: as of `compute`; start, stop: tunings between which
+    the loci are followed; lowest, highest: damping ratios in contact between which they are.
 
-    Returns
-    -------
-    xarray.Dataset
-        Over ``point``: tuning, damping_ratio, label, locus, the number of the special point from
-        which the locus was followed, and state, multipliers (NaN at grazings), residual as of
-        `gearlib.locus`.
+    Over ``point``: tuning, damping_ratio, label, locus, the number of the special point from which
+    the locus was followed, and state, multipliers (NaN at grazings), residual as of
+    `gearlib.locus`.
     """
     parts = []
     given = value_of(pair, 1.0, "damping")

@@ -27,20 +27,11 @@ MODELS = ("stiffness_at_load", "pairs_of_teeth")
 def harris_map(gears, loads, stiffness, phases):
     """Return the static transmission error at several loads, with the reliefs of `RELIEFS`.
 
-    Parameters
-    ----------
-    gears : dict
-        As of `gearlib.models.geometry.described.mesh`, without relief; torque, the design load of
-        the pinion, N m.
-    loads : sequence of float
-        Over the design load, >= 0.
-    stiffness, phases
-        As of `gearlib.geometry.Mesh.transmission_error`.
+    gears (as of `gearlib.models.geometry.described.mesh`, without relief; torque, the design load
+    of the pinion, N m); loads: over the design load, >= 0; stiffness, phases: as of
+    `gearlib.geometry.Mesh.transmission_error`.
 
-    Returns
-    -------
-    xarray.Dataset
-        What that returns, over relief too; design_torque; relief_amount over relief and gear.
+    What that returns, over relief too; design_torque; relief_amount over relief and gear.
     """
     bare, torque = described.mesh(gears), gears["torque"]
     options = {"stiffness": stiffness, "phases": phases}
@@ -68,23 +59,14 @@ def _half_as_long(mesh):
 def dynamics(gears, stiffness, tunings, settings):
     """Return the largest dynamic force by both models over speed and load.
 
-    Parameters
-    ----------
-    gears, stiffness
-        As of `harris_map`; the relief is the long one.
-    tunings : sequence of float
-        Of the pairs of teeth.
-    settings : dict
-        loads over the design load, > 0; damping_ratio, backlash_damping_ratio; periods,
-        record_periods; tolerance of the dynamic force.
+    gears, stiffness (as of `harris_map`; the relief is the long one); tunings: of the pairs of
+    teeth; settings (loads over the design load, > 0; damping_ratio, backlash_damping_ratio;
+    periods, record_periods; tolerance of the dynamic force).
 
-    Returns
-    -------
-    xarray.Dataset
-        dynamic_force_max and fraction_normal over (load_ratio, model, direction, tuning); over
-        load_ratio: difference_in_contact and difference_with_loss (the largest of the dynamic force
-        where neither model, or one, loses contact), mean_difference, suffices,
-        error_over_deflection, effective_contact_ratio; speed in rpm.
+    dynamic_force_max and fraction_normal over (load_ratio, model, direction, tuning); over
+    load_ratio: difference_in_contact and difference_with_loss (the largest of the dynamic force
+    where neither model, or one, loses contact), mean_difference, suffices, error_over_deflection,
+    effective_contact_ratio; speed in rpm.
     """
     torque = gears["torque"]
     mesh = optimum_relief(described.mesh(gears), torque, length="long", stiffness=stiffness)

@@ -16,25 +16,17 @@ _HEADROOM = 1.15
 def compute(pair, tunings, settings):
     """Return the chart of a gear pair.
 
-    Parameters
-    ----------
-    pair : dict
-        Keyword arguments of `GearPair`; its damping is not used.
-    tunings : sequence of float, shape (t,)
-        Of the growth; tongues are found between the first and the last.
-    settings : dict
-        damping_ratios: those of the tongues, the first one also that of the growth;
-        least_stiffness_ratio; values: how many of the other parameter.
+    pair (keyword arguments of `GearPair`; its damping is not used); tunings (shape (t,), of the
+    growth; tongues are found between the first and the last); settings (damping_ratios: those of
+    the tongues, the first one also that of the growth; least_stiffness_ratio; values: how many of
+    the other parameter).
 
-    Returns
-    -------
-    xarray.Dataset
-        Over plane (the other parameter): value over row, its grid, and own_value, that of the
-        pair; growth over (row, tuning); tuning_from and tuning_to over (damping, row, order),
-        NaN where closed. In the plane of damping the tongues have the damping of their row, and
-        lie under the first damping. closing_damping over order, of the pair, and peak_tuning,
-        where that tongue closes. Points where tongues without damping have width zero:
-        point_plane, point_value, point_tuning.
+    Over plane (the other parameter): value over row, its grid, and own_value, that of the pair;
+    growth over (row, tuning); tuning_from and tuning_to over (damping, row, order), NaN where
+    closed. In the plane of damping the tongues have the damping of their row, and lie under the
+    first damping. closing_damping over order, of the pair, and peak_tuning, where that tongue
+    closes. Points where tongues without damping have width zero: point_plane, point_value,
+    point_tuning.
     """
     pair = GearPair(**pair).replace(material_damping=0.0)
     dampings = settings["damping_ratios"]

@@ -14,7 +14,8 @@ import gearlib
 from gearlib import config
 from gearlib.geometry import Mesh, SpurGear, TipRelief, optimum_relief
 from gearlib.pages.explorer.drawn import START, Drawing
-from gearlib.pages.explorer.drawn_page import DrawnPage, rows
+from gearlib.pages.explorer.drawn_figures import rows
+from gearlib.pages.explorer.serving import DRAWN, page_of
 from tests.geometry.drawings import fzg_c, twenty
 
 
@@ -30,12 +31,12 @@ def drawing(mapping):
 
 @pytest.fixture(scope="module")
 def shown(mapping):
-    return DrawnPage(mapping, "k1")
+    return page_of(mapping, "k1", DRAWN)
 
 
 def set_sliders(shown, **values):
     """Set sliders, in their units, and choices; the rest as at the start."""
-    start = vars(shown.drawing.start)
+    start = vars(shown.explored.start)
     for name, unit in (("module", 1e3), ("relief", 1e6), ("backlash", 1e6)):
         start = start | {name: start[name] * unit}
     for name, widget in {**shown.sliders, **shown.choices}.items():
@@ -44,11 +45,11 @@ def set_sliders(shown, **values):
 
 def test_the_damping_reaches_to_twice_that_of_the_gears(mapping, shown):
     strong = {"k1": {"material_damping": "80000 N s/m", "backlash_damping": "0 N s/m"}}
-    other = DrawnPage(mapping | {"dampings": mapping["dampings"] | strong}, "k1")
+    other = page_of(mapping | {"dampings": mapping["dampings"] | strong}, "k1", DRAWN)
     for one in (shown, other):
-        slider, own = one.sliders["damping"], one.drawing.start.damping
+        slider, own = one.sliders["damping"], one.explored.start.damping
         assert slider.start == 0.0 and slider.end == pytest.approx(max(0.3, 2.0 * own))
-    assert other.drawing.start.damping > 0.3
+    assert other.explored.start.damping > 0.3
 
 
 def test_sliders_stand_for_the_drawn_gears_of_the_library(drawing, shown):
@@ -120,12 +121,12 @@ def test_a_view_shows_what_the_library_computes(drawing, model):
     pair = drawing.pair(setting, kind)
     tuning = pair.tuning_at(6000.0)
     run = gearlib.simulate(pair, tuning, periods=300, record_periods=2, samples_per_period=256)
-    np.testing.assert_array_equal(seen.motion.course["displacement"], run.displacement)
-    assert pair.speed(seen.motion.up["tuning"][[0, -1]]) == pytest.approx(drawing.speeds)
+    np.testing.assert_array_equal(seen.run.displacement[-512:], run.displacement)
+    assert pair.speed(seen.up["tuning"].values[[0, -1]]) == pytest.approx(drawing.speeds)
     up = gearlib.sweep(
-        pair, seen.motion.up["tuning"][:9], periods=70, record_periods=10, direction="up"
+        pair, seen.up["tuning"].values[:9], periods=70, record_periods=10, direction="up"
     )
-    np.testing.assert_array_equal(seen.motion.up["displacement_max"][:9], up.displacement_max)
+    np.testing.assert_array_equal(seen.up["displacement_max"][:9], up.displacement_max)
 
 
 @pytest.mark.parametrize("drawn", [None, FZG], ids=["start", "configuration"])
@@ -159,7 +160,7 @@ def test_what_is_saved_draws_what_is_seen(mapping, drawn):
 
 def _numbers(shown):
     """Return the numbers of the table that the page shows, by their names."""
-    lines = [line.split("|")[1:3] for line in shown.table.object.splitlines()[2:]]
+    lines = [line.split("|")[1:3] for line in shown.figures.table.object.splitlines()[2:]]
     return {name.strip(): float(text.split()[0].rstrip("°")) for name, text in lines}
 
 
@@ -243,7 +244,7 @@ def _points(renderer):
 
 def test_each_curve_holds_what_it_is_called(shown):
     set_sliders(shown, relief=8.0, torque=420.0, speed=8800.0)
-    drawing, plots = shown.drawing, _plots(shown)
+    drawing, plots = shown.explored, _plots(shown)
     seen = drawing.look(shown.setting())
     (legend,) = plots["Harris map"].legend
     curves = {item.label.value: item.renderers[0] for item in legend.items}
@@ -269,19 +270,19 @@ def test_each_curve_holds_what_it_is_called(shown):
     characteristic = plots["Resonance characteristic"]
     curve = characteristic.renderers[0]
     np.testing.assert_allclose(_points(curve)[0], np.linspace(*drawing.speeds, 500), rtol=1e-12)
-    np.testing.assert_array_equal(_points(curve)[1], seen.motion.up["displacement_max"])
+    np.testing.assert_array_equal(_points(curve)[1], seen.up["displacement_max"])
     (marker,) = characteristic.select(Span)
     assert marker.location == pytest.approx(8800.0)
 
 
 def test_relief_moves_what_pairs_of_teeth_do(shown):
     """Relief for the load takes away the resonance of the teeth; the rectangle does not know it."""
-    best = optimum_relief(shown.drawing.drawn, 300.0, length="long").pinion.tip_relief
+    best = optimum_relief(shown.explored.drawn, 300.0, length="long").pinion.tip_relief
     ranges = {}
     for model in ("rectangle", "teeth"):
         for amount in (0.0, 1e6 * best.amount):
             set_sliders(shown, model=model, relief=amount, length="long")
-            up, low = (shown.motion.sources[name].data["y"] for name in ("up", "up_min"))
+            up, low = (shown.figures.motion.sources[name].data["y"] for name in ("up", "up_min"))
             ranges[model, amount > 0.0] = max(up - low)
     assert ranges["rectangle", True] == ranges["rectangle", False] > 1.0
     # 0.45 static deflections of 1.93; the reliefs leave a quarter of the transmission error.
@@ -311,7 +312,7 @@ def _refused(shown, sentence):
     assert not shown.shown.visible
     assert shown.button.disabled
     with pytest.raises(ValueError, match=sentence) as refusal:
-        shown.drawing.look(shown.setting())
+        shown.explored.look(shown.setting())
     assert shown.note.object == str(refusal.value)
     assert "\n" not in shown.note.object
 
@@ -319,6 +320,6 @@ def _refused(shown, sentence):
 def test_too_small_a_contact_ratio_is_said_too():
     short = {**START, "pinion": {**START["pinion"], "tip_diameter": 0.2125}}
     short["wheel"] = {"teeth": 20, "tip_diameter": 0.2125}
-    other = DrawnPage({"gears": short, "dampings": FZG["dampings"]}, "k")
+    other = page_of({"gears": short, "dampings": FZG["dampings"]}, "k", DRAWN)
     other.sliders["wheel_shift"].value = 0.4
     _refused(other, r"contact_ratio = 0\.\d+ is not allowed: it must be >= 1")

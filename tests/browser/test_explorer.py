@@ -17,7 +17,8 @@ from selenium.webdriver.common.keys import Keys
 import gearlib
 from gearlib import config
 from gearlib.models.trains.described import described
-from gearlib.pages.explorer import drawn_page, page, serving, train_page, trains, view
+from gearlib.pages.explorer import one_pair, serving, trains, view
+from gearlib.pages.explorer.explored import setting_of
 from tests.browser.chromium import browser, errors, everywhere, texts, wait_for
 
 assert browser  # a fixture
@@ -35,9 +36,13 @@ def pair(mapping):
     return gearlib.GearPair(**config.load(mapping).pair_parameters("k1"))
 
 
-def test_a_setting_stands_for_its_pair(pair):
-    setting = view.Setting.of(pair, 0.7)
-    again = setting.pair(pair)
+@pytest.fixture
+def explored(mapping):
+    return one_pair.Pair(mapping, "k1")
+
+
+def test_a_setting_stands_for_its_pair(pair, explored):
+    again = explored.pair(explored.start)
     # Damping goes through its ratio and back: equal to a rounding or two.
     assert again.material_damping == pytest.approx(pair.material_damping, rel=1e-14)
     assert replace(again, material_damping=pair.material_damping) == pair
@@ -46,7 +51,7 @@ def test_a_setting_stands_for_its_pair(pair):
 def test_a_view_shows_what_the_library_computes(pair):
     seen = view.look(pair, 0.9, GRID)
     run = gearlib.simulate(pair, 0.9, periods=300, record_periods=2)
-    np.testing.assert_array_equal(seen.course["displacement"], run.displacement)
+    np.testing.assert_array_equal(seen.run.displacement[-512:], run.displacement)
     orbit = gearlib.periodic_orbit(pair, 0.9)
     np.testing.assert_allclose(np.abs(seen.multipliers), np.abs(orbit.multipliers), rtol=1e-9)
     up = gearlib.sweep(pair, GRID, periods=70, record_periods=10, direction="up")
@@ -54,25 +59,25 @@ def test_a_view_shows_what_the_library_computes(pair):
     assert "loses contact" in seen.message
 
 
-def test_what_is_saved_computes_what_is_seen(mapping, pair):
-    setting = replace(view.Setting.of(pair, 0.73), backlash=60e-6, stiffness_ratio=0.7)
-    saved = config.load(yaml.safe_load(view.configuration(mapping, "k1", setting)))
-    assert gearlib.GearPair(**saved.pair_parameters("k1")) == setting.pair(pair)
+def test_what_is_saved_computes_what_is_seen(mapping, explored):
+    setting = replace(explored.start, tuning=0.73, backlash=60e-6, stiffness_ratio=0.7)
+    saved = config.load(yaml.safe_load(explored.configuration(setting)))
+    assert gearlib.GearPair(**saved.pair_parameters("k1")) == explored.pair(setting)
     assert saved.phase_planes.tunings == [0.73]
     assert saved.scenes == config.load(mapping).scenes
 
 
-def test_what_was_left_out_is_not_saved(mapping, pair):
-    short = {key: mapping[key] for key in ("gear_pair", "dampings")}
-    text = view.configuration(short, "k1", replace(view.Setting.of(pair, 0.73), damping=0.1))
+def test_what_was_left_out_is_not_saved(mapping):
+    short = one_pair.Pair({key: mapping[key] for key in ("gear_pair", "dampings")}, "k1")
+    text = short.configuration(replace(short.start, damping=0.1))
     assert set(yaml.safe_load(text)) == {"gear_pair", "dampings", "phase_planes"}
 
 
 def test_moving_a_slider_updates_every_source(mapping):
-    shown = page.Page(mapping, "k1")
-    before = {name: source.data["y"] for name, source in shown.motion.sources.items()}
+    shown = serving.page_of(mapping, "k1")
+    before = {name: source.data["y"] for name, source in shown.figures.sources.items()}
     shown.sliders["damping"].value = 0.03
-    for name, source in shown.motion.sources.items():
+    for name, source in shown.figures.sources.items():
         assert source.data["y"] is not before[name], name
         assert len(source.data["x"]) > 0, name
 
@@ -83,8 +88,8 @@ def test_sliders_reach_around_the_gears_that_are_given(mapping):
     strong = {"material_damping": "60000 N s/m", "backlash_damping": "40000 N s/m"}
     heavier["dampings"] = mapping["dampings"] | {"k1": strong}
     for given in (mapping, heavier):
-        shown = page.Page(given, "k1")
-        pair, sliders = shown.base, shown.sliders
+        shown = serving.page_of(given, "k1")
+        pair, sliders = shown.explored.base, shown.sliders
         for name, slider in sliders.items():
             assert slider.start <= slider.value <= slider.end, name
         # The load over two decades in steps of a percent, the others from none to twice their own.
@@ -114,14 +119,14 @@ def _points(renderer):
 
 
 def test_each_glyph_holds_what_it_is_called(mapping, pair):
-    shown = page.Page(mapping, "k1")
+    shown = serving.page_of(mapping, "k1")
     # Between the folds, where sweeps up and down differ.
     shown.sliders["tuning"].value = 0.81
     plots = _plots(shown)
     characteristic, nu = plots["Resonance characteristic"], shown.sliders["tuning"].value
     extrema = ("displacement_max", "displacement_min")
     sweeps = {
-        way: gearlib.sweep(pair, shown.grid, periods=70, record_periods=10, direction=way)
+        way: gearlib.sweep(pair, shown.explored.grid, periods=70, record_periods=10, direction=way)
         for way in ("up", "down")
     }
     assert np.abs(sweeps["up"].displacement_max - sweeps["down"].displacement_max).max() > 0.5
@@ -132,7 +137,7 @@ def test_each_glyph_holds_what_it_is_called(mapping, pair):
         ]
         assert alike[0] is named
         for name, renderer in zip(extrema, alike, strict=True):
-            np.testing.assert_array_equal(_points(renderer), [shown.grid, swept[name]])
+            np.testing.assert_array_equal(_points(renderer), [shown.explored.grid, swept[name]])
     (marker,) = characteristic.select(Span)
     assert (marker.location, marker.dimension) == (nu, "height")
 
@@ -166,9 +171,8 @@ def machines(with_own):
 
 
 def test_sliders_stand_for_the_trains_of_the_library(mapping, pair, machines):
-    setting = trains.Setting(
-        speed=3000.0, stiffness_jump=0.25, backlash=50e-6, load=1500.0, pin_error=12e-6
-    )
+    values = {"speed": 3000.0, "stiffness_jump": 0.25, "backlash": 50e-6, "load": 1500.0}
+    setting = setting_of(values | {"pin_error": 12e-6})
     errors = [(0.0, 12e-6), (0.0, 0.0), (0.0, 0.0)]
     own = pair.replace(stiffness_ratio=0.75, backlash=50e-6, load=1500.0)
     expected = {
@@ -221,10 +225,10 @@ def _own_train():
 def test_a_train_of_ones_own_is_offered_where_there_is_one(mapping, with_own):
     assert set(trains.KINDS) - set(trains.offered(mapping)) == {"own"}
     assert trains.offered(with_own) == trains.KINDS
-    shown = train_page.TrainPage(with_own, "k1", "own")
+    shown = serving.page_of(with_own, "k1", "own")
     assert "pin_error" not in shown.sliders
     assert "repeat" in shown.note.object
-    assert shown.machine.start.load == pytest.approx(2000.0)
+    assert shown.explored.start.load == pytest.approx(2000.0)
 
 
 def test_backlashes_of_branches_give_way_to_the_slider(mapping):
@@ -239,22 +243,22 @@ def test_backlashes_of_branches_give_way_to_the_slider(mapping):
 
 
 def test_each_curve_of_a_train_is_that_of_its_mesh(mapping):
-    shown = train_page.TrainPage(mapping, "k1", "planetary")
-    before = {name: source.data["y"] for name, source in shown._sources.items()}
+    shown = serving.page_of(mapping, "k1", "planetary")
+    before = {name: source.data["y"] for name, source in shown.figures.sources.items()}
     slider = shown.sliders["pin_error"]
     slider.value = 10.0
     # As the browser does when the slider is let go.
     slider.param.trigger("value_throttled")
-    for name, source in shown._sources.items():
+    for name, source in shown.figures.sources.items():
         assert source.data["y"] is not before[name], name
     setting = shown.setting()
-    train, tuning = shown.machine.train(setting), setting.speed / shown.machine.rpm(setting)
+    train, tuning = shown.explored.train(setting), setting.speed / shown.explored.rpm(setting)
     run = gearlib.simulate(train, tuning, periods=180, record_periods=12, samples_per_period=64)
     assert float(run.speed) == pytest.approx(setting.speed, rel=1e-12)
     sweeps = {
         way: gearlib.sweep(
             train,
-            shown.machine.speeds / shown.machine.rpm(setting),
+            shown.explored.speeds / shown.explored.rpm(setting),
             periods=36,
             record_periods=12,
             direction=way,
@@ -264,7 +268,7 @@ def test_each_curve_of_a_train_is_that_of_its_mesh(mapping):
     assert float(run.load_sharing.std()) > 0.01
     plots = _plots(shown)
     meshes = train.mesh_names
-    speeds = shown.machine.speeds
+    speeds = shown.explored.speeds
     named = _named(plots["Resonance characteristic of the planetary set"])
     assert tuple(named) == meshes
     curves = plots["Resonance characteristic of the planetary set"].renderers
@@ -293,7 +297,7 @@ def test_each_curve_of_a_train_is_that_of_its_mesh(mapping):
 def test_a_motion_of_a_train_in_words(period, backlash, inverse, words):
     shares = {"fraction_backlash": ("mesh", backlash), "fraction_inverse": ("mesh", inverse)}
     meshes = {"mesh": ["pinion-idler", "idler-wheel"]}
-    assert words in trains._in_words(
+    assert words in view._of_meshes(
         xr.Dataset({"status": 0, "period": period} | shares, coords=meshes)
     )
 
@@ -373,7 +377,7 @@ def test_drawn_gears_in_a_browser(browser, address):
     button.click()
     second = wait_for(lambda: _note(browser, first))
     # All sliders are there, one more than of the other page.
-    wait_for(lambda: len(everywhere(browser, ".noUi-handle")) == len(drawn_page.LABELS))
+    wait_for(lambda: len(everywhere(browser, ".noUi-handle")) == 8)
     wait_for(lambda: _drawn(browser) >= 6)
     figures = _drawn(browser)
     # The shift of the pinion, below undercut, and back: by 0.05 each time.

@@ -9,8 +9,6 @@ import pytest
 from gearlib import GearPair, OneDegreePair, simulate
 from gearlib.config import load
 from gearlib.data.files import write_table
-from gearlib.figures import mesh_stiffness as stiffness_figure
-from gearlib.figures import rectangle as rectangle_figure
 from gearlib.models.geometry import described
 from gearlib.models.geometry.energy import energy_stiffness
 from gearlib.studies import mesh_stiffness, rectangle
@@ -66,34 +64,6 @@ def test_courses_and_means_are_those_of_the_methods(stiffness):
         assert mean == pytest.approx(float(one.mean_mesh_stiffness), rel=1e-3)
     assert list(stiffness.published.values) == ["ISO", "thumb"]
     assert list(stiffness.published_stiffness.values) == [4.9e8, 5.2e8]
-
-
-def test_the_figure_of_the_stiffness_shows_courses_bands_means_and_what_is_published(stiffness):
-    figure = stiffness_figure.draw(stiffness)
-    for i, pair in enumerate(stiffness.pair.values):
-        own, (axes, means) = stiffness.sel(pair=pair), figure.axes[2 * i : 2 * i + 2]
-        for line, name in zip(axes.lines, own.stiffness_method.values, strict=True):
-            one = own.sel(stiffness_method=name)
-            np.testing.assert_array_equal(line.get_xdata(), own.stiffness_phase)
-            np.testing.assert_array_equal(line.get_ydata(), one.mesh_stiffness / 1e8)
-        # Bands of 8 and 25 % about the standard and the energy method.
-        for band, name, width in zip(
-            axes.collections, ("iso", "energy"), (0.08, 0.25), strict=True
-        ):
-            values = own.mesh_stiffness.sel(stiffness_method=name).values / 1e8
-            heights = band.get_paths()[0].vertices[:, 1]
-            assert heights.min() == pytest.approx(values.min() * (1.0 - width), rel=1e-9)
-            assert heights.max() == pytest.approx(values.max() * (1.0 + width), rel=1e-9)
-        marks = {
-            line.get_marker(): float(line.get_ydata()[0])
-            for line in means.lines
-            if line.get_marker() not in "_|"
-        }
-        for name in own.stiffness_method.values:
-            mean = float(own.mean_mesh_stiffness.sel(stiffness_method=name))
-            assert marks[stiffness_figure.LOOKS[name][3]] == pytest.approx(mean / 1e8)
-        crosses = [line.get_ydata()[0] for line in means.lines if line.get_marker() == "x"]
-        assert crosses == ([4.9, 5.2] if pair == "z20-20" else [])
 
 
 def test_a_run_is_that_of_the_pair_drawn_anew(costs):
@@ -212,24 +182,7 @@ def test_costs_and_verdicts_follow_from_the_curves(costs):
             assert verdict == rectangle.VERDICTS[expected]
 
 
-def test_the_figure_of_the_rectangle_shows_its_costs_beside_the_spread(costs, tmp_path):
-    figure = rectangle_figure.draw(costs)
-    count = costs.sizes["pair"]
-    for i, pair in enumerate(costs.pair.values):
-        own, heights, lower = costs.sel(pair=pair), figure.axes[i], figure.axes[count + i]
-        drawn = [line.get_ydata() for line in heights.lines]
-        for form in ("rectangle", "course"):
-            for direction in ("up", "down"):
-                one = own.sel(stiffness_method="energy", form=form, direction=direction)
-                assert any(np.array_equal(one.orbit_height, line) for line in drawn)
-        ends = [bar.get_x() + bar.get_width() for bar in lower.patches]
-        np.testing.assert_allclose(ends, np.clip(own.method_spread, 1e-4, 10.0))
-        marks = [line for line in lower.lines if line.get_marker() != "None"]
-        variants = ("energy", "energy_twice", "energy_logarithmic")
-        for line, name in zip(marks, variants, strict=True):
-            expected = own.rectangle_cost.sel(stiffness_method=name)
-            np.testing.assert_allclose(line.get_xdata(), np.clip(expected, 1e-4, 10.0))
-        assert [text.get_text() for text in lower.texts] == list(own.rectangle_verdict.values)
+def test_the_table_of_the_rectangle(costs, tmp_path):
     write_table(rectangle.rows(costs), tmp_path / "costs.csv")
     with (tmp_path / "costs.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))

@@ -10,7 +10,7 @@ import argparse
 import tempfile
 from pathlib import Path
 
-from tests.golden import data, redraw, test_golden_numbers
+from tests.golden import data, redraw
 from tests.workflow.project import small_project
 
 
@@ -51,7 +51,6 @@ def main():
     if given.results:
         renew(given.results)
         return
-    test_golden_numbers.write()
     with tempfile.TemporaryDirectory() as folder:
         project = small_project(Path(folder) / "small")
         project.snakemake("-j2")

@@ -8,11 +8,10 @@ import pytest
 import gearlib
 from gearlib.analysis.proofs import krawczyk, ranges
 from gearlib.analysis.proofs.balls import precision
-from gearlib.analysis.proofs.laws import Elastic
-from gearlib.analysis.proofs.orbits import listed_contacts
-from gearlib.analysis.proofs.trains.laws import TrainLaws
-from gearlib.analysis.proofs.trains.orbits import listed_contacts as contacts_of_trains
-from gearlib.analysis.proofs.trains.path import TrainPath
+from gearlib.analysis.proofs.candidate import listed_contacts
+from gearlib.analysis.proofs.closed_laws import ClosedLaw
+from gearlib.analysis.proofs.path import Path
+from gearlib.analysis.proofs.train_laws import TrainLaws
 from tests.paper import PAPER
 from tests.proofs import test_train_certificates
 
@@ -24,7 +23,7 @@ def test_waves_of_all_dampings_next_to_the_critical_one(damping):
     """Stiffnesses on either side of the square of the damping, in one ball."""
     time, apart = 1.3, 0.05
     with mpmath.workdps(50), precision(160) as arb:
-        law = Elastic(arb(damping**2, apart), arb(damping), arb(0))
+        law = ClosedLaw(arb(damping**2, apart), damping, 0)
         found = law.waves(arb(time))
         for share in (-0.999, -0.5, 0.5, 0.999):
             square = mpmath.mpf(damping) ** 2 + share * mpmath.mpf(apart) - mpmath.mpf(damping) ** 2
@@ -41,19 +40,19 @@ def test_frames_keep_boxes_from_being_wrapped(case, share):
     orbit, radius = test_train_certificates.found(case), 1e-9
     with precision(160) as arb:
         laws = TrainLaws(orbit.pair, orbit.tuning)
-        given = laws, *contacts_of_trains(orbit), orbit.period
-        framed, bare = TrainPath(*given), TrainPath(*given, framed=False)
+        given = laws, *listed_contacts(orbit), orbit.period
+        framed, bare = Path(*given), Path(*given, framed=False)
         start = [*laws.start(orbit.state), *framed.guess]
         box = [arb(value.mid(), radius) for value in start]
         wide, wider = (
-            max(float(value.rad()) for value in path.equations(box, 160)[0])
+            max(float(value.rad()) for value in path.equations(box, 1 / laws.tuning, 160)[0])
             for path in (framed, bare)
         )
         assert wide < share * wider
         if not framed.guess:
             # Without contacts all is linear: a box about the image turns with it, in n dimensions
             # no wider than that by sqrt(n).
-            slopes = framed.equations([value.mid() for value in start], 160)[1]
+            slopes = framed.equations([value.mid() for value in start], 1 / laws.tuning, 160)[1]
             image = max(sum(float(abs(entry.mid())) for entry in row) for row in slopes)
             assert wide < math.sqrt(len(slopes)) * image * radius
 
@@ -68,8 +67,8 @@ def test_boxes_of_a_range_hold_its_orbits_wherever_their_centre_lies(monkeypatch
         (x, *others), inverse = polish(*given)
         return [x + next(away), *others], inverse
 
-    def noted(path, start, states):
-        boxes.append(start)
+    def noted(path, arcs, *given):
+        boxes.append(arcs[0][0].entries()[:2])
 
     with precision(128) as arb:
         part = ranges._Range(orbit, *listed_contacts(orbit))

@@ -140,9 +140,14 @@ def test_a_range_of_tunings_that_is_none():
         gearlib.certify_tongues(PAPER, start=0.5, stop=0.3)
 
 
-def test_special_points_of_other_models_are_refused():
-    (refused,) = gearlib.certify_tongues(gearlib.OneDegreePair(pair=PAPER), start=0.64, stop=0.7)
-    assert not refused and refused.status == "model"
+def test_tongues_of_other_models():
+    """Harmonics turn with the tuning; without them the laws are those of any tuning."""
+    forced = gearlib.OneDegreePair(pair=PAPER, excitation=gearlib.Harmonics((100.0,)))
+    (refused,) = gearlib.certify_tongues(forced, start=0.64, stop=0.7)
+    assert not refused and refused.status == "model" and "harmonics" in refused.message
+    (proven,) = gearlib.certify_tongues(gearlib.OneDegreePair(pair=PAPER), start=0.64, stop=0.7)
+    (wanted,) = gearlib.certify_tongues(PAPER, start=0.64, stop=0.7)
+    assert abs(float(proven.start) - float(wanted.start)) < 1e-14
 
 
 @pytest.mark.parametrize("tuning", [0.815, 0.8151])
@@ -231,5 +236,6 @@ def test_ranges_that_are_no_ranges():
     assert gearlib.certify_range(gearlib.periodic_orbit(resting, 0.6), to=0.9).pattern == (1,)
     moved = replace(orbit, state=orbit.state + 1e-6)
     assert gearlib.certify_range(moved, to=0.71).status == "distance"
-    other = replace(orbit, pair=gearlib.OneDegreePair(pair=MATERIAL))
-    assert gearlib.certify_range(other, to=0.71).status == "model"
+    other = gearlib.OneDegreePair(pair=MATERIAL, deviation=gearlib.Harmonics((1e-9,)))
+    refused = gearlib.certify_range(gearlib.periodic_orbit(other, 0.7), to=0.71)
+    assert refused.status == "model"

@@ -9,26 +9,34 @@ import pytest
 from scipy.linalg import expm
 
 import gearlib
-from gearlib.analysis.proofs import orbits
-from gearlib.analysis.proofs.balls import precision
-from gearlib.analysis.proofs.laws import Elastic, Flight
-from gearlib.analysis.proofs.path import Uncertain
-from gearlib.analysis.proofs.signs import CROSSING, OFF, TOUCHING, check_contacts, keeps_off
+from gearlib.analysis.proofs import candidate, orbits
+from gearlib.analysis.proofs.balls import flint, precision
+from gearlib.analysis.proofs.certificates import Uncertain
+from gearlib.analysis.proofs.closed_laws import ClosedLaw
+from gearlib.analysis.proofs.signs import (
+    CROSSING,
+    OFF,
+    TOUCHING,
+    ClosedCurve,
+    check_contacts,
+    keeps_off,
+)
 from tests.paper import PAPER
 
 MATERIAL = PAPER.replace(material_damping=3953.7)
 
 
 def arc(law, x, w, t, *ends, side=1, line=0.0):
-    """Return what is proven of an arc: numbers are made balls, `law` from its numbers."""
+    """Return what is proven of an arc of a law of these numbers."""
     with precision(160) as arb:
-        kind, *numbers = law
-        law = kind(*map(arb, numbers))
-        return keeps_off(law, arb(x), arb(w), arb(t), 0, side, arb(line), *ends)
+        curve = ClosedCurve(
+            ClosedLaw(*law), flint().arb_mat([[x], [w], [1]]), flint().arb_mat([[1, 0, -line]])
+        )
+        return keeps_off(curve, arb(t), side, *ends)
 
 
 #: Undamped contact about the rest position 1, of stiffness 1.
-LINEAR = Elastic, 1.0, 0.0, 1.0
+LINEAR = 1.0, 0.0, 1.0
 
 
 @pytest.mark.parametrize("lowest, keeps", [(1e-9, True), (-1e-9, False), (0.0, False), (0.3, True)])
@@ -51,7 +59,7 @@ def test_an_arc_that_starts_or_ends_on_the_line():
     assert arc(LINEAR, 0.0, 0.0, 2.0 * math.pi, TOUCHING, TOUCHING)
     assert not arc(LINEAR, 0.0, 0.0, 2.0 * math.pi, TOUCHING, TOUCHING, side=-1)
     # At rest on the line for ever, without load.
-    assert not arc((Elastic, 1.0, 0.0, 0.0), 0.0, 0.0, 1.0, TOUCHING, TOUCHING)
+    assert not arc((1.0, 0.0, 0.0), 0.0, 0.0, 1.0, TOUCHING, TOUCHING)
 
 
 @pytest.mark.parametrize("damping", [0.0, 0.1])
@@ -62,7 +70,7 @@ def test_a_flight_that_nearly_reaches_the_far_flank(damping):
         rate = 2.0 * damping
         depth = 1.0 / rate - math.log1p(rate) / rate**2
     for line, keeps in ((-depth - 1e-10, True), (-depth + 1e-10, False)):
-        assert arc((Flight, damping, 1.0), 0.0, -1.0, 1.5, OFF, OFF, line=line) == keeps
+        assert arc((0.0, damping, 1.0), 0.0, -1.0, 1.5, OFF, OFF, line=line) == keeps
 
 
 def without_loss(pair, tuning):
@@ -83,7 +91,7 @@ def without_loss(pair, tuning):
 
 def test_a_bounce_that_is_not_listed_is_noticed(monkeypatch):
     """The orbit of the linear mesh is a zero of the equations without contacts, but no motion."""
-    monkeypatch.setattr(orbits, "run_contacts", lambda *_: (1, []))
+    monkeypatch.setattr(candidate, "run_contacts", lambda *_: ([1], [], (1,)))
     for tuning, keeps in ((0.802, True), (0.803, False)):
         orbit = gearlib.periodic_orbit(MATERIAL, 0.79, guess=(0.5, 0.0))
         state = without_loss(MATERIAL, tuning)
@@ -93,29 +101,20 @@ def test_a_bounce_that_is_not_listed_is_noticed(monkeypatch):
         assert keeps or found.status == "grazing"
 
 
-def proof(orbit):
-    contact, events = orbits.listed_contacts(orbit)
-    return orbits.Proof(orbit, contact, events)
-
-
 def test_contacts_out_of_order_or_at_a_switch_are_noticed():
     orbit = gearlib.periodic_orbit(MATERIAL, 0.815)
     with precision(160):
-        one = proof(orbit)
-        start, given = one.box[:2], list(one.states)
-        check_contacts(one.path, start, given)
+        one = orbits.Proof(orbit, *candidate.listed_contacts(orbit))
+        arcs, given = one.arcs, one.path.phases(one.phases)
+        check_contacts(one.path, arcs, one.ends, given)
         lost, gained = (i for i, node in enumerate(one.path.nodes) if node.before != node.after)
-        x, w, phase, t = given[lost]
-        following = given[lost + 1][2]
-        for other in (following, following + 0.1, phase.union(following)):
-            given[lost] = x, w, other, t
+        for other in (given[lost + 1], given[lost + 1] + 0.1, given[lost].union(given[lost + 1])):
+            phases = [*given[:lost], other, *given[lost + 1 :]]
             with pytest.raises(Uncertain, match="cannot be told apart"):
-                check_contacts(one.path, start, given)
-        given[lost] = x, w, phase, t
+                check_contacts(one.path, arcs, one.ends, phases)
         # Up through the line where contact is said to be lost, down where gained, or to rest on it.
         for at, share in itertools.product((lost, gained), (-1, 0)):
-            x, w, phase, t = given[at]
-            given[at] = x, share * w, phase, t
+            ends = [end * 1 for end in one.ends]
+            ends[at][1, 0] *= share
             with pytest.raises(Uncertain, match="not proven to be a crossing"):
-                check_contacts(one.path, start, given)
-            given[at] = x, w, phase, t
+                check_contacts(one.path, arcs, ends, given)

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import gearlib
-from gearlib.analysis.proofs.trains.parts import parts_of
+from gearlib.analysis.proofs.train_numbers import parts_of
 from tests.properties.changes import exchanged, mirrored, renamed
 from tests.trains.against_scipy import matrix
 from tests.trains.random_trains import planetary_train

@@ -9,13 +9,14 @@ import yaml
 
 from gearlib import config
 from gearlib.config.studies import STUDIES
+from gearlib.config.studies.study import text_of
 from gearlib.figures import work_precision
 from gearlib.models.model import Model
 from gearlib.studies.trials import problems, references
 from tests.unit.test_defaults import GEARS
 
 ROOT = Path(__file__).resolve().parents[2]
-#: Name of a figure or table -> its caption, a function of the configuration.
+#: Name of a figure or table -> its caption.
 CAPTIONS = {
     name: caption
     for study in STUDIES.values()
@@ -89,7 +90,7 @@ def test_every_number_of_a_caption_is_its_configuration_s(name, given):
     settings = shifted(settings)
     for key, methods in kept.items():
         settings[key]["methods"] = methods
-    text = CAPTIONS[name](sections(settings))
+    text = text_of(CAPTIONS[name], sections(settings))
     assert numbers(text) <= values(settings) | defined(name)
     assert not WORDS.findall(text)
 

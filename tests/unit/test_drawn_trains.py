@@ -1,6 +1,5 @@
 """Drawn gears in the section `train`: what the library makes of them, and what is refused."""
 
-import copy
 import inspect
 import math
 from pathlib import Path
@@ -10,7 +9,7 @@ import yaml
 
 import gearlib
 from gearlib import Body, GearTrain, Shaft
-from gearlib.config import ConfigError, drawn_trains, load
+from gearlib.config import drawn_trains, load
 from gearlib.geometry import Mesh, SpurGear, planetary_set
 from gearlib.models.trains.described import described
 
@@ -156,69 +155,3 @@ def test_a_train_of_ones_own_of_drawn_gears():
         ],
     )
     assert read("own", OWN) == expected
-
-
-def changed(section, path, value):
-    settings = copy.deepcopy(section)
-    *parts, key = path.split("/")
-    inner = settings
-    for name in parts:
-        inner = inner[int(name) if name.isdigit() else name]
-    if value is None:
-        del inner[key]
-    else:
-        inner[key] = value
-    return settings
-
-
-REFUSED = [
-    ("planetary_set", "sun/teeth", 11, "sun.shift = 0.3 is not allowed", "undercuts"),
-    ("planetary_set", "sun/module", None, "sun.module is missing", "in m"),
-    ("planetary_set", "planet/module", "4 mm", "planet.module = 0.004 ", "that of the pinion"),
-    ("planetary_set", "planet/teeth", 98, "centre_distance = 0.093132 ", "> 0.17"),
-    ("planetary_set", "ring/teeth", 30, "ring.teeth = 30 ", ">= 38"),
-    ("planetary_set", "ring/outer_diameter", None, "ring.outer_diameter is missing", "in m"),
-    ("planetary_set", "ring/outer_diameter", "0.3 m", "ring.outer_diameter = 0.3 ", "above"),
-    ("planetary_set", "planets", 4, "positions = ", "4 values"),
-    ("planetary_set", "positions", [0.0, 2.0, 4.0], "positions[1] = 2.0 ", "whole multiple"),
-    ("planetary_set", "positions", [0.0, 0.5108, 3.0], "positions[1] = 0.5108 ", "whole multiple"),
-    ("planetary_set", "backlashes", ["1 um", "-1 um"], "backlashes[1] = -1e-06 ", ">= 0"),
-    ("planetary_set", "torque", None, "torque = None with power", "power and speed"),
-    ("planetary_set", "material_damping", 10.0, "damping_ratio and material_damping", "one of"),
-    ("planetary_set", "stiffness_options", {"hertz": "x"}, "stiffness_options.hertz is", "torque"),
-    ("planetary_set", "centre_distance", "99 mm", "contact_ratio of the sun mesh = 0.", ">= 1"),
-    ("own", "bodies/0/inertia", None, "bodies[0].inertia is missing", "kg m^2"),
-    ("own", "bodies/1/gear/teeth", 9, "bodies[1].gear.shift = 0.2 ", "undercuts"),
-    ("own", "bodies/2/gear/module", "5 mm", "bodies[2].gear.module = 0.005 ", "0.004"),
-    ("own", "meshes/0/centre_distance", "122 mm", "meshes[0]", "contact_ratio"),
-    ("own", "meshes/0/centre_distance", "116.6 mm", "meshes[0].backlash = -", "too little room"),
-    ("own", "meshes/0/pinion", "motor", "meshes[0].max_stiffness is missing", "both gears"),
-    (
-        "own",
-        "meshes/1/stiffness_options",
-        {"hertz": 3},
-        "meshes[1].stiffness_options.hertz = 3",
-        "",
-    ),
-]
-
-
-@pytest.mark.parametrize(("kind", "path", "value", "begins", "holds"), REFUSED)
-def test_a_wrong_train_is_refused_in_one_sentence(kind, path, value, begins, holds):
-    section = changed({"planetary_set": SET, "own": OWN}[kind], path, value)
-    with pytest.raises(ConfigError) as refusal:
-        read(kind, section)
-    (sentence,) = str(refusal.value).splitlines()
-    assert f"train.{kind}" in sentence and begins in sentence, sentence
-    assert holds in sentence, sentence
-
-
-def test_ratios_need_drawn_gears():
-    own = copy.deepcopy(OWN)
-    own["meshes"][0] |= {"max_stiffness": 3e8, "stiffness_ratio": 0.7, "contact_ratio": 1.6}
-    with pytest.raises(
-        ConfigError, match=r"train.own.meshes\[0\].damping_ratio = 0.05 is not allow"
-    ):
-        read("own", own)
-    with pytest.raises(ConfigError, match="train.planetary_set is missing"):
-        load({**PAPER, "train": {"kind": "planetary_set"}})

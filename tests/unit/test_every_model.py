@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import gearlib
-import gearlib.geometry as drawn
 from gearlib import (
     DeadZoneOscillator,
     GearPair,
@@ -42,7 +41,7 @@ from gearlib.data.variables import DESCRIPTIONS
 from gearlib.models.model import Model
 from gearlib.models.oscillator import Equation
 from gearlib.models.profiles import Steps
-from tests.geometry.drawings import fzg_c, twenty
+from tests.geometry.drawings import fzg_c
 from tests.paper import PAPER
 from tests.physics.test_dead_zone import as_oscillator
 
@@ -290,21 +289,3 @@ def test_basins_of_a_gear_pair_and_of_its_oscillator_are_the_same():
     for name in ("displacement_max", "displacement_min", "multiplier_real", "state"):
         # Two codes, both to rounding, over orbits found to 1e-12.
         np.testing.assert_allclose(other[name], one[name], rtol=0, atol=1e-9, err_msg=name)
-
-
-@pytest.mark.parametrize(
-    "call",
-    [
-        lambda: switch_branch(DAMPED, None, 0),
-        lambda: locus(DAMPED, None, 0, "damping", to=0.1),
-        lambda: fold_sensitivities(DAMPED, None, 0, ("load",)),
-        lambda: gearlib.certify_fold(DAMPED, None, 0),
-        lambda: gearlib.certify_tongues(None),
-        lambda: drawn.optimum_relief(None, 300.0),
-        lambda: drawn.dynamic_factor(None, 300.0, 1000.0),
-        lambda: drawn.dynamic_factor(twenty(quality=5), 300.0, []),
-    ],
-)
-def test_nothing_in_place_of_an_argument_is_said(call):
-    with pytest.raises(ValueError, match=r"^\w+ = .* is not allowed: it must be "):
-        call()

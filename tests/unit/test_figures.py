@@ -1,360 +1,265 @@
-"""Figures: structure, limits and bytes; the pictures themselves are looked at by people."""
+"""Figures of odd data: gaps, single values, no limits; tests/golden has what they hold else.
 
+All are drawn of golden data, with something taken away or changed.
+"""
+
+import itertools
 import math
 
 import numpy as np
 import pytest
+import xarray as xr
 
-from gearlib import GearPair, simulate, sweep
-from gearlib.data.gathering import gather_phase_planes, gather_resonance
+from gearlib.config.trials import PEERS
 from gearlib.figures import (
+    basins,
+    bifurcation,
+    failures,
     jump,
+    jump_by_method,
     models,
     nonlinear_damping,
     phase_planes,
     phase_shift,
+    poincare,
     resonance,
     style,
-    time_courses,
+    work_precision,
 )
-from gearlib.studies import jump as jump_study
-from gearlib.studies import model_comparison as comparison
-from gearlib.studies import nonlinear_damping as damping_study
-from gearlib.studies import phase_lag, scenes
-from tests.paper import PARAMETERS
-
-RUN = {"periods": 40, "record_periods": 8}
-STARTS = {"starts": 4, "seed": 1, "spread": 0.02}
+from gearlib.studies.trials.failures import VERDICTS
+from tests.golden import data as golden
 
 
-def pairs(backlash=4.0):
-    ratios = {"contact_ratio": 1.5, "stiffness_ratio": 0.6, "backlash": backlash}
-    return {
-        "k1": GearPair.from_ratios(**ratios, damping=0.06),
-        "my own+oil": GearPair.from_ratios(**ratios, damping=0.06, backlash_damping=0.1),
-        "conservative": GearPair.from_ratios(**ratios),
-    }
+def curves(**changes):
+    return golden.read("resonance.nc").assign(changes)
 
 
-def curves(tunings, directions=("cold", "up", "down"), backlash=4.0):
-    return gather_resonance(
-        [
-            sweep(pair, tunings, direction=d, **RUN).assign_coords(damping=name, direction=d)
-            for name, pair in pairs(backlash).items()
-            for d in directions
-        ]
-    )
+def planes(**changes):
+    return golden.read("phase_planes.nc").assign(changes)
 
 
-def planes(tunings, backlash=4.0):
-    return gather_phase_planes(
-        [
-            simulate(pair, nu, samples_per_period=16, **RUN).assign_coords(damping=name)
-            for name, pair in pairs(backlash).items()
-            for nu in tunings
-        ]
-    )
+def jumps(*kinds, **changes):
+    data = golden.read("jump.nc").assign(changes)
+    return data.isel(variation=np.isin(data.kind.values, ["base", *kinds]))
 
 
-GRID = np.linspace(0.6, 1.2, 31)
+def powers(*names):
+    return [golden.read(f"nonlinear_damping/{place}_{name}.nc")
+            for place in ("material", "oil") for name in names]  # fmt: skip
 
 
-@pytest.mark.parametrize("backlash", [math.inf, 0.0, 0.5])
-def test_any_backlash(backlash):
-    figure = resonance.draw(curves(GRID, backlash=backlash))
-    assert np.isfinite(figure.axes[0].get_ylim()).all()
-    assert np.isfinite(phase_planes.draw(planes([0.8], backlash)).axes[0].get_xlim()).all()
+def comparisons():
+    names = ("fig6_two_tunings", "fig7_damping")
+    return [golden.read(f"models/{name}.nc") for name in names], [*names]
 
 
-def test_runs_that_could_not_go_on_are_left_out():
-    data = curves(GRID)
-    data.displacement_max[0] = data.displacement_min[0] = np.nan
-    data.period[0] = 0
-    assert np.isfinite(resonance.draw(data).axes[0].get_ylim()).all()
-    data = planes([0.7, 0.9])
-    data.displacement[0, 0] = np.nan
-    labels = [text.get_text() for text in phase_planes.draw(data).axes[0].texts]
-    assert labels == ["no result"]
+def errors_of_methods():
+    return [golden.read(f"work_precision/errors_{name}.nc") for name in ("exact", "taylor")]
 
 
-def test_phase_planes_are_a_labelled_grid():
-    figure = phase_planes.draw(planes([0.7, 0.9]))
-    grid = np.reshape(figure.axes, (2, 3))
-    assert [axes.get_title() for axes in grid[0]] == ["$k_{1}$", "my own + oil", "conservative"]
-    assert all("static defl." in axes.get_xlabel() for axes in grid[1])
-    assert all("dy/d\\tau" in axes.get_ylabel() for axes in grid[:, 0])
-    for row in grid:
-        assert len({axes.get_xlim() for axes in row}) == 1
-        assert len({axes.get_ylim() for axes in row}) == 1
-    assert grid[0, 0].texts[0].get_text() == "steady, 1 mesh period"
-    assert grid[0, 2].texts[0].get_text() == "unsteady"
-
-
-def test_time_courses_have_a_column_for_each_case():
-    pair = {
-        "max_stiffness": 4e8,
-        "stiffness_ratio": 0.6,
-        "contact_ratio": 1.5,
-        "reduced_mass": 3.0,
-        "load": 3000.0,
-        "backlash": math.inf,
-    }
-    cases = [{"title": f"case {nu}", "tuning": nu, "pair": pair} for nu in (0.7, 0.9)]
-    scene = scenes.compute(cases, "one_degree", {}, RUN | {"samples_per_period": 32}, STARTS)
-    courses = ["displacement", "modified_stiffness"]
-    figure = time_courses.draw(scene, courses=courses, periods_shown=2)
-    grid = np.reshape(figure.axes, (3, 2))
-    assert [axes.get_title() for axes in grid[0]] == ["case 0.7", "case 0.9"]
-    assert [axes.get_ylabel() for axes in grid[1:, 0]] == ["$y$", "$C(H_1+H_2)/C_s$"]
-    for axes in grid[1:].flat:
-        low, high = axes.get_xlim()
-        assert low == pytest.approx(6.0) and high == pytest.approx(8.0 - 1 / 32)
-    assert all(axes.get_xlabel() == "mesh periods" for axes in grid[-1])
-
-
-def test_phase_lag_of_a_mesh_without_resonance():
-    # Slowly, in contact and with small stiffness swings, y follows F / C at once: 180 degrees
-    # against the stiffness, and damping adds the lag of a first-order system.
-    pair = {
-        "max_stiffness": 4e8,
-        "stiffness_ratio": 0.99,
-        "contact_ratio": 1.5,
-        "reduced_mass": 3.0,
-        "load": 3000.0,
-        "backlash": math.inf,
-    }
-    options = {"harmonics": 1, "periods": 60, "samples_per_period": 4096}
-    damping = 2.0 * 0.5 * math.sqrt(3.0 * 3.98e8)
-    lags = phase_lag.compute(pair, [damping], 0.05, [0.05, 0.1], **options)
-    for nu, lag in zip((0.05, 0.1), lags.first_lag.values[0], strict=True):
-        # Transfer function of the mean oscillator, beta = 0.5; the swing is 1 % of it.
-        expected = 180.0 + math.degrees(math.atan2(nu, 1.0 - nu * nu))
-        assert lag == pytest.approx(expected, abs=0.1)
-    figure = phase_shift.draw(lags)
-    assert [axes.get_xlabel() for axes in figure.axes] == [
-        "",
-        "mesh periods",
-        "harmonic of the mesh period",
-        "tuning $\\nu_s$",
-    ]
-
-
-KINDS = {
-    "harmonics": [1, 5],
-    "factors": [0.5, 0.9],
-    "displacements": [-0.1, 0.1],
-    "velocities": [0.1],
-    "tolerances": [1e-3, 1e-6],
-}
-
-
-def jumps(low=0.80, high=0.83, **kinds):
-    settings = {"resolution": 1e-4, **dict.fromkeys(KINDS, []), **kinds}
-    run = {"periods": 60, "record_periods": 8}
-    pair = PARAMETERS | {"material_damping": 3953.7}
-    return jump_study.compute(pair, np.linspace(low, high, 7), settings, run)
-
-
-def studies(powers=damping_study.POWERS, backlash=PARAMETERS["backlash"]):
-    settings = {"damping": 3953.7, "amplitude": 1.0, "tuning": 0.8, "shown": [0.78, 0.95]}
-    pair = PARAMETERS | {"backlash": backlash}
-    tunings = np.linspace(0.7, 1.0, 7)
-    return [
-        damping_study.compute(pair, place, power, tunings, settings, RUN, 32)
-        for place in damping_study.PLACES
-        for power in powers
-    ]
-
-
-def comparisons(tolerance=0.05):
-    six = {
-        "base_radii": [0.1, 0.1],
-        "inertias": [0.097852, 0.097852],
-        "masses": [17.27, 17.27],
-        "bearing_stiffness": [1e7] * 4,
-        "bearing_damping": [525.7] * 4,
-        "eccentricities": [8e-6, 8e-6],
-        "friction": [0.05, 0.05],
-    }
-    cases = [{"title": "one", "tuning": 0.82, "pair": PARAMETERS | {"material_damping": 3953.7}}]
-    names = list(comparison.LADDER)
-    return {
-        name: comparison.compute(cases, six, 5, ["displacement_max"], tolerance, names, RUN, STARTS)
-        for name in ("first", "second")
-    }
-
-
-def bars():
-    data = comparisons()
-    return [*data.values()], [*data]
+def verdicts_on_methods():
+    matrix = golden.read("failures.nc")
+    matrix = matrix.assign(words=("problem", ["w"] * matrix.problem.size))
+    matrix.verdict.attrs["flag_meanings"] = " ".join(VERDICTS)
+    return matrix
 
 
 def words_of(axes):
-    return " ".join(
-        [axes.get_title(), axes.get_title(loc="left"), *(t.get_text() for t in axes.texts)]
-    )
+    texts = [axes.get_title(), axes.get_title(loc="left"), *(t.get_text() for t in axes.texts)]
+    return " ".join(texts).strip()
 
 
-def test_jump_has_a_panel_for_each_kind():
-    figure = jump.draw(jumps(**KINDS))
-    scan, *panels = figure.axes
-    assert "static defl." in scan.get_ylabel() and scan.get_xlabel() == "tuning $\\nu_s$"
-    assert "jumps at" in scan.get_title()
-    labels = [axes.get_xlabel() for axes in panels]
-    assert labels == [
-        "stiffness harmonics",
-        "relative tolerance of a 4(5) pair",
-        "factor on the damping",
-        "factor on the backlash",
-        "initial displacement (static defl.)",
-        "initial velocity (static defl./rad)",
-    ]
-    assert all(axes.get_ylabel() == "shift of the jump\n(tuning)" for axes in panels[::2])
-    assert len({axes.get_ylim() for axes in panels}) == 1
+def gone(data, *names):
+    """Return data of which variables have no numbers."""
+    return data.assign({name: data[name] * np.nan for name in names})
+
+
+EXTREMA = ("displacement_max", "displacement_min")
+#: Figures of which no limit may be lost.
+ODD = {
+    **{f"backlash {b}": lambda b=b: resonance.draw(curves(backlash_ratio=b)) for b in (0.0, 0.5)},
+    "no far flank": lambda: resonance.draw(curves(backlash_ratio=math.inf)),
+    "planes without a far flank": lambda: phase_planes.draw(planes(backlash_ratio=math.inf)),
+    "no result at a tuning": lambda: resonance.draw(
+        curves().assign({name: curves()[name].where(curves().tuning > 0.6) for name in EXTREMA})
+    ),
+    "one tuning": lambda: resonance.draw(curves().isel(tuning=[4])),
+    "no jump": lambda: jump.draw(jumps("damping", jump=golden.read("jump.nc").jump * np.nan)),
+    "no results": lambda: nonlinear_damping.draw(
+        [gone(one, *EXTREMA, "displacement", "velocity") for one in powers("cubic")]
+    ),
+}
+
+
+@pytest.mark.parametrize("case", ODD)
+def test_limits_are_numbers(case):
+    for axes in ODD[case]().axes:
+        assert np.isfinite([*axes.get_xlim(), *axes.get_ylim()]).all()
+
+
+def test_a_run_without_a_result_says_so():
+    data = planes()
+    data.displacement[0, 0] = np.nan
+    assert words_of(phase_planes.draw(data).axes[0]).endswith("no result")
+
+
+def test_panels_hold_sweeps_that_go_beyond_those_from_rest():
+    data = curves()
+    low, high = resonance.draw(data).axes[0].get_ylim()
+    up = {"direction": "up", "damping": "k1"}
+    data.period.loc[up] = 1
+    # Without damping sweeps may grow without bound: they are cut off.
+    for height, least in ((1.5 * high, 1.5 * high), (1e84, 0.0)):
+        data.displacement_max.loc[up] = height
+        main, panel, *_ = resonance.draw(data).axes
+        assert main.get_ylim() == (low, high)
+        assert least < panel.get_ylim()[1] < 2.0 * high
+
+
+@pytest.mark.parametrize("directions", [("cold",), ("up",), ("cold", "up", "down")])
+@pytest.mark.parametrize("count", [1, 3, 4])
+def test_a_panel_for_each_damping_below_the_characteristics(count, directions):
+    data = curves().isel(damping=slice(count)).sel(direction=[*directions])
+    main, *panels = resonance.draw(data).axes
+    assert len(panels) == count * (len(directions) > 1)
+    assert {panel.get_xlabel() for panel in panels[-2:]} <= {main.get_xlabel()}
+    beside = {"branches": [golden.read("branches/k1.nc")], "labels": [golden.read("labels/k1.nc")]}
+    again, panel, *_ = resonance.draw(data, **beside, tongues=golden.read("tongues.nc")).axes
+    assert len(again.get_children()) == len(main.get_children())
+    # The strip has a bar for each label, the branches two lines at least.
+    assert len(panel.containers[0]) == beside["labels"][0].tuning.size
+    assert len(panel.lines) >= 2 + (len(panels[0].lines) if panels else 0)
+
+
+def test_tongues_are_shaded_in_the_panel_of_their_damping():
+    found = golden.read("tongues.nc")
+    plain, shaded = (resonance.draw(curves(), tongues=tongues) for tongues in (None, found))
+    added = [len(b.patches) - len(a.patches) for a, b in zip(plain.axes, shaded.axes, strict=True)]
+    seen = (found.tuning_to > found.tuning_from) & (found.tuning_to > 0.5)
+    assert added == [0, *(int(seen.sel(damping=name).sum()) for name in curves().damping.values)]
+    assert added[-1] > added[1]
 
 
 def test_marked_tunings_of_the_jump():
-    data = jumps(factors=[0.9])
-    assert "dashed" not in jump.draw(data).axes[0].get_title()
-    assert len(jump.draw(data).axes[1].patches) == 0
-    scan, panel, _ = jump.draw(data, [0.82, 0.81]).axes
+    data = jumps("backlash")
+    top, *panels = jump.draw(data).axes
+    assert len(panels) == 1 and len(jump.draw(jumps()).axes) == 1
+    assert "dashed" not in top.get_title() and not panels[0].patches
+    scan, panel = jump.draw(data, [0.82, 0.81]).axes
     assert scan.get_title().endswith("(dashed: 0.8200 and 0.8100)")
     (band,) = panel.patches
     ends = [band.get_y(), band.get_y() + band.get_height()]
     assert ends == pytest.approx([0.81, 0.82] - data.jump.values[0])
 
 
-def test_a_single_kind_of_jump():
-    figure = jump.draw(jumps(displacements=[0.1, 0.5]))
-    assert [axes.get_xlabel() for axes in figure.axes[1:]] == [
-        "initial displacement (static defl.)"
-    ]
-    assert len(jump.draw(jumps()).axes) == 1
-
-
 def test_variations_without_a_jump_are_named_above_the_panel():
-    # Twice the damping closes the jump of this scan.
-    data = jumps(factors=[0.9, 2.0])
-    assert np.isnan(data.jump.values).any()
+    data = jumps("damping", "backlash")
+    data = xr.concat([data, data.isel(variation=[1]).assign(value=("variation", [2.0]))],
+                     "variation", data_vars="minimal")  # fmt: skip
+    for name in ("jump", "shift", "shift_low", "shift_high"):
+        data[name][-1] = np.nan
     _, damping, backlash = jump.draw(data).axes
-    assert words_of(damping).strip() == "no jump in the scan: 2"
-    assert words_of(backlash).strip() == "" and not damping.texts
+    assert words_of(damping) == "no jump in the scan: 2" and words_of(backlash) == ""
     # No line leads from a value to another: the jump in between is not known.
-    assert all(
-        line.get_linestyle() == "None" for line in damping.lines if len(line.get_xdata()) > 2
-    )
-
-
-def test_a_scan_without_any_jump():
-    data = jumps(0.70, 0.76, factors=[0.9, 1.1])
-    assert np.isnan(data.jump.values).all()
+    long = [line for line in damping.lines if len(line.get_xdata()) > 2]
+    assert all(line.get_linestyle() == "None" for line in long)
+    data["jump"] = data.jump * np.nan
     scan, *panels = jump.draw(data).axes
     assert "does not jump" in scan.get_title() and "paper" not in scan.get_title()
-    assert all(np.isfinite(axes.get_ylim()).all() for axes in panels)
-    assert all("0.9, 1.1" in words_of(axes) for axes in panels)
-
-
-def test_nonlinear_damping_has_a_column_for_each_place():
-    figure = nonlinear_damping.draw(studies())
-    grid = np.reshape(figure.axes, (3, 2))
-    assert [axes.get_title() for axes in grid[0]] == [
-        "damping of the material only",
-        "damping of the oil only",
-    ]
-    assert "static defl." in grid[0, 0].get_ylabel()
-    assert all("static defl./rad" in axes.get_ylabel() for axes in grid[1:, 0])
-    assert all("static defl." in axes.get_xlabel() for axes in grid[1:].flat)
-    (legend,) = figure.legends
-    assert [text.get_text() for text in legend.get_texts()] == [*damping_study.POWERS]
+    assert "0.5, 2" in words_of(panels[0])
 
 
 def test_characteristics_of_all_places_are_within_common_limits():
-    data = studies(["linear"])
+    data = powers("linear")
     # A column that is drawn later must not cut the curves of an earlier one.
     data[0].displacement_max[:] = 9.0
     above, beside, *_ = nonlinear_damping.draw(data).axes
     assert above.get_ylim() == beside.get_ylim() and above.get_ylim()[1] > 9.0
 
 
-def test_a_single_power_without_results():
-    data = studies(["cubic"], math.inf)
-    for study in data:
-        for name in ("displacement_max", "displacement_min", "displacement", "velocity"):
-            study[name][:] = np.nan
-    for axes in nonlinear_damping.draw(data).axes:
-        assert np.isfinite([*axes.get_xlim(), *axes.get_ylim()]).all()
-
-
 def test_steady_orbits_are_drawn_once():
-    study = studies(["linear"])[0].sel(shown=0.95)
-    whole = study.phase.size
-    steady = study.assign(
-        displacement=("phase", np.cos(study.phase.values)),
-        velocity=("phase", -np.sin(study.phase.values)),
-    )
-    orbit = nonlinear_damping._orbit(steady)
-    assert orbit.shape == (2, 32 + 1)
-    assert orbit[:, 0] == pytest.approx(orbit[:, -1], abs=1e-9)
-    growing = steady.assign(displacement=steady.displacement * np.linspace(1.0, 2.0, whole))
-    assert nonlinear_damping._orbit(growing).shape == (2, whole)
-
-
-def test_models_are_bars_with_their_cost():
-    data = comparisons()
-    figure = models.draw([*data.values()], [*data])
-    assert [axes.get_title(loc="left") for axes in figure.axes] == [
-        "first: displacement_max",
-        "second: displacement_max",
-    ]
-    for axes in figure.axes:
-        names = [label.get_text() for label in axes.get_yticklabels()]
-        assert names[0] == "1 degree" and names[-1] == "1 degree, 5 harmonics"
-        words = [text.get_text() for text in axes.texts]
-        assert len(words) == 4 and all("cost" in text for text in words)
-        assert sum("carries the scene" in text for text in words) == 1
-        assert "largest model" in words[2]
-    label = figure.axes[-1].get_xlabel()
-    assert "share of the height" in label and "per mesh period" in label
+    phase = np.arange(8 * 32) * 2.0 * np.pi / 32
+    for growth, count in ((1.0, 32 + 1), (2.0, phase.size)):
+        size = np.linspace(1.0, growth, phase.size)
+        course = {"displacement": size * np.cos(phase), "velocity": -size * np.sin(phase)}
+        course = {name: ("phase", values) for name, values in course.items()}
+        orbit = nonlinear_damping._orbit(xr.Dataset(course, {"phase": phase}))
+        assert orbit.shape == (2, count)
+        assert growth > 1.0 or orbit[:, 0] == pytest.approx(orbit[:, -1], abs=1e-9)
 
 
 def test_words_on_bars_stay_in_the_panel():
-    data = comparisons()
-    data["first"].change[:] = [1e-9, 5.0, np.nan, 1e4]
-    figure = models.draw([*data.values()], [*data])
+    data, names = comparisons()
+    data[0].change[:] = np.resize([1e-9, 5.0, np.nan, 1e4], data[0].change.shape)
+    figure = models.draw(data, names)
     figure.draw_without_rendering()
-    axes = figure.axes[0]
-    frame = axes.get_window_extent()
-    for text in axes.texts:
+    frame = figure.axes[0].get_window_extent()
+    for text in figure.axes[0].texts:
         box = text.get_window_extent()
         assert frame.x0 <= box.x0 and box.x1 <= frame.x1
 
 
+def test_branches_lie_over_the_first_panel_of_a_bifurcation():
+    branch = {"tuning": [0.6, 0.7, 0.8], "stable": [1, 1, 0], "branch": [0, 0, 0]}
+    branch = xr.Dataset({name: ("point", values) for name, values in branch.items()})
+    branch["state"] = ("point", "coordinate"), [[0.1, 0.0], [0.2, 0.0], [0.3, 0.0]]
+    diagram, shares = golden.read("bifurcation.nc"), golden.read("basin_stability.nc")
+    over = bifurcation.draw(diagram, shares, branches=branch).axes[0]
+    words = [text.get_text() for text in over.get_legend().get_texts()]
+    assert words[-2:] == ["continued, stable", "unstable"]
+    dashed = [line.get_ydata() for line in over.lines if line.get_linestyle() == "--"]
+    assert any(len(heights) and np.nanmax(heights) == 0.3 for heights in dashed)
+
+
 @pytest.mark.parametrize(
-    ("draw", "computed"),
+    "draw",
     [
-        (jump.draw, lambda: (jumps(factors=[0.9, 2.0]),)),
-        (nonlinear_damping.draw, lambda: (studies(["linear", "cubic"]),)),
-        (models.draw, bars),
+        lambda: work_precision.draw_evaluations(errors_of_methods()),
+        lambda: work_precision.draw_measures(errors_of_methods()),
+        lambda: failures.draw(verdicts_on_methods()),
+        lambda: jump_by_method.draw([golden.read("jump_by_method/exact.nc")]),
     ],
-    ids=["jump", "nonlinear_damping", "models"],
+    ids=["evaluations", "measures", "failures", "jump_by_method"],
 )
-def test_studies_same_data_same_bytes(draw, computed, tmp_path):
-    data = computed()
-    # As text every number of an artist is in the file; all formats are looked at below.
-    for name in ("a", "b"):
-        style.save(draw(*data), tmp_path / f"{name}.svg")
-    assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()
+def test_methods_that_are_not_installed_are_named_beside_legend_and_panels(draw):
+    figure = draw()
+    style.note_absent(figure, list(PEERS))
+    figure.draw_without_rendering()
+    (note,) = (text for text in figure.texts if "not installed" in text.get_text())
+    box = note.get_window_extent()
+    others = [legend.get_window_extent() for legend in figure.legends]
+    others += [axes.get_tightbbox() for axes in figure.axes]
+    assert not any(box.overlaps(other) for other in others)
+    assert figure.bbox.x0 <= box.x0 and box.x1 <= figure.bbox.x1
 
 
-@pytest.mark.parametrize("suffix", ["png", "pdf", "svg"])
-def test_same_data_same_bytes(suffix, tmp_path):
-    data = planes([0.8])
-    for name in ("a", "b"):
-        style.save(phase_planes.draw(data), tmp_path / f"{name}.{suffix}")
+DRAWN = {
+    "phase_planes": lambda: phase_planes.draw(planes()),
+    "phase_shift": lambda: phase_shift.draw(golden.read("phase_lag.nc")),
+    "jump": lambda: jump.draw(golden.read("jump.nc")),
+    "nonlinear_damping": lambda: nonlinear_damping.draw(powers("linear", "cubic")),
+    "models": lambda: models.draw(*comparisons()),
+    "basins": lambda: basins.draw(golden.read("basins.nc")),
+    "bifurcation": lambda: bifurcation.draw(
+        golden.read("bifurcation.nc"), golden.read("basin_stability.nc")
+    ),
+    "poincare": lambda: poincare.draw(golden.read("poincare.nc")),
+    "failures": lambda: failures.draw(verdicts_on_methods()),
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "suffix"), [*itertools.product(["phase_planes"], ["png", "pdf"])]
+    + [(name, "svg") for name in DRAWN],
+)  # fmt: skip
+def test_same_data_same_bytes(name, suffix, tmp_path):
+    # As text every number of an artist is in the file.
+    for path in ("a", "b"):
+        style.save(DRAWN[name](), tmp_path / f"{path}.{suffix}")
     assert (tmp_path / f"a.{suffix}").read_bytes() == (tmp_path / f"b.{suffix}").read_bytes()
     assert len(list(tmp_path.iterdir())) == 2
 
 
 def test_unknown_format_is_refused(tmp_path):
     with pytest.raises(ValueError, match="must end in"):
-        style.save(phase_planes.draw(planes([0.8])), tmp_path / "figure.tiff")
+        style.save(DRAWN["phase_planes"](), tmp_path / "figure.tiff")

@@ -10,7 +10,7 @@ from gearlib.config.trials import Way
 from gearlib.figures import failures as figure
 from gearlib.studies.trials import difficult_problems, gradients
 from gearlib.studies.trials.gradients import PROBLEMS, VERDICTS, decide
-from tests.unit.test_notes import verdicts_on_methods
+from tests.unit.test_figures import verdicts_on_methods
 
 EXPECTED = np.array([[1.0, 2.0], [0.1, 0.0]])
 

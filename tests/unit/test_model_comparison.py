@@ -29,7 +29,8 @@ NAMES = [*models.LADDER]
 
 
 def compare(six=SIX, tolerance=0.05, candidates=NAMES, observables=("displacement_max",)):
-    return models.compute(CASES, six, 10, list(observables), tolerance, candidates, RUN, STARTS)
+    asked = {"observables": list(observables), "tolerance": tolerance, "candidates": candidates}
+    return models.compute(CASES, asked, six, 10, RUN, STARTS)
 
 
 def test_rigid_bearings_without_run_out_change_nothing():
@@ -81,7 +82,8 @@ def chaotic(observables=("displacement_max", "bounces"), **moved):
     """Return the comparison of models of a mesh without damping, behind its tongue of order 3."""
     cases = [{"title": "bounces", "tuning": 0.82, "pair": PARAMETERS}, CASES[0]]
     run = RUN | {"periods": 120, "record_periods": 24} | moved
-    return models.compute(cases, SIX, 10, list(observables), 0.05, NAMES, run, STARTS)
+    asked = {"observables": list(observables), "tolerance": 0.05, "candidates": NAMES}
+    return models.compute(cases, asked, SIX, 10, run, STARTS)
 
 
 def test_what_rounding_decides_is_labelled_and_has_no_number(tmp_path):

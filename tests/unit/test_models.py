@@ -1,4 +1,4 @@
-"""Models with a `GearPair` inside: what they offer of it, and copies with some values changed."""
+"""Models: the border to SI, what they offer of their pair, copies, speeds and torques."""
 
 import dataclasses
 import math
@@ -6,6 +6,7 @@ import math
 import numpy as np
 import pytest
 
+import gearlib
 from gearlib import (
     DeadZoneOscillator,
     GearPair,
@@ -13,10 +14,53 @@ from gearlib import (
     OneDegreePair,
     SixDegreePair,
     Tabulated,
+    split_power_reducer,
 )
 from gearlib.models.model import Model
 from gearlib.models.profiles import Steps
 from tests.paper import PAPER
+
+RATIOS = {"contact_ratio": 1.5, "stiffness_ratio": 0.6}
+
+
+def test_values_of_the_paper():
+    # Printed with three digits (paper, text to Fig. 2 and 3; model.md, section 2).
+    pair = PAPER.replace(material_damping=4000.0, backlash_damping=40.0)
+    assert PAPER.mean_eigenfrequency == pytest.approx(10263.0, abs=0.5)
+    assert pair.damping_ratio == pytest.approx(0.0624, abs=5e-5)
+    assert pair.backlash_damping_ratio == pytest.approx(0.000624, abs=5e-7)
+    assert PAPER.static_deflection == pytest.approx(10e-6, rel=1e-9)
+    assert PAPER.backlash_ratio == pytest.approx(4.0, rel=1e-9)
+    assert PAPER.tuning_max(0.815) == pytest.approx(0.7391, abs=5e-5)
+    assert PAPER.tuning_min(0.815) == pytest.approx(0.9639, abs=5e-5)
+    assert PAPER.min_stiffness == pytest.approx(0.5879 * 4e8, rel=1e-15)
+
+
+def test_ratios_come_back():
+    pair = GearPair.from_ratios(
+        **RATIOS, damping=0.0624, backlash_damping=0.01, backlash=4.0, teeth=31
+    )
+    # Unit scales: only the rounding of the mean stiffness, one part in 2^52, may show.
+    assert pair.damping_ratio == pytest.approx(0.0624, rel=1e-15)
+    assert pair.backlash_damping_ratio == pytest.approx(0.01, rel=1e-15)
+    # Exactly: a state on the far flank must lie on it.
+    assert pair.backlash_ratio == 4.0 and pair.static_deflection == 1.0
+    assert pair.mean_eigenfrequency == 1.0
+    assert pair.mean_stiffness == pytest.approx(1.0, rel=1e-15)
+    assert pair.teeth == 31
+
+
+def test_infinite_and_zero_backlash():
+    assert GearPair.from_ratios(**RATIOS, backlash=math.inf).backlash_ratio == math.inf
+    assert GearPair.from_ratios(**RATIOS, backlash=0).backlash_ratio == 0.0
+
+
+def test_immutable():
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        PAPER.load = 1.0
+    assert PAPER.replace(load=1.0).load == 1.0
+    assert PAPER.load == 3289.5396
+
 
 ONE = OneDegreePair(pair=PAPER, cubic_damping=4e5, deviation=Harmonics((1e-6,)))
 SIX = SixDegreePair(
@@ -142,3 +186,43 @@ def test_the_equation_of_a_model_stays_as_it_is():
     for model in (ONE, OSCILLATOR):
         with pytest.raises(dataclasses.FrozenInstanceError):
             model.equation.upper = 1.0
+
+
+UNEQUAL, TRAIN = SIX.replace(teeth=(30, 24)), split_power_reducer(PAPER)
+RUN = {"periods": 4, "samples_per_period": 8}
+
+
+@pytest.mark.parametrize(("model", "teeth"), [(PAPER, 24), (UNEQUAL, 30), (TRAIN, 24)])
+def test_a_run_at_a_speed_is_that_at_its_tuning(model, teeth):
+    run = gearlib.simulate(model, speed=2000.0, **RUN)
+    # So many mesh periods in a second.
+    per_second = float(run.mesh_frequency) / (2.0 * math.pi)
+    assert per_second == pytest.approx(2000.0 / 60.0 * teeth, rel=1e-12)
+    assert float(run.speed) == pytest.approx(2000.0, rel=1e-12)
+    assert run.speed.attrs["units"] == "min-1"
+    same = gearlib.simulate(model, model.tuning_at(2000.0), **RUN)
+    assert same.displacement.equals(run.displacement)
+
+
+def test_scales_of_a_huge_tuning_are_numbers():
+    assert PAPER.speed_scales(1e300)["acceleration_scale"] == math.inf
+
+
+def test_a_sweep_over_speeds_is_that_over_tunings():
+    run = {"periods": 20, "record_periods": 4}
+    found = gearlib.sweep(PAPER, speeds=[1000.0, 4000.0], **run)
+    np.testing.assert_allclose(found.speed, [1000.0, 4000.0], rtol=1e-12)
+    assert found.equals(gearlib.sweep(PAPER, PAPER.tuning_at(np.array([1000.0, 4000.0])), **run))
+
+
+def test_torques_where_radii_are_known():
+    six = gearlib.simulate(UNEQUAL, 0.7, **RUN)
+    assert float(six.torque) == pytest.approx(PAPER.load * 0.1, rel=1e-12)
+    train = gearlib.simulate(TRAIN, 0.7, **RUN)
+    torque = train.torque.sel(body="input")
+    # Three branches, each with the load of the pair.
+    radius = TRAIN.by_name["input"].base_radius
+    assert float(torque) == pytest.approx(3.0 * PAPER.load * radius, rel=1e-12)
+    assert torque.attrs["units"] == "N m"
+    # A pair knows the force alone.
+    assert "torque" not in gearlib.simulate(PAPER, 0.7, **RUN)

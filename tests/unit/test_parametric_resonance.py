@@ -10,11 +10,9 @@ from gearlib.analysis.tongues import meissner
 from gearlib.data.files import write_table
 from gearlib.data.storage import read, write
 from gearlib.figures import parametric_resonance as picture
-from gearlib.figures import resonance
 from gearlib.studies import contact_loss
 from gearlib.studies import tongue_chart as chart
 from tests.paper import PARAMETERS
-from tests.unit.test_figures import GRID, curves
 
 PAIRS = {"k1": PARAMETERS | {"material_damping": 3953.7}, "conservative": PARAMETERS}
 RUN = {"periods": 120, "initial_state": [0.0, 0.0]}
@@ -127,10 +125,3 @@ def test_a_chart_without_tongues_is_drawn(facts, tmp_path):
     settings = SETTINGS | {"damping_ratios": [0.3], "least_stiffness_ratio": 0.9, "values": 2}
     write(chart.compute(PARAMETERS, [2.5, 2.6], settings), tmp_path / "chart.nc")
     assert picture.draw(read(tmp_path / "chart.nc"), facts).axes
-
-
-def test_tongues_are_shaded_in_the_panel_of_their_damping(facts):
-    plain, shaded = (resonance.draw(curves(GRID), tongues=tongues) for tongues in (None, facts))
-    added = [len(b.patches) - len(a.patches) for a, b in zip(plain.axes, shaded.axes, strict=True)]
-    # Main picture, k1, my own+oil, conservative: orders 2 to 4.
-    assert added == [0, 0, 0, 3]

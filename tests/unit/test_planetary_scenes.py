@@ -7,7 +7,7 @@ import pytest
 
 from gearlib import planetary
 from gearlib.analysis.tongues import undamped
-from gearlib.config import ConfigError, load
+from gearlib.config import load
 from gearlib.figures import style, symmetry_breaking, train_chart
 from gearlib.studies.trains import stability, symmetry
 from tests.unit.test_defaults import GEARS
@@ -94,31 +94,3 @@ def test_without_a_symmetric_orbit_the_figure_says_so():
     data = breaking([16.0, 17.0], shown=20.0)
     words = [text.get_text() for text in symmetry_breaking.draw(data, 1).axes[-1].texts]
     assert words == ["no symmetric orbit, or chaos"]
-
-
-@pytest.mark.parametrize(
-    ("changes", "fault"),
-    [
-        ({"train_chart": {"teeth": [[27, 99], [28, 99]]}}, "train_chart.teeth[1] = [28, 99]"),
-        ({"symmetry_breaking": {"teeth": [28, 98]}}, "symmetry_breaking.teeth = [28, 98]"),
-        ({"symmetry_breaking": {"shown": 19.55}}, "symmetry_breaking.shown = 19.55"),
-        ({"symmetry_breaking": {"periods_shown": 25}}, "symmetry_breaking.periods_shown = 25"),
-        ({"planetary": {"planets": 5}}, "train_chart.teeth[0] = [27, 99]"),
-        ({"planetary": {"load": "3 m"}}, "planetary.load = '3 m'"),
-        ({"planetary": {"pressure_angle": "50 deg"}}, "planetary.pressure_angle"),
-    ],
-)
-def test_what_does_not_fit_is_refused(changes, fault):
-    with pytest.raises(ConfigError) as refusal:
-        load(LEAST | changes)
-    assert str(refusal.value).startswith(fault) and "must be" in str(refusal.value)
-
-
-def test_units_are_read():
-    given = {
-        "planetary": {"pressure_angle": "24 deg"},
-        "train_chart": {"reference_frequency": "2 kHz"},
-    }
-    config = load(LEAST | given)
-    assert config.train_chart.reference_frequency == 2000.0
-    assert config.planetary.pressure_angle == pytest.approx(np.radians(24.0))

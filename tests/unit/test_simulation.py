@@ -190,34 +190,6 @@ def test_overflow_is_a_status_not_a_number():
     assert blown.displacement.isnull().all()
 
 
-@pytest.mark.parametrize(
-    ("call", "part"),
-    [
-        (lambda: simulate(PAIR, 0.0, periods=1), "tuning = 0.0"),
-        (lambda: simulate(PAIR, math.nan, periods=1), "tuning = nan"),
-        (lambda: simulate(PAIR, 0.8, periods=0), "periods = 0"),
-        (lambda: simulate(PAIR, 0.8, periods=2.5), "periods = 2.5"),
-        (lambda: simulate(PAIR, 0.8, periods=2, record_periods=3), "record_periods = 3"),
-        (lambda: simulate(PAIR, 0.8, periods=2, samples_per_period=0), "samples_per_period = 0"),
-        (lambda: simulate(PAIR, 0.8, periods=2, initial_state=(0.0,)), "initial_state = (0.0,)"),
-        (lambda: simulate(PAIR, 0.8, periods=2, initial_state=(math.inf, 0.0)), "initial_state"),
-        (lambda: simulate(PAIR, 0.8, periods=2, method="ode45"), "'exact'"),
-        (lambda: simulate(PAIR, 0.8, periods=2, options=["steps"]), "options = ['steps']"),
-        (lambda: sweep(PAIR, [], periods=2, record_periods=1), "tunings = []"),
-        (lambda: sweep(PAIR, [0.8, -1.0], periods=2, record_periods=1), "tunings[1] = -1.0"),
-        (lambda: sweep(PAIR, [-0.8, -1.0], periods=2, record_periods=1), "tunings[0] = -0.8"),
-        (lambda: sweep(PAIR, [0.8, 0.8], periods=2, record_periods=1), "0.8 twice"),
-        (lambda: sweep(PAIR, ["a"], periods=2, record_periods=1), "tunings[0] = 'a'"),
-        (lambda: sweep(PAIR, [0.8], periods=2, record_periods=1, direction="left"), "'left'"),
-        (lambda: sweep(PAIR, [0.8], periods=2, record_periods=1, threads=0), "threads = 0"),
-    ],
-)
-def test_wrong_input_names_key_and_value(call, part):
-    with pytest.raises(ValueError) as error:
-        call()
-    assert part in str(error.value) and "must be" in str(error.value)
-
-
 def test_integers_of_numpy_are_integers():
     pair = GearPair.from_ratios(contact_ratio=1.5, stiffness_ratio=0.6, damping=0.06, backlash=4.0)
     counts = {"periods": np.int64(5), "record_periods": np.int64(2)}

@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 import gearlib
-from gearlib.config import ConfigError, drawn_trains, load
+from gearlib.config import drawn_trains, load
 from gearlib.config import train as trains
 from gearlib.models.trains.described import described
 from tests.trains.random_trains import random_train
@@ -113,38 +113,3 @@ def _plain(value):
     if isinstance(value, (list, tuple)):
         return [_plain(one) for one in value]
     return value.item() if isinstance(value, np.generic) else value
-
-
-@pytest.mark.parametrize(
-    ("train", "sentence"),
-    [
-        (
-            {"kind": "own", "own": {"bodies": EVERY["own"]["bodies"]}},
-            "train.own.meshes = [] is not allowed: it must be a list of at least one entry where "
-            "train.kind is own",
-        ),
-        (
-            {"planetary": {"planets": 0}},
-            "train.planetary.planets = 0 is not allowed: it must be an integer from 1 to 100",
-        ),
-        (
-            {"own": {"meshes": [EVERY["own"]["meshes"][0] | {"direction": 0}]}},
-            "train.own.meshes[0].direction = 0 is not allowed: it must be an integer from -1 to 1 "
-            "other than 0",
-        ),
-        (
-            {"idler": {"teeth": [24, 30]}},
-            "train.idler.teeth = [24, 30] is not allowed: it must be a list of 3 entries, each an "
-            "integer from 3 to 100000",
-        ),
-        (
-            {"split_power_reducer": {"pin_errors": [[0.0, "1 kg"]]}},
-            "train.split_power_reducer.pin_errors[0][1] = '1 kg' is not allowed: it must be a "
-            "finite number in m or a text with its unit such as '10 um'",
-        ),
-    ],
-)
-def test_a_wrong_train_is_refused_in_one_sentence(train, sentence):
-    with pytest.raises(ConfigError) as refusal:
-        read(train)
-    assert str(refusal.value) == sentence

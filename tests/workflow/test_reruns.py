@@ -261,5 +261,6 @@ def test_lint_finds_nothing(project):
 def test_the_library_beside_the_snakefile_is_used(project):
     # Whatever else is installed: a job that gathers says where its library lies.
     edit(project / "gearlib/data/gathering.py", "\nprint(__file__)\n")
-    printed = project.snakemake("-j2", "results/phase_planes.nc")
+    project.snakemake("-j2", "results/phase_planes.nc")
+    printed = (project / "results/logs/gather_phase_planes.log").read_text(encoding="utf-8")
     assert str(project / "gearlib/data/gathering.py") in printed

@@ -11,7 +11,7 @@ use rule job as certificates with:
     output:
         json="results/certificates.json",
         csv="results/certificates.csv",
-        page=table_page("certificates", "What is proven of the orbits: table", EXPLANATIONS),
+        page=page_of("certificates"),
     params:
         script="certificates",
         # Without python-flint nothing is proven, and the file is an empty list.

@@ -13,7 +13,7 @@ use rule job as claims with:
         sources=script_sources("claims"),
     output:
         csv="results/claims.csv",
-        page=table_page("claims", "Statements, computed numbers, verdicts", CLAIMS),
+        page=page_of("claims"),
         markdown="results/claims.md",
     params:
         script="claims",

@@ -18,7 +18,7 @@ from gearlib import config as configuration
 from gearlib import integrators
 from gearlib.config import yaml_keys
 from gearlib.config.studies import STUDIES
-from gearlib.config.studies.study import CLAIMS, EXPLANATIONS, pairs_of, run_length
+from gearlib.config.studies.study import pairs_of, run_length, text_of
 from workflow.sources import sources
 
 ROOT = Path(workflow.basedir)
@@ -30,16 +30,6 @@ PAPER_TARGETS = ["phase_lag", "resonance", "phase_planes", "scenes", "jump", "cl
 SHOWN_FORMATS = ["png", "svg", "pdf"]
 #: Captions of the first figure of a rule, and of a second one: they find their texts by its outputs.
 CAPTION_FILES = ["../report/figure.rst", "../report/last_figure.rst"]
-#: Captions of tables whose rules have scripts of their own.
-OTHER_CAPTIONS = {
-    "certificates": "What is proven, in ball arithmetic, by damping: tongues, special points, orbits "
-    "of one mesh period, to which the motion from rest tends, ranges with an orbit without loss of "
-    "contact at every tuning. Contacts: phases of normal mesh (N), backlash (B), inverse mesh (I); "
-    "lowest: displacement in static deflections; periods: after how many the motion is near its "
-    "orbit. All enclosures: certificates.json.",
-    "claims": "Statements of the paper, what was computed for each, and the verdict that follows "
-    "from the numbers. A statement that differs stays in the table.",
-}
 
 # What a first job has to compile is kept for all others, also where Python is told to keep nothing.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
@@ -86,11 +76,6 @@ def script_sources(name, *methods, loaded=()):
     return [os.path.relpath(path) for path in files]
 
 
-def function_sources(function, *methods, script="compute"):
-    """Return the source files of a function that a script calls."""
-    return script_sources(script, *methods, loaded=[function.split(":")[0]])
-
-
 def result(path):
     """Return the path of a result; None where it is not asked for."""
     return path and os.path.join("results", path)
@@ -134,14 +119,19 @@ def figure(name, label, part, caption):
     return [report(path, **in_report) if path.endswith(shown) else path for path in files]
 
 
-def table_page(name, label, part):
+def table_page(study, table):
     """Return the page of a table, for the report: browsers do not show CSV."""
     return report(
-        f"results/tables/{name}.html",
+        f"results/tables/{table.name}.html",
         caption="../report/table.rst",
-        category=part,
-        labels={"figure": label},
+        category=table.part or study.part,
+        labels={"figure": table.label},
     )
+
+
+def page_of(name):
+    """Return the page of the only table of a study whose rule has a script of its own."""
+    return table_page(STUDIES[name], STUDIES[name].tables[0])
 
 
 def names_of(drawing):
@@ -165,14 +155,14 @@ def target_files(targets):
 
 def captions():
     """Return the captions of all figures and tables, by their names, for the report."""
-    found = {"figures": {}, "tables": dict(OTHER_CAPTIONS)}
+    found = {"figures": {}, "tables": {}}
     for study in STUDIES.values():
         for table in study.tables:
-            found["tables"][table.name] = " ".join(table.caption(CONFIG).split())
+            found["tables"][table.name] = text_of(table.caption, CONFIG)
         for drawing in study.drawings:
             wildcards = drawing.names(CONFIG)
             for name, (_, caption) in drawing.figures.items():
-                text = " ".join(caption(CONFIG).split())
+                text = text_of(caption, CONFIG)
                 found["figures"][name] = text
                 for wildcard, values in wildcards.items():
                     for value in values:

@@ -47,7 +47,9 @@ for job in [job for study in STUDIES.values() for job in study.jobs]:
             "../scripts/{params.script}.py"
 
 
-for study, table in [(study, one) for study in STUDIES.values() for one in study.tables]:
+for study, table in [
+    (study, one) for study in STUDIES.values() for one in study.tables if one.function
+]:
     job = table.rule or f"{table.name}_table"
 
     rule:
@@ -58,7 +60,7 @@ for study, table in [(study, one) for study in STUDIES.values() for one in study
             sources=script_sources("table", loaded=[path_of(table.function).split(":")[0]]),
         output:
             csv=f"results/{table.name}.csv",
-            page=table_page(table.name, table.label, table.part or study.part),
+            page=table_page(study, table),
         log:
             f"results/logs/{job}.log",
         benchmark:

@@ -12,21 +12,9 @@ _ONE_ORBIT = 1e-3
 def settled(pair, diagrams, directions, starts):
     """Return where motions are periodic, and not on orbits that rounding has chosen.
 
-    Behind chaos a carried motion is where rounding has led it, until all others have come to one
-    orbit, and it too.
-
-    Parameters
-    ----------
-    pair : GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator
-    diagrams : list of xarray.Dataset
-        Of `gearlib.bifurcation_diagram` over the same tunings.
-    directions : list of {"cold", "up", "down"}
-    starts : list of tuple of float
-        The direction and the initial state of each.
-
-    Returns
-    -------
-    ndarray of bool, shape (diagram, tuning)
+    Bool, shape (diagram, tuning). `diagrams` are of `gearlib.bifurcation_diagram` over the same
+    tunings, `directions` and `starts` the way and initial state of each. Behind chaos a carried
+    motion is where rounding has led it, until all others have come to one orbit, and it too.
     """
     each = zip(diagrams, directions, starts, strict=True)
     lost = np.array([_lost(pair, *one) for one in each])

@@ -51,18 +51,9 @@ class Stroboscope:
         return np.array([chain(group) for group in grouped])
 
     def __call__(self, states, cycles):
-        """Take states through `cycles` cycles.
+        """Take states, shape (k, n), through `cycles` cycles: their ends, codes of status.
 
-        Parameters
-        ----------
-        states : ndarray, shape (k, n)
-        cycles : int
-
-        Returns
-        -------
-        ends : ndarray, shape (k, n)
-        codes : ndarray of int, shape (k,)
-            `gearlib.data.status`; where it is not OK, the end is NaN.
+        Where a code is not OK, the end is NaN.
         """
         ends = np.full(states.shape, np.nan)
         codes = np.zeros(len(states), np.int64)

@@ -45,18 +45,9 @@ class Force(NamedTuple):
 
 
 class MeshEquation:
-    """The equation of one gear pair at one tuning, on harmonics 0 ... `harmonics`.
+    """The equation of one gear pair at one tuning, on harmonics 0 ... `harmonics` of 1 / period.
 
-    Parameters
-    ----------
-    pair : GearPair or OneDegreePair
-    tuning : float
-    harmonics : int
-        Highest harmonic kept, in units of 1 / period.
-    samples : int or None
-        Grid points over the period; None: a power of two, at least 16 per harmonic.
-    period : int
-        Mesh periods.
+    `samples` are grid points over the period; None: a power of two, at least 16 per harmonic.
     """
 
     def __init__(self, pair, tuning, harmonics, samples=None, period=1):

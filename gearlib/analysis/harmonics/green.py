@@ -20,23 +20,10 @@ _DOUBLE = 1e-7
 
 
 def green(phase, tuning, damping, period=1):
-    """Return the periodic Green's function in closed form.
+    """Return the periodic Green's function at phases s since the impulse, rad, in closed form.
 
-    Parameters
-    ----------
-    phase : array_like of float
-        Phase s between impulse and response, rad; taken modulo the period.
-    tuning : float
-        nu.
-    damping : float
-        Damping ratio beta >= 0; 0 is allowed off the resonances nu = period / k.
-    period : int, default 1
-        Mesh periods.
-
-    Returns
-    -------
-    ndarray of float
-        In rad: displacement per impulse in dx/dtau. Infinite or NaN at an undamped resonance.
+    Displacement per impulse in dx/dtau, rad, for a tuning nu and a damping ratio beta >= 0, over
+    `period` mesh periods; infinite or NaN at an undamped resonance nu = period / k.
     """
     length = 2.0 * np.pi * period
     s = np.mod(np.asarray(phase, float), length)

@@ -264,13 +264,7 @@ def contraction(equation, coefficients, degenerate):
 
 
 def degenerate_harmonics(equation, degenerate):
-    """Return the harmonics that an argument `degenerate` means, rising.
-
-    Raises
-    ------
-    ValueError
-        Naming the argument, its value and the allowed range.
-    """
+    """Return the harmonics that an argument `degenerate` means, rising, else ValueError."""
     if isinstance(degenerate, str):
         checks.one_of("degenerate", degenerate, ("auto",))
         force = equation.force(*equation.motion(first_coefficients(equation, None)))

@@ -150,13 +150,7 @@ class PeriodicSolution:
 
 
 def check_problem(pair, tuning, harmonics, samples, period):
-    """Return the `MeshEquation` of checked arguments.
-
-    Raises
-    ------
-    ValueError
-        Naming the argument, its value and the allowed range.
-    """
+    """Return the `MeshEquation` of checked arguments, else ValueError."""
     takes(pair)
     tuning = check_tuning("tuning", tuning)
     period = checks.integer("period", period, 1)

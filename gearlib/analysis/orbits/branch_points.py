@@ -11,6 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
+from gearlib import checks
 from gearlib.analysis.orbits.parameters import with_parameter
 from gearlib.analysis.orbits.shooting import (
     RESIDUAL,
@@ -58,21 +59,15 @@ class Evaluation:
 
 
 class Shooting:
-    """Orbits of one period of a model, over the state and one parameter or more.
+    """Orbits of `period` mesh periods of a model, over the state and one parameter or more.
 
-    Parameters
-    ----------
-    pair : GearPair, OneDegreePair or SixDegreePair
-    tuning : float
-    period : int
-    names, scales : sequence of str, of float
-        The parameters that vary, and what change of each weighs as much as a static deflection.
-    max_events : int
+    `names` are the parameters that vary, `scales` what change of each weighs as much as a static
+    deflection.
     """
 
     def __init__(self, pair, tuning, period, names, scales, max_events):
         self.pair, self.tuning, self.period = pair, tuning, period
-        self.names, self.max_events = names, max_events
+        self.names, self.max_events = names, checks.integer("max_events", max_events, 1)
         self._propagator = None
         self.reduce, self.lift = pair.reduction()
         n = len(self.reduce)
@@ -85,13 +80,7 @@ class Shooting:
         return np.append(self.reduce @ state, values) / self.units
 
     def model(self, y):
-        """Return (pair, tuning, full state) for scaled unknowns.
-
-        Raises
-        ------
-        ValueError
-            If a parameter has left its range.
-        """
+        """Return (pair, tuning, full state) for scaled unknowns, else ValueError."""
         n = len(self.reduce)
         pair, tuning = self.pair, self.tuning
         for name, value in zip(self.names, (y * self.units)[n:], strict=True):

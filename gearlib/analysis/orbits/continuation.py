@@ -291,19 +291,7 @@ def _dataset(problem, points, name, to):
 
 
 def orbit_at(pair, branch, point, *, max_events=MAX_EVENTS):
-    """Return the `Orbit` at one point of a branch.
-
-    Parameters
-    ----------
-    pair : GearPair, OneDegreePair or SixDegreePair
-        The model whose orbit was continued.
-    branch : xarray.Dataset
-        As of `continue_orbit`.
-    point : int
-        Number of the point.
-    max_events : int
-        As of `gearlib.simulate`.
-    """
+    """Return the `Orbit` at a point, by its number, of a branch that `continue_orbit` found."""
     problem, chosen = restored(pair, branch, point, max_events)
     return as_orbit(problem, chosen)
 

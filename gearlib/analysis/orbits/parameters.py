@@ -27,14 +27,7 @@ def known(pair):
 
 
 def check_parameter(pair, name):
-    """Return the name of a parameter of a model.
-
-    Raises
-    ------
-    ValueError
-        If the model has none of this name, the message lists those it has; or if orbits of the
-        model are not followed.
-    """
+    """Return the name of a parameter over which orbits of a model are followed, else ValueError."""
     if not (is_model(pair) and (pair.mesh or pair.mesh_names)):
         raise ValueError(
             f"pair = {type(pair).__name__} is not allowed: it must be a GearPair, a OneDegreePair, "
@@ -58,13 +51,7 @@ def value_of(pair, tuning, name):
 
 
 def with_parameter(pair, tuning, name, value):
-    """Return (pair, tuning) with one parameter set.
-
-    Raises
-    ------
-    ValueError
-        If the model does not allow the value; the message names parameter, value and range.
-    """
+    """Return (pair, tuning) with one parameter set, else ValueError."""
     if name == "tuning":
         return pair, checks.finite_positive(name, value)
     if name in pair.parameters:

@@ -107,6 +107,7 @@ def periodic_orbit(pair, tuning, *, guess=None, period=1, max_events=MAX_EVENTS)
     """
     choose(pair, None, None)
     tuning, period = check_tuning("tuning", tuning), checks.integer("period", period, 1)
+    max_events = checks.integer("max_events", max_events, 1)
     repeats = pair.repeats
     if period % repeats:
         raise ValueError(

@@ -115,14 +115,9 @@ def _root(problem, a, b, test):
 
 
 def grazing(problem, a, b):
-    """Return the points just before and just after the first change of the contact pattern.
+    """Return the points just before and after the first change of the contact pattern, or `Lost`.
 
     The first of them carries the label.
-
-    Raises
-    ------
-    Lost
-        If the branch could not be followed on the chord.
     """
     low, high, before = 0.0, 1.0, a
     while high - low > _PLACE:

@@ -26,12 +26,7 @@ class Lost(RuntimeError):
 
 
 def correct(problem, start, row):
-    """Return (y, evaluation, corrections) on the curve, in the plane row . (y - start) = 0.
-
-    Raises
-    ------
-    Lost
-    """
+    """Return (y, evaluation, corrections) on the curve where row . (y - start) = 0, or `Lost`."""
     y = start.copy()
     for count in range(_MAX_NEWTON):
         found = problem.evaluate(y)
@@ -49,13 +44,7 @@ def correct(problem, start, row):
 
 
 def tangent(jacobian, along):
-    """Return the unit tangent of the curve, shape (n + 1,), whose product with `along` is > 0.
-
-    Raises
-    ------
-    Lost
-        At a point where the curve has no single tangent.
-    """
+    """Return the unit tangent, shape (n + 1,), of positive product with `along`, or `Lost`."""
     _, sizes, rows = np.linalg.svd(jacobian)
     if sizes[-1] < _NO_CURVE * sizes[0]:
         raise Lost("the solutions are no single curve here")
@@ -64,12 +53,9 @@ def tangent(jacobian, along):
 
 
 def advance(problem, y, along, h, corner=False):
-    """Return (y, evaluation, tangent, corrections) a step of length h along the curve.
+    """Return (y, evaluation, tangent, corrections) a step of length h along the curve, or `Lost`.
 
-    Raises
-    ------
-    Lost
-        Also if the curve turns within the step, unless a corner is what is looked for.
+    Lost too if the curve turns within the step, unless a corner is what is looked for.
     """
     new, found, corrections = correct(problem, y + h * along, along)
     direction = tangent(found.jacobian, along)

@@ -20,6 +20,10 @@ class Refusal:
         return False
 
 
+class Uncertain(Exception):
+    """A step of a proof failed: (status, sentence)."""
+
+
 #: The steps that may fail, and what that says.
 REFUSALS = {
     "model": "no proof is written for this model",
@@ -150,11 +154,19 @@ class TrainCertificate:
 
     def as_dict(self):
         """Return all of it as plain values, enclosures as two decimals each."""
-        return as_claim("train", self) | {
-            "tuning": number(self.tuning),
-            "pair": numbers(self.pair.as_dict(), without=()),
-            "derived": numbers(self.derived),
-        }
+        return as_claim("train", self) | {"tuning": number(self.tuning)}
+
+
+@dataclass(frozen=True)
+class TrainFacts:
+    """What the numbers of a train belong to: there displacement and velocity are tuples."""
+
+    meshes: tuple  #: their names
+    contacts: tuple  #: contact code of every mesh at the start
+    coordinates: tuple  #: their names
+    fixed: tuple  #: of these 0 throughout: a free rotation is counted from them
+    derived: dict  #: numbers that the library derives from the model, exact ones in the proof
+    touched: Any = None  #: mesh and side, "drive" or "coast", of a flank line that is touched
 
 
 @dataclass(frozen=True)
@@ -175,6 +187,7 @@ class PointCertificate:
     radius: float  #: of the state, the phases and 1 / nu; see `Certificate`
     moved: float  #: most that state and tuning may lie away from the candidate
     digits: int
+    train: Any = None  #: `TrainFacts`; None: one degree of freedom
 
     def __repr__(self):
         contacts = ", ".join(_WORDS[code] for code in self.pattern)
@@ -204,6 +217,7 @@ class Tongue:
     start_interval: tuple  #: of tunings, floats: no other edge of this multiplier is there
     stop_interval: tuple
     digits: int
+    derived: Any = None  #: as of `TrainFacts`; None: one degree of freedom
 
     def __repr__(self):
         return (
@@ -261,7 +275,8 @@ class Piece:
 
     start: float
     stop: float
-    centre: tuple  #: x, nu dx/dtau and the phases of contact, exact floats
+    centre: tuple  #: x, nu dx/dtau, of a train (y, nu dy/dtau) of the coordinates that are not
+    #: fixed, and the phases of contact, exact floats
     radii: tuple  #: of the box about the centre, exact floats
 
 
@@ -277,6 +292,7 @@ class RangeCertificate:
     stability: str  #: as of `Certificate`, the same in the whole range
     reason: str
     pieces: tuple  #: of the range, `Piece`, ascending; where two meet the orbit is in both boxes
+    train: Any = None  #: `TrainFacts`; None: one degree of freedom
 
     def __repr__(self):
         contacts = ", ".join(_WORDS[code] for code in self.pattern)
@@ -302,16 +318,30 @@ def _complex(real, imaginary):
 
 def as_claim(claim, certificate):
     """Return a certificate as a dict of plain values that names its claim."""
-    values = {field.name: plain(getattr(certificate, field.name)) for field in fields(certificate)}
-    return {"claim": claim} | values | {"pair": numbers(certificate.pair.as_dict())}
+    values = {field.name: getattr(certificate, field.name) for field in fields(certificate)}
+    train = values.pop("train", None)
+    values |= vars(train) if train else {}
+    for name in ("derived", "touched"):
+        if values.get(name, 0) is None:
+            del values[name]
+        elif name == "derived" and name in values:
+            values[name] = numbers(values[name])
+    # What has no part in the motion: the teeth of a pair.
+    without = () if certificate.pair.equation is None else ("teeth",)
+    plain_values = {name: plain(value) for name, value in values.items()}
+    return {"claim": claim} | plain_values | {"pair": numbers(certificate.pair.as_dict(), without)}
 
 
-def listed(contacts, digits):
-    """Return contacts as of `Path.contacts` as a tuple of `ContactEvent`."""
-    return tuple(
-        ContactEvent(enclosure(phase, digits), before, after, enclosure(velocity, digits))
-        for phase, before, after, velocity in contacts
-    )
+def listed(contacts, digits, names=()):
+    """Return (phase, mesh, code before, code after, rate) of contacts as a tuple of events.
+
+    `MeshEvent` where the names of meshes are given, else `ContactEvent`.
+    """
+    found = []
+    for phase, mesh, before, after, rate in contacts:
+        values = enclosure(phase, digits), before, after, enclosure(rate, digits)
+        found.append(MeshEvent(*values, names[mesh]) if names else ContactEvent(*values))
+    return tuple(found)
 
 
 def plain(value):
@@ -330,11 +360,8 @@ def number(value):
     return float(value).hex()
 
 
-def numbers(value, without=("teeth",)):
-    """Return the parameters of a model with exact numbers, in lists and dicts as they are.
-
-    Left out is what has no part in the motion: of a pair the teeth.
-    """
+def numbers(value, without=()):
+    """Return the parameters of a model with exact numbers, in lists and dicts as they are."""
     if isinstance(value, dict):
         return {name: numbers(one, without) for name, one in value.items() if name not in without}
     if isinstance(value, (list, tuple)):

@@ -6,28 +6,27 @@ at most, which Newton's method for intervals encloses; or the displacement is as
 """
 
 from gearlib.analysis.proofs.balls import flint
+from gearlib.analysis.proofs.signs import ClosedCurve
 
 #: Shortest piece, as a share of its arc; most corrections of a zero.
 _SHORTEST, _CORRECTIONS = 2**-48, 40
 
 
-def extrema(path, start, states):
-    """Return balls of the smallest and of the largest displacement of a motion.
+def extrema(path, arcs, ends):
+    """Return balls of the smallest and of the largest displacement of a motion, in closed form.
 
     Parameters
     ----------
     path : Path
-    start : tuple of arb
-        (x, w) at the start.
-    states : list
+    arcs, ends : list
         Of `Path.states`.
     """
-    (x, w), last = start, path.start
+    displacement = flint().arb_mat([[1] + [0] * (path.laws.size - 1)])
     # Every one of these balls holds a displacement of the motion, and none is more extreme.
-    found = [x]
-    for node, (x_end, w_end, phase, t) in zip(path.nodes, states, strict=True):
-        found += [x_end, *_turns(node.law, x, w, x_end, t, last)]
-        x, w, last = x_end, w_end, phase
+    found = [arcs[0][0][0, 0]]
+    for node, (z, t), end in zip(path.nodes, arcs, ends, strict=True):
+        curve = ClosedCurve(node.law, z, displacement)
+        found += [end[0, 0], *_turns(curve, z[0, 0], end[0, 0], t)]
     return _least(found), -_least([-y for y in found])
 
 
@@ -35,7 +34,7 @@ def _least(balls):
     return min(y.lower() for y in balls).union(min(y.upper() for y in balls))
 
 
-def _turns(law, x, w, x_end, t, phase):
+def _turns(curve, x, x_end, t):
     """Yield balls that hold the displacement at all zeros of the velocity along an arc."""
     arb = flint().arb
     tiny = arb(2) ** (32 - flint().ctx.prec)
@@ -43,15 +42,15 @@ def _turns(law, x, w, x_end, t, phase):
     while todo:
         low, length = todo.pop()
         around = t * arb(low + 0.5 * length, 0.5 * length)
-        y, v, _ = law.go(x, w, around, phase)
+        y, v = curve.at(around)
         if v > 0 or v < 0:
             continue
-        bend = law.acceleration(y, v, phase, around)
+        bend = curve.bend(around)
         if bend > 0 or bend < 0:
-            around = _zero(law, x, w, around, phase)
+            around = _zero(curve, around)
             if around is None:
                 continue
-            y, _, _ = law.go(x, w, around, phase)
+            y, _ = curve.at(around)
         elif y.rad() > tiny and length > _SHORTEST:
             todo += [(low, 0.5 * length), (low + 0.5 * length, 0.5 * length)]
             continue
@@ -60,12 +59,11 @@ def _turns(law, x, w, x_end, t, phase):
         yield y if around < t else y.union(x_end)
 
 
-def _zero(law, x, w, around, phase):
+def _zero(curve, around):
     """Return the ball of times within which the velocity may be zero; None: it is not."""
     for _ in range(_CORRECTIONS):
-        y, v, _ = law.go(x, w, around, phase)
         middle = around.mid()
-        newton = middle - law.go(x, w, middle, phase)[1] / law.acceleration(y, v, phase, around)
+        newton = middle - curve.at(middle)[1] / curve.bend(around)
         if not newton.overlaps(around):
             return None
         narrower = newton.intersection(around)

@@ -2,32 +2,51 @@
 
 import math
 from functools import partial
+from itertools import pairwise, product
 from typing import Any
 
 from gearlib import checks
-from gearlib.analysis.orbits.shooting import Orbit
-from gearlib.analysis.proofs.balls import digits_of, enclosure, flint, precision
-from gearlib.analysis.proofs.certificates import Certificate, Refusal, listed
+from gearlib.analysis.proofs.balls import COARSE, digits_of, enclosure, flint, precision
+from gearlib.analysis.proofs.candidate import check_model, check_orbit, laws_of, listed_contacts
+from gearlib.analysis.proofs.certificates import (
+    Certificate,
+    Refusal,
+    TrainCertificate,
+    TrainFacts,
+    Uncertain,
+    listed,
+)
 from gearlib.analysis.proofs.extrema import extrema
-from gearlib.analysis.proofs.krawczyk import enclose, polish, uniqueness
-from gearlib.analysis.proofs.laws import Laws
-from gearlib.analysis.proofs.path import SWITCH, Path, Uncertain
+from gearlib.analysis.proofs.krawczyk import (
+    LARGEST,
+    WRONG,
+    check_derivative,
+    enclose,
+    image,
+    polish,
+    uniqueness,
+)
+from gearlib.analysis.proofs.multipliers import eigenvalues, judge, judge_two, of_two
+from gearlib.analysis.proofs.path import Path
 from gearlib.analysis.proofs.signs import check_contacts
-from gearlib.kernels import orbit as columns
-from gearlib.models.model import is_model
-from gearlib.runs.run_arguments import MAX_EVENTS
+from gearlib.analysis.proofs.windows import Windows, close
 
 #: Farthest that the proven state may lie from the candidate's, in static deflections.
 REACH = 1e-8
-#: Bits beyond the digits asked for, and how often they are doubled.
-_GUARD, _DOUBLINGS = 64, 3
+#: Bits beyond the digits asked for, where contacts come together too; how often they are doubled.
+_GUARD, _MORE, _DOUBLINGS = 64, 320, 3
 #: Status and sentence where the derivative is singular.
 FOLD = (
     "fold",
     "the derivative of the equations has no inverse: a multiplier 1 is here, or too near to tell",
 )
-#: Where trace and determinant decide nothing at their precision.
-UNCERTAIN_STABILITY = "undecided", "the enclosure of a multiplier meets the unit circle"
+#: How often contacts at nearly one phase are put into another order; what is near, and the bits
+#: that tell most of them apart.
+_ORDERS, _NEAR, _SORTING = 3, 1e-9, 96
+#: By how much derivatives in an order and through windows may differ.
+_SAME = 2.0**-32
+#: A box that shows how large a box about the orbit may be, and how often a smaller one is tried.
+_SMALL, _TRIES = 2.0**-24, 20
 
 
 def certify(orbit, digits=30):
@@ -64,20 +83,25 @@ def certify(orbit, digits=30):
     orbit lies within 1e-8 static deflections of the candidate and has its contacts, in its order,
     and no others. Method: Krawczyk's test in ball arithmetic, see the page on proofs.
     """
-    if not isinstance(orbit, Orbit):
-        raise ValueError(f"orbit = {orbit!r} is not allowed: it must be an Orbit")
+    check_orbit(orbit)
     digits = checks.integer("digits", digits, 10, 300)
     try:
-        model: Any = orbit.pair
-        if model.equation is None:
-            from gearlib.analysis.proofs.trains.orbits import train_certificate
-
-            return train_certificate(orbit, digits)
         check_model(orbit.pair)
-        contact, events = listed_contacts(orbit)
-        return first_with(digits, lambda: Proof(orbit, contact, events).certificate(digits))
+        contacts = listed_contacts(orbit)
+        return proven(digits, lambda: Proof(orbit, *contacts).certificate(digits))
     except Uncertain as reason:
         return Refusal(*reason.args)
+
+
+def proven(digits, step):
+    """Return what a step gives, with more bits where contacts come together."""
+    try:
+        return first_with(digits, step)
+    except Uncertain as reason:
+        if reason.args[0] != "together":
+            raise
+        # Windows of contacts at once widen from one to the next.
+        return first_with(digits, step, _MORE)
 
 
 def first_with(digits, step, guard=_GUARD):
@@ -99,61 +123,7 @@ def first_with(digits, step, guard=_GUARD):
     raise Uncertain("precision", f"only {reached} digits were reached, not {digits}")
 
 
-def check_model(pair):
-    """Raise `Uncertain` for a model without a proof."""
-    if pair.equation is None or not pair.equation.is_piecewise_linear():
-        name = type(pair).__name__
-        raise Uncertain(
-            "model",
-            "proofs are written for one degree of freedom with linear phases of contact, not for "
-            f"this {name}",
-        )
-
-
-def check_pair(pair):
-    """Raise `Uncertain` for a model that is no `GearPair`: its laws depend on the tuning."""
-    if not is_model(pair):
-        raise ValueError(f"pair = {pair!r} is not allowed: it must be a GearPair")
-    if pair.mesh is not pair:
-        name = type(pair).__name__
-        raise Uncertain("model", f"over the tuning only a GearPair is proven, not a {name}")
-
-
-def run_contacts(pair, tuning, state, period):
-    """Return (first contact code, events) of a motion in floating point: a candidate.
-
-    Events are (phase, code before, code after), phases counted on over the mesh periods.
-    """
-    events, summary, _ = pair.propagator(tuning).record(state, period, MAX_EVENTS)
-    if not len(events):
-        near, far = pair.flank_lines
-        low, high = summary[columns.X_MIN], summary[columns.X_MAX]
-        return (1 if high > near else 0 if low > far else -1), []
-    table = [
-        (
-            2.0 * math.pi * row[columns.EVENT_PERIOD] + row[columns.EVENT_PHASE],
-            int(row[columns.EVENT_FROM]),
-            int(row[columns.EVENT_TO]),
-        )
-        for row in events
-    ]
-    return table[0][1], table
-
-
-def listed_contacts(orbit):
-    """Return (first contact code, events) of the motion from a candidate, which lists them."""
-    contact, events = run_contacts(orbit.pair, orbit.tuning, orbit.state, orbit.period)
-    pattern = (contact, *(after for _, _, after in events))
-    if pattern != tuple(orbit.pattern):
-        raise Uncertain(
-            "contacts",
-            f"the motion from the candidate has the contacts {pattern}, not the listed "
-            f"{tuple(orbit.pattern)}",
-        )
-    return contact, events
-
-
-def enclosed(system, centre, inverse, given):
+def _enclosed(system, centre, inverse, given):
     """Return the box with one orbit, of state and phases, and how far it is from the given state.
 
     Raises
@@ -174,6 +144,28 @@ def enclosed(system, centre, inverse, given):
     return box, moved
 
 
+def pattern_of(codes, contacts):
+    """Return the contact codes in the order met, as those of an `Orbit`."""
+    return (contacts[0][2], *(one[3] for one in contacts)) if contacts else tuple(codes)
+
+
+def state_of(laws, box, scale, digits):
+    """Return the enclosures of displacement and dx/dtau, of a train tuples of all coordinates."""
+    within = partial(enclosure, digits=digits)
+    if not laws.framed:
+        return within(box[0]), within(box[1] * scale)
+    return tuple(tuple(map(within, half)) for half in laws.spread(box, scale))
+
+
+def train_of(laws, codes, touch=None):
+    """Return the `TrainFacts` of the laws of a train; None: of one degree of freedom."""
+    if not laws.framed:
+        return None
+    touched = None if touch is None else (laws.mesh_names[touch[1]], ("coast", "drive")[touch[2]])
+    fixed = tuple(laws.coordinates[i] for i in laws.fixed)
+    return TrainFacts(laws.mesh_names, tuple(codes), laws.coordinates, fixed, laws.derived, touched)
+
+
 class Proof:
     """The steps of the proof of one orbit, at the present precision.
 
@@ -183,72 +175,146 @@ class Proof:
         At the first step that fails.
     """
 
-    def __init__(self, orbit, contact, events):
-        arb = flint().arb
-        self.orbit, self.laws = orbit, Laws(orbit.pair, orbit.tuning)
-        self.scale = 1 / arb(orbit.tuning)
-        self.path = Path(self.laws, contact, events, orbit.period)
-        given = arb(float(orbit.state[0])), arb(float(orbit.state[1])) * orbit.tuning
-        system = lambda u: self.path.equations(u, self.scale)  # noqa: E731
-        self.centre, inverse = polish(system, [*given, *self.path.guess], FOLD)
-        self.box, self.moved = enclosed(system, self.centre, inverse, given)
-        x, w, *phases = self.box
-        self.states = self.path.states(x, w, phases, self.scale)
-        check_contacts(self.path, (x, w), self.states)
-        self.radius = uniqueness(system, self.centre, inverse, FOLD)
+    def __init__(self, orbit, codes, events):
+        self.orbit, self.codes = orbit, tuple(codes)
+        self.laws = laws = laws_of(orbit.pair, orbit.tuning)
+        self.scale = 1 / laws.tuning
+        if orbit.period % laws.repeats:
+            raise Uncertain(
+                "period",
+                f"the excitation repeats after {laws.repeats} mesh periods, not after "
+                f"{orbit.period}",
+            )
+        given = laws.start(orbit.state)
+        self.centre, inverse = self._polished(given, events)
+        system, n = self.system, len(given)
+        windows = Windows(self.path, codes, self.centre[n:]) if laws.framed else None
+        if windows and windows.any():
+            system = windows.equations
+            self._check_derivative(windows)
+            self.centre, inverse = polish(system, self.centre[:n], FOLD)
+        else:
+            windows = None
+        self.box, self.moved = _enclosed(system, self.centre, inverse, given)
+        if windows:
+            self.phases, self.speeds, self.ends, self.map = windows.proven(self.box)
+            system = windows.equations_or_nothing
+        else:
+            self.phases = self.box[n:]
+            self.arcs, self.ends = self.path.states(self.box, self.scale)
+            self.speeds = check_contacts(
+                self.path, self.arcs, self.ends, self.path.phases(self.phases)
+            )
+            _, rows = self.path.equations(self.box, self.scale, flint().ctx.prec)
+            self.map = self.path.monodromy(rows)
         self._check_period()
+        # Few bits suffice for a radius, but not for windows.
+        with precision(flint().ctx.prec if windows or not laws.framed else COARSE):
+            self.radius = self._radius(system, inverse)
+
+    def system(self, unknowns):
+        """Return the equations at the tuning of the orbit."""
+        return self.path.equations(unknowns, self.scale)
+
+    def _check_derivative(self, windows):
+        """Hold the derivative through windows against that in the one order that was found.
+
+        Differences would say nothing: at another place than their middle windows are as wide as the
+        step to it.
+        """
+        n = 2 * len(self.laws.kept)
+        residuals, rows = self.system(self.centre)
+        check_derivative(self.system, self.centre, residuals)
+        ordered = self.path.monodromy(rows)
+        _, rows = windows.equations(self.centre[:n])
+        for i, j in product(range(n), repeat=2):
+            apart = ordered[i, j] - (i == j) - rows[i][j]
+            if not abs(apart).lower() < _SAME * max(1, abs(ordered[i, j])):
+                raise Uncertain(*WRONG)
+
+    def _radius(self, system, inverse, small=_SMALL):
+        """Return the radius of uniqueness; `small` is one that shows how large it may be."""
+        n = len(self.centre)
+        for _ in range(_TRIES):
+            shift = image(system, self.centre, [small] * n, inverse, [0] * n)
+            # The share of a box that its image fills grows with the box.
+            share = float(max(abs(s) for s in shift).upper()) / small
+            if share < 1.0:
+                break
+            small *= _SMALL
+        largest = min(LARGEST, small / _SMALL, 0.5 * small / max(share, small))
+        return uniqueness(system, self.centre, inverse, FOLD, largest)
+
+    def _path(self, events, framed=None):
+        return Path(self.laws, self.codes, events, self.orbit.period, framed=framed)
+
+    def _polished(self, given, events):
+        """Return (midpoints of a zero, inverse of the derivative); the contacts in their order."""
+        n = len(given)
+        start, events = self._ordered(given, events)
+        for _ in range(_ORDERS):
+            self.path = self._path(events)
+            centre, inverse = polish(self.system, [*start, *self.path.guess], FOLD)
+            # What coincides has no order.
+            if all(a - b < close() for a, b in pairwise(centre[n:])):
+                break
+            events = [(centre[n + i], *events[i][1:]) for i in _order(centre[n:])]
+        return centre, inverse
+
+    def _ordered(self, start, events):
+        """Return state and events; where floats may have mixed up their order, in a better one."""
+        phases = [phase for phase, *_ in events]
+        if len(self.codes) == 1 or not any(b - a < _NEAR for a, b in pairwise(phases)):
+            return start, events
+        with precision(_SORTING):
+            self.path = self._path(events, framed=False)
+            centre, _ = polish(self.system, [*start, *self.path.guess], FOLD)
+        n = len(start)
+        return centre[:n], [(centre[n + i], *events[i][1:]) for i in _order(centre[n:])]
 
     def _check_period(self):
-        """Refuse an orbit that repeats earlier: with the same contacts, and the same state."""
-        count, period = len(self.box) - 2, self.orbit.period
-        for part in range(1, period):
-            if period % part or count * part % period:
-                continue
-            first = self.states_at(part)
-            if all(a.overlaps(b) for a, b in zip(first, self.box, strict=False)):
+        """Refuse an orbit that repeats earlier: the states at the ends of its repeats differ."""
+        period, repeats, n = self.orbit.period, self.laws.repeats, 2 * len(self.laws.kept)
+        for count, node in enumerate(self.path.ends, start=1):
+            part = count * repeats
+            end = (self.laws.basis * self.ends[node]).entries()[:n]
+            if period % part == 0 and all(map(flint().arb.overlaps, end, self.box)):
                 plural = "s" * (part > 1)
                 raise Uncertain(
                     "period",
                     f"it repeats after {part} mesh period{plural} already, not after {period}",
                 )
 
-    def states_at(self, part):
-        """Return the enclosure of (x, w) after some whole mesh periods."""
-        turn = 2 * flint().arb.pi() * part
-        (x, w), last = self.box[:2], self.path.start
-        for node, (x_end, w_end, phase, _) in zip(self.path.nodes, self.states, strict=True):
-            if phase.overlaps(turn):
-                if node.kind == SWITCH:
-                    # Only a switch at the start of a period is this close to it: they are one.
-                    return x_end, w_end
-                raise Uncertain(
-                    "switch", f"a contact may coincide with the start of mesh period {part}"
-                )
-            if phase > turn:
-                t = (turn - last) * self.scale
-                return node.law.go(x, w, t, last)[:2]
-            x, w, last = x_end, w_end, phase
-        return x, w
-
     def certificate(self, digits):
-        """Return (the `Certificate`, the digits that its enclosures have)."""
-        orbit, rate = self.orbit, self.scale
-        matrix, determinant = self.path.monodromy([t for *_, t in self.states])
-        trace = flint().arb(matrix[0] + matrix[3])
-        multipliers = eigenvalues(trace, determinant)
-        stability, reason = judge(trace, determinant)
-        contacts = self.path.contacts(self.states, rate)
-        x, v = self.box[0], self.box[1] * rate
-        least, most = extrema(self.path, self.box[:2], self.states)
-        numbers = [x, v, least, most, trace, determinant]
-        numbers += [part for one in multipliers for part in one]
-        numbers += [value for phase, _, _, speed in contacts for value in (phase, speed)]
-        within = partial(enclosure, digits=digits)
+        """Return (the `Certificate` or `TrainCertificate`, the digits that its enclosures have)."""
+        found = self._of_train if self.laws.framed else self._of_one_degree
+        return found(digits, partial(enclosure, digits=digits))
+
+    def contacts(self):
+        """Return [(phase, mesh, code before, code after, rate of distance by tau)]."""
+        return [
+            (phase, node.mesh, node.before, node.after, speed * self.scale)
+            for node, phase, speed in zip(
+                self.path.contacts(), self.phases, self.speeds, strict=True
+            )
+        ]
+
+    def _of_one_degree(self, digits, within):
+        orbit, matrix = self.orbit, self.map
+        determinant = self.path.determinant([t for _, t in self.arcs])
+        trace = matrix[0, 0] + matrix[1, 1]
+        multipliers = [(one.real, one.imag) for one in of_two(trace, determinant)]
+        stability, reason = judge_two(trace, determinant)
+        contacts = self.contacts()
+        x, v = self.box[0], self.box[1] * self.scale
+        least, most = extrema(self.path, self.arcs, self.ends)
+        numbers = [x, v, least, most, trace, determinant, *(b for one in multipliers for b in one)]
+        numbers += [ball for phase, *_, speed in contacts for ball in (phase, speed)]
         found = Certificate(
             orbit.pair,
             orbit.tuning,
             orbit.period,
-            (self.path.contact, *(after for _, _, after, _ in contacts)),
+            (*self.codes, *(after for *_, after, _ in contacts)),
             within(x),
             within(v),
             listed(contacts, digits),
@@ -258,40 +324,44 @@ class Proof:
             float(self.moved),
             within(trace),
             within(determinant),
-            tuple((within(real), within(imaginary)) for real, imaginary in multipliers),
+            tuple(tuple(map(within, one)) for one in multipliers),
             stability,
             reason,
             digits,
         )
-        return found, min(digits_of(value) for value in numbers)
+        return found, min(map(digits_of, numbers))
 
-
-def eigenvalues(trace, determinant):
-    """Return the multipliers, the larger first: pairs of balls, real and imaginary part."""
-    arb, half = flint().arb, trace / 2
-    square = half * half - determinant
-    if square < 0:
-        root = (-square).sqrt()
-        return (half, root), (half, -root)
-    if square > 0:
-        root = square.sqrt()
-        # The larger root without cancellation, the other by the product.
-        large = half + root if trace > 0 else half - root
-        return (large, arb(0)), (determinant / large, arb(0))
-    size = arb(0, abs(square).upper().sqrt().upper())
-    return (half + size, size), (half + size, size)
-
-
-def judge(trace, determinant):
-    """Return (stability, reason): Jury's conditions on trace and determinant."""
-    if determinant > 1 or abs(trace) > 1 + determinant:
-        return "unstable", "a multiplier lies outside the unit circle"
-    if determinant < 1 and abs(trace) < 1 + determinant:
-        return "stable", "both multipliers lie inside the unit circle"
-    if determinant == 1 and abs(trace) < 2:
-        return (
-            "undecided",
-            "nothing is damped on its way: both multipliers lie on the unit circle, exactly, and "
-            "decide nothing",
+    def _of_train(self, digits, within):
+        orbit, laws = self.orbit, self.laws
+        multipliers = eigenvalues(self.map)
+        stability, reason = judge(multipliers)
+        displacement, velocity = laws.spread(self.box, self.scale)
+        contacts = self.contacts()
+        numbers = [*displacement, *velocity]
+        numbers += [ball for phase, *_, speed in contacts for ball in (phase, speed)]
+        numbers += [part for one in multipliers for part in (one.real, one.imag)]
+        found = TrainCertificate(
+            orbit.pair,
+            orbit.tuning,
+            orbit.period,
+            laws.mesh_names,
+            self.codes,
+            laws.coordinates,
+            tuple(laws.coordinates[i] for i in laws.fixed),
+            tuple(map(within, displacement)),
+            tuple(map(within, velocity)),
+            listed(contacts, digits, laws.mesh_names),
+            self.radius,
+            float(self.moved),
+            tuple((within(one.real), within(one.imag)) for one in multipliers),
+            stability,
+            reason,
+            digits,
+            laws.derived,
         )
-    return UNCERTAIN_STABILITY
+        return found, min(map(digits_of, numbers))
+
+
+def _order(phases: Any):
+    """Return the numbers of phases in their order."""
+    return sorted(range(len(phases)), key=phases.__getitem__)

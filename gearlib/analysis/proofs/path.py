@@ -1,18 +1,25 @@
 """An orbit as a system of equations: its state, all phases of its contacts, and their derivatives.
 
 A path runs from tau = 0 through nodes: switches of the stiffness at known phases, contacts gained
-and lost at unknown ones, perhaps a touch of a flank line. Unknowns are the state (x, w) at tau = 0,
-w = dx/dt, the phases of the contacts, that of the touch, and 1 / nu where the tuning is asked for
-as well. The equations: x lies on the flank line at each contact; at a touch w = 0 too; the state
-returns. All flights are closed forms, so is the derivative.
+and lost at unknown ones, perhaps a touch of a flank line. Unknowns are the state at tau = 0,
+(y, dy/dtheta) of its laws, the phases of the contacts, that of the touch, and 1 / nu where the
+tuning is asked for as well. The equations: at each contact the mesh's distance from its flank line
+is 0; at a touch its rate too; the state returns. Arcs are linear flows, so is the derivative.
 """
 
 from dataclasses import dataclass
 from typing import Any
 
-from gearlib.analysis.proofs.balls import flint
+from gearlib.analysis.proofs import arcs
+from gearlib.analysis.proofs.balls import COARSE, flint, precision
+from gearlib.analysis.proofs.certificates import Uncertain
+from gearlib.kernels.codes import NORMAL
 
+#: Numbers of the two sides of a tooth, as in tables of the models.
+COAST, DRIVE = 0, 1
 SWITCH, CONTACT, TOUCH, END = range(4)
+#: Most arcs of an orbit.
+_MOST = 1000
 
 
 @dataclass(frozen=True)
@@ -22,227 +29,296 @@ class Node:
     kind: int
     law: Any  #: of the arc that ends here
     phase: Any = None  #: a ball; None: unknown
-    before: int = 0  #: contact code of the arc that ends here
+    mesh: int = -1  #: of a contact or touch
+    side: int = DRIVE  #: of the flank line that is crossed
+    before: int = 0  #: contact code of the mesh before
     after: int = 0
 
 
-class Uncertain(Exception):
-    """A step of a proof failed: (status, sentence)."""
-
-
 class Path:
-    """The nodes of a motion over mesh periods.
+    """The nodes of a motion, and its equations.
 
     Parameters
     ----------
-    laws : Laws
-    contact : int
-        Contact code at tau = 0.
-    events : list of (phase, code before, code after)
-        As a run in floating point has them; phases count on over the periods.
+    laws : ClosedLaws or TrainLaws
+    codes : list of int
+        Contact codes of all meshes at the start.
+    events : list of (phase, mesh, code before, code after, ...)
+        In their order, as a run in floating point has them; phases, floats or balls, count on over
+        the periods.
     period : int
     touch : tuple, optional
-        Phase at which a flank line is touched, and its displacement.
+        Phase at which a flank line is touched, its mesh and side.
     start : arb, default 0
-        Mesh phase from 0 to 2 pi, away from a switch, at which the path begins and ends.
+        Mesh phase, away from a switch, at which the path begins and ends.
+    framed : bool, optional
+        Whether boxes turn with the motion; of use where there are many coordinates, and they are
+        wide, or the bits are many. By default as the laws have it.
 
     Raises
     ------
     Uncertain
-        If an event and a switch of the stiffness cannot be told apart.
+        If the contacts do not follow from each other, or are too many.
     """
 
-    def __init__(self, laws, contact, events, period, touch=None, start=0):
-        arb = flint().arb
-        self.laws, self.contact, self.start = laws, contact, arb(start)
+    def __init__(self, laws, codes, events, period, touch=None, start=0, framed=None):
+        arb, now = flint().arb, list(codes)
+        self.laws, self.codes, self.start = laws, tuple(codes), arb(start)
         turn = 2 * arb.pi()
-        end = self.start + period * turn
-        switches = [
-            (phase + n * turn, SWITCH, segment)
-            for n in range(period + 1)
-            for phase, segment in laws.switches
-        ]
-        segment = laws.first
-        for phase, _, following in switches:
-            if phase < self.start:
-                segment = following
-        marks = [mark for mark in switches if self.start < mark[0] < end]
-        marks += [(arb(phase), CONTACT, (before, after)) for phase, before, after in events]
+        end = self.start + turn * period
+        marks: list = []
+        segment = 0
+        # Where a period begins nothing need change: then it is a node of use for `ends` only.
+        idle = laws.segments[0][1] == laws.segments[-1][1] and self.start > 0
+        for n in range(0, period + laws.repeats, laws.repeats):
+            for i, (phase, following) in enumerate(laws.segments):
+                at = phase + turn * n
+                if at < end and at > self.start and not (idle and i == 0):
+                    marks.append((at, SWITCH, (following, i == 0)))
+                elif not at > self.start:
+                    segment = following
+        marks += [(arb(phase), CONTACT, what[:3]) for phase, *what in events]
         if touch is not None:
-            phase, self.touched = touch
-            marks.append((arb(phase), TOUCH, None))
+            marks.append((arb(touch[0]), TOUCH, touch[1:]))
+        if len(marks) >= _MOST:
+            raise Uncertain("together", f"{len(marks)} arcs are too many: {_MOST} are allowed")
+        # Events that floats do not tell apart stay in their order.
         marks.sort(key=lambda mark: float(mark[0].mid()))
+        #: Numbers of the nodes at which a common period ends, and the next one begins.
+        self.ends = []
         self.nodes, self.guess = [], []
         for phase, kind, what in marks:
-            law = laws.law(contact, segment)
+            law = laws.law(now, segment)
             if kind == SWITCH:
-                self.nodes.append(Node(SWITCH, law, phase, contact, contact))
-                segment = what
+                segment, whole = what
+                if whole:
+                    self.ends.append(len(self.nodes))
+                self.nodes.append(Node(SWITCH, law, phase))
                 continue
-            before, after = what or (contact, contact)
-            if before != contact:
-                raise Uncertain("contacts", "the contacts do not follow from each other")
-            self.nodes.append(Node(kind, law, None, before, after))
             self.guess.append(phase)
-            contact = after
-        self.nodes.append(Node(END, laws.law(contact, segment), end, contact, contact))
+            if kind == TOUCH:
+                mesh, side = what
+                self.nodes.append(Node(TOUCH, law, None, mesh, side, now[mesh], now[mesh]))
+                continue
+            mesh, before, after = what
+            if before != now[mesh]:
+                raise Uncertain("contacts", "the contacts do not follow from each other")
+            side = DRIVE if NORMAL in (before, after) else COAST
+            self.nodes.append(Node(CONTACT, law, None, mesh, side, before, after))
+            now[mesh] = after
+        self.nodes.append(Node(END, laws.law(now, segment), end))
+        framed = laws.framed if framed is None else framed
+        if framed:
+            self.arcs = arcs.framed(self)
+        else:
+            self.arcs = [arcs.Arc(node.law) for node in self.nodes]
 
     def phases(self, unknown):
         """Return the phase of every node; `unknown` are those that are not known."""
         unknown = iter(unknown)
         return [next(unknown) if node.phase is None else node.phase for node in self.nodes]
 
-    def line(self, node):
-        """Return the flank line of a contact or of a touch."""
-        touches = node.kind == TOUCH
-        return self.touched if touches else self.laws.line(node.before, node.after)
+    def contacts(self):
+        """Return the nodes at which contact is gained or lost."""
+        return [node for node in self.nodes if node.kind == CONTACT]
 
-    def equations(self, unknowns, scale=None):
+    def column(self, state):
+        """Return z~ at the start, shape (size, 1), of (y, dy/dtheta)."""
+        rest = [1]
+        for frequency in self.laws.frequencies:
+            sine, cosine = (arcs.ball_of(frequency) * self.start).sin_cos()
+            rest += [cosine, sine]
+        values = [*state, *rest]
+        return self.laws.inverse * flint().arb_mat(len(values), 1, values)
+
+    def equations(self, unknowns, scale=None, bits=None, direction=None):
         """Return (residuals, derivatives by the unknowns, a row each).
 
         Parameters
         ----------
         unknowns : list of arb
-            x, w, phases; 1 / nu if `scale` is not given.
+            State, phases; 1 / nu if `scale` is not given.
         scale : arb, optional
             1 / nu.
+        bits : int, optional
+            Of the derivatives; by default as many as Newton's method has a use for.
+        direction : list of arb, optional
+            Of state and phases, one for each. Then a third value is returned: the derivatives of
+            what the residuals change by along it.
         """
-        n, free = len(unknowns), scale is None
-        if free:
-            scale = unknowns[-1]
-        x, w = unknowns[:2]
-        gx, gw = [0] * n, [0] * n
-        gx[0] = gw[1] = 1
-        residuals, rows = [], []
-        last, last_column, column = self.start, None, 2
-        for node, phase in zip(self.nodes, self.phases(unknowns[2 : n - free]), strict=True):
-            law, span = node.law, phase - last
+        arb_mat, laws = flint().arb_mat, self.laws
+        n, size, m = 2 * len(laws.kept), laws.size, len(unknowns)
+        tuned = scale is None
+        scale = unknowns[-1] if tuned else scale
+        bits = bits or max(COARSE, flint().ctx.prec // 3)
+        z, slopes = self.column(unknowns[:n]), arb_mat(size, m)
+        for i in range(size):
+            for j in range(n):
+                slopes[i, j] = laws.inverse[i, j]
+        along = None if direction is None else _Along(self, slopes, direction[:n])
+        residuals, rows, bends = [], [], []
+        last, last_column, last_way, column = self.start, None, 0, n
+        phases = self.phases(unknowns[n : m - tuned])
+        ways = self.phases(direction[n:]) if along else phases
+        for node, phase, way, arc in zip(self.nodes, phases, ways, self.arcs, strict=True):
+            span, way = phase - last, 0 if node.phase is not None else way
             t = span * scale
-            speed = w, law.acceleration(x, w, last)
-            x, w, (p11, p12, p21, p22) = law.go(x, w, t, last)
-            a = law.acceleration(x, w, phase)
+            #: Of the arc's time, by the phases at its ends and by 1 / nu.
+            by_end, by_scale = [], [(m - 1, span)] if tuned else []
+            turn = arc.turn(t)
+            if along:
+                along.begin(arc, z, slopes, (way - last_way) * scale, way - last_way, m)
             if last_column is not None:
                 # The later the arc begins, the less of it there is.
-                gx[last_column] -= scale * speed[0]
-                gw[last_column] -= scale * speed[1]
-            gx, gw = (
-                [p11 * i + p12 * j for i, j in zip(gx, gw, strict=True)],
-                [p21 * i + p22 * j for i, j in zip(gx, gw, strict=True)],
-            )
-            moved, last, last_column = [], phase, None
+                arcs.add(slopes, last_column, arc.begins * z * -scale)
+                by_end.append((last_column, -scale))
+            z = arc.go(z, t)
+            with precision(bits):
+                slopes = arc.after(slopes, turn)
             if node.phase is None:
-                moved.append((column, scale))
+                by_scale.append((column, scale))
                 last_column = column
                 column += 1
-            if free:
-                moved.append((n - 1, span))
-            for i, rate in moved:
-                gx[i] += w * rate
-                gw[i] += a * rate
+            else:
+                last_column = None
+            if by_scale:
+                speed = arc.ends * z
+                for k, rate in by_scale:
+                    arcs.add(slopes, k, speed * rate)
+            if along:
+                along.end(arc, turn, by_end + by_scale)
+            last, last_way = phase, way
             if node.kind in (CONTACT, TOUCH):
-                line = self.line(node)
-                residuals.append(x - line)
-                rows.append(gx)
-                # From here on the state lies on the line, as the equation says.
-                x, gx = line, [0] * n
+                found = [laws.distances[node.mesh][node.side]]
                 if node.kind == TOUCH:
-                    residuals.append(w)
-                    rows.append(gw)
-                    w, gw = flint().arb(0), [0] * n
-        gx[0] -= 1
-        gw[1] -= 1
-        return [*residuals, x - unknowns[0], w - unknowns[1]], [*rows, gx, gw]
+                    found.append(found[0] * node.law.matrix)
+                place = (
+                    None if arc.frame is not None else laws.on_line(node.side, node.kind == TOUCH)
+                )
+                for row in found:
+                    row = row if arc.frame is None else row * arc.frame
+                    residuals.append((row * z)[0, 0])
+                    rows.append((row * slopes).entries())
+                    if along:
+                        bends.append((row * along.slopes).entries())
+                if place is not None:
+                    # From here on the state lies on the line, as the equation says.
+                    z, slopes = place * z, place * slopes
+                    if along:
+                        along.put(place)
+        ends = laws.basis if arc.frame is None else laws.basis * arc.frame
+        z, slopes = ends * z, ends * slopes
+        back = (ends * along.slopes).tolist() if along else ()
+        for i in range(n):
+            residuals.append(z[i, 0] - unknowns[i])
+            row = [slopes[i, j] for j in range(m)]
+            row[i] -= 1
+            rows.append(row)
+        return (residuals, rows, [*bends, *back[:n]]) if along else (residuals, rows)
 
-    def states(self, x, w, unknown, scale):
-        """Return (x, w, phase, time since the last node) at each node, x the line where it is."""
-        found, last = [], self.start
-        for node, phase in zip(self.nodes, self.phases(unknown), strict=True):
+    def states(self, unknowns, scale):
+        """Return (z~ at the start, time) of every arc, and z~ at the nodes."""
+        n, last, laws = 2 * len(self.laws.kept), self.start, self.laws
+        z = start = self.column(unknowns[:n])
+        begins, ends = [], []
+        phases = self.phases(unknowns[n:])
+        for node, phase, arc in zip(self.nodes, phases, self.arcs, strict=True):
             t = (phase - last) * scale
-            x, w, _ = node.law.go(x, w, t, last)
-            if node.kind in (CONTACT, TOUCH):
-                x = self.line(node)
-            if node.kind == TOUCH:
-                w = flint().arb(0)
-            found.append((x, w, phase, t))
+            begins.append((start, t))
+            z = arc.go(z, t)
+            if node.kind in (CONTACT, TOUCH) and arc.frame is None:
+                place = laws.on_line(node.side, node.kind == TOUCH)
+                z = z if place is None else place * z
+            start = arc.out(z)
+            ends.append(start)
             last = phase
-        return found
+        return begins, ends
 
-    def contacts(self, states, scale):
-        """Return [(phase, code before, code after, dx/dtau)] of the contacts, from `states`."""
-        return [
-            (phase, node.before, node.after, w * scale)
-            for node, (_, w, phase, _) in zip(self.nodes, states, strict=True)
-            if node.kind == CONTACT
-        ]
+    def monodromy(self, rows):
+        """Return the map of small deviations of y and dy/dtheta, from rows of `equations`.
 
-    def monodromy(self, times):
-        """Return (map of small deviations over the whole path, its determinant).
-
-        Of the times since the last node, one for each. Rows one after the other, by (x, w); with
-        the saltation of Eq. (20) at every contact, and the determinant by Liouville's formula:
-        saltation has the determinant 1.
+        The phases of the contacts follow from the state: by the derivative of an implicit function.
+        Rows and columns of the tuning or of a touch have to be left out.
         """
-        matrix, loss = (1, 0, 0, 1), 0
-        for node, t in zip(self.nodes, times, strict=True):
-            matrix = product(node.law.matrix(t), matrix)
+        arb_mat, n = flint().arb_mat, 2 * len(self.laws.kept)
+        k = len(rows) - n
+        back = arb_mat([row[:n] for row in rows[k:]])
+        for i in range(n):
+            back[i, i] += 1
+        if not k:
+            return back
+        by_phases = arb_mat([row[n:] for row in rows[:k]])
+        try:
+            rates = by_phases.solve(arb_mat([row[:n] for row in rows[:k]]))
+        except ZeroDivisionError:
+            raise Uncertain("grazing", "a contact is not proven to be a crossing") from None
+        return back - arb_mat([row[n:] for row in rows[k:]]) * rates
+
+    def deviations(self, begins, ends):
+        """Return the map of small deviations, of `states` of wide boxes: saltation at contacts."""
+        laws, whole = self.laws, arcs.unit(self.laws.size)
+        for i, (node, (_, t), end) in enumerate(zip(self.nodes, begins, ends, strict=True)):
+            whole = node.law.flow(t) * whole
             if node.kind == CONTACT:
-                matrix = product((1, 0, self.laws.kick(node.before, node.after), 1), matrix)
-            loss -= 2 * node.law.damping * t
-        return matrix, flint().arb(loss).exp()
+                row = laws.distances[node.mesh][node.side]
+                kick = laws.kick(node.law, self.nodes[i + 1].law, end, row)
+                whole += kick * (row * whole)
+        return self._reduced(whole)
 
-    def trace(self, unknowns):
-        """Return (trace of the map, its determinant, the derivatives of both by the unknowns).
+    def _reduced(self, matrix):
+        """Return what a map of z~ does to (y, dy/dtheta)."""
+        n, whole = 2 * len(self.laws.kept), self.laws.basis * matrix * self.laws.inverse
+        return flint().arb_mat([row[:n] for row in whole.tolist()[:n]])
 
-        The map depends on the phases of the contacts and on 1 / nu, the last unknown, alone.
+    def determinant(self, times):
+        """Return that of the map, of the times of all arcs: by Liouville's formula.
+
+        Saltation has the determinant 1.
         """
-        scale = unknowns[-1]
-        phases = self.phases(unknowns[2:-1])
-        arcs, kicks, last = [], [], self.start
-        for node, phase in zip(self.nodes, phases, strict=True):
-            arcs.append(node.law.matrix((phase - last) * scale))
-            kick = self.laws.kick(node.before, node.after) if node.kind == CONTACT else 0
-            kicks.append((1, 0, kick, 1))
-            last = phase
-        ahead, behind = [(1, 0, 0, 1)], (1, 0, 0, 1)
-        for arc, kick in zip(arcs, kicks, strict=True):
-            ahead.append(product(kick, product(arc, ahead[-1])))
-        total = ahead[-1]
-        slopes, exponents = [0] * len(unknowns), [0] * len(unknowns)
-        column, loss = len(unknowns) - 2, 0
-        for i in range(len(arcs) - 1, -1, -1):
-            node = self.nodes[i]
-            span = phases[i] - (phases[i - 1] if i else self.start)
-            # The end of this arc moves: it lasts longer, the next one is shorter.
-            here = product(kicks[i], product(node.law.generator(), product(arcs[i], ahead[i])))
-            slopes[-1] += span * mixed_trace(behind, here)
-            exponents[-1] -= 2 * node.law.damping * span
-            loss -= 2 * node.law.damping * span * scale
-            if node.phase is None:
-                after = self.nodes[i + 1].law
-                there = product(after.generator(), ahead[i + 1])
-                slopes[column] = scale * (mixed_trace(behind, here) - mixed_trace(behind, there))
-                exponents[column] = scale * 2 * (after.damping - node.law.damping)
-                column -= 1
-            behind = product(behind, product(kicks[i], arcs[i]))
-        determinant = flint().arb(loss).exp()
-        return (
-            total[0] + total[3],
-            determinant,
-            slopes,
-            [determinant * rate for rate in exponents],
+        loss = flint().arb(0)
+        for node, t in zip(self.nodes, times, strict=True):
+            matrix = node.law.matrix
+            loss += sum((matrix[i, i] for i in range(self.laws.size)), flint().arb(0)) * t
+        return loss.exp()
+
+    def without_contacts(self, scale):
+        """Return the map of small deviations and its derivative by 1 / nu: no phase is unknown."""
+        size, last, rate = (
+            self.laws.size,
+            self.start,
+            flint().arb_mat(self.laws.size, self.laws.size),
         )
+        whole = arcs.unit(size)
+        for node in self.nodes:
+            span, last = node.phase - last, node.phase
+            flow = node.law.flow(span * scale)
+            whole = flow * whole
+            rate = flow * rate + node.law.matrix * whole * span
+        return self._reduced(whole), self._reduced(rate)
 
 
-def product(a, b):
-    """Return the product of two matrices, rows one after the other."""
-    return (
-        a[0] * b[0] + a[1] * b[2],
-        a[0] * b[1] + a[1] * b[3],
-        a[2] * b[0] + a[3] * b[2],
-        a[2] * b[1] + a[3] * b[3],
-    )
+class _Along:
+    """What changes along a direction of state and phases, and its derivatives by the unknowns."""
 
+    def __init__(self, path, slopes, direction):
+        n, size = len(direction), path.laws.size
+        self.z = flint().arb_mat([row[:n] for row in slopes.tolist()])
+        self.z = self.z * flint().arb_mat(n, 1, list(direction))
+        self.slopes = flint().arb_mat(size, slopes.ncols())
 
-def mixed_trace(a, b):
-    """Return the trace of a product of two matrices."""
-    return a[0] * b[0] + a[1] * b[2] + a[2] * b[1] + a[3] * b[3]
+    def begin(self, arc, z, slopes, away, share, m):
+        """Add what an arc's time changes by, `away`; `share` is that by 1 / nu, unknown m - 1."""
+        law = arc.begins
+        self.z += law * z * away
+        self.slopes += law * slopes * away
+        arcs.add(self.slopes, m - 1, law * z * share)
+
+    def end(self, arc, turn, rates):
+        """Go through an arc whose time has these derivatives, (column, rate)."""
+        self.z, self.slopes = turn * self.z, turn * self.slopes
+        speed = arc.ends * self.z
+        for k, rate in rates:
+            arcs.add(self.slopes, k, speed * rate)
+
+    def put(self, place):
+        self.z, self.slopes = place * self.z, place * self.slopes

@@ -9,19 +9,18 @@ branch.
 from typing import Any
 
 from gearlib import checks
-from gearlib.analysis.orbits.shooting import Orbit
 from gearlib.analysis.proofs import krawczyk
 from gearlib.analysis.proofs.balls import flint, precision
-from gearlib.analysis.proofs.certificates import Piece, RangeCertificate, Refusal
-from gearlib.analysis.proofs.orbits import (
-    FOLD,
-    UNCERTAIN_STABILITY,
-    Proof,
-    check_pair,
-    judge,
+from gearlib.analysis.proofs.candidate import (
+    check_model,
+    check_orbit,
+    laws_over_tunings,
     listed_contacts,
 )
-from gearlib.analysis.proofs.path import Uncertain
+from gearlib.analysis.proofs.certificates import Piece, RangeCertificate, Refusal, Uncertain
+from gearlib.analysis.proofs.multipliers import UNDECIDED, verdict
+from gearlib.analysis.proofs.orbits import FOLD, Proof, pattern_of, train_of
+from gearlib.analysis.proofs.path import Path
 from gearlib.analysis.proofs.signs import check_contacts
 from gearlib.runs.run_arguments import check_tuning
 
@@ -40,7 +39,8 @@ def certify_range(orbit, *, to):
     Parameters
     ----------
     orbit : Orbit
-        Of `gearlib.periodic_orbit`, of a `GearPair`; nothing it says is believed.
+        Of `gearlib.periodic_orbit`, of a model as of `gearlib.certify` without harmonics of load,
+        deviation or run-out; nothing it says is believed.
     to : float
         Tuning at which the range ends, above or below that of the orbit.
 
@@ -57,14 +57,14 @@ def certify_range(orbit, *, to):
     ImportError
         Without python-flint.
     """
-    if not isinstance(orbit, Orbit):
-        raise ValueError(f"orbit = {orbit!r} is not allowed: it must be an Orbit")
+    check_orbit(orbit)
     to = check_tuning("to", to)
     if to == orbit.tuning:
         checks.number("to", to, "another tuning than that of the orbit", lambda nu: False)
     try:
-        check_pair(orbit.pair)
+        check_model(orbit.pair)
         with precision(_BITS):
+            laws_over_tunings(orbit.pair, orbit.tuning)
             return _Range(orbit, *listed_contacts(orbit)).upto(to)
     except Uncertain as reason:
         return Refusal(*reason.args)
@@ -73,9 +73,12 @@ def certify_range(orbit, *, to):
 class _Range:
     """The branch of an orbit, piece by piece."""
 
-    def __init__(self, orbit, contact, events):
-        self.orbit, proof = orbit, Proof(orbit, contact, events)
-        self.path = proof.path
+    def __init__(self, orbit, codes, events):
+        self.orbit, self.codes, proof = orbit, codes, Proof(orbit, codes, events)
+        if len(proof.box) < 2 * len(proof.laws.kept) + len(events):
+            raise Uncertain("together", "contacts come together: no range is proven of them")
+        self.laws, self.events = proof.laws, proof.contacts()
+        self.path = Path(proof.laws, codes, events, orbit.period, framed=False)
         #: The orbit at the tuning that is reached: its enclosure, a list of balls.
         self.here = proof.box
 
@@ -87,7 +90,7 @@ class _Range:
         """Return the certificate of the range from the orbit to a tuning."""
         arb, start = flint().arb, self.orbit.tuning
         at, step = start, _FIRST * (to - start)
-        verdict: Any = None
+        judged: Any = None
         pieces: list = []
         while at != to:
             end = at + step
@@ -95,7 +98,7 @@ class _Range:
                 end = to
             scale = (1 / arb(at)).union(1 / arb(end))
             try:
-                verdict, self.here, box = self._piece(scale, 1 / arb(end), verdict)
+                judged, self.here, box = self._piece(scale, 1 / arb(end), judged)
             except Uncertain as failed:
                 step *= 0.5
                 if abs(step) < _SHORTEST * abs(to - start) or len(pieces) == _PIECES:
@@ -106,23 +109,20 @@ class _Range:
                 continue
             pieces.append(Piece(min(at, end), max(at, end), *box))
             at, step = end, _GROWTH * step
-        pattern = (
-            self.path.contact,
-            *(node.after for node in self.path.nodes if node.after != node.before),
-        )
-        stability, reason = verdict
+        stability, reason = judged
         return RangeCertificate(
             self.orbit.pair,
             min(start, to),
             max(start, to),
             self.orbit.period,
-            pattern,
+            pattern_of(self.codes, self.events),
             stability,
             reason,
             tuple(sorted(pieces, key=lambda piece: piece.start)),
+            train_of(self.laws, self.codes),
         )
 
-    def _piece(self, scale, end, verdict):
+    def _piece(self, scale, end, verdict_before):
         """Return (stability and reason, enclosure at the end, box as of `Piece`) of a piece."""
         system = self.system(scale)
         centre, inverse = krawczyk.polish(self.system(scale.mid()), self.here, FOLD)
@@ -137,13 +137,13 @@ class _Range:
         if not krawczyk.inside(shift, [_ROOM * radius for radius in radii]):
             raise Uncertain(*FOLD)
         box = [m + s for m, s in zip(centre, shift, strict=True)]
-        x, w, *phases = box
-        states = self.path.states(x, w, phases, scale)
-        check_contacts(self.path, (x, w), states)
-        matrix, determinant = self.path.monodromy([t for *_, t in states])
-        now = judge(matrix[0] + matrix[3], determinant)
-        if now == UNCERTAIN_STABILITY or verdict not in (None, now):
-            raise Uncertain("stability", f"{now[1]}, unlike before" if verdict else now[1])
+        arcs, ends = self.path.states(box, scale)
+        phases = self.path.phases(box[2 * len(self.laws.kept) :])
+        check_contacts(self.path, arcs, ends, phases)
+        matrix = self.path.deviations(arcs, ends)
+        now = verdict(matrix, self.path.determinant([t for _, t in arcs]))
+        if now == UNDECIDED or verdict_before not in (None, now):
+            raise Uncertain("stability", f"{now[1]}, unlike before" if verdict_before else now[1])
         # The whole boxes hold one orbit each: it has to lie in both where they meet.
         wide = [flint().arb(m, r) for m, r in zip(centre, radii, strict=True)]
         middle, inverse = krawczyk.polish(self.system(end), centre, FOLD)

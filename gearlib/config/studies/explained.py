@@ -142,15 +142,13 @@ BRANCHES = Study(
         {
             "branches": (
                 "Beside Fig. 3: folds and grazings, and what moves them",
-                lambda c: (
-                    f"""Above: height of the orbits of one mesh period, and of two where they
-                branch off, over the tuning for the damping {c.branches.loci.damping}, solid where
-                stable, dashed where unstable. At a fold two orbits meet and vanish: a sweep jumps
-                there. At a grazing the orbit just touches a flank line. Below: how these points
-                move with the damping ratio; the dotted line is the damping of the picture above.
-                Above the top of a line of grazings contact is no longer lost, or the far flank no
-                longer reached; where two lines of folds meet, hysteresis ends."""
-                ),
+                """Above: height of the orbits of one mesh period, and of two where they branch
+                off, over the tuning for the damping {c.branches.loci.damping}, solid where
+                stable, dashed where unstable. At a fold two orbits meet and vanish: a sweep
+                jumps there. At a grazing the orbit just touches a flank line. Below: how these
+                points move with the damping ratio; the dotted line is the damping of the picture
+                above. Above the top of a line of grazings contact is no longer lost, or the far
+                flank no longer reached; where two lines of folds meet, hysteresis ends.""",
             )
         },
     ),
@@ -160,8 +158,19 @@ CERTIFICATES = Study(
     "certificates",
     Certificates,
     EXPLANATIONS,
-    results=lambda c: ["certificates.json", "certificates.csv"],
-)  # its rule has a script of its own
+    Table(
+        "certificates",
+        "",
+        {},
+        "What is proven of the orbits: table",
+        """What is proven, in ball arithmetic, by damping: tongues, special points, orbits of
+        one mesh period, to which the motion from rest tends, ranges with an orbit without loss
+        of contact at every tuning. Contacts: phases of normal mesh (N), backlash (B), inverse
+        mesh (I); lowest: displacement in static deflections; periods: after how many the motion
+        is near its orbit. All enclosures: certificates.json.""",
+    ),
+    results=lambda c: ["certificates.json"],
+)
 
 NONLINEAR_DAMPING = Study(
     "nonlinear_damping",
@@ -186,13 +195,11 @@ NONLINEAR_DAMPING = Study(
         "nonlinear_damping:rows",
         {"studies": _places_and_powers},
         "Nonlinear damping: table",
-        lambda c: (
-            """Coefficients of equal dissipation, and for each direction of the sweep the
-        jump, the highest displacement and the widest range of tunings with contact loss. nan: no
-        jump. A jump is known to an interval, which is wider where rounding decides on which side of
-        it motions end; its size is that between the tunings of the sweep beside it, nan where
-        rounding decides of that too."""
-        ),
+        """Coefficients of equal dissipation, and for each direction of the sweep the jump, the
+        highest displacement and the widest range of tunings with contact loss. nan: no jump. A
+        jump is known to an interval, which is wider where rounding decides on which side of it
+        motions end; its size is that between the tunings of the sweep beside it, nan where
+        rounding decides of that too.""",
     ),
     Drawing(
         "nonlinear_damping.draw",
@@ -200,12 +207,10 @@ NONLINEAR_DAMPING = Study(
         {
             "nonlinear_damping": (
                 "Nonlinear damping of equal work",
-                lambda c: (
-                    """Linear, quadratic and cubic damping that dissipate the same work per
-                period at the amplitude and tuning of the configuration. Above: sweeps up (lines)
-                and down (pale); below: phase planes from rest. Left: damping of the material only;
-                right: damping of the oil only."""
-                ),
+                """Linear, quadratic and cubic damping that dissipate the same work per period at
+                the amplitude and tuning of the configuration. Above: sweeps up (lines) and down
+                (pale); below: phase planes from rest. Left: damping of the material only; right:
+                damping of the oil only.""",
             )
         },
     ),
@@ -234,11 +239,9 @@ MODELS = Study(
         "model_comparison:rows",
         {"comparisons": _of_scenes},
         "Models: table",
-        lambda c: (
-            """For each scene and model: the largest change of an observable that a larger
-        model would make, the tolerance of the scene, the cost, and the smallest model that
-        suffices. *differs*: rounding decides the runs."""
-        ),
+        """For each scene and model: the largest change of an observable that a larger model
+        would make, the tolerance of the scene, the cost, and the smallest model that suffices.
+        *differs*: rounding decides the runs.""",
         settings=_scenes,
         rule="model_table",
     ),
@@ -248,14 +251,12 @@ MODELS = Study(
         {
             "models": (
                 "Models: what larger ones would change",
-                lambda c: (
-                    f"""Change that a larger model would make in the observables of each
-                scene. Filled: the smallest model for which it is within the tolerance (dashed);
-                this model suffices. Cost: components of the state that are computed per mesh
-                period. ~: rounding decides the runs; bars are medians of {c.models.starts} seeded
-                starts, lines their range, and the change has to be within the tolerance from all of
-                them."""
-                ),
+                """Change that a larger model would make in the observables of each scene.
+                Filled: the smallest model for which it is within the tolerance (dashed); this
+                model suffices. Cost: components of the state that are computed per mesh period.
+                ~: rounding decides the runs; bars are medians of {c.models.starts} seeded
+                starts, lines their range, and the change has to be within the tolerance from all
+                of them.""",
             )
         },
         _scenes,
@@ -292,14 +293,12 @@ PARAMETRIC_RESONANCE = Study(
         "contact_loss:rows",
         {"tongues": "tongues.nc"},
         "Parametric resonance: the tuning in question",
-        lambda c: (
-            f"""What happens at tuning {c.parametric_resonance.asked}, by damping: the tongue
-        next to it, from which damping ratio on it is closed; growth of deviations per mesh period,
-        ln |multiplier|; the least displacement of the orbit without loss of contact; between which
+        """What happens at tuning {c.parametric_resonance.asked}, by damping: the tongue next to
+        it, from which damping ratio on it is closed; growth of deviations per mesh period, ln
+        |multiplier|; the least displacement of the orbit without loss of contact; between which
         tunings around the motion from rest loses contact; from which tuning on that orbit leaves
-        the flank itself. Cause: parametric instability where deviations grow, forced response where
-        that orbit leaves the flank."""
-        ),
+        the flank itself. Cause: parametric instability where deviations grow, forced response
+        where that orbit leaves the flank.""",
     ),
     Drawing(
         "parametric_resonance.draw",
@@ -307,14 +306,12 @@ PARAMETRIC_RESONANCE = Study(
         {
             "parametric_resonance": (
                 "Parametric resonance: tongues",
-                lambda c: (
-                    """Stability of the motion without contact loss over the tuning and the
-                stiffness ratio, the contact ratio, the damping. Instability tongues of order n lie
-                near ν = 2/n. Shade: growth per mesh period without damping (below: with it);
-                lines: edges of the tongues, coloured by damping, which rounds their tips and
-                shrinks them. Circles: a tongue of zero width. Dashed: the pair; cross: the tuning
-                of the table."""
-                ),
+                """Stability of the motion without contact loss over the tuning and the stiffness
+                ratio, the contact ratio, the damping. Instability tongues of order n lie near ν
+                = 2/n. Shade: growth per mesh period without damping (below: with it); lines:
+                edges of the tongues, coloured by damping, which rounds their tips and shrinks
+                them. Circles: a tongue of zero width. Dashed: the pair; cross: the tuning of the
+                table.""",
             )
         },
     ),

@@ -30,10 +30,8 @@ MESH_STIFFNESS = Study(
         "mesh_stiffness:rows",
         {"stiffness": "mesh_stiffness.nc"},
         "Mesh stiffness by every method, table",
-        lambda c: (
-            """For each pair and method: mean mesh stiffness in N/m, stiffness ratio, and how
-        far the mean lies from that of the energy method, relative; published means below."""
-        ),
+        """For each pair and method: mean mesh stiffness in N/m, stiffness ratio, and how far the
+        mean lies from that of the energy method, relative; published means below.""",
     ),
     Drawing(
         "mesh_stiffness.draw",
@@ -73,11 +71,9 @@ RECTANGLE = Study(
         "rectangle:rows",
         {"costs": "rectangle.nc"},
         "What the rectangular stiffness costs, table",
-        lambda c: (
-            """For each pair and observable: its value with the rectangle and with the whole
-        course, both by the energy method; what the course changes, by method; the spread between
-        the methods; the verdict. Empty: no jump, or a distance."""
-        ),
+        """For each pair and observable: its value with the rectangle and with the whole course,
+        both by the energy method; what the course changes, by method; the spread between the
+        methods; the verdict. Empty: no jump, or a distance.""",
     ),
     Drawing(
         "rectangle.draw",
@@ -85,18 +81,16 @@ RECTANGLE = Study(
         {
             "rectangle": (
                 "What the rectangular stiffness costs",
-                lambda c: (
-                    f"""Motion of the drawn pairs with the whole course of the stiffness, and
-                with the rectangle of the same means in double and single contact; damping ratio
-                {c.rectangle.damping_ratio}. Above: height of the orbit, speed rising and falling;
-                tuning and static deflection are those of the energy method. Below: what the
-                rectangle changes, a mark for each variant of the energy method in its colour,
-                beside the spread between the rectangles of all methods; what is too small to be
-                shown stands at the left edge. A difference up to the tolerance,
+                """Motion of the drawn pairs with the whole course of the stiffness, and with the
+                rectangle of the same means in double and single contact; damping ratio
+                {c.rectangle.damping_ratio}. Above: height of the orbit, speed rising and
+                falling; tuning and static deflection are those of the energy method. Below: what
+                the rectangle changes, a mark for each variant of the energy method in its
+                colour, beside the spread between the rectangles of all methods; what is too
+                small to be shown stands at the left edge. A difference up to the tolerance,
                 {c.rectangle.tolerance}, is negligible; one below the spread is smaller than the
-                uncertainty of the stiffness. Relative differences; of contact loss and of motions
-                of another period those of shares."""
-                ),
+                uncertainty of the stiffness. Relative differences; of contact loss and of
+                motions of another period those of shares.""",
             )
         },
     ),
@@ -155,15 +149,13 @@ HARRIS_MAP = Study(
         {
             "harris_map": (
                 "Tip relief: Harris maps",
-                lambda c: (
-                    f"""Harris maps: the static transmission error of drawn spur gears over
-                two mesh periods, at several loads, written over the design load of
+                """Harris maps: the static transmission error of drawn spur gears over two mesh
+                periods, at several loads, written over the design load of
                 {c.harris_map.gears.torque} N m (thick). Long relief begins where single contact
                 ends and has the amounts of least peak-to-peak error at the design load; short
                 relief has the same amounts on half of the length. Below: peak-to-peak error, and
-                the effective contact ratio, the mean number of pairs of teeth that touch. No relief
-                removes the variation of the error within single contact."""
-                ),
+                the effective contact ratio, the mean number of pairs of teeth that touch. No
+                relief removes the variation of the error within single contact.""",
             )
         },
     ),
@@ -191,14 +183,12 @@ RELIEF_DYNAMICS = Study(
         {
             "relief_dynamics": (
                 "Tip relief: dynamic force by two models",
-                lambda c: (
-                    f"""The gears of the Harris map with long relief in motion, at several
-                loads over the design load, sweeping up and down in speed. Wide: one degree of
-                freedom with stiffness and deviation at the load. Thin: pairs of teeth that touch
-                one by one, each with its own flank line, exact between events. Shaded: a model
-                loses contact. The small model suffices where the largest dynamic forces differ by
-                at most {c.relief_dynamics.tolerance} of the force at all tunings."""
-                ),
+                """The gears of the Harris map with long relief in motion, at several loads over
+                the design load, sweeping up and down in speed. Wide: one degree of freedom with
+                stiffness and deviation at the load. Thin: pairs of teeth that touch one by one,
+                each with its own flank line, exact between events. Shaded: a model loses
+                contact. The small model suffices where the largest dynamic forces differ by at
+                most {c.relief_dynamics.tolerance} of the force at all tunings.""",
             )
         },
     ),

@@ -49,13 +49,11 @@ REDUCER = Study(
         "trains.reducer:rows",
         {"characteristics": "reducer.nc"},
         "Fig. 1: the reducer, table",
-        lambda c: (
-            """For each case, direction of the sweep and mesh of the reducer: the largest
-        dynamic factor of the motions on which all starts settle, where it lies, and the tunings at
-        which from all starts contact is lost, or a far flank struck, in its branch only. Last: the
+        """For each case, direction of the sweep and mesh of the reducer: the largest dynamic
+        factor of the motions on which all starts settle, where it lies, and the tunings at which
+        from all starts contact is lost, or a far flank struck, in its branch only. Last: the
         tunings at which starts do not end on one stable orbit; there the figure has the range.
-        *cold*: all starts beside static equilibrium; *up*, *down*: one start carried."""
-        ),
+        *cold*: all starts beside static equilibrium; *up*, *down*: one start carried.""",
     ),
     Drawing(
         "reducer.draw",
@@ -101,14 +99,12 @@ ONE_MESH = Study(
         "trains.one_mesh:rows",
         {"comparison": "one_mesh.nc"},
         "Fig. 1: one mesh, table",
-        lambda c: (
-            f"""For each case and model of the reducer: where the largest dynamic factor of
-        the first meshes lies, this factor, where it jumps (nan: nowhere), mean share of time
-        without drive-side contact, largest load of a branch over its equal share, mean distance of
-        the characteristic; changes against the whole train, over these, and the smallest model for
-        which all are within the tolerance from all starts, {c.one_mesh.tolerance}. Digits are those
-        that all starts share; *differs*: none, or rounding decides."""
-        ),
+        """For each case and model of the reducer: where the largest dynamic factor of the first
+        meshes lies, this factor, where it jumps (nan: nowhere), mean share of time without
+        drive-side contact, largest load of a branch over its equal share, mean distance of the
+        characteristic; changes against the whole train, over these, and the smallest model for
+        which all are within the tolerance from all starts, {c.one_mesh.tolerance}. Digits are
+        those that all starts share; *differs*: none, or rounding decides.""",
     ),
     # Apart from the paper's statements, which need no gear train.
     Table(
@@ -116,10 +112,8 @@ ONE_MESH = Study(
         "claims.machine:rows",
         {"comparison": "one_mesh.nc"},
         "What the paper assumes",
-        lambda c: (
-            """What the paper takes for granted in passing from its reducer to one mesh, what
-        was computed for it, and the verdict that follows from the numbers."""
-        ),
+        """What the paper takes for granted in passing from its reducer to one mesh, what was
+        computed for it, and the verdict that follows from the numbers.""",
         CLAIMS,
         rule="assumption",
     ),
@@ -169,10 +163,8 @@ CAMPBELL = Study(
         "trains.campbell:rows",
         {"diagram": "campbell.nc"},
         "Fig. 1: Campbell diagram, table",
-        lambda c: (
-            """Intersections of the Campbell diagram of the reducer, up to the fastest speed
-        swept; modes of one frequency are one row. Orders count over the first mesh frequency."""
-        ),
+        """Intersections of the Campbell diagram of the reducer, up to the fastest speed swept;
+        modes of one frequency are one row. Orders count over the first mesh frequency.""",
     ),
     Drawing(
         "campbell.draw",
@@ -180,15 +172,13 @@ CAMPBELL = Study(
         {
             "campbell": (
                 "Fig. 1: Campbell diagram of the reducer",
-                lambda c: (
-                    f"""Campbell diagram of the reducer whose branches are alike, every mesh a
-                pair with damping {c.reducer.damping}: natural frequencies at mean stiffness against
-                both mesh frequencies and their orders up to {c.campbell.orders}, labelled with the
-                order over the first mesh frequency. Dots: the mesh stiffness excites the mode,
-                circles: it does not, because the phases of the meshes cancel or no mesh deforms in
-                the mode. Yellow, behind a mesh frequency: a mesh of it loses contact in an exact
-                sweep, from all starts, or carried with speed up or down."""
-                ),
+                """Campbell diagram of the reducer whose branches are alike, every mesh a pair
+                with damping {c.reducer.damping}: natural frequencies at mean stiffness against
+                both mesh frequencies and their orders up to {c.campbell.orders}, labelled with
+                the order over the first mesh frequency. Dots: the mesh stiffness excites the
+                mode, circles: it does not, because the phases of the meshes cancel or no mesh
+                deforms in the mode. Yellow, behind a mesh frequency: a mesh of it loses contact
+                in an exact sweep, from all starts, or carried with speed up or down.""",
             )
         },
     ),
@@ -213,16 +203,13 @@ TRAIN_CHART = Study(
         {
             "train_chart": (
                 "Planetary train: instability tongues",
-                lambda c: (
-                    f"""Instability tongues of the planetary train without damping and without
-                loss of contact, by exact Floquet multipliers, over the mesh frequency and the
-                stiffness jump (left) or the contact ratio of all meshes (right, jump
-                {c.train_chart.jump} of the mean stiffness), for two choices of teeth. Grey:
-                unstable, as to first order in the jump; orange: unstable, but in no tongue of first
-                order; blue: in a tongue of first order, but stable. Bottom: the share of the
-                unstable range that the first order misses, and the share of its tongues that is
-                stable."""
-                ),
+                """Instability tongues of the planetary train without damping and without loss of
+                contact, by exact Floquet multipliers, over the mesh frequency and the stiffness
+                jump (left) or the contact ratio of all meshes (right, jump {c.train_chart.jump}
+                of the mean stiffness), for two choices of teeth. Grey: unstable, as to first
+                order in the jump; orange: unstable, but in no tongue of first order; blue: in a
+                tongue of first order, but stable. Bottom: the share of the unstable range that
+                the first order misses, and the share of its tongues that is stable.""",
             )
         },
     ),
@@ -247,20 +234,18 @@ SYMMETRY_BREAKING = Study(
         {
             "symmetry_breaking": (
                 "Planetary train: symmetry breaking",
-                lambda c: (
-                    f"""Planets that are alike and in phase ({c.symmetry_breaking.teeth[0]}
-                teeth of the sun, {c.symmetry_breaking.teeth[1]} of the ring, stiffness jump
-                {c.symmetry_breaking.jump} of the mean) may move alike, as one planet with an N-th
-                of sun, ring and carrier does. Dashed: that motion, and the largest multiplier of
-                disturbances that keep it. Solid: the largest multiplier of all others. Where only
-                the latter exceeds one, the small train calls stable what the whole one leaves:
-                markers show the medians of {c.symmetry_breaking.starts} seeded starts, up to
-                {c.symmetry_breaking.spread} static deflections beside it, after
+                """Planets that are alike and in phase ({c.symmetry_breaking.teeth[0]} teeth of
+                the sun, {c.symmetry_breaking.teeth[1]} of the ring, stiffness jump
+                {c.symmetry_breaking.jump} of the mean) may move alike, as one planet with an
+                N-th of sun, ring and carrier does. Dashed: that motion, and the largest
+                multiplier of disturbances that keep it. Solid: the largest multiplier of all
+                others. Where only the latter exceeds one, the small train calls stable what the
+                whole one leaves: markers show the medians of {c.symmetry_breaking.starts} seeded
+                starts, up to {c.symmetry_breaking.spread} static deflections beside it, after
                 {c.symmetry_breaking.periods} mesh periods, mesh by mesh; bars their range where
                 they do not end on one stable orbit, and the row below the shares of the starts.
                 Last: the forces at the dotted frequency, {c.symmetry_breaking.shown_after} mesh
-                periods after the first start."""
-                ),
+                periods after the first start.""",
             )
         },
         lambda c: c.symmetry_breaking.model_dump(include={"periods_shown"}),

@@ -5,11 +5,13 @@ import re
 from gearlib import tunings
 from gearlib.config.experiments import PhaseLag, PhasePlanes, ReportPage, Resonance
 from gearlib.config.studies.study import (
+    CLAIMS,
     PAPER,
     STARTS,
     Drawing,
     Job,
     Study,
+    Table,
     grid_of,
     listed,
     of_dampings,
@@ -226,11 +228,9 @@ SCENES = Study(
         {
             "{scene}": (
                 _label_of_scene,
-                lambda c: (
-                    """Phase planes and time courses of the scene {scene}, the last mesh
-                periods of the record; light grey: contact loss, dark grey: inverse mesh, bar:
-                contact at the lower stiffness."""
-                ),
+                """Phase planes and time courses of the scene {{scene}}, the last mesh periods of
+                the record; light grey: contact loss, dark grey: inverse mesh, bar: contact at
+                the lower stiffness.""",
             )
         },
         lambda c: (
@@ -244,9 +244,20 @@ SCENES = Study(
     ),
 )
 
-CLAIMS_TABLE = Study(
-    "claims", None, PAPER, results=lambda c: ["claims.csv", "claims.md", *WHY]
-)  # its rule has a script of its own
+STATEMENTS = Study(
+    "claims",
+    None,
+    CLAIMS,
+    Table(
+        "claims",
+        "",
+        {},
+        "Statements, computed numbers, verdicts",
+        """Statements of the paper, what was computed for each, and the verdict that follows from
+        the numbers. A statement that differs stays in the table.""",
+    ),
+    results=lambda c: ["claims.md", *WHY],
+)
 
 REPORT_PAGE = Study(
     "report_page",

@@ -50,10 +50,10 @@ class Table(NamedTuple):
     """A rule ``<name>_table`` that writes a table, as CSV and as a page of the report."""
 
     name: str  #: of the CSV
-    function: str  #: of gearlib.studies, which returns column names and rows
+    function: str  #: of gearlib.studies: column names and rows; "": its rule has its own script
     data: dict
     label: str  #: in the report
-    caption: Callable
+    caption: object  #: as of `text_of`
     part: str = ""  #: of the report, where it is not that of the study
     settings: Callable = lambda c: {}  #: its other arguments
     rule: str = ""  #: where it has another name
@@ -104,6 +104,12 @@ class Study:
         self.tables = [one for one in rules if isinstance(one, Table)]
         self.drawings = [one for one in rules if isinstance(one, Drawing)]
         self.results, self.needs, self.unasked = results, needs, unasked
+
+
+def text_of(caption, c):
+    """Return a caption in one line; it is a text with ``{c.jump.starts}``, or a function of c."""
+    text = caption(c) if callable(caption) else caption.format(c=c)
+    return " ".join(text.split())
 
 
 def default(section):

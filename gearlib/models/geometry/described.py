@@ -19,23 +19,11 @@ _PART = re.compile(rf"(\w+(?: of the tip relief(?= of))?) of (?:the|a) ({_PARTS}
 
 
 def gear(values, like=None, **more):
-    """Return the `SpurGear` of plain values.
+    """Return the `SpurGear` of plain values, with `more` arguments.
 
-    Parameters
-    ----------
-    values : dict
-        Its arguments; material, web and tip relief as dicts, `rack` a letter with the keys of
-        `OF_RACK` beside it.
-    like : dict, optional
-        Values of the gear whose module, width, angles, rack and material it has where it leaves
-        them out.
-    **more
-        Other arguments.
-
-    Raises
-    ------
-    ValueError
-        If there cannot be such a gear; the message names parameter, value and range.
+    Material, web and tip relief are dicts, `rack` a letter with the keys of `OF_RACK` beside it.
+    `like` are values of the gear whose module, width, angles, rack and material it has where it
+    leaves them out.
     """
     given = dict(values)
     if like is not None:

@@ -26,18 +26,7 @@ _REPEATS = 8
 
 
 class PairCompliance:
-    """Compliances of one pair of teeth along the path of contact, m/N.
-
-    Parameters
-    ----------
-    mesh : Mesh
-    hertz : {"constant", "logarithmic"}, default "constant"
-
-    Raises
-    ------
-    ValueError
-        If a bore is so large that the formula of the body does not hold.
-    """
+    """Compliances of one pair of teeth along the path of contact, m/N; no bore too large for it."""
 
     def __init__(self, mesh, hertz="constant"):
         self.mesh, self.hertz = mesh, checks.one_of("hertz", hertz, ("constant", "logarithmic"))

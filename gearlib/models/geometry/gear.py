@@ -54,27 +54,27 @@ class SpurGear:
         message names parameter, value and range.
     """
 
-    teeth: Annotated[int, Integer(3, limit=10_000), "Of a ring gear too,", "z"]
+    teeth: Annotated[int, Integer(3, limit=10_000), "Number of teeth", "z"]
     module: Annotated[float, LENGTH, "Normal module", "m_n"]
     width: Annotated[float, LENGTH, "Face width", "b"]
     shift: Annotated[float, Number(least=-3, most=3), "Profile shift coefficient", "x"] = 0.0
     pressure_angle: Annotated[
         float,
         Number(unit="rad", example="20 deg", above=0, below=math.pi / 4),
-        "Of the basic rack,",
-        "alpha_n",
+        "Pressure angle of the basic rack alpha_n; 20 degrees by default",
     ] = math.radians(20.0)
     helix_angle: Annotated[
         float,
         Number(unit="rad", example="15.8 deg", least=0, below=math.pi / 3),
-        "At the reference circle,",
-        "beta",
+        "Helix angle at the reference circle beta; 0 by default",
     ] = 0.0
     internal: Annotated[bool, TRUTH, "Whether it is a ring gear"] = False
     tip_diameter: Annotated[
         float | None, LENGTH, "d_a; by default d + 2 m_n (x + h_aP), of a ring gear with -"
     ] = None
-    rack: Annotated[Rack | str, _RackKind(), "Basic rack, by its letter in ISO 53"] = "A"
+    rack: Annotated[
+        Rack | str, _RackKind(), "Basic rack, by its letter in ISO 53; A by default"
+    ] = "A"
     thickness_allowance: Annotated[
         float,
         Number(unit="m", example="-50 um", most=0),

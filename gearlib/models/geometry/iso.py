@@ -54,7 +54,7 @@ def iso_stiffness(mesh, torque=None, application_factor=1.0):
     2 E_1 E_2 / (E_1 + E_2) over 206 GPa. cos(beta) takes c' of the virtual spur gears to the
     helical ones.
     """
-    gears = (mesh.pinion, mesh.wheel)
+    gears = (checks.drawn_mesh(mesh).pinion, mesh.wheel)
     if not mesh.wheel.internal:
         gears = sorted(gears, key=lambda gear: (gear.teeth, -gear.shift))
     teeth = tuple(math.inf if gear.internal else gear.virtual_teeth for gear in gears)
@@ -77,16 +77,10 @@ def iso_stiffness(mesh, torque=None, application_factor=1.0):
 
 
 def iso_rectangle(mesh, **options):
-    """Return C_max in N/m, kappa and epsilon of the rectangle that stands for a mesh.
+    """Return C_max in N/m, kappa and epsilon of the rectangle of a mesh, by `iso_stiffness`.
 
     One pair of teeth has c', each more 0.75 c', so that the mean is c_gamma_alpha. Of helical gears
     they are extrema and mean of the average over the face, see `gearlib.models.geometry.stiffness`.
-
-    Parameters
-    ----------
-    mesh : Mesh
-    **options
-        Of `iso_stiffness`.
     """
     checks.known("stiffness 'iso'", options, ("torque", "application_factor"))
     # N/(mm um) is 1e9 N/m per m of face width.

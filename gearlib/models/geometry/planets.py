@@ -22,25 +22,7 @@ class Planets(NamedTuple):
 def planets_of(
     sun, planet, ring, *, planets=3, positions=None, centre_distance=None, backlashes=None
 ):
-    """Return the `Planets`.
-
-    Parameters
-    ----------
-    sun, planet, ring : SpurGear
-        The ring internal.
-    planets : int, default 3
-    positions : sequence of float, optional
-        Angles of the planets, rad; equally spaced by default.
-    centre_distance : float, optional
-        m; by default that of sun and planet without backlash.
-    backlashes : pair of float, optional
-        Normal backlash of the meshes of sun and ring, m; by default what the gears leave.
-
-    Raises
-    ------
-    ValueError
-        If gears do not mesh, or planets cannot be assembled or strike each other.
-    """
+    """Return the `Planets` of drawn gears; arguments and refusals as of `planetary_set`."""
     gaps = (None, None) if backlashes is None else checks.many("backlashes", backlashes, 2)
     if not getattr(ring, "internal", False):
         raise ValueError(

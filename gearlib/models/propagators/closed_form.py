@@ -64,9 +64,10 @@ class Propagator(Base):
         return *z, period, events, found, code, 0
 
     @staticmethod
-    def run_many(model, tunings, order, state, *arguments):
+    def run_many(model, tunings, order, state, carry, span, rows):
         """Run many tunings in one call of the kernel."""
-        many_runs.run_many(ratios(model), tunings, order, np.array(state), *arguments)
+        begin = np.array(state), carry
+        many_runs.run_many(ratios(model), tunings, order, *begin, *span, *rows)
 
     def vary(self, z, periods, limit, maps, first):
         """Fill the maps; see `Base.vary`."""

@@ -20,26 +20,10 @@ _OF_PAIRS = {
 
 
 def described(kind, arguments, pair):
-    """Return the train that a configuration describes.
+    """Return the train of a `kind` of the section `train`, with the arguments of what makes it.
 
-    Parameters
-    ----------
-    kind : str
-        "split_power_reducer", "planetary", "idler", "two_stage", "planetary_set" or "own".
-    arguments : dict
-        Of the function of that name, gears as dicts; of "own" bodies, meshes, shafts as dicts, with
-        what else `GearTrain` takes.
-    pair : dict or None
-        Arguments of `GearPair`, for the trains that are made of one.
-
-    Returns
-    -------
-    GearTrain
-
-    Raises
-    ------
-    ValueError
-        If a value is impossible or the train cannot be assembled.
+    Gears, bodies, meshes and shafts are dicts; `pair` are the arguments of the `GearPair` of which
+    some kinds are made, or None.
     """
     if kind in _OF_PAIRS:
         return _OF_PAIRS[kind](GearPair(**pair), **arguments)

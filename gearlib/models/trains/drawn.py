@@ -47,7 +47,7 @@ def planetary_set(
         tuple | None, Many(ANGLE), "Angles of the planets; equally spaced by default"
     ] = None,
     centre_distance: Annotated[
-        float | None, LENGTH, "By default that of sun and planet without backlash"
+        float | None, LENGTH, "; by default that of sun and planet without backlash"
     ] = None,
     backlashes: Annotated[
         tuple | None,
@@ -55,7 +55,7 @@ def planetary_set(
         "Normal backlash of the meshes of sun and ring; by default what the gears leave",
     ] = None,
     carrier_mass: Annotated[
-        float | None, MASS, "Without planets; by default of a disc through the pins as below"
+        float | None, MASS, "Without planets; by default of a disc, see the inertia"
     ] = None,
     carrier_inertia: Annotated[
         float | None,

@@ -224,6 +224,13 @@ class Mesh:
     backlash: Backlash = math.inf
     material_damping: MaterialDamping = 0.0
     backlash_damping: BacklashDamping = 0.0
+    moving_backlash: Annotated[
+        bool,
+        TRUTH,
+        "Whether the coast-side flank keeps its place behind the drive side while supports give "
+        "and run-out turns, as in Eq. (4), so that bearings do not close the backlash; if not, it "
+        "stays a backlash behind",
+    ] = False
     deviation: Annotated[
         Harmonics, Part((Harmonics,)), "Of the drive-side flanks over the phase of this mesh, m"
     ] = Harmonics()
@@ -233,7 +240,7 @@ class Mesh:
         "Of the coast-side flanks, m; by default that of the drive side",
     ] = None
     error: Annotated[
-        float, ERROR, "Constant displacement along the line of action: an error of assembly"
+        float, ERROR, "Error of assembly: constant displacement along the line of action"
     ] = 0.0
     friction: Annotated[tuple, Two(NONNEGATIVE), "Coefficients in normal and inverse mesh"] = (
         0.0,
@@ -295,9 +302,13 @@ class Mesh:
     @property
     def line(self):
         """Angle of the line of action, rad."""
+        return self.line_by(math.pi)
+
+    def line_by(self, pi):
+        """Return the same with pi as a number of another kind."""
         if self.line_of_action is not None:
             return self.line_of_action
-        return (self.position or 0.0) + self.direction * (math.pi / 2.0 + self._tilt)
+        return (self.position or 0.0) + self.direction * (pi / 2.0 + self._tilt)
 
     @property
     def centres(self):

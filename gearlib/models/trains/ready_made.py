@@ -135,6 +135,8 @@ def planetary(
             )
         positions = [2.0 * math.pi * i / n for i in range(n)]
     positions = checks.numbers("positions", positions, n)
+    if ring_phase is not None:
+        checks.number("ring_phase", ring_phase, "finite", math.isfinite)
     errors = checks.many("pin_errors", pin_errors or [(0.0, 0.0)] * n, n)
     r_sun = sun_base_radius
     r_planet, r_ring = r_sun * planet_teeth / sun, r_sun * ring / sun

@@ -20,9 +20,44 @@ stand still damp x' - W y and y' + W x. Derivation: `docs/theory/trains.md`.
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+
+
+class Numbers(NamedTuple):
+    """The kind of numbers that a train is assembled of: floats, complex steps, balls."""
+
+    dtype: type
+    of: Any  #: a number from a float
+    cos_sin: Any  #: of an angle
+    polar: Any  #: length and angle of a vector
+    pi: Any
+
+    def zeros(self, *shape):
+        """Return an array of zeros."""
+        if self.dtype is not object:
+            return np.zeros(shape, self.dtype)
+        return np.array([self.of(0.0)] * math.prod(shape), object).reshape(shape)
+
+    def turned(self, rows, angle):
+        """Return the components along fixed axes of a motion along axes at an angle."""
+        c, s = self.cos_sin(angle)
+        return np.stack([c * rows[0] - s * rows[1], s * rows[0] + c * rows[1]])
+
+
+def _of_floats(dtype):
+    return Numbers(
+        dtype,
+        lambda value: value,
+        lambda angle: (math.cos(angle), math.sin(angle)),
+        lambda x, y: (math.hypot(x, y), math.atan2(y, x)),
+        math.pi,
+    )
+
+
+#: Complex ones are of elements off the real axis; angles lie on it.
+FLOATS, COMPLEX = _of_floats(float), _of_floats(complex)
 
 #: How a body moves: its axis along x and y, its rotation as arc length on the base circle.
 AXES = ("x", "y", "rotation")
@@ -48,27 +83,28 @@ class Structure(NamedTuple):
     masses: tuple  #: functionals, shape (3 b, n), and kg, shape (3 b,)
 
 
-def structure(bodies, meshes, shafts):
-    """Return the `Structure`; `bodies` is a dict by name."""
+def structure(bodies, meshes, shafts, numbers=FLOATS):
+    """Return the `Structure`; `bodies` is a dict by name, `numbers` the kind of its entries."""
     coordinates = []
     for body in bodies.values():
-        moves = [
-            (axis, math.isfinite(k)) for axis, k in zip("xy", body.support_stiffness, strict=True)
-        ]
-        moves.append(("u", math.isfinite(body.torsional_stiffness)))
+        values = *body.support_stiffness, body.torsional_stiffness
+        moves = [(axis, math.isfinite(k.real)) for axis, k in zip("xyu", values, strict=True)]
         coordinates += [(body.name, axis) for axis, free in moves if free]
     n = len(coordinates)
-    own = {body: np.zeros((3, n)) for body in bodies}
+    of = numbers.of
+    own = {body: numbers.zeros(3, n) for body in bodies}
     for i, (name, axis) in enumerate(coordinates):
-        own[name]["xyu".index(axis), i] = 1.0
+        own[name]["xyu".index(axis), i] = of(1.0)
     # Of a carried body: radial and tangential motion of its pin.
     pins = {
-        name: _pin(body.angle, own[body.carrier]) for name, body in bodies.items() if body.carrier
+        name: _pin(numbers, body.angle, own[body.carrier])
+        for name, body in bodies.items()
+        if body.carrier
     }
     motions = {}
-    mass, stiffness, damping = np.zeros((3, n, n))
-    turning, centrifugal, circulating = np.zeros((3, n, n))
-    load, outward = np.zeros((2, n))
+    mass, stiffness, damping = numbers.zeros(3, n, n)
+    turning, centrifugal, circulating = numbers.zeros(3, n, n)
+    load, outward = numbers.zeros(2, n)
     springs, masses = [], []
     for name, body in bodies.items():
         rows = own[name]
@@ -76,17 +112,17 @@ def structure(bodies, meshes, shafts):
         if name in pins:
             supports -= pins[name]
             for axis in range(2):
-                if math.isinf(body.support_stiffness[axis]):
+                if math.isinf(body.support_stiffness[axis].real):
                     rows[axis] = pins[name][axis]
-        (x, y, u), r = rows, body.base_radius
-        m = body.mass or 0.0
-        mass += m * (np.outer(x, x) + np.outer(y, y)) + body.inertia / r**2 * np.outer(u, u)
-        masses += [(x, m), (y, m), (u, body.inertia / r**2)]
+        (x, y, u), r = rows, of(body.base_radius)
+        m, inertia = of(body.mass or 0.0), of(body.inertia)
+        mass += m * (np.outer(x, x) + np.outer(y, y)) + inertia / r**2 * np.outer(u, u)
+        masses += [(x, m), (y, m), (u, inertia / r**2)]
         turning += 2.0 * m * (np.outer(y, x) - np.outer(x, y))
         turned = y - own[body.carrier][2] if body.carrier else y
         centrifugal -= m * (np.outer(x, x) + np.outer(turned, turned))
         for axis, row in enumerate(supports):
-            if math.isfinite(body.support_stiffness[axis]):
+            if math.isfinite(body.support_stiffness[axis].real):
                 stiffness += body.support_stiffness[axis] * np.outer(row, row)
                 damping += body.support_damping[axis] * np.outer(row, row)
                 springs.append((row, body.support_stiffness[axis]))
@@ -95,15 +131,17 @@ def structure(bodies, meshes, shafts):
         else:
             c = body.support_damping
             circulating += c[1] * np.outer(y, x) - c[0] * np.outer(x, y)
-        if math.isfinite(body.torsional_stiffness):
+        if math.isfinite(body.torsional_stiffness.real):
             stiffness += body.torsional_stiffness / r**2 * np.outer(u, u)
             damping += body.torsional_damping / r**2 * np.outer(u, u)
             springs.append((u, body.torsional_stiffness / r**2))
         load += body.torque / r * u
-        motions[name] = np.stack([*_turned(rows[:2], body.angle if body.carrier else 0.0), u])
+        motions[name] = np.stack(
+            [*numbers.turned(rows[:2], body.angle if body.carrier else 0.0), u]
+        )
     for shaft in shafts:
         (xa, ya, ua), (xb, yb, ub) = (motions[name] for name in shaft.bodies)
-        ra, rb = (bodies[name].base_radius for name in shaft.bodies)
+        ra, rb = (of(bodies[name].base_radius) for name in shaft.bodies)
         for row, k, d in (
             (ua / ra - ub / rb, shaft.stiffness, shaft.damping),
             (xa - xb, shaft.bending_stiffness, shaft.bending_damping),
@@ -112,12 +150,12 @@ def structure(bodies, meshes, shafts):
             stiffness += k * np.outer(row, row)
             damping += d * np.outer(row, row)
             springs.append((row, k))
-    lines, across = np.zeros((2, len(meshes), n))
-    arms = np.zeros((len(meshes), 2, 2))
+    lines, across = numbers.zeros(2, len(meshes), n)
+    arms = numbers.zeros(len(meshes), 2, 2)
     for j, mesh in enumerate(meshes):
         pinion, wheel = motions[mesh.pinion], motions[mesh.wheel]
         first, second = (wheel, pinion) if mesh.internal else (pinion, wheel)
-        e = np.array([math.cos(mesh.line), math.sin(mesh.line)])
+        e = np.array(numbers.cos_sin(mesh.line_by(numbers.pi)))
         arms[j] = (-e, e) if mesh.internal else (e, -e)
         turn = -1.0 if mesh.internal else 1.0
         lines[j] = e @ (first[:2] - second[:2]) + mesh.direction * (first[2] + turn * second[2])
@@ -144,19 +182,27 @@ def structure(bodies, meshes, shafts):
     )
 
 
+def far_lines(found, bodies, meshes, numbers=FLOATS):
+    """Return coast-side distances by coordinates, (m, n): without supports where backlash moves."""
+    lines, motions = found.lines.copy(), dict(zip(bodies, found.motions, strict=True))
+    for j, mesh in enumerate(meshes):
+        for name, arm in zip((mesh.pinion, mesh.wheel), found.arms[j], strict=True):
+            if mesh.moving_backlash:
+                body, give = bodies[name], motions[name][:2].copy()
+                if body.carrier:
+                    (c, s), (x, y, turn) = numbers.cos_sin(body.angle), motions[body.carrier]
+                    give -= np.stack([x - s * turn, y + c * turn])
+                lines[j] -= arm @ give
+    return lines
+
+
 def _listed(parts, n):
     """Return functionals and values of pairs as arrays."""
     rows, values = np.array([row for row, _ in parts]), np.array([value for _, value in parts])
     return rows.reshape(len(parts), n), values
 
 
-def _pin(angle, carrier):
+def _pin(numbers, angle, carrier):
     """Return the radial and tangential motion of a pin on a carrier, shape (2, n)."""
-    radial, tangential = _turned(carrier[:2], -angle)
+    radial, tangential = numbers.turned(carrier[:2], -angle)
     return np.stack([radial, tangential + carrier[2]])
-
-
-def _turned(rows, angle):
-    """Return the components along fixed axes of a motion along axes at an angle."""
-    c, s = math.cos(angle), math.sin(angle)
-    return np.stack([c * rows[0] - s * rows[1], s * rows[0] + c * rows[1]])

@@ -10,6 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gearlib.models.trains.structure import FLOATS
+
 #: Boundaries that are closer in phase are one.
 _ONE = 1e-12
 
@@ -86,39 +88,49 @@ def excitation(train):
     Frequencies by reference mesh phase, shape (h,); waves of shape (2, m, 2 h), cosines and sines
     by turns, and constants of shape (2, m), each for coast and drive side.
     """
-    rows = {}
-    constants = np.zeros((2, len(train.meshes)))
-
-    def add(frequency, j, sides, cosine, sine):
-        # A pair for each frequency; -sin of a gear that turns clockwise.
-        entry = rows.setdefault(abs(frequency), np.zeros((2, len(train.meshes), 2)))
-        entry[sides, j] += (cosine, math.copysign(1.0, frequency) * sine)
-
-    for j, mesh in enumerate(train.meshes):
-        constants[:, j] += mesh.error
-        for name, arm in zip((mesh.pinion, mesh.wheel), train.structure.arms[j], strict=True):
-            body = train.by_name[name]
-            c, s = (math.cos(body.angle), math.sin(body.angle)) if body.carrier else (1.0, 0.0)
-            x, y = body.offset
-            constants[:, j] += arm @ (c * x - s * y, s * x + c * y)
-            if body.eccentricity:
-                # arm . e (cos(theta + phase), sin(theta + phase))
-                size = body.eccentricity * math.hypot(*arm)
-                lead = body.eccentricity_phase - math.atan2(arm[1], arm[0])
-                lead += body.angle if body.carrier else 0.0
-                frequency = train.speeds[name]
-                add(frequency, j, [0, 1], size * math.cos(lead), -size * math.sin(lead))
-        rate, g = train.rates[j], train.phases[mesh.name]
-        deviations = (mesh.inverse_deviation, mesh.deviation)
-        for side, deviation in enumerate(deviations):
-            for order, cosine, sine in deviation.table():
-                lag = 2.0 * math.pi * order * g
-                c, s = math.cos(lag), math.sin(lag)
-                add(int(order) * rate, j, [side], cosine * c - sine * s, cosine * s + sine * c)
+    rows, constants = excited(train, train.structure.arms)
     frequencies = sorted(rows)
     waves = np.array([rows[f] for f in frequencies]).reshape(-1, 2, len(train.meshes), 2)
     waves = waves.transpose(1, 2, 0, 3).reshape(2, len(train.meshes), -1)
     return np.array([float(f) for f in frequencies]), waves, constants
+
+
+def excited(train, arms, numbers=FLOATS):
+    """Return (rows, constants) in a kind of numbers; `arms` are those of a `Structure` of it.
+
+    Rows are frequency, `Fraction` -> cosine and sine, shape (2, m, 2); constants as above.
+    """
+    rows: dict = {}
+    of, constants = numbers.of, numbers.zeros(2, len(train.meshes))
+
+    def add(frequency, j, sides, cosine, sine):
+        # A pair for each frequency; -sin of a gear that turns clockwise.
+        entry = rows.setdefault(abs(frequency), numbers.zeros(2, len(train.meshes), 2))
+        entry[sides, j] += (cosine, math.copysign(1.0, frequency) * sine)
+
+    for j, mesh in enumerate(train.meshes):
+        # A coast side that moves with the axes meets nothing of what only they do.
+        axes = [1] if mesh.moving_backlash else [0, 1]
+        constants[:, j] += of(mesh.error)
+        for name, arm in zip((mesh.pinion, mesh.wheel), arms[j], strict=True):
+            body = train.by_name[name]
+            c, s = numbers.cos_sin(body.angle) if body.carrier else (1.0, 0.0)
+            x, y = map(of, body.offset)
+            constants[axes, j] += arm @ (c * x - s * y, s * x + c * y)
+            if body.eccentricity:
+                # arm . e (cos(theta + phase), sin(theta + phase))
+                length, angle = numbers.polar(*arm)
+                size, lead = of(body.eccentricity) * length, of(body.eccentricity_phase) - angle
+                lead += body.angle if body.carrier else 0.0
+                c, s = numbers.cos_sin(lead)
+                add(train.speeds[name], j, axes, size * c, -size * s)
+        rate, g = train.rates[j], train.phases[mesh.name]
+        deviations = (mesh.inverse_deviation, mesh.deviation)
+        for side, deviation in enumerate(deviations):
+            for order, cosine, sine in deviation.table().tolist():
+                c, s = numbers.cos_sin(2.0 * numbers.pi * order * g)
+                add(int(order) * rate, j, [side], cosine * c - sine * s, cosine * s + sine * c)
+    return rows, constants
 
 
 def common_period(train):

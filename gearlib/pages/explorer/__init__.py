@@ -1,16 +1,17 @@
 """The explorer: sliders in the browser, and what the gears make of them.
 
-===============  ============================================================
-module           responsibility
-===============  ============================================================
-``view``         from slider values to the arrays that are drawn of one pair
-``page``         its sliders
-``drawn``        from slider values to the arrays that are drawn of drawn gears
-``drawn_page``   their sliders, numbers and figures
-``trains``       from slider values to the arrays that are drawn of a train
-``train_page``   its sliders and figures
-``motion``       figures of the motion of one pair
-``slider_page``  what the pages share: sliders, a note, the button
-``serving``      the choice between them, and the server
-===============  ============================================================
+=================  ==========================================================
+module             responsibility
+=================  ==========================================================
+``explored``       parameters, their sliders, and what is seen of them
+``one_pair``       a gear pair, as sliders change it
+``drawn``          drawn gears
+``trains``         a gear train
+``view``           from a model to the arrays that are drawn
+``motion``         figures of the motion of a pair
+``drawn_figures``  numbers and figures of drawn gears
+``train_figures``  figures of a train
+``slider_page``    the page: sliders, a note, the button
+``serving``        the choice of what is explored, and the server
+=================  ==========================================================
 """

@@ -1,17 +1,18 @@
 """From slider values to the arrays that the explorer draws of a drawn pair; no browser here."""
 
-from dataclasses import dataclass, replace
+import math
+from dataclasses import replace
+from typing import ClassVar
 
 import numpy as np
-import xarray as xr
-import yaml
 
 from gearlib import config
 from gearlib.config.gears import TWENTY, Gears
 from gearlib.geometry import Mesh, TipRelief
 from gearlib.models.load_sharing_pair import LoadSharingPair
 from gearlib.models.pair import GearPair
-from gearlib.pages.explorer import view
+from gearlib.pages.explorer.explored import Explored, Slider, saved, slider_of
+from gearlib.pages.explorer.view import look
 
 #: Where the sliders start if no gears are drawn: z 20/20, m 10 mm, b 30 mm, E 200 GPa
 #: of the literature on backlash, under 106 N per mm of width.
@@ -31,33 +32,7 @@ LENGTHS = {"short": 0.5, "long": 1.0}
 POINTS = {"rectangle": 500, "teeth": 60}
 
 
-@dataclass(frozen=True)
-class Setting:
-    """What the sliders and choices say, in SI."""
-
-    module: float
-    pinion_shift: float
-    wheel_shift: float
-    relief: float  #: amount of the tip relief of both gears, m
-    backlash: float  #: normal, m
-    torque: float  #: of the pinion, N m
-    speed: float  #: of the pinion, rpm
-    damping: float  #: beta
-    length: str = "short"  #: of the reliefs, one of `LENGTHS`
-    model: str = "rectangle"  #: one of `POINTS`
-
-
-@dataclass(frozen=True)
-class View:
-    """What is seen at one setting."""
-
-    mesh: Mesh
-    pair: GearPair  #: with the rectangle of the mesh stiffness
-    error: xr.Dataset  #: of `Mesh.transmission_error` at `Drawing.loads`, the chosen one last
-    motion: view.View
-
-
-class Drawing:
+class Drawing(Explored):
     """A drawn spur pair, and what sliders change of it.
 
     Parameters
@@ -70,6 +45,17 @@ class Drawing:
         One of its dampings, whose ratios count.
     """
 
+    choices: ClassVar = {
+        "length": ("length of the reliefs", list(LENGTHS)),
+        "model": (
+            "what moves",
+            {
+                "rectangular stiffness, no relief": "rectangle",
+                "pairs of teeth one by one, with relief": "teeth",
+            },
+        ),
+    }
+
     def __init__(self, mapping, damping):
         self.section, self.damping = mapping.get("gears", START), damping
         gears = Gears.model_validate(self.section)
@@ -78,20 +64,33 @@ class Drawing:
         pair = GearPair(**config.load(mapping).pair_parameters(damping))
         self.backlash_damping = pair.backlash_damping_ratio
         self.loads = torque * np.array(_LOADS)
-        start = Setting(
-            module=mesh.pinion.module,
-            pinion_shift=mesh.pinion.shift,
-            wheel_shift=mesh.wheel.shift,
-            relief=0.0,
-            backlash=mesh.backlash,
-            torque=torque,
-            speed=1.0,
-            damping=pair.damping_ratio,
-        )
-        resonance = self.pair(start).speed(1.0)
+        pinion, wheel, gap, beta = mesh.pinion, mesh.wheel, mesh.backlash, pair.damping_ratio
+        module, shifts = 1e3 * pinion.module, (-1.0, 1.5, 0.01)
+        self.sliders = {
+            "module": Slider(
+                "module, mm", pinion.module, (0.5 * module, 2.0 * module, 0.05 * module), 1e-3
+            ),
+            "pinion_shift": Slider("profile shift of the pinion", pinion.shift, shifts),
+            "wheel_shift": Slider("profile shift of the wheel", wheel.shift, shifts),
+            "relief": Slider("tip relief of both gears, µm", 0.0, (0.0, 50.0, 0.1), 1e-6),
+            "backlash": slider_of(
+                GearPair, "backlash", gap, 1.0, high=max(400.0, 3e6 * gap), unit=1e-6
+            ),
+            "torque": Slider(
+                "torque of the pinion, N m", torque, (0.05 * torque, 4.0 * torque, 0.01 * torque)
+            ),
+            "damping": Slider("damping ratio β", beta, (0.0, max(0.3, 2.0 * beta), 0.0005)),
+        }
+        resonance = self.pair(self.start).speed(1.0)
         #: Lowest and highest speed, rpm.
-        self.speeds = _LOWEST * resonance, _HIGHEST * resonance
-        self.start = replace(start, speed=float(round(0.9 * resonance)))
+        self.speeds = low, high = _LOWEST * resonance, _HIGHEST * resonance
+        speed = Slider(
+            "speed of the pinion, rpm",
+            float(round(0.9 * resonance)),
+            (float(math.ceil(low)), float(math.floor(high)), 1.0),
+        )
+        damping = self.sliders.pop("damping")
+        self.sliders |= {"speed": speed, "damping": damping}
 
     def mesh(self, setting):
         """Return the `Mesh` that the sliders stand for: tips stay as high above the shift."""
@@ -124,19 +123,13 @@ class Drawing:
         )
 
     def look(self, setting):
-        """Return the `View` of a setting.
-
-        Raises
-        ------
-        ValueError
-            If there cannot be such gears; the message names parameter, value and range.
-        """
+        """Return the view of a setting; ValueError if there cannot be such gears."""
         mesh, pair = self.mesh(setting), self.pair(setting)
         error = mesh.transmission_error([*self.loads, setting.torque], phases=_PHASES)
         model = pair if setting.model == "rectangle" else self.pair(setting, LoadSharingPair)
         grid = pair.tuning_at(np.linspace(*self.speeds, POINTS[setting.model]))
-        motion = view.look(model, pair.tuning_at(setting.speed), grid)
-        return View(mesh, pair, error, motion)
+        tuning = pair.tuning_at(setting.speed)
+        return look(model, tuning, grid, mesh=mesh, pair=pair, error=error)
 
     def configuration(self, setting):
         """Return the text of a config.yaml of these gears.
@@ -163,6 +156,4 @@ class Drawing:
             "dampings": {self.damping: ratios},
             "phase_planes": {"tunings": [float(self.pair(setting).tuning_at(setting.speed))]},
         }
-        config.load(whole)
-        head = f"# What gearlib explore showed at {setting.speed:g} rpm of the pinion."
-        return f"{head}\n{yaml.safe_dump(whole, sort_keys=False, allow_unicode=True)}"
+        return saved(f"at {setting.speed:g} rpm of the pinion.", whole)

@@ -7,37 +7,45 @@ from bokeh.plotting import figure
 
 from gearlib.figures.style import PALETTE
 from gearlib.pages.explorer.slider_page import small
+from gearlib.pages.explorer.view import PAIR
+
+#: Mesh periods of the phase plane and of the time course.
+_SHOWN = 2
 
 
 class Motion:
-    """Figures that show a `view.View`; ``axis`` is the label below the characteristic."""
+    """Figures that show the view of a pair, over tuning, or over the speed of its pinion."""
 
-    def __init__(self, axis):
-        self.axis = axis
+    def __init__(self, over_speed=False):
+        self.over_speed = over_speed
         self.sources = {
             name: ColumnDataSource({"x": [], "y": []})
             for name in ["up", "up_min", "down", "down_min", "plane", "course", "force", "roots"]
         }
         self._marker = Span(dimension="height", line_color="#999999", line_dash="dashed")
 
-    def draw(self, seen, tuning, unit=1.0):
-        """Show a view, on an axis with so much of its unit at tuning 1; return it in words."""
-        sources = self.sources
+    def draw(self, seen):
+        """Show a view, and return it in words."""
+        sources, rpm = self.sources, (seen.pair or seen.model).speed(1.0)
+        unit, tuning = rpm if self.over_speed else 1.0, float(seen.run.tuning)
         for name, curve in (("up", seen.up), ("down", seen.down)):
-            x = curve["tuning"] * unit
-            sources[name].data = {"x": x, "y": curve["displacement_max"]}
-            sources[f"{name}_min"].data = {"x": x, "y": curve["displacement_min"]}
-        course = seen.course
-        sources["plane"].data = {"x": course["displacement"], "y": course["velocity"]}
-        sources["course"].data = {"x": course["phase"], "y": course["displacement"]}
-        sources["force"].data = {"x": course["phase"], "y": course["force"]}
+            x = curve.tuning.values * unit
+            sources[name].data = {"x": x, "y": curve["displacement_max"].values}
+            sources[f"{name}_min"].data = {"x": x, "y": curve["displacement_min"].values}
+        course = seen.run.isel(phase=slice(-_SHOWN * PAIR.samples, None))
+        phase, displacement = course.phase.values, course.displacement.values
+        phase = phase - phase[0]
+        sources["plane"].data = {"x": displacement, "y": course.velocity.values}
+        sources["course"].data = {"x": phase, "y": displacement}
+        sources["force"].data = {"x": phase, "y": course.dynamic_force.values}
         sources["roots"].data = {"x": seen.multipliers.real, "y": seen.multipliers.imag}
         self._marker.location = tuning * unit
         roots = ", ".join(f"{abs(m):.4g}" for m in seen.multipliers)
         found = f" Floquet multipliers in magnitude: {roots}." if roots else ""
-        return f"{seen.message}{found}"
+        speed = "" if self.over_speed else f"{rpm * tuning:.0f} rpm. "
+        return f"{speed}{seen.message}{found}"
 
-    def figures(self):
+    def panes(self):
         """Return the figures, one row after the other."""
         beside = self._phase_plane(), self._course(), self._multipliers()
         return [
@@ -52,7 +60,7 @@ class Motion:
         plot = figure(
             height=330,
             title="Resonance characteristic: largest and smallest displacement",
-            x_axis_label=self.axis,
+            x_axis_label="speed of the pinion, rpm" if self.over_speed else "tuning ν",
             y_axis_label="displacement, static deflections",
             sizing_mode="stretch_width",
         )

@@ -2,12 +2,26 @@
 
 import panel as pn
 
-from gearlib.pages.explorer.drawn_page import DrawnPage
-from gearlib.pages.explorer.page import Page
-from gearlib.pages.explorer.train_page import TrainPage
-from gearlib.pages.explorer.trains import offered
+from gearlib.pages.explorer.drawn import Drawing
+from gearlib.pages.explorer.drawn_figures import DrawnFigures
+from gearlib.pages.explorer.motion import Motion
+from gearlib.pages.explorer.one_pair import Pair
+from gearlib.pages.explorer.slider_page import SliderPage
+from gearlib.pages.explorer.train_figures import TrainFigures
+from gearlib.pages.explorer.trains import Machine, offered
 
 PAIR, DRAWN = "one pair", "drawn gears"
+
+
+def page_of(mapping, damping, chosen=PAIR):
+    """Return the `SliderPage` of a pair, of drawn gears, or of a kind of train."""
+    if chosen == PAIR:
+        return SliderPage(Pair(mapping, damping), Motion())
+    if chosen == DRAWN:
+        drawing = Drawing(mapping, damping)
+        return SliderPage(drawing, DrawnFigures(drawing))
+    machine = Machine(mapping, damping, chosen)
+    return SliderPage(machine, TrainFigures(machine))
 
 
 class Explorer:
@@ -27,16 +41,11 @@ class Explorer:
         chosen = self.choice.value
         if chosen not in self._pages:
             try:
-                self._pages[chosen] = self._page(chosen).layout()
+                kind = self._kinds.get(chosen, chosen)
+                self._pages[chosen] = page_of(self.mapping, self.damping, kind).layout()
             except ValueError as error:
                 self._pages[chosen] = pn.pane.Markdown(str(error))
         self.shown[:] = [self._pages[chosen]]
-
-    def _page(self, chosen):
-        if chosen in self._kinds:
-            return TrainPage(self.mapping, self.damping, self._kinds[chosen])
-        page = Page if chosen == PAIR else DrawnPage
-        return page(self.mapping, self.damping)
 
     def layout(self):
         """Return the page."""
@@ -50,7 +59,7 @@ def serve(mapping, damping, port=0, show=True):
     """
     pn.extension()
     # The first view loads the compiled kernels, which is nothing to wait for while dragging.
-    Page(mapping, damping)
+    page_of(mapping, damping)
     # Every visitor has sliders of his own.
     pn.serve(
         lambda: Explorer(mapping, damping).layout(),

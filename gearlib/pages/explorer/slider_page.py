@@ -1,91 +1,68 @@
-"""What the pages of the explorer share: sliders, a note, figures, the button; with Panel."""
+"""The page of the explorer: sliders, a note, figures, the button; with Panel."""
 
 import io
 import time
-from abc import ABC, abstractmethod
 
 import panel as pn
 from bokeh.plotting import figure
 
+from gearlib.pages.explorer.explored import setting_of
 
-class SliderPage(ABC):
-    """Sliders that stand for a setting, and the figures of what is seen there.
 
-    Parameters
-    ----------
-    labels : dict
-        Name -> label of the slider and its unit in SI.
-    ranges : dict
-        Name -> lowest value, highest and step, in that unit.
-    start : dict
-        Name -> value in SI.
-    choices : dict of Widget, optional
-        What else is set.
-    event : str, default "value"
-        What is followed: "value_throttled" is a slider that is let go.
+class SliderPage:
+    """The sliders of what is explored, as of `Explored`, and figures of what is seen there.
+
+    `figures` has ``panes()``, its rows, and ``draw(seen)``, which shows a view and returns it in
+    words.
     """
 
-    def __init__(self, labels, ranges, start, choices=None, event="value"):
-        self._units = {name: unit for name, (_, unit) in labels.items()}
-        self._start = {name: float(start[name]) for name in ranges}
+    def __init__(self, explored, figures):
+        self.explored, self.figures = explored, figures
         self.sliders = {
             name: pn.widgets.FloatSlider(
-                label=labels[name][0],
-                start=low,
-                end=high,
-                step=step,
-                value=self._on_slider(name),
+                label=one.label,
+                start=one.range[0],
+                end=one.range[1],
+                step=one.range[2],
+                value=self._on_slider(one),
                 format="0[.]0000",
             )
-            for name, (low, high, step) in ranges.items()
+            for name, one in explored.sliders.items()
         }
-        self.choices = choices or {}
+        self.choices = {
+            name: pn.widgets.Select(label=label, options=options)
+            for name, (label, options) in explored.choices.items()
+        }
         self.note = pn.pane.Markdown("", sizing_mode="stretch_width", css_classes=["note"])
         self.button = pn.widgets.FileDownload(
             callback=self.file, filename="config.yaml", label="Save as config.yaml", embed=False
         )
-        self.shown = pn.Column(*self.figures(), sizing_mode="stretch_width")
+        self.shown = pn.Column(*figures.panes(), sizing_mode="stretch_width")
         for slider in self.sliders.values():
-            slider.param.watch(self.update, event)
+            slider.param.watch(self.update, explored.event)
         for choice in self.choices.values():
             choice.param.watch(self.update, "value")
         self.update()
 
-    @abstractmethod
+    @staticmethod
+    def _on_slider(one):
+        return float(f"{one.start / one.unit:.12g}")
+
     def setting(self):
-        """Return what the sliders say."""
-
-    @abstractmethod
-    def figures(self):
-        """Return the figures, one row after the other."""
-
-    @abstractmethod
-    def draw(self, setting):
-        """Draw what is seen at a setting, and return it in words."""
-
-    @abstractmethod
-    def configuration(self, setting):
-        """Return the text of a config.yaml that computes what is seen."""
-
-    def _on_slider(self, name):
-        return float(f"{self._start[name] / self._units[name]:.12g}")
-
-    def values(self):
         """Return what the sliders say, in SI, and the choices."""
         said = {name: choice.value for name, choice in self.choices.items()}
-        for name, slider in self.sliders.items():
+        for name, one in self.explored.sliders.items():
             # Rounded, so that 40 um is written as 4e-05; what was not moved keeps its last digit.
-            moved = slider.value != self._on_slider(name)
-            said[name] = (
-                float(f"{slider.value * self._units[name]:.12g}") if moved else self._start[name]
-            )
-        return said
+            value = self.sliders[name].value
+            moved = value != self._on_slider(one)
+            said[name] = float(f"{value * one.unit:.12g}" if moved else one.start)
+        return setting_of(said)
 
     def update(self, *_):
         """Compute and draw what the sliders say, or say why it cannot be."""
         start = time.perf_counter()
         try:
-            words = self.draw(self.setting())
+            words = self.figures.draw(self.explored.look(self.setting()))
         except ValueError as error:
             self._show(str(error), seen=False)
             return
@@ -99,7 +76,7 @@ class SliderPage(ABC):
 
     def file(self):
         """Return the config.yaml of what is seen, as a file object."""
-        return io.BytesIO(self.configuration(self.setting()).encode())
+        return io.BytesIO(self.explored.configuration(self.setting()).encode())
 
     def layout(self):
         """Return the page."""

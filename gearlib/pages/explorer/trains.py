@@ -1,18 +1,16 @@
 """From slider values to the arrays that the explorer draws of a gear train; no browser here."""
 
 import math
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
-import xarray as xr
-import yaml
 
 from gearlib import config
 from gearlib.config.defaults import laid_over
+from gearlib.models.pair import GearPair
 from gearlib.models.trains.described import described
-from gearlib.runs.simulation import simulate
-from gearlib.runs.sweeping import sweep
+from gearlib.pages.explorer.explored import Explored, Slider, saved, slider_of
+from gearlib.pages.explorer.view import TRAIN, look
 
 #: Trains that can be chosen, by the names of their sections.
 KINDS = {
@@ -22,37 +20,11 @@ KINDS = {
     "two_stage": "two stages",
     "own": "train of one's own",
 }
-#: Mesh periods of every run of a characteristic, and the last ones that are evaluated; the latter
-#: hold whole common periods of the default trains.
-_PERIODS, _RECORDED = 36, 12
-_SETTLE = 180
 #: Speeds of the characteristic, as shares of that at which the mesh frequency is the lowest elastic
 #: natural frequency.
 _LOWEST, _HIGHEST, _POINTS = 0.5, 4.0, 60
 #: Where the stiffness of the meshes is constant, nothing would move: the jump to start from.
 _JUMP = 0.3
-
-
-@dataclass(frozen=True)
-class Setting:
-    """What the sliders say."""
-
-    speed: float  #: of the reference pinion, rpm
-    stiffness_jump: float  #: 1 - kappa, of all meshes
-    backlash: float  #: of all meshes, m
-    load: float  #: on each mesh of the driving gear, of one's own train on the reference mesh, N
-    pin_error: float = 0.0  #: tangential, of the first planet or satellite, m
-
-
-@dataclass(frozen=True)
-class View:
-    """What is seen at one setting."""
-
-    up: xr.Dataset  #: of a sweep of the speed, over tuning and mesh
-    down: xr.Dataset
-    speeds: np.ndarray  #: rpm, of both sweeps
-    run: xr.Dataset  #: of `gearlib.simulate` at the chosen speed
-    message: str  #: what the motion is, in words
 
 
 def offered(mapping):
@@ -61,7 +33,7 @@ def offered(mapping):
     return {key: name for key, name in KINDS.items() if key != "own" or own.meshes}
 
 
-class Machine:
+class Machine(Explored):
     """A train of a configuration, and what sliders change of it.
 
     Parameters
@@ -73,6 +45,9 @@ class Machine:
     kind : str
         One of `KINDS`.
     """
+
+    #: A view takes a second.
+    event: ClassVar = "value_throttled"
 
     def __init__(self, mapping, damping, kind):
         section = dict(mapping.get("train", {}))
@@ -98,13 +73,27 @@ class Machine:
         if kind in ("planetary", "split_power_reducer"):
             self.pin_errors = arguments.get("pin_errors") or [[0.0, 0.0]] * (len(self.meshes) // 2)
         gap = first.backlash if math.isfinite(first.backlash) else 4.0 * train.static_deflection
-        self.start = Setting(
-            speed=float(self.speeds[_POINTS // 3]),
-            stiffness_jump=1.0 - first.stiffness_ratio if first.stiffness_ratio < 1.0 else _JUMP,
-            backlash=gap,
-            load=float(f"{load:.6g}"),
-            pin_error=self.pin_errors[0][1] if self.pin_errors else 0.0,
-        )
+        jump = 1.0 - first.stiffness_ratio if first.stiffness_ratio < 1.0 else _JUMP
+        load = float(f"{load:.6g}")
+        ends = float(np.ceil(self.speeds[0])), float(np.floor(self.speeds[-1]))
+        self.sliders = {
+            "speed": Slider(
+                "speed of the reference pinion, rpm", float(self.speeds[_POINTS // 3]), (*ends, 1.0)
+            ),
+            "stiffness_jump": Slider("stiffness jump 1 - κ", jump, (0.0, 0.9, 0.005)),
+            "backlash": slider_of(
+                GearPair, "backlash", gap, 0.5, high=max(200.0, 3e6 * gap), unit=1e-6
+            ),
+            # On each mesh of the driving gear; of a train of one's own on the reference mesh.
+            "load": Slider(
+                "load on each driving mesh, N", load, (0.05 * load, 5.0 * load, 0.01 * load)
+            ),
+        }
+        if self.pin_errors:
+            # Tangential.
+            self.sliders["pin_error"] = Slider(
+                "pin error of the first, µm", self.pin_errors[0][1], (-50.0, 50.0, 0.5), 1e-6
+            )
 
     def sections(self, setting):
         """Return the sections of the configuration that the sliders stand for."""
@@ -143,51 +132,16 @@ class Machine:
 
     def configuration(self, setting):
         """Return the text of a config.yaml that describes what is seen."""
-        whole = laid_over(self.mapping, self.sections(setting))
-        config.load(whole)
-        text = yaml.safe_dump(whole, sort_keys=False, allow_unicode=True)
-        head = f"# What gearlib explore showed at {setting.speed:g} rpm, damping {self.damping}."
-        return f"{head}\n{text}"
+        head = f"at {setting.speed:g} rpm, damping {self.damping}."
+        return saved(head, laid_over(self.mapping, self.sections(setting)))
 
     def look(self, setting):
-        """Return the `View` of a setting."""
+        """Return the view of a setting."""
         train = self.train(setting)
         rpm = _rpm(train)
-
-        def curve(direction):
-            return sweep(
-                train,
-                self.speeds / rpm,
-                periods=_PERIODS,
-                record_periods=_RECORDED,
-                direction=direction,
-                threads=1,
-            )
-
-        # The kernels release the interpreter lock.
-        with ThreadPoolExecutor(2) as pool:
-            up, down = pool.map(curve, ("up", "down"))
-        run = simulate(
-            train,
-            setting.speed / rpm,
-            periods=_SETTLE,
-            record_periods=_RECORDED,
-            samples_per_period=64,
-        )
-        return View(up, down, self.speeds, run, _in_words(run))
+        return look(train, setting.speed / rpm, self.speeds / rpm, TRAIN)
 
 
 def _rpm(train):
     """Return the speed of the reference pinion at tuning 1, rpm."""
     return float(train.speed_scales(1.0)["speed"])
-
-
-def _in_words(run):
-    if int(run.status):
-        return run.status.attrs["message"]
-    period = int(run.period)
-    motion = f"repeats after {period} mesh periods" if period else "does not repeat soon"
-    lost = (run.fraction_backlash + run.fraction_inverse).values > 0.0
-    parted = [str(name) for name in run.mesh.values[lost]]
-    contact = f"contact is lost in {', '.join(parted)}" if parted else "all meshes stay in contact"
-    return f"The motion from rest {motion}; {contact}."

@@ -1,131 +1,87 @@
-"""From slider values to the arrays that the explorer draws; no browser here."""
+"""From a model to the arrays that the explorer draws of it; no browser here."""
 
-import math
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
-import yaml
+import xarray as xr
 
-from gearlib import config
 from gearlib.analysis.orbits.shooting import NoOrbit, periodic_orbit
-from gearlib.config.defaults import laid_over
-from gearlib.data.summary import in_words
-from gearlib.models.pair import GearPair
+from gearlib.data import summary
 from gearlib.runs.simulation import simulate
 from gearlib.runs.sweeping import sweep
 
-#: Mesh periods of every run of a characteristic, and the last ones that are evaluated.
-_PERIODS, _RECORDED = 70, 10
-#: Mesh periods before the phase plane, so that it shows a settled motion.
-_SETTLE = 300
-_CURVE = ("tuning", "displacement_max", "displacement_min")
+
+class Lengths(NamedTuple):
+    """Mesh periods of what is run."""
+
+    periods: int  #: of every run of a characteristic
+    recorded: int  #: the last ones, which are evaluated
+    settle: int  #: before and with the record of the motion at the setting
+    samples: int  #: of each recorded period
 
 
-@dataclass(frozen=True)
-class Setting:
-    """What the sliders say; ratios dimensionless, backlash and load in SI."""
-
-    tuning: float
-    damping: float  #: beta
-    backlash_damping: float  #: beta_m
-    stiffness_ratio: float  #: kappa
-    contact_ratio: float  #: epsilon
-    backlash: float  #: m
-    load: float  #: N
-
-    @classmethod
-    def of(cls, pair, tuning):
-        """Return the setting that stands for a pair at a tuning."""
-        return cls(
-            tuning,
-            pair.damping_ratio,
-            pair.backlash_damping_ratio,
-            pair.stiffness_ratio,
-            pair.contact_ratio,
-            pair.backlash,
-            pair.load,
-        )
-
-    def pair(self, base):
-        """Return the gear pair: `base` with what the sliders say."""
-        pair = base.replace(
-            stiffness_ratio=self.stiffness_ratio,
-            contact_ratio=self.contact_ratio,
-            backlash=self.backlash,
-            load=self.load,
-        )
-        critical = 2.0 * pair.reduced_mass * pair.mean_eigenfrequency
-        return pair.replace(
-            material_damping=self.damping * critical,
-            backlash_damping=self.backlash_damping * critical,
-        )
+#: Of a pair; of a train, whose record holds whole common periods of the default trains.
+PAIR, TRAIN = Lengths(70, 10, 300, 256), Lengths(36, 12, 180, 64)
 
 
 @dataclass(frozen=True)
 class View:
     """What is seen at one setting."""
 
-    up: dict  #: tuning, displacement_max, displacement_min of the sweep up
-    down: dict
-    course: dict  #: phase, displacement, velocity, force over the last two mesh periods
-    multipliers: np.ndarray  #: Floquet multipliers, empty if no orbit was found
-    period: int  #: mesh periods after which the motion repeats, 0 if it does not
+    model: Any
+    up: xr.Dataset  #: of a sweep up
+    down: xr.Dataset
+    run: xr.Dataset  #: of `gearlib.simulate` at the setting
+    multipliers: np.ndarray  #: Floquet multipliers of a pair, empty if no orbit was found
     message: str  #: what the motion is, in words
+    mesh: Any = None  #: of drawn gears
+    pair: Any = None  #: of these, with the rectangle of their stiffness
+    error: xr.Dataset | None = None  #: of `Mesh.transmission_error` at several loads
 
 
-def look(pair, tuning, grid):
-    """Return the `View`: what the explorer draws at one tuning, the characteristic on a grid."""
+def look(model, tuning, grid, lengths=PAIR, **drawn):
+    """Return the `View` at one tuning, the characteristic on a grid, shape (n,)."""
 
     def curve(direction):
-        swept = sweep(
-            pair, grid, periods=_PERIODS, record_periods=_RECORDED, direction=direction, threads=1
-        )
-        return {name: swept[name].values for name in _CURVE}
+        settings = {"periods": lengths.periods, "record_periods": lengths.recorded}
+        return sweep(model, grid, direction=direction, threads=1, **settings)
 
     # The kernels release the interpreter lock.
     with ThreadPoolExecutor(2) as pool:
         up, down = pool.map(curve, ("up", "down"))
-    run = simulate(pair, tuning, periods=_SETTLE, record_periods=_RECORDED, samples_per_period=256)
-    shown = slice(-512, None)
-    course = {
-        "phase": run.phase.values[shown] - run.phase.values[-512],
-        "displacement": run.displacement.values[shown],
-        "velocity": run.velocity.values[shown],
-        "force": run.dynamic_force.values[shown],
-    }
-    period = int(run.period)
-    multipliers = np.empty(0)
-    if period:
-        try:
-            orbit = periodic_orbit(pair, tuning, guess=run.final_state.values, period=period)
-            multipliers = orbit.multipliers
-        except NoOrbit:
-            period = 0
-    return View(
-        up, down, course=course, multipliers=multipliers, period=period, message=in_words(run)
+    run = simulate(
+        model,
+        tuning,
+        periods=lengths.settle,
+        record_periods=lengths.recorded,
+        samples_per_period=lengths.samples,
     )
+    if model.mesh_names:
+        return View(model, up, down, run, np.empty(0), _of_meshes(run), **drawn)
+    return View(model, up, down, run, _multipliers(model, run), summary.in_words(run), **drawn)
 
 
-def configuration(mapping, damping, setting):
-    """Return the text of a config.yaml that computes what is seen; `gearlib.config.load` takes it.
-
-    What the sliders do not touch of `mapping`, from which the explorer started, is kept; they
-    stand for its damping of this name.
-    """
-    settings = config.load(mapping)
-    pair = asdict(setting.pair(GearPair(**settings.pair_parameters(damping))))
-    seen = {
-        "gear_pair": {key: pair[key] for key in settings.gear_pair.model_dump()},
-        "dampings": {damping: {key: pair[key] for key in ("material_damping", "backlash_damping")}},
-        "phase_planes": {"tunings": [setting.tuning]},
-    }
-    whole = laid_over(mapping, seen)
-    config.load(whole)
-    text = yaml.safe_dump(whole, sort_keys=False, allow_unicode=True)
-    return f"# What gearlib explore showed at tuning {setting.tuning:g}, damping {damping}.\n{text}"
+def _multipliers(pair, run):
+    """Return the Floquet multipliers of the orbit on which a run ends, empty if there is none."""
+    period = int(run.period)
+    if not period:
+        return np.empty(0)
+    try:
+        guess = run.final_state.values
+        return periodic_orbit(pair, float(run.tuning), guess=guess, period=period).multipliers
+    except NoOrbit:
+        return np.empty(0)
 
 
-def finite_backlash(pair):
-    """Return a backlash for the slider: that of the pair, or four static deflections."""
-    return pair.backlash if math.isfinite(pair.backlash) else 4.0 * pair.static_deflection
+def _of_meshes(run):
+    """Return what the motion of a train is, in words."""
+    if int(run.status):
+        return run.status.attrs["message"]
+    period = int(run.period)
+    motion = f"repeats after {period} mesh periods" if period else "does not repeat soon"
+    lost = (run.fraction_backlash + run.fraction_inverse).values > 0.0
+    parted = [str(name) for name in run.mesh.values[lost]]
+    contact = f"contact is lost in {', '.join(parted)}" if parted else "all meshes stay in contact"
+    return f"The motion from rest {motion}; {contact}."

@@ -17,23 +17,14 @@ _SCALARS = ("displacement_max", "displacement_min", "period", "bounces", "status
 def compute(pairs, tunings, run, periods_shown):
     """Return the last mesh periods of the motion from rest, for all dampings and tunings.
 
-    Parameters
-    ----------
-    pairs : dict of str to dict
-        Keyword arguments of `GearPair` by the name of the damping.
-    tunings : sequence of float, shape (n,)
-    run : dict
-        Further arguments of `gearlib.simulate`. Extrema and period are those of the whole record.
-    periods_shown : int
-        Mesh periods of the courses, at most those recorded.
+    pairs: keyword arguments of `GearPair` by the name of the damping; tunings: shape (n,); run:
+    further arguments of `gearlib.simulate`. Extrema and period are those of the whole record;
+    periods_shown: mesh periods of the courses, at most those recorded.
 
-    Returns
-    -------
-    xarray.Dataset
-        displacement, velocity, dynamic_force over (damping, tuning, phase) in single precision,
-        phase from the start of a mesh period; over (damping, tuning): displacement_max,
-        displacement_min, period, bounces, status, final_state (component), motion (in words). A
-        run that could not go on is NaN.
+    displacement, velocity, dynamic_force over (damping, tuning, phase) in single precision, phase
+    from the start of a mesh period; over (damping, tuning): displacement_max, displacement_min,
+    period, bounces, status, final_state (component), motion (in words). A run that could not go on
+    is NaN.
     """
     samples = periods_shown * run["samples_per_period"]
     models = {name: GearPair(**parameters) for name, parameters in pairs.items()}

@@ -49,25 +49,11 @@ def evaluate(
 ):
     """Return the claims P1-P13.
 
-    Parameters
-    ----------
-    pair : GearPair
-        The gear pair; its damping is not used.
-    dampings : dict of str to {"material_damping": float, "backlash_damping": float}
-        The damping combinations, N s/m, by name.
-    resonance, phase_planes : xarray.Dataset
-        As gathered by `gearlib.data.gathering`.
-    phase_lag : xarray.Dataset
-        As computed by `gearlib.studies.phase_lag`.
-    jump : xarray.Dataset
-        As computed by `gearlib.studies.jump`.
-    scenes : dict of str to xarray.Dataset
-        As computed by `gearlib.studies.scenes`, by name; P8 and P11-P13 look at those whose names
-        begin with fig4, fig6, fig7, fig8.
-
-    Returns
-    -------
-    list of Claim
+    pair (the gear pair; its damping is not used); dampings ({"material_damping": float,
+    "backlash_damping": float}, the damping combinations, N s/m, by name); resonance, phase_planes:
+    as gathered by `gearlib.data.gathering`; phase_lag: as computed by `gearlib.studies.phase_lag`;
+    jump: as computed by `gearlib.studies.jump`; scenes (as computed by `gearlib.studies.scenes`, by
+    name; P8 and P11-P13 look at those whose names begin with fig4, fig6, fig7, fig8).
     """
     resonance = resonance.sortby("tuning")
     data = Data(pair, dampings, resonance, phase_planes, phase_lag, jump, scenes)

@@ -19,23 +19,13 @@ CASE = "alike"
 def compute(characteristics, pair, settings, orders):
     """Return critical speeds of the reducer, and the speeds at which its meshes part.
 
-    Parameters
-    ----------
-    characteristics : xarray.Dataset
-        Of `gearlib.studies.trains.reducer.compute`.
-    pair : dict
-        Keyword arguments of `GearPair`: every mesh.
-    settings : dict
-        As of `gearlib.studies.trains.reducer.train_of`.
-    orders : int
-        Highest order of each mesh frequency.
+    characteristics: of `gearlib.studies.trains.reducer.compute`; pair (keyword arguments of
+    `GearPair`: every mesh); settings: as of `gearlib.studies.trains.reducer.train_of`; orders:
+    highest order of each mesh frequency.
 
-    Returns
-    -------
-    xarray.Dataset
-        That of `GearTrain.campbell`; fraction_normal_high over (direction, tuning, mesh), the most
-        of all starts, which all lose contact where it is less than 1; settled over (direction,
-        tuning), speed (rpm) over tuning, mesh_rate over mesh.
+    That of `GearTrain.campbell`; fraction_normal_high over (direction, tuning, mesh), the most of
+    all starts, which all lose contact where it is less than 1; settled over (direction, tuning),
+    speed (rpm) over tuning, mesh_rate over mesh.
     """
     train = train_of(GearPair(**pair), settings)
     data = train.campbell(orders).drop_vars("modal_force")

@@ -162,19 +162,9 @@ class _Tuning:
 def ends(model, tuning, states, settings):
     """Return where the motions from these states end at one tuning.
 
-    Parameters
-    ----------
-    model : Model
-    tuning : float
-    states : ndarray, shape (k, size)
-    settings : dict
-        periods, record_periods: of every run, in mesh periods, rounded up to whole repeats;
-        first_starts: where so many of the states end on one stable orbit, the others are taken to
-        end there too.
-
-    Returns
-    -------
-    Ends
+    states: shape (k, size); settings (periods, record_periods: of every run, in mesh periods,
+    rounded up to whole repeats; first_starts: where so many of the states end on one stable orbit,
+    the others are taken to end there too).
     """
     here, found = _Tuning(model, tuning, settings), []
     for i, state in enumerate(states):
@@ -196,16 +186,9 @@ def kept(model, tunings, found, settings, state="static"):
     orbit through chaos, late or early: rounding decides. As many as there are first starts are
     asked, where some motion ends on no orbit or starts have parted on their way.
 
-    Parameters
-    ----------
-    model, tunings, settings, state
-        As of `from_rest`.
-    found : list of Ends
-        What that gives.
+    model, tunings, settings, state: as of `from_rest`; found: what that gives.
 
-    Returns
-    -------
-    ndarray of bool, shape (t,)
+    Shape (t,).
     """
     begin = starts(model, state, settings)[: settings["first_starts"]]
 
@@ -225,14 +208,7 @@ def kept(model, tunings, found, settings, state="static"):
 def from_rest(model, tunings, settings, state="static"):
     """Return where the motions from all starts end, tuning by tuning: a list of `Ends`.
 
-    Parameters
-    ----------
-    model : Model
-    tunings : sequence of float, shape (t,)
-    settings : dict
-        As of `starts` and `ends`.
-    state : tuple of float, or "static"
-        Beside which the starts lie.
+    tunings: shape (t,); settings: as of `starts` and `ends`; state: beside which the starts lie.
     """
     begin = starts(model, state, settings)
     return in_parallel(lambda nu: ends(model, float(nu), begin, settings), tunings)
@@ -244,11 +220,7 @@ def carried(model, tunings, settings, direction, state="static"):
     Every run begins where the one before ended, with the displacements of the first start of
     `starts` added; behind a motion that did not settle it begins from rest.
 
-    Parameters
-    ----------
-    model, tunings, settings, state
-        As of `from_rest`.
-    direction : {"up", "down"}
+    model, tunings, settings, state: as of `from_rest`; direction: {"up", "down"}.
     """
     first = starts(model, state, settings | {"starts": 1})
     away = first - (model.start_state(state) if isinstance(state, str) else state)
@@ -263,22 +235,12 @@ def carried(model, tunings, settings, direction, state="static"):
 def summarise(model, found, settings, names):
     """Return the medians and ranges of summaries over all starts, and the shares of motions.
 
-    Parameters
-    ----------
-    model : Model
-    found : list of Ends
-        Of each tuning, with equal numbers of starts.
-    settings : dict
-        record_periods.
-    names : sequence of str
-        Summaries as of `gearlib.sweep`.
+    found: of each tuning, with equal numbers of starts; settings: record_periods; names: summaries
+    as of `gearlib.sweep`.
 
-    Returns
-    -------
-    xarray.Dataset
-        Over (start, tuning) and mesh: the summaries. Over (tuning,): settled; settled_share, of
-        the starts that end on a stable orbit; motion_count, of different ones; largest_share, of
-        the one on which most starts end; period, 0 unless settled.
+    Over (start, tuning) and mesh: the summaries. Over (tuning,): settled; settled_share, of the
+    starts that end on a stable orbit; motion_count, of different ones; largest_share, of the one on
+    which most starts end; period, 0 unless settled.
     """
     tables, orbits, periods, marks, codes = (
         np.stack(column, axis=1) for column in zip(*found, strict=True)
@@ -308,23 +270,13 @@ def summarise(model, found, settings, names):
 def over_directions(model, tunings, settings, names, directions):
     """Return medians, ranges and shares over direction, tuning and mesh, and all starts of each.
 
-    Parameters
-    ----------
-    model : GearTrain
-    tunings : sequence of float, shape (t,)
-    settings : dict
-        As of `starts` and `ends`.
-    names : sequence of str
-        Summaries as of `gearlib.sweep`.
-    directions : sequence of {"cold", "up", "down"}
-        "cold": beside static equilibrium, from all starts; the others carry the first.
+    tunings: shape (t,); settings: as of `starts` and `ends`; names: summaries as of
+    `gearlib.sweep`; directions ({"cold", "up", "down"}, "cold": beside static equilibrium, from all
+    starts; the others carry the first).
 
-    Returns
-    -------
-    (xarray.Dataset, list of xarray.Dataset)
-        The summaries with their _low and _high, and the shares of `summarise`; what that gives,
-        direction by direction, with fraction_inverse. Where a carried motion did not settle its
-        numbers are NaN.
+    The summaries with their _low and _high, and the shares of `summarise`; what that gives,
+    direction by direction, with fraction_inverse. Where a carried motion did not settle its numbers
+    are NaN.
     """
     every, own = [], []
     for direction in directions:

@@ -51,17 +51,9 @@ def in_phase(train, branches=BRANCHES):
     In the motion in which all branches move alike the central gears do not leave their axes, and
     each branch moves its share of them.
 
-    Parameters
-    ----------
-    train : GearTrain
-        As of `gearlib.split_power_reducer`.
-    branches : int
+    train: as of `gearlib.split_power_reducer`.
 
-    Returns
-    -------
-    GearTrain
-        The first branch, with input and output on rigid axes, of an N-th of their inertia and
-        torque.
+    The first branch, with input and output on rigid axes, of an N-th of their inertia and torque.
     """
     central = {
         name: dataclasses.replace(
@@ -85,15 +77,9 @@ def in_phase(train, branches=BRANCHES):
 def models(pair, settings, case, changes):
     """Return name -> model of one case, the names of `MODELS`.
 
-    Parameters
-    ----------
-    pair : GearPair
-    settings : dict
-        Of the reducer, as of `gearlib.studies.trains.reducer.train_of`, and pin_error.
-    case : str
-        One of `CASES`.
-    changes : dict
-        other_teeth, of which the branches are out of phase; soft_support, N/m.
+    settings: of the reducer, as of `gearlib.studies.trains.reducer.train_of`, and pin_error; case:
+    one of `CASES`; changes (other_teeth, of which the branches are out of phase; soft_support,
+    N/m).
     """
     errors = {}
     if case == "out_of_phase":
@@ -123,21 +109,12 @@ def models(pair, settings, case, changes):
 def characteristic(model, pair, tunings, settings):
     """Return what a model says of the first stage, from starts beside static equilibrium.
 
-    Parameters
-    ----------
-    model : GearPair or GearTrain
-    pair : GearPair
-        Whose mean eigenfrequency the tunings are counted in.
-    tunings : sequence of float, shape (t,)
-    settings : dict
-        As of `gearlib.studies.trains.motions`.
+    pair: whose mean eigenfrequency the tunings are counted in; tunings: shape (t,); settings: as of
+    `gearlib.studies.trains.motions`.
 
-    Returns
-    -------
-    tuple of ndarray
-        Largest dynamic factor, largest share of time without drive-side contact, and largest load
-        sharing, of all meshes of the stage, shape (starts, t); whether all starts settle on one
-        orbit and rounding decides none of them, and whether it decides none, shape (t,).
+    Largest dynamic factor, largest share of time without drive-side contact, and largest load
+    sharing, of all meshes of the stage, shape (starts, t); whether all starts settle on one orbit
+    and rounding decides none of them, and whether it decides none, shape (t,).
     """
     if not model.mesh_names:
         tunings = np.asarray(tunings) * pair.mesh_frequency(1.0) / model.mesh_frequency(1.0)
@@ -172,16 +149,10 @@ def certain(factor, sharing, firm):
     Such a motion is known by its range over all starts, here with as much again on both sides. What
     is largest is certain if it is so wherever in these ranges the others lie.
 
-    Parameters
-    ----------
-    factor, sharing : ndarray, shape (starts, t)
-        As of `characteristic`.
-    firm : ndarray of bool, shape (t,)
-        Where rounding decides no motion.
+    factor, sharing: shape (starts, t), as of `characteristic`; firm: shape (t,), where rounding
+    decides no motion.
 
-    Returns
-    -------
-    ndarray of bool, shape (starts, 5)
+    Shape (starts, 5).
     """
     low, high = _bounds(factor, firm)
     top, peak = _largest(low, high)
@@ -211,14 +182,9 @@ def _largest(low, high):
 def relative_changes(values):
     """Return by how much answers differ from those of the last model, over these.
 
-    Parameters
-    ----------
-    values : ndarray, shape (..., models, observables)
+    values: shape (..., models, observables).
 
-    Returns
-    -------
-    ndarray, of the same shape
-        Infinity where only one of both has a jump, or loses contact.
+    Infinity where only one of both has a jump, or loses contact.
     """
     whole = np.broadcast_to(values[..., -1:, :], values.shape)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -238,24 +204,15 @@ def _free_changes(firm):
 def compute(pair, tunings, settings, changes):
     """Return all models in all cases, and the smallest that suffices in each.
 
-    Parameters
-    ----------
-    pair : dict
-        Keyword arguments of `GearPair`: every mesh.
-    tunings : sequence of float, shape (t,)
-    settings : dict
-        Of the reducer, as of `models`, and periods, record_periods.
-    changes : dict
-        As of `models`, and tolerance, and the starts of `gearlib.studies.trains.motions`.
+    pair (keyword arguments of `GearPair`: every mesh); tunings: shape (t,); settings: of the
+    reducer, as of `models`, and periods, record_periods; changes: as of `models`, and tolerance,
+    and the starts of `gearlib.studies.trains.motions`.
 
-    Returns
-    -------
-    xarray.Dataset
-        dynamic_factor over (case, model, tuning), the largest of the first stage, and its range;
-        settled over the same; answer and answer_change over (case, model, observable), medians over
-        the starts, and their ranges; answer_free_of_rounding, whether the answer hangs on no motion
-        that rounding decides; answer_shared, whether that of the whole train does not either, and
-        both are the same from all starts; sufficient over case, from all starts; tolerance.
+    dynamic_factor over (case, model, tuning), the largest of the first stage, and its range;
+    settled over the same; answer and answer_change over (case, model, observable), medians over the
+    starts, and their ranges; answer_free_of_rounding, whether the answer hangs on no motion that
+    rounding decides; answer_shared, whether that of the whole train does not either, and both are
+    the same from all starts; sufficient over case, from all starts; tolerance.
     """
     pair = GearPair(**pair)
     settings = settings | {name: changes[name] for name in motions.SETTINGS if name in changes}
@@ -293,7 +250,7 @@ def compute(pair, tunings, settings, changes):
         "answer_free_of_rounding": (
             answers,
             firm.astype(np.int8),
-            many_starts.FLAGS,
+            settled_flags("free_of_rounding"),
         ),
         "answer_shared": (
             answers,

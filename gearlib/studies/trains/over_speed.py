@@ -15,20 +15,12 @@ _KEPT = ("dynamic_factor", "load_sharing", "fraction_normal")
 def compute(train, tunings, settings):
     """Return the resonance characteristics of all meshes, from static equilibrium.
 
-    Parameters
-    ----------
-    train : dict
-        Arguments of `gearlib.models.trains.described.described`.
-    tunings : sequence of float, shape (t,)
-    settings : dict
-        As of `gearlib.studies.trains.motions`.
+    train: arguments of `gearlib.models.trains.described.described`; tunings: shape (t,); settings:
+    as of `gearlib.studies.trains.motions`.
 
-    Returns
-    -------
-    xarray.Dataset
-        Over (direction, tuning, mesh): dynamic_factor, load_sharing, fraction_normal, medians over
-        the starts, and their ranges, _low and _high; over (direction, tuning): shares of motions
-        as of `gearlib.studies.trains.motions.summarise`; over tuning: speed.
+    Over (direction, tuning, mesh): dynamic_factor, load_sharing, fraction_normal, medians over the
+    starts, and their ranges, _low and _high; over (direction, tuning): shares of motions as of
+    `gearlib.studies.trains.motions.summarise`; over tuning: speed.
     """
     model, tunings = described(**train), np.asarray(tunings, float)
     dataset, _ = motions.over_directions(model, tunings, settings, _KEPT, DIRECTIONS)

@@ -28,14 +28,9 @@ _ALONE = ("lost_alone_share", "struck_alone_share")
 def train_of(pair, settings, **changes):
     """Return the reducer, `GearTrain`, counted in tunings of the pair alone.
 
-    Parameters
-    ----------
-    pair : GearPair
-    settings : dict
-        teeth, modules (m), shaft_stiffness (N m/rad), support_stiffness (N/m), damping_ratio (of
-        supports and shafts, at the mean eigenfrequency of the pair).
-    **changes
-        Other arguments of `gearlib.split_power_reducer`.
+    settings: teeth, modules (m), shaft_stiffness (N m/rad), support_stiffness (N/m), damping_ratio
+    (of supports and shafts, at the mean eigenfrequency of the pair); **changes: other arguments of
+    `gearlib.split_power_reducer`.
     """
     frequency = pair.mesh_frequency(1.0)
     arguments = {
@@ -68,16 +63,9 @@ def cases(pair, settings):
 def alone(happens, branch):
     """Return the only branch in which something happens, 0 where there is none or several.
 
-    Parameters
-    ----------
-    happens : ndarray of bool, shape (..., m)
-        By mesh.
-    branch : ndarray of int, shape (m,)
-        Branch of each mesh, from 1.
+    happens: shape (..., m), by mesh; branch: shape (m,), branch of each mesh, from 1.
 
-    Returns
-    -------
-    ndarray of int, shape (...)
+    Shape (...).
     """
     numbers = np.unique(branch)
     there = np.stack([happens[..., branch == n].any(axis=-1) for n in numbers], axis=-1)
@@ -87,24 +75,16 @@ def alone(happens, branch):
 def compute(pair, tunings, settings):
     """Return the resonance characteristics of all meshes, from static equilibrium, up and down.
 
-    Parameters
-    ----------
-    pair : dict
-        Keyword arguments of `GearPair`: every mesh.
-    tunings : sequence of float, shape (t,)
-    settings : dict
-        As of `train_of`, and pin_error (m, radial and tangential), backlashes (m, by branch),
-        and those of `gearlib.studies.trains.motions`.
+    pair (keyword arguments of `GearPair`: every mesh); tunings: shape (t,); settings: as of
+    `train_of`, and pin_error (m, radial and tangential), backlashes (m, by branch), and those of
+    `gearlib.studies.trains.motions`.
 
-    Returns
-    -------
-    xarray.Dataset
-        Over (case, direction, tuning, mesh): dynamic_factor, load_sharing, fraction_normal,
-        medians over the starts, and their ranges, _low and _high; over (case, direction, tuning):
-        settled, period, motion_count and shares of motions as of `motions.summarise`; over branch
-        too: lost_alone_share and struck_alone_share, of the starts in which only this branch loses
-        contact, strikes its far flanks; over (case, direction, mesh): largest_factor and
-        factor_tuning, of settled motions; over mesh: mesh_branch, mesh_stage.
+    Over (case, direction, tuning, mesh): dynamic_factor, load_sharing, fraction_normal, medians
+    over the starts, and their ranges, _low and _high; over (case, direction, tuning): settled,
+    period, motion_count and shares of motions as of `motions.summarise`; over branch too:
+    lost_alone_share and struck_alone_share, of the starts in which only this branch loses contact,
+    strikes its far flanks; over (case, direction, mesh): largest_factor and factor_tuning, of
+    settled motions; over mesh: mesh_branch, mesh_stage.
     """
     pair, tunings = GearPair(**pair), np.asarray(tunings, float)
     trains = cases(pair, settings)

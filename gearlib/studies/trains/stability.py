@@ -17,23 +17,14 @@ PLANES = ("stiffness_jump", "contact_ratio")
 def compute(train, tunings, settings):
     """Return where the undamped motion without loss of contact is unstable.
 
-    Parameters
-    ----------
-    train : dict
-        Keyword arguments of `gearlib.planetary`; its damping is not used.
-    tunings : sequence of float, shape (t,)
-        Mesh frequencies over the reference frequency.
-    settings : dict
-        reference_frequency, Hz; teeth: pairs (z_s, z_r), one for each phasing; largest_jump: of
-        the plane of stiffness jumps; jump: that of the plane of contact ratios; values: how many of
-        each.
+    train (keyword arguments of `gearlib.planetary`; its damping is not used); tunings: shape (t,),
+    mesh frequencies over the reference frequency; settings (reference_frequency, Hz; teeth: pairs
+    (z_s, z_r), one for each phasing; largest_jump: of the plane of stiffness jumps; jump: that of
+    the plane of contact ratios; values: how many of each).
 
-    Returns
-    -------
-    xarray.Dataset
-        Over phasing, plane, row and tuning: growth, and whether the point is unstable to first
-        order. Over phasing, plane and row: the share of unstable tunings, of these the share that
-        the first order misses, and of those it names the share that is stable.
+    Over phasing, plane, row and tuning: growth, and whether the point is unstable to first order.
+    Over phasing, plane and row: the share of unstable tunings, of these the share that the first
+    order misses, and of those it names the share that is stable.
     """
     tunings = np.asarray(tunings, float)
     count = settings["values"]

@@ -41,15 +41,9 @@ _CENTRAL = ("sun", "ring")
 def reduced(train):
     """Return the train of one planet that moves as N equal planets in phase do.
 
-    Parameters
-    ----------
-    train : gearlib.GearTrain
-        As `gearlib.planetary` makes it.
+    train: as `gearlib.planetary` makes it.
 
-    Raises
-    ------
-    ValueError
-        If its planets are not alike or not in phase.
+    ValueError if its planets are not alike or not in phase.
     """
     carried = [body for body in train.bodies if body.carrier]
     n, first = len(carried), carried[0]
@@ -99,18 +93,10 @@ def lifting(train, small):
 def multipliers(train, tuning, state):
     """Return (those of symmetric disturbances, all others, coupling, residual) of an orbit.
 
-    Parameters
-    ----------
-    train : gearlib.GearTrain
-    tuning : float
-    state : array_like, shape (size,)
-        Symmetric state at tau = 0 of an orbit of one common period.
+    state: shape (size,), symmetric state at tau = 0 of an orbit of one common period.
 
-    Returns
-    -------
-    tuple
-        Two complex arrays, largest first; the largest entry of the map between both spaces, which
-        is rounding, and the largest residual of the orbit, static deflections.
+    Two complex arrays, largest first; the largest entry of the map between both spaces, which is
+    rounding, and the largest residual of the orbit, static deflections.
     """
     end, maps, code = train.propagator(tuning).maps(np.array(state), train.repeats, MAX_EVENTS)
     if code != status.OK:
@@ -139,13 +125,7 @@ def symmetric_orbits(small, tunings, settings):
     of a neighbouring tuning leads to it, from below and then from above: from where a run without
     end happens to be, Newton's method would find now one orbit, now another or none.
 
-    Parameters
-    ----------
-    small : gearlib.GearTrain
-        As of `reduced`.
-    tunings : sequence of float, shape (t,)
-    settings : dict
-        As of `gearlib.studies.trains.motions`.
+    small: as of `reduced`; tunings: shape (t,); settings: as of `gearlib.studies.trains.motions`.
     """
     found = motions.from_rest(small, tunings, settings)
     once = [one.settled and one.periods[0] == small.repeats for one in found]
@@ -190,24 +170,15 @@ def _course(train, tuning, state, settings):
 def compute(train, tunings, settings):
     """Return where the symmetric motion breaks, and what becomes of it.
 
-    Parameters
-    ----------
-    train : dict
-        Keyword arguments of `gearlib.planetary`.
-    tunings : sequence of float, shape (t,)
-        Mesh frequencies over the reference frequency.
-    settings : dict
-        reference_frequency, Hz; teeth: (z_s, z_r); jump: of the stiffness over its mean; shown: the
-        tuning of the course; shown_after, mesh periods; samples_per_period; those of
-        `gearlib.studies.trains.motions`.
+    train: keyword arguments of `gearlib.planetary`; tunings: shape (t,), mesh frequencies over the
+    reference frequency; settings (reference_frequency, Hz; teeth: (z_s, z_r); jump: of the
+    stiffness over its mean; shown: the tuning of the course; shown_after, mesh periods;
+    samples_per_period; those of `gearlib.studies.trains.motions`).
 
-    Returns
-    -------
-    xarray.Dataset
-        Over tuning: the largest multipliers of symmetric and other disturbances, the verdict, and
-        shares of the motions from all starts beside the symmetric one, as of `motions.summarise`;
-        over tuning and mesh what these do: bounces, load sharing, largest force, medians and
-        ranges. Over mesh and phase: the forces at the tuning that is shown, after the first start.
+    Over tuning: the largest multipliers of symmetric and other disturbances, the verdict, and
+    shares of the motions from all starts beside the symmetric one, as of `motions.summarise`; over
+    tuning and mesh what these do: bounces, load sharing, largest force, medians and ranges. Over
+    mesh and phase: the forces at the tuning that is shown, after the first start.
     """
     train = with_jump(train | {"teeth": settings["teeth"]}, settings["jump"], settings)
     small = reduced(train)

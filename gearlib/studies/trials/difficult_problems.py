@@ -193,13 +193,8 @@ def _settling():
 def planets(push=3.0, ahead=0.0, **changes) -> tuple[Any, float, tuple]:
     """Return (train, tuning, start state) of three planets in phase, whose sun is pushed.
 
-    Parameters
-    ----------
-    push, ahead : float
-        Displacements of the sun, and of the first planet alone, from static equilibrium along
-        their base circles, static deflections.
-    **changes
-        Of `gearlib.planetary`.
+    push, ahead: displacements of the sun, and of the first planet alone, from static equilibrium
+    along their base circles, static deflections; **changes: of `gearlib.planetary`.
     """
     # Lin and Parker's train at its second rotational mode, 1475 Hz, 30 % jump of the stiffness.
     train = planetary(stiffness_ratio=(0.7458, 0.7321), **changes)

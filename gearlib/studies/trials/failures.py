@@ -243,23 +243,12 @@ def try_method(problem, method, options):
 def compute(name, method, options, chosen=None):
     """Return the verdicts of one method on all problems: a column of the matrix.
 
-    Parameters
-    ----------
-    name : str
-        Of the column.
-    method : str
-        One of `gearlib.methods`.
-    options : dict
-        Options of the method.
-    chosen : list of str, optional
-        Names of problems; by default all.
+    name: of the column; method: one of `gearlib.methods`; options: options of the method; chosen
+    (names of problems; by default all).
 
-    Returns
-    -------
-    xarray.Dataset
-        Over (problem, trial), one trial: verdict (flags), error, periods, evaluations, judge,
-        message. Over problem: words, model, tuning, displacement and velocity at the start,
-        quantity, tolerance. Over trial: method, options.
+    Over (problem, trial), one trial: verdict (flags), error, periods, evaluations, judge, message.
+    Over problem: words, model, tuning, displacement and velocity at the start, quantity, tolerance.
+    Over trial: method, options.
     """
     known = problems()
     names = list(known) if chosen is None else list(chosen)

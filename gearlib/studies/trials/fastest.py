@@ -34,11 +34,7 @@ DECADES = range(1, 16)
 def fastest(error, seconds, decade):
     """Return the index of the fastest with an error <= 10^-decade; None: there is none.
 
-    Parameters
-    ----------
-    error, seconds : ndarray, shape (n,)
-        NaN: no candidate.
-    decade : int
+    error, seconds (shape (n,), NaN: no candidate).
     """
     # A decade is reached with its bound, rounding of the power included. The slope of a disturbed
     # measurement may be negative: it is no time.

@@ -159,17 +159,9 @@ def decide(found, expected, tuning):
 def compute(ways, chosen=PROBLEMS):
     """Return the verdicts on ways to differentiate.
 
-    Parameters
-    ----------
-    ways : list of str
-        Of the table above.
-    chosen : sequence of str
-        Names of difficult problems of a `GearPair`.
+    ways: of the table above; chosen: names of difficult problems of a `GearPair`.
 
-    Returns
-    -------
-    xarray.Dataset
-        Over (problem, way): verdict (flags), error.
+    Over (problem, way): verdict (flags), error.
     """
     known = problems()
     cells = []

@@ -60,28 +60,13 @@ class Motion(NamedTuple):
 def run(model, tuning, periods, digits=50, state=(0, 0)):
     """Run mesh periods from a state at tau = 0.
 
-    Parameters
-    ----------
-    model : GearPair, OneDegreePair or SixDegreePair
-        Of the kinds that `gearlib.studies.trials.problems.build` makes: rectangular stiffness,
-        damping linear or cubic, no excitation of one degree of freedom.
-    tuning : float
-    periods : int
-    digits : int
-        How many decimal digits of the step are right; what a motion makes of them is another
-        thing: compare two runs.
-    state : tuple of Decimal or float
-        (x, dx/dtau); six degrees of freedom start from rest on the line only.
+    model (of the kinds that `gearlib.studies.trials.problems.build` makes: rectangular stiffness,
+    damping linear or cubic, no excitation of one degree of freedom); digits (how many decimal
+    digits of the step are right; what a motion makes of them is another thing: compare two runs);
+    state ((x, dx/dtau); six degrees of freedom start from rest on the line only).
 
-    Returns
-    -------
-    Motion
-
-    Raises
-    ------
-    Unresolved
-        If the motion grazes a flank line so closely that the digits do not tell whether it
-        crosses, or both flanks are in contact at once.
+    Unresolved if the motion grazes a flank line so closely that the digits do not tell whether it
+    crosses, or both flanks are in contact at once.
     """
     with localcontext(prec=digits + _GUARD):
         equations = equations_of(model, tuning)

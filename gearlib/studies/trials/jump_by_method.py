@@ -58,16 +58,8 @@ def rungs(method):
 def scan(pair, tunings, resolution, method, options, run):
     """Return the `Scan` of a method.
 
-    Parameters
-    ----------
-    pair : GearPair
-    tunings : sequence of float, shape (n,)
-        Rising, n >= 2.
-    resolution : float
-        Width of the last interval of the bisection.
-    method, options : str, dict
-    run : dict
-        periods, record_periods, initial_state.
+    tunings: shape (n,), rising, n >= 2; resolution: width of the last interval of the bisection;
+    run: periods, record_periods, initial_state.
     """
     tunings = np.asarray(tunings, float)
 
@@ -104,25 +96,15 @@ def period_cost(pair, nu, method, options, run):
 def compute(method, pair, tunings, slow_tunings, settings, run):
     """Return the jump by one method, for every value of its knob that is within the cost allowed.
 
-    Parameters
-    ----------
-    method : str
-    pair : dict
-        Keyword arguments of `GearPair`.
-    tunings, slow_tunings : sequence of float, shape (n,)
-        The scan, and that of methods which are not compiled by this library; rising, n >= 2.
-    settings : dict
-        resolution, slow: resolution of the slow scan, most_evaluations per mesh period.
-    run : dict
-        periods, record_periods, initial_state.
+    pair: keyword arguments of `GearPair`; tunings, slow_tunings (shape (n,), the scan, and that of
+    methods which are not compiled by this library; rising, n >= 2); settings (resolution, slow:
+    resolution of the slow scan, most_evaluations per mesh period); run: periods, record_periods,
+    initial_state.
 
-    Returns
-    -------
-    xarray.Dataset
-        Over (rung,): line, family, knob, options, switches (their number), jump (NaN: none),
-        jump_error, period_evaluations, scan_from, scan_to, scan_step, resolution. Over
-        (switch,): switch_tuning and switch_rung. exact_jump; left_out, the number of rungs that
-        cost more than allowed.
+    Over (rung,): line, family, knob, options, switches (their number), jump (NaN: none),
+    jump_error, period_evaluations, scan_from, scan_to, scan_step, resolution. Over (switch,):
+    switch_tuning and switch_rung. exact_jump; left_out, the number of rungs that cost more than
+    allowed.
     """
     model = GearPair(**pair)
     exact = scan(model, tunings, settings["resolution"], "exact", {}, run).jump

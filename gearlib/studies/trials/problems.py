@@ -70,16 +70,9 @@ class Run(NamedTuple):
 def build(name, pair, six_degrees, settings):
     """Return a `Problem`.
 
-    Parameters
-    ----------
-    name : str
-        Of `CASES`.
-    pair : dict
-        Keyword arguments of `GearPair`, without damping.
-    six_degrees : dict
-        What `SixDegreePair` needs beyond the pair.
-    settings : dict
-        damping (N s/m), cubic_damping (N s^3/m^3), periods, conservative_periods, record_periods.
+    name: of `CASES`; pair: keyword arguments of `GearPair`, without damping; six_degrees: what
+    `SixDegreePair` needs beyond the pair; settings: damping (N s/m), cubic_damping (N s^3/m^3),
+    periods, conservative_periods, record_periods.
     """
     case = CASES[name]
     material, oil = (settings["damping"] if damped else 0.0 for damped in case.damped)
@@ -165,18 +158,9 @@ def largest_multiplier(matrix):
 def difference_map(problem, state, step, method, options):
     """Return the central differences, half width `step`, of a method's own map of one period.
 
-    Parameters
-    ----------
-    problem : Problem
-    state : ndarray, shape (2,)
-        Start of the period.
-    step : float
-        Static deflections, and dx/dtau.
-    method, options : str, dict
+    state: shape (2,), start of the period; step: static deflections, and dx/dtau.
 
-    Returns
-    -------
-    ndarray, shape (2, 2)
+    Shape (2, 2).
     """
     bound = Bound(problem.model, problem.tuning, method, options)
     columns = []

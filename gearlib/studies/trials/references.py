@@ -34,10 +34,7 @@ _CLOSED, _NEAR = Decimal("1e-30"), 1e-6
 def reference(problem):
     """Return the `gearlib.studies.trials.problems.Run` of a problem, right to the last place.
 
-    Raises
-    ------
-    ValueError
-        If 400 digits do not follow the motion.
+    ValueError if 400 digits do not follow the motion.
     """
     if problem.model.mesh_names:
         return problems.attempt(problem, "exact", {})
@@ -84,12 +81,8 @@ def settled(problem):
     Where a long run of the library ends, Newton's method in 50 digits goes on, with maps from
     central differences; no variational equation is needed.
 
-    Returns
-    -------
-    run : Run
-        One period; its state is that at tau = 0. NaN if the motion settles on no such orbit.
-    multiplier : float
-        Largest |Floquet multiplier|.
+    run: one period; its state is that at tau = 0. NaN if the motion settles on no such orbit;
+    multiplier: largest |Floquet multiplier|.
     """
     model, nu = problem.model, problem.tuning
     guess = problems.Bound(model, nu, None, {}).run(problems.START, problems.SETTLING).state
@@ -130,20 +123,13 @@ def _difference(model, nu, start, i):
 def compute(names, pair, six_degrees, settings):
     """Return the references of problems as one dataset.
 
-    Parameters
-    ----------
-    names : list of str
-        Of `gearlib.studies.trials.problems.CASES`.
-    pair, six_degrees, settings : dict
-        As of `gearlib.studies.trials.problems.build`.
+    names: of `gearlib.studies.trials.problems.CASES`; pair, six_degrees, settings: as of
+    `gearlib.studies.trials.problems.build`.
 
-    Returns
-    -------
-    xarray.Dataset
-        Over (problem, component): final_state, and orbit_state, of the settled orbit at tau = 0.
-        Over (problem,): largest_multiplier of that orbit; both NaN where a problem has none of one
-        mesh period. Over (event,), those of the recorded periods: event_problem, event_phase from
-        the start of the run, event_from, event_to.
+    Over (problem, component): final_state, and orbit_state, of the settled orbit at tau = 0. Over
+    (problem,): largest_multiplier of that orbit; both NaN where a problem has none of one mesh
+    period. Over (event,), those of the recorded periods: event_problem, event_phase from the start
+    of the run, event_from, event_to.
     """
     runs, orbits, multipliers = [], [], []
     for name in names:

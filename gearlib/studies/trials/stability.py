@@ -32,19 +32,9 @@ def true_radius(pair, tuning):
 def method_radius(pair, tuning, method, options):
     """Return the spectral radius of one mesh period of a method on the linear mesh.
 
-    Parameters
-    ----------
-    pair : GearPair
-    tuning : float
-    method : str
-        A name of `gearlib.methods`.
-    options : dict
-        Its options.
+    method: a name of `gearlib.methods`; options: its options.
 
-    Returns
-    -------
-    float
-        At most `LARGEST`, which also stands for a run that stopped early.
+    At most `LARGEST`, which also stands for a run that stopped early.
     """
     linear = linear_pair(pair)
     _, module, options = integrators.choose(linear, method, options)
@@ -68,22 +58,12 @@ def method_radius(pair, tuning, method, options):
 def compute(pair, tunings, fine_tunings, steps, methods):
     """Return the spectral radii of fixed-step methods and of the mesh itself.
 
-    Parameters
-    ----------
-    pair : dict
-        Keyword arguments of `GearPair`; made linear by `linear_pair`.
-    tunings, fine_tunings : sequence of float, shapes (t,), (f,)
-        Of the methods; of the mesh alone, which costs little.
-    steps : sequence of int, shape (s,)
-        Steps per mesh period.
-    methods : dict of str to dict
-        name -> {"method": name of `gearlib.methods`, "options": options but the steps}.
+    pair (keyword arguments of `GearPair`; made linear by `linear_pair`); tunings, fine_tunings (of
+    the methods; of the mesh alone, which costs little); steps: shape (s,), steps per mesh period;
+    methods (name -> {"method": name of `gearlib.methods`, "options": options but the steps}).
 
-    Returns
-    -------
-    xarray.Dataset
-        radius over (method, steps, tuning); true_radius over (fine_tuning,); stiffness_max, the
-        largest stiffness over the mean.
+    radius over (method, steps, tuning); true_radius over (fine_tuning,); stiffness_max, the largest
+    stiffness over the mean.
     """
     pair = GearPair(**pair)
     radius = np.empty((len(methods), len(steps), len(tunings)))

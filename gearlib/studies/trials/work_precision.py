@@ -130,10 +130,7 @@ _ALL = 0.02
 def lines_of(method):
     """Return the lines of a method; of one without an entry in `LADDERS` by its options.
 
-    Raises
-    ------
-    ValueError
-        If there is no such method here.
+    ValueError if there is no such method here.
     """
     if method not in integrators.METHODS or not integrators.about(method).available:
         raise ValueError(
@@ -192,21 +189,13 @@ def event_error(found, expected):
 def errors(method, known, pair, six_degrees, settings):
     """Return the errors and evaluations of a method on the problems.
 
-    Parameters
-    ----------
-    method : str
-    known : xarray.Dataset
-        Of `gearlib.studies.trials.references.compute`, of the same parameters.
-    pair, six_degrees, settings
-        As of `gearlib.studies.trials.problems.build`.
+    known: of `gearlib.studies.trials.references.compute`, of the same parameters; pair,
+    six_degrees, settings: as of `gearlib.studies.trials.problems.build`.
 
-    Returns
-    -------
-    xarray.Dataset
-        Over (problem, rung): state_error, event_error, multiplier_error, period_evaluations, NaN
-        where the method does not take the model or stopped early. Over (rung,): line, family,
-        knob, options. Over (problem,): state_floor, event_floor, half the last place of the
-        reference, and multiplier_floor, rounding over the width of the differences.
+    Over (problem, rung): state_error, event_error, multiplier_error, period_evaluations, NaN where
+    the method does not take the model or stopped early. Over (rung,): line, family, knob, options.
+    Over (problem,): state_floor, event_floor, half the last place of the reference, and
+    multiplier_floor, rounding over the width of the differences.
     """
     table, names = rungs(method), known.problem.values.tolist()
     measures = np.full((4, len(names), len(table)), math.nan)
@@ -279,14 +268,11 @@ def times(method, known, pair, six_degrees, settings, repeats):
     Parameters as of `errors`; `repeats` runs are timed (of long ones fewer), of which the shortest
     counts.
 
-    Returns
-    -------
-    xarray.Dataset
-        Over (problem, rung): period_time, the slope between a short and a long run from rest, so
-        that start, tables, record and compilation do not count; NaN where the method does not take
-        the model or stopped early. closed_form_time: of one evaluation of the closed form of
-        contact; warm_up_time: of the first run of the method in this process, which compiles its
-        kernels or loads them. The other variables as of `errors`.
+    Over (problem, rung): period_time, the slope between a short and a long run from rest, so that
+    start, tables, record and compilation do not count; NaN where the method does not take the model
+    or stopped early. closed_form_time: of one evaluation of the closed form of contact;
+    warm_up_time: of the first run of the method in this process, which compiles its kernels or
+    loads them. The other variables as of `errors`.
     """
     table, names = rungs(method), known.problem.values.tolist()
     values = np.full((len(names), len(table)), math.nan)

@@ -1,4 +1,4 @@
-"""The explorer's page of a drawn pair: its sliders, derived numbers, and figures."""
+"""Figures of drawn gears: derived numbers, Harris map, load share, and their motion."""
 
 import math
 
@@ -7,69 +7,30 @@ import panel as pn
 from bokeh.models import ColumnDataSource, Span
 
 from gearlib.figures.style import PALETTE
-from gearlib.pages.explorer.drawn import LENGTHS, Drawing, Setting
 from gearlib.pages.explorer.motion import Motion
-from gearlib.pages.explorer.slider_page import SliderPage, small
-
-#: Label, and unit of the slider in SI.
-LABELS = {
-    "module": ("module, mm", 1e-3),
-    "pinion_shift": ("profile shift of the pinion", 1.0),
-    "wheel_shift": ("profile shift of the wheel", 1.0),
-    "relief": ("tip relief of both gears, µm", 1e-6),
-    "backlash": ("backlash, µm", 1e-6),
-    "torque": ("torque of the pinion, N m", 1.0),
-    "speed": ("speed of the pinion, rpm", 1.0),
-    "damping": ("damping ratio β", 1.0),
-}
-_MODELS = {
-    "rectangular stiffness, no relief": "rectangle",
-    "pairs of teeth one by one, with relief": "teeth",
-}
+from gearlib.pages.explorer.slider_page import small
 
 
-class DrawnPage(SliderPage):
-    """Sliders that stand for a `drawn.Setting`, and the figures of its `drawn.View`."""
+class DrawnFigures:
+    """The figures of the view of a `Drawing`, and of its motion."""
 
-    def __init__(self, mapping, damping):
-        self.drawing = Drawing(mapping, damping)
-        self.motion = Motion("speed of the pinion, rpm")
+    def __init__(self, drawing):
+        self.motion = Motion(over_speed=True)
         self.table = pn.pane.Markdown("", width=330)
+        self._loads = drawing.loads
         #: Names of the curves of the Harris map, in the order of the loads.
-        self._curves = [*range(self.drawing.loads.size), "chosen"]
+        self._curves = [*range(drawing.loads.size), "chosen"]
         names = [*self._curves, "share"]
         self.sources = {name: ColumnDataSource({"x": [], "y": []}) for name in names}
         self._pitch_point = Span(dimension="height", line_color="#999999", line_dash="dashed")
-        start = self.drawing.start
-        module, low, high = 1e3 * start.module, *self.drawing.speeds
-        ranges = {
-            "module": (0.5 * module, 2.0 * module, 0.05 * module),
-            "pinion_shift": (-1.0, 1.5, 0.01),
-            "wheel_shift": (-1.0, 1.5, 0.01),
-            "relief": (0.0, 50.0, 0.1),
-            "backlash": (0.0, max(400.0, 3e6 * start.backlash), 1.0),
-            "torque": (0.05 * start.torque, 4.0 * start.torque, 0.01 * start.torque),
-            "speed": (float(math.ceil(low)), float(math.floor(high)), 1.0),
-            "damping": (0.0, max(0.3, 2.0 * start.damping), 0.0005),
-        }
-        choices = {
-            "length": pn.widgets.Select(label="length of the reliefs", options=list(LENGTHS)),
-            "model": pn.widgets.Select(label="what moves", options=_MODELS),
-        }
-        super().__init__(LABELS, ranges, vars(start), choices)
 
-    def setting(self):
-        """Return what the sliders say."""
-        return Setting(**self.values())
-
-    def figures(self):
+    def panes(self):
         """Return the derived numbers and the figures."""
         teeth = self._harris(), self._share()
-        return [pn.Row(self.table, *map(pn.pane.Bokeh, teeth)), *self.motion.figures()]
+        return [pn.Row(self.table, *map(pn.pane.Bokeh, teeth)), *self.motion.panes()]
 
-    def draw(self, setting):
-        """Draw what is seen at a setting, and return it in words."""
-        seen = self.drawing.look(setting)
+    def draw(self, seen):
+        """Show a view, and return it in words."""
         lines = [f"| {name} | {value} |" for name, value in rows(seen)]
         self.table.object = "\n".join(["| derived | |", "|---|---:|", *lines])
         error = seen.error
@@ -83,16 +44,11 @@ class DrawnPage(SliderPage):
         order = np.argsort(position[inside])
         self.sources["share"].data = {"x": position[inside][order], "y": share[inside][order]}
         self._pitch_point.location = 1e3 * seen.mesh.pitch_point
-        resonance = seen.pair.speed(1.0)
-        return self.motion.draw(seen.motion, setting.speed / resonance, resonance)
-
-    def configuration(self, setting):
-        """Return the text of a config.yaml that computes what is seen."""
-        return self.drawing.configuration(setting)
+        return self.motion.draw(seen)
 
     def _harris(self):
         plot = small("Harris map: static transmission error", "mesh phase / 2π", "µm", 460)
-        for name, load in zip(self._curves, [*self.drawing.loads, None], strict=True):
+        for name, load in zip(self._curves, [*self._loads, None], strict=True):
             chosen = load is None
             plot.line(
                 "x",
@@ -113,7 +69,7 @@ class DrawnPage(SliderPage):
 
 
 def rows(seen):
-    """Return the derived numbers of a `drawn.View` as pairs of texts."""
+    """Return the derived numbers of a view of drawn gears as pairs of texts."""
     mesh, pair, static = seen.mesh, seen.pair, seen.error.isel(torque=-1)
     return [
         ("contact ratio", f"{mesh.contact_ratio:.4f}"),

@@ -13,10 +13,10 @@ The flow is continuous, and smooth for each order; so Krawczyk's test holds with
 
 from typing import Any, NamedTuple
 
+from gearlib.analysis.proofs.arcs import norm
 from gearlib.analysis.proofs.balls import COARSE, flint, precision
-from gearlib.analysis.proofs.path import Uncertain
-from gearlib.analysis.proofs.trains.laws import norm
-from gearlib.analysis.proofs.trains.signs import JAMMED, bounds_of, check_arc, overlaps
+from gearlib.analysis.proofs.certificates import Uncertain
+from gearlib.analysis.proofs.signs import JAMMED, bounds_of, check_arc, overlaps
 
 #: By how much wider a window is than what is known of its contacts; more where signs next to it
 #: are to be proven.
@@ -37,11 +37,11 @@ class Crossed(NamedTuple):
 
 
 class Windows:
-    """The nodes of a `TrainPath`, with windows in place of single contacts.
+    """The nodes of a `Path`, with windows in place of single contacts.
 
     Parameters
     ----------
-    path : TrainPath
+    path : Path
     codes : list of int
         Contact codes of all meshes at tau = 0.
     phases : list of arb
@@ -104,12 +104,12 @@ class Windows:
         module, laws, path = flint(), self.laws, self.path
         n, now, bits = len(unknowns), list(self.codes), module.ctx.prec
         few = bits if prove else max(COARSE, bits // 3)
-        start = z = laws.inverse * module.arb_mat([[v] for v in [*unknowns, *laws.rest()]])
+        start = z = path.column(unknowns)
         slopes = module.arb_mat([row[:n] for row in laws.inverse.tolist()])
-        time, found, switches = 0, [], {}
+        time, found, switches, scale = 0, [], {}, 1 / laws.tuning
         for numbers, phase in self.groups:
             first, arc = path.nodes[numbers[0]], path.arcs[numbers[0]]
-            end = phase * path.scale
+            end = phase * scale
             half = 0
             if first.phase is None:
                 near = arc.frame * arc.go(z, end - time)
@@ -133,7 +133,7 @@ class Windows:
             if first.phase is None:
                 through, start, speeds = self._through(numbers, here, 2 * half, now)
                 ball = module.arb(end.mid(), (half + end.rad()).upper())
-                found.append(Crossed(ball / path.scale, speeds))
+                found.append(Crossed(ball / scale, speeds))
                 back = path.arcs[numbers[-1]].back
                 z = back * start
                 with precision(few):
@@ -150,7 +150,7 @@ class Windows:
         for i in numbers:
             node = self.path.nodes[i]
             row = laws.distances[node.mesh][node.side]
-            distance, rate = (row * z)[0, 0], (row * (node.law * z))[0, 0]
+            distance, rate = (row * z)[0, 0], (row * (node.law.matrix * z))[0, 0]
             if not (rate > 0 or rate < 0):
                 raise Uncertain(*_STATUS)
             largest = max(largest, (room * abs(distance).upper() / abs(rate).lower()).upper())
@@ -164,10 +164,14 @@ class Windows:
         module, laws, path = flint(), self.laws, self.path
         e, size, arb = len(laws.kept), laws.size, module.arb
         begins = laws.basis * z
-        law = laws.basis * path.nodes[numbers[0]].law * laws.inverse
+        law = laws.basis * path.nodes[numbers[0]].law.matrix * laws.inverse
         changes = []
         for i in numbers:
-            change = laws.basis * (path.nodes[i + 1].law - path.nodes[i].law) * laws.inverse
+            change = (
+                laws.basis
+                * (path.nodes[i + 1].law.matrix - path.nodes[i].law.matrix)
+                * laws.inverse
+            )
             changes.append(change)
         most = norm(law) + sum((norm(one) for one in changes), arb(0))
         eta = (most * length).expm1().upper()
@@ -201,7 +205,7 @@ class Windows:
     def _check(self, numbers, begins, within, ends, now):
         """Prove that the meshes of a window cross their lines once, and no others touch one."""
         laws, nodes = self.laws, [self.path.nodes[i] for i in numbers]
-        law = laws.basis * nodes[0].law * laws.inverse
+        law = laws.basis * nodes[0].law.matrix * laws.inverse
         crossing = {(node.mesh, node.side) for node in nodes}
         if len({node.mesh for node in nodes}) < len(nodes):
             raise Uncertain(*_STATUS)

@@ -6,8 +6,10 @@ together and meet no other (Varga, *Gersgorin and His Circles*, 2004).
 """
 
 from gearlib.analysis.proofs.balls import flint
-from gearlib.analysis.proofs.orbits import UNCERTAIN_STABILITY
-from gearlib.analysis.proofs.path import Uncertain
+from gearlib.analysis.proofs.certificates import Uncertain
+
+#: Where the enclosures of multipliers decide nothing.
+UNDECIDED = "undecided", "the enclosure of a multiplier meets the unit circle"
 
 
 def eigenvalues(matrix):
@@ -69,4 +71,51 @@ def judge(multipliers):
         return "unstable", "a multiplier lies outside the unit circle"
     if all(abs(one) < 1 for one in multipliers):
         return "stable", "all multipliers lie inside the unit circle"
-    return UNCERTAIN_STABILITY
+    return UNDECIDED
+
+
+def of_two(trace, determinant):
+    """Return the eigenvalues of a map of two components, the larger first."""
+    module, half = flint(), trace / 2
+    acb, square = module.acb, half * half - determinant
+    if square < 0:
+        root = (-square).sqrt()
+        return acb(half, root), acb(half, -root)
+    if square > 0:
+        root = square.sqrt()
+        # The larger root without cancellation, the other by the product.
+        large = half + root if trace > 0 else half - root
+        return acb(large), acb(determinant / large)
+    size = module.arb(0, abs(square).upper().sqrt().upper())
+    return (acb(half + size, size),) * 2
+
+
+def judge_two(trace, determinant):
+    """Return (stability, reason): Jury's conditions on trace and determinant."""
+    if determinant > 1 or abs(trace) > 1 + determinant:
+        return "unstable", "a multiplier lies outside the unit circle"
+    if determinant < 1 and abs(trace) < 1 + determinant:
+        return "stable", "both multipliers lie inside the unit circle"
+    if determinant == 1 and abs(trace) < 2:
+        return (
+            "undecided",
+            "nothing is damped on its way: both multipliers lie on the unit circle, exactly, and "
+            "decide nothing",
+        )
+    return UNDECIDED
+
+
+def verdict(matrix, determinant):
+    """Return (stability, reason) from a map of small deviations and its determinant."""
+    if matrix.nrows() == 2:
+        return judge_two(matrix[0, 0] + matrix[1, 1], determinant)
+    return judge(eigenvalues(matrix))
+
+
+def largest_eigenvalue(square):
+    """Return a bound of the eigenvalues of all symmetric matrices in balls, none < 0."""
+    if square.nrows() == 2:
+        one, two = square[0, 0], square[1, 1]
+        root = (((one - two) / 2) ** 2 + square[0, 1] ** 2).sqrt()
+        return ((one + two) / 2 + root).upper()
+    return max((abs(one).upper() for one in eigenvalues(square)), key=float)

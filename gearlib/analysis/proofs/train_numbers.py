@@ -15,12 +15,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gearlib.analysis.proofs.balls import flint
-from gearlib.analysis.proofs.path import Uncertain
+from gearlib.analysis.proofs.certificates import Uncertain
+from gearlib.analysis.proofs.path import COAST, DRIVE
 from gearlib.models.trains import turning
 from gearlib.models.trains.elastic import linear
-
-#: Numbers of the two sides of a tooth, as in tables of the models.
-COAST, DRIVE = 0, 1
+from gearlib.models.trains.structure import Numbers, far_lines, structure
+from gearlib.models.trains.waves import excited
 
 
 class MeshParts(NamedTuple):
@@ -101,21 +101,29 @@ def parts_of(model):
     Uncertain
         For a model without a proof.
     """
-    kinds = {"several_meshes": _of_train, "piecewise_linear": _of_pair}
-    kind = kinds.get(model.mathematics.get("exact")) if model.equation is None else None
-    if kind is None:
-        name = type(model).__name__
-        raise Uncertain(
-            "model",
-            "proofs are written for trains, and for one degree of freedom with linear phases of "
-            f"contact, not for this {name}",
-        )
-    return kind(model)
+    if hasattr(model, "structure"):
+        return _of_train(model)
+    if hasattr(model, "bearing_stiffness"):
+        return _of_pair(model)
+    raise Uncertain(
+        "model",
+        "proofs are written for trains, and for one degree of freedom with linear phases of "
+        f"contact, not for this {type(model).__name__}",
+    )
 
 
-def _blank(n):
-    """Return a row of zeros."""
-    return np.array([flint().arb(0)] * n, dtype=object)
+def balls():
+    """Return the balls of the present precision as `Numbers`, for the assembly of a train."""
+    arb = flint().arb
+
+    def cos_sin(angle):
+        sine, cosine = arb(angle).sin_cos()
+        return cosine, sine
+
+    def polar(x, y):
+        return (x * x + y * y).sqrt(), arb.atan2(y, x)
+
+    return Numbers(object, arb, cos_sin, polar, arb.pi())
 
 
 def _units(n):
@@ -137,68 +145,45 @@ def _of_train(train):
         raise Uncertain(
             "model", "no proof is written for a train whose axes feel the turning of their frame"
         )
-    arb, coordinates = flint().arb, train.structure.coordinates
-    n = len(coordinates)
-    units = dict(zip(coordinates, _units(n), strict=True))
-    mass, stiffness, damping = (np.outer(_blank(n), _blank(n)) for _ in range(3))
-    load, motions = _blank(n), {}
-    for name, body in train.by_name.items():
-        x, y, u = (units.get((name, axis), _blank(n)) for axis in "xyu")
-        angle, supports = arb(0), [x, y]
-        if body.carrier:
-            angle = arb(body.angle)
-            s, c = angle.sin_cos()
-            xc, yc, uc = (units.get((body.carrier, axis), _blank(n)) for axis in "xyu")
-            pin = c * xc + s * yc, c * yc - s * xc + uc
-            supports = [x - pin[0], y - pin[1]]
-            rigid = [math.isinf(k) for k in body.support_stiffness]
-            x, y = (pin[i] if rigid[i] else one for i, one in enumerate((x, y)))
-        if body.mass is not None:
-            _add(mass, body.mass, x)
-            _add(mass, body.mass, y)
-        square = arb(body.base_radius) ** 2
-        _add(mass, body.inertia / square, u)
-        values = zip(supports, body.support_stiffness, body.support_damping, strict=True)
-        for row, k, d in values:
-            if math.isfinite(k):
-                _add(stiffness, k, row)
-                _add(damping, d, row)
-        if math.isfinite(body.torsional_stiffness):
-            _add(stiffness, body.torsional_stiffness / square, u)
-            _add(damping, body.torsional_damping / square, u)
-        load += arb(body.torque) / body.base_radius * u
-        motions[name] = x, y, u, angle
-
-    def along(name, direction):
-        """Return the motion of an axis in a direction."""
-        x, y, _, angle = motions[name]
-        s, c = (direction - angle).sin_cos()
-        return c * x + s * y
-
-    for shaft in train.shafts:
-        (one, other), right = shaft.bodies, arb.pi() / 2
-        twist, bend = (
-            (
-                motions[one][2] / arb(train.by_name[one].base_radius)
-                - motions[other][2] / arb(train.by_name[other].base_radius)
-            ),
-            [along(one, way) - along(other, way) for way in (arb(0), right)],
+    arb, numbers = flint().arb, balls()
+    found = structure(train.by_name, train.meshes, train.shafts, numbers)
+    far = far_lines(found, train.by_name, train.meshes, numbers)
+    rows, constants = excited(train, found.arms, numbers)
+    meshes = []
+    for j, mesh in enumerate(train.meshes):
+        waves = {
+            frequency: entry[:, j].tolist()
+            for frequency, entry in rows.items()
+            if not all(value == 0 for value in entry[:, j].flat)
+        }
+        coast, drive = constants[:, j]
+        pitch = _turns(train.pitch_phases[mesh.name])
+        names = train.inverse_phases[mesh.name], train.phases[mesh.name]
+        meshes.append(
+            MeshParts(
+                mesh.name,
+                (far[j], found.lines[j]),
+                found.across[j],
+                (None if math.isinf(mesh.backlash) else coast + mesh.backlash, drive),
+                waves,
+                (arb(mesh.max_stiffness), arb(mesh.max_stiffness) * mesh.stiffness_ratio),
+                arb(mesh.material_damping),
+                arb(mesh.backlash_damping),
+                tuple(map(arb, mesh.friction[::-1])),
+                train.rates[j],
+                tuple(map(Fraction, names)),
+                (pitch + turning.thicker(mesh, train.speeds) / 2, pitch),
+                Fraction(mesh.contact_ratio) - 1,
+                mesh.moving_backlash or mesh.inverse_deviation != mesh.deviation,
+            )
         )
-        _add(stiffness, shaft.stiffness, twist)
-        _add(damping, shaft.damping, twist)
-        for row in bend:
-            _add(stiffness, shaft.bending_stiffness, row)
-            _add(damping, shaft.bending_damping, row)
     return Parts(
-        tuple(f"{name} {axis}" for name, axis in coordinates),
-        mass,
-        stiffness,
-        damping,
-        load,
-        tuple(
-            _mesh(train, mesh, rate, along, motions)
-            for mesh, rate in zip(train.meshes, train.rates, strict=True)
-        ),
+        tuple(f"{name} {axis}" for name, axis in found.coordinates),
+        found.mass,
+        found.stiffness,
+        found.damping,
+        found.load,
+        tuple(meshes),
         arb(train.static_deflection),
         arb(train.reference_angular_frequency),
         {
@@ -212,62 +197,6 @@ def _of_train(train):
     )
 
 
-def _mesh(train, mesh, rate, along, motions):
-    """Return the `MeshParts` of a mesh of a train."""
-    arb = flint().arb
-    right = arb.pi() / 2
-    if mesh.line_of_action is None:
-        tilt = arb(mesh.pressure_angle if mesh.internal else -mesh.pressure_angle)
-        line = (mesh.position or 0.0) + mesh.direction * (right + tilt)
-    else:
-        line = arb(mesh.line_of_action)
-    ends = (mesh.wheel, mesh.pinion) if mesh.internal else (mesh.pinion, mesh.wheel)
-    (first, second), turn = ends, -1 if mesh.internal else 1
-    row = along(first, line) - along(second, line)
-    row = row + mesh.direction * (motions[first][2] + turn * motions[second][2])
-    constant, waves = arb(mesh.error), {}
-
-    def add(frequency, sides, cosine, sine):
-        entry = waves.setdefault(frequency, [[arb(0), arb(0)], [arb(0), arb(0)]])
-        for side in sides:
-            entry[side][0] += cosine
-            entry[side][1] += sine
-
-    for sign, name in ((1, first), (-1, second)):
-        body = train.by_name[name]
-        s, c = (line - motions[name][3]).sin_cos()
-        constant += sign * (c * body.offset[0] + s * body.offset[1])
-        if body.eccentricity:
-            # Along the line: e cos(theta + phase - line), theta = speed tau.
-            s, c = (body.eccentricity_phase + motions[name][3] - line).sin_cos()
-            size, speed = sign * arb(body.eccentricity), train.speeds[name]
-            add(abs(speed), (COAST, DRIVE), size * c, -size * s * (1 if speed > 0 else -1))
-    g = Fraction(train.phases[mesh.name])
-    for side, deviation in ((COAST, mesh.inverse_deviation), (DRIVE, mesh.deviation)):
-        for order, a, b in deviation.table().tolist():
-            s, c = (2 * arb.pi() * int(order) * arb(train.phases[mesh.name])).sin_cos()
-            add(int(order) * rate, (side,), a * c - b * s, a * s + b * c)
-    open_ = math.isinf(mesh.backlash)
-    across = along(first, line + right) - along(second, line + right)
-    pitch = _turns(train.pitch_phases[mesh.name])
-    return MeshParts(
-        mesh.name,
-        (row, row),
-        across * (mesh.direction * turn),
-        (None if open_ else constant + mesh.backlash, constant),
-        waves,
-        (arb(mesh.max_stiffness), arb(mesh.max_stiffness) * mesh.stiffness_ratio),
-        arb(mesh.material_damping),
-        arb(mesh.backlash_damping),
-        tuple(map(arb, mesh.friction[::-1])),
-        rate,
-        (Fraction(train.inverse_phases[mesh.name]), g),
-        (pitch + turning.thicker(mesh, train.speeds) / 2, pitch),
-        Fraction(mesh.contact_ratio) - 1,
-        mesh.inverse_deviation != mesh.deviation,
-    )
-
-
 def _of_pair(model):
     """Return the `Parts` of a `SixDegreePair`."""
     arb, pair = flint().arb, model.pair
@@ -275,8 +204,8 @@ def _of_pair(model):
     names = ("u3", "u2", *bearings)
     n = len(names)
     rows = dict(zip(names, _units(n), strict=True))
-    mass, stiffness, damping = (np.outer(_blank(n), _blank(n)) for _ in range(3))
-    load = _blank(n)
+    mass, stiffness, damping = balls().zeros(3, n, n)
+    none, load = balls().zeros(2, n)
     for name, inertia, r, torque in zip(
         ("u3", "u2"), model.inertias, model.base_radii, model.torques, strict=True
     ):
@@ -286,7 +215,6 @@ def _of_pair(model):
         _add(mass, model.masses[0 if name.endswith("3") else 1], rows[name])
         _add(stiffness, model.bearing_stiffness[i], rows[name])
         _add(damping, model.bearing_damping[i], rows[name])
-    none = _blank(n)
     turning = rows["u3"] + rows["u2"]
     drive = turning + rows.get("y3", none) - rows.get("y2", none)
     waves: dict = {}

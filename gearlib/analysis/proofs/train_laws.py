@@ -14,15 +14,44 @@ from fractions import Fraction
 
 import numpy as np
 
+from gearlib.analysis.proofs.arcs import ball_of
 from gearlib.analysis.proofs.balls import flint
-from gearlib.analysis.proofs.path import Uncertain
-from gearlib.analysis.proofs.trains.parts import COAST, DRIVE, parts_of
+from gearlib.analysis.proofs.certificates import Uncertain
+from gearlib.analysis.proofs.path import COAST, DRIVE
+from gearlib.analysis.proofs.train_numbers import parts_of
 from gearlib.kernels.codes import INVERSE, NORMAL
 
 #: Of the largest entry: a free motion is free up to this, a thousand roundings of floats.
 _FREE = 1e-13
 #: Times that differ by less have exponentials that follow from each other at little cost.
 _NEAR = 1e-6
+#: How many of them are kept.
+_KEPT = 64
+
+
+class MatrixLaw:
+    """The law of motion between two events, z' = A z."""
+
+    #: Whether the motion of an arc is known as a whole: by pieces only.
+    closed = False
+
+    def __init__(self, matrix):
+        self.matrix, self._known = matrix, []
+
+    def flow(self, t):
+        """Return the exponential of a time, from a known one at nearly the same time."""
+        bits = flint().ctx.prec
+        for at, power, known in self._known:
+            if known == bits and abs(t - at) < _NEAR:
+                return (self.matrix * (t - at)).exp() * power
+        at = t if t.rad() < _NEAR**2 else t.mid()
+        power = (self.matrix * at).exp()
+        self._known = [*self._known[-_KEPT:], (at, power, bits)]
+        return power if at is t else (self.matrix * (t - at)).exp() * power
+
+    def go(self, z, t):
+        """Return z after a time."""
+        return self.flow(t) * z
 
 
 class TrainLaws:
@@ -33,21 +62,28 @@ class TrainLaws:
     ``basis``, ``inverse`` of the components z~ of laws and distances, shape (size, size)
     ``distances``          functionals over the flanks of every mesh, a row (1, size) each:
                            (coast side or None, drive side); ``rows``: the same over z
-    ``segments``           (phase at which a segment begins, over 2 pi; its number) within the
-                           common period, which begins with the first
+    ``segments``           (phase at which a segment begins, its number) within the common period,
+                           which begins with the first
+    ``frequencies``        of the harmonics, by phase; ``tuned``: whether the laws depend on the
+                           tuning, because there are any
     """
+
+    framed = True
 
     def __init__(self, model, tuning):
         module = flint()
         self.parts, self.tuning = parts_of(model), module.arb(tuning)
         self.repeats = model.repeats
         self._laws: dict = {}
-        self._flows: dict = {}
         self._take_out_free_motions()
         meshes = self.parts.meshes
-        self.waves = sorted({frequency for mesh in meshes for frequency in mesh.waves})
+        self.frequencies = sorted({frequency for mesh in meshes for frequency in mesh.waves})
+        self.tuned = bool(self.frequencies)
+        self.mesh_names = tuple(mesh.name for mesh in meshes)
+        self.moving = [mesh.moving for mesh in meshes]
+        self.coordinates, self.derived = self.parts.names, self.parts.derived
         e = len(self.kept)
-        self.size = 2 * e + 1 + 2 * len(self.waves)
+        self.size = 2 * e + 1 + 2 * len(self.frequencies)
         self._free = self._without_meshes()
         rate = self.parts.frequency
         self.rows, self._rates = [], []
@@ -124,8 +160,8 @@ class TrainLaws:
                 free[e + i, j] = -stiffness[i, j] / rate**2
                 free[e + i, e + j] = -damping[i, j] / rate
             free[e + i, 2 * e] = load[i, 0] / (rate**2 * parts.length)
-        for j, frequency in enumerate(self.waves):
-            c, turning = 2 * e + 1 + 2 * j, _ball(frequency) * self.tuning
+        for j, frequency in enumerate(self.frequencies):
+            c, turning = 2 * e + 1 + 2 * j, ball_of(frequency) * self.tuning
             free[c, c + 1], free[c + 1, c] = -turning, turning
         return free
 
@@ -137,7 +173,7 @@ class TrainLaws:
         for i, column in enumerate(self.kept):
             row[0, i] = mesh.lines[side][column]
         row[0, 2 * e] = constant / unit
-        for j, frequency in enumerate(self.waves):
+        for j, frequency in enumerate(self.frequencies):
             if frequency in mesh.waves:
                 for k, value in enumerate(mesh.waves[frequency][side]):
                     row[0, 2 * e + 1 + 2 * j + k] = value / unit
@@ -178,7 +214,8 @@ class TrainLaws:
                 found |= {(cut % 1 + k) / mesh.rate for k in range(count)}
         cuts = sorted(found)
         ends = [*cuts[1:], Fraction(self.repeats)]
-        self.segments = [(cut, i) for i, cut in enumerate(cuts)]
+        turn = 2 * flint().arb.pi()
+        self.segments = [(turn * ball_of(cut), i) for i, cut in enumerate(cuts)]
         middles = [(a + b) / 2 for a, b in zip(cuts, ends, strict=True)]
         self._levels = [
             [
@@ -207,17 +244,17 @@ class TrainLaws:
                 more = self._rates[j][side] * ((mesh.damping - mesh.film) / rate)
                 matrix += self._pushes[j][side] * (elastic + more)
                 matrix += self._across[j] * (elastic * (mesh.friction[side] * sense))
-            self._laws[name] = self.inverse * matrix * self.basis
+            self._laws[name] = MatrixLaw(self.inverse * matrix * self.basis)
         return self._laws[name]
 
-    def flow(self, law, t):
-        """Return the exponential of a law by a time, from a known one at nearly the same time."""
-        known = self._flows.setdefault((id(law), flint().ctx.prec), [])
-        for at, power in known:
-            if abs(t - at) < _NEAR:
-                return (law * (t - at)).exp() * power
-        known.append((t, (law * t).exp()))
-        return known[-1][1]
+    def kick(self, before, after, z, row):
+        """Return by what a crossing changes z~ over the distance, shape (size, 1)."""
+        speed = (row * (before.matrix * z))[0, 0]
+        return (after.matrix - before.matrix) * z * (1 / speed)
+
+    def on_line(self, side, touch):
+        """Return None: a state at a contact stays as it is."""
+        return None
 
     def start(self, state):
         """Return (y, dy/dtheta) of a state (q, dq/dtau) in floats, a list of balls."""
@@ -228,19 +265,12 @@ class TrainLaws:
         ]
         return [*halves[0].entries(), *(value * self.tuning for value in halves[1].entries())]
 
-    def rest(self):
-        """Return the constant and the harmonics of z at tau = 0."""
-        return [1] + [1, 0] * len(self.waves)
-
-
-def norm(matrix):
-    """Return the largest sum of magnitudes in a row, an upper bound."""
-    arb = flint().arb
-    return max(sum(map(abs, row), arb(0)).upper() for row in matrix.tolist())
-
-
-def _ball(fraction):
-    return flint().arb(fraction.numerator) / fraction.denominator
+    def spread(self, box, scale):
+        """Return displacements and dq/dtau of all coordinates, 0 of the fixed."""
+        e, found = len(self.kept), [[flint().arb(0)] * len(self.coordinates) for _ in range(2)]
+        for i, row in enumerate(self.kept):
+            found[0][row], found[1][row] = box[i], box[e + i] * scale
+        return found
 
 
 def _pivots(motions):

@@ -1,0 +1,394 @@
+"""What single values do not tell: drawings that cannot be, trains that are locked, grids.
+
+Each is refused in one sentence that names the key, the value and what is allowed.
+"""
+
+import json
+import math
+import re
+from dataclasses import replace
+from math import inf
+from pathlib import Path
+
+import pytest
+import yaml
+
+import gearlib
+from gearlib import (
+    Body,
+    GearPair,
+    GearTrain,
+    LoadSharingPair,
+    Shaft,
+    Tabulated,
+    planetary,
+    split_power_reducer,
+)
+from gearlib.config import ConfigError, load
+from gearlib.geometry import (
+    Mesh,
+    PathTable,
+    Rack,
+    SpurGear,
+    TipRelief,
+    Web,
+    dynamic_factor,
+    planetary_set,
+)
+from tests.geometry.drawings import fzg_c, ring, twenty
+from tests.paper import CONFIG, PAPER
+from tests.unit.test_drawn_gears import FZG
+from tests.unit.test_drawn_trains import OWN, SET
+
+FOUR = {"teeth": 20, "module": "4 mm", "width": "20 mm"}
+BASES = {
+    "paper": CONFIG,
+    "fzg": FZG,
+    "twenty": FZG | {"gears": {"pinion": FOUR, "wheel": {"teeth": 40}, "torque": 100.0}},
+    "planetary_set": CONFIG | {"train": {"kind": "planetary_set", "planetary_set": SET}},
+    "own": CONFIG | {"train": {"kind": "own", "own": OWN}},
+}
+TEXT = Path(__file__).with_name("combinations.yaml").read_text(encoding="utf-8")
+ROWS = [
+    pytest.param(base, *row.split(" | "), id=f"{base}: {row.split(' | ')[0]}")
+    for base, rows in yaml.safe_load(TEXT).items()
+    for row in rows.splitlines()
+]
+
+
+def says(text, pattern):
+    """Return whether a sentence begins with a pattern whose dots stand for anything."""
+    parts = re.split(r"\s*\.\.\.\s*", pattern)
+    return re.match(".*".join(map(re.escape, parts)), text) is not None
+
+
+def changed(settings, path, value):
+    """Change a configuration at a path; None takes the key away."""
+    found = re.findall(r"([^.[\]]+)(?!\])|\[(\d+)\]", path) if isinstance(path, str) else []
+    *parts, key = [int(n) if n else name for name, n in found] or [path]
+    for part in parts:
+        settings = settings[part]
+    if value is None:
+        del settings[key]
+    else:
+        settings[key] = value
+
+
+@pytest.mark.parametrize(("base", "change", "sentence"), ROWS)
+def test_what_does_not_go_together_is_refused_in_one_sentence(base, change, sentence):
+    # Aliases of one drawing become drawings of their own.
+    settings, changes = json.loads(json.dumps(BASES[base])), yaml.safe_load(change)
+    changes = changes if isinstance(changes, dict) else {changes: None}
+    for path, value in changes.items():
+        changed(settings, path, value)
+    with pytest.raises(ConfigError) as refusal:
+        load(settings)
+    (text,) = str(refusal.value).splitlines()
+    own = f"{path} " if sentence.startswith(("= ", "is ")) else ""
+    assert says(text, own + sentence), text
+
+
+GEAR = {"teeth": 20, "module": 4e-3, "width": 0.02}
+PLANETS = {"module": 3e-3, "width": 0.025}
+INNER = {"teeth": 60, "module": 4e-3, "width": 0.02, "internal": True}
+A = Body(name="a", inertia=0.01, base_radius=0.1, teeth=20, torque=100.0)
+B = Body(name="b", inertia=0.02, base_radius=0.2, teeth=40, torque=200.0)
+C = Body(name="c", inertia=0.02, base_radius=0.2, teeth=40)
+AB = gearlib.Mesh(pinion="a", wheel="b", max_stiffness=4e8, stiffness_ratio=0.6, contact_ratio=1.5)
+CA = replace(AB, pinion="c", wheel="a", name="c-a")
+BC = replace(AB, pinion="b", wheel="c", name="b-c")
+LARGE = Body(name="r", inertia=0.5, base_radius=0.3, teeth=60)
+RUN = {"periods": 2, "record_periods": 1}
+
+
+def gear(**changes):
+    return SpurGear(**GEAR | changes)
+
+
+def inner(**changes):
+    return SpurGear(**INNER | changes)
+
+
+def mesh(distance=None, backlash=None, wheel=None, **changes):
+    return Mesh(gear(), wheel or gear(**{"teeth": 40} | changes), distance, backlash)
+
+
+def web(**changes):
+    return Web(**{"thickness": 0.01, "rim_diameter": 0.06, "hub_diameter": 0.04} | changes)
+
+
+def energy(**options):
+    return twenty().stiffness("energy", **options)
+
+
+def pair(**options):
+    return GearPair.from_geometry(fzg_c(), **options)
+
+
+def factor(rpm=100.0, **options):
+    return dynamic_factor(fzg_c(), 302.0, rpm, **options)
+
+
+def error(**options):
+    return fzg_c().transmission_error(**{"torque": 300.0} | options)
+
+
+def sharing(**changes):
+    own = {"pair": GearPair.from_geometry(fzg_c(), torque=1.0), "drawing": fzg_c()}
+    return LoadSharingPair(**own | changes)
+
+
+def planets(teeth=(27, 36, 99), ring=None, **options):
+    sun, planet = (SpurGear(teeth=z, **PLANETS) for z in teeth[:2])
+    own = SpurGear(teeth=teeth[2], internal=True, outer_diameter=0.34, **PLANETS)
+    return planetary_set(sun, planet, ring or own, **{"torque": 100.0} | options)
+
+
+def inside(**changes):
+    return SpurGear(**PLANETS | {"internal": True} | changes)
+
+
+def train(bodies=(A, B), meshes=(AB,), **more):
+    return GearTrain(bodies=bodies, meshes=meshes, **more)
+
+
+def simulate(tuning=0.8, **options):
+    return gearlib.simulate(PAPER, tuning, **{"periods": 2} | options)
+
+
+def sweep(tunings=None, **options):
+    return gearlib.sweep(PAPER, tunings, **RUN | options)
+
+
+OSCILLATOR = gearlib.DeadZoneOscillator(lower_edge=-1.0, upper_stiffness=2.0, damping=0.1)
+#: How the sentence goes -> the call.
+LIBRARY = {
+    # Numbers beyond those of a machine.
+    "load = 1000000 ... > 0": lambda: PAPER.replace(load=10**320),
+    f"teeth = {2**63} ... from 1 to {2**63 - 1}": lambda: PAPER.replace(teeth=2**63),
+    # One gear.
+    "shift = 0.0 ... undercuts": lambda: gear(teeth=12),
+    "tip_diameter = 0.0992 ... pointed": lambda: gear(shift=1.4),
+    "tip_diameter = 0.069 ... above 0.07": lambda: gear(tip_diameter=0.069),
+    "tip_diameter = 0.22 ... from 0.225526 to 0.25 m": lambda: inner(tip_diameter=0.22),
+    "tip_diameter = 0.092 ... base and root": lambda: inner(teeth=25),
+    "bore = 0.075 ... < 0.07 m": lambda: gear(bore=0.075),
+    "bore = 0.1 ... 0 for a ring": lambda: inner(bore=0.1),
+    "outer_diameter = 0.24 ... above the root circle": lambda: inner(outer_diameter=0.24),
+    "outer_diameter = inf ... finite number > 0": lambda: inner(outer_diameter=inf),
+    "outer_diameter = 0.1 ... only a ring gear": lambda: gear(outer_diameter=0.1),
+    "outer_diameter = None ... above": lambda: inner().inertia,
+    "thickness of the web = 0.03 ... 0.02": lambda: gear(web=web(thickness=0.03)),
+    "rim_diameter of the web = 0.08 ... 0.07 m": lambda: gear(web=web(rim_diameter=0.08)),
+    "hub_diameter of the web = 0.04 ... 0.05": lambda: gear(bore=0.05, web=web()),
+    "rim_diameter of a web = 0.06 ... 0.07": lambda: web(hub_diameter=0.07),
+    "tip_radius of a rack = 1.3 ... 1.25": lambda: Rack(tip_radius=1.3),
+    "dedendum of a rack = 2.3 ... <= 2.158": lambda: gear(teeth=40, rack=Rack(dedendum=2.3)),
+    "amount of a tip relief = 0.02 ... 0.00139": lambda: gear(
+        tip_relief=TipRelief(amount=0.02, length=1e-3)
+    ),
+    "pitch_errors = (1e-06,) ... 20 numbers, one for each tooth": lambda: gear(
+        pitch_errors=(1e-6,)
+    ),
+    "position = (1.0, 1.0) ... rise": lambda: PathTable((1.0, 1.0), (0.0, 0.0)),
+    "a table of 1 positions and 0 values ... many": lambda: PathTable((1.0,), ()),
+    # Two gears.
+    "internal of the pinion = True ... False": lambda: Mesh(inner(), gear()),
+    "module of the wheel = 0.005 ... 0.004": lambda: mesh(module=5e-3),
+    f"pressure_angle of the wheel = 0.4 ... {math.radians(20.0)!r}": lambda: mesh(
+        pressure_angle=0.4
+    ),
+    "helix_angle of the wheel = 0.2 ... 0.0": lambda: mesh(helix_angle=0.2),
+    "teeth of the ring gear = 60 ... >= 71": lambda: Mesh(gear(teeth=70), inner()),
+    "centre_distance = 0.112 ... > 0.112763 m": lambda: mesh(0.112),
+    "contact_ratio = 0. ... >= 1": lambda: mesh(0.1245),
+    "backlash = -6 ... centre_distance": lambda: mesh(0.1199),
+    "tip_diameter of the wheel = 0.172 ... interference": lambda: mesh(tip_diameter=0.172),
+    "tip_diameter of the pinion = 0.088 ... clearance": lambda: mesh(
+        teeth=80, rack=Rack(addendum=0.9, dedendum=0.99, tip_radius=0.0)
+    ),
+    "teeth of the ring gear = 60 ... tip interference": lambda: Mesh(
+        gear(teeth=56), inner(tip_diameter=0.2362)
+    ),
+    "length of the tip relief of the wheel = 0.006 ... <= 0.0058125 m": lambda: replace(
+        fzg_c(), wheel=replace(fzg_c().wheel, tip_relief=TipRelief(amount=1e-5, length=6e-3))
+    ),
+    # Stiffness and load.
+    "coupling ... torque": lambda: twenty().stiffness("iso", coupling=1.0),
+    "hertz ... torque": lambda: twenty().stiffness(
+        Tabulated((0.0, 1.0), (1e8, 2e8)), hertz="constant"
+    ),
+    "coupling = 2 ... from 0 to 1": lambda: energy(coupling=2),
+    "hertz = 'log' ... 'logarithmic'": lambda: energy(hertz="log"),
+    "torque = None ... > 0": lambda: energy(hertz="logarithmic"),
+    "bore of the pinion = 0.15 ... 0.125": lambda: twenty(bore=0.15).stiffness("energy"),
+    "options = [1] ... a mapping": lambda: pair(torque=1.0, options=[1]),
+    "torque = None ... either torque": pair,
+    "torque = None with power = 1000.0 ... power and speed": lambda: pair(power=1e3),
+    "speed = 0.0 ... > 0": lambda: pair(power=1e3, speed=0.0),
+    "torque = -1.0 ... > 0": lambda: pair(torque=-1.0),
+    "damping_ratio and material_damping ... one of them": lambda: pair(
+        torque=1.0, damping_ratio=0.1, material_damping=1.0
+    ),
+    "damping_ratio = -0.1 ... >= 0": lambda: pair(torque=1.0, damping_ratio=-0.1),
+    "logarithmic_decrement = inf ... >= 0": lambda: pair(torque=1.0, logarithmic_decrement=inf),
+    "quality = None ... deviations": factor,
+    "rpm = [100.0, -1.0] ... > 0": lambda: factor([100.0, -1.0]),
+    "rpm = [] ": lambda: dynamic_factor(twenty(quality=5), 300.0, []),
+    "rpm = 'fast' ... > 0": lambda: factor("fast"),
+    "torque = -1.0 ... >= 0": lambda: error(torque=[1.0, -1.0]),
+    "torque = [] ... at least one": lambda: error(torque=[]),
+    "stiffness = 'fem' ... 'energy'": lambda: error(stiffness="fem"),
+    "stiffness = 0 N/m ... > 0 all along": lambda: error(stiffness=PathTable((0.0,), (0.0,))),
+    "coupling = 1.5 ... from 0 to 1": lambda: error(coupling=1.5),
+    "deviation = 1e-05 ... a PathTable": lambda: error(deviation=1e-5),
+    "pitch_errors[0] = inf ... finite": lambda: error(pitch_errors=[inf]),
+    "pitch_errors = 1e-06 ... a sequence": lambda: error(pitch_errors=1e-6),
+    "stiffness = PathTable ... one of 'energy', 'iso'": lambda: LoadSharingPair.from_geometry(
+        fzg_c(), torque=1.0, stiffness=PathTable((0.0,), (1e8,))
+    ),
+    "pitch_errors = (0.0, 1e-06) ... one value": lambda: sharing(
+        pitch_errors=(0.0, 1e-6)
+    ).at_load(),
+    # Trains.
+    "mass of body a = None ... where the support is elastic": lambda: replace(
+        A, support_stiffness=1e8
+    ),
+    "support_stiffness of body a, y = -1.0 ... >= 0 (infinity: rigid)": lambda: replace(
+        A, support_stiffness=(1e8, -1.0)
+    ),
+    "support_stiffness of body a = ... one or two numbers": lambda: replace(
+        A, support_stiffness=(1e8, 1e8, 1e8)
+    ),
+    "eccentricity of body a = 1e-06 ... 0 for a body without teeth": lambda: replace(
+        A, teeth=None, eccentricity=1e-6
+    ),
+    "bodies of a shaft = ('a', 'a') ... two bodies": lambda: Shaft(
+        bodies=("a", "a"), stiffness=1.0
+    ),
+    "line_of_action of mesh a-b = 1.0 ... left out where position": lambda: replace(
+        AB, position=0.0, line_of_action=1.0
+    ),
+    "bodies = ... a sequence of Body": lambda: train(bodies=[A, "b"]),
+    "meshes = [] ... a sequence of Mesh": lambda: train(meshes=[]),
+    "bodies = ... the name 'a' must occur once": lambda: train(bodies=(A, A)),
+    "wheel of mesh a-b = 'x' ... one of 'a', 'b'": lambda: train(meshes=[replace(AB, wheel="x")]),
+    "bodies of a shaft = 'x' ... one of 'a', 'b'": lambda: train(
+        shafts=[Shaft(bodies=("a", "x"), stiffness=1.0)]
+    ),
+    "carrier of body b = 'x' ... one of 'a', 'b'": lambda: train(
+        bodies=(A, replace(B, carrier="x"))
+    ),
+    "carrier of body b = 'b' ... which no carrier carries": lambda: train(
+        bodies=(A, replace(B, carrier="b"))
+    ),
+    "driving of mesh a-b = 'x' ... one of 'a', 'b'": lambda: replace(AB, driving="x"),
+    "wheel of mesh a-b = 'a' ... another body than the pinion": lambda: train(
+        meshes=[replace(AB, wheel="a")]
+    ),
+    "teeth of body b = None ... in mesh a-b": lambda: train(bodies=(A, replace(B, teeth=None))),
+    "base_radius of body b = 0.21 ... 0.2 to have the base pitch": lambda: train(
+        bodies=(A, replace(B, base_radius=0.21))
+    ),
+    "teeth of body a = 20 ... more than the 40 of b": lambda: train(
+        meshes=[replace(AB, pinion="b", wheel="a", internal=True)]
+    ),
+    "teeth of body ... the train is locked": lambda: train((A, B, C), (AB, BC, CA)),
+    "mesh c-r ... connected with the reference mesh a-b": lambda: train(
+        (A, B, C, LARGE), (AB, replace(AB, pinion="c", wheel="r", name="c-r"))
+    ),
+    "torque of bodies a, b ... must balance on the free rotation": lambda: train(
+        bodies=(A, replace(B, torque=0.0))
+    ),
+    "torque of bodies a, b ... must balance": lambda: train(bodies=(A, replace(B, torque=-200.0))),
+    "support_stiffness of body a = ... the same along x and y in a turning frame": lambda: train(
+        (replace(A, mass=1.0, support_stiffness=(1e8, 2e8)), B), gyroscopic=True
+    ),
+    "... at least one of them must be able to move": lambda: train(
+        [replace(body, torsional_stiffness=inf) for body in (A, B)]
+    ),
+    "planets = 4 ... (z_s + z_r) / N = (27 + 99) / 4 ... an integer": lambda: planetary(planets=4),
+    "position of mesh ring 2 = 2.0 ... (z_s + z_r) / N an integer": lambda: planetary(
+        positions=[0.0, 2.0, 4.0]
+    ),
+    "teeth = (27, 98) ... an even number": lambda: planetary(teeth=(27, 98)),
+    "planet_teeth = 80 ... fit into the ring": lambda: planetary(planet_teeth=80),
+    "teeth = ... one centre distance, ... 0.12 m in the first, 0.128 m": lambda: (
+        split_power_reducer(PAPER, teeth=(24, 36, 24, 40))
+    ),
+    "backlashes[0] = 1e-05 ... 2 values": lambda: split_power_reducer(
+        PAPER, backlashes=(1e-5,) * 3
+    ),
+    "gear = 'a' ... a gearlib.geometry.SpurGear": lambda: Body.from_gear("a", "b"),
+    "mesh = None ... a gearlib.geometry.Mesh": lambda: gearlib.Mesh.from_geometry(None, "a", "b"),
+    "mesh = 'gears' ... Mesh": lambda: GearPair.from_geometry("gears", torque=1.0),
+    "initial_state = ... 'static'": lambda: planetary().check_state(("a", "b")),
+    "phase = nan ... finite": lambda: planetary().static(phase=math.nan),
+    # Planetary sets of drawn gears.
+    "internal of the ring = False ... True": lambda: planets(ring=SpurGear(teeth=36, **PLANETS)),
+    "teeth of the ring = 36 ... >= 37": lambda: planets(ring=inside(teeth=36)),
+    "tip_diameter of the ring = 0.291 ... begins 0.0404": lambda: planets(
+        (27, 96, 99), centre_distance=0.1845
+    ),
+    "centre_distance of the ring mesh = 0.09 ... > 0.0930296 m": lambda: planets((27, 33, 99)),
+    "tip_diameter of the ring = 0.291 ... begins 0.0102": lambda: planets((27, 37, 99)),
+    "planets = 4 ... (27 + 99) / 4": lambda: planets(planets=4),
+    "planets = 6 ... axes are": lambda: planets(planets=6),
+    "planets = 3 ... axes are": lambda: planets(positions=[0.0, math.tau * 10 / 126, math.pi]),
+    "positions[1] = 2.0 ... 0.0498666": lambda: planets(positions=[0.0, 2.0, 4.0]),
+    "positions = (0.0, 1.0) ... 3 values": lambda: planets(positions=[0.0, 1.0]),
+    "module of the ring = 0.002 ... 0.003": lambda: planets(ring=inside(teeth=99, module=2e-3)),
+    "outer_diameter = None ... ring gear": lambda: planets(ring=inside(teeth=99)),
+    "backlashes[1] = -1 ... >= 0": lambda: planets(backlashes=(1e-5, -1e-5)),
+    "damping_ratio and material_damping ... one of": lambda: planets(
+        damping_ratio=0.1, material_damping=1.0
+    ),
+    # Calls.
+    "initial_state = (0.0,) ... must be": lambda: simulate(initial_state=(0.0,)),
+    "initial_state = (inf, 0.0) ... must be": lambda: simulate(initial_state=(inf, 0.0)),
+    "record_periods = 3 ... must be": lambda: simulate(record_periods=3),
+    "options = ['steps'] ... must be": lambda: simulate(options=["steps"]),
+    "tuning = None with speed = None ... one of the": lambda: simulate(None),
+    "tuning = 0.7 with speed = 3000.0 ... one of the two": lambda: simulate(0.7, speed=3000.0),
+    "speed = '3000 rpm' ... > 0": lambda: simulate(None, speed="3000 rpm"),
+    "speed = 10.0 ... nothing turns": lambda: gearlib.simulate(OSCILLATOR, speed=10.0, periods=1),
+    "tunings = [] ... must be": lambda: sweep([]),
+    "tunings[1] = -1.0 ... must be": lambda: sweep([0.8, -1.0]),
+    "tunings[0] = -0.8 ... must be": lambda: sweep([-0.8, -1.0]),
+    "tunings contains 0.8 twice": lambda: sweep([0.8, 0.8]),
+    "tunings = [0.7] with speeds = [3000.0] ": lambda: sweep([0.7], speeds=[3000.0]),
+    "speeds[1] = -1.0 ... > 0": lambda: sweep(speeds=[3000.0, -1.0]),
+    "speeds contains 10.0 twice": lambda: sweep(speeds=[10.0, 10.0]),
+    "branch = None": lambda: gearlib.certify_fold(PAPER, None, 0),
+    "pair = None": lambda: gearlib.certify_tongues(None),
+}
+
+
+@pytest.mark.parametrize("sentence", LIBRARY)
+def test_what_cannot_be_is_refused_in_one_sentence(sentence):
+    with pytest.raises(ValueError) as refusal:
+        LIBRARY[sentence]()
+    text = str(refusal.value)
+    assert says(text, sentence), text
+    assert "\n" not in text and ". " not in text and len(text) < 500, text
+
+
+def test_what_stands_beside_it_is_allowed():
+    assert gear(teeth=17).shift == 0.0
+    assert ring().contact_ratio > 1.8
+    assert mesh(0.1204).backlash > 0.0
+    assert train().phases == {"a-b": 0.0}
+    assert planetary(positions=[0.0, 2.0 * math.pi * 42 / 126, 4.4879895051282759]).size == 36
+
+
+def test_combinations_of_meshes_have_numbers_of_64_bits():
+    # Nine effects each.
+    count = max(number for number in range(1, 30) if 9**number < 2**63)
+    ends = {0: 100.0, count: 100.0 * (-1.0) ** (count + 1)}
+    bodies = [replace(A, name=f"g{i}", torque=ends.get(i, 0.0)) for i in range(count + 2)]
+    meshes = [
+        replace(AB, pinion=f"g{i}", wheel=f"g{i + 1}", name=f"mesh {i}") for i in range(count + 1)
+    ]
+    assert len(train(bodies[:-1], meshes[:-1]).meshes) == count
+    with pytest.raises(ValueError, match=f"at most {count}"):
+        train(bodies, meshes)

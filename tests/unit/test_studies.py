@@ -1,0 +1,193 @@
+"""Studies of one mesh: the jump, nonlinear damping, the phase lag, the global picture."""
+
+import csv
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+from gearlib import GearPair, OneDegreePair, simulate
+from gearlib.data import storage
+from gearlib.data.files import write_table
+from gearlib.studies import global_picture, jump, nonlinear_damping, phase_lag
+from tests.paper import PAPER, PARAMETERS
+
+PAIR = PAPER.replace(material_damping=3953.7)
+BOTH = PAIR.replace(backlash_damping=3953.7)
+RUN = {"periods": 120, "record_periods": 24}
+SHORT = {"periods": 40, "record_periods": 4}
+POWER = {"damping": 3953.7, "amplitude": 1.0, "tuning": 0.8, "shown": [0.82]}
+BOX = {"displacement": [-6.0, 6.0], "velocity": [-6.0, 6.0]}
+
+
+def height(nu, state=(0.0, 0.0)):
+    run = simulate(PAIR, nu, initial_state=state, **RUN)
+    return float(run.displacement_max - run.displacement_min)
+
+
+def test_both_sides_of_the_jump_from_rest():
+    found = jump.find(PAIR, np.linspace(0.80, 0.83, 31), 1e-9, **RUN)
+    assert found.switches == 1
+    # The orbits just beside the reported tuning are those reported, as far as they have settled:
+    # the closer to the jump, the later a run leaves the unstable orbit between the two.
+    assert height(found.tuning - 1e-9) == pytest.approx(found.below, abs=0.2)
+    assert height(found.tuning + 1e-9) == pytest.approx(found.above, abs=0.2)
+    assert found.above - found.below > 2.0
+
+
+def test_the_scan_does_not_matter():
+    # Intervals of bisection end within their resolution, 1e-9.
+    coarse = jump.find(PAIR, np.linspace(0.79, 0.85, 7), 1e-9, **RUN)
+    fine = jump.find(PAIR, np.linspace(0.81, 0.82, 101), 1e-9, **RUN)
+    assert abs(coarse.tuning - fine.tuning) <= 2e-9
+
+
+def test_a_smooth_curve_has_no_jump():
+    found = jump.find(PAIR, np.linspace(0.70, 0.78, 5), 1e-6, **RUN)
+    assert np.isnan(found.tuning) and found.switches == 0
+
+
+def test_up_and_down_enclose_a_hysteresis():
+    long = {"periods": 400, "record_periods": 4}
+    scan = np.linspace(0.58, 0.84, 131)
+    up = jump.find(PAIR, scan, 1e-6, "up", **long)
+    down = jump.find(PAIR, scan, 1e-6, "down", **long)
+    assert 0.6 < down.tuning < 0.7 < 0.815 < up.tuning < 0.82
+    # A finer scan follows the same branches to the same ends.
+    finer = jump.find(PAIR, np.linspace(0.80, 0.84, 81), 1e-6, "up", **long)
+    assert finer.tuning == pytest.approx(up.tuning, abs=1e-4)
+
+
+def test_variations():
+    settings = {
+        "resolution": 1e-5,
+        "harmonics": [20],
+        "factors": [0.9],
+        "displacements": [0.1],
+        "velocities": [0.1],
+        "tolerances": [1e-3, 1e-8],
+        "starts": 4,
+        "seed": 1,
+        "spread": 0.02,
+    }
+    found = jump.compute(PAIR.as_dict(), np.linspace(0.80, 0.83, 16), settings, RUN)
+    kinds = [*jump.KINDS]
+    assert found.kind.values.tolist() == [*kinds, "tolerance"]
+    shift = dict(zip(found.kind.values, found["shift"].values, strict=True))
+    # No orbit of the scan reaches the far flank: its place cannot matter.
+    assert shift["base"] == shift["backlash"] == 0.0
+    assert shift["damping"] < -1e-3 and shift["displacement"] < -1e-4
+    assert abs(shift["harmonics"]) < 2e-5 and abs(shift["tolerance"]) < 1e-4
+    assert all("units" in found[name].attrs for name in ("jump", "shift", "height"))
+
+
+@pytest.mark.parametrize("power", [1, 2, 3, 4])
+def test_work_per_period(power):
+    d, amplitude, w = 7.0, 3e-5, 8000.0
+
+    def work(t):
+        v = amplitude * w * math.cos(w * t)
+        return d * abs(v) ** (power - 1) * v * v
+
+    # Half a period at a time: |v| has no kink inside.
+    expected = 2.0 * quad(work, -math.pi / (2 * w), math.pi / (2 * w), epsabs=0)[0]
+    assert nonlinear_damping.dissipation(d, power, amplitude, w) == pytest.approx(
+        expected, rel=1e-12
+    )
+    k = nonlinear_damping.equivalent(d, power, amplitude, w)
+    assert nonlinear_damping.dissipation(k, power, amplitude, w) == pytest.approx(
+        nonlinear_damping.dissipation(d, 1, amplitude, w), rel=1e-14
+    )
+
+
+def test_textbook_coefficients():
+    amplitude, w = 3e-5, 8000.0
+    v = amplitude * w
+    assert nonlinear_damping.equivalent(1.0, 1, amplitude, w) == pytest.approx(1.0)
+    assert nonlinear_damping.equivalent(1.0, 2, amplitude, w) == pytest.approx(
+        3 * math.pi / (8 * v)
+    )
+    assert nonlinear_damping.equivalent(1.0, 3, amplitude, w) == pytest.approx(4 / (3 * v * v))
+
+
+def test_models_of_nonlinear_damping():
+    linear, k = nonlinear_damping.model(PARAMETERS, "oil", "linear", POWER)
+    assert isinstance(linear, GearPair) and linear.backlash_damping == k
+    assert k == pytest.approx(3953.7, rel=1e-15)
+    cubic, k = nonlinear_damping.model(PARAMETERS, "material", "cubic", POWER)
+    assert isinstance(cubic, OneDegreePair) and cubic.cubic_damping == k
+    assert cubic.pair.material_damping == cubic.backlash_cubic_damping == 0.0
+
+
+def test_the_study_of_nonlinear_damping(tmp_path):
+    tunings = np.linspace(0.7, 1.0, 16)
+    studies = [
+        nonlinear_damping.compute(PARAMETERS, "material", power, tunings, POWER, SHORT, 16)
+        for power in nonlinear_damping.POWERS
+    ]
+    jumps = [float(one.jump.sel(direction="cold")) for one in studies]
+    # The linear mesh jumps; cubic damping, stronger at large amplitudes, closes the jump.
+    assert 0.81 < jumps[0] < 0.82 and math.isnan(jumps[2])
+    peaks = [float(one.peak.sel(direction="cold")) for one in studies]
+    assert peaks[0] > peaks[1] > peaks[2]
+    write_table(nonlinear_damping.rows(studies), tmp_path / "table.csv")
+    with open(tmp_path / "table.csv", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 9
+    assert [row["unit"] for row in rows[::3]] == ["N s m-1", "N s2 m-2", "N s3 m-3"]
+
+
+def test_widest_stretch():
+    assert nonlinear_damping._widest(np.array([0, 1, 0, 1, 1, 0], bool)) == (3, 4)
+    assert nonlinear_damping._widest(np.array([1, 1], bool)) == (0, 1)
+    assert nonlinear_damping._widest(np.zeros(3, bool)) == (None, None)
+
+
+def test_phase_lag_of_a_mesh_without_resonance():
+    # Slowly, in contact and with small stiffness swings, y follows F / C at once: 180 degrees
+    # against the stiffness, and damping adds the lag of a first-order system.
+    pair = {
+        "max_stiffness": 4e8,
+        "stiffness_ratio": 0.99,
+        "contact_ratio": 1.5,
+        "reduced_mass": 3.0,
+        "load": 3000.0,
+        "backlash": math.inf,
+    }
+    options = {"harmonics": 1, "periods": 60, "samples_per_period": 4096}
+    damping = 2.0 * 0.5 * math.sqrt(3.0 * 3.98e8)
+    lags = phase_lag.compute(pair, [damping], 0.05, [0.05, 0.1], **options)
+    for nu, lag in zip((0.05, 0.1), lags.first_lag.values[0], strict=True):
+        # Transfer function of the mean oscillator, beta = 0.5; the swing is 1 % of it.
+        expected = 180.0 + math.degrees(math.atan2(nu, 1.0 - nu * nu))
+        assert lag == pytest.approx(expected, abs=0.1)
+
+
+def test_cases_of_different_attractors_share_a_table(tmp_path):
+    found = (("three", 0.72, PAIR), ("two", 0.75, BOTH), ("one", 1.0, BOTH))
+    cases = [{"title": name, "tuning": nu, "pair": pair.as_dict()} for name, nu, pair in found]
+    data = global_picture.basin_cases(cases, BOX | {"count": 12, "periods": 200})
+    assert [int((data.share.sel(case=name) > 0).sum()) for name in data.case.values] == [3, 2, 1]
+    np.testing.assert_allclose(data.share.sum("attractor"), 1.0)
+    storage.write(data, tmp_path / "basins.nc")
+    again = storage.read(tmp_path / "basins.nc")
+    np.testing.assert_array_equal(again.basin, data.basin)
+    assert again.attractor_kind.attrs["flag_meanings"].split()[0] == "periodic"
+
+
+def test_a_bifurcation_goes_up_and_down_and_from_starts_of_its_own():
+    run = {"settle": 100, "strobes": 8, "starts": 1, "exponent_periods": 40}
+    settings = BOX | run | {"samples": 25, "periods": 200}
+    diagram, shares = global_picture.bifurcation(
+        BOTH.as_dict(), [0.6, 0.75, 0.9], [0.7, 0.8], settings
+    )
+    assert diagram.direction.values.tolist() == ["up", "down", "cold 1"]
+    np.testing.assert_allclose(shares.share.sum("attractor_family"), 1.0)
+
+
+def test_sections_tell_chaos_from_order():
+    case = {"phase": 0.0, "settle": 0, "pair": PAPER.as_dict()}
+    cases = [{"title": str(nu), "tuning": nu} | case for nu in (0.66, 0.8)]
+    data = global_picture.sections(cases, BOX | {"orbits": 6, "periods": 200})
+    assert 0 < int(data.chaotic.sum()) <= 12
