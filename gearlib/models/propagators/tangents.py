@@ -188,7 +188,7 @@ class Walk:
     def rates(self):
         """What the map of free tangents changes by, shape (k, s, f)."""
         own = self.block[self.q + self.k :, : self.slopes.size]
-        return own.reshape(self.q - 1, self.k, -1).transpose(1, 2, 0)
+        return own.reshape(self.q - 1, self.k, self.slopes.size).transpose(1, 2, 0)
 
     def go(self, record_from=None, samples_per_period=0, events=0):
         """Go through all periods; return the `recorded_slopes.Tables` from one on, or None."""
