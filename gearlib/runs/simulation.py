@@ -121,7 +121,7 @@ def simulate(
         "tuning": tuning,
         "evaluations": ran.evaluations,
     }
-    if sensitivities:
+    if propagator is not None:
         z, sizes = propagator.start(asked.state), (len(ran.samples), len(ran.events))
         span, ok = asked.span, not ran.status
         counts = span.periods, span.recorded, span.limit, ok

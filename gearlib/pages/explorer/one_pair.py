@@ -6,7 +6,7 @@ from dataclasses import asdict
 import numpy as np
 
 from gearlib import config
-from gearlib.config.defaults import laid_over
+from gearlib.config.laying import laid_over
 from gearlib.models.pair import GearPair
 from gearlib.pages.explorer.explored import Explored, Slider, saved, slider_of
 from gearlib.pages.explorer.view import look
