@@ -94,13 +94,7 @@ class Parts(NamedTuple):
 
 
 def parts_of(model):
-    """Return the `Parts` of a model.
-
-    Raises
-    ------
-    Uncertain
-        For a model without a proof.
-    """
+    """Return the `Parts` of a model."""
     kinds = {"several_meshes": _of_train, "piecewise_linear": _of_pair}
     kind = kinds.get(model.mathematics.get("exact")) if model.equation is None else None
     if kind is not None:
