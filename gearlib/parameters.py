@@ -16,8 +16,7 @@ import inspect
 import math
 import re
 import textwrap
-from dataclasses import dataclass
-from typing import Annotated, Any, get_origin, get_type_hints
+from typing import Annotated, Any, get_origin
 
 from gearlib import checks
 
@@ -25,19 +24,21 @@ from gearlib import checks
 MISSING = dataclasses.MISSING
 
 
-@dataclass(eq=False, kw_only=True)
 class Number:
     """A real number within bounds, which `above` and `below` leave out."""
 
-    unit: str = ""
+    unit = ""
     #: A value in another unit of the dimension, as a configuration may have it.
-    example: str = ""
+    example = ""
     above: float | None = None
     least: float | None = None
     below: float | None = None
     most: float | None = None
     #: What infinity means, where it is allowed.
-    infinite: str = ""
+    infinite = ""
+
+    def __init__(self, **given):
+        vars(self).update(given)
 
     @property
     def range(self):
@@ -72,13 +73,11 @@ class Number:
         return checks.number(name, value, self.words, self.accepts)
 
 
-@dataclass(eq=False)
 class Integer:
     """An integer; beyond `limit` a configuration takes it for a slip of the pen."""
 
-    least: int
-    most: int | None = None
-    limit: int | None = None
+    def __init__(self, least, most=None, limit=None):
+        self.least, self.most, self.limit = least, most, limit
 
     @property
     def words(self):
@@ -91,11 +90,11 @@ class Integer:
         return checks.integer(name, value, self.least, self.most)
 
 
-@dataclass(eq=False)
 class OneOf:
     """One of a few plain values."""
 
-    choices: tuple
+    def __init__(self, choices):
+        self.choices = choices
 
     @property
     def words(self):
@@ -107,7 +106,6 @@ class OneOf:
         return checks.one_of(name, value, self.choices)
 
 
-@dataclass(eq=False)
 class Text:
     """A text, the name of something."""
 
@@ -120,12 +118,11 @@ class Text:
         return value
 
 
-@dataclass(eq=False)
 class Many:
     """Several values of a kind, as many as `count` says."""
 
-    item: Any
-    count: int | None = None
+    def __init__(self, item, count=None):
+        self.item, self.count = item, count
 
     @property
     def words(self):
@@ -141,12 +138,13 @@ class Many:
         return tuple(self.item.check(f"{name}[{i}]", value) for i, value in found)
 
 
-@dataclass(eq=False)
 class Two:
     """Two values of a kind along x and y, or one for both."""
 
-    item: Any
     count = 2
+
+    def __init__(self, item):
+        self.item = item
 
     @property
     def words(self):
@@ -162,11 +160,11 @@ class Two:
         return tuple(self.item.check(f"{name}, {axis}", value) for axis, value in named)
 
 
-@dataclass(eq=False)
 class Part:
     """An instance of a class, or of one of several."""
 
-    classes: tuple
+    def __init__(self, classes):
+        self.classes = classes
 
     @property
     def words(self):
@@ -180,14 +178,11 @@ class Part:
         return value
 
 
-@dataclass(eq=False)
 class Parameter:
-    """A declared parameter of a constructor or function."""
+    """A declared parameter of a constructor or function: kind, words, symbol, default."""
 
-    kind: Any
-    words: str
-    symbol: str
-    default: Any
+    def __init__(self, kind, words, symbol, default):
+        self.kind, self.words, self.symbol, self.default = kind, words, symbol, default
 
     @property
     def unit(self):
@@ -210,12 +205,15 @@ class Parameter:
 def declared(thing):
     """Return name -> `Parameter` of what a dataclass or function declares, in order."""
     thing = inspect.unwrap(thing)
+    hints: dict[str, Any]
     if dataclasses.is_dataclass(thing):
-        defaults = {one.name: one.default for one in dataclasses.fields(thing)}
+        fields = dataclasses.fields(thing)
+        hints = {one.name: one.type for one in fields}
+        defaults = {one.name: one.default for one in fields}
     else:
-        defaults = thing.__kwdefaults__ or {}
+        hints, defaults = thing.__annotations__, thing.__kwdefaults__ or {}
     found = {}
-    for name, hint in get_type_hints(thing, include_extras=True).items():
+    for name, hint in hints.items():
         if get_origin(hint) is Annotated:
             kind, words, symbol = (*hint.__metadata__, "")[:3]
             found[name] = Parameter(kind, words, symbol, defaults.get(name, MISSING))
@@ -302,8 +300,9 @@ def _with_table(text, thing):
             default = ""
         else:
             default = ", optional" if one.default is None else f", default {one.default!r}"
-        words = textwrap.indent(textwrap.fill(one.description, 92), "    ")
-        lines += [f"{name} : {one.kind.words}{default}", words]
+        words = one.description
+        words = textwrap.fill(words, 92) if len(words) > 92 else words
+        lines += [f"{name} : {one.kind.words}{default}", textwrap.indent(words, "    ")]
     head, mark, rest = text.partition("\n\nRaises\n---")
     return "\n".join([head, "", *lines]) + mark + rest
 

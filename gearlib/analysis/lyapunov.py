@@ -56,17 +56,17 @@ class Exponent(NamedTuple):
         return self.grown and self.value > _SIGMAS * self.uncertainty
 
 
-def largest(pair, tuning, *, state=(0.0, 0.0), settle=1000, periods=4000, max_events=1_000_000):
+def largest(model, tuning, *, state=(0.0, 0.0), settle=1000, periods=4000, max_events=1_000_000):
     """Return the `Exponent`, the largest Lyapunov exponent, of the motion from a state at tau = 0.
 
     It is counted over so many periods after those to settle. The free rotation of six degrees
     of freedom, which never grows nor decays, is left out.
     """
-    propagator = pair.propagator(tuning)
+    propagator = model.propagator(tuning)
     z = propagator.start(state)
-    size, carried = Size(pair, tuning), _carrier(pair, tuning, propagator, max_events)
+    size, carried = Size(model, tuning), _carrier(model, tuning, propagator, max_events)
     before = size(z)
-    bound = FAR * max(pair.extent, before)
+    bound = FAR * max(model.extent, before)
 
     def failed(code):
         return Exponent(math.nan, math.nan, math.nan, periods, code)
@@ -101,14 +101,14 @@ class Growth(NamedTuple):
     vector: np.ndarray | None  #: its direction at the end; None: it has vanished
 
 
-def growth(pair, tuning, state, periods, *, first=0, vector=None, max_events=1_000_000):
+def growth(model, tuning, state, periods, *, first=0, vector=None, max_events=1_000_000):
     """Return the `Growth` of a small deviation over mesh periods; other arguments as of `largest`.
 
     `first` is the number of the first period, where the excitation repeats after several; `vector`
     is the deviation, by default one in all coordinates.
     """
-    propagator, logs = pair.propagator(tuning), np.empty(periods)
-    z, carried = propagator.start(state), _carrier(pair, tuning, propagator, max_events)
+    propagator, logs = model.propagator(tuning), np.empty(periods)
+    z, carried = propagator.start(state), _carrier(model, tuning, propagator, max_events)
     for done in range(0, periods, _CHUNK):
         counted = logs[done : done + _CHUNK]
         z, vector, code = carried(z, vector, counted, first + done)
@@ -121,9 +121,9 @@ def growth(pair, tuning, state, periods, *, first=0, vector=None, max_events=1_0
     return Growth(max(float(grown.max()), 0.0), float(grown[-1]), vector)
 
 
-def lost(pair, tuning, state, periods):
+def lost(model, tuning, state, periods):
     """Return whether rounding decides where a motion goes; arguments as of `growth`."""
-    return growth(pair, tuning, state, periods).most > LOST
+    return growth(model, tuning, state, periods).most > LOST
 
 
 class Carried:
@@ -132,8 +132,8 @@ class Carried:
     It is never less than rounding, nor more than the motion.
     """
 
-    def __init__(self, pair):
-        self.pair, self.before, self.vector = pair, 0.0, None
+    def __init__(self, model):
+        self.pair, self.before, self.vector = model, 0.0, None
 
     def run(self, tuning, state, periods, first=0):
         """Return the `Growth` in a run, and whether rounding decides where it goes."""
@@ -147,7 +147,7 @@ class Carried:
         self.vector = found.vector
 
 
-def lost_in_sweep(pair, tunings, ends, start, periods):
+def lost_in_sweep(model, tunings, ends, start, periods):
     """Return where rounding may have led a motion carried over tunings, shape (n,), bool, (n,).
 
     `ends` are final states, shape (n, components), behind a NaN the motion begins anew; `periods`
@@ -157,13 +157,13 @@ def lost_in_sweep(pair, tunings, ends, start, periods):
     begins = [start, *(end if np.isfinite(end).all() else start for end in ends[:-1])]
     for i, (nu, begin) in enumerate(zip(tunings, begins, strict=True)):
         if begin is start:
-            deviation = Carried(pair)
+            deviation = Carried(model)
         found, lost[i] = deviation.run(float(nu), tuple(begin), periods, i * periods)
         deviation.go_on(found)
     return lost
 
 
-def _carrier(pair, tuning, propagator, max_events):
+def _carrier(model, tuning, propagator, max_events):
     """Return the call that carries a state and a deviation through as many periods as `logs` has.
 
     It fills these, and returns the state; the deviation, None if it has vanished; and the status.
@@ -171,10 +171,10 @@ def _carrier(pair, tuning, propagator, max_events):
     """
 
     def carried(z, vector, logs, first):
-        z, maps, code = propagator.maps(z, logs.size, max_events, first % pair.repeats)
+        z, maps, code = propagator.maps(z, logs.size, max_events, first % model.repeats)
         if code != status.OK:
             return z, vector, code
-        maps = without_rotation(pair, maps)
+        maps = without_rotation(model, maps)
         vector = np.ones(maps.shape[1]) if vector is None else vector
         weights = np.repeat([1.0, tuning], vector.size // 2)
         return z, vector if carry(maps, weights, vector, logs) else None, code
@@ -185,9 +185,9 @@ def _carrier(pair, tuning, propagator, max_events):
 class Size:
     """How large the states of a model are, without free rotation, in displacements."""
 
-    def __init__(self, pair, tuning):
-        self.extent, self.cycle = pair.extent, pair.repeats
-        self._reduce, _ = pair.reduction()
+    def __init__(self, model, tuning):
+        self.extent, self.cycle = model.extent, model.repeats
+        self._reduce, _ = model.reduction()
         self._weights = np.repeat([1.0, tuning], len(self._reduce) // 2)
 
     def __call__(self, states):

@@ -140,12 +140,12 @@ def trust(
     return decide(table, found, pair.repeats)
 
 
-def scan(pair, tunings, **options):
+def scan(model, tunings, **options):
     """Return the labels of many tunings.
 
     Parameters
     ----------
-    pair : GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator
+    model : GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator
     tunings : sequence of float, shape (n,)
     **options
         Of `trust`.
@@ -156,7 +156,7 @@ def scan(pair, tunings, **options):
         Over ``tuning``: label (index in `LABELS`, CF flags), period, digits (at most 10),
         exponent, uncertainty.
     """
-    found = [trust(pair, nu, **options) for nu in tunings]
+    found = [trust(model, nu, **options) for nu in tunings]
     data = {
         "label": ("tuning", np.array([LABELS.index(one.label) for one in found], np.int8)),
         "period": ("tuning", np.array([one.period for one in found], np.int32)),
@@ -164,27 +164,27 @@ def scan(pair, tunings, **options):
         "exponent": ("tuning", np.array([one.exponent for one in found])),
         "uncertainty": ("tuning", np.array([one.uncertainty for one in found])),
     }
-    dataset = describe(xr.Dataset(data, {"tuning": np.asarray(tunings, float)}), pair)
+    dataset = describe(xr.Dataset(data, {"tuning": np.asarray(tunings, float)}), model)
     dataset["label"].attrs |= {
         "flag_values": np.arange(len(LABELS), dtype=np.int8),
         "flag_meanings": " ".join(name.replace("-", "_") for name in LABELS),
     }
     dataset.attrs = provenance.attributes(
-        "Labels of the motion of a gear mesh", pair, method="several", **options
+        "Labels of the motion of a gear mesh", model, method="several", **options
     )
     return dataset
 
 
-def _other_ways(pair):
+def _other_ways(model):
     """Yield (name, model, changed arguments) of other methods, tolerances and harmonics."""
-    able = [name for name in integrators.AUTOMATIC if integrators.METHODS[name].takes(pair)]
+    able = [name for name in integrators.AUTOMATIC if integrators.METHODS[name].takes(model)]
     if len(able) > 1:
-        yield f"method {able[1]}", pair, {"method": able[1]}
+        yield f"method {able[1]}", model, {"method": able[1]}
     if "taylor" in able:
-        yield "tolerance 1e-12", pair, {"method": "taylor", "options": {"tolerance": 1e-12}}
-    profile = pair.profile
+        yield "tolerance 1e-12", model, {"method": "taylor", "options": {"tolerance": 1e-12}}
+    profile = model.profile
     if isinstance(profile, Fourier):
-        finer = replace(pair, profile=Fourier(2 * profile.harmonics))
+        finer = replace(model, profile=Fourier(2 * profile.harmonics))
         yield f"{2 * profile.harmonics} harmonics", finer, {}
 
 

@@ -64,14 +64,14 @@ def main():
 @click.option("--samples", type=int, default=256, show_default=True, help="Samples per period.")
 @click.option("--method", help="A name of gearlib.methods().")
 @output.options
-def simulate(pair, tuning, state, periods, record_periods, samples, method, output_path, force):
+def simulate(model, tuning, state, periods, record_periods, samples, method, output_path, force):
     """Run one tuning: time course, contact events, orbit summary."""
     output.check(output_path, force)
     import gearlib
 
     with progress.clock("simulating"):
         run = gearlib.simulate(
-            pair,
+            model,
             tuning,
             periods=periods,
             record_periods=record_periods,
@@ -82,7 +82,7 @@ def simulate(pair, tuning, state, periods, record_periods, samples, method, outp
     if run.status != 0:
         output.fail(run.status.attrs["message"])
     scales = ["period", "static_deflection", "tuning", "speed"]
-    if pair.mesh_names:
+    if model.mesh_names:
         output.table(run, scales)
         output.columns(run, "mesh", _MESHES)
     else:
@@ -116,11 +116,11 @@ def simulate(pair, tuning, state, periods, record_periods, samples, method, outp
 @click.option("--method", help="A name of gearlib.methods().")
 @output.options
 def sweep(
-    pair, start, stop, points, direction, periods, record_periods, method, output_path, force
+    model, start, stop, points, direction, periods, record_periods, method, output_path, force
 ):
     """Run many tunings: the resonance characteristic."""
     output.check(output_path, force)
-    start, stop = (speeds.tuning_of(pair, value) for value in (start, stop))
+    start, stop = (speeds.tuning_of(model, value) for value in (start, stop))
     if points < 2 or not 0.0 < start < stop < math.inf:
         raise click.UsageError(
             f"start = {start!r}, stop = {stop!r}, points = {points} is not allowed: it must be 0 < "
@@ -144,21 +144,21 @@ def sweep(
         parts = []
         with progress.counter("tunings", points) as done:
             for piece in pieces:
-                parts.append(gearlib.sweep(pair, piece, **settings))
+                parts.append(gearlib.sweep(model, piece, **settings))
                 done(len(piece))
         curve = xr.concat(parts, "tuning", data_vars="minimal", combine_attrs="identical")
     else:
         with progress.clock(f"{points} tunings {direction}"):
-            curve = gearlib.sweep(pair, grid, **settings)
+            curve = gearlib.sweep(model, grid, **settings)
     failed = int((curve.status != 0).sum())
     if failed == points:
         output.fail("no run could go on: see gearlib.data.status for what each code says")
     heights = curve.displacement_max
-    if pair.mesh_names:
+    if model.mesh_names:
         heights = heights.max("mesh")
     top = curve.isel(tuning=int(heights.argmax("tuning")))
     click.echo(f"{points} tunings, {failed} of them could not go on; the highest displacement:")
-    if pair.mesh_names:
+    if model.mesh_names:
         output.table(top, ["tuning", "speed"])
         output.columns(top, "mesh", _MESHES)
     else:
@@ -173,7 +173,7 @@ def sweep(
 @click.option("--period", type=int, default=1, show_default=True, help="Mesh periods of it.")
 @click.option("--guess", nargs=2, type=float, help="Displacement and dx/dtau near the orbit.")
 @output.options
-def orbit(pair, tuning, period, guess, output_path, force):
+def orbit(model, tuning, period, guess, output_path, force):
     """Find a periodic orbit and its Floquet multipliers."""
     output.check(output_path, force)
     import gearlib
@@ -181,7 +181,7 @@ def orbit(pair, tuning, period, guess, output_path, force):
 
     try:
         with progress.clock("shooting"):
-            found = gearlib.periodic_orbit(pair, tuning, guess=guess, period=period)
+            found = gearlib.periodic_orbit(model, tuning, guess=guess, period=period)
     except NoOrbit as error:
         output.fail(str(error))
     click.echo(f"{'stable' if found.stable else 'unstable'} orbit of period {found.period}")
@@ -208,13 +208,13 @@ def _first(texts, most=12):
     "--periods", type=click.IntRange(32), default=2000, show_default=True, help="To settle."
 )
 @output.options
-def trust(pair, tuning, state, periods, output_path, force):
+def trust(model, tuning, state, periods, output_path, force):
     """Chaos or artefact: run one tuning in several ways and label its motion."""
     output.check(output_path, force)
     import gearlib
 
     with progress.clock("running it in several ways"):
-        found = gearlib.trust(pair, tuning, periods=periods, initial_state=state)
+        found = gearlib.trust(model, tuning, periods=periods, initial_state=state)
     click.echo(f"{found.label}: {found.message}")
     if not math.isnan(found.exponent):
         rate = f"{found.exponent:.6g} +- {found.uncertainty:.2g}"

@@ -9,8 +9,8 @@ from itertools import groupby
 import click
 
 from gearlib.cli import gears, output
-from gearlib.config.defaults import laid_over
 from gearlib.config.gears import Gears, WheelSection
+from gearlib.config.laying import laid_over
 
 #: What both gears have in common, and what each has of its own; the options of these take two.
 _COMMON = ("module", "width", "pressure_angle", "helix_angle", "rack")

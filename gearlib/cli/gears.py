@@ -9,7 +9,7 @@ from pydantic import ValidationError
 
 from gearlib import config
 from gearlib.config import yaml_keys
-from gearlib.config.defaults import laid_over
+from gearlib.config.laying import laid_over
 from gearlib.config.mesh import DAMPINGS, GearPairSection
 from gearlib.config.types import like
 from gearlib.config.validation import sentences
@@ -26,13 +26,13 @@ _Gears = like("Gears", _WORDS, GearPair, *DAMPINGS, base=GearPairSection, requir
 
 
 def options(command):
-    """Give a command the options that describe the gears; it is called with the model as `pair`."""
+    """Give a command the options that describe the gears; it is called with the `model`."""
 
     @_gear_options
     @click.option("--model", type=click.Choice(MODELS), default=MODELS[0], show_default=True)
     @functools.wraps(command)
     def wrapped(mapping, gears, damping, model, **rest):
-        return command(pair=_model(mapping, gears, model), **rest)
+        return command(model=_model(mapping, gears, model), **rest)
 
     return wrapped
 

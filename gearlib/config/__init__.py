@@ -23,6 +23,7 @@ module               responsibility
 ``validation``       refusals as sentences
 ``model``            the whole, and what must agree between sections
 ``defaults``         defaults that depend on the gears
+``laying``           one configuration laid over another
 ``yaml_keys``        YAML files, and the keys that they give twice
 ===================  ===================================================
 
@@ -37,10 +38,6 @@ import json
 import re
 from functools import cache
 
-from pydantic import ValidationError
-
-from gearlib.config import defaults
-from gearlib.config.model import Config
 from gearlib.config.validation import sentences, show
 
 #: Cases are part of the names of rules.
@@ -64,6 +61,12 @@ def load(mapping):
     ConfigError
         With one sentence per problem, which names key, value and allowed range.
     """
+    # Here and below: a command that needs options only does not wait for the whole.
+    from pydantic import ValidationError
+
+    from gearlib.config import defaults
+    from gearlib.config.model import Config
+
     problems = list(_names_that_are_no_texts(mapping))
     if isinstance(mapping, dict) and {"gears", "gear_pair"} <= mapping.keys():
         problems.append(
@@ -115,6 +118,8 @@ def cases(mapping):
     ConfigError
         With one sentence per problem, which names the case.
     """
+    from gearlib.config.laying import laid_over
+
     changes = mapping["cases"]
     if not isinstance(changes, dict) or not changes:
         raise ConfigError(
@@ -136,7 +141,7 @@ def cases(mapping):
                 "that differ"
             )
             continue
-        found[name] = defaults.laid_over(common, change)
+        found[name] = laid_over(common, change)
         try:
             load(found[name])
         except ConfigError as error:
@@ -159,17 +164,22 @@ def chosen(merged, given):
     given : dict
         What was laid over the rest.
     """
+    from gearlib.config.laying import laid_over
+
     named = given.get("cases")
     parts = [given, *(named.values() if isinstance(named, dict) else ())]
     drawn = any(isinstance(part, dict) and "gears" in part for part in parts)
     if drawn and "gear_pair" in merged and "gear_pair" not in given:
         return given
-    return defaults.laid_over(merged, given)
+    return laid_over(merged, given)
 
 
 @cache
 def schema():
     """Return the JSON schema of the configuration as a dict."""
+    from gearlib.config import defaults
+    from gearlib.config.model import Config
+
     whole = Config.model_json_schema()
     defaults.release(whole)
     _drop_null_defaults(whole)

@@ -13,7 +13,8 @@ from pydantic import Field, TypeAdapter, ValidationError
 from gearlib.config import speeds
 from gearlib.config.experiments import ReportPage
 from gearlib.config.gears import Gears
-from gearlib.config.mesh import IN_PLACE_OF, Damping, GearPairSection, Run
+from gearlib.config.laying import laid_over
+from gearlib.config.mesh import Damping, GearPairSection, Run
 from gearlib.config.types import MAX_PAGE_SAMPLES, Name
 
 #: Stand-ins while those of a configuration are refused, so that only those are complained about.
@@ -45,27 +46,8 @@ _WITH_DAMPINGS = ("dampings", "basins", "bifurcation", "poincare")
 #: Panels of one figure, see `Basins` and `Poincare`.
 _PANELS = 12
 
-#: Keys of one section of which there is one.
-_ALTERNATIVES = (
-    {"gears", "gear_pair"},
-    *({key, *others} for key, others in IN_PLACE_OF.items()),
-)
-
 #: What describes the bodies of the gears: one without the others would not fit the reduced mass.
 _BODIES = ("base_radii", "inertias", "masses")
-
-
-def laid_over(base, change):
-    """Return a copy of `base` with the keys of `change`; mappings are laid over each other.
-
-    A key of the change takes the place of those that say the same in another way.
-    """
-    said = {other for group in _ALTERNATIVES for key in group & change.keys() for other in group}
-    both = {key: value for key, value in base.items() if key not in said - change.keys()}
-    for key, value in change.items():
-        inner = isinstance(value, dict) and isinstance(base.get(key), dict)
-        both[key] = laid_over(base[key], value) if inner else value
-    return both
 
 
 def filled(mapping):

@@ -71,12 +71,12 @@ class Asked(NamedTuple):
 
 
 def check_run(
-    pair, periods, record_periods, initial_state, method=None, options=None, max_events=MAX_EVENTS
+    model, periods, record_periods, initial_state, method=None, options=None, max_events=MAX_EVENTS
 ):
     """Return the arguments of a run as `Asked`; ValueError names argument, value and range."""
-    chosen = integrators.choose(pair, method, options)
+    chosen = integrators.choose(model, method, options)
     periods = checks.integer("periods", periods, 1)
     recorded = checks.integer("record_periods", record_periods, 1, periods)
-    state = pair.check_state(initial_state)
+    state = model.check_state(initial_state)
     span = Span(periods, recorded, checks.integer("max_events", max_events, 1))
     return Asked(span, state, *chosen)

@@ -89,7 +89,7 @@ def basin_stability(
     return dataset
 
 
-def _families(pair, tunings, found, samples):
+def _families(model, tunings, found, samples):
     """Return the dataset of families, following attractors from tuning to tuning."""
     families = []  # latest attractor of each
     places = [None] * len(tunings)
@@ -127,7 +127,7 @@ def _families(pair, tunings, found, samples):
         "period": ("attractor_family", np.array([one.period for one in families], np.int32)),
     }
     coords = {"tuning": tunings, "attractor_family": np.arange(len(families))}
-    dataset = describe(xr.Dataset(data, coords), pair)
+    dataset = describe(xr.Dataset(data, coords), model)
     dataset["attractor_kind"].attrs |= KIND_FLAGS
     return dataset
 

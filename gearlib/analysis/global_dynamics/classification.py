@@ -24,9 +24,9 @@ _EXPONENT_PERIODS = 2000
 _RECORD = 256
 
 
-def refuse_undamped(pair):
+def refuse_undamped(model):
     """Refuse a model without any damping: it has no attractors."""
-    if pair.damped():
+    if model.damped():
         return
     raise ValueError(
         "damping = 0 is not allowed: a model without any damping keeps phase volume and has no "

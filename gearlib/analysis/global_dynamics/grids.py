@@ -13,11 +13,11 @@ MAX_STATES = 50_000_000
 _BYTES = 120
 
 
-def check_one_mesh(pair):
+def check_one_mesh(model):
     """Refuse a model whose initial states are no pairs of numbers."""
-    if pair.mesh_names:
+    if model.mesh_names:
         raise ValueError(
-            f"pair = {type(pair).__name__} is not allowed here: it must have one mesh, whose "
+            f"pair = {type(model).__name__} is not allowed here: it must have one mesh, whose "
             "displacement and velocity are the initial state"
         )
 

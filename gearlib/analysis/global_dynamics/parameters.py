@@ -8,8 +8,8 @@ from gearlib.runs.run_arguments import check_tuning
 PARAMETERS = tuple(RATIOS)
 
 
-def models(pair, tuning, parameter, values):
-    """Return (pair, tuning) for each value, shape (n,), of a parameter, one of `PARAMETERS`.
+def models(model, tuning, parameter, values):
+    """Return (model, tuning) for each value, shape (n,), of a parameter, one of `PARAMETERS`.
 
     The given tuning is taken where another parameter is varied; ratios other than the tuning
     are varied of a `GearPair` only. A ValueError names argument, value and allowed range.
@@ -20,16 +20,16 @@ def models(pair, tuning, parameter, values):
             raise ValueError(
                 f"tuning = {tuning!r} is not allowed: it must be left out where it is varied"
             )
-        return [(pair, check_tuning(f"values[{i}]", nu)) for i, nu in enumerate(values.tolist())]
+        return [(model, check_tuning(f"values[{i}]", nu)) for i, nu in enumerate(values.tolist())]
     if tuning is None:
         raise ValueError(f"tuning = None is not allowed: {parameter} is varied at one tuning")
-    if pair.mesh is not pair:
+    if model.mesh is not model:
         raise ValueError(
-            f"parameter = {parameter!r} is not allowed for this {type(pair).__name__}: it must be "
+            f"parameter = {parameter!r} is not allowed for this {type(model).__name__}: it must be "
             "'tuning', or the pair a GearPair"
         )
     tuning = check_tuning("tuning", tuning)
-    return [with_parameter(pair, tuning, parameter, value) for value in values.tolist()]
+    return [with_parameter(model, tuning, parameter, value) for value in values.tolist()]
 
 
 def name_parameter(dataset, parameter):

@@ -107,24 +107,24 @@ def _check_states(states):
     return array
 
 
-def section(pair, tuning, states, settle, periods, phase, max_events):
+def section(model, tuning, states, settle, periods, phase, max_events):
     """Return (table, ends, codes), shapes (n, periods, 2), (n, 2), (n,); arguments checked."""
     table = np.full((len(states), periods, 2), math.nan)
     ends, codes = np.empty((len(states), 2)), np.zeros(len(states), np.int64)
-    check_one_mesh(pair)
-    propagator = pair.propagator(tuning)
+    check_one_mesh(model)
+    propagator = model.propagator(tuning)
     if propagator.sections is not None:
         propagator.sections(states, settle, phase, max_events, table, ends, codes)
     else:
         share = Fraction(phase / (2.0 * math.pi)).limit_denominator(_MOST_SAMPLES)
         if abs(share - phase / (2.0 * math.pi)) > 1e-12:
             raise ValueError(
-                f"phase = {phase!r} is not allowed for this {type(pair).__name__}: it must be a "
+                f"phase = {phase!r} is not allowed for this {type(model).__name__}: it must be a "
                 "multiple of one degree, pi / 180"
             )
         for i, state in enumerate(states):
             run = simulate(
-                pair,
+                model,
                 tuning,
                 periods=settle + periods,
                 record_periods=periods,
@@ -136,7 +136,7 @@ def section(pair, tuning, states, settle, periods, phase, max_events):
             table[i, :, 0], table[i, :, 1] = run.displacement[chosen], run.velocity[chosen]
             ends[i], codes[i] = run.final_state, run.status
     for i, state in enumerate(states):
-        if codes[i] == status.OK and np.abs(table[i, :, 0]).max() > pair.bound(tuning, state):
+        if codes[i] == status.OK and np.abs(table[i, :, 0]).max() > model.bound(tuning, state):
             table[i], codes[i] = math.nan, status.OVERFLOW
     ends[codes != status.OK] = math.nan
     return table, ends, codes

@@ -9,7 +9,7 @@ from gearlib.runs.sweeping import CARRIED
 _ONE_ORBIT = 1e-3
 
 
-def settled(pair, diagrams, directions, starts):
+def settled(model, diagrams, directions, starts):
     """Return where motions are periodic, and not on orbits that rounding has chosen.
 
     Bool, shape (diagram, tuning). `diagrams` are of `gearlib.bifurcation_diagram` over the same
@@ -17,7 +17,7 @@ def settled(pair, diagrams, directions, starts):
     motion is where rounding has led it, until all others have come to one orbit, and it too.
     """
     each = zip(diagrams, directions, starts, strict=True)
-    lost = np.array([_lost(pair, *one) for one in each])
+    lost = np.array([_lost(model, *one) for one in each])
     periods = np.array([diagram.period.values for diagram in diagrams])
     known = (periods > 0) & ~lost
     carried = np.isin(directions, CARRIED)
@@ -39,14 +39,14 @@ def _order(diagram, direction):
     return order[::-1] if direction == "down" else order
 
 
-def _lost(pair, diagram, direction, start):
+def _lost(model, diagram, direction, start):
     """Return where rounding may have led the motion of a diagram to another orbit, over tuning."""
     order, tunings = _order(diagram, direction), diagram.tuning.values
     periods = int(diagram.strobe.values[-1]) + 1
     if direction not in CARRIED:
-        return np.array([lyapunov.lost(pair, float(nu), start, periods) for nu in tunings])
+        return np.array([lyapunov.lost(model, float(nu), start, periods) for nu in tunings])
     lost, ends = np.zeros(len(order), bool), diagram.final_state.values[order]
-    lost[order] = lyapunov.lost_in_sweep(pair, tunings[order], ends, start, periods)
+    lost[order] = lyapunov.lost_in_sweep(model, tunings[order], ends, start, periods)
     return lost
 
 

@@ -19,16 +19,16 @@ from gearlib.runs.run_arguments import MAX_EVENTS, check_tuning
 class Stroboscope:
     """The map of many states over whole cycles."""
 
-    def __init__(self, pair, tuning, *, max_events=MAX_EVENTS, threads=None):
-        choose(pair, None, None)
-        check_one_mesh(pair)
-        self.pair, self.tuning = pair, check_tuning("tuning", tuning)
-        self.propagator = pair.propagator(self.tuning)
+    def __init__(self, model, tuning, *, max_events=MAX_EVENTS, threads=None):
+        choose(model, None, None)
+        check_one_mesh(model)
+        self.pair, self.tuning = model, check_tuning("tuning", tuning)
+        self.propagator = model.propagator(self.tuning)
         self.max_events = checks.integer("max_events", max_events, 1)
         count = os.cpu_count() or 1
         self.threads = count if threads is None else checks.integer("threads", threads, 1)
-        self.cycle = pair.repeats
-        self._reduce, self.lift = pair.reduction()
+        self.cycle = model.repeats
+        self._reduce, self.lift = model.reduction()
         #: Turn rates into displacements.
         self.weights = np.repeat([1.0, self.tuning], len(self._reduce) // 2)
 

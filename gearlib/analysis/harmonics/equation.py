@@ -50,11 +50,11 @@ class MeshEquation:
     `samples` are grid points over the period; None: a power of two, at least 16 per harmonic.
     """
 
-    def __init__(self, pair, tuning, harmonics, samples=None, period=1):
-        self.pair, self.tuning = pair, tuning
+    def __init__(self, model, tuning, harmonics, samples=None, period=1):
+        self.pair, self.tuning = model, tuning
         self.harmonics, self.period = harmonics, period
         self.samples = default_samples(harmonics) if samples is None else samples
-        self.law = pair.law(tuning)
+        self.law = model.law(tuning)
         #: Orders of the harmonics in the mesh phase: k / period.
         self.orders = np.arange(harmonics + 1) / period
         self.excitation = np.zeros(harmonics + 1, complex)
@@ -228,11 +228,11 @@ def stiffness_coefficients(law, highest):
     return result
 
 
-def takes(pair):
-    """Return `pair` if it has one degree of freedom, else raise ValueError."""
-    if not (is_model(pair) and pair.one_mesh):
+def takes(model):
+    """Return `model` if it has one degree of freedom, else raise ValueError."""
+    if not (is_model(model) and model.one_mesh):
         raise ValueError(
-            f"pair = {type(pair).__name__} is not allowed: it must be a GearPair or a "
+            f"pair = {type(model).__name__} is not allowed: it must be a GearPair or a "
             "OneDegreePair, one degree of freedom"
         )
-    return pair
+    return model

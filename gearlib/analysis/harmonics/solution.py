@@ -149,15 +149,15 @@ class PeriodicSolution:
         return {}
 
 
-def check_problem(pair, tuning, harmonics, samples, period):
+def check_problem(model, tuning, harmonics, samples, period):
     """Return the `MeshEquation` of checked arguments, else ValueError."""
-    takes(pair)
+    takes(model)
     tuning = check_tuning("tuning", tuning)
     period = checks.integer("period", period, 1)
     harmonics = checks.integer("harmonics", harmonics, period)
     if samples is not None:
         samples = checks.integer("samples", samples, LEAST_SAMPLES * harmonics + 1)
-    return MeshEquation(pair, tuning, harmonics, samples, period)
+    return MeshEquation(model, tuning, harmonics, samples, period)
 
 
 def easing(equation, guess):

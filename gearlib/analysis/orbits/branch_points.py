@@ -65,11 +65,11 @@ class Shooting:
     deflection.
     """
 
-    def __init__(self, pair, tuning, period, names, scales, max_events):
-        self.pair, self.tuning, self.period = pair, tuning, period
+    def __init__(self, model, tuning, period, names, scales, max_events):
+        self.pair, self.tuning, self.period = model, tuning, period
         self.names, self.max_events = names, checks.integer("max_events", max_events, 1)
         self._propagator = None
-        self.reduce, self.lift = pair.reduction()
+        self.reduce, self.lift = model.reduction()
         n = len(self.reduce)
         rates = np.full(n // 2, 1.0 / tuning)
         #: Size of one scaled unit of each unknown.
@@ -80,25 +80,25 @@ class Shooting:
         return np.append(self.reduce @ state, values) / self.units
 
     def model(self, y):
-        """Return (pair, tuning, full state) for scaled unknowns, else ValueError."""
+        """Return (model, tuning, full state) for scaled unknowns, else ValueError."""
         n = len(self.reduce)
-        pair, tuning = self.pair, self.tuning
+        model, tuning = self.pair, self.tuning
         for name, value in zip(self.names, (y * self.units)[n:], strict=True):
-            pair, tuning = with_parameter(pair, tuning, name, float(value))
-        return pair, tuning, self.lift @ (y * self.units)[:n]
+            model, tuning = with_parameter(model, tuning, name, float(value))
+        return model, tuning, self.lift @ (y * self.units)[:n]
 
-    def propagator(self, pair, tuning):
+    def propagator(self, model, tuning):
         """Return the propagator of a model; that of the last tuning hands on what it can."""
         last = self._propagator
-        if last is not None and last.model is pair:
+        if last is not None and last.model is model:
             self._propagator = last.at(tuning)
         else:
-            self._propagator = pair.propagator(tuning)
+            self._propagator = model.propagator(tuning)
         return self._propagator
 
     def _end(self, y):
-        pair, tuning, z = self.model(y)
-        end, maps, code = self.propagator(pair, tuning).maps(z, self.period, self.max_events)
+        model, tuning, z = self.model(y)
+        end, maps, code = self.propagator(model, tuning).maps(z, self.period, self.max_events)
         if code != status.OK:
             raise Lost(f"the motion could not go on: {status.MESSAGES[code]}")
         return tuning, z, end, maps
@@ -116,9 +116,9 @@ class Shooting:
 
     def slopes(self, y):
         """Return the derivatives of the residuals by the parameters, shape (n, parameters)."""
-        pair, tuning, z = self.model(y)
-        propagator, n = self.propagator(pair, tuning), len(self.reduce)
-        along = propagator.along_branch(pair, self.names) if propagator.tangents else None
+        model, tuning, z = self.model(y)
+        propagator, n = self.propagator(model, tuning), len(self.reduce)
+        along = propagator.along_branch(model, self.names) if propagator.tangents else None
         if along is None:
             return np.column_stack([self._difference(y, column) for column in range(n, y.size)])
         tangents = np.zeros((z.size, len(self.names)))
@@ -170,9 +170,9 @@ class BranchPoint:
 
 def branch_point(problem, y, found, tangent):
     """Return the `BranchPoint` of a solution of a one-parameter `Shooting`."""
-    pair, tuning, z = problem.model(y)
+    model, tuning, z = problem.model(y)
     rest = problem.period, problem.max_events
-    events, summary, _ = problem.propagator(pair, tuning).record(z, *rest)
+    events, summary, _ = problem.propagator(model, tuning).record(z, *rest)
     return BranchPoint(
         y,
         tangent,
@@ -180,7 +180,7 @@ def branch_point(problem, y, found, tangent):
         z,
         found.residual,
         found.matrix,
-        _cyclic(events, summary, pair.flank_lines),
+        _cyclic(events, summary, model.flank_lines),
         np.max(summary[..., columns.X_MAX]),
         np.min(summary[..., columns.X_MIN]),
     )
@@ -188,10 +188,10 @@ def branch_point(problem, y, found, tangent):
 
 def as_orbit(problem, point):
     """Return the `Orbit` of a point of a branch."""
-    pair, tuning, z = problem.model(point.y)
-    pattern, grazing = contacts(pair, tuning, z, problem.period, problem.max_events)
+    model, tuning, z = problem.model(point.y)
+    pattern, grazing = contacts(model, tuning, z, problem.period, problem.max_events)
     return Orbit(
-        pair, tuning, problem.period, z, point.residual, point.multipliers, pattern, grazing
+        model, tuning, problem.period, z, point.residual, point.multipliers, pattern, grazing
     )
 
 

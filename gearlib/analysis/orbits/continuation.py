@@ -290,24 +290,24 @@ def _dataset(problem, points, name, to):
     return dataset
 
 
-def orbit_at(pair, branch, point, *, max_events=MAX_EVENTS):
+def orbit_at(model, branch, point, *, max_events=MAX_EVENTS):
     """Return the `Orbit` at a point, by its number, of a branch that `continue_orbit` found."""
-    problem, chosen = restored(pair, branch, point, max_events)
+    problem, chosen = restored(model, branch, point, max_events)
     return as_orbit(problem, chosen)
 
 
-def restored(pair, branch, point, max_events):
+def restored(model, branch, point, max_events):
     """Return (problem, point) of a branch that is given as a dataset."""
     if "parameter" not in getattr(branch, "attrs", ()):
         raise ValueError(f"branch = {branch!r} is not allowed: it must be one of continue_orbit")
     point = checks.integer("point", point, 0, branch.sizes["point"] - 1)
-    name = check_parameter(pair, branch.attrs["parameter"])
+    name = check_parameter(model, branch.attrs["parameter"])
     value = float(branch[name][point])
     tuning = value if name == "tuning" else float(branch.tuning)
     scale = float(np.ptp(branch[name].values)) or 1.0
     # One number, or that of each point where several branches are put together.
     period = int(branch.period[point] if branch.period.ndim else branch.period)
-    problem = Shooting(pair, tuning, period, (name,), (scale,), max_events)
+    problem = Shooting(model, tuning, period, (name,), (scale,), max_events)
     y = problem.unknowns(branch["state"].values[point], [value])
     return problem, branch_point(problem, y, problem.evaluate(y), np.zeros(y.size))
 

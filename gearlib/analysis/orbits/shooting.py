@@ -179,9 +179,9 @@ def _spans(period):
     return [period * (i + 1) // pieces - period * i // pieces for i in range(pieces)]
 
 
-def _guess(pair, tuning, guess, period, max_events):
+def _guess(model, tuning, guess, period, max_events):
     if guess is None:
-        propagator = pair.propagator(tuning)
+        propagator = model.propagator(tuning)
         z, codes = propagator.start((0.0, 0.0))[None], np.zeros(1, np.int64)
         turns = -(-_SETTLE // period) * period
         propagator.skip(z.copy(), turns, max_events, z, codes)
@@ -189,11 +189,11 @@ def _guess(pair, tuning, guess, period, max_events):
         if code != status.OK:
             raise NoOrbit(f"the motion from rest could not go on: {status.MESSAGES[code]}")
         return z[0]
-    values, n = floats(guess), pair.size
+    values, n = floats(guess), model.size
     if values.shape not in ((2,), (n,)) or not np.isfinite(values).all():
         counts = "2" if n == 2 else f"2 or {n}"
         raise ValueError(f"guess = {guess!r} is not allowed: it must be {counts} finite numbers")
-    return values if values.size == n else pair.propagator(tuning).start(values)
+    return values if values.size == n else model.propagator(tuning).start(values)
 
 
 def multipliers_of(matrix):
@@ -225,11 +225,11 @@ def size_of(miss, z, tuning):
     return float(np.abs(weights * miss).max() / max(1.0, np.abs(z).max() * 1e-2))
 
 
-def contacts(pair, tuning, z, period, max_events):
+def contacts(model, tuning, z, period, max_events):
     """Return (contact codes in the order met, whether the orbit touches a flank line)."""
-    events, summary, _ = pair.propagator(tuning).record(z, period, max_events)
+    events, summary, _ = model.propagator(tuning).record(z, period, max_events)
     low, high = summary[..., columns.X_MIN], summary[..., columns.X_MAX]
-    near, far = pair.flank_lines
+    near, far = model.flank_lines
     close = _TOUCH * np.maximum(1.0, high - low)
     touches = (
         min(np.min(abs(end - line) - close) for end in (low, high) for line in (near, far)) < 0

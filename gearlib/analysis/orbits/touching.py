@@ -20,13 +20,13 @@ _CORRECTIONS = 2
 _RIM = 1e-9
 
 
-def turning_points(pair, tuning, state, period, max_events):
+def turning_points(model, tuning, state, period, max_events):
     """Return (phases, displacements), each of shape (k,), of the turning points of a motion.
 
     Arguments as of `Propagator.record`. One mesh period more than `period` is gone through, so
     that no turning point of an orbit lies on a rim.
     """
-    _, _, samples = pair.propagator(tuning).record(state, period + 1, max_events, _SAMPLES)
+    _, _, samples = model.propagator(tuning).record(state, period + 1, max_events, _SAMPLES)
     x, v, a = (
         samples[:, column] for column in (columns.SAMPLE_X, columns.SAMPLE_V, columns.SAMPLE_A)
     )
@@ -71,14 +71,14 @@ def _horner(power, t):
     return total
 
 
-def lines(pair):
+def lines(model):
     """Return the displacements of the flank lines."""
-    return [0.0, *([-pair.backlash_ratio] if math.isfinite(pair.backlash_ratio) else [])]
+    return [0.0, *([-model.backlash_ratio] if math.isfinite(model.backlash_ratio) else [])]
 
 
-def nearest_touch(pair, tuning, state, period, max_events):
+def nearest_touch(model, tuning, state, period, max_events):
     """Return (phase, number of the line in `lines`) of the turning point nearest to a line."""
-    phases, heights = turning_points(pair, tuning, state, period, max_events)
+    phases, heights = turning_points(model, tuning, state, period, max_events)
     # Half a period off both rims the same turning point is found at neighbouring orbits too; one
     # on the rims, where that of a symmetric orbit lies, may not fall off both by rounding.
     start, end = math.pi, math.pi + 2.0 * math.pi * period
@@ -86,18 +86,18 @@ def nearest_touch(pair, tuning, state, period, max_events):
     phases, heights = phases[inside], heights[inside]
     if not phases.size:
         raise Lost("the orbit has no turning point")
-    gaps = np.array([np.abs(heights - line) for line in lines(pair)])
+    gaps = np.array([np.abs(heights - line) for line in lines(model)])
     which, at = np.unravel_index(np.argmin(gaps), gaps.shape)
     return float(phases[at]), int(which)
 
 
-def distance(pair, tuning, state, period, max_events, phase, which):
+def distance(model, tuning, state, period, max_events, phase, which):
     """Return (distance from a flank line, phase) of the turning point nearest to a phase.
 
     `which` is the number of the line in `lines`.
     """
-    phases, heights = turning_points(pair, tuning, state, period, max_events)
+    phases, heights = turning_points(model, tuning, state, period, max_events)
     if not phases.size:
         raise Lost("the orbit has no turning point")
     at = np.argmin(np.abs(phases - phase))
-    return float(heights[at] - lines(pair)[which]), float(phases[at])
+    return float(heights[at] - lines(model)[which]), float(phases[at])
