@@ -6,7 +6,7 @@ import pytest
 from gearlib import OneDegreePair, simulate
 from gearlib.models.propagators.record import Record
 from gearlib.models.propagators.tangents import _OFTEN, Walk
-from tests.physics.test_sensitivities import DAMPED
+from tests.properties.known_models import DAMPED
 
 MODEL = OneDegreePair(pair=DAMPED)
 LIMIT = 10_000
