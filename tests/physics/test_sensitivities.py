@@ -412,7 +412,7 @@ def test_settled_derivatives_of_one_pair_as_a_train():
         for variable in ("displacement_max", "displacement_min", "fraction_normal", "event_phase"):
             one, other = (np.ravel(run[f"d_{variable}_d_{name}"].values) for run in runs)
             # A settled motion has 1e-13 over the distance of its multipliers from 1.
-            np.testing.assert_allclose(other, one, rtol=0, atol=1e-10 * abs(one).max())
+            np.testing.assert_allclose(other, one, rtol=0, atol=1e-10 * (abs(one).max() + 1e-3))
 
 
 def test_folds_of_one_pair_as_a_train():
