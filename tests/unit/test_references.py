@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tests.physics import test_random_meshes
-from tests.properties import test_conformance
+from tests.properties import test_conformance_of_derivatives as derivatives
 from tests.references import (
     FOLDER,
     Stored,
@@ -60,10 +60,10 @@ def test_stored_references_of_random_meshes_are_those_of_50_digits():
 
 @pytest.mark.parametrize("name", ["no backlash", "over-damped", "chain that strikes"])
 def test_stored_derivatives_are_those_of_many_digits(name):
-    case = test_conformance.SLOPES[name]
-    names = test_conformance.named(case)
+    case = derivatives.SLOPES[name]
+    names = derivatives.named(case)
     arguments = describe(case.model), case.tuning, case.periods, case.state
-    stored = test_conformance.REFERENCES.entries[key_of(("of_run", *arguments, names))]
+    stored = derivatives.REFERENCES.entries[key_of(("of_run", *arguments, names))]
     some = slice(3, 5)
     assert row_texts(reference_slopes.of_run(*arguments, names[some])) == stored[some]
 
