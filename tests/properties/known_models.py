@@ -4,6 +4,8 @@ import math
 from dataclasses import replace
 from typing import NamedTuple
 
+import numpy as np
+
 import gearlib
 from gearlib import (
     Body,
@@ -22,6 +24,7 @@ from gearlib import (
 )
 from tests.paper import PAPER
 from tests.physics import published
+from tests.trains.random_trains import chain_with_everything
 
 
 class Known(NamedTuple):
@@ -248,6 +251,12 @@ KNOWN = {
     "chain that strikes": Known(CHAIN, 0.7, STRIKING, 2),
     "pair as a train": Known(pair_as_train(), 0.9, (0.15, 0.15, -3.0, -3.0)),
     "idler that deviates": Known(_wavy_idler(), 0.9, (0.0,) * 6, 2),
+    **{
+        f"chain with everything {seed}": Known(
+            chain_with_everything(np.random.default_rng(seed)), 0.9, "static", 6
+        )
+        for seed in range(3)
+    },
     "ring that drives": Known(ring_that_drives(), 3.0, "static", 4),
     "bouncing planets": Known(
         gearlib.planetary(stiffness_ratio=(0.7, 0.7), reference_frequency=1475.7),

@@ -11,7 +11,8 @@ class Record:
     """Of the last periods: extrema and times of each contact; and samples, at phases asked for."""
 
     def __init__(self, count, phases):
-        #: phases still to come; rows of (phase, distances, their rates, forces), in units
+        #: phases still to come; rows of (phase, distances, their rates, forces,
+        #: coordinates), in units
         self.phases, self.samples = list(phases), []
         self.heights = [[] for _ in range(count)]
         self.forces = [[] for _ in range(count)]
@@ -58,7 +59,7 @@ def note(step, record, t, codes):
 
 
 def sample(step, phase):
-    """Return (phase, distances, rates, forces) of a place in a step, in units."""
+    """Return (phase, distances, rates, forces, coordinates) of a place in a step, in units."""
     machine, t, rows = step.machine, phase - step.tau, []
     force = machine.length * machine.force_unit
     for contact, code in zip(machine.contacts, step.codes, strict=True):
@@ -68,4 +69,4 @@ def sample(step, phase):
         value = value_at(_elastic(step, contact, code), t) if code else 0
         rate = value_at(slope_of(drive), t)
         rows.append((value_at(drive, t) / machine.length, rate / machine.length, value / force))
-    return (phase, *zip(*rows, strict=True))
+    return (phase, *zip(*rows, strict=True), value_at(step.series, t) / machine.length)
