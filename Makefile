@@ -66,7 +66,7 @@ torture: $(TESTING)
 	GEARLIB_KILLS=50 $(BIN)/python -m pytest tests/robustness -rs $(ARGS)
 
 random-trains: $(TESTING)
-	GEARLIB_TRAINS=500 $(BIN)/python -m pytest -n $(JOBS) tests/trains/test_random_trains.py -rs $(ARGS)
+	GEARLIB_TRAINS=500 $(BIN)/python -m pytest -n $(JOBS) tests/properties/test_conformance.py -k random_train -rs $(ARGS)
 
 random-certificates: $(TESTING)
 	GEARLIB_CERTIFICATES=10000 $(BIN)/python -m pytest -n $(JOBS) tests/proofs/test_certificates.py \

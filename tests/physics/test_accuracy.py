@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from gearlib import GearPair, simulate
-from tests.physics.high_precision import Arc
-from tests.references import Stored
+from tests.references import Stored, from_rest
 
 REFERENCES = Stored("accuracy")
 
@@ -113,8 +112,7 @@ def test_grazing_the_normal_flank_from_both_sides(beta, miss, side):
     # first stretch of C_max; backwards, the arc is one of negative damping.
     nu = 0.8
     mean = KAPPA + (1 - KAPPA) * (EPS - 1)
-    back = Arc(-beta / nu, 1 / mean / nu**2, 1 / nu**2, side * miss, 0.0)
-    x, v = back.at(0.6)
+    x, v = from_rest(-beta / nu, 1 / mean / nu**2, 1 / nu**2, side * miss, 0.6)
     run = compare(beta, 0.02, 4.0, nu, 3, 1e-8, state=(float(x), -float(v)))
     assert (run.sizes["event"] > 0) or side > 0
 
@@ -123,8 +121,7 @@ def test_grazing_the_normal_flank_from_both_sides(beta, miss, side):
 @pytest.mark.parametrize("side", [1, -1])
 def test_grazing_the_far_flank_from_both_sides(miss, side):
     nu, beta_m, gap = 0.8, 0.05, 2.0
-    back = Arc(-beta_m / nu, 0.0, 1 / nu**2, -gap + side * miss, 0.0)
-    x, v = back.at(0.9)
+    x, v = from_rest(-beta_m / nu, 0.0, 1 / nu**2, -gap + side * miss, 0.9)
     run = compare(0.05, beta_m, gap, nu, 3, 1e-8, state=(float(x), -float(v)))
     # It misses the far flank and lands on the normal one, or the other way round.
     assert int(run.event_to[0]) == side

@@ -28,7 +28,7 @@ from gearlib.analysis.tongues import no_loss
 from gearlib.models.stiffness import levels, segment_lengths
 from tests.paper import PAPER as FREE
 from tests.physics.test_periodic_orbits import DAMPED
-from tests.physics.test_six_degrees import gears
+from tests.properties.known_models import gears
 
 #: The places asked for are 1e-8; what is found agrees to the rounding of an orbit, 1e-12, over the
 #: slope of the test function, which is above 1e-2 in all cases here.

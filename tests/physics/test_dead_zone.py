@@ -21,26 +21,12 @@ from gearlib import (
 from gearlib.analysis.lyapunov import largest
 from gearlib.data import storage
 from tests.physics import published
+from tests.properties.known_models import UNEQUAL
 
 LIMIT = 10_000
 JUDGE = {"solver": "DOP853", "rtol": 1e-13, "atol": 1e-14, "events": True}
 RATIOS = {"contact_ratio": 1.569, "stiffness_ratio": 0.5879, "backlash": 1.2}
 PAIR = GearPair.from_ratios(**RATIOS, damping=0.03, backlash_damping=0.01)
-#: Everything that a side can have, on both sides: bounces on both within a few periods.
-UNEQUAL = DeadZoneOscillator(
-    upper_edge=0.4,
-    lower_edge=-0.9,
-    upper_stiffness=Steps((0.5, 2.0, 5.0), (6.0, 9.0, 4.0)),
-    lower_stiffness=Steps((1.0, 3.0), (3.0, 5.0)),
-    damping=0.05,
-    upper_damping=0.2,
-    lower_damping=0.1,
-    ground_stiffness=0.3,
-    load=0.1,
-    forcing=Harmonics((0.7, 0.2), (0.1,)),
-    deviation=Harmonics((), (0.05,)),
-)
-MODELS = published.PROBLEMS | {"unequal": (UNEQUAL, 1.3)}
 
 
 def as_oscillator(pair, **changes):
@@ -155,58 +141,6 @@ def test_a_truncated_stiffness_is_a_series():
     )
     ends = [simulate(one, 0.9, periods=10).final_state.values for one in (pair, model)]
     assert ends[0] == pytest.approx(ends[1], abs=1e-12)
-
-
-@pytest.mark.parametrize("name", MODELS)
-def test_an_independent_solver_agrees(name):
-    model, frequency = MODELS[name]
-    settings = {"periods": 6, "record_periods": 6, "initial_state": (0.2, 0.9)}
-    judge = simulate(model, frequency, method="scipy", options=JUDGE, **settings)
-    assert judge.sizes["event"] > 4
-    for method in ("exact", "taylor"):
-        if method == "exact" and "exact" not in model.mathematics:
-            continue
-        run = simulate(model, frequency, method=method, **settings)
-        # What the solver's tolerance leaves, amplified by the bounces.
-        assert np.abs(run.displacement - judge.displacement).max() < 1e-10
-        assert np.abs(run.event_phase - judge.event_phase).max() < 1e-9
-        assert np.array_equal(run.event_to, judge.event_to)
-        assert np.abs(run.dynamic_force - judge.dynamic_force).max() < 1e-8
-
-
-def test_bounces_on_both_sides_are_in_the_test_above():
-    model, frequency = MODELS["unequal"]
-    run = simulate(model, frequency, periods=6, record_periods=6, initial_state=(0.2, 0.9))
-    assert set(run.event_to.values) == {-1, 0, 1}
-
-
-@pytest.mark.parametrize("name", MODELS)
-def test_variational_maps_obey_liouville(name):
-    model, frequency = MODELS[name]
-    periods = 5
-    state = np.array([0.2, 0.9])
-    _, maps, code = model.propagator(frequency).maps(state, periods, LIMIT)
-    assert code == 0
-    run = simulate(
-        model, frequency, periods=periods, record_periods=periods, initial_state=tuple(state)
-    )
-    loss = (
-        model.upper_damping * float(run.fraction_normal)
-        + model.damping * float(run.fraction_backlash)
-        + model.lower_damping * float(run.fraction_inverse)
-    ) * (2.0 * math.pi * periods / frequency)
-    # Determinants of maps whose entries are up to 1e2.
-    assert np.linalg.det(maps).prod() == pytest.approx(math.exp(-loss), rel=1e-10)
-
-
-@pytest.mark.parametrize("name", ["gear_rattle", "soft_impact", "unequal"])
-def test_two_codes_for_the_variations_agree(name):
-    model, frequency = MODELS[name]
-    state = np.array([0.2, 0.9])
-    end, maps, _ = model.propagator(frequency).maps(state, 5, LIMIT)
-    z, other, _ = model.propagator(frequency, "taylor").maps(state, 5, LIMIT)
-    assert z == pytest.approx(end, abs=1e-11)
-    assert np.abs(maps - other).max() < 1e-10 * np.abs(maps).max()
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from gearlib import integrators, simulate
 from gearlib.analysis.tongues import no_loss
 from gearlib.models.pair import GearPair
 from gearlib.studies.trials import difficult_problems, failures
-from tests.physics.high_precision import propagate
+from tests.references import propagate
 
 PROBLEMS = difficult_problems.problems()
 #: Those of the linear one-degree mesh that 50 digits finish in seconds.

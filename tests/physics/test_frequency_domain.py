@@ -25,7 +25,7 @@ from gearlib.analysis.harmonics.harmonic_balance import jacobian
 from gearlib.analysis.harmonics.schmidt import contraction
 from gearlib.analysis.orbits.shooting import NoOrbit
 from tests.paper import PAPER as FREE
-from tests.physics.test_six_degrees import EVERYTHING, gears
+from tests.properties.known_models import EVERYTHING, gears
 
 MATERIAL = FREE.replace(material_damping=3953.7)
 BOTH = MATERIAL.replace(backlash_damping=3953.7)

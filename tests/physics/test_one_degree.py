@@ -1,11 +1,10 @@
-"""Nonlinear damping, stiffness and excitation: Taylor steps against scipy, split at events."""
+"""Nonlinear damping, stiffness and excitation: limits, other laws in closed form, tables."""
 
 import math
 
 import numpy as np
 import pytest
 
-from benchmarks.scipy_split import run as scipy_run
 from gearlib import Fourier, Harmonics, OneDegreePair, Tabulated, simulate, sweep
 from tests.paper import PAPER
 
@@ -27,41 +26,6 @@ def test_linear_damping_equals_the_exact_propagator(nu):
         np.testing.assert_allclose(runs[1][name], runs[0][name], rtol=0, atol=1e-11, err_msg=name)
     for name in ("displacement_max", "displacement_min", "fraction_min_stiffness", "bounces"):
         np.testing.assert_allclose(runs[1][name], runs[0][name], rtol=0, atol=1e-11, err_msg=name)
-
-
-@pytest.mark.parametrize(
-    ("model", "nu"),
-    [
-        (OneDegreePair(pair=UNDAMPED, **QUADRATIC), 0.9),
-        (OneDegreePair(pair=UNDAMPED, **CUBIC), 0.9),
-        (OneDegreePair(pair=LINEAR, **QUADRATIC, **CUBIC), 0.6),
-        (OneDegreePair(pair=LINEAR, quadratic_stiffness=5e3, cubic_stiffness=2e9), 0.85),
-        (OneDegreePair(pair=LINEAR, profile=Fourier(1)), 0.8),
-        (OneDegreePair(pair=LINEAR, profile=Fourier(7), **CUBIC), 0.5),
-        (OneDegreePair(pair=LINEAR, profile=TABLE), 0.8),
-        (OneDegreePair(pair=LINEAR, excitation=Harmonics((500.0, 200.0), (-800.0,))), 0.8),
-        (OneDegreePair(pair=LINEAR, deviation=Harmonics((3e-6,), (1e-6, 1e-6))), 0.7),
-        (
-            OneDegreePair(
-                pair=LINEAR.replace(backlash=12e-6),
-                profile=TABLE,
-                **QUADRATIC,
-                excitation=Harmonics((0.0, 4000.0)),
-                deviation=Harmonics((2e-6,)),
-            ),
-            0.6,
-        ),
-    ],
-)
-@pytest.mark.parametrize("state", [(0.0, 0.0), (1.0, -3.0)])
-def test_against_scipy_split_at_events(model, nu, state):
-    periods = 5
-    x, v, events, _ = scipy_run(model, nu, periods, state, rtol=1e-13)
-    run = simulate(model, nu, periods=periods, record_periods=periods, initial_state=state)
-    assert run.event_to.values.tolist() == [event[2] for event in events]
-    # scipy's own error at rtol 1e-13 is about 1e-10 here, and its event location 1e-9.
-    np.testing.assert_allclose(run.event_phase, [event[0] for event in events], rtol=0, atol=1e-7)
-    np.testing.assert_allclose(run.final_state, [x, v], rtol=0, atol=1e-8)
 
 
 @pytest.mark.parametrize("nu", [0.5, 0.7, 0.8, 0.9, 1.5])

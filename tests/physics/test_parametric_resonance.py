@@ -10,7 +10,7 @@ from scipy.special import mathieu_a, mathieu_b
 
 from gearlib import Fourier, GearPair, Harmonics, OneDegreePair, Tabulated, simulate, tongues
 from gearlib.analysis.tongues import find, hill, meissner, no_loss
-from tests.physics.test_six_degrees import EVERYTHING, gears
+from tests.properties.known_models import EVERYTHING, gears
 
 PAPER = (1.569, 0.5879)
 #: Contact ratio, stiffness ratio, damping ratio; in the last two the softer stretch is over-damped.

@@ -8,8 +8,8 @@ import pytest
 from gearlib import OneDegreePair, periodic_orbit, simulate
 from gearlib.analysis.orbits.shooting import NoOrbit
 from tests.paper import PAPER
-from tests.physics.high_precision import propagate
-from tests.physics.test_six_degrees import EVERYTHING, gears
+from tests.properties.known_models import EVERYTHING, gears
+from tests.references import propagate
 
 DAMPED = PAPER.replace(material_damping=3953.7, backlash_damping=800.0)
 CUBIC = OneDegreePair(pair=PAPER, cubic_damping=4e5, backlash_quadratic_damping=2e4)

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from gearlib import GearPair, simulate
-from tests.physics.high_precision import Arc
-from tests.references import Stored
+from tests.references import Stored, from_rest
 
 REFERENCES = Stored("random_meshes")
 
@@ -35,8 +34,8 @@ def random_mesh(rng):
         kappa, eps = ratios["stiffness_ratio"], ratios["contact_ratio"]
         mean = kappa + (1 - kappa) * (eps - 1)
         miss = float(rng.choice([-1, 1]) * 10 ** rng.uniform(-11, -3))
-        arc = Arc(-ratios["damping"] / tuning, 1 / mean / tuning**2, 1 / tuning**2, miss, 0.0)
-        x, v = arc.at(min(0.9 * math.pi * (eps - 1), 0.5 * tuning))
+        law = -ratios["damping"] / tuning, 1 / mean / tuning**2, 1 / tuning**2
+        x, v = from_rest(*law, miss, min(0.9 * math.pi * (eps - 1), 0.5 * tuning))
         state = float(x), -float(v)
     return ratios, tuning, state
 

@@ -19,7 +19,7 @@ from gearlib.analysis.trust import scan
 from gearlib.kernels import orbit
 from gearlib.models.piecewise_linear import by_phase
 from tests.paper import PAPER
-from tests.physics.test_six_degrees import EVERYTHING, gears
+from tests.properties.known_models import EVERYTHING, gears
 
 EQUAL, UNEQUAL = (24, 24), (24, 31)
 

@@ -10,7 +10,7 @@ from gearlib import Fourier, OneDegreePair, trust
 from gearlib.analysis.lyapunov import Exponent, Size, grows, largest
 from gearlib.analysis.trust import LABELS, decide, scan
 from tests.paper import PAPER
-from tests.physics.test_six_degrees import gears
+from tests.properties.known_models import gears
 
 DAMPED = PAPER.replace(material_damping=3953.7, backlash_damping=3953.7)
 CUBIC = OneDegreePair(pair=PAPER, cubic_damping=4e5, backlash_cubic_damping=4e5)

@@ -19,9 +19,9 @@ import gearlib
 from gearlib.analysis.proofs.balls import digits_of
 from gearlib.analysis.proofs.orbits import REACH
 from tests.paper import PAPER
-from tests.physics.high_precision import propagate
 from tests.proofs.candidates import extrema_apart, mostly_wrong, never_right, random_orbit
 from tests.proofs.checker import faults
+from tests.references import propagate
 
 COUNT = int(os.environ.get("GEARLIB_CERTIFICATES", "40"))
 MATERIAL = PAPER.replace(material_damping=3953.7)

@@ -13,9 +13,9 @@ import gearlib
 from gearlib.analysis import tongues
 from gearlib.analysis.orbits.special_points import LABELS
 from tests.paper import PAPER
-from tests.physics.high_precision import propagate
 from tests.proofs.checker import faults
 from tests.proofs.tongues import tongue_faults
+from tests.references import propagate
 
 MATERIAL = PAPER.replace(material_damping=3953.7)
 

@@ -22,8 +22,8 @@ from gearlib.analysis.proofs.signs import _bounds, check_contacts
 from gearlib.analysis.proofs.train_laws import TrainLaws
 from gearlib.analysis.proofs.train_numbers import parts_of
 from tests.paper import PAPER
-from tests.physics.test_six_degrees import EVERYTHING, gears
 from tests.proofs.trains_in_50_digits import Motion
+from tests.properties.known_models import EVERYTHING, gears
 from tests.trains.random_trains import random_problem
 
 LIGHT = PAPER.replace(material_damping=1500.0)

@@ -18,7 +18,9 @@ from gearlib import (
 )
 from gearlib.models.profiles import Steps
 from tests.geometry.drawings import fzg_c, twenty
-from tests.trains.random_trains import random_problem
+from tests.references.described_models import describe
+from tests.references.reference_motion import turning_state
+from tests.trains.random_trains import chain_with_everything, random_problem, symmetric_problem
 
 
 class Case(NamedTuple):
@@ -91,7 +93,7 @@ def nonlinear_pairs(draw):
 @st.composite
 def oscillators(draw):
     """Return a `DeadZoneOscillator` whose two sides differ."""
-    phases = sorted(set(draw(st.lists(between(0.0, 6.2), min_size=1, max_size=3))))
+    phases = sorted(set(draw(st.lists(between(0.01, 6.2), min_size=1, max_size=3))))
     stiffness = [draw(between(0.5, 5.0)) for _ in phases]
     return DeadZoneOscillator(
         upper_edge=draw(between(-1.0, 1.0)),
@@ -149,7 +151,14 @@ def tooth_pairs(draw):
 @st.composite
 def trains(draw):
     """Return the `Case` of a chain, a planetary train or a reducer."""
-    model, tuning, state = random_problem(np.random.default_rng(draw(st.integers(0, 2**32 - 1))))
+    seed = draw(st.integers(0, 2**32 - 1))
+    rng = np.random.default_rng(seed)
+    if seed % 4:
+        model, tuning, state = random_problem(rng)
+    else:
+        model, tuning = chain_with_everything(rng), 0.9
+        state = model.start_state("static")
+        state[: state.size // 2] += rng.normal(0.0, 0.3, state.size // 2)
     return Case(model, tuning, tuple(state.tolist()))
 
 
@@ -165,3 +174,34 @@ CASES = {
     "six degrees": _cases(six_degrees()),
     "train": trains(),
 }
+
+
+def random_trains_case(seed):
+    """Return the `Case` of a seed: random, grazing by half, or with events at once."""
+    rng = np.random.default_rng(seed)
+    if seed % 4 == 3:
+        model, tuning, state = symmetric_problem(rng)
+    else:
+        model, tuning, state = random_problem(rng)
+        if seed % 4 == 2:
+            state = grazing_start(rng, model, tuning, state)
+    scale = np.repeat([1.0, tuning], model.size // 2)
+    return Case(model, tuning, tuple((state / scale).tolist()))
+
+
+def grazing_start(rng, train, tuning, state):
+    """Return a start, rates by theta, from which a distance soon turns 1e-10 ... 1e-5 off its line.
+
+    `state` is near which it is looked for.
+    """
+    description, n = describe(train), train.size // 2
+    at = 0.5 * min(train.segments.starts[1], 0.2)
+    for _ in range(100):
+        depth = rng.choice([-1.0, 1.0]) * 10.0 ** rng.uniform(-10.0, -5.0)
+        q = (state[:n] + rng.normal(0.0, 1.0, n)) * train.static_deflection
+        v = rng.normal(0.0, 1.0 / tuning, n) * train.static_deflection
+        j = int(rng.integers(len(train.meshes)))
+        found = turning_state(description, tuning, at, j, depth, q, v)
+        if found is not None:
+            return found * np.repeat([1.0, tuning], n)
+    raise ValueError("no distance turns upwards")

@@ -1,8 +1,19 @@
-"""References in 50 digits that tests take from files: computed once, 20 of the digits kept.
+"""An independent second code for every model, and what of it lies in files.
 
-`Stored.propagate` is `tests.physics.high_precision.propagate`, looked up by its arguments. What is
-not in the file, as where another machine draws other random numbers, is computed, with a warning.
-`make references` renews the files; `test_references.py` computes some entries anew in every test.
+==========================  ======================================================================
+module                      responsibility
+==========================  ======================================================================
+``described_models``        a model as plain values, from its public attributes
+``reference_equations``     the equations of motion, assembled from a description
+``reference_trains``        the same of gear trains
+``reference_motion``        a motion event by event, in floats or many digits
+``reference_slopes``        derivatives in 50 digits, by differences
+==========================  ======================================================================
+
+None of them imports the library. References in 50 digits that take long lie in files, 20 of their
+digits; what is not there, as where another machine draws other random numbers, is computed, with a
+warning. `make references` renews the files; `test_references.py` computes some entries anew in
+every test.
 """
 
 import hashlib
@@ -12,10 +23,55 @@ from pathlib import Path
 
 import mpmath
 
-from tests.physics import high_precision
+from tests.references.reference_motion import move
 
+mpmath.mp.dps = 50
 FOLDER = Path(__file__).parent
 _DIGITS = 20
+
+
+def propagate(epsilon, kappa, beta, beta_m, backlash, tuning, periods, state=(0.0, 0.0)):
+    """Return (x, v, events) of a pair by its ratios in 50 digits.
+
+    `events` is a list of (phase, contact before, contact after, v).
+    """
+    with mpmath.workdps(50):
+        epsilon, kappa = mpmath.mpf(epsilon), mpmath.mpf(kappa)
+        pair = {
+            "kind": "GearPair",
+            "max_stiffness": 1 / (kappa + (1 - kappa) * (epsilon - 1)),
+            "stiffness_ratio": kappa,
+            "contact_ratio": epsilon,
+            "reduced_mass": mpmath.mpf(1),
+            "load": mpmath.mpf(1),
+            "backlash": backlash,
+            "material_damping": 2 * mpmath.mpf(beta),
+            "backlash_damping": 2 * mpmath.mpf(beta_m),
+        }
+        motion = move(pair, tuning, periods, state, context=mpmath.mp)
+        events = [(one.phase, one.before, one.after, one.rate) for one in motion.events]
+        return (*motion.mesh_state(periods), events)
+
+
+def from_rest(decay, square, load, x, t):
+    """Return (x, x') after t of x'' + 2 decay x' + square x = load from rest at x.
+
+    Its rates and where it rests are of floats, all else in 50 digits.
+    """
+    with mpmath.workdps(50):
+        if not square:
+            final = load / (2 * decay)
+            gone = -mpmath.expm1(-2 * decay * t)
+            return x + final * t - final * gone / (2 * decay), final * gone
+        rest = load / square
+        away, root = x - rest, mpmath.sqrt(mpmath.mpc(decay * decay - square))
+        if not root:
+            left = mpmath.exp(-decay * t) * away
+            return rest + left * (1 + decay * t), -left * decay * decay * t
+        one, other = -decay + root, -decay - root
+        waves = [mpmath.exp(rate * t) * away / (one - other) for rate in (one, other)]
+        end = one * waves[1] - other * waves[0]
+        return rest + mpmath.re(end), mpmath.re(one * other * (waves[1] - waves[0]))
 
 
 class Stored:
@@ -33,14 +89,14 @@ class Stored:
         Stored.known[name] = self
 
     def propagate(self, *arguments):
-        """Return (x, v, events), see `tests.physics.high_precision.propagate`."""
+        """Return (x, v, events), see `propagate`."""
         key = key_of(arguments)
         if Stored.recording:
-            self.recorded[key] = texts(high_precision.propagate(*arguments))
+            self.recorded[key] = texts(propagate(*arguments))
             return numbers(self.recorded[key])
         if key not in self.entries:
             warnings.warn(f"{self.path.name} lacks {arguments}: make references", stacklevel=2)
-            return high_precision.propagate(*arguments)
+            return propagate(*arguments)
         return numbers(self.entries[key])
 
     def rows(self, function, *arguments):

@@ -235,3 +235,59 @@ def symmetric_problem(rng):
         first = [body for body, _ in train.structure.coordinates].index("planet 1")
         state[first] += 1e-12
     return train, tuning, state
+
+
+ELASTIC = dict(support_stiffness=(3e8, 5e8), support_damping=(300.0, 500.0))
+
+
+def _mesh_with_everything(rng, pinion, wheel, **more):
+    """Return a mesh with everything that a mesh has, each of its own size."""
+    values = dict(
+        max_stiffness=rng.uniform(2e8, 5e8),
+        stiffness_ratio=rng.uniform(0.6, 0.9),
+        contact_ratio=rng.uniform(1.2, 1.8),
+        position=rng.uniform(0.0, 6.0),
+        pressure_angle=rng.uniform(0.2, 0.5),
+        direction=int(rng.choice([1, -1])),
+        phase=rng.uniform(),
+        inverse_phase=rng.uniform(),
+        backlash=rng.uniform(3e-6, 12e-6),
+        material_damping=rng.uniform(500.0, 3000.0),
+        backlash_damping=rng.uniform(100.0, 500.0),
+        deviation=gearlib.Harmonics(tuple(rng.normal(0.0, 1e-6, 2)), (1e-6,)),
+        inverse_deviation=gearlib.Harmonics((), tuple(rng.normal(0.0, 1e-6, 2))),
+        error=rng.normal(0.0, 2e-6),
+        friction=tuple(rng.uniform(0.02, 0.1, 2)),
+        pitch_phase=rng.uniform(0.0, 6.0),
+        tooth_thickness=tuple(rng.uniform(0.35, 0.6, 2)),
+    )
+    return gearlib.Mesh(pinion=pinion, wheel=wheel, **(values | more))
+
+
+def chain_with_everything(rng):
+    """Return three gears and a ring gear in a row, on elastic axes, driven either way."""
+    teeth, bodies = (18, 24, 18, 72), []
+    for i, z in enumerate(teeth):
+        bodies.append(
+            gearlib.Body(
+                name="abcd"[i],
+                teeth=z,
+                inertia=2.0 * (0.002 * z) ** 2,
+                base_radius=0.002 * z,
+                mass=rng.uniform(2.0, 6.0),
+                **ELASTIC,
+                eccentricity=1e-6,
+                eccentricity_phase=rng.uniform(0.0, 6.0),
+                offset=tuple(rng.normal(0.0, 1e-6, 2)),
+            )
+        )
+    first = _mesh_with_everything(rng, "a", "b")
+    # Seen from b its flanks that touch a and c face the same way round.
+    second = _mesh_with_everything(rng, "b", "c", direction=-first.direction)
+    # c pushes the ring gear, which would touch the same flanks by turning back.
+    third = _mesh_with_everything(rng, "c", "d", internal=True, direction=-first.direction)
+    force = rng.uniform(500.0, 3000.0) * first.direction
+    # d turns as a does, at as many pitches.
+    bodies[0] = replace(bodies[0], torque=force * bodies[0].base_radius)
+    bodies[3] = replace(bodies[3], torque=-force * bodies[3].base_radius)
+    return gearlib.GearTrain(bodies=bodies, meshes=[first, second, third], reference="a-b")

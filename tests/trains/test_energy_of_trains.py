@@ -13,8 +13,8 @@ from scipy.linalg import expm
 
 from gearlib import planetary, simulate, split_power_reducer
 from gearlib.analysis.tongues import undamped
+from gearlib.models.piecewise_linear import matrix
 from tests.paper import PAPER
-from tests.trains.test_train_system import matrix
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(12)
 
@@ -153,7 +153,8 @@ def balance(train, tuning, periods):
             now = book.levels(0.5 * (tau + stop))
             after = book.energy(z, codes, now)
             switched, levels = switched + after - before, now
-            a, h = matrix(system, codes, segment), span / steps
+            effects = [system.effect[code + 1, segment, j] for j, code in enumerate(codes)]
+            a, h = matrix(system, effects), span / steps
             inside = [expm(a * (0.5 * h * (node + 1.0))) for node in NODES]
             step = expm(a * h)
             for _ in range(steps):

@@ -1,7 +1,7 @@
 """Trains whose stiffnesses and inertias lie twelve decades apart: modes, free motions, balance.
 
-Natural frequencies are held against those of the same bodies in 60 digits, whose matrices are put
-together here and whose radii are exact multiples of their tooth numbers.
+Natural frequencies are held against those of the same bodies in 60 digits, by the code of
+`tests.references`, with radii that are exact multiples of their tooth numbers.
 """
 
 import math
@@ -16,6 +16,8 @@ from mpmath import mpf
 import gearlib
 from gearlib import Body, GearPair, GearTrain, Mesh, Shaft
 from gearlib.analysis.tongues import undamped
+from tests.references.described_models import describe
+from tests.references.reference_equations import machine_of
 from tests.trains.random_trains import chain_train, planetary_train, reducer_train
 
 KINDS = {"chain": chain_train, "planetary": planetary_train, "reducer": reducer_train}
@@ -55,94 +57,16 @@ def graded_train(kind, seed):
     return train.replace(bodies=bodies, meshes=meshes, shafts=shafts)
 
 
-class Exact:
-    """Stiffness and mass of a train with mean stiffness in 60 digits."""
-
-    def __init__(self, train):
-        self.names = list(train.structure.coordinates)
-        n = len(self.names)
-        self.stiffness, self.mass = mpmath.zeros(n), mpmath.zeros(n)
-        # Of one pitch, as far as meshes tell; what they do not is exact as it is.
-        pitches = [body.base_radius / body.teeth for body in train.bodies if body.teeth]
-        one = np.ptp(pitches) < 1e-12 * pitches[0]
-        self.radius = {
-            b.name: b.teeth * mpf(pitches[0]) if b.teeth and one else mpf(b.base_radius)
-            for b in train.bodies
-        }
-        self.body = train.by_name
-        for body in train.bodies:
-            x, y = self.axis(body.name)
-            u = {(body.name, "u"): mpf(1)}
-            for row in (x, y):
-                self.add(self.mass, body.mass or 0.0, row)
-            self.add(self.mass, mpf(body.inertia) / self.radius[body.name] ** 2, u)
-            if math.isfinite(body.torsional_stiffness):
-                k = mpf(body.torsional_stiffness) / self.radius[body.name] ** 2
-                self.add(self.stiffness, k, u)
-            if body.carrier:
-                pin = self.pin(body)
-                x, y = ({(body.name, "xy"[i]): mpf(1)} for i in range(2))
-                x, y = ({**row, **_times(pin[i], -1)} for i, row in enumerate((x, y)))
-            for row, k in zip((x, y), body.support_stiffness, strict=True):
-                if math.isfinite(k):
-                    self.add(self.stiffness, k, row)
-        for shaft in train.shafts:
-            a, b = shaft.bodies
-            twist = {(a, "u"): 1 / self.radius[a], (b, "u"): -1 / self.radius[b]}
-            self.add(self.stiffness, shaft.stiffness, twist)
-            for one, other in zip(self.axis(a), self.axis(b), strict=True):
-                self.add(self.stiffness, shaft.bending_stiffness, {**one, **_times(other, -1)})
-        for mesh in train.meshes:
-            self.add(self.stiffness, mesh.mean_stiffness, self.line(mesh))
-
-    def pin(self, body):
-        """Return the radial and tangential motion of the pin of a body."""
-        c, s = mpmath.cos(body.angle), mpmath.sin(body.angle)
-        x, y, u = ((body.carrier, axis) for axis in "xyu")
-        return {x: c, y: s}, {x: -s, y: c, u: mpf(1)}
-
-    def axis(self, name):
-        """Return the motion of an axis along fixed x and y."""
-        body = self.body[name]
-        own = [{(name, axis): mpf(1)} for axis in "xy"]
-        if not body.carrier:
-            return own
-        rigid = [math.isinf(k) for k in body.support_stiffness]
-        radial, tangential = (self.pin(body)[i] if rigid[i] else own[i] for i in range(2))
-        c, s = mpmath.cos(body.angle), mpmath.sin(body.angle)
-        return _sum(radial, c, tangential, -s), _sum(radial, s, tangential, c)
-
-    def line(self, mesh):
-        """Return the distance over the flanks of a mesh."""
-        ends = (mesh.wheel, mesh.pinion) if mesh.internal else (mesh.pinion, mesh.wheel)
-        c, s = mpmath.cos(mesh.line), mpmath.sin(mesh.line)
-        row: dict = {}
-        for name, sign, turn in zip(ends, (1, -1), (1, -1 if mesh.internal else 1), strict=True):
-            x, y = self.axis(name)
-            row = _sum(row, 1, _sum(x, c, y, s), sign)
-            row = _sum(row, 1, {(name, "u"): mpf(1)}, mesh.direction * turn)
-        return row
-
-    def add(self, matrix, value, row):
-        """Add a value times a functional, twice; rigid coordinates are left out."""
-        places = [(self.names.index(key), v) for key, v in row.items() if key in self.names]
-        for i, a in places:
-            for j, b in places:
-                matrix[i, j] += mpf(value) * a * b
-
-    def squares(self):
-        """Return the squared natural frequencies, ascending."""
-        root = mpmath.inverse(mpmath.cholesky(self.mass))
-        return sorted(mpmath.eigsy(root * self.stiffness * root.T, eigvals_only=True))
-
-
-def _sum(one, a, other, b):
-    keys = {*one, *other}
-    return {key: a * one.get(key, mpf(0)) + b * other.get(key, mpf(0)) for key in keys}
-
-
-def _times(row, factor):
-    return {key: factor * value for key, value in row.items()}
+def exact(train):
+    """Return the machine of `tests.references` in the digits of mpmath, its radii of one pitch."""
+    description = describe(train)
+    gears = [body for body in description["bodies"] if body["teeth"]]
+    pitches = [body["base_radius"] / body["teeth"] for body in gears]
+    # As far as meshes tell; what they do not is exact as it is.
+    if np.ptp(pitches) < 1e-12 * pitches[0]:
+        for body in gears:
+            body["base_radius"] = body["teeth"] * mpf(pitches[0])
+    return machine_of(description, 1.0, mpmath.mp)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -151,8 +75,7 @@ def test_natural_frequencies_have_all_digits(kind, seed):
     train = graded_train(kind, seed)
     squares, shapes = train.linear_modes
     with mpmath.workdps(60):
-        exact = Exact(train)
-        wanted = exact.squares()
+        wanted = exact(train).modes()[0]
     free = train.free_motions.shape[1]
     assert free == 1 and abs(float(wanted[0])) < 1e-20 * float(wanted[1])
     # Springs and masses have 1e-16, which moves each of these by no more; and n roundings.
@@ -171,20 +94,18 @@ def test_natural_frequencies_have_all_digits(kind, seed):
 def test_static_forces_have_all_digits(kind):
     train = graded_train(kind, 0)
     with mpmath.workdps(60):
-        exact, n = Exact(train), train.size // 2
-        load = mpmath.matrix([mpf(float(value)) for value in train.structure.load])
+        machine = exact(train)
+        whole = machine.modes()[2]
+        load = [mpf(float(value)) for value in train.structure.load]
         # One gear held: what its torque lacks to balance is rounding.
-        held = exact.names.index((train.reference_mesh.pinion, "u"))
-        kept = [i for i in range(n) if i != held]
-        stiffness = mpmath.matrix(n - 1)
-        for i, row in enumerate(kept):
-            for j, column in enumerate(kept):
-                stiffness[i, j] = exact.stiffness[row, column]
-        q = mpmath.lu_solve(stiffness, mpmath.matrix([load[i] for i in kept]))
-        where = {exact.names[i]: q[j] for j, i in enumerate(kept)}
+        held = machine.names.index((train.reference_mesh.pinion, "u"))
+        kept = [i for i in range(machine.n) if i != held]
+        inner = mpmath.matrix(whole[np.ix_(kept, kept)].tolist())
+        q = machine.zeros(machine.n)
+        q[kept] = list(mpmath.lu_solve(inner, mpmath.matrix([load[i] for i in kept])))
         forces = [
-            mesh.mean_stiffness * sum(v * where.get(k, 0) for k, v in exact.line(mesh).items())
-            for mesh in train.meshes
+            mesh.mean_stiffness * (contact.drive.row @ q)
+            for mesh, contact in zip(train.meshes, machine.contacts, strict=True)
         ]
     largest = float(max(abs(force) for force in forces))
     own = float(abs(forces[train.mesh_names.index(train.reference)]))

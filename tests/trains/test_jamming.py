@@ -1,7 +1,7 @@
 """Both flanks of a mesh at once: a run either says so, or keeps them apart at every instant.
 
-Samples are judged by distances that the reference in `tests.trains.reference` writes down for
-itself, of motions in which nothing looks at the other flank. ``GEARLIB_JAMMED=400`` takes so many
+Samples are judged by distances that the code of `tests.references` writes down for itself, of
+motions in which nothing looks at the other flank. ``GEARLIB_JAMMED=400`` takes so many
 random trains in place of a few: some minutes.
 """
 
@@ -16,8 +16,9 @@ import gearlib
 from gearlib import Body, GearPair, GearTrain, Harmonics, Mesh, SixDegreePair
 from gearlib.data import status
 from gearlib.kernels.several_meshes.system import may_close
+from tests.references.described_models import describe
+from tests.references.reference_equations import machine_of
 from tests.trains.random_trains import edge_problem
-from tests.trains.reference import Reference
 
 COUNT = int(os.environ.get("GEARLIB_JAMMED", "40"))
 #: Samples of a mesh period; an overlap in static deflections that is more than rounding.
@@ -47,14 +48,20 @@ def overlap(train, tuning, states, periods):
 
     states : ndarray, shape (k, n), coordinates in static deflections at equal steps of the phase.
     """
-    reference = Reference(train, tuning)
-    times = 2.0 * math.pi * periods * np.arange(len(states)) / len(states) / reference.mesh_speed
-    motion = states @ reference.distance.T
-    found = []
-    for j, mesh in enumerate(train.meshes):
-        drive, coast = (reference.errors(j, side, times)[0] / reference.length for side in (1, 0))
-        room = mesh.backlash / reference.length
-        found.append(np.minimum(motion[:, j] + drive, -(motion[:, j] + coast + room)))
+    machine = machine_of(describe(train), tuning)
+    phases = 2.0 * math.pi * periods * np.arange(len(states)) / len(states)
+
+    def distances(side):
+        found = states @ side.row + side.constant / machine.length
+        for frequency, cosine, sine in side.waves:
+            wave = cosine * np.cos(frequency * phases) + sine * np.sin(frequency * phases)
+            found += wave / machine.length
+        return found
+
+    found = [
+        np.minimum(distances(one.drive), -distances(one.coast) if one.coast else -math.inf)
+        for one in machine.contacts
+    ]
     return np.stack(found, axis=1)
 
 

@@ -11,8 +11,9 @@ import gearlib
 from gearlib import integrators
 from gearlib.data import status
 from tests.paper import PAPER
+from tests.references.described_models import describe
+from tests.references.reference_motion import move
 from tests.trains.random_trains import random_problem
-from tests.trains.reference import Reference
 
 DEFLECTIONS = ("displacement", "velocity", "dynamic_force", "modified_stiffness", "body_motion")
 SUMMARY = ("mean_force", "fraction_normal", "fraction_backlash", "fraction_inverse", "bounces")
@@ -107,15 +108,15 @@ def test_harmonics_and_a_long_common_period(method):
     for seed in (0, 5):
         train, tuning, state = random_problem(np.random.default_rng(seed))
         assert train.repeats > 1 and train.excitation[0].size
-        end, events = Reference(train, tuning).run(state, 2)
+        state = tuple((state / np.repeat([1.0, tuning], train.size // 2)).tolist())
+        motion = move(describe(train), tuning, 2, state)
         options = SPLIT if method == "scipy" else {}
         found = run(
-            train, method, options, tuning, periods=2, record_periods=2, initial_state=tuple(state)
+            train, method, options, tuning, periods=2, record_periods=2, initial_state=state
         )
-        scale = np.repeat([1.0, tuning], train.size // 2)
-        close = 1e-9 * np.abs(end).max()
-        np.testing.assert_allclose(found.final_state * scale, end, rtol=0.0, atol=close)
-        assert [event[1:4] for event in events] == list(
+        close = 1e-9 * np.abs(motion.state).max()
+        np.testing.assert_allclose(found.final_state, motion.state, rtol=0.0, atol=close)
+        assert [event[1:4] for event in motion.events] == list(
             zip(found.event_mesh.values, found.event_from, found.event_to, strict=True)
         )
 

@@ -11,8 +11,9 @@ import pytest
 from gearlib import idler, planetary, split_power_reducer, two_stage
 from gearlib.models.trains.statics import equilibrium
 from tests.paper import PAPER
+from tests.references.described_models import describe
+from tests.references.reference_equations import machine_of
 from tests.trains.random_trains import planetary_train, random_problem, reducer_train
-from tests.trains.reference import Reference
 
 #: m: a millionth of a millionth of the gaps.
 _NOTHING = 1e-17
@@ -20,14 +21,17 @@ _NOTHING = 1e-17
 
 def by_patterns(train):
     """Return the mesh forces of every pattern of contact that meets all conditions at phase 0."""
-    reference = Reference(train, 1.0)
-    meshes = train.meshes
-    k, lines, load = -reference.k, reference.distance, reference.still
-    levels = [[c for c, _ in row] for row in reference.levels(1e-12)]
-    gaps = np.array(
-        [[reference.errors(j, side, 0.0)[0] for side in (0, 1)] for j in range(len(meshes))]
-    )
-    gaps[:, 0] += [mesh.backlash for mesh in meshes]
+    machine, meshes = machine_of(describe(train), 1.0), train.meshes
+    (k, load), rest = machine.still, np.zeros(machine.n)
+    lines = np.array([contact.drive.row for contact in machine.contacts])
+    # Coast side and drive side.
+    levels, gaps = np.zeros((2, len(meshes), 2))
+    gaps[:, 0] = math.inf
+    for j, contact in enumerate(machine.contacts):
+        for i, side in ((1, contact.drive), (0, contact.coast)):
+            if side:
+                levels[j, i] = contact.level(machine.context, side, 1e-12, 1e-12)[0]
+                gaps[j, i] = machine.distance(side, rest, 0.0)
     found = []
     for codes in itertools.product((1, 0, -1), repeat=len(meshes)):
         matrix, right = k.copy(), load.copy()

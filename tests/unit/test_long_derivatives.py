@@ -6,7 +6,7 @@ import pytest
 from gearlib import OneDegreePair, planetary, simulate
 from gearlib.models.propagators import slope_bases
 from gearlib.models.propagators.tangents import Walk
-from tests.physics.test_sensitivities import DAMPED
+from tests.properties.known_models import DAMPED
 
 MODEL = OneDegreePair(pair=DAMPED)
 NAMES = ("contact_ratio", "damping_ratio", "initial_displacement")

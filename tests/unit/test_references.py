@@ -1,25 +1,48 @@
-"""Stored references: some of each file computed anew, digit by digit."""
+"""The second code knows nothing of the library; stored references, some of each file anew."""
+
+import subprocess
+import sys
 
 import numpy as np
 import pytest
 
-from gearlib import GearPair
-from tests.physics import (
-    high_precision,
-    high_precision_derivatives,
-    test_random_meshes,
-    test_sensitivities,
+from tests.physics import test_random_meshes
+from tests.properties import test_conformance_of_derivatives as derivatives
+from tests.references import (
+    FOLDER,
+    Stored,
+    key_of,
+    numbers,
+    propagate,
+    reference_slopes,
+    row_texts,
+    texts,
 )
-from tests.references import Stored, key_of, numbers, row_texts, texts
-from tests.trains import high_precision_trains, test_sensitivities_of_trains
+from tests.references.described_models import describe
 
 ACCURACY, RANDOM = Stored("accuracy"), test_random_meshes.REFERENCES
+
+
+def test_the_second_code_shares_nothing_with_the_library():
+    modules = [f"tests.references.{path.stem}" for path in FOLDER.glob("[a-z]*.py")]
+    assert len(modules) > 6
+    # The package of the tests chooses the instruction set before anything else.
+    code = (
+        "import sys, tests\nbefore = set(sys.modules)\n"
+        f"for name in {modules}:\n    __import__(name)\n"
+        "new = set(sys.modules) - before\n"
+        "print([name for name in new if name.split('.')[0] in ('gearlib', 'benchmarks')])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+    texts_of = [path.read_text("utf-8") for path in FOLDER.glob("*.py")]
+    assert not [text for text in texts_of if "import gearlib" in text or "from gearlib" in text]
 
 
 @pytest.mark.parametrize("nu", [0.6, 0.82])
 def test_stored_references_of_accuracy_are_those_of_50_digits(nu):
     arguments = (1.569, 0.5879, 0.0, 0.0, 4.0, nu, 20, (0.0, 0.0))
-    assert ACCURACY.entries[key_of(arguments)] == texts(high_precision.propagate(*arguments))
+    assert ACCURACY.entries[key_of(arguments)] == texts(propagate(*arguments))
 
 
 def test_stored_references_of_random_meshes_are_those_of_50_digits():
@@ -30,28 +53,19 @@ def test_stored_references_of_random_meshes_are_those_of_50_digits():
         stored = RANDOM.entries.get(key_of(arguments))
         if stored is not None:
             found += 1
-            assert stored == texts(high_precision.propagate(*arguments)), arguments
+            assert stored == texts(propagate(*arguments)), arguments
     # Powers may round otherwise on another machine, here and there.
     assert found > test_random_meshes.SEEDS // 2
 
 
-def test_stored_derivatives_are_those_of_50_digits():
-    # No way between the flanks, and over-damped.
-    for ratios, tuning, state in test_sensitivities.SPECIAL[2:6:3]:
-        pair = GearPair.from_ratios(**dict(zip(test_sensitivities.RATIOS, ratios, strict=True)))
-        own = tuple(getattr(pair, name) for name in GearPair.RATIOS)
-        arguments = own, tuning, 3, state
-        stored = test_sensitivities.REFERENCES.entries[key_of(("of_run", *arguments))]
-        assert stored == row_texts(high_precision_derivatives.of_run(*arguments))
-
-
-def test_stored_derivatives_of_trains_are_those_of_50_digits():
-    case = test_sensitivities_of_trains
-    arguments = (*case.VALUES, 0.7), 1, case.STRIKING
-    stored = case.REFERENCES.entries[key_of(("of_run", *arguments))]
-    name = "backlash of mesh pinion-idler"
-    row = high_precision_trains.of_one(*arguments, name)
-    assert row_texts([row]) == [stored[high_precision_trains.NAMES.index(name)]]
+@pytest.mark.parametrize("name", ["no backlash", "over-damped", "chain that strikes"])
+def test_stored_derivatives_are_those_of_many_digits(name):
+    case = derivatives.SLOPES[name]
+    names = derivatives.named(case)
+    arguments = describe(case.model), case.tuning, case.periods, case.state
+    stored = derivatives.REFERENCES.entries[key_of(("of_run", *arguments, names))]
+    some = slice(3, 5)
+    assert row_texts(reference_slopes.of_run(*arguments, names[some])) == stored[some]
 
 
 def test_every_case_of_the_random_meshes_is_stored_once():
@@ -62,7 +76,7 @@ def test_a_case_that_is_not_stored_is_computed_with_a_warning():
     arguments = (1.5, 0.6, 0.05, 0.05, 3.0, 0.87, 1, (0.1, 0.2))
     with pytest.warns(UserWarning, match="accuracy.json lacks .*: make references"):
         found = ACCURACY.propagate(*arguments)
-    expected = high_precision.propagate(*arguments)
+    expected = propagate(*arguments)
     assert found == expected
     # What is kept is right to 20 digits.
     kept = numbers(texts(expected))

@@ -17,7 +17,7 @@ from gearlib.kernels.taylor import run as nonlinear
 from gearlib.kernels.taylor import variation
 from gearlib.models.propagators import several_meshes, taylor
 from tests.paper import PAPER
-from tests.physics.test_six_degrees import gears
+from tests.properties.known_models import gears
 
 SIX = gears(3e7, 3953.7, 500.0, free=True)
 CURVED = OneDegreePair(pair=PAPER, cubic_damping=4e5)

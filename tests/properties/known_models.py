@@ -1,0 +1,278 @@
+"""Models of every kind with a motion each: through all contacts, laws and excitations."""
+
+import math
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+import gearlib
+from gearlib import (
+    Body,
+    DeadZoneOscillator,
+    Fourier,
+    GearPair,
+    GearTrain,
+    Harmonics,
+    Mesh,
+    OneDegreePair,
+    Series,
+    Shaft,
+    SixDegreePair,
+    Steps,
+    Tabulated,
+)
+from tests.paper import PAPER
+from tests.physics import published
+from tests.trains.random_trains import chain_with_everything
+
+
+class Known(NamedTuple):
+    """A motion."""
+
+    model: object
+    tuning: float
+    state: tuple | str
+    periods: int = 5
+
+
+RADIUS, BODY = 0.1, 17.27
+LINEAR = PAPER.replace(material_damping=1000.0, backlash_damping=300.0)
+DAMPED = PAPER.replace(material_damping=3953.7, backlash_damping=500.0)
+UNDAMPED = LINEAR.replace(material_damping=0.0, backlash_damping=0.0)
+#: Not the paper's: it strikes both flanks at 0.88 and, unstable, at 0.851.
+OTHER = GearPair.from_ratios(
+    contact_ratio=1.3, stiffness_ratio=0.7, damping=0.03, backlash_damping=0.01, backlash=0.8
+)
+QUADRATIC = {"quadratic_damping": 3e4, "backlash_quadratic_damping": 2e4}
+CUBIC = {"cubic_damping": 4e5, "backlash_cubic_damping": 2e5}
+TABLE = Tabulated((0.1, 1.0, 2.5, 4.0, 5.5), (4e8, 3.1e8, 2.4e8, 2.6e8, 3.7e8))
+EVERYTHING = {
+    "friction": (0.06, 0.04),
+    "pitch_phase": 0.7,
+    "eccentricities": (8e-6, 5e-6),
+    "run_out_phase": 0.9,
+    "teeth": (24, 31),
+    "deviation": Harmonics((1e-6, 0.5e-6), (0.3e-6,)),
+    "inverse_deviation": Harmonics((0.7e-6,), (0.0, 0.4e-6)),
+}
+#: Everything that a side can have, on both sides: bounces on both within a few periods.
+UNEQUAL = DeadZoneOscillator(
+    upper_edge=0.4,
+    lower_edge=-0.9,
+    upper_stiffness=Steps((0.5, 2.0, 5.0), (6.0, 9.0, 4.0)),
+    lower_stiffness=Steps((1.0, 3.0), (3.0, 5.0)),
+    damping=0.05,
+    upper_damping=0.2,
+    lower_damping=0.1,
+    ground_stiffness=0.3,
+    load=0.1,
+    forcing=Harmonics((0.7, 0.2), (0.1,)),
+    deviation=Harmonics((), (0.05,)),
+)
+OSCILLATOR = DeadZoneOscillator(
+    upper_edge=0.2,
+    lower_edge=-0.9,
+    upper_stiffness=1.3,
+    lower_stiffness=0.8,
+    damping=0.05,
+    upper_damping=0.1,
+    ground_stiffness=0.1,
+    load=0.1,
+    forcing=Harmonics((0.7,), (0.2,)),
+    deviation=Harmonics((), (0.1,)),
+)
+
+
+def gears(bearing, material=0.0, oil=0.0, free=False, share=0.02, **more):
+    """Return equal gears of the paper's reduced mass: torsional, or free with the bodies."""
+    torsional = 1.0 / (1.0 / 3.123 - 2.0 / BODY) if free else 3.123
+    damping = 0.0 if math.isinf(bearing) else 2.0 * share * math.sqrt(bearing * BODY)
+    inertia = 2.0 * torsional * RADIUS**2
+    pair = PAPER.replace(
+        backlash=more.pop("backlash", 40e-6), material_damping=material, backlash_damping=oil
+    )
+    return SixDegreePair(
+        pair=pair,
+        base_radii=(RADIUS, RADIUS),
+        inertias=(inertia, inertia),
+        masses=(BODY, BODY),
+        bearing_stiffness=(bearing,) * 4,
+        bearing_damping=(damping,) * 4,
+        **more,
+    )
+
+
+#: Unequal gears on unequal bearings.
+GEARS = SixDegreePair(
+    pair=DAMPED,
+    base_radii=(0.034, 0.05),
+    inertias=(0.004, 0.01),
+    masses=(3.0, 5.0),
+    bearing_stiffness=(5e8, 5e8, 6e8, 6e8),
+    bearing_damping=(800.0,) * 4,
+    teeth=(3, 2),
+    eccentricities=(1e-6, 2e-6),
+    friction=(0.05, 0.05),
+    pitch_phase=1.0,
+)
+
+
+def motor_pinion_idler_wheel():
+    """Return a train of six coordinates: a shaft, an elastic bearing, two meshes, errors."""
+    radii, inertias = (0.05, 0.045, 0.0675, 0.09), (0.02, 0.002, 0.01, 0.03)
+    names, torque = ("motor", "pinion", "idler", "wheel"), 2000.0 * 0.045
+    more = (
+        {"torque": torque},
+        {"teeth": 24},
+        {"teeth": 36, "mass": 5.0, "support_stiffness": (5e8, 4e8)}
+        | {"support_damping": (500.0, 700.0)},
+        {"teeth": 48, "torque": -2.0 * torque},
+    )
+    bodies = [
+        Body(name=name, inertia=inertia, base_radius=r, **own)
+        for name, inertia, r, own in zip(names, inertias, radii, more, strict=True)
+    ]
+    fields = ("max_stiffness", "stiffness_ratio", "contact_ratio", "backlash")
+    fields += ("material_damping", "backlash_damping", "error")
+    values = (
+        (3e8, 0.7, 1.6, 20e-6, 2000.0, 300.0, 1e-6),
+        (2.5e8, 0.6, 1.4, 15e-6, 1500.0, 200.0, -2e-6),
+    )
+    meshes = [
+        Mesh(
+            pinion=names[1 + j],
+            wheel=names[2 + j],
+            direction=1 - 2 * j,
+            phase=0.3 * j,
+            **dict(zip(fields, values[j], strict=True)),
+        )
+        for j in range(2)
+    ]
+    shafts = [Shaft(bodies=("motor", "pinion"), stiffness=2e5, damping=0.2)]
+    return GearTrain(bodies=bodies, meshes=meshes, shafts=shafts)
+
+
+CHAIN = motor_pinion_idler_wheel()
+SETTLING = (-4.81, -7.95, -1.49, 2.52, 6.82, 0.66, -2.32, -3.3, 3.14, 6.87, 1.15, -5.18)
+STRIKING = (-9.58, 16.0, 2.03, -17.32, -0.84, -11.63, -4.41, -3.42, -4.99, 3.87, -0.44, -4.13)
+
+
+def pair_as_train(pair=DAMPED):
+    """Return a `GearPair` as a train of two equal gears on rigid axes."""
+    fields = ("max_stiffness", "stiffness_ratio", "contact_ratio", "backlash")
+    fields += ("material_damping", "backlash_damping")
+    body = {"inertia": 2.0 * pair.reduced_mass * 0.05**2, "base_radius": 0.05, "teeth": 24}
+    body["torque"] = pair.load * 0.05
+    values = {name: getattr(pair, name) for name in fields}
+    return GearTrain(
+        bodies=[Body(name=name, **body) for name in ("pinion", "wheel")],
+        meshes=[Mesh(pinion="pinion", wheel="wheel", **values)],
+    )
+
+
+def ring_that_drives():
+    """Return phases of drawn teeth on both sides, run-out of carried gears, wheels that drive."""
+    train = gearlib.planetary(
+        planets=2, teeth=(28, 98), driving="ring", stiffness_ratio=(0.6, 0.6), load=400.0
+    )
+    run_out = {"eccentricity": 3e-5, "eccentricity_phase": 0.7, "offset": (2e-6, 3e-6)}
+    bodies = [
+        replace(body, **run_out) if body.name in ("ring", "planet 2") else body
+        for body in train.bodies
+    ]
+    flank = {"friction": (0.05, 0.03), "pitch_phase": 1.4, "tooth_thickness": (0.53, 0.45)}
+    flank |= {"backlash": 4e-6}
+    return train.replace(bodies=bodies, meshes=[replace(m, **flank) for m in train.meshes])
+
+
+def _wavy_idler():
+    train = gearlib.idler(PAPER.replace(material_damping=3000.0))
+    wave = Harmonics((1e-6,), ())
+    return train.replace(meshes=[replace(mesh, deviation=wave) for mesh in train.meshes])
+
+
+def _of(pair=LINEAR, **more):
+    return OneDegreePair(pair=pair, **more)
+
+
+_TURNING = {"turning": True, "gyroscopic": True, "stiffness_ratio": (0.7, 0.7)}
+KNOWN = {
+    "pair": Known(DAMPED, 0.9, (1.0, -3.0)),
+    "pair without damping": Known(UNDAMPED, 0.82, (0.0, 0.0)),
+    "pair on both flanks": Known(OTHER, 0.88, (0.3, -2.0)),
+    "pair without backlash": Known(DAMPED.replace(backlash=0.0), 0.8, (0.5, -2.0)),
+    "pair without far flank": Known(DAMPED.replace(backlash=math.inf), 0.8, (0.5, -2.0)),
+    "quadratic damping": Known(_of(UNDAMPED, **QUADRATIC), 0.9, (1.0, -3.0)),
+    "cubic damping": Known(_of(UNDAMPED, **CUBIC), 0.9, (0.0, 0.0)),
+    "both dampings": Known(_of(**QUADRATIC, **CUBIC), 0.6, (1.0, -3.0)),
+    "powers": Known(_of(quadratic_stiffness=5e3, cubic_stiffness=2e9), 0.85, (1.0, -3.0)),
+    "one harmonic": Known(_of(profile=Fourier(1)), 0.8, (1.0, -3.0)),
+    "seven harmonics": Known(_of(profile=Fourier(7), **CUBIC), 0.5, (1.0, -3.0)),
+    "table": Known(_of(profile=TABLE), 0.8, (1.0, -3.0)),
+    "excited": Known(_of(excitation=Harmonics((500.0, 200.0), (-800.0,))), 0.8, (1.0, -3.0)),
+    "deviating": Known(_of(deviation=Harmonics((3e-6,), (1e-6, 1e-6))), 0.7, (1.0, -3.0)),
+    "everything": Known(
+        _of(
+            LINEAR.replace(backlash=12e-6),
+            profile=TABLE,
+            **QUADRATIC,
+            excitation=Harmonics((0.0, 4000.0)),
+            deviation=Harmonics((2e-6,)),
+        ),
+        0.6,
+        (1.0, -3.0),
+    ),
+    "oscillator": Known(OSCILLATOR, 0.8, (0.3, -1.0)),
+    "unequal sides": Known(UNEQUAL, 1.3, (0.2, 0.9)),
+    "series": Known(
+        replace(OSCILLATOR, upper_stiffness=Series(1.4, Harmonics((0.4,), (0.2, -0.1)))),
+        0.8,
+        (0.3, -1.0),
+    ),
+    **{name: Known(*one, (0.2, 0.9)) for name, one in published.PROBLEMS.items()},
+    "soft bearings": Known(gears(3e7, free=True), 0.66, (0.0, 0.0), 8),
+    "rigid bearings": Known(gears(math.inf, 3953.7, 500.0), 0.8, (1.0, -4.0)),
+    "free bearings": Known(gears(3e7, 3953.7, 500.0, free=True, **EVERYTHING), 0.9, (0.0, 0.0), 8),
+    "narrow backlash": Known(
+        gears(1e8, 3953.7, 3953.7, **EVERYTHING, backlash=12e-6), 0.55, (1.0, -2.5), 8
+    ),
+    "stiff bearings": Known(gears(1e9, 1000.0, 0.0, **EVERYTHING), 0.8, (0.5, 1.0), 8),
+    "no preload": Known(gears(1e8, 3953.7, 500.0, preload=False), 0.8, (0.0, 0.0), 8),
+    "far flank at rest": Known(
+        gears(1e8, 100.0, 0.0, **EVERYTHING, moving_backlash=False), 0.6, (1.0, -4.5), 8
+    ),
+    "inverse mesh": Known(
+        gears(3e9, 1500.0, 300.0, **EVERYTHING, backlash=14e-6), 0.8, (5.0, 0.0), 3
+    ),
+    "inverse mesh in oil": Known(gears(3e9, 600.0, 1200.0, backlash=14e-6), 0.8, (5.0, 0.0), 3),
+    "unequal gears": Known(GEARS, 0.9, (0.3, -5.0)),
+    "chain that settles": Known(CHAIN, 0.8, SETTLING, 3),
+    "chain that strikes": Known(CHAIN, 0.7, STRIKING, 2),
+    "pair as a train": Known(pair_as_train(), 0.9, (0.15, 0.15, -3.0, -3.0)),
+    "idler that deviates": Known(_wavy_idler(), 0.9, (0.0,) * 6, 2),
+    **{
+        f"chain with everything {seed}": Known(
+            chain_with_everything(np.random.default_rng(seed)), 0.9, "static", 6
+        )
+        for seed in range(3)
+    },
+    "ring that drives": Known(ring_that_drives(), 3.0, "static", 4),
+    "bouncing planets": Known(
+        gearlib.planetary(stiffness_ratio=(0.7, 0.7), reference_frequency=1475.7),
+        1.0,
+        "static",
+        4,
+    ),
+    "turning planets": Known(gearlib.planetary(**_TURNING, backlash=1e-6), 0.2, "static", 3),
+    "two stages": Known(gearlib.two_stage(PAPER), 0.8, "static", 3),
+    "reducer": Known(gearlib.split_power_reducer(PAPER, internal=True), 0.95, "static", 3),
+    "rigid pins": Known(
+        gearlib.planetary(
+            stiffness_ratio=(0.6, 0.6), support_stiffness=(1e8, 1e8, 1e8, math.inf), backlash=5e-6
+        ),
+        1.0,
+        "static",
+        3,
+    ),
+}
