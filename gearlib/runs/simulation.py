@@ -161,7 +161,7 @@ def run(pair, tuning, samples_per_period, **asked):
 def _run(pair, tuning, asked, samples_per_period):
     samples_per_period = checks.integer("samples_per_period", samples_per_period, 1)
     periods, recorded, limit = asked.span
-    samples, events, table = pair.room(recorded * samples_per_period, _FIRST_EVENTS)
+    samples, events, table = pair.empty_record(recorded * samples_per_period, _FIRST_EVENTS)
     span = periods, recorded, samples, events, limit, table
     x, v, period, events, found, code, evaluations = asked.module.run(
         pair, tuning, asked.state, *span, **asked.options
@@ -177,7 +177,7 @@ def _run(pair, tuning, asked, samples_per_period):
 
 
 def _time_course(pair, samples, code):
-    """Return the variables over ``phase`` from the sample table of `Model.room`."""
+    """Return the variables over ``phase`` from the sample table of `Model.empty_record`."""
     dims, of_mesh = ("phase",), samples[:, : orbit.SAMPLE_COLUMNS]
     if pair.mesh_names:
         dims, meshes = ("phase", "mesh"), len(pair.mesh_names)
@@ -204,7 +204,7 @@ def _time_course(pair, samples, code):
 
 
 def _event_table(events):
-    """Return the variables over ``event`` from the event table of `Model.room`."""
+    """Return the variables over ``event`` from the event table of `Model.empty_record`."""
     phase = 2.0 * math.pi * events[:, orbit.EVENT_PERIOD] + events[:, orbit.EVENT_PHASE]
     # Events come in their order; the sum may round one below the event before it.
     phase = np.maximum.accumulate(phase)

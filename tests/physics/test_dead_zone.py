@@ -97,7 +97,7 @@ def test_a_contact_that_is_not_there_makes_no_difference():
         simulate(DeadZoneOscillator(**known, **more), 0.8, periods=20, record_periods=3)
         for more in ({}, far)
     ]
-    assert "exact" in DeadZoneOscillator(**known, **far).mathematics
+    assert "exact" in DeadZoneOscillator(**known, **far).propagators
     assert runs[0].sizes["event"] > 0
     np.testing.assert_allclose(runs[0].displacement, runs[1].displacement, rtol=0, atol=1e-12)
 
@@ -164,7 +164,7 @@ def test_an_independent_solver_agrees(name):
     judge = simulate(model, frequency, method="scipy", options=JUDGE, **settings)
     assert judge.sizes["event"] > 4
     for method in ("exact", "taylor"):
-        if method == "exact" and "exact" not in model.mathematics:
+        if method == "exact" and "exact" not in model.propagators:
             continue
         run = simulate(model, frequency, method=method, **settings)
         # What the solver's tolerance leaves, amplified by the bounces.
