@@ -44,7 +44,9 @@ class Problem:
         self._lines = np.concatenate([self.system.near, self.system.far])
         self._matrices: dict = {}
         # Moves of the coordinates that change the distance of one mesh only.
-        self._apart = np.linalg.pinv(self.system.near[:, : self.size // 2])
+        half = self.size // 2
+        lines = self.system.near[:, :half], self.system.far[:, :half]
+        self._apart = [np.linalg.pinv(rows) for rows in lines]
 
     def start(self, state):
         """Return z for the initial state of a run."""
@@ -99,7 +101,7 @@ class Problem:
         """Put z just off a flank line of a mesh, to its positive (1) or negative (-1) side."""
         distance = float((self.system.near, self.system.far)[line][mesh] @ self.full(t, z))
         n = self.size // 2
-        z[:n] += self._apart[:, mesh] * (side * _OFF * max(1.0, np.abs(z).max()) - distance)
+        z[:n] += self._apart[line][:, mesh] * (side * _OFF * max(1.0, np.abs(z).max()) - distance)
 
 
 class Recorded:

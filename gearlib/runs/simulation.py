@@ -97,7 +97,7 @@ def simulate(
     ----------
     Hortel, Skuderova: Engineering Mechanics 14 (2007) 91-104, Eq. (1)-(3).
     """
-    tuning = tuning_of(pair, tuning, speed)
+    tuning, propagator = tuning_of(pair, tuning, speed), None
     if sensitivities:
         from gearlib.runs import sensitivities as derivatives
 
@@ -106,7 +106,7 @@ def simulate(
         along, propagator = derivatives.directions(pair, sensitivities), pair.propagator(tuning)
         start = propagator.start_tangents(pair.check_state(initial_state), along)
     asked = check_run(pair, periods, record_periods, initial_state, method, options, max_events)
-    ran = _run(pair, tuning, asked, samples_per_period)
+    ran = _run(pair, tuning, asked, samples_per_period, propagator)
     recorded = asked.span.recorded
     first = (asked.span.periods - recorded) * samples_per_period
     data = {
@@ -120,7 +120,7 @@ def simulate(
         "tuning": tuning,
         "evaluations": ran.evaluations,
     }
-    if sensitivities:
+    if propagator is not None:
         z, sizes = propagator.start(asked.state), (len(ran.samples), len(ran.events))
         span, ok = asked.span, not ran.status
         counts = span.periods, span.recorded, span.limit, ok
@@ -158,14 +158,17 @@ def run(pair, tuning, samples_per_period, **asked):
     return _run(pair, tuning, check_run(pair, **asked), samples_per_period)
 
 
-def _run(pair, tuning, asked, samples_per_period):
+def _run(pair, tuning, asked, samples_per_period, propagator=None):
+    """Run; `propagator`, where there is one already, is that of pair, tuning and method."""
     samples_per_period = checks.integer("samples_per_period", samples_per_period, 1)
     periods, recorded, limit = asked.span
     samples, events, table = pair.empty_record(recorded * samples_per_period, _FIRST_EVENTS)
     span = periods, recorded, samples, events, limit, table
-    x, v, period, events, found, code, evaluations = asked.module.run(
-        pair, tuning, asked.state, *span, **asked.options
-    )
+    if propagator is None:
+        done = asked.module.run(pair, tuning, asked.state, *span, **asked.options)
+    else:
+        done = propagator.run(propagator.start(asked.state), *span)
+    x, v, period, events, found, code, evaluations = done
     end = np.ravel([x, v])
     if code == status.OK and summary.reach(table) > pair.bound(tuning, asked.state):
         code = status.OVERFLOW

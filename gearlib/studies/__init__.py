@@ -16,7 +16,7 @@ name                    responsibility
 ``tongue_chart``        growth and tongues over the tuning and one other parameter
 ``global_picture``      basins, bifurcation diagram with exponents and shares, sections
 ``contact_loss``        what begins at a tuning: parametric or forced motion
-``certificates``        what is proven of the paper's orbits
+``certificates``        what is proven of the paper's orbits; ``certificates_of_trains``
 ``certificate_table``   the same as a table
 ``nonlinear_damping``   equivalent linear, quadratic and cubic damping side by side
 ``analytic_method``     the paper's analytic method at work, against exact orbits

@@ -24,7 +24,8 @@ def rows(certificates):
             until = _decimal(row["stop"]) if ends == "start" else ""
             contacts = "".join(_LETTERS[code] for code in row.get("pattern", ()))
             lowest = _decimal(row["displacement_min"]) if "displacement_min" in row else ""
-            own = [row["damping"], row["claim"], _decimal(row[ends]), until, contacts, lowest]
+            name = ", ".join(row[key] for key in ("damping", "model") if key in row)
+            own = [name, row["claim"], _decimal(row[ends]), until, contacts, lowest]
             yield own + [row.get(name, "") for name in ("periods", *_SAID)]
 
 

@@ -3,7 +3,8 @@
 Of every damping: the tongues, the special points of the branches behind Fig. 3, the orbits on these
 branches at the tunings that the paper's statements name, and where the motion from rest tends to
 there; the ranges of tunings with an orbit that never loses contact. Of all other points of the
-branches only how many are proven, unless all are asked for.
+branches only how many are proven, unless all are asked for. Of the first damping that is one also
+`certificates_of_trains`.
 """
 
 import json
@@ -25,6 +26,7 @@ from gearlib.analysis.proofs.tongue_edges import certify_tongues
 from gearlib.data.files import replacing
 from gearlib.models.pair import GearPair
 from gearlib.runs.run_arguments import MAX_EVENTS
+from gearlib.studies import certificates_of_trains
 
 #: Tunings of the paper's Fig. 6.
 TWO = (0.815, 0.8151)
@@ -44,8 +46,9 @@ def compute(pairs, branches, tunings, initial_state, whole=False):
     motions are asked for, beside `TWO` and `ABOVE`; initial_state: shape (2,); whole: whether all
     points of the branches are asked for.
 
-    Claims as of `Certificate.as_dict` and the others, with the name of the damping; refusals with
-    status and message; of each damping how many points of its branches are proven.
+    Claims as of `Certificate.as_dict` and the others, with the name of the damping, of trains also
+    that of the model; refusals with status and message; of each damping how many points of its
+    branches are proven.
 
     ImportError: Without python-flint.
     """
@@ -59,6 +62,13 @@ def compute(pairs, branches, tunings, initial_state, whole=False):
         counts, orbits = _all_points(pair, branch)
         rows[0] = {"claim": "count", "orbits": counts}
         found += [{"damping": name} | row for row in rows + (orbits if whole else [])]
+    damped = (name for name, parameters in pairs.items() if GearPair(**parameters).damped())
+    for name in list(damped)[:1]:
+        proven = certificates_of_trains.compute(
+            GearPair(**pairs[name]), _rounded_orbit, _rounded_branch
+        )
+        for train, tuning, row in proven:
+            found.append({"damping": name, "model": train} | _row(row, tuning))
     return found
 
 

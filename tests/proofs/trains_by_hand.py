@@ -29,6 +29,10 @@ class Mesh:
             entry[side][0] += cosine
             entry[side][1] += sine
 
+    def in_contact(self, side):
+        """Return the damping in contact of a side."""
+        return self.material_damping
+
     def turns(self, tau):
         """Return how far this mesh has come in its period, from both pitch points and middles."""
         own = self.rate * tau / (2 * pi)
@@ -59,6 +63,38 @@ class Mesh:
         return self.max_stiffness * (1 if high else self.stiffness_ratio), sense
 
 
+class Levels(Mesh):
+    """Two flanks whose stiffness has steps, each its own, and its own damping."""
+
+    def __init__(self, equation, values):
+        super().__init__(
+            [mpf(1)],
+            [mpf(1)],
+            [mpf(0)],
+            film=values["gap"],
+            friction=(mpf(0), mpf(0)),
+            backlash=values["upper"] - values["lower"],
+        )
+        self.constant = [-values["lower"], -values["upper"]]
+        self.dampings = values["far"], values["near"]
+        self.steps = [[(mpf(at), mpf(c)) for at, c in side] for side in equation["steps"]]
+
+    def in_contact(self, side):
+        return self.dampings[side]
+
+    def cuts(self, end):
+        at = {at for side in self.steps for at, _ in side if at} | ({mpf(0)} if any(
+            len(side) > 1 for side in self.steps) else set())  # fmt: skip
+        k = 0
+        while at and 2 * pi * k < end:
+            yield from (one + 2 * pi * k for one in at if 0 < one + 2 * pi * k < end)
+            k += 1
+
+    def stiffness(self, side, tau):
+        phase = tau - 2 * pi * floor(tau / (2 * pi))
+        return max((at, c) for at, c in self.steps[side] if at <= phase)[1], 1
+
+
 class Train:
     """The equations of a claim: M Omega^2 q'' + D Omega q' + K q = f - mesh forces."""
 
@@ -68,11 +104,17 @@ class Train:
         self.n = len(self.names)
         self.at = {name: i for i, name in enumerate(self.names)}
         self.mass, self.load = [mpf(0)] * self.n, [mpf(0)] * self.n
-        self.springs, self.meshes = [], []
-        (self._train if "bodies" in model else self._pair)(model)
-        self.omega *= number(claim["tuning"])
+        self.springs, self.meshes, self.forcing = [], [], []
+        if "equation" in claim:
+            self._one_degree(claim["equation"])
+        else:
+            (self._train if "bodies" in model else self._pair)(model)
+        tuning = claim["tuning"]
+        self.nu = number(tuning) if isinstance(tuning, str) else sum(map(mpf, tuning)) / 2
+        self.omega *= self.nu
         self.codes = list(claim["contacts"])
-        self.frequencies = sorted({f for mesh in self.meshes for f in mesh.waves})
+        waves = {f for mesh in self.meshes for f in mesh.waves} | {f for f, *_ in self.forcing}
+        self.frequencies = sorted(waves)
         self.kept = [i for i, name in enumerate(self.names) if name not in claim["fixed"]]
         self.turning = self._free()
 
@@ -175,7 +217,8 @@ class Train:
         ends = [(mesh["pinion"], 1, 1), (mesh["wheel"], -1, 1)]
         if mesh["internal"]:
             ends = [(mesh["wheel"], 1, 1), (mesh["pinion"], -1, -1)]
-        row, across, constant = [mpf(0)] * self.n, [mpf(0)] * self.n, number(mesh["error"])
+        row, across, give = ([mpf(0)] * self.n for _ in range(3))
+        own = constant = number(mesh["error"])
         # A way w of the contact past the pitch point the first gear slides on the second by
         # (speed - other speed) k x w; along the line of action it goes as the base circle does.
         (first, _, turn), (second, *_) = ends
@@ -194,7 +237,16 @@ class Train:
                 i = self.at.get(f"{name} {axis}")
                 if i is not None:
                     row[i] += sign * value
+                    give[i] -= sign * value
                     across[i] += slides * sign * other
+            if body["carrier"]:
+                # The way of its pin: radial x_c cos + y_c sin, tangential -x_c sin + y_c cos + u_c.
+                c, s = cos(psi), sin(psi)
+                pin = {"x": (c, -s), "y": (s, c), "u": (mpf(0), mpf(1))}
+                for axis, (radial, tangential) in pin.items():
+                    i = self.at.get(f"{body['carrier']} {axis}")
+                    if i is not None:
+                        give[i] += sign * (parts[0] * radial + parts[1] * tangential)
             if f"{name} u" in self.at:
                 row[self.at[f"{name} u"]] += way * turn
             constant += sign * sum(
@@ -216,10 +268,13 @@ class Train:
             :: -1 if mesh["internal"] else 1
         ]
         pitches = g + pitch + leads * (thick[0] + 1 - thick[1]) / 2, g + pitch
-        found = self._append(mesh, row, row, across, Fraction(rate), (coast, g), pitches)
-        found.constant = [constant + found.backlash, constant]
+        # A coast side that moves with the axes, Eq. (4), meets nothing of what only they do.
+        moving = mesh.get("moving_backlash", False)
+        other = [a + b for a, b in zip(row, give, strict=True)] if moving else row
+        found = self._append(mesh, row, other, across, Fraction(rate), (coast, g), pitches)
+        found.constant = [(own if moving else constant) + found.backlash, constant]
         for frequency, cosine, sine in runs:
-            found.add(frequency, (0, 1), cosine, sine)
+            found.add(frequency, (1,) if moving else (0, 1), cosine, sine)
         for side, name in ((0, "inverse_deviation"), (1, "deviation")):
             for values, shift in (("cosines", 0), ("sines", 1)):
                 for i, value in enumerate(mesh[name][values], start=1):
@@ -298,6 +353,21 @@ class Train:
         self.length = number(pair["load"]) / mean
         self.omega = sqrt(mean / number(pair["reduced_mass"]))
 
+    # One degree of freedom: the numbers of an equation, without dimensions.
+
+    def _one_degree(self, equation):
+        values = {name: mpf(value) for name, value in equation["numbers"].items()}
+        self.mass, self.load, self.length, self.omega = [mpf(1)], [values["load"]], mpf(1), mpf(1)
+        self.springs = [(values["ground"], mpf(0), [mpf(1)])]
+        self.meshes = [Levels(equation, values)]
+        tuning = number(self.claim["tuning"])
+        for order, a, b in equation["force"]:
+            self.forcing.append((Fraction(order), mpf(a), mpf(b)))
+        for order, a, b in equation["deviation"]:
+            # The inertia of its second derivative.
+            size = -((order * tuning) ** 2)
+            self.forcing.append((Fraction(order), size * mpf(a), size * mpf(b)))
+
     # All of it.
 
     def _free(self):
@@ -366,8 +436,12 @@ class Train:
                 stiffness, sense = mesh.stiffness(side, tau)
                 rows = mesh.drive if side else mesh.coast
                 push(rows, distance, stiffness)
-                push(rows, rate, (mesh.material_damping - mesh.film) * w)
+                push(rows, rate, (mesh.in_contact(side) - mesh.film) * w)
                 push(mesh.across, distance, stiffness * sense * mesh.friction[1 - side])
+        for frequency, c, s in self.forcing:
+            column = 2 * n + 1 + 2 * self.frequencies.index(frequency)
+            force[0][column] += c
+            force[0][column + 1] += s
         for i in range(n):
             a[n + i] = [value / (self.mass[i] * w**2) for value in force[i]]
         for j, frequency in enumerate(self.frequencies):

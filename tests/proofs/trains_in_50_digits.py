@@ -12,10 +12,15 @@ from tests.proofs.trains_by_hand import Train
 _TERMS, _REACH, _PLACES = 48, 2, 20
 #: Of what follows from the middle of a claim with 20 digits.
 _ROOM = mpf(10) ** -17
+#: How far from a line, in static deflections, a turning point lies that touches it.
+_TOUCH = mpf(10) ** -20
 
 
 class Motion(Train):
     """The motions of the train of a claim."""
+
+    #: Turning points of distances, (how far off, phase, mesh, side), where they are asked for.
+    nearest: list | None = None
 
     def run(self, y, rates, vary=False):
         """Run from reduced coordinates and rates, m, over the period of the claim.
@@ -82,7 +87,7 @@ class Motion(Train):
         fast = sqrt(max(sum(abs(v) for j, v in row if j < n) for row in law[n : 2 * n]))
         fast = max([fast, *(abs(v) for row in law[2 * n :] for _, v in row)])
         fast += max(sum(abs(v) for j, v in row if n <= j < 2 * n) for row in law[n : 2 * n])
-        h = min(cut - tau, _REACH / fast)
+        h = min(cut - tau, _REACH / max(fast, mpf(1)))
         series = [columns[0]]
         for k in range(1, _TERMS):
             series.append([value / k for value in _times(law, series[-1])])
@@ -99,6 +104,8 @@ class Motion(Train):
                 if abs(curve[0]) < mpf(10) ** -44 * self.length:
                     # This contact has just been met: on the line.
                     curve[0] = mpf(0)
+                if self.nearest is not None and self._touches(j, side, curve, h, tau):
+                    continue
                 root = _first_fall(curve, h)
                 if root is not None and root < best:
                     best, met = root, (j, side, after)
@@ -125,6 +132,59 @@ class Motion(Train):
         y = [value - step for value, step in zip(y, steps, strict=True)]
         return y[:e], y[e:], events, slopes
 
+    def _contacts(self, events):
+        """Return ([(event, what is listed)], ["contacts"] if they do not belong together)."""
+        model = self.claim["pair"]
+        names = [mesh["name"] for mesh in model["meshes"]] if "meshes" in model else ["mesh"]
+        # At one phase, to rounding, the order says nothing.
+        events = sorted(events, key=lambda one: (nstr(one[0], 15), names[one[1]]))
+        listed = [one | {"mesh": one.get("mesh", "mesh")} for one in self.claim["events"]]
+        listed.sort(key=lambda one: (nstr(mpf(one["phase"][0]), 15), one["mesh"]))
+        own = [(names[j], before, after) for _, j, before, after, _ in events]
+        if own != [(one["mesh"], one["before"], one["after"]) for one in listed]:
+            return [], ["contacts"]
+        return list(zip(events, listed, strict=True)), []
+
+    def point(self):
+        """Return what is not confirmed of a fold, a doubling or a grazing, from the middle."""
+        boxes = [self.claim[name][i] for name in ("displacement", "velocity") for i in self.kept]
+        y = [self.length * (mpf(low) + mpf(high)) / 2 for low, high in boxes]
+        e, kind = len(self.kept), self.claim["claim"]
+        self.nearest = []
+        end, events, slopes = self.run(y[:e], y[e:], vary=kind != "grazing")
+        away = max(abs(a - b) for a, b in zip(end, y, strict=True)) / self.length
+        wrong = [] if away < mpf(10) ** -24 else ["orbit"]
+        wrong += self._contacts(events)[1]
+        if kind != "grazing":
+            one = -1 if kind == "period doubling" else 1
+            multipliers = eig(slopes, left=False, right=False)
+            if not min(abs(value - one) for value in multipliers) < mpf(10) ** -12:
+                wrong.append("multiplier")
+            return wrong
+        # Of a flank that is not crossed: how near it comes, and when.
+        name, side = self.claim["touched"]
+        names = [mesh["name"] for mesh in self.claim["pair"]["meshes"]]
+        own = [(gap, at) for gap, at, *which in self.nearest
+               if which == [names.index(name), ("coast", "drive").index(side)]]  # fmt: skip
+        gap, at = min(own, default=(mpf(1), mpf(0)))
+        near = abs(at - sum(map(mpf, self.claim["touch"])) / 2)
+        return wrong if gap < _TOUCH and near < mpf(10) ** -12 else [*wrong, "touch"]
+
+    def _touches(self, j, side, curve, h, tau):
+        """Note where a distance turns in a series and how far off; return whether it touches."""
+        slopes = [k * c for k, c in enumerate(curve)][1:]
+        bends = [k * c for k, c in enumerate(slopes)][1:]
+        for i in range(_PLACES):
+            low, high = h * i / _PLACES, h * (i + 1) / _PLACES
+            if _horner(slopes, low) < 0 < _horner(slopes, high):
+                at = (low + high) / 2
+                for _ in range(9):
+                    at -= _horner(slopes, at) / _horner(bends, at)
+                self.nearest.append((abs(_horner(curve, at)) / self.length, tau + at, j, side))
+                if self.nearest[-1][0] < _TOUCH:
+                    return True
+        return False
+
     def faults(self, found):
         """Return what of an orbit does not lie in the enclosures of the claim."""
         y, rates, events, slopes = found
@@ -133,20 +193,10 @@ class Motion(Train):
             boxes = [claim[name][i] for i in self.kept]
             inside = [_holds(box, v / self.length) for box, v in zip(boxes, values, strict=True)]
             wrong += [] if all(inside) else [name]
-        names = (
-            [mesh["name"] for mesh in claim["pair"]["meshes"]]
-            if "meshes" in claim["pair"]
-            else ["mesh"]
-        )
-        # At one phase, to rounding, the order says nothing.
-        events = sorted(events, key=lambda one: (nstr(one[0], 15), names[one[1]]))
-        listed = sorted(
-            claim["events"], key=lambda one: (nstr(mpf(one["phase"][0]), 15), one["mesh"])
-        )
-        own = [(names[j], before, after) for _, j, before, after, _ in events]
-        if own != [(one["mesh"], one["before"], one["after"]) for one in listed]:
-            return [*wrong, "contacts"]
-        for (tau, *_, speed), event in zip(events, listed, strict=True):
+        listed, missing = self._contacts(events)
+        if missing:
+            return [*wrong, *missing]
+        for (tau, *_, speed), event in listed:
             if not _holds(event["phase"], tau, _ROOM):
                 wrong.append("phase")
             if not _holds(event["velocity"], speed / self.length, _ROOM):
@@ -168,6 +218,12 @@ class Motion(Train):
             outside = max(abs(one) for one in multipliers) > 1
             wrong += [] if (claim["stability"] == "unstable") == outside else ["stability"]
         return wrong
+
+
+def faults(claim):
+    """Return what this program cannot confirm of a claim about a train, a list of words."""
+    motion = Motion(claim)
+    return motion.faults(motion.orbit()) if claim["claim"] == "train" else motion.point()
 
 
 def _holds(box, value, room=0):

@@ -83,10 +83,14 @@ def _beside(bound, way):
 
 
 def said(allowed, text):
-    """Return whether a sentence goes on with a range, a part of pi as a number near it."""
+    """Return whether a sentence ends with a range, a part of pi as a number near it.
+
+    Behind it stand other ways to give the value; of a mapping there is only the beginning.
+    """
     parts = re.split(r"pi / (\d)", allowed)
     pattern = "".join(r"(\d\.\d+)" if i % 2 else re.escape(one) for i, one in enumerate(parts))
-    found = re.match(pattern, text)
+    end = "" if allowed.endswith(" of ") else r"( or a .*)?$"
+    found = re.match(pattern + end.replace("(", "(?:"), text)
     wanted = [math.pi / int(one) for one in parts[1::2]]
     return found is not None and all(
         math.isclose(float(one), angle, rel_tol=1e-3)

@@ -17,43 +17,42 @@ for value in [2, 0.5][:: int(sys.argv[1])]:
     assert kernels.twice(value) == 2 * value and type(kernels.twice(value)) is type(value)
 print(sum(kernels.twice.stats.cache_misses.values()))
 """
-#: What is looked for in the cache by the warm-up, and after it.
-WARM = """
-from gearlib import kernels, simulate, sweep
+#: What is looked for in the cache after a warm-up, as when workers and jobs have had theirs.
+ASKED = """
 from gearlib.kernels.cache import KeyedFiles
-from tests.paper import PAPER
 asked, load = [], KeyedFiles.load
 def noted(files, key):
     asked.append(files._index_name)
     return load(files, key)
 KeyedFiles.load = noted
-kernels.warm_up()
+{warm}
 before = len(asked)
+{then}
+print(before > 0, asked[before:])
+"""
+#: Of a gear pair, and of the job that compiles kernels of larger models: imports, warm-up, runs.
+WARM = {
+    "pair": (
+        "from gearlib import kernels, simulate, sweep\nfrom tests.paper import PAPER\n",
+        "kernels.warm_up()",
+        """
 simulate(PAPER, 0.9, periods=3)
 for direction in ("cold", "up", "down"):
     sweep(PAPER, [0.8, 0.9], direction=direction, periods=3, record_periods=1)
-print(before > 0, asked[before:])
-"""
-#: The same of the job that compiles the kernels of larger models.
-WARM_LARGER = """
+""",
+    ),
+    "larger": (
+        """
 import sys
 sys.path.insert(0, "workflow/scripts")
 import compile_larger_kernels as job
 from gearlib import simulate
-from gearlib.kernels.cache import KeyedFiles
-asked, load = [], KeyedFiles.load
-def noted(files, key):
-    asked.append(files._index_name)
-    return load(files, key)
-KeyedFiles.load = noted
 models = list(job.models())
-for model in models:
-    job.run(model)
-before = len(asked)
-for model in models:
-    simulate(model, 0.9, periods=3)
-print(before > 0, asked[before:])
-"""
+""",
+        "for model in models: job.run(model)",
+        "for model in models: simulate(model, 0.9, periods=3)",
+    ),
+}
 #: A kernel that another one calls with a constant, and with what is none.
 CONSTANTS = """
 from gearlib.kernels.jit import kernel
@@ -103,14 +102,12 @@ def test_processes_that_compile_at_once_into_an_empty_folder(tmp_path):
     assert len(names) == 4 and all(name.endswith(".nbc") for name in names)
 
 
-def test_after_the_warm_up_a_gear_pair_compiles_nothing(tmp_path):
+@pytest.mark.parametrize("name", WARM)
+def test_after_the_warm_up_nothing_is_compiled(name):
     # Of this process's folder: from nothing it would take half a minute of processor time.
-    done = subprocess.run([sys.executable, "-c", WARM], capture_output=True, text=True)
-    assert done.returncode == 0 and done.stdout == "True []\n", done.stdout + done.stderr
-
-
-def test_after_their_job_larger_models_compile_nothing():
-    done = subprocess.run([sys.executable, "-c", WARM_LARGER], capture_output=True, text=True)
+    imports, warm, then = WARM[name]
+    program = imports + ASKED.format(warm=warm, then=then)
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
     assert done.returncode == 0 and done.stdout == "True []\n", done.stdout + done.stderr
 
 

@@ -74,3 +74,18 @@ def test_blocks_of_any_size(model, tuning, start, names, near, monkeypatch):
         assert other._bases.blocks[0].max() == len(own.block[0])
     size = np.abs(own.tangents).max(axis=0)
     np.testing.assert_allclose(other.tangents / size, own.tangents / size, rtol=0, atol=1e-10)
+
+
+def test_periods_without_events_are_taken_by_one_map(monkeypatch):
+    model = planetary(stiffness_ratio=(0.7, 0.7), reference_frequency=1475.7)
+    names = ("contact_ratio", "load", "inertia of body sun")
+    walks = [walk(model, 1.3, "static", names, 160) for _ in range(2)]
+    maps = []
+    by_map = Walk._by_map
+    monkeypatch.setattr(Walk, "_by_map", lambda *given: maps.append(given[2:]) or by_map(*given))
+    walks[0].go()
+    walks[1]._through(0, 160)
+    assert maps == [(1, 159)]
+    one, other = (own.tangents for own in walks)
+    size = np.abs(other).max(axis=0)
+    np.testing.assert_allclose(one / size, other / size, rtol=0, atol=1e-9)

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from gearlib import GearPair, simulate, sweep
+from gearlib import GearPair, simulate
 from gearlib.kernels import orbit
 from gearlib.kernels.closed_form import recorded_arcs
 from gearlib.kernels.closed_form.event_by_event import ARC_COLUMNS, march_period
@@ -191,14 +191,3 @@ def test_a_record_begins_on_the_orbit_or_goes_to_its_end():
         _, x, v, _ = whole_periods(m, 0.0, 0.0, periods)
         # A record of one repeat may begin 1e-13 from the orbit.
         np.testing.assert_allclose(one.final_state, (x, v), rtol=0, atol=4e-13)
-
-
-def test_results_do_not_depend_on_windows_of_a_sweep():
-    pair = GearPair.from_ratios(**PAIR, damping=0.0617, backlash_damping=0.0617)
-    tunings = np.linspace(0.5, 1.4, 60)
-    options = {"periods": 120, "record_periods": 24}
-    whole = sweep(pair, tunings, **options, threads=2)
-    for i in range(0, 60, 7):
-        alone = sweep(pair, tunings[i : i + 1], **options)
-        for name in ("displacement_max", "final_state", "fraction_normal", "period"):
-            np.testing.assert_array_equal(alone[name][0], whole[name][i])

@@ -16,7 +16,7 @@ from gearlib.analysis.proofs.arcs import moved
 from gearlib.analysis.proofs.balls import enclosure, flint, precision
 from gearlib.analysis.proofs.candidate import listed_contacts, run_contacts
 from gearlib.analysis.proofs.certificates import MotionCertificate, Refusal, Uncertain, listed
-from gearlib.analysis.proofs.multipliers import eigenvalues
+from gearlib.analysis.proofs.multipliers import largest_eigenvalue
 from gearlib.analysis.proofs.orbits import Proof, certify, pattern_of, state_of
 from gearlib.analysis.proofs.path import COAST, CONTACT, DRIVE, Path
 from gearlib.analysis.proofs.signs import CROSSING, TOUCHING, check_contacts
@@ -146,8 +146,7 @@ class Trap:
         #: Of the contacts of all motions from there.
         self.phases = found
         whole = self.inverse * self.path.deviations(arcs, ends) * self.matrix
-        squares = eigenvalues(whole.transpose() * whole)
-        largest = max((abs(one).upper() for one in squares), key=float).sqrt().upper()
+        largest = largest_eigenvalue(whole.transpose() * whole).sqrt().upper()
         return math.nextafter(float(largest), math.inf)
 
     def holds(self, state):

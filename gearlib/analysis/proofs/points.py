@@ -59,8 +59,8 @@ def certify_fold(pair, branch, point, digits=30):
 
     Parameters
     ----------
-    pair : GearPair
-        Whose orbit was continued.
+    pair : GearPair, another model of one degree of freedom, SixDegreePair or GearTrain
+        Whose orbit was continued; without harmonics of load, deviation or run-out.
     branch : xarray.Dataset
         As of `gearlib.continue_orbit` over the tuning; nothing it says is believed.
     point : int

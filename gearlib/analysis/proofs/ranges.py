@@ -39,7 +39,8 @@ def certify_range(orbit, *, to):
     Parameters
     ----------
     orbit : Orbit
-        Of `gearlib.periodic_orbit`, of a `GearPair`; nothing it says is believed.
+        Of `gearlib.periodic_orbit`, of a model as of `gearlib.certify` without harmonics of load,
+        deviation or run-out; nothing it says is believed.
     to : float
         Tuning at which the range ends, above or below that of the orbit.
 

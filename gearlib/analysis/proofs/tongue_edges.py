@@ -28,7 +28,8 @@ def certify_tongues(pair, *, start=0.3, stop=3.0, digits=30):
 
     Parameters
     ----------
-    pair : GearPair
+    pair : GearPair, OneDegreePair, SixDegreePair or GearTrain
+        Without harmonics of load, deviation or run-out.
     start, stop : float
         As of `gearlib.tongues`, which gives the candidates.
     digits : int, default 30
@@ -37,7 +38,8 @@ def certify_tongues(pair, *, start=0.3, stop=3.0, digits=30):
     Returns
     -------
     list of Tongue or Refusal
-        In the order of `gearlib.tongues`, of those that are open.
+        In the order of `gearlib.tongues`, of those that are open and whose edges have a real
+        multiplier.
 
     Raises
     ------

@@ -19,7 +19,7 @@ from gearlib.analysis.proofs.certificates import Uncertain
 from gearlib.analysis.proofs.path import COAST, DRIVE
 from gearlib.models.trains import turning
 from gearlib.models.trains.elastic import linear
-from gearlib.models.trains.structure import Numbers, structure
+from gearlib.models.trains.structure import Numbers, far_lines, structure
 from gearlib.models.trains.waves import excited
 
 
@@ -147,6 +147,7 @@ def _of_train(train):
         )
     arb, numbers = flint().arb, balls()
     found = structure(train.by_name, train.meshes, train.shafts, numbers)
+    far = far_lines(found, train.by_name, train.meshes, numbers)
     rows, constants = excited(train, found.arms, numbers)
     meshes = []
     for j, mesh in enumerate(train.meshes):
@@ -161,7 +162,7 @@ def _of_train(train):
         meshes.append(
             MeshParts(
                 mesh.name,
-                (found.lines[j],) * 2,
+                (far[j], found.lines[j]),
                 found.across[j],
                 (None if math.isinf(mesh.backlash) else coast + mesh.backlash, drive),
                 waves,
@@ -173,7 +174,7 @@ def _of_train(train):
                 tuple(map(Fraction, names)),
                 (pitch + turning.thicker(mesh, train.speeds) / 2, pitch),
                 Fraction(mesh.contact_ratio) - 1,
-                mesh.inverse_deviation != mesh.deviation,
+                mesh.moving_backlash or mesh.inverse_deviation != mesh.deviation,
             )
         )
     return Parts(

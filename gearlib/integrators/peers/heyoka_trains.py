@@ -35,7 +35,7 @@ def _integrator(problem, flanks, tol):
     import heyoka as hy
 
     system, grid, n = problem.system, problem.grid, problem.size // 2
-    tables = system.free, system.near, system.far, system.push[:, 1], system.harmonics
+    tables = system.free, system.near, system.far, system.push, system.harmonics
     tuning = problem.tuning if system.harmonics.size else None
     key = *(table.tobytes() for table in tables), tuple(flanks), tuning, tol
     made = _COMPILED.integrators
@@ -54,11 +54,12 @@ def _integrator(problem, flanks, tol):
             events.append(hy.t_event(distance, cooldown=0.0))
             elastic, more, across = (hy.par[1 + 3 * k + i] for i in range(3))
             along = elastic * distance + more * hy.sum(_weighted(rate, full))
+            effect = system.effect[0 if line else 2, 0, j]
             for push, force in zip(
-                system.push[j, 1, :, n : 2 * n], (along, across * distance), strict=True
+                system.push[j, effect, :, n : 2 * n], (along, across * distance), strict=True
             ):
                 # A mesh without friction does not push across.
-                if force is along or system.grip[j, 1, 1].any():
+                if force is along or system.grip[j, effect, 1].any():
                     for i in np.flatnonzero(push):
                         sums[i].append(float(push[i]) * force)
         equations = [(z[i], z[n + i]) for i in range(n)]
@@ -91,9 +92,10 @@ class Run(Split):
             rows = np.zeros((len(self.flanks), 3))
             for row, (j, line) in zip(rows, self.flanks, strict=True):
                 if codes[j] != BACKLASH and (codes[j] == NORMAL) == (line == 0):
-                    k = int(np.abs(system.near[j, :n]).argmax())
+                    own = (system.near, system.far)[line][j]
+                    k = int(np.abs(own[:n]).argmax())
                     grip = system.grip[j, system.effect[codes[j] + 1, segment, j]]
-                    row[:] = np.array([grip[0, k], grip[0, n + k], grip[1, k]]) / system.near[j, k]
+                    row[:] = np.array([grip[0, k], grip[0, n + k], grip[1, k]]) / own[k]
             self._factors[key] = np.concatenate([[0.0], rows.ravel()])
         return self._factors[key]
 

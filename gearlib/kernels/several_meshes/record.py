@@ -30,18 +30,19 @@ def record(system, grid, tables, c, w, p, phase, length, summary, samples):
     """Record what begins at `phase`, with the state y of `Work`, and lasts `length` of theta.
 
     Samples have the columns: the state, shape (n,), the contact codes, shape (m,), the number of
-    the segment.
+    the segment. Of a summary whose extrema are infinite none are looked for.
     """
     m, n = system.near.shape
     tuning, done, curve, piece = system.tuning, 0.0, w.curve, tables.piece[c]
+    looked_for = summary[0, orbit.X_MAX] < math.inf
     copy(w.y, w.other)
     for j in range(m):
         orbit.add_time(
             w.contact[j], length * tuning, system.low[w.contact[j] + 1, p, j], summary[j]
         )
     while done < length:
-        part = min(piece, length - done)
-        for j in range(m):
+        part = min(piece, length - done) if looked_for else length
+        for j in range(m if looked_for else 0):
             row, code = summary[j], w.contact[j]
             curve_of(tables.curves[c, 1, j], w.other, curve)
             begin_of(curve, part / piece, DEGREE)
@@ -72,6 +73,7 @@ def record(system, grid, tables, c, w, p, phase, length, summary, samples):
                 samples[taken, n + j] = w.contact[j]
             samples[taken, n + m] = p
             w.place[TAKEN] = taken + 1
-        turn_by(tables, c, part, w.factors)
-        advance(tables, c, w.factors, part, w.other, w.term, w.image)
         done += part
+        if done < length:
+            turn_by(tables, c, part, w.factors)
+            advance(tables, c, w.factors, part, w.other, w.term, w.image)

@@ -132,10 +132,11 @@ class Propagator(Matrices):
         """Return the state z; see `Base.start`."""
         return self.model.start_state(state)
 
-    def go(self, z, samples, events, limit, summary, spans, maps=None, first=0):
+    def go(self, z, samples, events, limit, summary, spans, maps=None, first=0, extrema=True):
         """Run from z; `spans` are all periods and those recorded, `summary` has a row a mesh.
 
-        Returns (period, events, events found, status); samples as of `record.record`.
+        Returns (period, events, events found, status); samples as of `record.record`. Without
+        `extrema` the summary is not filled.
         """
         system, m = self.system._replace(first=first), self.system.near.shape[0]
         (periods, record_periods), size = spans, z.size
@@ -144,6 +145,8 @@ class Propagator(Matrices):
         w.z[:size] = z * self.scale
         for row in summary:
             orbit.clear_summary(row)
+        if not extrema:
+            summary[:, orbit.X_MAX] = math.inf
         kept = min(periods, orbit.strobe_periods(system.repeats)) if record_periods else 0
         strobes = np.empty((m, kept + 1, 2))
         vectors = np.empty((size if len(maps) else 0, w.z.size))
@@ -250,7 +253,8 @@ class Propagator(Matrices):
         m, n = self.system.near.shape
         raw, events = self.raw(periods), np.empty((16, EVENT_COLUMNS))
         summary, spans = np.empty((m, SUMMARY_COLUMNS)), (periods, periods)
-        _, events, found, code = self.go(z.copy(), raw, events, limit, summary, spans)
+        more = limit, summary, spans, None, 0, False
+        _, events, found, code = self.go(z.copy(), raw, events, *more)
         if code != OK:
             return None, code
         events, codes = events[:found], raw[0, n : n + m].astype(int)

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gearlib.kernels import orbit
 from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
 from gearlib.kernels.slopes import recorded_slopes as recorded
 from gearlib.kernels.slopes.itinerary import (
@@ -31,6 +32,8 @@ from gearlib.models.propagators.slope_bases import bases_of
 _TURN = 2.0 * np.pi
 #: States this close, relative, repeat. So many repeats are worth a map.
 _AT_REST, _WORTH = 1e-13, 4
+#: So many repeats without an event, over the number of components, are worth a map.
+_MANY = 2
 #: Places at which curves are looked at, within a step of a Taylor series.
 _PLACES = 8
 
@@ -197,14 +200,47 @@ class Walk:
         end = last if record_from is None else record_from
         first, repeat = self._settled(end) if not self._rates else (-1, 0)
         if first >= 0:
-            self._through(0, first)
+            self._through_all(0, first)
             first = self._leap(first, repeat, end)
-        self._through(max(first, 0), end)
+        self._through_all(max(first, 0), end)
         if record_from is not None:
             self.tables = self._recording(record_from, samples_per_period, events)
             self._through(end, last, True)
             recorded.end_record(self.tables, self.q, self._work)
         return self.tables
+
+    def _through_all(self, first, last):
+        """Go through mesh periods; stretches of many without an event by the map of one."""
+        repeat, n = self.varied.repeats, self.block.shape[1]
+        events = self.motion.events[:, orbit.EVENT_PERIOD].astype(int)
+        marks = np.unique(
+            np.concatenate([[first - 1], events[(events >= first) & (events < last)]])
+        )
+        for begin, end in zip(marks, [*marks[1:], last], strict=True):
+            # In the first period behind an event, and in that of the start, contacts may differ.
+            begin, quiet = max(begin, first), max(begin + 1, 1)
+            count = (end - quiet) // repeat
+            if count > _MANY * n and not self._rates:
+                self._through(begin, quiet)
+                self._by_map(quiet, repeat, count)
+                begin = quiet + count * repeat
+            self._through(begin, end)
+
+    def _by_map(self, first, repeat, count):
+        """Go through `count` repeats of the excitation without events by one linear map."""
+        n, k, q = self.block.shape[1], self.k, self.q
+        once = copy(self)
+        once.q, once._rates = 1 + n, True
+        once.block = np.zeros(((1 + n) * (1 + k), n))
+        once.block[1 : 1 + n] = np.eye(n)
+        once._work = once._storage()
+        once._through(first, first + repeat)
+        one, ahead = once.block[1 : 1 + n], once.block[1 + n + k :].reshape(n, k * n)
+        rows = self.block[1:].copy()
+        for i in range(count):
+            rows = rows @ one
+            rows[q - 1 :] += (self.motion.states[first + i * repeat] @ ahead).reshape(k, n)
+        self.block[1:] = rows
 
     def _through(self, first, last, recording=False):
         """Go through mesh periods `first` to `last`, the latter left out."""

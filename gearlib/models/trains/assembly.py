@@ -95,3 +95,16 @@ def check_balance(train):
                 "the free rotation of the train, whose power is now "
                 f"{work.sum() / np.abs(work).sum():.3g} of that of the single torques"
             )
+
+
+def check_moving_backlash(train):
+    """Refuse a backlash that moves with an axis which nothing holds."""
+    moved = np.abs(train.far_lines @ train.free_motions) > 1e-9 * (
+        np.abs(train.far_lines) @ np.abs(train.free_motions)
+    )
+    for mesh, slides in zip(train.meshes, moved.any(axis=1), strict=True):
+        if mesh.moving_backlash and slides:
+            raise ValueError(
+                f"moving_backlash of mesh {mesh.name} = True is not allowed: it must be False "
+                "where an axis of its gears moves freely"
+            )

@@ -11,7 +11,7 @@ import numpy as np
 
 from gearlib.kernels.codes import INVERSE, NORMAL
 from gearlib.models.derivatives import STEP, about_the_mean, check_edges, off_axis
-from gearlib.models.trains.structure import structure
+from gearlib.models.trains.structure import COMPLEX, structure
 from gearlib.models.trains.train import FALLBACK
 
 _TORSION = "N m rad-1", "N m s rad-1"
@@ -42,18 +42,6 @@ FIELDS: dict = {
         "error": ("m", "error of assembly"),
     },
 }
-#: Parts of a structure that its masses, stiffnesses, dampings and torques make, each as a factor.
-_LINEAR = (
-    "mass",
-    "stiffness",
-    "damping",
-    "load",
-    "turning",
-    "centrifugal",
-    "circulating",
-    "outward",
-)
-_FACTORS = tuple(name for kind in ("body", "shaft") for name in FIELDS[kind])
 #: Share of the eigenvalue by which modes of one frequency may part and still be one.
 _TOGETHER = 1e-9
 
@@ -176,6 +164,7 @@ def off_the_axis(train, slopes):
     deflection, speed = _scales(train, moved, meshes)
     return Twin(
         structure=moved,
+        far_lines=train.far_lines,
         meshes=meshes,
         excitation=(frequencies, waves, constants + 1j * STEP * np.array(errors)),
         static_deflection=deflection,
@@ -194,36 +183,34 @@ def off_the_axis(train, slopes):
 def _structure(train, of):
     """Return the `Structure` off the real axis; `of` gives the slopes of an element."""
     own = train.structure
-    only = [
-        [_only(element, of(kind, label)) for label, element in elements(train)[kind].items()]
+    bodies, shafts = (
+        [off_axis(one, _keys(one, of(kind, label))) for label, one in elements(train)[kind].items()]
         for kind in ("body", "shaft")
-    ]
-    change = structure({body.name: body for body in only[0]}, train.meshes, only[1])
-    turning = np.abs(train.free_motions.T @ change.load)
-    if (turning > 1e-9 * np.abs(train.free_motions.T) @ np.abs(change.load)).any():
+    )
+    moved = structure({body.name: body for body in bodies}, train.meshes, shafts, COMPLEX)
+    force = moved.load.imag / STEP
+    turning = np.abs(train.free_motions.T @ force)
+    if (turning > 1e-9 * np.abs(train.free_motions.T) @ np.abs(force)).any():
         raise ValueError(
             "sensitivities is not allowed by a torque that turns the train: it must be 'load', "
             "all torques in proportion"
         )
-    return own._replace(
-        **{name: getattr(own, name) + 1j * STEP * getattr(change, name) for name in _LINEAR}
-    )
+    # Directions lie on the axis.
+    directions = ("motions", "lines", "across", "arms", "springs", "masses")
+    return moved._replace(**{name: getattr(own, name) for name in directions})
 
 
-def _only(element, slopes):
-    """Return an element that has nothing but what it changes by: its factors are linear."""
-    values = dict(vars(element))
-    for name in _FACTORS:
-        if name in values:
-            own = values[name] if isinstance(values[name], tuple) else (values[name],)
-            every = slopes.get((name,), 0.0)
-            # Rigid it stays.
-            new = tuple(
-                one if one == math.inf else every + slopes.get((name, axis), 0.0)
-                for axis, one in enumerate(own)
-            )
-            values[name] = new if isinstance(values[name], tuple) else new[0]
-    return SimpleNamespace(**values)
+def _keys(element, slopes):
+    """Return slopes by field and axis as `off_axis` has them: of two axes each for itself."""
+    found: dict = {}
+    for (name, *axes), slope in slopes.items():
+        if isinstance(getattr(element, name), tuple):
+            keys = [(name, axis) for axis in axes or (0, 1)]
+        else:
+            keys = [name]
+        for key in keys:
+            found[key] = found.get(key, 0.0) + slope
+    return found
 
 
 def _scales(train, moved, meshes):
@@ -266,6 +253,7 @@ def static_state(train, found, twin):
             side = 1 if code == NORMAL else 0
             level = mesh.max_stiffness * (mesh.stiffness_ratio if low[side, j] else 1.0)
             gap = twin.excitation[2][side, j] + waves[side, j, ::2].sum()
+            line = line if side else twin.far_lines[j]
             stiffness += level * np.outer(line, line)
             force -= level * (gap + (0.0 if side else mesh.backlash)) * line
     # No part in free motions.

@@ -224,6 +224,13 @@ class Mesh:
     backlash: Backlash = math.inf
     material_damping: MaterialDamping = 0.0
     backlash_damping: BacklashDamping = 0.0
+    moving_backlash: Annotated[
+        bool,
+        TRUTH,
+        "Whether the coast-side flank keeps its place behind the drive side while supports give "
+        "and run-out turns, as in Eq. (4), so that bearings do not close the backlash; if not, it "
+        "stays a backlash behind",
+    ] = False
     deviation: Annotated[
         Harmonics, Part((Harmonics,)), "Of the drive-side flanks over the phase of this mesh, m"
     ] = Harmonics()

@@ -56,12 +56,15 @@ def equilibrium(train, phase=0.0):
     # In coordinates in which the linear train has unit stiffness; free motions take no part.
     squares, shapes = train.linear_modes
     basis = shapes / np.sqrt(squares)
-    lines = train.linear_stretches / np.sqrt(squares)
+    near = train.linear_stretches / np.sqrt(squares)
+    moving = np.array([[mesh.moving_backlash] for mesh in train.meshes])
+    # Of coast and drive side.
+    lines = np.stack([np.where(moving, train.far_lines @ basis, near), near])
     strains = train.strains[: -len(train.meshes)]
     elastic, load = strains.T @ strains, basis.T @ train.structure.load
     # What rounding of the gaps makes of the forces, where there is no load.
     finite = np.where(np.isfinite(gaps), np.abs(gaps), 0.0)
-    floor = (np.abs(lines.T) @ (stiffness * finite).max(axis=0)).max(initial=0.0)
+    floor = (np.abs(near.T) @ (stiffness * finite).max(axis=0)).max(initial=0.0)
     a = _minimum(elastic, lines, stiffness, gaps, load, floor)
     if a is None:
         raise ValueError(
@@ -70,14 +73,14 @@ def equilibrium(train, phase=0.0):
         )
     distances = lines @ a + gaps
     forces = _forces(stiffness, distances)
-    residual = elastic @ a + lines.T @ forces - load
-    scale = floor + np.abs(load).sum() + (np.abs(lines.T) @ np.abs(forces)).sum()
+    residual = elastic @ a + _pushed(lines, forces) - load
+    scale = floor + np.abs(load).sum() + _pushed(np.abs(lines), np.abs(forces)).sum()
     if not np.abs(residual).max(initial=0.0) <= _BALANCED * scale:
         raise ValueError("the static equilibrium is not found to rounding; no result")
     contact = np.where(distances[1] >= 0.0, 1, np.where(distances[0] <= 0.0, -1, 0))
     # Less than rounding of a distance is no overlap.
-    wedged = (contact == 1) & (distances[0] < -1e-12 * (finite.max() + np.abs(lines @ a)))
-    return Equilibrium(basis @ a, forces, contact.astype(np.int8), wedged)
+    wedged = (contact == 1) & (distances[0] < -1e-12 * (finite.max() + np.abs(near @ a)))
+    return Equilibrium(basis @ a, forces.sum(axis=0), contact.astype(np.int8), wedged)
 
 
 def static(train, phase=0.0):
@@ -137,11 +140,19 @@ def _levels(train, phase):
 
 
 def _forces(stiffness, distances):
-    """Return the forces of meshes, positive on the drive side; distances of (coast, drive)."""
+    """Return the forces of (coast, drive) sides, positive on the drive side, at distances."""
     coast, drive = distances
-    return np.where(drive >= 0.0, stiffness[1] * drive, 0.0) + np.where(
-        coast <= 0.0, stiffness[0] * np.minimum(coast, 0.0), 0.0
+    return np.stack(
+        [
+            np.where(coast <= 0.0, stiffness[0] * np.minimum(coast, 0.0), 0.0),
+            np.where(drive >= 0.0, stiffness[1] * drive, 0.0),
+        ]
     )
+
+
+def _pushed(lines, forces):
+    """Return the sum of forces of (coast, drive) sides along their lines, shape (r,)."""
+    return lines[0].T @ forces[0] + lines[1].T @ forces[1]
 
 
 def _minimum(elastic, lines, stiffness, gaps, load, floor):
@@ -155,8 +166,10 @@ def _minimum(elastic, lines, stiffness, gaps, load, floor):
     for _ in range(_STEPS):
         distances = lines @ a + gaps
         touching = stiffness * np.stack([distances[0] <= 0.0, distances[1] >= 0.0])
-        hessian = elastic + lines.T @ (touching.sum(axis=0)[:, None] * lines)
-        slope = elastic @ a + lines.T @ _forces(stiffness, distances) - load
+        hessian = elastic + sum(
+            side.T @ (c[:, None] * side) for side, c in zip(lines, touching, strict=True)
+        )
+        slope = elastic @ a + _pushed(lines, _forces(stiffness, distances)) - load
         if np.linalg.eigvalsh(hessian)[0] < 1e-11:
             # A part is loose: a step that is long in its direction, for the search to cut.
             hessian = hessian + 1e-9 * np.eye(size)
@@ -170,8 +183,8 @@ def _minimum(elastic, lines, stiffness, gaps, load, floor):
         if -distances[1].min() > horizon:
             return None
         forces = _forces(stiffness, distances)
-        slope = elastic @ a + lines.T @ forces - load
-        scale += (np.abs(lines.T) @ np.abs(forces)).max(initial=0.0)
+        slope = elastic @ a + _pushed(lines, forces) - load
+        scale += _pushed(np.abs(lines), np.abs(forces)).max(initial=0.0)
         if np.abs(slope).max(initial=0.0) <= 1e-14 * size * scale:
             break
     return a
@@ -186,7 +199,7 @@ def _search(elastic, lines, stiffness, gaps, load, a, step):
 
     def slope(t):
         forces = _forces(stiffness, distances + t * rates)
-        return step @ (elastic @ (a + t * step) - load) + rates @ forces
+        return step @ (elastic @ (a + t * step) - load) + (rates * forces).sum()
 
     before, value = 0.0, slope(0.0)
     if value >= 0.0:

@@ -182,6 +182,20 @@ def structure(bodies, meshes, shafts, numbers=FLOATS):
     )
 
 
+def far_lines(found, bodies, meshes, numbers=FLOATS):
+    """Return coast-side distances by coordinates, (m, n): without supports where backlash moves."""
+    lines, motions = found.lines.copy(), dict(zip(bodies, found.motions, strict=True))
+    for j, mesh in enumerate(meshes):
+        for name, arm in zip((mesh.pinion, mesh.wheel), found.arms[j], strict=True):
+            if mesh.moving_backlash:
+                body, give = bodies[name], motions[name][:2].copy()
+                if body.carrier:
+                    (c, s), (x, y, turn) = numbers.cos_sin(body.angle), motions[body.carrier]
+                    give -= np.stack([x - s * turn, y + c * turn])
+                lines[j] -= arm @ give
+    return lines
+
+
 def _listed(parts, n):
     """Return functionals and values of pairs as arrays."""
     rows, values = np.array([row for row, _ in parts]), np.array([value for _, value in parts])

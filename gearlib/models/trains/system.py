@@ -55,8 +55,8 @@ def functionals(train, frequencies, waves, constants):
     m, n = lines.shape
     unit = 1.0 / train.static_deflection
     near = np.zeros((m, 2 * n + 1 + 2 * frequencies.size), np.result_type(unit))
-    near[:, :n] = lines
     far = near.copy()
+    near[:, :n], far[:, :n] = lines, train.far_lines
     for side, functional in ((1, near), (0, far)):
         functional[:, 2 * n] = constants[side] * unit
         functional[:, 2 * n + 1 :] = waves[side] * unit
@@ -102,16 +102,16 @@ def train_system(train, tuning):
         more = (mesh.material_damping - mesh.backlash_damping) * rate
         senses = (1.0, -1.0) if any(mesh.friction) else (1.0,)
         d = 1
-        for code, line, speed, mu in (
-            (2, near[j], speeds_near[j], mesh.friction[0]),
-            (0, far[j], speeds_far[j], mesh.friction[1]),
+        for code, line, speed, way, mu in (
+            (2, near[j], speeds_near[j], lines[j], mesh.friction[0]),
+            (0, far[j], speeds_far[j], train.far_lines[j], mesh.friction[1]),
         ):
             if code == 0 and math.isinf(mesh.backlash.real):
                 continue
             for level in range(2 if mesh.stiffness_ratio.real < 1.0 else 1):
                 for sense in senses:
                     elastic = levels[level] * line
-                    push[j, d, 0, n : 2 * n] = -inverse @ lines[j]
+                    push[j, d, 0, n : 2 * n] = -inverse @ way
                     grip[j, d, 0] = elastic + more * speed
                     push[j, d, 1, n : 2 * n] = -inverse @ train.structure.across[j]
                     grip[j, d, 1] = mu * sense * elastic
@@ -157,10 +157,13 @@ def largest_norm(train, parts):
     stiffness, damping = parts.stiffness.copy(), parts.damping.copy()
     rubbing = np.zeros_like(stiffness)
     for j, mesh in enumerate(meshes):
+        flanks = np.outer(lines[j], lines[j])
+        if mesh.moving_backlash:
+            flanks = flanks + np.outer(train.far_lines[j], train.far_lines[j])
         most = max(mesh.material_damping, mesh.backlash_damping) * rate
         upper = mesh.max_stiffness / train.stiffness_scale
-        stiffness += upper * np.outer(lines[j], lines[j])
-        damping += most * np.outer(lines[j], lines[j])
+        stiffness += upper * flanks
+        damping += most * flanks
         rubbing += (
             max(mesh.friction) * upper * np.abs(np.outer(train.structure.across[j], lines[j]))
         )

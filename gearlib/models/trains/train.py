@@ -13,7 +13,7 @@ from gearlib.models.trains import assembly, turning, waves
 from gearlib.models.trains.elastic import linear
 from gearlib.models.trains.elements import Body, Mesh, Shaft
 from gearlib.models.trains.results import TrainResults
-from gearlib.models.trains.structure import structure
+from gearlib.models.trains.structure import far_lines, structure
 
 if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
     from gearlib.models.propagators import several_meshes  # noqa: F401
@@ -96,6 +96,7 @@ class GearTrain(TrainResults):
         assembly.check_names(self)
         assembly.check_gears(self)
         assembly.check_balance(self)
+        assembly.check_moving_backlash(self)
 
     # What follows is computed once.
 
@@ -118,6 +119,11 @@ class GearTrain(TrainResults):
     def structure(self):
         """The `Structure`: matrices in SI units."""
         return structure(self.by_name, self.meshes, self.shafts)
+
+    @cached_property
+    def far_lines(self):
+        """Coast-side distances by coordinates, (m, n): without supports where backlash moves."""
+        return far_lines(self.structure, self.by_name, self.meshes)
 
     @cached_property
     def speeds(self):

@@ -109,19 +109,21 @@ def excited(train, arms, numbers=FLOATS):
         entry[sides, j] += (cosine, math.copysign(1.0, frequency) * sine)
 
     for j, mesh in enumerate(train.meshes):
+        # A coast side that moves with the axes meets nothing of what only they do.
+        axes = [1] if mesh.moving_backlash else [0, 1]
         constants[:, j] += of(mesh.error)
         for name, arm in zip((mesh.pinion, mesh.wheel), arms[j], strict=True):
             body = train.by_name[name]
             c, s = numbers.cos_sin(body.angle) if body.carrier else (1.0, 0.0)
             x, y = map(of, body.offset)
-            constants[:, j] += arm @ (c * x - s * y, s * x + c * y)
+            constants[axes, j] += arm @ (c * x - s * y, s * x + c * y)
             if body.eccentricity:
                 # arm . e (cos(theta + phase), sin(theta + phase))
                 length, angle = numbers.polar(*arm)
                 size, lead = of(body.eccentricity) * length, of(body.eccentricity_phase) - angle
                 lead += body.angle if body.carrier else 0.0
                 c, s = numbers.cos_sin(lead)
-                add(train.speeds[name], j, [0, 1], size * c, -size * s)
+                add(train.speeds[name], j, axes, size * c, -size * s)
         rate, g = train.rates[j], train.phases[mesh.name]
         deviations = (mesh.inverse_deviation, mesh.deviation)
         for side, deviation in enumerate(deviations):

@@ -11,7 +11,7 @@ from gearlib.config.gears import TWENTY, Gears
 from gearlib.geometry import Mesh, TipRelief
 from gearlib.models.load_sharing_pair import LoadSharingPair
 from gearlib.models.pair import GearPair
-from gearlib.pages.explorer.explored import Explored, Slider, saved
+from gearlib.pages.explorer.explored import Explored, Slider, saved, slider_of
 from gearlib.pages.explorer.view import look
 
 #: Where the sliders start if no gears are drawn: z 20/20, m 10 mm, b 30 mm, E 200 GPa
@@ -73,7 +73,9 @@ class Drawing(Explored):
             "pinion_shift": Slider("profile shift of the pinion", pinion.shift, shifts),
             "wheel_shift": Slider("profile shift of the wheel", wheel.shift, shifts),
             "relief": Slider("tip relief of both gears, µm", 0.0, (0.0, 50.0, 0.1), 1e-6),
-            "backlash": Slider("backlash, µm", gap, (0.0, max(400.0, 3e6 * gap), 1.0), 1e-6),
+            "backlash": slider_of(
+                GearPair, "backlash", gap, 1.0, high=max(400.0, 3e6 * gap), unit=1e-6
+            ),
             "torque": Slider(
                 "torque of the pinion, N m", torque, (0.05 * torque, 4.0 * torque, 0.01 * torque)
             ),

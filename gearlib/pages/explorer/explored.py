@@ -6,7 +6,11 @@ from typing import ClassVar, NamedTuple
 
 import yaml
 
-from gearlib import config
+from gearlib import config, parameters
+
+_GREEK = {"kappa": "κ", "epsilon": "ε"}
+#: Unit of a slider in SI -> what stands before that of the parameter.
+_PREFIXES = {1.0: "", 1e-6: "µ"}
 
 
 class Slider(NamedTuple):
@@ -16,6 +20,20 @@ class Slider(NamedTuple):
     start: float  #: in SI
     range: tuple  #: lowest, highest and step, in the unit of the slider
     unit: float = 1.0  #: in SI
+
+
+def slider_of(thing, name, start, step, low=None, high=None, unit=1.0):
+    """Return the slider of a parameter that a class declares, see `gearlib.parameters`.
+
+    Its ends, in the unit of the slider, are the bounds that are declared, where they are left out.
+    """
+    one, (_, words) = parameters.declared(thing)[name], parameters.named(thing)[name]
+    for letter, greek in _GREEK.items():
+        words = words.replace(letter, greek)
+    label = f"{words}, {_PREFIXES[unit]}{one.unit}" if one.unit else words
+    low = one.kind.least if low is None else low
+    high = one.kind.most if high is None else high
+    return Slider(label, start, (float(low), float(high), step), unit)
 
 
 def setting_of(values):

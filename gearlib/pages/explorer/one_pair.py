@@ -8,7 +8,7 @@ import numpy as np
 from gearlib import config
 from gearlib.config.laying import laid_over
 from gearlib.models.pair import GearPair
-from gearlib.pages.explorer.explored import Explored, Slider, saved
+from gearlib.pages.explorer.explored import Explored, Slider, saved, slider_of
 from gearlib.pages.explorer.view import look
 
 #: Tunings of the characteristic.
@@ -36,12 +36,14 @@ class Pair(Explored):
                 beta_m,
                 (0.0, max(0.3, 2.0 * beta_m), 0.0005),
             ),
-            "stiffness_ratio": Slider(
-                "stiffness ratio κ", pair.stiffness_ratio, (0.05, 1.0, 0.0005)
+            "stiffness_ratio": slider_of(
+                GearPair, "stiffness_ratio", pair.stiffness_ratio, 0.0005, low=0.05
             ),
-            "contact_ratio": Slider("contact ratio ε", pair.contact_ratio, (1.0, 2.0, 0.001)),
-            "backlash": Slider("backlash, µm", gap, (0.0, max(200.0, 3e6 * gap), 0.5), 1e-6),
-            "load": Slider("load, N", load, (0.05 * load, 5.0 * load, 0.01 * load)),
+            "contact_ratio": slider_of(GearPair, "contact_ratio", pair.contact_ratio, 0.001),
+            "backlash": slider_of(
+                GearPair, "backlash", gap, 0.5, high=max(200.0, 3e6 * gap), unit=1e-6
+            ),
+            "load": slider_of(GearPair, "load", load, 0.01 * load, 0.05 * load, 5.0 * load),
         }
 
     def pair(self, setting):

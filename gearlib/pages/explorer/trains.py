@@ -7,8 +7,9 @@ import numpy as np
 
 from gearlib import config
 from gearlib.config.laying import laid_over
+from gearlib.models.pair import GearPair
 from gearlib.models.trains.described import described
-from gearlib.pages.explorer.explored import Explored, Slider, saved
+from gearlib.pages.explorer.explored import Explored, Slider, saved, slider_of
 from gearlib.pages.explorer.view import TRAIN, look
 
 #: Trains that can be chosen, by the names of their sections.
@@ -80,7 +81,9 @@ class Machine(Explored):
                 "speed of the reference pinion, rpm", float(self.speeds[_POINTS // 3]), (*ends, 1.0)
             ),
             "stiffness_jump": Slider("stiffness jump 1 - κ", jump, (0.0, 0.9, 0.005)),
-            "backlash": Slider("backlash, µm", gap, (0.0, max(200.0, 3e6 * gap), 0.5), 1e-6),
+            "backlash": slider_of(
+                GearPair, "backlash", gap, 0.5, high=max(200.0, 3e6 * gap), unit=1e-6
+            ),
             # On each mesh of the driving gear; of a train of one's own on the reference mesh.
             "load": Slider(
                 "load on each driving mesh, N", load, (0.05 * load, 5.0 * load, 0.01 * load)
