@@ -71,7 +71,6 @@ def rows(damped, chaotic, paper):
     for words, model, tuning, periods in (
         ("one degree by matrices, 120 periods", OneDegreePair(pair=damped), 0.9, 120),
         ("planetary train, bouncing, 12 periods", train, 1.0, 12),
-        # Walked in Python: what a period costs does not depend on their number.
         ("reducer, 12 periods", split_power_reducer(paper), 0.7, 12),
     ):
         # A train has no reduced mass.

@@ -1,7 +1,7 @@
 """`simulate`: one gear pair at one tuning, its time course, events and orbit summary."""
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -97,7 +97,8 @@ def simulate(
     ----------
     Hortel, Skuderova: Engineering Mechanics 14 (2007) 91-104, Eq. (1)-(3).
     """
-    tuning, propagator = tuning_of(pair, tuning, speed), None
+    tuning = tuning_of(pair, tuning, speed)
+    propagator: Any = None
     if sensitivities:
         from gearlib.runs import sensitivities as derivatives
 

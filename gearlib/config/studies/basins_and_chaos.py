@@ -36,16 +36,13 @@ BASINS = Study(
     Drawing(
         "basins.draw",
         {"data": "basins.nc"},
-        {
-            "basins": (
-                "Basins of attraction",
-                """Basins of attraction: every initial state in the colour of the attractor that
-                it reaches within {c.basins.periods} mesh periods, on the stroboscopic section τ
-                = 0; marks with a white rim are the attractors themselves, n of them for period
-                n. Black: chaotic, grey: unbounded, white: undecided. Percentages: share of the
-                plane, with the standard error of as many random states.""",
-            )
-        },
+        "basins",
+        "Basins of attraction",
+        """Basins of attraction: every initial state in the colour of the attractor that it
+        reaches within {c.basins.periods} mesh periods, on the stroboscopic section τ = 0; marks
+        with a white rim are the attractors themselves, n of them for period n. Black: chaotic,
+        grey: unbounded, white: undecided. Percentages: share of the plane, with the standard
+        error of as many random states.""",
     ),
 )
 
@@ -82,18 +79,15 @@ BIFURCATION = Study(
             "shares": "basin_stability.nc",
             "branches": "bifurcation_branches.nc",
         },
-        {
-            "bifurcation": (
-                "Bifurcation diagram, exponents, shares of the basins",
-                """Damping {c.bifurcation.damping.material_damping} N s/m in contact and
-                {c.bifurcation.damping.backlash_damping} N s/m in the backlash. Above:
-                displacement at the start of each mesh period for rising tuning, falling tuning,
-                and from random initial states. Black: continued periodic orbits, dashed where
-                unstable. Middle: the largest Lyapunov exponent, of up and down with three
-                standard errors, a line where motions settle; positive where the motion is
-                chaotic. Below: the share of the initial states that lead to each orbit.""",
-            )
-        },
+        "bifurcation",
+        "Bifurcation diagram, exponents, shares of the basins",
+        """Damping {c.bifurcation.damping.material_damping} N s/m in contact and
+        {c.bifurcation.damping.backlash_damping} N s/m in the backlash. Above: displacement at
+        the start of each mesh period for rising tuning, falling tuning, and from random initial
+        states. Black: continued periodic orbits, dashed where unstable. Middle: the largest
+        Lyapunov exponent, of up and down with three standard errors, a line where motions
+        settle; positive where the motion is chaotic. Below: the share of the initial states
+        that lead to each orbit.""",
     ),
 )
 
@@ -112,16 +106,12 @@ POINCARE = Study(
     Drawing(
         "poincare.draw",
         {"data": "poincare.nc"},
-        {
-            "poincare": (
-                "Poincaré sections",
-                """Displacement and velocity once in every mesh period, at the phase in the
-                title, of {c.poincare.orbits} motions in each panel. Chaotic motions (orange)
-                fill areas without damping and settle on a layered set with damping; regular ones
-                (other colours) run on closed curves and chains of islands, or settle on points.
-                Grey: undecided, because deviations have grown by more than in regular motion,
-                but not by as much as in chaos.""",
-            )
-        },
+        "poincare",
+        "Poincaré sections",
+        """Displacement and velocity once in every mesh period, at the phase in the title, of
+        {c.poincare.orbits} motions in each panel. Chaotic motions (orange) fill areas without
+        damping and settle on a layered set with damping; regular ones (other colours) run on
+        closed curves and chains of islands, or settle on points. Grey: undecided, because
+        deviations have grown by more than in regular motion, but not by as much as in chaos.""",
     ),
 )

@@ -88,7 +88,9 @@ JUMP = Study(
     Drawing(
         "jump.draw",
         {"jumps": "jump.nc"},
-        {"fig6_jump": ("Beside Fig. 6: what moves the jump from rest", _jump_caption)},
+        "fig6_jump",
+        "Beside Fig. 6: what moves the jump from rest",
+        _jump_caption,
         marked,
     ),
 )
@@ -139,18 +141,15 @@ BRANCHES = Study(
     Drawing(
         "branches.draw",
         {"branches": lambda c: f"branches/{c.branches.loci.damping}.nc", "loci": "loci.nc"},
-        {
-            "branches": (
-                "Beside Fig. 3: folds and grazings, and what moves them",
-                """Above: height of the orbits of one mesh period, and of two where they branch
-                off, over the tuning for the damping {c.branches.loci.damping}, solid where
-                stable, dashed where unstable. At a fold two orbits meet and vanish: a sweep
-                jumps there. At a grazing the orbit just touches a flank line. Below: how these
-                points move with the damping ratio; the dotted line is the damping of the picture
-                above. Above the top of a line of grazings contact is no longer lost, or the far
-                flank no longer reached; where two lines of folds meet, hysteresis ends.""",
-            )
-        },
+        "branches",
+        "Beside Fig. 3: folds and grazings, and what moves them",
+        """Above: height of the orbits of one mesh period, and of two where they branch off,
+        over the tuning for the damping {c.branches.loci.damping}, solid where stable, dashed
+        where unstable. At a fold two orbits meet and vanish: a sweep jumps there. At a grazing
+        the orbit just touches a flank line. Below: how these points move with the damping
+        ratio; the dotted line is the damping of the picture above. Above the top of a line of
+        grazings contact is no longer lost, or the far flank no longer reached; where two lines
+        of folds meet, hysteresis ends.""",
     ),
 )
 
@@ -204,15 +203,12 @@ NONLINEAR_DAMPING = Study(
     Drawing(
         "nonlinear_damping.draw",
         {"studies": _places_and_powers},
-        {
-            "nonlinear_damping": (
-                "Nonlinear damping of equal work",
-                """Linear, quadratic and cubic damping that dissipate the same work per period at
-                the amplitude and tuning of the configuration. Above: sweeps up (lines) and down
-                (pale); below: phase planes from rest. Left: damping of the material only; right:
-                damping of the oil only.""",
-            )
-        },
+        "nonlinear_damping",
+        "Nonlinear damping of equal work",
+        """Linear, quadratic and cubic damping that dissipate the same work per period at the
+        amplitude and tuning of the configuration. Above: sweeps up (lines) and down (pale);
+        below: phase planes from rest. Left: damping of the material only; right: damping of the
+        oil only.""",
     ),
 )
 
@@ -248,17 +244,13 @@ MODELS = Study(
     Drawing(
         "models.draw",
         {"comparisons": _of_scenes},
-        {
-            "models": (
-                "Models: what larger ones would change",
-                """Change that a larger model would make in the observables of each scene.
-                Filled: the smallest model for which it is within the tolerance (dashed); this
-                model suffices. Cost: components of the state that are computed per mesh period.
-                ~: rounding decides the runs; bars are medians of {c.models.starts} seeded
-                starts, lines their range, and the change has to be within the tolerance from all
-                of them.""",
-            )
-        },
+        "models",
+        "Models: what larger ones would change",
+        """Change that a larger model would make in the observables of each scene. Filled: the
+        smallest model for which it is within the tolerance (dashed); this model suffices. Cost:
+        components of the state that are computed per mesh period. ~: rounding decides the runs;
+        bars are medians of {c.models.starts} seeded starts, lines their range, and the change
+        has to be within the tolerance from all of them.""",
         _scenes,
     ),
     needs=lambda c: bool(c.scenes),
@@ -296,23 +288,19 @@ PARAMETRIC_RESONANCE = Study(
         """What happens at tuning {c.parametric_resonance.asked}, by damping: the tongue next to
         it, from which damping ratio on it is closed; growth of deviations per mesh period, ln
         |multiplier|; the least displacement of the orbit without loss of contact; between which
-        tunings around the motion from rest loses contact; from which tuning on that orbit leaves
-        the flank itself. Cause: parametric instability where deviations grow, forced response
-        where that orbit leaves the flank.""",
+        tunings around the motion from rest loses contact; from which tuning on that orbit
+        leaves the flank itself. Cause: parametric instability where deviations grow, forced
+        response where that orbit leaves the flank.""",
     ),
     Drawing(
         "parametric_resonance.draw",
         {"chart": "parametric_resonance.nc", "facts": "tongues.nc"},
-        {
-            "parametric_resonance": (
-                "Parametric resonance: tongues",
-                """Stability of the motion without contact loss over the tuning and the stiffness
-                ratio, the contact ratio, the damping. Instability tongues of order n lie near ν
-                = 2/n. Shade: growth per mesh period without damping (below: with it); lines:
-                edges of the tongues, coloured by damping, which rounds their tips and shrinks
-                them. Circles: a tongue of zero width. Dashed: the pair; cross: the tuning of the
-                table.""",
-            )
-        },
+        "parametric_resonance",
+        "Parametric resonance: tongues",
+        """Stability of the motion without contact loss over the tuning and the stiffness ratio,
+        the contact ratio, the damping. Instability tongues of order n lie near ν = 2/n. Shade:
+        growth per mesh period without damping (below: with it); lines: edges of the tongues,
+        coloured by damping, which rounds their tips and shrinks them. Circles: a tongue of zero
+        width. Dashed: the pair; cross: the tuning of the table.""",
     ),
 )

@@ -30,24 +30,21 @@ MESH_STIFFNESS = Study(
         "mesh_stiffness:rows",
         {"stiffness": "mesh_stiffness.nc"},
         "Mesh stiffness by every method, table",
-        """For each pair and method: mean mesh stiffness in N/m, stiffness ratio, and how far the
-        mean lies from that of the energy method, relative; published means below.""",
+        """For each pair and method: mean mesh stiffness in N/m, stiffness ratio, and how far
+        the mean lies from that of the energy method, relative; published means below.""",
     ),
     Drawing(
         "mesh_stiffness.draw",
         {"stiffness": "mesh_stiffness.nc"},
-        {
-            "mesh_stiffness": (
-                "Mesh stiffness by every method",
-                lambda c: (
-                    f"""Mesh stiffness of {" and ".join(c.mesh_stiffness.pairs)} over the mesh
-                period: after the ISO standard, method B, and by the energy method, with one body
-                that yields to all pairs of teeth, with a body for each pair, and with a contact
-                that softens at low load. Bands: the stated uncertainty of both methods. Right: the
-                means; crosses: published ones."""
-                ),
-            )
-        },
+        "mesh_stiffness",
+        "Mesh stiffness by every method",
+        lambda c: (
+            f"""Mesh stiffness of {" and ".join(c.mesh_stiffness.pairs)} over the mesh
+        period: after the ISO standard, method B, and by the energy method, with one body
+        that yields to all pairs of teeth, with a body for each pair, and with a contact
+        that softens at low load. Bands: the stated uncertainty of both methods. Right: the
+        means; crosses: published ones."""
+        ),
     ),
 )
 
@@ -78,21 +75,17 @@ RECTANGLE = Study(
     Drawing(
         "rectangle.draw",
         {"costs": "rectangle.nc"},
-        {
-            "rectangle": (
-                "What the rectangular stiffness costs",
-                """Motion of the drawn pairs with the whole course of the stiffness, and with the
-                rectangle of the same means in double and single contact; damping ratio
-                {c.rectangle.damping_ratio}. Above: height of the orbit, speed rising and
-                falling; tuning and static deflection are those of the energy method. Below: what
-                the rectangle changes, a mark for each variant of the energy method in its
-                colour, beside the spread between the rectangles of all methods; what is too
-                small to be shown stands at the left edge. A difference up to the tolerance,
-                {c.rectangle.tolerance}, is negligible; one below the spread is smaller than the
-                uncertainty of the stiffness. Relative differences; of contact loss and of
-                motions of another period those of shares.""",
-            )
-        },
+        "rectangle",
+        "What the rectangular stiffness costs",
+        """Motion of the drawn pairs with the whole course of the stiffness, and with the
+        rectangle of the same means in double and single contact; damping ratio
+        {c.rectangle.damping_ratio}. Above: height of the orbit, speed rising and falling;
+        tuning and static deflection are those of the energy method. Below: what the rectangle
+        changes, a mark for each variant of the energy method in its colour, beside the spread
+        between the rectangles of all methods; what is too small to be shown stands at the left
+        edge. A difference up to the tolerance, {c.rectangle.tolerance}, is negligible; one
+        below the spread is smaller than the uncertainty of the stiffness. Relative differences;
+        of contact loss and of motions of another period those of shares.""",
     ),
 )
 
@@ -112,21 +105,18 @@ DYNAMIC_FACTOR = Study(
     Drawing(
         "dynamic_factor.draw",
         {"factors": "dynamic_factor.nc"},
-        {
-            "dynamic_factor": (
-                "Dynamic factor of drawn gears, beside ISO 6336-1",
-                lambda c: (
-                    f"""Largest mesh force of two drawn gears over the static one, teeth
-                {c.dynamic_factor.pair.pinion.teeth} and {c.dynamic_factor.pair.wheel.teeth},
-                {c.dynamic_factor.pair.torque} N m on the pinion, damping ratio
-                {c.dynamic_factor.damping_ratio}: exact sweeps with speed up and down, beside the
-                dynamic factor of ISO 6336-1, method B. Two ways to find the mesh stiffness. Perfect
-                teeth, and teeth that deviate once in a mesh period by a cosine as high as the
-                classes {_qualities(c)} of ISO 1328-1 allow after running in. Triangles: jumps;
-                strips: contact is lost."""
-                ),
-            )
-        },
+        "dynamic_factor",
+        "Dynamic factor of drawn gears, beside ISO 6336-1",
+        lambda c: (
+            f"""Largest mesh force of two drawn gears over the static one, teeth
+        {c.dynamic_factor.pair.pinion.teeth} and {c.dynamic_factor.pair.wheel.teeth},
+        {c.dynamic_factor.pair.torque} N m on the pinion, damping ratio
+        {c.dynamic_factor.damping_ratio}: exact sweeps with speed up and down, beside the
+        dynamic factor of ISO 6336-1, method B. Two ways to find the mesh stiffness. Perfect
+        teeth, and teeth that deviate once in a mesh period by a cosine as high as the
+        classes {_qualities(c)} of ISO 1328-1 allow after running in. Triangles: jumps;
+        strips: contact is lost."""
+        ),
     ),
 )
 
@@ -146,18 +136,15 @@ HARRIS_MAP = Study(
     Drawing(
         "harris_map.draw",
         {"data": "harris_map.nc"},
-        {
-            "harris_map": (
-                "Tip relief: Harris maps",
-                """Harris maps: the static transmission error of drawn spur gears over two mesh
-                periods, at several loads, written over the design load of
-                {c.harris_map.gears.torque} N m (thick). Long relief begins where single contact
-                ends and has the amounts of least peak-to-peak error at the design load; short
-                relief has the same amounts on half of the length. Below: peak-to-peak error, and
-                the effective contact ratio, the mean number of pairs of teeth that touch. No
-                relief removes the variation of the error within single contact.""",
-            )
-        },
+        "harris_map",
+        "Tip relief: Harris maps",
+        """Harris maps: the static transmission error of drawn spur gears over two mesh periods,
+        at several loads, written over the design load of {c.harris_map.gears.torque} N m
+        (thick). Long relief begins where single contact ends and has the amounts of least
+        peak-to-peak error at the design load; short relief has the same amounts on half of the
+        length. Below: peak-to-peak error, and the effective contact ratio, the mean number of
+        pairs of teeth that touch. No relief removes the variation of the error within single
+        contact.""",
     ),
 )
 
@@ -180,16 +167,13 @@ RELIEF_DYNAMICS = Study(
     Drawing(
         "relief_dynamics.draw",
         {"data": "relief_dynamics.nc"},
-        {
-            "relief_dynamics": (
-                "Tip relief: dynamic force by two models",
-                """The gears of the Harris map with long relief in motion, at several loads over
-                the design load, sweeping up and down in speed. Wide: one degree of freedom with
-                stiffness and deviation at the load. Thin: pairs of teeth that touch one by one,
-                each with its own flank line, exact between events. Shaded: a model loses
-                contact. The small model suffices where the largest dynamic forces differ by at
-                most {c.relief_dynamics.tolerance} of the force at all tunings.""",
-            )
-        },
+        "relief_dynamics",
+        "Tip relief: dynamic force by two models",
+        """The gears of the Harris map with long relief in motion, at several loads over the
+        design load, sweeping up and down in speed. Wide: one degree of freedom with stiffness
+        and deviation at the load. Thin: pairs of teeth that touch one by one, each with its own
+        flank line, exact between events. Shaded: a model loses contact. The small model
+        suffices where the largest dynamic forces differ by at most
+        {c.relief_dynamics.tolerance} of the force at all tunings.""",
     ),
 )

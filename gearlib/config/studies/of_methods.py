@@ -108,28 +108,26 @@ ANALYTIC_METHOD = Study(
     Drawing(
         "analytic_method.draw",
         {"data": "analytic_method.nc"},
-        {
-            "analytic_method": (
-                "The paper's analytic method",
-                """The paper's analytic method with the damping {c.analytic_method.damping}.
-                Above: iterates from the static deflection; each application of the kernel
-                corrects the remainder, and each dot is followed by a step of the degenerate
-                part. Below: the factor by which an iteration contracts deviations from the exact
-                orbit, over tuning and number of degenerate harmonics (those nearest to resonance
-                first); crosses: no convergence from the lowest harmonics of the exact orbit.
-                Line: the automatic choice, which relies on a bound.""",
-            ),
-            "harmonic_balance": (
-                "Harmonic balance",
-                """Above: largest errors over the period against the exact orbit, over the number
-                of harmonics h. Dotted: the slopes with which a stiffness that jumps lets
-                displacement and dx/dτ converge (Gibbs). E. Schmidt's method solves the same
-                equations as harmonic balance. Below: extrema of harmonic balance of one mesh
-                period, followed up and down in tuning, beside exact sweeps; open marks are
-                unstable. Where marks end before a line, Newton's method found no motion from the
-                neighbouring one, or one on another branch.""",
-            ),
-        },
+        "analytic_method",
+        "The paper's analytic method",
+        """The paper's analytic method with the damping {c.analytic_method.damping}. Above:
+        iterates from the static deflection; each application of the kernel corrects the
+        remainder, and each dot is followed by a step of the degenerate part. Below: the factor
+        by which an iteration contracts deviations from the exact orbit, over tuning and number
+        of degenerate harmonics (those nearest to resonance first); crosses: no convergence from
+        the lowest harmonics of the exact orbit. Line: the automatic choice, which relies on a
+        bound.""",
+        second=(
+            "harmonic_balance",
+            "Harmonic balance",
+            """Above: largest errors over the period against the exact orbit, over the number of
+            harmonics h. Dotted: the slopes with which a stiffness that jumps lets displacement
+            and dx/dτ converge (Gibbs). E. Schmidt's method solves the same equations as
+            harmonic balance. Below: extrema of harmonic balance of one mesh period, followed up
+            and down in tuning, beside exact sweeps; open marks are unstable. Where marks end
+            before a line, Newton's method found no motion from the neighbouring one, or one on
+            another branch.""",
+        ),
     ),
 )
 
@@ -152,16 +150,13 @@ STABILITY_CHART = Study(
     Drawing(
         "stability.draw",
         {"chart": "stability_chart.nc"},
-        {
-            "stability_chart": (
-                "Numerical stability of fixed steps",
-                """Stability of fixed-step methods on the mesh without contact loss, over steps
-                per period and tuning; below, the exact spectral radius of one mesh period.
-                Invents motion: the numerical solution grows where the exact one does not; hides
-                the instability: the exact solution grows, the numerical one does not. Dashed:
-                limit of the stability interval of explicit Runge-Kutta steps.""",
-            )
-        },
+        "stability_chart",
+        "Numerical stability of fixed steps",
+        """Stability of fixed-step methods on the mesh without contact loss, over steps per
+        period and tuning; below, the exact spectral radius of one mesh period. Invents motion:
+        the numerical solution grows where the exact one does not; hides the instability: the
+        exact solution grows, the numerical one does not. Dashed: limit of the stability
+        interval of explicit Runge-Kutta steps.""",
     ),
 )
 
@@ -194,21 +189,17 @@ FAILURES = Study(
     Drawing(
         "failures.draw",
         {"matrix": "failures.nc", "gradients": "gradients.nc"},
-        {
-            "failures": (
-                "Failures: difficult problems against methods",
-                """Difficult problems (rows) and methods (columns). Letter and colour: the first
-                rule of `gearlib/studies/trials/failures.py` that applies; number: error in the
-                quantity that the problem compares (contact events: how many are missing,
-                spurious or out of order). Star: fewer mesh periods than the other methods,
-                because the steps of the solver are interpreted. The references are independent
-                of the method that is judged. Columns d/dp: derivatives of the final state by
-                contact ratio, damping (stiffness ratio without damping) and tuning, on some of
-                the problems; `gearlib/studies/trials/gradients.py` has ways and rules. Their
-                reference, differences of runs to rounding, loses half of its digits: the
-                smallest errors are its own. Silently wrong: far off, without a word.""",
-            )
-        },
+        "failures",
+        "Failures: difficult problems against methods",
+        """Difficult problems (rows) and methods (columns). Letter and colour: the first rule of
+        `gearlib/studies/trials/failures.py` that applies; number: error in the quantity that
+        the problem compares (contact events: how many are missing, spurious or out of order).
+        Star: fewer mesh periods than the other methods, because the steps of the solver are
+        interpreted. The references are independent of the method that is judged. Columns d/dp:
+        derivatives of the final state by contact ratio, damping (stiffness ratio without
+        damping) and tuning, on some of the problems; `gearlib/studies/trials/gradients.py` has
+        ways and rules. Their reference, differences of runs to rounding, loses half of its
+        digits: the smallest errors are its own. Silently wrong: far off, without a word.""",
         absent=_untried,
     ),
 )
@@ -257,39 +248,32 @@ WORK_PRECISION = Study(
     Drawing(
         "work_precision.draw",
         {"errors": _ERRORS},
-        {
-            "work_precision_evaluations": (
-                "Work and precision: evaluations",
-                """Error of the final state, against a run in 50 digits, over evaluations of the
-                right-hand side per mesh period: one panel for each test problem, one line for
-                each method, from coarse to fine values of its accuracy parameter. Marks at the
-                left edge: closed forms, which evaluate no right-hand side. Grey: half the last
-                place of the state.""",
-            ),
-            "work_precision_measures": (
-                "Work and precision: events, multipliers",
-                """Errors of the phases of the last events, and of the largest absolute Floquet
-                multiplier of the settled orbit, over evaluations of the right-hand side per mesh
-                period. A method whose events differ in number from those of the reference has no
-                point. Multipliers are those of central differences; grey: rounding.""",
-            ),
-        },
+        "work_precision_evaluations",
+        "Work and precision: evaluations",
+        """Error of the final state, against a run in 50 digits, over evaluations of the
+        right-hand side per mesh period: one panel for each test problem, one line for each
+        method, from coarse to fine values of its accuracy parameter. Marks at the left edge:
+        closed forms, which evaluate no right-hand side. Grey: half the last place of the state.""",
+        second=(
+            "work_precision_measures",
+            "Work and precision: events, multipliers",
+            """Errors of the phases of the last events, and of the largest absolute Floquet
+            multiplier of the settled orbit, over evaluations of the right-hand side per mesh
+            period. A method whose events differ in number from those of the reference has no
+            point. Multipliers are those of central differences; grey: rounding.""",
+        ),
         absent=_absent("work_precision"),
     ),
     Drawing(
         "work_precision.draw_time",
         {"errors": _ERRORS, "times": _TIMES},
-        {
-            "work_precision_time": (
-                "Work and precision: wall time",
-                """Error of the final state, against a run in 50 digits, over wall time per mesh
-                period, one thread, without compilation and start, the shortest of up to
-                {c.work_precision.repeats} runs: one panel for each test problem, one line for
-                each method. Grey: below half the last place of the state, and quicker than one
-                evaluation of the closed form of contact. Times are those of one machine and one
-                run.""",
-            )
-        },
+        "work_precision_time",
+        "Work and precision: wall time",
+        """Error of the final state, against a run in 50 digits, over wall time per mesh period,
+        one thread, without compilation and start, the shortest of up to
+        {c.work_precision.repeats} runs: one panel for each test problem, one line for each
+        method. Grey: below half the last place of the state, and quicker than one evaluation of
+        the closed form of contact. Times are those of one machine and one run.""",
         absent=_absent("work_precision"),
         name="work_precision_time",
     ),
@@ -326,7 +310,9 @@ JUMP_BY_METHOD = Study(
     Drawing(
         "jump_by_method.draw",
         {"jumps": _JUMPS},
-        {"jump_by_method": ("Jump from rest by method", _jump_caption)},
+        "jump_by_method",
+        "Jump from rest by method",
+        _jump_caption,
         marked,
         _absent("jump_by_method"),
     ),

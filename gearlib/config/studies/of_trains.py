@@ -50,32 +50,29 @@ REDUCER = Study(
         {"characteristics": "reducer.nc"},
         "Fig. 1: the reducer, table",
         """For each case, direction of the sweep and mesh of the reducer: the largest dynamic
-        factor of the motions on which all starts settle, where it lies, and the tunings at which
-        from all starts contact is lost, or a far flank struck, in its branch only. Last: the
-        tunings at which starts do not end on one stable orbit; there the figure has the range.
-        *cold*: all starts beside static equilibrium; *up*, *down*: one start carried.""",
+        factor of the motions on which all starts settle, where it lies, and the tunings at
+        which from all starts contact is lost, or a far flank struck, in its branch only. Last:
+        the tunings at which starts do not end on one stable orbit; there the figure has the
+        range. *cold*: all starts beside static equilibrium; *up*, *down*: one start carried.""",
     ),
     Drawing(
         "reducer.draw",
         {"characteristics": "reducer.nc"},
-        {
-            "reducer": (
-                "Fig. 1: all meshes of the reducer over speed",
-                lambda c: (
-                    f"""The reducer with double satellites, every mesh a pair with damping
-                {c.reducer.damping}, teeth {listed(c.reducer.teeth)}: largest mesh forces over
-                static ones, and how the branches share the load, over the tuning of the pair alone
-                and the speed. Every tuning has {c.reducer.starts} seeded starts, up to
-                {c.reducer.spread} static deflections beside static equilibrium. Lines: where all of
-                them end on one stable orbit, that; else medians, with their range as shade and the
-                shares of the starts in the lowest row. Triangles: the first start carried up and
-                down, where it settles on another orbit. Squares and crosses: all starts. Middle:
-                the axis of one satellite displaced by {_displaced(c)}. Right: backlash of the
-                branches {listed(c.reducer.backlashes)} m. Record of the last
-                {c.reducer.record_periods} of {c.reducer.periods} mesh periods."""
-                ),
-            )
-        },
+        "reducer",
+        "Fig. 1: all meshes of the reducer over speed",
+        lambda c: (
+            f"""The reducer with double satellites, every mesh a pair with damping
+        {c.reducer.damping}, teeth {listed(c.reducer.teeth)}: largest mesh forces over
+        static ones, and how the branches share the load, over the tuning of the pair alone
+        and the speed. Every tuning has {c.reducer.starts} seeded starts, up to
+        {c.reducer.spread} static deflections beside static equilibrium. Lines: where all of
+        them end on one stable orbit, that; else medians, with their range as shade and the
+        shares of the starts in the lowest row. Triangles: the first start carried up and
+        down, where it settles on another orbit. Squares and crosses: all starts. Middle:
+        the axis of one satellite displaced by {_displaced(c)}. Right: backlash of the
+        branches {listed(c.reducer.backlashes)} m. Record of the last
+        {c.reducer.record_periods} of {c.reducer.periods} mesh periods."""
+        ),
     ),
 )
 
@@ -120,26 +117,23 @@ ONE_MESH = Study(
     Drawing(
         "one_mesh.draw",
         {"comparison": "one_mesh.nc"},
-        {
-            "one_mesh": (
-                "Fig. 1: does one mesh stand for the reducer?",
-                lambda c: (
-                    f"""Models of the reducer, from one pair to the whole train. Above:
-                largest dynamic factor of the first meshes over the tuning, medians of
-                {c.one_mesh.starts} seeded starts, up to {c.one_mesh.spread} static deflections
-                beside static equilibrium; shaded: their range where they do not end on one stable
-                orbit. Below: how far the answers of the smaller models lie from those of the whole
-                train, over these; shaded beyond the tolerance, {c.one_mesh.tolerance}; ~: another
-                number from start to start, or one that rounding decides, the shade that of the
-                median; bold: the smallest model that suffices from all starts. Contact loss: share
-                of time without drive-side contact, mean over the tunings; characteristic: mean
-                distance of the curves above. Held alike: the motion in which all branches move
-                alike, whether it is stable or not; out of phase: teeth
-                {listed(c.one_mesh.other_teeth)}; displaced: {_displaced(c)}; soft supports:
-                {c.one_mesh.soft_support} N/m in place of {c.reducer.support_stiffness} N/m."""
-                ),
-            )
-        },
+        "one_mesh",
+        "Fig. 1: does one mesh stand for the reducer?",
+        lambda c: (
+            f"""Models of the reducer, from one pair to the whole train. Above:
+        largest dynamic factor of the first meshes over the tuning, medians of
+        {c.one_mesh.starts} seeded starts, up to {c.one_mesh.spread} static deflections
+        beside static equilibrium; shaded: their range where they do not end on one stable
+        orbit. Below: how far the answers of the smaller models lie from those of the whole
+        train, over these; shaded beyond the tolerance, {c.one_mesh.tolerance}; ~: another
+        number from start to start, or one that rounding decides, the shade that of the
+        median; bold: the smallest model that suffices from all starts. Contact loss: share
+        of time without drive-side contact, mean over the tunings; characteristic: mean
+        distance of the curves above. Held alike: the motion in which all branches move
+        alike, whether it is stable or not; out of phase: teeth
+        {listed(c.one_mesh.other_teeth)}; displaced: {_displaced(c)}; soft supports:
+        {c.one_mesh.soft_support} N/m in place of {c.reducer.support_stiffness} N/m."""
+        ),
     ),
 )
 
@@ -169,18 +163,15 @@ CAMPBELL = Study(
     Drawing(
         "campbell.draw",
         {"diagram": "campbell.nc"},
-        {
-            "campbell": (
-                "Fig. 1: Campbell diagram of the reducer",
-                """Campbell diagram of the reducer whose branches are alike, every mesh a pair
-                with damping {c.reducer.damping}: natural frequencies at mean stiffness against
-                both mesh frequencies and their orders up to {c.campbell.orders}, labelled with
-                the order over the first mesh frequency. Dots: the mesh stiffness excites the
-                mode, circles: it does not, because the phases of the meshes cancel or no mesh
-                deforms in the mode. Yellow, behind a mesh frequency: a mesh of it loses contact
-                in an exact sweep, from all starts, or carried with speed up or down.""",
-            )
-        },
+        "campbell",
+        "Fig. 1: Campbell diagram of the reducer",
+        """Campbell diagram of the reducer whose branches are alike, every mesh a pair with
+        damping {c.reducer.damping}: natural frequencies at mean stiffness against both mesh
+        frequencies and their orders up to {c.campbell.orders}, labelled with the order over the
+        first mesh frequency. Dots: the mesh stiffness excites the mode, circles: it does not,
+        because the phases of the meshes cancel or no mesh deforms in the mode. Yellow, behind a
+        mesh frequency: a mesh of it loses contact in an exact sweep, from all starts, or
+        carried with speed up or down.""",
     ),
 )
 
@@ -200,18 +191,15 @@ TRAIN_CHART = Study(
     Drawing(
         "train_chart.draw",
         {"chart": "train_chart.nc"},
-        {
-            "train_chart": (
-                "Planetary train: instability tongues",
-                """Instability tongues of the planetary train without damping and without loss of
-                contact, by exact Floquet multipliers, over the mesh frequency and the stiffness
-                jump (left) or the contact ratio of all meshes (right, jump {c.train_chart.jump}
-                of the mean stiffness), for two choices of teeth. Grey: unstable, as to first
-                order in the jump; orange: unstable, but in no tongue of first order; blue: in a
-                tongue of first order, but stable. Bottom: the share of the unstable range that
-                the first order misses, and the share of its tongues that is stable.""",
-            )
-        },
+        "train_chart",
+        "Planetary train: instability tongues",
+        """Instability tongues of the planetary train without damping and without loss of
+        contact, by exact Floquet multipliers, over the mesh frequency and the stiffness jump
+        (left) or the contact ratio of all meshes (right, jump {c.train_chart.jump} of the mean
+        stiffness), for two choices of teeth. Grey: unstable, as to first order in the jump;
+        orange: unstable, but in no tongue of first order; blue: in a tongue of first order, but
+        stable. Bottom: the share of the unstable range that the first order misses, and the
+        share of its tongues that is stable.""",
     ),
 )
 
@@ -231,23 +219,19 @@ SYMMETRY_BREAKING = Study(
     Drawing(
         "symmetry_breaking.draw",
         {"data": "symmetry_breaking.nc"},
-        {
-            "symmetry_breaking": (
-                "Planetary train: symmetry breaking",
-                """Planets that are alike and in phase ({c.symmetry_breaking.teeth[0]} teeth of
-                the sun, {c.symmetry_breaking.teeth[1]} of the ring, stiffness jump
-                {c.symmetry_breaking.jump} of the mean) may move alike, as one planet with an
-                N-th of sun, ring and carrier does. Dashed: that motion, and the largest
-                multiplier of disturbances that keep it. Solid: the largest multiplier of all
-                others. Where only the latter exceeds one, the small train calls stable what the
-                whole one leaves: markers show the medians of {c.symmetry_breaking.starts} seeded
-                starts, up to {c.symmetry_breaking.spread} static deflections beside it, after
-                {c.symmetry_breaking.periods} mesh periods, mesh by mesh; bars their range where
-                they do not end on one stable orbit, and the row below the shares of the starts.
-                Last: the forces at the dotted frequency, {c.symmetry_breaking.shown_after} mesh
-                periods after the first start.""",
-            )
-        },
+        "symmetry_breaking",
+        "Planetary train: symmetry breaking",
+        """Planets that are alike and in phase ({c.symmetry_breaking.teeth[0]} teeth of the sun,
+        {c.symmetry_breaking.teeth[1]} of the ring, stiffness jump {c.symmetry_breaking.jump} of
+        the mean) may move alike, as one planet with an N-th of sun, ring and carrier does.
+        Dashed: that motion, and the largest multiplier of disturbances that keep it. Solid: the
+        largest multiplier of all others. Where only the latter exceeds one, the small train
+        calls stable what the whole one leaves: markers show the medians of
+        {c.symmetry_breaking.starts} seeded starts, up to {c.symmetry_breaking.spread} static
+        deflections beside it, after {c.symmetry_breaking.periods} mesh periods, mesh by mesh;
+        bars their range where they do not end on one stable orbit, and the row below the shares
+        of the starts. Last: the forces at the dotted frequency,
+        {c.symmetry_breaking.shown_after} mesh periods after the first start.""",
         lambda c: c.symmetry_breaking.model_dump(include={"periods_shown"}),
     ),
 )
@@ -269,21 +253,18 @@ TRAIN_SWEEP = Study(
     Drawing(
         "train_sweep.draw",
         {"curves": "train_sweep.nc"},
-        {
-            "train_sweep": (
-                "The train of the configuration over speed",
-                lambda c: (
-                    f"""The train of the section ``train``, {c.train.kind.replace("_", " ")}:
-                largest force of every mesh over its static one, and the share of time for which its
-                drive flanks touch, over the speed. Lines: one start carried up and down from static
-                equilibrium, where it settles on a stable orbit. Shades: the range of
-                {c.train_sweep.starts} seeded starts, up to {c.train_sweep.spread} static
-                deflections beside equilibrium, where they do not end on one orbit, dots their
-                medians; below, their shares. Record of the last {c.train_sweep.record_periods} of
-                {c.train_sweep.periods} mesh periods."""
-                ),
-            )
-        },
+        "train_sweep",
+        "The train of the configuration over speed",
+        lambda c: (
+            f"""The train of the section ``train``, {c.train.kind.replace("_", " ")}:
+        largest force of every mesh over its static one, and the share of time for which its
+        drive flanks touch, over the speed. Lines: one start carried up and down from static
+        equilibrium, where it settles on a stable orbit. Shades: the range of
+        {c.train_sweep.starts} seeded starts, up to {c.train_sweep.spread} static
+        deflections beside equilibrium, where they do not end on one orbit, dots their
+        medians; below, their shares. Record of the last {c.train_sweep.record_periods} of
+        {c.train_sweep.periods} mesh periods."""
+        ),
     ),
     # By default the train is the reducer, which has a target.
     unasked=False,

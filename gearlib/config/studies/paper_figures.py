@@ -110,17 +110,14 @@ PHASE_LAG = Study(
     Drawing(
         "phase_shift.draw",
         {"lags": "phase_lag.nc"},
-        {
-            "fig2_phase_shift": (
-                "Fig. 2: phase lag, material damping",
-                lambda c: (
-                    f"""Relative motion over the mesh stiffness for the material dampings
-                {listed(c.phase_lag.material_dampings)} N s/m, the lag of each harmonic of the mesh
-                period behind that of the stiffness, and the lag of the first one over the tuning;
-                gaps: no orbit of one mesh period, or chaos before the motion settles."""
-                ),
-            )
-        },
+        "fig2_phase_shift",
+        "Fig. 2: phase lag, material damping",
+        lambda c: (
+            f"""Relative motion over the mesh stiffness for the material dampings
+        {listed(c.phase_lag.material_dampings)} N s/m, the lag of each harmonic of the mesh
+        period behind that of the stiffness, and the lag of the first one over the tuning;
+        gaps: no orbit of one mesh period, or chaos before the motion settles."""
+        ),
     ),
 )
 
@@ -156,12 +153,9 @@ RESONANCE = Study(
             "branches": _beside("branches", of_dampings("branches/{damping}.nc")),
             "tongues": _beside("parametric_resonance", "tongues.nc"),
         },
-        {
-            "fig3_resonance": (
-                "Fig. 3: resonance characteristics, all dampings",
-                _resonance_caption,
-            )
-        },
+        "fig3_resonance",
+        "Fig. 3: resonance characteristics, all dampings",
+        _resonance_caption,
         _colours,
     ),
 )
@@ -191,17 +185,14 @@ PHASE_PLANES = Study(
     Drawing(
         "phase_planes.draw",
         {"phase_planes": "phase_planes.nc"},
-        {
-            "fig5_phase_planes": (
-                "Fig. 5: phase planes, all dampings",
-                lambda c: (
-                    f"""Phase planes of the last {c.run.recorded_revolutions} of
-                {c.run.revolutions} revolutions: one row for each tuning
-                ({listed(c.phase_planes.tunings)}), one column for each damping
-                ({listed(c.dampings)}). The backlash is shaded."""
-                ),
-            )
-        },
+        "fig5_phase_planes",
+        "Fig. 5: phase planes, all dampings",
+        lambda c: (
+            f"""Phase planes of the last {c.run.recorded_revolutions} of
+        {c.run.revolutions} revolutions: one row for each tuning
+        ({listed(c.phase_planes.tunings)}), one column for each damping
+        ({listed(c.dampings)}). The backlash is shaded."""
+        ),
         _colours,
     ),
 )
@@ -225,14 +216,11 @@ SCENES = Study(
     Drawing(
         "time_courses.draw",
         {"scene": "scenes/{scene}.nc"},
-        {
-            "{scene}": (
-                _label_of_scene,
-                """Phase planes and time courses of the scene {{scene}}, the last mesh periods of
-                the record; light grey: contact loss, dark grey: inverse mesh, bar: contact at
-                the lower stiffness.""",
-            )
-        },
+        "{scene}",
+        _label_of_scene,
+        """Phase planes and time courses of the scene {{scene}}, the last mesh periods of the
+        record; light grey: contact loss, dark grey: inverse mesh, bar: contact at the lower
+        stiffness.""",
         lambda c: (
             lambda wildcards: {
                 "courses": c.scenes[wildcards.scene].courses,
@@ -253,8 +241,8 @@ STATEMENTS = Study(
         "",
         {},
         "Statements, computed numbers, verdicts",
-        """Statements of the paper, what was computed for each, and the verdict that follows from
-        the numbers. A statement that differs stays in the table.""",
+        """Statements of the paper, what was computed for each, and the verdict that follows
+        from the numbers. A statement that differs stays in the table.""",
     ),
     results=lambda c: ["claims.md", *WHY],
 )

@@ -62,13 +62,22 @@ class Table(NamedTuple):
 class Drawing(NamedTuple):
     """A rule ``draw_<name>`` that draws figures, all formats at once."""
 
-    function: str  #: of gearlib.figures; where there are several figures it returns them by name
+    function: str  #: of gearlib.figures; of two figures it returns them by name
     data: dict
-    figures: dict  #: name of a figure -> (what the report calls it, caption)
+    figure: str  #: its name
+    label: object  #: in the report; or a function of the configuration and the wildcards
+    caption: object  #: as of `text_of`
     settings: Callable = lambda c: {}  #: its other arguments
     absent: Callable = lambda c: []  #: methods that a note calls left out
+    second: tuple = ()  #: name, label and caption of another figure
     name: str = ""  #: of the rule, where the study has several
     names: Callable = lambda c: {}  #: wildcard of the figures -> its values
+
+    @property
+    def figures(self):
+        """Name -> (label, caption)."""
+        first = {self.figure: (self.label, self.caption)}
+        return first | ({self.second[0]: self.second[1:]} if self.second else {})
 
 
 class Study:

@@ -51,7 +51,7 @@ class Tables(NamedTuple):
     codes: np.ndarray  #: contact codes, int, shape (C, m)
     stiffness: np.ndarray  #: shape (C, m)
     low: np.ndarray  #: as of `itinerary.Places`
-    place: np.ndarray  #: phase between places where curves are looked at, shape (C,)
+    place: float  #: phase between places where curves are looked at
     same: bool  #: whether displacements are the distances from the near flank
     samples: np.ndarray  #: filled, shape (s, k, r)
     events: np.ndarray  #: filled with those of phase and velocity, shape (e, 2, k)
@@ -208,7 +208,7 @@ def record_arc(bases, tables, c, t, length, q, w):
 def _turning_points(bases, tables, c, length, q, w):
     """Compare the turning points of all curves on an arc with the extrema, look for touches."""
     m, old, new = tables.codes.shape[1], w.curves[0], w.curves[1]
-    count = max(int(math.ceil(length / tables.place[c])), 2)
+    count = max(int(math.ceil(length / tables.place)), 2)
     h = length / count
     for place in range(count + 1):
         _curves_at(bases, tables, c, place * h, q, w, new)

@@ -9,7 +9,7 @@ module                responsibility
 ``several_meshes``    trains of gears: many coordinates, events of all meshes, by
 ``modes``             the modes of every combination of contacts
 ``matrices``          derivatives by parameters of the last two kinds, by
-``varied``            what their matrices change by,
+``matrix_slopes``     what their matrices change by,
 ``slope_bases``       bases in which these are few numbers,
 ``tangents``          and what the motion changes by, arc by arc and event by event
 ``taylor``            Taylor steps that end at events: any one degree of freedom

@@ -12,18 +12,18 @@ _ON_LINE = 1e-14
 
 
 class Matrices(Base):
-    """A subclass gives `vary_along`, `motion` and `start_tangents`."""
+    """A subclass gives `slopes_along`, `motion` and `start_tangents`."""
 
     _last: tuple = (None, None)
 
-    def vary_along(self, along):
-        """Return the `Varied` of directions, dicts of `Model.direction`."""
+    def slopes_along(self, along):
+        """Return the `MatrixSlopes` of directions, dicts of `Model.direction`."""
         raise NotImplementedError
 
-    def varied(self, along):
+    def slopes(self, along):
         """Return the same; that of the last directions is kept."""
         if self._last[0] is not along:
-            self._last = along, self.vary_along(along)
+            self._last = along, self.slopes_along(along)
         return self._last[1]
 
     def motion(self, z, periods, limit):
@@ -32,7 +32,7 @@ class Matrices(Base):
 
     def _walk(self, z, along, tangents, periods, limit, rates=False):
         motion, code = self.motion(np.array(z, float), periods, limit)
-        return (Walk(self.varied(along), motion, tangents, rates) if code == OK else None), code
+        return (Walk(self.slopes(along), motion, tangents, rates) if code == OK else None), code
 
     def tangents(self, z, along, tangents, periods, limit):
         """Take tangents through mesh periods; see `Base.differentiate`."""

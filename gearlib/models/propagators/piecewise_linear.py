@@ -9,9 +9,9 @@ from gearlib.kernels.several_meshes.periods import EVENT_COLUMNS
 from gearlib.kernels.several_meshes.record import SUMMARY_COLUMNS
 from gearlib.models.derivatives import START, STEP
 from gearlib.models.propagators.base import Base
+from gearlib.models.propagators.matrix_slopes import MatrixSlopes
 from gearlib.models.propagators.modes import Frame
 from gearlib.models.propagators.several_meshes import Propagator as Train
-from gearlib.models.propagators.several_meshes import VariedSystem
 
 
 class Propagator(Train):
@@ -60,7 +60,7 @@ class Propagator(Train):
         rows = self.model.outputs(self.system)[:, raw[:, n].astype(int) + 1, raw[:, -1].astype(int)]
         samples[:, count:] = np.einsum("ekn,kn->ke", rows, state)
 
-    def vary_along(self, along):
+    def slopes_along(self, along):
         """Return what the system changes by; see `Matrices`."""
         model, tuning, systems = self.model, self.system.tuning, [self.system]
         self.twins, outputs = [], [model.outputs(self.system)]
@@ -72,12 +72,10 @@ class Propagator(Train):
             systems.append(system)
             outputs.append(twin.outputs(system))
         switches = math.pi * np.array([[slopes.get("contact_ratio", 0.0) for slopes in along]])
-        varied = VariedSystem(systems, model.size, switches, outputs)
-        varied.position = varied.near.copy()
+        near = np.array([one.near for one in systems]) + 0j
         # Of a displacement, not a distance.
-        lines = [self.line, *(twin.flank_lines[0] for twin, _ in self.twins)]
-        varied.position[:, 0, model.size] += np.array(lines)
-        return varied
+        near[:, 0, model.size] += [self.line, *(twin.flank_lines[0] for twin, _ in self.twins)]
+        return MatrixSlopes(systems, model.size, switches, outputs, near)
 
     def start_tangents(self, state, along):
         """Return what the start changes by, shape (size, k); see `Matrices.start_tangents`."""
@@ -88,7 +86,7 @@ class Propagator(Train):
                     f"{len(state)} components of initial_state: it must have two"
                 )
             return np.zeros((len(state), len(along)))
-        self.varied(along)
+        self.slopes(along)
         columns = []
         for (twin, system), slopes in zip(self.twins, along, strict=True):
             moved = [
@@ -99,7 +97,7 @@ class Propagator(Train):
 
     def final(self, walk):
         """Return the derivatives of displacement and velocity; see `Matrices.final`."""
-        rows, slopes = walk.varied.rows(walk.codes, walk.segments)
+        rows, slopes = walk.slopes.rows(walk.codes, walk.segments)
         return rows[:2] @ walk.block[walk.q :].T + (slopes[:, :2] @ walk.block[0]).T
 
     def switches(self, mesh):

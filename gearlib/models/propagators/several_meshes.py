@@ -12,82 +12,11 @@ from gearlib.kernels.several_meshes.modes import Modes, forget, forget_lengths, 
 from gearlib.kernels.several_meshes.periods import EVENT_COLUMNS, EVENT_MESH, FULL, MISSING
 from gearlib.kernels.several_meshes.record import SUMMARY_COLUMNS
 from gearlib.kernels.several_meshes.run import begin, period_of, run_train
-from gearlib.kernels.slopes.itinerary import Places
 from gearlib.models.derivatives import STEP
 from gearlib.models.propagators.matrices import Matrices
+from gearlib.models.propagators.matrix_slopes import MatrixSlopes
 from gearlib.models.propagators.modes import Frame, add
 from gearlib.models.propagators.tangents import Motion
-from gearlib.models.propagators.varied import Varied
-
-
-class VariedSystem(Varied):
-    """Systems of a model and of its twins off the real axis, shape of a stack: (k + 1, ...).
-
-    `switches` as of `Varied`; `outputs` of each system as of `Model.outputs`, by phase.
-    """
-
-    def __init__(self, systems, size, switches, outputs):
-        super().__init__()
-        self.system, self.size, self.switches = systems[0], size, switches
-        self.tuning, self.repeats = self.system.tuning, self.system.repeats
-        self._effects = self.system.effect.tolist()
-        one = self.system
-        self.places = Places(one.effect, one.low.astype(bool), one.starts, one.first_segment)
-        self._free, self._push, self._grip, self._stiffness, self.near, self.far = (
-            np.array([getattr(one, name) for one in systems]) + 0j
-            for name in ("free", "push", "grip", "stiffness", "near", "far")
-        )
-        self.position = self.near
-        half, every = size // 2, np.array([one.tuning for one in systems])
-        # From rates by theta to rates by phase.
-        self._rate, self._scale = every[:, None, None], np.ones(self.near.shape[::2], complex)
-        self._scale[:, half : 2 * half] = every[:, None]
-        self._outputs = np.array(outputs) + 0j
-        # An infinite backlash stays infinite.
-        self._outputs[~np.isfinite(self._outputs).all(axis=-1)] = 0.0
-
-    def stack(self, effects):
-        """As of `Varied`."""
-        a = self._free.copy()
-        for j, effect in enumerate(effects):
-            push, grip = self._push[:, j, effect], self._grip[:, j, effect]
-            a += np.swapaxes(push, 1, 2) @ grip
-        return a * self._scale[:, None, :] / self._scale[:, :, None] / self._rate
-
-    def effects(self, codes, segments):
-        """As of `Varied`."""
-        places = range(len(codes))
-        return tuple([self._effects[codes[j] + 1][segments[j]][j] for j in places])
-
-    def stiffness(self, codes, segments):
-        """As of `Varied`."""
-        rows = enumerate(zip(codes, segments, strict=True))
-        return np.stack([self._stiffness[:, code + 1, p, j] for j, (code, p) in rows], axis=1)
-
-    def low(self, code, segment, mesh):
-        """As of `Varied`."""
-        return self.system.low[code + 1, segment, mesh]
-
-    def longest(self, segments):
-        """As of `Varied`."""
-        return self.system.longest * self.tuning
-
-    def cuts(self, number):
-        """As of `Varied`."""
-        first, last = _segments(self.system, number)
-        starts = self.system.starts
-        return [(starts[p] - starts[first], p) for p in range(first, last)]
-
-    def outputs(self, codes, segments):
-        """As of `Varied`."""
-        # Those of several meshes do not depend on contact and segment.
-        return self._outputs[:, :, codes[0] + 1, segments[0]]
-
-
-def _segments(system, number):
-    """Return the first segment of a mesh period and the one behind its last."""
-    number %= len(system.first_segment) - 1
-    return system.first_segment[number], system.first_segment[number + 1]
 
 
 class Propagator(Matrices):
@@ -228,7 +157,7 @@ class Propagator(Matrices):
         maps *= self.scale[None, :] / self.scale[:, None]
         return code
 
-    def vary_along(self, along):
+    def slopes_along(self, along):
         """Return what the train changes by; see `Matrices`."""
         from gearlib.models.trains.system import train_system
 
@@ -246,7 +175,7 @@ class Propagator(Matrices):
         outputs = np.zeros((len(systems), half, 3, self.system.effect.shape[1], n))
         outputs[...] = np.eye(half, n)[:, None, None]
         switches = math.pi * np.array(slopes) / rates[:, None]
-        return VariedSystem(systems, train.size, switches, outputs)
+        return MatrixSlopes(systems, train.size, switches, outputs)
 
     def motion(self, z, periods, limit):
         """Return the motion with all of its events; see `Matrices.motion`."""
@@ -270,7 +199,7 @@ class Propagator(Matrices):
 
         names = [f"initial_state of {component}" for component in self.model.components]
         found = np.array([[slopes.get(name, 0.0) for slopes in along] for name in names])
-        self.varied(along)
+        self.slopes(along)
         if isinstance(state, str):
             rest = equilibrium(self.model)
             moved = [static_state(self.model, rest, twin).imag / STEP for twin in self.twins]

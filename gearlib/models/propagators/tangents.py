@@ -51,7 +51,7 @@ class Walk:
 
     Parameters
     ----------
-    varied : Varied
+    slopes : MatrixSlopes
     motion : Motion
     tangents : ndarray, shape (s, f + k)
         At the start: f of starts alone, then one for each direction.
@@ -60,9 +60,9 @@ class Walk:
         wanted.
     """
 
-    def __init__(self, varied, motion, tangents, rates=False):
-        self.varied, self.motion, self._rates = varied, motion, rates
-        self.k = len(varied.near) - 1
+    def __init__(self, slopes, motion, tangents, rates=False):
+        self.slopes, self.motion, self._rates = slopes, motion, rates
+        self.k = len(slopes.near) - 1
         self.q = 1 + tangents.shape[1] - self.k
         #: The state, its tangents, and by directions what free tangents change by.
         self.block = self._block(motion.states[0], tangents)
@@ -73,12 +73,12 @@ class Walk:
     def _block(self, state, tangents):
         more = self.k * (self.q - 1) if self._rates else 0
         block = np.zeros((1 + tangents.shape[1] + more, state.size))
-        block[0], block[1 : 1 + tangents.shape[1], : self.varied.size] = state, tangents.T
+        block[0], block[1 : 1 + tangents.shape[1], : self.slopes.size] = state, tangents.T
         return block
 
     def _plan(self):
         """Lay down the steps of the motion, and the tables of what they meet."""
-        places, (states, codes, events) = self.varied.places, self.motion
+        places, (states, codes, events) = self.slopes.places, self.motion
         m, e = len(codes), int(places.effect.max()) + 1
         rows = len(states) * (2 + int(np.diff(places.first).max()) * (1 + m)) + 2 * len(events)
         steps, times = np.empty((rows, COLUMNS), np.int64), np.empty((rows, 2))
@@ -91,7 +91,7 @@ class Walk:
         effects = places.effect[contacts[:, 0] + 1, contacts[:, 1], np.arange(m)]
         self._which, self._met = self._combinations(effects, contacts, e)
         self._begins = np.append(np.flatnonzero(self._steps[:, KIND] == PERIOD), found)
-        pairs = [self.varied.matrix(*one) for one in self._met]
+        pairs = [self.slopes.matrix(*one) for one in self._met]
         self._bases = bases_of(pairs[: 1 + self._which[self._steps[:, KIND] == ARC].max()])
         kind, j = self._steps[:, KIND], self._steps[:, MESH] * (self._steps[:, KIND] != PERIOD)
         old = places.effect[self._steps[:, FROM] + 1, self._steps[:, LEFT], j]
@@ -101,7 +101,8 @@ class Walk:
         _, first, inverse = np.unique(keys, return_index=True, return_inverse=True)
         self._where = np.zeros(found, np.int64)
         self._where[meets] = inverse
-        self._bounds = self._boundaries(pairs, meets[first])
+        rows = meets[first]
+        self._bounds = self._boundaries(pairs, self._steps[rows], old[rows], new[rows])
         self._work = self._storage()
 
     def _storage(self):
@@ -132,10 +133,10 @@ class Walk:
         met = [tuple(map(tuple, contacts[i].tolist())) for i in first[order]]
         return np.argsort(order)[which], met
 
-    def _boundaries(self, pairs, rows):
-        """Return the `Boundaries` of the crossings and switches in some rows of the steps."""
-        varied, k, n = self.varied, self.k, self.block.shape[1]
-        count = max(len(rows), 1)
+    def _boundaries(self, pairs, steps, old, new):
+        """Return the `Boundaries` of crossings and switches, of meshes from `old` to `new`."""
+        slopes, k, n = self.slopes, self.k, self.block.shape[1]
+        count = max(len(steps), 1)
         table = Boundaries(
             np.zeros((count, n)),
             np.zeros((count, k, n)),
@@ -145,54 +146,49 @@ class Walk:
             np.zeros((count, n, n)),
             np.zeros((count, k)),
             np.array([matrix.T for matrix, _ in pairs]),
-            float(varied.tuning),
+            float(slopes.tuning),
         )
-        for i, row in enumerate(rows):
-            step, (codes, segments) = self._steps[row], self._met[self._which[row]]
-            j, before = int(step[MESH]), (codes, segments)
-            matrix = table.matrix[self._which[row]].T
+        for i, step in enumerate(steps):
+            j, code, before, after = int(step[MESH]), int(step[FROM]), int(old[i]), int(new[i])
             if step[KIND] == CROSSING:
-                code = int(step[TO])
-                flank = NORMAL if NORMAL in (codes[j], code) else INVERSE
-                after = (*codes[:j], code, *codes[j + 1 :]), segments
-                lines, slopes = varied.lines[flank]
-                table.row[i], table.row_slopes[i] = lines[j], slopes[:, j]
-                table.speed[i] = lines[j] @ matrix
-                table.jump[i], table.jump_slopes[i] = varied.jump(before, after, flank, j)
+                flank = NORMAL if NORMAL in (code, int(step[TO])) else INVERSE
+                lines, moved = slopes.lines[flank]
+                table.row[i], table.row_slopes[i] = lines[j], moved[:, j]
+                table.speed[i] = slopes.speed(flank, j)
+                table.jump[i], table.jump_slopes[i] = slopes.jump(flank, j, before, after)
             else:
-                old, new = int(step[LEFT]), int(step[MET])
-                segments = (*segments[:j], new, *segments[j + 1 :])
-                table.difference[i] = (matrix - varied.matrix(codes, segments)[0]).T
-                table.moved[i] = varied.moves(codes[j], j, old, new)
+                table.difference[i] = slopes.difference(j, before, after).T
+                table.moved[i] = slopes.moves(code, j, int(step[LEFT]), int(step[MET]))
         return table
 
     def on_a_line(self, close):
         """Return whether the start is on a flank line where the damping jumps, and moves off it."""
-        varied, z, own = self.varied, self.block[0], slice(self.q, self.q + self.k)
-        codes, segments = self.motion.codes, (int(varied.places.first[0]),) * varied.near.shape[1]
-        for flank, (rows, slopes) in varied.lines.items():
-            reach = rows @ self.block[own].T + (slopes @ z).T
+        slopes, z, own = self.slopes, self.block[0], slice(self.q, self.q + self.k)
+        codes = self.motion.codes
+        segments = (int(slopes.places.first[0]),) * len(codes)
+        for flank, (rows, moved) in slopes.lines.items():
+            reach = rows @ self.block[own].T + (moved @ z).T
             size = np.abs(rows * z).sum(axis=1)
             at = np.abs(rows @ z) <= close * size
             for j in np.flatnonzero(at & reach.any(axis=1)):
-                sides = [
-                    ((*codes[:j], code, *codes[j + 1 :]), segments) for code in (flank, BACKLASH)
-                ]
-                jump, _ = varied.jump(*sides, flank, j)
-                if np.abs(jump).max() > close * np.abs(varied.matrix(*sides[0])[0]).max():
+                touching = (*codes[:j], flank, *codes[j + 1 :])
+                effect = slopes.effects(touching, segments)[j]
+                jump, _ = slopes.jump(flank, j, effect, 0)
+                size = np.abs(slopes.matrix(touching, segments)[0]).max()
+                if np.abs(jump).max() > close * size:
                     return True
         return False
 
     @property
     def tangents(self):
         """Those of the components that move, shape (s, f + k)."""
-        return self.block[1 : self.q + self.k, : self.varied.size].T
+        return self.block[1 : self.q + self.k, : self.slopes.size].T
 
     @property
     def rates(self):
         """What the map of free tangents changes by, shape (k, s, f)."""
-        own = self.block[self.q + self.k :, : self.varied.size]
-        return own.reshape(self.q - 1, self.k, -1).transpose(1, 2, 0)
+        own = self.block[self.q + self.k :, : self.slopes.size]
+        return own.reshape(self.q - 1, self.k, self.slopes.size).transpose(1, 2, 0)
 
     def go(self, record_from=None, samples_per_period=0, events=0):
         """Go through all periods; return the `recorded_slopes.Tables` from one on, or None."""
@@ -211,7 +207,7 @@ class Walk:
 
     def _through_all(self, first, last):
         """Go through mesh periods; stretches of many without an event by the map of one."""
-        repeat, n = self.varied.repeats, self.block.shape[1]
+        repeat, n = self.slopes.repeats, self.block.shape[1]
         events = self.motion.events[:, orbit.EVENT_PERIOD].astype(int)
         marks = np.unique(
             np.concatenate([[first - 1], events[(events >= first) & (events < last)]])
@@ -245,7 +241,8 @@ class Walk:
     def _through(self, first, last, recording=False):
         """Go through mesh periods `first` to `last`, the latter left out."""
         own = slice(self._begins[first], self._begins[last])
-        tables = self.tables or self._recording(0, 0, 0)
+        if self.tables is None:
+            self.tables = self._recording(0, 0, 0)
         grazing = walk(
             self._bases,
             self._bounds,
@@ -258,38 +255,37 @@ class Walk:
             self._rates,
             self._work,
             recording,
-            tables,
+            self.tables,
         )
         self.grazing = self.grazing or grazing
 
     def _recording(self, first, samples_per_period, events):
         """Return the `recorded_slopes.Tables` from a period on; without samples, empty ones."""
-        varied, k, m = self.varied, self.k, len(self.codes)
+        own, k, m = self.slopes, self.k, len(self.codes)
         count, n, full = self._bases.into.shape
         begin = self._begins[first]
         met = np.unique(self._which[begin:]) if samples_per_period else np.empty(0, int)
         met = met[met < len(self._bases.into)]
-        velocity, velocity_slopes = (one[..., m : 2 * m, :] for one in varied.rows(*self._met[0]))
-        functionals = varied.rows(*self._met[0])[0].shape[0]
+        every = own.rows(*self._met[0])
+        velocity, velocity_slopes = (one[..., m : 2 * m, :] for one in every)
+        functionals = len(every[0])
         periods = len(self.motion.states) - first if samples_per_period else 0
         phase, codes = _TURN * first, np.zeros((count, m), np.int64)
         stiffness = np.zeros((count, m))
         rows, slopes = np.zeros((count, functionals, n)), np.zeros((count, k, functionals, n))
         of_states = np.zeros((count, full, functionals * k))
         curves = np.zeros((count, full, 6 * m))
-        lines = np.concatenate([varied.lines[flank][0] for flank in (NORMAL, INVERSE)])
-        place = np.ones(count)
+        lines = np.concatenate([own.lines[flank][0] for flank in (NORMAL, INVERSE)])
         for i in met:
             codes[i], segments = self._met[i]
-            stiffness[i] = varied.stiffness(tuple(codes[i].tolist()), segments)[0].real
-            rows[i], slopes[i] = varied.rows(*self._met[i])
+            stiffness[i] = own.stiffness(tuple(codes[i].tolist()), segments)[0].real
+            rows[i], slopes[i] = own.rows(*self._met[i])
             out, shift = self._bases.out[i], self._bases.shift[i].reshape(n, k, n)
-            own = (slopes[i] - rows[i] @ np.moveaxis(shift, 0, 2)) @ out.T
-            of_states[i] = np.moveaxis(own, 2, 0).reshape(full, -1)
+            moved = (slopes[i] - rows[i] @ np.moveaxis(shift, 0, 2)) @ out.T
+            of_states[i] = np.moveaxis(moved, 2, 0).reshape(full, -1)
             curve = np.concatenate([rows[i, :m], lines])
             rate = curve @ self._bounds.matrix[i].T
             curves[i] = out @ np.concatenate([curve, rate]).T
-            place[i] = varied.longest(segments) / _PLACES
         best = np.full((4, m), -np.inf)
         best[1::2] = np.inf
         contacts = self._met[self._which[min(begin, len(self._which) - 1)]][0]
@@ -304,9 +300,9 @@ class Walk:
             lines @ self._bounds.matrix[0].T,
             codes,
             stiffness,
-            varied.places.low,
-            place,
-            bool((varied.position[0] == varied.near[0]).all()),
+            own.places.low,
+            own.longest / _PLACES,
+            bool((own.position[0] == own.near[0]).all()),
             np.zeros((periods * samples_per_period, k, functionals)),
             np.zeros((events, 2, k)),
             np.zeros((4, m, k)),
@@ -321,18 +317,18 @@ class Walk:
     def _settled(self, end):
         """Return (period from which states before `end` repeat, after how many), or (-1, 0)."""
         states = self.motion.states[: end + 1]
-        for repeat in (self.varied.repeats * n for n in (1, 2, 3, 4)):
+        for repeat in (self.slopes.repeats * n for n in (1, 2, 3, 4)):
             size = np.abs(states[repeat:]).max(axis=1, initial=1.0)
             moving = np.abs(states[repeat:] - states[:-repeat]).max(axis=1) > _AT_REST * size
             first = int(np.flatnonzero(moving)[-1]) + 1 if moving.any() else 0
-            first += -first % self.varied.repeats
+            first += -first % self.slopes.repeats
             if first + _WORTH * repeat < end:
                 return first, repeat
         return -1, 0
 
     def _leap(self, first, repeat, end):
         """Go through periods that repeat, by powers of one linear map; return where it ends."""
-        s, kept, columns = self.varied.size, self.tangents.copy(), self.tangents.shape[1]
+        s, kept, columns = self.slopes.size, self.tangents.copy(), self.tangents.shape[1]
         # The map of a start, and what directions add in one repeat.
         once = copy(self)
         once.q = 1 + s
