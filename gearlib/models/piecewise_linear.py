@@ -74,12 +74,16 @@ def one_mesh(free, sides, pieces, frequencies, tuning, repeats=1):
         repeats,
     )
     # Velocities over the highest frequency of all combinations.
-    half, moving = one // 2, [matrix(system, [d])[:one, :one].real for d in range(len(kinds) + 1)]
-    highest = math.sqrt(max(np.linalg.norm(a[half:, :half], 2) for a in moving)) or 1.0
-    scale = np.repeat([1.0, highest], half)
-    norms = [np.linalg.norm(a * scale / scale[:, None], 2) for a in moving]
-    norms.append(np.abs(system.harmonics * tuning.real).max(initial=1e-300))
-    return system._replace(longest=float(REACH / max(norms)))
+    half, moving = one // 2, (free + np.swapaxes(push[0], 1, 2) @ grip[0])[:, :one, :one].real
+    highest = math.sqrt(_sizes(moving[:, half:, :half])) or 1.0
+    scale = np.array([1.0, highest]).repeat(half)
+    waves = np.abs(system.harmonics * tuning.real).max(initial=1e-300)
+    return system._replace(longest=REACH / max(_sizes(moving * scale / scale[:, None]), waves))
+
+
+def _sizes(matrices):
+    """Return a norm that none of the matrices exceeds."""
+    return float(np.sqrt((matrices**2).sum(axis=(1, 2)).max()))
 
 
 def matrix(system, effects):

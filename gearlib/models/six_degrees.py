@@ -62,7 +62,6 @@ from gearlib import checks
 from gearlib.models import derivatives, excitation, piecewise_linear
 from gearlib.models.harmonics import Harmonics
 from gearlib.models.pair import GearPair
-from gearlib.models.trains.elastic import linear
 from gearlib.models.with_pair import WithPair
 
 _BEARINGS = ("y3", "z3", "y2", "z2")
@@ -283,12 +282,21 @@ class SixDegreePair(WithPair):
         return np.array(own) / self.pair.reduced_mass
 
     def linear(self, system):
-        """Return (`Linear`, inertias): all flanks in contact at the mean stiffness."""
-        inertias = self._inertias()
-        springs = np.eye(len(inertias))[2:]
-        values = [self.bearing_stiffness[i] / self.pair.mean_stiffness for i in self.flexible()]
-        rows = np.vstack([springs, system.near[:, : len(inertias)]])
-        return linear((rows, np.array([*values, 1.0])), (np.eye(len(inertias)), inertias)), inertias
+        """As of `Model.linear`: all flanks in contact at the mean stiffness."""
+        mass, (near,) = self._inertias(), system.near
+        n, (one, other) = len(mass), mass[:2]
+        # The turning of the mesh, without that of both gears alike, and the bearings.
+        basis = np.eye(n)[:, 1:]
+        basis[:2, 0] = np.array([other, one]) / (one + other)
+        roots = np.sqrt((mass[:, None] * basis**2).sum(axis=0))
+        line = near[:n] @ basis / roots
+        bearings = [self.bearing_stiffness[i] / self.pair.mean_stiffness for i in self.flexible()]
+        squares, vectors = np.linalg.eigh(
+            np.diag([0.0, *bearings] / roots**2) + line[:, None] * line
+        )
+        rigid = np.zeros((n, 1))
+        rigid[:2, 0] = np.array([1.0, -1.0]) / math.sqrt(one + other)
+        return np.sqrt(squares), basis @ (vectors / roots[:, None]), rigid, np.diag(mass)
 
     def outputs(self, system):
         """Return the functionals of OUTPUTS of states by phase, shape (12, 3, p, n)."""

@@ -4,12 +4,14 @@ import math
 
 import mpmath
 import pytest
+from flint import acb, arb, arb_mat
 
 import gearlib
 from gearlib.analysis.proofs import krawczyk, ranges
 from gearlib.analysis.proofs.balls import precision
 from gearlib.analysis.proofs.candidate import listed_contacts
 from gearlib.analysis.proofs.closed_laws import ClosedLaw
+from gearlib.analysis.proofs.multipliers import eigenvalues, judge
 from gearlib.analysis.proofs.path import Path
 from gearlib.analysis.proofs.train_laws import TrainLaws
 from tests.paper import PAPER
@@ -80,3 +82,35 @@ def test_boxes_of_a_range_hold_its_orbits_wherever_their_centre_lies(monkeypatch
         part._piece(ends[0].union(ends[1]), ends[1], None)
         for one in inside:
             assert all(ball.contains(x) for ball, x in zip(*boxes, one, strict=False))
+
+
+def test_multiple_eigenvalues_are_enclosed():
+    with precision(128):
+        # Two of 1/2 to one vector, a pair on the unit circle, and -2.
+        matrix = arb_mat(
+            [
+                [0.5, 1, 0, 0, 0],
+                [0, 0.5, 0, 0, 0],
+                [0, 0, 0.6, -0.8, 0],
+                [0, 0, 0.8, 0.6, 0],
+                [0, 0, 0, 0, -2],
+            ]
+        )
+        turn = arb_mat([[arb(1) / (i + j + 1) + (i == j) for j in range(5)] for i in range(5)])
+        values = eigenvalues(turn.solve(matrix * turn))
+    wanted = [-2, complex(0.6, 0.8), complex(0.6, -0.8), 0.5, 0.5]
+    exact = [acb(-2), acb(arb(0.6), arb(0.8)), acb(arb(0.6), arb(-0.8)), acb(0.5), acb(0.5)]
+    for ball, value, one in zip(values, wanted, exact, strict=True):
+        assert ball.contains(one) and abs(complex(ball.mid()) - value) < 1e-15
+    # Alone, so real; of the two that meet it is not known.
+    assert values[0].imag == 0 and values[3].imag.rad() > 0
+    assert judge(values)[0] == "unstable" and judge(values[3:])[0] == "stable"
+    assert judge(values[1:])[0] == "undecided"
+
+
+def test_eigenvalues_of_all_matrices_of_a_ball():
+    with precision(128):
+        values = eigenvalues(arb_mat([[1, arb(0, 0.1)], [arb(0, 0.1), 2]]))
+        for off in (-0.1, 0.0, 0.1):
+            for share, sign in zip(values, (1, -1), strict=True):
+                assert share.contains(acb(1.5 + sign * (arb(0.25) + arb(off) ** 2).sqrt()))

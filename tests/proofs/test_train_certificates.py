@@ -9,26 +9,20 @@ from functools import cache
 import mpmath
 import numpy as np
 import pytest
-from flint import acb, arb, arb_mat
 
 import gearlib
 from gearlib.analysis.orbits.shooting import NoOrbit
-from gearlib.analysis.orbits.special_points import FOLD as FOLDS
 from gearlib.analysis.proofs import krawczyk
 from gearlib.analysis.proofs.balls import precision
 from gearlib.analysis.proofs.candidate import listed_contacts
 from gearlib.analysis.proofs.certificates import Uncertain
-from gearlib.analysis.proofs.multipliers import eigenvalues, judge
 from gearlib.analysis.proofs.orbits import FOLD, REACH, Proof
 from gearlib.analysis.proofs.path import Path
 from gearlib.analysis.proofs.signs import _bounds, check_contacts
 from gearlib.analysis.proofs.train_laws import TrainLaws
 from gearlib.analysis.proofs.train_numbers import parts_of
-from gearlib.models.trains.parts import mesh_of
-from gearlib.studies import certificates_of_trains
 from tests.paper import PAPER
 from tests.physics.test_six_degrees import EVERYTHING, gears
-from tests.proofs.checker import faults
 from tests.proofs.trains_in_50_digits import Motion
 from tests.trains.random_trains import random_problem
 
@@ -153,66 +147,6 @@ def test_a_second_program_finds_the_orbit_in_its_box(case):
     motion.claim["multipliers"][0][0] = ["2", "2.1"]
     motion.claim["displacement"][motion.kept[0]] = ["7", "7.1"]
     assert motion.faults(other) == ["displacement", "multiplier"]
-
-
-@cache
-def points():
-    """The grazing and the fold of an idler between unequal gears, as `results` have them."""
-    pair = PAPER.replace(material_damping=3953.7)
-    given = certificates_of_trains.idler_points(pair, lambda branch: branch)
-    return {found.kind: found for _, _, found in given}
-
-
-@pytest.mark.parametrize("kind", ["grazing", "fold"])
-def test_a_special_point_of_a_train_is_confirmed(kind):
-    given = claim(points()[kind])
-    assert faults(given) == []
-    # And what is wrong is seen: another tuning, another state, a contact left out, another kind.
-    nudged = [end[:-12] + "123456789012" for end in given["tuning"]]
-    assert "orbit" in faults(given | {"tuning": nudged})
-    moved = [[str(mpmath.mpf(end) + 1e-15) for end in box] for box in given["displacement"]]
-    assert "orbit" in faults(given | {"displacement": moved})
-    if kind == "fold":
-        assert faults(given | {"claim": "period doubling"}) == ["multiplier"]
-        assert faults(given | {"events": given["events"][:-1]}) == ["contacts"]
-    else:
-        assert faults(given | {"touched": ["pinion-idler", "coast"]}) == ["touch"]
-        assert faults(given | {"touch": ["1.0", "1.1"]}) == ["touch"]
-
-
-def test_a_train_of_two_gears_folds_where_their_pair_does():
-    """Another proof, by closed forms; inertias of the train are rounded."""
-    pair, r = PAPER.replace(material_damping=3953.7), 0.045
-    share = {"teeth": 24, "base_radius": r, "inertia": 2.0 * pair.reduced_mass * r**2}
-    bodies = [gearlib.Body(name=name, torque=pair.load * r, **share) for name in ("one", "other")]
-    train = gearlib.GearTrain(bodies=bodies, meshes=[mesh_of(pair, "one", "other")])
-    found = []
-    for model in (pair, train):
-        orbit = gearlib.periodic_orbit(model, 0.81)
-        branch = gearlib.continue_orbit(orbit, to=0.83, step=0.05, max_points=20)
-        (point,) = np.flatnonzero(branch.label.values == FOLDS)
-        found.append(gearlib.certify_fold(model, branch, int(point)))
-    one, two = found
-    assert one and two and two.train.contacts == (0,) and one.pattern == two.pattern
-    assert abs(float(one.tuning) - float(two.tuning)) < 1e-13
-    for mine, theirs in zip(one.events, two.events, strict=True):
-        assert abs(float(mine.phase) - float(theirs.phase)) < 1e-9
-
-
-def test_a_range_and_a_motion_of_a_train():
-    orbit = gearlib.periodic_orbit(gearlib.idler(LIGHT), 0.7)
-    assert set(orbit.pattern) == {1}
-    proven = gearlib.certify_range(orbit, to=0.701)
-    assert proven and proven.stability == "stable" and proven.train.contacts == (1, 1)
-    start = orbit.state + 0.2
-    found = gearlib.certify_motion(orbit, start, periods=40)
-    assert found and len(found.arrival[0]) == len(start) // 2
-    ends, codes = np.empty((1, start.size)), np.empty(1, np.int64)
-    orbit.pair.propagator(0.7).skip(start[None], found.periods, 10_000, ends, codes)
-    relative = ends[0] - [float(value) for half in found.arrival for value in half]
-    reduce, _ = orbit.pair.reduction()
-    assert np.abs(reduce @ relative).max() < 1e-11
-    assert gearlib.certify_motion(orbit, start, periods=1).status == "arrival"
 
 
 def test_planets_in_phase_part_one_after_the_other():
@@ -430,38 +364,6 @@ def test_an_orbit_taken_twice_is_refused():
     twice = gearlib.periodic_orbit(once.pair, once.tuning, guess=once.state, period=2)
     words = "it repeats after 1 mesh period already, not after 2"
     assert gearlib.certify(twice).message == words
-
-
-def test_multiple_eigenvalues_are_enclosed():
-    with precision(128):
-        # Two of 1/2 to one vector, a pair on the unit circle, and -2.
-        matrix = arb_mat(
-            [
-                [0.5, 1, 0, 0, 0],
-                [0, 0.5, 0, 0, 0],
-                [0, 0, 0.6, -0.8, 0],
-                [0, 0, 0.8, 0.6, 0],
-                [0, 0, 0, 0, -2],
-            ]
-        )
-        turn = arb_mat([[arb(1) / (i + j + 1) + (i == j) for j in range(5)] for i in range(5)])
-        values = eigenvalues(turn.solve(matrix * turn))
-    wanted = [-2, complex(0.6, 0.8), complex(0.6, -0.8), 0.5, 0.5]
-    exact = [acb(-2), acb(arb(0.6), arb(0.8)), acb(arb(0.6), arb(-0.8)), acb(0.5), acb(0.5)]
-    for ball, value, one in zip(values, wanted, exact, strict=True):
-        assert ball.contains(one) and abs(complex(ball.mid()) - value) < 1e-15
-    # Alone, so real; of the two that meet it is not known.
-    assert values[0].imag == 0 and values[3].imag.rad() > 0
-    assert judge(values)[0] == "unstable" and judge(values[3:])[0] == "stable"
-    assert judge(values[1:])[0] == "undecided"
-
-
-def test_eigenvalues_of_all_matrices_of_a_ball():
-    with precision(128):
-        values = eigenvalues(arb_mat([[1, arb(0, 0.1)], [arb(0, 0.1), 2]]))
-        for off in (-0.1, 0.0, 0.1):
-            for share, sign in zip(values, (1, -1), strict=True):
-                assert share.contains(acb(1.5 + sign * (arb(0.25) + arb(off) ** 2).sqrt()))
 
 
 def test_play_that_closes_is_looked_for():

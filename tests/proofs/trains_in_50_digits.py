@@ -22,18 +22,22 @@ class Motion(Train):
     #: Turning points of distances, (how far off, phase, mesh, side), where they are asked for.
     nearest: list | None = None
 
-    def run(self, y, rates, vary=False):
+    def run(self, y, rates, vary=False, along=()):
         """Run from reduced coordinates and rates, m, over the period of the claim.
 
-        Returns (coordinates and rates at the end, events, the map of small deviations or None).
+        Returns (coordinates and rates at the end, events, the map of small deviations or None); the
+        map is of all deviations, or of those in `along`, a column each.
         """
         n, e = self.n, len(self.kept)
         columns = [[mpf(0)] * (2 * n) + [mpf(1)] + [mpf(1), mpf(0)] * len(self.frequencies)]
         for i, k in enumerate(self.kept):
             columns[0][k], columns[0][n + k] = y[i], rates[i]
-        for i in range(2 * e if vary else 0):
+        if vary:
+            along = [[mpf(int(i == j)) for i in range(2 * e)] for j in range(2 * e)]
+        for deviation in along:
             column = [mpf(0)] * len(columns[0])
-            column[self.kept[i % e] + (n if i >= e else 0)] = mpf(1)
+            for i, value in enumerate(deviation):
+                column[self.kept[i % e] + (n if i >= e else 0)] = mpf(value)
             columns.append(column)
         end = 2 * pi * self.claim["period"]
         cuts = sorted({*(cut for mesh in self.meshes for cut in mesh.cuts(end)), end})
@@ -76,7 +80,7 @@ class Motion(Train):
                     column[:] = [x + share * d for x, d in zip(column, jump, strict=True)]
         ends = [self.reduced(c[:n]) + self.reduced(c[n : 2 * n]) for c in columns]
         found = None
-        if vary:
+        if along:
             found = matrix([[column[i] for column in ends[1:]] for i in range(2 * e)])
         return ends[0], events, found
 

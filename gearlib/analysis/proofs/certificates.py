@@ -21,7 +21,7 @@ class Refusal:
 
 
 class Uncertain(Exception):
-    """A step of a proof failed: (status, sentence)."""
+    """A step of a proof failed: (status, sentence). What proofs raise, inside."""
 
 
 #: The steps that may fail, and what that says.

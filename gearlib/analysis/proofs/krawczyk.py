@@ -32,11 +32,6 @@ def polish(system, start, singular):
     """Return (midpoints of a zero near `start`, inverse of the derivative there).
 
     Plain Newton with midpoints, which proves nothing.
-
-    Raises
-    ------
-    Uncertain
-        With the arguments `singular` if the derivative has no inverse.
     """
     module = flint()
     u = middle(start)
@@ -92,11 +87,6 @@ def check_derivative(system, centre, residuals):
     """Hold the derivative against a difference of the residuals, along all unknowns at once.
 
     Each has its own step, so that no entry that is wrong makes up for another one.
-
-    Raises
-    ------
-    Uncertain
-        If they do not agree.
     """
     module, n = flint(), len(centre)
     # So far that differences have many digits, and so near that the derivative hardly changes.
@@ -113,13 +103,7 @@ def check_derivative(system, centre, residuals):
 
 
 def enclose(system, centre, inverse):
-    """Return a box, a list of balls, with exactly one zero of the system; None: not proven.
-
-    Raises
-    ------
-    Uncertain
-        If the derivative is none.
-    """
+    """Return a box, a list of balls, with exactly one zero of the system; None: not proven."""
     module = flint()
     residuals, _ = system(centre)
     check_derivative(system, centre, residuals)
@@ -138,11 +122,6 @@ def uniqueness(system, centre, inverse, singular, largest=LARGEST):
     """Return a radius, a float: the box of it about `centre` has exactly one zero.
 
     `largest` is tried first. The first radius that passes is not the largest possible one.
-
-    Raises
-    ------
-    Uncertain
-        With the arguments `singular` if none passes.
     """
     residuals, _ = system(centre)
     radius = largest

@@ -101,13 +101,7 @@ def _certificate(found, state, trap, count, arrival, pattern, run):
 
 
 class Trap:
-    """An ellipsoid about the state of a stable orbit: z + V y with |y| <= radius.
-
-    Raises
-    ------
-    Uncertain
-        If none is found.
-    """
+    """An ellipsoid about the state of a stable orbit: z + V y with |y| <= radius."""
 
     def __init__(self, proof):
         self.laws, self.scale = proof.laws, proof.scale
@@ -160,11 +154,6 @@ def carry(path, state, scale, guesses):
     """Return arcs, ends and phases of all motions from a ball of states, as `Path.states`.
 
     The phases of the contacts follow from the states; `guesses` are where they are looked for.
-
-    Raises
-    ------
-    Uncertain
-        If a contact is not proven for all of them.
     """
     laws, z, last, guesses = path.laws, path.column(state), path.start, iter(guesses)
     arcs, ends, phases = [], [], []

@@ -13,13 +13,7 @@ UNDECIDED = "undecided", "the enclosure of a multiplier meets the unit circle"
 
 
 def eigenvalues(matrix):
-    """Return enclosures of all eigenvalues, the largest first: complex balls.
-
-    Raises
-    ------
-    Uncertain
-        If the approximate eigenvectors have no inverse.
-    """
+    """Return enclosures of all eigenvalues, the largest first: complex balls."""
     module = flint()
     whole = module.acb_mat(matrix)
     _, vectors = whole.mid().eig(right=True, algorithm="approx")

@@ -108,10 +108,6 @@ def first_with(digits, step, guard=_GUARD):
     """Return what a step gives at the first precision at which it reaches the digits.
 
     `step` returns (what it gives, digits reached); `guard` are the first bits beyond the digits.
-
-    Raises
-    ------
-    Uncertain
     """
     bits, reached = math.ceil(digits / math.log10(2.0)) + guard, 0
     for _ in range(_DOUBLINGS):
@@ -124,13 +120,7 @@ def first_with(digits, step, guard=_GUARD):
 
 
 def _enclosed(system, centre, inverse, given):
-    """Return the box with one orbit, of state and phases, and how far it is from the given state.
-
-    Raises
-    ------
-    Uncertain
-        If there is no such box, or not near the state.
-    """
+    """Return the box with one orbit, of state and phases, and its distance from a given state."""
     box = enclose(system, centre, inverse)
     if box is None:
         raise Uncertain(*FOLD)
@@ -167,13 +157,7 @@ def train_of(laws, codes, touch=None):
 
 
 class Proof:
-    """The steps of the proof of one orbit, at the present precision.
-
-    Raises
-    ------
-    Uncertain
-        At the first step that fails.
-    """
+    """The steps of the proof of one orbit, at the present precision."""
 
     def __init__(self, orbit, codes, events):
         self.orbit, self.codes = orbit, tuple(codes)

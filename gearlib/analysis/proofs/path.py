@@ -54,11 +54,6 @@ class Path:
     framed : bool, optional
         Whether boxes turn with the motion; of use where there are many coordinates, and they are
         wide, or the bits are many. By default as the laws have it.
-
-    Raises
-    ------
-    Uncertain
-        If the contacts do not follow from each other, or are too many.
     """
 
     def __init__(self, laws, codes, events, period, touch=None, start=0, framed=None):

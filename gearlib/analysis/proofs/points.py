@@ -216,11 +216,10 @@ class _Bordered:
         self.path, self.sign = path, sign
         _, rows = self.path.equations(start)
         jacobian = self._square(rows)
-        n = jacobian.nrows()
-        left, _, right = np.linalg.svd(
-            [[float(value) for value in row] for row in jacobian.tolist()]
-        )
-        self.size, self.left, self.right = n, left[:, -1].tolist(), right[-1].tolist()
+        floats = np.array([[float(value) for value in row] for row in jacobian.tolist()])
+        left, _, right = np.linalg.svd(floats)
+        self.size = len(floats)
+        self.left, self.right = _rounded(left[:, -1]), _rounded(right[-1])
 
     def _square(self, rows):
         """Return J; at a doubling the state returns with the other sign."""
@@ -244,6 +243,11 @@ class _Bordered:
         *_, bends = self.path.equations(unknowns, direction=v[:n])
         slopes = module.arb_mat([w[:n]]) * module.arb_mat(bends) * -1
         return [*residuals, v[n]], [*rows, slopes.entries()]
+
+
+def _rounded(vector):
+    """Return a vector with few digits: of more, and of its sign, processors have own opinions."""
+    return np.round(vector * np.sign(vector[np.abs(vector).argmax()]), 3).tolist()
 
 
 def _solved(matrix, column):

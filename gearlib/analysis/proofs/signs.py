@@ -128,10 +128,6 @@ def check_contacts(path, arcs, ends, phases, first=None):
     -------
     list of arb
         Rates of distance at the contacts, by theta.
-
-    Raises
-    ------
-    Uncertain
     """
     laws, now, rates = path.laws, list(path.codes), []
     kinds = {CONTACT: CROSSING, TOUCH: TOUCHING}

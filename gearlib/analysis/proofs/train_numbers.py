@@ -94,17 +94,11 @@ class Parts(NamedTuple):
 
 
 def parts_of(model):
-    """Return the `Parts` of a model.
-
-    Raises
-    ------
-    Uncertain
-        For a model without a proof.
-    """
-    if hasattr(model, "structure"):
-        return _of_train(model)
-    if hasattr(model, "bearing_stiffness"):
-        return _of_pair(model)
+    """Return the `Parts` of a model."""
+    kinds = {"several_meshes": _of_train, "piecewise_linear": _of_pair}
+    kind = kinds.get(model.mathematics.get("exact")) if model.equation is None else None
+    if kind is not None:
+        return kind(model)
     raise Uncertain(
         "model",
         "proofs are written for trains, and for one degree of freedom with linear phases of "

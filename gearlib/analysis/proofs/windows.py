@@ -80,13 +80,7 @@ class Windows:
             return [nothing] * n, [[nothing] * n for _ in range(n)]
 
     def proven(self, box):
-        """Return (phases, speeds, state at every switch, map of small deviations) of an orbit.
-
-        Raises
-        ------
-        Uncertain
-            If a mesh comes to a flank line between windows.
-        """
+        """Return (phases, speeds, state at every switch, map of small deviations) of an orbit."""
         _, rows, found, switches = self.run(box, prove=True)
         phases = [one.phase for one in found for _ in one.speeds]
         speeds = [speed for one in found for speed in one.speeds]
@@ -95,11 +89,8 @@ class Windows:
     def run(self, unknowns, prove=False):
         """Return (state at the end, rows of its derivatives, `Crossed` windows, z~ at switches).
 
-        Raises
-        ------
-        Uncertain
-            If a window is not passed as it should be; where `prove` is set also if a mesh comes to
-            a flank line between windows. Only then derivatives have all digits.
+        Only where `prove` is set is it proven that no mesh comes to a flank line between windows,
+        and have derivatives all digits.
         """
         module, laws, path = flint(), self.laws, self.path
         n, now, bits = len(unknowns), list(self.codes), module.ctx.prec

@@ -56,7 +56,7 @@ class Modes(NamedTuple):
     turns: np.ndarray  #: factors of the modes, shape (s, n)
 
 
-def modes(n, meshes, lengths, memory=MEMORY):
+def modes(n, meshes, lengths, combinations=_MOST, memory=MEMORY):
     """Return empty `Modes`; what is not filled takes no memory.
 
     Parameters
@@ -64,12 +64,14 @@ def modes(n, meshes, lengths, memory=MEMORY):
     n, meshes : int
     lengths : int
         Different lengths of segments.
+    combinations : int
+        That there are, at most.
     memory : int
         Bytes at most.
     """
     wide = filled_up(n)
     each = 2 * n * wide + n * n + meshes * n * (2 * DEGREE + 4)
-    c = int(min(max(memory // (8 * each), 2), _MOST))
+    c = int(min(max(memory // (8 * each), 2), _MOST, max(combinations, 16)))
     slots = 1
     while slots < 4 * c:
         slots *= 2

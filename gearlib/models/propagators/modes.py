@@ -26,7 +26,6 @@ from gearlib.kernels.several_meshes.modes import (
     key_of,
     slot_of,
 )
-from gearlib.kernels.several_meshes.system import matrix_of
 
 #: Terms of the series of e^z, |z| <= REACH / 2: the next is 3.6^36 / 36! = 3e-22.
 _TERMS = 36
@@ -117,9 +116,9 @@ class Frame:
     @classmethod
     def of_mesh(cls, model, system):
         """Return the frame of a model with one mesh."""
-        found, mass = model.linear(system)
-        frame = cls(np.sqrt(found.squares), found.shapes, found.free, np.diag(mass))
-        size, e, r = len(frame.out), frame.elastic, len(found.squares)
+        frame = cls(*model.linear(system))
+        size, e = len(frame.out), frame.elastic
+        r = e // 2
         rows = np.r_[r:e, e + size // 2 - r : size]
         known = [*range(e), *rows[r:]]
         whole = frame.into @ system.free[:size, :size] @ frame.out
@@ -170,11 +169,11 @@ class Frame:
             e = size
         values, vectors, slow, block = _split(a[:e, :e])
         rigid, drive = a[e:, e:], a[e:, :e]
-        one = np.eye(size - e)
-        moved = np.linalg.solve(
-            values[:, None, None] * one - rigid, (drive @ vectors).T[..., None]
-        )[..., 0].T
-        fast, chosen = np.vstack([vectors, moved]), values.imag > 0.0
+        one, fast, chosen = np.eye(size - e), vectors, values.imag > 0.0
+        if size > e:
+            unlike = values[:, None, None] * one - rigid
+            moved = np.linalg.solve(unlike, (drive @ vectors).T[..., None])[..., 0].T
+            fast = np.vstack([vectors, moved])
         pairs, single = values[chosen], values[values.imag == 0.0].real
         s = slow.shape[1] + size - e
         p = np.zeros((size, size))
@@ -209,6 +208,8 @@ def _split(a):
     """Return (fast eigenvalues, their vectors, basis of the slow part, its block)."""
     values, vectors = np.linalg.eig(a)
     sizes, real = np.abs(values), values.imag == 0.0
+    if sizes.min(initial=math.inf) >= _SLOW[1] and not (real & (sizes < _SLOW_REAL[1])).any():
+        return values + 0j, vectors, np.zeros((len(a), 0)), np.zeros((0, 0))
     slow, damped = _gap(sizes, _SLOW), _gap(sizes[real], _SLOW_REAL)
     if not ((sizes < slow) | (real & (sizes < damped))).any():
         return values + 0j, vectors, np.zeros((len(a), 0)), np.zeros((0, 0))
@@ -283,8 +284,12 @@ def add(tables, system, grid, frame, effects):
     if tables.known[0] == tables.keys.size:
         forget(tables)
     c = tables.known[0]
-    a = np.empty((n, n))
-    matrix_of(system, effects, a)
+    a = system.free.copy()
+    for j, effect in enumerate(effects):
+        if effect:
+            push, grip = system.push[j, effect], system.grip[j, effect]
+            # Number by number: a library's sums may hang on where in memory they lie.
+            a += push[0][:, None] * grip[0] + push[1][:, None] * grip[1]
     moving = n - 1 - 2 * h
     basis = frame.basis(frame.matrix(system, effects))
     out, into, pairs, single, block = np.eye(n), np.eye(n), np.zeros(0), np.zeros(0), a

@@ -44,7 +44,7 @@ class Propagator(Matrices):
             else:
                 forget(self.tables)
         else:
-            self.tables = modes(n, m, lengths)
+            self.tables = modes(n, m, lengths, system.push.shape[1] ** m)
 
     frame_of = staticmethod(Frame.of_train)
 

@@ -1,0 +1,112 @@
+"""Special points, ranges and motions of trains, and the reducer: against the second program.
+
+``GEARLIB_CERTIFICATES=1`` follows a deviation of the reducer too.
+"""
+
+import os
+from functools import cache
+
+import mpmath
+import numpy as np
+import pytest
+
+import gearlib
+from gearlib.analysis.orbits.special_points import FOLD
+from gearlib.models.trains.parts import mesh_of
+from gearlib.studies import certificates_of_trains
+from tests.paper import PAPER
+from tests.proofs.checker import faults
+from tests.proofs.test_train_certificates import LIGHT, claim
+from tests.proofs.trains_in_50_digits import Motion
+
+#: Whether what takes many seconds is run as well.
+LONG = "GEARLIB_CERTIFICATES" in os.environ
+
+
+@cache
+def points():
+    """The grazing and the fold of an idler between unequal gears, as `results` have them."""
+    pair = PAPER.replace(material_damping=3953.7)
+    given = certificates_of_trains.idler_points(pair, lambda branch: branch)
+    return {found.kind: found for _, _, found in given}
+
+
+@pytest.mark.parametrize("kind", ["grazing", "fold"])
+def test_a_special_point_of_a_train_is_confirmed(kind):
+    given = claim(points()[kind])
+    assert faults(given) == []
+    # And what is wrong is seen: another tuning, another state, a contact left out, another kind.
+    nudged = [end[:-12] + "123456789012" for end in given["tuning"]]
+    assert "orbit" in faults(given | {"tuning": nudged})
+    moved = [[str(mpmath.mpf(end) + 1e-15) for end in box] for box in given["displacement"]]
+    assert "orbit" in faults(given | {"displacement": moved})
+    if kind == "fold":
+        assert faults(given | {"claim": "period doubling"}) == ["multiplier"]
+        assert faults(given | {"events": given["events"][:-1]}) == ["contacts"]
+    else:
+        assert faults(given | {"touched": ["pinion-idler", "coast"]}) == ["touch"]
+        assert faults(given | {"touch": ["1.0", "1.1"]}) == ["touch"]
+
+
+def test_the_symmetry_of_the_reducer_breaks():
+    """Six meshes in contact; the second program follows the orbit, and a deviation beside it."""
+    pair = PAPER.replace(material_damping=3953.7)
+    train = gearlib.split_power_reducer(pair, teeth=certificates_of_trains.REDUCER)
+    static, tuning = train.start_state("static"), certificates_of_trains.ALIKE[1]
+    orbit = gearlib.periodic_orbit(train, tuning, guess=static, period=train.repeats)
+    proven = gearlib.certify(orbit)
+    assert proven.contacts == (1,) * 6 and not proven.events and proven.stability == "unstable"
+    real, imaginary = proven.multipliers[0]
+    assert real.high < -1 and imaginary.low == imaginary.high == 0
+    # Of the map in floats the vector of this multiplier, of one branch against the others.
+    _, maps, _ = train.propagator(tuning).maps(orbit.state, train.repeats, 10_000)
+    reduce, lift = train.reduction()
+    whole = reduce @ np.linalg.multi_dot(maps[::-1]) @ lift
+    values, vectors = np.linalg.eig(whole)
+    vector = (lift @ vectors[:, np.abs(values - float(real)).argmin()]).real
+    motion = Motion(claim(proven))
+    half, e = len(vector) // 2, len(motion.kept)
+    deviation = [*motion.reduced(vector[:half].tolist()), *motion.reduced(vector[half:].tolist())]
+    boxes = [motion.claim[name][i] for name in ("displacement", "velocity") for i in motion.kept]
+    middle = [motion.length * (mpmath.mpf(a) + mpmath.mpf(b)) / 2 for a, b in boxes]
+    end, events, found = motion.run(middle[:e], middle[e:], along=[deviation] * LONG)
+    apart = max(abs(a - b) for a, b in zip(end, middle, strict=True)) / motion.length
+    assert apart < 1e-29 and not events
+    if LONG:
+        moved = [value - float(real) * deviation[i] for i, value in enumerate(found)]
+        assert max(map(abs, moved)) < 1e-9 * max(map(abs, deviation))
+
+
+def test_a_train_of_two_gears_folds_where_their_pair_does():
+    """Another proof, by closed forms; inertias of the train are rounded."""
+    pair, r = PAPER.replace(material_damping=3953.7), 0.045
+    share = {"teeth": 24, "base_radius": r, "inertia": 2.0 * pair.reduced_mass * r**2}
+    bodies = [gearlib.Body(name=name, torque=pair.load * r, **share) for name in ("one", "other")]
+    train = gearlib.GearTrain(bodies=bodies, meshes=[mesh_of(pair, "one", "other")])
+    found = []
+    for model in (pair, train):
+        orbit = gearlib.periodic_orbit(model, 0.81)
+        branch = gearlib.continue_orbit(orbit, to=0.83, step=0.05, max_points=20)
+        (point,) = np.flatnonzero(branch.label.values == FOLD)
+        found.append(gearlib.certify_fold(model, branch, int(point)))
+    one, two = found
+    assert one and two and two.train.contacts == (0,) and one.pattern == two.pattern
+    assert abs(float(one.tuning) - float(two.tuning)) < 1e-13
+    for mine, theirs in zip(one.events, two.events, strict=True):
+        assert abs(float(mine.phase) - float(theirs.phase)) < 1e-9
+
+
+def test_a_range_and_a_motion_of_a_train():
+    orbit = gearlib.periodic_orbit(gearlib.idler(LIGHT), 0.7)
+    assert set(orbit.pattern) == {1}
+    proven = gearlib.certify_range(orbit, to=0.701)
+    assert proven and proven.stability == "stable" and proven.train.contacts == (1, 1)
+    start = orbit.state + 0.2
+    found = gearlib.certify_motion(orbit, start, periods=40)
+    assert found and len(found.arrival[0]) == len(start) // 2
+    ends, codes = np.empty((1, start.size)), np.empty(1, np.int64)
+    orbit.pair.propagator(0.7).skip(start[None], found.periods, 10_000, ends, codes)
+    relative = ends[0] - [float(value) for half in found.arrival for value in half]
+    reduce, _ = orbit.pair.reduction()
+    assert np.abs(reduce @ relative).max() < 1e-11
+    assert gearlib.certify_motion(orbit, start, periods=1).status == "arrival"
