@@ -73,7 +73,7 @@ def per_period(calls):
 
 def tables(train, tuning, state):
     """Return seconds for all tables of one speed: a run with empty ones less one with full ones."""
-    samples, events, summary = train.room(events=0)
+    samples, events, summary = train.empty_record(events=0)
     spent = []
     for _ in range(ROUNDS):
         start = time.process_time()

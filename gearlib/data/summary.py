@@ -11,7 +11,7 @@ def variables(pair, dims, table, ends, codes, record_periods):
     """Return name -> (dims, values) of orbit summaries.
 
     `dims` lead those of the variables, () for one run; `table` are summaries as of
-    `Model.room`, shape (..., 9) or (..., m, 10) of m meshes, over so many recorded periods;
+    `Model.empty_record`, shape (..., 9) or (..., m, 10) of m meshes, over so many recorded periods;
     `ends`, shape (..., k), are final states; `codes`, shape (..., 2), period of the orbit and
     status.
     """

@@ -14,7 +14,7 @@ OPTIONS: dict = {}
 
 def takes(pair):
     """Return whether the phases of a model have closed forms."""
-    return "exact" in pair.mathematics
+    return "exact" in pair.propagators
 
 
 def run(pair, tuning, state, *arguments):

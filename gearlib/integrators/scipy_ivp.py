@@ -18,8 +18,8 @@ from gearlib.integrators.each import run_each
 from gearlib.integrators.option import Option
 from gearlib.integrators.problems import problem_of
 from gearlib.integrators.split import Phase, Recorded, Split, Stall
-from gearlib.kernels.closed_form.event_by_event import within_range
 from gearlib.kernels.codes import BACKLASH, NORMAL
+from gearlib.kernels.overflow import within_range
 from gearlib.kernels.steps.equation_of_motion import SIDE
 
 #: That of the solver: 5, 8, 5, or up to 12.

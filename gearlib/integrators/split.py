@@ -11,8 +11,8 @@ import numpy as np
 
 from gearlib.data import status
 from gearlib.kernels import orbit
-from gearlib.kernels.closed_form.event_by_event import within_range
 from gearlib.kernels.codes import BACKLASH, BOTH, INVERSE, NORMAL
+from gearlib.kernels.overflow import within_range
 from gearlib.kernels.steps.equation_of_motion import SIDE
 from gearlib.kernels.steps.recording import add_stretch, add_values, note
 

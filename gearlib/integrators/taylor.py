@@ -22,7 +22,7 @@ OPTIONS = {
 
 def takes(pair):
     """Return whether the model has one degree of freedom."""
-    return "taylor" in pair.mathematics
+    return "taylor" in pair.propagators
 
 
 def run(pair, tuning, state, *arguments, tolerance):

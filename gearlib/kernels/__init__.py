@@ -15,6 +15,7 @@ name                  responsibility
 ``orbit``             what is recorded of an orbit: extrema, fractions, samples, events
 ``arrays``            copies between arrays
 ``growth``            growth of a small deviation under the maps of a run
+``overflow``          states that are too large for floating-point numbers
 ``jit``               how every kernel is compiled
 ``cache``             where its machine code is kept, for any number of processes
 ====================  =============================================================================

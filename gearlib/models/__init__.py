@@ -4,7 +4,7 @@
 module                responsibility
 ====================  =================================================================
 ``model``             `Model`, the protocol: all that runs and analyses ask of a model
-``propagators``       what takes states through mesh periods, one module a mathematics
+``propagators``       what takes states through mesh periods, one module a kind
 ``pair``              `GearPair`: one pair of gears; the border between SI and ratios
 ``one_degree``        `OneDegreePair`: nonlinear damping, other stiffness, excitation
 ``mesh_equation``     the equation of one mesh, of a pair and of what is added to it

@@ -35,7 +35,7 @@ if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
 #: x^20 / 20! = 1e-17 at x = 1.18: natural frequency times the longest step.
 _CONVERGED = 1.18
 #: Cuts closer than this share of a base pitch are one.
-_ONE = 1e-12
+_SAME_PLACE = 1e-12
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,7 +68,7 @@ class LoadSharingPair(WithPair):
     pitch_errors: tuple | None = None
 
     by_default = {"pitch_errors": lambda model: model.drawing.pitch_errors}
-    mathematics = {"exact": "tooth_pairs"}
+    propagators = {"exact": "tooth_pairs"}
     references = (
         "Harris: Proc. Inst. Mech. Eng. 172 (1958) 87-112; "
         "Hortel, Skuderova: Engineering Mechanics 14 (2007) 91-104"
@@ -190,8 +190,8 @@ class LoadSharingPair(WithPair):
                 at += [position for position in table.position if start < position < end]
         own = (np.array(at) - start) / mesh.base_pitch % 1.0
         cuts = np.sort(np.concatenate([own, np.arange(self.phases) / self.phases]))
-        cuts = cuts[np.diff(cuts, prepend=-1.0) > _ONE]
-        return np.append(cuts[cuts < 1.0 - _ONE], 1.0)
+        cuts = cuts[np.diff(cuts, prepend=-1.0) > _SAME_PLACE]
+        return np.append(cuts[cuts < 1.0 - _SAME_PLACE], 1.0)
 
     @cached_property
     def tables(self):
@@ -203,8 +203,8 @@ class LoadSharingPair(WithPair):
         # Phase 0 and the ends of mesh periods lie half of the segment with the most pairs later.
         pitches = np.append(pitches, np.arange(repeats) + shift)
         pitches = np.sort(pitches)
-        pitches = pitches[np.diff(pitches, prepend=-1.0) > _ONE]
-        first = int(np.searchsorted(pitches, shift - _ONE))
+        pitches = pitches[np.diff(pitches, prepend=-1.0) > _SAME_PLACE]
+        first = int(np.searchsorted(pitches, shift - _SAME_PLACE))
         pitches = np.concatenate([pitches[first:], pitches[:first] + repeats, [repeats + shift]])
         left, right = pitches[:-1], pitches[1:]
         begun = np.floor((left + right) / 2.0)

@@ -3,10 +3,10 @@
 A new model is a subclass of `Model` in one file, a frozen dataclass, and its entry in
 ``gearlib/__init__.py``. With one degree of freedom it gives its ``equation``, and all the rest has
 a default. With more coordinates it gives instead ``size``, a piecewise-linear ``system`` with
-``linear`` and ``initial``, ``mathematics``, ``flank_lines`` and ``damped``.
+``linear`` and ``initial``, ``propagators``, ``flank_lines`` and ``damped``.
 
 Nobody asks a model for its class: what depends on the model stands below. Which kernels take it
-through its periods is decided by its ``mathematics`` alone.
+through its periods is decided by its ``propagators`` alone.
 """
 
 import dataclasses
@@ -69,14 +69,14 @@ class Model:
     nonlinear: tuple = ()
 
     @property
-    def mathematics(self):
+    def propagators(self):
         """Name of a method -> module of `gearlib.models.propagators`; the default comes first."""
         exact = {"exact": "piecewise_linear"} if self.equation.is_piecewise_linear() else {}
         return exact | {"taylor": "taylor"}
 
     def kind(self, method=None):
-        """Return the class of propagators of a method, by default the first of `mathematics`."""
-        name = self.mathematics[method or next(iter(self.mathematics))]
+        """Return the class of propagators of a method, by default the first of `propagators`."""
+        name = self.propagators[method or next(iter(self.propagators))]
         return import_module(f"gearlib.models.propagators.{name}").Propagator
 
     def propagator(self, tuning, method=None, **options):
@@ -86,7 +86,7 @@ class Model:
         ----------
         tuning : float
         method : {"exact", "taylor"}, optional
-            Of those in `mathematics`.
+            Of those in `propagators`.
         **options
             Of Taylor steps: tolerance.
 
@@ -163,7 +163,7 @@ class Model:
         """Return an initial state with so much added to the displacement."""
         return state[0] + disturbance, *state[1:]
 
-    def room(self, samples=0, events=16):
+    def empty_record(self, samples=0, events=16):
         """Return empty tables (samples, events, summary) for the record of a run.
 
         Columns as of `gearlib.kernels.orbit`; samples also have those of `more_samples`.
@@ -187,7 +187,7 @@ class Model:
     def more_summary(self, dims, table, span):
         """Return name -> (dims, values) of summaries that not every model has.
 
-        `table` is that of `room`, for one run or many; `span` the recorded phase.
+        `table` is that of `empty_record`, for one run or many; `span` the recorded phase.
         """
         return {}
 

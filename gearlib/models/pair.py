@@ -168,8 +168,8 @@ class GearPair(Model):
         return mesh_equation(self)
 
     @property
-    def mathematics(self):
-        """Scalar closed forms where they keep their digits; see `Model.mathematics`."""
+    def propagators(self):
+        """Scalar closed forms where they keep their digits; see `Model.propagators`."""
         scalar = self.stiffness_ratio >= _LEAST_STIFFNESS_RATIO
         return {"exact": "closed_form" if scalar else "piecewise_linear", "taylor": "taylor"}
 

@@ -119,7 +119,7 @@ class SixDegreePair(WithPair):
     preload: bool = True
 
     extra_samples = OUTPUTS
-    mathematics = {"exact": "piecewise_linear"}
+    propagators = {"exact": "piecewise_linear"}
     moving_flank = True
     parameters = {
         "run_out_phase": ("rad", "relative phase of the run-outs"),

@@ -49,7 +49,7 @@ class Rows(NamedTuple):
     """What a sweep writes, a row for each tuning; motions beyond a bound grow without one."""
 
     bound: float
-    summaries: np.ndarray  #: as of `Model.room`
+    summaries: np.ndarray  #: as of `Model.empty_record`
     ends: np.ndarray  #: final states
     codes: np.ndarray  #: period of the orbit, status
 

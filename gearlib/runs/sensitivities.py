@@ -65,7 +65,7 @@ def check(pair, names, method="exact", also_start=True):
         raise ValueError(
             f"sensitivities = {names!r} is not allowed: it must be a sequence of names"
         ) from None
-    kind = pair.kind(method) if method in pair.mathematics else None
+    kind = pair.kind(method) if method in pair.propagators else None
     if names and (kind is None or kind.differentiate is None):
         raise ValueError(
             f"sensitivities = {names!r} is not allowed for this {type(pair).__name__} by method "
@@ -177,7 +177,7 @@ def variables(propagator, names, along, z, tangents, sizes, periods, recorded, m
     m = max(len(pair.mesh_names), 1)
     every = pair.derivatives
     parameters = {name: every[name] for name in names}
-    columns = pair.room()[0].shape[1] - m * (orbit.SAMPLE_COLUMNS - len(_SAMPLES))
+    columns = pair.empty_record()[0].shape[1] - m * (orbit.SAMPLE_COLUMNS - len(_SAMPLES))
     samples, events = np.empty((rows, columns, k)), np.empty((count, 2, k))
     extrema, times = np.empty((2, 4 * m, k))
     ends, code = np.full((len(pair.components), k), math.nan), 0

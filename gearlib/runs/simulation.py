@@ -163,7 +163,7 @@ def _run(pair, tuning, asked, samples_per_period, propagator=None):
     """Run; `propagator`, where there is one already, is that of pair, tuning and method."""
     samples_per_period = checks.integer("samples_per_period", samples_per_period, 1)
     periods, recorded, limit = asked.span
-    samples, events, table = pair.room(recorded * samples_per_period, _FIRST_EVENTS)
+    samples, events, table = pair.empty_record(recorded * samples_per_period, _FIRST_EVENTS)
     span = periods, recorded, samples, events, limit, table
     if propagator is None:
         done = asked.module.run(pair, tuning, asked.state, *span, **asked.options)
@@ -181,7 +181,7 @@ def _run(pair, tuning, asked, samples_per_period, propagator=None):
 
 
 def _time_course(pair, samples, code):
-    """Return the variables over ``phase`` from the sample table of `Model.room`."""
+    """Return the variables over ``phase`` from the sample table of `Model.empty_record`."""
     dims, of_mesh = ("phase",), samples[:, : orbit.SAMPLE_COLUMNS]
     if pair.mesh_names:
         dims, meshes = ("phase", "mesh"), len(pair.mesh_names)
@@ -208,7 +208,7 @@ def _time_course(pair, samples, code):
 
 
 def _event_table(events):
-    """Return the variables over ``event`` from the event table of `Model.room`."""
+    """Return the variables over ``event`` from the event table of `Model.empty_record`."""
     phase = 2.0 * math.pi * events[:, orbit.EVENT_PERIOD] + events[:, orbit.EVENT_PHASE]
     # Events come in their order; the sum may round one below the event before it.
     phase = np.maximum.accumulate(phase)

@@ -96,7 +96,7 @@ def sweep(
         )
     threads = os.cpu_count() if threads is None else checks.integer("threads", threads, 1)
 
-    table = np.empty((tunings.size, *pair.room()[2].shape))
+    table = np.empty((tunings.size, *pair.empty_record()[2].shape))
     ends = np.empty((tunings.size, len(pair.components)))
     codes = np.empty((tunings.size, 2), dtype=np.int64)
     carry = direction != "cold"

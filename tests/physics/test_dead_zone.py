@@ -83,7 +83,7 @@ def test_a_contact_that_is_not_there_makes_no_difference():
         simulate(DeadZoneOscillator(**known, **more), 0.8, periods=20, record_periods=3)
         for more in ({}, far)
     ]
-    assert "exact" in DeadZoneOscillator(**known, **far).mathematics
+    assert "exact" in DeadZoneOscillator(**known, **far).propagators
     assert runs[0].sizes["event"] > 0
     np.testing.assert_allclose(runs[0].displacement, runs[1].displacement, rtol=0, atol=1e-12)
 

@@ -135,7 +135,7 @@ def whole(case, **options):
 def test_a_motion_is_that_of_the_reference(name):
     case = KNOWN[name]
     motion = of_reference(case)
-    for method in case.model.mathematics:
+    for method in case.model.propagators:
         # Rounding of up to eight periods, amplified by bounces.
         same_motion(case, whole(case, method=method), motion, 1e-11)
     fast = whole(case, record_periods=1)

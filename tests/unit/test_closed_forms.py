@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from gearlib.kernels.closed_form.crossing import descent_time, landing
-from gearlib.kernels.closed_form.event_by_event import within_range
 from gearlib.kernels.closed_form.flight import (
     climb_time,
     fall_time,
@@ -23,6 +22,7 @@ from gearlib.kernels.closed_form.oscillator import evolve, level, turning_time
 from gearlib.kernels.closed_form.tangents import RATES, enter
 from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
 from gearlib.kernels.orbit import orbit_period
+from gearlib.kernels.overflow import within_range
 from gearlib.models.propagators.closed_form import ratios
 from tests.paper import PAPER
 

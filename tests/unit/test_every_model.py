@@ -223,7 +223,7 @@ def test_all_ways_through_the_periods_are_one(name):
     model, periods = MODELS[name], 6
     n = model.size
     asked = simulate(model, NU, periods=periods, record_periods=periods, samples_per_period=4)
-    for method in model.mathematics:
+    for method in model.propagators:
         propagator = model.propagator(NU, method)
         start = propagator.start((0.0, 0.0))
         assert start.shape == (n,)
@@ -231,7 +231,7 @@ def test_all_ways_through_the_periods_are_one(name):
         assert (end.shape, maps.shape, code) == ((n,), (periods, n, n), 0)
         events, summary, samples = propagator.record(start, periods, 1000, 4)
         assert (start == propagator.start((0.0, 0.0))).all()
-        room = model.room(4 * periods)
+        room = model.empty_record(4 * periods)
         assert (summary.shape, samples.shape) == (room[2].shape, room[0].shape)
         ends, codes = np.empty((2, n)), np.ones(2, int)
         propagator.skip(np.array([start, start]), periods, 1000, ends, codes)
@@ -242,7 +242,7 @@ def test_all_ways_through_the_periods_are_one(name):
         np.testing.assert_allclose(samples[:, 0], first, **close)
         assert not codes.any()
         # What the run says of its own method is what the propagator did, to the last bit.
-        if method == next(iter(model.mathematics)):
+        if method == next(iter(model.propagators)):
             np.testing.assert_array_equal(samples[:, 0], first)
             np.testing.assert_array_equal(len(events), asked.sizes["event"])
             np.testing.assert_array_equal(maps, model.propagator(NU).maps(start, periods, 1000)[1])
@@ -254,8 +254,8 @@ def test_a_new_model_moves_as_its_equation_says():
     # The same oscillator in the parameters of a model of the library.
     twin = DeadZoneOscillator(upper_stiffness=1.0, damping=0.1, load=1.0, forcing=Harmonics((0.5,)))
     new = MODELS["linear stop"]
-    assert new.mathematics == {"exact": "piecewise_linear", "taylor": "taylor"}
-    assert MODELS["hard stop"].mathematics == {"taylor": "taylor"}
+    assert new.propagators == {"exact": "piecewise_linear", "taylor": "taylor"}
+    assert MODELS["hard stop"].propagators == {"taylor": "taylor"}
     one, other = (sweep(model, [0.5, NU], periods=50, record_periods=8) for model in (new, twin))
     for variable in one.data_vars:
         np.testing.assert_array_equal(one[variable], other[variable])

@@ -22,7 +22,7 @@ def models():
 def run(model):
     """Run two mesh periods, by the kernels alone: an edit of `simulate` reruns nothing here."""
     propagator = model.propagator(0.9)
-    samples, events, summary = model.room(events=0)
+    samples, events, summary = model.empty_record(events=0)
     propagator.run(propagator.start((0.0, 0.0)), 2, 1, samples, events, 100, summary)
 
 

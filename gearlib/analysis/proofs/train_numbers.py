@@ -96,7 +96,7 @@ class Parts(NamedTuple):
 def parts_of(model):
     """Return the `Parts` of a model."""
     kinds = {"several_meshes": _of_train, "piecewise_linear": _of_pair}
-    kind = kinds.get(model.mathematics.get("exact")) if model.equation is None else None
+    kind = kinds.get(model.propagators.get("exact")) if model.equation is None else None
     if kind is not None:
         return kind(model)
     raise Uncertain(

@@ -13,8 +13,8 @@ from gearlib.integrators.peers import contact_branches
 from gearlib.integrators.peers.package import Package
 from gearlib.integrators.problems import problem_of
 from gearlib.integrators.split import NEAR, Phase, Split, Stall
-from gearlib.kernels.closed_form.event_by_event import within_range
 from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
+from gearlib.kernels.overflow import within_range
 
 __all__ = ["EVENTS", "MODELS", "OPTIONS", "ORDER", "PACKAGE", "run", "run_many", "takes"]
 

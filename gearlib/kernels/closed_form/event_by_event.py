@@ -6,8 +6,6 @@ An *arc* is a piece of orbit with one closed form. A row of the arc table holds
     stiffness level (0 C_min, 1 C_max), displacement and velocity at its start.
 """
 
-import math
-
 from gearlib.kernels.closed_form.crossing import descent_time, landing
 from gearlib.kernels.closed_form.flight import fly
 from gearlib.kernels.closed_form.oscillator import evolve
@@ -110,9 +108,3 @@ def march_period(m, contact, x, v, arcs, limit):
             m, 1, m.half_high + m.whole_low, m.half_high, contact, x, v, arcs, count, limit
         )
     return contact, x, v, count
-
-
-@kernel
-def within_range(x, v):
-    """Return whether a state is finite with room for the squares that the kernels take."""
-    return math.fabs(x) < 1e150 and math.fabs(v) < 1e150

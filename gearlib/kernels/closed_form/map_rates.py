@@ -20,7 +20,6 @@ from gearlib.kernels.closed_form.event_by_event import (
     LEVEL,
     START,
     VELOCITY,
-    within_range,
 )
 from gearlib.kernels.closed_form.flight import phis
 from gearlib.kernels.closed_form.mesh import contact_of
@@ -43,6 +42,7 @@ from gearlib.kernels.closed_form.tangents import (
 from gearlib.kernels.closed_form.whole_periods import new_work, set_mesh, set_start
 from gearlib.kernels.codes import BACKLASH, OK, OVERFLOW
 from gearlib.kernels.jit import inlined, kernel
+from gearlib.kernels.overflow import within_range
 
 
 @inlined

@@ -5,7 +5,7 @@ import numpy as np
 from gearlib.kernels import orbit
 from gearlib.kernels.arrays import copy
 from gearlib.kernels.closed_form import recorded_arcs
-from gearlib.kernels.closed_form.event_by_event import ARC_COLUMNS, within_range
+from gearlib.kernels.closed_form.event_by_event import ARC_COLUMNS
 from gearlib.kernels.closed_form.mesh import contact_of
 from gearlib.kernels.closed_form.settled import (
     NEAR,
@@ -24,6 +24,7 @@ from gearlib.kernels.closed_form.whole_periods import (
 )
 from gearlib.kernels.codes import EVENT_LIMIT, OK, OVERFLOW
 from gearlib.kernels.jit import inlined, kernel
+from gearlib.kernels.overflow import within_range
 
 FIRST_ARCS = 32
 #: Periods between two looks at whether a run has settled; after each attempt to prove it twice as

@@ -15,7 +15,6 @@ from gearlib.kernels.closed_form.event_by_event import (
     LEVEL,
     START,
     VELOCITY,
-    within_range,
 )
 from gearlib.kernels.closed_form.flight import lowest_time
 from gearlib.kernels.closed_form.mesh import contact_of
@@ -43,6 +42,7 @@ from gearlib.kernels.closed_form.tangents import (
 from gearlib.kernels.closed_form.whole_periods import new_work, set_mesh, set_start
 from gearlib.kernels.codes import BACKLASH, INVERSE, OK, OVERFLOW
 from gearlib.kernels.jit import inlined, kernel
+from gearlib.kernels.overflow import within_range
 
 #: An event slower than this, in static deflections by natural time, or a turning point this close
 #: to a flank line, in static deflections, is a grazing: rounding over the square of the speed is

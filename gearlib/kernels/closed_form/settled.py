@@ -25,7 +25,6 @@ from gearlib.kernels.closed_form.event_by_event import (
     DURATION,
     LEVEL,
     VELOCITY,
-    within_range,
 )
 from gearlib.kernels.closed_form.flight import fly, lowest_time
 from gearlib.kernels.closed_form.oscillator import UNDERDAMPED, evolve, turning_time
@@ -33,6 +32,7 @@ from gearlib.kernels.closed_form.whole_periods import KEPT, advance
 from gearlib.kernels.codes import BACKLASH, NORMAL
 from gearlib.kernels.jit import inlined, kernel
 from gearlib.kernels.orbit import MAX_PERIOD
+from gearlib.kernels.overflow import within_range
 
 #: D in static deflections, in units of the state where that is larger.
 NEAR = 1e-10

@@ -3,10 +3,11 @@
 import numpy as np
 
 from gearlib.kernels.closed_form.deviation import follow_arcs
-from gearlib.kernels.closed_form.event_by_event import ARC_COLUMNS, march_period, within_range
+from gearlib.kernels.closed_form.event_by_event import ARC_COLUMNS, march_period
 from gearlib.kernels.closed_form.mesh import contact_of
 from gearlib.kernels.codes import EVENT_LIMIT, OK, OVERFLOW
 from gearlib.kernels.jit import kernel
+from gearlib.kernels.overflow import within_range
 
 
 @kernel

@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 from gearlib.kernels import orbit
-from gearlib.kernels.closed_form.event_by_event import within_range
 from gearlib.kernels.codes import NOT_CONVERGED, OK, OVERFLOW
 from gearlib.kernels.jit import inlined, kernel
+from gearlib.kernels.overflow import within_range
 from gearlib.kernels.steps.equation_of_motion import (
     SIDE,
     acceleration,

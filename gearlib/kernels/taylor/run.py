@@ -11,10 +11,10 @@ import math
 import numpy as np
 
 from gearlib.kernels import orbit
-from gearlib.kernels.closed_form.event_by_event import within_range
 from gearlib.kernels.closed_form.mesh import contact_between
 from gearlib.kernels.codes import BACKLASH, EVENT_LIMIT, INVERSE, NORMAL, OK, OVERFLOW, UNRESOLVED
 from gearlib.kernels.jit import inlined, kernel
+from gearlib.kernels.overflow import within_range
 from gearlib.kernels.polynomial import (
     fall_by_shape,
     first_fall,

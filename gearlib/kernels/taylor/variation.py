@@ -5,10 +5,10 @@ import math
 import numpy as np
 
 from gearlib.kernels.closed_form.deviation import multiply
-from gearlib.kernels.closed_form.event_by_event import within_range
 from gearlib.kernels.closed_form.mesh import contact_between
 from gearlib.kernels.codes import BACKLASH, EVENT_LIMIT, OK, OVERFLOW, UNRESOLVED
 from gearlib.kernels.jit import inlined, kernel
+from gearlib.kernels.overflow import within_range
 from gearlib.kernels.taylor.run import take_step
 from gearlib.kernels.taylor.series import (
     D1,

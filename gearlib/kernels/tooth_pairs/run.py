@@ -11,7 +11,6 @@ import numpy as np
 
 from gearlib.kernels import orbit
 from gearlib.kernels.closed_form.deviation import multiply
-from gearlib.kernels.closed_form.event_by_event import within_range
 from gearlib.kernels.codes import (
     BACKLASH,
     EVENT_LIMIT,
@@ -23,6 +22,7 @@ from gearlib.kernels.codes import (
     UNRESOLVED,
 )
 from gearlib.kernels.jit import inlined, kernel
+from gearlib.kernels.overflow import within_range
 from gearlib.kernels.taylor.run import add_samples, add_step, first_crossing
 from gearlib.kernels.taylor.series import ORDER, PUSH, ROWS, C, V, X, state_at
 from gearlib.kernels.tooth_pairs.system import FACTOR, FACTOR_SLOPE, OFFSET, OFFSET_SLOPE

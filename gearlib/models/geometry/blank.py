@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from gearlib import checks
-from gearlib.parameters import LENGTH, Number, check, documented
+from gearlib.parameters import LENGTH, NONNEGATIVE, Number, check, documented
 
 
 @documented
@@ -33,7 +33,7 @@ class Rack:
     dedendum: Annotated[float, Number(above=0, most=3), "Of the rack,", "h_fP"] = 1.25
     tip_radius: Annotated[
         float,
-        Number(least=0, most=3),
+        NONNEGATIVE,
         "Of its tip, which cuts the fillet, rho_fP, below the dedendum; where it would not fit "
         "between the flanks, the largest that does",
     ] = 0.38

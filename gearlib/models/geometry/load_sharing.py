@@ -26,7 +26,7 @@ from gearlib.models.geometry.iso import iso_stiffness
 from gearlib.models.geometry.relief import PathTable
 
 #: Places closer than this share of a base pitch are one.
-_ONE = 1e-12
+_SAME_PLACE = 1e-12
 
 
 @dataclass(frozen=True)
@@ -143,7 +143,7 @@ def pairs_at(
         inside = since < mesh.contact_ratio
     position = mesh.path[0] + np.minimum(since, mesh.contact_ratio) * mesh.base_pitch
     # Compliances repeat with every pitch; only errors tell the pairs of a long run-out apart.
-    place = np.column_stack([np.round(since[:, 0] / _ONE), inside])
+    place = np.column_stack([np.round(since[:, 0] / _SAME_PLACE), inside])
     _, first, each = np.unique(place, axis=0, return_index=True, return_inverse=True)
     own = _compliance(mesh, position[first], inside[first], stiffness, coupling)
     compliance = own[each.reshape(-1)]

@@ -1,4 +1,4 @@
-"""What takes states of a model through mesh periods: one module for each mathematics.
+"""What takes states of a model through mesh periods: one module for each kind.
 
 ====================  ============================================================================
 module                responsibility
@@ -16,6 +16,6 @@ module                responsibility
 ``tooth_pairs``       the same where the pairs of teeth touch one by one
 ====================  ============================================================================
 
-Each mathematics is a thin layer over the folder of `gearlib.kernels` with its name.
+Each is a thin layer over the folder of `gearlib.kernels` with its name.
 `Model.propagator` makes the choice between them, and nobody else does.
 """

@@ -118,13 +118,13 @@ class Base:
 
     def recorded(self, z, periods, limit, samples_per_period=0):
         """Return the same and the status."""
-        samples, events, summary = self.model.room(periods * samples_per_period)
+        samples, events, summary = self.model.empty_record(periods * samples_per_period)
         done = self.run(np.array(z, float), periods, periods, samples, events, limit, summary)
         return done[3][: done[4]], summary, samples, done[5]
 
     def skip(self, states, periods, limit, ends, codes):
         """Take states, shape (k, size), through mesh periods; fill their ends and their status."""
-        samples, events, summary = self.model.room(events=0)
+        samples, events, summary = self.model.empty_record(events=0)
         ends[:] = states
         for i, z in enumerate(ends):
             codes[i] = self.run(z, periods, 1, samples, events, limit, summary)[5]

@@ -114,7 +114,7 @@ class Propagator(Matrices):
         return np.empty((samples, n + m + 1))
 
     def run(self, z, periods, record_periods, samples, events, limit, summary, first=0):
-        """Run from z; see `Base.run`. Samples have the columns of `GearTrain.room`."""
+        """Run from z; see `Base.run`. Samples have the columns of `GearTrain.empty_record`."""
         raw, spans = self.raw(len(samples)), (periods, record_periods)
         period, events, found, code = self.go(z, raw, events, limit, summary, spans, first=first)
         if code == OK and len(samples):

@@ -27,7 +27,7 @@ class Propagator(Base):
 
     def vary(self, z, periods, limit, maps, first):
         """Fill the maps; see `Base.vary`."""
-        samples, events, summary = self.model.room(events=0)
+        samples, events, summary = self.model.empty_record(events=0)
         more = periods, 0, samples, events, limit, summary, maps, first
         *z[:], _, _, _, code, _ = run_pairs(self.system, _TO_BERNSTEIN, *z, *more)
         return code

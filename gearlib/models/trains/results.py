@@ -101,8 +101,8 @@ class TrainResults(Model):
             "axis": list(AXES),
         }
 
-    def room(self, samples=0, events=16):
-        """Return empty tables for the record of a run, see `Model.room`.
+    def empty_record(self, samples=0, events=16):
+        """Return empty tables for the record of a run, see `Model.empty_record`.
 
         Samples have six columns for each mesh, then the coordinates.
         """
@@ -112,7 +112,7 @@ class TrainResults(Model):
         return tuple(np.empty(shape) for shape in shapes)
 
     def more_samples(self, samples):
-        """Return the motions of the bodies from the samples of `room`."""
+        """Return the motions of the bodies from the samples of `empty_record`."""
         q = samples[:, samples.shape[1] - self.size // 2 :]
         motion = np.einsum("bax,kx->kba", self.structure.motions, q)
         return {"body_motion": (("phase", "body", "axis"), motion)}

@@ -57,7 +57,7 @@ class GearTrain(TrainResults):
     carrier_ratio: float = 0.0
     gyroscopic: bool = False
 
-    mathematics = {"exact": "several_meshes"}
+    propagators = {"exact": "several_meshes"}
     title_noun = "a gear train"
     references = (
         "Lin, Parker: J. Vib. Acoust. 121 (1999) 316-321; "

@@ -13,7 +13,7 @@ import numpy as np
 from gearlib.models.trains.structure import FLOATS
 
 #: Boundaries that are closer in phase are one.
-_ONE = 1e-12
+_SAME_PHASE = 1e-12
 
 
 class Segments(NamedTuple):
@@ -46,7 +46,7 @@ def segments(meshes, rates, phases, turns, repeats):
     kept = [0.0]
     marks = {whole * k for k in range(repeats + 1)}
     for cut in ordered[1:]:
-        if cut - kept[-1] > _ONE:
+        if cut - kept[-1] > _SAME_PHASE:
             kept.append(cut)
         elif cut in marks:
             kept[-1] = cut
@@ -62,7 +62,7 @@ def segments(meshes, rates, phases, turns, repeats):
             sense[side, :, j] = np.where(np.mod(at - shifts[1] - turn, 1.0) < 0.5, 1.0, -1.0)
         if not mesh.varies:
             low[:, :, j] = mesh.contact_ratio < 2.0 and mesh.stiffness_ratio < 1.0
-    first = np.searchsorted(starts, [whole * k - _ONE for k in range(repeats + 1)])
+    first = np.searchsorted(starts, [whole * k - _SAME_PHASE for k in range(repeats + 1)])
     return Segments(starts, first, low, sense)
 
 

@@ -34,7 +34,7 @@ _SEARCHES = 3
 class Ends(NamedTuple):
     """Where the motions from some starts end, each over the first axis."""
 
-    tables: np.ndarray  #: summaries as of `Model.room`, of orbits where there is one
+    tables: np.ndarray  #: summaries as of `Model.empty_record`, of orbits where there is one
     orbits: np.ndarray  #: number of the stable orbit in the order found, -1: none
     periods: np.ndarray  #: in mesh periods, 0: none
     marks: np.ndarray  #: states on the way, and at the end, at a multiple of the common period
@@ -75,7 +75,7 @@ class _Tuning:
         self.near = 2.0 * settings["spread"]
 
     def _run(self, z, periods, recorded, first):
-        samples, events, table = self.model.room(events=0)
+        samples, events, table = self.model.empty_record(events=0)
         arguments = periods, recorded, samples, events, MAX_EVENTS, table
         done = self.propagator.run(z, *arguments, first=first % self.model.repeats)
         return table, done[2], int(done[5])

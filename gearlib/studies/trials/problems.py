@@ -104,7 +104,7 @@ class Bound:
     def __init__(self, model, tuning, method, options):
         _, self._module, self._options = integrators.choose(model, method, options)
         self._model, self._tuning = model, tuning
-        self._samples, _, self._summary = model.room()
+        self._samples, _, self._summary = model.empty_record()
 
     def raw(self, state, periods, record_periods=1):
         """Run; return what the method does, see `gearlib.integrators`."""
@@ -115,7 +115,7 @@ class Bound:
             periods,
             record_periods,
             self._samples,
-            self._model.room(events=_FIRST_EVENTS)[1],
+            self._model.empty_record(events=_FIRST_EVENTS)[1],
             MAX_EVENTS,
             self._summary,
             **self._options,
