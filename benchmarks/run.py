@@ -23,8 +23,8 @@ from benchmarks.short import SHORT, repeats
 from gearlib import GearPair, OneDegreePair, SixDegreePair, simulate, sweep
 from gearlib.kernels import orbit
 from gearlib.kernels.polynomial import bernstein_matrix
-from gearlib.kernels.taylor.run import run_nonlinear
 from gearlib.kernels.taylor.series import ORDER
+from gearlib.kernels.taylor.taylor_run import run_nonlinear
 from gearlib.pages.explorer.view import look
 
 REPEATS = repeats(7)

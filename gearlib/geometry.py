@@ -7,16 +7,16 @@ The code lies in `gearlib.models.geometry`; `Mesh` here is one of two drawn gear
 from typing import TYPE_CHECKING
 
 from gearlib.models.geometry.blank import RACKS, Material, Rack, Web
-from gearlib.models.geometry.dynamic_factor import DynamicFactor, dynamic_factor
+from gearlib.models.geometry.drawn_stiffness import MeshStiffness, mesh_stiffness
 from gearlib.models.geometry.gear import SpurGear
 from gearlib.models.geometry.iso import IsoStiffness, iso_stiffness
+from gearlib.models.geometry.iso_dynamic_factor import DynamicFactor, dynamic_factor
 from gearlib.models.geometry.mesh import Mesh
 from gearlib.models.geometry.relief import PathTable, TipRelief
-from gearlib.models.geometry.stiffness import MeshStiffness, mesh_stiffness
 from gearlib.models.geometry.transmission_error import optimum_relief
 
 if TYPE_CHECKING:
-    from gearlib.models.trains.drawn import planetary_set
+    from gearlib.models.trains.train_from_drawings import planetary_set
 
 __all__ = [
     "RACKS",
@@ -42,6 +42,6 @@ def __getattr__(name):
     # Drawn gears need none of the compiled code of trains, which takes half a second to load.
     if name != "planetary_set":
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from gearlib.models.trains.drawn import planetary_set
+    from gearlib.models.trains.train_from_drawings import planetary_set
 
     return planetary_set

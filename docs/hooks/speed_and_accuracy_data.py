@@ -12,7 +12,7 @@ import yaml
 
 from docs.hooks.reproduction import copy_pictures
 from gearlib import config
-from gearlib.figures import stability
+from gearlib.figures import stability_figure
 from gearlib.studies.trials.work_precision import OF_LIBRARY
 
 DOCS = Path(__file__).resolve().parents[1]
@@ -105,8 +105,8 @@ def _chart_of(path):
         rows = []
         for name in chart.method.values:
             # `sel(method=...)` would choose how to interpolate.
-            code = stability.verdicts(chart.radius.sel({"method": name}).values, true)
-            words = [word for word, _ in stability.VERDICTS]
+            code = stability_figure.verdicts(chart.radius.sel({"method": name}).values, true)
+            words = [word for word, _ in stability_figure.VERDICTS]
             right = (code == words.index("right within 1 % per period")).mean(axis=1)
             wrong = np.flatnonzero(right < MOST)
             first = int(wrong[-1]) + 1 if wrong.size else 0

@@ -1,15 +1,15 @@
 """The command ``gearlib``: what the library does, from the shell.
 
-============  =================================================================
-module        responsibility
-============  =================================================================
-``commands``  one function per command: its options, one library call, output
-``drawn``     two gears by their drawing, and the table of what they come to
-``gears``     from options and a configuration to a model
-``speeds``    speeds in rpm where a command counts in tunings
-``output``    what a command prints and writes, and how it ends
-``progress``  a bar or a clock on a terminal, nothing elsewhere
-============  =================================================================
+=================  ===============================================================
+module             responsibility
+=================  ===============================================================
+``commands``       one function per command: its options, one library call, output
+``drawn_gears``    two gears by their drawing, and the table of what they come to
+``model_options``  from options and a configuration to a model
+``speed_options``  speeds in rpm where a command counts in tunings
+``output``         what a command prints and writes, and how it ends
+``progress``       a bar or a clock on a terminal, nothing elsewhere
+=================  ===============================================================
 
 Exit codes: 0 all is well; 1 the computation could not do what was asked, the message says what to
 try; 2 the input is wrong.

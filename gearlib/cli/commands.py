@@ -4,7 +4,7 @@ import math
 
 import click
 
-from gearlib.cli import drawn, gears, output, progress, speeds
+from gearlib.cli import drawn_gears, model_options, output, progress, speed_options
 from gearlib.config import schema_text
 from gearlib.version import __version__
 
@@ -56,8 +56,8 @@ def main():
 
 
 @main.command()
-@gears.options
-@speeds.options
+@model_options.options
+@speed_options.options
 @_state
 @click.option("--periods", type=int, default=200, show_default=True, help="Mesh periods.")
 @click.option("--record-periods", type=int, default=1, show_default=True, help="Recorded ones.")
@@ -92,16 +92,20 @@ def simulate(model, tuning, state, periods, record_periods, samples, method, out
 
 
 @main.command()
-@gears.options
+@model_options.options
 @click.option(
     "--start",
-    type=speeds.TUNING,
+    type=speed_options.TUNING,
     default=0.5,
     show_default=True,
     help="First tuning, or speed such as 1500rpm.",
 )
 @click.option(
-    "--stop", type=speeds.TUNING, default=1.4, show_default=True, help="Last tuning, or speed."
+    "--stop",
+    type=speed_options.TUNING,
+    default=1.4,
+    show_default=True,
+    help="Last tuning, or speed.",
 )
 @click.option("--points", type=int, default=901, show_default=True, help="Number of tunings.")
 @click.option(
@@ -120,7 +124,7 @@ def sweep(
 ):
     """Run many tunings: the resonance characteristic."""
     output.check(output_path, force)
-    start, stop = (speeds.tuning_of(model, value) for value in (start, stop))
+    start, stop = (speed_options.tuning_of(model, value) for value in (start, stop))
     if points < 2 or not 0.0 < start < stop < math.inf:
         raise click.UsageError(
             f"start = {start!r}, stop = {stop!r}, points = {points} is not allowed: it must be 0 < "
@@ -168,8 +172,8 @@ def sweep(
 
 
 @main.command()
-@gears.options
-@speeds.options
+@model_options.options
+@speed_options.options
 @click.option("--period", type=int, default=1, show_default=True, help="Mesh periods of it.")
 @click.option("--guess", nargs=2, type=float, help="Displacement and dx/dtau near the orbit.")
 @output.options
@@ -201,8 +205,8 @@ def _first(texts, most=12):
 
 
 @main.command()
-@gears.options
-@speeds.options
+@model_options.options
+@speed_options.options
 @_state
 @click.option(
     "--periods", type=click.IntRange(32), default=2000, show_default=True, help="To settle."
@@ -225,7 +229,7 @@ def trust(model, tuning, state, periods, output_path, force):
 
 
 @main.command()
-@gears.train_options
+@model_options.train_options
 @output.options
 def modes(train, output_path, force):
     """Natural frequencies of the gear train, and the kinds of its modes."""
@@ -236,7 +240,7 @@ def modes(train, output_path, force):
 
 
 @main.command()
-@gears.train_options
+@model_options.train_options
 @click.option("--phase", type=float, default=0.0, show_default=True, help="Mesh phase, rad.")
 @output.options
 def static(train, phase, output_path, force):
@@ -250,7 +254,7 @@ def static(train, phase, output_path, force):
 
 
 @main.command()
-@gears.train_options
+@model_options.train_options
 @click.option("--count", type=int, default=6, show_default=True, help="Highest order.")
 @output.options
 def phasing(train, count, output_path, force):
@@ -268,7 +272,7 @@ def phasing(train, count, output_path, force):
 
 
 @main.command("gears")
-@drawn.options
+@drawn_gears.options
 @click.option(
     "--format",
     "form",
@@ -283,11 +287,11 @@ def gear_table(drawing, damping, form):
 
     options = {drawing.stiffness or "iso": drawing.stiffness_options}
     rows = gear_table.compute(drawing.mesh(), damping=damping, options=options, **drawing.load())
-    drawn.show(rows, form)
+    drawn_gears.show(rows, form)
 
 
 @main.command()
-@gears.train_options
+@model_options.train_options
 @click.option("--count", type=int, default=1, show_default=True, help="Highest order of a mesh.")
 @output.options
 def campbell(train, count, output_path, force):
@@ -313,7 +317,7 @@ def schema():
 
 
 @main.command()
-@gears.configuration_options
+@model_options.configuration_options
 @click.option(
     "--port",
     type=click.IntRange(0, 65535),

@@ -1,31 +1,31 @@
 """The typed model of ``config.yaml``: every key, its meaning, its allowed range, its default.
 
-===================  ===================================================
-module               responsibility
-===================  ===================================================
-``types``            what a number, a name, a list may be
-``units``            texts with a unit, read as SI numbers
-``speeds``           tunings given as speeds in rpm
-``mesh``             sections of the gear pair and the length of the runs
-``gears``            sections of gears by their drawing
-``stiffness``        drawn pairs, their mesh stiffness by every method, the rectangle's cost
-``drawing``          from these to the geometry of `gearlib.models`, which checks and derives
-``experiments``      sections of the experiments and of the figures
-``scenes``           sections of the scenes and of their models
-``train``            section of the gear train
-``drawn_trains``     trains of drawn gears in it
-``reducer``          the paper's reducer, what stands for it, its Campbell diagram
-``trials``           sections of the trials of the methods
-``planetary``        the planetary train and its charts
-``dynamic_factor``   drawn gears and their dynamic factor over speed
-``relief``           tip relief of drawn gears
-``global_dynamics``  basins, bifurcation diagram, Poincare sections
-``validation``       refusals as sentences
-``model``            the whole, and what must agree between sections
-``defaults``         defaults that depend on the gears
-``laying``           one configuration laid over another
-``yaml_keys``        YAML files, and the keys that they give twice
-===================  ===================================================
+==========================  ========================================================================
+module                      responsibility
+==========================  ========================================================================
+``types``                   what a number, a name, a list may be
+``units``                   texts with a unit, read as SI numbers
+``speeds_section``          tunings given as speeds in rpm
+``gear_pair_section``       sections of the gear pair and the length of the runs
+``gears_section``           sections of gears by their drawing
+``stiffness_section``       drawn pairs, their mesh stiffness by every method, the rectangle's cost
+``drawing``                 from these to the geometry of `gearlib.models`, which checks and derives
+``experiments``             sections of the experiments and of the figures
+``scenes_section``          sections of the scenes and of their models
+``train_section``           section of the gear train
+``drawn_trains``            trains of drawn gears in it
+``reducer_section``         the paper's reducer, what stands for it, its Campbell diagram
+``trials``                  sections of the trials of the methods
+``planetary``               the planetary train and its charts
+``dynamic_factor_section``  drawn gears and their dynamic factor over speed
+``relief_section``          tip relief of drawn gears
+``global_dynamics``         basins, bifurcation diagram, Poincare sections
+``validation``              refusals as sentences
+``configuration``           the whole, and what must agree between sections
+``defaults``                defaults that depend on the gears
+``laying``                  one configuration laid over another
+``yaml_keys``               YAML files, and the keys that they give twice
+==========================  ========================================================================
 
 Only ``gear_pair`` (or ``gears`` instead) and ``dampings`` have no defaults. The JSON schema for
 editors is made from the model: ``gearlib schema`` prints it, wheel and documentation hold it.
@@ -65,7 +65,7 @@ def load(mapping):
     from pydantic import ValidationError
 
     from gearlib.config import defaults
-    from gearlib.config.model import Config
+    from gearlib.config.configuration import Config
 
     problems = list(_names_that_are_no_texts(mapping))
     if isinstance(mapping, dict) and {"gears", "gear_pair"} <= mapping.keys():
@@ -178,7 +178,7 @@ def chosen(merged, given):
 def schema():
     """Return the JSON schema of the configuration as a dict."""
     from gearlib.config import defaults
-    from gearlib.config.model import Config
+    from gearlib.config.configuration import Config
 
     whole = Config.model_json_schema()
     defaults.release(whole)

@@ -10,11 +10,11 @@ from typing import Annotated
 
 from pydantic import Field, TypeAdapter, ValidationError
 
-from gearlib.config import speeds
+from gearlib.config import speeds_section
 from gearlib.config.experiments import ReportPage
-from gearlib.config.gears import Gears
+from gearlib.config.gear_pair_section import Damping, GearPairSection, Run
+from gearlib.config.gears_section import Gears
 from gearlib.config.laying import laid_over
-from gearlib.config.mesh import Damping, GearPairSection, Run
 from gearlib.config.types import MAX_PAGE_SAMPLES, Name
 
 #: Stand-ins while those of a configuration are refused, so that only those are complained about.
@@ -63,7 +63,7 @@ def filled(mapping):
     if isinstance(six_degrees, dict) and any(key in six_degrees for key in _BODIES):
         for key in _BODIES:
             del made["six_degrees"][key]
-    mapping, problems = speeds.in_tunings(mapping, None if pair is _PAIR else pair)
+    mapping, problems = speeds_section.in_tunings(mapping, None if pair is _PAIR else pair)
     _fit(made, _run(mapping), pair.teeth, len(dampings))
     whole = laid_over(made, mapping)
     whole |= {key: _in_coefficients(whole[key], pair) for key in _WITH_DAMPINGS if key in whole}

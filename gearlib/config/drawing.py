@@ -10,14 +10,14 @@ _DIGITS = 12
 
 def gear_of(key, section, like=None, **more):
     """Return the `SpurGear` of a section, named by `key`; `like` has what it leaves out."""
-    from gearlib.models.geometry.described import gear
+    from gearlib.models.geometry.described_drawing import gear
 
     with naming(key):
         return gear(section.model_dump(), None if like is None else like.model_dump(), **more)
 
 
 def mesh_of(key, section):
-    """Return the `gearlib.geometry.Mesh` of a `gearlib.config.gears.DrawnPair`."""
+    """Return the `gearlib.geometry.Mesh` of a `gearlib.config.gears_section.DrawnPair`."""
     from gearlib.models.geometry.mesh import Mesh
 
     pinion = gear_of(f"{key}.pinion", section.pinion)
@@ -39,7 +39,7 @@ def _both(key):
 
 def coefficient(name, value, stiffness, mass):
     """Return the damping, N s/m, rounded, of a ratio or decrement by its name; N/m and kg."""
-    from gearlib.models.geometry.parameters import coefficient
+    from gearlib.models.geometry.drawn_parameters import coefficient
 
     return rounded(coefficient(value, stiffness, mass, name == "logarithmic_decrement"))
 
@@ -62,7 +62,7 @@ def naming(key, options=None, **places):
     `key` is that of the section, `options` are names of stiffness options, `places` the full keys
     of gears by their names.
     """
-    from gearlib.models.geometry.described import OF_RACK, renaming
+    from gearlib.models.geometry.described_drawing import OF_RACK, renaming
 
     ring = places.get("ring", places.get("wheel"))
     of_part = places | {"ring gear": ring, "tip relief": f"{key}.tip_relief"}

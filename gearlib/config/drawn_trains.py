@@ -3,10 +3,17 @@
 from pydantic import model_validator
 
 from gearlib.config import drawing
-from gearlib.config.gears import GearSection, MethodSection, PinionSection, Power, Speed, Torque
+from gearlib.config.gears_section import (
+    GearSection,
+    MethodSection,
+    PinionSection,
+    Power,
+    Speed,
+    Torque,
+)
 from gearlib.config.types import entry, like
 from gearlib.models.geometry.gear import SpurGear
-from gearlib.models.trains.drawn import planetary_set
+from gearlib.models.trains.train_from_drawings import planetary_set
 
 _OF_RING = ("outer_diameter",)
 _DAMPINGS = ("damping_ratio", "logarithmic_decrement", "material_damping", "backlash_damping_ratio")
@@ -36,7 +43,7 @@ class PlanetarySet(_Set):
 
     def arguments(self):
         """Return the arguments of `planetary_set` as plain values, gears as dicts."""
-        from gearlib.models.geometry.parameters import torque_of
+        from gearlib.models.geometry.drawn_parameters import torque_of
 
         given = self.model_dump(exclude={"torque", "power", "speed", "stiffness_options"})
         given |= drawing.method("train.planetary_set", self)

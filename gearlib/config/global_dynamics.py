@@ -4,7 +4,7 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from gearlib.config.mesh import Damping, MeshCase
+from gearlib.config.gear_pair_section import Damping, MeshCase
 from gearlib.config.types import (
     Distance,
     Finite,

@@ -1,6 +1,6 @@
 """One configuration laid over another."""
 
-from gearlib.config.mesh import IN_PLACE_OF
+from gearlib.config.gear_pair_section import IN_PLACE_OF
 
 #: Keys of one section of which there is one.
 _ALTERNATIVES = (

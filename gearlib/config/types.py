@@ -275,7 +275,7 @@ DampingCoefficient = type_of(parameters.DAMPING)
 ContactRatio = type_of(parameters.CONTACT_RATIO)
 PositiveDampingCoefficient = quantity("N s/m", "3.95 N s/mm", gt=0)
 CubicDamping = quantity("N s^3/m^3", "5e-6 N s^3/mm^3", gt=0)
-#: Of the gear pair: `gearlib.config.speeds` has made numbers of texts in rpm.
+#: Of the gear pair: `gearlib.config.speeds_section` has made numbers of texts in rpm.
 Tuning = Annotated[float, _in_rpm(gt=0, le=100), BeforeValidator(_read_number)]
 #: Of a train or drawing, which takes no speed.
 OwnTuning = number_within(gt=0, le=100)

@@ -5,11 +5,11 @@ module              responsibility
 ==================  ========================================================
 ``variables``       names, units and descriptions of every variable
 ``contact_states``  flank lines, phases of contact and their codes
-``contact_loss``    whether contact is lost, by the share of time in contact
+``lost_contact``    whether contact is lost, by the share of time in contact
 ``summary``         from the summary table of the kernels to named variables
 ``status``          how a run ended, and what to do when it could not go on
 ``provenance``      what a dataset says of its own making
-``arrays``          what a caller gives as numbers, as an array
+``numbers_given``   what a caller gives as numbers, as an array
 ``storage``         datasets to and from netCDF
 ``files``           whole files or none
 ``gathering``       shards of the workflow into one dataset per experiment

@@ -1,11 +1,11 @@
 """Methods behind the one ``method=`` name: each says which models it takes, and runs them.
 
-=====================  =================================================================
+=====================  =======================================================================
 module                 responsibility
-=====================  =================================================================
+=====================  =======================================================================
 ``exact``              closed forms between events: linear damping, rectangular
                        stiffness, one or six degrees of freedom
-``taylor``             Taylor steps of order 20 that end at events: any model of one
+``taylor_steps``       Taylor steps of order 20 that end at events: any model of one
                        degree
 ``rk4``                for comparison: classical Runge-Kutta in fixed steps
 ``rk45``               for comparison: embedded pair under step control, as ode45
@@ -13,14 +13,14 @@ module                 responsibility
 ``generalised_alpha``  for comparison: with numerical damping, in fixed steps
 ``scipy_ivp``          for comparison ("scipy"): scipy's solvers, as they come or split
 ``smoothed``           for comparison: contact smoothed by tanh
-``one_degree``         models and law of the methods with steps
-``problems``           models as right-hand sides for solvers in Python
+``models_with_steps``  models and law of the methods with steps
+``right_hand_sides``   models as right-hand sides for solvers in Python
 ``option``             an option of a method: default, check, meaning
-``several_meshes``     gear trains as right-hand sides, their record, runs split at events
+``trains_in_python``   gear trains as right-hand sides, their record, runs split at events
 ``each``               many tunings for a method that runs one
 ``split``              record of solvers in Python; runs split at switches and at contact
 ``peers``              solvers from packages of others, which `methods` says whether are there
-=====================  =================================================================
+=====================  =======================================================================
 
 A method is a module that offers
 
@@ -32,8 +32,8 @@ A method is a module that offers
 ``takes(pair)``
     whether it takes a model;
 ``run(pair, tuning, state, periods, record_periods, samples, events, limit, summary, **options)``
-    one run; arguments as of `gearlib.kernels.closed_form.run.run`, whose returns are followed by
-    the number of evaluations of the right-hand side;
+    one run; arguments as of `gearlib.kernels.closed_form.pair_run.run`, whose returns are followed
+    by the number of evaluations of the right-hand side;
 ``run_many(pair, tunings, order, state, carry, span, rows, **options)``
     ``tunings[order]``, with the state carried along or not; `Span` and `Rows` are those of
     `gearlib.runs.run_arguments`.
@@ -47,7 +47,7 @@ from gearlib import checks
 from gearlib.models.model import is_model
 
 if TYPE_CHECKING:  # what any run may load by name, for `workflow.sources`: that of AUTOMATIC
-    from gearlib.integrators import exact, taylor  # noqa: F401
+    from gearlib.integrators import exact, taylor_steps  # noqa: F401
 
 
 class _Modules(UserDict):
@@ -61,7 +61,7 @@ class _Modules(UserDict):
 METHODS = _Modules(
     {
         "exact": "exact",
-        "taylor": "taylor",
+        "taylor": "taylor_steps",
         "rk4": "rk4",
         "rk45": "rk45",
         "newmark": "newmark",

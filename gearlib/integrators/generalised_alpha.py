@@ -8,8 +8,8 @@ from functools import partial
 
 from gearlib import checks
 from gearlib.integrators.each import run_each
+from gearlib.integrators.models_with_steps import MODELS, takes
 from gearlib.integrators.newmark import STEP_OPTIONS
-from gearlib.integrators.one_degree import MODELS, takes
 from gearlib.integrators.option import Option
 from gearlib.kernels.steps.fixed import Scheme, run_steps
 

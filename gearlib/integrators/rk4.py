@@ -3,13 +3,13 @@
 from functools import partial
 
 from gearlib import checks
-from gearlib.integrators import one_degree, several_meshes
+from gearlib.integrators import models_with_steps, trains_in_python
 from gearlib.integrators.each import run_each
 from gearlib.integrators.option import Option
 from gearlib.kernels.steps.fixed import Scheme, run_steps
 
 ORDER = 4
-MODELS = f"{one_degree.MODELS}, or gear trains"
+MODELS = f"{models_with_steps.MODELS}, or gear trains"
 EVENTS = "steps go over switches and contact; changes between step ends, by a straight line"
 OPTIONS = {
     "steps_per_period": Option(
@@ -21,14 +21,14 @@ _SCHEME = Scheme(True, False, 0.0, 0.0, 0.0, 0.0)
 
 def takes(pair):
     """Return whether the model is one mesh with one degree of freedom, or a gear train."""
-    return one_degree.takes(pair) or bool(pair.mesh_names)
+    return models_with_steps.takes(pair) or bool(pair.mesh_names)
 
 
 def run(pair, tuning, state, *arguments, steps_per_period):
     """Run one tuning; see `gearlib.integrators`."""
     if pair.mesh_names:
-        problem = several_meshes.Problem(pair, tuning)
-        return several_meshes.FixedSteps(problem, steps_per_period).run(state, *arguments)
+        problem = trains_in_python.Problem(pair, tuning)
+        return trains_in_python.FixedSteps(problem, steps_per_period).run(state, *arguments)
     return run_steps(pair.law(tuning), _SCHEME, steps_per_period, *state, *arguments)
 
 

@@ -13,10 +13,10 @@ import numpy as np
 
 from gearlib import checks
 from gearlib.data import status
-from gearlib.integrators import several_meshes
+from gearlib.integrators import trains_in_python
 from gearlib.integrators.each import run_each
 from gearlib.integrators.option import Option
-from gearlib.integrators.problems import problem_of
+from gearlib.integrators.right_hand_sides import problem_of
 from gearlib.integrators.split import Phase, Recorded, Split, Stall
 from gearlib.kernels.codes import BACKLASH, NORMAL
 from gearlib.kernels.overflow import within_range
@@ -51,7 +51,7 @@ def run(pair, tuning, state, *arguments, solver, rtol, atol, events):
     """Run one tuning; see `gearlib.integrators`."""
     if pair.mesh_names:
         train = _SplitTrain if events else _WholeTrain
-        problem = several_meshes.Problem(pair, tuning)
+        problem = trains_in_python.Problem(pair, tuning)
         return train(problem, solver, rtol, atol).run(state, *arguments)
     kind = _Split if events else _Whole
     return kind(problem_of(pair, tuning), solver, rtol, atol).run(tuning, state, *arguments)
@@ -177,7 +177,7 @@ class _Split(Split):
         return Phase(done.t[-1], done.y[:, -1].copy(), hit, points, dense)
 
 
-class _WholeTrain(several_meshes.Whole):
+class _WholeTrain(trains_in_python.Whole):
     """One run of a gear train over the whole span."""
 
     def __init__(self, problem, solver, rtol, atol):
@@ -201,7 +201,7 @@ class _WholeTrain(several_meshes.Whole):
             if counted > self.limit:
                 return z, status.EVENT_LIMIT
             solver.step()
-            if not np.abs(solver.y).max() < several_meshes.RANGE:
+            if not np.abs(solver.y).max() < trains_in_python.RANGE:
                 return solver.y, status.OVERFLOW
             if self.problem.jammed(solver.t, solver.y):
                 return solver.y, status.JAMMED
@@ -214,7 +214,7 @@ class _WholeTrain(several_meshes.Whole):
         return solver.y, status.OK
 
 
-class _SplitTrain(several_meshes.Split):
+class _SplitTrain(trains_in_python.Split):
     """Runs of `solve_ivp` with terminal events of all meshes."""
 
     def __init__(self, problem, solver, rtol, atol):
@@ -257,4 +257,4 @@ class _SplitTrain(several_meshes.Split):
         if done.status == 1:
             hit = next(exits[i][:2] for i, times in enumerate(done.t_events) if times.size)
         points = list(zip(done.t.tolist(), done.y.T, strict=True))
-        return several_meshes.Phase(done.t[-1], done.y[:, -1].copy(), hit, points, done.sol)
+        return trains_in_python.Phase(done.t[-1], done.y[:, -1].copy(), hit, points, done.sol)

@@ -10,7 +10,7 @@ from functools import partial
 
 from gearlib import checks
 from gearlib.integrators.each import run_each
-from gearlib.integrators.one_degree import MODELS, takes
+from gearlib.integrators.models_with_steps import MODELS, takes
 from gearlib.integrators.option import Option
 from gearlib.kernels.steps.embedded import Control, run_embedded
 

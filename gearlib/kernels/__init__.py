@@ -1,24 +1,24 @@
 """Compiled kernels: floats and arrays only, a folder for each kind of mathematics.
 
-====================  =============================================================================
-name                  responsibility
-====================  =============================================================================
-``closed_form``       one degree of freedom, linear damping: contact and flight in closed form
-``taylor``            nonlinear mesh: Taylor steps of order 20 that end at events
-``steps``             for comparison: fixed steps, and an embedded pair under step control
-``tooth_pairs``       one mesh whose pairs of teeth touch one by one
-``several_meshes``    many coordinates, events of all meshes: modes of their contacts
-``exponential``       matrix exponentials by their series
-``slopes``            what motions of `several_meshes` change by with parameters
-``codes``             contact of a mesh, how a run ended
-``polynomial``        first crossing and largest value of a polynomial, guaranteed
-``orbit``             what is recorded of an orbit: extrema, fractions, samples, events
-``arrays``            copies between arrays
-``growth``            growth of a small deviation under the maps of a run
-``overflow``          states that are too large for floating-point numbers
-``jit``               how every kernel is compiled
-``cache``             where its machine code is kept, for any number of processes
-====================  =============================================================================
+==================  ========================================================================
+name                responsibility
+==================  ========================================================================
+``closed_form``     one degree of freedom, linear damping: contact and flight in closed form
+``taylor``          nonlinear mesh: Taylor steps of order 20 that end at events
+``steps``           for comparison: fixed steps, and an embedded pair under step control
+``tooth_pairs``     one mesh whose pairs of teeth touch one by one
+``several_meshes``  many coordinates, events of all meshes: modes of their contacts
+``exponential``     matrix exponentials by their series
+``slopes``          what motions of `several_meshes` change by with parameters
+``codes``           contact of a mesh, how a run ended
+``polynomial``      first crossing and largest value of a polynomial, guaranteed
+``orbit``           what is recorded of an orbit: extrema, fractions, samples, events
+``copies``          copies between arrays
+``growth``          growth of a small deviation under the maps of a run
+``overflow``        states that are too large for floating-point numbers
+``jit``             how every kernel is compiled
+``cache``           where its machine code is kept, for any number of processes
+==================  ========================================================================
 
 Units: displacement in static deflections, time as mesh phase tau (2 pi per mesh period).
 Kernels check nothing; the calls above them do.
@@ -36,8 +36,8 @@ def warm_up():
 
     from gearlib.kernels.cache import source_hash
     from gearlib.kernels.closed_form.many_runs import run_many
-    from gearlib.kernels.closed_form.mesh import mesh
-    from gearlib.kernels.closed_form.run import run
+    from gearlib.kernels.closed_form.mesh_constants import mesh
+    from gearlib.kernels.closed_form.pair_run import run
     from gearlib.kernels.orbit import EVENT_COLUMNS, SAMPLE_COLUMNS, SUMMARY_COLUMNS
 
     ratios = np.array([1.2, 0.7, 1.8, 2.7, 0.06, 0.06, 4.0])

@@ -2,8 +2,8 @@
 
 import math
 
-from gearlib.kernels.arrays import copy, enlarged
 from gearlib.kernels.codes import BACKLASH, NORMAL
+from gearlib.kernels.copies import copy, enlarged
 from gearlib.kernels.jit import kernel, uncounted
 from gearlib.kernels.polynomial import highest
 

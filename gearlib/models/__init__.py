@@ -1,14 +1,14 @@
 """What can be simulated: parameters in SI, their ratios, their equations of motion.
 
-====================  =================================================================
+====================  =======================================================================
 module                responsibility
-====================  =================================================================
+====================  =======================================================================
 ``model``             `Model`, the protocol: all that runs and analyses ask of a model
 ``propagators``       what takes states through mesh periods, one module a kind
 ``pair``              `GearPair`: one pair of gears; the border between SI and ratios
 ``one_degree``        `OneDegreePair`: nonlinear damping, other stiffness, excitation
 ``mesh_equation``     the equation of one mesh, of a pair and of what is added to it
-``load_sharing_pair`` `LoadSharingPair`: pairs of teeth that touch one by one
+``load_sharing_pair`  ` `LoadSharingPair`: pairs of teeth that touch one by one
 ``six_degrees``       `SixDegreePair`: bearings, run-out, friction, moving backlash
 ``trains``            `GearTrain`: any number of meshes; planetary trains, the reducer
 ``geometry``          drawn gears and what a mesh takes of them; public as `gearlib.geometry`
@@ -17,9 +17,9 @@ module                responsibility
 ``excitation``        what drives six degrees: run-out, deviations, segments of the period
 ``with_pair``         what models that contain a `GearPair` offer of it
 ``oscillator``        the equation that all models of one degree share
-``piecewise_linear``  what the piecewise-linear models share
+``one_mesh_system``   what the piecewise-linear models share
 ``stiffness``         mesh stiffness over one mesh period, Eq. (1) and (2)
 ``profiles``          rectangular, Fourier and tabulated mesh stiffness
 ``harmonics``         periodic functions of the mesh phase
-====================  =================================================================
+====================  =======================================================================
 """

@@ -88,7 +88,7 @@ def about_the_mean(mesh, name):
 
 
 def along_branch(pair, name):
-    """Return the same for one of `gearlib.analysis.orbits.parameters.RATIOS` of a `GearPair`."""
+    """Return the same for a ratio of a `GearPair`, of `followed_parameters.RATIOS`."""
     own = {"damping": "damping_ratio", "backlash_damping": "backlash_damping_ratio"}
     if name in ("contact_ratio", "stiffness_ratio"):
         return about_the_mean(pair, name)

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gearlib import checks
-from gearlib.kernels.tooth_pairs.system import ToothPairSystem
+from gearlib.kernels.tooth_pairs.tooth_pairs_system import ToothPairSystem
 from gearlib.models.geometry.load_sharing import checked_errors, pairs_at, tooth_pairs
 from gearlib.models.geometry.mesh import Mesh
 from gearlib.models.geometry.relief import PathTable
@@ -216,7 +216,7 @@ class LoadSharingPair(WithPair):
             np.concatenate([a, (b - a) / lengths.reshape(-1, *[1] * (a.ndim - 1))], axis=-1)
             for a, b in zip(*lines, strict=True)
         )
-        # In the order of the columns of `gearlib.kernels.tooth_pairs.system`.
+        # In the order of the columns of `gearlib.kernels.tooth_pairs.tooth_pairs_system`.
         force, overlap = force[..., [0, 2, 1, 3]], overlap[..., [0, 2, 1, 3]]
         least = [np.where(middle.inside, end.gap, math.inf).min(-1) for end in ends]
         bits = 2 ** np.arange(middle.inside.shape[1])

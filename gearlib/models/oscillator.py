@@ -19,7 +19,7 @@ import numpy as np
 
 from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
 from gearlib.kernels.taylor.series import Law
-from gearlib.models import piecewise_linear
+from gearlib.models import one_mesh_system
 from gearlib.models.profiles import Pieces
 
 
@@ -85,7 +85,7 @@ class Equation:
         near, far, push = np.zeros((3, n), np.result_type(square))
         near[0] = far[0] = 1.0
         near[2], push[1] = -self.upper, -1.0
-        free = piecewise_linear.waves(n, 3, tuning * orders).astype(near.dtype)
+        free = one_mesh_system.waves(n, 3, tuning * orders).astype(near.dtype)
         free[0, 1] = 1.0
         free[1, :3] = -self.ground, -self.damping[BACKLASH + 1, 0], self.load
         for order, cosine, sine in rows:
@@ -97,14 +97,14 @@ class Equation:
             flanks[INVERSE] = far, sides[1]
         gap = self.damping[BACKLASH + 1, 0]
         made = {
-            code: piecewise_linear.Side(
+            code: one_mesh_system.Side(
                 line, side.lines[:, 0], self.damping[code + 1, 0] - gap, push, 0.0 * push
             )
             for code, (line, side) in flanks.items()
         }
         low = sides[0].low
-        pieces = piecewise_linear.Pieces(sides[0].breaks, low, np.ones(len(low)))
-        return piecewise_linear.one_mesh(free, made, pieces, orders, tuning)
+        pieces = one_mesh_system.Pieces(sides[0].breaks, low, np.ones(len(low)))
+        return one_mesh_system.one_mesh(free, made, pieces, orders, tuning)
 
     def _excitation(self, unit):
         """Return rows (order, cosine, sine) of force and deviation in phase, shape (n, 3)."""

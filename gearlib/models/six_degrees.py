@@ -59,7 +59,7 @@ from dataclasses import dataclass, field, fields
 import numpy as np
 
 from gearlib import checks
-from gearlib.models import derivatives, excitation, piecewise_linear
+from gearlib.models import derivatives, excitation, one_mesh_system
 from gearlib.models.harmonics import Harmonics
 from gearlib.models.pair import GearPair
 from gearlib.models.with_pair import WithPair
@@ -219,7 +219,7 @@ class SixDegreePair(WithPair):
 
     def contact_map(self, tuning):
         """Return the map of deviations over one mesh period in normal mesh; see `reduction`."""
-        return piecewise_linear.contact_map(self, tuning)
+        return one_mesh_system.contact_map(self, tuning)
 
     def damped(self):
         """Return whether there is any damping on the way of the motion."""
@@ -251,7 +251,7 @@ class SixDegreePair(WithPair):
             far += pulse[0]
         near += pulse[0] + pulse[1]
         far += pulse[2]
-        free = piecewise_linear.waves(n, waves, tuning * frequencies).astype(pulse.dtype)
+        free = one_mesh_system.waves(n, waves, tuning * frequencies).astype(pulse.dtype)
         free[:m, m : 2 * m] = np.eye(m)
         inertia = self._inertias()
         for j in range(2):
@@ -271,9 +271,9 @@ class SixDegreePair(WithPair):
             push = np.zeros(n, free.dtype)
             push[m : 2 * m] = -line[:m] / inertia
             if code == 1 or not endless:
-                sides[code] = piecewise_linear.Side(line, stiffness, more, push, across, friction)
-        pieces = piecewise_linear.Pieces(starts, low, sense)
-        return piecewise_linear.one_mesh(free, sides, pieces, frequencies, tuning, self.repeats)
+                sides[code] = one_mesh_system.Side(line, stiffness, more, push, across, friction)
+        pieces = one_mesh_system.Pieces(starts, low, sense)
+        return one_mesh_system.one_mesh(free, sides, pieces, frequencies, tuning, self.repeats)
 
     def _inertias(self):
         """Return the inertias of the coordinates over the reduced mass, shape (m,)."""

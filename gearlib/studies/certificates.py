@@ -18,9 +18,9 @@ from gearlib.analysis.orbits.branch_points import as_orbit
 from gearlib.analysis.orbits.continuation import restored
 from gearlib.analysis.orbits.shooting import NoOrbit, periodic_orbit
 from gearlib.analysis.orbits.special_points import DOUBLING, FOLD, GRAZING, REGULAR
-from gearlib.analysis.proofs.motions import certify_motion
 from gearlib.analysis.proofs.orbits import certify
 from gearlib.analysis.proofs.points import certify_fold, certify_grazing
+from gearlib.analysis.proofs.proven_motions import certify_motion
 from gearlib.analysis.proofs.ranges import certify_range
 from gearlib.analysis.proofs.tongue_edges import certify_tongues
 from gearlib.data.files import replacing

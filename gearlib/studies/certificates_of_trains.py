@@ -14,7 +14,7 @@ from gearlib.analysis.orbits.special_points import DOUBLING, FOLD, GRAZING
 from gearlib.analysis.proofs.orbits import certify
 from gearlib.analysis.proofs.points import certify_fold, certify_grazing
 from gearlib.models.trains.ready_made import idler
-from gearlib.models.trains.reducer import split_power_reducer
+from gearlib.models.trains.reducer_train import split_power_reducer
 
 #: Teeth and tunings of the reducer: below the loss of symmetry, and in it.
 REDUCER, ALIKE = (24, 36, 24, 36), (0.5, 0.6)

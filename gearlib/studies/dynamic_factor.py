@@ -13,7 +13,7 @@ import xarray as xr
 from gearlib import geometry
 from gearlib.data import provenance
 from gearlib.data.variables import describe
-from gearlib.models.geometry import described
+from gearlib.models.geometry import described_drawing
 from gearlib.models.harmonics import Harmonics
 from gearlib.models.one_degree import OneDegreePair
 from gearlib.models.pair import GearPair
@@ -27,16 +27,16 @@ JUMP = 0.75
 def compute(pair, ratios, settings):
     """Return K_v of exact sweeps, up and down, and that of the standard.
 
-    pair (as of `gearlib.models.geometry.described.mesh`, both gears with their quality; torque, N
-    m, of the pinion); ratios: shape (n,), speeds over the resonance speed of the standard, N;
-    settings: damping_ratio, periods, record_periods.
+    pair (as of `gearlib.models.geometry.described_drawing.mesh`, both gears with their quality;
+    torque, N m, of the pinion); ratios: shape (n,), speeds over the resonance speed of the
+    standard, N; settings: damping_ratio, periods, record_periods.
 
     Over (stiffness_method, tooth_deviation, direction, resonance_ratio): dynamic_factor,
     fraction_normal, jumps (whether K_v jumps from the speed before, in the order of the sweep),
     status; over (tooth_deviation, resonance_ratio): standard_factor; over resonance_ratio: speed
     (rpm of the pinion); torque, damping_ratio.
     """
-    mesh, torque = described.mesh(pair), pair["torque"]
+    mesh, torque = described_drawing.mesh(pair), pair["torque"]
     ratios = np.asarray(ratios, float)
     resonance = geometry.dynamic_factor(mesh, torque, 1.0).resonance_speed
     speeds = ratios * resonance

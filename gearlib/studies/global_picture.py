@@ -12,7 +12,7 @@ from gearlib.analysis.global_dynamics.basins import KIND_FLAGS, basins
 from gearlib.analysis.global_dynamics.bifurcation import bifurcation_diagram
 from gearlib.analysis.global_dynamics.exponents import lyapunov_exponents
 from gearlib.analysis.global_dynamics.poincare import poincare_section
-from gearlib.analysis.global_dynamics.settled import settled
+from gearlib.analysis.global_dynamics.settled_motions import settled
 from gearlib.data import status
 from gearlib.data.variables import describe
 from gearlib.models.pair import GearPair

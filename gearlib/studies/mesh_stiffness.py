@@ -7,7 +7,7 @@ import xarray as xr
 
 from gearlib.data import provenance
 from gearlib.data.variables import describe
-from gearlib.models.geometry import described
+from gearlib.models.geometry import described_drawing
 from gearlib.models.profiles import Rectangular
 from gearlib.version import __version__
 
@@ -52,8 +52,8 @@ def _phases(contact_ratio, samples):
 def compute(pairs, samples):
     """Return the mesh stiffness of drawn pairs by every method.
 
-    pairs (as of `gearlib.models.geometry.described.mesh`, and torque, published: name -> mean
-    stiffness); samples: phases of the courses.
+    pairs (as of `gearlib.models.geometry.described_drawing.mesh`, and torque, published: name ->
+    mean stiffness); samples: phases of the courses.
 
     stiffness_phase over (pair, point), mesh_stiffness over (pair, stiffness_method, point);
     mean_mesh_stiffness, own_stiffness_ratio over (pair, stiffness_method); method_uncertainty over
@@ -64,7 +64,7 @@ def compute(pairs, samples):
     courses = np.empty((*shape, samples + 4))
     means, ratios = np.empty(shape), np.empty(shape)
     for i, pair in enumerate(pairs.values()):
-        mesh = described.mesh(pair)
+        mesh = described_drawing.mesh(pair)
         phases[i] = _phases(mesh.contact_ratio, samples)
         found = by_method(mesh, pair["torque"], samples)
         for j, one in enumerate(found.values()):

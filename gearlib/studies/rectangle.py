@@ -17,9 +17,9 @@ import numpy as np
 import xarray as xr
 
 from gearlib.data import provenance
-from gearlib.data.contact_loss import lost_share
+from gearlib.data.lost_contact import lost_share
 from gearlib.data.variables import describe
-from gearlib.models.geometry import described
+from gearlib.models.geometry import described_drawing
 from gearlib.models.one_degree import OneDegreePair
 from gearlib.models.pair import GearPair
 from gearlib.models.profiles import Rectangular
@@ -140,7 +140,7 @@ def compute(pairs, tunings, samples, settings):
     spreads = np.empty((len(pairs), len(OBSERVABLES)))
     verdicts = np.empty(spreads.shape, object)
     for i, drawing in enumerate(pairs.values()):
-        mesh, torque = described.mesh(drawing), drawing["torque"]
+        mesh, torque = described_drawing.mesh(drawing), drawing["torque"]
         stiffness = by_method(mesh, torque, samples)
         pair = GearPair.from_geometry(
             mesh, torque=torque, damping_ratio=settings["damping_ratio"], stiffness=REFERENCE

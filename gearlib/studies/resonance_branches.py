@@ -9,8 +9,8 @@ import numpy as np
 import xarray as xr
 
 from gearlib.analysis.orbits.continuation import continue_orbit, switch_branch
+from gearlib.analysis.orbits.followed_parameters import value_of
 from gearlib.analysis.orbits.loci import locus
-from gearlib.analysis.orbits.parameters import value_of
 from gearlib.analysis.orbits.shooting import NoOrbit, periodic_orbit
 from gearlib.analysis.orbits.special_points import DOUBLING, FOLD, GRAZING
 from gearlib.data.variables import describe

@@ -12,9 +12,9 @@ import numpy as np
 import xarray as xr
 
 from gearlib.data import provenance
-from gearlib.data.contact_loss import lost_share
+from gearlib.data.lost_contact import lost_share
 from gearlib.data.variables import describe
-from gearlib.models.geometry import described
+from gearlib.models.geometry import described_drawing
 from gearlib.models.geometry.transmission_error import optimum_relief
 from gearlib.models.load_sharing_pair import LoadSharingPair
 from gearlib.runs.sweeping import CARRIED, sweep
@@ -27,13 +27,13 @@ MODELS = ("stiffness_at_load", "pairs_of_teeth")
 def harris_map(gears, loads, stiffness, phases):
     """Return the static transmission error at several loads, with the reliefs of `RELIEFS`.
 
-    gears (as of `gearlib.models.geometry.described.mesh`, without relief; torque, the design load
-    of the pinion, N m); loads: over the design load, >= 0; stiffness, phases: as of
+    gears (as of `gearlib.models.geometry.described_drawing.mesh`, without relief; torque, the
+    design load of the pinion, N m); loads: over the design load, >= 0; stiffness, phases: as of
     `gearlib.geometry.Mesh.transmission_error`.
 
     What that returns, over relief too; design_torque; relief_amount over relief and gear.
     """
-    bare, torque = described.mesh(gears), gears["torque"]
+    bare, torque = described_drawing.mesh(gears), gears["torque"]
     options = {"stiffness": stiffness, "phases": phases}
     relieved = optimum_relief(bare, torque, length="long", **options)
     found, amounts = [], []
@@ -69,7 +69,7 @@ def dynamics(gears, stiffness, tunings, settings):
     effective_contact_ratio; speed in rpm.
     """
     torque = gears["torque"]
-    mesh = optimum_relief(described.mesh(gears), torque, length="long", stiffness=stiffness)
+    mesh = optimum_relief(described_drawing.mesh(gears), torque, length="long", stiffness=stiffness)
     tunings = np.asarray(tunings, float)
     run = {name: settings[name] for name in ("periods", "record_periods")}
     dampings = {name: settings[name] for name in ("damping_ratio", "backlash_damping_ratio")}

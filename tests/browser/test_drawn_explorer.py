@@ -13,8 +13,8 @@ from bokeh.models import Span
 import gearlib
 from gearlib import config
 from gearlib.geometry import Mesh, SpurGear, TipRelief, optimum_relief
-from gearlib.pages.explorer.drawn import START, Drawing
 from gearlib.pages.explorer.drawn_figures import rows
+from gearlib.pages.explorer.drawn_pair import START, Drawing
 from gearlib.pages.explorer.serving import DRAWN, page_of
 from tests.geometry.drawings import fzg_c, twenty
 

@@ -16,7 +16,7 @@ from selenium.webdriver.common.keys import Keys
 
 import gearlib
 from gearlib import config
-from gearlib.models.trains.described import described
+from gearlib.models.trains.described_train import described
 from gearlib.pages.explorer import one_pair, serving, trains, view
 from gearlib.pages.explorer.explored import setting_of
 from tests.browser.chromium import browser, errors, everywhere, texts, wait_for

@@ -6,7 +6,7 @@ from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.keys import Keys
 
 from gearlib.data.gathering import gather_resonance
-from gearlib.pages.report import orbits, page
+from gearlib.pages.report import ends_from_rest, page
 from gearlib.runs.sweeping import sweep
 from tests.browser.chromium import browser, errors, everywhere, wait_for
 from tests.paper import PAPER
@@ -24,7 +24,7 @@ PAIRS = {
 @pytest.fixture(scope="module")
 def ends():
     pairs = {name: pair.as_dict() for name, pair in PAIRS.items()}
-    return orbits.compute(pairs, TUNINGS, RUN | {"samples_per_period": 32}, 2)
+    return ends_from_rest.compute(pairs, TUNINGS, RUN | {"samples_per_period": 32}, 2)
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gearlib import GearPair, sweep
-from gearlib.config.dynamic_factor import DynamicFactor
+from gearlib.config.dynamic_factor_section import DynamicFactor
 from gearlib.geometry import Mesh, SpurGear, Web, dynamic_factor, iso_stiffness
 from gearlib.studies.dynamic_factor import compute
 from tests.geometry.drawings import fzg_c, iso_example, twenty

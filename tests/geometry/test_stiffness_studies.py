@@ -9,7 +9,7 @@ import pytest
 from gearlib import GearPair, OneDegreePair, simulate
 from gearlib.config import load
 from gearlib.data.files import write_table
-from gearlib.models.geometry import described
+from gearlib.models.geometry import described_drawing
 from gearlib.models.geometry.energy import energy_stiffness
 from gearlib.studies import mesh_stiffness, rectangle
 from tests.geometry.drawings import fzg_c, twenty
@@ -33,7 +33,7 @@ def costs():
 
 def test_the_pairs_of_the_configuration_are_those_of_the_literature():
     for name, expected in (("z20-20", twenty()), ("FZG-C", fzg_c(quality=5))):
-        mesh = described.mesh(PAIRS[name])
+        mesh = described_drawing.mesh(PAIRS[name])
         assert mesh.backlash == PAIRS[name]["backlash"]
         assert mesh.contact_ratio == pytest.approx(expected.contact_ratio, rel=1e-12)
         for ours, theirs in ((mesh.pinion, expected.pinion), (mesh.wheel, expected.wheel)):
@@ -68,7 +68,7 @@ def test_courses_and_means_are_those_of_the_methods(stiffness):
 
 def test_a_run_is_that_of_the_pair_drawn_anew(costs):
     """Heights in metres at a mesh frequency in Hz, without the units of the energy method."""
-    mesh, torque = described.mesh(PAIRS["z20-20"]), PAIRS["z20-20"]["torque"]
+    mesh, torque = described_drawing.mesh(PAIRS["z20-20"]), PAIRS["z20-20"]["torque"]
     reference = GearPair.from_geometry(mesh, torque=torque, damping_ratio=0.03, stiffness="energy")
     for name, options in (
         ("energy_logarithmic", {"hertz": "logarithmic", "samples": 24}),

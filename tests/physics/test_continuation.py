@@ -20,7 +20,7 @@ from gearlib import (
 from gearlib.analysis.orbits import loci
 from gearlib.analysis.orbits.branch_points import Shooting
 from gearlib.analysis.orbits.continuation import orbit_at
-from gearlib.analysis.orbits.parameters import value_of, with_parameter
+from gearlib.analysis.orbits.followed_parameters import value_of, with_parameter
 from gearlib.analysis.orbits.shooting import NoOrbit
 from gearlib.analysis.orbits.special_points import DOUBLING, END, FOLD, GRAZING
 from gearlib.analysis.orbits.touching import lines, nearest_touch, turning_points

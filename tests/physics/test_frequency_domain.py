@@ -17,7 +17,7 @@ from gearlib import (
     schmidt,
     sweep,
 )
-from gearlib.analysis.harmonics import hill
+from gearlib.analysis.harmonics import hill_method
 from gearlib.analysis.harmonics.accuracy import errors, exact_course
 from gearlib.analysis.harmonics.equation import MeshEquation, stiffness_coefficients
 from gearlib.analysis.harmonics.green import green, remainder_norm, weights
@@ -215,9 +215,9 @@ def test_shares_choose_the_multipliers(monkeypatch, most):
         seen.append(sparse_eigs(*arguments, **options))
         return seen[-1]
 
-    monkeypatch.setattr(hill, "eigs", eigs)
+    monkeypatch.setattr(hill_method, "eigs", eigs)
     equation = MeshEquation(pair, 0.7644, 32)
-    multipliers = hill.multipliers(equation, found.coefficients, most)
+    multipliers = hill_method.multipliers(equation, found.coefficients, most)
     ((exponents, vectors),) = seen
     phase = 2.0 * np.pi * np.arange(4 * most) / (4 * most)
     k = np.arange(-most, most + 1)

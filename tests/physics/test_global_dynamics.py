@@ -20,9 +20,9 @@ from gearlib import (
 )
 from gearlib.analysis.global_dynamics.attractors import attractor_of
 from gearlib.analysis.global_dynamics.stroboscope import Stroboscope
-from gearlib.analysis.orbits.parameters import RATIOS, value_of, with_parameter
+from gearlib.analysis.orbits.followed_parameters import RATIOS, value_of, with_parameter
 from gearlib.kernels.closed_form.event_by_event import ARC_COLUMNS, march_period
-from gearlib.kernels.closed_form.mesh import contact_of, mesh
+from gearlib.kernels.closed_form.mesh_constants import contact_of, mesh
 from gearlib.kernels.jit import kernel
 from gearlib.models.propagators.closed_form import ratios
 from gearlib.studies import global_picture as studies

@@ -9,7 +9,7 @@ import pytest
 
 from gearlib import GearPair, OneDegreePair, SixDegreePair
 from gearlib.kernels.codes import BACKLASH, NORMAL
-from gearlib.models.piecewise_linear import by_phase
+from gearlib.models.one_mesh_system import by_phase
 from gearlib.studies.trials import high_precision, problems, references
 from tests.paper import CONFIG, PAPER
 from tests.references import propagate

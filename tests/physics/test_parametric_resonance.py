@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from scipy.special import mathieu_a, mathieu_b
 
 from gearlib import Fourier, GearPair, Harmonics, OneDegreePair, Tabulated, simulate, tongues
-from gearlib.analysis.tongues import find, hill, meissner, no_loss
+from gearlib.analysis.tongues import find, hill_tongues, meissner, no_loss
 from tests.properties.known_models import EVERYTHING, gears
 
 PAPER = (1.569, 0.5879)
@@ -208,7 +208,7 @@ class Parabola:
 def test_a_narrow_tongue_between_two_tunings_of_a_scan_is_found(grid):
     maps = np.array([Parabola().contact_map(nu) for nu in grid])
     places = [nu for nu in (0.7, 0.999, 1.001) if nu > grid[0]]
-    found = sorted(hill._zeros(Parabola(), 1.0, np.array(grid), maps))
+    found = sorted(hill_tongues._zeros(Parabola(), 1.0, np.array(grid), maps))
     np.testing.assert_allclose(found, places, rtol=1e-12)
 
 

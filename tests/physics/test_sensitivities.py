@@ -17,8 +17,8 @@ from gearlib import (
 )
 from gearlib.analysis.orbits.branch_points import Shooting
 from gearlib.analysis.orbits.continuation import orbit_at
-from gearlib.analysis.orbits.parameters import RATIOS as FOLLOWED
-from gearlib.analysis.orbits.parameters import value_of
+from gearlib.analysis.orbits.followed_parameters import RATIOS as FOLLOWED
+from gearlib.analysis.orbits.followed_parameters import value_of
 from gearlib.analysis.orbits.shooting import product
 from gearlib.analysis.orbits.special_points import FOLD
 from gearlib.analysis.orbits.special_points import GRAZING as TOUCHING

@@ -8,7 +8,7 @@ from functools import cache
 import pytest
 
 import gearlib
-from gearlib.analysis.proofs.certificates import number
+from gearlib.analysis.proofs.certificate_files import number
 from tests.paper import PAPER
 from tests.proofs.motions import motion_faults
 from tests.proofs.ranges import range_faults

@@ -11,7 +11,7 @@ from scipy.linalg import expm
 import gearlib
 from gearlib.analysis.proofs import candidate, orbits
 from gearlib.analysis.proofs.balls import flint, precision
-from gearlib.analysis.proofs.certificates import Uncertain
+from gearlib.analysis.proofs.certificate_files import Uncertain
 from gearlib.analysis.proofs.closed_laws import ClosedLaw
 from gearlib.analysis.proofs.signs import (
     CROSSING,

@@ -15,7 +15,7 @@ from gearlib.analysis.orbits.shooting import NoOrbit
 from gearlib.analysis.proofs import krawczyk
 from gearlib.analysis.proofs.balls import precision
 from gearlib.analysis.proofs.candidate import listed_contacts
-from gearlib.analysis.proofs.certificates import Uncertain
+from gearlib.analysis.proofs.certificate_files import Uncertain
 from gearlib.analysis.proofs.orbits import FOLD, REACH, Proof
 from gearlib.analysis.proofs.path import Path
 from gearlib.analysis.proofs.signs import _bounds, check_contacts

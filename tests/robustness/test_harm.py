@@ -145,7 +145,7 @@ def test_results_that_may_not_be_written(project, undisturbed):
 
 def test_two_at_once(project, undisturbed):
     (project / FIGURE).unlink()
-    with (project / "gearlib/figures/phase_shift.py").open("a", encoding="utf-8") as source:
+    with (project / "gearlib/figures/phase_shift_figure.py").open("a", encoding="utf-8") as source:
         source.write(UNTIL_TOLD)
     process = start(project)
     try:

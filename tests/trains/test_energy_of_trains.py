@@ -13,7 +13,7 @@ from scipy.linalg import expm
 
 from gearlib import planetary, simulate, split_power_reducer
 from gearlib.analysis.tongues import undamped
-from gearlib.models.piecewise_linear import matrix
+from gearlib.models.one_mesh_system import matrix
 from tests.paper import PAPER
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(12)

@@ -9,7 +9,7 @@ import pytest
 import gearlib
 from gearlib import Body, GearTrain, Mesh, Shaft
 from gearlib.kernels import orbit
-from gearlib.kernels.several_meshes.modes import modes
+from gearlib.kernels.several_meshes.modal_arcs import modes
 from gearlib.kernels.several_meshes.periods import EVENT_MESH, in_order
 from gearlib.runs.simulation import _event_table
 from tests.paper import PAPER

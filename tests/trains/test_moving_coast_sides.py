@@ -5,12 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.trains.reference import Reference
 
 import gearlib
 from gearlib import planetary, simulate
 from tests.paper import PAPER
 from tests.trains.random_trains import random_problem
-from tests.trains.reference import Reference
 from tests.trains.test_train_system import six_degrees
 
 

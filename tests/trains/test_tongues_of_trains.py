@@ -8,7 +8,7 @@ import pytest
 from gearlib import planetary
 from gearlib.analysis.tongues import undamped
 from gearlib.analysis.tongues.first_order import first_order
-from gearlib.studies.trains import stability
+from gearlib.studies.trains import train_stability
 
 FREE = dict(structural_damping=0.0, material_damping=0.0, backlash_damping=0.0)
 
@@ -85,9 +85,9 @@ def test_a_chart_shows_tongues_of_all_harmonics_that_reach_its_tunings():
     tongues = first_order(model, 0.5, 0.9, 60)
     assert max(one.order for one in tongues) > 3
     middles = sorted(one.tuning for one in tongues)
-    assert stability._named(model, np.array(middles)).all()
+    assert train_stability._named(model, np.array(middles)).all()
     beside = np.array([one.tuning + 0.6 * one.width for one in tongues if one.width > 1e-3])
-    assert beside.size and not stability._named(model, np.sort(beside)).all()
+    assert beside.size and not train_stability._named(model, np.sort(beside)).all()
 
 
 @pytest.mark.parametrize("teeth", [(27, 99), (28, 98)])

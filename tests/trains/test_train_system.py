@@ -19,7 +19,7 @@ from gearlib import (
     two_stage,
 )
 from gearlib.kernels.exponential import REACH
-from gearlib.kernels.several_meshes.system import matrix_of
+from gearlib.kernels.several_meshes.train_system import matrix_of
 from tests.paper import PAPER
 from tests.trains.random_trains import random_problem
 

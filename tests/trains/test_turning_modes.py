@@ -13,9 +13,9 @@ import gearlib
 from gearlib.kernels.polynomial import bernstein_matrix
 from gearlib.kernels.several_meshes import distances
 from gearlib.kernels.several_meshes import grid as several_meshes
-from gearlib.kernels.several_meshes.modes import DEGREE, REACH, advance, turn_by
-from gearlib.kernels.several_meshes.system import matrix_of
-from gearlib.models.propagators import modes
+from gearlib.kernels.several_meshes.modal_arcs import DEGREE, REACH, advance, turn_by
+from gearlib.kernels.several_meshes.train_system import matrix_of
+from gearlib.models.propagators import modal_frame
 from gearlib.models.propagators import several_meshes as propagators
 from tests.trains.random_trains import random_problem
 from tests.trains.test_events import PAIR, pairs_as_train
@@ -33,7 +33,7 @@ def combinations_of(train, tuning, rng, count=6):
         codes = rng.choice([1, 1, 0, -1], size=len(train.meshes))
         codes = np.where(propagator.grid.open & (codes < 0), 0, codes)
         effects = np.array([system.effect[code + 1, segment, j] for j, code in enumerate(codes)])
-        c = modes.add(propagator.tables, system, propagator.grid, propagator.frame, effects)
+        c = modal_frame.add(propagator.tables, system, propagator.grid, propagator.frame, effects)
         a = np.empty_like(system.free)
         matrix_of(system, effects, a)
         found.append((c, a, codes))
@@ -115,7 +115,7 @@ def test_distances_are_polynomials_over_a_piece_and_bounded_by_the_amplitudes(se
 
 
 def test_exponentials_over_a_piece_against_50_digits():
-    matrix, rng = modes._exponentials(), np.random.default_rng(5)
+    matrix, rng = modal_frame._exponentials(), np.random.default_rng(5)
     for _ in range(20):
         z = REACH * math.sqrt(rng.uniform()) * np.exp(1j * rng.uniform(0.5 * np.pi, 1.5 * np.pi))
         terms = np.cumprod(np.concatenate([[1.0 + 0j], 0.5 * z / np.arange(1, len(matrix))]))

@@ -7,7 +7,7 @@ import pytest
 
 from gearlib import GearPair
 from gearlib.analysis.orbits.shooting import NoOrbit
-from gearlib.figures import analytic_method as figures
+from gearlib.figures import analytic_method_figure as figures
 from gearlib.studies import analytic_method
 from tests.paper import PARAMETERS
 

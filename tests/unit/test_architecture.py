@@ -13,13 +13,13 @@ PACKAGE = Path(gearlib.__file__).parent
 SOURCES = [path for path in PACKAGE.rglob("*.py") if PACKAGE / "models" not in path.parents]
 #: Kernels that take a state through mesh periods.
 GOING = {
-    "gearlib.kernels.closed_form.run": {"run"},
+    "gearlib.kernels.closed_form.pair_run": {"run"},
     "gearlib.kernels.closed_form.many_runs": {"run_many", "skip_many"},
     "gearlib.kernels.closed_form.sections": {"section"},
-    "gearlib.kernels.closed_form.variation": {"vary"},
-    "gearlib.kernels.taylor.variation": {"vary_nonlinear"},
-    "gearlib.kernels.several_meshes.run": {"run_train"},
-    "gearlib.kernels.taylor.run": {"run_nonlinear"},
+    "gearlib.kernels.closed_form.pair_maps": {"vary"},
+    "gearlib.kernels.taylor.taylor_maps": {"vary_nonlinear"},
+    "gearlib.kernels.several_meshes.train_run": {"run_train"},
+    "gearlib.kernels.taylor.taylor_run": {"run_nonlinear"},
 }
 
 
@@ -108,3 +108,8 @@ def test_every_file_on_the_page_of_the_architecture_is_there():
     named = {name for name in re.findall(r"`([\w./-]+/[\w./-]+)`", page) if "results/" not in name}
     assert len(named) > 15
     assert [name for name in sorted(named) if not (root / name).exists()] == []
+
+
+def test_a_traceback_tells_a_file_by_its_name():
+    names = [path.name for path in PACKAGE.rglob("*.py") if path.name != "__init__.py"]
+    assert [name for name in set(names) if names.count(name) > 1] == []

@@ -6,7 +6,7 @@ import xarray as xr
 
 from gearlib.analysis.orbits.special_points import DOUBLING, FOLD, GRAZING
 from gearlib.data import storage
-from gearlib.figures import branches as picture
+from gearlib.figures import branches_figure as picture
 from gearlib.figures import style
 from gearlib.models.one_degree import OneDegreePair
 from gearlib.studies import certificates, resonance_branches

@@ -10,7 +10,7 @@ import yaml
 from gearlib import config
 from gearlib.config.studies import STUDIES
 from gearlib.config.studies.study import text_of
-from gearlib.figures import work_precision
+from gearlib.figures import work_precision_figure
 from gearlib.models.model import Model
 from gearlib.studies.trials import problems, references
 from tests.unit.test_defaults import GEARS
@@ -116,7 +116,7 @@ def words_of(path):
 @pytest.mark.parametrize("path", FIGURES, ids=lambda path: path.stem)
 def test_no_tuning_is_typed_into_the_words_of_a_figure(path):
     for text in words_of(path):
-        if text in work_precision.PROBLEMS.values():
+        if text in work_precision_figure.PROBLEMS.values():
             continue
         typed = {found for found in numbers(text) if found % 1}
         # Ticks and colours of the axes, not words: they stand alone.
@@ -126,7 +126,7 @@ def test_no_tuning_is_typed_into_the_words_of_a_figure(path):
 
 @pytest.mark.parametrize("name", problems.CASES)
 def test_titles_of_problems_say_what_they_are(name):
-    title, case = work_precision.PROBLEMS[name], problems.CASES[name]
+    title, case = work_precision_figure.PROBLEMS[name], problems.CASES[name]
     assert numbers(title) == {case.tuning}
     damped = title.startswith("damped")
     assert damped == (case.kind == "linear" and any(case.damped))

@@ -27,7 +27,7 @@ from gearlib.studies import (
 from gearlib.studies.claims import characteristics, machine
 from gearlib.studies.claims.characteristics import drift, spread
 from gearlib.studies.claims.data import LINE, Data, NoData
-from gearlib.studies.claims.scenes import contact_ratios, jump_words, phase_shift
+from gearlib.studies.claims.scene_claims import contact_ratios, jump_words, phase_shift
 from gearlib.studies.trains import one_mesh
 from tests.paper import PAPER
 from tests.proofs.second_program import faults

@@ -9,7 +9,9 @@ import mpmath
 import numpy as np
 import pytest
 
+from gearlib.kernels.closed_form.arc_tangents import RATES, enter
 from gearlib.kernels.closed_form.crossing import descent_time, landing
+from gearlib.kernels.closed_form.damped_oscillator import evolve, level, turning_time
 from gearlib.kernels.closed_form.flight import (
     climb_time,
     fall_time,
@@ -17,9 +19,7 @@ from gearlib.kernels.closed_form.flight import (
     lowest_time,
     phi,
 )
-from gearlib.kernels.closed_form.mesh import contact_of, mesh
-from gearlib.kernels.closed_form.oscillator import evolve, level, turning_time
-from gearlib.kernels.closed_form.tangents import RATES, enter
+from gearlib.kernels.closed_form.mesh_constants import contact_of, mesh
 from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
 from gearlib.kernels.orbit import orbit_period
 from gearlib.kernels.overflow import within_range

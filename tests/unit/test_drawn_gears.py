@@ -13,7 +13,7 @@ import yaml
 
 from gearlib import GearPair
 from gearlib.config import cases, chosen, load, schema
-from gearlib.config import gears as sections
+from gearlib.config import gears_section as sections
 from gearlib.config.defaults import laid_over
 from gearlib.config.validation import allowed
 from gearlib.geometry import Material, Mesh, Rack, SpurGear, TipRelief, Web

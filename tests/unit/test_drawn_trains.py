@@ -11,7 +11,7 @@ import gearlib
 from gearlib import Body, GearTrain, Shaft
 from gearlib.config import drawn_trains, load
 from gearlib.geometry import Mesh, SpurGear, planetary_set
-from gearlib.models.trains.described import described
+from gearlib.models.trains.described_train import described
 
 PAPER = yaml.safe_load(Path("config.yaml").read_text(encoding="utf-8"))
 SET = {

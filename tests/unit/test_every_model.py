@@ -35,7 +35,7 @@ from gearlib import (
     tongues,
     trust,
 )
-from gearlib.analysis.orbits.parameters import known, value_of, with_parameter
+from gearlib.analysis.orbits.followed_parameters import known, value_of, with_parameter
 from gearlib.data.provenance import canonical_json
 from gearlib.data.variables import DESCRIPTIONS
 from gearlib.models.model import Model

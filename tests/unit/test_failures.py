@@ -10,7 +10,7 @@ import xarray as xr
 from gearlib import GearPair, integrators
 from gearlib.analysis.tongues import no_loss
 from gearlib.data import gathering, status, storage
-from gearlib.figures import failures as figure
+from gearlib.figures import failures_figure as figure
 from gearlib.figures import style
 from gearlib.studies.trials import difficult_problems, failures
 from gearlib.studies.trials.difficult_problems import Problem

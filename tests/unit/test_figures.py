@@ -12,19 +12,19 @@ import xarray as xr
 
 from gearlib.config.trials import PEERS
 from gearlib.figures import (
-    basins,
-    bifurcation,
-    failures,
-    jump,
-    jump_by_method,
-    models,
-    nonlinear_damping,
-    phase_planes,
-    phase_shift,
-    poincare,
-    resonance,
+    basins_figure,
+    bifurcation_figure,
+    failures_figure,
+    jump_by_method_figure,
+    jump_figure,
+    models_figure,
+    nonlinear_damping_figure,
+    phase_planes_figure,
+    phase_shift_figure,
+    poincare_figure,
+    resonance_figure,
     style,
-    work_precision,
+    work_precision_figure,
 )
 from gearlib.studies.trials.failures import VERDICTS
 from tests.golden import data as golden
@@ -77,15 +77,20 @@ def gone(data, *names):
 EXTREMA = ("displacement_max", "displacement_min")
 #: Figures of which no limit may be lost.
 ODD = {
-    **{f"backlash {b}": lambda b=b: resonance.draw(curves(backlash_ratio=b)) for b in (0.0, 0.5)},
-    "no far flank": lambda: resonance.draw(curves(backlash_ratio=math.inf)),
-    "planes without a far flank": lambda: phase_planes.draw(planes(backlash_ratio=math.inf)),
-    "no result at a tuning": lambda: resonance.draw(
+    **{
+        f"backlash {b}": lambda b=b: resonance_figure.draw(curves(backlash_ratio=b))
+        for b in (0.0, 0.5)
+    },
+    "no far flank": lambda: resonance_figure.draw(curves(backlash_ratio=math.inf)),
+    "planes without a far flank": lambda: phase_planes_figure.draw(planes(backlash_ratio=math.inf)),
+    "no result at a tuning": lambda: resonance_figure.draw(
         curves().assign({name: curves()[name].where(curves().tuning > 0.6) for name in EXTREMA})
     ),
-    "one tuning": lambda: resonance.draw(curves().isel(tuning=[4])),
-    "no jump": lambda: jump.draw(jumps("damping", jump=golden.read("jump.nc").jump * np.nan)),
-    "no results": lambda: nonlinear_damping.draw(
+    "one tuning": lambda: resonance_figure.draw(curves().isel(tuning=[4])),
+    "no jump": lambda: jump_figure.draw(
+        jumps("damping", jump=golden.read("jump.nc").jump * np.nan)
+    ),
+    "no results": lambda: nonlinear_damping_figure.draw(
         [gone(one, *EXTREMA, "displacement", "velocity") for one in powers("cubic")]
     ),
 }
@@ -100,18 +105,18 @@ def test_limits_are_numbers(case):
 def test_a_run_without_a_result_says_so():
     data = planes()
     data.displacement[0, 0] = np.nan
-    assert words_of(phase_planes.draw(data).axes[0]).endswith("no result")
+    assert words_of(phase_planes_figure.draw(data).axes[0]).endswith("no result")
 
 
 def test_panels_hold_sweeps_that_go_beyond_those_from_rest():
     data = curves()
-    low, high = resonance.draw(data).axes[0].get_ylim()
+    low, high = resonance_figure.draw(data).axes[0].get_ylim()
     up = {"direction": "up", "damping": "k1"}
     data.period.loc[up] = 1
     # Without damping sweeps may grow without bound: they are cut off.
     for height, least in ((1.5 * high, 1.5 * high), (1e84, 0.0)):
         data.displacement_max.loc[up] = height
-        main, panel, *_ = resonance.draw(data).axes
+        main, panel, *_ = resonance_figure.draw(data).axes
         assert main.get_ylim() == (low, high)
         assert least < panel.get_ylim()[1] < 2.0 * high
 
@@ -120,11 +125,11 @@ def test_panels_hold_sweeps_that_go_beyond_those_from_rest():
 @pytest.mark.parametrize("count", [1, 3, 4])
 def test_a_panel_for_each_damping_below_the_characteristics(count, directions):
     data = curves().isel(damping=slice(count)).sel(direction=[*directions])
-    main, *panels = resonance.draw(data).axes
+    main, *panels = resonance_figure.draw(data).axes
     assert len(panels) == count * (len(directions) > 1)
     assert {panel.get_xlabel() for panel in panels[-2:]} <= {main.get_xlabel()}
     beside = {"branches": [golden.read("branches/k1.nc")], "labels": [golden.read("labels/k1.nc")]}
-    again, panel, *_ = resonance.draw(data, **beside, tongues=golden.read("tongues.nc")).axes
+    again, panel, *_ = resonance_figure.draw(data, **beside, tongues=golden.read("tongues.nc")).axes
     assert len(again.get_children()) == len(main.get_children())
     # The strip has a bar for each label, the branches two lines at least.
     assert len(panel.containers[0]) == beside["labels"][0].tuning.size
@@ -133,7 +138,7 @@ def test_a_panel_for_each_damping_below_the_characteristics(count, directions):
 
 def test_tongues_are_shaded_in_the_panel_of_their_damping():
     found = golden.read("tongues.nc")
-    plain, shaded = (resonance.draw(curves(), tongues=tongues) for tongues in (None, found))
+    plain, shaded = (resonance_figure.draw(curves(), tongues=tongues) for tongues in (None, found))
     added = [len(b.patches) - len(a.patches) for a, b in zip(plain.axes, shaded.axes, strict=True)]
     seen = (found.tuning_to > found.tuning_from) & (found.tuning_to > 0.5)
     assert added == [0, *(int(seen.sel(damping=name).sum()) for name in curves().damping.values)]
@@ -142,10 +147,10 @@ def test_tongues_are_shaded_in_the_panel_of_their_damping():
 
 def test_marked_tunings_of_the_jump():
     data = jumps("backlash")
-    top, *panels = jump.draw(data).axes
-    assert len(panels) == 1 and len(jump.draw(jumps()).axes) == 1
+    top, *panels = jump_figure.draw(data).axes
+    assert len(panels) == 1 and len(jump_figure.draw(jumps()).axes) == 1
     assert "dashed" not in top.get_title() and not panels[0].patches
-    scan, panel = jump.draw(data, [0.82, 0.81]).axes
+    scan, panel = jump_figure.draw(data, [0.82, 0.81]).axes
     assert scan.get_title().endswith("(dashed: 0.8200 and 0.8100)")
     (band,) = panel.patches
     ends = [band.get_y(), band.get_y() + band.get_height()]
@@ -158,13 +163,13 @@ def test_variations_without_a_jump_are_named_above_the_panel():
                      "variation", data_vars="minimal")  # fmt: skip
     for name in ("jump", "shift", "shift_low", "shift_high"):
         data[name][-1] = np.nan
-    _, damping, backlash = jump.draw(data).axes
+    _, damping, backlash = jump_figure.draw(data).axes
     assert words_of(damping) == "no jump in the scan: 2" and words_of(backlash) == ""
     # No line leads from a value to another: the jump in between is not known.
     long = [line for line in damping.lines if len(line.get_xdata()) > 2]
     assert all(line.get_linestyle() == "None" for line in long)
     data["jump"] = data.jump * np.nan
-    scan, *panels = jump.draw(data).axes
+    scan, *panels = jump_figure.draw(data).axes
     assert "does not jump" in scan.get_title() and "paper" not in scan.get_title()
     assert "0.5, 2" in words_of(panels[0])
 
@@ -173,7 +178,7 @@ def test_characteristics_of_all_places_are_within_common_limits():
     data = powers("linear")
     # A column that is drawn later must not cut the curves of an earlier one.
     data[0].displacement_max[:] = 9.0
-    above, beside, *_ = nonlinear_damping.draw(data).axes
+    above, beside, *_ = nonlinear_damping_figure.draw(data).axes
     assert above.get_ylim() == beside.get_ylim() and above.get_ylim()[1] > 9.0
 
 
@@ -183,7 +188,7 @@ def test_steady_orbits_are_drawn_once():
         size = np.linspace(1.0, growth, phase.size)
         course = {"displacement": size * np.cos(phase), "velocity": -size * np.sin(phase)}
         course = {name: ("phase", values) for name, values in course.items()}
-        orbit = nonlinear_damping._orbit(xr.Dataset(course, {"phase": phase}))
+        orbit = nonlinear_damping_figure._orbit(xr.Dataset(course, {"phase": phase}))
         assert orbit.shape == (2, count)
         assert growth > 1.0 or orbit[:, 0] == pytest.approx(orbit[:, -1], abs=1e-9)
 
@@ -191,7 +196,7 @@ def test_steady_orbits_are_drawn_once():
 def test_words_on_bars_stay_in_the_panel():
     data, names = comparisons()
     data[0].change[:] = np.resize([1e-9, 5.0, np.nan, 1e4], data[0].change.shape)
-    figure = models.draw(data, names)
+    figure = models_figure.draw(data, names)
     figure.draw_without_rendering()
     frame = figure.axes[0].get_window_extent()
     for text in figure.axes[0].texts:
@@ -204,7 +209,7 @@ def test_branches_lie_over_the_first_panel_of_a_bifurcation():
     branch = xr.Dataset({name: ("point", values) for name, values in branch.items()})
     branch["state"] = ("point", "coordinate"), [[0.1, 0.0], [0.2, 0.0], [0.3, 0.0]]
     diagram, shares = golden.read("bifurcation.nc"), golden.read("basin_stability.nc")
-    over = bifurcation.draw(diagram, shares, branches=branch).axes[0]
+    over = bifurcation_figure.draw(diagram, shares, branches=branch).axes[0]
     words = [text.get_text() for text in over.get_legend().get_texts()]
     assert words[-2:] == ["continued, stable", "unstable"]
     dashed = [line.get_ydata() for line in over.lines if line.get_linestyle() == "--"]
@@ -214,10 +219,10 @@ def test_branches_lie_over_the_first_panel_of_a_bifurcation():
 @pytest.mark.parametrize(
     "draw",
     [
-        lambda: work_precision.draw_evaluations(errors_of_methods()),
-        lambda: work_precision.draw_measures(errors_of_methods()),
-        lambda: failures.draw(verdicts_on_methods()),
-        lambda: jump_by_method.draw([golden.read("jump_by_method/exact.nc")]),
+        lambda: work_precision_figure.draw_evaluations(errors_of_methods()),
+        lambda: work_precision_figure.draw_measures(errors_of_methods()),
+        lambda: failures_figure.draw(verdicts_on_methods()),
+        lambda: jump_by_method_figure.draw([golden.read("jump_by_method/exact.nc")]),
     ],
     ids=["evaluations", "measures", "failures", "jump_by_method"],
 )
@@ -234,17 +239,17 @@ def test_methods_that_are_not_installed_are_named_beside_legend_and_panels(draw)
 
 
 DRAWN = {
-    "phase_planes": lambda: phase_planes.draw(planes()),
-    "phase_shift": lambda: phase_shift.draw(golden.read("phase_lag.nc")),
-    "jump": lambda: jump.draw(golden.read("jump.nc")),
-    "nonlinear_damping": lambda: nonlinear_damping.draw(powers("linear", "cubic")),
-    "models": lambda: models.draw(*comparisons()),
-    "basins": lambda: basins.draw(golden.read("basins.nc")),
-    "bifurcation": lambda: bifurcation.draw(
+    "phase_planes": lambda: phase_planes_figure.draw(planes()),
+    "phase_shift": lambda: phase_shift_figure.draw(golden.read("phase_lag.nc")),
+    "jump": lambda: jump_figure.draw(golden.read("jump.nc")),
+    "nonlinear_damping": lambda: nonlinear_damping_figure.draw(powers("linear", "cubic")),
+    "models": lambda: models_figure.draw(*comparisons()),
+    "basins": lambda: basins_figure.draw(golden.read("basins.nc")),
+    "bifurcation": lambda: bifurcation_figure.draw(
         golden.read("bifurcation.nc"), golden.read("basin_stability.nc")
     ),
-    "poincare": lambda: poincare.draw(golden.read("poincare.nc")),
-    "failures": lambda: failures.draw(verdicts_on_methods()),
+    "poincare": lambda: poincare_figure.draw(golden.read("poincare.nc")),
+    "failures": lambda: failures_figure.draw(verdicts_on_methods()),
 }
 
 

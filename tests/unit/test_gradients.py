@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from gearlib.config.trials import Way
-from gearlib.figures import failures as figure
+from gearlib.figures import failures_figure as figure
 from gearlib.studies.trials import difficult_problems, gradients
 from gearlib.studies.trials.gradients import PROBLEMS, VERDICTS, decide
 from tests.unit.test_figures import verdicts_on_methods

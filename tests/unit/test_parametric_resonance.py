@@ -9,7 +9,7 @@ from gearlib import GearPair, sweep
 from gearlib.analysis.tongues import meissner
 from gearlib.data.files import write_table
 from gearlib.data.storage import read, write
-from gearlib.figures import parametric_resonance as picture
+from gearlib.figures import parametric_resonance_figure as picture
 from gearlib.studies import contact_loss
 from gearlib.studies import tongue_chart as chart
 from tests.paper import PARAMETERS

@@ -8,8 +8,8 @@ import pytest
 from gearlib import planetary
 from gearlib.analysis.tongues import undamped
 from gearlib.config import load
-from gearlib.figures import style, symmetry_breaking, train_chart
-from gearlib.studies.trains import stability, symmetry
+from gearlib.figures import style, symmetry_breaking_figure, train_chart_figure
+from gearlib.studies.trains import symmetry, train_stability
 from tests.unit.test_defaults import GEARS
 
 LEAST = {
@@ -23,7 +23,7 @@ GRID = {"start", "stop", "step"}
 
 def chart():
     given = CONFIG.train_chart.model_dump(exclude=GRID) | {"values": 3}
-    return stability.compute(TRAIN, np.arange(12.0, 26.0, 0.5), given)
+    return train_stability.compute(TRAIN, np.arange(12.0, 26.0, 0.5), given)
 
 
 def breaking(tunings, **other):
@@ -42,7 +42,7 @@ def test_the_default_train_is_the_library_s():
 
 
 def test_a_jump_is_the_difference_of_the_levels_over_the_mean():
-    train = stability.with_jump(TRAIN, 0.3, {"reference_frequency": 1000.0})
+    train = train_stability.with_jump(TRAIN, 0.3, {"reference_frequency": 1000.0})
     for mesh in train.meshes:
         levels = mesh.max_stiffness * np.array([1.0, mesh.stiffness_ratio])
         assert (levels[0] - levels[1]) / mesh.mean_stiffness == pytest.approx(0.3, rel=1e-12)
@@ -59,15 +59,17 @@ def test_shares_of_the_chart_are_those_of_its_points(tmp_path):
     # What is unstable grows with the jump, and the wide tongues are mostly those of first order.
     assert (np.diff(data.unstable_share.sel(plane="stiffness_jump")) > 0.0).all()
     assert (missed < 0.15).all() and unstable.any(axis=-1).all()
-    style.save(train_chart.draw(data), tmp_path / "chart.png")
+    style.save(train_chart_figure.draw(data), tmp_path / "chart.png")
 
 
 def test_tongues_of_higher_harmonics_are_named():
     given = CONFIG.train_chart.model_dump(exclude=GRID) | {"values": 1}
-    train = stability.with_jump(TRAIN | {"teeth": given["teeth"][0]}, given["largest_jump"], given)
+    train = train_stability.with_jump(
+        TRAIN | {"teeth": given["teeth"][0]}, given["largest_jump"], given
+    )
     # Twice the highest natural frequency over 2 and 3: the middles of its own tongues.
     top = 2.0 * np.sqrt(train.linear_modes[0][-1]) / train.reference_angular_frequency
-    data = stability.compute(TRAIN, top / np.array([3.0, 2.0]), given)
+    data = train_stability.compute(TRAIN, top / np.array([3.0, 2.0]), given)
     assert data.first_order_unstable.isel(phasing=0, row=0).sel(plane="stiffness_jump").all()
 
 
@@ -85,12 +87,12 @@ def test_symmetry_breaks_where_only_other_multipliers_leave_the_circle(tmp_path)
     assert (data.dynamic_force_max_high.values[1, :3] > 2.0 * own[1, :3]).all()
     course = data.dynamic_force.sel(mesh="sun 1").values
     assert np.isfinite(course).all() and course.min() == 0.0
-    figure = symmetry_breaking.draw(data, periods_shown=2)
+    figure = symmetry_breaking_figure.draw(data, periods_shown=2)
     style.save(figure, tmp_path / "breaking.png")
     assert len(figure.axes) == 5
 
 
 def test_without_a_symmetric_orbit_the_figure_says_so():
     data = breaking([16.0, 17.0], shown=20.0)
-    words = [text.get_text() for text in symmetry_breaking.draw(data, 1).axes[-1].texts]
+    words = [text.get_text() for text in symmetry_breaking_figure.draw(data, 1).axes[-1].texts]
     assert words == ["no symmetric orbit, or chaos"]

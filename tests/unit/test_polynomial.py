@@ -15,8 +15,8 @@ from gearlib.kernels.polynomial import (
     highest,
     lowest_of_parabola,
 )
-from gearlib.kernels.taylor.run import first_crossing
 from gearlib.kernels.taylor.series import ROWS, X
+from gearlib.kernels.taylor.taylor_run import first_crossing
 
 DEGREE = 20
 MATRIX = bernstein_matrix(DEGREE)

@@ -14,7 +14,7 @@ from bokeh.models import BoxAnnotation, Plot
 from gearlib.data.gathering import gather_resonance
 from gearlib.data.summary import in_words
 from gearlib.figures import style
-from gearlib.pages.report import orbits, page, tables
+from gearlib.pages.report import ends_from_rest, page, tables
 from gearlib.runs.simulation import simulate
 from gearlib.runs.sweeping import sweep
 from tests.paper import PAPER
@@ -26,7 +26,9 @@ RUN = {"periods": 40, "record_periods": 4}
 def built():
     """Return the page of three tunings."""
     pair = PAPER.replace(material_damping=3953.7)
-    ends = orbits.compute({"k1": pair.as_dict()}, TUNINGS, RUN | {"samples_per_period": 16}, 2)
+    ends = ends_from_rest.compute(
+        {"k1": pair.as_dict()}, TUNINGS, RUN | {"samples_per_period": 16}, 2
+    )
     cold = sweep(pair, TUNINGS, direction="cold", **RUN)
     resonance = gather_resonance([cold.assign_coords(damping="k1", direction="cold")])
     return page.build(resonance, ends, {"k1": "#123456"})
@@ -34,7 +36,9 @@ def built():
 
 def test_orbits_are_the_ends_of_the_runs():
     pair = PAPER.replace(material_damping=3953.7)
-    found = orbits.compute({"k1": pair.as_dict()}, TUNINGS, RUN | {"samples_per_period": 16}, 2)
+    found = ends_from_rest.compute(
+        {"k1": pair.as_dict()}, TUNINGS, RUN | {"samples_per_period": 16}, 2
+    )
     run = simulate(pair, 0.9, samples_per_period=16, **RUN)
     one = found.sel(damping="k1", tuning=0.9)
     np.testing.assert_array_equal(one.displacement, np.float32(run.displacement[-32:]))
@@ -79,7 +83,7 @@ def whole():
         for way in WAYS.values()
     }
     pairs = {name: pair.as_dict() for name, pair in PAIRS.items()}
-    ends = orbits.compute(pairs, tunings, RUN | {"samples_per_period": 16}, 2)
+    ends = ends_from_rest.compute(pairs, tunings, RUN | {"samples_per_period": 16}, 2)
     data = [one.assign_coords(damping=d, direction=w) for (d, w), one in sweeps.items()]
     text = page.build(gather_resonance(data), ends)
     (item,) = re.findall(r'id="item">(.*?)</script>', text, re.S)

@@ -5,7 +5,7 @@ import pytest
 
 from gearlib import simulate
 from gearlib.analysis import lyapunov
-from gearlib.analysis.global_dynamics.settled import settled
+from gearlib.analysis.global_dynamics.settled_motions import settled
 from gearlib.studies import global_picture as studies
 from gearlib.studies import jump, nonlinear_damping, phase_lag
 from tests.paper import PAPER

@@ -7,8 +7,8 @@ import pytest
 from gearlib import Fourier, Harmonics, OneDegreePair
 from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
 from gearlib.kernels.polynomial import bernstein_matrix
-from gearlib.kernels.taylor.run import first_crossing
 from gearlib.kernels.taylor.series import ORDER, ROWS, V, X, expand, tables
+from gearlib.kernels.taylor.taylor_run import first_crossing
 from tests.paper import PAPER
 
 

@@ -9,9 +9,9 @@ from gearlib import GearPair, simulate
 from gearlib.kernels import orbit
 from gearlib.kernels.closed_form import recorded_arcs
 from gearlib.kernels.closed_form.event_by_event import ARC_COLUMNS, march_period
-from gearlib.kernels.closed_form.mesh import contact_of, mesh
-from gearlib.kernels.closed_form.run import skip
-from gearlib.kernels.closed_form.settled import clear_of_grazing, sum_of_powers
+from gearlib.kernels.closed_form.mesh_constants import contact_of, mesh
+from gearlib.kernels.closed_form.pair_run import skip
+from gearlib.kernels.closed_form.settling import clear_of_grazing, sum_of_powers
 from gearlib.kernels.closed_form.whole_periods import new_work, set_mesh, set_start
 from gearlib.models.propagators.closed_form import ratios
 from tests.unit.test_whole_periods import LIMIT, bouncing_case, ratios_of, whole_periods

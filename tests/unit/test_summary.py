@@ -5,7 +5,7 @@ import pytest
 import xarray as xr
 
 from gearlib import simulate
-from gearlib.data.contact_loss import lost_share
+from gearlib.data.lost_contact import lost_share
 from gearlib.data.summary import in_words
 from gearlib.data.variables import describe
 from tests.paper import PAPER

@@ -11,8 +11,8 @@ import yaml
 
 import gearlib
 from gearlib.config import drawn_trains, load
-from gearlib.config import train as trains
-from gearlib.models.trains.described import described
+from gearlib.config import train_section as trains
+from gearlib.models.trains.described_train import described
 from tests.trains.random_trains import random_train
 
 PAPER = yaml.safe_load(Path("config.yaml").read_text(encoding="utf-8"))

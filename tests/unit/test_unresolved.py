@@ -12,9 +12,9 @@ from gearlib import OneDegreePair, simulate
 from gearlib.data import status
 from gearlib.kernels import orbit
 from gearlib.kernels.several_meshes import distances, periods, record
-from gearlib.kernels.several_meshes import run as trains
-from gearlib.kernels.taylor import run as nonlinear
-from gearlib.kernels.taylor import variation
+from gearlib.kernels.several_meshes import train_run as trains
+from gearlib.kernels.taylor import taylor_maps
+from gearlib.kernels.taylor import taylor_run as nonlinear
 from gearlib.models.propagators import several_meshes, taylor
 from tests.paper import PAPER
 from tests.properties.known_models import gears
@@ -42,7 +42,7 @@ def python(monkeypatch):
     plain(monkeypatch, distances, "first_events", periods)
     plain(monkeypatch, record, "record", periods)
     plain(monkeypatch, record, "_add_extrema")
-    plain(monkeypatch, nonlinear, "take_step", variation)
+    plain(monkeypatch, nonlinear, "take_step", taylor_maps)
     plain(monkeypatch, nonlinear, "first_crossing")
     plain(monkeypatch, orbit, "add_curve")
     plain(monkeypatch, nonlinear, "run_nonlinear", taylor)
@@ -81,7 +81,7 @@ def test_maps(python, model):
     unknown(python, distances, "first_fall", (-1.0, 0.0))
     unknown(python, nonlinear, "first_fall", -1.0)
     unknown(python, nonlinear, "fall_by_shape", -1.0)
-    plain(python, variation, "vary_nonlinear", taylor)
+    plain(python, taylor_maps, "vary_nonlinear", taylor)
     _, maps, code = model.propagator(0.9).maps(model.propagator(0.9).start((0.5, -2.0)), 1, 1000)
     assert code == status.UNRESOLVED and np.isnan(maps).all()
 

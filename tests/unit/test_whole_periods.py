@@ -16,12 +16,12 @@ from gearlib.kernels.closed_form.contact_table import (
     set_level,
     step,
 )
+from gearlib.kernels.closed_form.damped_oscillator import evolve, level
 from gearlib.kernels.closed_form.elementary import cos_sin, decay
 from gearlib.kernels.closed_form.event_by_event import ARC_COLUMNS, march_period
 from gearlib.kernels.closed_form.flight import climb_time, fly, lowest_time, return_flight
 from gearlib.kernels.closed_form.many_runs import skip_many
-from gearlib.kernels.closed_form.mesh import contact_of, mesh
-from gearlib.kernels.closed_form.oscillator import evolve, level
+from gearlib.kernels.closed_form.mesh_constants import contact_of, mesh
 from gearlib.kernels.closed_form.whole_periods import ENTRY, advance, new_work, set_mesh, set_start
 from gearlib.kernels.codes import NORMAL
 from gearlib.kernels.jit import kernel

@@ -9,8 +9,8 @@ import xarray as xr
 
 from gearlib import integrators
 from gearlib.data.files import write_table
-from gearlib.figures import jump_by_method as jump_figure
-from gearlib.figures import work_precision as figures
+from gearlib.figures import jump_by_method_figure as jump_figure
+from gearlib.figures import work_precision_figure as figures
 from gearlib.integrators.option import Option
 from gearlib.studies import jump
 from gearlib.studies.trials import fastest, jump_by_method, problems, references

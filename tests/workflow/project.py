@@ -8,7 +8,7 @@ from typing import get_args
 
 import yaml
 
-from gearlib.config.model import Target
+from gearlib.config.configuration import Target
 from tests.workflow import forked
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -161,19 +161,19 @@ def test_a_method_more_runs_its_trial(project):
             },
         ),
         ("gearlib/studies/trials/difficult_problems.py", jobs("failures")),
-        ("gearlib/figures/resonance.py", {"draw_resonance": 1, "draw_report_page": 1}),
+        ("gearlib/figures/resonance_figure.py", {"draw_resonance": 1, "draw_report_page": 1}),
         ("gearlib/figures/style.py", drawn()),
         ("workflow/scripts/draw.py", DRAWN_BY_TABLE),
-        ("gearlib/figures/time_courses.py", drawn("scenes")),
-        ("gearlib/figures/poincare.py", drawn("poincare")),
-        ("gearlib/figures/work_precision.py", drawn(*MEASURED)),
+        ("gearlib/figures/time_courses_figure.py", drawn("scenes")),
+        ("gearlib/figures/poincare_figure.py", drawn("poincare")),
+        ("gearlib/figures/work_precision_figure.py", drawn(*MEASURED)),
         (
             "gearlib/studies/trials/work_precision.py",
             {rule: n for rule, n in jobs(*MEASURED).items() if rule != "work_precision_references"},
         ),
         ("gearlib/studies/trials/high_precision.py", jobs(*MEASURED)),
-        ("gearlib/studies/claims/scenes.py", {**jobs("claims"), "assumption": 1}),
-        ("gearlib/figures/phase_planes.py", {"draw_phase_planes": 1}),
+        ("gearlib/studies/claims/scene_claims.py", {**jobs("claims"), "assumption": 1}),
+        ("gearlib/figures/phase_planes_figure.py", {"draw_phase_planes": 1}),
         ("gearlib/config/experiments.py", {}),
     ],
 )
@@ -247,7 +247,8 @@ def test_the_configuration_of_the_paper(tmp_path):
 
 def test_a_failed_job_shows_its_log_and_leaves_no_output(project):
     edit(
-        project / "gearlib/studies/claims/scenes.py", "\nraise RuntimeError('claims are broken')\n"
+        project / "gearlib/studies/claims/scene_claims.py",
+        "\nraise RuntimeError('claims are broken')\n",
     )
     output = project.snakemake("-j2", "results/claims.csv", succeed=False)
     assert "claims are broken" in output

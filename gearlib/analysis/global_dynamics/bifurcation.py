@@ -7,8 +7,8 @@ import xarray as xr
 
 from gearlib import checks
 from gearlib.analysis.global_dynamics import grids
-from gearlib.analysis.global_dynamics.parameters import models, name_parameter
 from gearlib.analysis.global_dynamics.poincare import check_phase, section
+from gearlib.analysis.global_dynamics.varied_ratio import models, name_parameter
 from gearlib.data import provenance, status
 from gearlib.data.variables import describe
 from gearlib.integrators import choose

@@ -9,7 +9,7 @@ import xarray as xr
 from gearlib import checks
 from gearlib.analysis import lyapunov
 from gearlib.analysis.global_dynamics import grids
-from gearlib.analysis.global_dynamics.parameters import models, name_parameter
+from gearlib.analysis.global_dynamics.varied_ratio import models, name_parameter
 from gearlib.data import provenance, status
 from gearlib.data.variables import describe
 from gearlib.integrators import choose

@@ -9,7 +9,7 @@ import xarray as xr
 from gearlib import checks
 from gearlib.analysis.global_dynamics.grids import check_one_mesh
 from gearlib.data import provenance, status
-from gearlib.data.arrays import floats
+from gearlib.data.numbers_given import floats
 from gearlib.data.variables import describe
 from gearlib.integrators import choose
 from gearlib.runs.run_arguments import MAX_EVENTS, check_tuning

@@ -7,7 +7,7 @@ module                responsibility
 ``green``             periodic Green's function; bound of the norm of its remainders
 ``schmidt``           `schmidt`: kernel split into a degenerate part and a remainder
 ``harmonic_balance``  `harmonic_balance`: all harmonics at once by Newton's method
-``hill``              Floquet multipliers by Hill's method
+``hill_method``       Floquet multipliers by Hill's method
 ``solution``          a periodic motion as harmonics: course, crossings, dataset
 ``accuracy``          its errors against the exact orbit
 ====================  ===================================================================

@@ -5,12 +5,12 @@ grid (`gearlib.analysis.harmonics.equation`); their derivative by the harmonics 
 FFT of f_x and f_v, a Toeplitz matrix, so that nothing is differenced.
 
 Cameron, Griffin, J. Appl. Mech. 56 (1989) 149-154 (alternating frequency/time); the stability is
-that of `gearlib.analysis.harmonics.hill`.
+that of `gearlib.analysis.harmonics.hill_method`.
 """
 
 import numpy as np
 
-from gearlib.analysis.harmonics import hill
+from gearlib.analysis.harmonics import hill_method
 from gearlib.analysis.harmonics.solution import (
     ROUGH,
     PeriodicSolution,
@@ -82,7 +82,7 @@ def harmonic_balance(pair, tuning, *, harmonics=64, samples=None, guess=None, pe
         size,
         steps,
         evaluations,
-        hill.multipliers(equation, coefficients),
+        hill_method.multipliers(equation, coefficients),
     )
 
 

@@ -24,7 +24,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gearlib import checks
-from gearlib.analysis.harmonics import hill
+from gearlib.analysis.harmonics import hill_method
 from gearlib.analysis.harmonics.equation import Force
 from gearlib.analysis.harmonics.green import remainder_norm, weights
 from gearlib.analysis.harmonics.solution import (
@@ -300,7 +300,7 @@ def _solution(equation, coefficients, degenerate, converged, cost):
         equation.size(residual),
         iterations,
         evaluations,
-        hill.multipliers(equation, coefficients) if finite else np.full(2, np.nan, complex),
+        hill_method.multipliers(equation, coefficients) if finite else np.full(2, np.nan, complex),
         converged,
         tuple(int(k) for k in degenerate),
         remainder_norm(weights(equation, force), degenerate) if finite else np.nan,

@@ -10,10 +10,10 @@ from gearlib import checks
 from gearlib.analysis.harmonics import accuracy
 from gearlib.analysis.harmonics.equation import LEAST_SAMPLES, MeshEquation, default_samples, takes
 from gearlib.data import provenance
-from gearlib.data.arrays import floats
 from gearlib.data.contact_states import FLAGS
+from gearlib.data.numbers_given import floats
 from gearlib.data.variables import describe
-from gearlib.kernels.closed_form.mesh import contact_of
+from gearlib.kernels.closed_form.mesh_constants import contact_of
 from gearlib.runs.run_arguments import check_tuning
 
 _POLISH = 8

@@ -1,16 +1,16 @@
 """Periodic orbits: found, followed over a parameter, and their special points.
 
-====================  =========================================================
-module                responsibility
-====================  =========================================================
-``shooting``          `periodic_orbit`: one orbit by Newton's method
-``parameters``        the parameters over which orbits are followed
-``tracing``           steps along a curve of solutions, pseudo-arclength
-``branch_points``     the points of a branch: orbit, tangent, multipliers
-``special_points``    folds, period doublings, Neimark-Sacker points, grazings
-``continuation``      `continue_orbit`, `switch_branch`: branches of orbits
-``touching``          how far an orbit's turning points lie from the flank lines
-``loci``              `locus`: folds and grazings over two parameters
-``sensitivities``     derivatives of orbits, multipliers and folds by parameters
-====================  =========================================================
+=======================  ==========================================================
+module                   responsibility
+=======================  ==========================================================
+``shooting``             `periodic_orbit`: one orbit by Newton's method
+``followed_parameters``  the parameters over which orbits are followed
+``tracing``              steps along a curve of solutions, pseudo-arclength
+``branch_points``        the points of a branch: orbit, tangent, multipliers
+``special_points``       folds, period doublings, Neimark-Sacker points, grazings
+``continuation``         `continue_orbit`, `switch_branch`: branches of orbits
+``touching``             how far an orbit's turning points lie from the flank lines
+``loci``                 `locus`: folds and grazings over two parameters
+``orbit_sensitivities``  derivatives of orbits, multipliers and folds by parameters
+=======================  ==========================================================
 """

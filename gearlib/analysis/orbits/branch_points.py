@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from gearlib import checks
-from gearlib.analysis.orbits.parameters import with_parameter
+from gearlib.analysis.orbits.followed_parameters import with_parameter
 from gearlib.analysis.orbits.shooting import (
     RESIDUAL,
     Orbit,

@@ -14,7 +14,12 @@ import xarray as xr
 from gearlib import checks
 from gearlib.analysis.orbits import special_points as special
 from gearlib.analysis.orbits.branch_points import Shooting, as_orbit, branch_point
-from gearlib.analysis.orbits.parameters import check_parameter, known, value_of, with_parameter
+from gearlib.analysis.orbits.followed_parameters import (
+    check_parameter,
+    known,
+    value_of,
+    with_parameter,
+)
 from gearlib.analysis.orbits.shooting import NoOrbit, Orbit
 from gearlib.analysis.orbits.tracing import (
     Lost,

@@ -22,7 +22,12 @@ from gearlib.analysis.orbits import special_points as special
 from gearlib.analysis.orbits import touching
 from gearlib.analysis.orbits.branch_points import Evaluation, Shooting
 from gearlib.analysis.orbits.continuation import restored
-from gearlib.analysis.orbits.parameters import check_parameter, known, value_of, with_parameter
+from gearlib.analysis.orbits.followed_parameters import (
+    check_parameter,
+    known,
+    value_of,
+    with_parameter,
+)
 from gearlib.analysis.orbits.shooting import NoOrbit, multipliers_of
 from gearlib.analysis.orbits.tracing import Lost, advance, at_value, tangent
 from gearlib.data import provenance, status

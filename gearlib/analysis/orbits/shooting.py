@@ -16,8 +16,8 @@ import xarray as xr
 
 from gearlib import checks
 from gearlib.data import provenance, status
-from gearlib.data.arrays import floats
 from gearlib.data.contact_states import FLAGS
+from gearlib.data.numbers_given import floats
 from gearlib.data.variables import describe
 from gearlib.integrators import choose
 from gearlib.kernels import orbit as columns

@@ -4,7 +4,7 @@ import math
 
 from gearlib.analysis.orbits.shooting import Orbit, resting
 from gearlib.analysis.proofs.balls import COARSE, precision
-from gearlib.analysis.proofs.certificates import Uncertain
+from gearlib.analysis.proofs.certificate_files import Uncertain
 from gearlib.analysis.proofs.closed_laws import ClosedLaws
 from gearlib.analysis.proofs.train_laws import TrainLaws
 from gearlib.analysis.proofs.train_numbers import parts_of

@@ -14,7 +14,7 @@ the residuals: F(b) - F(m) lies in F'(X) (b - m) if b is in X.
 """
 
 from gearlib.analysis.proofs.balls import flint, middle
-from gearlib.analysis.proofs.certificates import Uncertain
+from gearlib.analysis.proofs.certificate_files import Uncertain
 
 _MAX_NEWTON = 12
 #: Boxes that are tried for the largest one with a single zero, and the first of them.

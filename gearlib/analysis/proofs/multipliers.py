@@ -6,7 +6,7 @@ together and meet no other (Varga, *Gersgorin and His Circles*, 2004).
 """
 
 from gearlib.analysis.proofs.balls import flint
-from gearlib.analysis.proofs.certificates import Uncertain
+from gearlib.analysis.proofs.certificate_files import Uncertain
 
 #: Where the enclosures of multipliers decide nothing.
 UNDECIDED = "undecided", "the enclosure of a multiplier meets the unit circle"

@@ -8,7 +8,7 @@ from typing import Any
 from gearlib import checks
 from gearlib.analysis.proofs.balls import COARSE, digits_of, enclosure, flint, precision
 from gearlib.analysis.proofs.candidate import check_model, check_orbit, laws_of, listed_contacts
-from gearlib.analysis.proofs.certificates import (
+from gearlib.analysis.proofs.certificate_files import (
     Certificate,
     Refusal,
     TrainCertificate,

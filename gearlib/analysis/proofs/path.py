@@ -12,7 +12,7 @@ from typing import Any
 
 from gearlib.analysis.proofs import arcs
 from gearlib.analysis.proofs.balls import COARSE, flint, precision
-from gearlib.analysis.proofs.certificates import Uncertain
+from gearlib.analysis.proofs.certificate_files import Uncertain
 from gearlib.kernels.codes import NORMAL
 
 #: Numbers of the two sides of a tooth, as in tables of the models.

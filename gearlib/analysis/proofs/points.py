@@ -29,7 +29,7 @@ from gearlib.analysis.orbits.continuation import restored
 from gearlib.analysis.proofs import krawczyk
 from gearlib.analysis.proofs.balls import COARSE, digits_of, enclosure, flint, precision
 from gearlib.analysis.proofs.candidate import check_model, laws_over_tunings, run_contacts
-from gearlib.analysis.proofs.certificates import (
+from gearlib.analysis.proofs.certificate_files import (
     PointCertificate,
     Refusal,
     Uncertain,

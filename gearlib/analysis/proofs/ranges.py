@@ -17,7 +17,7 @@ from gearlib.analysis.proofs.candidate import (
     laws_over_tunings,
     listed_contacts,
 )
-from gearlib.analysis.proofs.certificates import Piece, RangeCertificate, Refusal, Uncertain
+from gearlib.analysis.proofs.certificate_files import Piece, RangeCertificate, Refusal, Uncertain
 from gearlib.analysis.proofs.multipliers import UNDECIDED, verdict
 from gearlib.analysis.proofs.orbits import FOLD, Proof, pattern_of, train_of
 from gearlib.analysis.proofs.path import Path

@@ -9,7 +9,7 @@ import math
 
 from gearlib.analysis.proofs.arcs import norm
 from gearlib.analysis.proofs.balls import COARSE, flint, precision
-from gearlib.analysis.proofs.certificates import Uncertain
+from gearlib.analysis.proofs.certificate_files import Uncertain
 from gearlib.analysis.proofs.path import COAST, CONTACT, DRIVE, TOUCH
 from gearlib.kernels.codes import INVERSE, NORMAL
 

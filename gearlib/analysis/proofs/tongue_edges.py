@@ -7,7 +7,7 @@ from gearlib.analysis import tongues
 from gearlib.analysis.proofs import krawczyk
 from gearlib.analysis.proofs.balls import digits_of, enclosure, flint
 from gearlib.analysis.proofs.candidate import laws_over_tunings
-from gearlib.analysis.proofs.certificates import Refusal, Tongue, Uncertain
+from gearlib.analysis.proofs.certificate_files import Refusal, Tongue, Uncertain
 from gearlib.analysis.proofs.path import Path
 from gearlib.analysis.proofs.points import (
     REACH,

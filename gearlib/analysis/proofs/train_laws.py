@@ -1,10 +1,10 @@
 """The laws of motion of a train in balls, without its free rotation: matrices between events.
 
 The state is z = (y, dy/dtheta, 1, cos, sin, ...) with y in static deflections and theta the phase
-over nu, as in `gearlib.kernels.several_meshes.system`; between events z' = A z. Motions V that no
-stiffness resists are taken out: of as many coordinates q_p as there are such motions the others are
-counted from, y = q_e - V_e q_p with V_p = I. K V = 0, b V = 0 and D V = 0 are taken as exact: the
-numbers of a train have them up to their rounding only.
+over nu, as in `gearlib.kernels.several_meshes.train_system`; between events z' = A z. Motions V
+that no stiffness resists are taken out: of as many coordinates q_p as there are such motions the
+others are counted from, y = q_e - V_e q_p with V_p = I. K V = 0, b V = 0 and D V = 0 are taken as
+exact: the numbers of a train have them up to their rounding only.
 
 Matrices and functionals are those of z = basis z~, with z~ near the natural modes: there a motion
 is hardly more than a rotation of each pair of components, which widens boxes least.
@@ -16,7 +16,7 @@ import numpy as np
 
 from gearlib.analysis.proofs.arcs import ball_of
 from gearlib.analysis.proofs.balls import flint
-from gearlib.analysis.proofs.certificates import Uncertain
+from gearlib.analysis.proofs.certificate_files import Uncertain
 from gearlib.analysis.proofs.path import COAST, DRIVE
 from gearlib.analysis.proofs.train_numbers import parts_of
 from gearlib.kernels.codes import INVERSE, NORMAL

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gearlib.analysis.proofs.balls import flint
-from gearlib.analysis.proofs.certificates import Uncertain
+from gearlib.analysis.proofs.certificate_files import Uncertain
 from gearlib.analysis.proofs.path import COAST, DRIVE
 from gearlib.models.trains import turning
 from gearlib.models.trains.elastic import linear

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 from gearlib.analysis.proofs.arcs import norm
 from gearlib.analysis.proofs.balls import COARSE, flint, precision
-from gearlib.analysis.proofs.certificates import Uncertain
+from gearlib.analysis.proofs.certificate_files import Uncertain
 from gearlib.analysis.proofs.signs import JAMMED, bounds_of, check_arc, overlaps
 
 #: By how much wider a window is than what is known of its contacts; more where signs next to it

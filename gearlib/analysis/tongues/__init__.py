@@ -1,14 +1,14 @@
 """Parametric resonance: where the motion without loss of contact is unstable.
 
-================  ======================================================
+================  ====================================================
 module            responsibility
-================  ======================================================
+================  ====================================================
 ``meissner``      rectangular stiffness: tongues in closed form
-``hill``          other stiffness, six degrees: tongues from monodromy
+``hill_tongues``  other stiffness, six degrees: tongues from monodromy
 ``first_order``   gear trains: widths to first order
 ``undamped``      gear trains without damping: growth at many tunings
 ``no_loss``       motion without loss of contact: period map, orbit
-================  ======================================================
+================  ====================================================
 """
 
 import dataclasses
@@ -19,7 +19,7 @@ import numpy as np
 import xarray as xr
 
 from gearlib import checks
-from gearlib.analysis.tongues import hill, meissner
+from gearlib.analysis.tongues import hill_tongues, meissner
 from gearlib.data import provenance
 from gearlib.data.variables import describe
 from gearlib.models.model import is_model
@@ -44,7 +44,7 @@ def tongues(pair, *, start=0.3, stop=3.0, parameter=None, values=None, step=0.00
     ----------
     pair : GearPair, OneDegreePair, SixDegreePair or GearTrain
         Its backlash plays no part. Closed forms for the rectangular stiffness of one degree of
-        freedom; else numerical monodromy, see `gearlib.analysis.tongues.hill`.
+        freedom; else numerical monodromy, see `gearlib.analysis.tongues.hill_tongues`.
     start, stop : float
         Tongues that meet this range of tunings are given, with both their edges; with six degrees
         they are cut off at it. 0.02 <= start < stop.
@@ -127,15 +127,17 @@ def find(pair, start, stop, step=0.002):
         equation = meissner.equation_of(pair)
         return [meissner.tongue(equation, n) for n in meissner.orders(equation, start, stop)]
     if pair.size > 2:
-        return hill.several_degrees(pair, start, stop, step)
-    return hill.one_degree(pair, start, stop)
+        return hill_tongues.several_degrees(pair, start, stop, step)
+    return hill_tongues.one_degree(pair, start, stop)
 
 
 def closing_damping(pair, tongue):
     """Return the damping ratio of the contact from which a tongue stays closed."""
     if pair.mesh is pair:
         return meissner.closing_damping(pair.contact_ratio, pair.stiffness_ratio, tongue.order)
-    return (hill.closing_six if pair.size > 2 else hill.closing_damping)(pair, tongue)
+    return (hill_tongues.closing_six if pair.size > 2 else hill_tongues.closing_damping)(
+        pair, tongue
+    )
 
 
 def varied(pair, parameter, value):

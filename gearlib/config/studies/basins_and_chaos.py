@@ -34,7 +34,7 @@ BASINS = Study(
         priority=LONG,
     ),
     Drawing(
-        "basins.draw",
+        "basins_figure.draw",
         {"data": "basins.nc"},
         "basins",
         "Basins of attraction",
@@ -73,7 +73,7 @@ BIFURCATION = Study(
         },
     ),
     Drawing(
-        "bifurcation.draw",
+        "bifurcation_figure.draw",
         {
             "diagram": "bifurcation.nc",
             "shares": "basin_stability.nc",
@@ -104,7 +104,7 @@ POINCARE = Study(
         },
     ),
     Drawing(
-        "poincare.draw",
+        "poincare_figure.draw",
         {"data": "poincare.nc"},
         "poincare",
         "Poincaré sections",

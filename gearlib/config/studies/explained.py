@@ -8,7 +8,7 @@ from gearlib.config.experiments import (
     NonlinearDamping,
     ParametricResonance,
 )
-from gearlib.config.scenes import Models
+from gearlib.config.scenes_section import Models
 from gearlib.config.studies.paper_figures import cases_of
 from gearlib.config.studies.study import (
     EXPLANATIONS,
@@ -86,7 +86,7 @@ JUMP = Study(
         },
     ),
     Drawing(
-        "jump.draw",
+        "jump_figure.draw",
         {"jumps": "jump.nc"},
         "fig6_jump",
         "Beside Fig. 6: what moves the jump from rest",
@@ -139,7 +139,7 @@ BRANCHES = Study(
         kernels=(),
     ),
     Drawing(
-        "branches.draw",
+        "branches_figure.draw",
         {"branches": lambda c: f"branches/{c.branches.loci.damping}.nc", "loci": "loci.nc"},
         "branches",
         "Beside Fig. 3: folds and grazings, and what moves them",
@@ -201,7 +201,7 @@ NONLINEAR_DAMPING = Study(
         rounding decides of that too.""",
     ),
     Drawing(
-        "nonlinear_damping.draw",
+        "nonlinear_damping_figure.draw",
         {"studies": _places_and_powers},
         "nonlinear_damping",
         "Nonlinear damping of equal work",
@@ -242,7 +242,7 @@ MODELS = Study(
         rule="model_table",
     ),
     Drawing(
-        "models.draw",
+        "models_figure.draw",
         {"comparisons": _of_scenes},
         "models",
         "Models: what larger ones would change",
@@ -293,7 +293,7 @@ PARAMETRIC_RESONANCE = Study(
         response where that orbit leaves the flank.""",
     ),
     Drawing(
-        "parametric_resonance.draw",
+        "parametric_resonance_figure.draw",
         {"chart": "parametric_resonance.nc", "facts": "tongues.nc"},
         "parametric_resonance",
         "Parametric resonance: tongues",

@@ -1,8 +1,8 @@
 """Studies of drawn gears: mesh stiffness, what its rectangle costs, dynamic factor, tip relief."""
 
-from gearlib.config.dynamic_factor import DynamicFactor
-from gearlib.config.relief import HarrisMap, ReliefDynamics
-from gearlib.config.stiffness import MeshStiffness, Rectangle
+from gearlib.config.dynamic_factor_section import DynamicFactor
+from gearlib.config.relief_section import HarrisMap, ReliefDynamics
+from gearlib.config.stiffness_section import MeshStiffness, Rectangle
 from gearlib.config.studies.study import DRAWN, GRID, Drawing, Job, Study, Table, grid_of, without
 
 
@@ -34,7 +34,7 @@ MESH_STIFFNESS = Study(
         the mean lies from that of the energy method, relative; published means below.""",
     ),
     Drawing(
-        "mesh_stiffness.draw",
+        "mesh_stiffness_figure.draw",
         {"stiffness": "mesh_stiffness.nc"},
         "mesh_stiffness",
         "Mesh stiffness by every method",
@@ -73,7 +73,7 @@ RECTANGLE = Study(
         methods; the verdict. Empty: no jump, or a distance.""",
     ),
     Drawing(
-        "rectangle.draw",
+        "rectangle_figure.draw",
         {"costs": "rectangle.nc"},
         "rectangle",
         "What the rectangular stiffness costs",
@@ -103,7 +103,7 @@ DYNAMIC_FACTOR = Study(
         },
     ),
     Drawing(
-        "dynamic_factor.draw",
+        "dynamic_factor_figure.draw",
         {"factors": "dynamic_factor.nc"},
         "dynamic_factor",
         "Dynamic factor of drawn gears, beside ISO 6336-1",
@@ -134,7 +134,7 @@ HARRIS_MAP = Study(
         kernels=(),
     ),
     Drawing(
-        "harris_map.draw",
+        "harris_map_figure.draw",
         {"data": "harris_map.nc"},
         "harris_map",
         "Tip relief: Harris maps",
@@ -165,7 +165,7 @@ RELIEF_DYNAMICS = Study(
         kernels=("larger_kernels",),
     ),
     Drawing(
-        "relief_dynamics.draw",
+        "relief_dynamics_figure.draw",
         {"data": "relief_dynamics.nc"},
         "relief_dynamics",
         "Tip relief: dynamic force by two models",

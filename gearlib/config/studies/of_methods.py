@@ -106,7 +106,7 @@ ANALYTIC_METHOD = Study(
         },
     ),
     Drawing(
-        "analytic_method.draw",
+        "analytic_method_figure.draw",
         {"data": "analytic_method.nc"},
         "analytic_method",
         "The paper's analytic method",
@@ -137,7 +137,7 @@ STABILITY_CHART = Study(
     METHODS,
     Job(
         "stability_chart",
-        "trials.stability:compute",
+        "trials.stability_of_methods:compute",
         lambda c: {
             "pair": c.pair_parameters(c.stability_chart.damping),
             "tunings": grid_of(c.stability_chart),
@@ -148,7 +148,7 @@ STABILITY_CHART = Study(
         methods=lambda c: [one.method for one in c.stability_chart.methods.values()],
     ),
     Drawing(
-        "stability.draw",
+        "stability_figure.draw",
         {"chart": "stability_chart.nc"},
         "stability_chart",
         "Numerical stability of fixed steps",
@@ -187,7 +187,7 @@ FAILURES = Study(
         kernels=_LARGER,
     ),
     Drawing(
-        "failures.draw",
+        "failures_figure.draw",
         {"matrix": "failures.nc", "gradients": "gradients.nc"},
         "failures",
         "Failures: difficult problems against methods",
@@ -246,7 +246,7 @@ WORK_PRECISION = Study(
         _fastest_caption,
     ),
     Drawing(
-        "work_precision.draw",
+        "work_precision_figure.draw",
         {"errors": _ERRORS},
         "work_precision_evaluations",
         "Work and precision: evaluations",
@@ -265,7 +265,7 @@ WORK_PRECISION = Study(
         absent=_absent("work_precision"),
     ),
     Drawing(
-        "work_precision.draw_time",
+        "work_precision_figure.draw_time",
         {"errors": _ERRORS, "times": _TIMES},
         "work_precision_time",
         "Work and precision: wall time",
@@ -308,7 +308,7 @@ JUMP_BY_METHOD = Study(
         refined by bisection (jump), and its distance from the exact one (error).""",
     ),
     Drawing(
-        "jump_by_method.draw",
+        "jump_by_method_figure.draw",
         {"jumps": _JUMPS},
         "jump_by_method",
         "Jump from rest by method",

@@ -1,7 +1,7 @@
 """Studies of gear trains: the reducer, what stands for it, planetary trains, a train over speed."""
 
 from gearlib.config.planetary import SymmetryBreaking, TrainChart
-from gearlib.config.reducer import Campbell, OneMesh, Reducer
+from gearlib.config.reducer_section import Campbell, OneMesh, Reducer
 from gearlib.config.studies.study import (
     CLAIMS,
     EXPLANATIONS,
@@ -16,7 +16,7 @@ from gearlib.config.studies.study import (
     listed,
     without,
 )
-from gearlib.config.train import TrainSweep
+from gearlib.config.train_section import TrainSweep
 
 _TRAIN = ("train_kernels",)
 
@@ -56,7 +56,7 @@ REDUCER = Study(
         range. *cold*: all starts beside static equilibrium; *up*, *down*: one start carried.""",
     ),
     Drawing(
-        "reducer.draw",
+        "reducer_figure.draw",
         {"characteristics": "reducer.nc"},
         "reducer",
         "Fig. 1: all meshes of the reducer over speed",
@@ -115,7 +115,7 @@ ONE_MESH = Study(
         rule="assumption",
     ),
     Drawing(
-        "one_mesh.draw",
+        "one_mesh_figure.draw",
         {"comparison": "one_mesh.nc"},
         "one_mesh",
         "Fig. 1: does one mesh stand for the reducer?",
@@ -161,7 +161,7 @@ CAMPBELL = Study(
         modes of one frequency are one row. Orders count over the first mesh frequency.""",
     ),
     Drawing(
-        "campbell.draw",
+        "campbell_figure.draw",
         {"diagram": "campbell.nc"},
         "campbell",
         "Fig. 1: Campbell diagram of the reducer",
@@ -181,7 +181,7 @@ TRAIN_CHART = Study(
     TRAINS,
     Job(
         "train_chart",
-        "trains.stability:compute",
+        "trains.train_stability:compute",
         lambda c: {
             "train": c.planetary.model_dump(),
             "tunings": grid_of(c.train_chart),
@@ -189,7 +189,7 @@ TRAIN_CHART = Study(
         },
     ),
     Drawing(
-        "train_chart.draw",
+        "train_chart_figure.draw",
         {"chart": "train_chart.nc"},
         "train_chart",
         "Planetary train: instability tongues",
@@ -217,7 +217,7 @@ SYMMETRY_BREAKING = Study(
         },
     ),
     Drawing(
-        "symmetry_breaking.draw",
+        "symmetry_breaking_figure.draw",
         {"data": "symmetry_breaking.nc"},
         "symmetry_breaking",
         "Planetary train: symmetry breaking",
@@ -251,7 +251,7 @@ TRAIN_SWEEP = Study(
         kernels=_TRAIN,
     ),
     Drawing(
-        "train_sweep.draw",
+        "train_sweep_figure.draw",
         {"curves": "train_sweep.nc"},
         "train_sweep",
         "The train of the configuration over speed",

@@ -108,7 +108,7 @@ PHASE_LAG = Study(
         },
     ),
     Drawing(
-        "phase_shift.draw",
+        "phase_shift_figure.draw",
         {"lags": "phase_lag.nc"},
         "fig2_phase_shift",
         "Fig. 2: phase lag, material damping",
@@ -146,7 +146,7 @@ RESONANCE = Study(
         kernels=(),
     ),
     Drawing(
-        "resonance.draw",
+        "resonance_figure.draw",
         {
             "resonance": "resonance.nc",
             "labels": _beside("labels", of_dampings("labels/{damping}.nc")),
@@ -183,7 +183,7 @@ PHASE_PLANES = Study(
         kernels=(),
     ),
     Drawing(
-        "phase_planes.draw",
+        "phase_planes_figure.draw",
         {"phase_planes": "phase_planes.nc"},
         "fig5_phase_planes",
         "Fig. 5: phase planes, all dampings",
@@ -214,7 +214,7 @@ SCENES = Study(
         files=("scenes/{scene}.nc",),
     ),
     Drawing(
-        "time_courses.draw",
+        "time_courses_figure.draw",
         {"scene": "scenes/{scene}.nc"},
         "{scene}",
         _label_of_scene,
@@ -253,7 +253,7 @@ REPORT_PAGE = Study(
     PAPER,
     Job(
         "report_orbits",
-        "gearlib.pages.report.orbits:compute",
+        "gearlib.pages.report.ends_from_rest:compute",
         lambda c: {
             "pairs": pairs_of(c),
             "tunings": grid_of(c.report_page),

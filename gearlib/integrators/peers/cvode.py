@@ -9,7 +9,7 @@ from gearlib.integrators.each import run_each
 from gearlib.integrators.option import Option
 from gearlib.integrators.peers import contact_branches
 from gearlib.integrators.peers.package import Package
-from gearlib.integrators.problems import problem_of
+from gearlib.integrators.right_hand_sides import problem_of
 from gearlib.integrators.split import Phase, Split, Stall
 
 PACKAGE = Package("sksundae", "scikit-sundae")

@@ -7,11 +7,11 @@ import numpy as np
 from gearlib import checks
 from gearlib.data import status
 from gearlib.integrators.each import run_each
-from gearlib.integrators.one_degree import MODELS, takes
+from gearlib.integrators.models_with_steps import MODELS, takes
 from gearlib.integrators.option import Option
 from gearlib.integrators.peers import contact_branches
 from gearlib.integrators.peers.package import Package
-from gearlib.integrators.problems import problem_of
+from gearlib.integrators.right_hand_sides import problem_of
 from gearlib.integrators.split import NEAR, Phase, Split, Stall
 from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
 from gearlib.kernels.overflow import within_range

@@ -16,10 +16,10 @@ from gearlib.integrators.each import run_each
 from gearlib.integrators.option import Option
 from gearlib.integrators.peers import heyoka_trains
 from gearlib.integrators.peers.package import Package
-from gearlib.integrators.problems import problem_of
+from gearlib.integrators.right_hand_sides import problem_of
 from gearlib.integrators.scipy_ivp import MODELS, takes
-from gearlib.integrators.several_meshes import Problem
 from gearlib.integrators.split import Phase, Split, Stall, exits_of
+from gearlib.integrators.trains_in_python import Problem
 from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
 
 __all__ = ["EVENTS", "MODELS", "OPTIONS", "ORDER", "PACKAGE", "run", "run_many", "takes"]

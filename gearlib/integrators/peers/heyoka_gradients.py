@@ -9,7 +9,7 @@ from functools import cache
 
 import numpy as np
 
-from gearlib.kernels.closed_form.mesh import contact_of
+from gearlib.kernels.closed_form.mesh_constants import contact_of
 from gearlib.kernels.codes import BACKLASH, INVERSE
 from gearlib.models.stiffness import segment_lengths
 

@@ -9,7 +9,7 @@ import threading
 
 import numpy as np
 
-from gearlib.integrators.several_meshes import Phase, Split, Stall
+from gearlib.integrators.trains_in_python import Phase, Split, Stall
 from gearlib.kernels.codes import BACKLASH, NORMAL
 
 
@@ -100,7 +100,7 @@ class Run(Split):
         return self._factors[key]
 
     def solve(self, start, end, z, segment, codes, exits):
-        """Take one phase; see `gearlib.integrators.several_meshes.Split`."""
+        """Take one phase; see `gearlib.integrators.trains_in_python.Split`."""
         integrator, nu = self._integrator, self.problem.tuning
         self._pars[:] = self._parameters(segment, codes)[: self._pars.size]
         # Phases count from the start of the mesh period, so that rounding does not grow.

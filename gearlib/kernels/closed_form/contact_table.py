@@ -18,8 +18,8 @@ A level is a row of numbers, so that either level is found by its index.
 
 import math
 
+from gearlib.kernels.closed_form.damped_oscillator import UNDERDAMPED, propagators
 from gearlib.kernels.closed_form.elementary import cos_sin, decay
-from gearlib.kernels.closed_form.oscillator import UNDERDAMPED, propagators
 from gearlib.kernels.jit import inlined, kernel
 
 PER_RADIAN = 12

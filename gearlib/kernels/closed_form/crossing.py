@@ -8,8 +8,8 @@ descent and one climb.
 
 import math
 
+from gearlib.kernels.closed_form.damped_oscillator import UNDERDAMPED, evolve, turning_time
 from gearlib.kernels.closed_form.flight import climb_time, fall_time, fly, lowest_time
-from gearlib.kernels.closed_form.oscillator import UNDERDAMPED, evolve, turning_time
 from gearlib.kernels.jit import kernel
 
 #: A dip below a line smaller than this share of the deflections at hand cannot be told from

@@ -13,8 +13,8 @@ crossing is tangential. There it depends on the side from which the crossing is 
 
 import math
 
+from gearlib.kernels.closed_form.damped_oscillator import propagators
 from gearlib.kernels.closed_form.event_by_event import CONTACT, DURATION, LEVEL
-from gearlib.kernels.closed_form.oscillator import propagators
 from gearlib.kernels.codes import BACKLASH
 from gearlib.kernels.jit import inlined, kernel
 

@@ -7,8 +7,8 @@ An *arc* is a piece of orbit with one closed form. A row of the arc table holds
 """
 
 from gearlib.kernels.closed_form.crossing import descent_time, landing
+from gearlib.kernels.closed_form.damped_oscillator import evolve
 from gearlib.kernels.closed_form.flight import fly
-from gearlib.kernels.closed_form.oscillator import evolve
 from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
 from gearlib.kernels.jit import kernel
 

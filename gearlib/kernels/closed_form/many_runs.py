@@ -5,8 +5,8 @@ import math
 import numpy as np
 
 from gearlib.kernels import orbit
-from gearlib.kernels.closed_form.mesh import contact_of, mesh
-from gearlib.kernels.closed_form.run import run_at, skip
+from gearlib.kernels.closed_form.mesh_constants import contact_of, mesh
+from gearlib.kernels.closed_form.pair_run import run_at, skip
 from gearlib.kernels.closed_form.whole_periods import new_work, set_mesh, set_start
 from gearlib.kernels.codes import OK, OVERFLOW
 from gearlib.kernels.jit import kernel

@@ -12,21 +12,7 @@ import math
 
 import numpy as np
 
-from gearlib.kernels.closed_form.deviation import multiply
-from gearlib.kernels.closed_form.event_by_event import (
-    ARC_COLUMNS,
-    CONTACT,
-    DURATION,
-    LEVEL,
-    START,
-    VELOCITY,
-)
-from gearlib.kernels.closed_form.flight import phis
-from gearlib.kernels.closed_form.mesh import contact_of
-from gearlib.kernels.closed_form.oscillator import propagators
-from gearlib.kernels.closed_form.run import FIRST_ARCS, outcome, whole_period
-from gearlib.kernels.closed_form.sensitivity import SLOWEST
-from gearlib.kernels.closed_form.tangents import (
+from gearlib.kernels.closed_form.arc_tangents import (
     DECAY,
     DRAG,
     SQUARE,
@@ -39,6 +25,20 @@ from gearlib.kernels.closed_form.tangents import (
     rates_of,
     switch_phase,
 )
+from gearlib.kernels.closed_form.damped_oscillator import propagators
+from gearlib.kernels.closed_form.deviation import multiply
+from gearlib.kernels.closed_form.event_by_event import (
+    ARC_COLUMNS,
+    CONTACT,
+    DURATION,
+    LEVEL,
+    START,
+    VELOCITY,
+)
+from gearlib.kernels.closed_form.flight import phis
+from gearlib.kernels.closed_form.mesh_constants import contact_of
+from gearlib.kernels.closed_form.pair_run import FIRST_ARCS, outcome, whole_period
+from gearlib.kernels.closed_form.sensitivity import SLOWEST
 from gearlib.kernels.closed_form.whole_periods import new_work, set_mesh, set_start
 from gearlib.kernels.codes import BACKLASH, OK, OVERFLOW
 from gearlib.kernels.jit import inlined, kernel

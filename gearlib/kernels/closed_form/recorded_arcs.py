@@ -2,6 +2,7 @@
 
 import math
 
+from gearlib.kernels.closed_form.damped_oscillator import UNDERDAMPED, evolve, turning_time
 from gearlib.kernels.closed_form.event_by_event import (
     CONTACT,
     DISPLACEMENT,
@@ -11,7 +12,6 @@ from gearlib.kernels.closed_form.event_by_event import (
     VELOCITY,
 )
 from gearlib.kernels.closed_form.flight import fly, lowest_time
-from gearlib.kernels.closed_form.oscillator import UNDERDAMPED, evolve, turning_time
 from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
 from gearlib.kernels.jit import inlined, kernel
 from gearlib.kernels.orbit import (

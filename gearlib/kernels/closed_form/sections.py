@@ -4,8 +4,8 @@ import numpy as np
 
 from gearlib.kernels.closed_form import recorded_arcs
 from gearlib.kernels.closed_form.event_by_event import ARC_COLUMNS, START
-from gearlib.kernels.closed_form.mesh import contact_of
-from gearlib.kernels.closed_form.run import outcome, skip, whole_period
+from gearlib.kernels.closed_form.mesh_constants import contact_of
+from gearlib.kernels.closed_form.pair_run import outcome, skip, whole_period
 from gearlib.kernels.closed_form.whole_periods import new_work, set_mesh, set_start
 from gearlib.kernels.codes import EVENT_LIMIT, OK, OVERFLOW
 from gearlib.kernels.jit import kernel

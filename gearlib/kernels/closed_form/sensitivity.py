@@ -7,21 +7,7 @@ import math
 
 import numpy as np
 
-from gearlib.kernels.closed_form.event_by_event import (
-    ARC_COLUMNS,
-    CONTACT,
-    DISPLACEMENT,
-    DURATION,
-    LEVEL,
-    START,
-    VELOCITY,
-)
-from gearlib.kernels.closed_form.flight import lowest_time
-from gearlib.kernels.closed_form.mesh import contact_of
-from gearlib.kernels.closed_form.oscillator import UNDERDAMPED, turning_time
-from gearlib.kernels.closed_form.run import FIRST_ARCS, outcome, whole_period
-from gearlib.kernels.closed_form.settled import multiplied, repeat_of, sum_of_powers
-from gearlib.kernels.closed_form.tangents import (
+from gearlib.kernels.closed_form.arc_tangents import (
     DECAY,
     DRAG,
     GAP,
@@ -39,6 +25,20 @@ from gearlib.kernels.closed_form.tangents import (
     rates_of,
     switch_phase,
 )
+from gearlib.kernels.closed_form.damped_oscillator import UNDERDAMPED, turning_time
+from gearlib.kernels.closed_form.event_by_event import (
+    ARC_COLUMNS,
+    CONTACT,
+    DISPLACEMENT,
+    DURATION,
+    LEVEL,
+    START,
+    VELOCITY,
+)
+from gearlib.kernels.closed_form.flight import lowest_time
+from gearlib.kernels.closed_form.mesh_constants import contact_of
+from gearlib.kernels.closed_form.pair_run import FIRST_ARCS, outcome, whole_period
+from gearlib.kernels.closed_form.settling import multiplied, repeat_of, sum_of_powers
 from gearlib.kernels.closed_form.whole_periods import new_work, set_mesh, set_start
 from gearlib.kernels.codes import BACKLASH, INVERSE, OK, OVERFLOW
 from gearlib.kernels.jit import inlined, kernel

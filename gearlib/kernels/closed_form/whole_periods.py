@@ -43,9 +43,9 @@ from gearlib.kernels.closed_form.contact_table import (
     step,
 )
 from gearlib.kernels.closed_form.crossing import descent_time
+from gearlib.kernels.closed_form.damped_oscillator import evolve
 from gearlib.kernels.closed_form.event_by_event import march_on
 from gearlib.kernels.closed_form.flight import fly, return_flight
-from gearlib.kernels.closed_form.oscillator import evolve
 from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
 from gearlib.kernels.jit import inlined, kernel
 from gearlib.kernels.orbit import STROBE_PERIODS

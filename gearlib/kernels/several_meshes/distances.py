@@ -12,8 +12,8 @@ import numpy as np
 from gearlib.kernels.codes import INVERSE, NORMAL
 from gearlib.kernels.jit import uncounted, woven
 from gearlib.kernels.polynomial import MAX_DEPTH, MAX_INTERVALS, MAX_NEWTON, halve
-from gearlib.kernels.several_meshes.modes import DEGREE
-from gearlib.kernels.several_meshes.system import next_contact
+from gearlib.kernels.several_meshes.modal_arcs import DEGREE
+from gearlib.kernels.several_meshes.train_system import next_contact
 
 #: Rounding of a distance, as a share of its parts.
 _ROUNDING = 1e-15

@@ -6,8 +6,8 @@ import numpy as np
 
 from gearlib.kernels.jit import kernel
 from gearlib.kernels.polynomial import MAX_DEPTH
-from gearlib.kernels.several_meshes.modes import DEGREE
-from gearlib.kernels.several_meshes.system import may_close
+from gearlib.kernels.several_meshes.modal_arcs import DEGREE
+from gearlib.kernels.several_meshes.train_system import may_close
 
 # Entries of `Work.place`: events recorded so far, mesh period, segment (-1: at the start of a
 # period), events of the period, samples taken of it, events before it.

@@ -11,7 +11,7 @@ from gearlib.kernels.codes import BOTH, EVENT_LIMIT, JAMMED, NORMAL, OK, UNRESOL
 from gearlib.kernels.jit import uncounted, woven
 from gearlib.kernels.several_meshes.distances import first_events, keeps_off, sizes_of
 from gearlib.kernels.several_meshes.grid import COUNT, FOUND, OPENING, SEGMENT, TAKEN
-from gearlib.kernels.several_meshes.modes import (
+from gearlib.kernels.several_meshes.modal_arcs import (
     advance,
     key_of,
     multiply,
@@ -20,7 +20,7 @@ from gearlib.kernels.several_meshes.modes import (
     turn_over,
 )
 from gearlib.kernels.several_meshes.record import record
-from gearlib.kernels.several_meshes.system import dot
+from gearlib.kernels.several_meshes.train_system import dot
 
 #: Two crossings closer than this share of a piece are one whatever their speeds: near
 #: grazing rounding would spread without bound what happens at once.

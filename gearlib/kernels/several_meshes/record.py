@@ -3,13 +3,13 @@
 import math
 
 from gearlib.kernels import orbit
-from gearlib.kernels.arrays import copy
 from gearlib.kernels.codes import BACKLASH, INVERSE
+from gearlib.kernels.copies import copy
 from gearlib.kernels.jit import uncounted, woven
 from gearlib.kernels.polynomial import highest_from
 from gearlib.kernels.several_meshes.distances import begin_of, curve_of
 from gearlib.kernels.several_meshes.grid import TAKEN
-from gearlib.kernels.several_meshes.modes import DEGREE, advance, multiply, turn_by
+from gearlib.kernels.several_meshes.modal_arcs import DEGREE, advance, multiply, turn_by
 
 #: Columns of a summary: those of `orbit` and the integral of the elastic force over the phase.
 FORCE_SUM = orbit.SUMMARY_COLUMNS

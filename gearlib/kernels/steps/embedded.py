@@ -112,7 +112,7 @@ def fill_dense(dense, h, x, v, stages):
 def run_embedded(
     law, sharpness, control, x, v, periods, record_periods, samples, events, limit, summary
 ):
-    """Run under step control; arguments as of `gearlib.kernels.closed_form.run.run`.
+    """Run under step control; arguments as of `gearlib.kernels.closed_form.pair_run.run`.
 
     Returns in addition the number of evaluations of the right-hand side, those for the record
     not counted. `limit`: most steps, rejected ones included, in one mesh period.

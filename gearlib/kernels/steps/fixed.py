@@ -164,7 +164,7 @@ def alpha_step(m, scheme, h, c, f, x0, v0, a0):
 def run_steps(law, scheme, steps, x, v, periods, record_periods, samples, events, limit, summary):
     """Run with `steps` fixed steps per mesh period.
 
-    Arguments as of `gearlib.kernels.closed_form.run.run`.
+    Arguments as of `gearlib.kernels.closed_form.pair_run.run`.
 
     Returns in addition the number of evaluations of the right-hand side, those for the record
     not counted. `limit` is not used: the steps are given.

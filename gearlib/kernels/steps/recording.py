@@ -158,7 +158,7 @@ def record_step(
     per_period : int
         Samples per mesh period.
     samples, events, summary : ndarray
-        As of `gearlib.kernels.closed_form.run.run`.
+        As of `gearlib.kernels.closed_form.pair_run.run`.
     taken, found : int
         Rows of samples and events in use.
 

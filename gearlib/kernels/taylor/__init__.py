@@ -1,10 +1,10 @@
 """Nonlinear mesh of one degree of freedom: Taylor steps that end at events.
 
-=============  ============================================
-module         responsibility
-=============  ============================================
-``series``     Taylor series of the motion
-``run``        steps from event to event, and a whole run
-``variation``  growth of small deviations over mesh periods
-=============  ============================================
+===============  ============================================
+module           responsibility
+===============  ============================================
+``series``       Taylor series of the motion
+``taylor_run``   steps from event to event, and a whole run
+``taylor_maps``  growth of small deviations over mesh periods
+===============  ============================================
 """

@@ -14,9 +14,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gearlib.kernels.arrays import copy
 from gearlib.kernels.closed_form.elementary import cos_sin
 from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
+from gearlib.kernels.copies import copy
 from gearlib.kernels.jit import inlined, kernel
 
 #: Terms of the series beyond the constant. The cost of a step grows with its square, the length

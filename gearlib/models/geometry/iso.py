@@ -80,7 +80,8 @@ def iso_rectangle(mesh, **options):
     """Return C_max in N/m, kappa and epsilon of the rectangle of a mesh, by `iso_stiffness`.
 
     One pair of teeth has c', each more 0.75 c', so that the mean is c_gamma_alpha. Of helical gears
-    they are extrema and mean of the average over the face, see `gearlib.models.geometry.stiffness`.
+    they are extrema and mean of the average over the face, see
+    `gearlib.models.geometry.drawn_stiffness`.
     """
     checks.known("stiffness 'iso'", options, ("torque", "application_factor"))
     # N/(mm um) is 1e9 N/m per m of face width.

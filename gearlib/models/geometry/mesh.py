@@ -13,9 +13,9 @@ from dataclasses import dataclass, replace
 from typing import Annotated
 
 from gearlib import checks, parameters
+from gearlib.models.geometry.drawn_parameters import pair_parameters, train_parameters
 from gearlib.models.geometry.gear import SpurGear
 from gearlib.models.geometry.involute import angle_of, inv
-from gearlib.models.geometry.parameters import pair_parameters, train_parameters
 from gearlib.parameters import LENGTH, RUN_OUT, Part, documented
 
 #: Backlash between minus this times the module and 0 is 0: drawings print shifts and distances
@@ -320,7 +320,7 @@ class Mesh:
     def stiffness(self, method="iso", **options):
         """Return the `MeshStiffness` by a named method; see `mesh_stiffness`."""
         # Here: a start of the workflow checks drawings without the numerical stack.
-        from gearlib.models.geometry.stiffness import mesh_stiffness
+        from gearlib.models.geometry.drawn_stiffness import mesh_stiffness
 
         return mesh_stiffness(self, method, **options)
 

@@ -4,7 +4,7 @@ import math
 from typing import NamedTuple
 
 from gearlib import checks
-from gearlib.models.geometry.described import renaming
+from gearlib.models.geometry.described_drawing import renaming
 from gearlib.models.geometry.mesh import Mesh
 
 #: Of a tooth pitch, by which positions may miss: angles are often given with few digits.

@@ -1,20 +1,20 @@
 """What takes states of a model through mesh periods: one module for each kind.
 
-====================  ============================================================================
+====================  =============================================================
 module                responsibility
-====================  ============================================================================
+====================  =============================================================
 ``base``              what all propagators offer
 ``closed_form``       a `GearPair`: scalar closed forms between events
 ``piecewise_linear``  one mesh, any number of coordinates: modes of its contacts
 ``several_meshes``    trains of gears: many coordinates, events of all meshes, by
-``modes``             the modes of every combination of contacts
+``modal_frame``       the modes of every combination of contacts
 ``matrices``          derivatives by parameters of the last two kinds, by
 ``matrix_slopes``     what their matrices change by,
 ``slope_bases``       bases in which these are few numbers,
 ``tangents``          and what the motion changes by, arc by arc and event by event
 ``taylor``            Taylor steps that end at events: any one degree of freedom
 ``tooth_pairs``       the same where the pairs of teeth touch one by one
-====================  ============================================================================
+====================  =============================================================
 
 Each is a thin layer over the folder of `gearlib.kernels` with its name.
 `Model.propagator` makes the choice between them, and nobody else does.

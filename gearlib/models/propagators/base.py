@@ -73,7 +73,7 @@ class Base:
     def run(self, z, periods, record_periods, samples, events, limit, summary, first=0):
         """Run from z, which is changed in place to the end of the run.
 
-        Arguments and returns as of `gearlib.kernels.closed_form.run.run`, whose returns are
+        Arguments and returns as of `gearlib.kernels.closed_form.pair_run.run`, whose returns are
         followed by the number of evaluations of the right-hand side; `first` is the mesh period of
         the run-out in which the run begins.
         """
@@ -90,7 +90,7 @@ class Base:
         """Go through mesh periods from z and linearise each; no finite differences.
 
         Along the phases of contact the derivative is that of the motion itself, at flank crossings
-        the saltation matrix; see `gearlib.kernels.closed_form.variation`. `limit` is the most
+        the saltation matrix; see `gearlib.kernels.closed_form.pair_maps`. `limit` is the most
         events in one period, `first` as of `run`.
 
         Returns
@@ -111,8 +111,8 @@ class Base:
     def record(self, z, periods, limit, samples_per_period=0):
         """Run from z and record it all; z stays.
 
-        Returns (events, summary, samples) as of `gearlib.kernels.closed_form.run`; `samples` of
-        shape (periods * samples_per_period, 6 or more).
+        Returns (events, summary, samples) as of `gearlib.kernels.closed_form.pair_run`; `samples`
+        of shape (periods * samples_per_period, 6 or more).
         """
         return self.recorded(z, periods, limit, samples_per_period)[:3]
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from gearlib.kernels.closed_form import many_runs, map_rates, run, sections, sensitivity
-from gearlib.kernels.closed_form.mesh import mesh
-from gearlib.kernels.closed_form.variation import vary
+from gearlib.kernels.closed_form import many_runs, map_rates, pair_run, sections, sensitivity
+from gearlib.kernels.closed_form.mesh_constants import mesh
+from gearlib.kernels.closed_form.pair_maps import vary
 from gearlib.models.propagators.base import Base
 from gearlib.models.stiffness import levels, segment_lengths
 
@@ -59,7 +59,7 @@ class Propagator(Base):
 
     def run(self, z, *arguments, first=0):
         """Run from z; see `Base.run`."""
-        *z[:], period, events, found, code = run.run(self.mesh, *z, *arguments)
+        *z[:], period, events, found, code = pair_run.run(self.mesh, *z, *arguments)
         # Closed forms evaluate no right-hand side: 0.
         return *z, period, events, found, code, 0
 

@@ -10,7 +10,7 @@ from gearlib.kernels.several_meshes.record import SUMMARY_COLUMNS
 from gearlib.models.derivatives import START, STEP
 from gearlib.models.propagators.base import Base
 from gearlib.models.propagators.matrix_slopes import MatrixSlopes
-from gearlib.models.propagators.modes import Frame
+from gearlib.models.propagators.modal_frame import Frame
 from gearlib.models.propagators.several_meshes import Propagator as Train
 
 

@@ -5,17 +5,17 @@ import math
 import numpy as np
 
 from gearlib.kernels import orbit
-from gearlib.kernels.arrays import enlarged
 from gearlib.kernels.codes import OK
+from gearlib.kernels.copies import enlarged
 from gearlib.kernels.several_meshes.grid import FOUND, grid_of, work_of
-from gearlib.kernels.several_meshes.modes import Modes, forget, forget_lengths, modes
+from gearlib.kernels.several_meshes.modal_arcs import Modes, forget, forget_lengths, modes
 from gearlib.kernels.several_meshes.periods import EVENT_COLUMNS, EVENT_MESH, FULL, MISSING
 from gearlib.kernels.several_meshes.record import SUMMARY_COLUMNS
-from gearlib.kernels.several_meshes.run import begin, period_of, run_train
+from gearlib.kernels.several_meshes.train_run import begin, period_of, run_train
 from gearlib.models.derivatives import STEP
 from gearlib.models.propagators.matrices import Matrices
 from gearlib.models.propagators.matrix_slopes import MatrixSlopes
-from gearlib.models.propagators.modes import Frame, add
+from gearlib.models.propagators.modal_frame import Frame, add
 from gearlib.models.propagators.tangents import Motion
 
 
@@ -194,8 +194,8 @@ class Propagator(Matrices):
 
     def start_tangents(self, state, along):
         """Return what the start changes by, shape (size, k); see `Matrices.start_tangents`."""
-        from gearlib.models.trains.derivatives import static_state
         from gearlib.models.trains.statics import equilibrium
+        from gearlib.models.trains.train_slopes import static_state
 
         names = [f"initial_state of {component}" for component in self.model.components]
         found = np.array([[slopes.get(name, 0.0) for slopes in along] for name in names])

@@ -1,9 +1,9 @@
 """Taylor steps that end at events: one degree of freedom, any damping, stiffness and excitation."""
 
 from gearlib.kernels.polynomial import bernstein_matrix
-from gearlib.kernels.taylor.run import run_nonlinear
 from gearlib.kernels.taylor.series import ORDER
-from gearlib.kernels.taylor.variation import vary_nonlinear
+from gearlib.kernels.taylor.taylor_maps import vary_nonlinear
+from gearlib.kernels.taylor.taylor_run import run_nonlinear
 from gearlib.models.propagators.base import Base
 
 #: Truncation error of a step, static deflections: that of rounding.

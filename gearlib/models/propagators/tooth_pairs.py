@@ -4,7 +4,7 @@ import numpy as np
 
 from gearlib.kernels.polynomial import bernstein_matrix
 from gearlib.kernels.taylor.series import ORDER
-from gearlib.kernels.tooth_pairs.run import run_pairs
+from gearlib.kernels.tooth_pairs.tooth_pairs_run import run_pairs
 from gearlib.models.propagators.base import Base
 
 _TO_BERNSTEIN = bernstein_matrix(ORDER)

@@ -1,23 +1,23 @@
 """Gear trains: any number of bodies, shafts and meshes as one piecewise-linear model.
 
-===============  ==================================================================================
-module           responsibility
-===============  ==================================================================================
-``train``        `GearTrain`: checks, scales, start states, what runs ask of a model
-``elements``     `Body`, `Shaft`, `Mesh`: the parameters in SI units
-``assembly``     what a train has to be: names, gears that fit, torques in balance
-``structure``    matrices of supports, shafts and pins; lines of action
-``elastic``      free motions and natural modes, to all digits
-``turning``      speeds from tooth numbers, phases from positions, what cannot be assembled
-``waves``        stiffness levels, deviations and run-out over the phase of the reference mesh
-``system``       the dimensionless `TrainSystem` of the kernels
-``derivatives``  by what trains are differentiated; a train a little off the real axis
-``statics``      load sharing with gaps and errors
-``modes``        natural frequencies and shapes, and which harmonics excite them
-``ready_made``   `planetary`, `idler`, `two_stage`
-``parts``        gears by module and teeth, meshes by a `GearPair`, for these
-``reducer``      `split_power_reducer`, the paper's Fig. 1 a
-``drawn``        `planetary_set`, sun, planets and ring by their drawing
-``described``    any of these from the values of a configuration
-===============  ==================================================================================
+=======================  ===========================================================================
+module                   responsibility
+=======================  ===========================================================================
+``train``                `GearTrain`: checks, scales, start states, what runs ask of a model
+``elements``             `Body`, `Shaft`, `Mesh`: the parameters in SI units
+``assembly``             what a train has to be: names, gears that fit, torques in balance
+``structure``            matrices of supports, shafts and pins; lines of action
+``elastic``              free motions and natural modes, to all digits
+``turning``              speeds from tooth numbers, phases from positions, what cannot be assembled
+``waves``                stiffness levels, deviations and run-out over the reference mesh's phase
+``system``               the dimensionless `TrainSystem` of the kernels
+``train_slopes``         by what trains are differentiated; a train a little off the real axis
+``statics``              load sharing with gaps and errors
+``natural_modes``        natural frequencies and shapes, and which harmonics excite them
+``ready_made``           `planetary`, `idler`, `two_stage`
+``parts``                gears by module and teeth, meshes by a `GearPair`, for these
+``reducer_train``        `split_power_reducer`, the paper's Fig. 1 a
+``train_from_drawings``  `planetary_set`, sun, planets and ring by their drawing
+``described_train``      any of these from the values of a configuration
+=======================  ===========================================================================
 """

@@ -9,10 +9,10 @@ from gearlib.kernels import orbit
 from gearlib.kernels.several_meshes.periods import EVENT_COLUMNS
 from gearlib.kernels.several_meshes.record import FORCE_SUM, SUMMARY_COLUMNS
 from gearlib.models.model import Model
-from gearlib.models.piecewise_linear import contact_map
-from gearlib.models.trains.parameters import PARAMETERS, value_of, with_value
+from gearlib.models.one_mesh_system import contact_map
 from gearlib.models.trains.statics import branches
 from gearlib.models.trains.structure import AXES
+from gearlib.models.trains.train_parameters import PARAMETERS, value_of, with_value
 
 
 class TrainResults(Model):
@@ -60,25 +60,25 @@ class TrainResults(Model):
     @property
     def derivatives(self):
         """As of `Model.derivatives`."""
-        from gearlib.models.trains.derivatives import parameters
+        from gearlib.models.trains.train_slopes import parameters
 
         return parameters(self)
 
     def direction(self, name):
         """As of `Model.direction`."""
-        from gearlib.models.trains.derivatives import direction
+        from gearlib.models.trains.train_slopes import direction
 
         return direction(self, name)
 
     def along_branch(self, name):
         """As of `Model.along_branch`."""
-        from gearlib.models.trains.derivatives import along_branch
+        from gearlib.models.trains.train_slopes import along_branch
 
         return along_branch(self, name)
 
     def off_axis(self, slopes):
         """As of `Model.off_axis`: what `TrainSystem` is made of."""
-        from gearlib.models.trains.derivatives import off_the_axis
+        from gearlib.models.trains.train_slopes import off_the_axis
 
         return off_the_axis(self, slopes)
 

@@ -16,8 +16,8 @@ from typing import NamedTuple
 import numpy as np
 
 from gearlib.kernels.exponential import REACH
-from gearlib.kernels.several_meshes.system import TrainSystem
-from gearlib.models import piecewise_linear
+from gearlib.kernels.several_meshes.train_system import TrainSystem
+from gearlib.models import one_mesh_system
 
 
 class Scaled(NamedTuple):
@@ -64,7 +64,7 @@ def functionals(train, frequencies, waves, constants):
         if math.isfinite(mesh.backlash.real):
             far[j, 2 * n] += mesh.backlash * unit
         else:
-            far[j] = piecewise_linear.never(far.shape[1], 2 * n)
+            far[j] = one_mesh_system.never(far.shape[1], 2 * n)
     return near, far
 
 
@@ -77,7 +77,7 @@ def train_system(train, tuning):
     m, n = lines.shape
     near, far = functionals(train, frequencies, waves, constants)
     size = near.shape[1]
-    free = piecewise_linear.waves(size, 2 * n + 1, tuning * frequencies).astype(near.dtype)
+    free = one_mesh_system.waves(size, 2 * n + 1, tuning * frequencies).astype(near.dtype)
     free[:n, n : 2 * n] = np.eye(n)
     free[n : 2 * n, :n] = -inverse @ parts.stiffness
     free[n : 2 * n, n : 2 * n] = -inverse @ parts.damping

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gearlib import checks
-from gearlib.data.arrays import floats
+from gearlib.data.numbers_given import floats
 from gearlib.models.trains import assembly, turning, waves
 from gearlib.models.trains.elastic import linear
 from gearlib.models.trains.elements import Body, Mesh, Shaft
@@ -336,7 +336,7 @@ class GearTrain(TrainResults):
             Over `mode`: natural_frequency (Hz), mode_kind (rigid, rotational, translational,
             satellite, other), mode_shape over body and axis, strain_energy over mesh.
         """
-        from gearlib.models.trains.modes import modes
+        from gearlib.models.trains.natural_modes import modes
 
         return modes(self)
 
@@ -354,7 +354,7 @@ class GearTrain(TrainResults):
             Over `stiffness_order` and `mode`: modal_force, phase_sum (0: the phases cancel, 1: all
             meshes in phase), excites.
         """
-        from gearlib.models.trains.modes import phasing
+        from gearlib.models.trains.natural_modes import phasing
 
         return phasing(self, checks.integer("count", count, 1))
 
@@ -374,7 +374,7 @@ class GearTrain(TrainResults):
             That of `phasing` at these orders, and critical_speed over `stiffness_order` and
             `mode`, rpm of the reference pinion.
         """
-        from gearlib.models.trains.modes import campbell
+        from gearlib.models.trains.natural_modes import campbell
 
         return campbell(self, checks.integer("count", count, 1))
 

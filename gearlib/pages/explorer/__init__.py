@@ -1,11 +1,11 @@
 """The explorer: sliders in the browser, and what the gears make of them.
 
-=================  ==========================================================
+=================  ===================================================
 module             responsibility
-=================  ==========================================================
+=================  ===================================================
 ``explored``       parameters, their sliders, and what is seen of them
 ``one_pair``       a gear pair, as sliders change it
-``drawn``          drawn gears
+``drawn_pair``     drawn gears
 ``trains``         a gear train
 ``view``           from a model to the arrays that are drawn
 ``motion``         figures of the motion of a pair
@@ -13,5 +13,5 @@ module             responsibility
 ``train_figures``  figures of a train
 ``slider_page``    the page: sliders, a note, the button
 ``serving``        the choice of what is explored, and the server
-=================  ==========================================================
+=================  ===================================================
 """

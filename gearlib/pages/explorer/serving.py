@@ -2,8 +2,8 @@
 
 import panel as pn
 
-from gearlib.pages.explorer.drawn import Drawing
 from gearlib.pages.explorer.drawn_figures import DrawnFigures
+from gearlib.pages.explorer.drawn_pair import Drawing
 from gearlib.pages.explorer.motion import Motion
 from gearlib.pages.explorer.one_pair import Pair
 from gearlib.pages.explorer.slider_page import SliderPage

@@ -8,7 +8,7 @@ import numpy as np
 from gearlib import config
 from gearlib.config.laying import laid_over
 from gearlib.models.pair import GearPair
-from gearlib.models.trains.described import described
+from gearlib.models.trains.described_train import described
 from gearlib.pages.explorer.explored import Explored, Slider, saved, slider_of
 from gearlib.pages.explorer.view import TRAIN, look
 

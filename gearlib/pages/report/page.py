@@ -23,7 +23,7 @@ from bokeh.models import (
 from bokeh.plotting import figure
 from bokeh.resources import Resources
 
-from gearlib.figures import resonance as fig3
+from gearlib.figures import resonance_figure as fig3
 from gearlib.figures import style
 
 _EXTREMA = ("displacement_max", "displacement_min")
@@ -114,10 +114,10 @@ slider.value = slider.start + slider.step * Math.max(0, Math.min(last, steps));
 def build(resonance, orbits, colours=None):
     """Return the page as a text, HTML with everything in it, the same bytes for the same data.
 
-    `resonance` is gathered: displacement_max and displacement_min in static deflections,
-    period, all over (damping, direction, tuning); speed (rpm) over tuning. `orbits` as of
-    `gearlib.pages.report.orbits.compute`, dampings in the order of `resonance`. `colours` by
-    the name of the damping.
+    `resonance` is gathered: displacement_max and displacement_min in static deflections, period,
+    all over (damping, direction, tuning); speed (rpm) over tuning. `orbits` as of
+    `gearlib.pages.report.ends_from_rest.compute`, dampings in the order of `resonance`. `colours`
+    by the name of the damping.
     """
     title = "Resonance characteristics of a gear mesh"
     periods = round(orbits.sizes["phase"] * float(orbits.phase[1]) / (2.0 * np.pi))

@@ -6,15 +6,15 @@ that differs stays in the table with its numbers; one for which the configuratio
 "not evaluated". Statements P1 ... P13 are those of Hortel & Skuderova (2007); A1, in a table of its
 own, is none, but what they assume in passing from their Fig. 1 a to one mesh.
 
-===================  ======================================================
+===================  =================================================
 module               responsibility
-===================  ======================================================
+===================  =================================================
 ``data``             the data of one configuration
 ``statements``       the statements and their rules
 ``characteristics``  rules on scales, characteristics and phase planes
-``scenes``           rules on single runs
+``scene_claims``     rules on single runs
 ``machine``          the rule on the whole reducer
-===================  ======================================================
+===================  =================================================
 """
 
 from dataclasses import astuple, dataclass, fields

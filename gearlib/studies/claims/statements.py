@@ -1,6 +1,6 @@
 """The statements: id, the paper's words, where it says so, our figure, the rule."""
 
-from gearlib.studies.claims import characteristics, scenes
+from gearlib.studies.claims import characteristics, scene_claims
 
 CHECKS = (
     (
@@ -22,7 +22,7 @@ CHECKS = (
         "the size of k1 shifts the phase of y(t) against C(t)",
         "Fig. 2",
         "Fig. 2",
-        scenes.phase_shift,
+        scene_claims.phase_shift,
     ),
     (
         "P4",
@@ -58,7 +58,7 @@ CHECKS = (
         "contact ratio 1.1: mesh mostly at C_min; 1.9: mostly at C_max",
         "Fig. 4",
         "Fig. 4",
-        scenes.contact_ratios,
+        scene_claims.contact_ratios,
     ),
     (
         "P9",
@@ -80,20 +80,20 @@ CHECKS = (
         "nu = 0.815 and 0.8151 give drastically different orbits: small and large bounces",
         "Fig. 6",
         "Fig. 6",
-        scenes.two_tunings,
+        scene_claims.two_tunings,
     ),
     (
         "P12",
         "time in mesh at C_min at nu = 0.82: t(k1,k1m) > t(k1,0) > t(0,k1m)",
         "Fig. 7",
         "Fig. 7",
-        scenes.time_at_min_stiffness,
+        scene_claims.time_at_min_stiffness,
     ),
     (
         "P13",
         "conservative, nu = 0.66, six degrees of freedom: unsteady, contact bounces",
         "Fig. 8",
         "Fig. 8",
-        scenes.six_degrees,
+        scene_claims.six_degrees,
     ),
 )

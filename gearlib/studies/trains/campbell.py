@@ -8,7 +8,7 @@ those of the reducer whose branches are alike.
 import numpy as np
 
 from gearlib.data import provenance
-from gearlib.data.contact_loss import lost_share
+from gearlib.data.lost_contact import lost_share
 from gearlib.data.variables import describe
 from gearlib.models.pair import GearPair
 from gearlib.studies.trains.reducer import train_of

@@ -14,7 +14,7 @@ import numpy as np
 import xarray as xr
 
 from gearlib.data import provenance
-from gearlib.data.contact_loss import lost_share
+from gearlib.data.lost_contact import lost_share
 from gearlib.data.status import settled_flags
 from gearlib.data.variables import describe
 from gearlib.models.pair import GearPair

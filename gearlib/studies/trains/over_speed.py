@@ -4,7 +4,7 @@ import numpy as np
 
 from gearlib.data import provenance
 from gearlib.data.variables import describe
-from gearlib.models.trains.described import described
+from gearlib.models.trains.described_train import described
 from gearlib.runs.sweeping import DIRECTIONS
 from gearlib.studies.trains import motions
 
@@ -15,8 +15,8 @@ _KEPT = ("dynamic_factor", "load_sharing", "fraction_normal")
 def compute(train, tunings, settings):
     """Return the resonance characteristics of all meshes, from static equilibrium.
 
-    train: arguments of `gearlib.models.trains.described.described`; tunings: shape (t,); settings:
-    as of `gearlib.studies.trains.motions`.
+    train: arguments of `gearlib.models.trains.described_train.described`; tunings: shape (t,);
+    settings: as of `gearlib.studies.trains.motions`.
 
     Over (direction, tuning, mesh): dynamic_factor, load_sharing, fraction_normal, medians over the
     starts, and their ranges, _low and _high; over (direction, tuning): shares of motions as of

@@ -22,7 +22,7 @@ from gearlib.runs.run_arguments import MAX_EVENTS
 from gearlib.runs.simulation import simulate
 from gearlib.studies.many_starts import in_parallel, over_starts, starts
 from gearlib.studies.trains import motions
-from gearlib.studies.trains.stability import with_jump
+from gearlib.studies.trains.train_stability import with_jump
 
 #: What the multipliers of the symmetric motion say, in the order of the codes.
 VERDICTS = ("no orbit", "stable", "symmetry breaks", "unstable in itself")

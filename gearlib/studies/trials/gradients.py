@@ -40,7 +40,7 @@ from gearlib.studies.trials.difficult_problems import problems
 from gearlib.version import __version__
 
 if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
-    from gearlib.integrators import scipy_ivp, smoothed, taylor  # noqa: F401
+    from gearlib.integrators import scipy_ivp, smoothed, taylor_steps  # noqa: F401
     from gearlib.integrators.peers import diffrax_gradients, heyoka_gradients  # noqa: F401
 
 VERDICTS = ("right", "inaccurate", "silently_wrong", "said_so")

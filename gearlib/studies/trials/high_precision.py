@@ -18,7 +18,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
-from gearlib.models.piecewise_linear import by_phase
+from gearlib.models.one_mesh_system import by_phase
 
 #: Coefficients of a series, per digit: steps of about a radian of the fastest oscillation.
 _ORDER_PER_DIGIT = 0.8

@@ -27,7 +27,7 @@ from gearlib import integrators
 from gearlib.data import status
 from gearlib.data.provenance import canonical_json
 from gearlib.data.variables import describe
-from gearlib.kernels.closed_form.oscillator import evolve, level
+from gearlib.kernels.closed_form.damped_oscillator import evolve, level
 from gearlib.kernels.jit import kernel
 from gearlib.studies.trials import problems, references
 from gearlib.version import __version__

@@ -1,0 +1,215 @@
+"""From options and a file to a configuration and a model of the gears."""
+
+import functools
+from pathlib import Path
+
+import click
+import yaml
+from pydantic import ValidationError
+
+from gearlib import config
+from gearlib.config import yaml_keys
+from gearlib.config.gear_pair_section import DAMPINGS, GearPairSection
+from gearlib.config.laying import laid_over
+from gearlib.config.types import like
+from gearlib.config.validation import sentences
+from gearlib.models.pair import GearPair
+
+MODELS = ("one_degree", "six_degrees", "train")
+_DEFAULT_CONFIG = "config.yaml"
+#: Name of the damping that options alone describe.
+_ONLY_DAMPING = "damping"
+
+
+_WORDS = "A gear pair with its damping, SI."
+_Gears = like("Gears", _WORDS, GearPair, *DAMPINGS, base=GearPairSection, required=DAMPINGS)
+
+
+def options(command):
+    """Give a command the options that describe the gears; it is called with the `model`."""
+
+    @_gear_options
+    @click.option("--model", type=click.Choice(MODELS), default=MODELS[0], show_default=True)
+    @functools.wraps(command)
+    def wrapped(mapping, gears, damping, model, **rest):
+        return command(model=_model(mapping, gears, model), **rest)
+
+    return wrapped
+
+
+def train_options(command):
+    """Give a command the options that describe a gear train; it is called with it as `train`."""
+
+    @_gear_options
+    @functools.wraps(command)
+    def wrapped(mapping, gears, damping, **rest):
+        return command(train=_model(mapping, gears, "train"), **rest)
+
+    return wrapped
+
+
+def configuration_options(command):
+    """Give a command the options that describe the gears.
+
+    It is called with a configuration, not yet read by `gearlib.config.load` but accepted by it, as
+    `mapping`, and with the name of the damping as `damping`.
+    """
+
+    @_gear_options
+    @functools.wraps(command)
+    def wrapped(mapping, gears, damping, **rest):
+        whole = laid_over(mapping, _sections(gears, damping))
+        load(whole, "What the options make of the configuration")
+        return command(mapping=whole, damping=damping, **rest)
+
+    return wrapped
+
+
+def _gear_options(command):
+    """Give a command the options; it is called with `mapping`, `gears` and `damping`."""
+
+    @functools.wraps(command)
+    def wrapped(config_path, case, damping, **rest):
+        given = {name: rest.pop(name) for name in _Gears.model_fields}
+        changes = {name: _number(text) for name, text in given.items() if text is not None}
+        mapping, gears, damping = _gears(config_path, case, damping, changes)
+        return command(mapping=mapping, gears=gears, damping=damping, **rest)
+
+    decorators = [
+        *config_options(),
+        *(
+            click.option(f"--{name.replace('_', '-')}", name, help=field.description)
+            for name, field in _Gears.model_fields.items()
+        ),
+    ]
+    for decorate in reversed(decorators):
+        wrapped = decorate(wrapped)
+    return wrapped
+
+
+def config_options():
+    """Return the options that name a configuration, one of its cases and of its dampings."""
+    return [
+        click.option(
+            "--config",
+            "config_path",
+            type=click.Path(exists=True, dir_okay=False, path_type=Path),
+            help=f"Configuration of the workflow; {_DEFAULT_CONFIG} here, if there is one.",
+        ),
+        click.option("--case", help="One of its cases, by name."),
+        click.option("--damping", help="One of its dampings, by name; else the first."),
+    ]
+
+
+def _gears(config_path, case, damping, changes):
+    """Return what was read from a file, the gears with what the options change, the damping."""
+    mapping, config_path = read(config_path, case, damping)
+    values = {}
+    if config_path is not None:
+        settings = load(mapping, config_path)
+        damping = choose_damping(settings, damping)
+        values = settings.pair_parameters(damping)
+    try:
+        gears = _Gears.model_validate(values | changes)
+    except ValidationError as error:
+        found = sentences(error.errors(), _Gears.model_json_schema())
+        raise click.UsageError("\n".join(found)) from None
+    return mapping, gears, damping or _ONLY_DAMPING
+
+
+def _sections(gears, damping):
+    """Return the sections of a configuration that describe the gears."""
+    pair = gears.model_dump(include=set(GearPairSection.model_fields))
+    return {"gear_pair": pair, "dampings": {damping: gears.model_dump(exclude=set(pair))}}
+
+
+def _model(mapping, gears, model):
+    """Return the model of the gears; a train, bodies and bearings are those of a configuration."""
+    # Only here, so that --help does not pay for the numerical stack.
+    from gearlib import SixDegreePair
+    from gearlib.models.trains.described_train import described
+
+    pair = GearPair(**gears.model_dump())
+    if model == "one_degree":
+        return pair
+    sections = _sections(gears, _ONLY_DAMPING)
+    # Both names are those of a section.
+    if model in mapping:
+        sections[model] = mapping[model]
+    settings = load(sections, model)
+    if model == "train":
+        return described(**settings.train_parameters(_ONLY_DAMPING))
+    return SixDegreePair(pair=pair, **settings.six_degrees.model_dump())
+
+
+def choose_damping(settings, name):
+    """Return the name of a damping of a configuration: the given one, or the first."""
+    if name is None:
+        return next(iter(settings.dampings))
+    if name not in settings.dampings:
+        raise click.UsageError(
+            f"damping = {name!r} is not allowed: it must be one of {', '.join(settings.dampings)}"
+        )
+    return name
+
+
+def read(path, case, damping):
+    """Return a configuration, not yet checked, and its path, by default that of `config.yaml`.
+
+    Without a file both are empty, and no case or damping can be named. Of several cases it is the
+    one of the given name.
+    """
+    if path is None:
+        path = Path(_DEFAULT_CONFIG)
+        if not path.exists():
+            for name, value in (("case", case), ("damping", damping)):
+                if value is not None:
+                    raise click.UsageError(
+                        f"{name} = {value!r} needs a configuration: give --config"
+                    )
+            return {}, None
+    try:
+        mapping, repeated = yaml_keys.read(path)
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise click.UsageError(f"{path} is not YAML: {error}") from None
+    if repeated:
+        raise click.UsageError("\n".join(repeated))
+    if not isinstance(mapping, dict):
+        load(mapping, path)
+    if "cases" in mapping:
+        mapping = _case(mapping, path, case)
+    elif case is not None:
+        raise click.UsageError(f"case = {case!r} is not allowed: {path} has no cases")
+    return mapping, path
+
+
+def _case(mapping, path, name):
+    try:
+        found = config.cases(mapping)
+    except config.ConfigError as error:
+        raise click.UsageError(f"{path} is refused.\n{error}") from None
+    if name is None:
+        raise click.UsageError(f"{path} has several cases: give --case, one of {', '.join(found)}")
+    if name not in found:
+        raise click.UsageError(
+            f"case = {name!r} is not allowed: it must be one of {', '.join(found)}"
+        )
+    return found[name]
+
+
+def load(mapping, name):
+    """Return the checked configuration."""
+    try:
+        return config.load(mapping)
+    except config.ConfigError as error:
+        raise click.UsageError(f"{name} is refused.\n{error}") from None
+
+
+def _number(text):
+    """Return the number that a text is; other texts may have a unit."""
+    for kind in (int, float):
+        try:
+            return kind(text)
+        except ValueError:
+            continue
+    return text

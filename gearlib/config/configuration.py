@@ -1,0 +1,235 @@
+"""The whole configuration: its sections, and what must agree between them."""
+
+from typing import TYPE_CHECKING, Any, Literal
+
+from pydantic import Field, create_model, model_validator
+
+from gearlib.config.experiments import Figures
+from gearlib.config.gear_pair_section import Damping, GearPairSection, Run, SixDegrees
+from gearlib.config.gears_section import Gears
+from gearlib.config.planetary import Planetary
+from gearlib.config.reducer_section import check_centres
+from gearlib.config.scenes_section import FRICTION_ONLY, SIX_ONLY, Scene
+from gearlib.config.studies import STUDIES
+from gearlib.config.studies.study import default
+from gearlib.config.train_section import OF_PAIRS, Train
+from gearlib.config.types import MAX_JOBS, MAX_PAGE_SAMPLES, Name, Section, listing
+
+#: Limits that catch a mistyped step or window before it fills a disk.
+MAX_TUNINGS = 10_000_000
+MAX_SAMPLES = 100_000_000
+
+Target = Literal[tuple(STUDIES)]
+
+#: Sections that name one of the dampings.
+_OF_ONE_DAMPING = (
+    "jump",
+    "analytic_method",
+    "stability_chart",
+    "jump_by_method",
+    "reducer",
+    "train_sweep",
+)
+
+
+class _Common(Section):
+    """What the studies share, and what must agree between their sections."""
+
+    # Each section is described by its own docstring.
+    targets: listing(
+        Target,
+        "What `snakemake` without a target computes and draws. Fig. 3 shows labels, branches and "
+        "tongues where labels, branches and parametric_resonance are among them.",
+    ) = [name for name, study in STUDIES.items() if study.unasked]
+    # Of these two there is one; what is dumped has the other, made from it.
+    gears: Gears = Field(default=None, exclude=True)
+    gear_pair: GearPairSection
+    dampings: dict[Name, Damping] = Field(
+        min_length=1, description="The damping combinations, by name."
+    )
+    run: Run = Run()
+    six_degrees: SixDegrees
+    train: Train = Train()
+    planetary: Planetary = Planetary()
+    scenes: dict[Name, Scene] = Field(default={}, description="Scenes by name, one figure each.")
+    figures: Figures
+
+    if TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any: ...
+
+    @model_validator(mode="after")
+    def _check(self):
+        self._check_colours()
+        self._check_size()
+        self._check_report_page()
+        for key in _OF_ONE_DAMPING:
+            self._check_damping(key, getattr(self, key))
+        self._check_damping("branches.loci", self.branches.loci)
+        check_centres("one_mesh.other_teeth", self.one_mesh.other_teeth, self.reducer.modules)
+        for i, teeth in enumerate(self.train_chart.teeth):
+            self.planetary.check_teeth(f"train_chart.teeth[{i}]", teeth)
+        breaking = self.symmetry_breaking.teeth
+        self.planetary.check_teeth("symmetry_breaking.teeth", breaking, in_phase=True)
+        for name, scene in self.scenes.items():
+            self._check_scene(f"scenes.{name}", scene)
+        for key in ("basins", "poincare"):
+            self._check_titles(key, getattr(self, key).cases)
+        return self
+
+    def _check_scene(self, key, scene):
+        if scene.periods_shown > self.record_periods:
+            raise ValueError(
+                f"{key}.periods_shown = {scene.periods_shown} is not allowed: it must be an "
+                f"integer from 1 to the {self.record_periods} recorded mesh periods"
+            )
+        alien = SIX_ONLY.intersection(scene.courses)
+        if scene.model == "one_degree" and alien:
+            raise ValueError(
+                f"{key}.courses = {sorted(alien)[0]!r} is not allowed: it must be a course of the "
+                "model one_degree, or the model must be six_degrees"
+            )
+        alien = FRICTION_ONLY.intersection(scene.courses)
+        if scene.model == "six_degrees_plain" and alien:
+            raise ValueError(
+                f"{key}.courses = {sorted(alien)[0]!r} is not allowed: it must be a course of the "
+                "model six_degrees_plain, which has no friction, or the model must be six_degrees"
+            )
+        self._check_titles(key, scene.cases)
+        for i, case in enumerate(scene.cases):
+            self._check_damping(f"{key}.cases[{i}]", case)
+
+    def _check_damping(self, key, section):
+        if section.damping not in self.dampings:
+            raise ValueError(
+                f"{key}.damping = {section.damping!r} is not allowed: it must be one of "
+                f"{', '.join(self.dampings)}"
+            )
+
+    @staticmethod
+    def _check_titles(key, cases):
+        titles = [case.title for case in cases]
+        for i, title in enumerate(titles):
+            if titles.count(title) > 1:
+                raise ValueError(
+                    f"{key}.cases[{i}].title = {title!r} is not allowed: titles must be all "
+                    "different"
+                )
+
+    def _check_colours(self):
+        for name, colour in self.figures.colours.items():
+            if name not in self.dampings:
+                raise ValueError(
+                    f"figures.colours.{name} = {colour!r} is not allowed: its name must be one of "
+                    f"the dampings {', '.join(self.dampings)}"
+                )
+
+    def _check_report_page(self):
+        page = self.report_page
+        if page.periods_shown > self.record_periods:
+            raise ValueError(
+                f"report_page.periods_shown = {page.periods_shown} is not allowed: it must be an "
+                f"integer from 1 to the {self.record_periods} recorded mesh periods"
+            )
+        samples = len(self.dampings) * page.count() * page.periods_shown * page.samples_per_period
+        if samples > MAX_PAGE_SAMPLES:
+            raise ValueError(
+                f"report_page.samples_per_period = {page.samples_per_period} is not allowed: all "
+                f"orbits of the page have {samples:,} samples, which must be <= "
+                f"{MAX_PAGE_SAMPLES:,}"
+            )
+
+    def _check_size(self):
+        resonance, run = self.resonance, self.run
+        span = resonance.stop - resonance.start
+        copies = len(self.dampings) * len(resonance.directions)
+        if copies * resonance.count() > MAX_TUNINGS:
+            raise ValueError(
+                f"resonance.step = {resonance.step!r} is not allowed: it must be >= "
+                f"{copies * span / MAX_TUNINGS:.2g} to stay within {MAX_TUNINGS:,} runs in all"
+            )
+        if len(self.dampings) * span / resonance.window > MAX_JOBS:
+            raise ValueError(
+                f"resonance.window = {resonance.window!r} is not allowed: it must be >= "
+                f"{len(self.dampings) * span / MAX_JOBS:.2g} to stay within {MAX_JOBS:,} jobs"
+            )
+        planes = len(self.dampings) * len(self.phase_planes.tunings)
+        if planes > MAX_JOBS:
+            raise ValueError(
+                f"phase_planes.tunings has {len(self.phase_planes.tunings):,} entries: there must "
+                f"be from 1 to {MAX_JOBS // len(self.dampings):,} to stay within {MAX_JOBS:,} jobs"
+            )
+        # Two samples a period resolve a harmonic; its lag wants a few more.
+        if 8 * self.phase_lag.harmonics > run.samples_per_period:
+            raise ValueError(
+                f"phase_lag.harmonics = {self.phase_lag.harmonics} is not allowed: it must be an "
+                f"integer from 1 to run.samples_per_period / 8 = {run.samples_per_period // 8}"
+            )
+        samples = planes * self.record_periods * run.samples_per_period
+        if samples > MAX_SAMPLES:
+            raise ValueError(
+                f"run.samples_per_period = {run.samples_per_period} with run.recorded_revolutions "
+                f"= {run.recorded_revolutions} is not allowed: the samples of all phase planes, "
+                f"{samples:,}, must be <= {MAX_SAMPLES:,}"
+            )
+
+    @property
+    def periods(self):
+        """Mesh periods of every run."""
+        return self.run.revolutions * self.gear_pair.teeth
+
+    @property
+    def record_periods(self):
+        """Recorded mesh periods, the last ones of every run."""
+        return self.run.recorded_revolutions * self.gear_pair.teeth
+
+    def pair_parameters(self, damping):
+        """Return the keyword arguments of `gearlib.GearPair` for one damping, by its name."""
+        return self.damped_parameters(self.dampings[damping])
+
+    def damped_parameters(self, damping):
+        """Return the keyword arguments of `gearlib.GearPair` for a `Damping`."""
+        return self.gear_pair.model_dump() | damping.model_dump()
+
+    def train_parameters(self, damping):
+        """Return the keyword arguments of `gearlib.models.trains.described_train.described`.
+
+        They are plain values; `damping` is the name of one, for the trains made of the gear pair.
+        """
+        of_pairs = self.train.kind in OF_PAIRS
+        return {
+            "kind": self.train.kind,
+            "arguments": self.train.arguments(),
+            "pair": self.pair_parameters(damping) if of_pairs else None,
+        }
+
+    def global_parameters(self, case):
+        """Return the keyword arguments of `gearlib.GearPair` for a case of the global picture."""
+        return self.damped_parameters(case.damping) | case.change.model_dump(exclude_unset=True)
+
+    def candidates(self, scene):
+        """Return the models that can carry a scene, the smallest first."""
+        if scene.model != "smallest":
+            return [scene.model]
+        courses = set(scene.courses)
+        if courses & FRICTION_ONLY:
+            return ["six_degrees"]
+        six = ["six_degrees_plain", "six_degrees"]
+        return six if courses & SIX_ONLY else ["one_degree", *six]
+
+    def case_parameters(self, case):
+        """Return the keyword arguments of `gearlib.GearPair` for one case of a scene."""
+        return self.pair_parameters(case.damping) | case.change.model_dump(exclude_unset=True)
+
+
+#: With the sections of all studies.
+Config = create_model(
+    "Config",
+    __base__=_Common,
+    __doc__="The configuration of the workflow.",
+    **{
+        name: (study.section, default(study.section))
+        for name, study in STUDIES.items()
+        if study.section
+    },
+)

@@ -1,0 +1,68 @@
+"""Sections of tip relief: Harris maps of drawn gears, and the motion by two models."""
+
+from typing import Literal
+
+from pydantic import model_validator
+
+from gearlib.config.gears_section import FZG_C, DrawnPair
+from gearlib.config.types import (
+    NonNegative,
+    OwnStart,
+    OwnStep,
+    OwnStop,
+    Periods,
+    Positive,
+    Recorded,
+    RecordPeriods,
+    Section,
+    Share,
+    Tolerance,
+    entry,
+    listing,
+    whole,
+)
+
+_DampingRatio = Share
+
+
+class HarrisMap(Section):
+    """The static transmission error of spur gears at several loads, with reliefs that are found."""
+
+    gears: DrawnPair = entry(
+        "The pair at its design load, without tip relief; by default FZG type C.",
+        DrawnPair(**FZG_C | {"backlash": 160e-6}),
+    )
+    stiffness: Literal["energy", "iso"] = entry(
+        "How the stiffness of a pair of teeth is found.", "energy"
+    )
+    loads: listing(NonNegative, "Over the design load.") = [0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5]
+    phases: whole(8, 10_000) = entry("Phases of a mesh period.", 256)
+
+    @model_validator(mode="after")
+    def _check(self):
+        for name in ("pinion", "wheel"):
+            gear = getattr(self.gears, name)
+            for key in ("helix_angle", "tip_relief"):
+                if getattr(gear, key):
+                    raise ValueError(
+                        f"harris_map.gears.{name}.{key} is not allowed: it must be left out, the "
+                        "map is that of spur gears, which get their reliefs by it"
+                    )
+        self.gears.check("harris_map.gears", self.stiffness)
+        return self
+
+
+class ReliefDynamics(Recorded):
+    """These gears in motion, with the long relief: stiffness at the load beside pairs of teeth."""
+
+    start: OwnStart = 0.2
+    stop: OwnStop = 2.0
+    step: OwnStep = 0.04
+    loads: listing(Positive, "Over the design load.") = [0.25, 0.5, 1.0, 1.5]
+    damping_ratio: _DampingRatio = entry("In contact, at the mean.", 0.06)
+    backlash_damping_ratio: _DampingRatio = entry("In the backlash.", 0.0)
+    periods: Periods = 120
+    record_periods: RecordPeriods = 20
+    tolerance: Tolerance = entry(
+        "Largest relative difference of the dynamic force that is none.", 0.05
+    )

@@ -1,0 +1,114 @@
+"""Tunings given as speeds: texts in rpm become numbers before a configuration is checked.
+
+A speed is that of the gear pair, of the case where it changes the gears. So sections that count in
+another tuning, those of trains and drawings, take none. In a grid start, stop and step go
+together; their tunings are rounded to a decimal that keeps stop a whole multiple of step.
+"""
+
+import math
+from decimal import Decimal
+
+from pydantic import ValidationError
+
+from gearlib.config import units
+from gearlib.config.gear_pair_section import GearPairSection
+
+#: Sections that count in tunings of something else than the gear pair.
+_OTHERS = {"reducer", "one_mesh", "planetary", "train", "train_chart", "symmetry_breaking"}
+_OTHERS |= {"mesh_stiffness", "rectangle", "dynamic_factor", "campbell", "gear_pair", "dampings"}
+_OTHERS |= {"gears", "train_sweep", "relief_dynamics"}
+_TUNINGS = {"tuning", "tunings", "shown", "marked", "asked"}
+#: Sections whose start and stop are no ends of a grid.
+_NO_GRID = {"branches"}
+#: Of a grid; the others are lengths of it.
+_GRID = ("start", "stop", "step", "window", "fine_step", "share_step")
+#: Decimals of the tunings of a grid: with those before the point, a float keeps them all.
+_DECIMALS = Decimal("1e-12")
+#: Beyond all tunings and numbers of steps that are allowed.
+_MOST, _STEPS = 1000, 10**9
+
+
+def in_tunings(mapping, pair):
+    """Return what was read from YAML with tunings in place of speeds, and sentences on wrong ones.
+
+    `pair`, a `GearPairSection`, is None while the gears are refused: then any tunings do.
+    """
+    problems = []
+    found = {
+        key: value if key in _OTHERS else _section(value, pair, key, problems)
+        for key, value in mapping.items()
+    }
+    return found, problems
+
+
+def _section(node, pair, where, problems):
+    if isinstance(node, list):
+        return [_section(one, pair, f"{where}[{i}]", problems) for i, one in enumerate(node)]
+    if not isinstance(node, dict):
+        return node
+    pair = _changed(pair, node.get("change"))
+    found = {}
+    for key, value in node.items():
+        if key in _TUNINGS:
+            values = [_tuning(one, pair) for one in (value if isinstance(value, list) else [value])]
+            found[key] = values if isinstance(value, list) else values[0]
+        else:
+            found[key] = _section(value, pair, f"{where}.{key}", problems)
+    if where in _NO_GRID:
+        found |= {key: _tuning(found[key], pair) for key in ("start", "stop") if key in found}
+    elif any(_rpm(found.get(key)) is not None for key in _GRID):
+        found |= _grid(found, pair, where, problems)
+    return found
+
+
+def _grid(node, pair, where, problems):
+    """Return the keys of a grid as tunings."""
+    given = {key: _rpm(node[key]) for key in _GRID if key in node}
+    for key in (*_GRID[:3], *given):
+        if given.get(key) is None:
+            value = f"= {node[key]!r} is not allowed" if key in node else "is missing"
+            problems.append(f"{where}.{key} {value}: a grid must be in rpm throughout, or nowhere")
+            return {}
+    rate = Decimal(_rate(pair))
+    if rate * given["stop"] > _MOST:
+        return {key: float(rate * value) for key, value in given.items()}
+    count = (given["stop"] - given["start"]) / given["step"] if given["step"] else Decimal(0)
+    if not 0 < count < _STEPS or count % 1:
+        problems.append(
+            f"{where}.stop = {node['stop']!r} is not allowed: it must be {where}.start = "
+            f"{node['start']!r} plus a whole multiple of {where}.step = {node['step']!r}"
+        )
+        return {}
+    start, step = ((rate * given[key]).quantize(_DECIMALS) for key in ("start", "step"))
+    found = {key: value / given["step"] * step for key, value in given.items()}
+    found |= {"start": start, "stop": start + count * step}
+    return {key: float(value) for key, value in found.items()}
+
+
+def _rpm(value):
+    """Return the number of a text in rpm, None of anything else."""
+    match = units.RPM.fullmatch(value.strip()) if isinstance(value, str) else None
+    return Decimal(match[1]) if match else None
+
+
+def _tuning(value, pair):
+    rpm = _rpm(value)
+    return value if rpm is None else float(rpm) * _rate(pair)
+
+
+def _rate(pair):
+    """Return the tuning of 1 rpm."""
+    if pair is None:
+        return 1e-4
+    own = math.sqrt(pair.mean_stiffness() / pair.reduced_mass)
+    return 2.0 * math.pi * pair.teeth / (60.0 * own)
+
+
+def _changed(pair, change):
+    """Return the gears of a case; while its changes are refused, those of all."""
+    if pair is None or not isinstance(change, dict):
+        return pair
+    try:
+        return GearPairSection.model_validate(pair.model_dump() | change)
+    except ValidationError:
+        return pair

@@ -1,0 +1,61 @@
+"""Sections of the mesh stiffness of drawn pairs: every method, and what its rectangle costs."""
+
+from typing import Annotated
+
+from pydantic import Field, model_validator
+
+from gearlib.config.gears_section import FZG_C, TWENTY, DrawnPair
+from gearlib.config.types import (
+    Name,
+    OwnStart,
+    OwnStep,
+    OwnStop,
+    Periods,
+    Positive,
+    Recorded,
+    RecordPeriods,
+    Section,
+    Share,
+    Stiffness,
+    entry,
+    whole,
+)
+
+
+class PublishedPair(DrawnPair):
+    """A pair of gears by their drawing, with what others find for it."""
+
+    published: dict[Name, Stiffness] = entry(
+        "Mean mesh stiffness in the literature by source, N/m.", {}
+    )
+
+
+class MeshStiffness(Section):
+    """The mesh stiffness of drawn pairs by every method, with its uncertainty."""
+
+    pairs: Annotated[dict[Name, PublishedPair], Field(min_length=1, max_length=6)] = Field(
+        default={
+            "z20-20": PublishedPair(**TWENTY, published={"ISO": 4.9e8, "thumb": 5.2e8}),
+            "FZG-C": PublishedPair(**FZG_C),
+        },
+        description="Drawn pairs by name.",
+    )
+    samples: whole(8, 4096) = entry("Phases of a course over the mesh period.", 64)
+
+    @model_validator(mode="after")
+    def _check(self):
+        for name, pair in self.pairs.items():
+            pair.check(f"mesh_stiffness.pairs.{name}", "iso", "energy")
+        return self
+
+
+class Rectangle(Recorded):
+    """What the rectangular stiffness of the drawn pairs costs in their motion."""
+
+    start: OwnStart = 0.5
+    stop: OwnStop = 1.3
+    step: OwnStep = 0.005
+    damping_ratio: Share = entry("In contact, by the energy method; the coefficient is kept.", 0.03)
+    tolerance: Positive = entry("Largest difference of an observable that counts as none.", 0.05)
+    periods: Periods = 160
+    record_periods: RecordPeriods = 16

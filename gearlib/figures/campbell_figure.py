@@ -1,0 +1,101 @@
+"""Campbell diagram: natural frequencies, orders of the mesh frequencies, speeds of lost contact."""
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from gearlib.data.lost_contact import lost_share
+from gearlib.figures import style
+
+_COLOURS = {"rotational": "#D55E00", "translational": "#56B4E9", "satellite": "#CC79A7"}
+_OTHER = "0.5"
+_LOST = "#F0E442"
+
+
+@style.styled()
+def draw(diagram):
+    """Draw frequencies over the speed of the reference pinion: `gearlib.studies.trains.campbell`.
+
+    Dots: intersections that the meshes excite, circles: those that they do not. Behind the line
+    of a mesh frequency: the speeds at which a mesh of it parts in a sweep.
+    """
+    data = diagram
+    figure = Figure((style.PAGE_WIDTH, 4.2), layout="constrained")
+    axes = figure.add_subplot()
+    speed = data.speed.values
+    # Frequency of the reference mesh in kHz at a speed in rpm.
+    rate = 1e-3 * float(data.natural_frequency[0] / data.critical_speed[0, 0])
+    rate /= float(data.stiffness_order[0])
+    frequency = 1e-3 * data.natural_frequency.values
+    kinds = [str(kind) for kind in data.mode_kind.values]
+    top = 1.05 * frequency.max()
+    for value, kind in zip(frequency, kinds, strict=True):
+        axes.axhline(value, color=_COLOURS.get(kind, _OTHER), linewidth=0.7, zorder=1)
+    for order in data.stiffness_order.values:
+        end = min(speed[-1], top / (rate * order))
+        dashes = "-" if order in data.mesh_rate.values else "--"
+        axes.plot([0.0, end], [0.0, rate * order * end], dashes, color="0.3", linewidth=0.8)
+        at = 0.97 * end, rate * order * 0.97 * end
+        look = {"boxstyle": "round,pad=0.15", "facecolor": "white", "linewidth": 0}
+        axes.text(*at, f"{order:.3g}", fontsize=6.5, ha="center", va="center", bbox=look)
+    for excited, face in ((True, "black"), (False, "white")):
+        shown = data.excites.values == excited
+        axes.plot(
+            data.critical_speed.values[shown],
+            np.broadcast_to(frequency, shown.shape)[shown],
+            "o",
+            color="black",
+            markerfacecolor=face,
+            markersize=3.5 if excited else 2.5,
+            markeredgewidth=0.5,
+            zorder=3,
+        )
+    _mark_lost(axes, data, rate)
+    axes.set_xlim(0.0, speed[-1])
+    axes.set_ylim(0.0, top)
+    axes.axvline(speed[0], color="0.6", linestyle=":", linewidth=0.8, zorder=0.4)
+    axes.set_xlabel("speed of the reference pinion (rpm)")
+    axes.set_ylabel("frequency (kHz)")
+    style.add_scale(axes, speed, data.tuning.values, "tuning $\\nu$")
+    figure.legend(handles=_legend(kinds), loc="outside lower center", ncols=4, fontsize=6.5)
+    return figure
+
+
+def _mark_lost(axes, data, rate):
+    """Mark, along the mesh frequencies, the speeds at which a mesh parts from all starts."""
+    speed = data.speed.values
+    lost = (lost_share(data.fraction_normal_high.values) > 0.0).any(axis=0)
+    half = (speed[1] - speed[0]) / 2.0
+    for own in np.unique(data.mesh_rate.values):
+        there = lost[:, data.mesh_rate.values == own].any(axis=1)
+        for at in speed[there]:
+            ends = np.array([at - half, at + half])
+            axes.plot(ends, rate * own * ends, color=_LOST, linewidth=5, zorder=0.5)
+
+
+def _legend(kinds):
+    handles = [
+        Line2D([], [], color=_COLOURS.get(kind, _OTHER), label=f"{kind} mode")
+        for kind in dict.fromkeys(kinds)
+    ]
+    grey = {"color": "0.3", "linewidth": 0.8}
+    handles += [
+        Line2D([], [], label="mesh frequency", **grey),
+        Line2D([], [], linestyle="--", label="its multiple", **grey),
+        Line2D(
+            [], [], marker="o", linestyle="none", color="black", label="excited", markersize=3.5
+        ),
+        Line2D(
+            [],
+            [],
+            marker="o",
+            linestyle="none",
+            color="black",
+            markerfacecolor="white",
+            markersize=2.5,
+            label="not excited",
+        ),
+        Line2D([], [], color="0.6", linestyle=":", linewidth=0.8, label="sweeps begin"),
+        Line2D([], [], color=_LOST, linewidth=5, label="contact lost in a sweep"),
+    ]
+    return handles

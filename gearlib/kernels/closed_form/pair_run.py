@@ -1,0 +1,175 @@
+"""A whole run: its periods gone through fast, those at its end recorded."""
+
+import numpy as np
+
+from gearlib.kernels import orbit
+from gearlib.kernels.closed_form import recorded_arcs
+from gearlib.kernels.closed_form.event_by_event import ARC_COLUMNS
+from gearlib.kernels.closed_form.mesh_constants import contact_of
+from gearlib.kernels.closed_form.settling import (
+    NEAR,
+    after_repeats,
+    look_for_rest,
+    not_settled,
+    repeat_of,
+)
+from gearlib.kernels.closed_form.whole_periods import (
+    AHEAD,
+    KEPT,
+    advance,
+    new_work,
+    set_mesh,
+    set_start,
+)
+from gearlib.kernels.codes import EVENT_LIMIT, OK, OVERFLOW
+from gearlib.kernels.copies import copy
+from gearlib.kernels.jit import inlined, kernel
+from gearlib.kernels.overflow import within_range
+
+FIRST_ARCS = 32
+#: Periods between two looks at whether a run has settled; after each attempt to prove it twice as
+#: many pass as after the one before.
+_LOOK = 8
+#: An orbit that a run follows as closely as this is recorded over one repeat of its own.
+_ON_ORBIT = 1e-13
+
+
+@kernel
+def outcome(x, v, count, limit):
+    """Return the status of a run that ended in (x, v) after `count` arcs of a period."""
+    if count > limit:
+        return EVENT_LIMIT
+    return OK if within_range(x, v) else OVERFLOW
+
+
+@inlined
+def whole_period(m, work, n, contact, x, v, limit, arcs):
+    """Go through mesh period n and keep all its arcs; return as `advance`, and the arc table."""
+    memory, before = work.memory, (contact, x, v)
+    flight = memory[0], memory[1], memory[2], memory[3]
+    contact, x, v, count = advance(m, work, n, contact, x, v, 1, limit, arcs)
+    if arcs.shape[0] < count <= limit:
+        arcs = np.empty((2 * count, ARC_COLUMNS))
+        memory[0], memory[1], memory[2], memory[3] = flight
+        contact, x, v, count = advance(m, work, n, *before, 1, limit, arcs)
+    return contact, x, v, count, arcs
+
+
+@kernel
+def skip(m, work, contact, x, v, periods, limit):
+    """Go through `periods` mesh periods from tau = 0, unrecorded; `limit` arcs in each.
+
+    Returns (contact, x, v, status, repeat, on_orbit): `repeat`, the periods after which the orbit
+    repeats if the run has settled, else 0; of a run that has, at least the last `repeat` periods
+    have been gone through. `on_orbit`: whether it is at rest on it but for rounding.
+    """
+    n, look, pause = 0, 2 * _LOOK, _LOOK
+    settled, on_orbit = not_settled(), False
+    no_arcs = np.empty((0, ARC_COLUMNS))
+    while n < periods:
+        some = min(_LOOK - n % _LOOK, periods - n)
+        contact, x, v, count = advance(m, work, n, contact, x, v, some, limit, no_arcs)
+        n += some
+        status = outcome(x, v, count, limit)
+        if status != OK:
+            return contact, x, v, status, 0, False
+        if settled.repeat > 0 or n < look:
+            continue
+        repeat = repeat_of(m, work, n, NEAR)
+        if repeat == 0 or periods - n < repeat:
+            continue
+        contact, x, v, count, settled = look_for_rest(m, work, n, contact, x, v, repeat, limit)
+        n += repeat
+        status = outcome(x, v, count, limit)
+        if status != OK:
+            return contact, x, v, status, 0, False
+        look, pause = n + pause, 2 * pause
+        if settled.repeat > 0:
+            k = max(0, (periods - n) // repeat - 1)
+            far_x, far_v = after_repeats(settled, k)
+            if k > 0:
+                x, v = x - settled.x + far_x, v - settled.v + far_v
+                contact = contact_of(m.gap, x, v)
+                work.memory[AHEAD] = -1.0
+                n += k * repeat
+            size = max(1.0, abs(x), m.tuning * abs(v))
+            on_orbit = max(abs(far_x), m.tuning * abs(far_v)) <= _ON_ORBIT * size
+    return contact, x, v, OK, settled.repeat, on_orbit
+
+
+@kernel
+def run(m, x, v, periods, record_periods, samples, events, limit, summary):
+    """Run one mesh from the state (x, v) at tau = 0, in static deflections and dx/dtau.
+
+    The last `record_periods` of its `periods` are recorded: `samples`, shape (record_periods * n,
+    6), are filled with n equal steps a period, n = 0 for none; `events`, shape (k, 5), enlarged as
+    needed, k = 0 for none; `summary`, shape (9,). A period has `limit` arcs at most.
+
+    Returns (x, v, period, events, found, status): the state at the end, the period of the orbit in
+    mesh periods (0 if none was found), the table and its rows in use, OK, EVENT_LIMIT or OVERFLOW.
+    """
+    work = new_work()
+    set_mesh(work, m)
+    return run_at(m, work, x, v, periods, record_periods, samples, events, limit, summary)
+
+
+@kernel
+def run_at(m, work, x, v, periods, record_periods, samples, events, limit, summary):
+    """The same as `run` with a work that is at hand."""
+    if not within_range(x, v):
+        return x, v, 0, events, 0, OVERFLOW
+    contact = contact_of(m.gap, x, v)
+    set_start(work, x, v)
+    unseen = periods - record_periods
+    contact, x, v, status, repeat, on_orbit = skip(m, work, contact, x, v, unseen, limit)
+    if status != OK:
+        return x, v, 0, events, 0, status
+    orbit.clear_summary(summary)
+    want_events = events.shape[0] > 0
+    per_period = samples.shape[0] // record_periods
+    # Of a settled orbit one repeat is gone through.
+    seen = repeat if on_orbit and record_periods % repeat == 0 else record_periods
+    found = 0
+    arcs = np.empty((FIRST_ARCS, ARC_COLUMNS))
+    previous = contact
+    for i in range(seen):
+        n = unseen + i
+        contact, x, v, count, arcs = whole_period(m, work, n, contact, x, v, limit, arcs)
+        status = outcome(x, v, count, limit)
+        if status != OK:
+            return x, v, 0, events, 0, status
+        recorded_arcs.add_arcs(m, arcs, count, summary)
+        bounces, last = recorded_arcs.count_bounces(arcs, count, previous)
+        summary[orbit.BOUNCES] += bounces
+        if want_events:
+            events, found, _ = recorded_arcs.add_events(arcs, count, previous, n, events, found)
+        if per_period > 0:
+            recorded_arcs.sample_arcs(
+                m, arcs, count, samples[i * per_period : (i + 1) * per_period]
+            )
+        previous = last
+    for k in range(orbit.TIME_NORMAL, orbit.SUMMARY_COLUMNS):
+        summary[k] *= record_periods / seen
+    if seen < record_periods:
+        events, found = orbit.repeat_record(samples, events, found, seen, record_periods)
+    period = _period(m, work, periods, unseen, unseen + seen, repeat, summary)
+    return x, v, period, events, found, OK
+
+
+@kernel
+def _period(m, work, periods, unseen, end, repeat, summary):
+    """Return the period of an orbit from its states up to that after period `end`.
+
+    Of a settled run those before its recorded periods and after `end` are repeats of them.
+    """
+    kept = min(periods, orbit.STROBE_PERIODS)
+    strobes = np.empty((kept + 1, 2))
+    for i in range(kept + 1):
+        n = periods - kept + i
+        if repeat > 0 and n <= unseen - repeat:
+            n += (unseen - n) // repeat * repeat
+        if n > end:
+            n -= (n - end + repeat - 1) // repeat * repeat
+        copy(work.states[n % KEPT], strobes[i])
+    height = summary[orbit.X_MAX] - summary[orbit.X_MIN]
+    return orbit.orbit_period(strobes, m.tuning, height)

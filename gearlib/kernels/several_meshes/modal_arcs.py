@@ -1,0 +1,282 @@
+"""Modes of one combination of contacts and stiffness levels: tables made on first use, and kept.
+
+A motion visits few of the combinations that m meshes may form. In the modes of one of them the
+state is y: oscillating pairs first, whose complex amplitudes turn, real modes, then a block for
+what is slow or cannot be told apart (free motions, the constant), whose series is summed. With z
+of `TrainSystem`, z = out y and y = into z.
+
+The distances of the meshes from their flank lines are products of rows with y. Over a piece of
+theta they are polynomials to rounding, whose Bernstein coefficients are products of `curves` with
+y; and the sizes of the amplitudes bound them for all time.
+
+`gearlib.models.propagators.modal_frame` fills the tables. The product of a table and a state adds
+columns, which the compiler does with all lanes of the vector unit: tables are stored by columns,
+filled up to eighths.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from gearlib.kernels.jit import kernel, uncounted, woven
+
+#: Degree of the polynomials of distances over a piece.
+DEGREE = 23
+#: |lambda| of the fastest mode times a piece: the Chebyshev series of e^(lambda t) on a piece, cut
+#: behind DEGREE, is exact to 2 (7.2 / 4)^24 / 24! = 4e-18.
+REACH = 7.2
+#: Bytes that the tables of one thread may take; beyond, they are forgotten and begun anew, which
+#: changes no result.
+MEMORY = 2**28
+#: Combinations that are kept at most, and turns over lengths of segments for each.
+_MOST, _TURNS = 1024, 64
+#: Terms of a series below this share of the state are nothing, whatever the scales.
+_NOTHING = 1e-30
+
+
+class Modes(NamedTuple):
+    """Tables of up to c combinations of a `TrainSystem`: n components, m meshes."""
+
+    known: np.ndarray  #: int, (combinations, turns) in use, shape (2,)
+    slots: np.ndarray  #: int, where to look for a key: index of the combination or -1
+    keys: np.ndarray  #: int, shape (c,)
+    pairs: np.ndarray  #: int, oscillating pairs, shape (c,)
+    single: np.ndarray  #: int, real modes behind them, shape (c,)
+    rates: np.ndarray  #: (growth, angular frequency) by theta of pairs and real modes, (c, n, 2)
+    block: np.ndarray  #: matrix of the components behind these, shape (c, n, n)
+    piece: np.ndarray  #: theta over which `curves` hold, shape (c,)
+    into: np.ndarray  #: from z to y, by columns, shape (c, n, n filled up)
+    out: np.ndarray  #: from y to z, by columns
+    curves: np.ndarray  #: Bernstein coefficients, far and near, (c, 2, m, n, DEGREE + 1)
+    swing: np.ndarray  #: largest share of a mode in the distances, far and near, (c, 2, m, n)
+    level: np.ndarray  #: distances without the modes, far and near, shape (c, 2, m)
+    steady: np.ndarray  #: bool, whether `swing` and `level` bound them, shape (c, 2, m)
+    at: np.ndarray  #: int, where the turn over each length of segment is, -1: nowhere, (c, k)
+    turns: np.ndarray  #: factors of the modes, shape (s, n)
+
+
+def modes(n, meshes, lengths, combinations=_MOST, memory=MEMORY):
+    """Return empty `Modes`; what is not filled takes no memory.
+
+    Parameters
+    ----------
+    n, meshes : int
+    lengths : int
+        Different lengths of segments.
+    combinations : int
+        That there are, at most.
+    memory : int
+        Bytes at most.
+    """
+    wide = filled_up(n)
+    each = 2 * n * wide + n * n + meshes * n * (2 * DEGREE + 4)
+    c = int(min(max(memory // (8 * each), 2), _MOST, max(combinations, 16)))
+    slots = 1
+    while slots < 4 * c:
+        slots *= 2
+    return Modes(
+        np.zeros(2, np.int64),
+        np.full(slots, -1, np.int64),
+        np.empty(c, np.int64),
+        np.zeros(c, np.int64),
+        np.zeros(c, np.int64),
+        np.zeros((c, n, 2)),
+        np.zeros((c, n, n)),
+        np.empty(c),
+        np.zeros((c, n, wide)),
+        np.zeros((c, n, wide)),
+        np.empty((c, 2, meshes, n, DEGREE + 1)),
+        np.empty((c, 2, meshes, n)),
+        np.empty((c, 2, meshes)),
+        np.zeros((c, 2, meshes), np.bool_),
+        np.full((c, min(lengths, _TURNS)), -1, np.int64),
+        np.empty((c * min(lengths, _TURNS), n)),
+    )
+
+
+def filled_up(count):
+    """Return the next multiple of eight."""
+    return (count + 7) // 8 * 8
+
+
+@uncounted
+def key_of(effects, base):
+    """Return the number of a combination of effects, int, shape (m,), each below `base`."""
+    key = 0
+    for j in range(effects.shape[0]):
+        key = key * base + effects[j]
+    return key
+
+
+@uncounted
+def slot_of(slots, keys, key):
+    """Return the slot of a combination, or the free one where it belongs."""
+    mask = slots.shape[0] - 1
+    # Multiplied by an odd number near the golden ratio, so that neighbours lie apart.
+    slot = (key * 0x1E3779B97F4A7C15 >> 20) & mask
+    while slots[slot] >= 0 and keys[slots[slot]] != key:
+        slot = (slot + 1) & mask
+    return slot
+
+
+def forget(tables):
+    """Empty the tables."""
+    tables.known[:] = 0
+    tables.slots[:] = -1
+    tables.at[:] = -1
+
+
+def forget_lengths(tables):
+    """Empty what depends on the tuning even if the matrices do not."""
+    tables.known[1] = 0
+    tables.at[:] = -1
+
+
+@kernel
+def fill_curves(tables, c, rows, exponentials, powers):
+    """Fill the Bernstein coefficients of the distances of combination c over its piece.
+
+    Parameters
+    ----------
+    tables : Modes
+        With rates, block and piece of c.
+    c : int
+    rows : ndarray, shape (2, m, n)
+        Distances as functionals of y, far and near.
+    exponentials : ndarray, shape (k, DEGREE + 1)
+        From the terms (z / 2)^i / i! of e^(z (s - 1/2)) to Bernstein coefficients on [0, 1].
+    powers : ndarray, shape (DEGREE + 1, DEGREE + 1)
+        From powers of s to them.
+    """
+    pairs, single, n, piece = (
+        tables.pairs[c],
+        tables.single[c],
+        tables.block.shape[1],
+        tables.piece[c],
+    )
+    real, imaginary = np.empty(DEGREE + 1), np.empty(DEGREE + 1)
+    curves = tables.curves[c]
+    for k in range(pairs + single):
+        half = 0.5 * piece * complex(tables.rates[c, k, 0], tables.rates[c, k, 1])
+        term = np.exp(half)
+        real[:] = 0.0
+        imaginary[:] = 0.0
+        for i in range(exponentials.shape[0]):
+            for r in range(DEGREE + 1):
+                real[r] += term.real * exponentials[i, r]
+                imaginary[r] += term.imag * exponentials[i, r]
+            term *= half / (i + 1)
+        for line in range(2):
+            for j in range(rows.shape[1]):
+                if k < pairs:
+                    u, v = rows[line, j, 2 * k], rows[line, j, 2 * k + 1]
+                    for r in range(DEGREE + 1):
+                        curves[line, j, 2 * k, r] = u * real[r] + v * imaginary[r]
+                        curves[line, j, 2 * k + 1, r] = v * real[r] - u * imaginary[r]
+                else:
+                    for r in range(DEGREE + 1):
+                        curves[line, j, pairs + k, r] = rows[line, j, pairs + k] * real[r]
+    first = 2 * pairs + single
+    row, new = np.empty(n - first), np.empty(n - first)
+    for line in range(2):
+        for j in range(rows.shape[1]):
+            for i in range(n - first):
+                row[i] = rows[line, j, first + i]
+                for r in range(DEGREE + 1):
+                    curves[line, j, first + i, r] = row[i]
+            for k in range(1, DEGREE + 1):
+                for i in range(n - first):
+                    new[i] = 0.0
+                for q in range(n - first):
+                    share = row[q] * piece / k
+                    for i in range(n - first):
+                        new[i] += share * tables.block[c, q, i]
+                row, new = new, row
+                for i in range(n - first):
+                    for r in range(DEGREE + 1):
+                        curves[line, j, first + i, r] += row[i] * powers[k, r]
+
+
+@woven
+def multiply(columns, c, z, out):
+    """out = matrix c times z, for matrices stored by columns, shape (c, n, w)."""
+    n, w = columns.shape[1], columns.shape[2]
+    for r in range(w):
+        out[r] = 0.0
+    j = 0
+    while j + 3 < n:
+        p, q, s, t = z[j], z[j + 1], z[j + 2], z[j + 3]
+        for r in range(w):
+            out[r] += (columns[c, j, r] * p + columns[c, j + 1, r] * q) + (
+                columns[c, j + 2, r] * s + columns[c, j + 3, r] * t
+            )
+        j += 4
+    while j < n:
+        p = z[j]
+        for r in range(w):
+            out[r] += columns[c, j, r] * p
+        j += 1
+
+
+@woven
+def turn_by(tables, c, t, factors):
+    """Fill `factors`, shape (n,), with what the modes of combination c turn and shrink by in t."""
+    pairs = tables.pairs[c]
+    for k in range(pairs):
+        size, angle = math.exp(tables.rates[c, k, 0] * t), tables.rates[c, k, 1] * t
+        factors[2 * k], factors[2 * k + 1] = size * math.cos(angle), size * math.sin(angle)
+    for k in range(tables.single[c]):
+        factors[2 * pairs + k] = math.exp(tables.rates[c, pairs + k, 0] * t)
+
+
+@woven
+def turn_over(tables, c, kind, t):
+    """Return where the factors of a whole segment are in ``turns``; `kind` numbers its length."""
+    if tables.at[c, kind] < 0:
+        s = tables.known[1]
+        turn_by(tables, c, t, tables.turns[s])
+        tables.at[c, kind] = s
+        tables.known[1] = s + 1
+    return tables.at[c, kind]
+
+
+@woven
+def advance(tables, c, factors, t, y, term, image):
+    """Take y, shape (n,) or longer, by t: `factors` are those of `turn_by`."""
+    pairs, single, n = tables.pairs[c], tables.single[c], tables.block.shape[1]
+    for k in range(pairs):
+        u, v, p, q = y[2 * k], y[2 * k + 1], factors[2 * k], factors[2 * k + 1]
+        y[2 * k], y[2 * k + 1] = p * u - q * v, q * u + p * v
+    first = 2 * pairs + single
+    for k in range(2 * pairs, first):
+        y[k] *= factors[k]
+    # The constant alone stays as it is.
+    if n - first > 1:
+        _advance_block(tables.block[c], n - first, tables.piece[c], t, y[first:], term, image)
+
+
+@uncounted
+def _advance_block(block, size, piece, t, y, term, image):
+    """Take the components of the block, over pieces on which their series ends."""
+    steps = max(math.ceil(t / piece - 1e-9), 1.0)
+    h, done = t / steps, 0.0
+    while done < steps:
+        largest = 0.0
+        for r in range(size):
+            term[r] = y[r]
+            largest = max(largest, abs(y[r]))
+        k, rest = 0, 1.0
+        while rest > _NOTHING * largest and k <= DEGREE:
+            k += 1
+            share, rest = h / k, 0.0
+            for r in range(size):
+                total = 0.0
+                for i in range(size):
+                    total += block[r, i] * term[i]
+                image[r] = share * total
+                rest = max(rest, abs(image[r]))
+            for r in range(size):
+                term[r] = image[r]
+                y[r] += term[r]
+        done += 1.0

@@ -1,0 +1,236 @@
+"""The run of a nonlinear mesh: Taylor steps that end where the law of motion changes.
+
+A step ends at the end of a piece of c(tau), at the first crossing of a flank line and, where the
+damping has a quadratic part, at a change of sign of x'. Crossings are those of the step's own
+polynomial: a bounce inside a step is found. Bounds of the polynomial or its shape rule most steps
+out or show the only crossing; else it is isolated in Bernstein form (`polynomial.first_fall`).
+"""
+
+import math
+
+import numpy as np
+
+from gearlib.kernels import orbit
+from gearlib.kernels.closed_form.mesh_constants import contact_between
+from gearlib.kernels.codes import BACKLASH, EVENT_LIMIT, INVERSE, NORMAL, OK, OVERFLOW, UNRESOLVED
+from gearlib.kernels.jit import inlined, kernel
+from gearlib.kernels.overflow import within_range
+from gearlib.kernels.polynomial import (
+    fall_by_shape,
+    first_fall,
+    horner,
+    lowest_of_parabola,
+)
+from gearlib.kernels.taylor.series import (
+    D2,
+    LOWER,
+    ORDER,
+    PUSH,
+    ROWS,
+    SCALED,
+    UPPER,
+    C,
+    V,
+    X,
+    expand,
+    state_at,
+    step_length,
+    tables,
+)
+
+#: What ended a step.
+_SMOOTH, _NORMAL_FLANK, _FAR_FLANK, _TURN = range(4)
+
+
+@inlined
+def _scale(series, row, line, factor, h):
+    """Fill the row SCALED with factor (series - line) as a polynomial of t / h.
+
+    Returns the magnitudes of its terms above the square together.
+    """
+    power, tail = factor, 0.0
+    for k in range(1, ORDER + 1):
+        power *= h
+        series[SCALED, k] = series[row, k] * power
+        if k > 2:
+            tail += abs(series[SCALED, k])
+    series[SCALED, 0] = factor * (series[row, 0] - line)
+    return tail
+
+
+@kernel
+def first_crossing(series, row, line, side, h, to_bernstein, work):
+    """Return where side (series - line) first falls through zero, in shares of h; 2 if nowhere."""
+    tail = _scale(series, row, line, side, h)
+    curve = series[SCALED]
+    # Most steps are far from the line.
+    if lowest_of_parabola(curve[0], curve[1], curve[2]) > tail:
+        return 2.0
+    # From rest on the line its shape does not tell.
+    if curve[0] != 0.0 or curve[1] != 0.0:
+        found = fall_by_shape(curve, 1 if curve[0] == 0.0 else 0)
+        if found >= 0.0:
+            return found
+    return first_fall(curve, to_bernstein, work)
+
+
+@inlined
+def take_step(
+    constants, harmonics, to_bernstein, piece, phase, end, contact, sign, x, v, series, work
+):
+    """Take one step from `phase`, not beyond `end`; its series stay in `series`.
+
+    Returns (h, during, contact, sign, x, v): the length of the step, negative where rounding hides
+    whether it ends at a flank line; the contact code during it; the state at its end, on a flank
+    line and on a turning point exactly so.
+    """
+    upper, lower = constants[0, 0, UPPER], constants[0, 0, LOWER]
+    if v == 0.0:
+        # At rest the acceleration decides where the motion goes, off a flank line too.
+        expand(constants, harmonics, piece, phase, contact, 0.0, x, v, series, 1)
+        sign = math.copysign(1.0, series[V, 1])
+        contact = contact_between(upper, lower, x, sign)
+    during = contact
+    expand(constants, harmonics, piece, phase, contact, sign, x, v, series, ORDER)
+    h = step_length(constants, series, end - phase)
+    # A step that leaves a remainder below rounding takes it along.
+    if end - phase - h < 1e-13:
+        h = end - phase
+    best, what = 2.0, _SMOOTH
+    if contact != INVERSE:
+        side = 1.0 if contact == NORMAL else -1.0
+        best, what = first_crossing(series, X, upper, side, h, to_bernstein, work), _NORMAL_FLANK
+    if contact != NORMAL and lower > -math.inf:
+        side = 1.0 if contact == BACKLASH else -1.0
+        far = first_crossing(series, X, lower, side, h, to_bernstein, work)
+        if far < best:
+            best, what = far, _FAR_FLANK
+    if constants[contact + 1, piece, D2] != 0.0:
+        turn = first_crossing(series, V, 0.0, sign, h, to_bernstein, work)
+        if turn < best:
+            best, what = turn, _TURN
+    t = h if best > 1.0 else best * h
+    x, v = state_at(series, t)
+    if best > 1.0:
+        return t, during, contact, sign, x, v
+    if best < 0.0:
+        return -1.0, during, contact, sign, x, v
+    if what == _TURN:
+        return t, during, contact, -sign, x, 0.0
+    x = upper if what == _NORMAL_FLANK else lower
+    if contact == BACKLASH:
+        contact = NORMAL if what == _NORMAL_FLANK else INVERSE
+        v = max(v, 0.0) if what == _NORMAL_FLANK else min(v, 0.0)
+    else:
+        v = min(v, 0.0) if contact == NORMAL else max(v, 0.0)
+        leaves = v < 0.0 if contact == NORMAL else v > 0.0
+        if leaves:
+            contact = BACKLASH if upper > lower else -contact
+    return t, during, contact, math.copysign(1.0, v), x, v
+
+
+@kernel
+def add_step(tuning, low, to_bernstein, h, contact, series, work, summary):
+    """Add a step of length h, on a piece that is `low` or not, to the summary."""
+    curve = series[SCALED]
+    _scale(series, X, 0.0, 1.0, h)
+    orbit.add_curve(curve, to_bernstein, work, summary, orbit.X_MAX, orbit.X_MIN)
+    orbit.add_time(contact, h, low, summary)
+    if contact != BACKLASH:
+        _scale(series, PUSH, 0.0, tuning * tuning, h)
+        orbit.add_curve(curve, to_bernstein, work, summary, orbit.FORCE_MAX, orbit.FORCE_MIN)
+
+
+@kernel
+def add_samples(tuning, phase, h, contact, series, samples, taken):
+    """Fill the samples of one period that lie before phase + h; return how many are filled."""
+    unit = tuning * tuning
+    while taken < samples.shape[0]:
+        t = 2.0 * math.pi * taken / samples.shape[0] - phase
+        if t >= h:
+            break
+        samples[taken, orbit.SAMPLE_X], _ = horner(series[X], t)
+        samples[taken, orbit.SAMPLE_V], samples[taken, orbit.SAMPLE_A] = horner(series[V], t)
+        samples[taken, orbit.SAMPLE_CONTACT] = contact
+        stiffness, _ = horner(series[C], t)
+        samples[taken, orbit.SAMPLE_STIFFNESS] = unit * stiffness
+        force = 0.0
+        if contact != BACKLASH:
+            force, _ = horner(series[PUSH], t)
+        samples[taken, orbit.SAMPLE_FORCE] = unit * force
+        taken += 1
+    return taken
+
+
+@kernel
+def run_nonlinear(
+    law, to_bernstein, x, v, periods, record_periods, samples, events, limit, summary
+):
+    """Run the nonlinear mesh as `gearlib.kernels.closed_form.pair_run.run`, with its returns.
+
+    Returns in addition the number of Taylor steps, the deterministic cost of the run.
+    """
+    orbit.clear_summary(summary)
+    constants, harmonics = tables(law)
+    series, work = np.zeros((ROWS, ORDER + 1)), np.empty((50, ORDER + 2))
+    # Looked up once: each look counts references.
+    breaks, low, tuning = law.breaks, law.low, law.tuning
+    kept = min(periods, orbit.STROBE_PERIODS)
+    strobes = np.empty((kept + 1, 2))
+    per_period = samples.shape[0] // record_periods
+    found, steps = 0, 0
+    contact, sign = contact_between(law.upper, law.lower, x, v), math.copysign(1.0, v)
+    if not within_range(x, v):
+        return x, v, 0, events, 0, OVERFLOW, steps
+    for n in range(periods):
+        row = n - (periods - kept)
+        if row >= 0:
+            strobes[row, 0], strobes[row, 1] = x, v
+        recorded = n - (periods - record_periods)
+        taken, counted = 0, steps
+        for piece in range(low.shape[0]):
+            phase, end = breaks[piece], breaks[piece + 1]
+            while phase < end:
+                if steps - counted >= limit:
+                    return x, v, 0, events, 0, EVENT_LIMIT, steps
+                before = contact
+                h, during, contact, sign, x, v = take_step(
+                    constants,
+                    harmonics,
+                    to_bernstein,
+                    piece,
+                    phase,
+                    end,
+                    contact,
+                    sign,
+                    x,
+                    v,
+                    series,
+                    work,
+                )
+                steps += 1
+                if h < 0.0:
+                    return x, v, 0, events, 0, UNRESOLVED, steps
+                if not within_range(x, v):
+                    return x, v, 0, events, 0, OVERFLOW, steps
+                if recorded >= 0:
+                    add_step(tuning, low[piece], to_bernstein, h, during, series, work, summary)
+                    if orbit.unresolved(summary):
+                        return x, v, 0, events, 0, UNRESOLVED, steps
+                    if per_period > 0:
+                        rows = samples[recorded * per_period : (recorded + 1) * per_period]
+                        taken = add_samples(tuning, phase, h, during, series, rows, taken)
+                    if during != before:
+                        # Leaves a flank line from rest, at the start of the step.
+                        events, found = orbit.note(
+                            events, found, n, phase, before, during, 0.0, summary
+                        )
+                    if contact != during:
+                        events, found = orbit.note(
+                            events, found, n, phase + h, during, contact, v, summary
+                        )
+                phase += h
+    strobes[kept, 0], strobes[kept, 1] = x, v
+    height = summary[orbit.X_MAX] - summary[orbit.X_MIN]
+    period = orbit.orbit_period(strobes, tuning, height)
+    return x, v, period, events, found, OK, steps

@@ -1,0 +1,159 @@
+"""From slider values to the arrays that the explorer draws of a drawn pair; no browser here."""
+
+import math
+from dataclasses import replace
+from typing import ClassVar
+
+import numpy as np
+
+from gearlib import config
+from gearlib.config.gears_section import TWENTY, Gears
+from gearlib.geometry import Mesh, TipRelief
+from gearlib.models.load_sharing_pair import LoadSharingPair
+from gearlib.models.pair import GearPair
+from gearlib.pages.explorer.explored import Explored, Slider, saved, slider_of
+from gearlib.pages.explorer.view import look
+
+#: Where the sliders start if no gears are drawn: z 20/20, m 10 mm, b 30 mm, E 200 GPa
+#: of the literature on backlash, under 106 N per mm of width.
+START = TWENTY | {"backlash": 100e-6, "torque": 300.0}
+#: Keys of a drawing that the sliders replace.
+_REPLACED = "centre_distance", "torque", "power", "speed", "stiffness", "stiffness_options"
+#: Keys of a gear that it starts without.
+_BARE = "tip_relief", "pitch_errors"
+#: Loads of the Harris map beside the chosen one, over that at the start.
+_LOADS = 0.0, 0.5, 1.0, 1.5, 2.0
+_PHASES = 256
+#: Speeds of the characteristic, over that of resonance at the start.
+_LOWEST, _HIGHEST = 0.2, 2.2
+#: Length of the reliefs over the longest one, which leaves single contact its involutes.
+LENGTHS = {"short": 0.5, "long": 1.0}
+#: What moves, and speeds of its characteristic; of pairs of teeth each takes twenty times longer.
+POINTS = {"rectangle": 500, "teeth": 60}
+
+
+class Drawing(Explored):
+    """A drawn spur pair, and what sliders change of it.
+
+    Parameters
+    ----------
+    mapping : dict
+        A configuration that `gearlib.config.load` accepts. Its gears, if it draws some, are where
+        the sliders start, without tip relief and pitch errors; the centre distance follows the
+        shifts.
+    damping : str
+        One of its dampings, whose ratios count.
+    """
+
+    choices: ClassVar = {
+        "length": ("length of the reliefs", list(LENGTHS)),
+        "model": (
+            "what moves",
+            {
+                "rectangular stiffness, no relief": "rectangle",
+                "pairs of teeth one by one, with relief": "teeth",
+            },
+        ),
+    }
+
+    def __init__(self, mapping, damping):
+        self.section, self.damping = mapping.get("gears", START), damping
+        gears = Gears.model_validate(self.section)
+        self.drawn = mesh = gears.mesh()
+        torque = float(f"{gears.pair()['load'] * mesh.pinion.base_diameter / 2.0:.6g}")
+        pair = GearPair(**config.load(mapping).pair_parameters(damping))
+        self.backlash_damping = pair.backlash_damping_ratio
+        self.loads = torque * np.array(_LOADS)
+        pinion, wheel, gap, beta = mesh.pinion, mesh.wheel, mesh.backlash, pair.damping_ratio
+        module, shifts = 1e3 * pinion.module, (-1.0, 1.5, 0.01)
+        self.sliders = {
+            "module": Slider(
+                "module, mm", pinion.module, (0.5 * module, 2.0 * module, 0.05 * module), 1e-3
+            ),
+            "pinion_shift": Slider("profile shift of the pinion", pinion.shift, shifts),
+            "wheel_shift": Slider("profile shift of the wheel", wheel.shift, shifts),
+            "relief": Slider("tip relief of both gears, µm", 0.0, (0.0, 50.0, 0.1), 1e-6),
+            "backlash": slider_of(
+                GearPair, "backlash", gap, 1.0, high=max(400.0, 3e6 * gap), unit=1e-6
+            ),
+            "torque": Slider(
+                "torque of the pinion, N m", torque, (0.05 * torque, 4.0 * torque, 0.01 * torque)
+            ),
+            "damping": Slider("damping ratio β", beta, (0.0, max(0.3, 2.0 * beta), 0.0005)),
+        }
+        resonance = self.pair(self.start).speed(1.0)
+        #: Lowest and highest speed, rpm.
+        self.speeds = low, high = _LOWEST * resonance, _HIGHEST * resonance
+        speed = Slider(
+            "speed of the pinion, rpm",
+            float(round(0.9 * resonance)),
+            (float(math.ceil(low)), float(math.floor(high)), 1.0),
+        )
+        damping = self.sliders.pop("damping")
+        self.sliders |= {"speed": speed, "damping": damping}
+
+    def mesh(self, setting):
+        """Return the `Mesh` that the sliders stand for: tips stay as high above the shift."""
+        pinion = self._gear("pinion", setting.module, setting.pinion_shift)
+        wheel = self._gear("wheel", setting.module, setting.wheel_shift)
+        mesh = Mesh(pinion, wheel, backlash=setting.backlash)
+        if not setting.relief:
+            return mesh
+        length = LENGTHS[setting.length] * mesh.longest_relief
+        relief = TipRelief(amount=setting.relief, length=length)
+        return mesh.with_reliefs(relief, relief)
+
+    def _gear(self, name, module, shift):
+        gear = getattr(self.drawn, name)
+        tip = gear.tip_diameter / gear.module + 2.0 * gear.sign * (shift - gear.shift)
+        changes = {"module": module, "shift": shift, "tip_diameter": float(f"{tip * module:.12g}")}
+        try:
+            return replace(gear, **changes, tip_relief=None, pitch_errors=())
+        except ValueError as error:
+            raise ValueError(f"{name}: {error}") from None
+
+    def pair(self, setting, kind=GearPair):
+        """Return the `GearPair`, or another kind of pair, that the sliders stand for."""
+        return kind.from_geometry(
+            self.mesh(setting),
+            torque=setting.torque,
+            damping_ratio=setting.damping,
+            backlash_damping_ratio=self.backlash_damping,
+            stiffness="energy",
+        )
+
+    def look(self, setting):
+        """Return the view of a setting; ValueError if there cannot be such gears."""
+        mesh, pair = self.mesh(setting), self.pair(setting)
+        error = mesh.transmission_error([*self.loads, setting.torque], phases=_PHASES)
+        model = pair if setting.model == "rectangle" else self.pair(setting, LoadSharingPair)
+        grid = pair.tuning_at(np.linspace(*self.speeds, POINTS[setting.model]))
+        tuning = pair.tuning_at(setting.speed)
+        return look(model, tuning, grid, mesh=mesh, pair=pair, error=error)
+
+    def configuration(self, setting):
+        """Return the text of a config.yaml of these gears.
+
+        All else of the configuration at the start is left out: it suits the gears that this has.
+        """
+        mesh = self.mesh(setting)
+        gears = {key: value for key, value in self.section.items() if key not in _REPLACED}
+        for name in ("pinion", "wheel"):
+            gear = getattr(mesh, name)
+            keys = ("module", "shift", "tip_diameter")
+            own = {key: value for key, value in gears[name].items() if key not in _BARE}
+            gears[name] = own | {key: getattr(gear, key) for key in keys}
+            if setting.relief:
+                length = float(f"{gear.tip_relief.length:.12g}")
+                gears[name]["tip_relief"] = {"amount": setting.relief, "length": length}
+        gears |= {"backlash": setting.backlash, "torque": setting.torque, "stiffness": "energy"}
+        ratios = {
+            "damping_ratio": setting.damping,
+            "backlash_damping_ratio": self.backlash_damping,
+        }
+        whole = {
+            "gears": gears,
+            "dampings": {self.damping: ratios},
+            "phase_planes": {"tunings": [float(self.pair(setting).tuning_at(setting.speed))]},
+        }
+        return saved(f"at {setting.speed:g} rpm of the pinion.", whole)
