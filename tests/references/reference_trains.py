@@ -158,6 +158,8 @@ class _Train(Machine):
         """Return the `Contact` of a mesh."""
         ex, ey = self.line(mesh)
         row, across, constant = self.zeros(self.n), self.zeros(self.n), mesh["error"]
+        #: by the turning of the gears, and of a carrier with its pins: a coast side that moves
+        turned = self.zeros(self.n)
         # A way w past the pitch point the first gear slides on the second by (W1 - W2) k x w;
         # along the line of action contact goes as the base circle of the first does.
         (first, _, turn), (second, *_) = ends = self.ends(mesh)
@@ -169,8 +171,12 @@ class _Train(Machine):
             row = row + sign * (ex * x + ey * y)
             across = across + slides * sign * (ex * y - ey * x)
             row = row + mesh["direction"] * turn * self.row(name, "u")
+            turned = turned + mesh["direction"] * turn * self.row(name, "u")
             psi = body["angle"] if body["carrier"] else self.context.mpf(0)
             c, s = self.context.cos(psi), self.context.sin(psi)
+            if body["carrier"]:
+                out, on = self.pin(body)
+                turned = turned + sign * (ex * (c * out - s * on) + ey * (s * out + c * on))
             ox, oy = body["offset"]
             constant += sign * (ex * (c * ox - s * oy) + ey * (s * ox + c * oy))
             # e (cos, sin)(speed tau + phase + psi) along the line
@@ -201,6 +207,10 @@ class _Train(Machine):
                 side.waves.append((n * rate, a * c - b * s, a * s + b * c))
             side.waves += waves
             sides.append(side)
+        if mesh["moving_backlash"]:
+            # What supports give, run-out and offsets of axes do not close the backlash, Eq. (4).
+            sides[1].row, constant = turned, mesh["error"]
+            sides[1].waves = [wave for wave in sides[1].waves if wave not in waves]
         # Friction pushes down the slide: on the coast side, pressed by d < 0, with the other sign.
         if sides[1].friction:
             sides[1].friction = -sides[1].friction

@@ -1,15 +1,15 @@
 """Coast sides that move with the supports: against six degrees, and against forces body by body."""
 
-import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.trains.reference import Reference
 
 import gearlib
 from gearlib import planetary, simulate
 from tests.paper import PAPER
+from tests.references.described_models import describe
+from tests.references.reference_motion import move
 from tests.trains.random_trains import random_problem
 from tests.trains.test_train_system import six_degrees
 
@@ -18,70 +18,6 @@ def moved(train, **changes):
     """Return a train whose coast sides all move, with other changes of its meshes."""
     changes |= {"moving_backlash": True}
     return train.replace(meshes=[replace(mesh, **changes) for mesh in train.meshes])
-
-
-class Moving(Reference):
-    """The second code, whose coast sides do not see what supports give, nor run-out."""
-
-    def __init__(self, train, tuning):
-        super().__init__(train, tuning)
-        self.far = np.array([self._turning_of(mesh) for mesh in train.meshes])
-
-    def _turning_of(self, mesh):
-        """Return the distance by the turning of the gears, and of a carrier with its pins."""
-        row, lambda_ = np.zeros(self.n), self._line(mesh)
-        for name, sign, turn in self._ends(mesh):
-            body = self.bodies[name]
-            parts = [((name, "u"), mesh.direction * turn)]
-            if body.carrier:
-                across = math.sin(lambda_ - body.angle)
-                parts += [
-                    ((body.carrier, "x"), sign * math.cos(lambda_)),
-                    ((body.carrier, "y"), sign * math.sin(lambda_)),
-                    ((body.carrier, "u"), sign * across),
-                ]
-            for key, part in parts:
-                if key in self.columns:
-                    row[self.columns[key]] += part
-        return row
-
-    def errors(self, j, side, t):
-        """As of `Reference`."""
-        if side:
-            return super().errors(j, side, t)
-        still, known = {}, self.bodies
-        for name, body in known.items():
-            still[name] = replace(body, eccentricity=0.0, offset=(0.0, 0.0))
-        self.bodies = still
-        found = super().errors(j, side, t)
-        self.bodies = known
-        return found
-
-    def gap(self, j, side, t, z):
-        """As of `Reference`."""
-        if side:
-            return super().gap(j, side, t, z)
-        e, v = self.errors(j, side, t)
-        row = self.far[j]
-        return row @ z[: self.n] + e + self.train.meshes[j].backlash, row @ z[self.n :] + v
-
-    def right_side(self, codes, levels):
-        """As of `Reference`: its forces in the backlash, and those of the coast sides."""
-        others = super().right_side([max(code, 0) for code in codes], levels)
-        coast = [j for j, code in enumerate(codes) if code < 0]
-
-        def f(t, z):
-            rate = others(t, z)
-            for j in coast:
-                mesh, (c, way) = self.train.meshes[j], levels[j][0]
-                distance, speed = self.gap(j, 0, t, z)
-                along = (mesh.material_damping - mesh.backlash_damping) * speed
-                force = (c * distance + along) * self.far[j]
-                force -= mesh.friction[1] * way * c * distance * self.sliding[j]
-                rate[self.n :] -= self.inverse * force
-            return rate
-
-        return f
 
 
 @pytest.mark.parametrize("seed", range(12))
@@ -108,16 +44,15 @@ def test_random_trains_against_forces_body_by_body(seed):
     deflection = train.static_deflection
     # Little backlash, so that coast sides touch; not so little that supports might close it.
     train = moved(train, backlash=1.5 * deflection)
-    half, options = train.size // 2, {"events": True, "rtol": 1e-12, "atol": 1e-12}
-    end, events = Moving(train, tuning).run(state, 2)
-    phase = state * np.repeat([1.0, 1.0 / tuning], half)
-    span = {"periods": 2, "record_periods": 2, "initial_state": tuple(phase)}
+    options = {"events": True, "rtol": 1e-12, "atol": 1e-12}
+    span = {"periods": 2, "record_periods": 2, "initial_state": tuple(state)}
     run = simulate(train, tuning, **span)
     if int(run.status):
         pytest.skip("flanks jam")
-    assert run.event.size == len(events)
-    found = run.final_state.values * np.repeat([1.0, tuning], half)
-    np.testing.assert_allclose(found, end, rtol=0, atol=1e-9 * max(1.0, np.abs(end).max()))
+    reference = move(describe(train), tuning, 2, tuple(state))
+    assert run.event.size == len(reference.events)
+    end = reference.state
+    np.testing.assert_allclose(run.final_state, end, rtol=0, atol=1e-9 * np.abs(end).max())
     other = simulate(train, tuning, method="scipy", options=options, **span)
     assert other.event.size == run.event.size
     np.testing.assert_allclose(other.final_state, run.final_state, rtol=0, atol=1e-8)
