@@ -5,6 +5,7 @@ module         responsibility
 =============  ===========================================================================
 ``system``     what a train of gears is to the kernels
 ``modes``      tables of the contacts and stiffness levels that are visited; turning modes
+``filling``    the tables of a combination, from a basis of its motions
 ``grid``       segments of the mesh period, and storage
 ``distances``  whether a flank line is reached, and the first events on a piece
 ``periods``    through mesh periods, with all events of all meshes
