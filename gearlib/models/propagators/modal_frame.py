@@ -14,29 +14,30 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import lapack
+import scipy.linalg
 
 from gearlib.kernels import exponential
 from gearlib.kernels.polynomial import bernstein_matrix
-from gearlib.kernels.several_meshes.filling import (
-    BLOCK,
-    CONDITION,
-    NOTHING,
-    fill_distances,
-    fill_modes,
+from gearlib.kernels.several_meshes.modal_arcs import (
+    DEGREE,
+    REACH,
+    fill_curves,
+    forget,
+    key_of,
+    slot_of,
 )
-from gearlib.kernels.several_meshes.modal_arcs import DEGREE, forget, key_of, slot_of
-from gearlib.kernels.several_meshes.train_system import matrix_of
 
 #: Terms of the series of e^z, |z| <= REACH / 2: the next is 3.6^36 / 36! = 3e-22.
 _TERMS = 36
+#: Largest condition number of a basis, rows scaled: rounding of 1e-16 becomes 1e-10.
+_CONDITION = 1e6
 #: Slow eigenvalues lie below the widest gap between these, over that of the reference mode; real
 #: ones, as of flights against damping, whose forced motion is far off, between the others.
 _SLOW, _SLOW_REAL = (1e-3, 3e-2), (0.3, 3.0)
-
-
-#: Bases that are kept at most.
-_MOST = 64
+#: Coupling of a free rotation, and growth of a mode, that is rounding.
+_NOTHING = 1e-12
+#: Norm of a block times its piece: 2^24 / 24! = 3e-17.
+_BLOCK = 2.0
 
 
 class Basis(NamedTuple):
@@ -103,7 +104,7 @@ class Frame:
 
     def __init__(self, frequencies, shapes, rigid, mass):
         (n, r), k, w = shapes.shape, rigid.shape[1], frequencies
-        self.elastic, self.known = (e := 2 * r), {}
+        self.elastic = e = 2 * r
         self.out, self.into, self.free = np.zeros((3, 2 * n, 2 * n))
         self.out[:n, :r], self.out[n:, r:e] = shapes / w, shapes
         self.out[:n, e : e + k], self.out[n:, e + k :] = rigid, rigid
@@ -160,34 +161,11 @@ class Frame:
                 a += (self.into @ system.push[j, effect, :, :size].T) @ grip
         return a
 
-    def basis_of(self, system, effects):
-        """Return the `Basis` of a combination of effects, which tunings and flanks may share."""
-        a = self.matrix(system, effects)
-        key = a.tobytes()
-        found = self.known.get(key, self)
-        if found is self:
-            found = self.basis(a)
-            if len(self.known) == _MOST:
-                self.known.clear()
-            self.known[key] = found
-        return found
-
     def basis(self, a):
         """Return the `Basis` of such a matrix; None where it is badly conditioned."""
         e, size = self.elastic, len(a)
-        if size == e == 2 and a[0, 0] == 0.0:
-            # One oscillation, its position turning with the frame's frequency: a closed form.
-            half, square = 0.5 * a[1, 1], -a[0, 1] * a[1, 0]
-            if square >= _SLOW[1] ** 2 and square > half * half:
-                x, y = half / a[0, 1], math.sqrt(square - half * half) / a[0, 1]
-                if not (1.0 + abs(x)) / y < CONDITION:
-                    return None
-                p, back = np.array([[1.0, 0.0], [x, -y]]), np.array([[1.0, 0.0], [x / y, -1.0 / y]])
-                pairs = np.array([complex(x, y)]) * a[0, 1]
-                out, into = self.out @ p, back @ self.into
-                return Basis(out, into, pairs, np.zeros(0), np.zeros((0, 0)), 0)
         # Dampers against the ground hold free rotations too.
-        if np.abs(a[:e, e:]).max(initial=0.0) > NOTHING * np.abs(a).max():
+        if np.abs(a[:e, e:]).max(initial=0.0) > _NOTHING * np.abs(a).max():
             e = size
         values, vectors, slow, block = _split(a[:e, :e])
         rigid, drive = a[e:, e:], a[e:, :e]
@@ -196,7 +174,7 @@ class Frame:
             unlike = values[:, None, None] * one - rigid
             moved = np.linalg.solve(unlike, (drive @ vectors).T[..., None])[..., 0].T
             fast = np.vstack([vectors, moved])
-        pairs, single = values[chosen], values[values.imag == 0.0].real.copy()
+        pairs, single = values[chosen], values[values.imag == 0.0].real
         s = slow.shape[1] + size - e
         p = np.zeros((size, size))
         turning = fast[:, chosen]
@@ -214,7 +192,7 @@ class Frame:
             back = np.linalg.inv(p)
         except np.linalg.LinAlgError:
             return None
-        if not (np.abs(p) @ np.abs(back)).sum(axis=1).max() < CONDITION:
+        if not (np.abs(p) @ np.abs(back)).sum(axis=1).max() < _CONDITION:
             return None
         return Basis(self.out @ p, back @ self.into, pairs, single, blocks, len(one))
 
@@ -233,30 +211,71 @@ def _split(a):
     if sizes.min(initial=math.inf) >= _SLOW[1] and not (real & (sizes < _SLOW_REAL[1])).any():
         return values + 0j, vectors, np.zeros((len(a), 0)), np.zeros((0, 0))
     slow, damped = _gap(sizes, _SLOW), _gap(sizes[real], _SLOW_REAL)
-    chosen = (sizes < slow) | (real & (sizes < damped))
-    if not chosen.any():
+    if not ((sizes < slow) | (real & (sizes < damped))).any():
         return values + 0j, vectors, np.zeros((len(a), 0)), np.zeros((0, 0))
-    if chosen.all():
-        return np.zeros(0, complex), np.zeros((len(a), 0)), np.eye(len(a)), a
-    # As `scipy.linalg.schur` and `solve_sylvester` do, without their checks and second forms.
-    t, s, *_, q, _, code = lapack.dgees(
-        lambda x, y: math.hypot(x, y) < (slow if y else damped), a, sort_t=1
+    t, q, s = scipy.linalg.schur(
+        a, output="real", sort=lambda x, y: math.hypot(x, y) < (slow if y else damped)
     )
-    if code:
-        raise np.linalg.LinAlgError(f"the real Schur form was not found (info = {code})")
-    own, scale, _ = lapack.dtrsyl(t[:s, :s], t[s:, s:], -t[:s, s:], isgn=-1)
-    own *= scale
+    own = scipy.linalg.solve_sylvester(t[:s, :s], -t[s:, s:], -t[:s, s:])
     values, vectors = np.linalg.eig(t[s:, s:])
     return values + 0j, (q[:, s:] + q[:, :s] @ own) @ vectors, q[:, :s], t[:s, :s]
 
 
-def _slow_waves(basis, inputs, frequencies):
-    """Return the responses of the slow components to the harmonics, shape (s, 2 h)."""
-    s = len(basis.block)
-    forces = (basis.into[len(basis.into) - s :] @ inputs).T.reshape(-1, 2, s)
-    unlike = 1j * frequencies[:, None, None] * np.eye(s) - basis.block
-    found = np.linalg.solve(unlike, (forces[:, 0] - 1j * forces[:, 1])[..., None])[..., 0]
-    return np.stack([found.real, -found.imag], axis=1).reshape(-1, s).T.copy()
+def _forced(basis, inputs, frequencies):
+    """Return the responses of y to the harmonics, shape (2 N, 2 h); inputs of the same shape."""
+    forces = basis.into @ inputs
+    out, k = np.zeros_like(forces), 2 * basis.pairs.size
+    f = k + basis.single.size
+    for j, w in enumerate(frequencies):
+        cosine, sine = forces[:, 2 * j], forces[:, 2 * j + 1]
+        c, s = (part[:k:2] + 1j * part[1:k:2] for part in (cosine, sine))
+        more = 0.5 * (c - 1j * s) / (1j * w - basis.pairs)
+        less = 0.5 * (c + 1j * s) / (-1j * w - basis.pairs)
+        both, apart = more + less, 1j * (more - less)
+        out[:k:2, 2 * j], out[1:k:2, 2 * j] = both.real, both.imag
+        out[:k:2, 2 * j + 1], out[1:k:2, 2 * j + 1] = apart.real, apart.imag
+        behind = np.concatenate(
+            [
+                (cosine[k:f] - 1j * sine[k:f]) / (1j * w - basis.single),
+                np.linalg.solve(
+                    1j * w * np.eye(len(basis.block)) - basis.block, cosine[f:] - 1j * sine[f:]
+                ),
+            ]
+        )
+        out[k:, 2 * j], out[k:, 2 * j + 1] = behind.real, -behind.imag
+    return out
+
+
+def _whole(basis, a, frequencies):
+    """Return (out, into, rates of pairs, of real modes, block) of all components of z."""
+    n, moving = len(a), len(basis.block) + 2 * basis.pairs.size + basis.single.size
+    h, k = frequencies.size, 2 * basis.pairs.size
+    f = k + basis.single.size
+    waves = _forced(basis, a[:moving, moving + 1 :], frequencies)
+    push = basis.into @ a[:moving, moving]
+    rest = np.zeros(moving)
+    still = -(push[:k:2] + 1j * push[1:k:2]) / basis.pairs
+    rest[:k:2], rest[1:k:2], rest[k:f] = still.real, still.imag, -push[k:f] / basis.single
+    # Pairs, harmonics, real modes, the block, the constant.
+    order = np.concatenate([np.arange(k), moving + np.arange(2 * h), np.arange(k, moving), [n - 1]])
+    out, into = np.zeros((n, n)), np.zeros((n, n))
+    out[:moving, :moving], into[:moving, :moving] = basis.out, basis.into
+    out[:moving, moving : n - 1], out[:moving, n - 1] = basis.out @ waves, basis.out @ rest
+    into[:moving, moving], into[:moving, moving + 1 :] = -rest, -waves
+    out[moving, n - 1] = into[n - 1, moving] = 1.0
+    out[moving + 1 :, moving : n - 1] = into[moving : n - 1, moving + 1 :] = np.eye(2 * h)
+    s = moving - f
+    block = np.zeros((s + 1, s + 1))
+    block[:s, :s], block[:s, s] = basis.block, push[f:]
+    pairs = np.concatenate([basis.pairs, 1j * frequencies])
+    return out[:, order], into[order], pairs, basis.single, block
+
+
+def _piece_of(block):
+    """Return a length on which the series of a block ends behind DEGREE."""
+    # The root of so high a power hides the scales of the components.
+    size = np.linalg.norm(np.linalg.matrix_power(block, DEGREE + 1)) ** (1.0 / (DEGREE + 1))
+    return _BLOCK / size if size > 0.0 else math.inf
 
 
 def add(tables, system, grid, frame, effects):
@@ -264,23 +283,48 @@ def add(tables, system, grid, frame, effects):
     n, h = len(system.free), system.harmonics.size
     if tables.known[0] == tables.keys.size:
         forget(tables)
-    c, a, moving = tables.known[0], np.empty((n, n)), n - 1 - 2 * h
-    matrix_of(system, effects, a)
-    basis, lines = frame.basis_of(system, effects), np.stack([system.far, system.near])
-    curves = _exponentials(), _powers()
+    c = tables.known[0]
+    a = system.free.copy()
+    for j, effect in enumerate(effects):
+        if effect:
+            push, grip = system.push[j, effect], system.grip[j, effect]
+            # Number by number: a library's sums may hang on where in memory they lie.
+            a += push[0][:, None] * grip[0] + push[1][:, None] * grip[1]
+    moving = n - 1 - 2 * h
+    basis = frame.basis(frame.matrix(system, effects))
+    out, into, pairs, single, block = np.eye(n), np.eye(n), np.zeros(0), np.zeros(0), a
+    # Of slow motions too a piece is no longer than some period of the reference mode.
+    hidden, piece = 0, REACH
     if basis is not None:
-        slow = np.zeros((len(basis.block), 2 * h))
-        if slow.size:
-            try:
-                slow = _slow_waves(basis, a[:moving, moving + 1 :], grid.spin)
-            except np.linalg.LinAlgError:
-                slow[:] = np.nan
-        if not fill_modes(tables, c, lines, a, basis, slow, grid.spin, *curves):
+        # At a resonance without damping nothing is finite.
+        with np.errstate(divide="ignore", invalid="ignore"):
+            found = _whole(basis, a, grid.spin)
+            # Of forced motions that nearly cancel: in static deflections.
+            sizes = (np.abs(found[0]) @ np.abs(found[1][:, moving:]))[:moving]
+        if not sizes.max() < _CONDITION:
             basis = None
+        else:
+            (out, into, pairs, single, block), hidden = found, basis.hidden
+    k, f = 2 * pairs.size, 2 * pairs.size + single.size
+    rates = np.concatenate([pairs, single])
+    if rates.size:
+        piece = min(piece, REACH / np.abs(rates).max())
     if basis is None:
-        tables.into[c, :, :n] = tables.out[c, :, :n] = np.eye(n)
-        piece = BLOCK * system.longest / exponential.REACH
-        fill_distances(tables, c, lines, np.zeros(0, complex), 0, a, piece, 0, *curves)
+        piece = _BLOCK * system.longest / exponential.REACH
+    elif len(block) > 1:
+        piece = min(piece, _piece_of(block))
+    tables.pairs[c], tables.single[c], tables.piece[c] = pairs.size, single.size, piece
+    tables.rates[c, : rates.size, 0], tables.rates[c, : rates.size, 1] = rates.real, rates.imag
+    tables.block[c, : n - f, : n - f] = block
+    tables.into[c, :, :n], tables.out[c, :, :n] = into.T, out.T
+    rows = np.stack([system.far, system.near]) @ out
+    # Free rotations of the whole train move no mesh.
+    rows[:, :, n - 1 - hidden : n - 1] = 0.0
+    fill_curves(tables, c, rows, _exponentials(), _powers())
+    tables.swing[c, :, :, : pairs.size] = np.hypot(rows[:, :, :k:2], rows[:, :, 1:k:2])
+    tables.swing[c, :, :, pairs.size : rates.size] = np.abs(rows[:, :, k:f])
+    tables.level[c] = rows[:, :, n - 1]
+    tables.steady[c] = ~rows[:, :, f : n - 1].any(axis=2) & (rates.real <= _NOTHING).all()
     key = key_of(effects, system.push.shape[1])
     tables.slots[slot_of(tables.slots, tables.keys, key)] = c
     tables.keys[c] = key
