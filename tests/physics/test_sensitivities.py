@@ -331,7 +331,9 @@ def test_a_full_start_of_six_degrees():
         for start in ((0.3, -2.0), state)
     ]
     np.testing.assert_array_equal(runs[0].displacement, runs[1].displacement)
-    np.testing.assert_array_equal(runs[0].d_displacement_d_tuning, runs[1].d_displacement_d_tuning)
+    # The speed of the run-out at the start, over the tuning, is the same but for its rounding.
+    one, other = (run.d_displacement_d_tuning for run in runs)
+    np.testing.assert_allclose(one, other, rtol=0, atol=1e-13)
     with pytest.raises(ValueError, match="is not allowed with all 12 components"):
         simulate(GEARS, 0.9, periods=1, initial_state=state, sensitivities="initial_velocity")
 
