@@ -25,20 +25,20 @@ MISSING = dataclasses.MISSING
 
 
 class Number:
-    """A real number within bounds, which `above` and `below` leave out."""
+    """A real number within bounds, which `above` and `below` leave out.
 
-    unit = ""
-    #: A value in another unit of the dimension, as a configuration may have it.
-    example = ""
+    Its unit is that of SI, "1" without dimension; `example` is a value in another one, as a
+    configuration may have it. `infinite` says what infinity means, where it is allowed.
+    """
+
     above: float | None = None
     least: float | None = None
     below: float | None = None
     most: float | None = None
-    #: What infinity means, where it is allowed.
-    infinite = ""
 
-    def __init__(self, **given):
-        vars(self).update(given)
+    def __init__(self, unit, example="", infinite="", **bounds):
+        self.unit, self.example, self.infinite = unit, example, infinite
+        vars(self).update(bounds)
 
     @property
     def range(self):
@@ -186,11 +186,12 @@ class Parameter:
 
     @property
     def unit(self):
-        """Its unit, or that of each of its values; "" without one."""
+        """Its unit, or that of each of its values; "" without dimension."""
         kind = self.kind
         while hasattr(kind, "item"):
             kind = kind.item
-        return getattr(kind, "unit", "")
+        unit = getattr(kind, "unit", "1")
+        return "" if unit == "1" else unit
 
     @property
     def description(self):
@@ -327,34 +328,34 @@ def _written(value):
 
 # Kinds with a dimension, and the parameters that many take.
 
-POSITIVE = Number(above=0)
-NONNEGATIVE = Number(least=0)
-FINITE = Number()
-ANGLE = Number(unit="rad", example="30 deg")
+POSITIVE = Number("1", above=0)
+NONNEGATIVE = Number("1", least=0)
+FINITE = Number("1")
+ANGLE = Number("rad", "30 deg")
 #: A pressure angle in operation.
-WORKING_ANGLE = Number(unit="rad", example="20 deg", least=0, below=math.pi / 2)
-LENGTH = Number(unit="m", example="100 mm", above=0)
-BACKLASH = Number(unit="m", example="40 um", least=0, infinite="infinity included")
-RUN_OUT = Number(unit="m", example="10 um", least=0)
-ERROR = Number(unit="m", example="10 um")
-STIFFNESS = Number(unit="N/m", example="4e5 N/mm", above=0)
+WORKING_ANGLE = Number("rad", "20 deg", least=0, below=math.pi / 2)
+LENGTH = Number("m", "100 mm", above=0)
+BACKLASH = Number("m", "40 um", least=0, infinite="infinity included")
+RUN_OUT = Number("m", "10 um", least=0)
+ERROR = Number("m", "10 um")
+STIFFNESS = Number("N/m", "4e5 N/mm", above=0)
 #: Of a support.
-SUPPORT = Number(unit="N/m", example="1 kN/um", least=0, infinite="infinity: rigid")
-SHAFT_STIFFNESS = Number(unit="N m/rad", example="1 MN m/rad", above=0)
-MASS = Number(unit="kg", example="3123 g", above=0)
-INERTIA = Number(unit="kg m^2", example="978.52 kg cm^2", above=0)
-POWER = Number(unit="W", example="30 kW", above=0)
-SPEED = Number(unit="rpm", example="2000 rpm", above=0)
-LOAD = Number(unit="N", example="3.3 kN", above=0)
-FORCE = Number(unit="N", example="2 kN")
-TORQUE = Number(unit="N m", example="200 N m")
-DRIVING_TORQUE = Number(unit="N m", example="302 N m", above=0)
-DAMPING = Number(unit="N s/m", example="3.95 N s/mm", least=0)
-TWIST_DAMPING = Number(unit="N m s/rad", example="10 N m s/rad", least=0)
-TIME = Number(unit="s", example="1 us", least=0)
+SUPPORT = Number("N/m", "1 kN/um", least=0, infinite="infinity: rigid")
+SHAFT_STIFFNESS = Number("N m/rad", "1 MN m/rad", above=0)
+MASS = Number("kg", "3123 g", above=0)
+INERTIA = Number("kg m^2", "978.52 kg cm^2", above=0)
+POWER = Number("W", "30 kW", above=0)
+SPEED = Number("rpm", "2000 rpm", above=0)
+LOAD = Number("N", "3.3 kN", above=0)
+FORCE = Number("N", "2 kN")
+TORQUE = Number("N m", "200 N m")
+DRIVING_TORQUE = Number("N m", "302 N m", above=0)
+DAMPING = Number("N s/m", "3.95 N s/mm", least=0)
+TWIST_DAMPING = Number("N m s/rad", "10 N m s/rad", least=0)
+TIME = Number("s", "1 us", least=0)
 TEETH = Integer(3, limit=100_000)
-STIFFNESS_RATIO = Number(above=0, most=1)
-CONTACT_RATIO = Number(least=1, most=2)
+STIFFNESS_RATIO = Number("1", above=0, most=1)
+CONTACT_RATIO = Number("1", least=1, most=2)
 TRUTH = OneOf((False, True))
 TEXT = Text()
 

@@ -47,10 +47,10 @@ class _Common(Section):
     dampings: dict[Name, Damping] = Field(
         min_length=1, description="The damping combinations, by name."
     )
-    run: Run = Run()
+    run: Run = Run.unchecked()
     six_degrees: SixDegrees
-    train: Train = Train()
-    planetary: Planetary = Planetary()
+    train: Train = Train.unchecked()
+    planetary: Planetary = Planetary.unchecked()
     scenes: dict[Name, Scene] = Field(default={}, description="Scenes by name, one figure each.")
     figures: Figures
 

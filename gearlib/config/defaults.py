@@ -207,7 +207,7 @@ def _run(mapping):
 def _fit(made, run, teeth, count):
     """Add what has to stay within the recorded samples, and within what a browser takes in."""
     made["phase_lag"]["harmonics"] = max(1, min(_HARMONICS, run.samples_per_period // 8))
-    page = ReportPage()
+    page = ReportPage.unchecked()
     shown = min(page.periods_shown, run.recorded_revolutions * teeth)
     most = MAX_PAGE_SAMPLES // (count * page.count() * shown)
     samples = max(8, min(page.samples_per_period, most))

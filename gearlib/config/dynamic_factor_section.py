@@ -26,7 +26,7 @@ class DynamicFactor(Recorded):
     step: OwnStep = 0.01
     pair: DrawnPair = entry(
         "The pair, both gears with their quality; by default FZG type C.",
-        DrawnPair(**FZG_C | {"backlash": 160.5e-6}),
+        DrawnPair.unchecked(**FZG_C | {"backlash": 160.5e-6}),
     )
     damping_ratio: Share = entry("Damping in contact, beta.", 0.06)
     periods: Periods = 300

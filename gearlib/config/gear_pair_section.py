@@ -120,7 +120,9 @@ class MeshCase(Section):
 
     title: Label = entry("Above the column or panel; names the case in the data.")
     tuning: Tuning = entry("Tuning nu.")
-    change: Change = entry("Other values for keys of gear_pair, in this case only.", Change())
+    change: Change = entry(
+        "Other values for keys of gear_pair, in this case only.", Change.unchecked()
+    )
 
 
 class Run(Section):
@@ -133,7 +135,7 @@ class Run(Section):
     samples_per_period: whole(8, 65_536) = entry(
         "Samples of a recorded mesh period in the phase planes.", 256
     )
-    initial_state: State = entry("State from which cold runs start.", State())
+    initial_state: State = entry("State from which cold runs start.", State.unchecked())
 
     @model_validator(mode="after")
     def _check(self):

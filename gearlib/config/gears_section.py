@@ -1,5 +1,6 @@
 """Gears by their drawing: the section `gears`, in place of `gear_pair`, and pairs of studies."""
 
+from operator import attrgetter
 from typing import Literal
 
 from pydantic import model_validator
@@ -90,9 +91,9 @@ class DrawnPair(_Placed):
     def check(self, place, *methods):
         """Refuse gears, named by `place`, that cannot be or have no stiffness by these methods."""
         # These can be: no start of the workflow loads the geometry for them.
-        keys = {"pinion", "wheel", "centre_distance"}
-        known = [{key: pair[key] for key in keys & pair.keys()} for pair in (FZG_C, TWENTY)]
-        if self.model_dump(include=keys) in known:
+        of_drawing = attrgetter("pinion", "wheel", "centre_distance")
+        known = [of_drawing(DrawnPair.unchecked(**pair)) for pair in (FZG_C, TWENTY)]
+        if of_drawing(self) in known:
             return
         mesh = drawing.mesh_of(place, self)
         for method in methods:

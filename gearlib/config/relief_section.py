@@ -30,7 +30,7 @@ class HarrisMap(Section):
 
     gears: DrawnPair = entry(
         "The pair at its design load, without tip relief; by default FZG type C.",
-        DrawnPair(**FZG_C | {"backlash": 160e-6}),
+        DrawnPair.unchecked(**FZG_C | {"backlash": 160e-6}),
     )
     stiffness: Literal["energy", "iso"] = entry(
         "How the stiffness of a pair of teeth is found.", "energy"

@@ -35,8 +35,8 @@ class MeshStiffness(Section):
 
     pairs: Annotated[dict[Name, PublishedPair], Field(min_length=1, max_length=6)] = Field(
         default={
-            "z20-20": PublishedPair(**TWENTY, published={"ISO": 4.9e8, "thumb": 5.2e8}),
-            "FZG-C": PublishedPair(**FZG_C),
+            "z20-20": PublishedPair.unchecked(**TWENTY, published={"ISO": 4.9e8, "thumb": 5.2e8}),
+            "FZG-C": PublishedPair.unchecked(**FZG_C),
         },
         description="Drawn pairs by name.",
     )

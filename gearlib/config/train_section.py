@@ -125,11 +125,11 @@ class Train(Given):
         "out.",
         None,
     )
-    split_power_reducer: SplitPowerReducer = SplitPowerReducer()
-    planetary: Planetary = Planetary()
-    idler: Idler = Idler()
-    two_stage: TwoStage = TwoStage()
-    own: Own = Own()
+    split_power_reducer: SplitPowerReducer = SplitPowerReducer.unchecked()
+    planetary: Planetary = Planetary.unchecked()
+    idler: Idler = Idler.unchecked()
+    two_stage: TwoStage = TwoStage.unchecked()
+    own: Own = Own.unchecked()
     planetary_set: PlanetarySet = entry("Sun, planets and ring by their drawing.", None)
 
     @model_validator(mode="after")

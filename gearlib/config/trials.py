@@ -66,12 +66,12 @@ class StabilityChart(Grid):
     steps: listing(Steps, "Steps per mesh period.") = list(_STEPS)
     methods: dict[Name, FixedStepMethod] = Field(
         default={
-            "rk4": FixedStepMethod(method="rk4"),
-            "newmark": FixedStepMethod(method="newmark"),
-            "generalised_alpha": FixedStepMethod(
+            "rk4": FixedStepMethod.unchecked(method="rk4"),
+            "newmark": FixedStepMethod.unchecked(method="newmark"),
+            "generalised_alpha": FixedStepMethod.unchecked(
                 method="generalised_alpha", options={"spectral_radius": 0.8}
             ),
-            "generalised_alpha-0": FixedStepMethod(
+            "generalised_alpha-0": FixedStepMethod.unchecked(
                 method="generalised_alpha", options={"spectral_radius": 0.0}
             ),
         },
@@ -94,7 +94,7 @@ class Trial(Section):
 
 
 def _trial(name, method, **options):
-    return Trial(name=name, method=method, options=options)
+    return Trial.unchecked(name=name, method=method, options=options)
 
 
 Way = Literal["exact", "differences", "differences-1e-9", "smoothed", "diffrax", "heyoka"]
@@ -202,4 +202,4 @@ class JumpByMethod(Grid):
     most_evaluations: Positive = entry(
         "Settings that cost more evaluations per mesh period are left out.", 7000.0
     )
-    slow: SlowScan = SlowScan()
+    slow: SlowScan = SlowScan.unchecked()

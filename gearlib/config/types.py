@@ -186,6 +186,15 @@ class Section(BaseModel):
     # Built with the whole configuration only, not each section by itself before: that takes longer.
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, defer_build=True)
 
+    @classmethod
+    def unchecked(cls, **given):
+        """Return a section that is a default; a check would build the validator of its class."""
+        for key, value in given.items():
+            part = cls.model_fields[key].annotation
+            if isinstance(value, dict) and isinstance(part, type) and issubclass(part, Section):
+                given[key] = part.unchecked(**value)
+        return cls.model_construct(**given)
+
 
 class Given(Section):
     """Base of sections whose keys may be left out: what is not given is not dumped either."""
@@ -207,7 +216,7 @@ def _in_bounds(kind):
 def type_of(kind):
     """Return the type of a kind of `gearlib.parameters`, as YAML has its values."""
     if isinstance(kind, parameters.Number):
-        if not kind.unit:
+        if kind.unit == "1":
             return number_within(**_in_bounds(kind))
         return quantity(kind.unit, kind.example, infinite=bool(kind.infinite), **_in_bounds(kind))
     if isinstance(kind, parameters.Integer):

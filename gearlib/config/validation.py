@@ -94,9 +94,15 @@ def allowed(node, schema):
 
 
 def _range(node):
-    if "minimum" in node and "maximum" in node:
-        return f"from {node['minimum']} to {node['maximum']}"
-    return " and ".join(text.format(node[name]) for name, text in _BOUNDS.items() if name in node)
+    # Fractions of pi rounded; the unit follows.
+    bounds = {
+        name: f"{node[name]:.5g}" if isinstance(node[name], float) else node[name]
+        for name in _BOUNDS
+        if name in node
+    }
+    if {"minimum", "maximum"} <= bounds.keys():
+        return f"from {bounds['minimum']} to {bounds['maximum']}"
+    return " and ".join(_BOUNDS[name].format(value) for name, value in bounds.items())
 
 
 def _key(path):

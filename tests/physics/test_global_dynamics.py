@@ -325,7 +325,7 @@ def test_wrong_basins(changed, part):
         (lambda: bifurcation_diagram(BOTH, [0.7], tuning=0.7), "tuning = 0.7"),
         (lambda: bifurcation_diagram(BOTH, [0.7], direction="left"), "direction = 'left'"),
         (lambda: lyapunov_exponents(BOTH, [0.7], periods=5), "periods = 5"),
-        (lambda: lyapunov_exponents(BOTH, [0.7], states=[0.0]), "states of shape"),
+        (lambda: lyapunov_exponents(BOTH, [0.7], states=[0.0]), "states = "),
         (
             lambda: poincare_section(
                 OneDegreePair(pair=BOTH), 0.7, [(0.0, 0.0)], periods=5, phase=1.0

@@ -361,6 +361,13 @@ LIBRARY = {
     "speeds contains 10.0 twice": lambda: sweep(speeds=[10.0, 10.0]),
     "branch = None": lambda: gearlib.certify_fold(PAPER, None, 0),
     "pair = None": lambda: gearlib.certify_tongues(None),
+    "values = [0.5] ... left out where parameter is None": lambda: gearlib.tongues(
+        PAPER, values=[0.5]
+    ),
+    "states = ('x', 0.0) ... 2 numbers, or": lambda: gearlib.lyapunov_exponents(
+        PAPER, [0.8], states=("x", 0.0)
+    ),
+    "pair = 'x' ... one degree of freedom": lambda: gearlib.schmidt("x", 0.8),
 }
 
 

@@ -10,11 +10,12 @@ import pytest
 import gearlib
 import gearlib.geometry as drawn
 from gearlib import Body, GearPair, Harmonics, LoadSharingPair
+from gearlib.parameters import Number, declared
 from tests.geometry.drawings import fzg_c
 from tests.paper import PAPER, PARAMETERS
 from tests.refusals.ranges import Ranges
 
-RANGES = Ranges("library")
+RANGES, UNITS = Ranges("library"), Ranges("units")
 NU = 0.9
 DAMPED = PAPER.replace(material_damping=4e3)
 ORBIT = gearlib.periodic_orbit(DAMPED, NU)
@@ -107,7 +108,7 @@ HANDED_ON = {
 #: What no range tells: any truth; what a search asks first whether it can go on at all; what only
 #: counts beside another; what is refused together with others, in `combinations`.
 FREE = """
-basins.stop_early locus.limits locus.max_points locus.to continue_orbit.to tongues.values
+locus.limits locus.max_points locus.to continue_orbit.to tongues.values
 SpurGear.tip_diameter planetary_set.ring schmidt.degenerate
 dynamic_factor.rpm lyapunov_exponents.states orbit_sensitivities.sensitivities
 fold_sensitivities.sensitivities simulate.sensitivities
@@ -197,6 +198,26 @@ def test_no_call_is_left_out():
     public |= {getattr(drawn, name) for name in drawn.__all__ if name != "RACKS"}
     results = {drawn.DynamicFactor, drawn.IsoStiffness, drawn.MeshStiffness}
     assert public - results - {gearlib.methods, gearlib.Rectangular} <= {*MADE, *CALLED}
+
+
+def test_what_is_declared_has_its_unit():
+    found = [
+        (call, name, one)
+        for call in (*MADE, *CALLED)
+        for name, one in declared(call).items()
+        if isinstance(innermost(one.kind), Number)
+    ]
+    assert len(found) > 100
+    for call, name, one in found:
+        unit = UNITS.of([owner(call), name])
+        assert unit and (one.unit or "1") == unit.words, (owner(call), name)
+    with pytest.raises(TypeError, match="unit"):
+        Number(above=0)  # type: ignore[call-arg]
+
+
+def innermost(kind):
+    """Return the kind of the values of a list, of a list of lists."""
+    return innermost(kind.item) if hasattr(kind, "item") else kind
 
 
 @pytest.mark.parametrize("kind", [drawn.Material, drawn.Rack, drawn.SpurGear, drawn.Web])

@@ -92,10 +92,11 @@ def basins(
     refuse_undamped(pair)
     periods = checks.integer("periods", periods, 1)
     seed = checks.integer("seed", seed, 0)
+    checks.one_of("stop_early", stop_early, (False, True))
     x, v = initial_states(grid)
     cycles = -(-periods // strobe.cycle)
     attractors, labels = classify(
-        strobe, mesh_states(x, v), cycles, stop_early=bool(stop_early), seed=seed
+        strobe, mesh_states(x, v), cycles, stop_early=stop_early, seed=seed
     )
     data = {
         "basin": (("displacement", "velocity"), labels.reshape(x.size, v.size).astype(np.int16)),

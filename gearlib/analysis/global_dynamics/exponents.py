@@ -11,6 +11,7 @@ from gearlib.analysis import lyapunov
 from gearlib.analysis.global_dynamics import grids
 from gearlib.analysis.global_dynamics.varied_ratio import models, name_parameter
 from gearlib.data import provenance, status
+from gearlib.data.numbers_given import floats
 from gearlib.data.variables import describe
 from gearlib.integrators import choose
 from gearlib.runs.run_arguments import MAX_EVENTS
@@ -68,11 +69,12 @@ def lyapunov_exponents(
     if isinstance(states, str):
         pair.check_state(states)
         states = cases[0][0].start_state(states)
-    rows, sizes = np.asarray(states, float), {2, len(pair.components)}
+    rows, sizes = floats(states), {2, len(pair.components)}
     if rows.shape not in {shape for n in sizes for shape in ((n,), (values.size, n))}:
         raise ValueError(
-            f"states of shape {rows.shape} are not allowed: there must be two numbers, or two for "
-            f"each of the {values.size} values"
+            f"states = {states!r} is not allowed: it must be "
+            f"{' or '.join(map(str, sorted(sizes)))} numbers, or as many for each of the "
+            f"{values.size} values"
         )
     rows = np.broadcast_to(rows, (values.size, rows.shape[-1]))
 

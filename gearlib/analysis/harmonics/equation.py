@@ -232,7 +232,7 @@ def takes(model):
     """Return `model` if it has one degree of freedom, else raise ValueError."""
     if not (is_model(model) and model.one_mesh):
         raise ValueError(
-            f"pair = {type(model).__name__} is not allowed: it must be a GearPair or a "
-            "OneDegreePair, one degree of freedom"
+            f"pair = {model!r} is not allowed: it must be a GearPair or a OneDegreePair, "
+            "one degree of freedom"
         )
     return model

@@ -124,7 +124,7 @@ def text_of(caption, c):
 def default(section):
     """Return the default of a section, `...` where some keys have none."""
     required = any(field.is_required() for field in section.model_fields.values())
-    return ... if required else section()
+    return ... if required else section.unchecked()
 
 
 def grid_of(section, step="step"):

@@ -12,13 +12,9 @@ from gearlib.parameters import LENGTH, NONNEGATIVE, Number, check, documented
 class Material:
     """An elastic material; steel of ISO 6336-1 by default."""
 
-    young: Annotated[
-        float, Number(unit="Pa", example="206 GPa", above=0), "Modulus of elasticity"
-    ] = 206e9
-    poisson: Annotated[float, Number(least=0, below=0.5), "Poisson's ratio"] = 0.3
-    density: Annotated[float, Number(unit="kg/m^3", example="7.85 g/cm^3", above=0), "Density"] = (
-        7850.0
-    )
+    young: Annotated[float, Number("Pa", "206 GPa", above=0), "Modulus of elasticity"] = 206e9
+    poisson: Annotated[float, Number("1", least=0, below=0.5), "Poisson's ratio"] = 0.3
+    density: Annotated[float, Number("kg/m^3", "7.85 g/cm^3", above=0), "Density"] = 7850.0
 
     def __post_init__(self):
         check(self, " of a material")
@@ -29,8 +25,8 @@ class Material:
 class Rack:
     """The basic rack that generates the teeth, in modules."""
 
-    addendum: Annotated[float, Number(above=0, most=3), "Of the rack,", "h_aP"] = 1.0
-    dedendum: Annotated[float, Number(above=0, most=3), "Of the rack,", "h_fP"] = 1.25
+    addendum: Annotated[float, Number("1", above=0, most=3), "Of the rack,", "h_aP"] = 1.0
+    dedendum: Annotated[float, Number("1", above=0, most=3), "Of the rack,", "h_fP"] = 1.25
     tip_radius: Annotated[
         float,
         NONNEGATIVE,

@@ -57,15 +57,15 @@ class SpurGear:
     teeth: Annotated[int, Integer(3, limit=10_000), "Number of teeth", "z"]
     module: Annotated[float, LENGTH, "Normal module", "m_n"]
     width: Annotated[float, LENGTH, "Face width", "b"]
-    shift: Annotated[float, Number(least=-3, most=3), "Profile shift coefficient", "x"] = 0.0
+    shift: Annotated[float, Number("1", least=-3, most=3), "Profile shift coefficient", "x"] = 0.0
     pressure_angle: Annotated[
         float,
-        Number(unit="rad", example="20 deg", above=0, below=math.pi / 4),
+        Number("rad", "20 deg", above=0, below=math.pi / 4),
         "Pressure angle of the basic rack alpha_n; 20 degrees by default",
     ] = math.radians(20.0)
     helix_angle: Annotated[
         float,
-        Number(unit="rad", example="15.8 deg", least=0, below=math.pi / 3),
+        Number("rad", "15.8 deg", least=0, below=math.pi / 3),
         "Helix angle at the reference circle beta; 0 by default",
     ] = 0.0
     internal: Annotated[bool, TRUTH, "Whether it is a ring gear"] = False
@@ -77,7 +77,7 @@ class SpurGear:
     ] = "A"
     thickness_allowance: Annotated[
         float,
-        Number(unit="m", example="-50 um", most=0),
+        Number("m", "-50 um", most=0),
         "Upper allowance of the normal tooth thickness E_sns; DIN 3967",
     ] = 0.0
     bore: Annotated[float, RUN_OUT, "Diameter; below that of the root"] = 0.0

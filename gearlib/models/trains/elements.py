@@ -81,7 +81,7 @@ class Body:
     support_damping: Annotated[tuple, Two(DAMPING), "Along x and y"] = (0.0, 0.0)
     torsional_stiffness: Annotated[
         float,
-        Number(unit="N m/rad", example="1 kN m/rad", least=0, infinite="infinity: rigid"),
+        Number("N m/rad", "1 kN m/rad", least=0, infinite="infinity: rigid"),
         "Of a support against rotation",
     ] = 0.0
     torsional_damping: Annotated[float, TWIST_DAMPING, "Of the same"] = 0.0
@@ -142,7 +142,7 @@ class Shaft:
     damping: Annotated[float, TWIST_DAMPING, "Of the same"] = 0.0
     bending_stiffness: Annotated[
         float,
-        Number(unit="N/m", example="1 kN/um", least=0),
+        Number("N/m", "1 kN/um", least=0),
         "Between the displacements of both bodies, the same along x and y",
     ] = 0.0
     bending_damping: Annotated[float, DAMPING, "Of the same"] = 0.0
@@ -255,7 +255,7 @@ class Mesh:
     ] = 0.0
     tooth_thickness: Annotated[
         tuple | None,
-        Two(Number(above=0, below=1)),
+        Two(Number("1", above=0, below=1)),
         "Of pinion and wheel on their working circles, in pitches; by default half a pitch",
     ] = None
 
