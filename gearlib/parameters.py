@@ -160,7 +160,7 @@ class Two:
         return tuple(self.item.check(f"{name}, {axis}", value) for axis, value in named)
 
 
-class Part:
+class Instance:
     """An instance of a class, or of one of several."""
 
     def __init__(self, classes):
@@ -198,8 +198,8 @@ class Parameter:
         """Its words, symbol and unit, a sentence."""
         # Symbol and unit stand before what is added to the words.
         head = re.match(r".*?(?=;|\. |$)", self.words)[0]  # type: ignore[index]
-        rest, named = self.words[len(head) :], " ".join(filter(None, (head, self.symbol)))
-        return f"{', '.join(filter(None, (named, self.unit)))}{rest}."
+        added, named = self.words[len(head) :], " ".join(filter(None, (head, self.symbol)))
+        return f"{', '.join(filter(None, (named, self.unit)))}{added}."
 
 
 @functools.cache
@@ -304,8 +304,8 @@ def _with_table(text, thing):
         words = one.description
         words = textwrap.fill(words, 92) if len(words) > 92 else words
         lines += [f"{name} : {one.kind.words}{default}", textwrap.indent(words, "    ")]
-    head, mark, rest = text.partition("\n\nRaises\n---")
-    return "\n".join([head, "", *lines]) + mark + rest
+    head, mark, tail = text.partition("\n\nRaises\n---")
+    return "\n".join([head, "", *lines]) + mark + tail
 
 
 def _plain(function, skip=0):

@@ -22,6 +22,7 @@ _MESHES = (
 
 _state = click.option(
     "--state",
+    "initial_state",
     nargs=2,
     type=float,
     default=(0.0, 0.0),
@@ -61,24 +62,22 @@ def main():
 @_state
 @click.option("--periods", type=int, default=200, show_default=True, help="Mesh periods.")
 @click.option("--record-periods", type=int, default=1, show_default=True, help="Recorded ones.")
-@click.option("--samples", type=int, default=256, show_default=True, help="Samples per period.")
+@click.option(
+    "--samples",
+    "samples_per_period",
+    type=int,
+    default=256,
+    show_default=True,
+    help="Samples per period.",
+)
 @click.option("--method", help="A name of gearlib.methods().")
 @output.options
-def simulate(model, tuning, state, periods, record_periods, samples, method, output_path, force):
+def simulate(model, tuning, save, **asked):
     """Run one tuning: time course, contact events, orbit summary."""
-    output.check(output_path, force)
     import gearlib
 
     with progress.clock("simulating"):
-        run = gearlib.simulate(
-            model,
-            tuning,
-            periods=periods,
-            record_periods=record_periods,
-            samples_per_period=samples,
-            initial_state=state,
-            method=method,
-        )
+        run = gearlib.simulate(model, tuning, **asked)
     if run.status != 0:
         output.fail(run.status.attrs["message"])
     scales = ["period", "static_deflection", "tuning", "speed"]
@@ -88,7 +87,7 @@ def simulate(model, tuning, state, periods, record_periods, samples, method, out
     else:
         own = ["displacement_max", "displacement_min", "dynamic_force_max", "fraction_normal"]
         output.table(run, [*own, "bounces", *scales])
-    output.save(run, output_path)
+    save(run)
 
 
 @main.command()
@@ -119,11 +118,8 @@ def simulate(model, tuning, state, periods, record_periods, samples, method, out
 @click.option("--record-periods", type=int, default=10, show_default=True, help="Recorded ones.")
 @click.option("--method", help="A name of gearlib.methods().")
 @output.options
-def sweep(
-    model, start, stop, points, direction, periods, record_periods, method, output_path, force
-):
+def sweep(model, start, stop, points, save, **asked):
     """Run many tunings: the resonance characteristic."""
-    output.check(output_path, force)
     start, stop = (speed_options.tuning_of(model, value) for value in (start, stop))
     if points < 2 or not 0.0 < start < stop < math.inf:
         raise click.UsageError(
@@ -135,25 +131,19 @@ def sweep(
 
     import gearlib
 
-    settings = {
-        "periods": periods,
-        "record_periods": record_periods,
-        "direction": direction,
-        "method": method,
-    }
     grid = np.linspace(start, stop, points)
-    if direction == "cold":
+    if asked["direction"] == "cold":
         # In pieces, so that the bar can move; the tunings do not know of each other.
         pieces = np.array_split(grid, min(points, 50))
         parts = []
         with progress.counter("tunings", points) as done:
             for piece in pieces:
-                parts.append(gearlib.sweep(model, piece, **settings))
+                parts.append(gearlib.sweep(model, piece, **asked))
                 done(len(piece))
         curve = xr.concat(parts, "tuning", data_vars="minimal", combine_attrs="identical")
     else:
-        with progress.clock(f"{points} tunings {direction}"):
-            curve = gearlib.sweep(model, grid, **settings)
+        with progress.clock(f"{points} tunings {asked['direction']}"):
+            curve = gearlib.sweep(model, grid, **asked)
     failed = int((curve.status != 0).sum())
     if failed == points:
         output.fail("no run could go on: see gearlib.data.status for what each code says")
@@ -168,7 +158,7 @@ def sweep(
     else:
         own = ["displacement_max", "displacement_min", "dynamic_force_max"]
         output.table(top, ["tuning", "speed", *own])
-    output.save(curve, output_path)
+    save(curve)
 
 
 @main.command()
@@ -177,9 +167,8 @@ def sweep(
 @click.option("--period", type=int, default=1, show_default=True, help="Mesh periods of it.")
 @click.option("--guess", nargs=2, type=float, help="Displacement and dx/dtau near the orbit.")
 @output.options
-def orbit(model, tuning, period, guess, output_path, force):
+def orbit(model, tuning, period, guess, save):
     """Find a periodic orbit and its Floquet multipliers."""
-    output.check(output_path, force)
     import gearlib
     from gearlib.analysis.orbits.shooting import NoOrbit
 
@@ -194,7 +183,7 @@ def orbit(model, tuning, period, guess, output_path, force):
     click.echo(f"contact pattern      {' '.join(str(code) for code in found.pattern)}")
     if found.grazing:
         click.echo("It touches a flank line: the multipliers hold on one side of it only.")
-    output.save(found.dataset(), output_path)
+    save(found.dataset())
 
 
 def _first(texts, most=12):
@@ -212,18 +201,17 @@ def _first(texts, most=12):
     "--periods", type=click.IntRange(32), default=2000, show_default=True, help="To settle."
 )
 @output.options
-def trust(model, tuning, state, periods, output_path, force):
+def trust(model, tuning, save, **asked):
     """Chaos or artefact: run one tuning in several ways and label its motion."""
-    output.check(output_path, force)
     import gearlib
 
     with progress.clock("running it in several ways"):
-        found = gearlib.trust(model, tuning, periods=periods, initial_state=state)
+        found = gearlib.trust(model, tuning, **asked)
     click.echo(f"{found.label}: {found.message}")
     if not math.isnan(found.exponent):
         rate = f"{found.exponent:.6g} +- {found.uncertainty:.2g}"
         click.echo(f"Lyapunov exponent    {rate} per period")
-    output.save(found.runs, output_path)
+    save(found.runs)
     if found.label == "undecided":
         output.fail("undecided: see the message above for what to try")
 
@@ -231,35 +219,32 @@ def trust(model, tuning, state, periods, output_path, force):
 @main.command()
 @model_options.train_options
 @output.options
-def modes(train, output_path, force):
+def modes(train, save):
     """Natural frequencies of the gear train, and the kinds of its modes."""
-    output.check(output_path, force)
     found = train.modes()
     output.columns(found, "mode", ["natural_frequency", "mode_kind"])
-    output.save(found, output_path)
+    save(found)
 
 
 @main.command()
 @model_options.train_options
 @click.option("--phase", type=float, default=0.0, show_default=True, help="Mesh phase, rad.")
 @output.options
-def static(train, phase, output_path, force):
+def static(train, phase, save):
     """Load sharing of the gear train at rest, with gaps and errors."""
-    output.check(output_path, force)
     found = train.static(phase)
     if found.status:
         output.fail(found.status.attrs["message"])
     output.columns(found, "mesh", ["mesh_force", "contact", "load_sharing"])
-    output.save(found, output_path)
+    save(found)
 
 
 @main.command()
 @model_options.train_options
 @click.option("--count", type=int, default=6, show_default=True, help="Highest order.")
 @output.options
-def phasing(train, count, output_path, force):
+def phasing(train, count, save):
     """Which harmonics of the mesh stiffness excite which modes of the gear train."""
-    output.check(output_path, force)
     found = train.phasing(count)
     kinds = list(dict.fromkeys(found.mode_kind.values))
     cells = []
@@ -268,7 +253,7 @@ def phasing(train, count, output_path, force):
         own = (excites[found.mode_kind.values == kind] for kind in kinds)
         cells.append([f"{order:.6g}", *(f"{each.sum()} of {each.size}" for each in own)])
     output.rows(["order", *kinds], cells)
-    output.save(found, output_path)
+    save(found)
 
 
 @main.command("gears")
@@ -294,9 +279,8 @@ def gear_table(drawing, damping, form):
 @model_options.train_options
 @click.option("--count", type=int, default=1, show_default=True, help="Highest order of a mesh.")
 @output.options
-def campbell(train, count, output_path, force):
+def campbell(train, count, save):
     """Speeds at which the mesh frequencies of the gear train excite a natural mode."""
-    output.check(output_path, force)
     found = train.campbell(count)
     excited = []
     for order in found.stiffness_order.values:
@@ -307,7 +291,7 @@ def campbell(train, count, output_path, force):
             excited.append((*numbers, one.mode_kind.item()))
     cells = [[*(f"{number:.6g}" for number in row[:3]), row[3]] for row in sorted(excited)]
     output.rows(["critical_speed rpm", "order", "natural_frequency Hz", "mode_kind"], cells)
-    output.save(found, output_path)
+    save(found)
 
 
 @main.command()

@@ -27,16 +27,18 @@ def options(command):
     """
 
     @functools.wraps(command)
-    def wrapped(config_path, case, damping, damping_ratio, internal, outer_diameter, **rest):
+    def wrapped(config_path, case, damping, damping_ratio, internal, outer_diameter, **others):
         wheel = {"internal": internal or None, "outer_diameter": outer_diameter}
         section = {"pinion": {}, "wheel": {k: v for k, v in wheel.items() if v is not None}}
         for key in _COMMON:
-            _put(section, ("pinion",), key, rest.pop(key))
+            _put(section, ("pinion",), key, others.pop(key))
         for key in _EACH:
-            for gear, value in zip(("pinion", "wheel"), rest.pop(key) or (None, None), strict=True):
+            for gear, value in zip(
+                ("pinion", "wheel"), others.pop(key) or (None, None), strict=True
+            ):
                 _put(section, (gear,), key, value)
         for key in _OF_MESH:
-            _put(section, (), key, rest.pop(key))
+            _put(section, (), key, others.pop(key))
         mapping, path = model_options.read(config_path, case, damping)
         name = f"What the options make of {path}" if path else "What the options say"
         # Coefficients suit the pair for which they were made.
@@ -52,7 +54,7 @@ def options(command):
         damping = model_options.choose_damping(settings, damping)
         pair = settings.pair_parameters(damping)
         coefficients = {key: pair[key] for key in ("material_damping", "backlash_damping")}
-        return command(drawing=settings.gears, damping=coefficients, **rest)
+        return command(drawing=settings.gears, damping=coefficients, **others)
 
     for decorate in reversed(list(_decorators())):
         wrapped = decorate(wrapped)

@@ -31,8 +31,8 @@ def options(command):
     @_gear_options
     @click.option("--model", type=click.Choice(MODELS), default=MODELS[0], show_default=True)
     @functools.wraps(command)
-    def wrapped(mapping, gears, damping, model, **rest):
-        return command(model=_model(mapping, gears, model), **rest)
+    def wrapped(mapping, gears, damping, model, **others):
+        return command(model=_model(mapping, gears, model), **others)
 
     return wrapped
 
@@ -42,8 +42,8 @@ def train_options(command):
 
     @_gear_options
     @functools.wraps(command)
-    def wrapped(mapping, gears, damping, **rest):
-        return command(train=_model(mapping, gears, "train"), **rest)
+    def wrapped(mapping, gears, damping, **others):
+        return command(train=_model(mapping, gears, "train"), **others)
 
     return wrapped
 
@@ -57,10 +57,10 @@ def configuration_options(command):
 
     @_gear_options
     @functools.wraps(command)
-    def wrapped(mapping, gears, damping, **rest):
+    def wrapped(mapping, gears, damping, **others):
         whole = laid_over(mapping, _sections(gears, damping))
         load(whole, "What the options make of the configuration")
-        return command(mapping=whole, damping=damping, **rest)
+        return command(mapping=whole, damping=damping, **others)
 
     return wrapped
 
@@ -69,11 +69,11 @@ def _gear_options(command):
     """Give a command the options; it is called with `mapping`, `gears` and `damping`."""
 
     @functools.wraps(command)
-    def wrapped(config_path, case, damping, **rest):
-        given = {name: rest.pop(name) for name in _Gears.model_fields}
+    def wrapped(config_path, case, damping, **others):
+        given = {name: others.pop(name) for name in _Gears.model_fields}
         changes = {name: _number(text) for name, text in given.items() if text is not None}
         mapping, gears, damping = _gears(config_path, case, damping, changes)
-        return command(mapping=mapping, gears=gears, damping=damping, **rest)
+        return command(mapping=mapping, gears=gears, damping=damping, **others)
 
     decorators = [
         *config_options(),

@@ -1,37 +1,39 @@
 """What a command prints and writes, and how it ends."""
 
+import functools
 from pathlib import Path
 
 import click
 
 
 def options(command):
-    """Give a command the options of its output."""
-    for decorate in (
-        click.option("--force", is_flag=True, help="Replace the file if there is one."),
-        click.option(
-            "-o",
-            "--output",
-            "output_path",
-            type=click.Path(dir_okay=False, path_type=Path),
-            help="netCDF file to write; without it, only the summary is printed.",
-        ),
-    ):
-        command = decorate(command)
-    return command
+    """Give a command the options of its output; it is called with `save`, which takes a dataset."""
+
+    @click.option(
+        "-o",
+        "--output",
+        type=click.Path(dir_okay=False, path_type=Path),
+        help="netCDF file to write; without it, only the summary is printed.",
+    )
+    @click.option("--force", is_flag=True, help="Replace the file if there is one.")
+    @functools.wraps(command)
+    def wrapped(output, force, **given):
+        if output is not None:
+            _check(output, force)
+        return command(save=functools.partial(_save, output), **given)
+
+    return wrapped
 
 
-def check(output, force):
+def _check(output, force):
     """Refuse, before anything is computed, to replace a file unasked or to write to no folder."""
-    if output is None:
-        return
     if output.exists() and not force:
         raise click.UsageError(f"{output} is there already: choose another name, or give --force")
     if not output.parent.is_dir():
         raise click.UsageError(f"{output} cannot be written: there is no folder {output.parent}")
 
 
-def save(dataset, output):
+def _save(output, dataset):
     """Write a dataset where asked."""
     from gearlib.data import storage
 

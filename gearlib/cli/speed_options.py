@@ -43,10 +43,10 @@ def options(command):
     @click.option("--tuning", type=float, help="nu = mesh / mean eigenfrequency.")
     @click.option("--speed", type=SPEED, help="Instead of it: of the gear whose teeth count, rpm.")
     @functools.wraps(command)
-    def wrapped(model, tuning, speed, **rest):
+    def wrapped(model, tuning, speed, **others):
         from gearlib.runs import run_arguments
 
-        return command(model=model, tuning=run_arguments.tuning_of(model, tuning, speed), **rest)
+        return command(model=model, tuning=run_arguments.tuning_of(model, tuning, speed), **others)
 
     return wrapped
 

@@ -244,7 +244,7 @@ def like(title, words, constructor, *names, base=None, without=(), required=(), 
         if (
             (names and name not in names)
             or name in without
-            or isinstance(one.kind, parameters.Part)
+            or isinstance(one.kind, parameters.Instance)
         ):
             continue
         default, more = ..., {}

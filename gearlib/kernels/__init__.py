@@ -1,4 +1,4 @@
-"""Compiled kernels: floats and arrays only, a folder for each kind of mathematics.
+"""Compiled kernels: floats and arrays only, a folder for each kind of solution.
 
 ==================  ========================================================================
 name                responsibility

@@ -42,7 +42,7 @@ _PLACES = {2: ("3", "2"), 4: ("y3", "z3", "y2", "z2")}
 OF_ALL = {name: PARAMETERS[name] for name in ("tuning", *START)}
 
 
-def off_axis(element, slopes):
+def complex_step(element, slopes):
     """Return an unchecked copy of a frozen dataclass with some fields off the real axis.
 
     Parameters

@@ -138,18 +138,18 @@ class Model:
         return OF_ALL
 
     def direction(self, name):
-        """Return what changes with one of `derivatives`, for `off_axis`: a dict."""
+        """Return what changes with one of `derivatives`, for `complex_step`: a dict."""
         return {name: 1.0}
 
     def along_branch(self, name):
         """Return the same for a parameter over which orbits are followed; None: not known."""
         return {name: 1.0} if name == "tuning" else None
 
-    def off_axis(self, slopes):
+    def complex_step(self, slopes):
         """Return a copy off the real axis, see `gearlib.models.derivatives`."""
-        from gearlib.models.derivatives import off_axis
+        from gearlib.models.derivatives import complex_step
 
-        return off_axis(self, slopes)
+        return complex_step(self, slopes)
 
     def parameter(self, name):
         """Return the value of one of `parameters`."""

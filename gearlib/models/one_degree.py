@@ -20,7 +20,7 @@ from gearlib.models.mesh_equation import mesh_equation
 from gearlib.models.pair import GearPair
 from gearlib.models.profiles import Fourier, Rectangular, Tabulated
 from gearlib.models.with_pair import WithPair
-from gearlib.parameters import Number, Part, check, documented, named
+from gearlib.parameters import Instance, Number, check, documented, named
 
 _QUADRATIC, _CUBIC = Number(unit="N s^2/m^2", least=0), Number(unit="N s^3/m^3", least=0)
 
@@ -39,7 +39,9 @@ class OneDegreePair(WithPair):
         If a value is impossible; the message names parameter, value and range.
     """
 
-    pair: Annotated[GearPair, Part((GearPair,)), "Stiffness, mass, load, backlash, linear damping"]
+    pair: Annotated[
+        GearPair, Instance((GearPair,)), "Stiffness, mass, load, backlash, linear damping"
+    ]
     quadratic_damping: Annotated[float, _QUADRATIC, "Quadratic damping D2 in contact"] = 0.0
     cubic_damping: Annotated[float, _CUBIC, "Cubic damping D3 in contact"] = 0.0
     backlash_quadratic_damping: Annotated[float, _QUADRATIC, "Quadratic damping D2m of the oil"] = (
@@ -52,12 +54,12 @@ class OneDegreePair(WithPair):
     cubic_stiffness: Annotated[float, Number(unit="1/m^2", least=0), "Cubic stiffness g3"] = 0.0
     profile: Annotated[
         Rectangular | Fourier | Tabulated,
-        Part((Rectangular, Fourier, Tabulated)),
+        Instance((Rectangular, Fourier, Tabulated)),
         "Mesh stiffness over the phase",
         "C(tau)",
     ] = Rectangular()
-    excitation: Annotated[Harmonics, Part((Harmonics,)), "Added to the load, N"] = Harmonics()
-    deviation: Annotated[Harmonics, Part((Harmonics,)), "Of the flanks f(tau), m"] = Harmonics()
+    excitation: Annotated[Harmonics, Instance((Harmonics,)), "Added to the load, N"] = Harmonics()
+    deviation: Annotated[Harmonics, Instance((Harmonics,)), "Of the flanks f(tau), m"] = Harmonics()
 
     one_mesh = True
     nonlinear = ("quadratic_damping", "cubic_damping", "quadratic_stiffness", "cubic_stiffness")

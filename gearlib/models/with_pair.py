@@ -57,11 +57,11 @@ class WithPair(Model):
         """As of `Model.along_branch`."""
         return None if name in self.parameters else self.pair.along_branch(name)
 
-    def off_axis(self, slopes):
-        """As of `Model.off_axis`."""
+    def complex_step(self, slopes):
+        """As of `Model.complex_step`."""
         names = [one.name for one in dataclasses.fields(self.pair)]
         own = {key: slope for key, slope in slopes.items() if key not in names}
-        model = super().off_axis(own)
+        model = super().complex_step(own)
         inner = {key: slope for key, slope in slopes.items() if key in names}
-        object.__setattr__(model, "pair", self.pair.off_axis(inner))
+        object.__setattr__(model, "pair", self.pair.complex_step(inner))
         return model

@@ -124,10 +124,10 @@ def test_closeness_to_grazing_is_seen(miss, gap, clear):
     # Backwards from a minimum `miss` above the normal flank, undamped, in the middle of C_max.
     m = mesh(ratios_of(1.9, 0.9, 0.0, 0.0, gap), 0.5)
     lev, t = m.high, 1.0
-    u = (miss - lev.rest) * math.cos(lev.w * t)
-    v = (miss - lev.rest) * lev.w * math.sin(lev.w * t)
+    u = (miss - lev.equilibrium) * math.cos(lev.w * t)
+    v = (miss - lev.equilibrium) * lev.w * math.sin(lev.w * t)
     arcs = np.empty((50, ARC_COLUMNS))
-    *_, count = march_period(m, 1, u + lev.rest, v, arcs, LIMIT)
+    *_, count = march_period(m, 1, u + lev.equilibrium, v, arcs, LIMIT)
     first = arcs[:1]
     assert first[0, 1] > t and clear_of_grazing(m, first, 1) is clear
     assert count > 0

@@ -29,7 +29,7 @@ from gearlib.kernels.codes import BACKLASH, INVERSE
 from gearlib.kernels.jit import inlined, kernel
 
 # What the constants of a mesh change by, columns of `rates`; for two levels or switches, two.
-DECAY, SQUARE, REST, DRAG, PULL, GAP, SWITCH = 0, 1, 3, 5, 6, 7, 8
+DECAY, SQUARE, EQUILIBRIUM, DRAG, PULL, GAP, SWITCH = 0, 1, 3, 5, 6, 7, 8
 RATES = 10
 #: Below this (w t)^2 a power series is used: the closed form would lose digits there.
 _SERIES_BELOW = 1.0
@@ -83,8 +83,8 @@ def carry(m, rates, arc, t, tangents, ahead):
             ahead[1, j] = decay * rate + speed_by_drag * drag + reach * pull
         return x + t * (v * first + f * second), v * decay + f * first
     lev = m.high if which == 1 else m.low
-    rest = line_of(m, contact) + lev.rest
-    u = x - rest
+    equilibrium = line_of(m, contact) + lev.equilibrium
+    u = x - equilibrium
     c, s = propagators(lev, t)
     p, q, r = v + lev.a * u, lev.a * v + lev.square * u, bend(lev, t, c, s)
     end, end_v = u * c + p * s, v * c - q * s
@@ -96,12 +96,12 @@ def carry(m, rates, arc, t, tangents, ahead):
     a, b, d, e = c + lev.a * s, s, -lev.square * s, c - lev.a * s
     far = 1.0 if contact == INVERSE else 0.0
     for j in range(tangents.shape[1]):
-        shift = rates[REST + which, j] - far * rates[GAP, j]
+        shift = rates[EQUILIBRIUM + which, j] - far * rates[GAP, j]
         along, rate = tangents[0, j] - shift, tangents[1, j]
         decay, square = rates[DECAY, j], rates[SQUARE + which, j]
         ahead[0, j] = shift + a * along + b * rate + by_decay * decay + by_w * square
         ahead[1, j] = d * along + e * rate + speed_by_decay * decay + speed_by_square * square
-    return end + rest, end_v
+    return end + equilibrium, end_v
 
 
 @inlined
@@ -183,8 +183,8 @@ def rates_of(m, slopes):
         rates[DECAY, j] = slopes[j, 4] / nu - m.low.a * share
         rates[SQUARE, j] = slopes[j, 1] / (nu * nu) - 2.0 * m.low.square * share
         rates[SQUARE + 1, j] = slopes[j, 0] / (nu * nu) - 2.0 * m.high.square * share
-        rates[REST, j] = -slopes[j, 1] * m.low.rest * m.low.rest
-        rates[REST + 1, j] = -slopes[j, 0] * m.high.rest * m.high.rest
+        rates[EQUILIBRIUM, j] = -slopes[j, 1] * m.low.equilibrium * m.low.equilibrium
+        rates[EQUILIBRIUM + 1, j] = -slopes[j, 0] * m.high.equilibrium * m.high.equilibrium
         rates[DRAG, j] = slopes[j, 5] / nu - m.drag * share
         rates[PULL, j] = -2.0 * m.pull * share
         rates[GAP, j] = slopes[j, 6]

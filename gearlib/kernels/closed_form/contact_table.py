@@ -43,7 +43,7 @@ _STRIDE = 3
 # map of the whole segment; WITHIN_HALF, WITHIN_TURN say whether the segment is shorter than that.
 (
     LENGTH,
-    REST,
+    EQUILIBRIUM,
     SQUARE,
     TWICE_A,
     RATE,
@@ -80,11 +80,16 @@ def set_level(lev, length, row):
     """Fill the row of a level whose segments have the given length; its table stays empty."""
     natural = math.sqrt(lev.square)
     swings = lev.kind == UNDERDAMPED
-    row[LENGTH], row[REST], row[SQUARE], row[TWICE_A] = length, lev.rest, lev.square, 2.0 * lev.a
+    row[LENGTH], row[EQUILIBRIUM], row[SQUARE], row[TWICE_A] = (
+        length,
+        lev.equilibrium,
+        lev.square,
+        2.0 * lev.a,
+    )
     row[RATE] = 2.0 * lev.a + natural
     row[SPACING], row[PER_TIME] = 1.0 / (PER_RADIAN * natural), PER_RADIAN * natural
     row[TURN] = 2.0 * math.pi / lev.w if swings else math.inf
-    row[BOUND] = lev.square * lev.rest * lev.rest * MARGIN
+    row[BOUND] = lev.square * lev.equilibrium * lev.equilibrium * MARGIN
     row[LAST] = EMPTY if swings else NONE
     c, s = propagators(lev, length)
     row[END_X], row[END_S] = c + lev.a * s, s
@@ -168,7 +173,7 @@ def leaving(levels, tables, i, u, v, k, horizon):
 
     The search starts from entry k of the table of level i. Without a proof t = -1.
     """
-    rest, square, twice_a = levels[i, REST], levels[i, SQUARE], levels[i, TWICE_A]
+    equilibrium, square, twice_a = levels[i, EQUILIBRIUM], levels[i, SQUARE], levels[i, TWICE_A]
     rate, last = levels[i, RATE], int(levels[i, LAST])
     for _ in range(_MAX_STEPS):
         if k < 0 or k > last:
@@ -178,13 +183,13 @@ def leaving(levels, tables, i, u, v, k, horizon):
             break
         acceleration = -twice_a * speed - square * above
         jerk = -twice_a * acceleration - square * speed
-        t, _ = _step_to_line(rest + above, speed, acceleration, jerk, rate)
+        t, _ = _step_to_line(equilibrium + above, speed, acceleration, jerk, rate)
         entries = t * levels[i, PER_TIME]
         if abs(entries) <= _NEXT_TO:
             above, speed = step(levels, i, above, speed, t)
             acceleration = -twice_a * speed - square * above
             jerk = -twice_a * acceleration - square * speed
-            more, bend = _step_to_line(rest + above, speed, acceleration, jerk, rate)
+            more, bend = _step_to_line(equilibrium + above, speed, acceleration, jerk, rate)
             speed += more * (acceleration + 0.5 * more * jerk)
             t += k * levels[i, SPACING] + more
             turn = levels[i, TURN] if v >= 0.0 else 0.5 * levels[i, TURN]
@@ -203,7 +208,7 @@ def lowest_entry(levels, tables, i, u, v):
 
     Else the lowest of them.
     """
-    line = -levels[i, REST]
+    line = -levels[i, EQUILIBRIUM]
     lowest, at, k = math.inf, 0, 0
     while k <= int(levels[i, LAST]):
         height = u * tables[i, k, 0] + v * tables[i, k, 1]
@@ -237,7 +242,7 @@ def stays_above(levels, tables, i, u, v, k):
             acceleration = -twice_a * speed - square * above
             t += k * levels[i, SPACING]
             calm = acceleration > 0.0 and abs(speed) * levels[i, RATE] < 1e-2 * acceleration
-            left = levels[i, REST] * MARGIN + above - speed * speed / acceleration
+            left = levels[i, EQUILIBRIUM] * MARGIN + above - speed * speed / acceleration
             return calm and 0.0 < t <= levels[i, TURN] and left > 0.0
         k += int(math.floor(entries + 0.5))
     return False

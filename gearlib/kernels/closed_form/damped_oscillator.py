@@ -28,7 +28,7 @@ class Level(NamedTuple):
     square: float  #: W^2
     w: float  #: damped frequency, or half the difference of the two rates when over-damped
     kind: int  #: UNDERDAMPED, CRITICAL or OVERDAMPED
-    rest: float  #: equilibrium of the deflection, 1 / c
+    equilibrium: float  #: equilibrium of the deflection, 1 / c
     stiffness: float  #: c = C / C_s
 
 

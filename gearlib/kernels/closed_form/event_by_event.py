@@ -33,22 +33,22 @@ def next_event(m, lev, contact, x, v, horizon):
             return t, NORMAL, 0.0, max(v, 0.0)
         return t, INVERSE, -m.gap, min(v, 0.0)
     if contact == NORMAL:
-        u = x - lev.rest
-        t = descent_time(lev, u, v, -lev.rest, horizon)
+        u = x - lev.equilibrium
+        t = descent_time(lev, u, v, -lev.equilibrium, horizon)
         if t <= horizon:
             _, speed = evolve(lev, u, v, t)
             if speed < 0.0:
                 return t, (INVERSE if m.gap == 0.0 else BACKLASH), 0.0, speed
         u, v = evolve(lev, u, v, horizon)
-        return horizon, contact, u + lev.rest, v
+        return horizon, contact, u + lev.equilibrium, v
     # Inverse mesh, mirrored: the flank is left when -u falls through the equilibrium deflection.
-    u = x + m.gap - lev.rest
-    t = descent_time(lev, -u, -v, lev.rest, horizon)
+    u = x + m.gap - lev.equilibrium
+    t = descent_time(lev, -u, -v, lev.equilibrium, horizon)
     if t <= horizon:
         _, speed = evolve(lev, u, v, t)
         return t, (NORMAL if m.gap == 0.0 else BACKLASH), -m.gap, max(speed, 0.0)
     u, v = evolve(lev, u, v, horizon)
-    return horizon, contact, u + lev.rest - m.gap, v
+    return horizon, contact, u + lev.equilibrium - m.gap, v
 
 
 @kernel

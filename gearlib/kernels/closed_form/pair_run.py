@@ -9,7 +9,7 @@ from gearlib.kernels.closed_form.mesh_constants import contact_of
 from gearlib.kernels.closed_form.settling import (
     NEAR,
     after_repeats,
-    look_for_rest,
+    check_settled,
     not_settled,
     repeat_of,
 )
@@ -78,7 +78,7 @@ def skip(m, work, contact, x, v, periods, limit):
         repeat = repeat_of(m, work, n, NEAR)
         if repeat == 0 or periods - n < repeat:
             continue
-        contact, x, v, count, settled = look_for_rest(m, work, n, contact, x, v, repeat, limit)
+        contact, x, v, count, settled = check_settled(m, work, n, contact, x, v, repeat, limit)
         n += repeat
         status = outcome(x, v, count, limit)
         if status != OK:

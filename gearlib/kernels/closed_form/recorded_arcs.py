@@ -69,7 +69,7 @@ def add_arcs(m, arcs, count, summary):
             end = min(max(end, -m.gap), 0.0)
             _add_displacement(m, lev, contact, end, summary)
             continue
-        shift = lev.rest if contact == NORMAL else lev.rest - m.gap
+        shift = lev.equilibrium if contact == NORMAL else lev.equilibrium - m.gap
         summary[TIME_NORMAL if contact == NORMAL else TIME_INVERSE] += duration
         if arcs[i, LEVEL] == 0.0:
             summary[TIME_LOW] += duration
@@ -130,9 +130,9 @@ def in_arc(m, arc, t):
     if contact == BACKLASH:
         x, v = fly(m.drag, m.pull, x, v, t)
         return x, v, m.pull - 2.0 * m.drag * v, 0.0
-    shift = lev.rest if contact == NORMAL else lev.rest - m.gap
+    shift = lev.equilibrium if contact == NORMAL else lev.equilibrium - m.gap
     u, v = evolve(lev, x - shift, v, t)
-    return u + shift, v, -2.0 * lev.a * v - lev.square * u, lev.stiffness * (u + lev.rest)
+    return u + shift, v, -2.0 * lev.a * v - lev.square * u, lev.stiffness * (u + lev.equilibrium)
 
 
 @kernel

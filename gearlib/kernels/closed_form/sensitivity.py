@@ -10,10 +10,10 @@ import numpy as np
 from gearlib.kernels.closed_form.arc_tangents import (
     DECAY,
     DRAG,
+    EQUILIBRIUM,
     GAP,
     PULL,
     RATES,
-    REST,
     SQUARE,
     SWITCH,
     carry,
@@ -98,7 +98,7 @@ def _consider(m, rates, contact, level, x, slope, best, extrema):
             for j in range(k):
                 extrema[place, j] = 0.0
                 if contact != BACKLASH:
-                    stiffer = -rates[REST + which, j] * lev.stiffness * lev.stiffness
+                    stiffer = -rates[EQUILIBRIUM + which, j] * lev.stiffness * lev.stiffness
                     extrema[place, j] = stiffer * deflection + lev.stiffness * (
                         slope[j] + far * rates[GAP, j]
                     )
@@ -112,7 +112,7 @@ def _turning_points(m, rates, arc, tangents, scratch, slope, best, extrema):
     if contact == BACKLASH:
         t = lowest_time(m.drag, m.pull, v) if v < 0.0 else math.inf
     else:
-        t = turning_time(lev, arc[DISPLACEMENT] - line_of(m, contact) - lev.rest, v)
+        t = turning_time(lev, arc[DISPLACEMENT] - line_of(m, contact) - lev.equilibrium, v)
     grazing = False
     # The first two are the highest and the lowest: amplitudes never grow.
     for _ in range(2):
@@ -147,10 +147,10 @@ def _sample(m, rates, arc, t, tangents, scratch, row):
         bending = along + far * rates[GAP, j]
         row[2, j] = (
             -2.0 * (rates[DECAY, j] * v + lev.a * rate)
-            - rates[SQUARE + which, j] * (deflection - lev.rest)
-            - lev.square * (bending - rates[REST + which, j])
+            - rates[SQUARE + which, j] * (deflection - lev.equilibrium)
+            - lev.square * (bending - rates[EQUILIBRIUM + which, j])
         )
-        stiffer = -rates[REST + which, j] * lev.stiffness * lev.stiffness
+        stiffer = -rates[EQUILIBRIUM + which, j] * lev.stiffness * lev.stiffness
         row[3, j] = stiffer * deflection + lev.stiffness * bending
 
 

@@ -106,7 +106,7 @@ def clear_of_grazing(m, arcs, count):
             clear = clear and _clear_of(-m.gap, x, m.tuning * v)
         else:
             line = 0.0 if contact == NORMAL else -m.gap
-            shift = line + lev.rest
+            shift = line + lev.equilibrium
             clear = _clear_of(line, x, m.tuning * v)
             t = turning_time(lev, x - shift, v)
             for _ in range(2):
@@ -152,7 +152,7 @@ def sum_of_powers(m, matrix):
 
 
 @kernel
-def look_for_rest(m, work, n, contact, x, v, repeat, limit):
+def check_settled(m, work, n, contact, x, v, repeat, limit):
     """Go through `repeat` periods as `advance`; return (contact, x, v, count, settled)."""
     arcs, derivative = np.empty((_MOST_ARCS, ARC_COLUMNS)), np.eye(2)
     start_x, start_v, previous = x, v, contact

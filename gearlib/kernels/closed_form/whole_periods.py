@@ -21,12 +21,12 @@ from gearlib.kernels.closed_form.contact_table import (
     END_S,
     END_X,
     ENTRIES,
+    EQUILIBRIUM,
     LAST,
     LENGTH,
     LEVEL_COLUMNS,
     MARGIN,
     PER_TIME,
-    REST,
     SPACING,
     SQUARE,
     TURN,
@@ -129,7 +129,7 @@ def advance(m, work, n, contact, x, v, periods, limit, arcs):
         start = 0.0
         for segment in range(3):
             i = 1 - (segment & 1)
-            length, rest = levels[i, LENGTH], levels[i, REST]
+            length, equilibrium = levels[i, LENGTH], levels[i, EQUILIBRIUM]
             if segment > 0:
                 start += levels[2 - segment, LENGTH]
             if length == 0.0:
@@ -143,18 +143,18 @@ def advance(m, work, n, contact, x, v, periods, limit, arcs):
                     ahead -= length
                     continue
                 contact = NORMAL
-                t, u, v, landed = ahead, -rest, landing_speed, True
+                t, u, v, landed = ahead, -equilibrium, landing_speed, True
             elif contact == NORMAL:
-                u = x - rest
+                u = x - equilibrium
                 end_u, end_v = go_by(levels, i, u, v, levels[i, END_X], levels[i, END_S])
                 half, turn = levels[i, WITHIN_HALF] > 0.0, levels[i, WITHIN_TURN] > 0.0
                 if (
-                    stays(half, turn, v, end_u + rest, end_v)
+                    stays(half, turn, v, end_u + equilibrium, end_v)
                     or levels[i, SQUARE] * u * u + v * (v + levels[i, TWICE_A] * u)
                     < levels[i, BOUND]
                 ):
                     count = _write(arcs, count, start, length, NORMAL, i, x, v)
-                    x, v = end_u + rest, end_v
+                    x, v = end_u + equilibrium, end_v
                     continue
             else:
                 t, contact, x, v, count = march_on(
@@ -162,7 +162,7 @@ def advance(m, work, n, contact, x, v, periods, limit, arcs):
                 )
                 if t >= length or count > limit:
                     continue
-                u, landed = -rest, True
+                u, landed = -equilibrium, True
 
             # Contact, flight, landing, contact ... until a segment ends in contact or in flight.
             lev = m.high if i == 1 else m.low
@@ -171,7 +171,7 @@ def advance(m, work, n, contact, x, v, periods, limit, arcs):
             while True:
                 left = length - t
                 known = not landed
-                count = _write(arcs, count, start + t, left, NORMAL, i, u + rest, v)
+                count = _write(arcs, count, start + t, left, NORMAL, i, u + equilibrium, v)
                 if landed:
                     k = int(left * levels[i, PER_TIME] + 0.5)
                     known = k <= levels[i, LAST]
@@ -179,8 +179,8 @@ def advance(m, work, n, contact, x, v, periods, limit, arcs):
                         end_u, end_v = go_by(levels, i, u, v, tables[i, k, 0], tables[i, k, 1])
                         end_u, end_v = step(levels, i, end_u, end_v, left - k * levels[i, SPACING])
                         half, turn = 2.0 * left < levels[i, TURN], left < levels[i, TURN]
-                        if stays(half, turn, v, end_u + rest, end_v):
-                            x, v = end_u + rest, end_v
+                        if stays(half, turn, v, end_u + equilibrium, end_v):
+                            x, v = end_u + equilibrium, end_v
                             break
                 k = int(memory[ENTRY + segment])
                 leave, speed, k = leaving(levels, tables, i, u, v, k, left)
@@ -189,15 +189,15 @@ def advance(m, work, n, contact, x, v, periods, limit, arcs):
                     if below:
                         leave, speed, k = leaving(levels, tables, i, u, v, k, left)
                     elif known and stays_above(levels, tables, i, u, v, k):
-                        x, v = end_u + rest, end_v
+                        x, v = end_u + equilibrium, end_v
                         break
                 if leave < 0.0:
-                    leave = descent_time(lev, u, v, -rest, left)
+                    leave = descent_time(lev, u, v, -equilibrium, left)
                     if leave <= left:
                         _, speed = evolve(lev, u, v, leave)
                     if not (leave <= left and speed < 0.0):
                         x, v = evolve(lev, u, v, left)
-                        x += rest
+                        x += equilibrium
                         break
                     k = int(leave * levels[i, PER_TIME] + 0.5)
                 memory[ENTRY + segment] = k
@@ -211,7 +211,7 @@ def advance(m, work, n, contact, x, v, periods, limit, arcs):
                     )
                     if t >= length or count > limit:
                         break
-                    u, landed = -rest, True
+                    u, landed = -equilibrium, True
                     continue
                 duration, landing_speed = return_flight(m.drag, m.pull, speed)
                 t += leave
@@ -224,7 +224,7 @@ def advance(m, work, n, contact, x, v, periods, limit, arcs):
                     break
                 if count > limit:
                     break
-                u, v, landed = -rest, landing_speed, True
+                u, v, landed = -equilibrium, landing_speed, True
             if count > limit:
                 break
         if contact == _FLYING:

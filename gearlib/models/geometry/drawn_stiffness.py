@@ -147,12 +147,12 @@ class _Course:
     def integral(self, u):
         """Return the integral from 0 to `u`, which may lie outside of the base pitch."""
         whole = np.floor(u)
-        rest = u - whole
-        i = np.clip(np.searchsorted(self.u, rest, side="right") - 1, 0, self.u.size - 2)
+        fraction = u - whole
+        i = np.clip(np.searchsorted(self.u, fraction, side="right") - 1, 0, self.u.size - 2)
         length = self.u[i + 1] - self.u[i]
         slope = (self.values[i + 1] - self.values[i]) / np.where(length > 0.0, length, 1.0)
-        part = rest - self.u[i]
-        inner = self._areas[i] + part * (self.values[i] + slope * part / 2.0)
+        beyond = fraction - self.u[i]
+        inner = self._areas[i] + beyond * (self.values[i] + slope * beyond / 2.0)
         return whole * self._areas[-1] + inner
 
     def over_face(self, overlap):

@@ -18,11 +18,11 @@ from gearlib.parameters import (
     LENGTH,
     RUN_OUT,
     TRUTH,
+    Instance,
     Integer,
     Many,
     Number,
     OneOf,
-    Part,
     documented,
 )
 
@@ -84,14 +84,14 @@ class SpurGear:
     outer_diameter: Annotated[
         float | None, LENGTH, "Of the rim of a ring gear; its mass and inertia need it"
     ] = None
-    web: Annotated[Web | None, Part((Web,)), "Between rim and hub"] = None
-    material: Annotated[Material, Part((Material,)), "Steel by default"] = Material()
+    web: Annotated[Web | None, Instance((Web,)), "Between rim and hub"] = None
+    material: Annotated[Material, Instance((Material,)), "Steel by default"] = Material()
     quality: Annotated[
         int | None,
         Integer(1, 11),
         "Flank tolerance class of ISO 1328-1:2013; `pitch_deviation` and `form_deviation` need it",
     ] = None
-    tip_relief: Annotated[TipRelief | None, Part((TipRelief,)), "None by default"] = None
+    tip_relief: Annotated[TipRelief | None, Instance((TipRelief,)), "None by default"] = None
     pitch_errors: Annotated[
         tuple,
         Many(ERROR),

@@ -94,8 +94,8 @@ def iso_rectangle(mesh, **options):
     # What is left of the overlap beside whole periods lies in the upper segment as far as it can,
     # or as little as it must.
     whole = math.floor(mesh.overlap_ratio)
-    rest = mesh.overlap_ratio - whole
-    inside = min(rest, segment), max(rest - (1.0 - segment), 0.0)
+    beyond = mesh.overlap_ratio - whole
+    inside = min(beyond, segment), max(beyond - (1.0 - segment), 0.0)
     top, bottom = ((whole * segment + part) / mesh.overlap_ratio for part in inside)
     high, least = low + step * top, low + step * bottom
     if 1.0 - least / high < 1e-12:  # constant up to rounding, as with a whole overlap ratio

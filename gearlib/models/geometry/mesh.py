@@ -16,7 +16,7 @@ from gearlib import checks, parameters
 from gearlib.models.geometry.drawn_parameters import pair_parameters, train_parameters
 from gearlib.models.geometry.gear import SpurGear
 from gearlib.models.geometry.involute import angle_of, inv
-from gearlib.parameters import LENGTH, RUN_OUT, Part, documented
+from gearlib.parameters import LENGTH, RUN_OUT, Instance, documented
 
 #: Backlash between minus this times the module and 0 is 0: drawings print shifts and distances
 #: rounded to the fourth digit.
@@ -38,8 +38,8 @@ class Mesh:
         If the gears do not fit together; the message names parameter, value and range.
     """
 
-    pinion: Annotated[SpurGear, Part((SpurGear,)), "The driving gear, external"]
-    wheel: Annotated[SpurGear, Part((SpurGear,)), "Of an internal mesh the ring gear"]
+    pinion: Annotated[SpurGear, Instance((SpurGear,)), "The driving gear, external"]
+    wheel: Annotated[SpurGear, Instance((SpurGear,)), "Of an internal mesh the ring gear"]
     centre_distance: Annotated[
         float | None, LENGTH, "a; by default that at which the nominal teeth touch on both flanks"
     ] = None

@@ -66,7 +66,7 @@ class Propagator(Train):
         self.twins, outputs = [], [model.outputs(self.system)]
         for slopes in along:
             fields = {name: one for name, one in slopes.items() if name not in ("tuning", *START)}
-            twin = model.off_axis(fields)
+            twin = model.complex_step(fields)
             system = twin.system(tuning + 1j * STEP * slopes.get("tuning", 0.0))
             self.twins.append((twin, system))
             systems.append(system)

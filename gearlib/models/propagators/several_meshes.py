@@ -162,7 +162,7 @@ class Propagator(Matrices):
         from gearlib.models.trains.system import train_system
 
         train, tuning = self.model, self.system.tuning
-        self.twins = [train.off_axis(slopes) for slopes in along]
+        self.twins = [train.complex_step(slopes) for slopes in along]
         systems = [self.system]
         for twin, slopes in zip(self.twins, along, strict=True):
             systems.append(train_system(twin, tuning + 1j * STEP * slopes.get("tuning", 0.0)))

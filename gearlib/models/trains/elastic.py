@@ -103,17 +103,17 @@ def _eliminated(matrix, most, close=0.0):
     Returns (left, pivots, right, columns): matrix = left diag(pivots) right, but for what is left
     over; the columns of the pivots in their order. Entries of left and right are at most 1.
     """
-    rest = matrix.copy()
+    remaining = matrix.copy()
     left, pivots, right, columns = [], [], [], []
-    while len(pivots) < most and rest.size:
-        i, j = np.unravel_index(np.argmax(np.abs(rest)), rest.shape)
-        pivot = rest[i, j]
+    while len(pivots) < most and remaining.size:
+        i, j = np.unravel_index(np.argmax(np.abs(remaining)), remaining.shape)
+        pivot = remaining[i, j]
         if not abs(pivot) > close:
             break
-        left.append(rest[:, j] / pivot)
-        right.append(rest[i] / pivot)
-        rest = rest - np.outer(left[-1], rest[i])
-        rest[i], rest[:, j] = 0.0, 0.0
+        left.append(remaining[:, j] / pivot)
+        right.append(remaining[i] / pivot)
+        remaining = remaining - np.outer(left[-1], remaining[i])
+        remaining[i], remaining[:, j] = 0.0, 0.0
         pivots.append(pivot)
         columns.append(int(j))
     lefts, rights = (

@@ -32,12 +32,12 @@ from gearlib.parameters import (
     Backlash,
     BacklashDamping,
     ContactRatio,
+    Instance,
     Many,
     MaterialDamping,
     MaxStiffness,
     Number,
     OneOf,
-    Part,
     PressureAngle,
     StiffnessRatio,
     Two,
@@ -232,11 +232,11 @@ class Mesh:
         "stays a backlash behind",
     ] = False
     deviation: Annotated[
-        Harmonics, Part((Harmonics,)), "Of the drive-side flanks over the phase of this mesh, m"
+        Harmonics, Instance((Harmonics,)), "Of the drive-side flanks over the phase of this mesh, m"
     ] = Harmonics()
     inverse_deviation: Annotated[
         Harmonics | None,
-        Part((Harmonics,)),
+        Instance((Harmonics,)),
         "Of the coast-side flanks, m; by default that of the drive side",
     ] = None
     error: Annotated[

@@ -13,9 +13,9 @@ from gearlib.parameters import (
     SUPPORT,
     TIME,
     TRUTH,
+    Instance,
     Many,
     OneOf,
-    Part,
 )
 
 #: Of supports and shafts, s times their stiffness: choice, as in the trial of speed.
@@ -59,7 +59,7 @@ FourMasses = Annotated[tuple | None, Many(MASS, 4), _MASSES]
 
 def pair_of(pair):
     """Return a `GearPair`, else raise ValueError."""
-    return Part((GearPair,)).check("pair", pair)
+    return Instance((GearPair,)).check("pair", pair)
 
 
 def mesh_of(pair, pinion, wheel, **more):

@@ -76,11 +76,11 @@ class TrainResults(Model):
 
         return along_branch(self, name)
 
-    def off_axis(self, slopes):
-        """As of `Model.off_axis`: what `TrainSystem` is made of."""
-        from gearlib.models.trains.train_slopes import off_the_axis
+    def complex_step(self, slopes):
+        """As of `Model.complex_step`: what `TrainSystem` is made of."""
+        from gearlib.models.trains.train_slopes import complex_train
 
-        return off_the_axis(self, slopes)
+        return complex_train(self, slopes)
 
     def contact_map(self, tuning):
         """Return the map of deviations over `repeats` periods in normal mesh; see `reduction`."""

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from gearlib.kernels.codes import INVERSE, NORMAL
-from gearlib.models.derivatives import STEP, about_the_mean, check_edges, off_axis
+from gearlib.models.derivatives import STEP, about_the_mean, check_edges, complex_step
 from gearlib.models.trains.structure import COMPLEX, structure
 from gearlib.models.trains.train import FALLBACK
 
@@ -104,8 +104,8 @@ def direction(train, name):
     if name in FIELDS["mesh"]:
         found = {("mesh", label, name): 1.0 for label in train.mesh_names}
     else:
-        field, rest = name.split(" of ", 1)
-        kind, label = rest.split(" ", 1)
+        field, element = name.split(" of ", 1)
+        kind, label = element.split(" ", 1)
         axes = ()
         if label not in elements(train)[kind]:
             label, axis = label.rsplit(", ", 1)
@@ -137,7 +137,7 @@ def along_branch(train, name):
     return found
 
 
-class Twin(SimpleNamespace):
+class ComplexTrain(SimpleNamespace):
     """What `gearlib.models.trains.system.train_system` asks of a train, off the real axis."""
 
     def norm(self, parts):
@@ -145,14 +145,14 @@ class Twin(SimpleNamespace):
         return 1.0
 
 
-def off_the_axis(train, slopes):
-    """Return the `Twin` of a train; `slopes` are of `direction`."""
+def complex_train(train, slopes):
+    """Return the `ComplexTrain` of a train; `slopes` are of `direction`."""
 
     def of(kind, label):
         return {key[2:]: slope for key, slope in slopes.items() if key[:2] == (kind, label)}
 
     meshes = tuple(
-        off_axis(mesh, {key[0]: slope for key, slope in of("mesh", mesh.name).items()})
+        complex_step(mesh, {key[0]: slope for key, slope in of("mesh", mesh.name).items()})
         for mesh in train.meshes
     )
     moved = train.structure
@@ -162,7 +162,7 @@ def off_the_axis(train, slopes):
     errors = [of("mesh", mesh.name).get(("error",), 0.0) for mesh in train.meshes]
     scale = meshes[train.mesh_names.index(train.reference)].mean_stiffness
     deflection, speed = _scales(train, moved, meshes)
-    return Twin(
+    return ComplexTrain(
         structure=moved,
         far_lines=train.far_lines,
         meshes=meshes,
@@ -184,7 +184,10 @@ def _structure(train, of):
     """Return the `Structure` off the real axis; `of` gives the slopes of an element."""
     own = train.structure
     bodies, shafts = (
-        [off_axis(one, _keys(one, of(kind, label))) for label, one in elements(train)[kind].items()]
+        [
+            complex_step(one, _keys(one, of(kind, label)))
+            for label, one in elements(train)[kind].items()
+        ]
         for kind in ("body", "shaft")
     )
     moved = structure({body.name: body for body in bodies}, train.meshes, shafts, COMPLEX)
@@ -201,7 +204,7 @@ def _structure(train, of):
 
 
 def _keys(element, slopes):
-    """Return slopes by field and axis as `off_axis` has them: of two axes each for itself."""
+    """Return slopes by field and axis as `complex_step` has them: of two axes each for itself."""
     found: dict = {}
     for (name, *axes), slope in slopes.items():
         if isinstance(getattr(element, name), tuple):
