@@ -24,7 +24,8 @@ from gearlib.config.types import (
     numbers,
     whole,
 )
-from gearlib.models.pair import GearPair
+from gearlib.models.pair_parameters import PairParameters
+from gearlib.models.stiffness import mean_over_max
 
 #: Gears beyond these have no squares of their scales within the floating-point numbers.
 _SMALLEST, _LARGEST = 1e-30, 1e30
@@ -37,7 +38,7 @@ DAMPINGS = tuple(IN_PLACE_OF)
 Ratio = number_within(ge=0, le=1000)
 
 
-_Pair = like("_Pair", "", GearPair, base=Section, without=DAMPINGS, required=("teeth",))
+_Pair = like("_Pair", "", PairParameters, base=Section, without=DAMPINGS, required=("teeth",))
 
 
 class GearPairSection(_Pair):
@@ -65,14 +66,13 @@ class GearPairSection(_Pair):
 
     def mean_stiffness(self):
         """Return the mean of the mesh stiffness over a mesh period, N/m."""
-        high = self.contact_ratio - 1.0
-        return self.max_stiffness * (high + (1.0 - high) * self.stiffness_ratio)
+        return self.max_stiffness * mean_over_max(self.contact_ratio, self.stiffness_ratio)
 
 
 _OTHERS = [name for name in GearPairSection.model_fields if name != "teeth"]
 _WORDS = "Other values for some keys of gear_pair, each as there; those left out stay."
-Change = like("Change", _WORDS, GearPair, *_OTHERS, optional=_OTHERS)
-_Coefficients = like("_Coefficients", "", GearPair, *DAMPINGS, optional=DAMPINGS)
+Change = like("Change", _WORDS, PairParameters, *_OTHERS, optional=_OTHERS)
+_Coefficients = like("_Coefficients", "", PairParameters, *DAMPINGS, optional=DAMPINGS)
 
 
 class Damping(_Coefficients):

@@ -21,22 +21,12 @@ damping ratios.
 
 import math
 from dataclasses import dataclass
-from typing import Annotated
 
 from gearlib import checks, parameters
+from gearlib.models.mesh_equation import mesh_equation
 from gearlib.models.model import Model
+from gearlib.models.pair_parameters import PairParameters
 from gearlib.models.stiffness import mean_over_max
-from gearlib.parameters import (
-    LOAD,
-    MASS,
-    Backlash,
-    BacklashDamping,
-    ContactRatio,
-    Integer,
-    MaterialDamping,
-    MaxStiffness,
-    StiffnessRatio,
-)
 
 #: Below, the rest position of the softer segment lies so far away that the scalar closed forms,
 #: which are written about it, lose more than four digits.
@@ -45,7 +35,7 @@ _LEAST_STIFFNESS_RATIO = 1e-4
 
 @parameters.documented
 @dataclass(frozen=True, kw_only=True)
-class GearPair(Model):
+class GearPair(PairParameters, Model):
     """One pair of spur gears, in SI units; immutable.
 
     Raises
@@ -53,16 +43,6 @@ class GearPair(Model):
     ValueError
         If a value is impossible; the message names parameter, value and range.
     """
-
-    max_stiffness: MaxStiffness
-    stiffness_ratio: StiffnessRatio
-    contact_ratio: ContactRatio
-    reduced_mass: Annotated[float, MASS, "Reduced mass", "m_red"]
-    load: Annotated[float, LOAD, "Load, the mean force along the line of action,", "F"]
-    backlash: Backlash
-    material_damping: MaterialDamping = 0.0
-    backlash_damping: BacklashDamping = 0.0
-    teeth: Annotated[int, Integer(1, limit=10_000), "Teeth z: mesh periods per revolution"] = 24
 
     one_mesh = True
     #: The ratios that, with the tuning, decide the motion in static deflections and mesh phase.
@@ -163,8 +143,6 @@ class GearPair(Model):
     @property
     def equation(self):
         """The `Equation` in static deflections and 1 / Omega_s of time."""
-        from gearlib.models.mesh_equation import mesh_equation
-
         return mesh_equation(self)
 
     @property

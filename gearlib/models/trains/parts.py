@@ -3,7 +3,6 @@
 import math
 from typing import Annotated
 
-from gearlib.models.pair import GearPair
 from gearlib.models.trains.elements import Mesh
 from gearlib.parameters import (
     ERROR,
@@ -59,7 +58,17 @@ FourMasses = Annotated[tuple | None, Many(MASS, 4), _MASSES]
 
 def pair_of(pair):
     """Return a `GearPair`, else raise ValueError."""
+    # Here and below: a start of the workflow reads what is declared, and does not pay for models.
+    from gearlib.models.pair import GearPair
+
     return Instance((GearPair,)).check("pair", pair)
+
+
+def train_of(**parts):
+    """Return a `GearTrain` of its bodies, meshes and shafts."""
+    from gearlib.models.trains.train import GearTrain
+
+    return GearTrain(**parts)
 
 
 def mesh_of(pair, pinion, wheel, **more):

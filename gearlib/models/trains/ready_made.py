@@ -9,6 +9,7 @@ import math
 from typing import Annotated
 
 from gearlib import checks
+from gearlib.models.stiffness import mean_over_max
 from gearlib.models.trains.elements import Body, Mesh, Shaft
 from gearlib.models.trains.parts import (
     PRESSURE_ANGLE,
@@ -34,6 +35,7 @@ from gearlib.models.trains.parts import (
     mesh_of,
     pair_of,
     support,
+    train_of,
 )
 from gearlib.parameters import (
     ANGLE,
@@ -116,8 +118,6 @@ def planetary(
     ValueError
         If a value is impossible or the planets do not fit between sun and ring.
     """
-    from gearlib.models.trains.train import GearTrain
-
     n, (sun, ring) = planets, teeth
     if planet_teeth is None:
         if ring <= sun or (ring - sun) % 2:
@@ -180,7 +180,7 @@ def planetary(
         carried = body(3, planet, planet_teeth, carrier="carrier", angle=psi, offset=errors[i])
         bodies.append(carried)
         for k, (central, angle) in enumerate((("sun", pressure_angle), ("ring", ring_angle))):
-            mean = kappa[k] + (1.0 - kappa[k]) * (epsilon[k] - 1.0)
+            mean = mean_over_max(epsilon[k], kappa[k])
             phase = None
             if k and ring_phase is not None:
                 phase = ring_phase - ring * (psi - positions[0]) / (2.0 * math.pi)
@@ -202,7 +202,7 @@ def planetary(
     meshes.sort(key=lambda mesh: mesh.internal)
     if driving == "ring":
         meshes = [dataclasses.replace(mesh, driving=mesh.wheel) for mesh in meshes]
-    return GearTrain(
+    return train_of(
         bodies=bodies,
         meshes=meshes,
         carrier_ratio=sun / ring if turning else 0.0,
@@ -232,8 +232,6 @@ def idler(
     `pair`, a `GearPair`, gives stiffness, damping, backlash and load of both meshes; its reduced
     mass is that of the first. Other options are those of `GearTrain`.
     """
-    from gearlib.models.trains.train import GearTrain
-
     z, force = teeth, pair_of(pair).load
     reduced = reduced_inertias or gear_masses(pair, *z)
     weights = masses or [2.0 * value for value in reduced]
@@ -254,7 +252,7 @@ def idler(
             pressure_angle=pressure_angle,
         ),
     ]
-    return GearTrain(bodies=[Body(**body) for body in bodies], meshes=meshes, **options)
+    return train_of(bodies=[Body(**body) for body in bodies], meshes=meshes, **options)
 
 
 @checked
@@ -276,8 +274,6 @@ def two_stage(
     `pair` as of `idler`: I / r^2 of each stage follows from it. Other options are those of
     `GearTrain`.
     """
-    from gearlib.models.trains.train import GearTrain
-
     z, pair = teeth, pair_of(pair)
     reduced = reduced_inertias or [*gear_masses(pair, *z[:2]), *gear_masses(pair, *z[2:])]
     weights = masses or [2.0 * value for value in reduced]
@@ -300,6 +296,6 @@ def two_stage(
         stiffness=shaft_stiffness,
         damping=damping_of(shaft_stiffness, structural_damping),
     )
-    return GearTrain(
+    return train_of(
         bodies=[Body(**body) for body in bodies], meshes=meshes, shafts=[shaft], **options
     )

@@ -36,6 +36,7 @@ from gearlib.models.trains.parts import (
     mesh_of,
     pair_of,
     support,
+    train_of,
 )
 from gearlib.parameters import BACKLASH, TEETH, TRUTH, Integer, Many, PressureAngle, checked
 
@@ -78,8 +79,6 @@ def split_power_reducer(
     ValueError
         If a value is impossible or the two stages have different centre distances.
     """
-    from gearlib.models.trains.train import GearTrain
-
     n, pair = branches, pair_of(pair)
     z = teeth or ((24, 36, 24, 84) if internal else (24, 36, 24, 36))
     sizes = [modules[i // 2] for i in range(4)]
@@ -131,4 +130,4 @@ def split_power_reducer(
         )
         damping = damping_of(shaft_stiffness, structural_damping)
         shafts.append(Shaft(bodies=(a, b), stiffness=shaft_stiffness, damping=damping))
-    return GearTrain(bodies=bodies, meshes=first + second, shafts=shafts, **options)
+    return train_of(bodies=bodies, meshes=first + second, shafts=shafts, **options)
