@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 import gearlib
+import gearlib.geometry
 from gearlib.models.model import Model
 
 PACKAGE = Path(gearlib.__file__).parent
@@ -20,6 +21,15 @@ GOING = {
     "gearlib.kernels.taylor.taylor_maps": {"vary_nonlinear"},
     "gearlib.kernels.several_meshes.train_run": {"run_train"},
     "gearlib.kernels.taylor.taylor_run": {"run_nonlinear"},
+}
+#: Functions that still take more than eight parameters: none may join them.
+TOO_MANY = {
+    "sensitivities.py: variables",
+    "matrices.py: differentiate",
+    "closed_form.py: differentiate",
+    "several_meshes.py: go",
+    "diffrax.py: solve",
+    "diffrax.py: period",
 }
 
 
@@ -113,3 +123,19 @@ def test_every_file_on_the_page_of_the_architecture_is_there():
 def test_a_traceback_tells_a_file_by_its_name():
     names = [path.name for path in PACKAGE.rglob("*.py") if path.name != "__init__.py"]
     assert [name for name in set(names) if names.count(name) > 1] == []
+
+
+def test_no_function_takes_more_than_eight_parameters():
+    # Public calls, whose keywords are documented one by one, are named where they are used.
+    public = {*gearlib.__all__, *gearlib.geometry.__all__}
+    found = set()
+    for path in PACKAGE.rglob("*.py"):
+        if PACKAGE / "kernels" in path.parents:
+            continue
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.FunctionDef):
+                named = 0 if node.name in public else len(node.args.kwonlyargs)
+                given = [one.arg for one in (*node.args.posonlyargs, *node.args.args)]
+                if named + len(given) - (given[:1] in (["self"], ["cls"])) > 8:
+                    found.add(f"{path.name}: {node.name}")
+    assert found <= TOO_MANY
