@@ -4,6 +4,7 @@
 module                      responsibility
 ==========================  ========================================================================
 ``types``                   what a number, a name, a list may be
+``agreement``               what must agree between keys of a section
 ``units``                   texts with a unit, read as SI numbers
 ``speeds_section``          tunings given as speeds in rpm
 ``gear_pair_section``       sections of the gear pair and the length of the runs
@@ -49,17 +50,9 @@ class ConfigError(ValueError):
 
 
 def load(mapping):
-    """Return the checked configuration.
+    """Return the checked configuration; ConfigError has a sentence for each problem.
 
-    Parameters
-    ----------
-    mapping : dict
-        What was read from YAML; only ``gear_pair`` or ``gears``, and ``dampings`` must be in it.
-
-    Raises
-    ------
-    ConfigError
-        With one sentence per problem, which names key, value and allowed range.
+    `mapping`, what was read from YAML, must have ``gear_pair`` or ``gears``, and ``dampings``.
     """
     # Here and below: a command that needs options only does not wait for the whole.
     from pydantic import ValidationError
@@ -101,22 +94,9 @@ def _names_that_are_no_texts(mapping, where=""):
 
 
 def cases(mapping):
-    """Return the configurations of all cases: each lays its keys over those beside `cases`.
+    """Return name -> configuration of all cases, each accepted by `load`.
 
-    Parameters
-    ----------
-    mapping : dict
-        What was read from YAML, with the key ``cases``: name -> keys that differ.
-
-    Returns
-    -------
-    dict
-        name -> mapping, each accepted by `load`.
-
-    Raises
-    ------
-    ConfigError
-        With one sentence per problem, which names the case.
+    Each lays the keys that it has under ``cases`` over those beside it.
     """
     from gearlib.config.laying import laid_over
 
@@ -155,14 +135,8 @@ def chosen(merged, given):
     """Return what counts of a configuration that was laid over another one.
 
     Where the other one has a `gear_pair` and what was laid over it `gears`, only this counts:
-    dampings, bearings and choices of scenes suit the pair for which they were made.
-
-    Parameters
-    ----------
-    merged : dict
-        All that was read.
-    given : dict
-        What was laid over the rest.
+    dampings, bearings and choices of scenes suit the pair for which they were made. `merged` is all
+    that was read, `given` what was laid over the other one.
     """
     from gearlib.config.laying import laid_over
 

@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import Field, create_model, model_validator
 
+from gearlib.config.agreement import MAX_JOBS, check_different, check_most
 from gearlib.config.experiments import Figures
 from gearlib.config.gear_pair_section import Damping, GearPairSection, Run, SixDegrees
 from gearlib.config.gears_section import Gears
@@ -13,7 +14,7 @@ from gearlib.config.scenes_section import FRICTION_ONLY, SIX_ONLY, Scene
 from gearlib.config.studies import STUDIES
 from gearlib.config.studies.study import default
 from gearlib.config.train_section import OF_PAIRS, Train
-from gearlib.config.types import MAX_JOBS, MAX_PAGE_SAMPLES, Name, Section, listing
+from gearlib.config.types import MAX_PAGE_SAMPLES, Name, Section, listing
 
 #: Limits that catch a mistyped step or window before it fills a disk.
 MAX_TUNINGS = 10_000_000
@@ -74,15 +75,11 @@ class _Common(Section):
         for name, scene in self.scenes.items():
             self._check_scene(f"scenes.{name}", scene)
         for key in ("basins", "poincare"):
-            self._check_titles(key, getattr(self, key).cases)
+            check_different(f"{key}.cases", getattr(self, key).cases, "title")
         return self
 
     def _check_scene(self, key, scene):
-        if scene.periods_shown > self.record_periods:
-            raise ValueError(
-                f"{key}.periods_shown = {scene.periods_shown} is not allowed: it must be an "
-                f"integer from 1 to the {self.record_periods} recorded mesh periods"
-            )
+        check_most(f"{key}.periods_shown", scene.periods_shown, self.record_periods)
         alien = SIX_ONLY.intersection(scene.courses)
         if scene.model == "one_degree" and alien:
             raise ValueError(
@@ -95,7 +92,7 @@ class _Common(Section):
                 f"{key}.courses = {sorted(alien)[0]!r} is not allowed: it must be a course of the "
                 "model six_degrees_plain, which has no friction, or the model must be six_degrees"
             )
-        self._check_titles(key, scene.cases)
+        check_different(f"{key}.cases", scene.cases, "title")
         for i, case in enumerate(scene.cases):
             self._check_damping(f"{key}.cases[{i}]", case)
 
@@ -105,16 +102,6 @@ class _Common(Section):
                 f"{key}.damping = {section.damping!r} is not allowed: it must be one of "
                 f"{', '.join(self.dampings)}"
             )
-
-    @staticmethod
-    def _check_titles(key, cases):
-        titles = [case.title for case in cases]
-        for i, title in enumerate(titles):
-            if titles.count(title) > 1:
-                raise ValueError(
-                    f"{key}.cases[{i}].title = {title!r} is not allowed: titles must be all "
-                    "different"
-                )
 
     def _check_colours(self):
         for name, colour in self.figures.colours.items():
@@ -126,11 +113,7 @@ class _Common(Section):
 
     def _check_report_page(self):
         page = self.report_page
-        if page.periods_shown > self.record_periods:
-            raise ValueError(
-                f"report_page.periods_shown = {page.periods_shown} is not allowed: it must be an "
-                f"integer from 1 to the {self.record_periods} recorded mesh periods"
-            )
+        check_most("report_page.periods_shown", page.periods_shown, self.record_periods)
         samples = len(self.dampings) * page.count() * page.periods_shown * page.samples_per_period
         if samples > MAX_PAGE_SAMPLES:
             raise ValueError(

@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from gearlib import tunings
+from gearlib.config.agreement import check_count, check_order
 from gearlib.config.types import (
     Colour,
     DampingCoefficient,
@@ -25,7 +26,6 @@ from gearlib.config.types import (
     Tolerance,
     Truth,
     Tuning,
-    check_count,
     entry,
     listing,
     number_within,
@@ -47,11 +47,7 @@ class Resonance(Section):
 
     @model_validator(mode="after")
     def _check(self):
-        if self.stop <= self.start:
-            raise ValueError(
-                f"resonance.stop = {self.stop!r} is not allowed: it must be greater than "
-                f"resonance.start = {self.start!r}"
-            )
+        check_order("resonance", self)
         # Beyond what decimals count; how many there may be depends on the dampings as well.
         check_count("resonance.step", self.start, self.stop, self.step, 10**12)
         if tunings.steps(self.start, self.stop, self.step) % 1:
@@ -222,11 +218,7 @@ class LociSection(Section):
 
     @model_validator(mode="after")
     def _check(self):
-        if self.highest <= self.lowest:
-            raise ValueError(
-                f"branches.loci.highest = {self.highest!r} is not allowed: it must be greater than "
-                f"branches.loci.lowest = {self.lowest!r}"
-            )
+        check_order("branches.loci", self, "lowest", "highest")
         return self
 
 
@@ -246,11 +238,7 @@ class Branches(Section):
 
     @model_validator(mode="after")
     def _check(self):
-        if self.stop <= self.start:
-            raise ValueError(
-                f"branches.stop = {self.stop!r} is not allowed: it must be greater than "
-                f"branches.start = {self.start!r}"
-            )
+        check_order("branches", self)
         return self
 
 

@@ -3,6 +3,7 @@
 from pydantic import model_validator
 from pydantic_core import PydanticCustomError
 
+from gearlib.config.agreement import check_most
 from gearlib.config.drawing import coefficient
 from gearlib.config.types import (
     Angle,
@@ -139,11 +140,8 @@ class Run(Section):
 
     @model_validator(mode="after")
     def _check(self):
-        if self.recorded_revolutions > self.revolutions:
-            raise ValueError(
-                f"run.recorded_revolutions = {self.recorded_revolutions} is not allowed: it must "
-                f"be an integer from 1 to run.revolutions = {self.revolutions}"
-            )
+        words = "run.revolutions = {}"
+        check_most("run.recorded_revolutions", self.recorded_revolutions, self.revolutions, words)
         return self
 
 

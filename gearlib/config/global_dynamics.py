@@ -4,6 +4,7 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
+from gearlib.config.agreement import check_grid
 from gearlib.config.gear_pair_section import Damping, MeshCase
 from gearlib.config.types import (
     Distance,
@@ -14,7 +15,6 @@ from gearlib.config.types import (
     Start,
     Step,
     Stop,
-    check_grid,
     entry,
     number_within,
     numbers,

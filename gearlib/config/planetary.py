@@ -3,6 +3,7 @@
 from pydantic import model_validator
 
 from gearlib import tunings
+from gearlib.config.agreement import check_most
 from gearlib.config.types import (
     Grid,
     Load,
@@ -113,9 +114,5 @@ class SymmetryBreaking(Started):
                 f"symmetry_breaking.shown = {self.shown!r} is not allowed: it must be one of the "
                 f"tunings from {self.start!r} to {self.stop!r} in steps of {self.step!r}"
             )
-        if self.periods_shown > self.record_periods:
-            raise ValueError(
-                f"symmetry_breaking.periods_shown = {self.periods_shown} is not allowed: it must "
-                f"be an integer from 1 to the {self.record_periods} recorded mesh periods"
-            )
+        check_most("symmetry_breaking.periods_shown", self.periods_shown, self.record_periods)
         return self

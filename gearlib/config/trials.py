@@ -4,6 +4,7 @@ from typing import Annotated, Literal, get_args
 
 from pydantic import Field, model_validator
 
+from gearlib.config.agreement import check_different
 from gearlib.config.types import (
     CubicDamping,
     DampingName,
@@ -132,13 +133,7 @@ class Failures(Section):
 
     @model_validator(mode="after")
     def _check(self):
-        names = [trial.name for trial in self.trials]
-        for i, name in enumerate(names):
-            if names.count(name) > 1:
-                raise ValueError(
-                    f"failures.trials[{i}].name = {name!r} is not allowed: names must be all "
-                    "different"
-                )
+        check_different("failures.trials", self.trials, "name")
         return self
 
 

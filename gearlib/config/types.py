@@ -27,11 +27,10 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
-from gearlib import parameters, tunings
+from gearlib import parameters
 from gearlib.config import units
+from gearlib.config.agreement import check_grid, check_most
 
-#: Limit that catches a mistyped step before it makes as many jobs or tunings.
-MAX_JOBS = 10_000
 #: Samples that a browser takes in: 32 MB of the page.
 MAX_PAGE_SAMPLES = 2_000_000
 
@@ -302,26 +301,6 @@ def numbers(item, count, description):
     return Annotated[list[item], Field(min_length=count, max_length=count, description=description)]
 
 
-def check_count(key, start, stop, step, most):
-    """Refuse a step that cuts a range into too many."""
-    if stop > start and tunings.steps(start, stop, step) + 1 > most:
-        raise ValueError(
-            f"{key} = {step!r} is not allowed: it must be >= {(stop - start) / most:.2g} to stay "
-            f"within {most:,} tunings"
-        )
-
-
-def check_grid(key, section, step_key="step"):
-    """Refuse a section whose stop is not start plus a whole multiple of step, or too fine."""
-    start, stop, step = section.start, section.stop, getattr(section, step_key)
-    check_count(f"{key}.{step_key}", start, stop, step, MAX_JOBS)
-    if stop <= start or tunings.steps(start, stop, step) % 1:
-        raise ValueError(
-            f"{key}.stop = {stop!r} is not allowed: it must be {key}.start = {start!r} plus a "
-            f"whole multiple of {key}.{step_key} = {step!r}"
-        )
-
-
 Start = Annotated[Tuning, Field(description="First tuning.")]
 Stop = Annotated[Tuning, Field(description="Last one; start + a whole multiple of step.")]
 Distance = Annotated[float, _in_rpm(gt=0, le=10), BeforeValidator(_read_number)]
@@ -373,12 +352,9 @@ class Recorded(Grid):
 
     @model_validator(mode="after")
     def _check_record(self):
-        if self.record_periods > self.periods:
-            key = self.key()
-            raise ValueError(
-                f"{key}.record_periods = {self.record_periods} is not allowed: it must be an "
-                f"integer from 1 to {key}.periods = {self.periods}"
-            )
+        key = self.key()
+        words = key + ".periods = {}"
+        check_most(f"{key}.record_periods", self.record_periods, self.periods, words)
         return self
 
 

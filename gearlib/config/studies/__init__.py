@@ -28,14 +28,7 @@ _MODULES = paper_figures, explained, basins_and_chaos, of_methods, of_trains, of
 #: name -> `Study`, in the order of the targets.
 STUDIES = {
     value.name: value
-    for module in (
-        paper_figures,
-        explained,
-        basins_and_chaos,
-        of_methods,
-        of_trains,
-        of_drawn_gears,
-    )
+    for module in _MODULES
     for value in vars(module).values()
     if isinstance(value, Study)
 }

@@ -81,21 +81,11 @@ class Drawing(NamedTuple):
 
 
 class Study:
-    """One study, target ``name`` of the workflow.
+    """One study: target ``name`` of the workflow, and section of the configuration or None.
 
-    Parameters
-    ----------
-    name : str
-        Of its target, and of its section in the configuration.
-    section : type or None
-        The keys of that section.
-    part : str
-        Of the report.
-    *rules : Job, Table or Drawing
-    results, needs : callable
-        Further files that the target asks for; whether a configuration has anything to study.
-    unasked : bool
-        Whether it is computed where a configuration names no targets.
+    `part` is that of the report, `rules` are Jobs, Tables and Drawings; `results` are further files
+    that the target asks for, `needs` whether a configuration has anything to study, `unasked`
+    whether it is computed where none names targets. Both are functions of the configuration.
     """
 
     def __init__(

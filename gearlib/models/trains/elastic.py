@@ -41,10 +41,7 @@ class Linear(NamedTuple):
 def linear(springs, masses):
     """Return the `Linear` train of springs and masses.
 
-    Parameters
-    ----------
-    springs, masses : tuple of ndarray
-        Directions, functionals of the n coordinates, shape (s, n), and values >= 0, shape (s,).
+    Each are directions, functionals of the n coordinates, shape (s, n), and values >= 0, (s,).
     """
     rows, stiffness, there = _positive(springs, _NOTHING)
     free = _null_space(rows)
@@ -162,19 +159,10 @@ def _singular(matrix, rank):
 
 
 def jacobi(matrix):
-    """Return singular values, ascending, left and right vectors of a well-scaled matrix.
+    """Return singular values, ascending, left and right vectors of a matrix (m, n), m >= n.
 
     Its columns may be of any size, if they are far from parallel: small values are as exact as
     large ones.
-
-    Parameters
-    ----------
-    matrix : ndarray, shape (m, n), m >= n
-
-    Raises
-    ------
-    numpy.linalg.LinAlgError
-        If the rotations do not come to rest.
     """
     if not matrix.size:
         return np.empty(0), np.empty((len(matrix), 0)), np.empty((0, 0))

@@ -38,10 +38,7 @@ class Equilibrium(NamedTuple):
 def equilibrium(train, phase=0.0):
     """Return the `Equilibrium` under the stiffness, errors and run-out at a reference mesh phase.
 
-    Raises
-    ------
-    ValueError
-        If there is none: the load opens a mesh without a far flank for good.
+    There is none, a ValueError, where the load opens a mesh without a far flank for good.
     """
     frequencies, waves, constants = train.excitation
     near, far = functionals(train, frequencies, waves, constants)

@@ -20,13 +20,7 @@ PARAMETERS = {
 
 
 def value_of(train, name):
-    """Return the value of a parameter that all meshes share.
-
-    Raises
-    ------
-    ValueError
-        If they do not.
-    """
+    """Return the value of a parameter that all meshes share, else raise ValueError."""
     values = {getattr(mesh, name) for mesh in train.meshes}
     if len(values) > 1:
         raise ValueError(
@@ -38,13 +32,7 @@ def value_of(train, name):
 
 
 def with_value(train, name, value):
-    """Return the train with a parameter of all meshes set.
-
-    Raises
-    ------
-    ValueError
-        If the value is not allowed; the message names parameter, value and range.
-    """
+    """Return the train with a parameter of all meshes set; a wrong value is refused."""
     if name == "backlash":
         value = checks.number(name, value, "a number >= 0, inf included", lambda v: v >= 0.0)
         value *= train.static_deflection

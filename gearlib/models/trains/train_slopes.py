@@ -90,13 +90,7 @@ def _elastic(element, name):
 
 
 def direction(train, name):
-    """Return what changes with one of `parameters`: (kind, label, field[, axis]) -> by what.
-
-    Raises
-    ------
-    ValueError
-        If the train has no derivative by it.
-    """
+    """Return what changes with one of `parameters`: (kind, label, field[, axis]) -> by what."""
     if name == "tuning" or name.startswith("initial_state of "):
         return {name: 1.0}
     if name == "load":

@@ -31,12 +31,8 @@ _CLOSE = 1e-6
 def speeds(bodies, meshes, shafts, reference):
     """Return name -> signed speed in radians per radian of reference mesh phase, `Fraction`.
 
-    Bodies that neither mesh nor sit on a shaft of others have speed 0.
-
-    Raises
-    ------
-    ValueError
-        If a mesh is not connected to the reference, or the train is locked.
+    Bodies that neither mesh nor sit on a shaft of others have speed 0. A mesh that is not connected
+    to the reference, or a locked train, is refused.
     """
     ratios = [
         (mesh.pinion, mesh.wheel, _ratio(bodies, mesh), f"mesh {mesh.name}") for mesh in meshes
@@ -131,13 +127,7 @@ def _ratio(bodies, mesh):
 
 
 def phases(bodies, meshes, shafts, reference, speed):
-    """Return name of a mesh -> its phase in mesh periods, in [0, 1).
-
-    Raises
-    ------
-    ValueError
-        If the train cannot be assembled.
-    """
+    """Return name of a mesh -> its phase in mesh periods, in [0, 1), if it can be assembled."""
     middles: dict = {}
     found: dict = {}
     free = [mesh for mesh in meshes if mesh.phase is None or mesh.name == reference]
