@@ -178,6 +178,10 @@ class Instance:
         return value
 
 
+#: Its name of before, until `six_degrees` says the new one.
+Part = Instance
+
+
 class Parameter:
     """A declared parameter of a constructor or function: kind, words, symbol, default."""
 
