@@ -31,7 +31,7 @@ from gearlib.models.propagators.slope_bases import bases_of
 
 _TURN = 2.0 * np.pi
 #: States this close, relative, repeat. So many repeats are worth a map.
-_AT_REST, _WORTH = 1e-13, 4
+_AT_REST, _LEAST_REPEATS = 1e-13, 4
 #: So many repeats without an event, over the number of components, are worth a map.
 _MANY = 2
 #: Places at which curves are looked at, within a step of a Taylor series.
@@ -322,7 +322,7 @@ class Walk:
             moving = np.abs(states[repeat:] - states[:-repeat]).max(axis=1) > _AT_REST * size
             first = int(np.flatnonzero(moving)[-1]) + 1 if moving.any() else 0
             first += -first % self.slopes.repeats
-            if first + _WORTH * repeat < end:
+            if first + _LEAST_REPEATS * repeat < end:
                 return first, repeat
         return -1, 0
 
