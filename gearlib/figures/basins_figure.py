@@ -2,7 +2,6 @@
 
 import numpy as np
 from matplotlib.colors import BoundaryNorm, ListedColormap
-from matplotlib.lines import Line2D
 
 from gearlib.figures import style
 
@@ -58,14 +57,12 @@ def _draw_case(axes, case):
             points = case.state.values[i]
             axes.plot(*points.T, linestyle="none", markersize=5.5, **options)
         options["markeredgecolor"] = "grey"
-        handles.append(Line2D([], [], linestyle="none", label=words, markersize=5, **options))
+        handles.append(style.entry(words, "C0", "none", markersize=5, **options))
     axes.set_xlim(limits[0])
     axes.set_ylim(limits[1])
     axes.set_title(str(case.case.item()))
     axes.set_xlabel("initial displacement (static defl.)")
-    axes.set_ylabel(
-        "initial $dy/d\\tau$ (static defl./rad)" if axes.get_subplotspec().is_first_col() else ""
-    )
+    axes.set_ylabel(f"initial {style.RATE}" if axes.get_subplotspec().is_first_col() else "")
     axes.legend(
         handles=handles,
         loc="upper center",

@@ -2,7 +2,6 @@
 
 import numpy as np
 from matplotlib.colors import BoundaryNorm, ListedColormap
-from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from gearlib.figures import style
@@ -41,7 +40,7 @@ def draw(chart):
     """
     methods = [str(name) for name in chart.method.values]
     rows = -(-len(methods) // 2)
-    figure = Figure((style.PAGE_WIDTH, _HEIGHT * rows + 2.2), layout="constrained")
+    figure = style.page(_HEIGHT * rows + 2.2)
     grid = figure.add_gridspec(rows + 1, 2, height_ratios=[_HEIGHT] * rows + [1.4])
     tuning, steps = chart.tuning.values, chart.steps.values
     fine = chart.fine_tuning.values
@@ -64,8 +63,8 @@ def draw(chart):
     below = figure.add_subplot(grid[rows, :])
     below.plot(fine, chart.true_radius.values, color="black", linewidth=0.8)
     below.set_ylabel("true radius")
-    below.set_xlabel("tuning $\\nu_s$")
+    below.set_xlabel(style.TUNING)
     below.set_xlim(tuning[0], tuning[-1])
     handles = [Patch(facecolor=colour, edgecolor="grey", label=name) for name, colour in VERDICTS]
-    figure.legend(handles=handles, loc="outside lower center", ncols=3)
+    style.legend(figure, handles, 3)
     return figure

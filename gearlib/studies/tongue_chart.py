@@ -1,11 +1,9 @@
 """Stability over the tuning and one other parameter, after Ince and Strutt: growth and tongues."""
 
 import numpy as np
-import xarray as xr
 
 from gearlib.analysis.tongues import closing_damping, find, meissner, varied
-from gearlib.data import provenance
-from gearlib.data.variables import describe
+from gearlib.data.result import result
 from gearlib.models.pair import GearPair
 
 PLANES = ("stiffness_ratio", "contact_ratio", "damping")
@@ -57,29 +55,25 @@ def compute(pair, tunings, settings):
                 edges[:, *place] = one.start, one.stop
     points = _points(pair, orders, values["stiffness_ratio"][0])
     closing = dict(zip((one.order for one in open_tongues), closings, strict=True))
-    dataset = xr.Dataset(
-        {
-            "value": (("plane", "row"), [places[name] for name in PLANES]),
-            "own_value": ("plane", [getattr(pair, name) for name in PLANES[:2]] + [0.0]),
-            "growth": (("plane", "row", "tuning"), _growths(pair, places, dampings, tunings)),
-            "tuning_from": (("plane", "damping", "row", "order"), edges[0]),
-            "tuning_to": (("plane", "damping", "row", "order"), edges[1]),
-            "closing_damping": ("order", [closing.get(n, np.nan) for n in orders]),
-            "point_plane": ("point", points[0]),
-            "point_value": ("point", points[1]),
-            "point_tuning": ("point", points[2]),
-        },
-        {
-            "plane": list(PLANES),
-            "damping": np.array(dampings, float),
-            "tuning": np.asarray(tunings, float),
-            "order": np.array(orders, np.int32),
-        },
-    )
-    dataset.attrs = provenance.attributes(
-        "Tongues of parametric resonance", pair, method="closed form", **settings
-    )
-    return describe(dataset)
+    data = {
+        "value": (("plane", "row"), [places[name] for name in PLANES]),
+        "own_value": ("plane", [getattr(pair, name) for name in PLANES[:2]] + [0.0]),
+        "growth": (("plane", "row", "tuning"), _growths(pair, places, dampings, tunings)),
+        "tuning_from": (("plane", "damping", "row", "order"), edges[0]),
+        "tuning_to": (("plane", "damping", "row", "order"), edges[1]),
+        "closing_damping": ("order", [closing.get(n, np.nan) for n in orders]),
+        "point_plane": ("point", points[0]),
+        "point_value": ("point", points[1]),
+        "point_tuning": ("point", points[2]),
+    }
+    coords = {
+        "plane": list(PLANES),
+        "damping": np.array(dampings, float),
+        "tuning": np.asarray(tunings, float),
+        "order": np.array(orders, np.int32),
+    }
+    title = "Tongues of parametric resonance"
+    return result(title, pair, data, coords, method="closed form", **settings)
 
 
 def _growths(pair, places, dampings, tunings):

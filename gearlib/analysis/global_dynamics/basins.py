@@ -11,14 +11,12 @@ from gearlib.analysis.global_dynamics.classification import classify, refuse_und
 from gearlib.analysis.global_dynamics.grids import initial_states, mesh_states
 from gearlib.analysis.global_dynamics.stroboscope import Stroboscope
 from gearlib.data import provenance
+from gearlib.data.status import flags_of
 from gearlib.data.variables import describe
 from gearlib.runs.run_arguments import MAX_EVENTS
 
 #: CF flags of the kind of an attractor.
-KIND_FLAGS = {
-    "flag_values": np.arange(len(KINDS), dtype=np.int8),
-    "flag_meanings": " ".join(KINDS),
-}
+KIND_FLAGS = flags_of(KINDS)
 
 
 def basins(

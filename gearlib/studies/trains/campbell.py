@@ -7,9 +7,8 @@ those of the reducer whose branches are alike.
 
 import numpy as np
 
-from gearlib.data import provenance
 from gearlib.data.lost_contact import lost_share
-from gearlib.data.variables import describe
+from gearlib.data.result import result
 from gearlib.models.pair import GearPair
 from gearlib.studies.trains.reducer import train_of
 
@@ -34,13 +33,8 @@ def compute(characteristics, pair, settings, orders):
         data[name] = sweeps[name]
     data["speed"] = sweeps.speed
     data["mesh_rate"] = ("mesh", [float(rate) for rate in train.rates])
-    data.attrs = provenance.attributes(
-        "Campbell diagram of a reducer with three double satellites",
-        train,
-        method="exact",
-        orders=orders,
-    )
-    return describe(data)
+    title = "Campbell diagram of a reducer with three double satellites"
+    return result(title, train, data, method="exact", orders=orders)
 
 
 def rows(diagram):

@@ -13,10 +13,9 @@ import math
 import numpy as np
 import xarray as xr
 
-from gearlib.data import provenance
 from gearlib.data.lost_contact import lost_share
+from gearlib.data.result import result
 from gearlib.data.status import settled_flags
-from gearlib.data.variables import describe
 from gearlib.models.pair import GearPair
 from gearlib.models.trains.parts import gear_masses
 from gearlib.studies import many_starts
@@ -268,23 +267,16 @@ def compute(pair, tunings, settings, changes):
             "answer_change": (("case", "start", "model", "observable"), change),
         }
     )
-    dataset = xr.Dataset(
-        data | many_starts.over_starts(every, list(every)),
-        {
-            "case": list(CASES),
-            "model": list(MODELS),
-            "tuning": np.asarray(tunings, float),
-            "observable": list(OBSERVABLES),
-        },
-    )
-    dataset.attrs = provenance.attributes(
-        "Models of a reducer, from one mesh to the whole train",
-        train_of(pair, settings),
-        method="exact",
-        initial_state="static",
-        **{name: settings[name] for name in motions.SETTINGS},
-    )
-    return describe(dataset)
+    data |= many_starts.over_starts(every, list(every))
+    coords = {
+        "case": list(CASES),
+        "model": list(MODELS),
+        "tuning": np.asarray(tunings, float),
+        "observable": list(OBSERVABLES),
+    }
+    said = {name: settings[name] for name in motions.SETTINGS} | {"initial_state": "static"}
+    title = "Models of a reducer, from one mesh to the whole train"
+    return result(title, train_of(pair, settings), data, coords, method="exact", **said)
 
 
 def rows(comparison):

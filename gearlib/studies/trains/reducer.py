@@ -9,9 +9,8 @@ that of the pair alone, mesh frequency of the first stage over the mean eigenfre
 import numpy as np
 import xarray as xr
 
-from gearlib.data import provenance
 from gearlib.data.lost_contact import ROUNDING, lost_share
-from gearlib.data.variables import describe
+from gearlib.data.result import result
 from gearlib.models.pair import GearPair
 from gearlib.models.trains.reducer_train import split_power_reducer
 from gearlib.runs.sweeping import DIRECTIONS
@@ -119,16 +118,9 @@ def compute(pair, tunings, settings):
         mesh_stage=("mesh", np.array(stage, np.int32)),
         speed=("tuning", trains["alike"].speed(tunings)),
     ).assign_coords(tuning=tunings, mesh=list(names), branch=np.unique(branch).astype(np.int32))
-    dataset.attrs = provenance.attributes(
-        "All meshes of a reducer with three double satellites",
-        trains["alike"],
-        method="exact",
-        initial_state="static",
-        pin_error=settings["pin_error"],
-        backlashes=settings["backlashes"],
-        **{name: settings[name] for name in motions.SETTINGS},
-    )
-    return describe(dataset)
+    title = "All meshes of a reducer with three double satellites"
+    said = {name: settings[name] for name in ("pin_error", "backlashes", *motions.SETTINGS)}
+    return result(title, trains["alike"], dataset, method="exact", initial_state="static", **said)
 
 
 def rows(characteristics):

@@ -10,14 +10,12 @@ import math
 from decimal import Decimal, localcontext
 
 import numpy as np
-import xarray as xr
 
 from gearlib.data import status
-from gearlib.data.provenance import canonical_json
-from gearlib.data.variables import describe
+from gearlib.data.result import result_of_many
+from gearlib.models.pair import GearPair
 from gearlib.studies.trials import high_precision, problems
 from gearlib.studies.trials.high_precision import Unresolved
-from gearlib.version import __version__
 
 #: Digits of the runs; the first is the check of the second, and so on while they differ.
 DIGITS = (30, 50, 100, 200, 400)
@@ -151,16 +149,13 @@ def compute(names, pair, six_degrees, settings):
         "event_from": ("event", kinds[:, 0]),
         "event_to": ("event", kinds[:, 1]),
     }
-    dataset = xr.Dataset(data, {"problem": list(names)})
-    dataset.attrs = {
-        "Conventions": "CF-1.11",
-        "title": "References of the test problems, from 50 digits or more",
-        "source": f"gearlib {__version__}",
-        "references": "Hortel, Skuderova: Engineering Mechanics 14 (2007) 91-104",
-        "gear_pair": canonical_json(pair),
-        "parameters": canonical_json({"settings": settings, "six_degrees": six_degrees}),
+    said = {
+        "references": GearPair.references,
+        "gear_pair": pair,
+        "parameters": {"settings": settings, "six_degrees": six_degrees},
     }
-    return describe(dataset)
+    title = "References of the test problems, from 50 digits or more"
+    return result_of_many(title, data, {"problem": list(names)}, **said)
 
 
 def run_of(dataset, name):

@@ -10,12 +10,10 @@ method invents motion (false instability); below the exact one, it adds numerica
 """
 
 import numpy as np
-import xarray as xr
 
 from gearlib import integrators
 from gearlib.analysis.tongues.no_loss import linear_pair
-from gearlib.data import provenance
-from gearlib.data.variables import describe
+from gearlib.data.result import result, stacked
 from gearlib.kernels import orbit
 from gearlib.models.pair import GearPair
 
@@ -66,26 +64,20 @@ def compute(pair, tunings, fine_tunings, steps, methods):
     stiffness over the mean.
     """
     pair = GearPair(**pair)
-    radius = np.empty((len(methods), len(steps), len(tunings)))
-    for i, chosen in enumerate(methods.values()):
-        for j, count in enumerate(steps):
-            options = chosen["options"] | {"steps_per_period": int(count)}
-            for k, nu in enumerate(tunings):
-                radius[i, j, k] = method_radius(pair, nu, chosen["method"], options)
-    dataset = xr.Dataset(
-        {
-            "radius": (("method", "steps", "tuning"), radius),
-            "true_radius": ("fine_tuning", [true_radius(pair, nu) for nu in fine_tunings]),
-            "stiffness_max": pair.max_stiffness / pair.mean_stiffness,
-        },
-        {
-            "method": list(methods),
-            "steps": np.asarray(steps, np.int32),
-            "tuning": np.asarray(tunings, float),
-            "fine_tuning": np.asarray(fine_tunings, float),
-        },
-    )
-    dataset.attrs = provenance.attributes(
-        "Numerical stability of fixed-step methods", pair, method=", ".join(methods)
-    )
-    return describe(dataset)
+
+    def radius(name, count, nu):
+        options = methods[name]["options"] | {"steps_per_period": int(count)}
+        return {"radius": method_radius(pair, nu, methods[name]["method"], options)}
+
+    axes = {
+        "method": list(methods),
+        "steps": np.asarray(steps, np.int32),
+        "tuning": np.asarray(tunings, float),
+    }
+    data = stacked(axes, radius) | {
+        "true_radius": ("fine_tuning", [true_radius(pair, nu) for nu in fine_tunings]),
+        "stiffness_max": pair.max_stiffness / pair.mean_stiffness,
+    }
+    coords = axes | {"fine_tuning": np.asarray(fine_tunings, float)}
+    title = "Numerical stability of fixed-step methods"
+    return result(title, pair, data, coords, method=", ".join(methods))
