@@ -1,8 +1,5 @@
 """Basins of attraction: a map for each case, with the attractors in it."""
 
-import numpy as np
-from matplotlib.colors import BoundaryNorm, ListedColormap
-
 from gearlib.figures import style
 
 _HEIGHT = 3.9
@@ -43,9 +40,7 @@ def _draw_case(axes, case):
     kinds = case.attractor_kind.values[:count]
     chosen = looks(kinds)
     x, v = case.displacement.values, case.velocity.values
-    colours = ListedColormap([colour for colour, _ in chosen])
-    norm = BoundaryNorm(np.arange(-0.5, count), count)
-    axes.pcolormesh(x, v, basin.T, cmap=colours, norm=norm, shading="nearest", rasterized=True)
+    style.map_of_codes(axes, x, v, basin.T, [colour for colour, _ in chosen])
     limits = axes.get_xlim(), axes.get_ylim()
     handles = []
     for i, (colour, marker) in enumerate(chosen):

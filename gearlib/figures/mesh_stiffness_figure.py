@@ -42,8 +42,7 @@ def draw(stiffness):
         # Room for what lies above and below, whatever the pair.
         low, high = axes.get_ylim()
         axes.set_ylim(max(low, 0.0), high + 0.05 * (high - low))
-    handles, labels = axes.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=4, fontsize=6.5)
+    style.legend(figure, axes, 4, fontsize=6.5)
     return figure
 
 

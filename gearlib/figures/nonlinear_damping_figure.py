@@ -38,13 +38,8 @@ def draw(studies):
     for axes in grid[1:, 0]:
         axes.set_ylabel(style.RATE)
     # Outside of the panels: curves reach every corner of the upper ones.
-    figure.legend(
-        *grid[0, 0].get_legend_handles_labels(),
-        loc="outside upper center",
-        ncols=len(_LOOKS),
-        title="damping (pale: sweep down)",
-        title_fontsize=7.5,
-    )
+    words = {"title": "damping (pale: sweep down)", "title_fontsize": 7.5}
+    style.legend(figure, grid[0, 0], len(_LOOKS), "upper", **words)
     return figure
 
 

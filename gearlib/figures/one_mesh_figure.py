@@ -73,8 +73,7 @@ def draw(comparison):
             table.set_yticklabels([])
     first.set_ylabel("largest dynamic factor,\nfirst meshes")
     first.set_xlim(data.tuning.values[[0, -1]])
-    handles, labels = first.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=count, fontsize=6.5)
+    style.legend(figure, first, count, fontsize=6.5)
     return figure
 
 

@@ -3,6 +3,7 @@
 import numpy as np
 from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
 
+from gearlib.data.numbers_given import stretches
 from gearlib.figures import style
 
 _Y_LABELS = {
@@ -81,7 +82,8 @@ def _draw_edges(axes, one):
         for order in one.order.values:
             tongue = one.isel(damping=i).sel(order=order)
             low, high = tongue.tuning_from.values, tongue.tuning_to.values
-            for run in _runs(np.isfinite(low)):
+            for first, last in stretches(np.isfinite(low)):
+                run = slice(first, last + 1)
                 # Up one edge and down the other; open where the picture cuts the tongue.
                 x = np.concatenate([low[run], high[run][::-1]])
                 y = np.concatenate([value[run], value[run][::-1]])
@@ -91,13 +93,6 @@ def _draw_edges(axes, one):
                     top = run.stop - run.start
                     x, y = np.insert(x, top, np.nan), np.insert(y, top, np.nan)
                 axes.plot(x, y, color=colour, linewidth=0.8)
-
-
-def _runs(good):
-    """Return the slices of consecutive good places."""
-    steps = np.diff(np.concatenate([[0], good.astype(int), [0]]))
-    starts, stops = np.nonzero(steps == 1)[0], np.nonzero(steps == -1)[0]
-    return [slice(a, b) for a, b in zip(starts, stops, strict=True)]
 
 
 def _draw_points(panels, chart):

@@ -38,8 +38,7 @@ def draw(costs):
         if i:
             upper[1, i].set_yticklabels([])
     upper[0, 0].set_ylabel("height of the orbit,\nstatic deflections")
-    handles, labels = upper[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=3, fontsize=6.5)
+    style.legend(figure, upper[0, 0], 3, fontsize=6.5)
     return figure
 
 

@@ -39,8 +39,7 @@ def draw(data):
         axes.set_xlabel(style.OWN_TUNING)
         axes.set_xlim(tuning[0], tuning[-1])
     panels[0].set_ylabel("largest dynamic force over load")
-    handles, labels = panels[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=2, fontsize=6.5)
+    style.legend(figure, panels[0], 2, fontsize=6.5)
     return figure
 
 

@@ -1,7 +1,6 @@
 """Numerical stability: spectral radius of one mesh period, methods beside the truth."""
 
 import numpy as np
-from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.patches import Patch
 
 from gearlib.figures import style
@@ -45,12 +44,10 @@ def draw(chart):
     tuning, steps = chart.tuning.values, chart.steps.values
     fine = chart.fine_tuning.values
     true = np.interp(tuning, fine, chart.true_radius.values)
-    colours = ListedColormap([colour for _, colour in VERDICTS])
-    norm = BoundaryNorm(np.arange(-0.5, len(VERDICTS)), len(VERDICTS))
     for i, name in enumerate(methods):
         axes = figure.add_subplot(grid[i // 2, i % 2])
         code = verdicts(chart.radius.values[i], true)
-        axes.pcolormesh(tuning, steps, code, cmap=colours, norm=norm, rasterized=True)
+        style.map_of_codes(axes, tuning, steps, code, [colour for _, colour in VERDICTS])
         axes.set_yscale("log")
         axes.set_title(name)
         axes.set_ylabel("steps per mesh period" if i % 2 == 0 else "")

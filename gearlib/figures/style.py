@@ -10,6 +10,9 @@ from itertools import cycle
 from pathlib import Path
 
 import matplotlib.style
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
@@ -160,8 +163,20 @@ def entry(label, colour="black", line="-", marker=None, **options):
 
 
 def legend(figure, handles, columns, side="lower", **options):
-    """Put a legend outside of all panels, on the lower or upper side of a figure."""
+    """Put a legend outside of all panels, on the lower or upper side of a figure.
+
+    handles: those that `entry` and patches are, or an axes whose labels are explained.
+    """
+    if isinstance(handles, Axes):
+        handles = handles.get_legend_handles_labels()[0]
     figure.legend(handles=handles, loc=f"outside {side} center", ncols=columns, **options)
+
+
+def map_of_codes(axes, x, y, codes, colours):
+    """Draw a map of codes 0, 1, ..., shape (y, x), each in its colour."""
+    look = {"cmap": ListedColormap(colours), "shading": "nearest", "rasterized": True}
+    norm = BoundaryNorm(np.arange(-0.5, len(colours)), len(colours))
+    axes.pcolormesh(x, y, codes, norm=norm, **look)
 
 
 def dots(axes, x, y, marker, colour, size, **options):

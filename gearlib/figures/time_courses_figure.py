@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from gearlib.data.numbers_given import stretches
 from gearlib.figures import style
 
 _PLANE_HEIGHT, _ROW_HEIGHT, _HEAD = 2.2, 1.05, 0.6
@@ -107,9 +108,6 @@ def _draw_course(axes, run, name):
 
 def _shade_times(axes, periods, where, colour, low, high):
     """Shade the intervals of time in which `where` holds."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], where.astype(np.int8), [0]])))
-    step = periods[1] - periods[0]
-    for first, last in zip(edges[::2], edges[1::2], strict=True):
-        axes.axvspan(
-            periods[first], periods[last - 1] + step, low, high, color=colour, linewidth=0, zorder=0
-        )
+    step, look = periods[1] - periods[0], {"color": colour, "linewidth": 0, "zorder": 0}
+    for first, last in stretches(where):
+        axes.axvspan(periods[first], periods[last] + step, low, high, **look)

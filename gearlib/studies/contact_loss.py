@@ -36,12 +36,7 @@ def compute(pairs, tuning, start, stop, run):
     question; start, stop (range of tunings whose tongues are listed; widened to those next to the
     tuning); run: periods, initial_state of the motion from rest.
 
-    Over (damping, order): tuning_from, tuning_to (NaN: closed), closing_damping over order. Over
-    damping, at the tuning in question, `asked`: damping_ratio; nearest_order, of the tongue next to
-    it; growth of deviations; orbit_min, the least displacement of the orbit without loss of
-    contact; lost, whether the motion from rest loses contact; loss_from and loss_to, the tunings
-    around between which it does (NaN: beyond the scan); forced_from, the first tuning above at
-    which that orbit itself leaves the flank (NaN: none near); cause, as of `CAUSES`.
+    NaN: a closed tongue; a loss of contact that begins or ends beyond the scan, or not near.
     """
     low, high = _NEXT
     start, stop = min(start, low * tuning), max(stop, high * tuning)

@@ -29,10 +29,7 @@ def compute(pair, ratios, settings):
     torque, N m, of the pinion); ratios: shape (n,), speeds over the resonance speed of the
     standard, N; settings: damping_ratio, periods, record_periods.
 
-    Over (stiffness_method, tooth_deviation, direction, resonance_ratio): dynamic_factor,
-    fraction_normal, jumps (whether K_v jumps from the speed before, in the order of the sweep),
-    status; over (tooth_deviation, resonance_ratio): standard_factor; over resonance_ratio: speed
-    (rpm of the pinion); torque, damping_ratio.
+    Jumps are from the speed before, in the order of the sweep.
     """
     mesh, torque = described_drawing.mesh(pair), pair["torque"]
     ratios = np.asarray(ratios, float)

@@ -51,10 +51,6 @@ def compute(pairs, samples):
 
     pairs (as of `gearlib.models.geometry.described_drawing.mesh`, and torque, published: name ->
     mean stiffness); samples: phases of the courses.
-
-    stiffness_phase over (pair, point), mesh_stiffness over (pair, stiffness_method, point);
-    mean_mesh_stiffness, own_stiffness_ratio over (pair, stiffness_method); method_uncertainty over
-    stiffness_method, relative; published_stiffness and published_pair over published.
     """
     meshes = {name: described_drawing.mesh(pair) for name, pair in pairs.items()}
     phases = {name: _phases(mesh.contact_ratio, samples) for name, mesh in meshes.items()}

@@ -116,10 +116,7 @@ def compute(pairs, tunings, samples, settings):
     pairs: as of `gearlib.studies.mesh_stiffness.compute`; tunings: shape (t,); samples: phases of
     the courses; settings: damping_ratio, tolerance, periods, record_periods.
 
-    orbit_height, dynamic_force, lost_share, period over (pair, stiffness_method, form, direction,
-    tuning); answer over (pair, stiffness_method, form, observable); rectangle_cost over (pair,
-    stiffness_method, observable); method_spread and rectangle_verdict over (pair, observable), the
-    latter by the largest cost of all methods.
+    The verdict is by the largest cost of all methods.
     """
     tunings, found = np.asarray(tunings, float), {}
     run = {name: settings[name] for name in ("periods", "record_periods")}

@@ -64,10 +64,7 @@ def dynamics(gears, stiffness, tunings, settings):
     teeth; settings (loads over the design load, > 0; damping_ratio, backlash_damping_ratio;
     periods, record_periods; tolerance of the dynamic force).
 
-    dynamic_force_max and fraction_normal over (load_ratio, model, direction, tuning); over
-    load_ratio: difference_in_contact and difference_with_loss (the largest of the dynamic force
-    where neither model, or one, loses contact), mean_difference, suffices, error_over_deflection,
-    effective_contact_ratio; speed in rpm.
+    Differences are the largest where neither model, or one, loses contact.
     """
     torque = gears["torque"]
     mesh = optimum_relief(described_drawing.mesh(gears), torque, length="long", stiffness=stiffness)

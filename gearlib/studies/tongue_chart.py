@@ -19,12 +19,8 @@ def compute(pair, tunings, settings):
     the tongues, the first one also that of the growth; least_stiffness_ratio; values: how many of
     the other parameter).
 
-    Over plane (the other parameter): value over row, its grid, and own_value, that of the pair;
-    growth over (row, tuning); tuning_from and tuning_to over (damping, row, order), NaN where
-    closed. In the plane of damping the tongues have the damping of their row, and lie under the
-    first damping. closing_damping over order, of the pair, and peak_tuning, where that tongue
-    closes. Points where tongues without damping have width zero: point_plane, point_value,
-    point_tuning.
+    NaN: closed. In the plane of damping the tongues have the damping of their row, and lie under
+    the first damping.
     """
     pair = GearPair(**pair).replace(material_damping=0.0)
     dampings = settings["damping_ratios"]

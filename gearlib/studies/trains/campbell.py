@@ -22,9 +22,8 @@ def compute(characteristics, pair, settings, orders):
     `GearPair`: every mesh); settings: as of `gearlib.studies.trains.reducer.train_of`; orders:
     highest order of each mesh frequency.
 
-    That of `GearTrain.campbell`; fraction_normal_high over (direction, tuning, mesh), the most of
-    all starts, which all lose contact where it is less than 1; settled over (direction, tuning),
-    speed (rpm) over tuning, mesh_rate over mesh.
+    Beside `GearTrain.campbell`: the most contact of all starts, which all lose it where that is
+    less than 1.
     """
     train = train_of(GearPair(**pair), settings)
     data = train.campbell(orders).drop_vars("modal_force")

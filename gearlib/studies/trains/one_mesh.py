@@ -207,11 +207,8 @@ def compute(pair, tunings, settings, changes):
     reducer, as of `models`, and periods, record_periods; changes: as of `models`, and tolerance,
     and the starts of `gearlib.studies.trains.motions`.
 
-    dynamic_factor over (case, model, tuning), the largest of the first stage, and its range;
-    settled over the same; answer and answer_change over (case, model, observable), medians over the
-    starts, and their ranges; answer_free_of_rounding, whether the answer hangs on no motion that
-    rounding decides; answer_shared, whether that of the whole train does not either, and both are
-    the same from all starts; sufficient over case, from all starts; tolerance.
+    Medians over the starts, with their ranges; shared is an answer that is the same from all
+    starts and hangs, as that of the whole train, on no motion that rounding decides.
     """
     pair = GearPair(**pair)
     settings = settings | {name: changes[name] for name in motions.SETTINGS if name in changes}

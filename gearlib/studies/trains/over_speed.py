@@ -17,9 +17,7 @@ def compute(train, tunings, settings):
     train: arguments of `gearlib.models.trains.described_train.described`; tunings: shape (t,);
     settings: as of `gearlib.studies.trains.motions`.
 
-    Over (direction, tuning, mesh): dynamic_factor, load_sharing, fraction_normal, medians over the
-    starts, and their ranges, _low and _high; over (direction, tuning): shares of motions as of
-    `gearlib.studies.trains.motions.summarise`; over tuning: speed.
+    As of `gearlib.studies.trains.motions.over_directions`.
     """
     model, tunings = described(**train), np.asarray(tunings, float)
     dataset, _ = motions.over_directions(model, tunings, settings, _KEPT, DIRECTIONS)

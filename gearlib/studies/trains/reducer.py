@@ -78,12 +78,7 @@ def compute(pair, tunings, settings):
     `train_of`, and pin_error (m, radial and tangential), backlashes (m, by branch), and those of
     `gearlib.studies.trains.motions`.
 
-    Over (case, direction, tuning, mesh): dynamic_factor, load_sharing, fraction_normal, medians
-    over the starts, and their ranges, _low and _high; over (case, direction, tuning): settled,
-    period, motion_count and shares of motions as of `motions.summarise`; over branch too:
-    lost_alone_share and struck_alone_share, of the starts in which only this branch loses contact,
-    strikes its far flanks; over (case, direction, mesh): largest_factor and factor_tuning, of
-    settled motions; over mesh: mesh_branch, mesh_stage.
+    As of `motions.over_directions`, over case too; largest factors are those of settled motions.
     """
     pair, tunings = GearPair(**pair), np.asarray(tunings, float)
     trains = cases(pair, settings)

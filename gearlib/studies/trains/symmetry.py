@@ -174,10 +174,8 @@ def compute(train, tunings, settings):
     stiffness over its mean; shown: the tuning of the course; shown_after, mesh periods;
     samples_per_period; those of `gearlib.studies.trains.motions`).
 
-    Over tuning: the largest multipliers of symmetric and other disturbances, the verdict, and
-    shares of the motions from all starts beside the symmetric one, as of `motions.summarise`; over
-    tuning and mesh what these do: bounces, load sharing, largest force, medians and ranges. Over
-    mesh and phase: the forces at the tuning that is shown, after the first start.
+    Motions are those from all starts beside the symmetric one, as of `motions.summarise`; forces
+    those at the tuning that is shown, after the first start.
     """
     train = with_jump(train | {"teeth": settings["teeth"]}, settings["jump"], settings)
     small = reduced(train)

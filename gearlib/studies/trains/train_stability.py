@@ -19,10 +19,6 @@ def compute(train, tunings, settings):
     mesh frequencies over the reference frequency; settings (reference_frequency, Hz; teeth: pairs
     (z_s, z_r), one for each phasing; largest_jump: of the plane of stiffness jumps; jump: that of
     the plane of contact ratios; values: how many of each).
-
-    Over phasing, plane, row and tuning: growth, and whether the point is unstable to first order.
-    Over phasing, plane and row: the share of unstable tunings, of these the share that the first
-    order misses, and of those it names the share that is stable.
     """
     tunings = np.asarray(tunings, float)
     count = settings["values"]

@@ -244,10 +244,6 @@ def compute(name, method, options, chosen=None):
 
     name: of the column; method: one of `gearlib.methods`; options: options of the method; chosen
     (names of problems; by default all).
-
-    Over (problem, trial), one trial: verdict (flags), error, periods, evaluations, judge, message.
-    Over problem: words, model, tuning, displacement and velocity at the start, quantity, tolerance.
-    Over trial: method, options.
     """
     known = problems()
 

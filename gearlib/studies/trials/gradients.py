@@ -82,6 +82,11 @@ def _value(problem, name):
     return problem.tuning if name == "tuning" else getattr(problem.model, name)
 
 
+def _run(problem, **more):
+    given = {"periods": problem.periods, "initial_state": problem.state, "samples_per_period": 1}
+    return simulate(problem.model, problem.tuning, **given, **more)
+
+
 def differences(problem, names, method, options, step):
     """Return central differences of the final state, shape (k, 2); `step` is relative."""
     found = []
@@ -94,29 +99,14 @@ def differences(problem, names, method, options, step):
                 tuning = moved
             else:
                 pair = pair.replace(**{name: moved})
-            run = simulate(
-                pair,
-                tuning,
-                periods=problem.periods,
-                samples_per_period=1,
-                initial_state=problem.state,
-                method=method,
-                options=options,
-            )
+            run = _run(problem._replace(model=pair, tuning=tuning), method=method, options=options)
             ends.append(run.final_state.values)
         found.append(value * (ends[0] - ends[1]) / (values[0] - values[1]))
     return np.array(found)
 
 
 def _exact(problem, names):
-    run = simulate(
-        problem.model,
-        problem.tuning,
-        periods=problem.periods,
-        samples_per_period=1,
-        initial_state=problem.state,
-        sensitivities=names,
-    )
+    run = _run(problem, sensitivities=names)
     return np.array(
         [_value(problem, name) * run[f"d_final_state_d_{name}"].values for name in names]
     )

@@ -97,11 +97,6 @@ def compute(method, pair, tunings, slow_tunings, settings, run):
     methods which are not compiled by this library; rising, n >= 2); settings (resolution, slow:
     resolution of the slow scan, most_evaluations per mesh period); run: periods, record_periods,
     initial_state.
-
-    Over (rung,): line, family, knob, options, switches (their number), jump (NaN: none),
-    jump_error, period_evaluations, scan_from, scan_to, scan_step, resolution. Over (switch,):
-    switch_tuning and switch_rung. exact_jump; left_out, the number of rungs that cost more than
-    allowed.
     """
     model = GearPair(**pair)
     exact = scan(model, tunings, settings["resolution"], "exact", {}, run).jump

@@ -12,7 +12,7 @@ from decimal import Decimal, localcontext
 import numpy as np
 
 from gearlib.data import status
-from gearlib.data.result import result_of_many
+from gearlib.data.result import result_of_many, stacked
 from gearlib.models.pair import GearPair
 from gearlib.studies.trials import high_precision, problems
 from gearlib.studies.trials.high_precision import Unresolved
@@ -124,26 +124,23 @@ def compute(names, pair, six_degrees, settings):
     names: of `gearlib.studies.trials.problems.CASES`; pair, six_degrees, settings: as of
     `gearlib.studies.trials.problems.build`.
 
-    Over (problem, component): final_state, and orbit_state, of the settled orbit at tau = 0. Over
-    (problem,): largest_multiplier of that orbit; both NaN where a problem has none of one mesh
-    period. Over (event,), those of the recorded periods: event_problem, event_phase from the start
-    of the run, event_from, event_to.
+    Orbit and multiplier are NaN where a problem has no orbit of one mesh period.
     """
-    runs, orbits, multipliers = [], [], []
-    for name in names:
+    runs = []
+
+    def facts(name):
         problem = problems.build(name, pair, six_degrees, settings)
         runs.append(reference(problem))
         orbit, multiplier = np.full(2, math.nan), math.nan
         if problem.steady:
             found, multiplier = settled(problem)
             orbit = found.state
-        orbits.append(orbit)
-        multipliers.append(multiplier)
+        state = runs[-1].state
+        return {"final_state": state, "orbit_state": orbit, "largest_multiplier": multiplier}
+
+    data = stacked({"problem": list(names)}, facts, "component")
     kinds = np.concatenate([run.kinds for run in runs])
-    data = {
-        "final_state": (("problem", "component"), np.array([run.state for run in runs])),
-        "orbit_state": (("problem", "component"), np.array(orbits)),
-        "largest_multiplier": ("problem", np.array(multipliers)),
+    data |= {
         "event_problem": ("event", np.repeat(list(names), [run.phases.size for run in runs])),
         "event_phase": ("event", np.concatenate([run.phases for run in runs])),
         "event_from": ("event", kinds[:, 0]),

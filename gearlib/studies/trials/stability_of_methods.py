@@ -11,11 +11,10 @@ method invents motion (false instability); below the exact one, it adds numerica
 
 import numpy as np
 
-from gearlib import integrators
 from gearlib.analysis.tongues.no_loss import linear_pair
 from gearlib.data.result import result, stacked
-from gearlib.kernels import orbit
 from gearlib.models.pair import GearPair
+from gearlib.studies.trials.problems import Bound
 
 #: Radii are cut at this: larger ones say no more.
 LARGEST = 1e6
@@ -34,20 +33,10 @@ def method_radius(pair, tuning, method, options):
 
     At most `LARGEST`, which also stands for a run that stopped early.
     """
-    linear = linear_pair(pair)
-    _, module, options = integrators.choose(linear, method, options)
-    samples, events = np.empty((0, orbit.SAMPLE_COLUMNS)), np.empty((0, orbit.EVENT_COLUMNS))
-    summary = np.empty(orbit.SUMMARY_COLUMNS)
-    ends = []
-    for state in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0)):
-        x, v, *_, code, _ = module.run(
-            linear, tuning, state, 1, 1, samples, events, 10**6, summary, **options
-        )
-        if code != 0:
-            return LARGEST
-        ends.append((x, v))
-    rest, first, second = np.array(ends)
-    matrix = np.column_stack([first - rest, second - rest])
+    bound = Bound(linear_pair(pair), tuning, method, options)
+    rest, *ends = (bound.run(state, 1).state for state in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0)))
+    # NaN of a run that could not go on.
+    matrix = np.column_stack([end - rest for end in ends])
     if not np.isfinite(matrix).all():
         return LARGEST
     return float(min(np.abs(np.linalg.eigvals(matrix)).max(), LARGEST))
@@ -59,9 +48,6 @@ def compute(pair, tunings, fine_tunings, steps, methods):
     pair (keyword arguments of `GearPair`; made linear by `linear_pair`); tunings, fine_tunings (of
     the methods; of the mesh alone, which costs little); steps: shape (s,), steps per mesh period;
     methods (name -> {"method": name of `gearlib.methods`, "options": options but the steps}).
-
-    radius over (method, steps, tuning); true_radius over (fine_tuning,); stiffness_max, the largest
-    stiffness over the mean.
     """
     pair = GearPair(**pair)
 

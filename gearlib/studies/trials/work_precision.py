@@ -195,10 +195,7 @@ def errors(method, known, pair, six_degrees, settings):
     known: of `gearlib.studies.trials.references.compute`, of the same parameters; pair,
     six_degrees, settings: as of `gearlib.studies.trials.problems.build`.
 
-    Over (problem, rung): state_error, event_error, multiplier_error, period_evaluations, NaN where
-    the method does not take the model or stopped early. Over (rung,): line, family, knob, options.
-    Over (problem,): state_floor, event_floor, half the last place of the reference, and
-    multiplier_floor, rounding over the width of the differences.
+    NaN where the method does not take the model or stopped early.
     """
     names = known.problem.values.tolist()
     built = {name: problems.build(name, pair, six_degrees, settings) for name in names}
