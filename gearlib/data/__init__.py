@@ -12,6 +12,7 @@ module              responsibility
 ``numbers_given``   what a caller gives as numbers, as an array
 ``storage``         datasets to and from netCDF
 ``files``           whole files or none
+``result``          results of a computation as one described dataset
 ``gathering``       shards of the workflow into one dataset per experiment
 ==================  ========================================================
 """

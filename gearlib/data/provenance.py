@@ -28,12 +28,15 @@ def _plain(value):
     return value
 
 
+def origin(title, method=None):
+    """Return the attributes that every dataset has."""
+    source = f"gearlib {__version__}" + (f", method {method}" if method else "")
+    return {"Conventions": "CF-1.11", "title": title, "source": source}
+
+
 def attributes(title, pair, *, method, **parameters):
     """Return the global attributes of a dataset, in a fixed order."""
-    return {
-        "Conventions": "CF-1.11",
-        "title": title.replace("a gear mesh", pair.title_noun),
-        "source": f"gearlib {__version__}, method {method}",
+    return origin(title.replace("a gear mesh", pair.title_noun), method) | {
         "references": pair.references,
         "gear_pair" if pair.mesh else "model": canonical_json(pair.as_dict()),
         "parameters": canonical_json(parameters),

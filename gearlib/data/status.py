@@ -53,6 +53,12 @@ FLAGS = {
 }
 
 
+def flags_of(names):
+    """Return the CF flags of a variable that says 0, 1, ... for these names."""
+    meanings = " ".join(name.replace(" ", "_").replace("-", "_") for name in names)
+    return {"flag_values": np.arange(len(names), dtype=np.int8), "flag_meanings": meanings}
+
+
 def settled_flags(words):
     """Return the CF flags of a variable that says 0, unsettled, or 1, in these words."""
-    return {"flag_values": np.arange(2, dtype=np.int8), "flag_meanings": f"unsettled {words}"}
+    return flags_of(("unsettled", words))

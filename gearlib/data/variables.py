@@ -261,6 +261,10 @@ DESCRIPTIONS = {
     "exponent": ("1", "largest Lyapunov exponent per mesh period"),
     "uncertainty": ("1", "standard error of the exponent"),
     "fine_tuning": ("1", "tuning of the exact spectral radius"),
+    # phase lag
+    "lag": ("degree", "lag of the motion behind the mesh stiffness"),
+    "first_lag": ("degree", "lag of the first harmonic behind the mesh stiffness"),
+    "shown_tuning": ("1", "tuning of the courses"),
     # nonlinear damping
     "direction": ("1", "direction of the sweep"),
     "place": ("1", "where the damping acts"),

@@ -1,9 +1,5 @@
 """Basins of attraction: a map for each case, with the attractors in it."""
 
-import numpy as np
-from matplotlib.colors import BoundaryNorm, ListedColormap
-from matplotlib.lines import Line2D
-
 from gearlib.figures import style
 
 _HEIGHT = 3.9
@@ -44,9 +40,7 @@ def _draw_case(axes, case):
     kinds = case.attractor_kind.values[:count]
     chosen = looks(kinds)
     x, v = case.displacement.values, case.velocity.values
-    colours = ListedColormap([colour for colour, _ in chosen])
-    norm = BoundaryNorm(np.arange(-0.5, count), count)
-    axes.pcolormesh(x, v, basin.T, cmap=colours, norm=norm, shading="nearest", rasterized=True)
+    style.map_of_codes(axes, x, v, basin.T, [colour for colour, _ in chosen])
     limits = axes.get_xlim(), axes.get_ylim()
     handles = []
     for i, (colour, marker) in enumerate(chosen):
@@ -58,14 +52,12 @@ def _draw_case(axes, case):
             points = case.state.values[i]
             axes.plot(*points.T, linestyle="none", markersize=5.5, **options)
         options["markeredgecolor"] = "grey"
-        handles.append(Line2D([], [], linestyle="none", label=words, markersize=5, **options))
+        handles.append(style.entry(words, "C0", "none", markersize=5, **options))
     axes.set_xlim(limits[0])
     axes.set_ylim(limits[1])
     axes.set_title(str(case.case.item()))
     axes.set_xlabel("initial displacement (static defl.)")
-    axes.set_ylabel(
-        "initial $dy/d\\tau$ (static defl./rad)" if axes.get_subplotspec().is_first_col() else ""
-    )
+    axes.set_ylabel(f"initial {style.RATE}" if axes.get_subplotspec().is_first_col() else "")
     axes.legend(
         handles=handles,
         loc="upper center",

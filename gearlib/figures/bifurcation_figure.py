@@ -1,7 +1,6 @@
 """Bifurcation diagram, largest Lyapunov exponent and shares of the basins over one axis."""
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from gearlib.figures import style
 from gearlib.figures.basins_figure import looks
@@ -25,7 +24,7 @@ def draw(diagram, shares, branches=None):
     `branches`, if given, are laid over the diagram, dashed where unstable: tuning, state
     (point, coordinate), stable and branch along ``point``.
     """
-    figure = Figure((style.PAGE_WIDTH, _HEIGHT), layout="constrained")
+    figure = style.page(_HEIGHT)
     top, middle, bottom = figure.subplots(
         3, 1, sharex=True, gridspec_kw={"height_ratios": [2.4, 1.0, 1.4]}
     )
@@ -34,17 +33,9 @@ def draw(diagram, shares, branches=None):
     for name in reversed(diagram.direction.values):
         one, kind = diagram.sel(direction=name), str(name).split()[0]
         colour = _COLOURS[kind]
-        strobes = one.displacement.values
-        top.plot(
-            np.repeat(tuning, strobes.shape[1]),
-            strobes.ravel(),
-            linestyle="none",
-            marker=".",
-            markersize=1.4 if kind == "cold" else 1.8,
-            markeredgewidth=0.0,
-            color=colour,
-            rasterized=True,
-        )
+        strobes, size = one.displacement.values, 1.4 if kind == "cold" else 1.8
+        at, look = np.repeat(tuning, strobes.shape[1]), {"markeredgewidth": 0.0, "rasterized": True}
+        style.dots(top, at, strobes.ravel(), ".", colour, size, **look)
         value, error = one.exponent.values, one.uncertainty.values
         # Lines join settled motions only.
         line = one.settled.values.astype(bool) & (kind != "cold")
@@ -66,7 +57,7 @@ def draw(diagram, shares, branches=None):
     middle.axhline(0.0, color="black", linewidth=0.5)
     middle.set_ylabel("largest Lyapunov\nexponent per period")
     _draw_shares(bottom, shares)
-    bottom.set_xlabel("tuning $\\nu_s$")
+    bottom.set_xlabel(style.TUNING)
     bottom.set_xlim(tuning[0], tuning[-1])
     style.add_scale(top, tuning, diagram.speed.values, "speed (rpm)")
     return figure

@@ -1,8 +1,6 @@
 """Branches of periodic orbits with their special points, and how damping moves these."""
 
 import numpy as np
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from gearlib.figures import style
 
@@ -38,7 +36,7 @@ def draw_curve(axes, branches, variable, colour, width=1.0, zorder=2.0):
                 values[drawn],
                 color=colour,
                 linewidth=width,
-                linestyle="-" if stable[piece[0]] else (0, (4, 1.5)),
+                linestyle="-" if stable[piece[0]] else style.DASHED,
                 zorder=zorder,
             )
 
@@ -51,7 +49,7 @@ def draw(branches, loci):
     Above, heights of orbits over the tuning; below, where the special points lie over tuning
     and damping ratio. The dotted line is the damping of the branches.
     """
-    figure = Figure((style.PAGE_WIDTH, _HEIGHT), layout="constrained")
+    figure = style.page(_HEIGHT)
     top, bottom = figure.subplots(2, sharex=True, height_ratios=[1.2, 1.0])
     draw_curve(top, branches, "orbit_height", "black")
     tuning, height, labels = (branches[name].values for name in ("tuning", "orbit_height", "label"))
@@ -70,17 +68,14 @@ def draw(branches, loci):
         at = labels == code
         _, colour, marker = _SPECIAL[code]
         bottom.plot(tuning[at], np.full(at.sum(), given), marker, color=colour, markersize=3.5)
-    handles = [
-        Line2D([], [], color="black", label="stable orbit"),
-        Line2D([], [], color="black", linestyle=(0, (4, 1.5)), label="unstable orbit"),
-    ]
+    handles = [style.entry("stable orbit"), style.entry("unstable orbit", line=style.DASHED)]
     for code in shown:
         name, colour, marker = _SPECIAL[code]
-        handles.append(Line2D([], [], color=colour, marker=marker, markersize=4, label=name))
-    figure.legend(handles=handles, loc="outside upper center", ncols=len(handles))
+        handles.append(style.entry(name, colour, "-", marker, markersize=4))
+    style.legend(figure, handles, len(handles), "upper")
     top.set_ylabel("height of the orbit\n(static defl.)")
     bottom.set_ylabel("damping ratio $\\beta$")
-    bottom.set_xlabel("tuning $\\nu_s$")
+    bottom.set_xlabel(style.TUNING)
     return figure
 
 
@@ -118,17 +113,9 @@ def _name_places(axes, tuning, height, labels, shown):
         i = min(group, key=lambda i: labels[i])
         around = tuning[[max(i - _FAR, 0), min(i + _FAR, tuning.size - 1)]]
         if (around > tuning[i]).all():
-            place = {"xytext": (-6, 0), "ha": "right", "va": "center"}
+            place = (-6, 0), "right center"
         elif (around < tuning[i]).all():
-            place = {"xytext": (6, 0), "ha": "left", "va": "center"}
+            place = (6, 0), "left center"
         else:
-            place = {"xytext": (0, 6), "ha": "center", "va": "bottom"}
-        axes.annotate(
-            words,
-            (tuning[i], height[i]),
-            textcoords="offset points",
-            fontsize=6,
-            bbox={"boxstyle": "round,pad=0.15", "facecolor": "white", "alpha": 0.85, "lw": 0},
-            zorder=2.5,
-            **place,
-        )
+            place = (0, 6), "center bottom"
+        style.note(axes, words, (tuning[i], height[i]), *place, white=(0.15, 0.85), zorder=2.5)

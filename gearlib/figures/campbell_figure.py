@@ -1,8 +1,6 @@
 """Campbell diagram: natural frequencies, orders of the mesh frequencies, speeds of lost contact."""
 
 import numpy as np
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from gearlib.data.lost_contact import lost_share
 from gearlib.figures import style
@@ -10,6 +8,8 @@ from gearlib.figures import style
 _COLOURS = {"rotational": "#D55E00", "translational": "#56B4E9", "satellite": "#CC79A7"}
 _OTHER = "0.5"
 _LOST = "#F0E442"
+#: Whether the meshes excite an intersection -> words, face and size of its mark.
+_EXCITED = {True: ("excited", "black", 3.5), False: ("not excited", "white", 2.5)}
 
 
 @style.styled()
@@ -20,7 +20,7 @@ def draw(diagram):
     of a mesh frequency: the speeds at which a mesh of it parts in a sweep.
     """
     data = diagram
-    figure = Figure((style.PAGE_WIDTH, 4.2), layout="constrained")
+    figure = style.page(4.2)
     axes = figure.add_subplot()
     speed = data.speed.values
     # Frequency of the reference mesh in kHz at a speed in rpm.
@@ -38,26 +38,18 @@ def draw(diagram):
         at = 0.97 * end, rate * order * 0.97 * end
         look = {"boxstyle": "round,pad=0.15", "facecolor": "white", "linewidth": 0}
         axes.text(*at, f"{order:.3g}", fontsize=6.5, ha="center", va="center", bbox=look)
-    for excited, face in ((True, "black"), (False, "white")):
-        shown = data.excites.values == excited
-        axes.plot(
-            data.critical_speed.values[shown],
-            np.broadcast_to(frequency, shown.shape)[shown],
-            "o",
-            color="black",
-            markerfacecolor=face,
-            markersize=3.5 if excited else 2.5,
-            markeredgewidth=0.5,
-            zorder=3,
-        )
+    for excited, (_, face, size) in _EXCITED.items():
+        shown, look = data.excites.values == excited, {"markeredgewidth": 0.5, "zorder": 3}
+        x, y = data.critical_speed.values[shown], np.broadcast_to(frequency, shown.shape)[shown]
+        style.dots(axes, x, y, "o", "black", size, markerfacecolor=face, **look)
     _mark_lost(axes, data, rate)
     axes.set_xlim(0.0, speed[-1])
     axes.set_ylim(0.0, top)
     axes.axvline(speed[0], color="0.6", linestyle=":", linewidth=0.8, zorder=0.4)
     axes.set_xlabel("speed of the reference pinion (rpm)")
     axes.set_ylabel("frequency (kHz)")
-    style.add_scale(axes, speed, data.tuning.values, "tuning $\\nu$")
-    figure.legend(handles=_legend(kinds), loc="outside lower center", ncols=4, fontsize=6.5)
+    style.add_scale(axes, speed, data.tuning.values, style.OWN_TUNING)
+    style.legend(figure, _legend(kinds), 4, fontsize=6.5)
     return figure
 
 
@@ -74,28 +66,14 @@ def _mark_lost(axes, data, rate):
 
 
 def _legend(kinds):
-    handles = [
-        Line2D([], [], color=_COLOURS.get(kind, _OTHER), label=f"{kind} mode")
-        for kind in dict.fromkeys(kinds)
-    ]
-    grey = {"color": "0.3", "linewidth": 0.8}
-    handles += [
-        Line2D([], [], label="mesh frequency", **grey),
-        Line2D([], [], linestyle="--", label="its multiple", **grey),
-        Line2D(
-            [], [], marker="o", linestyle="none", color="black", label="excited", markersize=3.5
+    return [
+        *(style.entry(f"{kind} mode", _COLOURS.get(kind, _OTHER)) for kind in dict.fromkeys(kinds)),
+        style.entry("mesh frequency", "0.3", linewidth=0.8),
+        style.entry("its multiple", "0.3", "--", linewidth=0.8),
+        *(
+            style.entry(words, line="none", marker="o", markerfacecolor=face, markersize=size)
+            for words, face, size in _EXCITED.values()
         ),
-        Line2D(
-            [],
-            [],
-            marker="o",
-            linestyle="none",
-            color="black",
-            markerfacecolor="white",
-            markersize=2.5,
-            label="not excited",
-        ),
-        Line2D([], [], color="0.6", linestyle=":", linewidth=0.8, label="sweeps begin"),
-        Line2D([], [], color=_LOST, linewidth=5, label="contact lost in a sweep"),
+        style.entry("sweeps begin", "0.6", ":", linewidth=0.8),
+        style.entry("contact lost in a sweep", _LOST, linewidth=5),
     ]
-    return handles

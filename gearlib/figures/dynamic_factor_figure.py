@@ -1,8 +1,6 @@
 """Dynamic factor over speed: exact sweeps up and down beside the curve of ISO 6336-1, method B."""
 
 import numpy as np
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from gearlib.data.lost_contact import lost_share
 from gearlib.figures import style
@@ -27,7 +25,7 @@ def draw(factors):
     Triangles: jumps; strips above the lower edge: speeds at which contact is lost.
     """
     data = factors
-    figure = Figure((style.PAGE_WIDTH, 3.6), layout="constrained")
+    figure = style.page(3.6)
     grid = figure.subplots(1, data.sizes["stiffness_method"], sharex=True, squeeze=False)[0]
     ratio = data.resonance_ratio.values
     for axes, method in zip(grid, data.stiffness_method.values, strict=True):
@@ -45,7 +43,7 @@ def draw(factors):
         style.add_scale(axes, ratio, data.speed.values, "speed of the pinion (rpm)")
     grid[0].set_ylabel("dynamic factor $K_v$")
     grid[0].set_xlim(ratio[0], ratio[-1])
-    figure.legend(handles=_legend(data), loc="outside lower center", ncols=4, fontsize=6.5)
+    style.legend(figure, _legend(data), 4, fontsize=6.5)
     return figure
 
 
@@ -57,43 +55,19 @@ def _draw_sweeps(axes, data, colour, height):
         one = data.sel(direction=direction)
         factor, jumps = one.dynamic_factor.values, one.jumps.values.astype(bool)
         axes.plot(ratio, factor, color=colour, linestyle=dashes, linewidth=0.9)
-        axes.plot(
-            ratio[jumps], factor[jumps], _MARKS[direction], color=colour, markersize=4, zorder=3
-        )
+        style.dots(axes, ratio[jumps], factor[jumps], _MARKS[direction], colour, 4, zorder=3)
         lost |= lost_share(one.fraction_normal.values) > 0.0
-    axes.plot(
-        ratio,
-        np.where(lost, height, np.nan),
-        color=colour,
-        linewidth=1.5,
-        transform=axes.get_xaxis_transform(),
-    )
+    strip, across = np.where(lost, height, np.nan), axes.get_xaxis_transform()
+    axes.plot(ratio, strip, color=colour, linewidth=1.5, transform=across)
 
 
 def _legend(data):
     micrometres = 1e6 * abs(float(data.tooth_deviation[1]))
-    names = (
-        "perfect teeth",
-        f"deviation +{micrometres:.1f} µm",
-        f"deviation −{micrometres:.1f} µm",
-    )
-    handles = [
-        Line2D([], [], color=colour, label=name)
-        for name, colour in zip(names, _COLOURS, strict=True)
+    deviations = (f"deviation {sign}{micrometres:.1f} µm" for sign in "+−")
+    return [
+        *map(style.entry, ("perfect teeth", *deviations), _COLOURS),
+        style.entry("ISO 6336-1, method B", _STANDARD, linewidth=1.6),
+        style.entry("the same, perfect teeth", _STANDARD, (0, (1, 1)), linewidth=1.6),
+        *(style.entry(f"speed {way}, jump", "0.4", _LINES[way], _MARKS[way]) for way in _LINES),
+        style.entry("contact lost", "0.4", linewidth=1.5),
     ]
-    handles += [
-        Line2D([], [], color=_STANDARD, linestyle=dashes, linewidth=1.6, label=label)
-        for dashes, label in (
-            ("-", "ISO 6336-1, method B"),
-            ((0, (1, 1)), "the same, perfect teeth"),
-        )
-    ]
-    black = {"color": "0.4"}
-    handles += [
-        Line2D(
-            [], [], linestyle=_LINES[way], marker=_MARKS[way], label=f"speed {way}, jump", **black
-        )
-        for way in _LINES
-    ]
-    handles.append(Line2D([], [], linewidth=1.5, label="contact lost", **black))
-    return handles

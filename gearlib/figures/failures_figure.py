@@ -7,7 +7,6 @@ import math
 
 import numpy as np
 from matplotlib.colors import to_rgb
-from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from gearlib.figures import style
@@ -63,7 +62,7 @@ def draw(matrix, gradients=None):
         # A column between them stays empty.
         labels += ["", *(f"d/dp {way}" for way in gradients.way.values)]
         columns = len(labels)
-    figure = Figure((style.PAGE_WIDTH, _HEAD + _FOOT + _ROW_HEIGHT * rows), layout="constrained")
+    figure = style.page(_HEAD + _FOOT + _ROW_HEIGHT * rows)
     axes = figure.subplots()
     colours = np.ones((rows, columns, 3))
 
@@ -107,5 +106,5 @@ def draw(matrix, gradients=None):
     ]
     if brief.any():
         patches.append(Patch(alpha=0.0, label="*: fewer periods"))
-    figure.legend(handles=patches, loc="outside lower center", ncols=5, fontsize=6)
+    style.legend(figure, patches, 5, fontsize=6)
     return figure

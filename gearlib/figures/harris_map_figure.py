@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 from matplotlib import colormaps
-from matplotlib.figure import Figure
 
 from gearlib.figures import style
 
@@ -23,7 +22,7 @@ def draw(data):
 
     `data` is that of `gearlib.studies.tip_relief.harris_map`. Thick: the design load.
     """
-    figure = Figure((style.PAGE_WIDTH, 5.0), layout="constrained")
+    figure = style.page(5.0)
     rows = figure.subfigures(2, 1, height_ratios=(1.2, 1.0))
     maps = rows[0].subplots(1, data.sizes["relief"], sharey=True)
     loads = data.torque.values / float(data.design_torque)
@@ -40,15 +39,8 @@ def draw(data):
                 color=shade(0.92 * load / max(loads.max(), 1e-9)),
                 linewidth=width,
             )
-            axes.annotate(
-                f"{load:g}",
-                (1.0, course[0]),
-                xytext=(2, 0),
-                textcoords="offset points",
-                fontsize=5.5,
-                va="center",
-                xycoords=("axes fraction", "data"),
-            )
+            at, of = (1.0, course[0]), ("axes fraction", "data")
+            style.note(axes, f"{load:g}", at, (2, 0), of=of, fontsize=5.5)
         axes.set_title(_words(data, name))
         axes.set_xlabel("mesh periods")
         axes.set_xlim(0.0, 2.0)

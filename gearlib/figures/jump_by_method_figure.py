@@ -1,7 +1,6 @@
 """Where each method switches between the orbits from rest: a row of ticks for each knob value."""
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from gearlib.figures import style
 from gearlib.figures.work_precision_figure import FAMILIES
@@ -32,7 +31,7 @@ def draw(jumps, marked=()):
     )
     # A single row would leave no room for the axes.
     height = max(len(rows), 6)
-    figure = Figure((style.PAGE_WIDTH, _HEAD + _ROW_HEIGHT * height), layout="constrained")
+    figure = style.page(_HEAD + _ROW_HEIGHT * height)
     axes = figure.subplots()
     words = "line: exact jump"
     if marked:
@@ -77,11 +76,4 @@ def draw(jumps, marked=()):
 
 def _note(axes, x, y, words):
     """Write beside a row; x in shares of the axes."""
-    axes.annotate(
-        words,
-        (x, y),
-        xycoords=("axes fraction", "data"),
-        va="center",
-        fontsize=6,
-        annotation_clip=False,
-    )
+    style.note(axes, words, (x, y), of=("axes fraction", "data"), annotation_clip=False)

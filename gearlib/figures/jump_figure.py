@@ -3,7 +3,6 @@
 import textwrap
 
 import numpy as np
-from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
 
 from gearlib.figures import style
@@ -37,7 +36,7 @@ def draw(jumps, marked=()):
     # Rounded up.
     rows = -(-len(kinds) // 2)
     heights = [_TOP_HEIGHT] + [_ROW_HEIGHT] * rows
-    figure = Figure((style.PAGE_WIDTH, sum(heights)), layout="constrained")
+    figure = style.page(sum(heights))
     grid = figure.add_gridspec(1 + rows, 2, height_ratios=heights)
     _draw_scan(figure.add_subplot(grid[0, :]), jumps, marked)
     first = None
@@ -70,7 +69,7 @@ def _draw_scan(top, jumps, marked):
     if marked:
         words += f" (dashed: {' and '.join(f'{nu:.4f}' for nu in marked)})"
     top.set_title(words)
-    top.set_xlabel("tuning $\\nu_s$")
+    top.set_xlabel(style.TUNING)
     top.set_ylabel("height of the orbit\n(static defl.)")
     top.set_xlim(tuning[0], tuning[-1])
 

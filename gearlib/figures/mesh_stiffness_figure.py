@@ -3,7 +3,6 @@
 import math
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from gearlib.figures import style
 
@@ -29,7 +28,7 @@ def draw(stiffness):
     data = stiffness
     count = data.sizes["pair"]
     rows = -(-count // 2)
-    figure = Figure((style.PAGE_WIDTH, 2.6 * rows + 0.5), layout="constrained")
+    figure = style.page(2.6 * rows + 0.5)
     grid = figure.add_gridspec(rows, min(count, 2))
     for i, pair in enumerate(data.pair.values):
         inner = grid[i // 2, i % 2].subgridspec(1, 2, width_ratios=(3.0, 1.0), wspace=0.0)
@@ -43,8 +42,7 @@ def draw(stiffness):
         # Room for what lies above and below, whatever the pair.
         low, high = axes.get_ylim()
         axes.set_ylim(max(low, 0.0), high + 0.05 * (high - low))
-    handles, labels = axes.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=4, fontsize=6.5)
+    style.legend(figure, axes, 4, fontsize=6.5)
     return figure
 
 
@@ -78,14 +76,8 @@ def _draw_means(axes, data, pair):
     for k in there:
         value = float(data.published_stiffness[k]) / _UNIT
         axes.plot(len(names), value, "x", color="black", markersize=4)
-        axes.annotate(
-            str(data.published.values[k]),
-            (len(names), value),
-            (4, 0),
-            textcoords="offset points",
-            va="center",
-            fontsize=5.5,
-        )
+        words = str(data.published.values[k])
+        style.note(axes, words, (len(names), value), (4, 0), fontsize=5.5)
     axes.set_xlim(-0.8, len(names) + (3.6 if there.size else 0.0))
     axes.set_xticks([])
     axes.set_xlabel("means")

@@ -1,7 +1,6 @@
 """Scenes and models: what a larger model would change, beside the tolerance and the cost."""
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from gearlib.figures import style
 
@@ -28,22 +27,15 @@ def draw(comparisons, scenes):
     state advanced per mesh period. The largest model has no change of its own. Where rounding
     decides, bars are medians over the starts, with their range, and have no numbers.
     """
-    figure = Figure(
-        (style.PAGE_WIDTH, _HEAD + _ROW_HEIGHT * len(comparisons)), layout="constrained"
-    )
+    figure = style.page(_HEAD + _ROW_HEIGHT * len(comparisons))
     rows = figure.subplots(len(comparisons), 1, squeeze=False, sharex=True)[:, 0]
     for axes, scene, data in zip(rows, scenes, comparisons, strict=True):
         tolerance = float(data.tolerance)
         for i, name in enumerate(data.model.values):
             change, chosen = float(data.change[i]), name == data.chosen.item()
             width = _LEAST if np.isnan(change) else np.clip(change, _LEAST, _OUTSIDE)
-            axes.barh(
-                i,
-                width,
-                color=style.PALETTE[0] if chosen else "white",
-                edgecolor=style.PALETTE[0],
-                height=0.7,
-            )
+            blue = style.PALETTE[0]
+            axes.barh(i, width, color=blue if chosen else "white", edgecolor=blue, height=0.7)
             free = bool(data.change_free_of_rounding[i])
             if not np.isnan(change) and not free:
                 ends = [min(float(data[f"change_{end}"][i]), _OUTSIDE) for end in ("low", "high")]
@@ -54,17 +46,10 @@ def draw(comparisons, scenes):
             words += " (carries the scene)" if chosen else ""
             # Beside the bar, or within it where the words would leave the panel.
             inside = width > _MOST / (100.0 if free else 10.0)
-            axes.annotate(
-                f"{words}; cost {f'{float(data.cost[i]):.3g}' if free else _DIFFERS}",
-                (min(width, _MOST), i),
-                (-4 if inside else 4, 0),
-                textcoords="offset points",
-                ha="right" if inside else "left",
-                va="center",
-                fontsize=6,
-                # The dashed line would run through the words.
-                bbox={"boxstyle": "round,pad=0.1", "facecolor": "white", "lw": 0},
-            )
+            words += f"; cost {f'{float(data.cost[i]):.3g}' if free else _DIFFERS}"
+            away, side = ((-4, 0), "right center") if inside else ((4, 0), "left center")
+            # The dashed line would run through the words.
+            style.note(axes, words, (min(width, _MOST), i), away, side, white=(0.1,))
         axes.axvline(tolerance, color=style.PALETTE[4], linewidth=0.8, linestyle="--")
         axes.set_xscale("log")
         axes.set_xlim(_LEAST, _MOST)

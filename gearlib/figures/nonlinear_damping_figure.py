@@ -1,7 +1,6 @@
 """Linear, quadratic and cubic damping: characteristics, phase planes, and what moves."""
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from gearlib.figures import style
 
@@ -21,7 +20,7 @@ def draw(studies):
     """
     places = list(dict.fromkeys(study.place.item() for study in studies))
     shown = studies[0].shown.values
-    figure = Figure((style.PAGE_WIDTH, _PANEL_HEIGHT * (1.4 + shown.size)), layout="constrained")
+    figure = style.page(_PANEL_HEIGHT * (1.4 + shown.size))
     grid = figure.subplots(
         1 + shown.size,
         len(places),
@@ -37,15 +36,10 @@ def draw(studies):
             _draw_planes(grid[1 + row, column], [study.sel(shown=nu) for study in chosen], nu)
     grid[0, 0].set_ylabel("$y_\\mathrm{max}$, $y_\\mathrm{min}$ (static defl.)")
     for axes in grid[1:, 0]:
-        axes.set_ylabel("$dy/d\\tau$ (static defl./rad)")
+        axes.set_ylabel(style.RATE)
     # Outside of the panels: curves reach every corner of the upper ones.
-    figure.legend(
-        *grid[0, 0].get_legend_handles_labels(),
-        loc="outside upper center",
-        ncols=len(_LOOKS),
-        title="damping (pale: sweep down)",
-        title_fontsize=7.5,
-    )
+    words = {"title": "damping (pale: sweep down)", "title_fontsize": 7.5}
+    style.legend(figure, grid[0, 0], len(_LOOKS), "upper", **words)
     return figure
 
 
@@ -82,7 +76,7 @@ def _draw_characteristics(axes, studies, place, limits):
     axes.set_ylim(*limits)
     style.shade_areas(axes, float(studies[0].backlash_ratio), "y")
     axes.set_title(f"damping of the {place} only")
-    axes.set_xlabel("tuning $\\nu_s$")
+    axes.set_xlabel(style.TUNING)
     tuning = studies[0].tuning.values
     axes.set_xlim(tuning[0], tuning[-1])
     style.add_scale(axes, tuning, studies[0].speed.values, "speed (rpm)")
@@ -100,7 +94,7 @@ def _draw_planes(axes, studies, nu):
     axes.margins(0.08)
     style.shade_areas(axes, float(studies[0].backlash_ratio), "x")
     axes.set_title(f"$\\nu_s$ = {nu:g}, from rest")
-    axes.set_xlabel("$y$ (static defl.)")
+    axes.set_xlabel(style.SHORT_DISPLACEMENT)
 
 
 def _orbit(study):

@@ -2,7 +2,6 @@
 
 import numpy as np
 from matplotlib.colors import LogNorm
-from matplotlib.figure import Figure
 
 from gearlib.figures import style
 from gearlib.figures.starts import draw_range
@@ -49,7 +48,7 @@ def draw(comparison):
     start; bold: the smallest model that suffices from all of them.
     """
     data = comparison
-    figure = Figure((style.PAGE_WIDTH, 5.2), layout="constrained")
+    figure = style.page(5.2)
     count = data.sizes["case"]
     upper = figure.add_gridspec(2, count, height_ratios=(1.0, 0.9))
     first = left = None
@@ -65,7 +64,7 @@ def draw(comparison):
             draw_range(axes, data.tuning.values, shown.sel(model=name), "dynamic_factor", colour)
             axes.plot(data.tuning.values, values, label=_MODELS[name].replace("\n", " "), **look)
         axes.set_title(_CASES[case], fontsize=7)
-        axes.set_xlabel("tuning $\\nu$")
+        axes.set_xlabel(style.OWN_TUNING)
         axes.tick_params(labelleft=not i)
         table = figure.add_subplot(upper[1, i])
         _draw_changes(table, shown)
@@ -74,8 +73,7 @@ def draw(comparison):
             table.set_yticklabels([])
     first.set_ylabel("largest dynamic factor,\nfirst meshes")
     first.set_xlim(data.tuning.values[[0, -1]])
-    handles, labels = first.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=count, fontsize=6.5)
+    style.legend(figure, first, count, fontsize=6.5)
     return figure
 
 

@@ -1,10 +1,9 @@
 """Parametric resonance: stability of the motion without loss of contact, after Ince and Strutt."""
 
 import numpy as np
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
 
+from gearlib.data.numbers_given import stretches
 from gearlib.figures import style
 
 _Y_LABELS = {
@@ -24,7 +23,7 @@ def draw(chart, facts):
     growth per mesh period at the first damping. Lines: edges of the tongues, one colour for
     each damping. Circles: points of width zero. Dashed: the pair itself.
     """
-    figure = Figure((style.PAGE_WIDTH, 6.6), layout="constrained")
+    figure = style.page(6.6)
     grid = figure.add_gridspec(2, 2, height_ratios=[1.25, 1.0])
     places = {"stiffness_ratio": grid[0, 0], "contact_ratio": grid[0, 1], "damping": grid[1, :]}
     largest = float(chart.growth.max()) or 1.0
@@ -50,7 +49,7 @@ def draw(chart, facts):
         axes.xaxis.set_minor_locator(NullLocator())
         axes.set_xlim(chart.tuning.values[0], chart.tuning.values[-1])
         axes.set_ylim(one.value.values[0], one.value.values[-1])
-        axes.set_xlabel("tuning $\\nu_s$")
+        axes.set_xlabel(style.TUNING)
         axes.set_ylabel(_Y_LABELS[plane])
         panels.append(axes)
     _draw_points(panels, chart)
@@ -61,15 +60,14 @@ def draw(chart, facts):
     _draw_dampings(panels[2], chart, facts)
     figure.colorbar(shade, ax=panels, label="growth per mesh period, ln |multiplier|", aspect=40)
     handles = [
-        Line2D([], [], color=colour, label=f"edges, $\\beta$ = {float(damping):.3g}")
+        style.entry(f"edges, $\\beta$ = {float(damping):.3g}", colour)
         for damping, colour in zip(chart.damping.values, _colours(chart), strict=True)
     ]
     handles += [
-        Line2D([], [], color="black", linewidth=0.7, linestyle=(0, (4, 3)), label="the pair"),
-        Line2D([], [], color="black", marker="o", markerfacecolor="white", linestyle="none",
-               markersize=3.5, label="width zero"),
-    ]  # fmt: skip
-    figure.legend(handles=handles, loc="outside upper center", ncols=6)
+        style.entry("the pair", line=(0, (4, 3)), linewidth=0.7),
+        style.entry("width zero", line="none", marker="o", markerfacecolor="white", markersize=3.5),
+    ]
+    style.legend(figure, handles, 6, "upper")
     return figure
 
 
@@ -84,7 +82,8 @@ def _draw_edges(axes, one):
         for order in one.order.values:
             tongue = one.isel(damping=i).sel(order=order)
             low, high = tongue.tuning_from.values, tongue.tuning_to.values
-            for run in _runs(np.isfinite(low)):
+            for first, last in stretches(np.isfinite(low)):
+                run = slice(first, last + 1)
                 # Up one edge and down the other; open where the picture cuts the tongue.
                 x = np.concatenate([low[run], high[run][::-1]])
                 y = np.concatenate([value[run], value[run][::-1]])
@@ -96,26 +95,12 @@ def _draw_edges(axes, one):
                 axes.plot(x, y, color=colour, linewidth=0.8)
 
 
-def _runs(good):
-    """Return the slices of consecutive good places."""
-    steps = np.diff(np.concatenate([[0], good.astype(int), [0]]))
-    starts, stops = np.nonzero(steps == 1)[0], np.nonzero(steps == -1)[0]
-    return [slice(a, b) for a, b in zip(starts, stops, strict=True)]
-
-
 def _draw_points(panels, chart):
     """Draw the points where an undamped tongue has width zero."""
     for axes, plane in zip(panels[:2], ("stiffness_ratio", "contact_ratio"), strict=True):
         here = chart.point_plane.values == plane
-        axes.plot(
-            chart.point_tuning.values[here],
-            chart.point_value.values[here],
-            color="black",
-            marker="o",
-            markerfacecolor="white",
-            markersize=3.5,
-            linestyle="none",
-        )
+        x, y = chart.point_tuning.values[here], chart.point_value.values[here]
+        style.dots(axes, x, y, "o", "black", 3.5, markerfacecolor="white")
 
 
 def _draw_dampings(axes, chart, facts):
@@ -126,16 +111,8 @@ def _draw_dampings(axes, chart, facts):
         tongue = plane.isel(damping=0, row=0).sel(order=order)
         centre = 0.5 * float(tongue.tuning_from + tongue.tuning_to)
         if np.isfinite(closing) and np.isfinite(centre):
-            text = f"order {order}\n$\\beta$ < {closing:.2g}"
-            axes.annotate(
-                text,
-                (centre, closing),
-                (0, 3),
-                textcoords="offset points",
-                fontsize=6,
-                ha="center",
-                va="bottom",
-            )
+            words = f"order {order}\n$\\beta$ < {closing:.2g}"
+            style.note(axes, words, (centre, closing), (0, 3), "center bottom")
     top = axes.get_ylim()[1]
     for ratio in np.unique(np.round(facts.damping_ratio.values, 12)):
         if 0.0 < ratio < top:
@@ -145,8 +122,6 @@ def _draw_dampings(axes, chart, facts):
                 for name in facts.damping.values
                 if abs(float(facts.damping_ratio.sel(damping=name)) - ratio) < 1e-9
             ]
-            axes.annotate(
-                ", ".join(names), (0.01, ratio), (0, 2), fontsize=6,
-                xycoords=("axes fraction", "data"), textcoords="offset points",
-            )  # fmt: skip
+            at, of = (0.01, ratio), ("axes fraction", "data")
+            style.note(axes, ", ".join(names), at, (0, 2), "left baseline", of)
     axes.plot([float(facts.asked)], [0.0], "k+", markersize=7, clip_on=False)

@@ -1,7 +1,6 @@
 """Fig. 5: phase planes of the recorded revolution, a row per tuning, a column per damping."""
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from gearlib.figures import style
 
@@ -22,12 +21,12 @@ def draw(phase_planes, *, colours=None):
     """
     tunings = phase_planes.tuning.values
     looks = style.looks([str(name) for name in phase_planes.damping.values], colours)
-    figure = Figure((style.PAGE_WIDTH, _HEAD + _CELL_HEIGHT * tunings.size), layout="constrained")
+    figure = style.page(_HEAD + _CELL_HEIGHT * tunings.size)
     grid = figure.subplots(tunings.size, len(looks), squeeze=False, sharex="row", sharey="row")
     for axes, name in zip(grid[0], looks, strict=True):
         axes.set_title(style.damping_label(name))
     for axes in grid[-1]:
-        axes.set_xlabel("$y$ (static defl.)")
+        axes.set_xlabel(style.SHORT_DISPLACEMENT)
     for row, tuning in zip(grid, tunings, strict=True):
         runs = phase_planes.sel(tuning=tuning)
         row[0].set_xlim(*_limits(runs.displacement.values))
@@ -60,12 +59,5 @@ def _draw_cell(axes, run, colour):
     else:
         label = "unsteady"
     axes.plot(x, v, color=colour, linewidth=0.8 if period else 0.3)
-    axes.annotate(
-        label,
-        (0.03, 0.97),
-        xycoords="axes fraction",
-        ha="left",
-        va="top",
-        fontsize=6,
-        bbox={"boxstyle": "round,pad=0.15", "facecolor": "white", "alpha": 0.8, "lw": 0},
-    )
+    at, of = (0.03, 0.97), "axes fraction"
+    style.note(axes, label, at, side="left top", of=of, white=(0.15, 0.8))

@@ -1,7 +1,6 @@
 """Fig. 2: motion over stiffness for some dampings, lag of the harmonics, lag over the tuning."""
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from gearlib.figures import style
 
@@ -11,7 +10,7 @@ _HEIGHT = 6.4
 @style.styled()
 def draw(lags):
     """Draw the phase lag of `gearlib.studies.phase_lag.compute`."""
-    figure = Figure((style.PAGE_WIDTH, _HEIGHT), layout="constrained")
+    figure = style.page(_HEIGHT)
     grid = figure.add_gridspec(3, 2, height_ratios=[1.0, 1.6, 1.8])
     stiffness = figure.add_subplot(grid[0, 0])
     course = figure.add_subplot(grid[1, 0], sharex=stiffness)
@@ -44,7 +43,7 @@ def draw(lags):
         jumps = np.abs(np.diff(lag, prepend=lag[0])) > 180.0
         over.plot(lags.tuning.values, np.where(jumps, np.nan, lag), **options)
     course.set_xlabel("mesh periods")
-    course.set_ylabel("$y$ (static defl.)")
+    course.set_ylabel(style.SHORT_DISPLACEMENT)
     course.set_xlim(0.0, 1.0)
     course.margins(y=0.25)
     course.legend(loc="upper right")
@@ -53,6 +52,6 @@ def draw(lags):
     bars.set_ylabel("lag behind $C$ (degrees)")
     bars.set_xticks(lags.harmonic.values)
     over.axvline(float(lags.shown_tuning), color="black", linewidth=0.6, linestyle=":")
-    over.set_xlabel("tuning $\\nu_s$")
+    over.set_xlabel(style.TUNING)
     over.set_ylabel("lag of the first harmonic (degrees)")
     return figure

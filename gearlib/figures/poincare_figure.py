@@ -28,16 +28,12 @@ def _draw_case(axes, case):
     for i in np.argsort(~chaotic, kind="stable"):
         colour = _UNDECIDED if undecided[i] else _REGULAR[i % len(_REGULAR)]
         colour = _CHAOTIC if chaotic[i] else colour
-        axes.plot(
+        x, v, size = (
             case.displacement.values[i],
             case.velocity.values[i],
-            linestyle="none",
-            marker=".",
-            markersize=0.9 if chaotic[i] else 1.2,
-            markeredgewidth=0.0,
-            color=colour,
-            rasterized=True,
+            0.9 if chaotic[i] else 1.2,
         )
+        style.dots(axes, x, v, ".", colour, size, markeredgewidth=0.0, rasterized=True)
     share = 100.0 * chaotic.mean()
     degrees = np.degrees(float(case.phase))
     words = f", {undecided.sum()} undecided" if undecided.any() else ""
@@ -46,6 +42,4 @@ def _draw_case(axes, case):
         f"chaotic{words}"
     )
     axes.set_xlabel("displacement (static defl.)")
-    axes.set_ylabel(
-        "$dy/d\\tau$ (static defl./rad)" if axes.get_subplotspec().is_first_col() else ""
-    )
+    axes.set_ylabel(style.RATE if axes.get_subplotspec().is_first_col() else "")

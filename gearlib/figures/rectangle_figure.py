@@ -1,7 +1,6 @@
 """What the rectangular stiffness costs: heights over the tuning, differences beside the spread."""
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from gearlib.figures import style
 from gearlib.figures.mesh_stiffness_figure import LOOKS
@@ -29,7 +28,7 @@ def draw(costs):
     the tolerance.
     """
     count = costs.sizes["pair"]
-    figure = Figure((style.PAGE_WIDTH, 5.0), layout="constrained")
+    figure = style.page(5.0)
     upper = figure.subplots(2, count, squeeze=False, height_ratios=(1.0, 0.9))
     for i, pair in enumerate(costs.pair.values):
         own = costs.sel(pair=pair)
@@ -39,8 +38,7 @@ def draw(costs):
         if i:
             upper[1, i].set_yticklabels([])
     upper[0, 0].set_ylabel("height of the orbit,\nstatic deflections")
-    handles, labels = upper[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=3, fontsize=6.5)
+    style.legend(figure, upper[0, 0], 3, fontsize=6.5)
     return figure
 
 
@@ -65,7 +63,7 @@ def _draw_heights(axes, own):
             axes.plot(tuning, heights.sel(direction=direction).values, label=label, **look)
     axes.set_xlim(tuning[[0, -1]])
     axes.set_ylim(0.0, None)
-    axes.set_xlabel("tuning $\\nu$")
+    axes.set_xlabel(style.OWN_TUNING)
 
 
 def _draw_costs(axes, own):
@@ -79,18 +77,10 @@ def _draw_costs(axes, own):
             continue
         _, colour, _, marker = LOOKS[name]
         values = np.clip(own.rectangle_cost.sel(stiffness_method=name).values, _LEAST, _MOST)
-        axes.plot(values, range(len(names)), marker, color=colour, markersize=3.5, linestyle="none")
+        style.dots(axes, values, range(len(names)), marker, colour, 3.5)
     for j, verdict in enumerate(own.rectangle_verdict.values):
-        axes.annotate(
-            str(verdict),
-            (1.0, j),
-            (-3, 0),
-            xycoords=("axes fraction", "data"),
-            textcoords="offset points",
-            ha="right",
-            va="center",
-            fontsize=5.5,
-        )
+        of, side = ("axes fraction", "data"), "right center"
+        style.note(axes, str(verdict), (1.0, j), (-3, 0), side, of, fontsize=5.5)
     axes.axvline(float(own.tolerance), color=style.PALETTE[4], linewidth=0.8, linestyle="--")
     axes.set_xscale("log")
     axes.set_xlim(left, 30.0 * _MOST)

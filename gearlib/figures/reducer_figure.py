@@ -1,12 +1,9 @@
 """All meshes of the reducer over speed: dynamic factors, load sharing, a column for each case."""
 
 import numpy as np
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 
 from gearlib.figures import style
-from gearlib.figures.starts import draw_range, draw_shares
+from gearlib.figures.starts import draw_range, draw_shares, entries
 
 _TITLES = {
     "alike": "branches alike",
@@ -37,7 +34,7 @@ def draw(characteristics):
     starts that settle, and of those that share one motion.
     """
     data = characteristics
-    figure = Figure((style.PAGE_WIDTH, 6.8), layout="constrained")
+    figure = style.page(6.8)
     grid = figure.subplots(
         len(_ROWS) + 1,
         data.sizes["case"],
@@ -61,7 +58,7 @@ def draw(characteristics):
         column[-1].set_xlabel("tuning of the pair alone $\\nu$")
     grid[-1, 0].set_ylabel("share of\nthe starts")
     grid[0, 0].set_xlim(tuning[0], tuning[-1])
-    figure.legend(handles=_legend(data), loc="outside lower center", ncols=4, fontsize=6.5)
+    style.legend(figure, _legend(data), 4, fontsize=6.5)
     return figure
 
 
@@ -83,15 +80,8 @@ def _draw_branches(axes, data, name, stage):
                 for end in ("low", "high")
             )
             apart = np.maximum(low - carried, carried - high) > _SEEN * np.abs(rest)
-            axes.plot(
-                tuning[apart],
-                carried[apart],
-                marker,
-                color=colour,
-                markersize=2.2,
-                markeredgewidth=0.4,
-                markerfacecolor="none",
-            )
+            look = {"markeredgewidth": 0.4, "markerfacecolor": "none"}
+            style.dots(axes, tuning[apart], carried[apart], marker, colour, 2.2, **look)
 
 
 def _draw_alone(axes, data):
@@ -100,14 +90,9 @@ def _draw_alone(axes, data):
         shares = data[name].sel(direction="cold")
         for branch in data.branch.values:
             at = data.tuning.values[shares.sel(branch=branch).values == 1.0]
-            axes.plot(
-                at,
-                np.full(at.size, height),
-                _SYMBOLS[name],
-                color=style.PALETTE[branch - 1],
-                markersize=2.5,
-                transform=axes.get_xaxis_transform(),
-            )
+            heights, colour = np.full(at.size, height), style.PALETTE[branch - 1]
+            across = axes.get_xaxis_transform()
+            style.dots(axes, at, heights, _SYMBOLS[name], colour, 2.5, transform=across)
 
 
 def _width(branch):
@@ -118,27 +103,17 @@ def _width(branch):
 def _legend(data):
     branches = np.unique(data.mesh_branch.values)
     handles = [
-        Line2D(
-            [], [], color=style.PALETTE[n - 1], linewidth=_width(n), label=f"branch {n}, from rest"
-        )
+        style.entry(f"branch {n}, from rest", style.PALETTE[n - 1], linewidth=_width(n))
         for n in branches
     ]
-    point = {"linestyle": "none", "color": "black", "markersize": 3}
+    point = {"line": "none", "markersize": 3}
     for direction, marker in _MARKS.items():
         words = f"speed {direction}, where it differs"
-        handles.append(Line2D([], [], marker=marker, markerfacecolor="none", label=words, **point))
+        handles.append(style.entry(words, marker=marker, markerfacecolor="none", **point))
     symbols = {
         "lost_alone_share": "contact lost in this branch only",
         "struck_alone_share": "far flank struck in this branch only",
     }
-    handles += [
-        Line2D([], [], marker=_SYMBOLS[name], label=label, **point)
-        for name, label in symbols.items()
-    ]
+    handles += [style.entry(words, marker=_SYMBOLS[of], **point) for of, words in symbols.items()]
     words = "one motion" if data.largest_share.equals(data.settled_share) else "the most common one"
-    return [
-        *handles,
-        Patch(color="0.6", alpha=0.4, linewidth=0, label="range of all starts"),
-        Patch(color="0.8", label="share of the starts that settle"),
-        Line2D([], [], color=style.PALETTE[0], linewidth=0.9, label=f"that share {words}"),
-    ]
+    return [*handles, *entries(f"that share {words}")]

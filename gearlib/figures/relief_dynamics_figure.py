@@ -3,7 +3,6 @@
 import math
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from gearlib.data.lost_contact import lost_share
 from gearlib.figures import style
@@ -23,38 +22,24 @@ def draw(data):
     both models loses contact.
     """
     count = data.sizes["load_ratio"]
-    figure = Figure((style.PAGE_WIDTH, 3.0), layout="constrained")
+    figure = style.page(3.0)
     panels = np.atleast_1d(figure.subplots(1, count, sharey=True))
     tuning = data.tuning.values
     for axes, load in zip(panels, data.load_ratio.values, strict=True):
         shown = data.sel(load_ratio=load)
         lost = (lost_share(shown.fraction_normal) > 0.0).any(["model", "direction"]).values
-        axes.fill_between(
-            tuning,
-            0,
-            1,
-            where=lost,
-            step="mid",
-            transform=axes.get_xaxis_transform(),
-            color=style.AREA_COLOURS["backlash"],
-            linewidth=0,
-        )
+        grey = {"color": style.AREA_COLOURS["backlash"], "linewidth": 0, "step": "mid"}
+        axes.fill_between(tuning, 0, 1, lost, transform=axes.get_xaxis_transform(), **grey)
         for model, (words, colour, width) in _MODELS.items():
             for direction, dashes in _LINES.items():
-                axes.plot(
-                    tuning,
-                    shown.dynamic_force_max.sel(model=model, direction=direction).values,
-                    color=colour,
-                    linestyle=dashes,
-                    linewidth=width,
-                    label=f"{words}, {direction}",
-                )
+                force = shown.dynamic_force_max.sel(model=model, direction=direction).values
+                look = {"color": colour, "linestyle": dashes, "linewidth": width}
+                axes.plot(tuning, force, label=f"{words}, {direction}", **look)
         axes.set_title(_words(shown), fontsize=7)
-        axes.set_xlabel("tuning $\\nu$")
+        axes.set_xlabel(style.OWN_TUNING)
         axes.set_xlim(tuning[0], tuning[-1])
     panels[0].set_ylabel("largest dynamic force over load")
-    handles, labels = panels[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=2, fontsize=6.5)
+    style.legend(figure, panels[0], 2, fontsize=6.5)
     return figure
 
 

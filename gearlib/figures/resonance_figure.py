@@ -6,8 +6,6 @@ else is known of the motions.
 """
 
 import numpy as np
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from gearlib.figures import style
@@ -23,7 +21,6 @@ SYMBOLS = 14
 _EXTREMA = ("displacement_max", "displacement_min")
 _MAIN_HEIGHT, _PANEL_HEIGHT, _FOOT, _COLUMNS = 4.4, 1.8, 0.4, 2
 _Y_LABEL = r"$y_\mathrm{max}$, $y_\mathrm{min}$ (static deflections)"
-_SHORT_Y_LABEL = "$y$ (static defl.)"
 
 #: How sweeps that carry their state are told apart, and from the cold one below them.
 _CARRIED = {"up": ("-", ">"), "down": ((0, (3, 1)), "<")}
@@ -71,7 +68,7 @@ def draw(resonance, *, colours=None, labels=(), branches=(), tongues=None):
     limits = displacement_limits(resonance.sel(direction=main_direction))
 
     height = _MAIN_HEIGHT + rows * _PANEL_HEIGHT + (_FOOT if rows else 0.0)
-    figure = Figure((style.PAGE_WIDTH, height), layout="constrained")
+    figure = style.page(height)
     grid = figure.add_gridspec(
         1 + rows, _COLUMNS, height_ratios=[_MAIN_HEIGHT] + rows * [_PANEL_HEIGHT]
     )
@@ -99,15 +96,13 @@ def draw(resonance, *, colours=None, labels=(), branches=(), tongues=None):
             if tongues is not None and name in tongues.damping.values:
                 shade_tongues(panel, tongues.sel(damping=name))
         handles = _handles(main_direction, carried, labels, branches, tongues)
-        figure.legend(
-            handles=handles, loc="outside lower center", ncols=5, fontsize=6.5, columnspacing=1.2
-        )
+        style.legend(figure, handles, 5, fontsize=6.5, columnspacing=1.2)
         # The lowest ones: the last row may be short.
         for panel in panels.flat[: len(looks)][-_COLUMNS:]:
-            panel.set_xlabel("tuning $\\nu_s$")
+            panel.set_xlabel(style.TUNING)
             panel.tick_params(labelbottom=True)
         for panel in panels[:, 0]:
-            panel.set_ylabel(_SHORT_Y_LABEL)
+            panel.set_ylabel(style.SHORT_DISPLACEMENT)
     return figure
 
 
@@ -158,16 +153,9 @@ def _prepare(axes, resonance, limits, named=False):
     areas = style.shade_areas(axes, float(resonance.backlash_ratio), "y")
     if named:
         for name, (low, high) in areas.items():
-            axes.annotate(
-                name,
-                (0.99, 0.5 * (low + high)),
-                xycoords=("axes fraction", "data"),
-                ha="right",
-                va="center",
-                style="italic",
-                bbox={"boxstyle": "round,pad=0.2", "facecolor": "white", "alpha": 0.8, "lw": 0},
-                zorder=5,
-            )
+            at, of = (0.99, 0.5 * (low + high)), ("axes fraction", "data")
+            look = {"style": "italic", "fontsize": None, "zorder": 5}
+            style.note(axes, name, at, side="right center", of=of, white=(0.2, 0.8), **look)
 
 
 def _draw_all(axes, curves, looks):
@@ -177,17 +165,8 @@ def _draw_all(axes, curves, looks):
         curve = curves.sel(damping=name)
         offset = number / len(looks)
         _draw_curve(axes, curve, look.colour, look.line, look.marker, offset, width=1.6)
-        handles.append(
-            Line2D(
-                [],
-                [],
-                color=look.colour,
-                linestyle=look.line,
-                marker=look.marker,
-                markersize=4,
-                label=style.damping_label(name),
-            )
-        )
+        label = style.damping_label(name)
+        handles.append(style.entry(label, look.colour, look.line, look.marker, markersize=4))
     axes.legend(handles=handles, loc="upper right", ncols=2)
 
 
@@ -210,18 +189,11 @@ def _draw_branches(axes, branches, name):
 def _handles(main_direction, carried, labels, branches, tongues):
     """Return what the legend of the panels explains."""
     words = {"cold": "from rest", "up": "tuning going up", "down": "tuning going down"}
-    handles = [Line2D([], [], color=COLD_COLOUR, linewidth=3.0, label=words[main_direction])]
-    for name in carried:
-        line, marker = _CARRIED[name]
-        handles.append(
-            Line2D([], [], color="black", linestyle=line, marker=marker, label=words[name])
-        )
+    handles = [style.entry(words[main_direction], COLD_COLOUR, linewidth=3.0)]
+    handles += [style.entry(words[name], "black", *_CARRIED[name]) for name in carried]
     if branches:
-        handles.append(Line2D([], [], color="black", linewidth=0.7, label="stable orbit"))
-        line = (0, (4, 1.5))
-        handles.append(
-            Line2D([], [], color="black", linewidth=0.7, linestyle=line, label="unstable orbit")
-        )
+        handles.append(style.entry("stable orbit", linewidth=0.7))
+        handles.append(style.entry("unstable orbit", line=style.DASHED, linewidth=0.7))
     if labels:
         met = {int(code) for one in labels.values() for code in one.label.values}
         shown = [
@@ -273,27 +245,12 @@ def _draw_curve(axes, curve, colour, line, marker, offset, width=1.0):
             markevery=(int(offset * every), every),
         )
         single = inside & ~linked
-        axes.plot(
-            tuning[single],
-            values[single],
-            color=colour,
-            linestyle="none",
-            marker=marker,
-            markersize=1.8,
-            markeredgewidth=0.4,
-            # Behind the orbits that repeat, which a cloud of these would hide.
-            zorder=1.8,
-        )
+        # Behind the orbits that repeat, which a cloud of these would hide.
+        look = {"markeredgewidth": 0.4, "zorder": 1.8}
+        style.dots(axes, tuning[single], values[single], marker, colour, 1.8, **look)
         for rim, beyond, caret in ((low, values < low, "v"), (high, values > high, "^")):
-            axes.plot(
-                tuning[beyond],
-                np.full(beyond.sum(), rim),
-                color=colour,
-                linestyle="none",
-                marker=caret,
-                markersize=2.5,
-                markeredgewidth=0,
-            )
+            rims = np.full(beyond.sum(), rim)
+            style.dots(axes, tuning[beyond], rims, caret, colour, 2.5, markeredgewidth=0)
 
 
 def where_linked(good):
@@ -304,7 +261,7 @@ def where_linked(good):
 
 def _add_scales(axes, resonance):
     """Add tunings towards C_max and C_min and speeds above, displacements in SI on the right."""
-    axes.set_xlabel("tuning $\\nu_s$")
+    axes.set_xlabel(style.TUNING)
     for index, position in (("max", 1.0), ("min", 1.11)):
         factor = float(resonance[f"tuning_factor_{index}"])
         scale = axes.secondary_xaxis(position, functions=_scaling(factor))

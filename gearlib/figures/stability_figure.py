@@ -1,8 +1,6 @@
 """Numerical stability: spectral radius of one mesh period, methods beside the truth."""
 
 import numpy as np
-from matplotlib.colors import BoundaryNorm, ListedColormap
-from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from gearlib.figures import style
@@ -41,17 +39,15 @@ def draw(chart):
     """
     methods = [str(name) for name in chart.method.values]
     rows = -(-len(methods) // 2)
-    figure = Figure((style.PAGE_WIDTH, _HEIGHT * rows + 2.2), layout="constrained")
+    figure = style.page(_HEIGHT * rows + 2.2)
     grid = figure.add_gridspec(rows + 1, 2, height_ratios=[_HEIGHT] * rows + [1.4])
     tuning, steps = chart.tuning.values, chart.steps.values
     fine = chart.fine_tuning.values
     true = np.interp(tuning, fine, chart.true_radius.values)
-    colours = ListedColormap([colour for _, colour in VERDICTS])
-    norm = BoundaryNorm(np.arange(-0.5, len(VERDICTS)), len(VERDICTS))
     for i, name in enumerate(methods):
         axes = figure.add_subplot(grid[i // 2, i % 2])
         code = verdicts(chart.radius.values[i], true)
-        axes.pcolormesh(tuning, steps, code, cmap=colours, norm=norm, rasterized=True)
+        style.map_of_codes(axes, tuning, steps, code, [colour for _, colour in VERDICTS])
         axes.set_yscale("log")
         axes.set_title(name)
         axes.set_ylabel("steps per mesh period" if i % 2 == 0 else "")
@@ -64,8 +60,8 @@ def draw(chart):
     below = figure.add_subplot(grid[rows, :])
     below.plot(fine, chart.true_radius.values, color="black", linewidth=0.8)
     below.set_ylabel("true radius")
-    below.set_xlabel("tuning $\\nu_s$")
+    below.set_xlabel(style.TUNING)
     below.set_xlim(tuning[0], tuning[-1])
     handles = [Patch(facecolor=colour, edgecolor="grey", label=name) for name, colour in VERDICTS]
-    figure.legend(handles=handles, loc="outside lower center", ncols=3)
+    style.legend(figure, handles, 3)
     return figure

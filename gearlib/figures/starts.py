@@ -1,6 +1,7 @@
 """Motions from many starts: median and range, and the share of the starts that share a motion."""
 
 import numpy as np
+from matplotlib.patches import Patch
 
 from gearlib.figures import style
 
@@ -19,6 +20,19 @@ def draw_range(axes, x, data, name, colour):
     # To the neighbours, so that a range at one tuning is seen too.
     shown = wide | np.roll(wide, 1) | np.roll(wide, -1)
     axes.fill_between(x, low, high, where=shown, color=colour, alpha=0.25, linewidth=0.0)
+
+
+def entries(share, colour="0.6", **options):
+    """Return what a legend says of range and shares; share: of those on the commonest orbit."""
+    if options:
+        wide = style.entry("range of all starts", colour, alpha=0.4, **options)
+    else:
+        wide = Patch(color=colour, alpha=0.4, linewidth=0, label="range of all starts")
+    return [
+        wide,
+        Patch(color="0.8", label="share of the starts that settle"),
+        style.entry(share, style.PALETTE[0], linewidth=0.9),
+    ]
 
 
 def draw_shares(axes, x, data):

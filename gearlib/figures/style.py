@@ -10,12 +10,24 @@ from itertools import cycle
 from pathlib import Path
 
 import matplotlib.style
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from gearlib.data.files import replacing
 
 #: Width of a figure, inches: the type area of a page.
 PAGE_WIDTH = 7.2
+
+#: What stands at axes of several figures.
+TUNING, OWN_TUNING = "tuning $\\nu_s$", "tuning $\\nu$"
+RATE = "$dy/d\\tau$ (static defl./rad)"
+SHORT_DISPLACEMENT = "$y$ (static defl.)"
+
+#: Dashes of limits, of unstable orbits and of what is beside a solid line.
+DASHED, LONG_DASHES = (0, (4, 1.5)), (0, (5, 1.5))
 
 #: Greys of the areas; the normal mesh stays white.
 AREA_COLOURS = {"backlash": "#EBEBEB", "inverse mesh": "#CFCFCF"}
@@ -132,12 +144,59 @@ def add_scale(axes, values, others, label):
     above.set_xlabel(label, fontsize=7)
 
 
+def page(height, share=1.0):
+    """Return an empty figure of this height (inches) and share of the width of a page."""
+    return Figure((PAGE_WIDTH * share, height), layout="constrained")
+
+
 def panels(count, height, most=2):
     """Return a figure, and `count` axes of this height (inches) in rows of `most`."""
     columns = min(count, most)
     rows = -(-count // columns)
-    figure = Figure((PAGE_WIDTH * columns / most, height * rows), layout="constrained")
+    figure = page(height * rows, columns / most)
     return figure, [figure.add_subplot(rows, columns, i + 1) for i in range(count)]
+
+
+def entry(label, colour="black", line="-", marker=None, **options):
+    """Return what a legend says of a line, or with the line "none" of a marker."""
+    return Line2D([], [], color=colour, linestyle=line, marker=marker, label=label, **options)
+
+
+def legend(figure, handles, columns, side="lower", **options):
+    """Put a legend outside of all panels, on the lower or upper side of a figure.
+
+    handles: those that `entry` and patches are, or an axes whose labels are explained.
+    """
+    if isinstance(handles, Axes):
+        handles = handles.get_legend_handles_labels()[0]
+    figure.legend(handles=handles, loc=f"outside {side} center", ncols=columns, **options)
+
+
+def map_of_codes(axes, x, y, codes, colours):
+    """Draw a map of codes 0, 1, ..., shape (y, x), each in its colour."""
+    look = {"cmap": ListedColormap(colours), "shading": "nearest", "rasterized": True}
+    norm = BoundaryNorm(np.arange(-0.5, len(colours)), len(colours))
+    axes.pcolormesh(x, y, codes, norm=norm, **look)
+
+
+def dots(axes, x, y, marker, colour, size, **options):
+    """Draw markers without a line."""
+    axes.plot(x, y, linestyle="none", marker=marker, color=colour, markersize=size, **options)
+
+
+def note(axes, words, at, away=None, side="left center", of="data", white=None, **options):
+    """Write small words at a place of an axes, or points away from it.
+
+    side: which of theirs lies there; of: coordinates of the place; white: (room around the words,
+    opacity) of a white box behind them.
+    """
+    ha, va = side.split()
+    if white:
+        box = {"boxstyle": f"round,pad={white[0]}", "facecolor": "white", "lw": 0}
+        options["bbox"] = box | ({"alpha": white[1]} if len(white) > 1 else {})
+    if away:
+        options |= {"xytext": away, "textcoords": "offset points"}
+    axes.annotate(words, at, xycoords=of, ha=ha, va=va, **{"fontsize": 6} | options)
 
 
 def note_absent(figure, methods):

@@ -3,12 +3,10 @@
 import math
 
 import numpy as np
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from gearlib.figures import style
-from gearlib.figures.starts import draw_shares
+from gearlib.figures.starts import draw_shares, entries
 
 #: Verdict -> words and shade.
 _SHADES = {
@@ -26,7 +24,7 @@ def draw(data, periods_shown):
     `data` is that of `gearlib.studies.trains.symmetry.compute`, the course has so many mesh
     periods. Markers are medians over all starts beside the symmetric motion, bars their range.
     """
-    figure = Figure((style.PAGE_WIDTH, 8.6), layout="constrained")
+    figure = style.page(8.6)
     axes = figure.subplots(5, 1, height_ratios=[1.0, 1.0, 1.0, 0.3, 1.1])
     unit = float(data.reference_frequency) / 1e3
     frequency = data.tuning.values * unit
@@ -54,39 +52,32 @@ def draw(data, periods_shown):
         for i, name in enumerate(suns):
             ends = (data[f"{key}_{end}"].sel(mesh=name).values for end in ("low", "high"))
             panel.vlines(frequency, *ends, color=_colour(i), linewidth=1.5, alpha=0.4)
-            panel.plot(
-                frequency,
-                data[key].sel(mesh=name).values,
-                color=_colour(i),
-                marker=_MARKERS[i % len(_MARKERS)],
-                markersize=2.6,
-                linestyle="none",
-            )
+            marker, colour = _mark(i)
+            style.dots(panel, frequency, data[key].sel(mesh=name).values, marker, colour, 2.6)
         panel.set_ylabel(f"{words},\nmeshes of the sun")
         panel.set_ylim(bottom=0.0 if key != "bounces" else -0.05)
     _draw_course(axes[4], data, suns, periods_shown)
-    lines: list = [
-        Line2D([], [], color=style.PALETTE[0], linestyle=(0, (4, 2)), label="planets alike"),
-        Line2D([], [], color=style.PALETTE[4], label="all other disturbances"),
+    lines = [
+        style.entry("planets alike", style.PALETTE[0], (0, (4, 2))),
+        style.entry("all other disturbances", style.PALETTE[4]),
         *(
-            Line2D([], [], color=_colour(i), marker=_MARKERS[i % len(_MARKERS)], linestyle="none",
-                   markersize=3.5, label=f"mesh {name}")
+            style.entry(f"mesh {name}", _colour(i), "none", _mark(i)[0], markersize=3.5)
             for i, name in enumerate(suns)
         ),
-    ]  # fmt: skip
-    lines += [
-        Line2D([], [], color="0.4", linewidth=1.5, alpha=0.4, label="range of all starts"),
-        Patch(color="0.8", label="share of the starts that settle"),
-        Line2D([], [], color=style.PALETTE[0], linewidth=0.9, label="on one orbit"),
+        *entries("on one orbit", "0.4", linewidth=1.5),
     ]
     present = [_SHADES[code] for code in _SHADES if code in data.verdict.values]
     shades = [Patch(color=colour, label=words) for words, colour in present]
-    figure.legend(handles=[*lines, *shades], loc="outside upper center", ncols=3)
+    style.legend(figure, [*lines, *shades], 3, "upper")
     return figure
 
 
 def _colour(i):
     return (style.PALETTE[3], style.PALETTE[2], style.PALETTE[1])[i % 3]
+
+
+def _mark(i):
+    return _MARKERS[i % len(_MARKERS)], _colour(i)
 
 
 def _shade(axes, frequency, verdict):

@@ -1,8 +1,8 @@
 """Fig. 4, 6, 7, 8: phase plane and time courses of a few runs, a column each."""
 
 import numpy as np
-from matplotlib.figure import Figure
 
+from gearlib.data.numbers_given import stretches
 from gearlib.figures import style
 
 _PLANE_HEIGHT, _ROW_HEIGHT, _HEAD = 2.2, 1.05, 0.6
@@ -43,7 +43,7 @@ def draw(scene, *, courses, periods_shown):
     per_period = round(2.0 * np.pi / (phase[1] - phase[0]))
     shown = scene.isel(phase=slice(phase.size - per_period * periods_shown, None))
     heights = [_PLANE_HEIGHT] + [_ROW_HEIGHT] * len(courses)
-    figure = Figure((style.PAGE_WIDTH, _HEAD + sum(heights)), layout="constrained")
+    figure = style.page(_HEAD + sum(heights))
     grid = figure.subplots(
         1 + len(courses), len(titles), squeeze=False, sharey="row", height_ratios=heights
     )
@@ -79,7 +79,7 @@ def _draw_plane(axes, run, title):
     # With moving bearings the far flank is no line in this plane: only y < 0 is shaded then.
     still = "backlash" not in run
     style.shade_areas(axes, float(run.backlash_ratio) if still else np.inf, "x")
-    axes.set_xlabel("$y$ (static defl.)")
+    axes.set_xlabel(style.SHORT_DISPLACEMENT)
     axes.set_title(title)
 
 
@@ -96,28 +96,18 @@ def _draw_course(axes, run, name):
     )
     axes.set_xlim(periods[0], periods[-1])
     axes.margins(y=0.12)
-    _shade_times(axes, periods, run.contact.values == 0, style.AREA_COLOURS["backlash"], 0.0, 1.0)
-    _shade_times(
-        axes, periods, run.contact.values == -1, style.AREA_COLOURS["inverse mesh"], 0.0, 1.0
-    )
+    for code, area in ((0, "backlash"), (-1, "inverse mesh")):
+        _shade_times(axes, periods, run.contact.values == code, style.AREA_COLOURS[area], 0.0, 1.0)
     if name == "modified_stiffness":
         low = (run.contact.values != 0) & (run.stiffness.values < 1.0)
         _shade_times(axes, periods, low, _MIN_STIFFNESS_COLOUR, 0.92, 1.0)
-        axes.annotate(
-            f"in mesh at $C_\\mathrm{{min}}$: {100 * float(run.fraction_min_stiffness):.1f} %",
-            (0.02, 0.45),
-            xycoords="axes fraction",
-            fontsize=6,
-            color=_MIN_STIFFNESS_COLOUR,
-            bbox={"boxstyle": "round,pad=0.15", "facecolor": "white", "alpha": 0.8, "lw": 0},
-        )
+        words = f"in mesh at $C_\\mathrm{{min}}$: {100 * float(run.fraction_min_stiffness):.1f} %"
+        look = {"side": "left baseline", "white": (0.15, 0.8), "color": _MIN_STIFFNESS_COLOUR}
+        style.note(axes, words, (0.02, 0.45), of="axes fraction", **look)
 
 
 def _shade_times(axes, periods, where, colour, low, high):
     """Shade the intervals of time in which `where` holds."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], where.astype(np.int8), [0]])))
-    step = periods[1] - periods[0]
-    for first, last in zip(edges[::2], edges[1::2], strict=True):
-        axes.axvspan(
-            periods[first], periods[last - 1] + step, low, high, color=colour, linewidth=0, zorder=0
-        )
+    step, look = periods[1] - periods[0], {"color": colour, "linewidth": 0, "zorder": 0}
+    for first, last in stretches(where):
+        axes.axvspan(periods[first], periods[last] + step, low, high, **look)

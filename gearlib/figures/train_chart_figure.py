@@ -2,7 +2,6 @@
 
 import numpy as np
 from matplotlib.colors import ListedColormap
-from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from gearlib.figures import style
@@ -18,6 +17,8 @@ _POINTS = {
     "unstable, in none of first order": "#D55E00",
     "stable, in a tongue of first order": "#56B4E9",
 }
+#: Of `_POINTS` those that the first order has wrong: place, share, words.
+_WRONG = ((2, "missed_share", "missed"), (3, "false_share", "not there"))
 _LINES = ("-", (0, (4, 2)))
 
 
@@ -28,7 +29,7 @@ def draw(chart):
     `chart` is that of `gearlib.studies.trains.train_stability.compute`.
     """
     planes, phasings = chart.plane.values, range(chart.sizes["phasing"])
-    figure = Figure((style.PAGE_WIDTH, 7.4), layout="constrained")
+    figure = style.page(7.4)
     axes = figure.subplots(3, len(planes), height_ratios=[1.0, 1.0, 0.85], squeeze=False)
     frequency = chart.tuning.values * float(chart.reference_frequency) / 1e3
     # Growth of rounding is none.
@@ -54,15 +55,10 @@ def draw(chart):
     for j, plane in enumerate(planes):
         panel = axes[-1, j]
         for i in phasings:
-            for code, key, words in (
-                (2, "missed_share", "missed"),
-                (3, "false_share", "not there"),
-            ):
+            for code, key, words in _WRONG:
                 colour, label = list(_POINTS.values())[code], f"{words}, {_name(chart, i)}"
-                share = 100.0 * chart[key].values[i, j]
-                panel.plot(
-                    chart.value.values[j], share, color=colour, linestyle=_LINES[i], label=label
-                )
+                x, share = chart.value.values[j], 100.0 * chart[key].values[i, j]
+                panel.plot(x, share, color=colour, linestyle=_LINES[i], label=label)
         panel.set_xlabel(_LABELS[str(plane)])
         panel.set_ylabel("share of the tongues, %")
         panel.set_ylim(bottom=0.0)
@@ -71,7 +67,7 @@ def draw(chart):
         Patch(facecolor=colour, edgecolor="black", linewidth=0.4, label=words)
         for words, colour in _POINTS.items()
     ]
-    figure.legend(handles=handles, loc="outside upper center", ncols=2)
+    style.legend(figure, handles, 2, "upper")
     return figure
 
 

@@ -1,12 +1,9 @@
 """All meshes of a gear train over speed: dynamic factors, share of time in contact."""
 
 import numpy as np
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 
 from gearlib.figures import style
-from gearlib.figures.starts import draw_range, draw_shares
+from gearlib.figures.starts import draw_range, draw_shares, entries
 
 _ROWS = (
     ("dynamic_factor", "largest force over static force"),
@@ -23,7 +20,7 @@ def draw(curves):
     all starts beside static equilibrium, dots their medians; lines carry one start, where it
     settles.
     """
-    figure = Figure((style.PAGE_WIDTH, 5.2), layout="constrained")
+    figure = style.page(5.2)
     ratios = [1.0] * len(_ROWS) + [0.3]
     grid = figure.subplots(len(_ROWS) + 1, 1, sharex=True, height_ratios=ratios)
     cold = curves.sel(direction="cold")
@@ -48,21 +45,13 @@ def draw(curves):
     above = grid[0].secondary_xaxis(
         "top", functions=(lambda n: n / per_tuning, lambda nu: nu * per_tuning)
     )
-    above.set_xlabel("tuning $\\nu$")
+    above.set_xlabel(style.OWN_TUNING)
     grid[-1].set_xlabel("speed of the reference pinion (rpm)")
     grid[0].set_xlim(speed[0], speed[-1])
-    handles: list = [
-        Line2D([], [], color=style.PALETTE[j % len(style.PALETTE)], linewidth=width, label=name)
+    handles = [
+        style.entry(name, style.PALETTE[j % len(style.PALETTE)], linewidth=width)
         for j, (name, width) in enumerate(zip(names, widths, strict=True))
     ]
-    handles += [
-        Line2D([], [], color="black", linestyle=line, label=f"speed {direction}")
-        for direction, line in _LINES.items()
-    ]
-    handles += [
-        Patch(color="0.6", alpha=0.4, linewidth=0, label="range of all starts"),
-        Patch(color="0.8", label="share of the starts that settle"),
-        Line2D([], [], color=style.PALETTE[0], linewidth=0.9, label="on one orbit"),
-    ]
-    figure.legend(handles=handles, loc="outside lower center", ncols=4)
+    handles += [style.entry(f"speed {way}", line=line) for way, line in _LINES.items()]
+    style.legend(figure, [*handles, *entries("on one orbit")], 4)
     return figure

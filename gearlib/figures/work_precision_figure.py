@@ -13,7 +13,6 @@ Where no method can be, but by luck, is grey:
 from itertools import cycle
 
 import numpy as np
-from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
@@ -80,12 +79,8 @@ def put_legend(figure, lines, words):
         for name in lines
         if lines[name][0] == family
     ]
-    handles += [
-        Line2D([], [], color=FAMILIES[f][1], linestyle=FAMILIES[f][2], label=FAMILIES[f][0])
-        for f in families
-    ]
-    handles.append(Patch(color=_GREY, label=words))
-    figure.legend(handles=handles, loc="outside lower center", ncols=4, fontsize=6.5)
+    handles += [style.entry(*FAMILIES[family]) for family in families]
+    style.legend(figure, [*handles, Patch(color=_GREY, label=words)], 4, fontsize=6.5)
 
 
 def limits_of(values, low=0.4, high=2.5):
@@ -118,7 +113,7 @@ def draw_panel(axes, costs, errors, lines, floor):
 def panelled(count, columns):
     """Return a figure and its axes, one for each panel."""
     rows = -(-count // columns)
-    figure = Figure((style.PAGE_WIDTH, _FOOT + _ROW_HEIGHT * rows), layout="constrained")
+    figure = style.page(_FOOT + _ROW_HEIGHT * rows)
     grid = figure.subplots(rows, columns, squeeze=False, sharey="row")
     for axes in grid.flat[count:]:
         axes.remove()

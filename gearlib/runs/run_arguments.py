@@ -8,6 +8,8 @@ from gearlib import checks, integrators
 
 #: Most arcs (phases of contact and flights; Taylor steps) in one mesh period before a run gives up.
 MAX_EVENTS = 1_000_000
+#: Events for which a record has room before it grows.
+FIRST_EVENTS = 64
 
 
 def check_tuning(name, value):
@@ -43,6 +45,23 @@ class Span(NamedTuple):
     periods: int  #: mesh periods
     recorded: int  #: the last ones of them
     limit: int  #: most arcs in one of them
+
+
+class Record(NamedTuple):
+    """What a run writes, tables as of `Model.empty_record`."""
+
+    samples: np.ndarray
+    events: np.ndarray  #: those that it has, as many as a run begins with
+    summary: np.ndarray
+
+    def over(self, span):
+        """Return the arguments of every method and propagator, of this record over a `Span`."""
+        return span.periods, span.recorded, self.samples, self.events, span.limit, self.summary
+
+
+def empty_record(model, samples=0, events=FIRST_EVENTS):
+    """Return the `Record` of a run of a model with so many samples in all."""
+    return Record(*model.empty_record(samples, events))
 
 
 class Rows(NamedTuple):

@@ -4,15 +4,12 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-import xarray as xr
 
 from gearlib import checks, integrators
-from gearlib.data import contact_states, provenance, status, summary
-from gearlib.data.variables import describe
+from gearlib.data import contact_states, status, summary
+from gearlib.data.result import result
 from gearlib.kernels import orbit
-from gearlib.runs.run_arguments import MAX_EVENTS, check_run, tuning_of
-
-_FIRST_EVENTS = 64
+from gearlib.runs.run_arguments import MAX_EVENTS, check_run, empty_record, tuning_of
 
 
 def simulate(
@@ -130,11 +127,9 @@ def simulate(
         "phase": (first + np.arange(len(ran.samples))) * (2.0 * math.pi / samples_per_period),
         **pair.coordinates(),
     }
-    dataset = describe(xr.Dataset(data, coords), pair)
+    said = asked.attributes() | {"tuning": tuning}
+    dataset = result("Time course of a gear mesh", pair, data, coords, **said)
     dataset["status"].attrs["message"] = status.MESSAGES[ran.status]
-    dataset.attrs = provenance.attributes(
-        "Time course of a gear mesh", pair, tuning=tuning, **asked.attributes()
-    )
     return dataset
 
 
@@ -162,13 +157,13 @@ def run(pair, tuning, samples_per_period, **asked):
 def _run(pair, tuning, asked, samples_per_period, propagator=None):
     """Run; `propagator`, where there is one already, is that of pair, tuning and method."""
     samples_per_period = checks.integer("samples_per_period", samples_per_period, 1)
-    periods, recorded, limit = asked.span
-    samples, events, table = pair.empty_record(recorded * samples_per_period, _FIRST_EVENTS)
-    span = periods, recorded, samples, events, limit, table
+    record = empty_record(pair, asked.span.recorded * samples_per_period)
+    samples, _, table = record
+    arguments = record.over(asked.span)
     if propagator is None:
-        done = asked.module.run(pair, tuning, asked.state, *span, **asked.options)
+        done = asked.module.run(pair, tuning, asked.state, *arguments, **asked.options)
     else:
-        done = propagator.run(propagator.start(asked.state), *span)
+        done = propagator.run(propagator.start(asked.state), *arguments)
     x, v, period, events, found, code, evaluations = done
     end = np.ravel([x, v])
     if code == status.OK and summary.reach(table) > pair.bound(tuning, asked.state):

@@ -4,11 +4,10 @@ import os
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
-import xarray as xr
 
 from gearlib import checks
-from gearlib.data import provenance, summary
-from gearlib.data.variables import describe
+from gearlib.data import summary
+from gearlib.data.result import result
 from gearlib.runs.run_arguments import MAX_EVENTS, Rows, check_either, check_run, check_tuning
 
 DIRECTIONS = ("cold", "up", "down")
@@ -126,14 +125,8 @@ def sweep(
         **{name: (("tuning",), x) for name, x in pair.speed_scales(tunings).items()},
     }
     coords = {"tuning": tunings, **pair.coordinates()}
-    dataset = describe(xr.Dataset(data, coords), pair)
-    dataset.attrs = provenance.attributes(
-        "Resonance characteristic of a gear mesh",
-        pair,
-        direction=direction,
-        **asked.attributes(),
-    )
-    return dataset
+    said = asked.attributes() | {"direction": direction}
+    return result("Resonance characteristic of a gear mesh", pair, data, coords, **said)
 
 
 def _check_tunings(name, tunings):

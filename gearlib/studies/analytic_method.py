@@ -5,7 +5,6 @@ one gear pair, against its exact orbits.
 """
 
 import numpy as np
-import xarray as xr
 
 from gearlib.analysis.harmonics.accuracy import errors, exact_course
 from gearlib.analysis.harmonics.equation import MeshEquation
@@ -19,8 +18,7 @@ from gearlib.analysis.harmonics.schmidt import (
 )
 from gearlib.analysis.harmonics.solution import first_coefficients
 from gearlib.analysis.orbits.shooting import NoOrbit, periodic_orbit
-from gearlib.data import provenance
-from gearlib.data.variables import describe
+from gearlib.data.result import result, stacked
 from gearlib.models.pair import GearPair
 from gearlib.runs.sweeping import CARRIED, sweep
 
@@ -60,14 +58,9 @@ def compute(pair, tunings, settings, run):
         "schmidt_harmonics": np.array(settings["schmidt_harmonics"], np.int32),
         "direction": np.array(CARRIED, object),
     }
-    dataset = xr.Dataset(data, coords)
-    dataset.attrs = provenance.attributes(
-        "The analytic method and harmonic balance against exact orbits",
-        pair,
-        method="schmidt, harmonic balance",
-        harmonics=settings["harmonics"],
-    )
-    return describe(dataset)
+    title = "The analytic method and harmonic balance against exact orbits"
+    ways, harmonics = "schmidt, harmonic balance", settings["harmonics"]
+    return result(title, pair, data, coords, method=ways, harmonics=harmonics)
 
 
 def without_loss(pair):
@@ -149,25 +142,23 @@ def _errors(pair, settings):
     Errors are those of the motion next to the exact orbit, evaluations those of a search without
     a guess.
     """
-    kinds, data = ("displacement", "velocity", "event", "multiplier"), {}
-    for name, solve in (("balance", harmonic_balance), ("schmidt", schmidt)):
-        ladder = settings[f"{name}_harmonics"]
-        found = np.empty((len(kinds), len(settings["shown"]), len(ladder)))
-        evaluations = np.empty(found.shape[1:])
-        for i, nu in enumerate(settings["shown"]):
-            orbit = periodic_orbit(pair, nu)
-            guess = exact_course(orbit, 8 * _PHASES)[0]
-            for j, harmonics in enumerate(ladder):
-                error = errors(solve(pair, nu, harmonics=harmonics, guess=guess), orbit)
-                found[:, i, j] = [getattr(error, kind) for kind in kinds]
-                evaluations[i, j] = _searched(solve, pair, nu, harmonics)
-        axes = "shown", f"{name}_harmonics"
-        data |= {
-            f"{name}_{kind}_error": (axes, values)
-            for kind, values in zip(kinds, found, strict=True)
-        }
-        data[f"{name}_evaluations"] = axes, evaluations
-    return data
+    orbits = {nu: periodic_orbit(pair, nu) for nu in settings["shown"]}
+    guesses = {nu: exact_course(orbit, 8 * _PHASES)[0] for nu, orbit in orbits.items()}
+
+    def of(name, solve):
+        def one(nu, harmonics):
+            solution = solve(pair, nu, harmonics=harmonics, guess=guesses[nu])
+            error = errors(solution, orbits[nu])
+            kinds = ("displacement", "velocity", "event", "multiplier")
+            evaluations = _searched(solve, pair, nu, harmonics)
+            return {f"{name}_{kind}_error": getattr(error, kind) for kind in kinds} | {
+                f"{name}_evaluations": float(evaluations)
+            }
+
+        ladder = f"{name}_harmonics"
+        return stacked({"shown": settings["shown"], ladder: settings[ladder]}, one)
+
+    return of("balance", harmonic_balance) | of("schmidt", schmidt)
 
 
 def _searched(solve, pair, tuning, harmonics):

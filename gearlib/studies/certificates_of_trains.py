@@ -25,12 +25,8 @@ IDLER, FROM, TO, STEP, POINTS = (24, 36, 30), 0.6, 0.7, 0.2, 20
 def compute(pair, rounded, rounded_branch):
     """Yield (name of the train, tuning, certificate or refusal).
 
-    Parameters
-    ----------
-    pair : GearPair
-        Every mesh.
-    rounded, rounded_branch : callable
-        Of orbits and of branches, see `gearlib.studies.certificates`.
+    pair: every mesh; rounded, rounded_branch: of orbits and of branches, see
+    `gearlib.studies.certificates`.
     """
     reducer = split_power_reducer(pair, teeth=REDUCER)
     for tuning in ALIKE:

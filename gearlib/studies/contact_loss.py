@@ -8,12 +8,11 @@ or although it does not, because deviations from it grow: in a tongue.
 import math
 
 import numpy as np
-import xarray as xr
 from scipy.optimize import brentq
 
 from gearlib.analysis.tongues import closing_damping, find, meissner, no_loss
-from gearlib.data import provenance
-from gearlib.data.variables import describe
+from gearlib.data.result import result, stacked
+from gearlib.data.status import flags_of
 from gearlib.models.pair import GearPair
 from gearlib.runs.sweeping import sweep
 
@@ -37,12 +36,7 @@ def compute(pairs, tuning, start, stop, run):
     question; start, stop (range of tunings whose tongues are listed; widened to those next to the
     tuning); run: periods, initial_state of the motion from rest.
 
-    Over (damping, order): tuning_from, tuning_to (NaN: closed), closing_damping over order. Over
-    damping, at the tuning in question, `asked`: damping_ratio; nearest_order, of the tongue next to
-    it; growth of deviations; orbit_min, the least displacement of the orbit without loss of
-    contact; lost, whether the motion from rest loses contact; loss_from and loss_to, the tunings
-    around between which it does (NaN: beyond the scan); forced_from, the first tuning above at
-    which that orbit itself leaves the flank (NaN: none near); cause, as of `CAUSES`.
+    NaN: a closed tongue; a loss of contact that begins or ends beyond the scan, or not near.
     """
     low, high = _NEXT
     start, stop = min(start, low * tuning), max(stop, high * tuning)
@@ -56,26 +50,16 @@ def compute(pairs, tuning, start, stop, run):
     some = next(iter(models.values()))
     free = {one.order: one for one in find(some.replace(material_damping=0.0), start, stop)}
     closings = [closing_damping(some, free[n]) if n in free else math.nan for n in orders]
-    rows = [_facts(pair, tuning, run) for pair in models.values()]
-    columns = {name: ("damping", np.array([row[name] for row in rows])) for name in rows[0]}
-    dataset = xr.Dataset(
-        {
-            "tuning_from": (("damping", "order"), edges[0]),
-            "tuning_to": (("damping", "order"), edges[1]),
-            "closing_damping": ("order", closings),
-            "asked": tuning,
-            **columns,
-        },
-        {"damping": list(models), "order": np.array(orders, np.int32)},
-    )
-    dataset.attrs = provenance.attributes(
-        "Parametric resonance of the dampings", some, method="closed form", pairs=pairs, **run
-    )
-    dataset = describe(dataset)
-    dataset["cause"].attrs |= {
-        "flag_values": np.array(list(CAUSES), np.int8),
-        "flag_meanings": " ".join(text.replace(" ", "_") for text in CAUSES.values()),
+    data = stacked({"damping": list(models)}, lambda name: _facts(models[name], tuning, run)) | {
+        "tuning_from": (("damping", "order"), edges[0]),
+        "tuning_to": (("damping", "order"), edges[1]),
+        "closing_damping": ("order", closings),
+        "asked": tuning,
     }
+    title = "Parametric resonance of the dampings"
+    coords = {"damping": list(models), "order": np.array(orders, np.int32)}
+    dataset = result(title, some, data, coords, method="closed form", pairs=pairs, **run)
+    dataset["cause"].attrs |= flags_of(CAUSES.values())
     return dataset
 
 

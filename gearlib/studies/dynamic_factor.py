@@ -8,11 +8,9 @@ high as their quality allows after running in, f_pb,eff + f_f,eff.
 """
 
 import numpy as np
-import xarray as xr
 
 from gearlib import geometry
-from gearlib.data import provenance
-from gearlib.data.variables import describe
+from gearlib.data.result import result, stacked
 from gearlib.models.geometry import described_drawing
 from gearlib.models.harmonics import Harmonics
 from gearlib.models.one_degree import OneDegreePair
@@ -31,10 +29,7 @@ def compute(pair, ratios, settings):
     torque, N m, of the pinion); ratios: shape (n,), speeds over the resonance speed of the
     standard, N; settings: damping_ratio, periods, record_periods.
 
-    Over (stiffness_method, tooth_deviation, direction, resonance_ratio): dynamic_factor,
-    fraction_normal, jumps (whether K_v jumps from the speed before, in the order of the sweep),
-    status; over (tooth_deviation, resonance_ratio): standard_factor; over resonance_ratio: speed
-    (rpm of the pinion); torque, damping_ratio.
+    Jumps are from the speed before, in the order of the sweep.
     """
     mesh, torque = described_drawing.mesh(pair), pair["torque"]
     ratios = np.asarray(ratios, float)
@@ -44,58 +39,48 @@ def compute(pair, ratios, settings):
     perfect = geometry.dynamic_factor(mesh, torque, speeds, pitch_deviation=0.0, form_deviation=0.0)
     height = standard.pitch_deviation + standard.form_deviation
     deviations = [0.0, height / 2.0, -height / 2.0]
-    shape = len(STIFFNESS), len(deviations), len(CARRIED), ratios.size
-    data = {name: np.empty(shape) for name in ("dynamic_factor", "fraction_normal")}
-    status = np.empty(shape, np.int8)
-    for i, method in enumerate(STIFFNESS):
-        rectangle = GearPair.from_geometry(
+    run = {name: settings[name] for name in ("periods", "record_periods")}
+    rectangles = {
+        method: GearPair.from_geometry(
             mesh, torque=torque, damping_ratio=settings["damping_ratio"], stiffness=method
         )
-        for j, amplitude in enumerate(deviations):
-            model = rectangle
-            if amplitude:
-                model = OneDegreePair(pair=rectangle, deviation=Harmonics(cosines=(amplitude,)))
-            for k, direction in enumerate(CARRIED):
-                found = sweep(
-                    model,
-                    rectangle.tuning_at(speeds),
-                    periods=settings["periods"],
-                    record_periods=settings["record_periods"],
-                    direction=direction,
-                )
-                data["dynamic_factor"][i, j, k] = found.dynamic_force_max
-                data["fraction_normal"][i, j, k] = found.fraction_normal
-                status[i, j, k] = found.status
-    over = ("stiffness_method", "tooth_deviation", "direction", "resonance_ratio")
-    factor = data["dynamic_factor"]
+        for method in STIFFNESS
+    }
+
+    def curve(method, amplitude, direction):
+        model = rectangle = rectangles[method]
+        if amplitude:
+            model = OneDegreePair(pair=rectangle, deviation=Harmonics(cosines=(amplitude,)))
+        found = sweep(model, rectangle.tuning_at(speeds), direction=direction, **run)
+        return {
+            "dynamic_factor": found.dynamic_force_max.values,
+            "fraction_normal": found.fraction_normal.values,
+            "status": found.status.values,
+        }
+
+    axes = {
+        "stiffness_method": list(STIFFNESS),
+        "tooth_deviation": deviations,
+        "direction": list(CARRIED),
+    }
+    data = stacked(axes, curve, "resonance_ratio")
+    over, factor = data["dynamic_factor"]
     change = np.abs(np.diff(factor, axis=-1)) > JUMP
-    jumps = np.zeros(shape, bool)
+    jumps = np.zeros(factor.shape, bool)
     jumps[:, :, 0, 1:], jumps[:, :, 1, :-1] = change[:, :, 0], change[:, :, 1]
-    dataset = xr.Dataset(
-        {name: (over, values) for name, values in data.items()}
-        | {
-            "jumps": (over, jumps),
-            "status": (over, status),
-            "standard_factor": (
-                over[1::2],
-                np.array([perfect.factor, standard.factor, standard.factor]),
-            ),
-            "speed": ("resonance_ratio", speeds),
-            "torque": float(torque),
-            "damping_ratio": float(settings["damping_ratio"]),
-        },
-        {
-            "stiffness_method": list(STIFFNESS),
-            "tooth_deviation": deviations,
-            "direction": list(CARRIED),
-            "resonance_ratio": ratios,
-        },
-    )
-    dataset.attrs = provenance.attributes(
+    data |= {
+        "jumps": (over, jumps),
+        "standard_factor": (over[1::2], [perfect.factor, standard.factor, standard.factor]),
+        "speed": ("resonance_ratio", speeds),
+        "torque": float(torque),
+        "damping_ratio": float(settings["damping_ratio"]),
+    }
+    return result(
         "Dynamic factor of two drawn gears over speed",
-        rectangle,
+        rectangles[STIFFNESS[-1]],
+        data,
+        axes | {"resonance_ratio": ratios},
         method="exact",
         drawing=pair,
         **settings,
     )
-    return describe(dataset)

@@ -150,9 +150,6 @@ def sections(cases, settings):
         found.append(section.drop_vars("strobe"))
     titles = xr.DataArray([case["title"] for case in cases], dims="case", name="case")
     dataset = describe(xr.concat(found, titles, data_vars="all", combine_attrs="drop"))
-    dataset["chaotic"].attrs |= {
-        "flag_values": np.arange(3, dtype=np.int8),
-        "flag_meanings": "regular chaotic undecided",
-    }
+    dataset["chaotic"].attrs |= status.flags_of(("regular", "chaotic", "undecided"))
     dataset.attrs = found[0].attrs
     return dataset

@@ -16,6 +16,7 @@ import numpy as np
 import xarray as xr
 
 from gearlib.analysis import lyapunov
+from gearlib.data.result import stacked
 from gearlib.data.variables import describe
 from gearlib.models.one_degree import OneDegreePair
 from gearlib.models.pair import GearPair
@@ -187,10 +188,7 @@ def compute(pair, tunings, settings, run):
     `variations`, and resolution; starts, seed and spread for tolerances, as of
     `gearlib.studies.many_starts.starts`); run: periods, record_periods, initial_state.
 
-    height over tuning, of the base; over variation: kind, value, jump (NaN: none in the scan),
-    shift against the base with its range shift_low and shift_high over all starts, jump_interval,
-    to which it is known, jump_share of the starts that jump, height_below, height_above, switches;
-    settled, not so of tolerances, which are asked from all starts: medians.
+    Of tolerances, which are asked from all starts, medians. NaN: no jump in the scan.
     """
     pair = GearPair(**pair)
     rows, others = [], None
@@ -204,30 +202,31 @@ def compute(pair, tunings, settings, run):
             shifts = np.array([found.tuning - rows[0][2].tuning if rows else 0.0 * found.tuning])
         rows.append((kind, float(value), found, shifts))
     base = sweep(pair, tunings, **run)
-    kind, value, found, shifts = zip(*rows, strict=True)
-    jump, below, above, switches, interval = (np.array(each) for each in zip(*found, strict=True))
-    low, _, high = np.array([many_starts.spread_of(one) for one in shifts]).T
-    dataset = xr.Dataset(
-        {
-            "height": ("tuning", _heights(base)),
-            "kind": ("variation", np.array(kind, object)),
-            "value": ("variation", np.array(value)),
-            "jump": ("variation", jump),
-            "shift": ("variation", jump - jump[0]),
-            "shift_low": ("variation", low),
-            "shift_high": ("variation", high),
-            "jump_interval": ("variation", interval),
-            "jump_share": ("variation", np.array([np.isfinite(one).mean() for one in shifts])),
-            "height_below": ("variation", below),
-            "height_above": ("variation", above),
-            "switches": ("variation", switches.astype(np.int32)),
-            "settled": ("variation", np.array([each != "tolerance" for each in kind], np.int8)),
-        },
-        {"tuning": base.tuning.values, "variation": np.arange(len(rows))},
-    )
+
+    def facts(row):
+        kind, value, found, shifts = row
+        low, _, high = many_starts.spread_of(shifts)
+        return {
+            "kind": kind,
+            "value": value,
+            "jump": found.tuning,
+            "shift": found.tuning - rows[0][2].tuning,
+            "shift_low": low,
+            "shift_high": high,
+            "jump_interval": found.interval,
+            "jump_share": np.isfinite(shifts).mean(),
+            "height_below": found.below,
+            "height_above": found.above,
+            "switches": np.int32(found.switches),
+            "settled": np.int8(kind != "tolerance"),
+        }
+
+    data = stacked({"variation": rows}, facts) | {"height": ("tuning", _heights(base))}
+    coords = {"tuning": base.tuning.values, "variation": np.arange(len(rows))}
+    dataset = describe(xr.Dataset(data, coords))
     dataset["settled"].attrs |= lyapunov.SETTLED_FLAGS
-    dataset.attrs = base.attrs | {"title": "Jump of the motion from rest, and what moves it"}
-    return describe(dataset)
+    title = "Jump of the motion from rest, and what moves it"
+    return dataset.assign_attrs(base.attrs | {"title": title})
 
 
 def _from_starts(pair, tunings, settings, run):

@@ -3,13 +3,10 @@
 import math
 
 import numpy as np
-import xarray as xr
 
-from gearlib.data import provenance
-from gearlib.data.variables import describe
+from gearlib.data.result import result_of_many, stacked
 from gearlib.models.geometry import described_drawing
 from gearlib.models.profiles import Rectangular
-from gearlib.version import __version__
 
 #: name -> (method, options of `mesh_stiffness`); the second is the reference of the others.
 METHODS: dict[str, tuple[str, dict]] = {
@@ -54,50 +51,35 @@ def compute(pairs, samples):
 
     pairs (as of `gearlib.models.geometry.described_drawing.mesh`, and torque, published: name ->
     mean stiffness); samples: phases of the courses.
-
-    stiffness_phase over (pair, point), mesh_stiffness over (pair, stiffness_method, point);
-    mean_mesh_stiffness, own_stiffness_ratio over (pair, stiffness_method); method_uncertainty over
-    stiffness_method, relative; published_stiffness and published_pair over published.
     """
-    shape = len(pairs), len(METHODS)
-    phases = np.empty((len(pairs), samples + 4))
-    courses = np.empty((*shape, samples + 4))
-    means, ratios = np.empty(shape), np.empty(shape)
-    for i, pair in enumerate(pairs.values()):
-        mesh = described_drawing.mesh(pair)
-        phases[i] = _phases(mesh.contact_ratio, samples)
-        found = by_method(mesh, pair["torque"], samples)
-        for j, one in enumerate(found.values()):
-            courses[i, j] = course(one, phases[i])
-            means[i, j], ratios[i, j] = one.mean_stiffness, one.stiffness_ratio
+    meshes = {name: described_drawing.mesh(pair) for name, pair in pairs.items()}
+    phases = {name: _phases(mesh.contact_ratio, samples) for name, mesh in meshes.items()}
+    found = {name: by_method(mesh, pairs[name]["torque"], samples) for name, mesh in meshes.items()}
+
+    def facts(pair, method):
+        one = found[pair][method]
+        return {
+            "mesh_stiffness": course(one, phases[pair]),
+            "mean_mesh_stiffness": one.mean_stiffness,
+            "own_stiffness_ratio": one.stiffness_ratio,
+        }
+
+    uncertainties = [one.uncertainty for one in found[[*pairs][-1]].values()]
     published = [
         (name, words, value)
         for name, pair in pairs.items()
         for words, value in pair["published"].items()
     ]
-    dataset = xr.Dataset(
-        {
-            "stiffness_phase": (("pair", "point"), phases),
-            "mesh_stiffness": (("pair", "stiffness_method", "point"), courses),
-            "mean_mesh_stiffness": (("pair", "stiffness_method"), means),
-            "own_stiffness_ratio": (("pair", "stiffness_method"), ratios),
-            "method_uncertainty": ("stiffness_method", [one.uncertainty for one in found.values()]),
-            "published_pair": ("published", np.array([row[0] for row in published], str)),
-            "published_stiffness": ("published", np.array([row[2] for row in published], float)),
-        },
-        {
-            "pair": list(pairs),
-            "stiffness_method": list(METHODS),
-            "published": np.array([row[1] for row in published], str),
-        },
-    )
-    dataset.attrs = {
-        "Conventions": "CF-1.11",
-        "title": "Mesh stiffness of drawn gears by several methods",
-        "source": f"gearlib {__version__}",
-        "parameters": provenance.canonical_json({"pairs": pairs, "samples": samples}),
+    axes = {"pair": list(pairs), "stiffness_method": list(METHODS)}
+    data = stacked(axes, facts, "point") | {
+        "stiffness_phase": (("pair", "point"), [*phases.values()]),
+        "method_uncertainty": ("stiffness_method", uncertainties),
+        "published_pair": ("published", np.array([row[0] for row in published], str)),
+        "published_stiffness": ("published", np.array([row[2] for row in published], float)),
     }
-    return describe(dataset)
+    coords = axes | {"published": np.array([row[1] for row in published], str)}
+    title = "Mesh stiffness of drawn gears by several methods"
+    return result_of_many(title, data, coords, parameters={"pairs": pairs, "samples": samples})
 
 
 def rows(stiffness):

@@ -14,6 +14,8 @@ import math
 import numpy as np
 import xarray as xr
 
+from gearlib.data.numbers_given import stretches
+from gearlib.data.result import stacked
 from gearlib.data.variables import describe
 from gearlib.models.one_degree import OneDegreePair
 from gearlib.models.pair import GearPair
@@ -82,46 +84,41 @@ def compute(pair, place, power, tunings, settings, run, samples_per_period):
     pair, place, power: as of `model`; tunings: shape (n,); settings (damping, amplitude, tuning
     (see `model`), shown: tunings of the phase planes); run: periods, record_periods, initial_state.
 
-    displacement_max, displacement_min, period over (direction, tuning); over (direction,): jump
-    (NaN: none), jump_interval, to which it is known, and jump_size, of the scan beside it; peak and
-    peak_tuning, lost_from and lost_to (ends of the widest range of tunings with contact loss);
-    displacement and velocity over (shown, phase); speed (rpm) over tuning; coefficient; scalar
-    coordinates place and power.
+    NaN: there is no jump, no loss of contact.
     """
     damped, coefficient = model(pair, place, power, settings)
-    curves = [sweep(damped, tunings, direction=name, **run) for name in DIRECTIONS]
-    planes = [
-        simulate(damped, nu, samples_per_period=samples_per_period, **run)
-        for nu in settings["shown"]
-    ]
-    columns = ("displacement_max", "displacement_min", "period")
-    data = {
-        name: (("direction", "tuning"), np.array([curve[name].values for curve in curves]))
-        for name in columns
-    }
-    facts = [
-        _facts(damped, curve, name, run) for name, curve in zip(DIRECTIONS, curves, strict=True)
-    ]
-    data |= {name: ("direction", [fact[name] for fact in facts]) for name in facts[0]}
+    curves = {name: sweep(damped, tunings, direction=name, **run) for name in DIRECTIONS}
+
+    def swept(direction):
+        curve, kept = curves[direction], ("displacement_max", "displacement_min", "period")
+        facts = _facts(damped, curve, direction, run)
+        return {name: curve[name].values for name in kept} | facts
+
+    def plane(nu):
+        found = simulate(damped, nu, samples_per_period=samples_per_period, **run)
+        return {name: found[name].values for name in ("displacement", "velocity", "phase")}
+
+    directions, shown = {"direction": list(DIRECTIONS)}, {"shown": list(settings["shown"])}
+    data = stacked(directions, swept, "tuning") | stacked(shown, plane, "phase")
+    some = curves[DIRECTIONS[0]]
     data |= {
-        name: (("shown", "phase"), np.array([plane[name].values for plane in planes]))
-        for name in ("displacement", "velocity")
+        "speed": ("tuning", some.speed.values),
+        "coefficient": coefficient,
+        "backlash_ratio": damped.backlash_ratio,
     }
-    data["speed"] = ("tuning", curves[0].speed.values)
-    data["coefficient"] = coefficient
-    data["backlash_ratio"] = damped.backlash_ratio
+    phase = data.pop("phase")[1][0]
     coords = {
-        "direction": list(DIRECTIONS),
+        **directions,
+        **shown,
         "tuning": np.asarray(tunings, float),
-        "shown": list(settings["shown"]),
-        "phase": planes[0].phase.values - planes[0].phase.values[0],
+        "phase": phase - phase[0],
         "place": place,
         "power": power,
     }
     dataset = describe(xr.Dataset(data, coords))
     unit = {"linear": "N s m-1", "quadratic": "N s2 m-2", "cubic": "N s3 m-3"}[power]
     dataset["coefficient"].attrs["units"] = unit
-    return dataset.assign_attrs(curves[0].attrs | {"title": "Nonlinear damping of a gear mesh"})
+    return dataset.assign_attrs(some.attrs | {"title": "Nonlinear damping of a gear mesh"})
 
 
 def _facts(damped, curve, direction, run):
@@ -130,7 +127,8 @@ def _facts(damped, curve, direction, run):
     found = jump.find(damped, tuning, _RESOLUTION, direction, **run)
     highest = np.nan_to_num(curve.displacement_max.values, nan=-np.inf)
     top = int(np.argmax(highest))
-    first, last = _widest(curve.displacement_min.values < -_TOUCH)
+    lost = stretches(curve.displacement_min.values < -_TOUCH)
+    first, last = max(lost, key=lambda ends: ends[1] - ends[0], default=(None, None))
     return {
         "jump": found.tuning,
         "jump_interval": found.interval,
@@ -140,16 +138,6 @@ def _facts(damped, curve, direction, run):
         "lost_from": np.nan if first is None else tuning[first],
         "lost_to": np.nan if first is None else tuning[last],
     }
-
-
-def _widest(where):
-    """Return the first and last index of the longest range in which `where` holds, or None."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], where.astype(np.int8), [0]])))
-    starts, ends = edges[::2], edges[1::2]
-    if starts.size == 0:
-        return None, None
-    k = int(np.argmax(ends - starts))
-    return int(starts[k]), int(ends[k] - 1)
 
 
 def rows(studies):

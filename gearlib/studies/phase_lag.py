@@ -12,6 +12,7 @@ import numpy as np
 import xarray as xr
 
 from gearlib.analysis import lyapunov
+from gearlib.data.variables import describe
 from gearlib.models.pair import GearPair
 from gearlib.runs.simulation import simulate
 
@@ -38,9 +39,8 @@ def compute(pair, dampings, tuning, tunings, *, harmonics, periods, samples_per_
     harmonics of the mesh period whose lag is measured at `tuning`; periods: mesh periods of every
     run, enough for the lightest damping to settle.
 
-    displacement, stiffness over (damping, phase); lag over (damping, harmonic); first_lag, settled
-    over (damping, tuning). Lags are NaN where the orbit does not repeat in one period; they and the
-    displacement where rounding decides on which orbit a motion ends.
+    Lags are NaN where the orbit does not repeat in one period; they and the displacement where
+    rounding decides on which orbit a motion ends.
     """
     run = {"periods": periods, "samples_per_period": samples_per_period}
     models = [GearPair(**pair | {"material_damping": k}) for k in dampings]
@@ -49,46 +49,29 @@ def compute(pair, dampings, tuning, tunings, *, harmonics, periods, samples_per_
     rest = (0.0, 0.0)
     settled = ~np.array([[lyapunov.lost(m, nu, rest, periods) for nu in tunings] for m in models])
     known = ~np.array([[lyapunov.lost(m, tuning, rest, periods)] for m in models])
-    degrees = {"units": "degree"}
-    dataset = xr.Dataset(
-        {
-            "displacement": (
-                ("damping", "phase"),
-                np.where(known, [one.displacement.values for one in shown], np.nan),
-                shown[0].displacement.attrs,
-            ),
-            "stiffness": (("phase",), shown[0].stiffness.values, shown[0].stiffness.attrs),
-            "lag": (
-                ("damping", "harmonic"),
-                np.where(known, [harmonic_lags(one, harmonics) for one in shown], np.nan),
-                degrees | {"long_name": "lag of the motion behind the mesh stiffness"},
-            ),
-            "first_lag": (
-                ("damping", "tuning"),
-                np.where(settled, first, np.nan),
-                degrees | {"long_name": "lag of the first harmonic behind the mesh stiffness"},
-            ),
-            "settled": (
-                ("damping", "tuning"),
-                settled.astype(np.int8),
-                lyapunov.SETTLED_FLAGS
-                | {"units": "1", "long_name": "whether the motion from rest settles"},
-            ),
-            "shown_tuning": ((), tuning, {"units": "1", "long_name": "tuning of the courses"}),
-        },
-        {
-            "damping": ("damping", dampings, {"units": "N s m-1", "long_name": "material damping"}),
-            "phase": (
-                "phase",
-                shown[0].phase.values - shown[0].phase.values[0],
-                {"units": "rad", "long_name": "mesh phase"},
-            ),
-            "harmonic": (
-                "harmonic",
-                np.arange(1, harmonics + 1),
-                {"units": "1", "long_name": "harmonic of the mesh period"},
-            ),
-            "tuning": ("tuning", tunings, shown[0].tuning.attrs),
-        },
-    )
+    lags = np.where(known, [harmonic_lags(one, harmonics) for one in shown], np.nan)
+    courses = np.where(known, [one.displacement.values for one in shown], np.nan)
+    data = {
+        "displacement": (("damping", "phase"), courses),
+        "stiffness": (("phase",), shown[0].stiffness.values),
+        "lag": (("damping", "harmonic"), lags),
+        "first_lag": (("damping", "tuning"), np.where(settled, first, np.nan)),
+        "settled": (("damping", "tuning"), settled.astype(np.int8), lyapunov.SETTLED_FLAGS),
+        "shown_tuning": tuning,
+    }
+    own = {
+        "damping": ("N s m-1", "material damping"),
+        "phase": ("rad", "mesh phase"),
+        "harmonic": ("1", "harmonic of the mesh period"),
+        "settled": ("1", "whether the motion from rest settles"),
+    }
+    coords = {
+        "damping": dampings,
+        "phase": shown[0].phase.values - shown[0].phase.values[0],
+        "harmonic": np.arange(1, harmonics + 1),
+        "tuning": tunings,
+    }
+    dataset = describe(xr.Dataset(data, coords))
+    for name, (units, words) in own.items():
+        dataset[name].attrs |= {"units": units, "long_name": words}
     return dataset.assign_attrs(shown[0].attrs | {"title": "Phase lag of a gear mesh"})

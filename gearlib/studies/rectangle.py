@@ -14,11 +14,9 @@ energy method.
 import math
 
 import numpy as np
-import xarray as xr
 
-from gearlib.data import provenance
 from gearlib.data.lost_contact import lost_share
-from gearlib.data.variables import describe
+from gearlib.data.result import result, stacked
 from gearlib.models.geometry import described_drawing
 from gearlib.models.one_degree import OneDegreePair
 from gearlib.models.pair import GearPair
@@ -118,78 +116,56 @@ def compute(pairs, tunings, samples, settings):
     pairs: as of `gearlib.studies.mesh_stiffness.compute`; tunings: shape (t,); samples: phases of
     the courses; settings: damping_ratio, tolerance, periods, record_periods.
 
-    orbit_height, dynamic_force, lost_share, period over (pair, stiffness_method, form, direction,
-    tuning); answer over (pair, stiffness_method, form, observable); rectangle_cost over (pair,
-    stiffness_method, observable); method_spread and rectangle_verdict over (pair, observable), the
-    latter by the largest cost of all methods.
+    The verdict is by the largest cost of all methods.
     """
-    tunings = np.asarray(tunings, float)
+    tunings, found = np.asarray(tunings, float), {}
     run = {name: settings[name] for name in ("periods", "record_periods")}
-    shape = len(pairs), len(METHODS), len(FORMS)
-    curves = {
-        name: np.empty((*shape, len(CARRIED), tunings.size), kind)
-        for name, kind in (
-            ("orbit_height", float),
-            ("dynamic_force", float),
-            ("lost_share", float),
-            ("period", int),
-        )
-    }
-    answers = np.full((*shape, len(OBSERVABLES)), np.nan)
-    costs = np.empty((*shape[:2], len(OBSERVABLES)))
-    spreads = np.empty((len(pairs), len(OBSERVABLES)))
-    verdicts = np.empty(spreads.shape, object)
-    for i, drawing in enumerate(pairs.values()):
-        mesh, torque = described_drawing.mesh(drawing), drawing["torque"]
+    for drawing, words in pairs.items():
+        mesh, torque = described_drawing.mesh(words), words["torque"]
         stiffness = by_method(mesh, torque, samples)
         pair = GearPair.from_geometry(
             mesh, torque=torque, damping_ratio=settings["damping_ratio"], stiffness=REFERENCE
         ).replace(**stiffness[REFERENCE].ratios())
-        found = {}
-        for j, (name, one) in enumerate(stiffness.items()):
+        for name, one in stiffness.items():
             own = pair.replace(**one.ratios())
-            for k, profile in enumerate((Rectangular(), one.profile)):
-                result = found[name, FORMS[k]] = runs(pair, own, profile, tunings, run)
-                for key, values in result.items():
-                    curves[key][i, j, k] = values
-                seen = observe(tunings, result)
-                answers[i, j, k] = [seen.get(key, math.nan) for key in OBSERVABLES]
-            costs[i, j] = differences(tunings, found[name, "course"], found[name, "rectangle"])
-        base = found[REFERENCE, "rectangle"]
-        others = [found[name, "rectangle"] for name in METHODS if name != REFERENCE]
-        spreads[i] = np.max([differences(tunings, other, base) for other in others], axis=0)
-        verdicts[i] = [
+            for form, profile in zip(FORMS, (Rectangular(), one.profile), strict=True):
+                found[drawing, name, form] = runs(pair, own, profile, tunings, run)
+
+    def answers(*place):
+        seen = observe(tunings, found[place])
+        return {"answer": np.array([seen.get(key, math.nan) for key in OBSERVABLES])}
+
+    def costs(drawing, name):
+        course, rectangle = (found[drawing, name, form] for form in ("course", "rectangle"))
+        return {"rectangle_cost": differences(tunings, course, rectangle)}
+
+    def verdicts(drawing):
+        others = [found[drawing, name, "rectangle"] for name in METHODS if name != REFERENCE]
+        base = found[drawing, REFERENCE, "rectangle"]
+        spreads = np.max([differences(tunings, other, base) for other in others], axis=0)
+        largest = np.max([costs(drawing, name)["rectangle_cost"] for name in METHODS], axis=0)
+        said = [
             VERDICTS[verdict(cost, spread, settings["tolerance"])]
-            for cost, spread in zip(costs[i].max(axis=0), spreads[i], strict=True)
+            for cost, spread in zip(largest, spreads, strict=True)
         ]
-    dims = ("pair", "stiffness_method", "form", "direction", "tuning")
-    dataset = xr.Dataset(
-        {
-            **{name: (dims, values) for name, values in curves.items()},
-            "answer": ((*dims[:3], "observable"), answers),
-            "rectangle_cost": (("pair", "stiffness_method", "observable"), costs),
-            "method_spread": (("pair", "observable"), spreads),
-            "rectangle_verdict": (("pair", "observable"), verdicts.astype(str)),
-            "tolerance": float(settings["tolerance"]),
-        },
-        {
-            "pair": list(pairs),
-            "stiffness_method": list(METHODS),
-            "form": list(FORMS),
-            "direction": list(CARRIED),
-            "tuning": tunings,
-            "observable": list(OBSERVABLES),
-        },
+        return {"method_spread": spreads, "rectangle_verdict": np.array(said)}
+
+    each = {"pair": list(pairs)}
+    methods = each | {"stiffness_method": list(METHODS)}
+    axes = methods | {"form": list(FORMS)}
+    data = (
+        stacked(axes, lambda *place: found[place], "direction", "tuning")
+        | stacked(axes, answers, "observable")
+        | stacked(methods, costs, "observable")
+        | stacked(each, verdicts, "observable")
+        | {"tolerance": float(settings["tolerance"])}
     )
-    dataset.attrs = provenance.attributes(
-        "What the rectangular mesh stiffness costs",
-        pair,
-        method="exact, taylor",
-        pairs=pairs,
-        **settings,
-    )
+    own = {"direction": list(CARRIED), "tuning": tunings, "observable": list(OBSERVABLES)}
+    title = "What the rectangular mesh stiffness costs"
+    said = {"method": "exact, taylor", "pairs": pairs, **settings}
+    dataset = result(title, pair, data, axes | own, **said)
     dataset.attrs.pop("gear_pair")
-    return describe(dataset)
+    return dataset
 
 
 def rows(costs):

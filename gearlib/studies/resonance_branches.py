@@ -113,9 +113,7 @@ def compute_loci(pair, branches, start, stop, lowest, highest):
     pair: the pair of the branches; branches: as of `compute`; start, stop: tunings between which
     the loci are followed; lowest, highest: damping ratios in contact between which they are.
 
-    Over ``point``: tuning, damping_ratio, label, locus, the number of the special point from which
-    the locus was followed, and state, multipliers (NaN at grazings), residual as of
-    `gearlib.locus`.
+    As of `gearlib.locus`, with the number of the special point from which each was followed.
     """
     parts = []
     given = value_of(pair, 1.0, "damping")

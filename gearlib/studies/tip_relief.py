@@ -13,6 +13,7 @@ import xarray as xr
 
 from gearlib.data import provenance
 from gearlib.data.lost_contact import lost_share
+from gearlib.data.result import result, stacked
 from gearlib.data.variables import describe
 from gearlib.models.geometry import described_drawing
 from gearlib.models.geometry.transmission_error import optimum_relief
@@ -63,63 +64,52 @@ def dynamics(gears, stiffness, tunings, settings):
     teeth; settings (loads over the design load, > 0; damping_ratio, backlash_damping_ratio;
     periods, record_periods; tolerance of the dynamic force).
 
-    dynamic_force_max and fraction_normal over (load_ratio, model, direction, tuning); over
-    load_ratio: difference_in_contact and difference_with_loss (the largest of the dynamic force
-    where neither model, or one, loses contact), mean_difference, suffices, error_over_deflection,
-    effective_contact_ratio; speed in rpm.
+    Differences are the largest where neither model, or one, loses contact.
     """
     torque = gears["torque"]
     mesh = optimum_relief(described_drawing.mesh(gears), torque, length="long", stiffness=stiffness)
     tunings = np.asarray(tunings, float)
     run = {name: settings[name] for name in ("periods", "record_periods")}
     dampings = {name: settings[name] for name in ("damping_ratio", "backlash_damping_ratio")}
-    shape = len(settings["loads"]), len(MODELS), len(CARRIED), tunings.size
-    force, normal, speed = np.empty(shape), np.empty(shape), np.empty((shape[0], shape[-1]))
-    ratio, error = np.empty((2, shape[0]))
-    for i, load in enumerate(settings["loads"]):
-        large = LoadSharingPair.from_geometry(
-            mesh, torque=load * torque, stiffness=stiffness, **dampings
-        )
-        small = large.at_load()
+    loads = {"load_ratio": np.asarray(settings["loads"], float)}
+    larger = [
+        LoadSharingPair.from_geometry(mesh, torque=load * torque, stiffness=stiffness, **dampings)
+        for load in settings["loads"]
+    ]
+    large = dict(zip(loads["load_ratio"], larger, strict=True))
+
+    def statics(load):
         static = mesh.transmission_error(load * torque, stiffness=stiffness)
-        ratio[i] = static.effective_contact_ratio.item()
-        error[i] = static.peak_to_peak_error.item() / large.static_deflection
-        speed[i] = large.speed(tunings)
-        for j, model in enumerate((small, large)):
-            unit = model.mean_eigenfrequency / large.mean_eigenfrequency
-            for k, direction in enumerate(CARRIED):
-                # From near the rest under the load: from far off other motions may be reached.
-                found = sweep(
-                    model, tunings / unit, direction=direction, initial_state=(1.0, 0.0), **run
-                )
-                force[i, j, k], normal[i, j, k] = found.dynamic_force_max, found.fraction_normal
+        return {
+            "effective_contact_ratio": static.effective_contact_ratio.item(),
+            "error_over_deflection": static.peak_to_peak_error.item()
+            / large[load].static_deflection,
+            "speed": large[load].speed(tunings),
+        }
+
+    def curve(load, name, direction):
+        model = large[load].at_load() if name == MODELS[0] else large[load]
+        unit = model.mean_eigenfrequency / large[load].mean_eigenfrequency
+        # From near the rest under the load: from far off other motions may be reached.
+        found = sweep(model, tunings / unit, direction=direction, initial_state=(1.0, 0.0), **run)
+        return {name: found[name].values for name in ("dynamic_force_max", "fraction_normal")}
+
+    axes = loads | {"model": list(MODELS), "direction": list(CARRIED)}
+    data = stacked(loads, statics, "tuning") | stacked(axes, curve, "tuning")
+    force, normal = data["dynamic_force_max"][1], data["fraction_normal"][1]
     difference = np.abs(force[:, 0] / force[:, 1] - 1.0)
     lost = (lost_share(normal) > 0.0).any(axis=1)
     within, over = difference <= settings["tolerance"], (1, 2)
-    dataset = xr.Dataset(
-        {
-            "dynamic_force_max": (("load_ratio", "model", "direction", "tuning"), force),
-            "fraction_normal": (("load_ratio", "model", "direction", "tuning"), normal),
-            "difference_in_contact": ("load_ratio", _largest(difference, ~lost)),
-            "difference_with_loss": ("load_ratio", _largest(difference, lost)),
-            "mean_difference": ("load_ratio", difference.mean(axis=over)),
-            "suffices": ("load_ratio", within.all(axis=over).astype(np.int8)),
-            "error_over_deflection": ("load_ratio", error),
-            "effective_contact_ratio": ("load_ratio", ratio),
-            "speed": (("load_ratio", "tuning"), speed),
-            "tolerance": float(settings["tolerance"]),
-        },
-        {
-            "load_ratio": np.asarray(settings["loads"], float),
-            "model": list(MODELS),
-            "direction": list(CARRIED),
-            "tuning": tunings,
-        },
-    )
-    dataset.attrs = provenance.attributes(
-        "Tip relief: stiffness at the load beside pairs of teeth", large, method="exact", **run
-    )
-    return describe(dataset)
+    data |= {
+        "difference_in_contact": ("load_ratio", _largest(difference, ~lost)),
+        "difference_with_loss": ("load_ratio", _largest(difference, lost)),
+        "mean_difference": ("load_ratio", difference.mean(axis=over)),
+        "suffices": ("load_ratio", within.all(axis=over).astype(np.int8)),
+        "tolerance": float(settings["tolerance"]),
+    }
+    title = "Tip relief: stiffness at the load beside pairs of teeth"
+    coords = axes | {"tuning": tunings}
+    return result(title, larger[-1], data, coords, method="exact", **run)
 
 
 def _largest(difference, where):

@@ -1,11 +1,9 @@
 """Stability over the tuning and one other parameter, after Ince and Strutt: growth and tongues."""
 
 import numpy as np
-import xarray as xr
 
 from gearlib.analysis.tongues import closing_damping, find, meissner, varied
-from gearlib.data import provenance
-from gearlib.data.variables import describe
+from gearlib.data.result import result
 from gearlib.models.pair import GearPair
 
 PLANES = ("stiffness_ratio", "contact_ratio", "damping")
@@ -21,12 +19,8 @@ def compute(pair, tunings, settings):
     the tongues, the first one also that of the growth; least_stiffness_ratio; values: how many of
     the other parameter).
 
-    Over plane (the other parameter): value over row, its grid, and own_value, that of the pair;
-    growth over (row, tuning); tuning_from and tuning_to over (damping, row, order), NaN where
-    closed. In the plane of damping the tongues have the damping of their row, and lie under the
-    first damping. closing_damping over order, of the pair, and peak_tuning, where that tongue
-    closes. Points where tongues without damping have width zero: point_plane, point_value,
-    point_tuning.
+    NaN: closed. In the plane of damping the tongues have the damping of their row, and lie under
+    the first damping.
     """
     pair = GearPair(**pair).replace(material_damping=0.0)
     dampings = settings["damping_ratios"]
@@ -57,29 +51,25 @@ def compute(pair, tunings, settings):
                 edges[:, *place] = one.start, one.stop
     points = _points(pair, orders, values["stiffness_ratio"][0])
     closing = dict(zip((one.order for one in open_tongues), closings, strict=True))
-    dataset = xr.Dataset(
-        {
-            "value": (("plane", "row"), [places[name] for name in PLANES]),
-            "own_value": ("plane", [getattr(pair, name) for name in PLANES[:2]] + [0.0]),
-            "growth": (("plane", "row", "tuning"), _growths(pair, places, dampings, tunings)),
-            "tuning_from": (("plane", "damping", "row", "order"), edges[0]),
-            "tuning_to": (("plane", "damping", "row", "order"), edges[1]),
-            "closing_damping": ("order", [closing.get(n, np.nan) for n in orders]),
-            "point_plane": ("point", points[0]),
-            "point_value": ("point", points[1]),
-            "point_tuning": ("point", points[2]),
-        },
-        {
-            "plane": list(PLANES),
-            "damping": np.array(dampings, float),
-            "tuning": np.asarray(tunings, float),
-            "order": np.array(orders, np.int32),
-        },
-    )
-    dataset.attrs = provenance.attributes(
-        "Tongues of parametric resonance", pair, method="closed form", **settings
-    )
-    return describe(dataset)
+    data = {
+        "value": (("plane", "row"), [places[name] for name in PLANES]),
+        "own_value": ("plane", [getattr(pair, name) for name in PLANES[:2]] + [0.0]),
+        "growth": (("plane", "row", "tuning"), _growths(pair, places, dampings, tunings)),
+        "tuning_from": (("plane", "damping", "row", "order"), edges[0]),
+        "tuning_to": (("plane", "damping", "row", "order"), edges[1]),
+        "closing_damping": ("order", [closing.get(n, np.nan) for n in orders]),
+        "point_plane": ("point", points[0]),
+        "point_value": ("point", points[1]),
+        "point_tuning": ("point", points[2]),
+    }
+    coords = {
+        "plane": list(PLANES),
+        "damping": np.array(dampings, float),
+        "tuning": np.asarray(tunings, float),
+        "order": np.array(orders, np.int32),
+    }
+    title = "Tongues of parametric resonance"
+    return result(title, pair, data, coords, method="closed form", **settings)
 
 
 def _growths(pair, places, dampings, tunings):

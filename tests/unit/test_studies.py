@@ -10,6 +10,7 @@ from scipy.integrate import quad
 from gearlib import GearPair, OneDegreePair, simulate
 from gearlib.data import storage
 from gearlib.data.files import write_table
+from gearlib.data.numbers_given import stretches
 from gearlib.studies import global_picture, jump, nonlinear_damping, phase_lag
 from tests.paper import PAPER, PARAMETERS
 
@@ -138,10 +139,10 @@ def test_the_study_of_nonlinear_damping(tmp_path):
     assert [row["unit"] for row in rows[::3]] == ["N s m-1", "N s2 m-2", "N s3 m-3"]
 
 
-def test_widest_stretch():
-    assert nonlinear_damping._widest(np.array([0, 1, 0, 1, 1, 0], bool)) == (3, 4)
-    assert nonlinear_damping._widest(np.array([1, 1], bool)) == (0, 1)
-    assert nonlinear_damping._widest(np.zeros(3, bool)) == (None, None)
+def test_stretches():
+    assert stretches(np.array([0, 1, 0, 1, 1, 0], bool)) == [(1, 1), (3, 4)]
+    assert stretches(np.array([1, 1], bool)) == [(0, 1)]
+    assert stretches(np.zeros(3, bool)) == []
 
 
 def test_phase_lag_of_a_mesh_without_resonance():

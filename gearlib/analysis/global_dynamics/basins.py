@@ -11,14 +11,15 @@ from gearlib.analysis.global_dynamics.classification import classify, refuse_und
 from gearlib.analysis.global_dynamics.grids import initial_states, mesh_states
 from gearlib.analysis.global_dynamics.stroboscope import Stroboscope
 from gearlib.data import provenance
+from gearlib.data.result import stacked
+from gearlib.data.status import flags_of
 from gearlib.data.variables import describe
 from gearlib.runs.run_arguments import MAX_EVENTS
 
+#: Numbers of an attractor that a dataset has under their names.
+_NUMBERS = ("displacement_max", "displacement_min", "exponent", "uncertainty")
 #: CF flags of the kind of an attractor.
-KIND_FLAGS = {
-    "flag_values": np.arange(len(KINDS), dtype=np.int8),
-    "flag_meanings": " ".join(KINDS),
-}
+KIND_FLAGS = flags_of(KINDS)
 
 
 def basins(
@@ -142,21 +143,20 @@ def attractor_variables(attractors):
         if one.orbit:
             states[i, : len(one.points)] = one.points
             real[i], imaginary[i] = one.orbit.multipliers.real, one.orbit.multipliers.imag
-    patterns = [" ".join(map(str, orbit.pattern)) if orbit else "" for orbit in orbits]
-    radii = [one.ellipses.radii.min() if one.ellipses else math.nan for one in attractors]
-    each = {
-        "attractor_kind": np.array([one.kind for one in attractors], np.int8),
-        "period": np.array([one.period for one in attractors], np.int32),
-        "displacement_max": np.array([one.displacement_max for one in attractors]),
-        "displacement_min": np.array([one.displacement_min for one in attractors]),
-        "exponent": np.array([one.exponent for one in attractors]),
-        "uncertainty": np.array([one.uncertainty for one in attractors]),
-        "contact_pattern": np.array(patterns, object),
-        "grazing": np.array([bool(orbit and orbit.grazing) for orbit in orbits], np.int8),
-        "trap_radius": np.array(radii),
+
+    def facts(one):
+        orbit = one.orbit
+        return {
+            "attractor_kind": np.int8(one.kind),
+            "period": np.int32(one.period),
+            **{name: float(getattr(one, name)) for name in _NUMBERS},
+            "contact_pattern": " ".join(map(str, orbit.pattern)) if orbit else "",
+            "grazing": np.int8(bool(orbit and orbit.grazing)),
+            "trap_radius": one.ellipses.radii.min() if one.ellipses else math.nan,
+        }
+
+    return stacked({"attractor": attractors}, facts) | {
+        "state": (("attractor", "point", "coordinate"), states),
+        "multiplier_real": (("attractor", "multiplier"), real),
+        "multiplier_imaginary": (("attractor", "multiplier"), imaginary),
     }
-    data = {name: ("attractor", values) for name, values in each.items()}
-    data["state"] = (("attractor", "point", "coordinate"), states)
-    data["multiplier_real"] = (("attractor", "multiplier"), real)
-    data["multiplier_imaginary"] = (("attractor", "multiplier"), imaginary)
-    return data

@@ -3,14 +3,13 @@
 import math
 
 import numpy as np
-import xarray as xr
 
 from gearlib import checks
 from gearlib.analysis.global_dynamics import grids
 from gearlib.analysis.global_dynamics.poincare import check_phase, section
 from gearlib.analysis.global_dynamics.varied_ratio import models, name_parameter
-from gearlib.data import provenance, status
-from gearlib.data.variables import describe
+from gearlib.data import status
+from gearlib.data.result import result
 from gearlib.integrators import choose
 from gearlib.kernels import orbit
 from gearlib.runs.run_arguments import MAX_EVENTS
@@ -101,10 +100,11 @@ def bifurcation_diagram(
         "strobe": np.arange(settle, settle + strobes),
         "component": ["displacement", "velocity"],
     }
-    dataset = name_parameter(describe(xr.Dataset(data, coords), pair), parameter)
-    dataset.attrs = provenance.attributes(
+    dataset = result(
         "Bifurcation diagram of a gear mesh",
         pair,
+        data,
+        coords,
         method=choose(pair, None, None)[0],
         parameter=parameter,
         tuning=tuning,
@@ -114,4 +114,4 @@ def bifurcation_diagram(
         phase=phase,
         initial_state=initial_state,
     )
-    return dataset
+    return name_parameter(dataset, parameter)

@@ -4,15 +4,14 @@ import os
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
-import xarray as xr
 
 from gearlib import checks
 from gearlib.analysis import lyapunov
 from gearlib.analysis.global_dynamics import grids
 from gearlib.analysis.global_dynamics.varied_ratio import models, name_parameter
-from gearlib.data import provenance, status
+from gearlib.data import status
 from gearlib.data.numbers_given import floats
-from gearlib.data.variables import describe
+from gearlib.data.result import result
 from gearlib.integrators import choose
 from gearlib.runs.run_arguments import MAX_EVENTS
 
@@ -94,14 +93,15 @@ def lyapunov_exponents(
         "uncertainty": (parameter, found[:, 1]),
         "status": (parameter, found[:, 2].astype(np.int8)),
     }
-    dataset = name_parameter(describe(xr.Dataset(data, {parameter: values}), pair), parameter)
-    dataset.attrs = provenance.attributes(
+    dataset = result(
         "Largest Lyapunov exponents of a gear mesh",
         pair,
+        data,
+        {parameter: values},
         method="variational maps",
         parameter=parameter,
         tuning=tuning,
         settle=settle,
         periods=periods,
     )
-    return dataset
+    return name_parameter(dataset, parameter)

@@ -4,13 +4,12 @@ import math
 from fractions import Fraction
 
 import numpy as np
-import xarray as xr
 
 from gearlib import checks
 from gearlib.analysis.global_dynamics.grids import check_one_mesh
-from gearlib.data import provenance, status
+from gearlib.data import status
 from gearlib.data.numbers_given import floats
-from gearlib.data.variables import describe
+from gearlib.data.result import result
 from gearlib.integrators import choose
 from gearlib.runs.run_arguments import MAX_EVENTS, check_tuning
 from gearlib.runs.simulation import simulate
@@ -77,17 +76,17 @@ def poincare_section(pair, tuning, states, *, periods, settle=0, phase=0.0, max_
         "strobe": np.arange(settle, settle + periods),
         "component": ["displacement", "velocity"],
     }
-    dataset = describe(xr.Dataset(data, coords), pair)
-    dataset.attrs = provenance.attributes(
+    return result(
         "Poincare section of a gear mesh",
         pair,
+        data,
+        coords,
         method=choose(pair, None, None)[0],
         tuning=tuning,
         phase=phase,
         periods=periods,
         settle=settle,
     )
-    return dataset
 
 
 def check_phase(phase):

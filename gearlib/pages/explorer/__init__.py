@@ -8,6 +8,7 @@ module             responsibility
 ``drawn_pair``     drawn gears
 ``trains``         a gear train
 ``view``           from a model to the arrays that are drawn
+``curves``         lines of figures, and empty figures
 ``motion``         figures of the motion of a pair
 ``drawn_figures``  numbers and figures of drawn gears
 ``train_figures``  figures of a train

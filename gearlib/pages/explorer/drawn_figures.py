@@ -4,14 +4,13 @@ import math
 
 import numpy as np
 import panel as pn
-from bokeh.models import ColumnDataSource, Span
 
 from gearlib.figures.style import PALETTE
+from gearlib.pages.explorer.curves import Curves, small
 from gearlib.pages.explorer.motion import Motion
-from gearlib.pages.explorer.slider_page import small
 
 
-class DrawnFigures:
+class DrawnFigures(Curves):
     """The figures of the view of a `Drawing`, and of its motion."""
 
     def __init__(self, drawing):
@@ -20,9 +19,7 @@ class DrawnFigures:
         self._loads = drawing.loads
         #: Names of the curves of the Harris map, in the order of the loads.
         self._curves = [*range(drawing.loads.size), "chosen"]
-        names = [*self._curves, "share"]
-        self.sources = {name: ColumnDataSource({"x": [], "y": []}) for name in names}
-        self._pitch_point = Span(dimension="height", line_color="#999999", line_dash="dashed")
+        super().__init__([*self._curves, "share"])
 
     def panes(self):
         """Return the derived numbers and the figures."""
@@ -38,34 +35,29 @@ class DrawnFigures:
         phase = np.append(error.phase.values / math.tau, 1.0)
         curves = 1e6 * error.transmission_error.values
         for name, curve in zip(self._curves, curves, strict=True):
-            self.sources[name].data = {"x": phase, "y": np.append(curve, curve[0])}
+            self.show(name, phase, np.append(curve, curve[0]))
         position, share = 1e3 * error.path_position.values, error.load_share.values[-1]
         inside = np.isfinite(position)
         order = np.argsort(position[inside])
-        self.sources["share"].data = {"x": position[inside][order], "y": share[inside][order]}
-        self._pitch_point.location = 1e3 * seen.mesh.pitch_point
+        self.show("share", position[inside][order], share[inside][order])
+        # The pitch point.
+        self.marker.location = 1e3 * seen.mesh.pitch_point
         return self.motion.draw(seen)
 
     def _harris(self):
         plot = small("Harris map: static transmission error", "mesh phase / 2π", "µm", 460)
         for name, load in zip(self._curves, [*self._loads, None], strict=True):
-            chosen = load is None
-            plot.line(
-                "x",
-                "y",
-                source=self.sources[name],
-                color=PALETTE[0] if chosen else "#999999",
-                line_width=3 if chosen else 1,
-                legend_label="chosen torque" if chosen else f"{load:g} N m",
-            )
+            words, colour, width = "chosen torque", PALETTE[0], 3
+            if load is not None:
+                words, colour, width = f"{load:g} N m", "#999999", 1
+            self.line(plot, name, colour, line_width=width, legend_label=words)
         plot.add_layout(plot.legend[0], "right")
         return plot
 
     def _share(self):
         plot = small("Load share of a pair of teeth", "position on the path of contact, mm", "")
-        plot.line("x", "y", source=self.sources["share"], color=PALETTE[0])
-        plot.add_layout(self._pitch_point)
-        return plot
+        self.line(plot, "share", PALETTE[0])
+        return self.marked(plot)
 
 
 def rows(seen):

@@ -4,7 +4,6 @@ import io
 import time
 
 import panel as pn
-from bokeh.plotting import figure
 
 from gearlib.pages.explorer.explored import setting_of
 
@@ -83,10 +82,3 @@ class SliderPage:
         controls = pn.Column(*self.sliders.values(), *self.choices.values(), self.button, width=320)
         figures = pn.Column(self.note, self.shown, sizing_mode="stretch_width")
         return pn.Row(controls, figures, sizing_mode="stretch_width")
-
-
-def small(title, x, y, width=330):
-    """Return an empty figure of which several stand side by side."""
-    return figure(
-        width=width, height=320, title=title, x_axis_label=x, y_axis_label=y, toolbar_location=None
-    )

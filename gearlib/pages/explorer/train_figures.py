@@ -1,25 +1,20 @@
 """Figures of a gear train, with a curve of each mesh."""
 
+from itertools import product
+
 import panel as pn
-from bokeh.models import ColumnDataSource, Span
-from bokeh.plotting import figure
 
 from gearlib.figures.style import PALETTE
-from gearlib.pages.explorer.slider_page import small
+from gearlib.pages.explorer.curves import Curves, small, wide
 from gearlib.pages.explorer.trains import KINDS
 
 
-class TrainFigures:
+class TrainFigures(Curves):
     """The figures of the view of a `Machine`, a curve for each mesh."""
 
     def __init__(self, machine):
         self.kind, self.meshes, self.speeds = machine.kind, machine.meshes, machine.speeds
-        self.sources = {
-            (what, mesh): ColumnDataSource({"x": [], "y": []})
-            for what in ("up", "down", "shares", "force")
-            for mesh in self.meshes
-        }
-        self._marker = Span(dimension="height", line_color="#999999", line_dash="dashed")
+        super().__init__(product(("up", "down", "shares", "force"), self.meshes))
 
     def panes(self):
         """Return the figures, one row after the other."""
@@ -39,29 +34,22 @@ class TrainFigures:
                 "force": (run.phase.values - run.phase.values[0], run.dynamic_force),
             }
             for what, (x, values) in curves.items():
-                self.sources[what, mesh].data = {"x": x, "y": values.sel(mesh=mesh).values}
-        self._marker.location = float(run.speed)
+                self.show((what, mesh), x, values.sel(mesh=mesh).values)
+        self.marker.location = float(run.speed)
         return seen.message
 
     def _lines(self, plot, what, named=True, **options):
         for i, mesh in enumerate(self.meshes):
             label = {"legend_label": mesh} if named else {}
-            colour = PALETTE[i % len(PALETTE)]
-            plot.line("x", "y", source=self.sources[what, mesh], color=colour, **label, **options)
+            self.line(plot, (what, mesh), PALETTE[i % len(PALETTE)], **label, **options)
 
     def _characteristic(self):
-        plot = figure(
-            height=330,
-            title=f"Resonance characteristic of the {KINDS[self.kind]}: up solid, down dashed",
-            x_axis_label="speed, rpm",
-            y_axis_label="largest force over its static value",
-            sizing_mode="stretch_width",
-        )
+        title = f"Resonance characteristic of the {KINDS[self.kind]}: up solid, down dashed"
+        plot = wide(title, "speed, rpm", "largest force over its static value")
         self._lines(plot, "up")
         self._lines(plot, "down", line_dash="dashed")
         plot.legend.click_policy = "hide"
-        plot.add_layout(self._marker)
-        return plot
+        return self.marked(plot)
 
     def _shares(self):
         plot = small("Load sharing, sweep up", "speed, rpm", "over the mean of alike meshes", 500)

@@ -1,11 +1,9 @@
 """The end of the motion from rest over a grid of tunings, for the page of the report."""
 
 import numpy as np
-import xarray as xr
 
-from gearlib.data import provenance
+from gearlib.data.result import result, stacked
 from gearlib.data.summary import in_words
-from gearlib.data.variables import describe
 from gearlib.models.pair import GearPair
 from gearlib.runs.simulation import simulate
 
@@ -28,39 +26,23 @@ def compute(pairs, tunings, run, periods_shown):
     """
     samples = periods_shown * run["samples_per_period"]
     models = {name: GearPair(**parameters) for name, parameters in pairs.items()}
-    rows = [_facts(simulate(p, nu, **run), samples) for p in models.values() for nu in tunings]
 
-    def over(name, *dims):
-        values = np.array([row[name] for row in rows])
-        shape = (len(models), len(tunings), *values.shape[1:])
-        return ("damping", "tuning", *dims), values.reshape(shape)
+    def end(name, nu):
+        found = simulate(models[name], nu, **run)
+        return {
+            **{key: found[key].values[-samples:].astype(np.float32) for key in COURSES},
+            **{key: found[key].values for key in _SCALARS},
+            "final_state": found.final_state.values.astype(np.float32),
+            "motion": in_words(found),
+        }
 
-    some = next(iter(models.values()))
-    dataset = xr.Dataset(
-        {
-            **{name: over(name, "phase") for name in COURSES},
-            **{name: over(name) for name in (*_SCALARS, "motion")},
-            "final_state": over("final_state", "component"),
-            "backlash_ratio": some.backlash_ratio,
-        },
-        {
-            "damping": list(models),
-            "tuning": np.asarray(tunings, float),
-            "phase": np.arange(samples) * (2.0 * np.pi / run["samples_per_period"]),
-            "component": ["displacement", "velocity"],
-        },
-    )
-    dataset.attrs = provenance.attributes(
-        "The end of the motion from rest over the tuning", some, method="exact", pairs=pairs, **run
-    )
-    return describe(dataset)
-
-
-def _facts(run, samples):
-    """Return what is kept of one run, by name."""
-    return {
-        **{name: run[name].values[-samples:].astype(np.float32) for name in COURSES},
-        **{name: run[name].values for name in _SCALARS},
-        "final_state": run.final_state.values.astype(np.float32),
-        "motion": in_words(run),
+    axes = {"damping": list(models), "tuning": np.asarray(tunings, float)}
+    data, some = stacked(axes, end, "phase"), next(iter(models.values()))
+    data["final_state"] = (*axes, "component"), data["final_state"][1]
+    data["backlash_ratio"] = some.backlash_ratio
+    coords = axes | {
+        "phase": np.arange(samples) * (2.0 * np.pi / run["samples_per_period"]),
+        "component": ["displacement", "velocity"],
     }
+    title = "The end of the motion from rest over the tuning"
+    return result(title, some, data, coords, method="exact", pairs=pairs, **run)

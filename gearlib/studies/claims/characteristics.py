@@ -8,6 +8,7 @@ what it finds as a third item.
 
 import numpy as np
 
+from gearlib.data.numbers_given import stretches
 from gearlib.studies.claims.data import LINE, READING, TOUCH
 
 #: How far the band around nu = 0.66 may reach to be "a small region": the paper gives one figure.
@@ -16,8 +17,7 @@ SMALL_REGION = 0.02
 
 def intervals(tuning, where):
     """Return the ranges of tuning in which `where` is true, in words."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], where.astype(np.int8), [0]])))
-    pairs = [(tuning[i], tuning[j - 1]) for i, j in zip(edges[::2], edges[1::2], strict=True)]
+    pairs = [(tuning[i], tuning[j]) for i, j in stretches(where)]
     return ", ".join(f"{a:.4g}" if a == b else f"{a:.4g} ... {b:.4g}" for a, b in pairs) or "none"
 
 

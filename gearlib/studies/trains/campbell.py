@@ -7,9 +7,8 @@ those of the reducer whose branches are alike.
 
 import numpy as np
 
-from gearlib.data import provenance
 from gearlib.data.lost_contact import lost_share
-from gearlib.data.variables import describe
+from gearlib.data.result import result
 from gearlib.models.pair import GearPair
 from gearlib.studies.trains.reducer import train_of
 
@@ -23,9 +22,8 @@ def compute(characteristics, pair, settings, orders):
     `GearPair`: every mesh); settings: as of `gearlib.studies.trains.reducer.train_of`; orders:
     highest order of each mesh frequency.
 
-    That of `GearTrain.campbell`; fraction_normal_high over (direction, tuning, mesh), the most of
-    all starts, which all lose contact where it is less than 1; settled over (direction, tuning),
-    speed (rpm) over tuning, mesh_rate over mesh.
+    Beside `GearTrain.campbell`: the most contact of all starts, which all lose it where that is
+    less than 1.
     """
     train = train_of(GearPair(**pair), settings)
     data = train.campbell(orders).drop_vars("modal_force")
@@ -34,13 +32,8 @@ def compute(characteristics, pair, settings, orders):
         data[name] = sweeps[name]
     data["speed"] = sweeps.speed
     data["mesh_rate"] = ("mesh", [float(rate) for rate in train.rates])
-    data.attrs = provenance.attributes(
-        "Campbell diagram of a reducer with three double satellites",
-        train,
-        method="exact",
-        orders=orders,
-    )
-    return describe(data)
+    title = "Campbell diagram of a reducer with three double satellites"
+    return result(title, train, data, method="exact", orders=orders)
 
 
 def rows(diagram):

@@ -14,7 +14,7 @@ import xarray as xr
 
 from gearlib.analysis.orbits.shooting import NoOrbit, periodic_orbit
 from gearlib.data import status, summary
-from gearlib.runs.run_arguments import MAX_EVENTS
+from gearlib.runs.run_arguments import MAX_EVENTS, Span, empty_record
 from gearlib.studies.many_starts import KEPT, beside, in_parallel, over_starts, starts
 
 #: What `settled` says.
@@ -75,10 +75,10 @@ class _Tuning:
         self.near = 2.0 * settings["spread"]
 
     def _run(self, z, periods, recorded, first):
-        samples, events, table = self.model.empty_record(events=0)
-        arguments = periods, recorded, samples, events, MAX_EVENTS, table
+        record = empty_record(self.model, events=0)
+        arguments = record.over(Span(periods, recorded, MAX_EVENTS))
         done = self.propagator.run(z, *arguments, first=first % self.model.repeats)
-        return table, done[2], int(done[5])
+        return record.summary, done[2], int(done[5])
 
     def course(self, start):
         """Return (table, period, marks, status) of a motion.

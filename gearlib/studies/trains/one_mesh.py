@@ -13,10 +13,9 @@ import math
 import numpy as np
 import xarray as xr
 
-from gearlib.data import provenance
 from gearlib.data.lost_contact import lost_share
+from gearlib.data.result import result
 from gearlib.data.status import settled_flags
-from gearlib.data.variables import describe
 from gearlib.models.pair import GearPair
 from gearlib.models.trains.parts import gear_masses
 from gearlib.studies import many_starts
@@ -208,11 +207,8 @@ def compute(pair, tunings, settings, changes):
     reducer, as of `models`, and periods, record_periods; changes: as of `models`, and tolerance,
     and the starts of `gearlib.studies.trains.motions`.
 
-    dynamic_factor over (case, model, tuning), the largest of the first stage, and its range;
-    settled over the same; answer and answer_change over (case, model, observable), medians over the
-    starts, and their ranges; answer_free_of_rounding, whether the answer hangs on no motion that
-    rounding decides; answer_shared, whether that of the whole train does not either, and both are
-    the same from all starts; sufficient over case, from all starts; tolerance.
+    Medians over the starts, with their ranges; shared is an answer that is the same from all
+    starts and hangs, as that of the whole train, on no motion that rounding decides.
     """
     pair = GearPair(**pair)
     settings = settings | {name: changes[name] for name in motions.SETTINGS if name in changes}
@@ -268,23 +264,16 @@ def compute(pair, tunings, settings, changes):
             "answer_change": (("case", "start", "model", "observable"), change),
         }
     )
-    dataset = xr.Dataset(
-        data | many_starts.over_starts(every, list(every)),
-        {
-            "case": list(CASES),
-            "model": list(MODELS),
-            "tuning": np.asarray(tunings, float),
-            "observable": list(OBSERVABLES),
-        },
-    )
-    dataset.attrs = provenance.attributes(
-        "Models of a reducer, from one mesh to the whole train",
-        train_of(pair, settings),
-        method="exact",
-        initial_state="static",
-        **{name: settings[name] for name in motions.SETTINGS},
-    )
-    return describe(dataset)
+    data |= many_starts.over_starts(every, list(every))
+    coords = {
+        "case": list(CASES),
+        "model": list(MODELS),
+        "tuning": np.asarray(tunings, float),
+        "observable": list(OBSERVABLES),
+    }
+    said = {name: settings[name] for name in motions.SETTINGS} | {"initial_state": "static"}
+    title = "Models of a reducer, from one mesh to the whole train"
+    return result(title, train_of(pair, settings), data, coords, method="exact", **said)
 
 
 def rows(comparison):

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from gearlib.data import provenance
-from gearlib.data.variables import describe
+from gearlib.data.result import result
 from gearlib.models.trains.described_train import described
 from gearlib.runs.sweeping import DIRECTIONS
 from gearlib.studies.trains import motions
@@ -18,19 +17,11 @@ def compute(train, tunings, settings):
     train: arguments of `gearlib.models.trains.described_train.described`; tunings: shape (t,);
     settings: as of `gearlib.studies.trains.motions`.
 
-    Over (direction, tuning, mesh): dynamic_factor, load_sharing, fraction_normal, medians over the
-    starts, and their ranges, _low and _high; over (direction, tuning): shares of motions as of
-    `gearlib.studies.trains.motions.summarise`; over tuning: speed.
+    As of `gearlib.studies.trains.motions.over_directions`.
     """
     model, tunings = described(**train), np.asarray(tunings, float)
     dataset, _ = motions.over_directions(model, tunings, settings, _KEPT, DIRECTIONS)
     dataset = dataset.assign(speed=("tuning", model.speed(tunings)))
     dataset = dataset.assign_coords(tuning=tunings, mesh=list(model.mesh_names))
-    dataset.attrs = provenance.attributes(
-        "All meshes of a gear train over speed",
-        model,
-        method="exact",
-        initial_state="static",
-        **settings,
-    )
-    return describe(dataset)
+    title = "All meshes of a gear train over speed"
+    return result(title, model, dataset, method="exact", initial_state="static", **settings)

@@ -9,9 +9,8 @@ that of the pair alone, mesh frequency of the first stage over the mean eigenfre
 import numpy as np
 import xarray as xr
 
-from gearlib.data import provenance
 from gearlib.data.lost_contact import ROUNDING, lost_share
-from gearlib.data.variables import describe
+from gearlib.data.result import result
 from gearlib.models.pair import GearPair
 from gearlib.models.trains.reducer_train import split_power_reducer
 from gearlib.runs.sweeping import DIRECTIONS
@@ -79,12 +78,7 @@ def compute(pair, tunings, settings):
     `train_of`, and pin_error (m, radial and tangential), backlashes (m, by branch), and those of
     `gearlib.studies.trains.motions`.
 
-    Over (case, direction, tuning, mesh): dynamic_factor, load_sharing, fraction_normal, medians
-    over the starts, and their ranges, _low and _high; over (case, direction, tuning): settled,
-    period, motion_count and shares of motions as of `motions.summarise`; over branch too:
-    lost_alone_share and struck_alone_share, of the starts in which only this branch loses contact,
-    strikes its far flanks; over (case, direction, mesh): largest_factor and factor_tuning, of
-    settled motions; over mesh: mesh_branch, mesh_stage.
+    As of `motions.over_directions`, over case too; largest factors are those of settled motions.
     """
     pair, tunings = GearPair(**pair), np.asarray(tunings, float)
     trains = cases(pair, settings)
@@ -119,16 +113,9 @@ def compute(pair, tunings, settings):
         mesh_stage=("mesh", np.array(stage, np.int32)),
         speed=("tuning", trains["alike"].speed(tunings)),
     ).assign_coords(tuning=tunings, mesh=list(names), branch=np.unique(branch).astype(np.int32))
-    dataset.attrs = provenance.attributes(
-        "All meshes of a reducer with three double satellites",
-        trains["alike"],
-        method="exact",
-        initial_state="static",
-        pin_error=settings["pin_error"],
-        backlashes=settings["backlashes"],
-        **{name: settings[name] for name in motions.SETTINGS},
-    )
-    return describe(dataset)
+    title = "All meshes of a reducer with three double satellites"
+    said = {name: settings[name] for name in ("pin_error", "backlashes", *motions.SETTINGS)}
+    return result(title, trains["alike"], dataset, method="exact", initial_state="static", **said)
 
 
 def rows(characteristics):

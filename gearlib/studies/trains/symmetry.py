@@ -12,11 +12,10 @@ import dataclasses
 import math
 
 import numpy as np
-import xarray as xr
 
 from gearlib.analysis.orbits.shooting import NoOrbit, periodic_orbit
-from gearlib.data import provenance, status
-from gearlib.data.variables import describe
+from gearlib.data import status
+from gearlib.data.result import result
 from gearlib.models.trains.train import GearTrain
 from gearlib.runs.run_arguments import MAX_EVENTS
 from gearlib.runs.simulation import simulate
@@ -175,10 +174,8 @@ def compute(train, tunings, settings):
     stiffness over its mean; shown: the tuning of the course; shown_after, mesh periods;
     samples_per_period; those of `gearlib.studies.trains.motions`).
 
-    Over tuning: the largest multipliers of symmetric and other disturbances, the verdict, and
-    shares of the motions from all starts beside the symmetric one, as of `motions.summarise`; over
-    tuning and mesh what these do: bounces, load sharing, largest force, medians and ranges. Over
-    mesh and phase: the forces at the tuning that is shown, after the first start.
+    Motions are those from all starts beside the symmetric one, as of `motions.summarise`; forces
+    those at the tuning that is shown, after the first start.
     """
     train = with_jump(train | {"teeth": settings["teeth"]}, settings["jump"], settings)
     small = reduced(train)
@@ -223,30 +220,22 @@ def compute(train, tunings, settings):
             course = _course(train, tunings[i], lift @ states[i], settings)
     first = settings["shown_after"] * settings["samples_per_period"]
     phase = (first + np.arange(samples)) * (2.0 * math.pi / settings["samples_per_period"])
-    whole = ("settled", "motion_count", "period")
-    dataset = xr.Dataset(
-        {
-            "verdict": ("tuning", verdict),
-            "symmetric_multiplier": ("tuning", largest[0]),
-            "other_multiplier": ("tuning", largest[1]),
-            **{
-                name: ("tuning", values.astype(np.int32) if name in whole else values)
-                for name, values in shares.items()
-            },
-            **{name: (("tuning", "mesh"), values) for name, values in found.items()},
-            "dynamic_force": (("phase", "mesh"), course),
-            "shown": settings["shown"],
-            "reference_frequency": settings["reference_frequency"],
+    whole = {"settled": np.int8, "motion_count": np.int32, "period": np.int32}
+    data = {
+        "verdict": ("tuning", verdict, status.flags_of(VERDICTS)),
+        "symmetric_multiplier": ("tuning", largest[0]),
+        "other_multiplier": ("tuning", largest[1]),
+        **{
+            name: ("tuning", values.astype(whole.get(name, float)))
+            for name, values in shares.items()
         },
-        {"tuning": tunings, "mesh": list(train.mesh_names), "phase": phase},
-    )
-    dataset.attrs = provenance.attributes(
-        "Symmetry breaking of a planetary train", train, method="exact", **settings
-    )
-    dataset = describe(dataset)
-    dataset["settled"] = dataset.settled.astype(np.int8).assign_attrs(motions.SETTLED_FLAGS)
-    dataset.verdict.attrs |= {
-        "flag_values": np.arange(len(VERDICTS), dtype=np.int8),
-        "flag_meanings": " ".join(words.replace(" ", "_") for words in VERDICTS),
+        **{name: (("tuning", "mesh"), values) for name, values in found.items()},
+        "dynamic_force": (("phase", "mesh"), course),
+        "shown": settings["shown"],
+        "reference_frequency": settings["reference_frequency"],
     }
+    coords = {"tuning": tunings, "mesh": list(train.mesh_names), "phase": phase}
+    title = "Symmetry breaking of a planetary train"
+    dataset = result(title, train, data, coords, method="exact", **settings)
+    dataset["settled"].attrs |= motions.SETTLED_FLAGS
     return dataset

@@ -3,12 +3,10 @@
 import math
 
 import numpy as np
-import xarray as xr
 
 from gearlib.analysis.tongues import undamped
 from gearlib.analysis.tongues.first_order import first_order
-from gearlib.data import provenance
-from gearlib.data.variables import describe
+from gearlib.data.result import result, stacked
 from gearlib.models.trains.ready_made import planetary
 
 PLANES = ("stiffness_jump", "contact_ratio")
@@ -21,10 +19,6 @@ def compute(train, tunings, settings):
     mesh frequencies over the reference frequency; settings (reference_frequency, Hz; teeth: pairs
     (z_s, z_r), one for each phasing; largest_jump: of the plane of stiffness jumps; jump: that of
     the plane of contact ratios; values: how many of each).
-
-    Over phasing, plane, row and tuning: growth, and whether the point is unstable to first order.
-    Over phasing, plane and row: the share of unstable tunings, of these the share that the first
-    order misses, and of those it names the share that is stable.
     """
     tunings = np.asarray(tunings, float)
     count = settings["values"]
@@ -33,36 +27,35 @@ def compute(train, tunings, settings):
         "stiffness_jump": settings["largest_jump"] * np.arange(1, count + 1) / count,
         "contact_ratio": 1.0 + np.arange(1, count + 1) / (count + 1),
     }
-    shape = len(settings["teeth"]), len(PLANES), count
-    growth, named = np.empty((2, *shape, tunings.size))
-    for i, teeth in enumerate(settings["teeth"]):
-        for j, plane in enumerate(PLANES):
-            for k, value in enumerate(rows[plane]):
-                jump = value if plane == "stiffness_jump" else settings["jump"]
-                ratios = train["contact_ratio"] if plane == "stiffness_jump" else (value, value)
-                one = with_jump(train | {"teeth": teeth, "contact_ratio": ratios}, jump, settings)
-                growth[i, j, k] = undamped.growth(one, tunings)
-                named[i, j, k] = _named(one, tunings)
-    unstable, named = growth > undamped.NEUTRAL, named.astype(bool)
-    dims = ("phasing", "plane", "row")
-    dataset = xr.Dataset(
-        {
-            "teeth_sun": ("phasing", [sun for sun, _ in settings["teeth"]]),
-            "teeth_ring": ("phasing", [ring for _, ring in settings["teeth"]]),
-            "value": (("plane", "row"), [rows[plane] for plane in PLANES]),
-            "growth": ((*dims, "tuning"), growth),
-            "first_order_unstable": ((*dims, "tuning"), named.astype(np.int8)),
-            "unstable_share": (dims, unstable.mean(axis=-1)),
-            "missed_share": (dims, _share(unstable & ~named, unstable)),
-            "false_share": (dims, _share(named & ~unstable, named)),
-            "reference_frequency": settings["reference_frequency"],
-        },
-        {"plane": list(PLANES), "tuning": tunings},
-    )
-    dataset.attrs = provenance.attributes(
-        "Stability chart of a planetary train", one, method="exact multipliers", **settings
-    )
-    return describe(dataset)
+
+    def at(teeth, plane, row):
+        value = rows[plane][row]
+        jump = value if plane == "stiffness_jump" else settings["jump"]
+        ratios = train["contact_ratio"] if plane == "stiffness_jump" else (value, value)
+        return with_jump(train | {"teeth": teeth, "contact_ratio": ratios}, jump, settings)
+
+    def chart(*place):
+        one = at(*place)
+        growth, named = undamped.growth(one, tunings), _named(one, tunings)
+        unstable = growth > undamped.NEUTRAL
+        return {
+            "growth": growth,
+            "first_order_unstable": named.astype(np.int8),
+            "unstable_share": unstable.mean(),
+            "missed_share": _share(unstable & ~named, unstable),
+            "false_share": _share(named & ~unstable, named),
+        }
+
+    teeth = settings["teeth"]
+    data = stacked({"phasing": teeth, "plane": PLANES, "row": range(count)}, chart, "tuning") | {
+        "teeth_sun": ("phasing", [sun for sun, _ in teeth]),
+        "teeth_ring": ("phasing", [ring for _, ring in teeth]),
+        "value": (("plane", "row"), [rows[plane] for plane in PLANES]),
+        "reference_frequency": settings["reference_frequency"],
+    }
+    last, title = at(teeth[-1], PLANES[-1], -1), "Stability chart of a planetary train"
+    coords = {"plane": list(PLANES), "tuning": tunings}
+    return result(title, last, data, coords, method="exact multipliers", **settings)
 
 
 def with_jump(train, jump, settings):
@@ -85,6 +78,5 @@ def _named(train, tunings):
 
 
 def _share(part, whole):
-    """Return the share of points of the last axis, NaN where there are none."""
-    total = whole.sum(axis=-1)
-    return np.where(total > 0, part.sum(axis=-1) / np.maximum(total, 1), np.nan)
+    """Return the share of points, NaN where there are none."""
+    return part.sum() / whole.sum() if whole.any() else math.nan

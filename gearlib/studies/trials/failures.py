@@ -29,15 +29,14 @@ import math
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import xarray as xr
 
 from gearlib import integrators
 from gearlib.data import status
 from gearlib.data.provenance import canonical_json
-from gearlib.data.variables import describe
+from gearlib.data.result import result_of_many, stacked
+from gearlib.models.pair import GearPair
 from gearlib.runs.simulation import simulate
 from gearlib.studies.trials.difficult_problems import problems
-from gearlib.version import __version__
 
 if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
     from gearlib.integrators import scipy_ivp  # noqa: F401
@@ -245,51 +244,42 @@ def compute(name, method, options, chosen=None):
 
     name: of the column; method: one of `gearlib.methods`; options: options of the method; chosen
     (names of problems; by default all).
-
-    Over (problem, trial), one trial: verdict (flags), error, periods, evaluations, judge, message.
-    Over problem: words, model, tuning, displacement and velocity at the start, quantity, tolerance.
-    Over trial: method, options.
     """
     known = problems()
-    names = list(known) if chosen is None else list(chosen)
-    rows = [try_method(known[key], method, options) for key in names]
-    verdict, off, periods, evaluations, judge, message = zip(*rows, strict=True)
 
-    def column(values, dtype):
-        return ("problem", "trial"), np.array(values, dtype=dtype)[:, None]
+    def tried(key, _):
+        verdict, off, periods, evaluations, judge, message = try_method(known[key], method, options)
+        return {
+            "verdict": np.int8(VERDICTS.index(verdict)),
+            "error": off,
+            "periods": np.int32(periods),
+            "evaluations": np.int64(evaluations),
+            "judge": judge,
+            "message": message,
+        }
 
-    def about(value, dtype=object):
-        return "problem", np.array([value(known[key]) for key in names], dtype=dtype)
+    def about(key):
+        problem = known[key]
+        # The states of trains have as many components as they have coordinates and rates.
+        x, v = problem.state if len(problem.state) == 2 else (math.nan, math.nan)
+        return {
+            "words": problem.words,
+            "model": canonical_json(problem.model.as_dict()),
+            "tuning": problem.tuning,
+            "displacement": float(x),
+            "velocity": float(v),
+            "quantity": problem.quantity,
+            "tolerance": problem.tolerance,
+        }
 
-    dataset = xr.Dataset(
-        {
-            "verdict": column([VERDICTS.index(v) for v in verdict], np.int8),
-            "error": column(off, float),
-            "periods": column(periods, np.int32),
-            "evaluations": column(evaluations, np.int64),
-            "judge": column(judge, object),
-            "message": column(message, object),
-            "words": about(lambda p: p.words),
-            "model": about(lambda p: canonical_json(p.model.as_dict())),
-            "tuning": about(lambda p: p.tuning, float),
-            # The states of trains have as many components as they have coordinates and rates.
-            "displacement": about(lambda p: p.state[0] if len(p.state) == 2 else math.nan, float),
-            "velocity": about(lambda p: p.state[1] if len(p.state) == 2 else math.nan, float),
-            "quantity": about(lambda p: p.quantity),
-            "tolerance": about(lambda p: p.tolerance, float),
-            "method": ("trial", np.array([method], dtype=object)),
-            "options": ("trial", np.array([canonical_json(options)], dtype=object)),
-        },
-        {"problem": names, "trial": [name]},
-    )
-    dataset.attrs = {
-        "Conventions": "CF-1.11",
-        "title": "Verdicts on methods by difficult problems",
-        "source": f"gearlib {__version__}",
-        "references": "Hortel, Skuderova: Engineering Mechanics 14 (2007) 91-104",
+    each = {"problem": list(known) if chosen is None else list(chosen)}
+    axes = each | {"trial": [name]}
+    data = stacked(axes, tried) | stacked(each, about)
+    data |= {
+        "method": ("trial", np.array([method], dtype=object)),
+        "options": ("trial", np.array([canonical_json(options)], dtype=object)),
     }
-    describe(dataset)
-    dataset["verdict"].attrs.update(
-        flag_values=np.arange(len(VERDICTS), dtype=np.int8), flag_meanings=" ".join(VERDICTS)
-    )
+    title = "Verdicts on methods by difficult problems"
+    dataset = result_of_many(title, data, axes, references=GearPair.references)
+    dataset["verdict"].attrs |= status.flags_of(VERDICTS)
     return dataset

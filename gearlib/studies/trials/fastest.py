@@ -1,31 +1,10 @@
 """The fastest method of this library beside the fastest solver of another package, as a table."""
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
 from gearlib.studies.trials import work_precision
-
-
-class Entry(NamedTuple):
-    """The fastest of some methods within an accuracy."""
-
-    line: str
-    knob: str
-    time: float  #: per mesh period, s
-    evaluations: float  #: per mesh period
-    error: float
-
-
-class Row(NamedTuple):
-    """The fastest methods of one problem within one accuracy; None: no method reaches it."""
-
-    problem: str
-    decade: int  #: state error <= 10^-decade
-    own: Entry | None  #: of this library
-    other: Entry | None  #: of other packages
-
 
 #: Decades of the table: the last one is near the last place of a state.
 DECADES = range(1, 16)
@@ -47,33 +26,6 @@ def joined(datasets, name):
     return np.concatenate([data[name].values for data in datasets], axis=-1)
 
 
-def table(error_datasets, time_datasets):
-    """Return the `Row` of every problem and decade, from the datasets of the same methods."""
-    line, knob = joined(error_datasets, "line"), joined(error_datasets, "knob")
-    error, evaluations = (
-        joined(error_datasets, name) for name in ("state_error", "period_evaluations")
-    )
-    seconds = joined(time_datasets, "period_time")
-    own = np.concatenate(
-        [
-            np.full(data.sizes["rung"], data.attrs["method"] in work_precision.OF_LIBRARY)
-            for data in error_datasets
-        ]
-    )
-
-    def entry(i, decade, chosen):
-        k = fastest(error[i], np.where(chosen, seconds[i], math.nan), decade)
-        if k is None:
-            return None
-        return Entry(line[k], knob[k], seconds[i, k], evaluations[i, k], error[i, k])
-
-    return [
-        Row(str(problem), decade, entry(i, decade, own), entry(i, decade, ~own))
-        for i, problem in enumerate(error_datasets[0].problem.values)
-        for decade in DECADES
-    ]
-
-
 #: What the table says in the place of a method where there is none.
 UNREACHED = {"own": "no method of this library", "other": "no solver of another package"}
 _COLUMNS = (
@@ -86,17 +38,24 @@ _COLUMNS = (
 
 
 def rows(errors, times):
-    """Yield the `table` of the datasets of methods, replacing the file in one step."""
+    """Yield the fastest of this library and of others, for every problem and decade."""
     names = [f"{who}_{column}" for who in UNREACHED for column in _COLUMNS]
     yield ["problem", "accuracy_in_static_deflections", "own_is_times_faster", *names]
-    for row in table(errors, times):
-        ratio = f"{row.other.time / row.own.time:.3g}" if row.own and row.other else ""
-        cells = [*_cells(row.own, "own"), *_cells(row.other, "other")]
-        yield [row.problem, f"1e-{row.decade:02d}", ratio, *cells]
-
-
-def _cells(entry, who):
-    if entry is None:
-        return [f"{UNREACHED[who]} reaches it", *[""] * (len(_COLUMNS) - 1)]
-    numbers = (1e6 * entry.time, entry.evaluations, entry.error)
-    return [entry.line, entry.knob, *(f"{value:.3g}" for value in numbers)]
+    of_library = [data.attrs["method"] in work_precision.OF_LIBRARY for data in errors]
+    own = np.repeat(of_library, [data.sizes["rung"] for data in errors])
+    seconds = joined(times, "period_time")
+    error, evaluations = (joined(errors, name) for name in ("state_error", "period_evaluations"))
+    words = joined(errors, "line"), joined(errors, "knob")
+    for i, problem in enumerate(errors[0].problem.values):
+        for decade in DECADES:
+            cells, found = [], {}
+            for who, chosen in (("own", own), ("other", ~own)):
+                k = fastest(error[i], np.where(chosen, seconds[i], math.nan), decade)
+                if k is None:
+                    cells += [f"{UNREACHED[who]} reaches it", *[""] * (len(_COLUMNS) - 1)]
+                    continue
+                found[who] = seconds[i, k]
+                numbers = 1e6 * seconds[i, k], evaluations[i, k], error[i, k]
+                cells += [*(one[k] for one in words), *(f"{value:.3g}" for value in numbers)]
+            ratio = f"{found['other'] / found['own']:.3g}" if len(found) == len(UNREACHED) else ""
+            yield [str(problem), f"1e-{decade:02d}", ratio, *cells]

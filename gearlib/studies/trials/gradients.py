@@ -32,12 +32,11 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 
-from gearlib.data.variables import describe
+from gearlib.data.result import result_of_many, stacked
+from gearlib.data.status import flags_of
 from gearlib.runs.simulation import simulate
 from gearlib.studies.trials.difficult_problems import problems
-from gearlib.version import __version__
 
 if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
     from gearlib.integrators import scipy_ivp, smoothed, taylor_steps  # noqa: F401
@@ -83,6 +82,11 @@ def _value(problem, name):
     return problem.tuning if name == "tuning" else getattr(problem.model, name)
 
 
+def _run(problem, **more):
+    given = {"periods": problem.periods, "initial_state": problem.state, "samples_per_period": 1}
+    return simulate(problem.model, problem.tuning, **given, **more)
+
+
 def differences(problem, names, method, options, step):
     """Return central differences of the final state, shape (k, 2); `step` is relative."""
     found = []
@@ -95,29 +99,14 @@ def differences(problem, names, method, options, step):
                 tuning = moved
             else:
                 pair = pair.replace(**{name: moved})
-            run = simulate(
-                pair,
-                tuning,
-                periods=problem.periods,
-                samples_per_period=1,
-                initial_state=problem.state,
-                method=method,
-                options=options,
-            )
+            run = _run(problem._replace(model=pair, tuning=tuning), method=method, options=options)
             ends.append(run.final_state.values)
         found.append(value * (ends[0] - ends[1]) / (values[0] - values[1]))
     return np.array(found)
 
 
 def _exact(problem, names):
-    run = simulate(
-        problem.model,
-        problem.tuning,
-        periods=problem.periods,
-        samples_per_period=1,
-        initial_state=problem.state,
-        sensitivities=names,
-    )
+    run = _run(problem, sensitivities=names)
     return np.array(
         [_value(problem, name) * run[f"d_final_state_d_{name}"].values for name in names]
     )
@@ -163,27 +152,23 @@ def compute(ways, chosen=PROBLEMS):
 
     Over (problem, way): verdict (flags), error.
     """
-    known = problems()
-    cells = []
-    for name in chosen:
-        problem = known[name]._replace(periods=min(known[name].periods, _LONGEST))
-        names = parameters(problem.model)
-        expected = differences(problem, names, "taylor", {}, _FINE)
-        cells.append(
-            [decide(derivatives(way, problem, names), expected, problem.tuning) for way in ways]
-        )
-    verdicts = [[VERDICTS.index(verdict) for verdict, _ in row] for row in cells]
-    data = {
-        "verdict": (("problem", "way"), np.array(verdicts, np.int8)),
-        "error": (("problem", "way"), np.array([[error for _, error in row] for row in cells])),
+    known = {
+        name: problem._replace(periods=min(problem.periods, _LONGEST))
+        for name, problem in problems().items()
     }
-    dataset = describe(xr.Dataset(data, {"problem": list(chosen), "way": list(ways)}))
-    dataset["verdict"].attrs.update(
-        flag_values=np.arange(len(VERDICTS), dtype=np.int8), flag_meanings=" ".join(VERDICTS)
-    )
-    dataset.attrs = {
-        "Conventions": "CF-1.11",
-        "title": "Verdicts on ways to differentiate by difficult problems",
-        "source": f"gearlib {__version__}",
+    expected = {
+        name: differences(known[name], parameters(known[name].model), "taylor", {}, _FINE)
+        for name in chosen
     }
+
+    def judged(name, way):
+        problem = known[name]
+        found = derivatives(way, problem, parameters(problem.model))
+        verdict, error = decide(found, expected[name], problem.tuning)
+        return {"verdict": np.int8(VERDICTS.index(verdict)), "error": error}
+
+    axes = {"problem": list(chosen), "way": list(ways)}
+    title = "Verdicts on ways to differentiate by difficult problems"
+    dataset = result_of_many(title, stacked(axes, judged), axes)
+    dataset["verdict"].attrs |= flags_of(VERDICTS)
     return dataset

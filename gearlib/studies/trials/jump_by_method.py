@@ -10,15 +10,12 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import xarray as xr
 
-from gearlib.data.provenance import canonical_json
-from gearlib.data.variables import describe
+from gearlib.data.result import result_of_many
 from gearlib.models.pair import GearPair
 from gearlib.studies import jump
 from gearlib.studies.trials import problems, work_precision
 from gearlib.studies.trials.work_precision import Line
-from gearlib.version import __version__
 
 #: scipy's right-hand side is Python: what fits into a minute.
 SCIPY = [
@@ -100,11 +97,6 @@ def compute(method, pair, tunings, slow_tunings, settings, run):
     methods which are not compiled by this library; rising, n >= 2); settings (resolution, slow:
     resolution of the slow scan, most_evaluations per mesh period); run: periods, record_periods,
     initial_state.
-
-    Over (rung,): line, family, knob, options, switches (their number), jump (NaN: none),
-    jump_error, period_evaluations, scan_from, scan_to, scan_step, resolution. Over (switch,):
-    switch_tuning and switch_rung. exact_jump; left_out, the number of rungs that cost more than
-    allowed.
     """
     model = GearPair(**pair)
     exact = scan(model, tunings, settings["resolution"], "exact", {}, run).jump
@@ -140,18 +132,16 @@ def compute(method, pair, tunings, slow_tunings, settings, run):
         "exact_jump": exact,
         "left_out": np.int32(len(table) - count),
     }
-    coords = {"rung": np.arange(count, dtype=np.int32)}
-    dataset = xr.Dataset(data, coords)
-    dataset.attrs = {
-        "Conventions": "CF-1.11",
-        "title": f"Jump of the motion from rest by method {method}",
-        "source": f"gearlib {__version__}, method {method}",
-        "references": "Hortel, Skuderova: Engineering Mechanics 14 (2007) 91-104",
-        "comment": "Methods that are not compiled by this library go through a shorter scan.",
-        "gear_pair": canonical_json(pair),
-        "parameters": canonical_json({"settings": settings, "run": run}),
-    }
-    return describe(dataset)
+    return result_of_many(
+        f"Jump of the motion from rest by method {method}",
+        data,
+        {"rung": np.arange(count, dtype=np.int32)},
+        method,
+        references=model.references,
+        comment="Methods that are not compiled by this library go through a shorter scan.",
+        gear_pair=pair,
+        parameters={"settings": settings, "run": run},
+    )
 
 
 def rows(datasets):

@@ -12,7 +12,7 @@ from gearlib.models.one_degree import OneDegreePair
 from gearlib.models.pair import GearPair
 from gearlib.models.six_degrees import SixDegreePair
 from gearlib.models.trains.reducer_train import split_power_reducer
-from gearlib.runs.run_arguments import MAX_EVENTS
+from gearlib.runs.run_arguments import MAX_EVENTS, Span, empty_record
 
 if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
     from gearlib.integrators import scipy_ivp  # noqa: F401
@@ -21,7 +21,6 @@ if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
 SETTLING = 400
 #: At rest on the flank line.
 START = (0.0, 0.0)
-_FIRST_EVENTS = 64
 
 
 class Case(NamedTuple):
@@ -104,22 +103,13 @@ class Bound:
     def __init__(self, model, tuning, method, options):
         _, self._module, self._options = integrators.choose(model, method, options)
         self._model, self._tuning = model, tuning
-        self._samples, _, self._summary = model.empty_record()
+        self._summary = empty_record(model).summary
 
     def raw(self, state, periods, record_periods=1):
         """Run; return what the method does, see `gearlib.integrators`."""
-        return self._module.run(
-            self._model,
-            self._tuning,
-            state,
-            periods,
-            record_periods,
-            self._samples,
-            self._model.empty_record(events=_FIRST_EVENTS)[1],
-            MAX_EVENTS,
-            self._summary,
-            **self._options,
-        )
+        record = empty_record(self._model)._replace(summary=self._summary)
+        arguments = record.over(Span(periods, record_periods, MAX_EVENTS))
+        return self._module.run(self._model, self._tuning, state, *arguments, **self._options)
 
     def run(self, state, periods, record_periods=1):
         """Run; return a `Run`: of a train the state of its first mesh, events mesh by mesh."""

@@ -10,14 +10,12 @@ import math
 from decimal import Decimal, localcontext
 
 import numpy as np
-import xarray as xr
 
 from gearlib.data import status
-from gearlib.data.provenance import canonical_json
-from gearlib.data.variables import describe
+from gearlib.data.result import result_of_many, stacked
+from gearlib.models.pair import GearPair
 from gearlib.studies.trials import high_precision, problems
 from gearlib.studies.trials.high_precision import Unresolved
-from gearlib.version import __version__
 
 #: Digits of the runs; the first is the check of the second, and so on while they differ.
 DIGITS = (30, 50, 100, 200, 400)
@@ -126,41 +124,35 @@ def compute(names, pair, six_degrees, settings):
     names: of `gearlib.studies.trials.problems.CASES`; pair, six_degrees, settings: as of
     `gearlib.studies.trials.problems.build`.
 
-    Over (problem, component): final_state, and orbit_state, of the settled orbit at tau = 0. Over
-    (problem,): largest_multiplier of that orbit; both NaN where a problem has none of one mesh
-    period. Over (event,), those of the recorded periods: event_problem, event_phase from the start
-    of the run, event_from, event_to.
+    Orbit and multiplier are NaN where a problem has no orbit of one mesh period.
     """
-    runs, orbits, multipliers = [], [], []
-    for name in names:
+    runs = []
+
+    def facts(name):
         problem = problems.build(name, pair, six_degrees, settings)
         runs.append(reference(problem))
         orbit, multiplier = np.full(2, math.nan), math.nan
         if problem.steady:
             found, multiplier = settled(problem)
             orbit = found.state
-        orbits.append(orbit)
-        multipliers.append(multiplier)
+        state = runs[-1].state
+        return {"final_state": state, "orbit_state": orbit, "largest_multiplier": multiplier}
+
+    data = stacked({"problem": list(names)}, facts, "component")
     kinds = np.concatenate([run.kinds for run in runs])
-    data = {
-        "final_state": (("problem", "component"), np.array([run.state for run in runs])),
-        "orbit_state": (("problem", "component"), np.array(orbits)),
-        "largest_multiplier": ("problem", np.array(multipliers)),
+    data |= {
         "event_problem": ("event", np.repeat(list(names), [run.phases.size for run in runs])),
         "event_phase": ("event", np.concatenate([run.phases for run in runs])),
         "event_from": ("event", kinds[:, 0]),
         "event_to": ("event", kinds[:, 1]),
     }
-    dataset = xr.Dataset(data, {"problem": list(names)})
-    dataset.attrs = {
-        "Conventions": "CF-1.11",
-        "title": "References of the test problems, from 50 digits or more",
-        "source": f"gearlib {__version__}",
-        "references": "Hortel, Skuderova: Engineering Mechanics 14 (2007) 91-104",
-        "gear_pair": canonical_json(pair),
-        "parameters": canonical_json({"settings": settings, "six_degrees": six_degrees}),
+    said = {
+        "references": GearPair.references,
+        "gear_pair": pair,
+        "parameters": {"settings": settings, "six_degrees": six_degrees},
     }
-    return describe(dataset)
+    title = "References of the test problems, from 50 digits or more"
+    return result_of_many(title, data, {"problem": list(names)}, **said)
 
 
 def run_of(dataset, name):

@@ -10,14 +10,11 @@ method invents motion (false instability); below the exact one, it adds numerica
 """
 
 import numpy as np
-import xarray as xr
 
-from gearlib import integrators
 from gearlib.analysis.tongues.no_loss import linear_pair
-from gearlib.data import provenance
-from gearlib.data.variables import describe
-from gearlib.kernels import orbit
+from gearlib.data.result import result, stacked
 from gearlib.models.pair import GearPair
+from gearlib.studies.trials.problems import Bound
 
 #: Radii are cut at this: larger ones say no more.
 LARGEST = 1e6
@@ -36,20 +33,10 @@ def method_radius(pair, tuning, method, options):
 
     At most `LARGEST`, which also stands for a run that stopped early.
     """
-    linear = linear_pair(pair)
-    _, module, options = integrators.choose(linear, method, options)
-    samples, events = np.empty((0, orbit.SAMPLE_COLUMNS)), np.empty((0, orbit.EVENT_COLUMNS))
-    summary = np.empty(orbit.SUMMARY_COLUMNS)
-    ends = []
-    for state in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0)):
-        x, v, *_, code, _ = module.run(
-            linear, tuning, state, 1, 1, samples, events, 10**6, summary, **options
-        )
-        if code != 0:
-            return LARGEST
-        ends.append((x, v))
-    rest, first, second = np.array(ends)
-    matrix = np.column_stack([first - rest, second - rest])
+    bound = Bound(linear_pair(pair), tuning, method, options)
+    rest, *ends = (bound.run(state, 1).state for state in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0)))
+    # NaN of a run that could not go on.
+    matrix = np.column_stack([end - rest for end in ends])
     if not np.isfinite(matrix).all():
         return LARGEST
     return float(min(np.abs(np.linalg.eigvals(matrix)).max(), LARGEST))
@@ -61,31 +48,22 @@ def compute(pair, tunings, fine_tunings, steps, methods):
     pair (keyword arguments of `GearPair`; made linear by `linear_pair`); tunings, fine_tunings (of
     the methods; of the mesh alone, which costs little); steps: shape (s,), steps per mesh period;
     methods (name -> {"method": name of `gearlib.methods`, "options": options but the steps}).
-
-    radius over (method, steps, tuning); true_radius over (fine_tuning,); stiffness_max, the largest
-    stiffness over the mean.
     """
     pair = GearPair(**pair)
-    radius = np.empty((len(methods), len(steps), len(tunings)))
-    for i, chosen in enumerate(methods.values()):
-        for j, count in enumerate(steps):
-            options = chosen["options"] | {"steps_per_period": int(count)}
-            for k, nu in enumerate(tunings):
-                radius[i, j, k] = method_radius(pair, nu, chosen["method"], options)
-    dataset = xr.Dataset(
-        {
-            "radius": (("method", "steps", "tuning"), radius),
-            "true_radius": ("fine_tuning", [true_radius(pair, nu) for nu in fine_tunings]),
-            "stiffness_max": pair.max_stiffness / pair.mean_stiffness,
-        },
-        {
-            "method": list(methods),
-            "steps": np.asarray(steps, np.int32),
-            "tuning": np.asarray(tunings, float),
-            "fine_tuning": np.asarray(fine_tunings, float),
-        },
-    )
-    dataset.attrs = provenance.attributes(
-        "Numerical stability of fixed-step methods", pair, method=", ".join(methods)
-    )
-    return describe(dataset)
+
+    def radius(name, count, nu):
+        options = methods[name]["options"] | {"steps_per_period": int(count)}
+        return {"radius": method_radius(pair, nu, methods[name]["method"], options)}
+
+    axes = {
+        "method": list(methods),
+        "steps": np.asarray(steps, np.int32),
+        "tuning": np.asarray(tunings, float),
+    }
+    data = stacked(axes, radius) | {
+        "true_radius": ("fine_tuning", [true_radius(pair, nu) for nu in fine_tunings]),
+        "stiffness_max": pair.max_stiffness / pair.mean_stiffness,
+    }
+    coords = axes | {"fine_tuning": np.asarray(fine_tunings, float)}
+    title = "Numerical stability of fixed-step methods"
+    return result(title, pair, data, coords, method=", ".join(methods))

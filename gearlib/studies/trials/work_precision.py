@@ -21,16 +21,15 @@ import time
 from typing import NamedTuple
 
 import numpy as np
-import xarray as xr
 
 from gearlib import integrators
 from gearlib.data import status
 from gearlib.data.provenance import canonical_json
-from gearlib.data.variables import describe
+from gearlib.data.result import result_of_many, stacked
 from gearlib.kernels.closed_form.damped_oscillator import evolve, level
 from gearlib.kernels.jit import kernel
+from gearlib.models.pair import GearPair
 from gearlib.studies.trials import problems, references
-from gearlib.version import __version__
 
 #: Half width of the central differences, static deflections: rounding over it, 1e-10, and its
 #: square times third derivatives, about the same, are the least error of a multiplier.
@@ -113,6 +112,10 @@ GENERIC = {
     "steps_per_period": (50, 200, 800, 3200),
 }
 
+#: What is measured of a run, and the least that numbers can show of it, in the order of the calls.
+_MEASURES = ("state_error", "event_error", "multiplier_error", "period_evaluations")
+_FLOORS = ("state_floor", "event_floor", "multiplier_floor")
+
 #: Methods whose runs end early when they have provably settled: only the run is timed whose error
 #: is known, which has not settled.
 _EARLY = ("exact",)
@@ -192,31 +195,27 @@ def errors(method, known, pair, six_degrees, settings):
     known: of `gearlib.studies.trials.references.compute`, of the same parameters; pair,
     six_degrees, settings: as of `gearlib.studies.trials.problems.build`.
 
-    Over (problem, rung): state_error, event_error, multiplier_error, period_evaluations, NaN where
-    the method does not take the model or stopped early. Over (rung,): line, family, knob, options.
-    Over (problem,): state_floor, event_floor, half the last place of the reference, and
-    multiplier_floor, rounding over the width of the differences.
+    NaN where the method does not take the model or stopped early.
     """
-    table, names = rungs(method), known.problem.values.tolist()
-    measures = np.full((4, len(names), len(table)), math.nan)
-    floors = np.full((3, len(names)), math.nan)
-    for i, name in enumerate(names):
-        problem = problems.build(name, pair, six_degrees, settings)
-        expected, orbit = references.run_of(known, name), references.orbit_of(known, name)
-        floors[:, i] = _floors(problem, expected)
-        if problems.takes(method, problem.model):
-            measures[:, i] = np.transpose(
-                [_measures(problem, expected, orbit, method, options) for _, _, options in table]
-            )
-    columns = ("state_error", "event_error", "multiplier_error", "period_evaluations")
-    data: dict = {
-        name: (("problem", "rung"), values) for name, values in zip(columns, measures, strict=True)
-    }
-    floor_names = ("state_floor", "event_floor", "multiplier_floor")
-    data |= {name: ("problem", v) for name, v in zip(floor_names, floors, strict=True)}
+    names = known.problem.values.tolist()
+    built = {name: problems.build(name, pair, six_degrees, settings) for name in names}
+    expected = {name: references.run_of(known, name) for name in names}
+
+    def measured(name, rung):
+        values = [math.nan] * len(_MEASURES)
+        if problems.takes(method, built[name].model):
+            orbit, (_, _, options) = references.orbit_of(known, name), rung
+            values = _measures(built[name], expected[name], orbit, method, options)
+        return dict(zip(_MEASURES, values, strict=True))
+
+    def floors(name):
+        return dict(zip(_FLOORS, _floors(built[name], expected[name]), strict=True))
+
+    table, each = rungs(method), {"problem": names}
+    data = stacked(each | {"rung": table}, measured) | stacked(each, floors)
     title = f"Errors of method {method} and what they cost in evaluations"
     parameters = {"settings": settings, "six_degrees": six_degrees, "difference": DIFFERENCE}
-    return _dataset(title, method, names, table, data, pair, parameters)
+    return _dataset(title, method, table, data, each, {"gear_pair": pair, "parameters": parameters})
 
 
 def _floors(problem, expected):
@@ -245,21 +244,11 @@ def _measures(problem, expected, orbit, method, options):
     return *found_errors, multiplier, evaluations
 
 
-def _dataset(title, method, names, table, data, pair, parameters):
-    """Return a dataset over problem and rung, described."""
-    data = data | rung_variables(table)
-    coords = {"problem": list(names), "rung": np.arange(len(table), dtype=np.int32)}
-    dataset = xr.Dataset(data, coords)
-    dataset.attrs = {
-        "Conventions": "CF-1.11",
-        "title": title,
-        "source": f"gearlib {__version__}, method {method}",
-        "method": method,
-        "references": "Hortel, Skuderova: Engineering Mechanics 14 (2007) 91-104",
-        "gear_pair": canonical_json(pair),
-        "parameters": canonical_json(parameters),
-    }
-    return describe(dataset)
+def _dataset(title, method, table, data, each, said):
+    """Return a dataset over problem, of `each`, and rung, described."""
+    coords = each | {"rung": np.arange(len(table), dtype=np.int32)}
+    said = {"method": method, "references": GearPair.references} | said
+    return result_of_many(title, data | rung_variables(table), coords, method, **said)
 
 
 def times(method, known, pair, six_degrees, settings, repeats):
@@ -274,33 +263,30 @@ def times(method, known, pair, six_degrees, settings, repeats):
     warm_up_time: of the first run of the method in this process, which compiles its kernels or
     loads them. The other variables as of `errors`.
     """
-    table, names = rungs(method), known.problem.values.tolist()
-    values = np.full((len(names), len(table)), math.nan)
-    first = math.nan
-    for i, name in enumerate(names):
-        problem = problems.build(name, pair, six_degrees, settings)
+    names, first = known.problem.values.tolist(), []
+    built = {name: problems.build(name, pair, six_degrees, settings) for name in names}
+
+    def timed(name, rung):
+        problem, (_, _, options) = built[name], rung
         if not problems.takes(method, problem.model):
-            continue
-        for j, (_, _, options) in enumerate(table):
-            run = problems.Bound(problem.model, problem.tuning, method, options)
-            if math.isnan(first):
-                first = seconds_of(lambda run=run: run.raw(problems.START, 1))
-            codes: set = set()
-            early = method in _EARLY
-            # Half the run: what prepares tables lies in the first half.
-            short = max(1, problem.periods // 2) if early else _STARTS.get(method, 1)
-            longest = problem.periods if early and problem.steady else _LONGEST
-            seconds = seconds_per_period(_call(run, codes), short, longest, repeats)
-            if codes == {status.OK}:
-                values[i, j] = seconds
-    data = {
-        "period_time": (("problem", "rung"), values),
-        "closed_form_time": closed_form_time(repeats),
-        "warm_up_time": first,
-    }
+            return {"period_time": math.nan}
+        run = problems.Bound(problem.model, problem.tuning, method, options)
+        if not first:
+            first.append(seconds_of(lambda: run.raw(problems.START, 1)))
+        codes: set = set()
+        early = method in _EARLY
+        # Half the run: what prepares tables lies in the first half.
+        short = max(1, problem.periods // 2) if early else _STARTS.get(method, 1)
+        longest = problem.periods if early and problem.steady else _LONGEST
+        seconds = seconds_per_period(_call(run, codes), short, longest, repeats)
+        return {"period_time": seconds if codes == {status.OK} else math.nan}
+
+    table, each = rungs(method), {"problem": names}
+    data = stacked(each | {"rung": table}, timed)
+    data |= {"closed_form_time": closed_form_time(repeats), "warm_up_time": [*first, math.nan][0]}
     title = f"Wall times of method {method}"
     parameters = {"settings": settings, "six_degrees": six_degrees, "repeats": repeats}
-    return _dataset(title, method, names, table, data, pair, parameters)
+    return _dataset(title, method, table, data, each, {"gear_pair": pair, "parameters": parameters})
 
 
 def _call(run, codes):
