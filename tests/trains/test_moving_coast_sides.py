@@ -11,29 +11,12 @@ from tests.paper import PAPER
 from tests.references.described_models import describe
 from tests.references.reference_motion import move
 from tests.trains.random_trains import random_problem
-from tests.trains.test_train_system import six_degrees
 
 
 def moved(train, **changes):
     """Return a train whose coast sides all move, with other changes of its meshes."""
     changes |= {"moving_backlash": True}
     return train.replace(meshes=[replace(mesh, **changes) for mesh in train.meshes])
-
-
-@pytest.mark.parametrize("seed", range(12))
-def test_two_gears_move_as_six_degrees_do(seed):
-    six, train = six_degrees(np.random.default_rng(seed), moving=True)
-    n, coordinates = train.size // 2, train.structure.coordinates
-    state = six.propagator(0.8).start((0.0, -2.0))
-    names = ["u3", "u2", *[("y3", "z3", "y2", "z2")[i] for i in six.flexible()]]
-    order = [names.index(dict(x="y", y="z", u="u")[axis] + body) for body, axis in coordinates]
-    whole = tuple(state[[*order, *[n + i for i in order]]])
-    span = {"periods": 6, "record_periods": 6}
-    one = simulate(six, 0.8, initial_state=tuple(state), **span)
-    other = simulate(train, 0.8, initial_state=whole, **span)
-    assert one.event_to.values.tolist() == other.event_to.values.tolist()
-    for name in ("displacement", "velocity", "dynamic_force"):
-        np.testing.assert_allclose(other[name].squeeze(), one[name], rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize("seed", range(10))
