@@ -3,7 +3,16 @@
 import dataclasses
 import math
 
-from gearlib import Body, GearPair, GearTrain, Harmonics, Mesh
+from gearlib import (
+    Body,
+    DeadZoneOscillator,
+    GearPair,
+    GearTrain,
+    Harmonics,
+    Mesh,
+    OneDegreePair,
+    Steps,
+)
 from gearlib.geometry import Mesh as DrawnMesh
 
 #: Field -> powers of length, mass and time in its unit; what is not here is a number.
@@ -123,6 +132,21 @@ def mirrored(train):
 
 def _negative(angle):
     return None if angle is None else -angle
+
+
+def as_oscillator(pair, **changes):
+    """Return a `GearPair`, in static deflections, as an oscillator with the same equation."""
+    pieces = OneDegreePair(pair=pair).equation.near
+    steps = Steps(tuple(pieces.breaks[:-1]), tuple(pieces.lines[:, 0]))
+    parameters = {
+        "lower_edge": -pair.backlash_ratio,
+        "upper_stiffness": steps,
+        "damping": 2.0 * pair.backlash_damping_ratio,
+        "upper_damping": 2.0 * pair.damping_ratio,
+        "lower_damping": 2.0 * pair.damping_ratio,
+        "load": 1.0,
+    }
+    return DeadZoneOscillator(**parameters | changes)
 
 
 def mirrored_oscillator(model):

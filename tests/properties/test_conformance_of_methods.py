@@ -13,7 +13,7 @@ import gearlib
 from gearlib import Fourier, GearPair, OneDegreePair, integrators, simulate, sweep
 from tests.paper import PAPER
 from tests.physics.test_step_methods import FULL, OIL_FREE, PAIR, SIX, SPLIT, VARIANTS
-from tests.properties.known_models import CUBIC, UNDAMPED, Known
+from tests.properties.known_models import CUBIC, KNOWN, UNDAMPED, Known
 from tests.trains.test_methods import START, bouncing
 
 TIGHT = {"rtol": 1e-11, "atol": 1e-11}
@@ -107,6 +107,7 @@ def test_the_motions_meet_all_flanks():
 RUNS = [(OIL_FREE, method, options) for method, options in VARIANTS if options != SPLIT]
 RUNS += [(THICK, method, {}) for method in ("exact", "heyoka", "cvode", "diffrax")]
 RUNS += [(OneDegreePair(pair=UNDAMPED, **CUBIC), "taylor", {}), (bouncing(), "rk4", {})]
+RUNS += [(KNOWN[name].model, "exact", {}) for name in ("gear_rattle", "unequal gears", "reducer")]
 
 
 @pytest.mark.parametrize(("model", "method", "options"), RUNS)

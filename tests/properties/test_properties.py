@@ -9,7 +9,6 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from gearlib import simulate
-from tests.physics.test_dead_zone import as_oscillator
 from tests.properties import changes
 from tests.properties.cases import (
     CASES,
@@ -124,8 +123,21 @@ def test_a_run_goes_on_where_another_ends(kind, data):
 
 @given(data=st.data())
 @MANY
+def test_a_gear_pair_is_an_oscillator_in_static_deflections(data):
+    case, shift = data.draw(CASES["gear pair"]), data.draw(between(-1.0, 1.0))
+    edges = {"upper_edge": shift, "lower_edge": shift - case.model.backlash_ratio}
+    model = changes.as_oscillator(case.model, **edges)
+    found, ends = run(case), np.array([shift, 0.0])
+    for method in model.propagators:
+        other = Case(model, case.tuning, (case.state[0] + shift, case.state[1]))
+        there = run(other, method=method)
+        compare(case, found, there, there.final_state - ends, there.displacement - shift)
+
+
+@given(data=st.data())
+@MANY
 def test_a_dead_zone_moves_as_its_mirror_image(data):
-    model = data.draw(oscillators() | pairs().map(as_oscillator))
+    model = data.draw(oscillators() | pairs().map(changes.as_oscillator))
     if not math.isfinite(model.lower_edge):
         return
     case = Case(model, data.draw(TUNINGS), data.draw(STATES))
