@@ -8,12 +8,8 @@ import pytest
 import scipy.integrate
 
 import gearlib
-from gearlib import integrators
 from gearlib.data import status
 from tests.paper import PAPER
-from tests.references.described_models import describe
-from tests.references.reference_motion import move
-from tests.trains.random_trains import random_problem
 
 DEFLECTIONS = ("displacement", "velocity", "dynamic_force", "modified_stiffness", "body_motion")
 SUMMARY = ("mean_force", "fraction_normal", "fraction_backlash", "fraction_inverse", "bounces")
@@ -84,27 +80,6 @@ def test_rk4_converges_with_order_four_where_no_step_meets_a_change():
     ]
     errors = [float(np.abs(end - exact.final_state).max()) for end in ends]
     assert math.log2(errors[0] / errors[1]) == pytest.approx(4.0, abs=0.3)
-
-
-@pytest.mark.parametrize("method", ["scipy", "heyoka"])
-def test_harmonics_and_a_long_common_period(method):
-    """Against the reference: run-out, deviations of both flanks, friction, 24 mesh periods."""
-    if not integrators.about(method).available:
-        pytest.skip(integrators.about(method).note)
-    for seed in (0, 5):
-        train, tuning, state = random_problem(np.random.default_rng(seed))
-        assert train.repeats > 1 and train.excitation[0].size
-        state = tuple((state / np.repeat([1.0, tuning], train.size // 2)).tolist())
-        motion = move(describe(train), tuning, 2, state)
-        options = SPLIT if method == "scipy" else {}
-        found = run(
-            train, method, options, tuning, periods=2, record_periods=2, initial_state=state
-        )
-        close = 1e-9 * np.abs(motion.state).max()
-        np.testing.assert_allclose(found.final_state, motion.state, rtol=0.0, atol=close)
-        assert [event[1:4] for event in motion.events] == list(
-            zip(found.event_mesh.values, found.event_from, found.event_to, strict=True)
-        )
 
 
 def test_runs_that_cannot_go_on_say_so():
