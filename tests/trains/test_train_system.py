@@ -127,15 +127,3 @@ def system_stiffness(train):
     k = train.structure.stiffness + lines.T @ (upper[:, None] * lines)
     root = np.linalg.inv(np.linalg.cholesky(train.structure.mass))
     return root @ k @ root.T / train.reference_angular_frequency**2
-
-
-def test_gyroscopic_forces_depend_on_the_speed_and_do_no_work():
-    train = planetary(turning=True, gyroscopic=True, structural_damping=0.0)
-    still = planetary(structural_damping=0.0)
-    n = train.size // 2
-    one, two = (train.system(nu).free[n : 2 * n, n : 2 * n] for nu in (0.5, 1.0))
-    base = still.system(1.0).free[n : 2 * n, n : 2 * n]
-    np.testing.assert_allclose(two - base, 2.0 * (one - base), rtol=1e-12, atol=1e-15)
-    power = train.structure.mass @ (two - base)
-    np.testing.assert_allclose(power, -power.T, atol=1e-12 * np.abs(power).max())
-    assert np.abs(power).max() > 0.0
