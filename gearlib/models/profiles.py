@@ -154,7 +154,8 @@ class Steps:
         breaks = np.append(starts, 2.0 * math.pi)
         mean = float(values @ np.diff(breaks)) / (2.0 * math.pi)
         lines = np.column_stack([values, np.zeros(values.size)])
-        return Pieces(breaks, lines, values < mean, np.empty((0, 3)))
+        # A stiffness that never changes lies at its mean, whatever the rounding of that.
+        return Pieces(breaks, lines, values < (1.0 - 1e-12) * mean, np.empty((0, 3)))
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import scipy.integrate
 
-from gearlib import GearPair, OneDegreePair, simulate, sweep
+from gearlib import GearPair, OneDegreePair, simulate
 from gearlib.integrators import rk45
 from gearlib.kernels.orbit import STROBE_PERIODS
 from gearlib.kernels.steps import embedded
@@ -143,26 +143,6 @@ def test_equation_of_motion_holds_at_every_sample(method, options):
     damping = np.where(d.contact == 0, 0.0, OIL_FREE.damping_ratio)
     residual = d.acceleration + 2 * damping / 0.9 * d.velocity + (d.dynamic_force - 1) / 0.81
     assert float(abs(residual).max()) < 1e-12
-
-
-@pytest.mark.parametrize(("method", "options"), [v for v in VARIANTS if v[0] != "scipy"])
-def test_sweep_equals_single_runs(method, options):
-    table = sweep(
-        OIL_FREE, [0.9, 0.7], periods=40, record_periods=4, method=method, options=options
-    )
-    for nu in (0.7, 0.9):
-        one = simulate(OIL_FREE, nu, periods=40, record_periods=4, method=method, options=options)
-        many = table.sel(tuning=nu)
-        for name in ("final_state", "bounces", "fraction_backlash", "fraction_min_stiffness"):
-            np.testing.assert_array_equal(many[name], one[name])
-        # A single run shows samples besides the step ends.
-        assert float(many.displacement_max) <= float(one.displacement_max)
-
-
-def test_scipy_sweeps():
-    table = sweep(PAIR, [0.9, 0.7], periods=3, record_periods=1, method="scipy")
-    one = simulate(PAIR, 0.7, periods=3, method="scipy")
-    np.testing.assert_array_equal(table.final_state.sel(tuning=0.7), one.final_state)
 
 
 # scipy would take minutes over these periods.

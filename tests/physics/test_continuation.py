@@ -28,16 +28,12 @@ from gearlib.analysis.tongues import no_loss
 from gearlib.models.stiffness import levels, segment_lengths
 from tests.paper import PAPER as FREE
 from tests.physics.test_periodic_orbits import DAMPED
-from tests.properties.known_models import gears
+from tests.properties.known_models import OTHER, gears
 
 #: The places asked for are 1e-8; what is found agrees to the rounding of an orbit, 1e-12, over the
 #: slope of the test function, which is above 1e-2 in all cases here.
 PLACE = 1e-10
 MATERIAL = FREE.replace(material_damping=3953.7)
-#: Not the paper's: other contact ratio, stiffness ratio, dampings, a narrow backlash.
-OTHER = GearPair.from_ratios(
-    contact_ratio=1.3, stiffness_ratio=0.7, damping=0.03, backlash_damping=0.01, backlash=0.8
-)
 
 
 def places(branch, label):

@@ -16,32 +16,17 @@ from gearlib import (
     Steps,
     periodic_orbit,
     simulate,
-    sweep,
 )
 from gearlib.analysis.lyapunov import largest
 from gearlib.data import storage
 from tests.physics import published
+from tests.properties.changes import as_oscillator
 from tests.properties.known_models import UNEQUAL
 
 LIMIT = 10_000
 JUDGE = {"solver": "DOP853", "rtol": 1e-13, "atol": 1e-14, "events": True}
 RATIOS = {"contact_ratio": 1.569, "stiffness_ratio": 0.5879, "backlash": 1.2}
 PAIR = GearPair.from_ratios(**RATIOS, damping=0.03, backlash_damping=0.01)
-
-
-def as_oscillator(pair, **changes):
-    """Return a `GearPair`, in static deflections, as an oscillator with the same equation."""
-    pieces = OneDegreePair(pair=pair).equation.near
-    steps = Steps(tuple(pieces.breaks[:-1]), tuple(pieces.lines[:, 0]))
-    parameters = {
-        "lower_edge": -pair.backlash_ratio,
-        "upper_stiffness": steps,
-        "damping": 2.0 * pair.backlash_damping_ratio,
-        "upper_damping": 2.0 * pair.damping_ratio,
-        "lower_damping": 2.0 * pair.damping_ratio,
-        "load": 1.0,
-    }
-    return DeadZoneOscillator(**parameters | changes)
 
 
 @pytest.mark.parametrize("method", ["exact", "taylor"])
@@ -105,27 +90,6 @@ def test_what_is_linear_is_a_driven_linear_oscillator(method, how):
     x, v = linear(6.0 * math.pi / frequency, 0.5, 0.3 * frequency, 0.2, 2.5, 0.8, frequency)
     assert run.final_state.values == pytest.approx([x, v / frequency], abs=1e-13)
     assert (run.sizes["event"] > 0) == (how == "no gap")
-
-
-@pytest.mark.parametrize("tuning", [0.7, 0.95])
-def test_a_gear_pair_is_an_oscillator_in_static_deflections(tuning):
-    settings = {"periods": 12, "record_periods": 12, "initial_state": (-1.0, 1.5)}
-    pair = simulate(PAIR, tuning, **settings)
-    assert pair.sizes["event"] > 5
-    shifted = settings | {"initial_state": (-0.7, 1.5)}
-    moved = as_oscillator(PAIR, upper_edge=0.3, lower_edge=0.3 - PAIR.backlash_ratio)
-    runs = (
-        (simulate(as_oscillator(PAIR), tuning, **settings), 0.0),
-        (simulate(as_oscillator(PAIR), tuning, method="taylor", **settings), 0.0),
-        (simulate(moved, tuning, **shifted), 0.3),
-        (simulate(moved, tuning, method="taylor", **shifted), 0.3),
-    )
-    for run, shift in runs:
-        # The pair goes by scalar closed forms: rounding, amplified by a dozen bounces.
-        assert np.abs(run.displacement - shift - pair.displacement).max() < 1e-12
-        assert np.abs(run.event_phase - pair.event_phase).max() < 1e-12
-        for name in ("dynamic_force_max", "dynamic_force_min", "fraction_inverse", "bounces"):
-            assert float(run[name]) == pytest.approx(float(pair[name]), abs=1e-12)
 
 
 def test_a_truncated_stiffness_is_a_series():
@@ -230,17 +194,6 @@ def test_the_soft_stop_has_chaos_beside_the_motion_without_impact():
     assert grazing.grazing
 
 
-def test_sweep_goes_over_the_frequency_of_the_forcing():
-    model, _ = published.PROBLEMS["gear_rattle"]
-    settings = {"periods": 20, "record_periods": 2}
-    frequencies = [5.0, 2.0 * math.pi, 7.5]
-    curve = sweep(model, frequencies, **settings)
-    for i, frequency in enumerate(frequencies):
-        run = simulate(model, frequency, **settings)
-        assert curve.final_state.values[i] == pytest.approx(run.final_state.values, abs=0.0)
-        assert float(curve.displacement_max[i]) == float(run.displacement_max)
-
-
 def test_a_run_says_in_its_own_words_what_it_holds(tmp_path):
     run = simulate(UNEQUAL, 1.3, periods=2)
     assert run.attrs["title"] == "Time course of a dead-zone oscillator"
@@ -265,23 +218,12 @@ ONE = {"upper_stiffness": 1.0}
             lambda: DeadZoneOscillator(upper_stiffness=0, lower_stiffness=0.0, lower_edge=-1.0),
             "upper_stiffness = 0.0 and lower_stiffness = 0.0 is not allowed: one contact must",
         ),
-        (lambda: DeadZoneOscillator(upper_stiffness=-1.0), "a finite number >= 0, a Series or"),
-        (lambda: DeadZoneOscillator(upper_stiffness=math.nan), "upper_stiffness = nan"),
-        (lambda: DeadZoneOscillator(**ONE, damping=-0.1), "damping = -0.1"),
-        (lambda: DeadZoneOscillator(**ONE, lower_damping=math.inf), "lower_damping = inf"),
         (lambda: DeadZoneOscillator(**ONE, lower_edge=0.5), "from -inf to upper_edge = 0.0"),
-        (lambda: DeadZoneOscillator(**ONE, upper_edge=math.inf), "upper_edge = inf"),
-        (lambda: DeadZoneOscillator(**ONE, upper_edge="a"), "upper_edge = 'a'"),
-        (lambda: DeadZoneOscillator(**ONE, load=math.nan), "load = nan"),
-        (lambda: DeadZoneOscillator(**ONE, ground_stiffness=-1.0), "ground_stiffness = -1.0"),
-        (lambda: DeadZoneOscillator(**ONE, forcing=(1.0,)), "forcing = (1.0,)"),
         (lambda: Series(1.0, Harmonics((-0.8, -0.4))), "the stiffness falls to -0.2"),
         # In the middle of the period only, and just behind its start.
         (lambda: Series(1.0, Harmonics((1.25,))), "the stiffness falls to -0.25"),
         (lambda: Series(1.0, Harmonics((), (-0.9, -0.9))), "the stiffness falls to -0.5"),
-        (lambda: Series(0.0, Harmonics()), "mean = 0.0"),
         (lambda: Steps((0.0, 0.0), (1.0, 2.0)), "it must rise strictly"),
-        (lambda: Steps((0.0,), (-1.0,)), "stiffness[0] = -1.0"),
         (
             lambda: simulate(DeadZoneOscillator(**ONE), 1.0, periods=1, method="rk4"),
             "method = 'rk4' is not allowed for this DeadZoneOscillator",

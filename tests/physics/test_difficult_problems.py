@@ -9,7 +9,7 @@ from gearlib import integrators, simulate
 from gearlib.analysis.tongues import no_loss
 from gearlib.models.pair import GearPair
 from gearlib.studies.trials import difficult_problems, failures
-from tests.references import propagate
+from tests.references import of_pair
 
 PROBLEMS = difficult_problems.problems()
 #: Those of the linear one-degree mesh that 50 digits finish in seconds.
@@ -20,21 +20,6 @@ LINEAR = [
 ]
 
 
-def exactly(problem, periods):
-    """Return (x, v, events) of a problem with 50 digits."""
-    pair = problem.model
-    return propagate(
-        pair.contact_ratio,
-        pair.stiffness_ratio,
-        pair.damping_ratio,
-        pair.backlash_damping_ratio,
-        pair.backlash_ratio,
-        problem.tuning,
-        periods,
-        problem.state,
-    )
-
-
 def test_most_problems_have_a_reference_of_50_digits():
     assert len(LINEAR) >= 20
 
@@ -43,7 +28,7 @@ def test_most_problems_have_a_reference_of_50_digits():
 @pytest.mark.parametrize("name", LINEAR)
 def test_references_have_the_digits_and_the_events(name, method):
     problem = PROBLEMS[name]
-    x, v, events = exactly(problem, problem.periods)
+    x, v, events = of_pair(problem.model, problem.tuning, problem.periods, problem.state)
     run = simulate(
         problem.model,
         problem.tuning,
@@ -82,7 +67,8 @@ def test_tongues_grow_by_their_multiplier_and_edges_do_not(name):
 @pytest.mark.parametrize("depth", [1e-6, 1e-10])
 def test_grazing_problems_graze(depth):
     short, past = (PROBLEMS[f"graze_{s}_{-round(math.log10(depth))}"] for s in ("short", "past"))
-    assert len(exactly(past, 1)[2]) == len(exactly(short, 1)[2]) + 2
+    counts = [len(of_pair(one.model, one.tuning, 1, one.state)[2]) for one in (short, past)]
+    assert counts[1] == counts[0] + 2
     # The first arc alone, which turns at phase 0.9.
     for problem, x in ((short, depth), (past, -depth)):
         high = no_loss.levels(problem.model.contact_ratio, problem.model.stiffness_ratio)[0]

@@ -290,19 +290,13 @@ def test_other_models():
 @pytest.mark.parametrize(
     ("changed", "part"),
     [
-        ({"grid": 3}, "grid = 3 is not allowed"),
         ({"grid": ((0.0, 1.0, 0), [0.0])}, "count of the grid displacements = 0"),
         ({"grid": ((1.0, 0.0, 5), [0.0])}, "last must be greater"),
         ({"grid": ([0.0, math.nan], [0.0])}, "grid displacements = "),
         ({"grid": ([0.0], [1.0, 1.0])}, "all different"),
         ({"grid": ((0.0, 1.0, 40_000), (0.0, 1.0, 40_000))}, "1,600,000,000 initial .* memory"),
-        ({"periods": 0}, "periods = 0"),
-        ({"tuning": -1.0}, "tuning = -1.0"),
-        ({"threads": 0}, "threads = 0"),
-        ({"seed": -1}, "seed = -1"),
         ({"pair": gear_pair(0.0)}, "without any damping"),
         ({"pair": OneDegreePair(pair=gear_pair(0.0))}, "without any damping"),
-        ({"pair": 7}, "pair = 7"),
     ],
 )
 def test_wrong_basins(changed, part):
@@ -317,14 +311,10 @@ def test_wrong_basins(changed, part):
         (lambda: basin_stability(BOTH, [0.7], ((1.0, 0.0), BOX)), "region = "),
         (lambda: basin_stability(BOTH, [0.7, 0.7], (BOX, BOX)), "all different"),
         (lambda: basin_stability(gear_pair(0.0), [0.7], (BOX, BOX)), "without any damping"),
-        (lambda: poincare_section(BOTH, 0.7, [(0.0, 0.0)], periods=5, phase=7.0), "phase = 7.0"),
         (lambda: poincare_section(BOTH, 0.7, [(0.0,)], periods=5), "states = "),
         (lambda: poincare_section(BOTH, 0.7, [(0.0, 0.0)], periods=10**9), "at most 50,000,000"),
-        (lambda: bifurcation_diagram(BOTH, [0.7], parameter="mass"), "parameter = 'mass'"),
         (lambda: bifurcation_diagram(BOTH, [0.1], parameter="damping"), "tuning = None"),
         (lambda: bifurcation_diagram(BOTH, [0.7], tuning=0.7), "tuning = 0.7"),
-        (lambda: bifurcation_diagram(BOTH, [0.7], direction="left"), "direction = 'left'"),
-        (lambda: lyapunov_exponents(BOTH, [0.7], periods=5), "periods = 5"),
         (lambda: lyapunov_exponents(BOTH, [0.7], states=[0.0]), "states = "),
         (
             lambda: poincare_section(

@@ -12,7 +12,7 @@ from gearlib.kernels.codes import BACKLASH, NORMAL
 from gearlib.models.one_mesh_system import by_phase
 from gearlib.studies.trials import high_precision, problems, references
 from tests.paper import CONFIG, PAPER
-from tests.references import propagate
+from tests.references import of_pair
 from tests.references.described_models import describe
 from tests.references.reference_motion import move
 
@@ -43,16 +43,7 @@ def digits_of(value):
 def test_one_degree_against_closed_forms(changes, tuning, state):
     pair = GearPair.from_ratios(**(RATIOS | changes))
     found = high_precision.run(pair, tuning, 6, 50, state)
-    x, v, events = propagate(
-        pair.contact_ratio,
-        pair.stiffness_ratio,
-        pair.damping_ratio,
-        pair.backlash_damping_ratio,
-        pair.backlash_ratio,
-        tuning,
-        6,
-        state,
-    )
+    x, v, events = of_pair(pair, tuning, 6, state)
     assert [event[1:] for event in found.events] == [event[1:3] for event in events]
     assert max(abs(digits_of(a) - b) for a, b in zip(found.state, (x, v), strict=True)) < DIGITS
     for event, expected in zip(found.events, events, strict=True):

@@ -9,37 +9,8 @@ from gearlib import OneDegreePair, periodic_orbit, simulate
 from gearlib.analysis.orbits.shooting import NoOrbit
 from tests.paper import PAPER
 from tests.properties.known_models import EVERYTHING, gears
-from tests.references import propagate
 
 DAMPED = PAPER.replace(material_damping=3953.7, backlash_damping=800.0)
-CUBIC = OneDegreePair(pair=PAPER, cubic_damping=4e5, backlash_quadratic_damping=2e4)
-
-
-@pytest.mark.parametrize("nu", [0.55, 0.7, 0.82, 0.9, 1.3])
-@pytest.mark.parametrize("pair", [DAMPED, CUBIC])
-def test_attractors_are_orbits(pair, nu):
-    found = periodic_orbit(pair, nu)
-    settled = simulate(pair, nu, periods=3000)
-    assert found.residual <= 1e-12 and found.stable
-    # Both are at rounding; the settled run has its own.
-    np.testing.assert_allclose(found.state, settled.final_state, rtol=0, atol=1e-9)
-
-
-def test_liouville():
-    for nu in (0.7, 0.82, 0.95):
-        found = periodic_orbit(DAMPED, nu)
-        run = simulate(DAMPED, nu, periods=1, initial_state=tuple(found.state))
-        lost = float(run.fraction_backlash)
-        rate = DAMPED.damping_ratio * (1 - lost) + DAMPED.backlash_damping_ratio * lost
-        expected = math.exp(-4.0 * math.pi * rate / nu)
-        assert np.prod(found.multipliers).real == pytest.approx(expected, rel=1e-10)
-
-
-def test_an_orbit_in_50_digits():
-    found = periodic_orbit(DAMPED, 0.9)
-    damping = DAMPED.damping_ratio, DAMPED.backlash_damping_ratio
-    end = propagate(1.569, 0.5879, *damping, DAMPED.backlash_ratio, 0.9, 1, tuple(found.state))
-    np.testing.assert_allclose([float(end[0]), float(end[1])], found.state, rtol=0, atol=1e-12)
 
 
 def test_the_unstable_orbit_between_two_attractors():
@@ -73,23 +44,6 @@ def test_patterns():
     data = periodic_orbit(DAMPED, 0.9).dataset()
     assert data.stable == 1 and data.pattern.attrs["flag_meanings"]
     assert all("long_name" in data[name].attrs for name in data.data_vars)
-
-
-def test_multipliers_of_a_doubled_period_are_squares():
-    one, two = periodic_orbit(DAMPED, 0.9), periodic_orbit(DAMPED, 0.9, period=2)
-    np.testing.assert_allclose(np.sort(two.multipliers), np.sort(one.multipliers**2), atol=1e-12)
-
-
-@pytest.mark.parametrize("nu", [0.7, 0.9])
-def test_six_degrees(nu):
-    pair = gears(3e7, 3953.7, 3953.7, free=True, share=0.2)
-    found = periodic_orbit(pair, nu)
-    assert found.residual <= 1e-12 and found.stable and found.multipliers.size == 10
-    settled = simulate(pair, nu, periods=2000)
-    assert float(settled.period) == 1
-    rigid = gears(math.inf, 3953.7, 3953.7)
-    six, one = periodic_orbit(rigid, nu), periodic_orbit(rigid.pair, nu)
-    np.testing.assert_allclose(six.multipliers, one.multipliers, atol=1e-10)
 
 
 def test_run_out_repeats_after_a_revolution():

@@ -3,26 +3,11 @@
 import math
 
 import numpy as np
-import pytest
 
-from gearlib import SixDegreePair, periodic_orbit, simulate, sweep
+from gearlib import periodic_orbit, simulate, sweep
 from gearlib.analysis.orbits.touching import turning_points
 from gearlib.data import status
-from tests.paper import PAPER
 from tests.properties.known_models import EVERYTHING, gears
-
-
-@pytest.mark.parametrize(("damping", "periods"), [(3953.7, 100), (0.0, 8)])
-@pytest.mark.parametrize("nu", [0.5, 0.7, 0.82, 0.9])
-def test_rigid_bearings_are_the_model_of_one_degree(nu, damping, periods):
-    model = gears(math.inf, damping, damping)
-    options = {"periods": periods, "record_periods": 4}
-    six, one = simulate(model, nu, **options), simulate(model.pair, nu, **options)
-    assert np.array_equal(six.event_to, one.event_to)
-    for name in ("displacement", "velocity", "acceleration", "dynamic_force", "event_phase"):
-        np.testing.assert_allclose(six[name], one[name], rtol=0, atol=1e-9, err_msg=name)
-    for name in ("displacement_max", "displacement_min", "fraction_min_stiffness", "bounces"):
-        np.testing.assert_allclose(six[name], one[name], rtol=0, atol=1e-9, err_msg=name)
 
 
 def test_stiff_bearings_approach_rigid_ones_like_their_compliance():
@@ -61,31 +46,6 @@ def test_courses_and_units():
     np.testing.assert_allclose(far_deviation, expected, atol=1e-12)
     for name in ("friction_force", "bearing_force_y3", "bearing_force_z2"):
         assert run[name].attrs["units"] == "1" and float(abs(run[name]).max()) > 0
-
-
-@pytest.mark.parametrize(
-    ("change", "part"),
-    [
-        ({"masses": (1.0,)}, "masses"),
-        ({"inertias": (1.0, -1.0)}, "inertias[1] = -1.0"),
-        ({"bearing_stiffness": (0.0, 1.0, 1.0, 1.0)}, "bearing_stiffness[0]"),
-        ({"friction": (0.1, math.nan)}, "friction[1]"),
-        ({"teeth": (0, 3)}, "teeth[0]"),
-        ({"pair": 3}, "pair = 3"),
-        ({"deviation": 1.0}, "deviation"),
-    ],
-)
-def test_wrong_input(change, part):
-    good = {
-        "pair": PAPER,
-        "base_radii": (0.1, 0.1),
-        "inertias": (0.06, 0.06),
-        "masses": (10.0, 10.0),
-        "bearing_stiffness": (1e8,) * 4,
-    }
-    with pytest.raises(ValueError) as error:
-        SixDegreePair(**good | change)
-    assert part in str(error.value) and "must be" in str(error.value)
 
 
 def test_a_backlash_closed_by_the_bearings_is_refused():

@@ -13,16 +13,15 @@ from gearlib import (
     Harmonics,
     OneDegreePair,
     SixDegreePair,
-    Tabulated,
     integrators,
     periodic_orbit,
     simulate,
 )
 from tests.paper import PAPER
+from tests.properties.known_models import TABLE
 
 PAIR = PAPER.replace(contact_ratio=1.5, material_damping=3953.7, backlash_damping=3953.7)
 OIL_FREE = PAIR.replace(contact_ratio=1.569, backlash_damping=0.0)
-TABLE = Tabulated((0.1, 1.0, 2.5, 4.0, 5.5), (4e8, 3.1e8, 2.4e8, 2.6e8, 3.7e8))
 FULL = OneDegreePair(
     pair=PAIR.replace(backlash=12e-6, material_damping=1000.0, backlash_damping=300.0),
     profile=TABLE,
@@ -147,32 +146,6 @@ def test_small_steps_come_close_to_the_exact_orbit(model, method, options, toler
     # A bounce in every period: the comparison covers the contact law.
     assert float(reference.bounces) >= 1.0
     assert error(model, method, options, reference) < tolerance
-
-
-@pytest.mark.parametrize("state", [(0.0, 0.0), (1.0, -3.0)])
-@pytest.mark.parametrize(
-    "model",
-    [
-        OIL_FREE,
-        FULL,
-        SIX,
-        PAIR.replace(backlash=0.0),
-        PAIR.replace(backlash=math.inf),
-        OneDegreePair(pair=PAIR, profile=Fourier(3)),
-    ],
-    ids=["oil_free", "full", "six", "no_gap", "no_far_flank", "fourier"],
-)
-def test_scipy_split_at_events_equals_the_exact_methods(model, state):
-    options = {"periods": 5, "record_periods": 5, "initial_state": state, "samples_per_period": 32}
-    exact = simulate(model, 0.8, **options)
-    run = simulate(model, 0.8, method="scipy", options=SPLIT, **options)
-    assert run.event_to.values.tolist() == exact.event_to.values.tolist()
-    # scipy's own error at rtol 1e-12 is about 1e-9 here.
-    np.testing.assert_allclose(run.final_state, exact.final_state, rtol=0, atol=1e-8)
-    columns = ["displacement", "velocity", "acceleration", "dynamic_force", "event_phase"]
-    columns += model.extra_samples
-    for name in (*columns, "fraction_backlash", "fraction_min_stiffness", "bounces"):
-        np.testing.assert_allclose(run[name], exact[name], rtol=0, atol=1e-7, err_msg=name)
 
 
 def test_scipy_takes_six_degrees_as_they_come():

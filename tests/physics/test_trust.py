@@ -137,19 +137,6 @@ def test_digits_are_those_of_the_height():
         assert found.label == "periodic" and found.digits == pytest.approx(6.0, abs=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("changed", "part"),
-    [
-        ({"disturbance": 0.0}, "disturbance = 0.0"),
-        ({"exponent_periods": 3}, "exponent_periods = 3"),
-        ({"periods": 0}, "periods = 0"),
-    ],
-)
-def test_wrong_input(changed, part):
-    with pytest.raises(ValueError, match=part):
-        trust(DAMPED, 0.9, **changed)
-
-
 def test_what_shears_is_no_chaos():
     # Quasi-periodic: deviations grow in proportion to time, here by up to 500 in the first period.
     for rate in (0.1, 1.0, 500.0):

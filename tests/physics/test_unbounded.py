@@ -10,12 +10,9 @@ import numpy as np
 import pytest
 
 from gearlib import (
-    Body,
     DeadZoneOscillator,
     GearPair,
-    GearTrain,
     Harmonics,
-    Mesh,
     OneDegreePair,
     basins,
     bifurcation_diagram,
@@ -28,6 +25,7 @@ from gearlib import (
 from gearlib.analysis.trust import LABELS, scan
 from gearlib.data import status
 from gearlib.data.status import NO_START, OVERFLOW
+from tests.properties.known_models import pairs_as_train
 
 PAIR = GearPair.from_ratios(
     contact_ratio=1.3, stiffness_ratio=0.4, damping=0.02, backlash_damping=0.01, backlash=1.0
@@ -38,19 +36,9 @@ GROWS = np.array([False, False, True, True, True, True, True])
 CONSERVATIVE = GearPair.from_ratios(contact_ratio=1.569, stiffness_ratio=0.5879, backlash=4.0)
 
 
-def one_pair(pair):
-    """Return a `GearPair` as a train of two gears."""
-    radius = 0.1
-    gear = {"teeth": 20, "base_radius": radius, "inertia": 2.0 * pair.reduced_mass * radius**2}
-    bodies = [Body(name=name, torque=pair.load * radius, **gear) for name in ("pinion", "wheel")]
-    names = ("max_stiffness", "stiffness_ratio", "contact_ratio", "backlash")
-    more = {name: getattr(pair, name) for name in (*names, "material_damping", "backlash_damping")}
-    return GearTrain(bodies=bodies, meshes=[Mesh(pinion="pinion", wheel="wheel", **more)])
-
-
 def growth(pair, tuning):
     """Return the logarithm of the largest multiplier with both flanks always in contact."""
-    return math.log(np.abs(np.linalg.eigvals(one_pair(pair).contact_map(tuning))).max())
+    return math.log(np.abs(np.linalg.eigvals(pairs_as_train(pair).contact_map(tuning))).max())
 
 
 def test_the_tunings_lie_on_both_sides_of_the_tongue():
@@ -109,7 +97,7 @@ def test_basins():
         assert [flags[code] for code in found.attractor_kind.values] == [kind]
 
 
-@pytest.mark.parametrize("make", [lambda pair: OneDegreePair(pair=pair), one_pair])
+@pytest.mark.parametrize("make", [lambda pair: OneDegreePair(pair=pair), pairs_as_train])
 def test_other_models(make):
     model = make(PAIR)
     for nu, code in ((0.93, 0), (0.945, OVERFLOW)):
@@ -159,7 +147,11 @@ def test_a_unit_of_length_that_is_small_is_no_growth():
 def test_sweeps_of_methods_that_run_one_tuning_after_the_other_say_so_too(trains, method):
     pair = GearPair.from_ratios(contact_ratio=1.5, stiffness_ratio=0.3, backlash=0.0)
     curve = sweep(
-        one_pair(pair) if trains else pair, [0.7, 2.0], periods=60, record_periods=1, method=method
+        pairs_as_train(pair) if trains else pair,
+        [0.7, 2.0],
+        periods=60,
+        record_periods=1,
+        method=method,
     )
     # Beyond 1e8, and far from what a float can hold.
     assert math.log(1e9) < 60 * growth(pair, 2.0) < math.log(1e100)

@@ -3,7 +3,16 @@
 import dataclasses
 import math
 
-from gearlib import GearPair, Harmonics
+from gearlib import (
+    Body,
+    DeadZoneOscillator,
+    GearPair,
+    GearTrain,
+    Harmonics,
+    Mesh,
+    OneDegreePair,
+    Steps,
+)
 from gearlib.geometry import Mesh as DrawnMesh
 
 #: Field -> powers of length, mass and time in its unit; what is not here is a number.
@@ -125,6 +134,21 @@ def _negative(angle):
     return None if angle is None else -angle
 
 
+def as_oscillator(pair, **changes):
+    """Return a `GearPair`, in static deflections, as an oscillator with the same equation."""
+    pieces = OneDegreePair(pair=pair).equation.near
+    steps = Steps(tuple(pieces.breaks[:-1]), tuple(pieces.lines[:, 0]))
+    parameters = {
+        "lower_edge": -pair.backlash_ratio,
+        "upper_stiffness": steps,
+        "damping": 2.0 * pair.backlash_damping_ratio,
+        "upper_damping": 2.0 * pair.damping_ratio,
+        "lower_damping": 2.0 * pair.damping_ratio,
+        "load": 1.0,
+    }
+    return DeadZoneOscillator(**parameters | changes)
+
+
 def mirrored_oscillator(model):
     """Return the image of a dead zone, the upper edge below."""
     turned = Harmonics(*(tuple(-x for x in own) for own in vars(model.forcing).values()))
@@ -141,6 +165,44 @@ def mirrored_oscillator(model):
         forcing=turned,
         deviation=moved,
     )
+
+
+def as_train(six):
+    """Return a pair of six degrees of freedom as a train of two gears, with the same tunings.
+
+    With it the place of each component of the train's state in a state of the pair.
+    """
+    pair, (e3, e2) = six.pair, six.eccentricities
+    names = ("max_stiffness", "stiffness_ratio", "contact_ratio", "backlash")
+    names += ("material_damping", "backlash_damping")
+    flanks = ("deviation", "inverse_deviation", "friction", "pitch_phase", "moving_backlash")
+    mesh = {name: getattr(pair, name) for name in names}
+    mesh |= {name: getattr(six, name) for name in flanks} | {"phase": 0.0, "line_of_action": 0.0}
+    bodies = [
+        Body(
+            name=name,
+            teeth=six.teeth[i],
+            inertia=six.inertias[i],
+            base_radius=six.base_radii[i],
+            mass=six.masses[i],
+            support_stiffness=six.bearing_stiffness[2 * i : 2 * i + 2],
+            support_damping=six.bearing_damping[2 * i : 2 * i + 2],
+            torque=six.torques[i],
+            eccentricity=eccentricity,
+            # e3 sin phi3 and -e2 sin(Delta - phi2), gear 2 turning backwards.
+            eccentricity_phase=turned - math.pi / 2.0,
+        )
+        for i, (name, eccentricity, turned) in enumerate(
+            (("3", e3, 0.0), ("2", e2, six.run_out_phase))
+        )
+    ]
+    frequency = pair.mean_eigenfrequency / (2.0 * math.pi)
+    meshes = [Mesh(pinion="3", wheel="2", **mesh)]
+    train = GearTrain(bodies=bodies, meshes=meshes, reference_frequency=frequency)
+    # Coordinates of the pair: u3, u2 and what can move of y3, z3, y2, z2.
+    own = [("3", "u"), ("2", "u"), *(("3322"[i], "xyxy"[i]) for i in six.flexible())]
+    order = [own.index(key) for key in train.structure.coordinates]
+    return train, order + [len(own) + i for i in order]
 
 
 def renamed(train):

@@ -158,16 +158,24 @@ SETTLING = (-4.81, -7.95, -1.49, 2.52, 6.82, 0.66, -2.32, -3.3, 3.14, 6.87, 1.15
 STRIKING = (-9.58, 16.0, 2.03, -17.32, -0.84, -11.63, -4.41, -3.42, -4.99, 3.87, -0.44, -4.13)
 
 
-def pair_as_train(pair=DAMPED):
-    """Return a `GearPair` as a train of two equal gears on rigid axes."""
-    fields = ("max_stiffness", "stiffness_ratio", "contact_ratio", "backlash")
-    fields += ("material_damping", "backlash_damping")
-    body = {"inertia": 2.0 * pair.reduced_mass * 0.05**2, "base_radius": 0.05, "teeth": 24}
-    body["torque"] = pair.load * 0.05
-    values = {name: getattr(pair, name) for name in fields}
+def pairs_as_train(pair, count=1):
+    """Return a train of so many equal pairs on rigid axes, which do not touch one another."""
+    names = ("max_stiffness", "stiffness_ratio", "contact_ratio", "backlash")
+    names += ("material_damping", "backlash_damping")
+    mesh = {name: getattr(pair, name) for name in names} | {"phase": 0.0}
+    gear = {"teeth": 20, "base_radius": RADIUS, "torque": pair.load * RADIUS}
+    gear["inertia"] = 2.0 * pair.reduced_mass * RADIUS**2
+    # A train is connected: by shafts that carry nothing.
+    nothing = {"stiffness": 1e-200}
     return GearTrain(
-        bodies=[Body(name=name, **body) for name in ("pinion", "wheel")],
-        meshes=[Mesh(pinion="pinion", wheel="wheel", **values)],
+        bodies=[
+            Body(name=f"{kind} {i}", **gear) for i in range(count) for kind in ("pinion", "wheel")
+        ],
+        meshes=[Mesh(pinion=f"pinion {i}", wheel=f"wheel {i}", **mesh) for i in range(count)],
+        shafts=[
+            Shaft(bodies=(f"pinion {i - 1}", f"pinion {i}"), **nothing) for i in range(1, count)
+        ],
+        reference_frequency=None if count == 1 else pair.mean_eigenfrequency / (2.0 * math.pi),
     )
 
 
@@ -249,7 +257,7 @@ KNOWN = {
     "unequal gears": Known(GEARS, 0.9, (0.3, -5.0)),
     "chain that settles": Known(CHAIN, 0.8, SETTLING, 3),
     "chain that strikes": Known(CHAIN, 0.7, STRIKING, 2),
-    "pair as a train": Known(pair_as_train(), 0.9, (0.15, 0.15, -3.0, -3.0)),
+    "pair as a train": Known(pairs_as_train(DAMPED), 0.9, (0.15, 0.15, -3.0, -3.0)),
     "idler that deviates": Known(_wavy_idler(), 0.9, (0.0,) * 6, 2),
     **{
         f"chain with everything {seed}": Known(

@@ -193,11 +193,15 @@ def test_some_of_them_graze_and_some_have_events_at_once():
 FRICTION = {"friction": (0.06, 0.04), "pitch_phase": 0.7}
 ORBITS = {
     "pair": (DAMPED, 0.9, None),
+    "pair in contact": (DAMPED, 0.7, None),
+    "pair in oil": (DAMPED.replace(backlash_damping=800.0), 0.82, None),
     "pair on both flanks": (OTHER, 0.88, (0.096, -2.833)),
     "cubic damping": (KNOWN["cubic damping"].model, 0.9, None),
     "table": (KNOWN["table"].model.replace(pair=DAMPED), 0.9, None),
     "oscillator": (OSCILLATOR, 0.8, None),
+    "cubic damping above": (KNOWN["cubic damping"].model, 1.3, None),
     "six degrees": (gears(3e7, 3953.7, 3953.7, free=True, share=0.2), 0.9, None),
+    "six degrees in contact": (gears(3e7, 3953.7, 3953.7, free=True, share=0.2), 0.7, None),
     "inverse mesh": (
         gears(3e9, 1500.0, 300.0, share=0.2, backlash=12e-6, **FRICTION),
         0.8,
@@ -227,6 +231,7 @@ def test_orbits_multipliers_and_certificates(name):
     model, tuning, guess = ORBITS[name]
     orbit = periodic_orbit(model, tuning, guess=guess, period=model.repeats)
     assert orbit.residual <= 1e-12
+    _closes(model, tuning, orbit)
     motion = move(describe(model), tuning, orbit.period, tuple(orbit.state))
     reduce, lift = model.reduction()
     away = reduce @ (motion.state - orbit.state)
@@ -246,6 +251,31 @@ def test_orbits_multipliers_and_certificates(name):
     proven = gearlib.certify(orbit)
     assert proven, proven
     _overlaps(model, tuning, orbit, proven)
+
+
+def _closes(model, tuning, orbit):
+    """Assert that all runs beside a stable orbit settle on it, and what two repeats of it are."""
+    reduce, _ = model.reduction()
+    if orbit.stable and (abs(orbit.multipliers) ** (2000 / orbit.period) < 1e-12).all():
+        run = simulate(model, tuning, periods=2000, initial_state=tuple(orbit.state + 1e-6))
+        assert int(run.period) in (1, orbit.period)
+        if run.final_state.size == orbit.state.size:
+            away = reduce @ (run.final_state.values - orbit.state)
+            np.testing.assert_allclose(away, 0.0, rtol=0, atol=1e-9)
+    twice = periodic_orbit(model, tuning, guess=orbit.state, period=2 * orbit.period)
+    # Of a cluster each moves by the root of rounding.
+    squares = [np.sort(np.abs(one)) for one in (twice.multipliers, orbit.multipliers**2)]
+    np.testing.assert_allclose(*squares, rtol=0, atol=1e-7)
+    total = np.sum(orbit.multipliers**2)
+    assert twice.multipliers.sum() == pytest.approx(total, abs=1e-11 * max(1.0, abs(total)))
+    if isinstance(model, gearlib.GearPair):
+        # Liouville: the product is that of the time with each damping.
+        one = simulate(model, tuning, periods=orbit.period, record_periods=orbit.period,
+                       initial_state=tuple(orbit.state))  # fmt: skip
+        lost = float(one.fraction_backlash)
+        rate = model.damping_ratio * (1.0 - lost) + model.backlash_damping_ratio * lost
+        expected = math.exp(-4.0 * math.pi * rate * orbit.period / tuning)
+        assert np.prod(orbit.multipliers).real == pytest.approx(expected, rel=1e-10)
 
 
 def _overlaps(model, tuning, orbit, proven):

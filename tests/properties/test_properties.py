@@ -8,8 +8,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from gearlib import OneDegreePair, simulate
-from tests.physics.test_dead_zone import as_oscillator
+from gearlib import simulate
 from tests.properties import changes
 from tests.properties.cases import (
     CASES,
@@ -124,8 +123,21 @@ def test_a_run_goes_on_where_another_ends(kind, data):
 
 @given(data=st.data())
 @MANY
+def test_a_gear_pair_is_an_oscillator_in_static_deflections(data):
+    case, shift = data.draw(CASES["gear pair"]), data.draw(between(-1.0, 1.0))
+    edges = {"upper_edge": shift, "lower_edge": shift - case.model.backlash_ratio}
+    model = changes.as_oscillator(case.model, **edges)
+    found, ends = run(case), np.array([shift, 0.0])
+    for method in model.propagators:
+        other = Case(model, case.tuning, (case.state[0] + shift, case.state[1]))
+        there = run(other, method=method)
+        compare(case, found, there, there.final_state - ends, there.displacement - shift)
+
+
+@given(data=st.data())
+@MANY
 def test_a_dead_zone_moves_as_its_mirror_image(data):
-    model = data.draw(oscillators() | pairs().map(as_oscillator))
+    model = data.draw(oscillators() | pairs().map(changes.as_oscillator))
     if not math.isfinite(model.lower_edge):
         return
     case = Case(model, data.draw(TUNINGS), data.draw(STATES))
@@ -178,6 +190,26 @@ def test_the_two_gears_of_a_pair_may_change_places(data):
 
 @given(data=st.data())
 @MANY
+def test_six_degrees_are_a_train_of_two_gears(data):
+    case = data.draw(CASES["six degrees"])
+    train, order = changes.as_train(case.model)
+    assert (train.size, train.repeats) == (case.model.size, case.model.repeats)
+    unit = case.model.static_deflection
+    assert train.static_deflection == pytest.approx(unit, rel=1e-13)
+    start, end = case.model.propagator(case.tuning).start(case.state), end_of(case, PERIODS)
+    one, other = run(case), Case(train, case.tuning, tuple(start[order]))
+    if end is None or not allowed(case, one)[1]:
+        return
+    found, state = run(other), np.array(end)[order]
+    if compare(other, found, one, state, one.displacement.values[:, None]):
+        np.testing.assert_array_equal(found.event_to, one.event_to)
+        within, _ = allowed(other, found)
+        for name in ("velocity", "dynamic_force"):
+            np.testing.assert_allclose(found[name][:, 0], one[name], rtol=0, atol=10.0 * within)
+
+
+@given(data=st.data())
+@MANY
 def test_whole_turns_of_a_phase_do_not_matter(data):
     case, turns = data.draw(CASES["six degrees"]), data.draw(st.sampled_from([-2, 1, 3]))
     whole = 2.0 * math.pi * turns
@@ -222,81 +254,3 @@ def test_equal_branches_move_alike(seed):
         own = [name.startswith(central) for name in train.mesh_names]
         course = found.displacement.values[:, own]
         assert np.ptp(course, axis=1).max() < within
-
-
-@pytest.mark.parametrize("kind", ["gear pair", "one degree", "oscillator", "pairs of teeth"])
-@given(data=st.data())
-@FEW
-def test_power_balance_closes(kind, data):
-    """What load, excitation and the changing stiffness put in, motion and damping take.
-
-    The force between the flanks is that of the dataset; the rest is written anew from the formulas
-    of the models.
-    """
-    case = data.draw(CASES[kind])
-    model, nu = case.model, case.tuning
-    gap, unit, lengths = _dissipation(model), 1.0 / nu**2, SAMPLES * 1024
-    found = run(case, 1, samples_per_period=lengths)
-    if int(found.status):
-        return
-    phase = np.append(found.phase.values, 2.0 * math.pi)
-    v = np.append(found.velocity.values, found.final_state.values[1])
-    x = np.append(found.displacement.values, found.final_state.values[0])
-    contact = found.contact.values
-    power = (_outside(model, phase[:-1], x[:-1], nu) - unit * found.dynamic_force.values) * v[:-1]
-    power -= gap(contact, v[:-1], nu) * v[:-1]
-    done, gained = _integral(power, phase), 0.5 * (v[-1] ** 2 - v[0] ** 2)
-    # By the rule of rectangles: a step of the largest power at each event and each switch, and at
-    # both ends.
-    jumps = found.sizes["event"] + 8 * (1 + len(getattr(model, "phases_of_switches", ())))
-    step = 2.0 * math.pi / lengths
-    assert abs(done - gained) <= jumps * step * (np.abs(power).max() + np.abs(v).max() * 1e-9)
-    assert np.abs(np.diff(x) / step - v[:-1]).max() < step * (
-        np.abs(found.acceleration.values).max() + 1.0
-    )
-
-
-def _integral(power, phase):
-    return float(np.sum(power * np.diff(phase)))
-
-
-def _dissipation(model):
-    """Return the damping force over mass by contact, velocity by phase and tuning."""
-    if hasattr(model, "upper_damping"):
-        d = {1: model.upper_damping, 0: model.damping, -1: model.lower_damping}
-        return lambda contact, v, nu: np.vectorize(d.get)(contact) * v / nu
-    beta, oil = model.damping_ratio, model.backlash_damping_ratio
-    material, gap = [2.0 * beta, 0.0, 0.0], [2.0 * oil, 0.0, 0.0]
-    if isinstance(model, OneDegreePair):
-        deflection = model.static_deflection
-        quadratic = deflection / model.reduced_mass
-        cubic = deflection**2 * model.mean_eigenfrequency / model.reduced_mass
-        material[1:] = model.quadratic_damping * quadratic, model.cubic_damping * cubic
-        gap[1:] = model.backlash_quadratic_damping * quadratic, model.backlash_cubic_damping * cubic
-
-    def force(contact, v, nu):
-        d = np.where(contact[:, None] == 0, gap, material)
-        return d[:, 0] * v / nu + d[:, 1] * np.abs(v) * v + d[:, 2] * v**3 * nu
-
-    return force
-
-
-def _outside(model, phase, x, nu):
-    """Return the force over mass that does not come from the flanks, by phase."""
-
-    def waves(harmonics, power=0):
-        total = np.zeros_like(phase)
-        for n, a in enumerate(harmonics.cosines, 1):
-            total += a * n**power * np.cos(n * phase)
-        for n, b in enumerate(harmonics.sines, 1):
-            total += b * n**power * np.sin(n * phase)
-        return total
-
-    if hasattr(model, "ground_stiffness"):
-        force = model.load + waves(model.forcing) - model.ground_stiffness * x
-        return force / nu**2 - waves(model.deviation, 2)
-    force = np.ones_like(phase)
-    if isinstance(model, OneDegreePair):
-        force = force + waves(model.excitation) / model.load
-        return force / nu**2 - waves(model.deviation, 2) / model.static_deflection
-    return force / nu**2

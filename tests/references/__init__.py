@@ -53,6 +53,13 @@ def propagate(epsilon, kappa, beta, beta_m, backlash, tuning, periods, state=(0.
         return (*motion.mesh_state(periods), events)
 
 
+def of_pair(pair, tuning, periods, state=(0.0, 0.0)):
+    """Return (x, v, events) of a pair in 50 digits, see `propagate`, by its public ratios."""
+    names = ("contact_ratio", "stiffness_ratio", "damping_ratio", "backlash_damping_ratio")
+    ratios = [getattr(pair, name) for name in (*names, "backlash_ratio")]
+    return propagate(*ratios, tuning, periods, state)
+
+
 def from_rest(decay, square, load, x, t):
     """Return (x, x') after t of x'' + 2 decay x' + square x = load from rest at x.
 

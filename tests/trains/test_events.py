@@ -7,60 +7,19 @@ import numpy as np
 import pytest
 
 import gearlib
-from gearlib import Body, GearTrain, Mesh, Shaft
 from gearlib.kernels import orbit
 from gearlib.kernels.several_meshes.modal_arcs import modes
 from gearlib.kernels.several_meshes.periods import EVENT_MESH, in_order
 from gearlib.runs.simulation import _event_table
 from tests.paper import PAPER
+from tests.properties.known_models import pairs_as_train
 from tests.trains.random_trains import random_problem, symmetric_problem
-from tests.trains.test_train_system import six_degrees
 
 #: Bounces once a mesh period.
 PAIR = PAPER.replace(material_damping=3953.7, backlash_damping=800.0, backlash=120e-6)
 NU = 0.85
 #: In phase, all three ring meshes bounce at once.
 PLANETS = gearlib.planetary(stiffness_ratio=(0.7, 0.7), reference_frequency=1475.7)
-
-
-def pairs_as_train(pair, count=1):
-    """Return a train of so many equal pairs that do not touch one another."""
-    radius, teeth = 0.1, 20
-    bodies, meshes = [], []
-    for i in range(count):
-        for name, sign in ((f"pinion {i}", 1.0), (f"wheel {i}", 1.0)):
-            bodies.append(
-                Body(
-                    name=name,
-                    teeth=teeth,
-                    base_radius=radius,
-                    inertia=2.0 * pair.reduced_mass * radius**2,
-                    torque=sign * pair.load * radius,
-                )
-            )
-        meshes.append(
-            Mesh(
-                pinion=f"pinion {i}",
-                wheel=f"wheel {i}",
-                max_stiffness=pair.max_stiffness,
-                stiffness_ratio=pair.stiffness_ratio,
-                contact_ratio=pair.contact_ratio,
-                material_damping=pair.material_damping,
-                backlash_damping=pair.backlash_damping,
-                backlash=pair.backlash,
-                phase=0.0,
-            )
-        )
-    # A train is connected: by shafts that carry nothing.
-    nothing = [
-        Shaft(bodies=(f"pinion {i}", f"pinion {i + 1}"), stiffness=1e-200) for i in range(count - 1)
-    ]
-    return GearTrain(
-        bodies=bodies,
-        meshes=meshes,
-        shafts=nothing,
-        reference_frequency=pair.mean_eigenfrequency / (2.0 * math.pi),
-    )
 
 
 def assert_same_motion(one, train, mesh, periods):
@@ -88,29 +47,6 @@ def test_a_train_of_one_pair_is_the_pair(tuning):
     # The mean force by the polynomials against that of the samples, which are equal steps.
     fine = gearlib.simulate(pairs_as_train(PAIR), tuning, periods=60, samples_per_period=4096)
     assert float(fine.mean_force[0]) == pytest.approx(float(fine.dynamic_force.mean()), abs=2e-3)
-
-
-@pytest.mark.parametrize("seed", [1, 4, 7])
-def test_a_train_of_one_mesh_moves_as_six_degrees(seed):
-    # Run-out, deviations that differ from flank to flank, friction, elastic or rigid bearings.
-    six, train = six_degrees(np.random.default_rng(seed))
-    tuning, arguments = 0.8, dict(periods=2 * six.repeats, record_periods=six.repeats)
-    one = gearlib.simulate(six, tuning, **arguments, samples_per_period=16)
-    start = six.propagator(tuning).start((0.0, 0.0))
-    tuning *= six.mean_eigenfrequency / train.reference_angular_frequency
-    order = {f"{body} {axis}": i for i, (body, axis) in enumerate(train.structure.coordinates)}
-    names = ["3 u", "2 u"] + [f"{'3322'[i]} {'xyxy'[i]}" for i in six.flexible()]
-    state = np.zeros(train.size)
-    half = len(order)
-    for k, name in enumerate(names):
-        state[order[name]], state[half + order[name]] = start[k], start[half + k]
-    state *= six.static_deflection / train.static_deflection
-    run = gearlib.simulate(train, tuning, initial_state=state, samples_per_period=16, **arguments)
-    unit = train.static_deflection / six.static_deflection
-    # Some dozen mesh periods of rounding, in states of a hundred static deflections.
-    np.testing.assert_allclose(unit * run.displacement[:, 0], one.displacement, rtol=0, atol=1e-9)
-    assert run.sizes["event"] == one.sizes["event"]
-    np.testing.assert_array_equal(run.event_to, one.event_to)
 
 
 def test_pairs_that_do_not_touch_one_another_meet_their_flanks_at_once():

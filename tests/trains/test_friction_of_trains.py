@@ -11,11 +11,12 @@ import numpy as np
 import pytest
 
 from gearlib.analysis.proofs.train_numbers import parts_of
+from tests.properties.changes import as_train
+from tests.properties.known_models import EVERYTHING, gears
 from tests.references.described_models import describe
 from tests.references.reference_equations import machine_of
-from tests.trains.random_trains import ELASTIC, chain_with_everything, planetary_train
+from tests.trains.random_trains import chain_with_everything, planetary_train
 from tests.trains.sliding import past, sliding
-from tests.trains.test_train_system import six_degrees
 
 
 def trains(rng):
@@ -34,9 +35,8 @@ def trains(rng):
         for mesh in carried.meshes
     ]
     yield carried.replace(meshes=meshes)
-    six, pair = six_degrees(rng)
-    free = [replace(body, **ELASTIC) for body in pair.bodies]
-    yield pair.replace(bodies=free)
+    six = gears(1e8, **EVERYTHING | {"teeth": (24, 24), "pitch_phase": rng.uniform(0, 6)})
+    yield as_train(six)[0]
 
 
 @pytest.mark.parametrize("seed", range(8))

@@ -8,54 +8,12 @@ import pytest
 import gearlib
 from gearlib import planetary, simulate
 from tests.paper import PAPER
-from tests.references.described_models import describe
-from tests.references.reference_motion import move
-from tests.trains.random_trains import random_problem
-from tests.trains.test_train_system import six_degrees
 
 
 def moved(train, **changes):
     """Return a train whose coast sides all move, with other changes of its meshes."""
     changes |= {"moving_backlash": True}
     return train.replace(meshes=[replace(mesh, **changes) for mesh in train.meshes])
-
-
-@pytest.mark.parametrize("seed", range(12))
-def test_two_gears_move_as_six_degrees_do(seed):
-    six, train = six_degrees(np.random.default_rng(seed), moving=True)
-    n, coordinates = train.size // 2, train.structure.coordinates
-    state = six.propagator(0.8).start((0.0, -2.0))
-    names = ["u3", "u2", *[("y3", "z3", "y2", "z2")[i] for i in six.flexible()]]
-    order = [names.index(dict(x="y", y="z", u="u")[axis] + body) for body, axis in coordinates]
-    whole = tuple(state[[*order, *[n + i for i in order]]])
-    span = {"periods": 6, "record_periods": 6}
-    one = simulate(six, 0.8, initial_state=tuple(state), **span)
-    other = simulate(train, 0.8, initial_state=whole, **span)
-    assert one.event_to.values.tolist() == other.event_to.values.tolist()
-    for name in ("displacement", "velocity", "dynamic_force"):
-        np.testing.assert_allclose(other[name].squeeze(), one[name], rtol=0, atol=1e-9)
-
-
-@pytest.mark.parametrize("seed", range(10))
-def test_random_trains_against_forces_body_by_body(seed):
-    train, tuning, state = random_problem(np.random.default_rng(seed))
-    if any(np.isinf(body.support_stiffness).any() for body in train.bodies if body.carrier):
-        pytest.skip("rigid pins")
-    deflection = train.static_deflection
-    # Little backlash, so that coast sides touch; not so little that supports might close it.
-    train = moved(train, backlash=1.5 * deflection)
-    options = {"events": True, "rtol": 1e-12, "atol": 1e-12}
-    span = {"periods": 2, "record_periods": 2, "initial_state": tuple(state)}
-    run = simulate(train, tuning, **span)
-    if int(run.status):
-        pytest.skip("flanks jam")
-    reference = move(describe(train), tuning, 2, tuple(state))
-    assert run.event.size == len(reference.events)
-    end = reference.state
-    np.testing.assert_allclose(run.final_state, end, rtol=0, atol=1e-9 * np.abs(end).max())
-    other = simulate(train, tuning, method="scipy", options=options, **span)
-    assert other.event.size == run.event.size
-    np.testing.assert_allclose(other.final_state, run.final_state, rtol=0, atol=1e-8)
 
 
 def test_axes_that_give_do_not_close_the_backlash():

@@ -13,7 +13,7 @@ from gearlib import (
 from gearlib.analysis.orbits.special_points import FOLD
 from gearlib.runs.sensitivities import DOUBLE, ONE_SIDED
 from tests.physics.test_sensitivities import BOUNCING, moved
-from tests.properties.known_models import DAMPED, pair_as_train
+from tests.properties.known_models import DAMPED, pairs_as_train
 
 
 @pytest.mark.parametrize("name", ["contact_ratio", "material_damping", "inertia of body sun"])
@@ -52,10 +52,15 @@ def test_a_planet_by_itself_parts_double_multipliers():
 
 def test_a_start_on_flank_lines_that_move():
     # All flanks just touch; an error of assembly opens one or presses it.
-    run = simulate(pair_as_train(), 0.9, periods=1, sensitivities=("error", "load"))
+    run = simulate(pairs_as_train(DAMPED), 0.9, periods=1, sensitivities=("error", "load"))
     assert int(run.sensitivity_status) == ONE_SIDED
     assert (
-        int(simulate(pair_as_train(), 0.9, periods=1, sensitivities="load").sensitivity_status) == 0
+        int(
+            simulate(
+                pairs_as_train(DAMPED), 0.9, periods=1, sensitivities="load"
+            ).sensitivity_status
+        )
+        == 0
     )
 
 
@@ -66,7 +71,7 @@ def test_settled_derivatives_of_one_pair_as_a_train():
     )
     runs = [
         simulate(pair, 0.9, periods=400, initial_state=start, sensitivities=names)
-        for pair, start in ((DAMPED, (0.3, -6.0)), (pair_as_train(), state))
+        for pair, start in ((DAMPED, (0.3, -6.0)), (pairs_as_train(DAMPED), state))
     ]
     for name in names:
         for variable in ("displacement_max", "displacement_min", "fraction_normal", "event_phase"):
@@ -77,7 +82,7 @@ def test_settled_derivatives_of_one_pair_as_a_train():
 
 def test_folds_of_one_pair_as_a_train():
     slopes, names = [], ("material_damping", "load")
-    for pair in (DAMPED, pair_as_train()):
+    for pair in (DAMPED, pairs_as_train(DAMPED)):
         branch = continue_orbit(periodic_orbit(pair, 0.76), to=0.84)
         fold = int((branch.label == FOLD).argmax("point"))
         jump = fold_sensitivities(pair, branch, fold, names)

@@ -4,17 +4,9 @@ import math
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
 from gearlib import (
-    Body,
-    GearPair,
-    GearTrain,
-    Harmonics,
-    Mesh,
-    SixDegreePair,
     planetary,
-    simulate,
     split_power_reducer,
     two_stage,
 )
@@ -22,105 +14,6 @@ from gearlib.kernels.exponential import REACH
 from gearlib.kernels.several_meshes.train_system import matrix_of
 from tests.paper import PAPER
 from tests.trains.random_trains import random_problem
-
-
-def six_degrees(rng, moving=False):
-    """Return a random `SixDegreePair`, its far flank at rest or moving, and the same as a train."""
-    teeth = tuple(int(z) for z in rng.integers(3, 7, 2))
-    backlash = rng.choice([40e-6, math.inf])
-    damping = rng.uniform(0.0, 4000.0, 2)
-    pair = GearPair(
-        max_stiffness=rng.uniform(1e8, 5e8),
-        stiffness_ratio=rng.uniform(0.4, 1.0),
-        contact_ratio=rng.uniform(1.1, 1.9),
-        reduced_mass=rng.uniform(1.0, 4.0),
-        load=rng.uniform(1e3, 5e3),
-        backlash=backlash,
-        material_damping=damping[0],
-        backlash_damping=damping[1],
-    )
-    radii = tuple(0.01 * z for z in teeth)
-    stiffness = [math.inf if rng.random() < 0.3 else rng.uniform(1e8, 1e9) for _ in range(4)]
-    six = SixDegreePair(
-        pair=pair,
-        base_radii=radii,
-        inertias=tuple(rng.uniform(0.005, 0.05, 2)),
-        masses=tuple(rng.uniform(5.0, 20.0, 2)),
-        bearing_stiffness=tuple(stiffness),
-        bearing_damping=tuple(rng.uniform(0.0, 500.0, 4)),
-        eccentricities=tuple(rng.choice([0.0, 3e-6], 2)),
-        run_out_phase=rng.uniform(0.0, 6.0),
-        teeth=teeth,
-        deviation=Harmonics(tuple(rng.normal(0.0, 1e-6, 2)), (1e-6,)),
-        inverse_deviation=Harmonics((), tuple(rng.normal(0.0, 1e-6, 3))),
-        friction=tuple(rng.uniform(0.0, 0.1, 2)),
-        pitch_phase=rng.uniform(0.0, 6.0),
-        moving_backlash=moving,
-    )
-    bodies = [
-        Body(
-            name=str(3 - i),
-            teeth=teeth[i],
-            inertia=six.inertias[i],
-            base_radius=radii[i],
-            mass=six.masses[i],
-            support_stiffness=stiffness[2 * i : 2 * i + 2],
-            support_damping=six.bearing_damping[2 * i : 2 * i + 2],
-            torque=six.torques[i],
-            eccentricity=six.eccentricities[i],
-            # e3 sin phi3 and -e2 sin(Delta - phi2), gear 2 turning backwards.
-            eccentricity_phase=-math.pi / 2 + (six.run_out_phase if i else 0.0),
-        )
-        for i in range(2)
-    ]
-    mesh = Mesh(
-        pinion="3",
-        wheel="2",
-        line_of_action=0.0,
-        max_stiffness=pair.max_stiffness,
-        stiffness_ratio=pair.stiffness_ratio,
-        contact_ratio=pair.contact_ratio,
-        phase=0.0,
-        backlash=backlash,
-        material_damping=damping[0],
-        backlash_damping=damping[1],
-        deviation=six.deviation,
-        inverse_deviation=six.inverse_deviation,
-        friction=six.friction,
-        pitch_phase=six.pitch_phase,
-        moving_backlash=moving,
-    )
-    frequency = pair.mean_eigenfrequency / (2.0 * math.pi)
-    return six, GearTrain(bodies=bodies, meshes=[mesh], reference_frequency=frequency)
-
-
-def test_a_pair_of_six_degrees_is_a_train_of_one_mesh():
-    """Two descriptions of one machine have one motion, far flanks at rest with the normal ones."""
-    met = set()
-    for seed in range(12):
-        rng = np.random.default_rng(seed)
-        six, train = six_degrees(rng, moving=bool(seed % 2))
-        tuning = rng.uniform(0.3, 1.5)
-        assert train.size == six.size and train.repeats == six.repeats
-        assert train.static_deflection == pytest.approx(six.pair.static_deflection, rel=1e-13)
-        # Coordinates of the pair: u3, u2 and what can move of y3, z3, y2, z2.
-        names = ["u3", "u2", *[("y3", "z3", "y2", "z2")[i] for i in six.flexible()]]
-        own = [dict(x="y", y="z", u="u")[axis] + body for body, axis in train.structure.coordinates]
-        order = [names.index(name) for name in own]
-        order += [len(names) + i for i in order]
-        start = six.propagator(tuning).start(tuple(rng.uniform(-4.0, 4.0, 2)))
-        options = {"periods": 4, "record_periods": 4, "samples_per_period": 8}
-        one = simulate(six, tuning, initial_state=tuple(start), **options)
-        two = simulate(train, tuning, initial_state=tuple(start[order]), **options)
-        assert int(one.status) == int(two.status)
-        if int(one.status):
-            continue
-        met |= set(one.event_to.values.tolist())
-        for name in ("displacement", "velocity", "dynamic_force"):
-            # Rounding of four periods, amplified by bounces.
-            np.testing.assert_allclose(two[name][:, 0], one[name], rtol=0, atol=1e-9, err_msg=name)
-        np.testing.assert_array_equal(two.event_to, one.event_to)
-    assert met == {-1, 0, 1}
 
 
 def test_segments_begin_where_a_stiffness_changes_and_nowhere_else():
@@ -234,15 +127,3 @@ def system_stiffness(train):
     k = train.structure.stiffness + lines.T @ (upper[:, None] * lines)
     root = np.linalg.inv(np.linalg.cholesky(train.structure.mass))
     return root @ k @ root.T / train.reference_angular_frequency**2
-
-
-def test_gyroscopic_forces_depend_on_the_speed_and_do_no_work():
-    train = planetary(turning=True, gyroscopic=True, structural_damping=0.0)
-    still = planetary(structural_damping=0.0)
-    n = train.size // 2
-    one, two = (train.system(nu).free[n : 2 * n, n : 2 * n] for nu in (0.5, 1.0))
-    base = still.system(1.0).free[n : 2 * n, n : 2 * n]
-    np.testing.assert_allclose(two - base, 2.0 * (one - base), rtol=1e-12, atol=1e-15)
-    power = train.structure.mass @ (two - base)
-    np.testing.assert_allclose(power, -power.T, atol=1e-12 * np.abs(power).max())
-    assert np.abs(power).max() > 0.0

@@ -17,8 +17,9 @@ from gearlib.kernels.several_meshes.modal_arcs import DEGREE, REACH, advance, tu
 from gearlib.kernels.several_meshes.train_system import matrix_of
 from gearlib.models.propagators import modal_frame
 from gearlib.models.propagators import several_meshes as propagators
+from tests.properties.known_models import pairs_as_train
 from tests.trains.random_trains import random_problem
-from tests.trains.test_events import PAIR, pairs_as_train
+from tests.trains.test_events import PAIR
 
 #: Trains with run-out, friction, deviations; that fall apart without contact; overdamped; turning.
 SEEDS = range(12)

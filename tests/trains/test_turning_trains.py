@@ -129,7 +129,7 @@ def test_a_train_turned_as_a_whole_has_the_same_motion(planets):
 def test_angular_momentum_is_kept_through_bounces():
     """Without a torsional support all torques are in balance, and no support has a moment.
 
-    With the energy in the turning frame (tests/trains/test_energy_of_trains.py), whose balance is
+    With the energy in the turning frame (tests/properties/test_energy.py), whose balance is
     that of the fixed frame less the speed of the frame times this, power in the fixed frame closes.
     """
     train = turning(torsional_stiffness=(0.0, 0.0, 0.0), stiffness_ratio=(0.5, 0.5), backlash=2e-6)

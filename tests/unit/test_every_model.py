@@ -43,7 +43,7 @@ from gearlib.models.oscillator import Equation
 from gearlib.models.profiles import Steps
 from tests.geometry.drawings import fzg_c
 from tests.paper import PAPER
-from tests.physics.test_dead_zone import as_oscillator
+from tests.properties.changes import as_oscillator
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,0 +1,134 @@
+"""Every method that ends its arcs at events against the exact one, over every kind of model.
+
+Those of others that are not installed are skipped. Sweeps, by every method, hold their single runs.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+import gearlib
+from gearlib import Fourier, GearPair, OneDegreePair, integrators, simulate, sweep
+from tests.paper import PAPER
+from tests.physics.test_step_methods import FULL, OIL_FREE, PAIR, SIX, SPLIT, VARIANTS
+from tests.properties.cases import random_trains_case
+from tests.properties.known_models import CUBIC, KNOWN, UNDAMPED, Known
+from tests.trains.test_methods import START, bouncing
+
+TIGHT = {"rtol": 1e-11, "atol": 1e-11}
+
+
+class Way(NamedTuple):
+    """A method, and the error that it leaves over some periods of a pair, of others, of a train."""
+
+    options: dict
+    pair: float
+    other: float
+    train: float = 1e-9
+
+
+#: heyoka works to rounding. The others control the error of a step; the sum over the steps, and the
+#: slope of an event, which a root finder leaves at the root of its interpolant, cost a factor of
+#: 1e3. With |x'| x' the right-hand side has a kink, behind which a Runge-Kutta pair loses a digit.
+WAYS = {
+    "scipy": Way(SPLIT, 1e-8, 1e-8),
+    "heyoka": Way({}, 1e-12, 1e-11),
+    "cvode": Way(TIGHT, 1e-8, 1e-7),
+    "diffrax": Way(TIGHT, 1e-8, 1e-7),
+}
+THICK = PAPER.replace(material_damping=3953.7, backlash_damping=3953.7)
+FAR = -THICK.backlash_ratio
+MOTIONS = {
+    "bounces": Known(THICK, 0.9, (0.0, 0.0), 20),
+    "keeps contact": Known(THICK, 0.7, (0.0, 0.0), 20),
+    "rest on the flank line": Known(THICK, 0.82, (0.0, 0.0)),
+    "rest on the far line": Known(THICK, 0.82, (FAR, 0.0)),
+    "both flanks": Known(THICK, 0.9, (-1.0, -6.0), 4),
+    "no gap": Known(PAIR.replace(backlash=0.0), 0.8, (0.5, -2.0), 4),
+    "no far flank": Known(PAIR.replace(backlash=math.inf), 0.8, (0.5, -2.0), 4),
+    "without oil": Known(OIL_FREE, 0.8, (1.0, -3.0)),
+    "everything": Known(FULL, 0.8, (1.0, -3.0)),
+    "harmonics": Known(OneDegreePair(pair=PAIR, profile=Fourier(3)), 0.8, (1.0, -3.0)),
+    "quadratic": Known(
+        OneDegreePair(pair=THICK, profile=Fourier(3), quadratic_damping=3e4), 0.9, (0.0, 0.0), 10
+    ),
+    "six degrees": Known(SIX, 0.8, (1.0, -3.0)),
+    "train": Known(bouncing(), 0.9, START, 6),
+    # Run-out, deviations of both flanks, friction; a common period of many mesh periods.
+    **{f"random train {seed}": Known(*random_trains_case(seed), 2) for seed in (0, 5)},
+}
+STATES = ("displacement", "velocity", "acceleration", "dynamic_force", "final_state")
+SHARES = ("normal", "backlash", "inverse", "min_stiffness")
+
+
+def available(method):
+    """Skip what is not installed."""
+    if not integrators.about(method).available:
+        pytest.skip(integrators.about(method).note)
+
+
+@pytest.mark.parametrize("name", MOTIONS)
+@pytest.mark.parametrize("method", WAYS)
+def test_a_motion_is_that_of_the_exact_method(method, name):
+    available(method)
+    (options, *errors), case = WAYS[method], MOTIONS[name]
+    span = {"periods": case.periods, "record_periods": case.periods, "samples_per_period": 64}
+    span["initial_state"] = case.state
+    if not integrators.METHODS[method].takes(case.model):
+        with pytest.raises(ValueError, match=f"method = '{method}' is not allowed .* it takes"):
+            simulate(case.model, case.tuning, method=method, **span)
+        return
+    exact = simulate(case.model, case.tuning, **span)
+    run = simulate(case.model, case.tuning, method=method, options=options, **span)
+    assert int(run.status) == 0 and int(run.evaluations) > 0
+    several = "mesh" in exact.dims
+    names = ("event_from", "event_to", *["event_mesh"] * several)
+    for one in names:
+        np.testing.assert_array_equal(run[one], exact[one])
+    assert case.model.repeats > 1 or not name.startswith("random")
+    within = errors[2 if several else not isinstance(case.model, GearPair)]
+    columns = [*STATES, "event_phase", "bounces", *(f"fraction_{share}" for share in SHARES)]
+    columns += ["modified_stiffness", "body_motion"] if several else [*case.model.extra_samples]
+    for one in columns:
+        np.testing.assert_allclose(run[one], exact[one], rtol=0, atol=within, err_msg=one)
+    # Those of step ends and samples, 64 to a period: x'' h^2 / 8 = 5e-3.
+    for one in ("displacement_max", "displacement_min"):
+        np.testing.assert_allclose(run[one], exact[one], rtol=0, atol=0.01, err_msg=one)
+
+
+def test_the_motions_meet_all_flanks():
+    codes = {
+        name: set(simulate(case.model, case.tuning, periods=case.periods,
+                           record_periods=case.periods, initial_state=case.state).event_to.values)
+        for name, case in MOTIONS.items()
+    }  # fmt: skip
+    assert codes["bounces"] == {0, 1} and codes["keeps contact"] <= {1}
+    assert all(-1 in codes[name] for name in ("both flanks", "no gap", "train"))
+
+
+RUNS = [(OIL_FREE, method, options) for method, options in VARIANTS if options != SPLIT]
+RUNS += [(THICK, method, {}) for method in ("exact", "heyoka", "cvode", "diffrax")]
+RUNS += [(OneDegreePair(pair=UNDAMPED, **CUBIC), "taylor", {}), (bouncing(), "rk4", {})]
+RUNS += [(KNOWN[name].model, "exact", {}) for name in ("gear_rattle", "unequal gears", "reducer")]
+
+
+@pytest.mark.parametrize(("model", "method", "options"), RUNS)
+def test_a_sweep_holds_its_single_runs(model, method, options):
+    available(method)
+    span = {"periods": 10, "record_periods": 4, "method": method, "options": options}
+    table = sweep(model, [0.9, 0.7], **span)
+    assert ("mesh" in table.dynamic_force_max.dims) == bool(model.mesh_names)
+    for nu in (0.7, 0.9):
+        one, many = simulate(model, nu, **span), table.sel(tuning=nu)
+        for name in ("final_state", "bounces", "period", "fraction_backlash"):
+            np.testing.assert_array_equal(many[name], one[name], err_msg=name)
+        # A single run shows samples besides the step ends.
+        assert (many.displacement_max.values <= one.displacement_max.values).all()
+
+
+def test_trains_are_refused_by_methods_of_one_degree():
+    for method in ("taylor", "rk45", "newmark"):
+        with pytest.raises(ValueError, match=f"method = '{method}' .* it takes .* must be one of"):
+            gearlib.simulate(bouncing(), 0.9, periods=1, method=method)

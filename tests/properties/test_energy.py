@@ -1,0 +1,130 @@
+"""Energy: kept by every model where nothing takes it, and in balance where teeth change.
+
+The energy of a state of the library is written by the matrices and flanks of `tests.references`.
+"""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import gearlib
+from gearlib import DeadZoneOscillator, OneDegreePair, simulate
+from tests.properties.cases import CASES
+from tests.properties.known_models import UNDAMPED, gears
+from tests.properties.test_properties import FEW
+from tests.references.described_models import describe
+from tests.references.reference_equations import machine_of
+
+CONSTANT = UNDAMPED.replace(contact_ratio=2.0, backlash=12e-6)
+_FREE = {"structural_damping": 0.0, "material_damping": 0.0, "backlash_damping": 0.0}
+
+
+def _undamped(train):
+    bodies = [replace(body, support_damping=0.0, torsional_damping=0.0) for body in train.bodies]
+    shafts = [replace(shaft, damping=0.0, bending_damping=0.0) for shaft in train.shafts]
+    return train.replace(bodies=bodies, shafts=shafts)
+
+
+#: Neither damping nor what changes with the phase; and from where they meet all flanks.
+CONSERVATIVE = {
+    "gear pair": (CONSTANT, (1.0, -6.0)),
+    "powers": (
+        OneDegreePair(pair=CONSTANT, quadratic_stiffness=5e3, cubic_stiffness=2e9),
+        (1.0, -6.0),
+    ),
+    "oscillator": (
+        DeadZoneOscillator(
+            upper_edge=0.2,
+            lower_edge=-0.9,
+            upper_stiffness=1.3,
+            lower_stiffness=0.8,
+            ground_stiffness=0.1,
+            load=0.1,
+        ),
+        (0.3, -3.0),
+    ),
+    **{
+        f"six degrees, backlash that moves: {moving}": (
+            gears(1e9, share=0.0, backlash=12e-6, moving_backlash=moving).replace(pair=CONSTANT),
+            (5.0, 0.0),
+        )
+        for moving in (False, True)
+    },
+    **{
+        f"planets, turning: {turning}": (
+            gearlib.planetary(backlash=1e-6, turning=turning, gyroscopic=turning, **_FREE),
+            3.0,
+        )
+        for turning in (False, True)
+    },
+    "reducer": (
+        _undamped(gearlib.split_power_reducer(CONSTANT.replace(backlash=2e-6), internal=True)),
+        3.0,
+    ),
+}
+
+
+def energy(machine, state):
+    """Return the energy of a state over that of the unit of length, by the matrices of it alone."""
+    n, tau = machine.n, 0.0
+    q, v = state[:n] * machine.length, state[n:] * machine.length * machine.speed
+    total = 0.5 * (v @ machine.mass @ v + q @ machine.stiffness @ q) - machine.load @ q
+    for contact in machine.contacts:
+        for side, sign in ((contact.drive, 1.0), (contact.coast, -1.0)):
+            pressed = max(sign * machine.distance(side, q, tau), 0.0)
+            square, cube = contact.powers
+            c = contact.level(machine.context, side, tau, tau)[0]
+            total += c * pressed**2 * (1 / 2 + square * pressed / 3 + cube * pressed**2 / 4)
+    return total / (machine.force_unit * machine.length**2)
+
+
+@pytest.mark.parametrize("name", CONSERVATIVE)
+def test_energy_is_kept_where_nothing_takes_it(name):
+    model, start = CONSERVATIVE[name]
+    if isinstance(start, float):
+        # Beside rest, by so much in every coordinate.
+        rng, beside = np.random.default_rng(2), model.start_state("static")
+        start = tuple(beside + start * rng.normal(size=beside.size))
+    nu, machine = 0.9, machine_of(describe(model), 0.9)
+    run = simulate(model, nu, periods=12, record_periods=12, initial_state=start)
+    assert set(run.event_to.values) >= {-1, 1} and run.sizes["event"] > 12
+    propagator = model.propagator(nu)
+    state, energies = propagator.start(start), []
+    for _ in range(13):
+        energies.append(energy(machine, state))
+        state = propagator.maps(state, 1, 10**5)[0]
+    # Some hundred events, each placed to rounding times the energies of the parts.
+    size = max(1.0, np.abs(energies).max())
+    np.testing.assert_allclose(energies, energies[0], rtol=0, atol=1e-11 * size)
+
+
+@given(data=st.data())
+@FEW
+def test_power_balance_of_pairs_of_teeth_closes(data):
+    """What the load and the changing stiffness put in, motion and damping take.
+
+    The force between the flanks is that of the dataset; the rest is written anew.
+    """
+    (model, nu, state), count = data.draw(CASES["pairs of teeth"]), 16 * 1024
+    span = {"periods": 1, "record_periods": 1, "samples_per_period": count}
+    run = simulate(model, nu, initial_state=state, **span)
+    if int(run.status):
+        return
+    x, v = (
+        np.append(run[name].values, end)
+        for name, end in zip(("displacement", "velocity"), run.final_state.values, strict=True)
+    )
+    ratio = np.where(run.contact == 0, model.backlash_damping_ratio, model.damping_ratio)
+    power = ((1.0 - run.dynamic_force.values) / nu**2 - 2.0 * ratio * v[:-1] / nu) * v[:-1]
+    step = 2.0 * math.pi / count
+    # By the rule of rectangles: a step of the largest power at each event and each switch, and at
+    # both ends.
+    jumps = run.sizes["event"] + 8
+    within = jumps * step * (np.abs(power).max() + np.abs(v).max() * 1e-9)
+    assert abs(power.sum() * step - 0.5 * (v[-1] ** 2 - v[0] ** 2)) <= within
+    fastest = np.abs(run.acceleration.values).max() + 1.0
+    assert np.abs(np.diff(x) / step - v[:-1]).max() < step * fastest
