@@ -14,6 +14,7 @@ from pathlib import Path
 
 from snakemake.exceptions import WorkflowError
 
+import gearlib
 from gearlib import config as configuration
 from gearlib import integrators
 from gearlib.config import yaml_keys
@@ -22,6 +23,8 @@ from gearlib.config.studies.study import pairs_of, run_length, text_of
 from workflow.sources import sources
 
 ROOT = Path(workflow.basedir)
+#: The folder of the library: the same, but where both are installed.
+LIBRARY = Path(gearlib.__file__).parents[1]
 
 #: Fig. 2 to 8 and the table of statements.
 PAPER_TARGETS = ["phase_lag", "resonance", "phase_planes", "scenes", "jump", "claims"]
@@ -72,7 +75,8 @@ def script_sources(name, *methods, loaded=()):
     script says so itself, see `workflow.sources`.
     """
     methods = [f"gearlib.integrators.{integrators.METHODS.data[method]}" for method in methods]
-    files = sources(ROOT / "workflow" / "scripts" / f"{name}.py", ROOT, [*methods, *loaded])
+    script = ROOT / "workflow" / "scripts" / f"{name}.py"
+    files = sources(script, LIBRARY, [*methods, *loaded])
     return [os.path.relpath(path) for path in files]
 
 
