@@ -27,7 +27,7 @@ _jobs = click.option(
 @click.command()
 @click.argument("folder", type=click.Path(file_okay=False, path_type=Path), default="paper")
 @_jobs
-@click.option("--all", "everything", is_flag=True, help="Every target, not the paper's figures only.")
+@click.option("--all", "everything", is_flag=True, help="Every target, not the paper's alone.")
 def paper(folder, jobs, everything):
     """Reproduce the paper in FOLDER, by default ./paper: figures, and a table of its statements.
 
