@@ -69,8 +69,8 @@ def test_it_is_the_wheel_that_answers(gearlib, installed, tmp_path):
     assert __version__ in gearlib("--version")
     where = run(installed / "python", "-c", "import gearlib; print(gearlib.__file__)", cwd=tmp_path)
     assert Path(where).is_relative_to(installed.parent)
-    drawing = ["--teeth", "23", "61", "--module", "2.5 mm", "--width", "18 mm", "--torque", "85 N m"]
-    assert "contact_ratio" in gearlib("gears", *drawing)
+    drawing = ["--teeth", "23", "61", "--module", "2.5 mm", "--width", "18 mm"]
+    assert "contact_ratio" in gearlib("gears", *drawing, "--torque", "85 N m")
 
 
 def test_the_workflow_runs_from_the_wheel(gearlib, tmp_path):
