@@ -16,6 +16,7 @@
 # make docs    build/docs/index.html, the documentation as a site
 # make speed-and-accuracy  after `make peers`: renew numbers and pictures of that page: 20 min
 # make same-bytes  the small workflow on emulated processors, byte by byte: an hour
+# make wheel   build wheel and source archive into dist/, and try both in a fresh environment
 # make clean   remove the results; `make distclean` the environment as well
 #
 # ARGS is handed to what a target calls, as in `make faults ARGS=drawing`; with SHORT=1 benchmarks
@@ -31,7 +32,7 @@ SCHEMA := build/config.schema.json
 COMMA := ,
 
 .PHONY: all lint golden references test faults mutants rounding torture peers random-trains \
-    random-certificates slurm-test bench report docs speed-and-accuracy same-bytes clean distclean
+    random-certificates slurm-test bench report docs speed-and-accuracy same-bytes wheel clean distclean
 
 all: $(INSTALLED) $(SCHEMA)
 	$(BIN)/snakemake -j$(JOBS)
@@ -90,6 +91,11 @@ bench: $(INSTALLED)
 
 same-bytes: $(TESTING)
 	$(BIN)/python -m tests.workflow.same_bytes $(ARGS)
+
+wheel: $(TESTING)
+	rm -rf dist
+	$(BIN)/python -m hatchling build -d dist
+	GEARLIB_DIST=dist $(BIN)/python -m pytest tests/wheel -rs $(ARGS)
 
 report: all
 	$(BIN)/snakemake --report results/report.html

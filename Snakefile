@@ -31,7 +31,8 @@ gc.set_threshold(200_000)
 ASKING = {"--unlock", "--lint", "--dag", "--rulegraph", "--filegraph", "--summary", "--list-rules"}
 
 
-configfile: "config.yaml"
+# Of an installed package, unless this folder has one of its own.
+configfile: "config.yaml" if Path("config.yaml").exists() else Path(workflow.basedir, "config.yaml")
 
 
 given = workflow.config_settings.overwrite_config

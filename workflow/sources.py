@@ -1,20 +1,25 @@
-"""The source files a script depends on: they are inputs of its rule.
+"""The source files a script depends on: a list of them, with checksums, is an input of its rule.
 
 Snakemake sees neither edits of imported modules nor, with the triggers of this workflow, of the
-script itself. Listed as inputs they count by their content: an edit reruns the jobs whose results
-it can change and no others, a touched file reruns nothing.
+script itself. Every start of it writes the lists whose sources have changed: so an edit reruns the
+jobs whose results it can change and no others, a touched file reruns nothing. A list is one input
+in place of some seventy, which Snakemake would look up, and print, for each job.
 
 Modules that are loaded by their names, with `import_module`, cannot be seen. Those that any run may
 load are imported under `if TYPE_CHECKING`, where they are named; those that a job is told to load
 are given by its rule.
 """
 
+import hashlib
 import os
 import re
 from functools import cache
 from pathlib import Path
 
 PACKAGE = "gearlib"
+
+#: Below the working folder, as all that Snakemake knows of its jobs.
+LISTS = Path(".snakemake/sources")
 
 # Every start of Snakemake lists the sources of all scripts: to parse them takes ten times as long.
 # Text between quotes that looks like an import counts as one; `ruff` sees to one import a line.
@@ -61,6 +66,31 @@ def sources(script, root, loaded=()):
             found.add(path)
             waiting += _imported_files(path, root)
     return sorted(map(Path, found))
+
+
+def listed(script, files):
+    """Write the list of the sources of a script where it is not there yet; return its path."""
+    names = [os.path.relpath(path) for path in files]
+    own = hashlib.sha256("\n".join(names).encode()).hexdigest()[:8]
+    path = LISTS / f"{Path(script).stem}-{own}.txt"
+    text = "".join(f"{_checksum(name)}  {name}\n" for name in names)
+    if not path.exists() or path.read_text(encoding="utf-8") != text:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        temporary = path.with_name(f".{os.getpid()}.{path.name}")
+        temporary.write_text(text, encoding="utf-8")
+        os.replace(temporary, path)
+    return str(path)
+
+
+def read(path):
+    """Return the source files of a list."""
+    lines = Path(path).read_text(encoding="utf-8").splitlines()
+    return [line.split("  ", 1)[1] for line in lines]
+
+
+@cache
+def _checksum(path):
+    return hashlib.sha256(Path(path).read_bytes()).hexdigest()
 
 
 # Most scripts share most modules.

@@ -4,7 +4,14 @@ import math
 
 import click
 
-from gearlib.cli import drawn_gears, model_options, output, progress, speed_options
+from gearlib.cli import (
+    drawn_gears,
+    model_options,
+    output,
+    progress,
+    speed_options,
+    workflow_commands,
+)
 from gearlib.config import schema_text
 from gearlib.version import __version__
 
@@ -316,3 +323,7 @@ def explore(mapping, damping, port, show):
     except ModuleNotFoundError as error:
         output.fail(f"{error.name} is missing: install gearlib[explore]")
     serving.serve(mapping, damping, port, show)
+
+
+main.add_command(workflow_commands.paper)
+main.add_command(workflow_commands.workflow)

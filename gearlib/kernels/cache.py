@@ -13,6 +13,9 @@ save the same function for different arguments, or for the processors of two nod
 can give both entries one file, and one of them then runs the code of the other. Here there is no
 index: the name of a file is a hash of all that its code depends on, and a file appears whole.
 Whoever comes second writes the same code once more.
+
+The first call of a new version compiles for some ten seconds to a minute: a line on the terminal, or
+in a notebook, says so, once in a process.
 """
 
 import contextlib
@@ -20,8 +23,10 @@ import hashlib
 import os
 import re
 import shutil
+import sys
 import tempfile
 import time
+from functools import cache
 from pathlib import Path
 
 import numba
@@ -123,6 +128,14 @@ class _Naming(CompileResultCacheImpl):
     _locator_classes = [_Locator]
 
 
+@cache
+def _say_that_this_compiles():
+    """Tell, once, whoever waits for the machine code that is not there yet."""
+    waiting = sys.stderr is not None and sys.stderr.isatty() or "ipykernel" in sys.modules
+    if waiting:
+        print("gearlib compiles, once for this version: up to a minute", file=sys.stderr)
+
+
 class KeyedFiles(IndexDataCacheFile):
     """Machine code of one function: a file for each key, found by the hash in its name.
 
@@ -141,6 +154,7 @@ class KeyedFiles(IndexDataCacheFile):
         except Exception:
             # No such file, or one that a dying disk or node has cut short: what a damaged pickle
             # raises can be anything, and the kernel can always be compiled.
+            _say_that_this_compiles()
             return None
         return data if stored == key else None
 

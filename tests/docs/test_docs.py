@@ -13,6 +13,11 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import pytest
 import yaml
+from selenium.webdriver.support.ui import WebDriverWait
+
+from tests.browser.chromium import browser, errors
+
+assert browser  # a fixture
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
@@ -109,14 +114,37 @@ def test_commands_of_the_shell_run(tmp_path, monkeypatch):
                 assert not option.startswith("-") or option in result.output
 
 
-@needs_mkdocs
-def test_the_site_builds_without_a_warning_and_without_the_network(tmp_path):
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    """The documentation as a site, which was built without a warning."""
+    folder = tmp_path_factory.mktemp("site")
     command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet"]
     result = subprocess.run(
-        [*command, "--site-dir", tmp_path], cwd=ROOT, capture_output=True, text=True
+        [*command, "--site-dir", folder], cwd=ROOT, capture_output=True, text=True
     )
     assert result.returncode == 0, result.stdout + result.stderr
-    pages = list(tmp_path.rglob("*.html"))
+    return folder
+
+
+@needs_mkdocs
+@pytest.mark.parametrize("page", ["index.html", "how_to/explorer.html"])
+def test_pages_opened_as_files_can_be_searched(site, browser, page):
+    browser.get((site / page).as_uri())
+    field = browser.find_element("css selector", ".md-search__input")
+    field.click()
+    field.send_keys("backlash")
+
+    def found(driver):
+        return driver.find_elements("css selector", ".md-search-result__item a")
+
+    first = WebDriverWait(browser, 30).until(found)[0].get_attribute("href")
+    assert (site / Path(first.split("#")[0].split("?")[0]).relative_to(site.as_uri())).exists()
+    assert errors(browser) == []
+
+
+@needs_mkdocs
+def test_the_site_fetches_nothing_from_the_network(site):
+    pages = list(site.rglob("*.html"))
     assert len(pages) > len(PAGES)
     fetched = r'<(?:script|link|img)[^>]+(?:src|href)="(https?:[^"]+)"'
     for page in pages:

@@ -197,3 +197,30 @@ def test_a_temporary_folder_of_somebody_else_is_not_used(tmp_path, monkeypatch):
     monkeypatch.setattr(os, "getuid", lambda: owner + 1)
     other = _temporary_folder()
     assert not os.listdir(other) and other not in (own, str(tmp_path / f"gearlib-{owner + 1}"))
+
+
+def test_who_waits_for_machine_code_at_a_terminal_is_told_once(tmp_path):
+    (tmp_path / "kernels.py").write_text(
+        "from gearlib.kernels.jit import kernel\n\n\n@kernel\ndef twice(value):\n"
+        "    return 2 * value\n",
+        encoding="utf-8",
+    )
+
+    def said(terminal, cache="cache"):
+        reader, writer = os.openpty() if terminal else os.pipe()
+        program = "import kernels; kernels.twice(2); kernels.twice(0.5)"
+        subprocess.run(
+            [sys.executable, "-c", program],
+            stderr=writer,
+            check=True,
+            cwd=tmp_path,
+            env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / cache)},
+        )
+        os.write(writer, b".\n")
+        text = os.read(reader, 10_000).decode()
+        os.close(reader), os.close(writer)
+        return text.splitlines()[:-1]
+
+    assert said(terminal=False, cache="another") == []
+    assert len(said(terminal=True)) == 1
+    assert said(terminal=True) == []

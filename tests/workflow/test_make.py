@@ -64,6 +64,7 @@ WHOLE = {
     "slurm-test": ["python"],
     "speed-and-accuracy": ["snakemake", "python"],
     "torture": ["python"],
+    "wheel": ["python", "python"],
 }
 
 #: Notes its name, its arguments and the numbers of cases.

@@ -30,8 +30,9 @@ for script in scripts:
     files = {name: getattr(module, "__file__", None) for name, module in sys.modules.items()}
     ours = {name: file for name, file in files.items() if file and file.startswith(root + "/")}
     ours = {name: file for name, file in ours.items() if "/.venv/" not in file}
-    # Checksums change no result.
-    ours = {name: file for name, file in ours.items() if file != root + "/workflow/checksums.py"}
+    # Checksums and lists change no result.
+    unheard = [root + "/workflow/checksums.py", root + "/workflow/sources.py"]
+    ours = {name: file for name, file in ours.items() if file not in unheard}
     loaded[script] = list(ours.values())
     for name in ours:
         del sys.modules[name]

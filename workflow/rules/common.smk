@@ -14,14 +14,17 @@ from pathlib import Path
 
 from snakemake.exceptions import WorkflowError
 
+import gearlib
 from gearlib import config as configuration
 from gearlib import integrators
 from gearlib.config import yaml_keys
 from gearlib.config.studies import STUDIES
 from gearlib.config.studies.study import pairs_of, run_length, text_of
-from workflow.sources import sources
+from workflow.sources import listed, sources
 
 ROOT = Path(workflow.basedir)
+#: The folder of the library: the same, but where both are installed.
+LIBRARY = Path(gearlib.__file__).parents[1]
 
 #: Fig. 2 to 8 and the table of statements.
 PAPER_TARGETS = ["phase_lag", "resonance", "phase_planes", "scenes", "jump", "claims"]
@@ -66,14 +69,14 @@ wildcard_constraints:
 
 
 def script_sources(name, *methods, loaded=()):
-    """Return the source files on which the results of a script depend.
+    """Return the list of the source files on which the results of a script depend.
 
     It is told to run these methods, and to load these modules; of those that are always loaded a
     script says so itself, see `workflow.sources`.
     """
     methods = [f"gearlib.integrators.{integrators.METHODS.data[method]}" for method in methods]
-    files = sources(ROOT / "workflow" / "scripts" / f"{name}.py", ROOT, [*methods, *loaded])
-    return [os.path.relpath(path) for path in files]
+    script = ROOT / "workflow" / "scripts" / f"{name}.py"
+    return listed(script, sources(script, LIBRARY, [*methods, *loaded]))
 
 
 def result(path):

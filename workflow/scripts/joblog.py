@@ -10,6 +10,7 @@ from pathlib import Path
 
 import __main__
 from gearlib.data.provenance import declare_sources
+from workflow import sources
 from workflow.checksums import record
 
 # Imports make objects that stay: to look for garbage among them takes a sixth of a short job.
@@ -28,7 +29,7 @@ def redirect_output(path):
     whether somebody else has replaced it. The job's source files are declared: netCDF files hold
     their hash.
     """
-    declare_sources(__main__.snakemake.input.sources)
+    declare_sources(sources.read(__main__.snakemake.input.sources))
     sys.stdout.flush()
     sys.stderr.flush()
     terminal = os.dup(2)

@@ -23,12 +23,17 @@ def _write():
     # Snakemake puts this into the main module of a job.
     job = getattr(sys.modules["__main__"], "snakemake", None)
     files = {getattr(module, "__file__", None) for module in list(sys.modules.values())}
+    declared = []
+    if hasattr(job, "rule"):
+        from workflow import sources
+
+        declared = sources.read(job.input.sources)
     record = {
         "rule": getattr(job, "rule", ""),
         # Snakemake runs a copy, whose name begins with letters of its own.
         "script": Path(sys.argv[0]).name.partition(".")[2] if job else "",
-        "declared": list(job.input.sources) if hasattr(job, "rule") else [],
-        "read": list(job.input) if hasattr(job, "rule") else [],
+        "declared": declared,
+        "read": [*job.input, *declared] if hasattr(job, "rule") else [],
         "written": list(job.output) if hasattr(job, "rule") else [],
         "loaded": sorted(filter(None, files)),
         "compiled": _compiled,
