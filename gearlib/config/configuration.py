@@ -76,7 +76,18 @@ class _Common(Section):
             self._check_scene(f"scenes.{name}", scene)
         for key in ("basins", "poincare"):
             check_different(f"{key}.cases", getattr(self, key).cases, "title")
+        self._check_targets()
         return self
+
+    def _check_targets(self):
+        """Refuse targets that cannot be about these gears."""
+        for name in self.targets if "targets" in self.model_fields_set else ():
+            if words := STUDIES[name].refusal(self):
+                raise ValueError(f"{words}, for the target {name}")
+
+    def wanted(self):
+        """Return the targets; where none are named, those that can be about these gears."""
+        return [name for name in self.targets if not STUDIES[name].refusal(self)]
 
     def _check_scene(self, key, scene):
         check_most(f"{key}.periods_shown", scene.periods_shown, self.record_periods)

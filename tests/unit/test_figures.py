@@ -5,6 +5,7 @@ All are drawn of golden data, with something taken away or changed.
 
 import itertools
 import math
+import re
 
 import numpy as np
 import pytest
@@ -226,16 +227,19 @@ def test_branches_lie_over_the_first_panel_of_a_bifurcation():
     ],
     ids=["evaluations", "measures", "failures", "jump_by_method"],
 )
-def test_methods_that_are_not_installed_are_named_beside_legend_and_panels(draw):
+def test_gears_and_methods_not_installed_are_named_beside_legend_and_panels(draw, tmp_path):
     figure = draw()
+    style.name_gears(figure, "gear pair z 23/61, m 2.5 mm")
     style.note_absent(figure, list(PEERS))
-    figure.draw_without_rendering()
-    (note,) = (text for text in figure.texts if "not installed" in text.get_text())
-    box = note.get_window_extent()
+    style.save(figure, tmp_path / "figure.png")
     others = [legend.get_window_extent() for legend in figure.legends]
     others += [axes.get_tightbbox() for axes in figure.axes]
-    assert not any(box.overlaps(other) for other in others)
-    assert figure.bbox.x0 <= box.x0 and box.x1 <= figure.bbox.x1
+    notes = [text for text in figure.texts if re.match("not installed|gear pair", text.get_text())]
+    for box in (note.get_window_extent() for note in notes):
+        assert not any(box.overlaps(other) for other in others)
+        assert figure.bbox.x0 <= box.x0 and box.x1 <= figure.bbox.x1
+        assert figure.bbox.y0 <= box.y0 and box.y1 <= figure.bbox.y1
+    assert len(notes) == 2
 
 
 DRAWN = {

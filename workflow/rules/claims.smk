@@ -17,5 +17,6 @@ use rule job as claims with:
         markdown="results/claims.md",
     params:
         script="claims",
+        gears=STUDIES["claims"].gears(CONFIG),
         pair=canonical(CONFIG.gear_pair.model_dump()),
         dampings=canonical(CONFIG.model_dump()["dampings"]),

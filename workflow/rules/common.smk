@@ -160,12 +160,13 @@ def captions():
     """Return the captions of all figures and tables, by their names, for the report."""
     found = {"figures": {}, "tables": {}}
     for study in STUDIES.values():
+        gears = f"Gears: {study.gears(CONFIG)}."
         for table in study.tables:
-            found["tables"][table.name] = text_of(table.caption, CONFIG)
+            found["tables"][table.name] = f"{text_of(table.caption, CONFIG)} {gears}"
         for drawing in study.drawings:
             wildcards = drawing.names(CONFIG)
             for name, (_, caption) in drawing.figures.items():
-                text = text_of(caption, CONFIG)
+                text = f"{text_of(caption, CONFIG)} {gears}"
                 found["figures"][name] = text
                 for wildcard, values in wildcards.items():
                     for value in values:

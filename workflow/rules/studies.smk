@@ -68,6 +68,7 @@ for study, table in [
         params:
             function=path_of(table.function),
             settings=canonical(table.settings(CONFIG)),
+            gears=study.gears(CONFIG),
         conda:
             "../envs/gearlib.yaml"
         script:
@@ -97,6 +98,7 @@ for study, drawing in [(study, one) for study in STUDIES.values() for one in stu
             f"results/benchmarks/{log}.tsv"
         params:
             draw=drawing.function,
+            gears=study.gears(CONFIG),
             settings=canonical(drawing.settings(CONFIG)),
             absent=drawing.absent(CONFIG),
             dpi=CONFIG.figures.dpi,

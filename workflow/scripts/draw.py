@@ -14,6 +14,7 @@ if __name__ == "__main__":
     for path in map(Path, snakemake.output):
         # A rule with several figures has a function that returns them by their names.
         figure = drawn[path.stem] if isinstance(drawn, dict) else drawn
+        style.name_gears(figure, snakemake.params.gears)
         style.note_absent(figure, snakemake.params.absent)
         figure.set_dpi(snakemake.params.dpi)
         style.save(figure, path)

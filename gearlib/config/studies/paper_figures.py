@@ -92,6 +92,12 @@ def cases_of(c):
     ]
 
 
+def _without_scenes(c):
+    """Return what is wrong where scenes of other gears than the paper's are asked for: none are."""
+    needed = "scenes = {} is not allowed: the paper's suit its pair only, it must have at least one"
+    return needed if c.gears and not c.scenes else ""
+
+
 PHASE_LAG = Study(
     "phase_lag",
     PhaseLag,
@@ -230,6 +236,7 @@ SCENES = Study(
         name="scene",
         names=lambda c: {"scene": list(c.scenes)},
     ),
+    refusal=_without_scenes,
 )
 
 STATEMENTS = Study(
