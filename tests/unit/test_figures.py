@@ -15,6 +15,7 @@ from gearlib.config.trials import PEERS
 from gearlib.figures import (
     basins_figure,
     bifurcation_figure,
+    comparison_figure,
     failures_figure,
     jump_by_method_figure,
     jump_figure,
@@ -272,3 +273,30 @@ def test_same_data_same_bytes(name, suffix, tmp_path):
 def test_unknown_format_is_refused(tmp_path):
     with pytest.raises(ValueError, match="must end in"):
         style.save(DRAWN["phase_planes"](), tmp_path / "figure.tiff")
+
+
+def test_own_gears_have_forces_and_the_limits_of_their_curves():
+    data = curves(dynamic_force_max=1.0 + curves().displacement_max).isel(damping=[0])
+    cold = data.sel(direction="cold")
+    main, forces = resonance_figure.draw(data, forces=True).axes[:2]
+    plain = resonance_figure.draw(data).axes[0]
+    # Its far flank lies below the lowest point, and is in view in the paper's picture only.
+    assert plain.get_ylim()[0] < -float(data.backlash_ratio) < main.get_ylim()[0]
+    assert main.get_ylim()[0] < cold.displacement_min.min() < 0.8 * main.get_ylim()[0]
+    assert "inverse mesh" in words_of(plain) and "inverse mesh" not in words_of(main)
+    assert main.get_xlim() == forces.get_xlim()
+    highest = np.nanmax(np.concatenate([line.get_ydata() for line in forces.lines]))
+    np.testing.assert_allclose(highest, cold.dynamic_force_max.max())
+    assert {"mesh force over load", "mesh force (kN)"} == {
+        axes.get_ylabel() for axes in [forces, *forces.child_axes]
+    }
+
+
+def test_cases_lie_over_each_other_in_micrometres():
+    cold = curves(dynamic_force_max=curves().displacement_max).isel(damping=[0])
+    twice = cold.assign(static_deflection=2.0 * cold.static_deflection)
+    above, _ = comparison_figure.draw([cold, twice], ["light", "heavy"]).axes
+    first, second = (above.lines[number].get_ydata() for number in (0, len(above.lines) // 2))
+    np.testing.assert_allclose(second, 2.0 * first)
+    (legend,) = above.figure.legends
+    assert [text.get_text() for text in legend.get_texts()] == ["light", "heavy"]

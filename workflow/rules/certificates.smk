@@ -1,7 +1,7 @@
 """What is proven of the orbits, in ball arithmetic, as a file that a second program can check and as a table."""
 
 
-use rule job as certificates with:
+use rule job as compute_certificates with:
     pathvars:
         job="certificates",
     input:

@@ -1,7 +1,7 @@
 """Claims: the paper's statements against the computed data."""
 
 
-use rule job as claims with:
+use rule job as compute_claims with:
     pathvars:
         job="claims",
     input:

@@ -156,6 +156,16 @@ def target_files(targets):
     return found
 
 
+def files_asked_by_name(study):
+    """Return the files of a study; where it cannot be about these gears, what says so if asked."""
+    words = study.refusal(CONFIG)
+
+    def refuse(wildcards):
+        raise WorkflowError(f"The configuration is refused.\n{words}, for the target {study.name}")
+
+    return refuse if words else target_files([study.name])
+
+
 def captions():
     """Return the captions of all figures and tables, by their names, for the report."""
     found = {"figures": {}, "tables": {}}
