@@ -13,7 +13,7 @@ from gearlib.models.trains import assembly, turning, waves
 from gearlib.models.trains.elastic import linear
 from gearlib.models.trains.elements import Body, Mesh, Shaft
 from gearlib.models.trains.results import TrainResults
-from gearlib.models.trains.structure import far_lines, structure
+from gearlib.models.trains.structure import FLOATS, far_lines, structure
 
 if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
     from gearlib.models.propagators import several_meshes  # noqa: F401
@@ -118,7 +118,11 @@ class GearTrain(TrainResults):
     @cached_property
     def structure(self):
         """The `Structure`: matrices in SI units."""
-        return structure(self.by_name, self.meshes, self.shafts)
+        return self.assembled()
+
+    def assembled(self, numbers=FLOATS):
+        """Return the `Structure` in a kind of numbers."""
+        return structure(self.by_name, self.meshes, self.shafts, numbers)
 
     @cached_property
     def far_lines(self):
@@ -198,6 +202,15 @@ class GearTrain(TrainResults):
     def strains(self):
         """`Linear.strains` of the springs of the structure, then of the meshes."""
         return self._linear.strains
+
+    def linear(self, system):
+        """As of `Model.linear`: all flanks in contact at the mean stiffness."""
+        from gearlib.models.trains.system import scaled
+
+        omega, mass = self.reference_angular_frequency, scaled(self, system.tuning).mass
+        unit = math.sqrt(self.stiffness_scale) / omega
+        squares, shapes = self.linear_modes
+        return np.sqrt(squares) / omega, unit * shapes, unit * self.free_motions, mass
 
     @cached_property
     def linear_stretches(self):
