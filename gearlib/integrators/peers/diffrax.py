@@ -58,7 +58,7 @@ def _compiled(name, forces, stiffnesses):
     import jax.numpy as jnp
     import optimistix
 
-    solver = getattr(diffrax, name)()
+    solver, rows = getattr(diffrax, name)(), contact_branches.ROWS
 
     def waves(t, p, first, count):
         rows = p[first : first + 3 * count].reshape(count, 3)
@@ -67,10 +67,10 @@ def _compiled(name, forces, stiffnesses):
     def rate(t, z, arguments):
         p = arguments[0]
         x, v = z
-        c = p[3] + p[4] * (t - p[5]) + waves(t, p, 12 + 3 * forces, stiffnesses)
+        c = p[3] + p[4] * (t - p[5]) + waves(t, p, rows + 3 * forces, stiffnesses)
         u, speed = x + p[7], abs(v)
         push = p[6] * c * (u + (p[8] * abs(u) + p[9] * u * u) * u)
-        return v, waves(t, p, 12, forces) - (p[0] + (p[1] + p[2] * speed) * speed) * v - push
+        return v, waves(t, p, rows, forces) - (p[0] + (p[1] + p[2] * speed) * speed) * v - push
 
     def leaving(j):
         def value(t, y, args, **_):

@@ -19,6 +19,7 @@ from gearlib.integrators.right_hand_sides import problem_of
 from gearlib.integrators.scipy_ivp import MODELS, takes
 from gearlib.integrators.split import TURN, Phase, Split, Stall
 from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
+from gearlib.kernels.taylor.series import damping_of
 
 __all__ = ["EVENTS", "MODELS", "OPTIONS", "ORDER", "PACKAGE", "run", "run_many", "takes"]
 
@@ -71,10 +72,10 @@ class _OneDegree:
         self.problem, self.tol = problem, tol
         self.law = law = problem.law
         #: Per contact code, whether |x'| comes in.
-        self.turns = {c: self._damping(c)[1] != 0.0 for c in (NORMAL, BACKLASH, INVERSE)}
+        self.turns = {c: damping_of(law, c)[1] != 0.0 for c in (NORMAL, BACKLASH, INVERSE)}
         self._orders = [row[0] for row in law.force if row[0] > 0.0]
-        self._waves = [row[0] for row in law.stiffness]
-        self._sloped = bool(law.pieces[:, 1].any())
+        near, far = (law.stiffness, law.pieces), (law.far_stiffness, law.far_pieces)
+        self._stiffness = {NORMAL: near, BACKLASH: near, INVERSE: far}
         self._curved = bool(law.powers.any())
         self._branches = {}
 
@@ -119,41 +120,42 @@ class _OneDegree:
             made[key] = one, one.state, one.pars
         return made[key]
 
-    def _damping(self, contact):
-        return self.law.oil if contact == BACKLASH else self.law.material
+    def _shape(self, contact):
+        """Return which terms there are: cubic damping, harmonics and slope of the stiffness."""
+        waves, pieces = self._stiffness[contact]
+        cubic = bool(damping_of(self.law, contact)[2] != 0.0)
+        return cubic, tuple(waves[:, 0].tolist()), bool(pieces[:, 1].any())
 
     def _structure(self, contact):
         """Return what decides the expressions of a contact code."""
-        orders = tuple(self._orders)
-        cubic = bool(self._damping(contact)[2] != 0.0)
-        if contact == BACKLASH:
-            return contact, self.turns[contact], cubic, orders
-        shape = tuple(self._waves), self._sloped, self._curved
-        return contact, self.turns[contact], cubic, orders, shape
+        law, (cubic, *shape) = self.law, self._shape(contact)
+        stands = law.upper != 0.0, law.ground != 0.0
+        shape = () if contact == BACKLASH else (*shape, self._curved)
+        return contact, self.turns[contact], cubic, tuple(self._orders), stands, shape
 
     def _parameters(self, piece, contact):
         """Return the values of par[0], par[1], ..., x' taken to be positive."""
-        law = self.law
-        (d1, d2, d3), rows = self._damping(contact), law.force
+        law, (stiffness, pieces) = self.law, self._stiffness[contact]
+        rows = law.force
         mean = rows[rows[:, 0] == 0.0, 1].sum()
         waves = rows[rows[:, 0] > 0.0, 1:].ravel()
-        gap = law.gap if np.isfinite(law.gap) else 0.0
-        head = [gap, mean, d1, d2, d3]
+        lower = law.lower if np.isfinite(law.lower) else 0.0
+        head = [-lower, mean, *damping_of(law, contact), law.upper, law.ground]
         if contact == BACKLASH:
             return np.array([*head, *waves])
-        c, slope = law.pieces[piece]
         side = 1.0 if contact == NORMAL else -1.0
         powers = side * law.powers[0], law.powers[1]
-        table = law.stiffness[:, 1:].ravel()
-        return np.array([*head, *waves, c, slope, law.breaks[piece], *powers, *table])
+        table = stiffness[:, 1:].ravel()
+        return np.array([*head, *waves, *pieces[piece], law.breaks[piece], *powers, *table])
 
     def _expressions(self, contact):
-        """Return (equations, displacements over the flanks, velocity that may turn)."""
+        """Return (equations, distances from the flanks, velocity that may turn)."""
         import heyoka as hy
 
         x, v = hy.make_vars("x", "v")
-        par, t = hy.par, hy.time
-        far = x + par[0]
+        par, t, law = hy.par, hy.time, self.law
+        near, far = (x - par[5] if law.upper != 0.0 else x), x + par[0]
+        cubic, orders, sloped = self._shape(contact)
 
         def waves(first, orders):
             terms = []
@@ -165,16 +167,18 @@ class _OneDegree:
         drag = par[2]
         if self.turns[contact]:
             drag = drag + par[3] * v
-        if self._damping(contact)[2] != 0.0:
+        if cubic:
             drag = drag + par[4] * v * v
-        force = hy.sum([par[1], *waves(5, self._orders)]) - drag * v
+        force = hy.sum([par[1], *waves(7, self._orders)]) - drag * v
+        if law.ground != 0.0:
+            force = force - par[6] * x
         if contact != BACKLASH:
-            k = 5 + 2 * len(self._orders)
-            c = par[k] + par[k + 1] * (t - par[k + 2]) if self._sloped else par[k]
-            c = hy.sum([c, *waves(k + 5, self._waves)])
-            u = x if contact == NORMAL else far
+            k = 7 + 2 * len(self._orders)
+            c = par[k] + par[k + 1] * (t - par[k + 2]) if sloped else par[k]
+            c = hy.sum([c, *waves(k + 5, orders)])
+            u = near if contact == NORMAL else far
             force = force - c * (u + (par[k + 3] + par[k + 4] * u) * u * u if self._curved else u)
-        return [(x, v), (v, force)], (x, far), v
+        return [(x, v), (v, force)], (near, far), v
 
 
 class _Run(Split):

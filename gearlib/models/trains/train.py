@@ -188,9 +188,11 @@ class GearTrain(TrainResults):
         from gearlib.models.trains.system import scaled
 
         omega, mass = self.reference_angular_frequency, scaled(self, system.tuning).mass
-        unit = math.sqrt(self.stiffness_scale) / omega
         squares, shapes = self.linear_modes
-        return np.sqrt(squares) / omega, unit * shapes, unit * self.free_motions, mass
+        every = np.hstack([shapes, self.free_motions]) * (math.sqrt(self.stiffness_scale) / omega)
+        # Orthonormal to the last place: what is missing would be an error of all frequencies.
+        every = every @ (1.5 * np.eye(len(mass)) - 0.5 * (every.T @ mass @ every))
+        return np.sqrt(squares) / omega, every[:, : squares.size], every[:, squares.size :], mass
 
     @cached_property
     def linear_stretches(self):
