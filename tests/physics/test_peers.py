@@ -15,6 +15,7 @@ from gearlib import (
 )
 from gearlib.integrators.peers import heyoka as peer_heyoka
 from tests.paper import PAPER
+from tests.properties.known_models import KNOWN
 
 PEERS = ("heyoka", "cvode", "diffrax")
 AVAILABLE = {method.name: method for method in gearlib.methods()}
@@ -93,3 +94,13 @@ def test_nothing_is_imported_before_it_is_used():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize("name", ["oscillator", "unequal sides", "series", "gear_rattle"])
+@pytest.mark.parametrize("method", ["heyoka", "cvode"])
+def test_sides_that_differ_and_edges_off_zero(method, name):
+    need(method)
+    known = KNOWN[name]
+    # Contacts of a stiffness up to 200, whose force has so many times the error.
+    span = {"periods": 4, "initial_state": known.state}
+    compare(known.model, known.tuning, method, factor=200.0, **span)
