@@ -274,10 +274,15 @@ def _split(a):
     if sizes.min(initial=math.inf) >= _SLOW[1] and not (real & (sizes < _SLOW_REAL[1])).any():
         return growth, speed, vectors, np.zeros((n, 0)), np.zeros((0, 0))
     if real.all() and sizes.max() < _SLOW_REAL[0]:
-        return np.zeros(0), np.zeros(0), np.zeros((n, 0)), np.eye(n), a
-    slow, damped = _gap(sizes, _SLOW), _gap(sizes[real], _SLOW_REAL)
-    if not ((sizes < slow) | (real & (sizes < damped))).any():
+        # As most flights of one coordinate: no gap need be sought.
+        chosen = real
+    else:
+        slow, damped = _gap(sizes, _SLOW), _gap(sizes[real], _SLOW_REAL)
+        chosen = (sizes < slow) | (real & (sizes < damped))
+    if not chosen.any():
         return growth, speed, vectors, np.zeros((n, 0)), np.zeros((0, 0))
+    if chosen.all():
+        return np.zeros(0), np.zeros(0), np.zeros((n, 0)), np.eye(n), a
     # As `scipy.linalg.schur` and `solve_sylvester` do, without their checks and second forms.
     t, s, *_, q, _, code = lapack.dgees(
         lambda x, y: math.hypot(x, y) < (slow if y else damped), a, sort_t=1
