@@ -13,7 +13,7 @@ import gearlib
 from gearlib.kernels.polynomial import bernstein_matrix
 from gearlib.kernels.several_meshes import distances
 from gearlib.kernels.several_meshes import grid as several_meshes
-from gearlib.kernels.several_meshes.modal_arcs import DEGREE, REACH, advance, turn_by
+from gearlib.kernels.several_meshes.modal_arcs import DEGREE, REACHES, advance, turn_by
 from gearlib.kernels.several_meshes.train_system import matrix_of
 from gearlib.models.propagators import modal_frame
 from gearlib.models.propagators import several_meshes as propagators
@@ -89,7 +89,8 @@ def test_distances_are_polynomials_over_a_piece_and_bounded_by_the_amplitudes(se
     propagator, found = combinations_of(train, tuning, rng)
     tables, system, grid = propagator.spare[0][1], propagator.system, propagator.grid
     m, n = system.near.shape
-    w = several_meshes.work_of(n, tables.out.shape[2], m)
+    degree = tables.curves.shape[4] - 1
+    w = several_meshes.work_of(n, tables.out.shape[2], m, degree)
     for c, _, codes in found:
         z = random_state(propagator, rng)
         shares = np.linspace(0.0, 1.0, 41)
@@ -97,7 +98,7 @@ def test_distances_are_polynomials_over_a_piece_and_bounded_by_the_amplitudes(se
         y = after(propagator, c, z, 0.0)[1]
         basis = np.array(
             [
-                [math.comb(DEGREE, k) * s**k * (1.0 - s) ** (DEGREE - k) for k in range(DEGREE + 1)]
+                [math.comb(degree, k) * s**k * (1.0 - s) ** (degree - k) for k in range(degree + 1)]
                 for s in shares
             ]
         )
@@ -105,7 +106,7 @@ def test_distances_are_polynomials_over_a_piece_and_bounded_by_the_amplitudes(se
         w.contact[:] = codes
         for j in range(m):
             for line, row in ((1, system.near[j]), (0, system.far[j])):
-                curve, exact = np.empty(DEGREE + 1), ways @ row
+                curve, exact = np.empty(degree + 1), ways @ row
                 distances.curve_of(tables.curves[c, line, j], y, curve)
                 limit = 100.0 * distances.rounding_of(tables.curves[c, line, j], y)
                 limit += 1e-12 * np.abs(exact).max()
@@ -117,16 +118,21 @@ def test_distances_are_polynomials_over_a_piece_and_bounded_by_the_amplitudes(se
                 assert stays.all()
 
 
-def test_exponentials_over_a_piece_against_50_digits():
-    matrix, rng = modal_frame._exponentials(), np.random.default_rng(5)
+@pytest.mark.parametrize("degree", REACHES)
+def test_exponentials_over_a_piece_against_50_digits(degree):
+    matrix, rng = modal_frame._exponentials(degree), np.random.default_rng(5)
     for _ in range(20):
-        z = REACH * math.sqrt(rng.uniform()) * np.exp(1j * rng.uniform(0.5 * np.pi, 1.5 * np.pi))
+        z = (
+            REACHES[degree]
+            * math.sqrt(rng.uniform())
+            * np.exp(1j * rng.uniform(0.5 * np.pi, 1.5 * np.pi))
+        )
         terms = np.cumprod(np.concatenate([[1.0 + 0j], 0.5 * z / np.arange(1, len(matrix))]))
         curve = np.exp(0.5 * z) * (terms @ matrix)
         with mp.workdps(50):
             for s in (mpf(0), mpf("0.3"), mpf("0.77"), mpf(1)):
                 value = sum(
-                    mp.mpc(b) * mp.binomial(DEGREE, k) * s**k * (1 - s) ** (DEGREE - k)
+                    mp.mpc(b) * mp.binomial(degree, k) * s**k * (1 - s) ** (degree - k)
                     for k, b in enumerate(curve)
                 )
                 # Terms of up to e^3.6 = 37 are summed.

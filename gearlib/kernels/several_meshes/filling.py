@@ -5,12 +5,10 @@ import math
 import numpy as np
 
 from gearlib.kernels.jit import kernel, uncounted
-from gearlib.kernels.several_meshes.modal_arcs import DEGREE, REACH, fill_curves
+from gearlib.kernels.several_meshes.modal_arcs import fill_curves
 
 #: Largest condition number of a basis, rows scaled: rounding of 1e-16 becomes 1e-10.
 CONDITION = 1e6
-#: Norm of a block times its piece: 2^24 / 24! = 3e-17.
-BLOCK = 2.0
 #: Growth of a mode that is rounding.
 NOTHING = 1e-12
 
@@ -168,18 +166,20 @@ def fill_basis(a, growth, speed, vectors, slow, block, out, into):
 
 
 @kernel
-def _piece_of(block):
-    """Return a length on which the series of a block ends behind DEGREE."""
+def _piece_of(block, degree, reach):
+    """Return a length on which the series of a block, its norm up to `reach`, ends."""
     # The root of so high a power hides the scales of the components.
     square = _product(block, block)
     eighth = _product(_product(square, square), _product(square, square))
-    power = _product(_product(eighth, eighth), eighth)
-    size = math.sqrt((power * power).sum()) ** (1.0 / (DEGREE + 1))
-    return BLOCK / size if size > 0.0 else math.inf
+    power = eighth
+    for _ in range((degree + 1) // 8 - 1):
+        power = _product(power, eighth)
+    size = math.sqrt((power * power).sum()) ** (1.0 / (degree + 1))
+    return reach / size if size > 0.0 else math.inf
 
 
 @kernel
-def fill_modes(tables, c, lines, a, basis, behind, spin, exponentials, powers):
+def fill_modes(tables, c, lines, a, basis, behind, spin, reaches, exponentials, powers):
     """Fill all tables of combination c; return whether its forced motions are well conditioned.
 
     Parameters
@@ -195,6 +195,8 @@ def fill_modes(tables, c, lines, a, basis, behind, spin, exponentials, powers):
         Responses of its slow components to the harmonics.
     spin : ndarray, shape (h,)
         Frequencies of the harmonics by theta.
+    reaches : tuple of float
+        Of rates and of blocks, times a piece.
     exponentials, powers : ndarray
         As of `fill_curves`.
     """
@@ -242,11 +244,11 @@ def fill_modes(tables, c, lines, a, basis, behind, spin, exponentials, powers):
     both[pairs : pairs + h] = 1j * spin
     both[pairs + h :] = basis.single
     # Of slow motions too a piece is no longer than some period of the reference mode.
-    piece = REACH
+    piece = reaches[0]
     for k in range(both.size):
-        piece = min(piece, REACH / abs(both[k]))
+        piece = min(piece, reaches[0] / abs(both[k]))
     if size > 0:
-        piece = min(piece, _piece_of(block))
+        piece = min(piece, _piece_of(block, powers.shape[0] - 1, reaches[1]))
     fill_distances(
         tables, c, lines, both, pairs + h, block, piece, basis.hidden, exponentials, powers
     )

@@ -22,16 +22,15 @@ from scipy.linalg import lapack
 from gearlib.kernels import exponential
 from gearlib.kernels.polynomial import bernstein_matrix
 from gearlib.kernels.several_meshes.filling import (
-    BLOCK,
     NOTHING,
     fill_basis,
     fill_distances,
     fill_modes,
 )
-from gearlib.kernels.several_meshes.modal_arcs import DEGREE, forget, key_of, slot_of
+from gearlib.kernels.several_meshes.modal_arcs import BLOCKS, REACHES, forget, key_of, slot_of
 from gearlib.kernels.several_meshes.train_system import matrix_of
 
-#: Terms of the series of e^z, |z| <= REACH / 2: the next is 3.6^36 / 36! = 3e-22.
+#: Terms of the series of e^z, |z| <= 3.6: the next is 3.6^36 / 36! = 3e-22.
 _TERMS = 36
 #: Slow eigenvalues lie below the widest gap between these, over that of the reference mode; real
 #: ones, as of flights against damping, whose forced motion is far off, between the others.
@@ -58,18 +57,18 @@ class Basis(NamedTuple):
 
 
 @cache
-def _exponentials():
-    """Return the matrix, (_TERMS, DEGREE + 1), from x^k to Bernstein coefficients on [-1, 1].
+def _exponentials(degree):
+    """Return the matrix, (_TERMS, degree + 1), from x^k to Bernstein coefficients on [-1, 1].
 
-    Powers are cut behind the Chebyshev polynomial of degree DEGREE.
+    Powers are cut behind the Chebyshev polynomial of that degree.
     """
     chebyshev = []
-    for n in range(DEGREE + 1):
+    for n in range(degree + 1):
         b = [
             Fraction((-1) ** (n - j) * math.comb(2 * n, 2 * j), math.comb(n, j))
             for j in range(n + 1)
         ]
-        for d in range(n, DEGREE):
+        for d in range(n, degree):
             b = [
                 (Fraction(j, d + 1) * b[j - 1] if j else Fraction(0))
                 + (Fraction(d + 1 - j, d + 1) * b[j] if j <= d else Fraction(0))
@@ -78,8 +77,8 @@ def _exponentials():
         chebyshev.append(b)
     rows = []
     for k in range(_TERMS):
-        row = [Fraction(0)] * (DEGREE + 1)
-        for n in range(k % 2, min(k, DEGREE) + 1, 2):
+        row = [Fraction(0)] * (degree + 1)
+        for n in range(k % 2, min(k, degree) + 1, 2):
             share = Fraction(math.comb(k, (k - n) // 2), 2 ** (k - 1 if n else k))
             row = [value + share * b for value, b in zip(row, chebyshev[n], strict=True)]
         rows.append([float(value) for value in row])
@@ -87,8 +86,8 @@ def _exponentials():
 
 
 @cache
-def _powers():
-    return bernstein_matrix(DEGREE)
+def _powers(degree):
+    return bernstein_matrix(degree)
 
 
 class Frame:
@@ -321,7 +320,9 @@ def add(tables, system, grid, frame, effects):
     c, a, moving = tables.known[0], np.empty((n, n)), n - 1 - 2 * h
     matrix_of(system, effects, a)
     basis, lines = frame.basis_of(system, effects), np.stack([system.far, system.near])
-    curves = _exponentials(), _powers()
+    degree = tables.curves.shape[4] - 1
+    reaches = REACHES[degree], BLOCKS[degree]
+    curves = _exponentials(degree), _powers(degree)
     if basis is not None:
         slow = np.zeros((len(basis.block), 2 * h))
         if slow.size:
@@ -329,11 +330,11 @@ def add(tables, system, grid, frame, effects):
                 slow = _slow_waves(basis, a[:moving, moving + 1 :], grid.spin)
             except np.linalg.LinAlgError:
                 slow[:] = np.nan
-        if not fill_modes(tables, c, lines, a, basis, slow, grid.spin, *curves):
+        if not fill_modes(tables, c, lines, a, basis, slow, grid.spin, reaches, *curves):
             basis = None
     if basis is None:
         tables.into[c, :, :n] = tables.out[c, :, :n] = np.eye(n)
-        piece = BLOCK * system.longest / exponential.REACH
+        piece = BLOCKS[degree] * system.longest / exponential.REACH
         fill_distances(tables, c, lines, np.zeros(0, complex), 0, a, piece, 0, *curves)
     key = key_of(effects, system.push.shape[1])
     tables.slots[slot_of(tables.slots, tables.keys, key)] = c

@@ -82,7 +82,8 @@ class Propagator(Matrices):
         (periods, record_periods), size = spans, z.size
         maps = np.empty((0, size, size)) if maps is None else maps
         tables = self.taken()
-        w = work_of(self.components, tables.out.shape[2], m)
+        _, _, m, n, points = tables.curves.shape
+        w = work_of(n, tables.out.shape[2], m, points - 1)
         w.z[:size] = z * self.scale
         for row in summary:
             orbit.clear_summary(row)
