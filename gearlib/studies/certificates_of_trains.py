@@ -23,9 +23,14 @@ IDLER, FROM, TO, STEP, POINTS = (24, 36, 30), 0.6, 0.7, 0.2, 20
 
 
 def compute(pair, rounded, rounded_branch):
-    """Yield (name of the train, tuning, certificate or refusal); every mesh is that of a pair.
+    """Yield (name of the train, tuning, certificate or refusal).
 
-    `rounded` and `rounded_branch` round orbits and branches, see `gearlib.studies.certificates`.
+    Parameters
+    ----------
+    pair : GearPair
+        Every mesh.
+    rounded, rounded_branch : callable
+        Of orbits and of branches, see `gearlib.studies.certificates`.
     """
     reducer = split_power_reducer(pair, teeth=REDUCER)
     for tuning in ALIKE:

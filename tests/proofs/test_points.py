@@ -166,6 +166,20 @@ def test_the_motion_from_rest_tends_to_the_small_bounces(tuning):
         assert (np.linalg.norm(y) < found.trap_radius) == inside
 
 
+def test_the_period_map_contracts_the_trap():
+    orbit = gearlib.periodic_orbit(MATERIAL, 0.815)
+    found = gearlib.certify_motion(orbit)
+    angles = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
+    basis = np.reshape(found.basis, (2, 2))
+    y = 0.999 * found.trap_radius * np.array([np.cos(angles), np.sin(angles)])
+    states = orbit.state + (basis @ y / np.array([[1.0], [0.815]])).T
+    ends, codes = np.empty_like(states), np.empty(len(states), np.int64)
+    MATERIAL.propagator(0.815).skip(states, 1, 10_000, ends, codes)
+    shrunk = np.linalg.solve(basis, ((ends - orbit.state) * [1.0, 0.815]).T)
+    shares = np.linalg.norm(shrunk, axis=0) / np.linalg.norm(y, axis=0)
+    assert 0.3 < shares.max() <= found.contraction
+
+
 def test_what_a_motion_does_not_reach():
     large = gearlib.periodic_orbit(MATERIAL, 0.815, guess=(0.8, -3.4))
     small = gearlib.periodic_orbit(MATERIAL, 0.815)

@@ -57,13 +57,16 @@ class ContactEvent:
 class _Claim:
     """What is proven, as a dict."""
 
-    claim = ""  #: what is claimed, where the record does not say so as its `kind`
+    claim = ""
     exact: tuple = ()  #: names of floats that are exact numbers
+
+    def _claimed(self):
+        return self.claim
 
     def as_dict(self):
         """Return all of it as plain values: enclosures as two decimals, exact floats as bits."""
         bits = {name: number(getattr(self, name)) for name in self.exact}
-        return as_claim(getattr(self, "kind", self.claim), self) | bits
+        return as_claim(self._claimed(), self) | bits
 
 
 class _OrbitClaim(_Claim):
@@ -201,6 +204,9 @@ class PointCertificate(_Claim):
     moved: float  #: most that state and tuning may lie away from the candidate
     digits: int
     train: Any = None  #: `TrainFacts`; None: one degree of freedom
+
+    def _claimed(self):
+        return self.kind
 
     def __repr__(self):
         return (
