@@ -191,13 +191,8 @@ def variables(propagator, names, along, z, tangents, sizes, periods, recorded, m
             z,
             along,
             tangents.copy(),
-            periods,
-            recorded,
-            max_events,
-            samples,
-            events,
-            extrema,
-            times,
+            (periods, recorded, max_events),
+            (samples, events, extrema, times),
         )
         if done != OK or found != count:
             # Rounding decides whether there is an event at all.

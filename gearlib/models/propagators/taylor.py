@@ -65,7 +65,7 @@ class Propagator(Base):
             tuning[j] = slopes.get("tuning", 0.0)
             if not fields and not tuning[j]:
                 continue
-            law = self.model.off_axis(fields).law(self.tuning + 1j * STEP * tuning[j], 0.0)
+            law = self.model.complex_step(fields).law(self.tuning + 1j * STEP * tuning[j], 0.0)
             law = Law(*(one if name == "low" else one + 0j for name, one in law._asdict().items()))
             rows, table = tables(law._replace(tolerance=self.tolerance))
             constants[..., j] = rows.imag / STEP
@@ -140,13 +140,12 @@ class Propagator(Base):
         *_, code, _, _ = self._vary(z, along, w, periods, limit)
         return w[:, :2], w[:, 2 + k :].reshape(2, k, 2).swapaxes(0, 1), code
 
-    def differentiate(
-        self, z, along, tangents, periods, recorded, limit, samples, events, extrema, times
-    ):
+    def differentiate(self, z, along, tangents, span, record):
         """Differentiate a run from z; see `Base.differentiate`."""
+        periods, recorded, limit = span
         one_sided = self._one_sided(z, along, tangents)
         w = np.hstack([np.eye(2), tangents])
-        record = new_record(samples, events, extrema, times)
+        record = new_record(*record)
         *_, code, found, grazing = self._vary(
             z, along, w, periods, limit, recorded=recorded, record=record
         )
