@@ -13,7 +13,7 @@ from tests.paper import CONFIG
 
 PAIR, SIX, SETTINGS = CONFIG["gear_pair"], CONFIG["six_degrees"], CONFIG["work_precision"]
 #: Rounding of a hundred arcs; without damping it grows with every bounce, tenfold at most. In six
-#: degrees the bearings lie 33 static deflections away, where the last place is 7e-15: bearings up to
+#: degrees the bearings lie 33 static deflections off, where the last place is 7e-15: bearings up to
 #: 0.7 % stiffer leave 1e-14 to 9e-13 in the state, and as much over the speed, 0.3, in phases.
 STATE, PHASE, SIX_STATE, SIX_PHASE = 1e-13, 1e-12, 1e-12, 3e-12
 
