@@ -179,7 +179,6 @@ class Instance:
 
 
 #: Its name of before, until `six_degrees` says the new one.
-Part = Instance
 
 
 class Parameter:

@@ -14,11 +14,10 @@ module                 responsibility
 ``scipy_ivp``          for comparison ("scipy"): scipy's solvers, as they come or split
 ``smoothed``           for comparison: contact smoothed by tanh
 ``models_with_steps``  models and law of the methods with steps
-``right_hand_sides``   models as right-hand sides for solvers in Python
+``right_hand_sides``   models as right-hand sides for solvers in Python, any number of meshes
 ``option``             an option of a method: default, check, meaning
-``trains_in_python``   gear trains as right-hand sides, their record, runs split at events
 ``each``               many tunings for a method that runs one
-``split``              record of solvers in Python; runs split at switches and at contact
+``split``              record of solvers in Python; runs over everything, or split at events
 ``peers``              solvers from packages of others, which `methods` says whether are there
 =====================  =======================================================================
 

@@ -14,8 +14,8 @@ can give both entries one file, and one of them then runs the code of the other.
 index: the name of a file is a hash of all that its code depends on, and a file appears whole.
 Whoever comes second writes the same code once more.
 
-The first call of a new version compiles for up to a minute: a line on the terminal, or in a notebook,
-says so, once in a process.
+The first call of a new version compiles for up to a minute: a line on the terminal, or in a
+notebook, says so, once in a process.
 """
 
 import contextlib

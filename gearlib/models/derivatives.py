@@ -51,7 +51,6 @@ def complex_step(element, slopes):
     slopes : dict
         Name of a field, or (name, index) -> what it changes by.
     """
-    copy = object.__new__(type(element))
     values = {one.name: getattr(element, one.name) for one in dataclasses.fields(element)}
     for key, slope in slopes.items():
         name, *index = key if isinstance(key, tuple) else (key,)
@@ -61,9 +60,15 @@ def complex_step(element, slopes):
             values[name] = tuple(entries)
         else:
             values[name] += 1j * STEP * slope
-    for name, value in values.items():
-        object.__setattr__(copy, name, value)
-    return copy
+    return unchecked(type(element), **values)
+
+
+def unchecked(kind, **values):
+    """Return a frozen dataclass of numbers that its checks do not know."""
+    made = object.__new__(kind)
+    for one in dataclasses.fields(kind):
+        object.__setattr__(made, one.name, values.get(one.name, one.default))
+    return made
 
 
 def of_pair(pair, name):

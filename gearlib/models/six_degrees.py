@@ -25,45 +25,42 @@ turn from y the way gear 3 turns.
 
 In the run-out the rotations are those of the steady speed, phi_j = tau / teeth_j: the vibration
 of an angle, 1e-5 rad, moves the run-out by 1e-5 of itself. So the system is linear between events.
-
-======================  =================  =======================================================
-name                    symbol             unit
-======================  =================  =======================================================
-pair                    --                 `GearPair`: C_max, kappa, epsilon, load, s_k, k, k_m
-base_radii              Rb3, Rb2           m
-inertias                J3, J2             kg m^2
-masses                  m3, m2             kg
-bearing_stiffness       C3y C3z C2y C2z    N/m, infinite: rigid
-bearing_damping         k3y k3z k2y k2z    N s/m
-eccentricities          e3, e2             m, run-out of the pitch circles
-run_out_phase           Delta              rad
-teeth                   --                 of gear 3 and gear 2
-torques                 M3, M2             N m; by default those of the load, F Rb_j
-deviation               f(tau)             m, `Harmonics`, of the normal flanks
-inverse_deviation       f(tau)             m, `Harmonics`, of the far flanks; by default the same
-friction                mu (normal, inverse)  1
-pitch_phase             --                 rad, where sigma turns from -1 to 1
-moving_backlash         --                 whether s(tau) moves as Eq. (4) has it, by which the
-                                           bearings do not close the backlash; if not, the far
-                                           flank stays s_k behind y = 0
-preload                 --                 whether the bearings start in their deflection under
-                                           the load (else in their free position)
-======================  =================  =======================================================
+Its matrices are those of a train of two gears, `gearlib.models.trains.two_gears`.
 
 The paper prints none of the values beyond those of the pair; whoever sets them chooses.
 """
 
 import math
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
+from functools import cached_property
+from typing import Annotated
 
 import numpy as np
 
-from gearlib import checks
-from gearlib.models import derivatives, excitation, one_mesh_system
+from gearlib.models import derivatives, one_mesh_system
 from gearlib.models.harmonics import Harmonics
 from gearlib.models.pair import GearPair
 from gearlib.models.with_pair import WithPair
+from gearlib.parameters import (
+    ANGLE,
+    DAMPING,
+    INERTIA,
+    LENGTH,
+    MASS,
+    NONNEGATIVE,
+    RUN_OUT,
+    TORQUE,
+    TRUTH,
+    Instance,
+    Integer,
+    Many,
+    Number,
+    check,
+    documented,
+    named,
+)
 
+_BEARING = Number(unit="N/m", example="1 kN/um", above=0, infinite="infinity: rigid")
 _BEARINGS = ("y3", "z3", "y2", "z2")
 #: How the bearing coordinates enter y; z does not.
 _IN_Y = {"y3": 1.0, "y2": -1.0, "z3": 0.0, "z2": 0.0}
@@ -85,14 +82,13 @@ OUTPUTS = (
 )
 
 
+@documented
 @dataclass(frozen=True, kw_only=True)
 class SixDegreePair(WithPair):
     """A pair of gears on elastic bearings, in SI units; immutable.
 
-    Parameters and units: see the table of the module; pairs are (gear 3, gear 2), bearings
-    (y3, z3, y2, z2).
-
-    The reduced mass of `pair` is only the reference of the tuning: the inertias decide the motion.
+    Pairs of values are of gear 3 and gear 2, four of the bearings y3, z3, y2, z2. The reduced mass
+    of `pair` is only the reference of the tuning: the inertias decide the motion.
     `reduced_mass_torsional` and `reduced_mass_free` give the two readings of the paper.
 
     Raises
@@ -101,30 +97,54 @@ class SixDegreePair(WithPair):
         If a value is impossible; the message names parameter, value and range.
     """
 
-    pair: GearPair
-    base_radii: tuple
-    inertias: tuple
-    masses: tuple
-    bearing_stiffness: tuple
-    bearing_damping: tuple = (0.0, 0.0, 0.0, 0.0)
-    eccentricities: tuple = (0.0, 0.0)
-    run_out_phase: float = 0.0
-    teeth: tuple | None = None
-    torques: tuple | None = None
-    deviation: Harmonics = field(default_factory=Harmonics)
-    inverse_deviation: Harmonics | None = None
-    friction: tuple = (0.0, 0.0)
-    pitch_phase: float = 0.0
-    moving_backlash: bool = True
-    preload: bool = True
+    pair: Annotated[GearPair, Instance((GearPair,)), "Stiffness, load, backlash, damping"]
+    base_radii: Annotated[tuple, Many(LENGTH, 2), "Base radii", "Rb3, Rb2"]
+    inertias: Annotated[tuple, Many(INERTIA, 2), "Moments of inertia", "J3, J2"]
+    masses: Annotated[tuple, Many(MASS, 2), "Masses", "m3, m2"]
+    bearing_stiffness: Annotated[
+        tuple, Many(_BEARING, 4), "Stiffness of the bearings", "C3y, C3z, C2y, C2z"
+    ]
+    bearing_damping: Annotated[
+        tuple, Many(DAMPING, 4), "Damping of the bearings", "k3y, k3z, k2y, k2z"
+    ] = (0.0, 0.0, 0.0, 0.0)
+    eccentricities: Annotated[tuple, Many(RUN_OUT, 2), "Run-out of the pitch circles", "e3, e2"] = (
+        0.0,
+        0.0,
+    )
+    run_out_phase: Annotated[float, ANGLE, "Relative phase of the run-outs", "Delta"] = 0.0
+    teeth: Annotated[
+        tuple | None, Many(Integer(1), 2), "Teeth of both gears; by default those of the pair"
+    ] = None
+    torques: Annotated[
+        tuple | None, Many(TORQUE, 2), "Torques M3, M2; by default those of the load, F Rb"
+    ] = None
+    deviation: Annotated[Harmonics, Instance((Harmonics,)), "Of the normal flanks, m", "f(tau)"] = (
+        Harmonics()
+    )
+    inverse_deviation: Annotated[
+        Harmonics | None, Instance((Harmonics,)), "Of the far flanks, m; by default the same"
+    ] = None
+    friction: Annotated[
+        tuple, Many(NONNEGATIVE, 2), "Coefficients mu in normal and inverse mesh"
+    ] = (0.0, 0.0)
+    pitch_phase: Annotated[float, ANGLE, "Mesh phase at which the friction turns; from -1 to 1"] = (
+        0.0
+    )
+    moving_backlash: Annotated[
+        bool,
+        TRUTH,
+        "Whether s(tau) moves as Eq. (4) has it, by which the bearings do not close the backlash; "
+        "if not, the far flank stays s_k behind y = 0",
+    ] = True
+    preload: Annotated[
+        bool,
+        TRUTH,
+        "Whether the bearings start in their deflection under the load; if not, undeflected",
+    ] = True
 
     extra_samples = OUTPUTS
     propagators = {"exact": "piecewise_linear"}
     moving_flank = True
-    parameters = {
-        "run_out_phase": ("rad", "relative phase of the run-outs"),
-        "pitch_phase": ("rad", "mesh phase at which the friction turns"),
-    }
     by_default = {
         "inverse_deviation": lambda model: model.deviation,
         "teeth": lambda model: (model.pair.teeth, model.pair.teeth),
@@ -132,36 +152,15 @@ class SixDegreePair(WithPair):
     }
 
     def __post_init__(self):
-        if not isinstance(self.pair, GearPair):
-            raise ValueError(f"pair = {self.pair!r} is not allowed: it must be a GearPair")
-        self._fill("inverse_deviation")
-        for name in ("deviation", "inverse_deviation"):
-            value = getattr(self, name)
-            if not isinstance(value, Harmonics):
-                raise ValueError(f"{name} = {value!r} is not allowed: it must be Harmonics")
+        check(self)
+        for name, default in self.by_default.items():
+            if getattr(self, name) is None:
+                object.__setattr__(self, name, default(self))
 
-        def put(name, count, check):
-            values = getattr(self, name)
-            if not isinstance(values, (tuple, list)) or len(values) != count:
-                raise ValueError(f"{name} = {values!r} is not allowed: it must be {count} numbers")
-            checked = tuple(check(f"{name}[{i}]", value) for i, value in enumerate(values))
-            object.__setattr__(self, name, checked)
-
-        for name in ("base_radii", "inertias", "masses"):
-            put(name, 2, checks.finite_positive)
-        put("bearing_stiffness", 4, _stiffness)
-        put("bearing_damping", 4, checks.finite_nonnegative)
-        put("eccentricities", 2, checks.finite_nonnegative)
-        put("friction", 2, checks.finite_nonnegative)
-        self._fill("teeth")
-        put("teeth", 2, lambda name, value: checks.integer(name, value, 1))
-        self._fill("torques")
-        put("torques", 2, lambda name, value: checks.number(name, value, "finite", math.isfinite))
-        for name in ("run_out_phase", "pitch_phase"):
-            value = checks.number(name, getattr(self, name), "finite", math.isfinite)
-            object.__setattr__(self, name, value)
-        for name in ("moving_backlash", "preload"):
-            checks.one_of(name, getattr(self, name), (False, True))
+    @property
+    def parameters(self):
+        """As of `Model.parameters`: run-out and friction by their phases."""
+        return named(type(self))
 
     @property
     def derivatives(self):
@@ -171,10 +170,6 @@ class SixDegreePair(WithPair):
     def direction(self, name):
         """As of `Model.direction`."""
         return derivatives.along_gears(self, name)
-
-    def _fill(self, name):
-        if getattr(self, name) is None:
-            object.__setattr__(self, name, self.by_default[name](self))
 
     @property
     def reduced_mass_torsional(self):
@@ -189,8 +184,7 @@ class SixDegreePair(WithPair):
     @property
     def repeats(self):
         """Mesh periods after which the excitation repeats: 1, or those of the run-out."""
-        pairs = zip(self.teeth, self.eccentricities, strict=True)
-        return math.lcm(*(teeth for teeth, e in pairs if e > 0.0))
+        return self.train.repeats
 
     def speed(self, tuning):
         """Return the speed of gear 3 in rpm at a tuning (float or array)."""
@@ -229,74 +223,23 @@ class SixDegreePair(WithPair):
         """Return the indices of the bearing coordinates that can move."""
         return [i for i, c in enumerate(self.bearing_stiffness) if math.isfinite(c.real)]
 
+    @cached_property
+    def train(self):
+        """The `TwoGears` of which the matrices are made."""
+        from gearlib.models.trains.two_gears import TwoGears
+
+        return TwoGears(gears=self)
+
     def system(self, tuning):
         """Return the `TrainSystem` at one tuning, over theta = Omega_s t.
 
         Components: the coordinates, their rates, 1 and the harmonics.
         """
-        pair, moving = self.pair, self.flexible()
-        m = 2 + len(moving)
-        frequencies, amplitudes = excitation.waves_of(self)
-        n = 2 * m + 1 + 2 * frequencies.size
-        one, waves = 2 * m, 2 * m + 1
-        pulse = np.zeros((3, n), np.result_type(tuning, amplitudes, pair.mean_eigenfrequency))
-        pulse[:, waves:] = amplitudes
-        near, far = np.zeros((2, n), pulse.dtype)
-        near[:2] = far[:2] = 1.0
-        endless = math.isinf(pair.backlash.real)
-        far[one] = 0.0 if endless else pair.backlash_ratio
-        near[2:m] = [_IN_Y[_BEARINGS[i]] for i in moving]
-        if not self.moving_backlash:
-            far[2:m] = near[2:m]
-            far += pulse[0]
-        near += pulse[0] + pulse[1]
-        far += pulse[2]
-        free = one_mesh_system.waves(n, waves, tuning * frequencies).astype(pulse.dtype)
-        free[:m, m : 2 * m] = np.eye(m)
-        inertia = self._inertias()
-        for j in range(2):
-            free[m + j, one] = self.torques[j] / self.base_radii[j] / pair.load / inertia[j]
-        rate, across = pair.mean_eigenfrequency / pair.mean_stiffness, np.zeros(n, free.dtype)
-        for k, i in enumerate(moving, 2):
-            free[m + k, k] -= self.bearing_stiffness[i] / inertia[k] / pair.mean_stiffness
-            free[m + k, m + k] -= self.bearing_damping[i] * rate / inertia[k]
-            if not _IN_Y[_BEARINGS[i]]:
-                across[m + k] = (-1.0 if _BEARINGS[i] == "z3" else 1.0) / inertia[k]
-        oil = 2.0 * pair.backlash_damping_ratio * (near @ free)
-        free[m : 2 * m] -= np.outer(near[:m] / inertia, oil)
-        more = 2.0 * (pair.damping_ratio - pair.backlash_damping_ratio)
-        starts, stiffness, low, sense = excitation.segments_of(self)
-        sides = {}
-        for code, line, friction in ((1, near, self.friction[0]), (-1, far, self.friction[1])):
-            push = np.zeros(n, free.dtype)
-            push[m : 2 * m] = -line[:m] / inertia
-            if code == 1 or not endless:
-                sides[code] = one_mesh_system.Side(line, stiffness, more, push, across, friction)
-        pieces = one_mesh_system.Pieces(starts, low, sense)
-        return one_mesh_system.one_mesh(free, sides, pieces, frequencies, tuning, self.repeats)
-
-    def _inertias(self):
-        """Return the inertias of the coordinates over the reduced mass, shape (m,)."""
-        own = [j / r**2 for j, r in zip(self.inertias, self.base_radii, strict=True)]
-        own += [self.masses[0 if _BEARINGS[i].endswith("3") else 1] for i in self.flexible()]
-        return np.array(own) / self.pair.reduced_mass
+        return self.train.system(tuning)
 
     def linear(self, system):
-        """As of `Model.linear`: all flanks in contact at the mean stiffness."""
-        mass, (near,) = self._inertias(), system.near
-        n, (one, other) = len(mass), mass[:2]
-        # The turning of the mesh, without that of both gears alike, and the bearings.
-        basis = np.eye(n)[:, 1:]
-        basis[:2, 0] = np.array([other, one]) / (one + other)
-        roots = np.sqrt((mass[:, None] * basis**2).sum(axis=0))
-        line = near[:n] @ basis / roots
-        bearings = [self.bearing_stiffness[i] / self.pair.mean_stiffness for i in self.flexible()]
-        squares, vectors = np.linalg.eigh(
-            np.diag([0.0, *bearings] / roots**2) + line[:, None] * line
-        )
-        rigid = np.zeros((n, 1))
-        rigid[:2, 0] = np.array([1.0, -1.0]) / math.sqrt(one + other)
-        return np.sqrt(squares), basis @ (vectors / roots[:, None]), rigid, np.diag(mass)
+        """As of `Model.linear`."""
+        return self.train.linear(system)
 
     def outputs(self, system):
         """Return the functionals of OUTPUTS of states by phase, shape (12, 3, p, n)."""
@@ -349,7 +292,3 @@ class SixDegreePair(WithPair):
         for name in ("deviation", "inverse_deviation"):
             values[name] = {"cosines": values[name].cosines, "sines": values[name].sines}
         return {"pair": self.pair.as_dict(), **values}
-
-
-def _stiffness(name, value):
-    return checks.number(name, value, "> 0 (infinity: rigid)", lambda c: c > 0.0)

@@ -21,7 +21,6 @@ from gearlib.analysis.proofs.orbits import REACH
 from tests.paper import PAPER
 from tests.proofs.candidates import extrema_apart, mostly_wrong, never_right, random_orbit
 from tests.proofs.checker import faults
-from tests.references import propagate
 
 COUNT = int(os.environ.get("GEARLIB_CERTIFICATES", "40"))
 MATERIAL = PAPER.replace(material_damping=3953.7)
@@ -79,22 +78,6 @@ def test_an_orbit_is_proven_and_a_second_program_agrees(case):
         bare = not imaginary.low and not imaginary.high
         words = f"  multiplier    {real}" + ("" if bare else f", i ({imaginary})")
         assert words in repr(found).splitlines()
-
-
-def test_the_proven_state_returns_in_fifty_digits():
-    """The reference in 50 digits is a third program: the ratios as floats, as it takes them."""
-    model = pair(damping=0.03, backlash=4.0)
-    orbit = gearlib.periodic_orbit(model, 0.9)
-    found = gearlib.certify(orbit, digits=25)
-    state = mpmath.mpf(str(found.displacement.low)), mpmath.mpf(str(found.velocity.low))
-    ratios = model.contact_ratio, model.stiffness_ratio, model.damping_ratio, 0.0
-    x, v, events = propagate(*ratios, model.backlash_ratio, 0.9, 1, state)
-    # Ratios rounded to floats move the orbit by some 1e-16.
-    assert abs(x - state[0]) < 1e-14 and abs(v - state[1]) < 1e-14
-    assert len(events) == len(found.events) > 0
-    for (phase, _, after, _), event in zip(events, found.events, strict=True):
-        assert after == event.after
-        assert abs(phase - mpmath.mpf(str(event.phase.low))) < 1e-14
 
 
 def test_constant_stiffness_rests_at_the_static_deflection():

@@ -11,8 +11,6 @@ import numpy as np
 import pytest
 
 import gearlib
-from gearlib.analysis.orbits.special_points import FOLD
-from gearlib.models.trains.parts import mesh_of
 from gearlib.studies import certificates_of_trains
 from tests.paper import PAPER
 from tests.proofs.checker import faults
@@ -75,25 +73,6 @@ def test_the_symmetry_of_the_reducer_breaks():
     if LONG:
         moved = [value - float(real) * deviation[i] for i, value in enumerate(found)]
         assert max(map(abs, moved)) < 1e-9 * max(map(abs, deviation))
-
-
-def test_a_train_of_two_gears_folds_where_their_pair_does():
-    """Another proof, by closed forms; inertias of the train are rounded."""
-    pair, r = PAPER.replace(material_damping=3953.7), 0.045
-    share = {"teeth": 24, "base_radius": r, "inertia": 2.0 * pair.reduced_mass * r**2}
-    bodies = [gearlib.Body(name=name, torque=pair.load * r, **share) for name in ("one", "other")]
-    train = gearlib.GearTrain(bodies=bodies, meshes=[mesh_of(pair, "one", "other")])
-    found = []
-    for model in (pair, train):
-        orbit = gearlib.periodic_orbit(model, 0.81)
-        branch = gearlib.continue_orbit(orbit, to=0.83, step=0.05, max_points=20)
-        (point,) = np.flatnonzero(branch.label.values == FOLD)
-        found.append(gearlib.certify_fold(model, branch, int(point)))
-    one, two = found
-    assert one and two and two.train.contacts == (0,) and one.pattern == two.pattern
-    assert abs(float(one.tuning) - float(two.tuning)) < 1e-13
-    for mine, theirs in zip(one.events, two.events, strict=True):
-        assert abs(float(mine.phase) - float(theirs.phase)) < 1e-9
 
 
 def test_a_range_and_a_motion_of_a_train():

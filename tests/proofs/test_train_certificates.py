@@ -171,22 +171,6 @@ def test_planets_in_phase_part_one_after_the_other():
         assert abs(phase - mpmath.mpf(str(event.phase.low))) < 1e-29
 
 
-@pytest.mark.parametrize("tuning", [0.7, 0.815])
-def test_rigid_bearings_are_the_proven_pair(tuning):
-    """Another proof, by closed forms; inertias of the larger model are rounded."""
-    model = gears(math.inf, 3953.7, 3953.7)
-    six, one = (
-        gearlib.certify(gearlib.periodic_orbit(pair, tuning)) for pair in (model, model.pair)
-    )
-    assert abs(float(six.displacement[1]) - float(one.displacement)) < 1e-12
-    assert six.stability == one.stability == "stable" and len(six.events) == len(one.events)
-    for mine, theirs in zip(six.events, one.events, strict=True):
-        assert abs(float(mine.phase) - float(theirs.phase)) < 1e-12
-        assert (mine.before, mine.after) == (theirs.before, theirs.after)
-    for mine, theirs in zip(six.multipliers, one.multipliers, strict=True):
-        assert all(abs(float(a) - float(b)) < 1e-12 for a, b in zip(mine, theirs, strict=True))
-
-
 def test_excitation_in_balls_is_that_of_the_kernels():
     train = gearlib.planetary(driving="ring", stiffness_ratio=(0.7, 0.7))
     run_out = {"eccentricity": 2e-6, "eccentricity_phase": 0.7, "offset": (1e-6, 3e-6)}

@@ -4,9 +4,10 @@ Taylor series in time for flights, contacts looked for along the way, saltation 
 contacts. It proves nothing; what it finds has to lie in the enclosures.
 """
 
-from mpmath import eig, inf, lu_solve, matrix, mp, mpf, nstr, pi, sqrt
+from mpmath import eig, lu_solve, matrix, mp, mpf, nstr, sqrt
 
-from tests.proofs.trains_by_hand import Train
+from tests.proofs.claimed_trains import Train
+from tests.references.reference_motion import cuts_of
 
 #: Terms of a series, how far it reaches by the fastest rate, places where distances are looked at.
 _TERMS, _REACH, _PLACES = 48, 2, 20
@@ -39,12 +40,8 @@ class Motion(Train):
             for i, value in enumerate(deviation):
                 column[self.kept[i % e] + (n if i >= e else 0)] = mpf(value)
             columns.append(column)
-        end = 2 * pi * self.claim["period"]
-        cuts = sorted({*(cut for mesh in self.meshes for cut in mesh.cuts(end)), end})
         # Cuts of equal phases differ by rounding.
-        cuts = [
-            cut for i, cut in enumerate(cuts) if i + 1 == len(cuts) or cuts[i + 1] - cut > 1e-40
-        ]
+        cuts = cuts_of(self.machine, self.claim["period"], mpf(10) ** -40)
         codes, events, tau = list(self.codes), [], mpf(0)
         for cut in cuts:
             laws: dict = {}
@@ -62,8 +59,7 @@ class Motion(Train):
                 if met is None:
                     continue
                 j, side, after = met
-                mesh = self.meshes[j]
-                distance, rate = self.functional(mesh, side)
+                distance, rate = self.functional(self.sides[j][side])
                 speed = _dot(rate, columns[0])
                 events.append((tau, j, codes[j], after, speed))
                 codes[j] = after
@@ -97,13 +93,12 @@ class Motion(Train):
             series.append([value / k for value in _times(law, series[-1])])
         best, met = h, None
         for j, code in enumerate(codes):
-            mesh = self.meshes[j]
             for side, sign, after in (
                 [(1, 1, 0)] if code == 1 else [(0, -1, 0)] if code == -1 else []
             ) + ([(1, -1, 1), (0, 1, -1)] if code == 0 else []):
-                if side == 0 and mesh.backlash == inf:
+                if self.sides[j][side] is None:
                     continue
-                distance, _ = self.functional(mesh, side)
+                distance, _ = self.functional(self.sides[j][side])
                 curve = [sign * _dot(distance, one) for one in series]
                 if abs(curve[0]) < mpf(10) ** -44 * self.length:
                     # This contact has just been met: on the line.

@@ -99,7 +99,7 @@ def test_energy_is_kept_where_nothing_takes_it(name):
         state = propagator.maps(state, 1, 10**5)[0]
     # Some hundred events, each placed to rounding times the energies of the parts.
     size = max(1.0, np.abs(energies).max())
-    np.testing.assert_allclose(energies, energies[0], rtol=0, atol=1e-11 * size)
+    np.testing.assert_allclose(energies, energies[0], rtol=0, atol=1e-12 * size)
 
 
 @given(data=st.data())

@@ -239,12 +239,12 @@ class _Train(Machine):
 
     def set_scales(self, model, tuning):
         """Set units: the static deflection of the reference mesh, and the tuning's frequency."""
-        squares, shapes, _ = self.modes()
         if "derived" in model:
             # As a certificate takes them.
             self.length, omega = model["derived"]["length"], model["derived"]["omega"]
             self.force_unit, self.speed = 1, tuning * omega
             return
+        squares, shapes, _ = self.modes()
         elastic = [i for i in range(self.n) if abs(squares[i]) > 1e-9 * max(squares)]
         self.free = shapes[:, [i for i in range(self.n) if i not in elastic]]
         squares, shapes = squares[elastic], shapes[:, elastic]

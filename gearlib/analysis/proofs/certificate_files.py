@@ -54,8 +54,46 @@ class ContactEvent:
     velocity: Enclosure  #: dx/dtau, in static deflections
 
 
-@dataclass(frozen=True)
-class Certificate:
+class _Claim:
+    """What is proven, as a dict."""
+
+    claim = ""
+    exact: tuple = ()  #: names of floats that are exact numbers
+
+    def _claimed(self):
+        return self.claim
+
+    def as_dict(self):
+        """Return all of it as plain values: enclosures as two decimals, exact floats as bits."""
+        bits = {name: number(getattr(self, name)) for name in self.exact}
+        return as_claim(self._claimed(), self) | bits
+
+
+class _OrbitClaim(_Claim):
+    """A proven orbit in words: what it is, what is said of it alone, that it is the only one."""
+
+    exact = ("tuning",)
+    tuning: float
+    period: int
+    radius: float
+    stability: str
+    reason: str
+
+    def _lines(self):
+        raise NotImplementedError
+
+    def __repr__(self):
+        lines = [
+            f"Proven: {_orbit(self.period)} at tuning {self.tuning!r}, {self.stability}",
+            *self._lines(),
+            f"  the only such orbit within {self.radius:.3g}",
+            f"  {self.stability}: {self.reason}",
+        ]
+        return "\n".join(lines)
+
+
+@dataclass(frozen=True, repr=False)
+class Certificate(_OrbitClaim):
     """A periodic orbit that is proven to exist; see `docs/theory/proofs.md`."""
 
     pair: object
@@ -76,28 +114,18 @@ class Certificate:
     reason: str  #: why, in a sentence
     digits: int  #: decimal digits of all enclosures, of numbers below 1 behind the point
 
-    def __repr__(self):
-        contacts = ", ".join(_WORDS[code] for code in self.pattern)
+    claim = "orbit"
+
+    def _lines(self):
         lines = [
-            f"Proven: an orbit of {self.period} mesh period{'s' * (self.period > 1)} at tuning "
-            f"{self.tuning!r}, {self.stability}",
             f"  displacement  {self.displacement}",
             f"  velocity      {self.velocity}",
             f"  smallest x    {self.displacement_min}",
             f"  largest x     {self.displacement_max}",
-            f"  contacts      {contacts}",
+            f"  contacts      {_met(self.pattern)}",
         ]
         lines += [f"    phase       {event.phase}" for event in self.events]
-        lines += [f"  multiplier    {_complex(*pair)}" for pair in self.multipliers]
-        lines += [
-            f"  the only such orbit within {self.radius:.3g}",
-            f"  {self.stability}: {self.reason}",
-        ]
-        return "\n".join(lines)
-
-    def as_dict(self):
-        """Return all of it as plain values, enclosures as two decimals each."""
-        return as_claim("orbit", self) | {"tuning": number(self.tuning)}
+        return lines + [f"  multiplier    {_complex(*pair)}" for pair in self.multipliers]
 
 
 @dataclass(frozen=True)
@@ -107,8 +135,8 @@ class MeshEvent(ContactEvent):
     mesh: str
 
 
-@dataclass(frozen=True)
-class TrainCertificate:
+@dataclass(frozen=True, repr=False)
+class TrainCertificate(_OrbitClaim):
     """A periodic orbit of a train that is proven to exist; see `docs/theory/proofs.md`."""
 
     pair: Any  #: the model
@@ -129,32 +157,20 @@ class TrainCertificate:
     digits: int  #: decimal digits of all enclosures, of numbers below 1 behind the point
     derived: dict  #: numbers that the library derives from the model, exact ones in the proof
 
-    def __repr__(self):
-        plural = "s" * (self.period > 1)
-        starts = ", ".join(
-            f"{name} in {_WORDS[code]}"
-            for name, code in zip(self.meshes, self.contacts, strict=True)
-        )
-        lines = [
-            f"Proven: an orbit of {self.period} mesh period{plural} at tuning {self.tuning!r}, "
-            f"{self.stability}",
+    claim = "train"
+
+    def _lines(self):
+        both = zip(self.meshes, self.contacts, strict=True)
+        starts = ", ".join(f"{name} in {_WORDS[code]}" for name, code in both)
+        return [
             f"  at tau = 0    {starts}",
-        ]
-        lines += [
-            f"    phase       {event.phase}  {event.mesh} in {_WORDS[event.after]}"
-            for event in self.events
-        ]
-        lines += [
+            *(
+                f"    phase       {event.phase}  {event.mesh} in {_WORDS[event.after]}"
+                for event in self.events
+            ),
             f"  multiplier    {_complex(*self.multipliers[0])}, the largest of "
             f"{len(self.multipliers)}",
-            f"  the only such orbit within {self.radius:.3g}",
-            f"  {self.stability}: {self.reason}",
         ]
-        return "\n".join(lines)
-
-    def as_dict(self):
-        """Return all of it as plain values, enclosures as two decimals each."""
-        return as_claim("train", self) | {"tuning": number(self.tuning)}
 
 
 @dataclass(frozen=True)
@@ -169,8 +185,8 @@ class TrainFacts:
     touched: Any = None  #: mesh and side, "drive" or "coast", of a flank line that is touched
 
 
-@dataclass(frozen=True)
-class PointCertificate:
+@dataclass(frozen=True, repr=False)
+class PointCertificate(_Claim):
     """A fold, a period doubling or a grazing that is proven to exist, and where it lies."""
 
     kind: str  #: "fold", "period doubling" or "grazing"
@@ -189,24 +205,21 @@ class PointCertificate:
     digits: int
     train: Any = None  #: `TrainFacts`; None: one degree of freedom
 
+    def _claimed(self):
+        return self.kind
+
     def __repr__(self):
-        contacts = ", ".join(_WORDS[code] for code in self.pattern)
-        plural = "s" * (self.period > 1)
         return (
-            f"Proven: a {self.kind} of an orbit of {self.period} mesh period{plural}\n"
+            f"Proven: a {self.kind} of {_orbit(self.period)}\n"
             f"  tuning        {self.tuning}\n"
-            f"  contacts      {contacts}\n"
+            f"  contacts      {_met(self.pattern)}\n"
             f"  the only one with tunings from {self.interval[0]!r} to {self.interval[1]!r}, state "
             f"and phases within {self.radius:.3g}"
         )
 
-    def as_dict(self):
-        """Return all of it as plain values, enclosures as two decimals each."""
-        return as_claim(self.kind, self)
 
-
-@dataclass(frozen=True)
-class Tongue:
+@dataclass(frozen=True, repr=False)
+class Tongue(_Claim):
     """A tongue: between two proven edges the orbit without loss of contact is unstable."""
 
     pair: object
@@ -219,15 +232,13 @@ class Tongue:
     digits: int
     derived: Any = None  #: as of `TrainFacts`; None: one degree of freedom
 
+    claim = "tongue"
+
     def __repr__(self):
         return (
             f"Proven: a tongue of order {self.order}, unstable from tuning\n  {self.start}\nto\n"
             f"  {self.stop}"
         )
-
-    def as_dict(self):
-        """Return all of it as plain values, enclosures as two decimals each."""
-        return as_claim("tongue", self)
 
 
 @dataclass(frozen=True)
@@ -280,8 +291,8 @@ class Piece:
     radii: tuple  #: of the box about the centre, exact floats
 
 
-@dataclass(frozen=True)
-class RangeCertificate:
+@dataclass(frozen=True, repr=False)
+class RangeCertificate(_Claim):
     """An orbit that is proven at every tuning of a range, one branch with the same contacts."""
 
     pair: object
@@ -294,22 +305,27 @@ class RangeCertificate:
     pieces: tuple  #: of the range, `Piece`, ascending; where two meet the orbit is in both boxes
     train: Any = None  #: `TrainFacts`; None: one degree of freedom
 
+    claim, exact = "range", ("start", "stop")
+
     def __repr__(self):
-        contacts = ", ".join(_WORDS[code] for code in self.pattern)
-        plural = "s" * (self.period > 1)
         return (
-            f"Proven: an orbit of {self.period} mesh period{plural} at every tuning from "
-            f"{self.start!r} to {self.stop!r}, {self.stability}\n"
-            f"  contacts      {contacts}\n"
+            f"Proven: {_orbit(self.period)} at every tuning from {self.start!r} to "
+            f"{self.stop!r}, {self.stability}\n"
+            f"  contacts      {_met(self.pattern)}\n"
             f"  {self.stability}: {self.reason}"
         )
 
     def as_dict(self):
         """Return all of it as plain values, exact floats as texts that say all their bits."""
-        ends = {"start": number(self.start), "stop": number(self.stop)}
-        return (
-            as_claim("range", self) | ends | {"pieces": [numbers(vars(one)) for one in self.pieces]}
-        )
+        return super().as_dict() | {"pieces": [numbers(vars(one)) for one in self.pieces]}
+
+
+def _orbit(period):
+    return f"an orbit of {period} mesh period{'s' * (period > 1)}"
+
+
+def _met(pattern):
+    return ", ".join(_WORDS[code] for code in pattern)
 
 
 def _complex(real, imaginary):

@@ -13,14 +13,7 @@ _SHORTEST, _CORRECTIONS = 2**-48, 40
 
 
 def extrema(path, arcs, ends):
-    """Return balls of the smallest and of the largest displacement of a motion, in closed form.
-
-    Parameters
-    ----------
-    path : Path
-    arcs, ends : list
-        Of `Path.states`.
-    """
+    """Return balls of the smallest and largest displacement; `arcs`, `ends` of `Path.states`."""
     displacement = flint().arb_mat([[1] + [0] * (path.laws.size - 1)])
     # Every one of these balls holds a displacement of the motion, and none is more extreme.
     found = [arcs[0][0][0, 0]]

@@ -271,8 +271,34 @@ class Proof:
 
     def certificate(self, digits):
         """Return (the `Certificate` or `TrainCertificate`, the digits that its enclosures have)."""
-        found = self._of_train if self.laws.framed else self._of_one_degree
-        return found(digits, partial(enclosure, digits=digits))
+        laws, contacts, within = self.laws, self.contacts(), partial(enclosure, digits=digits)
+        kind, own, multipliers, (stability, reason) = (
+            self._of_train() if laws.framed else self._of_one_degree(contacts)
+        )
+        numbers = [ball for half in laws.spread(self.box, self.scale) for ball in half]
+        numbers += [ball for phase, *_, speed in contacts for ball in (phase, speed)]
+        numbers += [part for one in multipliers for part in (one.real, one.imag)]
+        numbers += [value for value in own.values() if isinstance(value, flint().arb)]
+        displacement, velocity = state_of(laws, self.box, self.scale, digits)
+        found = kind(
+            pair=self.orbit.pair,
+            tuning=self.orbit.tuning,
+            period=self.orbit.period,
+            displacement=displacement,
+            velocity=velocity,
+            events=listed(contacts, digits, laws.mesh_names if laws.framed else ()),
+            radius=self.radius,
+            moved=float(self.moved),
+            multipliers=tuple((within(one.real), within(one.imag)) for one in multipliers),
+            stability=stability,
+            reason=reason,
+            digits=digits,
+            **{
+                name: within(value) if isinstance(value, flint().arb) else value
+                for name, value in own.items()
+            },
+        )
+        return found, min(map(digits_of, numbers))
 
     def contacts(self):
         """Return [(phase, mesh, code before, code after, rate of distance by tau)]."""
@@ -283,67 +309,25 @@ class Proof:
             )
         ]
 
-    def _of_one_degree(self, digits, within):
-        orbit, matrix = self.orbit, self.map
+    def _of_one_degree(self, contacts):
+        """Return (record, what it has of its own, multipliers, stability with its reason)."""
         determinant = self.path.determinant([t for _, t in self.arcs])
-        trace = matrix[0, 0] + matrix[1, 1]
-        multipliers = [(one.real, one.imag) for one in of_two(trace, determinant)]
-        stability, reason = judge_two(trace, determinant)
-        contacts = self.contacts()
-        x, v = self.box[0], self.box[1] * self.scale
+        trace = self.map[0, 0] + self.map[1, 1]
         least, most = extrema(self.path, self.arcs, self.ends)
-        numbers = [x, v, least, most, trace, determinant, *(b for one in multipliers for b in one)]
-        numbers += [ball for phase, *_, speed in contacts for ball in (phase, speed)]
-        found = Certificate(
-            orbit.pair,
-            orbit.tuning,
-            orbit.period,
-            (*self.codes, *(after for *_, after, _ in contacts)),
-            within(x),
-            within(v),
-            listed(contacts, digits),
-            within(least),
-            within(most),
-            self.radius,
-            float(self.moved),
-            within(trace),
-            within(determinant),
-            tuple(tuple(map(within, one)) for one in multipliers),
-            stability,
-            reason,
-            digits,
-        )
-        return found, min(map(digits_of, numbers))
+        own = {
+            "pattern": (*self.codes, *(after for *_, after, _ in contacts)),
+            "displacement_min": least,
+            "displacement_max": most,
+            "trace": trace,
+            "determinant": determinant,
+        }
+        return Certificate, own, of_two(trace, determinant), judge_two(trace, determinant)
 
-    def _of_train(self, digits, within):
-        orbit, laws = self.orbit, self.laws
-        multipliers = eigenvalues(self.map)
-        stability, reason = judge(multipliers)
-        displacement, velocity = laws.spread(self.box, self.scale)
-        contacts = self.contacts()
-        numbers = [*displacement, *velocity]
-        numbers += [ball for phase, *_, speed in contacts for ball in (phase, speed)]
-        numbers += [part for one in multipliers for part in (one.real, one.imag)]
-        found = TrainCertificate(
-            orbit.pair,
-            orbit.tuning,
-            orbit.period,
-            laws.mesh_names,
-            self.codes,
-            laws.coordinates,
-            tuple(laws.coordinates[i] for i in laws.fixed),
-            tuple(map(within, displacement)),
-            tuple(map(within, velocity)),
-            listed(contacts, digits, laws.mesh_names),
-            self.radius,
-            float(self.moved),
-            tuple((within(one.real), within(one.imag)) for one in multipliers),
-            stability,
-            reason,
-            digits,
-            laws.derived,
-        )
-        return found, min(map(digits_of, numbers))
+    def _of_train(self):
+        """Return the same of a train."""
+        multipliers, facts = eigenvalues(self.map), vars(train_of(self.laws, self.codes))
+        own = {name: value for name, value in facts.items() if name != "touched"}
+        return TrainCertificate, own, multipliers, judge(multipliers)
 
 
 def _order(phases: Any):

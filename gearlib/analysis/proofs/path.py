@@ -38,22 +38,11 @@ class Node:
 class Path:
     """The nodes of a motion, and its equations.
 
-    Parameters
-    ----------
-    laws : ClosedLaws or TrainLaws
-    codes : list of int
-        Contact codes of all meshes at the start.
-    events : list of (phase, mesh, code before, code after, ...)
-        In their order, as a run in floating point has them; phases, floats or balls, count on over
-        the periods.
-    period : int
-    touch : tuple, optional
-        Phase at which a flank line is touched, its mesh and side.
-    start : arb, default 0
-        Mesh phase, away from a switch, at which the path begins and ends.
-    framed : bool, optional
-        Whether boxes turn with the motion; of use where there are many coordinates, and they are
-        wide, or the bits are many. By default as the laws have it.
+    `codes` are the contact codes of all meshes at the start, `events` (phase, mesh, code before,
+    code after, ...) in their order, phases counted on over the periods; `touch` is (phase, mesh,
+    side) of a flank line that is touched, `start` the mesh phase, away from a switch, at which the
+    path begins and ends. `framed`: whether boxes turn with the motion, of use where there are many
+    coordinates, and they are wide, or the bits are many; by default as the laws have it.
     """
 
     def __init__(self, laws, codes, events, period, touch=None, start=0, framed=None):
@@ -129,17 +118,9 @@ class Path:
     def equations(self, unknowns, scale=None, bits=None, direction=None):
         """Return (residuals, derivatives by the unknowns, a row each).
 
-        Parameters
-        ----------
-        unknowns : list of arb
-            State, phases; 1 / nu if `scale` is not given.
-        scale : arb, optional
-            1 / nu.
-        bits : int, optional
-            Of the derivatives; by default as many as Newton's method has a use for.
-        direction : list of arb, optional
-            Of state and phases, one for each. Then a third value is returned: the derivatives of
-            what the residuals change by along it.
+        Unknowns are state and phases, and 1 / nu if `scale` does not give it. `bits` are those of
+        the derivatives, by default as many as Newton's method has a use for. With a `direction` of
+        state and phases a third value follows: derivatives of what residuals change by along it.
         """
         arb_mat, laws = flint().arb_mat, self.laws
         n, size, m = 2 * len(laws.kept), laws.size, len(unknowns)

@@ -68,16 +68,8 @@ def keeps_off(curve, t, side, first, last):
     The arc is cut into pieces. On a piece the sign is proven if the enclosure of the distance has
     it, or if the distance is not on the wrong side at both ends of the piece and is monotone or
     curved towards the line between them. Next to a touch, at rest, it is curved away from the line.
-
-    Parameters
-    ----------
-    curve : Curve or ClosedCurve
-    t : arb
-        Its duration.
-    side : int
-    first, last : int
-        `OFF`, `CROSSING` or `TOUCHING` at either end; what is not `OFF` is on the line by what is
-        already proven.
+    `t` is its duration; `first` and `last` are `OFF`, `CROSSING` or `TOUCHING` at either end: what
+    is not `OFF` is on the line by what is already proven.
     """
     arb = flint().arb
     if first == OFF and not side * curve.at(arb(0))[0] > 0:
@@ -113,21 +105,9 @@ def keeps_off(curve, t, side, first, last):
 
 def check_contacts(path, arcs, ends, phases, first=None):
     """Prove that the contacts of a path are crossings, in this order, and all there are.
-
-    Parameters
-    ----------
-    path : Path
-    arcs, ends : list
-        Of `Path.states`.
-    phases : list of arb
-        Of all nodes.
-    first : tuple, optional
-        (mesh, side, kind) of a flank line that the state at the start lies on, see `check_arc`.
-
-    Returns
-    -------
-    list of arb
-        Rates of distance at the contacts, by theta.
+    Returns the rates of distance at the contacts, by theta. `arcs` and `ends` are of `Path.states`,
+    `phases` of all nodes; `first` is (mesh, side, kind) of a flank line that the state at the start
+    lies on, see `check_arc`.
     """
     laws, now, rates = path.laws, list(path.codes), []
     kinds = {CONTACT: CROSSING, TOUCH: TOUCHING}

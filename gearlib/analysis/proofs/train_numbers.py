@@ -16,10 +16,11 @@ import numpy as np
 
 from gearlib.analysis.proofs.balls import flint
 from gearlib.analysis.proofs.certificate_files import Uncertain
-from gearlib.analysis.proofs.path import COAST, DRIVE
+from gearlib.analysis.proofs.path import DRIVE
 from gearlib.models.trains import turning
 from gearlib.models.trains.elastic import linear
-from gearlib.models.trains.structure import Numbers, far_lines, structure
+from gearlib.models.trains.structure import Numbers, far_lines
+from gearlib.models.trains.two_gears import TwoGears
 from gearlib.models.trains.waves import excited
 
 
@@ -120,27 +121,18 @@ def balls():
     return Numbers(object, arb, cos_sin, polar, arb.pi())
 
 
-def _units(n):
-    arb = flint().arb
-    return [np.array([arb(int(i == j)) for j in range(n)], dtype=object) for i in range(n)]
-
-
-def _add(matrix, value, row):
-    matrix += flint().arb(value) * np.outer(row, row)
-
-
 def _turns(angle):
     """Return an angle in turns, rounded once and exact from there on."""
     return Fraction(angle / (2.0 * math.pi))
 
 
-def _of_train(train):
+def _of_train(train, floats=None):
     if train.gyroscopic:
         raise Uncertain(
             "model", "no proof is written for a train whose axes feel the turning of their frame"
         )
     arb, numbers = flint().arb, balls()
-    found = structure(train.by_name, train.meshes, train.shafts, numbers)
+    found = train.assembled(numbers)
     far = far_lines(found, train.by_name, train.meshes, numbers)
     rows, constants = excited(train, found.arms, numbers)
     meshes = []
@@ -186,72 +178,20 @@ def _of_train(train):
             "phases": dict(train.phases),
             "inverse_phases": dict(train.inverse_phases),
         },
-        train.structure.springs,
-        train.structure.masses,
+        (floats or train).structure.springs,
+        (floats or train).structure.masses,
     )
 
 
 def _of_pair(model):
-    """Return the `Parts` of a `SixDegreePair`."""
+    """Return the `Parts` of a `SixDegreePair`: of its train, whose units are exact too."""
     arb, pair = flint().arb, model.pair
-    bearings = [("y3", "z3", "y2", "z2")[i] for i in model.flexible()]
-    names = ("u3", "u2", *bearings)
-    n = len(names)
-    rows = dict(zip(names, _units(n), strict=True))
-    mass, stiffness, damping = balls().zeros(3, n, n)
-    none, load = balls().zeros(2, n)
-    for name, inertia, r, torque in zip(
-        ("u3", "u2"), model.inertias, model.base_radii, model.torques, strict=True
-    ):
-        _add(mass, inertia / arb(r) ** 2, rows[name])
-        load += arb(torque) / r * rows[name]
-    for i, name in zip(model.flexible(), bearings, strict=True):
-        _add(mass, model.masses[0 if name.endswith("3") else 1], rows[name])
-        _add(stiffness, model.bearing_stiffness[i], rows[name])
-        _add(damping, model.bearing_damping[i], rows[name])
-    turning = rows["u3"] + rows["u2"]
-    drive = turning + rows.get("y3", none) - rows.get("y2", none)
-    waves: dict = {}
-
-    def add(frequency, sides, cosine, sine):
-        entry = waves.setdefault(Fraction(frequency), [[arb(0), arb(0)], [arb(0), arb(0)]])
-        for side in sides:
-            entry[side][0] += cosine
-            entry[side][1] += sine
-
-    (e3, e2), (z3, z2) = model.eccentricities, model.teeth
-    # Where the backlash moves, its line takes run-out and bearings along.
-    sides = (DRIVE,) if model.moving_backlash else (COAST, DRIVE)
-    if e3:
-        add(Fraction(1, z3), sides, arb(0), arb(e3))
-    if e2:
-        s, c = arb(model.run_out_phase).sin_cos()
-        add(Fraction(1, z2), sides, -e2 * s, e2 * c)
-    for side, deviation in ((COAST, model.inverse_deviation), (DRIVE, model.deviation)):
-        for order, a, b in deviation.table().tolist():
-            add(int(order), (side,), arb(a), arb(b))
     kappa, overlap = arb(pair.stiffness_ratio), arb(pair.contact_ratio) - 1
     mean = arb(pair.max_stiffness) * (kappa * (1 - overlap) + overlap)
-    mesh = MeshParts(
-        "mesh",
-        (turning if model.moving_backlash else drive, drive),
-        rows.get("z3", none) - rows.get("z2", none),
-        (arb(pair.backlash) if math.isfinite(pair.backlash) else None, arb(0)),
-        waves,
-        (arb(pair.max_stiffness), arb(pair.max_stiffness) * kappa),
-        arb(pair.material_damping),
-        arb(pair.backlash_damping),
-        tuple(map(arb, model.friction[::-1])),
-        Fraction(1),
-        (Fraction(0), Fraction(0)),
-        (_turns(model.pitch_phase),) * 2,
-        Fraction(pair.contact_ratio) - 1,
-        model.moving_backlash or model.inverse_deviation != model.deviation,
-    )
-    length, frequency = arb(pair.load) / mean, (mean / pair.reduced_mass).sqrt()
-    # One functional for each coordinate; the two rotations are held by the mesh only.
-    springs = np.eye(n), np.array([0.0, 0.0, *(float(stiffness[i, i]) for i in range(2, n))])
-    masses = np.eye(n), np.array([float(mass[i, i]) for i in range(n)])
-    return Parts(
-        names, mass, stiffness, damping, load, (mesh,), length, frequency, {}, springs, masses
+    found = _of_train(TwoGears(gears=model, numbers=balls()), model.train)
+    return found._replace(
+        names=("u3", "u2", *(("y3", "z3", "y2", "z2")[i] for i in model.flexible())),
+        length=arb(pair.load) / mean,
+        frequency=(mean / pair.reduced_mass).sqrt(),
+        derived={},
     )

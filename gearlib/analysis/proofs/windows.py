@@ -39,13 +39,8 @@ class Crossed(NamedTuple):
 class Windows:
     """The nodes of a `Path`, with windows in place of single contacts.
 
-    Parameters
-    ----------
-    path : Path
-    codes : list of int
-        Contact codes of all meshes at tau = 0.
-    phases : list of arb
-        Of its contacts, exact numbers in their order.
+    `codes` are the contact codes of all meshes at tau = 0, `phases` those of its contacts, exact
+    numbers in their order.
     """
 
     def __init__(self, path, codes, phases):

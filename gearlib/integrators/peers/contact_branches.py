@@ -3,32 +3,39 @@
 All numbers of a branch, one piece of the stiffness with one contact code, are one array:
 
     d1, d2, d3, c and its slope at the start of the piece, that start, 1 in contact and 0 in the
-    backlash, distance of the far flank (0 in normal mesh), p2, p3, number of harmonics of F and of
-    c, their rows.
+    backlash, how far the flank lies below 0, p2, p3, number of harmonics of F and of c, e, rows of
+    the harmonics.
 """
 
 import math
 
 import numpy as np
 
-from gearlib.kernels.codes import BACKLASH, NORMAL
+from gearlib.kernels.codes import BACKLASH, INVERSE
 from gearlib.kernels.jit import kernel
+from gearlib.kernels.taylor.series import damping_of
+
+#: Where the rows of the harmonics begin.
+ROWS = 13
 
 
 def pack(law, piece, contact):
     """Return the numbers of a branch of a `gearlib.kernels.taylor.series.Law`."""
+    far = contact == INVERSE
+    stiffness = law.far_stiffness if far else law.stiffness
     return np.array(
         [
-            *(law.oil if contact == BACKLASH else law.material),
-            *law.pieces[piece],
+            *damping_of(law, contact),
+            *(law.far_pieces if far else law.pieces)[piece],
             law.breaks[piece],
             0.0 if contact == BACKLASH else 1.0,
-            0.0 if contact == NORMAL else law.gap,
+            -law.lower if far else -law.upper,
             *law.powers,
             len(law.force),
-            len(law.stiffness),
+            len(stiffness),
+            law.ground,
             *law.force.ravel(),
-            *law.stiffness.ravel(),
+            *stiffness.ravel(),
         ]
     )
 
@@ -48,10 +55,10 @@ def _waves(t, p, first, count):
 def acceleration(t, x, v, p):
     """Return x'' on the branch with the numbers p, at phase t of the mesh period."""
     forces, stiffnesses = int(p[10]), int(p[11])
-    total = _waves(t, p, 12, forces) - (p[0] + (p[1] + p[2] * abs(v)) * abs(v)) * v
+    total = _waves(t, p, ROWS, forces) - (p[0] + (p[1] + p[2] * abs(v)) * abs(v)) * v - p[12] * x
     if p[6] == 0.0:
         return total
-    c = p[3] + p[4] * (t - p[5]) + _waves(t, p, 12 + 3 * forces, stiffnesses)
+    c = p[3] + p[4] * (t - p[5]) + _waves(t, p, ROWS + 3 * forces, stiffnesses)
     u = x + p[7]
     return total - c * (u + (p[8] * abs(u) + p[9] * u * u) * u)
 

@@ -41,7 +41,7 @@ def run(pair, tuning, state, *arguments, rtol, atol, formula):
     problem = problem_of(pair, tuning)
     law = None if pair.equation is None else pair.law(tuning)
     options = {"rtol": rtol, "atol": atol, "method": formula, "max_num_steps": _MOST_STEPS}
-    return _Run(problem, law, options).run(tuning, state, *arguments)
+    return _Run(problem, law, options).run(state, *arguments)
 
 
 def run_many(pair, *arguments, **options):
@@ -59,23 +59,21 @@ class _Run(Split):
         #: Phase at which the mesh period starts, for what has not its period.
         self._turn = 0.0
 
-    def _solver(self, piece, contact):
+    def _solver(self, segment, codes, exits):
         """Return (solver with root functions, solver without) of a branch."""
-        key = piece, contact
+        key = segment, codes.tobytes()
         if key not in self._solvers:
             from sksundae.cvode import CVODE
 
-            rate = self._rate(piece, contact)
-            exits = [(i, leave.line) for i, leave in enumerate(self.exits[contact])]
-            lines = self.problem.lines
+            rate, lines = self._rate(segment, codes), self.problem.lines
 
             def roots(t, z, values):
                 both = lines(self._turn + t, z)
-                for i, line in exits:
-                    values[i] = both[line]
+                for i, leave in enumerate(exits):
+                    values[i] = both[leave.line][leave.mesh]
 
             roots.terminal = [True] * len(exits)  # type: ignore[attr-defined]
-            directions = [leave.direction for leave in self.exits[contact]]
+            directions = [leave.direction for leave in exits]
             roots.direction = directions  # type: ignore[attr-defined]
             self._solvers[key] = (
                 CVODE(rate, eventsfn=roots, num_events=len(exits), **self.options),
@@ -83,25 +81,25 @@ class _Run(Split):
             )
         return self._solvers[key]
 
-    def _rate(self, piece, contact):
+    def _rate(self, segment, codes):
         if self.law is None:
 
             def rate(t, z, out):
-                out[:] = self.problem.rate(self._turn + t, z, piece, contact)
+                out[:] = self.problem.rate(self._turn + t, z, segment, codes)
 
         else:
-            numbers = contact_branches.pack(self.law, piece, contact)
+            numbers = contact_branches.pack(self.law, segment, int(codes[0]))
 
             def rate(t, z, out):
                 contact_branches.fill_rate(t, z, out, numbers)
 
         return rate
 
-    def solve(self, n, start, end, z, piece, contact, keep):
+    def solve(self, n, start, end, z, segment, codes, exits):
         """Take one phase; see `Split`."""
         self._turn = 2.0 * np.pi * n
-        solver, plain = self._solver(piece, contact)
-        if keep:
+        solver, plain = self._solver(segment, codes, exits)
+        if self.keep:
             done = solver.solve([start, end], z)
         else:
             solver.init_step(start, z)
@@ -113,7 +111,7 @@ class _Run(Split):
         # The table of roots is that of an earlier phase where none was found in this one.
         if done.status == _ROOT:
             hit = int(np.flatnonzero(np.atleast_2d(done.i_events)[-1])[0])
-        if not keep:
+        if not self.keep:
             return Phase(float(done.t), done.y.copy(), hit)
         t, z0 = float(done.t[-1]), z
 

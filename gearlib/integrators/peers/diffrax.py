@@ -12,9 +12,8 @@ from gearlib.integrators.option import Option
 from gearlib.integrators.peers import contact_branches
 from gearlib.integrators.peers.package import Package
 from gearlib.integrators.right_hand_sides import problem_of
-from gearlib.integrators.split import NEAR, Phase, Split, Stall
+from gearlib.integrators.split import NEAR, Phase, Split, Stall, within_range
 from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
-from gearlib.kernels.overflow import within_range
 
 __all__ = ["EVENTS", "MODELS", "OPTIONS", "ORDER", "PACKAGE", "run", "run_many", "takes"]
 
@@ -43,7 +42,7 @@ def run(pair, tuning, state, *arguments, rtol, atol, solver):
     # Only within the run: the precision that the caller's own JAX works in is not ours to set.
     with jax.enable_x64(True):
         one = _Run(problem_of(pair, tuning), law, solver, rtol, atol)
-        return one.run(tuning, state, *arguments)
+        return one.run(state, *arguments)
 
 
 def run_many(pair, *arguments, **options):
@@ -59,7 +58,7 @@ def _compiled(name, forces, stiffnesses):
     import jax.numpy as jnp
     import optimistix
 
-    solver = getattr(diffrax, name)()
+    solver, rows = getattr(diffrax, name)(), contact_branches.ROWS
 
     def waves(t, p, first, count):
         rows = p[first : first + 3 * count].reshape(count, 3)
@@ -68,10 +67,10 @@ def _compiled(name, forces, stiffnesses):
     def rate(t, z, arguments):
         p = arguments[0]
         x, v = z
-        c = p[3] + p[4] * (t - p[5]) + waves(t, p, 12 + 3 * forces, stiffnesses)
+        c = p[3] + p[4] * (t - p[5]) + waves(t, p, rows + 3 * forces, stiffnesses)
         u, speed = x + p[7], abs(v)
         push = p[6] * c * (u + (p[8] * abs(u) + p[9] * u * u) * u)
-        return v, waves(t, p, 12, forces) - (p[0] + (p[1] + p[2] * speed) * speed) * v - push
+        return v, waves(t, p, rows, forces) - (p[0] + (p[1] + p[2] * speed) * speed) * v - push
 
     def leaving(j):
         def value(t, y, args, **_):
@@ -171,7 +170,8 @@ class _Run(Split):
         if key not in self._branches:
             # Direction 0 and offset -1: no second exit.
             exits = np.array([[0.0, 0.0, -1.0]] * 2)
-            for row, leave in zip(exits, self.exits[contact], strict=False):
+            leaves = self.exits(np.array([contact]))
+            for row, leave in zip(exits, leaves, strict=False):
                 row[:] = (0.0 if leave.line == NEAR else self.law.gap), leave.direction, 0.0
             numbers = contact_branches.pack(self.law, piece, contact)
             # Behind no flank there is no distance to it.
@@ -179,39 +179,45 @@ class _Run(Split):
             self._branches[key] = jnp.array(numbers), jnp.array(exits), *self.tolerances
         return self._branches[key]
 
-    def skip(self, z, contact):
+    def skip(self, z, codes):
         """Go through the unrecorded periods; a call of JAX takes longer than a phase."""
         import jax.numpy as jnp
 
-        codes, pieces = (INVERSE, BACKLASH, NORMAL), range(len(self.problem.low))
-        branches_of = [[self._branch(piece, code) for piece in pieces] for code in codes]
+        contacts, pieces = (INVERSE, BACKLASH, NORMAL), range(len(self.problem.starts) - 1)
+        branches_of = [[self._branch(piece, code) for piece in pieces] for code in contacts]
         numbers = jnp.stack([jnp.stack([branch[0] for branch in row]) for row in branches_of])
         exits = jnp.stack([row[0][1] for row in branches_of])
         after = np.zeros((3, 2), dtype=int)
-        for row, code in zip(after, codes, strict=True):
-            afters = [leave.after for leave in self.exits[code]]
+        for row, code in zip(after, contacts, strict=True):
+            afters = [leave.after for leave in self.exits(np.array([code]))]
             row[: len(afters)] = afters
-        table = jnp.array(self.problem.breaks), numbers, exits, jnp.array(after)
+        table = jnp.array(self.problem.starts), numbers, exits, jnp.array(after)
         options = *self.tolerances, self.limit, self.OFF
-        carry = jnp.array(z), jnp.array(contact), jnp.array(0), jnp.array(True), jnp.array(True)
+        carry = (
+            jnp.array(z),
+            jnp.array(int(codes[0])),
+            jnp.array(0),
+            jnp.array(True),
+            jnp.array(True),
+        )
         for n in range(self.first):
-            if n >= self.periods - self.kept:
-                self.add_strobe(n, 2.0 * np.pi * n, np.asarray(carry[0]))
+            if n >= self.strobe:
+                self.add_strobe(n, np.asarray(carry[0]))
             carry = self.period(carry, *table, *options)
         z, contact, steps, good, fits = carry
         self.evaluations += int(steps) * self.stages
         z, code = np.array(z), status.OK
-        if not within_range(*z):
+        if not within_range(z):
             code = status.OVERFLOW
         elif not good:
             code = status.STALLED
         elif not fits:
             code = status.EVENT_LIMIT
-        return self.first, z, int(contact), code
+        return self.first, z, np.array([int(contact)]), code
 
-    def solve(self, n, start, end, z, piece, contact, keep):
+    def solve(self, n, start, end, z, segment, codes, exits):
         """Take one phase; see `Split`."""
-        before = start, end, z, *self._branch(piece, contact)
+        before = start, end, z, *self._branch(segment, int(codes[0]))
         head, code = self.phase(*before)
         (t, *after), (good, steps, first, second) = np.asarray(head), np.asarray(code).tolist()
         if not good:
@@ -219,7 +225,7 @@ class _Run(Split):
         self.evaluations += steps * self.stages
         hit = 0 if first else (1 if second else None)
         t, after = (end if hit is None else float(t)), np.array(after)
-        if not keep:
+        if not self.keep:
             return Phase(t, after, hit)
         # Of one length, so that it is compiled once; evaluations for the record do not count.
         wanted = np.full(self.per_period + 2, end)

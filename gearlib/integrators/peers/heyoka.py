@@ -5,7 +5,6 @@ numbers are runtime parameters, so that other pairs and tunings of the structure
 quadratic damping, x' = 0 ends a step as well: behind it |x'| is another polynomial.
 """
 
-import math
 import threading
 from functools import partial
 
@@ -14,13 +13,13 @@ import numpy as np
 from gearlib import checks
 from gearlib.integrators.each import run_each
 from gearlib.integrators.option import Option
-from gearlib.integrators.peers import heyoka_trains
+from gearlib.integrators.peers import heyoka_meshes
 from gearlib.integrators.peers.package import Package
 from gearlib.integrators.right_hand_sides import problem_of
 from gearlib.integrators.scipy_ivp import MODELS, takes
-from gearlib.integrators.split import Phase, Split, Stall, exits_of
-from gearlib.integrators.trains_in_python import Problem
+from gearlib.integrators.split import TURN, Phase, Split, Stall
 from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
+from gearlib.kernels.taylor.series import damping_of
 
 __all__ = ["EVENTS", "MODELS", "OPTIONS", "ORDER", "PACKAGE", "run", "run_many", "takes"]
 
@@ -37,11 +36,9 @@ OPTIONS = {
 
 def run(pair, tuning, state, *arguments, tol):
     """Run one tuning; see `gearlib.integrators`."""
-    if pair.mesh_names:
-        return heyoka_trains.Run(Problem(pair, tuning), tol).run(state, *arguments)
-    kind = _SixDegrees if pair.equation is None else _OneDegree
     problem = problem_of(pair, tuning)
-    return _Run(problem, kind(pair, tuning, problem), tol).run(tuning, state, *arguments)
+    kind = heyoka_meshes.Meshes if pair.equation is None else _OneDegree
+    return _Run(problem, kind(problem, tol)).run(state, *arguments)
 
 
 def run_many(pair, *arguments, **options):
@@ -64,57 +61,101 @@ _COMPILED = _Compiled()
 
 
 class _OneDegree:
-    """One degree of freedom: its structure, its expressions, its parameters."""
+    """One degree of freedom: an integrator for each contact code and sign of x'."""
 
-    #: Whether the equations differ from mesh period to mesh period, by par[0].
-    aperiodic = False
+    #: Just above the rounding of a state on the far flank line.
+    OFF = 1e-15
+    #: Time over phase, states over those of the problem.
+    pace = unit = 1.0
 
-    def __init__(self, pair, tuning, problem):
-        self.law = pair.law(tuning)
-        law = self.law
-        self.gap, self.closing = law.gap, problem.closing
+    def __init__(self, problem, tol):
+        self.problem, self.tol = problem, tol
+        self.law = law = problem.law
         #: Per contact code, whether |x'| comes in.
-        self.turns = {c: self._damping(c)[1] != 0.0 for c in (NORMAL, BACKLASH, INVERSE)}
+        self.turns = {c: damping_of(law, c)[1] != 0.0 for c in (NORMAL, BACKLASH, INVERSE)}
         self._orders = [row[0] for row in law.force if row[0] > 0.0]
-        self._waves = [row[0] for row in law.stiffness]
-        self._sloped = bool(law.pieces[:, 1].any())
+        near, far = (law.stiffness, law.pieces), (law.far_stiffness, law.far_pieces)
+        self._stiffness = {NORMAL: near, BACKLASH: near, INVERSE: far}
         self._curved = bool(law.powers.any())
+        self._branches = {}
 
-    def _damping(self, contact):
-        return self.law.oil if contact == BACKLASH else self.law.material
+    def branch(self, n, start, z, segment, codes, exits):
+        """Return (integrator, views of its state and parameters, their values, lines met)."""
+        contact, sign = int(codes[0]), 0
+        if self.turns[contact]:
+            v = z[1] if z[1] != 0.0 else self.problem.rate(start, z, segment, codes)[1]
+            sign = 1 if v >= 0.0 else -1
+        key = segment, contact, sign
+        if key not in self._branches:
+            values = self._parameters(segment, contact)
+            if sign < 0:
+                # |x'| x' = -x'^2
+                values[QUADRATIC] = -values[QUADRATIC]
+            made = self._integrator(contact, sign, exits)
+            # Parameters that no expression uses have no place.
+            lines = [leave[:2] for leave in exits]
+            self._branches[key] = *made, values[: made[2].size], lines
+        return self._branches[key]
 
-    def structure(self, contact):
+    def _integrator(self, contact, sign, exits):
+        """Return (integrator, views of its state and parameters) of a contact code.
+
+        `sign` is that of x' where it matters, else 0.
+        """
+        key = self._structure(contact), sign, tuple(exits), self.tol
+        made = _COMPILED.integrators
+        if key not in made:
+            import heyoka as hy
+
+            equations, lines, speed = self._expressions(contact)
+            towards = {1: hy.event_direction.positive, -1: hy.event_direction.negative}
+            # Without a cooldown of its own: the automatic one is infinite from rest on a line.
+            events = [
+                hy.t_event(lines[leave.line], direction=towards[leave.direction], cooldown=0.0)
+                for leave in exits
+            ]
+            if sign:
+                events.append(hy.t_event(speed, direction=towards[-sign], cooldown=0.0))
+            one = hy.taylor_adaptive(equations, [0.0, 0.0], t_events=events, tol=self.tol)
+            made[key] = one, one.state, one.pars
+        return made[key]
+
+    def _shape(self, contact):
+        """Return which terms there are: cubic damping, harmonics and slope of the stiffness."""
+        waves, pieces = self._stiffness[contact]
+        cubic = bool(damping_of(self.law, contact)[2] != 0.0)
+        return cubic, tuple(waves[:, 0].tolist()), bool(pieces[:, 1].any())
+
+    def _structure(self, contact):
         """Return what decides the expressions of a contact code."""
-        orders = tuple(self._orders)
-        cubic = bool(self._damping(contact)[2] != 0.0)
-        if contact == BACKLASH:
-            return contact, self.turns[contact], cubic, orders
-        shape = tuple(self._waves), self._sloped, self._curved
-        return contact, self.turns[contact], cubic, orders, shape
+        law, (cubic, *shape) = self.law, self._shape(contact)
+        stands = law.upper != 0.0, law.ground != 0.0
+        shape = () if contact == BACKLASH else (*shape, self._curved)
+        return contact, self.turns[contact], cubic, tuple(self._orders), stands, shape
 
-    def parameters(self, piece, contact):
+    def _parameters(self, piece, contact):
         """Return the values of par[0], par[1], ..., x' taken to be positive."""
-        law = self.law
-        (d1, d2, d3), rows = self._damping(contact), law.force
+        law, (stiffness, pieces) = self.law, self._stiffness[contact]
+        rows = law.force
         mean = rows[rows[:, 0] == 0.0, 1].sum()
         waves = rows[rows[:, 0] > 0.0, 1:].ravel()
-        gap = law.gap if np.isfinite(law.gap) else 0.0
-        head = [gap, mean, d1, d2, d3]
+        lower = law.lower if np.isfinite(law.lower) else 0.0
+        head = [-lower, mean, *damping_of(law, contact), law.upper, law.ground]
         if contact == BACKLASH:
             return np.array([*head, *waves])
-        c, slope = law.pieces[piece]
         side = 1.0 if contact == NORMAL else -1.0
         powers = side * law.powers[0], law.powers[1]
-        table = law.stiffness[:, 1:].ravel()
-        return np.array([*head, *waves, c, slope, law.breaks[piece], *powers, *table])
+        table = stiffness[:, 1:].ravel()
+        return np.array([*head, *waves, *pieces[piece], law.breaks[piece], *powers, *table])
 
-    def expressions(self, contact):
-        """Return (equations, displacements over the flanks, velocity that may turn)."""
+    def _expressions(self, contact):
+        """Return (equations, distances from the flanks, velocity that may turn)."""
         import heyoka as hy
 
         x, v = hy.make_vars("x", "v")
-        par, t = hy.par, hy.time
-        far = x + par[0]
+        par, t, law = hy.par, hy.time, self.law
+        near, far = (x - par[5] if law.upper != 0.0 else x), x + par[0]
+        cubic, orders, sloped = self._shape(contact)
 
         def waves(first, orders):
             terms = []
@@ -126,166 +167,64 @@ class _OneDegree:
         drag = par[2]
         if self.turns[contact]:
             drag = drag + par[3] * v
-        if self._damping(contact)[2] != 0.0:
+        if cubic:
             drag = drag + par[4] * v * v
-        force = hy.sum([par[1], *waves(5, self._orders)]) - drag * v
+        force = hy.sum([par[1], *waves(7, self._orders)]) - drag * v
+        if law.ground != 0.0:
+            force = force - par[6] * x
         if contact != BACKLASH:
-            k = 5 + 2 * len(self._orders)
-            c = par[k] + par[k + 1] * (t - par[k + 2]) if self._sloped else par[k]
-            c = hy.sum([c, *waves(k + 5, self._waves)])
-            u = x if contact == NORMAL else far
+            k = 7 + 2 * len(self._orders)
+            c = par[k] + par[k + 1] * (t - par[k + 2]) if sloped else par[k]
+            c = hy.sum([c, *waves(k + 5, orders)])
+            u = near if contact == NORMAL else far
             force = force - c * (u + (par[k + 3] + par[k + 4] * u) * u * u if self._curved else u)
-        return [(x, v), (v, force)], (x, far), v
-
-    def departs(self, leave, z):
-        """Return whether a state on a line leaves it: at rest it does not."""
-        return leave.direction * z[1] > 0.0
-
-
-class _SixDegrees:
-    """A piecewise-linear system: z' = A z, of which the entries are parameters."""
-
-    # The run-out has the period of a revolution.
-    aperiodic = True
-
-    def __init__(self, pair, tuning, problem):
-        self._problem = problem
-        self.gap, self.closing = problem.gap, problem.closing
-        self._m = problem.start((0.0, 0.0))[0].size
-        self.turns = dict.fromkeys((NORMAL, BACKLASH, INVERSE), False)
-        self._where = {
-            contact: tuple(
-                map(tuple, np.argwhere((self._problem.a[contact + 1, :, : self._m] != 0).any(0)))
-            )
-            for contact in self.turns
-        }
-        self._lines = tuple(tuple(np.flatnonzero(row)) for row in (problem.near, problem.far))
-
-    def structure(self, contact):
-        """Return what decides the expressions of a contact code."""
-        count = self._problem.system.harmonics.size
-        return contact, self._m, self._where[contact], self._lines, count
-
-    def parameters(self, piece, contact):
-        """Return the values of par[0], par[1], ..., the first that of mesh period 0."""
-        s, harmonics = self._problem, self._problem.system.harmonics
-        rows, columns = zip(*self._where[contact], strict=True)
-        lines = [row[list(at)] for row, at in zip((s.near, s.far), self._lines, strict=True)]
-        return np.array(
-            [
-                0.0,
-                *harmonics,
-                *np.concatenate(lines),
-                *s.a[contact + 1, piece][rows, columns],
-            ]
-        )
-
-    def expressions(self, contact):
-        """Return (equations, displacements over the flanks, None)."""
-        import heyoka as hy
-
-        par, count = hy.par, self._problem.system.harmonics.size
-        z = hy.make_vars(*(f"z{i}" for i in range(self._m)))
-        phases = [par[1 + j] * (hy.time + par[0]) for j in range(count)]
-        full = [*z, hy.expression(1.0)]
-        for phase in phases:
-            full += [hy.cos(phase), hy.sin(phase)]
-        k, lines = 1 + count, []
-        for at in self._lines:
-            lines.append(hy.sum([par[k + i] * full[c] for i, c in enumerate(at)]))
-            k += len(at)
-        sums = [[] for _ in z]
-        for i, (row, column) in enumerate(self._where[contact]):
-            sums[row].append(par[k + i] * full[column])
-        return [(a, hy.sum(terms)) for a, terms in zip(z, sums, strict=True)], lines, None
-
-    def departs(self, leave, z):
-        """Return whether a state on a line leaves it: away from rest by the event's direction."""
-        return True
-
-
-def _integrator(model, contact, sign, tol):
-    """Return (integrator, views of its state and parameters) of a contact code.
-
-    `sign` is that of x' where it matters, else 0.
-    """
-    flanks = bool(np.isfinite(model.gap)), model.gap > 0.0, model.closing
-    key = type(model), model.structure(contact), sign, flanks, tol
-    made = _COMPILED.integrators
-    if key not in made:
-        import heyoka as hy
-
-        equations, lines, speed = model.expressions(contact)
-        towards = {1: hy.event_direction.positive, -1: hy.event_direction.negative}
-        # Without a cooldown of its own: the automatic one is infinite from rest on a line.
-        events = [
-            hy.t_event(lines[leave.line], direction=towards[leave.direction], cooldown=0.0)
-            for leave in exits_of(contact, model.gap, model.closing)
-        ]
-        if sign:
-            events.append(hy.t_event(speed, direction=towards[-sign], cooldown=0.0))
-        start = [0.0] * len(equations)
-        made[key] = hy.taylor_adaptive(equations, start, t_events=events, tol=tol)
-        made[key] = made[key], made[key].state, made[key].pars
-    return made[key]
+        return [(x, v), (v, force)], (near, far), v
 
 
 class _Run(Split):
     """One integrator, restarted for each phase."""
 
-    # Just above the rounding of a state on the far flank line.
-    OFF = 1e-15
-
-    def __init__(self, problem, model, tol):
+    def __init__(self, problem, model):
         super().__init__(problem)
         from heyoka import taylor_outcome
 
-        self.model, self.tol = model, tol
-        self._branches, self._end = {}, taylor_outcome.time_limit
+        self.model, self.OFF, self._end = model, model.OFF, taylor_outcome.time_limit
 
-    def _branch(self, piece, contact, sign):
-        """Return (integrator, views of state and parameters, parameters, exits) of a branch."""
-        key = piece, contact, sign
-        if key not in self._branches:
-            values = self.model.parameters(piece, contact)
-            if sign < 0:
-                # |x'| x' = -x'^2
-                values[QUADRATIC] = -values[QUADRATIC]
-            made = _integrator(self.model, contact, sign, self.tol)
-            # Parameters that no expression uses have no place.
-            values = values[: made[2].size]
-            self._branches[key] = *made, values, self.exits[contact]
-        return self._branches[key]
-
-    def solve(self, n, start, end, z, piece, contact, keep):
+    def solve(self, n, start, end, z, segment, codes, exits):
         """Take one phase; see `Split`."""
-        sign = 0
-        if self.model.turns[contact]:
-            v = z[1] if z[1] != 0.0 else self.problem.rate(start, z, piece, contact)[1]
-            sign = 1 if v >= 0.0 else -1
-        integrator, state, pars, values, exits = self._branch(piece, contact, sign)
-        pars[:] = values
-        if self.model.aperiodic:
-            pars[0] = 2.0 * math.pi * n
-        state[:] = z
-        integrator.time = start
-        code, _, _, steps, dense, _ = integrator.propagate_until(end, c_output=keep)
+        pace, unit = self.model.pace, self.model.unit
+        made = self.model.branch(n, start, z, segment, codes, exits)
+        integrator, state, pars, values, lines = made
+        pars[:], state[:] = values, z * unit
+        integrator.time = start * pace
+        code, _, _, steps, dense, _ = integrator.propagate_until(end * pace, c_output=self.keep)
         self.evaluations += steps * integrator.order
-        z, hit = state.copy(), None
-        t = end
+        t, new, hit = end, state / unit, None
         if code != self._end:
-            t, hit = integrator.time, -1 - int(code)
-            if not 0 <= hit < len(exits) + abs(sign):
+            t, which = integrator.time / pace, -1 - int(code)
+            if which < 0:
                 raise Stall
-            if hit == len(exits):
-                z[1], hit = 0.0, None
-            elif not self.model.departs(exits[hit], z):
-                # A line that is only touched; just off it, lest it is found again.
-                z[0] -= exits[hit].direction * self.off(z)
-                hit = None
-        if not keep:
-            return Phase(t, z, hit)
+            if which < len(lines):
+                hit = self._met(TURN * n + t, new, lines[which], exits)
+            else:
+                # x' turns.
+                new[1] = 0.0
+        if not self.keep:
+            return Phase(t, new, hit)
         if dense is None:
-            return Phase(t, z, hit, [(t, z)], lambda times: np.repeat([z], len(times), 0))
-        points = [(at, dense(at).copy()) for at in dense.times]
-        return Phase(t, z, hit, points, lambda times: dense(times).copy())
+            points = [(start, z), (t, new)]
+            return Phase(t, new, hit, points, lambda times: np.repeat([new], len(times), 0))
+        points = [(at / pace, dense(at) / unit) for at in dense.times]
+        return Phase(t, new, hit, points, lambda times: dense(times * pace) / unit)
+
+    def _met(self, t, z, flank, exits):
+        """Return which exit a flank is; one that is only touched is left."""
+        mesh, line = flank
+        speed = self.problem.speeds(t, z)[line][mesh]
+        for i, leave in enumerate(exits):
+            if leave[:2] == flank:
+                if leave.direction * speed > 0.0:
+                    return i
+                speed = -leave.direction
+        self.problem.put(t, z, mesh, line, self.away(z) * (1.0 if speed > 0.0 else -1.0))
+        return None

@@ -12,7 +12,7 @@ import numpy as np
 from gearlib.kernels.codes import INVERSE, NORMAL
 from gearlib.kernels.jit import uncounted, woven
 from gearlib.kernels.polynomial import MAX_DEPTH, MAX_INTERVALS, MAX_NEWTON, halve
-from gearlib.kernels.several_meshes.modal_arcs import DEGREE
+from gearlib.kernels.several_meshes.modal_arcs import DEGREE, LEAST
 from gearlib.kernels.several_meshes.train_system import next_contact
 
 #: Rounding of a distance, as a share of its parts.
@@ -84,33 +84,50 @@ def keeps_off(tables, c, j, grid, w, count):
 
 
 @woven
-def curve_of(curves, y, b):
-    """Fill b, shape (DEGREE + 1,), with the Bernstein coefficients: curves, (n, DEGREE + 1)."""
-    for r in range(DEGREE + 1):
-        b[r] = 0.0
+def _curve(curves, y, b, points):
     i, n = 0, curves.shape[0]
+    for r in range(points):
+        b[r] = 0.0
     while i + 3 < n:
         p, q, s, t = y[i], y[i + 1], y[i + 2], y[i + 3]
-        for r in range(DEGREE + 1):
+        for r in range(points):
             b[r] += (curves[i, r] * p + curves[i + 1, r] * q) + (
                 curves[i + 2, r] * s + curves[i + 3, r] * t
             )
         i += 4
     while i < n:
         p = y[i]
-        for r in range(DEGREE + 1):
+        for r in range(points):
             b[r] += curves[i, r] * p
         i += 1
+
+
+@woven
+def curve_of(curves, y, b):
+    """Fill b, shape (degree + 1,), with the Bernstein coefficients: curves, (n, degree + 1)."""
+    # Loops of a known length take no time to begin and to end.
+    if b.shape[0] == LEAST + 1:
+        _curve(curves, y, b, LEAST + 1)
+    else:
+        _curve(curves, y, b, DEGREE + 1)
+
+
+@woven
+def _seen(curve, shift, sign, b, points):
+    """Fill b with a distance from the side where a mesh is; return its smallest coefficient."""
+    lowest = math.inf
+    for k in range(points):
+        b[k] = sign * (curve[k] + shift)
+        lowest = min(lowest, b[k])
+    return lowest
 
 
 @uncounted
 def rounding_of(curves, y):
     """Return the rounding of a distance: of the largest coefficients that its parts have."""
-    size = 0.0
+    size, last = 0.0, curves.shape[1] - 1
     for i in range(curves.shape[0]):
-        size += max(abs(curves[i, 0]), abs(curves[i, DEGREE]), abs(curves[i, DEGREE // 2])) * abs(
-            y[i]
-        )
+        size += max(abs(curves[i, 0]), abs(curves[i, last]), abs(curves[i, last // 2])) * abs(y[i])
     return _ROUNDING * size
 
 
@@ -191,7 +208,7 @@ def first_fall(work, zeros, end, noise):
 
     Parameters
     ----------
-    work : ndarray, shape (MAX_DEPTH + 4, DEGREE + 2)
+    work : ndarray, shape (MAX_DEPTH + 4, degree + 2)
         The first row: Bernstein coefficients on [0, 1]; changed. Storage for those that wait.
     zeros : int
         How many coefficients, from the constant on, are zero: 1 on the line, 2 at rest on it.
@@ -199,7 +216,8 @@ def first_fall(work, zeros, end, noise):
     noise : float
         A dip below zero that cannot be told from rounding.
     """
-    n, b, rounding = DEGREE, work[0], noise
+    last, b, rounding = work.shape[1] - 1, work[0], noise
+    n = last - 1
     if not noise < math.inf:
         # Beyond the range of numbers: so is the end of the period, whose status says so.
         return 2.0, 0.0
@@ -217,12 +235,12 @@ def first_fall(work, zeros, end, noise):
         return max(-b[0] / slope, 0.0), 0.0
     p, q = work[MAX_DEPTH + 2], work[MAX_DEPTH + 3]
     depth, low = 0, 0.0
-    b[DEGREE + 1] = 1.0
+    b[last] = 1.0
     for _ in range(MAX_INTERVALS):
         if depth < 0 or low > end:
             return 2.0, 0.0
         b = work[depth]
-        width = b[DEGREE + 1]
+        width = b[last]
         smallest, largest = b[0], b[0]
         for j in range(1, n + 1):
             smallest, largest = min(smallest, b[j]), max(largest, b[j])
@@ -252,8 +270,8 @@ def first_fall(work, zeros, end, noise):
             # The right half stays in this row, the left half goes on top.
             left = work[depth + 1]
             halve(b, left, work[MAX_DEPTH + 1], n)
-            b[DEGREE + 1] = 0.5 * width
-            left[DEGREE + 1] = 0.5 * width
+            b[last] = 0.5 * width
+            left[last] = 0.5 * width
             depth += 1
     return (2.0 if depth < 0 else -1.0), 0.0
 
@@ -292,10 +310,10 @@ def first_events(tables, c, grid, w, end):
                 curve_of(curves, w.y, curve)
             known = True
             sign = _side(code, line)
-            lowest = math.inf
-            for k in range(DEGREE + 1):
-                b[k] = sign * (curve[k] + shift)
-                lowest = min(lowest, b[k])
+            if curve.shape[0] == LEAST + 1:
+                lowest = _seen(curve, shift, sign, b, LEAST + 1)
+            else:
+                lowest = _seen(curve, shift, sign, b, DEGREE + 1)
             zeros = w.rest[j] if w.line[j] == line else 0
             if lowest > 0.0 and zeros == 0:
                 continue

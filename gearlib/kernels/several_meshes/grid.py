@@ -52,7 +52,7 @@ class Work(NamedTuple):
     sizes: np.ndarray  #: of the modes
     place: np.ndarray  #: int, how far the run is, by the names above, shape (6,)
     ahead: np.ndarray  #: theta left of the segment, phase of the last event, shape (2,)
-    curve: np.ndarray  #: Bernstein coefficients of a distance, shape (DEGREE + 1,)
+    curve: np.ndarray  #: Bernstein coefficients of a distance, shape (degree + 1,)
     bernstein: np.ndarray  #: those of intervals that wait, and their widths
 
 
@@ -77,8 +77,8 @@ def grid_of(system):
 
 
 @kernel
-def work_of(n, wide, m):
-    """Return `Work` for n components, filled up to `wide`, and m meshes."""
+def work_of(n, wide, m, degree=DEGREE):
+    """Return `Work` for n components, filled up to `wide`, m meshes and polynomials."""
     return Work(
         np.zeros(m, np.int64),
         np.zeros(m, np.int64),
@@ -99,6 +99,6 @@ def work_of(n, wide, m):
         np.zeros(n),
         np.array([0, 0, -1, 0, 0, 0]),
         np.zeros(2),
-        np.empty(DEGREE + 1),
-        np.empty((MAX_DEPTH + 4, DEGREE + 2)),
+        np.empty(degree + 1),
+        np.empty((MAX_DEPTH + 4, degree + 2)),
     )

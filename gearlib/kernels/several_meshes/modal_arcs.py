@@ -21,16 +21,21 @@ import numpy as np
 
 from gearlib.kernels.jit import kernel, uncounted, woven
 
-#: Degree of the polynomials of distances over a piece.
-DEGREE = 23
-#: |lambda| of the fastest mode times a piece: the Chebyshev series of e^(lambda t) on a piece, cut
-#: behind DEGREE, is exact to 2 (7.2 / 4)^24 / 24! = 4e-18.
-REACH = 7.2
+#: Degree of the polynomials of distances over a piece, the least and the most: where changing modes
+#: costs more than roots, as of many components, long pieces pay.
+LEAST, DEGREE = 15, 23
+#: Components from which the most is taken.
+_MANY = 20
 #: Bytes that the tables of one thread may take; beyond, they are forgotten and begun anew, which
 #: changes no result.
 MEMORY = 2**28
 #: Combinations that are kept at most, and turns over lengths of segments for each.
 _MOST, _TURNS = 1024, 64
+#: Norm of a block times its piece, by the degree: 0.63^16 / 16! and 2^24 / 24! are 3e-17.
+BLOCKS = {LEAST: 0.63, DEGREE: 2.0}
+#: |lambda| of the fastest mode times a piece: the Chebyshev series of e^(lambda t) on a piece, cut
+#: behind the degree, is exact to 2 (2.4 / 4)^16 / 16! = 3e-17 and 2 (7.2 / 4)^24 / 24! = 4e-18.
+REACHES = {LEAST: 2.4, DEGREE: 7.2}
 #: Terms of a series below this share of the state are nothing, whatever the scales.
 _NOTHING = 1e-30
 
@@ -48,7 +53,7 @@ class Modes(NamedTuple):
     piece: np.ndarray  #: theta over which `curves` hold, shape (c,)
     into: np.ndarray  #: from z to y, by columns, shape (c, n, n filled up)
     out: np.ndarray  #: from y to z, by columns
-    curves: np.ndarray  #: Bernstein coefficients, far and near, (c, 2, m, n, DEGREE + 1)
+    curves: np.ndarray  #: Bernstein coefficients, far and near, (c, 2, m, n, degree + 1)
     swing: np.ndarray  #: largest share of a mode in the distances, far and near, (c, 2, m, n)
     level: np.ndarray  #: distances without the modes, far and near, shape (c, 2, m)
     steady: np.ndarray  #: bool, whether `swing` and `level` bound them, shape (c, 2, m)
@@ -69,8 +74,8 @@ def modes(n, meshes, lengths, combinations=_MOST, memory=MEMORY):
     memory : int
         Bytes at most.
     """
-    wide = filled_up(n)
-    each = 2 * n * wide + n * n + meshes * n * (2 * DEGREE + 4)
+    wide, degree = filled_up(n), DEGREE if n >= _MANY else LEAST
+    each = 2 * n * wide + n * n + meshes * n * (2 * degree + 4)
     c = int(min(max(memory // (8 * each), 2), _MOST, max(combinations, 16)))
     slots = 1
     while slots < 4 * c:
@@ -86,7 +91,7 @@ def modes(n, meshes, lengths, combinations=_MOST, memory=MEMORY):
         np.empty(c),
         np.zeros((c, n, wide)),
         np.zeros((c, n, wide)),
-        np.empty((c, 2, meshes, n, DEGREE + 1)),
+        np.empty((c, 2, meshes, n, degree + 1)),
         np.empty((c, 2, meshes, n)),
         np.empty((c, 2, meshes)),
         np.zeros((c, 2, meshes), np.bool_),
@@ -144,9 +149,9 @@ def fill_curves(tables, c, rows, exponentials, powers):
     c : int
     rows : ndarray, shape (2, m, n)
         Distances as functionals of y, far and near.
-    exponentials : ndarray, shape (k, DEGREE + 1)
+    exponentials : ndarray, shape (k, degree + 1)
         From the terms (z / 2)^i / i! of e^(z (s - 1/2)) to Bernstein coefficients on [0, 1].
-    powers : ndarray, shape (DEGREE + 1, DEGREE + 1)
+    powers : ndarray, shape (degree + 1, degree + 1)
         From powers of s to them.
     """
     pairs, single, n, piece = (
@@ -155,7 +160,8 @@ def fill_curves(tables, c, rows, exponentials, powers):
         tables.block.shape[1],
         tables.piece[c],
     )
-    real, imaginary = np.empty(DEGREE + 1), np.empty(DEGREE + 1)
+    degree = powers.shape[0] - 1
+    real, imaginary = np.empty(degree + 1), np.empty(degree + 1)
     curves = tables.curves[c]
     for k in range(pairs + single):
         half = 0.5 * piece * complex(tables.rates[c, k, 0], tables.rates[c, k, 1])
@@ -163,7 +169,7 @@ def fill_curves(tables, c, rows, exponentials, powers):
         real[:] = 0.0
         imaginary[:] = 0.0
         for i in range(exponentials.shape[0]):
-            for r in range(DEGREE + 1):
+            for r in range(degree + 1):
                 real[r] += term.real * exponentials[i, r]
                 imaginary[r] += term.imag * exponentials[i, r]
             term *= half / (i + 1)
@@ -171,11 +177,11 @@ def fill_curves(tables, c, rows, exponentials, powers):
             for j in range(rows.shape[1]):
                 if k < pairs:
                     u, v = rows[line, j, 2 * k], rows[line, j, 2 * k + 1]
-                    for r in range(DEGREE + 1):
+                    for r in range(degree + 1):
                         curves[line, j, 2 * k, r] = u * real[r] + v * imaginary[r]
                         curves[line, j, 2 * k + 1, r] = v * real[r] - u * imaginary[r]
                 else:
-                    for r in range(DEGREE + 1):
+                    for r in range(degree + 1):
                         curves[line, j, pairs + k, r] = rows[line, j, pairs + k] * real[r]
     first = 2 * pairs + single
     row, new = np.empty(n - first), np.empty(n - first)
@@ -183,9 +189,9 @@ def fill_curves(tables, c, rows, exponentials, powers):
         for j in range(rows.shape[1]):
             for i in range(n - first):
                 row[i] = rows[line, j, first + i]
-                for r in range(DEGREE + 1):
+                for r in range(degree + 1):
                     curves[line, j, first + i, r] = row[i]
-            for k in range(1, DEGREE + 1):
+            for k in range(1, degree + 1):
                 for i in range(n - first):
                     new[i] = 0.0
                 for q in range(n - first):
@@ -194,7 +200,7 @@ def fill_curves(tables, c, rows, exponentials, powers):
                         new[i] += share * tables.block[c, q, i]
                 row, new = new, row
                 for i in range(n - first):
-                    for r in range(DEGREE + 1):
+                    for r in range(degree + 1):
                         curves[line, j, first + i, r] += row[i] * powers[k, r]
 
 

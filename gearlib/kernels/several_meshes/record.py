@@ -9,7 +9,7 @@ from gearlib.kernels.jit import uncounted, woven
 from gearlib.kernels.polynomial import highest_from
 from gearlib.kernels.several_meshes.distances import begin_of, curve_of
 from gearlib.kernels.several_meshes.grid import TAKEN
-from gearlib.kernels.several_meshes.modal_arcs import DEGREE, advance, multiply, turn_by
+from gearlib.kernels.several_meshes.modal_arcs import advance, multiply, turn_by
 
 #: Columns of a summary: those of `orbit` and the integral of the elastic force over the phase.
 FORCE_SUM = orbit.SUMMARY_COLUMNS
@@ -19,10 +19,11 @@ SUMMARY_COLUMNS = orbit.SUMMARY_COLUMNS + 1
 @uncounted
 def _add_extrema(curve, factor, w, row, most, least):
     """Add the extrema of a curve times a factor to two columns of a summary."""
+    degree = curve.shape[0] - 1
     for sign, column in ((1.0, most), (-1.0, least)):
-        for k in range(DEGREE + 1):
+        for k in range(degree + 1):
             w.bernstein[0, k] = sign * factor * curve[k]
-        row[column] = sign * highest_from(w.bernstein, DEGREE, sign * row[column])
+        row[column] = sign * highest_from(w.bernstein, degree, sign * row[column])
 
 
 @woven
@@ -34,6 +35,7 @@ def record(system, grid, tables, c, w, p, phase, length, summary, samples):
     """
     m, n = system.near.shape
     tuning, done, curve, piece = system.tuning, 0.0, w.curve, tables.piece[c]
+    degree = curve.shape[0] - 1
     looked_for = summary[0, orbit.X_MAX] < math.inf
     copy(w.y, w.other)
     for j in range(m):
@@ -45,16 +47,16 @@ def record(system, grid, tables, c, w, p, phase, length, summary, samples):
         for j in range(m if looked_for else 0):
             row, code = summary[j], w.contact[j]
             curve_of(tables.curves[c, 1, j], w.other, curve)
-            begin_of(curve, part / piece, DEGREE)
+            begin_of(curve, part / piece, degree)
             _add_extrema(curve, 1.0, w, row, orbit.X_MAX, orbit.X_MIN)
             if code == BACKLASH:
                 continue
             if code == INVERSE:
                 curve_of(tables.curves[c, 0, j], w.other, curve)
-                begin_of(curve, part / piece, DEGREE)
+                begin_of(curve, part / piece, degree)
             stiffness = system.stiffness[code + 1, p, j]
-            for k in range(DEGREE + 1):
-                row[FORCE_SUM] += part * tuning * stiffness * curve[k] / (DEGREE + 1)
+            for k in range(degree + 1):
+                row[FORCE_SUM] += part * tuning * stiffness * curve[k] / (degree + 1)
             _add_extrema(curve, stiffness, w, row, orbit.FORCE_MAX, orbit.FORCE_MIN)
         at = phase + done * tuning
         end = at + part * tuning - 1e-12

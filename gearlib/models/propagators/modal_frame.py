@@ -6,6 +6,9 @@ blocks where meshes are apart, are split off by the real Schur form and stay a b
 is diagonalised. The constant and the harmonics add forced motions. Where the basis is badly
 conditioned, as it is close to a critical damping or to an undamped resonance, all stays one block,
 whose series the kernels sum: matrix exponentials.
+
+Threads share a frame. What it has made is finished when it is put there, and never written to
+again: all take the first that was there.
 """
 
 import math
@@ -14,34 +17,36 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
-import scipy.linalg
+from scipy.linalg import lapack
 
 from gearlib.kernels import exponential
 from gearlib.kernels.polynomial import bernstein_matrix
-from gearlib.kernels.several_meshes.modal_arcs import (
-    DEGREE,
-    REACH,
-    fill_curves,
-    forget,
-    key_of,
-    slot_of,
+from gearlib.kernels.several_meshes.filling import (
+    NOTHING,
+    fill_basis,
+    fill_distances,
+    fill_modes,
 )
+from gearlib.kernels.several_meshes.modal_arcs import BLOCKS, REACHES, forget, key_of, slot_of
+from gearlib.kernels.several_meshes.train_system import matrix_of
 
-#: Terms of the series of e^z, |z| <= REACH / 2: the next is 3.6^36 / 36! = 3e-22.
+#: Terms of the series of e^z, |z| <= 3.6: the next is 3.6^36 / 36! = 3e-22.
 _TERMS = 36
-#: Largest condition number of a basis, rows scaled: rounding of 1e-16 becomes 1e-10.
-_CONDITION = 1e6
 #: Slow eigenvalues lie below the widest gap between these, over that of the reference mode; real
 #: ones, as of flights against damping, whose forced motion is far off, between the others.
 _SLOW, _SLOW_REAL = (1e-3, 3e-2), (0.3, 3.0)
-#: Coupling of a free rotation, and growth of a mode, that is rounding.
-_NOTHING = 1e-12
-#: Norm of a block times its piece: 2^24 / 24! = 3e-17.
-_BLOCK = 2.0
+#: Bases that are kept at most.
+_MOST = 64
+#: Static deflections beyond which the rounding of a basis, which every change of contact adds once
+#: more in the same direction, is taken out of it.
+_FAR = 8.0
 
 
 class Basis(NamedTuple):
-    """A basis of the moving components: z = out y, y = into z, f fast components before s slow."""
+    """A basis of the moving components: z = out y, y = into z, f fast components before s slow.
+
+    Its arrays are not to be written to.
+    """
 
     out: np.ndarray  #: shape (2 N, 2 N)
     into: np.ndarray
@@ -52,18 +57,18 @@ class Basis(NamedTuple):
 
 
 @cache
-def _exponentials():
-    """Return the matrix, (_TERMS, DEGREE + 1), from x^k to Bernstein coefficients on [-1, 1].
+def _exponentials(degree):
+    """Return the matrix, (_TERMS, degree + 1), from x^k to Bernstein coefficients on [-1, 1].
 
-    Powers are cut behind the Chebyshev polynomial of degree DEGREE.
+    Powers are cut behind the Chebyshev polynomial of that degree.
     """
     chebyshev = []
-    for n in range(DEGREE + 1):
+    for n in range(degree + 1):
         b = [
             Fraction((-1) ** (n - j) * math.comb(2 * n, 2 * j), math.comb(n, j))
             for j in range(n + 1)
         ]
-        for d in range(n, DEGREE):
+        for d in range(n, degree):
             b = [
                 (Fraction(j, d + 1) * b[j - 1] if j else Fraction(0))
                 + (Fraction(d + 1 - j, d + 1) * b[j] if j <= d else Fraction(0))
@@ -72,8 +77,8 @@ def _exponentials():
         chebyshev.append(b)
     rows = []
     for k in range(_TERMS):
-        row = [Fraction(0)] * (DEGREE + 1)
-        for n in range(k % 2, min(k, DEGREE) + 1, 2):
+        row = [Fraction(0)] * (degree + 1)
+        for n in range(k % 2, min(k, degree) + 1, 2):
             share = Fraction(math.comb(k, (k - n) // 2), 2 ** (k - 1 if n else k))
             row = [value + share * b for value, b in zip(row, chebyshev[n], strict=True)]
         rows.append([float(value) for value in row])
@@ -81,8 +86,8 @@ def _exponentials():
 
 
 @cache
-def _powers():
-    return bernstein_matrix(DEGREE)
+def _powers(degree):
+    return bernstein_matrix(degree)
 
 
 class Frame:
@@ -104,7 +109,10 @@ class Frame:
 
     def __init__(self, frequencies, shapes, rigid, mass):
         (n, r), k, w = shapes.shape, rigid.shape[1], frequencies
-        self.elastic = e = 2 * r
+        self.elastic, self.far_off = (e := 2 * r), False
+        self._known: dict[bytes, Basis | None] = {}
+        #: Tables between two runs, see `several_meshes.Propagator`.
+        self.spare: list[tuple] = []
         self.out, self.into, self.free = np.zeros((3, 2 * n, 2 * n))
         self.out[:n, :r], self.out[n:, r:e] = shapes / w, shapes
         self.out[:n, e : e + k], self.out[n:, e + k :] = rigid, rigid
@@ -112,6 +120,19 @@ class Frame:
         self.into[:r, :n], self.into[r:e, n:] = w[:, None] * momenta, momenta
         self.into[e : e + k, :n], self.into[e + k :, n:] = turns, turns
         self.free[:r, r:e], self.free[e : e + k, e + k :] = np.diag(w), np.eye(k)
+
+    def __getstate__(self):
+        # Another process makes its own.
+        return vars(self) | {"_known": {}, "spare": []}
+
+    def loaded(self, system):
+        """Note whether the loads of a system deflect it far; return the frame."""
+        r, size = self.elastic // 2, len(self.out)
+        load = self.into[r : 2 * r, size // 2 :] @ system.free[size // 2 : size, size]
+        # Coordinates of modes are over their frequencies, once in the columns, once more here.
+        deflections = self.out[: size // 2, :r] @ (load / self.free[:r, r : 2 * r].diagonal())
+        self.far_off = bool(np.abs(deflections).max(initial=0.0) > _FAR)
+        return self
 
     @classmethod
     def of_mesh(cls, model, system):
@@ -124,7 +145,7 @@ class Frame:
         whole = frame.into @ system.free[:size, :size] @ frame.out
         # Positions of free rotations move nothing.
         frame.free[np.ix_(rows, known)] = whole[np.ix_(rows, known)]
-        return frame
+        return frame.loaded(system)
 
     @classmethod
     def of_train(cls, train, system):
@@ -161,40 +182,77 @@ class Frame:
                 a += (self.into @ system.push[j, effect, :, :size].T) @ grip
         return a
 
+    def basis_of(self, system, effects):
+        """Return the `Basis` of a combination of effects, which tunings and flanks may share."""
+        a = self.matrix(system, effects)
+        key = a.tobytes()
+        if key in (known := self._known):
+            return known[key]
+        found = self.basis(a)
+        if found is not None:
+            if self.far_off:
+                found = refined(found, system, effects)
+            for one in found[:-1]:
+                one.setflags(write=False)
+        if len(known) >= _MOST:
+            # Those that read the old ones go on with them.
+            self._known = known = {}
+        return known.setdefault(key, found)
+
     def basis(self, a):
         """Return the `Basis` of such a matrix; None where it is badly conditioned."""
-        e, size = self.elastic, len(a)
+        e = self.elastic
         # Dampers against the ground hold free rotations too.
-        if np.abs(a[:e, e:]).max(initial=0.0) > _NOTHING * np.abs(a).max():
-            e = size
-        values, vectors, slow, block = _split(a[:e, :e])
-        rigid, drive = a[e:, e:], a[e:, :e]
-        one, fast, chosen = np.eye(size - e), vectors, values.imag > 0.0
-        if size > e:
-            unlike = values[:, None, None] * one - rigid
-            moved = np.linalg.solve(unlike, (drive @ vectors).T[..., None])[..., 0].T
-            fast = np.vstack([vectors, moved])
-        pairs, single = values[chosen], values[values.imag == 0.0].real
-        s = slow.shape[1] + size - e
-        p = np.zeros((size, size))
-        turning = fast[:, chosen]
-        if 2 * pairs.size + single.size + s != size:
-            return None
-        p[:, : 2 * pairs.size : 2], p[:, 1 : 2 * pairs.size : 2] = turning.real, -turning.imag
-        p[:, 2 * pairs.size : size - s] = fast[:, values.imag == 0.0].real
-        p[:e, size - s : size - len(one)] = slow
-        p[e:, size - len(one) :] = one
-        blocks = np.zeros((s, s))
-        blocks[: slow.shape[1], : slow.shape[1]] = block
-        blocks[slow.shape[1] :, : slow.shape[1]] = drive @ slow
-        blocks[slow.shape[1] :, slow.shape[1] :] = rigid
-        try:
-            back = np.linalg.inv(p)
-        except np.linalg.LinAlgError:
-            return None
-        if not (np.abs(p) @ np.abs(back)).sum(axis=1).max() < _CONDITION:
-            return None
-        return Basis(self.out @ p, back @ self.into, pairs, single, blocks, len(one))
+        if np.abs(a[:e, e:]).max(initial=0.0) > NOTHING * np.abs(a).max():
+            e = len(a)
+        out, into = self.out.copy(), self.into.copy()
+        # Of one layout: the kernel is compiled once.
+        parts = [np.ascontiguousarray(part) for part in _split(a[:e, :e])]
+        pairs, single, block, sound = fill_basis(a, *parts, out, into)
+        return Basis(out, into, pairs, single, block, len(a) - e) if sound else None
+
+
+def refined(basis, system, effects):
+    """Return a `Basis` of a combination of effects without the rounding of its computation.
+
+    One step of Newton's method with the residuals in long numbers; the block stays as it is.
+    """
+    size, long = len(basis.out), np.longdouble
+    out, into = basis.out.astype(long), basis.into.astype(long)
+    a = system.free[:size, :size].astype(long)
+    for j, effect in enumerate(effects):
+        if effect:
+            push, grip = (x[j, effect, :, :size].astype(long) for x in (system.push, system.grip))
+            a = a + push.T @ grip
+    k, f = 2 * basis.pairs.size, 2 * basis.pairs.size + basis.single.size
+    # Pairs as two complex amplitudes, that of w and that of its conjugate.
+    turn, rates = np.eye(size, dtype=complex), np.zeros(size, complex)
+    for i in range(0, k, 2):
+        turn[i : i + 2, i : i + 2] = (1.0, 1.0j), (1.0, -1.0j)
+    rates[:k:2], rates[1:k:2], rates[k:f] = basis.pairs, basis.pairs.conj(), basis.single
+    own = np.zeros((size, size), np.longdouble)
+    own[range(f), range(f)] = rates.real[:f]
+    own[range(0, k, 2), range(1, k, 2)] = -rates.imag[:k:2]
+    own[range(1, k, 2), range(0, k, 2)] = rates.imag[:k:2]
+    own[f:, f:] = basis.block
+    gram = into @ out
+    residual = turn @ (into @ (a @ out) - gram @ own).astype(float) @ np.linalg.inv(turn)
+    error, more = (gram - np.eye(size)).astype(float), np.zeros((size, size), complex)
+    apart = rates[None, :f] - rates[:f, None]
+    # Equal ones stay as they are: any vectors of them will do.
+    alike = np.abs(apart) <= 1e-6 * np.abs(rates[:f]).max(initial=0.0)
+    more[:f, :f] = np.where(alike, 0.0, residual[:f, :f] / np.where(alike, 1.0, apart))
+    for i in range(f if f < size else 0):
+        unlike = basis.block - rates[i] * np.eye(size - f)
+        more[i, f:] = np.linalg.solve(unlike.T, residual[i, f:])
+        more[f:, i] = -np.linalg.solve(unlike, residual[f:, i])
+    step, change = (np.linalg.inv(turn) @ more @ turn).real, residual.diagonal()
+    return basis._replace(
+        out=(out + basis.out @ step).astype(float),
+        into=(into - (step + error) @ basis.into).astype(float),
+        pairs=basis.pairs + change[:k:2],
+        single=basis.single + change[k:f].real,
+    )
 
 
 def _gap(sizes, bounds):
@@ -205,77 +263,53 @@ def _gap(sizes, bounds):
 
 
 def _split(a):
-    """Return (fast eigenvalues, their vectors, basis of the slow part, its block)."""
-    values, vectors = np.linalg.eig(a)
-    sizes, real = np.abs(values), values.imag == 0.0
+    """Return (real and imaginary parts of fast eigenvalues, vectors, slow basis, its block).
+
+    Vectors, shape (e, f), as of LAPACK: real and imaginary part of a pair.
+    """
+    n = len(a)
+    growth, speed, vectors = _eigen(a)
+    sizes, real = np.hypot(growth, speed), speed == 0.0
     if sizes.min(initial=math.inf) >= _SLOW[1] and not (real & (sizes < _SLOW_REAL[1])).any():
-        return values + 0j, vectors, np.zeros((len(a), 0)), np.zeros((0, 0))
-    slow, damped = _gap(sizes, _SLOW), _gap(sizes[real], _SLOW_REAL)
-    if not ((sizes < slow) | (real & (sizes < damped))).any():
-        return values + 0j, vectors, np.zeros((len(a), 0)), np.zeros((0, 0))
-    t, q, s = scipy.linalg.schur(
-        a, output="real", sort=lambda x, y: math.hypot(x, y) < (slow if y else damped)
+        return growth, speed, vectors, np.zeros((n, 0)), np.zeros((0, 0))
+    if real.all() and sizes.max() < _SLOW_REAL[0]:
+        # As most flights of one coordinate: no gap need be sought.
+        chosen = real
+    else:
+        slow, damped = _gap(sizes, _SLOW), _gap(sizes[real], _SLOW_REAL)
+        chosen = (sizes < slow) | (real & (sizes < damped))
+    if not chosen.any():
+        return growth, speed, vectors, np.zeros((n, 0)), np.zeros((0, 0))
+    if chosen.all():
+        return np.zeros(0), np.zeros(0), np.zeros((n, 0)), np.eye(n), a
+    # As `scipy.linalg.schur` and `solve_sylvester` do, without their checks and second forms.
+    t, s, *_, q, _, code = lapack.dgees(
+        lambda x, y: math.hypot(x, y) < (slow if y else damped), a, sort_t=1
     )
-    own = scipy.linalg.solve_sylvester(t[:s, :s], -t[s:, s:], -t[:s, s:])
-    values, vectors = np.linalg.eig(t[s:, s:])
-    return values + 0j, (q[:, s:] + q[:, :s] @ own) @ vectors, q[:, :s], t[:s, :s]
+    if code:
+        raise np.linalg.LinAlgError(f"the real Schur form was not found (info = {code})")
+    own, scale, _ = lapack.dtrsyl(t[:s, :s], t[s:, s:], -t[:s, s:], isgn=-1)
+    growth, speed, vectors = _eigen(t[s:, s:])
+    return growth, speed, (q[:, s:] + q[:, :s] @ (scale * own)) @ vectors, q[:, :s], t[:s, :s]
 
 
-def _forced(basis, inputs, frequencies):
-    """Return the responses of y to the harmonics, shape (2 N, 2 h); inputs of the same shape."""
-    forces = basis.into @ inputs
-    out, k = np.zeros_like(forces), 2 * basis.pairs.size
-    f = k + basis.single.size
-    for j, w in enumerate(frequencies):
-        cosine, sine = forces[:, 2 * j], forces[:, 2 * j + 1]
-        c, s = (part[:k:2] + 1j * part[1:k:2] for part in (cosine, sine))
-        more = 0.5 * (c - 1j * s) / (1j * w - basis.pairs)
-        less = 0.5 * (c + 1j * s) / (-1j * w - basis.pairs)
-        both, apart = more + less, 1j * (more - less)
-        out[:k:2, 2 * j], out[1:k:2, 2 * j] = both.real, both.imag
-        out[:k:2, 2 * j + 1], out[1:k:2, 2 * j + 1] = apart.real, apart.imag
-        behind = np.concatenate(
-            [
-                (cosine[k:f] - 1j * sine[k:f]) / (1j * w - basis.single),
-                np.linalg.solve(
-                    1j * w * np.eye(len(basis.block)) - basis.block, cosine[f:] - 1j * sine[f:]
-                ),
-            ]
-        )
-        out[k:, 2 * j], out[k:, 2 * j + 1] = behind.real, -behind.imag
-    return out
+def _eigen(a):
+    """Return the eigenvalues' real and imaginary parts and the vectors, as of LAPACK."""
+    if not a.size:
+        return np.zeros(0), np.zeros(0), np.zeros((0, 0))
+    growth, speed, _, vectors, code = lapack.dgeev(a, compute_vl=0)
+    if code:
+        raise np.linalg.LinAlgError(f"eigenvalues were not found (info = {code})")
+    return growth, speed, vectors
 
 
-def _whole(basis, a, frequencies):
-    """Return (out, into, rates of pairs, of real modes, block) of all components of z."""
-    n, moving = len(a), len(basis.block) + 2 * basis.pairs.size + basis.single.size
-    h, k = frequencies.size, 2 * basis.pairs.size
-    f = k + basis.single.size
-    waves = _forced(basis, a[:moving, moving + 1 :], frequencies)
-    push = basis.into @ a[:moving, moving]
-    rest = np.zeros(moving)
-    still = -(push[:k:2] + 1j * push[1:k:2]) / basis.pairs
-    rest[:k:2], rest[1:k:2], rest[k:f] = still.real, still.imag, -push[k:f] / basis.single
-    # Pairs, harmonics, real modes, the block, the constant.
-    order = np.concatenate([np.arange(k), moving + np.arange(2 * h), np.arange(k, moving), [n - 1]])
-    out, into = np.zeros((n, n)), np.zeros((n, n))
-    out[:moving, :moving], into[:moving, :moving] = basis.out, basis.into
-    out[:moving, moving : n - 1], out[:moving, n - 1] = basis.out @ waves, basis.out @ rest
-    into[:moving, moving], into[:moving, moving + 1 :] = -rest, -waves
-    out[moving, n - 1] = into[n - 1, moving] = 1.0
-    out[moving + 1 :, moving : n - 1] = into[moving : n - 1, moving + 1 :] = np.eye(2 * h)
-    s = moving - f
-    block = np.zeros((s + 1, s + 1))
-    block[:s, :s], block[:s, s] = basis.block, push[f:]
-    pairs = np.concatenate([basis.pairs, 1j * frequencies])
-    return out[:, order], into[order], pairs, basis.single, block
-
-
-def _piece_of(block):
-    """Return a length on which the series of a block ends behind DEGREE."""
-    # The root of so high a power hides the scales of the components.
-    size = np.linalg.norm(np.linalg.matrix_power(block, DEGREE + 1)) ** (1.0 / (DEGREE + 1))
-    return _BLOCK / size if size > 0.0 else math.inf
+def _slow_waves(basis, inputs, frequencies):
+    """Return the responses of the slow components to the harmonics, shape (s, 2 h)."""
+    s = len(basis.block)
+    forces = (basis.into[len(basis.into) - s :] @ inputs).T.reshape(-1, 2, s)
+    unlike = 1j * frequencies[:, None, None] * np.eye(s) - basis.block
+    found = np.linalg.solve(unlike, (forces[:, 0] - 1j * forces[:, 1])[..., None])[..., 0]
+    return np.stack([found.real, -found.imag], axis=1).reshape(-1, s).T.copy()
 
 
 def add(tables, system, grid, frame, effects):
@@ -283,48 +317,25 @@ def add(tables, system, grid, frame, effects):
     n, h = len(system.free), system.harmonics.size
     if tables.known[0] == tables.keys.size:
         forget(tables)
-    c = tables.known[0]
-    a = system.free.copy()
-    for j, effect in enumerate(effects):
-        if effect:
-            push, grip = system.push[j, effect], system.grip[j, effect]
-            # Number by number: a library's sums may hang on where in memory they lie.
-            a += push[0][:, None] * grip[0] + push[1][:, None] * grip[1]
-    moving = n - 1 - 2 * h
-    basis = frame.basis(frame.matrix(system, effects))
-    out, into, pairs, single, block = np.eye(n), np.eye(n), np.zeros(0), np.zeros(0), a
-    # Of slow motions too a piece is no longer than some period of the reference mode.
-    hidden, piece = 0, REACH
+    c, a, moving = tables.known[0], np.empty((n, n)), n - 1 - 2 * h
+    matrix_of(system, effects, a)
+    basis, lines = frame.basis_of(system, effects), np.stack([system.far, system.near])
+    degree = tables.curves.shape[4] - 1
+    reaches = REACHES[degree], BLOCKS[degree]
+    curves = _exponentials(degree), _powers(degree)
     if basis is not None:
-        # At a resonance without damping nothing is finite.
-        with np.errstate(divide="ignore", invalid="ignore"):
-            found = _whole(basis, a, grid.spin)
-            # Of forced motions that nearly cancel: in static deflections.
-            sizes = (np.abs(found[0]) @ np.abs(found[1][:, moving:]))[:moving]
-        if not sizes.max() < _CONDITION:
+        slow = np.zeros((len(basis.block), 2 * h))
+        if slow.size:
+            try:
+                slow = _slow_waves(basis, a[:moving, moving + 1 :], grid.spin)
+            except np.linalg.LinAlgError:
+                slow[:] = np.nan
+        if not fill_modes(tables, c, lines, a, basis, slow, grid.spin, reaches, *curves):
             basis = None
-        else:
-            (out, into, pairs, single, block), hidden = found, basis.hidden
-    k, f = 2 * pairs.size, 2 * pairs.size + single.size
-    rates = np.concatenate([pairs, single])
-    if rates.size:
-        piece = min(piece, REACH / np.abs(rates).max())
     if basis is None:
-        piece = _BLOCK * system.longest / exponential.REACH
-    elif len(block) > 1:
-        piece = min(piece, _piece_of(block))
-    tables.pairs[c], tables.single[c], tables.piece[c] = pairs.size, single.size, piece
-    tables.rates[c, : rates.size, 0], tables.rates[c, : rates.size, 1] = rates.real, rates.imag
-    tables.block[c, : n - f, : n - f] = block
-    tables.into[c, :, :n], tables.out[c, :, :n] = into.T, out.T
-    rows = np.stack([system.far, system.near]) @ out
-    # Free rotations of the whole train move no mesh.
-    rows[:, :, n - 1 - hidden : n - 1] = 0.0
-    fill_curves(tables, c, rows, _exponentials(), _powers())
-    tables.swing[c, :, :, : pairs.size] = np.hypot(rows[:, :, :k:2], rows[:, :, 1:k:2])
-    tables.swing[c, :, :, pairs.size : rates.size] = np.abs(rows[:, :, k:f])
-    tables.level[c] = rows[:, :, n - 1]
-    tables.steady[c] = ~rows[:, :, f : n - 1].any(axis=2) & (rates.real <= _NOTHING).all()
+        tables.into[c, :, :n] = tables.out[c, :, :n] = np.eye(n)
+        piece = BLOCKS[degree] * system.longest / exponential.REACH
+        fill_distances(tables, c, lines, np.zeros(0, complex), 0, a, piece, 0, *curves)
     key = key_of(effects, system.push.shape[1])
     tables.slots[slot_of(tables.slots, tables.keys, key)] = c
     tables.keys[c] = key

@@ -8,7 +8,7 @@ from gearlib.kernels import orbit
 from gearlib.kernels.codes import OK
 from gearlib.kernels.copies import enlarged
 from gearlib.kernels.several_meshes.grid import FOUND, grid_of, work_of
-from gearlib.kernels.several_meshes.modal_arcs import Modes, forget, forget_lengths, modes
+from gearlib.kernels.several_meshes.modal_arcs import forget, forget_lengths, modes
 from gearlib.kernels.several_meshes.periods import EVENT_COLUMNS, EVENT_MESH, FULL, MISSING
 from gearlib.kernels.several_meshes.record import SUMMARY_COLUMNS
 from gearlib.kernels.several_meshes.train_run import begin, period_of, run_train
@@ -20,7 +20,10 @@ from gearlib.models.propagators.tangents import Motion
 
 
 class Propagator(Matrices):
-    """A gear train at one tuning; its tables fill as it runs, so that threads need one each."""
+    """A gear train at one tuning.
+
+    Tables fill as a run goes on: each run has some of its own, and leaves them to the next one.
+    """
 
     words = "modes of every combination of contacts"
     chunk = 1
@@ -29,22 +32,30 @@ class Propagator(Matrices):
         super().__init__(model, tuning)
         self.system = system = model.system(tuning)
         self.grid = grid_of(system)
-        m, n = system.near.shape
-        lengths = int(self.grid.kind.max()) + 1
-        self.components, self.pieces = n, len(self.grid.length)
+        self.components, self.pieces = len(system.free), len(self.grid.length)
         self.frame = other.frame if other and not self.turning else self.frame_of(model, system)
         # Between coordinates and their rates by phase, and those by theta of the kernels.
         self.scale = np.repeat([1.0, tuning], model.size // 2)
-        if other is not None and other.tables.at.shape[1] >= lengths:
-            self.tables: Modes = other.tables
-            fields = ("free", "near", "push", "grip")
-            pairs = [(getattr(system, name), getattr(other.system, name)) for name in fields]
-            if all(np.array_equal(new, old) for new, old in pairs):
-                forget_lengths(self.tables)
-            else:
-                forget(self.tables)
-        else:
-            self.tables = modes(n, m, lengths, system.push.shape[1] ** m)
+        #: Tables that no run has at present, with their systems; runs take them out and put them
+        #: back, for which a list needs no lock.
+        self.spare: list[tuple] = other.spare if other else self.frame.spare
+
+    def taken(self):
+        """Return tables for one run: of an earlier one, without what does not hold here, or new."""
+        (m, n), system = self.system.near.shape, self.system
+        lengths = int(self.grid.kind.max()) + 1
+        try:
+            before, tables = self.spare.pop()
+        except IndexError:
+            return modes(n, m, lengths, system.push.shape[1] ** m)
+        if tables.at.shape[1] < lengths:
+            return modes(n, m, lengths, system.push.shape[1] ** m)
+        if before is not system:
+            fields = ("free", "near", "far", "push", "grip")
+            pairs = [(getattr(system, name), getattr(before, name)) for name in fields]
+            same = all(np.array_equal(new, old) for new, old in pairs)
+            (forget_lengths if same else forget)(tables)
+        return tables
 
     frame_of = staticmethod(Frame.of_train)
 
@@ -70,7 +81,9 @@ class Propagator(Matrices):
         system, m = self.system._replace(first=first), self.system.near.shape[0]
         (periods, record_periods), size = spans, z.size
         maps = np.empty((0, size, size)) if maps is None else maps
-        w = work_of(self.components, self.tables.out.shape[2], m)
+        tables = self.taken()
+        _, _, m, n, points = tables.curves.shape
+        w = work_of(n, tables.out.shape[2], m, points - 1)
         w.z[:size] = z * self.scale
         for row in summary:
             orbit.clear_summary(row)
@@ -84,7 +97,7 @@ class Propagator(Matrices):
             code = run_train(
                 system,
                 self.grid,
-                self.tables,
+                tables,
                 w,
                 periods,
                 record_periods,
@@ -97,12 +110,13 @@ class Propagator(Matrices):
                 maps,
             )
             if code == MISSING:
-                add(self.tables, system, self.grid, self.frame, w.effects)
+                add(tables, system, self.grid, self.frame, w.effects)
             elif code == FULL:
                 events = enlarged(events, 2 * len(events) + 16 * m)
             else:
                 break
             code = OK
+        self.spare.append((self.system, tables))
         z[:] = w.z[:size] / self.scale
         done = code == OK and record_periods > 0
         period = period_of(system, strobes, summary) if done else 0

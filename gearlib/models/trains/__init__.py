@@ -16,6 +16,7 @@ module                   responsibility
 ``natural_modes``        natural frequencies and shapes, and which harmonics excite them
 ``ready_made``           `planetary`, `idler`, `two_stage`
 ``parts``                gears by module and teeth, meshes by a `GearPair`, for these
+``two_gears``            `TwoGears`: the train that a `SixDegreePair` is
 ``reducer_train``        `split_power_reducer`, the paper's Fig. 1 a
 ``train_from_drawings``  `planetary_set`, sun, planets and ring by their drawing
 ``described_train``      any of these from the values of a configuration

@@ -12,8 +12,39 @@ _PITCH = 1e-4
 _MOST_MESHES = 19
 
 
+class Parts:
+    """A sequence of elements of a train."""
+
+    def __init__(self, kind, least=1):
+        self.kind, self.least, self.words = kind, least, f"a sequence of {kind.__name__}"
+
+    def check(self, name, values):
+        """Return them as a tuple, else raise ValueError."""
+        given = isinstance(values, (tuple, list)) and len(values) >= self.least
+        if not given or not all(isinstance(value, self.kind) for value in values):
+            raise ValueError(f"{name} = {values!r} is not allowed: it must be {self.words}")
+        return tuple(values)
+
+
+class MeshName:
+    """The name of one of the meshes, which `GearTrain` compares with them."""
+
+    words = "the name of a mesh"
+
+    def check(self, name, value):
+        """Return a value as it is."""
+        return value
+
+
 def check_names(train):
-    """Refuse too many meshes, unknown names, and supports that a turning frame does not allow."""
+    """Refuse names twice or unknown, too many meshes, supports that a turning frame rules out."""
+    for name in ("bodies", "meshes"):
+        names = [value.name for value in getattr(train, name)]
+        twice = next((one for one in names if names.count(one) > 1), None)
+        if twice is not None:
+            raise ValueError(
+                f"{name} = {names!r} is not allowed: the name {twice!r} must occur once"
+            )
     if len(train.meshes) > _MOST_MESHES:
         raise ValueError(
             f"meshes = {len(train.meshes)} meshes is not allowed: there must be at most "

@@ -327,6 +327,11 @@ class Mesh:
         return self.max_stiffness * mean_over_max(self.contact_ratio, self.stiffness_ratio)
 
     @property
+    def two_levels(self):
+        """Whether levels of the stiffness are told apart."""
+        return self.stiffness_ratio.real < 1.0
+
+    @property
     def varies(self):
         """Whether the stiffness has two levels in a mesh period."""
-        return self.stiffness_ratio < 1.0 and 1.0 < self.contact_ratio < 2.0
+        return self.two_levels and 1.0 < self.contact_ratio.real < 2.0

@@ -83,13 +83,15 @@ class Structure(NamedTuple):
     masses: tuple  #: functionals, shape (3 b, n), and kg, shape (3 b,)
 
 
-def structure(bodies, meshes, shafts, numbers=FLOATS):
+def structure(bodies, meshes, shafts, numbers=FLOATS, rotations_first=False):
     """Return the `Structure`; `bodies` is a dict by name, `numbers` the kind of its entries."""
     coordinates = []
     for body in bodies.values():
         values = *body.support_stiffness, body.torsional_stiffness
         moves = [(axis, math.isfinite(k.real)) for axis, k in zip("xyu", values, strict=True)]
         coordinates += [(body.name, axis) for axis, free in moves if free]
+    if rotations_first:
+        coordinates.sort(key=lambda one: one[1] != "u")
     n = len(coordinates)
     of = numbers.of
     own = {body: numbers.zeros(3, n) for body in bodies}

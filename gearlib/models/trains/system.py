@@ -77,7 +77,8 @@ def train_system(train, tuning):
     m, n = lines.shape
     near, far = functionals(train, frequencies, waves, constants)
     size = near.shape[1]
-    free = one_mesh_system.waves(size, 2 * n + 1, tuning * frequencies).astype(near.dtype)
+    free = one_mesh_system.waves(size, 2 * n + 1, tuning * frequencies)
+    free = free.astype(np.result_type(near, tuning))
     free[:n, n : 2 * n] = np.eye(n)
     free[n : 2 * n, :n] = -inverse @ parts.stiffness
     free[n : 2 * n, n : 2 * n] = -inverse @ parts.damping
@@ -91,35 +92,33 @@ def train_system(train, tuning):
 
     norm = train.norm(parts)
     p = segments.starts.size - 1
-    highest = max(_count(mesh) for mesh in train.meshes)
+    low = np.stack([segments.low[0], segments.low[1], segments.low[1]])
+    # Flanks are alike in segments of one level and direction of sliding; (coast, drive) of meshes.
+    alike = 2 * segments.low + (segments.sense < 0.0)
+    kinds = [[sorted(set(side[:, j].tolist())) for side in alike] for j in range(m)]
+    for mesh, own in zip(train.meshes, kinds, strict=True):
+        own[0] = [] if math.isinf(mesh.backlash.real) else own[0]
+    highest = 1 + max(len(coast) + len(drive) for coast, drive in kinds)
     push, grip = np.zeros((2, m, highest, 2, size), free.dtype)
     effect = np.zeros((3, p, m), dtype=np.int64)
     stiffness = np.zeros((3, p, m), free.dtype)
-    low = np.stack([segments.low[0], segments.low[1], segments.low[1]])
     for j, mesh in enumerate(train.meshes):
         levels = np.array([1.0, mesh.stiffness_ratio]) * mesh.max_stiffness / train.stiffness_scale
         stiffness[:, :, j] = levels[low[:, :, j].astype(int)]
         more = (mesh.material_damping - mesh.backlash_damping) * rate
-        senses = (1.0, -1.0) if any(mesh.friction) else (1.0,)
-        d = 1
-        for code, line, speed, way, mu in (
-            (2, near[j], speeds_near[j], lines[j], mesh.friction[0]),
-            (0, far[j], speeds_far[j], train.far_lines[j], mesh.friction[1]),
+        d = 0
+        for side, line, speed, way in (
+            (1, near[j], speeds_near[j], lines[j]),
+            (0, far[j], speeds_far[j], train.far_lines[j]),
         ):
-            if code == 0 and math.isinf(mesh.backlash.real):
-                continue
-            for level in range(2 if mesh.stiffness_ratio.real < 1.0 else 1):
-                for sense in senses:
-                    elastic = levels[level] * line
-                    push[j, d, 0, n : 2 * n] = -inverse @ way
-                    grip[j, d, 0] = elastic + more * speed
-                    push[j, d, 1, n : 2 * n] = -inverse @ train.structure.across[j]
-                    grip[j, d, 1] = mu * sense * elastic
-                    here = low[code, :, j] == bool(level)
-                    if len(senses) == 2:
-                        here &= segments.sense[code // 2, :, j] == sense
-                    effect[code, here, j] = d
-                    d += 1
+            for kind in kinds[j][side]:
+                d += 1
+                elastic = levels[kind // 2] * line
+                push[j, d, 0, n : 2 * n] = -inverse @ way
+                grip[j, d, 0] = elastic + more * speed
+                push[j, d, 1, n : 2 * n] = -inverse @ train.structure.across[j]
+                grip[j, d, 1] = mesh.friction[1 - side] * (1 - 2 * (kind % 2)) * elastic
+                effect[2 * side, alike[side, :, j] == kind, j] = d
     return TrainSystem(
         free,
         near,
@@ -135,14 +134,6 @@ def train_system(train, tuning):
         frequencies,
         tuning,
         train.repeats,
-    )
-
-
-def _count(mesh):
-    """Return how many effects a mesh has, the backlash included."""
-    sides = 1 if math.isinf(mesh.backlash.real) else 2
-    return 1 + sides * (2 if mesh.stiffness_ratio.real < 1.0 else 1) * (
-        2 if any(mesh.friction) else 1
     )
 
 

@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
@@ -13,7 +13,8 @@ from gearlib.models.trains import assembly, turning, waves
 from gearlib.models.trains.elastic import linear
 from gearlib.models.trains.elements import Body, Mesh, Shaft
 from gearlib.models.trains.results import TrainResults
-from gearlib.models.trains.structure import far_lines, structure
+from gearlib.models.trains.structure import FLOATS, far_lines, structure
+from gearlib.parameters import FINITE, TRUTH, Number, check, documented
 
 if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
     from gearlib.models.propagators import several_meshes  # noqa: F401
@@ -22,26 +23,10 @@ if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
 FALLBACK = 1e-6
 
 
+@documented
 @dataclass(frozen=True, kw_only=True)
 class GearTrain(TrainResults):
     """Any number of gears in mesh, in SI units; immutable.
-
-    Parameters
-    ----------
-    bodies : sequence of Body
-    meshes : sequence of Mesh
-    shafts : sequence of Shaft, default none
-    reference : str, optional
-        Name of the mesh that sets scales, mesh phase and tuning; by default the first.
-    reference_frequency : float, optional
-        Hz, what the tuning is counted in; by default that of the elastic mode with the most strain
-        energy in the reference mesh, with mean stiffness and all flanks in contact.
-    carrier_ratio : float, default 0
-        Speed of the frame in which positions are given, over that of the reference pinion in this
-        frame; not 0 where a carrier turns.
-    gyroscopic : bool, default False
-        Whether the forces of the turning frame act on axes that can move; bodies without a carrier
-        then lie on its axis.
 
     Raises
     ------
@@ -49,13 +34,32 @@ class GearTrain(TrainResults):
         If a value is impossible or the train cannot be assembled, turn, or stay in balance.
     """
 
-    bodies: tuple
-    meshes: tuple
-    shafts: tuple = ()
-    reference: str | None = None
-    reference_frequency: float | None = None
-    carrier_ratio: float = 0.0
-    gyroscopic: bool = False
+    bodies: Annotated[tuple, assembly.Parts(Body), "Gears and carriers"]
+    meshes: Annotated[tuple, assembly.Parts(Mesh), "Which of them mesh"]
+    shafts: Annotated[tuple, assembly.Parts(Shaft, 0), "Which of them a shaft joins"] = ()
+    reference: Annotated[
+        str | None,
+        assembly.MeshName(),
+        "Name of the mesh that sets scales, mesh phase and tuning; by default the first",
+    ] = None
+    reference_frequency: Annotated[
+        float | None,
+        Number(unit="Hz", above=0),
+        "What the tuning is counted in; by default that of the elastic mode with the most strain "
+        "energy in the reference mesh, with mean stiffness and all flanks in contact",
+    ] = None
+    carrier_ratio: Annotated[
+        float,
+        FINITE,
+        "Speed of the frame in which positions are given, over that of the reference pinion in "
+        "this frame; not 0 where a carrier turns",
+    ] = 0.0
+    gyroscopic: Annotated[
+        bool,
+        TRUTH,
+        "Whether the forces of the turning frame act on axes that can move; bodies without a "
+        "carrier then lie on its axis",
+    ] = False
 
     propagators = {"exact": "several_meshes"}
     title_noun = "a gear train"
@@ -65,34 +69,10 @@ class GearTrain(TrainResults):
     )
 
     def __post_init__(self):
-        for name, kind in (("bodies", Body), ("meshes", Mesh), ("shafts", Shaft)):
-            values = getattr(self, name)
-            least = 0 if name == "shafts" else 1
-            if (
-                not isinstance(values, (tuple, list))
-                or len(values) < least
-                or not all(isinstance(value, kind) for value in values)
-            ):
-                raise ValueError(
-                    f"{name} = {values!r} is not allowed: it must be a sequence of {kind.__name__}"
-                )
-            object.__setattr__(self, name, tuple(values))
-        for name in ("bodies", "meshes"):
-            names = [value.name for value in getattr(self, name)]
-            twice = next((one for one in names if names.count(one) > 1), None)
-            if twice is not None:
-                raise ValueError(
-                    f"{name} = {names!r} is not allowed: the name {twice!r} must occur once"
-                )
+        check(self)
         if self.reference is None:
             object.__setattr__(self, "reference", self.meshes[0].name)
         checks.one_of("reference", self.reference, self.mesh_names)
-        ratio = checks.number("carrier_ratio", self.carrier_ratio, "finite", math.isfinite)
-        object.__setattr__(self, "carrier_ratio", ratio)
-        checks.one_of("gyroscopic", self.gyroscopic, (False, True))
-        if self.reference_frequency is not None:
-            value = checks.finite_positive("reference_frequency", self.reference_frequency)
-            object.__setattr__(self, "reference_frequency", value)
         assembly.check_names(self)
         assembly.check_gears(self)
         assembly.check_balance(self)
@@ -118,7 +98,11 @@ class GearTrain(TrainResults):
     @cached_property
     def structure(self):
         """The `Structure`: matrices in SI units."""
-        return structure(self.by_name, self.meshes, self.shafts)
+        return self.assembled()
+
+    def assembled(self, numbers=FLOATS):
+        """Return the `Structure` in a kind of numbers."""
+        return structure(self.by_name, self.meshes, self.shafts, numbers)
 
     @cached_property
     def far_lines(self):
@@ -198,6 +182,17 @@ class GearTrain(TrainResults):
     def strains(self):
         """`Linear.strains` of the springs of the structure, then of the meshes."""
         return self._linear.strains
+
+    def linear(self, system):
+        """As of `Model.linear`: all flanks in contact at the mean stiffness."""
+        from gearlib.models.trains.system import scaled
+
+        omega, mass = self.reference_angular_frequency, scaled(self, system.tuning).mass
+        squares, shapes = self.linear_modes
+        every = np.hstack([shapes, self.free_motions]) * (math.sqrt(self.stiffness_scale) / omega)
+        # Orthonormal to the last place: what is missing would be an error of all frequencies.
+        every = every @ (1.5 * np.eye(len(mass)) - 0.5 * (every.T @ mass @ every))
+        return np.sqrt(squares) / omega, every[:, : squares.size], every[:, squares.size :], mass
 
     @cached_property
     def linear_stretches(self):

@@ -22,7 +22,7 @@ class Segments(NamedTuple):
     starts: np.ndarray  #: phases of the reference mesh, shape (p + 1,)
     first_segment: np.ndarray  #: where each reference mesh period begins, shape (repeats + 1,)
     low: np.ndarray  #: whether at the lower level, coast and drive side, shape (2, p, m)
-    sense: np.ndarray  #: of the sliding, 1 or -1, coast and drive side, shape (2, p, m)
+    sense: np.ndarray  #: of the sliding, 1 or -1, 1 without friction, as `low`, shape (2, p, m)
 
 
 def segments(meshes, rates, phases, turns, repeats):
@@ -35,7 +35,7 @@ def segments(meshes, rates, phases, turns, repeats):
     for mesh, rate, shifts, pitch in zip(meshes, rates, phases, turns, strict=True):
         local = set()
         if mesh.varies:
-            half = (mesh.contact_ratio - 1.0) / 2.0
+            half = (mesh.contact_ratio.real - 1.0) / 2.0
             local |= {(g + side) for g in shifts for side in (half, -half)}
         if any(mesh.friction):
             local |= {shifts[1] + turn + half for turn in pitch for half in (0.0, 0.5)}
@@ -58,10 +58,11 @@ def segments(meshes, rates, phases, turns, repeats):
         at = middle * float(rate) / whole
         for side, (g, turn) in enumerate(zip(shifts, pitch, strict=True)):
             away = np.abs(np.mod(at - g + 0.5, 1.0) - 0.5)
-            low[side, :, j] = away > (mesh.contact_ratio - 1.0) / 2.0
-            sense[side, :, j] = np.where(np.mod(at - shifts[1] - turn, 1.0) < 0.5, 1.0, -1.0)
+            low[side, :, j] = away > (mesh.contact_ratio.real - 1.0) / 2.0
+            if any(mesh.friction):
+                sense[side, :, j] = np.where(np.mod(at - shifts[1] - turn, 1.0) < 0.5, 1.0, -1.0)
         if not mesh.varies:
-            low[:, :, j] = mesh.contact_ratio < 2.0 and mesh.stiffness_ratio < 1.0
+            low[:, :, j] = mesh.contact_ratio.real < 2.0 and mesh.two_levels
     first = np.searchsorted(starts, [whole * k - _SAME_PHASE for k in range(repeats + 1)])
     return Segments(starts, first, low, sense)
 

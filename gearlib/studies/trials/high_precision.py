@@ -3,13 +3,14 @@
 The references of `gearlib.studies.trials.problems`, for any parameters of its models. While a
 contact code and a segment of the mesh period last, the equation is
 
-    z' = A z - d z[1]^3 e_1,
+    z' = A z - (p |z[1]| z[1] + d z[1]^3) e_1,
 
-linear (d = 0, the series is that of the matrix exponential) or with cubic damping. Steps are so
-short that the series ends below the last digit; the first zero of a flank line's series is isolated
-by bounds of its derivatives, not sampled. All of it is Python's `decimal`, which the library has
-anyway: the same bytes on every machine. Nothing is shared with the methods that are measured by it,
-but the matrices of six degrees of freedom, whose floats are taken as they are.
+linear (p = d = 0, the series is that of the matrix exponential) or with nonlinear damping. Steps
+are so short that the series ends below the last digit, and with p they end where the motion turns;
+the first zero of a flank line's series is isolated by bounds of its derivatives, not sampled. All
+of it is Python's `decimal`, which the library has anyway: the same bytes on every machine. Nothing
+is shared with the methods that are measured by it, but the matrices of six degrees of freedom,
+whose floats are taken as they are.
 """
 
 import math
@@ -19,6 +20,7 @@ from typing import NamedTuple
 
 from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
 from gearlib.models.one_mesh_system import by_phase
+from gearlib.models.profiles import Rectangular
 
 #: Coefficients of a series, per digit: steps of about a radian of the fastest oscillation.
 _ORDER_PER_DIGIT = 0.8
@@ -35,7 +37,7 @@ class Equations(NamedTuple):
     """One model at one tuning; rows and functionals are lists of (component, coefficient)."""
 
     rows: dict  #: (contact code, segment) -> rows of A
-    cubic: dict  #: contact code -> d
+    nonlinear: dict  #: contact code -> (p, d)
     starts: list  #: phases that bound the segments, 0 to 2 pi
     near: list  #: functional y, displacement over the normal flank
     far: list  #: functional y - s, displacement over the far flank
@@ -60,13 +62,13 @@ class Motion(NamedTuple):
 def run(model, tuning, periods, digits=50, state=(0, 0)):
     """Run mesh periods from a state at tau = 0.
 
-    model (of the kinds that `gearlib.studies.trials.problems.build` makes: rectangular stiffness,
-    damping linear or cubic, no excitation of one degree of freedom); digits (how many decimal
+    model (`GearPair`, `SixDegreePair`, or `OneDegreePair` with rectangular linear stiffness and
+    neither excitation nor deviation); digits (how many decimal
     digits of the step are right; what a motion makes of them is another thing: compare two runs);
     state ((x, dx/dtau); six degrees of freedom start from rest on the line only).
 
     Unresolved if the motion grazes a flank line so closely that the digits do not tell whether it
-    crosses, or both flanks are in contact at once.
+    crosses, or both flanks are in contact at once; ValueError for another model.
     """
     with localcontext(prec=digits + _GUARD):
         equations = equations_of(model, tuning)
@@ -84,7 +86,13 @@ def equations_of(model, tuning):
 
 
 def _one_degree(model, nu):
-    pair, cubic = model.mesh, model.equation.damping[:, 2].tolist()
+    pair, equation = model.mesh, model.equation
+    plain = model is pair or model.profile == Rectangular()
+    if not plain or equation.powers.any() or len(equation.force) + len(equation.deviation):
+        raise ValueError(
+            f"model = {type(model).__name__} with these parameters is not allowed: in many digits "
+            "its stiffness must be rectangular and linear, without excitation and deviation"
+        )
     epsilon, kappa = Decimal(pair.contact_ratio), Decimal(pair.stiffness_ratio)
     mean = kappa + (1 - kappa) * (epsilon - 1)
     high, low = (1 / mean / nu**2, kappa / mean / nu**2)
@@ -100,7 +108,12 @@ def _one_degree(model, nu):
             rows[code, segment] = [[(1, _ONE)], force, []]
     starts = [_pi() * share for share in (0, epsilon - 1, 3 - epsilon, 2)]
     far = [(0, _ONE), (2, gap)] if two_sided else [(2, _ONE)]
-    damping = {code: Decimal(cubic[code + 1]) * nu for code in (INVERSE, BACKLASH, NORMAL)}
+    damping = {
+        code: (Decimal(square), Decimal(cube) * nu)
+        for code, (_, square, cube) in zip(
+            (INVERSE, BACKLASH, NORMAL), equation.damping.tolist(), strict=True
+        )
+    }
     return Equations(rows, damping, starts, [(0, _ONE)], far, [_ZERO, _ZERO, _ONE])
 
 
@@ -122,7 +135,9 @@ def _six_degrees(model, tuning):
     # At rest on the line in all digits, not in those of floats; u3 is in y with 1.
     z[0] -= _dot(near, z)
     z[len(model.flexible()) + 2] -= _dot(near, _image(rows[BACKLASH, 0], z))
-    return Equations(rows, dict.fromkeys((INVERSE, BACKLASH, NORMAL), _ZERO), starts, near, far, z)
+    return Equations(
+        rows, dict.fromkeys((INVERSE, BACKLASH, NORMAL), (_ZERO, _ZERO)), starts, near, far, z
+    )
 
 
 def _sparse(values):
@@ -157,20 +172,26 @@ def _pi():
 def _integrate(equations, z, periods, digits):
     turn, tiny = equations.starts[-1], Decimal(10) ** (3 - digits)
     contact, line = _start(equations, z, tiny)
-    events = []
+    events, turning = [], False
     for n in range(periods):
         for segment, (t, end) in enumerate(pairwise(equations.starts)):
             while t < end:
-                series, length = _step(equations, contact, segment, z, digits)
-                left, hit = end - t, None
+                series, length = _step(equations, contact, segment, z, digits, turning)
+                left, hit, turning = end - t, None, False
                 length = min(length, left)
+                if equations.nonlinear[contact][0]:
+                    # |v| v has a kink: the series ends where v turns.
+                    rates = _from_the_line(series[1], tiny)
+                    rates = rates if rates[0] > 0 else [-value for value in rates]
+                    root = _first_zero(rates, length) if rates[0] > tiny else None
+                    length, turning = (length, False) if root is None else (root, True)
                 for exit_line, sign, after in _exits(contact):
                     course = _course(equations, exit_line, sign, series)
                     if exit_line == line:
                         course = _from_the_line(course, tiny)
                     root = _first_zero(course, length)
                     if root is not None:
-                        length, hit = root, (exit_line, after)
+                        length, hit, turning = root, (exit_line, after), False
                 z = [_at(component, length) for component in series]
                 if hit is None:
                     # The sum may round short of the end.
@@ -214,17 +235,25 @@ def _exits(contact):
     return [(NORMAL, -1, NORMAL), (INVERSE, 1, INVERSE)]
 
 
-def _step(equations, contact, segment, z, digits):
-    """Return (series of every component, length at which they end below the last digit)."""
+def _step(equations, contact, segment, z, digits, turning):
+    """Return (series of every component, length at which they end below the last digit).
+
+    turning: whether z[1] is zero but for rounding.
+    """
     order = round(_ORDER_PER_DIGIT * digits)
-    rows, cubic = equations.rows[contact, segment], equations.cubic[contact]
-    series, squares = [[value] for value in z], []
+    rows, (square, cubic) = equations.rows[contact, segment], equations.nonlinear[contact]
+    series, squares, sign = [[value] for value in z], [], 0
+    if turning:
+        series[1][0] = _ZERO
     for k in range(order):
         rates = [sum((a * series[i][k] for i, a in row), _ZERO) for row in rows]
-        if cubic:
+        if square or cubic:
             v = series[1]
             squares.append(_product(v, v, k))
-            rates[1] -= cubic * _product(squares, v, k)
+            sign = sign or (v[k] > 0) - (v[k] < 0)
+            rates[1] -= square * sign * squares[k]
+            if cubic:
+                rates[1] -= cubic * _product(squares, v, k)
         for component, rate in zip(series, rates, strict=True):
             component.append(rate / (k + 1))
     # The last two, of which one may be small by chance.
