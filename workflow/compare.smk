@@ -1,12 +1,10 @@
 """The target `compare`: Fig. 3 of all cases, and of the projects named in `compare`, in one."""
 
-import json
 from pathlib import Path
-
-from snakemake.exceptions import WorkflowError
 
 import gearlib
 from gearlib.config.experiments import Figures
+from workflow import projects
 from workflow.sources import listed, sources
 
 DRAWN = Figures.model_validate(config.get("figures", {}) | {"colours": {}})
@@ -17,30 +15,9 @@ OTHERS = {
 }
 
 
-def compared(wildcards):
-    """Return the characteristics that are laid over each other."""
-    missing = [name for name, folder in OTHERS.items() if not (folder / "resonance.nc").exists()]
-    if missing or len(COMPARED | OTHERS) < 2:
-        lacking = f"{missing[0]} has no resonance.nc yet" if missing else "there is only one"
-        raise WorkflowError(f"compare needs several cases or projects: {lacking}.")
-    return [str(folder / "resonance.nc") for folder in (COMPARED | OTHERS).values()]
-
-
-def names_compared(wildcards):
-    """Return what the figure says below: whose gears each label is about."""
-    known = {folder: own["name"] for folder, own in MACHINES.items() if own}
-    found = []
-    for label, folder in (COMPARED | OTHERS).items():
-        path = folder / "gears.json"
-        if folder not in known and path.exists():
-            known[folder] = json.loads(path.read_text(encoding="utf-8"))["name"]
-        found.append(f"{label}: {known.get(folder, 'unknown')}")
-    return "; ".join(found)
-
-
 rule compare:
     input:
-        curves=compared,
+        curves=lambda wildcards: projects.compared(COMPARED, OTHERS),
         sources=listed(
             Path(workflow.basedir, "workflow/scripts/draw.py"),
             sources(
@@ -55,7 +32,7 @@ rule compare:
         f"{RESULTS}/logs/compare.log",
     params:
         draw="comparison_figure.draw",
-        gears=names_compared,
+        gears=lambda wildcards: projects.names_of(COMPARED | OTHERS, MACHINES),
         settings={"labels": [*(COMPARED | OTHERS)]},
         absent=[],
         dpi=DRAWN.dpi,

@@ -86,3 +86,27 @@ def record(found):
         path = folder / RECORD
         if not path.exists() or path.read_text(encoding="utf-8") != text:
             path.write_text(text, encoding="utf-8")
+
+
+def compared(own, others):
+    """Return the characteristics of label -> folder, of this run and of others, over each other.
+
+    ValueError if there is only one, or one of the others is not there: this run cannot compute it.
+    """
+    missing = [name for name, path in others.items() if not (path / "resonance.nc").exists()]
+    if missing or len(own | others) < 2:
+        lacking = f"{missing[0]} has no resonance.nc yet" if missing else "there is only one"
+        raise ValueError(f"compare needs several cases or projects: {lacking}.")
+    return [str(folder / "resonance.nc") for folder in (own | others).values()]
+
+
+def names_of(labels, found):
+    """Return whose gears each of label -> folder is about, of `machines` or by its record."""
+    known = {folder: own["name"] for folder, own in found.items() if own}
+    words = []
+    for label, folder in labels.items():
+        path = folder / RECORD
+        if folder not in known and path.exists():
+            known[folder] = json.loads(path.read_text(encoding="utf-8"))["name"]
+        words.append(f"{label}: {known.get(folder, 'unknown')}")
+    return "; ".join(words)
