@@ -215,6 +215,8 @@ def name_gears(figure, name):
     width, height = figure.get_size_inches()
     figure.set_size_inches(width, height + _LINE)
     low = _LINE / (height + _LINE)
+    if figure.get_layout_engine() is None:
+        figure.set_layout_engine("constrained")
     figure.get_layout_engine().set(rect=(0.0, low, 1.0, 1.0 - low))
     look = {"fontsize": 6, "color": "#707070", "ha": "left", "va": "bottom"}
     figure.text(0.01, 0.2 * low, name, in_layout=False, **look)
