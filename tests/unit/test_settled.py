@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from gearlib import GearPair, OneDegreePair, simulate, sweep
+from gearlib import GearPair, OneDegreePair, periodic_orbit, simulate, sweep
 from gearlib.geometry import Mesh, SpurGear
 from gearlib.kernels import orbit
 from gearlib.kernels.closed_form import recorded_arcs
@@ -252,3 +252,13 @@ def test_other_models_prove_their_period(model):
     span.pop("samples_per_period")
     assert int(sweep(model, [nu], periods=60 * model.repeats, **span).period[0]) == 0
     assert int(sweep(model, [nu], periods=3000 * model.repeats, **span).period[0]) == short.period
+
+
+def test_an_orbit_that_draws_nothing_on_is_not_settled_on():
+    # From its own state the motion repeats, and goes away with the first disturbance.
+    for tuning, pair in ((0.7, PAPER), (1.95, PAPER.replace(material_damping=600.0))):
+        pair = OneDegreePair(pair=pair)
+        found = periodic_orbit(pair, tuning, guess=(1.0, 0.0))
+        assert np.abs(found.multipliers[0]) > 1.0 - 1e-6
+        run = simulate(pair, tuning, periods=8, initial_state=tuple(found.state))
+        assert int(run.period) == 0
