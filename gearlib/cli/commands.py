@@ -82,6 +82,7 @@ def main():
 def simulate(model, tuning, save, **asked):
     """Run one tuning: time course, contact events, orbit summary."""
     import gearlib
+    from gearlib.data import motion_words
 
     with progress.clock("simulating"):
         run = gearlib.simulate(model, tuning, **asked)
@@ -94,6 +95,8 @@ def simulate(model, tuning, save, **asked):
     else:
         own = ["displacement_max", "displacement_min", "dynamic_force_max", "fraction_normal"]
         output.table(run, [*own, "bounces", *scales])
+    if not run.period:
+        click.echo(f"The motion has {motion_words.not_settled(run)}.")
     save(run)
 
 
