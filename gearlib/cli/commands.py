@@ -12,7 +12,7 @@ from gearlib.cli import (
     speed_options,
     workflow_commands,
 )
-from gearlib.config import schema_text
+from gearlib.config import gear_names, schema_text
 from gearlib.version import __version__
 
 #: What is printed of every mesh of a gear train.
@@ -282,6 +282,8 @@ def gear_table(drawing, damping, form):
 
     options = {drawing.stiffness or "iso": drawing.stiffness_options}
     rows = gear_table.compute(drawing.mesh(), damping=damping, options=options, **drawing.load())
+    if form == "text":
+        click.echo(gear_names.of_drawing(drawing))
     drawn_gears.show(rows, form)
 
 

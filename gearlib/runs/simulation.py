@@ -61,7 +61,7 @@ def simulate(
     max_events : int
         Most phases of contact and flights in one mesh period before the run gives up.
     sensitivities : sequence of str, optional
-        By what to differentiate, by method "exact"; ``pair.derivatives`` lists all names. Of a
+        By what to differentiate, by the default method; ``pair.derivatives`` lists all names. Of a
         `GearPair`: its fields max_stiffness, stiffness_ratio, contact_ratio, reduced_mass, load,
         backlash, material_damping and backlash_damping, in SI units, all others and the tuning
         kept; its ratios damping_ratio, backlash_damping_ratio and backlash_ratio, all other ratios
