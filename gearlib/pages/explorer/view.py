@@ -9,6 +9,7 @@ import xarray as xr
 
 from gearlib.analysis.orbits.shooting import NoOrbit, periodic_orbit
 from gearlib.data import motion_words, summary
+from gearlib.data.growing import without_growth
 from gearlib.runs.simulation import simulate
 from gearlib.runs.sweeping import sweep
 
@@ -46,7 +47,8 @@ def look(model, tuning, grid, lengths=PAIR, **drawn):
 
     def curve(direction):
         settings = {"periods": lengths.periods, "record_periods": lengths.recorded}
-        return sweep(model, grid, direction=direction, threads=1, **settings)
+        found = sweep(model, grid, direction=direction, threads=1, **settings)
+        return without_growth(found, model.extent)
 
     # The kernels release the interpreter lock.
     with ThreadPoolExecutor(2) as pool:
