@@ -62,12 +62,11 @@ def redraw(folder, figures=()):
     # What is not there would be computed, and this comes first.
     for script in ("compile_kernels.py", "compile_larger_kernels.py", "compile_train_kernels.py"):
         (project / "workflow/scripts" / script).write_text(f"raise SystemExit({_LACKING!r})")
-    # This writes the lists of sources, too, which have to be older than the data.
-    rules = project.snakemake("--list-rules").split()
     targets = [f"results/figures/{name}.png" for name in figures]
     if not targets:
         settings = yaml.safe_load((project / "config.yaml").read_text(encoding="utf-8"))
         targets = [f"results/figures/{name}.png" for name in settings["scenes"]]
+        rules = project.snakemake("--list-rules").split()
         others = {"draw_scene", "draw_report_page"}
         targets += [name for name in rules if name.startswith("draw_") and name not in others]
     _put_data(project)
