@@ -18,6 +18,7 @@ from scipy.linalg import expm
 
 from gearlib import checks
 from gearlib.data.result import result_of_many
+from gearlib.models.harmonics import Harmonics
 from gearlib.models.pair import GearPair
 from gearlib.parameters import declared
 
@@ -70,7 +71,7 @@ def orders(run, *, count=None):
     count = checks.integer("count", min(10, most) if count is None else count, 1, most)
     harmonics = np.arange(count * periods + 1)
     pair = _pair(run)
-    x, force = run.displacement.values, run.dynamic_force.values
+    x, force = transmission_error(run), run.dynamic_force.values
     if pair is None:
         found = [_sampled(values, harmonics.size) for values in (force, x)]
         half = [_sampled(values[::2], harmonics.size) for values in (force, x)]
@@ -103,6 +104,21 @@ def orders(run, *, count=None):
     kept = ("references", "gear_pair", "parameters")
     found.attrs |= {name: run.attrs[name] for name in kept if name in run.attrs}
     return found
+
+
+def transmission_error(run):
+    """Return the transmission error at the samples, static deflections.
+
+    Displacements of models with deviations of the flanks are those of the flanks.
+    """
+    x = run.displacement.values
+    model = json.loads(run.attrs.get("gear_pair") or run.attrs["model"])
+    given = model.get("deviation") if "profile" in model else None
+    if not given:
+        return x
+    phase, scale = run.phase.values, 1.0 / run.static_deflection.item()
+    waves = Harmonics(given["cosines"], given["sines"]).table(scale)
+    return x - sum(c * np.cos(k * phase) + s * np.sin(k * phase) for k, c, s in waves)
 
 
 def _pair(run):
