@@ -78,6 +78,9 @@ def listed(script, files):
         path.parent.mkdir(parents=True, exist_ok=True)
         temporary = path.with_name(f".{os.getpid()}.{path.name}")
         temporary.write_text(text, encoding="utf-8")
+        # As old as what it lists: results whose jobs Snakemake does not know are judged by dates.
+        newest = max(os.stat(name).st_mtime_ns for name in names)
+        os.utime(temporary, ns=(newest, newest))
         os.replace(temporary, path)
     return str(path)
 

@@ -120,6 +120,12 @@ class Gears(MethodSection, DrawnPair):
         """Return torque, or power and speed, as a dict."""
         return self.model_dump(include={"torque", "power", "speed"})
 
+    def driving_torque(self):
+        """Return the torque of the pinion, N m, to 12 digits."""
+        from gearlib.models.geometry.drawn_parameters import torque_of
+
+        return drawing.rounded(torque_of(self.torque, self.power, self.speed))
+
     def pair(self):
         """Return the keys of `gear_pair` as a dict, to 12 digits; refuses as `mesh` does."""
         given = self.load() | drawing.method("gears", self)

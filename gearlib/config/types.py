@@ -145,6 +145,14 @@ DampingName = Annotated[
         json_schema_extra={"$comment": "one of the dampings"},
     ),
 ]
+#: Empty: the paper's.
+ProjectName = Annotated[
+    str,
+    Field(
+        pattern="^[A-Za-z0-9_-]{0,40}$",
+        json_schema_extra={"$comment": "a text of at most 40 letters, digits, _ and -"},
+    ),
+]
 Colour = Annotated[
     str,
     Field(

@@ -65,6 +65,9 @@ _METADATA = {
     "svg": {"Date": None, "Creator": None},
 }
 
+#: Height of the line that names the gears, inches.
+_LINE = 0.14
+
 #: Digits of a place in shares of the figure: a thousandth of a pixel.
 _DIGITS = 6
 
@@ -207,6 +210,16 @@ def note_absent(figure, methods):
         figure.suptitle(words, fontsize=6, x=0.99, ha="right")
 
 
+def name_gears(figure, name):
+    """Write below a figure, in a line that is added to its height, the gears that it is about."""
+    width, height = figure.get_size_inches()
+    figure.set_size_inches(width, height + _LINE)
+    low = _LINE / (height + _LINE)
+    figure.get_layout_engine().set(rect=(0.0, low, 1.0, 1.0 - low))
+    look = {"fontsize": 6, "color": "#707070", "ha": "left", "va": "bottom"}
+    figure.text(0.01, 0.2 * low, name, in_layout=False, **look)
+
+
 def _freeze(figure):
     """Lay a figure out once, and round the places that the layout found.
 
@@ -217,6 +230,10 @@ def _freeze(figure):
     if figure.get_layout_engine() is None:
         return
     figure.draw_without_rendering()
+    # The layout leaves room for legends outside of the panels, and they stay on the rim.
+    room = figure.get_layout_engine().get()["rect"]
+    for shown in figure.legends if room[1] else ():
+        shown.set_bbox_to_anchor(room, transform=figure.transSubfigure)
     # None and not "none", with which every file would be drawn twice, once for its layout.
     figure.set_layout_engine(None)
     for axes in figure.axes:

@@ -292,6 +292,7 @@ def _about(mean, table):
     # Imported here: it costs every job of the workflow 0.3 s, and only these profiles need it.
     from scipy.optimize import brentq
 
+    whole, table = table, table.real
     scan = np.linspace(0.0, 2.0 * math.pi, _SCAN * max(int(table[:, 0].max(initial=0.0)), 1) + 1)
     signs = np.sign(_waves(table, scan))
     turns = np.nonzero(signs[:-1] * signs[1:] < 0)[0]
@@ -302,4 +303,12 @@ def _about(mean, table):
     breaks = np.array([0.0, *inner, 2.0 * math.pi])
     middle = (breaks[:-1] + breaks[1:]) / 2.0
     lines = np.column_stack([np.full(middle.size, mean), np.zeros(middle.size)])
-    return Pieces(breaks, lines, _waves(table, middle) < 0.0, table)
+    low = _waves(table, middle) < 0.0
+    if np.iscomplexobj(whole) and inner:
+        # Where the mean is crossed moves off the real axis too, see `gearlib.models.derivatives`.
+        n, cosines, sines = table.T
+        steep = _waves(np.column_stack([n, n * sines, -n * cosines]), breaks[1:-1])
+        breaks = breaks + 0j
+        moved = _waves(np.column_stack([n, *whole.T[1:].imag]), breaks[1:-1].real)
+        breaks[1:-1] -= 1j * moved / steep
+    return Pieces(breaks, lines, low, whole)

@@ -51,7 +51,7 @@ _FRACTIONS = (
 )
 
 
-def check(pair, names, method="exact", also_start=True):
+def check(pair, names, method=None, also_start=True):
     """Return the names of parameters as a tuple; those of the start may be left out.
 
     Raises
@@ -65,12 +65,17 @@ def check(pair, names, method="exact", also_start=True):
         raise ValueError(
             f"sensitivities = {names!r} is not allowed: it must be a sequence of names"
         ) from None
-    kind = pair.kind(method) if method in pair.propagators else None
-    if names and (kind is None or kind.differentiate is None):
+    own = next(iter(pair.propagators))
+    method = method or own
+    if names and method != own:
         raise ValueError(
             f"sensitivities = {names!r} is not allowed for this {type(pair).__name__} by method "
-            f"{method!r}: derivatives are those of method 'exact', between whose events the motion "
-            "is linear"
+            f"{method!r}: derivatives are those of method {own!r}"
+        )
+    if names and pair.kind().differentiate is None:
+        raise ValueError(
+            f"sensitivities = {names!r} is not allowed for this {type(pair).__name__}: motions "
+            "whose pairs of teeth touch one by one have no derivatives yet"
         )
     known = [name for name in pair.derivatives if also_start or not name.startswith(_START)]
     for name in names:
@@ -98,7 +103,7 @@ def _listed(known):
 
 def directions(pair, names):
     """Return directions of some names, see `gearlib.models.propagators.base.Base.differentiate`."""
-    return pair.kind("exact").directions(pair, names)
+    return pair.kind().directions(pair, names)
 
 
 @cache
@@ -186,13 +191,8 @@ def variables(propagator, names, along, z, tangents, sizes, periods, recorded, m
             z,
             along,
             tangents.copy(),
-            periods,
-            recorded,
-            max_events,
-            samples,
-            events,
-            extrema,
-            times,
+            (periods, recorded, max_events),
+            (samples, events, extrema, times),
         )
         if done != OK or found != count:
             # Rounding decides whether there is an event at all.

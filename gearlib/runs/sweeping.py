@@ -78,10 +78,11 @@ def sweep(
         dynamic_force_max, dynamic_force_min, extrema of the closed forms (not of samples);
         fraction_normal, fraction_backlash, fraction_inverse, fraction_min_stiffness (in mesh at
         C_min), shares of time; bounces, losses of normal contact per mesh period; period, the
-        smallest n <= 16 for which the last n stroboscopic states repeat those of n periods
-        before within 1e-6 of the orbit's height (of a static deflection if that is larger), 0
-        if there is none, or the run is shorter than 2 n - 1 periods; with run-out n may also be
-        1 to 16 times the mesh periods after which that repeats; final_state (tuning, component);
+        mesh periods, up to 16, after which the orbit repeats on which the motion has settled: its
+        Floquet multipliers draw what is left of the transient onto it, clear of any grazing. 0
+        where that is not shown, `simulate` goes on until it is; with run-out period may also be
+        1 to 16 times the mesh periods after which that repeats. Methods for comparison compare
+        states, to 1e-6 of the orbit's height. final_state (tuning, component);
         status, with NaN in all other variables where it is not 0; the scales to SI.
 
     Raises

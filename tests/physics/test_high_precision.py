@@ -127,9 +127,10 @@ def test_problems_with_bounces_against_the_library(name, method):
     problem = problems.build(name, CONFIG["gear_pair"], CONFIG["six_degrees"], settings)
     expected = references.reference(problem)
     found = problems.attempt(problem, method, {})
-    # Rounding of some forty phases; in six degrees fifty times the last place of the bearings'
-    # deflections, 7e-15, after 20 periods of bouncing.
-    atol = 1e-14 if name == "cubic" else 5e-13
+    # Rounding of some forty phases; in six degrees a hundred times the last place of the bearings'
+    # deflections, 7e-15, after 20 periods of bouncing: bearings up to 0.7 % stiffer leave 1e-14 to
+    # 6e-13.
+    atol = 1e-14 if name == "cubic" else 1e-12
     np.testing.assert_allclose(found.state, expected.state, rtol=0, atol=atol)
     np.testing.assert_allclose(found.phases, expected.phases, rtol=0, atol=1e-11)
     assert found.kinds.tolist() == expected.kinds.tolist() and len(expected.kinds) > 3

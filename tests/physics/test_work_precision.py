@@ -13,8 +13,9 @@ from tests.paper import CONFIG
 
 PAIR, SIX, SETTINGS = CONFIG["gear_pair"], CONFIG["six_degrees"], CONFIG["work_precision"]
 #: Rounding of a hundred arcs; without damping it grows with every bounce, tenfold at most. In six
-#: degrees the bearings lie 33 static deflections away, where the last place is 7e-15.
-STATE, PHASE, SIX_STATE = 1e-13, 1e-12, 1e-12
+#: degrees the bearings lie 33 static deflections off, where the last place is 7e-15: bearings up to
+#: 0.7 % stiffer leave 1e-14 to 9e-13 in the state, and as much over the speed, 0.3, in phases.
+STATE, PHASE, SIX_STATE, SIX_PHASE = 1e-13, 1e-12, 1e-12, 3e-12
 
 
 def build(name):
@@ -43,7 +44,8 @@ def test_errors_at_rounding(known, method):
     six = finest.problem == "six_degrees"
     assert (finest.state_error.where(~six).dropna("problem") < STATE).all()
     assert (finest.state_error.where(six).dropna("problem") < SIX_STATE).all()
-    assert (finest.event_error.dropna("problem") < PHASE).all()
+    assert (finest.event_error.where(~six).dropna("problem") < PHASE).all()
+    assert (finest.event_error.where(six).dropna("problem") < SIX_PHASE).all()
     # Central differences: rounding over their width.
     assert (finest.multiplier_error.dropna("problem") < 1e-8).all()
     assert finest.multiplier_error.notnull().sum() == 4 - (method == "exact")

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import gearlib
-from gearlib import orbit_sensitivities, periodic_orbit, simulate
+from gearlib import Fourier, Harmonics, OneDegreePair, orbit_sensitivities, periodic_orbit, simulate
 from tests.properties.known_models import (
     CHAIN,
     DAMPED,
@@ -17,6 +17,7 @@ from tests.properties.known_models import (
     OTHER,
     SETTLING,
     STRIKING,
+    TABLE,
     Known,
 )
 from tests.properties.test_conformance import EXTREMA, TIMES
@@ -70,6 +71,34 @@ SLOPES = {f"pair {seed}": random_pair(seed) for seed in range(24)} | {
     "chain that strikes": Known(CHAIN, 0.7, STRIKING, 1),
     "chain from rest": Known(CHAIN, 0.45, "static", 1),
 }
+
+
+_DAMPINGS = {"cubic_damping": 4e5, "backlash_cubic_damping": 2e5, "quadratic_damping": 3e4}
+_DAMPINGS["backlash_quadratic_damping"] = 2e4
+_POWERS = {"quadratic_stiffness": 5e3, "cubic_stiffness": 2e9}
+_WAVES = {"excitation": Harmonics((300.0,), (0.0, 200.0)), "deviation": Harmonics((), (1e-6,))}
+_PAIR = DAMPED.replace(material_damping=1000.0, backlash_damping=300.0)
+_CLOSE = _PAIR.replace(backlash=15e-6)
+#: In Taylor steps: powers, series and tables, on both flanks.
+TAYLOR = {
+    "everything": Known(
+        OneDegreePair(pair=_CLOSE, **_DAMPINGS, **_POWERS, **_WAVES), 0.85, (1.0, -5.0), 2
+    ),
+    "quadratic damping that begins": Known(
+        OneDegreePair(pair=_PAIR, **_POWERS), 0.85, (1.0, -3.0), 2
+    ),
+    "series": Known(
+        OneDegreePair(
+            pair=_CLOSE, **{**_DAMPINGS, "quadratic_damping": 0.0}, profile=Fourier(5), **_WAVES
+        ),
+        0.8,
+        (1.0, -5.0),
+        2,
+    ),
+    "table": Known(OneDegreePair(pair=_CLOSE, **_POWERS, profile=TABLE), 0.9, (1.0, -5.0), 2),
+    "oscillator with a series": Known(KNOWN["series"].model, 0.8, (0.3, -1.0), 2),
+}
+SLOPES |= TAYLOR
 
 
 def named(case):
@@ -149,6 +178,40 @@ def test_derivatives_of_orbits_and_multipliers(model, tuning, guess):
     for name, reference in zip(names, rows, strict=True):
         row = np.concatenate([np.ravel(found[f"d_{part}_d_{name}"].values) for part in parts])
         close(row, np.array(reference, float), (type(model).__name__, name), description, tuning)
+
+
+@pytest.mark.parametrize(
+    ("name", "direction"),
+    [
+        ("everything", "cubic_damping"),
+        ("everything", "backlash"),
+        ("quadratic damping that begins", "contact_ratio"),
+        ("series", "stiffness_ratio"),
+        ("table", "cubic_stiffness"),
+        ("oscillator with a series", "tuning"),
+    ],
+)
+def test_maps_in_taylor_steps_change_as_their_differences_say(name, direction):
+    # Differences of maps, exact themselves, extrapolated: nine digits less one for rounding.
+    model, tuning, state, periods = TAYLOR[name]
+    propagator = model.propagator(tuning)
+    z, along = propagator.start(state), propagator.directions(model, [direction])
+    _, rates, code = propagator.map_rates(z, along, np.zeros((2, 1)), periods, 1000)
+    assert code == 0
+
+    def whole(share):
+        if direction == "tuning":
+            other = model.propagator(tuning + share * tuning)
+        else:
+            value = getattr(model, direction)
+            other = model.replace(**{direction: value * (1.0 + share)}).propagator(tuning)
+        first, second = other.maps(z, periods, 1000)[1]
+        return second @ first
+
+    size = tuning if direction == "tuning" else getattr(model, direction)
+    one, two = ((whole(h) - whole(-h)) / (2.0 * h * size) for h in (1e-5, 2e-5))
+    found, expected = rates[0], (4.0 * one - two) / 3.0
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-8 * np.abs(expected).max())
 
 
 @pytest.mark.parametrize(

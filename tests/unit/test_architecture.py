@@ -25,8 +25,6 @@ GOING = {
 #: Functions that still take more than eight parameters: none may join them.
 TOO_MANY = {
     "sensitivities.py: variables",
-    "matrices.py: differentiate",
-    "closed_form.py: differentiate",
     "several_meshes.py: go",
     "diffrax.py: solve",
     "diffrax.py: period",

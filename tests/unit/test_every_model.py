@@ -138,7 +138,7 @@ CALLS = {
 #: What a call does not take beside the number; one branch serves those of one kind only.
 NO_GEARS = {"oscillator", "linear stop", "hard stop"}
 REFUSED = {
-    "orbit_sensitivities": {"one degree", "pairs of teeth", "hard stop"},
+    "orbit_sensitivities": {"pairs of teeth"},
     "basins": {"train"},
     "basin_stability": {"train"},
     "bifurcation_diagram": {"train"},

@@ -14,7 +14,7 @@ from tests.paper import PAPER
 @pytest.mark.parametrize(
     ("period", "motion"),
     [
-        (0, "does not repeat within 16 mesh periods"),
+        (0, "has not settled after 40 mesh periods"),
         (1, "repeats every mesh period"),
         (2, "repeats every 2 mesh periods"),
         (16, "repeats every 16 mesh periods"),

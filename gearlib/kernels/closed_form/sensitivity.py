@@ -47,7 +47,7 @@ from gearlib.kernels.overflow import within_range
 #: An event slower than this, in static deflections by natural time, or a turning point this close
 #: to a flank line, in static deflections, is a grazing: rounding over the square of the speed is
 #: what is left of the digits of the phase.
-SLOWEST, _CLOSEST = 1e-5, 1e-10
+SLOWEST, CLOSEST = 1e-5, 1e-10
 #: A state that repeats to rounding.
 _AT_REST = 1e-14
 _FIRST_LOOK = 16
@@ -122,7 +122,7 @@ def _turning_points(m, rates, arc, tangents, scratch, slope, best, extrema):
         for j in range(slope.shape[0]):
             slope[j] = scratch[0, j]
         _consider(m, rates, contact, arc[LEVEL], x, slope, best, extrema)
-        grazing = grazing or min(abs(x), abs(x + m.gap)) <= _CLOSEST
+        grazing = grazing or min(abs(x), abs(x + m.gap)) <= CLOSEST
         if contact == BACKLASH or lev.kind != UNDERDAMPED:
             break
         t += math.pi / lev.w
@@ -182,7 +182,7 @@ def _switch_times(rates, switch, contact, times):
 
 
 @inlined
-def _event_times(level, before, after, moved, times):
+def event_times(level, before, after, moved, times):
     """Add by how much longer each phase of contact lasts on both sides of an event."""
     for j in range(times.shape[1]):
         times[1 - before, j] += moved[j]
@@ -221,11 +221,11 @@ def _record(m, rates, arcs, count, before, contact, x, tangents, tables):
             left = before
             if left != BACKLASH and after != BACKLASH:
                 # No way between the flanks: one is left and the other met at once.
-                _event_times(arc[LEVEL], left, BACKLASH, moved, times)
+                event_times(arc[LEVEL], left, BACKLASH, moved, times)
                 for j in range(k):
                     moved[j] += (line_rate(rates, j, after) - line_rate(rates, j, left)) / v
                 left = BACKLASH
-            _event_times(arc[LEVEL], left, after, moved, times)
+            event_times(arc[LEVEL], left, after, moved, times)
             for j in range(k):
                 slope[j] = line_rate(rates, j, flank_of(before, after))
             # No mesh force on the flank line.

@@ -37,7 +37,7 @@ ROWS = 10
 (GROUND, LOAD, UPPER, LOWER, TUNING, REACH) = range(9, 15)
 COLUMNS = 15
 # Rows of the array of harmonics: of the stiffness by contact code + 1, and of the excitation.
-_EXCITATION = 3
+EXCITATION = 3
 
 
 class Law(NamedTuple):
@@ -94,12 +94,13 @@ def tables(law):
     """Return what steps need of a `Law`: (constants, harmonics).
 
     Shapes (3, m, COLUMNS), by contact code + 1 and piece, and (4, n, ORDER + 4): a row of zeros
-    ends the harmonics.
+    ends the harmonics. Of a law off the real axis, all of it complex, so are the tables.
     """
     most = max(law.stiffness.shape[0], law.far_stiffness.shape[0], law.force.shape[0])
-    constants = np.empty((3, law.pieces.shape[0], COLUMNS))
-    harmonics = np.zeros((4, most + 1, ORDER + 4))
-    load = _fill_harmonics(law.force, harmonics[_EXCITATION])
+    kind = law.pieces.dtype
+    constants = np.empty((3, law.pieces.shape[0], COLUMNS), kind)
+    harmonics = np.zeros((4, most + 1, ORDER + 4), kind)
+    load = _fill_harmonics(law.force, harmonics[EXCITATION])
     for contact in (INVERSE, BACKLASH, NORMAL):
         # In the backlash the stiffness is but recorded.
         far = contact == INVERSE
@@ -196,7 +197,7 @@ def expand(constants, harmonics, piece, phase, contact, sign, x, v, series, term
         series[C, k] = 0.0
     series[FORCE, 0] = constants[i, piece, LOAD]
     series[C, 0], series[C, 1] = level, slope
-    _add_harmonics(harmonics, _EXCITATION, phase, series, FORCE)
+    _add_harmonics(harmonics, EXCITATION, phase, series, FORCE)
     _add_harmonics(harmonics, i, phase, series, C)
     u = x - constants[i, piece, LINE]
     series[X, 0], series[V, 0], series[U, 0] = x, v, u

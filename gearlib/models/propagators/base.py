@@ -26,10 +26,10 @@ class Base:
     #: without the mesh; None: not in one call.
     run_many: Callable | None = None
     sections: Callable | None = None
-    #: Derivatives by parameters, where the motion is linear between events; None: by differences
+    #: Derivatives by parameters; None: by differences
     #: alone. Directions are those of `directions` or `along_branch`, tangents of shape (s, k).
-    #: ``differentiate(z, directions, tangents, periods, record_periods, limit, samples, events,
-    #: extrema, times)`` fills those of a record, see
+    #: ``differentiate(z, directions, tangents, (periods, record_periods, limit), (samples, events,
+    #: extrema, times))`` fills those of a record, see
     #: `gearlib.kernels.closed_form.sensitivity.differentiate`, where samples and extrema have the
     #: rows of all meshes for each quantity; it returns (events, status, grazing, whether a start on
     #: a flank line moves off it, derivatives of the final state).
@@ -44,9 +44,11 @@ class Base:
     map_slopes: Callable | None = None
     start_tangents: Callable | None = None
     switches: Callable | None = None
+    #: Whether periods that `run` returns are proven, see `stable_repeats`, or those of its states.
+    proves_periods = False
 
     def __init__(self, model, tuning):
-        self.model = model
+        self.model, self.tuning = model, tuning
 
     #: The direction along which nothing changes.
     nowhere: Any = {}

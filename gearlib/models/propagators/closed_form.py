@@ -50,7 +50,7 @@ def slopes(pair, directions):
 class Propagator(Base):
     """A `GearPair` at one tuning."""
 
-    chunk = 2048
+    chunk, proves_periods = 2048, True
     nowhere = np.zeros(len(_DIRECTIONS))
 
     def __init__(self, model, tuning):
@@ -107,27 +107,16 @@ class Propagator(Base):
         half_high, whole_low = segment_lengths(self.model.contact_ratio)
         return np.array([0.0, half_high, half_high + whole_low, 2.0 * np.pi])
 
-    def differentiate(
-        self, z, directions, tangents, periods, recorded, limit, samples, events, extrema, times
-    ):
+    def differentiate(self, z, directions, tangents, span, record):
         """Differentiate a run from z; see `Base.differentiate`."""
         one_sided = self._one_sided(z, directions, tangents)
+        constants = slopes(self.model, directions)
         found, code, grazing = sensitivity.differentiate(
-            self.mesh,
-            slopes(self.model, directions),
-            *z,
-            tangents,
-            periods,
-            recorded,
-            limit,
-            samples,
-            events,
-            extrema,
-            times,
+            self.mesh, constants, *z, tangents, *span, *record
         )
         if self.model.contact_ratio in (1.0, 2.0):
             # A segment of the other stiffness appears, on which the force jumps.
-            extrema[2:, directions[:, 0] != 0.0] = np.nan
+            record[2][2:, directions[:, 0] != 0.0] = np.nan
         return found, code, grazing, one_sided, tangents
 
     def tangents(self, z, directions, tangents, periods, limit):

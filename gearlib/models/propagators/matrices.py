@@ -58,10 +58,9 @@ class Matrices(Base):
         walk.go()
         return walk.tangents[:, : len(z)], walk.rates, code
 
-    def differentiate(
-        self, z, along, tangents, periods, recorded, limit, samples, events, extrema, times
-    ):
+    def differentiate(self, z, along, tangents, span, record):
         """Differentiate a run from z; see `Base.differentiate`."""
+        (periods, recorded, limit), (samples, events, extrema, times) = span, record
         walk, code = self._walk(z, along, tangents, periods, limit)
         if not walk:
             return 0, code, False, False, None

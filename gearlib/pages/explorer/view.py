@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from gearlib.analysis.orbits.shooting import NoOrbit, periodic_orbit
-from gearlib.data import summary
+from gearlib.data import motion_words, summary
 from gearlib.runs.simulation import simulate
 from gearlib.runs.sweeping import sweep
 
@@ -80,7 +80,9 @@ def _of_meshes(run):
     if int(run.status):
         return run.status.attrs["message"]
     period = int(run.period)
-    motion = f"repeats after {period} mesh periods" if period else "does not repeat soon"
+    motion = (
+        f"repeats after {period} mesh periods" if period else f"has {motion_words.not_settled(run)}"
+    )
     lost = (run.fraction_backlash + run.fraction_inverse).values > 0.0
     parted = [str(name) for name in run.mesh.values[lost]]
     contact = f"contact is lost in {', '.join(parted)}" if parted else "all meshes stay in contact"
