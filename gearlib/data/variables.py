@@ -4,7 +4,7 @@ All displacements are in static deflections F / C_s, all times are mesh phase (r
 velocities are dx/dtau; the scale variables lead to SI.
 """
 
-from gearlib.data import contact_states, status
+from gearlib.data import contact_states, duty_variables, status
 
 #: name -> (CF units, long_name)
 DESCRIPTIONS = {
@@ -115,32 +115,7 @@ DESCRIPTIONS = {
     ),
     "mean_difference": ("1", "mean relative difference of the dynamic force"),
     "suffices": ("1", "whether stiffness and deviation at the load are within the tolerance"),
-    # order spectra; the order of half waves has its own words above, see `orders`
-    "mesh_order": ("1", "frequency over mesh frequency"),
-    "force_amplitude": ("N", "peak amplitude of the mesh force at the order; at 0 the mean"),
-    "force_phase": ("rad", "phase of the mesh force at the order"),
-    "force_amplitude_error": ("N", "error of the amplitude of the mesh force"),
-    "error_amplitude": (
-        "m",
-        "peak amplitude of the transmission error at the order, at 0 mean",
-    ),
-    "error_phase": ("rad", "phase of the transmission error at the order"),
-    "error_amplitude_error": ("m", "error of the amplitude of the transmission error"),
-    "mean_square_force": ("N2", "mean square of the mesh force, by samples"),
-    "mean_square_error": ("m2", "mean square of the transmission error, by samples"),
-    # duty point
-    "mesh_frequency_hertz": ("Hz", "mesh frequency"),
-    "resonance_speed": ("min-1", "speed at tuning 1"),
-    "iso_dynamic_factor": ("1", "dynamic factor K_v of ISO 6336-1, method B"),
-    "static_force": ("N", "static mesh force"),
-    "mesh_force_max": ("N", "largest mesh force"),
-    "mesh_force_min": ("N", "smallest mesh force, negative on the coast side"),
-    "bearing": ("1", "gear that the bearings carry"),
-    "bearing_force_max": ("N", "largest force of the bearings of a shaft together"),
-    "error_peak_to_peak": ("m", "peak-to-peak dynamic transmission error"),
-    "error_rms": ("m", "dynamic transmission error, root mean square about its mean"),
-    "mesh_order_force": ("N", "peak amplitude of the mesh force"),
-    "mesh_order_error": ("m", "peak amplitude of the dynamic transmission error"),
+    **duty_variables.DESCRIPTIONS,
     # events
     "event_phase": ("rad", "mesh phase of the crossing of a flank line"),
     "event_from": ("1", "phase of contact before the event"),
