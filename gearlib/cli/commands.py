@@ -95,6 +95,8 @@ def simulate(model, tuning, save, **asked):
     else:
         own = ["displacement_max", "displacement_min", "dynamic_force_max", "fraction_normal"]
         output.table(run, [*own, "bounces", *scales])
+        if model.speed is not None:
+            output.machine(run, model)
     if not run.period:
         click.echo(f"The motion has {motion_words.not_settled(run)}.")
     save(run)
@@ -281,7 +283,12 @@ def gear_table(drawing, damping, form):
     from gearlib.studies import gear_table
 
     options = {drawing.stiffness or "iso": drawing.stiffness_options}
-    rows = gear_table.compute(drawing.mesh(), damping=damping, options=options, **drawing.load())
+    mesh, load = drawing.mesh(), drawing.load()
+    rows = gear_table.compute(mesh, damping=damping, options=options, **load)
+    if drawing.speed is not None:
+        own = {"stiffness": drawing.stiffness or "iso", "options": drawing.stiffness_options}
+        with progress.clock("following the motion until it settles"):
+            rows += gear_table.duty_rows(mesh, damping=damping, **load, **own)
     if form == "text":
         click.echo(gear_names.of_drawing(drawing))
     drawn_gears.show(rows, form)

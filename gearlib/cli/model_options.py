@@ -156,9 +156,15 @@ def _model(mapping, gears, name, model):
     pair = GearPair(**gears.model_dump())
     if not name and model != "train":
         raise click.UsageError("gears is missing: the file describes a train only (--model train)")
+    relieved = _relieved(mapping, pair)
     if model == "one_degree":
         click.echo(name)
-        return pair
+        return relieved or pair
+    if relieved is not None and model == "six_degrees":
+        raise click.UsageError(
+            "model = 'six_degrees' is not allowed: it must be 'one_degree', which carries the tip "
+            "relief and the errors of these gears"
+        )
     sections = _sections(gears, _ONLY_DAMPING)
     # Both names are those of a section.
     if model in mapping:
@@ -168,6 +174,27 @@ def _model(mapping, gears, name, model):
     if model == "train":
         return described(**settings.train_parameters(_ONLY_DAMPING))
     return SixDegreePair(pair=pair, **settings.six_degrees.model_dump())
+
+
+def _relieved(mapping, pair):
+    """Return the model of drawn gears whose flanks are no involutes, None of all others."""
+    if "gears" not in mapping:
+        return None
+    from gearlib.analysis.duty_point import of_drawing
+
+    drawing = load(mapping, "the configuration").gears
+    mesh = drawing.mesh()
+    if not any(gear.tip_relief or gear.pitch_errors for gear in (mesh.pinion, mesh.wheel)):
+        return None
+    for name, value in drawing.pair().items():
+        if getattr(pair, name) != value:
+            raise click.UsageError(
+                f"{name} = {getattr(pair, name)!r} is not allowed: it must be {value!r}, that of "
+                "the drawing, whose gears have tip relief or errors"
+            )
+    given = drawing.load() | {"stiffness": drawing.stiffness or "iso"}
+    model = of_drawing(mesh, options=drawing.stiffness_options, **given)
+    return model.replace(**{name: getattr(pair, name) for name in DAMPINGS})
 
 
 def choose_damping(settings, name):

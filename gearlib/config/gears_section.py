@@ -105,7 +105,7 @@ class Gears(MethodSection, DrawnPair):
 
     torque: Torque = entry("Of the pinion, N m; or power and speed.", None)
     power: Power = entry("Of the pinion, W.", None)
-    speed: Speed = entry("Of the pinion, rpm.", None)
+    speed: Speed = entry("Of the pinion, rpm; with a torque, of its duty point.", None)
 
     @model_validator(mode="after")
     def _check(self):

@@ -276,10 +276,11 @@ Finite, Positive, NonNegative = map(
     type_of, (parameters.FINITE, parameters.POSITIVE, parameters.NONNEGATIVE)
 )
 Stiffness, Mass, Inertia = map(type_of, (parameters.STIFFNESS, parameters.MASS, parameters.INERTIA))
-Length, RunOut, Error, Backlash, Angle = map(
+Length, Diameter, RunOut, Error, Backlash, Angle = map(
     type_of,
     (
         parameters.LENGTH,
+        parameters.DIAMETER,
         parameters.RUN_OUT,
         parameters.ERROR,
         parameters.BACKLASH,

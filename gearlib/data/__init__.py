@@ -4,6 +4,7 @@
 module              responsibility
 ==================  ========================================================
 ``variables``       names, units and descriptions of every variable
+``duty_variables``  the same of duty points and order spectra
 ``contact_states``  flank lines, phases of contact and their codes
 ``lost_contact``    whether contact is lost, by the share of time in contact
 ``summary``         from the summary table of the kernels to named variables

@@ -1,5 +1,6 @@
 """`sweep`: one gear pair over many tunings, the summary of each orbit."""
 
+import functools
 import os
 from concurrent.futures import ThreadPoolExecutor
 
@@ -8,7 +9,15 @@ import numpy as np
 from gearlib import checks
 from gearlib.data import summary
 from gearlib.data.result import result
-from gearlib.runs.run_arguments import MAX_EVENTS, Rows, check_either, check_run, check_tuning
+from gearlib.runs.run_arguments import (
+    MAX_EVENTS,
+    Rows,
+    allowed,
+    check_either,
+    check_run,
+    check_speed,
+    check_tuning,
+)
 
 DIRECTIONS = ("cold", "up", "down")
 #: Those in which a motion is carried from one tuning to the next.
@@ -83,9 +92,10 @@ def sweep(
     """
     check_either(pair, "tunings", tunings, "speeds", speeds)
     if speeds is None:
-        tunings = _check_tunings("tunings", tunings)
+        tunings = _check_tunings("tunings", tunings, check_tuning)
     else:
-        tunings = pair.tuning_at(_check_tunings("speeds", speeds))
+        check = functools.partial(check_speed, pair)
+        tunings = pair.tuning_at(_check_tunings("speeds", speeds, check, pair.tuning_at))
     asked = check_run(pair, periods, record_periods, initial_state, method, options, max_events)
     checks.one_of("direction", direction, DIRECTIONS)
     if direction != "cold" and asked.method != "exact" and pair.size > 2:
@@ -130,8 +140,8 @@ def sweep(
     return result("Resonance characteristic of a gear mesh", pair, data, coords, **said)
 
 
-def _check_tunings(name, tunings):
-    """Return tunings, or speeds, as a float array, shape (n,)."""
+def _check_tunings(name, tunings, check, tuning_at=np.asarray):
+    """Return tunings, or speeds, as a float array, shape (n,); `check` refuses a single one."""
     try:
         values = np.atleast_1d(np.asarray(tunings))
     except ValueError:
@@ -140,11 +150,11 @@ def _check_tunings(name, tunings):
         raise ValueError(
             f"{name} = {tunings!r} is not allowed: it must be a non-empty sequence of numbers"
         )
-    if values.dtype.kind in "iuf" and np.isfinite(values).all() and (values > 0.0).all():
-        values = values.astype(float)
-    else:
+    if values.dtype.kind not in "iuf" or not allowed(tuning_at(values.astype(float))).all():
         # One after the other, to name the first that is not allowed.
-        values = np.array([check_tuning(f"{name}[{i}]", v) for i, v in enumerate(values.tolist())])
+        for i, value in enumerate(values.tolist()):
+            check(f"{name}[{i}]", value)
+    values = values.astype(float)
     unique, counts = np.unique(values, return_counts=True)
     if unique.size < values.size:
         twice = float(unique[counts > 1][0])
