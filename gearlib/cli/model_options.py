@@ -31,7 +31,7 @@ def options(command):
     @_gear_options
     @click.option("--model", type=click.Choice(MODELS), default=MODELS[0], show_default=True)
     @functools.wraps(command)
-    def wrapped(mapping, gears, damping, model, **others):
+    def wrapped(mapping, gears, damping, changes, model, **others):
         return command(model=_model(mapping, gears, model), **others)
 
     return wrapped
@@ -42,7 +42,7 @@ def train_options(command):
 
     @_gear_options
     @functools.wraps(command)
-    def wrapped(mapping, gears, damping, **others):
+    def wrapped(mapping, gears, damping, changes, **others):
         return command(train=_model(mapping, gears, "train"), **others)
 
     return wrapped
@@ -52,13 +52,25 @@ def configuration_options(command):
     """Give a command the options that describe the gears.
 
     It is called with a configuration, not yet read by `gearlib.config.load` but accepted by it, as
-    `mapping`, and with the name of the damping as `damping`.
+    `mapping`, and with the name of the damping as `damping`. What no option changes stays as it
+    is, a drawing above all.
     """
 
     @_gear_options
     @functools.wraps(command)
-    def wrapped(mapping, gears, damping, **others):
-        whole = laid_over(mapping, _sections(gears, damping))
+    def wrapped(mapping, gears, damping, changes, **others):
+        sections = _sections(gears, damping)
+        if mapping and not changes:
+            sections = {}
+        elif mapping.get("gears") is not None:
+            if undrawn := changes.keys() - set(DAMPINGS):
+                option = min(undrawn).replace("_", "-")
+                raise click.UsageError(
+                    f"--{option} is not allowed where the configuration draws its gears: it must "
+                    "be left out, or the section gears be changed"
+                )
+            del sections["gear_pair"]
+        whole = laid_over(mapping, sections)
         load(whole, "What the options make of the configuration")
         return command(mapping=whole, damping=damping, **others)
 
@@ -66,14 +78,17 @@ def configuration_options(command):
 
 
 def _gear_options(command):
-    """Give a command the options; it is called with `mapping`, `gears` and `damping`."""
+    """Give a command the options.
+
+    It is called with `mapping`, `gears`, `damping` and the `changes` that options make.
+    """
 
     @functools.wraps(command)
     def wrapped(config_path, case, damping, **others):
         given = {name: others.pop(name) for name in _Gears.model_fields}
         changes = {name: _number(text) for name, text in given.items() if text is not None}
         mapping, gears, damping = _gears(config_path, case, damping, changes)
-        return command(mapping=mapping, gears=gears, damping=damping, **others)
+        return command(mapping=mapping, gears=gears, damping=damping, changes=changes, **others)
 
     decorators = [
         *config_options(),

@@ -167,7 +167,7 @@ def with_own(mapping, request):
 
 @pytest.fixture(scope="module")
 def machines(with_own):
-    return {kind: trains.Machine(with_own, "k1", kind) for kind in trains.KINDS}
+    return {kind: trains.Machine(with_own, "k1", kind) for kind in trains.offered(with_own)}
 
 
 def test_sliders_stand_for_the_trains_of_the_library(mapping, pair, machines):
@@ -223,8 +223,8 @@ def _own_train():
 
 
 def test_a_train_of_ones_own_is_offered_where_there_is_one(mapping, with_own):
-    assert set(trains.KINDS) - set(trains.offered(mapping)) == {"own"}
-    assert trains.offered(with_own) == trains.KINDS
+    assert set(trains.KINDS) - set(trains.offered(mapping)) == {"own", "planetary_set"}
+    assert set(trains.KINDS) - set(trains.offered(with_own)) == {"planetary_set"}
     shown = serving.page_of(with_own, "k1", "own")
     assert "pin_error" not in shown.sliders
     assert "repeat" in shown.note.object
