@@ -1,5 +1,8 @@
 """The explorer opens with the gears of the user, and what it saves describes them again."""
 
+import socket
+
+import panel as pn
 import pytest
 import yaml
 from click.testing import CliRunner
@@ -7,6 +10,9 @@ from click.testing import CliRunner
 from gearlib import cli, config
 from gearlib.models.trains.described_train import described
 from gearlib.pages.explorer import serving
+from tests.browser.chromium import browser, texts, wait_for
+
+assert browser  # a fixture
 
 PAIR = {
     "gears": {
@@ -44,6 +50,8 @@ def test_the_users_gears_are_seen_first_and_saved(tmp_path, monkeypatch, whole, 
     assert said.exit_code == 0 and serving.opened(whole) == kind
     assert explorer.mapping == whole and explorer.choice.value == serving.KINDS.get(kind, kind)
     page = explorer.page
+    teeth = "z 23/61, module 2.5 mm" if whole is PAIR else "sun z 27"
+    assert teeth in page.explored.heading
     again = yaml.safe_load(page.file().read())
     gears = config.load(again).gears if kind == serving.DRAWN else None
     if gears:
@@ -86,3 +94,28 @@ def test_options_that_contradict_a_drawing_are_refused(tmp_path, monkeypatch):
     assert explorer is None and "--load is not allowed" in said.output
     explorer, said = explored(tmp_path, monkeypatch, PAIR, "--material-damping", "900")
     assert said.exit_code == 0 and explorer.mapping["gears"] == PAIR["gears"]
+
+
+def _layout(whole):
+    return serving.Explorer(whole, "d").layout()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("width", [1280])
+def test_no_page_is_wider_than_the_window(browser, width):
+    pages = {"0": lambda: _layout(PAIR), "1": lambda: _layout(TRAIN)}
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    server = pn.serve(pages, show=False, threaded=True, port=port, address="127.0.0.1")
+    size = {"width": width, "height": 800, "deviceScaleFactor": 1, "mobile": False}
+    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+    try:
+        for page, least in (("0", 5), ("1", 3)):
+            browser.get(f"http://127.0.0.1:{port}/{page}")
+            wait_for(lambda least=least: len(texts(browser, "canvas")) >= least, 60.0)
+            wide = "return [document.documentElement.scrollWidth, window.innerWidth];"
+            shown, window = browser.execute_script(wide)
+            assert shown <= window == width
+    finally:
+        server.stop()

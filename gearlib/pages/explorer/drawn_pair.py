@@ -68,6 +68,14 @@ class Drawing(Explored):
         )
         self.loads = torque * np.array(_LOADS)
         pinion, wheel, gap = mesh.pinion, mesh.wheel, mesh.backlash
+        self.heading = (
+            f"Drawn gears, z {pinion.teeth}/{wheel.teeth}, module {1e3 * pinion.module:g} mm, "
+            f"width {1e3 * pinion.width:g} mm, {torque:g} N m"
+        )
+        if self.section is START:
+            self.heading += ": an example, since the configuration draws none"
+        elif any(gear.tip_relief or gear.pitch_errors for gear in (pinion, wheel)):
+            self.heading += ", to begin with without relief and pitch errors of the drawing"
         module, shifts = 1e3 * pinion.module, (-1.0, 1.5, 0.01)
         self.sliders = {
             "module": Slider(

@@ -22,6 +22,9 @@ class Pair(Explored):
         self.mapping, self.damping = mapping, damping
         self.settings = settings = config.load(mapping)
         self.base = pair = GearPair(**settings.pair_parameters(damping))
+        drawn = settings.gears
+        teeth = f"z {drawn.pinion.teeth}/{drawn.wheel.teeth}, drawn" if drawn else f"z {pair.teeth}"
+        self.heading = f"Gear pair, {teeth}, load {pair.load:.4g} N"
         grid = settings.resonance
         self.grid = np.linspace(grid.start, grid.stop, POINTS)
         beta, beta_m, load = pair.damping_ratio, pair.backlash_damping_ratio, pair.load

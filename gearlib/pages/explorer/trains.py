@@ -64,6 +64,8 @@ class Machine(Explored):
         self.values = config.load(self.mapping).train_parameters(damping)
         train = described(**self.values)
         self.meshes = train.mesh_names
+        teeth = ", ".join(f"{b.name} z {b.teeth}" for b in train.bodies if b.teeth)
+        self.heading = f"{KINDS[kind].capitalize()}: {teeth}"
         lowest = math.sqrt(train.linear_modes[0][0]) / train.reference_angular_frequency
         self.speeds = _rpm(train) * lowest * np.linspace(_LOWEST, _HIGHEST, _POINTS)
         first = train.reference_mesh
