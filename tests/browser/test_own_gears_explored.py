@@ -101,7 +101,7 @@ def _layout(whole):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("width", [1280])
+@pytest.mark.parametrize("width", [1280, 420])
 def test_no_page_is_wider_than_the_window(browser, width):
     pages = {"0": lambda: _layout(PAIR), "1": lambda: _layout(TRAIN)}
     with socket.socket() as free:

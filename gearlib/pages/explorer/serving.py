@@ -41,7 +41,10 @@ class Explorer:
         self._kinds = {name: kind for kind, name in offered(mapping).items()}
         kind = opened(mapping)
         self.choice = pn.widgets.RadioButtonGroup(
-            options=[PAIR, DRAWN, *self._kinds], value=KINDS.get(kind, kind)
+            options=[PAIR, DRAWN, *self._kinds],
+            value=KINDS.get(kind, kind),
+            sizing_mode="stretch_width",
+            stylesheets=[".bk-btn-group { flex-wrap: wrap; }"],
         )
         self.shown = pn.Column(sizing_mode="stretch_width")
         #: The `SliderPage` that was made last.
