@@ -23,6 +23,8 @@ class Lengths(NamedTuple):
     samples: int  #: of each recorded period
 
 
+#: Mesh periods of a time course that is drawn.
+SHOWN = 3
 #: Of a pair; of a train, whose record holds whole common periods of the default trains.
 PAIR, TRAIN = Lengths(70, 10, 300, 256), Lengths(36, 12, 180, 64)
 
@@ -60,9 +62,14 @@ def look(model, tuning, grid, lengths=PAIR, **drawn):
         record_periods=lengths.recorded,
         samples_per_period=lengths.samples,
     )
+    followed = (
+        f" Followed for {lengths.settle} mesh periods, at each speed of the characteristic for "
+        f"{lengths.periods}."
+    )
     if model.mesh_names:
-        return View(model, up, down, run, np.empty(0), _of_meshes(run), **drawn)
-    return View(model, up, down, run, _multipliers(model, run), summary.in_words(run), **drawn)
+        return View(model, up, down, run, np.empty(0), _of_meshes(run) + followed, **drawn)
+    words = summary.in_words(run) + followed
+    return View(model, up, down, run, _multipliers(model, run), words, **drawn)
 
 
 def _multipliers(pair, run):
