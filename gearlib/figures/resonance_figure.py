@@ -147,14 +147,14 @@ def extent(curves, names):
 
 
 def _wider(limits, curves):
-    """Return limits that also hold the motions up to as far again beyond them.
+    """Return limits that also hold the motions up to nearly as far again beyond them.
 
     Sweeps that carry their state go where none from rest does; undamped ones without bound.
     """
     low, high = limits
     span = high - low
     extrema = np.array([curves[name].values for name in EXTREMA])
-    near = (extrema > low - span) & (extrema < high + span)
+    near = (extrema > low - 0.9 * span) & (extrema < high + 0.9 * span)
     shown = extrema[near]
     margin = 0.05 * span
     return min([low, *(shown - margin)]), max([high, *(shown + margin)])
