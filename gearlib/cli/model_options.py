@@ -38,7 +38,7 @@ def options(command):
     @_gear_options
     @click.option("--model", type=click.Choice(MODELS), default=MODELS[0], show_default=True)
     @functools.wraps(command)
-    def wrapped(mapping, gears, damping, pair, model, **others):
+    def wrapped(mapping, gears, damping, pair, changes, model, **others):
         return command(model=_model(mapping, gears, pair, model), **others)
 
     return wrapped
@@ -49,7 +49,7 @@ def train_options(command):
 
     @_gear_options
     @functools.wraps(command)
-    def wrapped(mapping, gears, damping, pair, **others):
+    def wrapped(mapping, gears, damping, pair, changes, **others):
         return command(train=_model(mapping, gears, pair, "train"), **others)
 
     return wrapped
@@ -59,13 +59,25 @@ def configuration_options(command):
     """Give a command the options that describe the gears.
 
     It is called with a configuration, not yet read by `gearlib.config.load` but accepted by it, as
-    `mapping`, and with the name of the damping as `damping`.
+    `mapping`, and with the name of the damping as `damping`. What no option changes stays as it
+    is, a drawing above all.
     """
 
     @_gear_options
     @functools.wraps(command)
-    def wrapped(mapping, gears, damping, pair, **others):
-        whole = laid_over(mapping, _sections(gears, damping))
+    def wrapped(mapping, gears, damping, pair, changes, **others):
+        sections = _sections(gears, damping)
+        if mapping and not changes:
+            sections = {}
+        elif mapping.get("gears") is not None:
+            if undrawn := changes.keys() - set(DAMPINGS):
+                option = min(undrawn).replace("_", "-")
+                raise click.UsageError(
+                    f"--{option} is not allowed where the configuration draws its gears: it must "
+                    "be left out, or the section gears be changed"
+                )
+            del sections["gear_pair"]
+        whole = laid_over(mapping, sections)
         load(whole, "What the options make of the configuration")
         return command(mapping=whole, damping=damping, **others)
 
@@ -73,9 +85,10 @@ def configuration_options(command):
 
 
 def _gear_options(command):
-    """Give a command the options; it is called with `mapping`, `gears`, `damping` and `pair`.
+    """Give a command the options.
 
-    The last is the name of the gears, "" of a train that needs none.
+    It is called with `mapping`, `gears`, `damping`, the name `pair` of the gears, "" of a train that
+    needs none, and the `changes` that options make.
     """
 
     @functools.wraps(command)
@@ -83,7 +96,8 @@ def _gear_options(command):
         given = {name: others.pop(name) for name in _Gears.model_fields}
         changes = {name: _number(text) for name, text in given.items() if text is not None}
         mapping, gears, damping, pair = _gears(config_path, case, damping, changes)
-        return command(mapping=mapping, gears=gears, damping=damping, pair=pair, **others)
+        known = {"mapping": mapping, "gears": gears, "damping": damping, "pair": pair}
+        return command(**known, changes=changes, **others)
 
     decorators = [
         *config_options(),

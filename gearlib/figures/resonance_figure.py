@@ -138,18 +138,23 @@ def extent(curves, names):
         if finite.any():
             rest = (1.0 - SHOWN_SHARE) / 2.0
             shown += [*np.quantile(values[finite], [rest, 1.0 - rest])]
-    return min(shown), max(shown)
+    low, high = min(shown), max(shown)
+    # What has not settled is seen as well, but for growing motions: up to as far again beyond.
+    span = high - low
+    rest = np.concatenate([curves[name].values.ravel() for name in names])
+    rest = rest[(rest > low - span) & (rest < high + span)]
+    return min([low, *rest]), max([high, *rest])
 
 
 def _wider(limits, curves):
-    """Return limits that also hold the steady orbits up to as far again beyond them.
+    """Return limits that also hold the motions up to as far again beyond them.
 
     Sweeps that carry their state go where none from rest does; undamped ones without bound.
     """
     low, high = limits
     span = high - low
     extrema = np.array([curves[name].values for name in EXTREMA])
-    near = (curves.period.values > 0) & (extrema > low - span) & (extrema < high + span)
+    near = (extrema > low - span) & (extrema < high + span)
     shown = extrema[near]
     margin = 0.05 * span
     return min([low, *(shown - margin)]), max([high, *(shown + margin)])

@@ -4,15 +4,15 @@ from pathlib import Path
 
 import pytest
 import xarray as xr
-import yaml
 
 from docs.hooks import speed_and_accuracy as page
 from gearlib import config
 from gearlib.studies.trials import difficult_problems, problems, work_precision
+from tests.paper import CONFIG
 
 ROOT = Path(__file__).resolve().parents[2]
 GOLDEN = ROOT / "tests/golden/data"
-SETTINGS = config.load(yaml.safe_load((ROOT / "config.yaml").read_text(encoding="utf-8")))
+SETTINGS = config.load(CONFIG)
 
 
 def test_the_page_says_what_its_data_say():

@@ -1,6 +1,5 @@
 """Studies of drawn gears: methods of the stiffness, what its rectangle costs, their figures."""
 
-import csv
 import math
 
 import numpy as np
@@ -8,12 +7,12 @@ import pytest
 
 from gearlib import GearPair, OneDegreePair, simulate
 from gearlib.config import load
-from gearlib.data.files import write_table
 from gearlib.models.geometry import described_drawing
 from gearlib.models.geometry.energy import energy_stiffness
 from gearlib.studies import mesh_stiffness, rectangle
 from tests.geometry.drawings import fzg_c, twenty
 from tests.paper import CONFIG as PROJECT
+from tests.tables import read_back
 
 CONFIG = load(PROJECT)
 PAIRS = CONFIG.mesh_stiffness.model_dump()["pairs"]
@@ -183,9 +182,7 @@ def test_costs_and_verdicts_follow_from_the_curves(costs):
 
 
 def test_the_table_of_the_rectangle(costs, tmp_path):
-    write_table(rectangle.rows(costs), tmp_path / "costs.csv")
-    with (tmp_path / "costs.csv").open(newline="") as file:
-        rows = list(csv.DictReader(file))
+    rows = read_back(rectangle.rows(costs), tmp_path)
     assert [row["verdict"] for row in rows] == list(costs.rectangle_verdict.values.ravel())
     reference = costs.answer.sel(stiffness_method=rectangle.REFERENCE)
     columns = {
@@ -203,9 +200,8 @@ def test_the_table_of_the_rectangle(costs, tmp_path):
 
 
 def test_the_table_of_the_means(stiffness, tmp_path):
-    write_table(mesh_stiffness.rows(stiffness), tmp_path / "means.csv")
-    with (tmp_path / "means.csv").open(newline="") as file:
-        rows = {(row["pair"], row["stiffness_method"]): row for row in csv.DictReader(file)}
+    table = read_back(mesh_stiffness.rows(stiffness), tmp_path)
+    rows = {(row["pair"], row["stiffness_method"]): row for row in table}
     assert rows["z20-20", "energy"]["from_reference"] == "+0.0000"
     # 4.743 and 4.9 over 5.461.
     assert rows["z20-20", "iso"]["from_reference"] == "-0.1314"

@@ -1,6 +1,5 @@
 """Campbell diagrams of trains: speeds, orders, modes, and the reducer's lost contact."""
 
-import csv
 import math
 
 import numpy as np
@@ -8,9 +7,9 @@ import pytest
 import xarray as xr
 
 from gearlib import planetary, split_power_reducer
-from gearlib.data.files import write_table
 from gearlib.studies.trains import campbell
 from tests.paper import PAPER
+from tests.tables import read_back
 
 SETTINGS = {
     "teeth": (24, 36, 24, 36),
@@ -93,10 +92,7 @@ def test_the_diagram_of_the_reducer(diagram):
 
 
 def test_the_table_has_every_intersection_once(diagram, tmp_path):
-    path = tmp_path / "table.csv"
-    write_table(campbell.rows(diagram), path)
-    with path.open(encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
+    rows = read_back(campbell.rows(diagram), tmp_path)
     speeds = [int(row["critical_speed_rpm"]) for row in rows]
     last = float(diagram.speed[-1])
     assert speeds == sorted(speeds) and max(speeds) <= last
@@ -121,7 +117,5 @@ def test_the_table_has_every_intersection_once(diagram, tmp_path):
 def test_modes_of_one_frequency_are_excited_if_one_of_them_is(diagram, tmp_path, excites):
     twice = diagram.isel(mode=[0, 0]).assign_coords(mode=[1, 2])
     twice["excites"] = ("stiffness_order", "mode"), [excites] * twice.stiffness_order.size
-    write_table(campbell.rows(twice), tmp_path / "table.csv")
-    with (tmp_path / "table.csv").open(encoding="utf-8") as file:
-        found = [row["excited"] for row in csv.DictReader(file)]
+    found = [row["excited"] for row in read_back(campbell.rows(twice), tmp_path)]
     assert found and {*found} == {"yes" if any(excites) else "no"}

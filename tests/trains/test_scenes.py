@@ -1,6 +1,5 @@
 """The reducer over speed, and what stands for it: symmetry, closed forms, other routes."""
 
-import csv
 import math
 
 import numpy as np
@@ -8,11 +7,11 @@ import pytest
 
 from gearlib import GearPair, periodic_orbit, simulate, sweep
 from gearlib.config import load
-from gearlib.data.files import write_table
 from gearlib.studies.claims import machine
 from gearlib.studies.claims.data import NoData
 from gearlib.studies.trains import one_mesh, reducer
 from tests.paper import CONFIG as PROJECT
+from tests.tables import read_back
 
 CONFIG = load(PROJECT)
 PAIR = GearPair(**CONFIG.pair_parameters(CONFIG.reducer.damping))
@@ -210,15 +209,12 @@ def test_the_verdict_on_one_mesh_follows_the_data(comparison):
 
 
 def test_tables_hold_a_row_for_each_mesh_and_model(scene, comparison, tmp_path):
-    write_table(reducer.rows(scene), tmp_path / "reducer.csv")
-    write_table(one_mesh.rows(comparison), tmp_path / "one_mesh.csv")
-    rows = {
-        path.stem: list(csv.DictReader(path.open(encoding="utf-8"))) for path in tmp_path.iterdir()
-    }
-    assert len(rows["reducer"]) == 3 * 3 * 6 and len(rows["one_mesh"]) == 5 * 5
-    alone = [row["mesh"] for row in rows["reducer"] if "0.84" in row[_LOST].split()]
+    branches = read_back(reducer.rows(scene), tmp_path)
+    models = read_back(one_mesh.rows(comparison), tmp_path)
+    assert len(branches) == 3 * 3 * 6 and len(models) == 5 * 5
+    alone = [row["mesh"] for row in branches if "0.84" in row[_LOST].split()]
     assert set(alone) == {"first 1", "second 1"}
-    chosen = [row for row in rows["one_mesh"] if row["smallest_that_suffices"] == "yes"]
+    chosen = [row for row in models if row["smallest_that_suffices"] == "yes"]
     assert [row["model"] for row in chosen] == comparison.sufficient.values.tolist()
 
 

@@ -7,7 +7,6 @@ import pytest
 
 from gearlib import GearPair
 from gearlib.analysis.orbits.shooting import NoOrbit
-from gearlib.figures import analytic_method_figure as figures
 from gearlib.studies import analytic_method
 from tests.paper import PARAMETERS
 
@@ -79,8 +78,3 @@ def test_a_search_that_fails_has_no_cost():
 
     for solve in (fails, wanders):
         assert np.isnan(analytic_method._searched(solve, None, 1.0, 8))
-
-
-def test_figures(data):
-    assert len(figures.draw_convergence(data).axes) == 2 * 2 + 2 + 1
-    assert len(figures.draw_harmonics(data).axes) == 2 + 1

@@ -5,7 +5,6 @@ import re
 from pathlib import Path
 
 import pytest
-import yaml
 
 from gearlib import config
 from gearlib.config.studies import STUDIES
@@ -13,6 +12,7 @@ from gearlib.config.studies.study import text_of
 from gearlib.figures import work_precision_figure
 from gearlib.models.model import Model
 from gearlib.studies.trials import problems, references
+from tests.paper import CONFIG
 from tests.unit.test_defaults import GEARS
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -36,7 +36,6 @@ LEAST = {
     "gear_pair": GEARS,
     "dampings": {"oil": {"material_damping": 0.0, "backlash_damping": 20.0}},
 }
-PROJECT = yaml.safe_load((ROOT / "config.yaml").read_text(encoding="utf-8"))
 
 
 def shifted(value):
@@ -82,7 +81,7 @@ def defined(name):
 
 
 @pytest.mark.parametrize("name", CAPTIONS)
-@pytest.mark.parametrize("given", [LEAST, PROJECT], ids=["least", "project"])
+@pytest.mark.parametrize("given", [LEAST, CONFIG], ids=["least", "project"])
 def test_every_number_of_a_caption_is_its_configuration_s(name, given):
     settings = config.load(given).model_dump()
     # Methods are looked up by their names.

@@ -1,19 +1,15 @@
 """Claims: verdicts follow the data, whatever the data are."""
 
-import csv
 import json
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import xarray as xr
-import yaml
 
 from gearlib import config, simulate, sweep
 from gearlib.analysis.orbits.special_points import REGULAR
 from gearlib.analysis.tongues import meissner
-from gearlib.data.files import write_table
 from gearlib.data.gathering import gather_phase_planes, gather_resonance
 from gearlib.studies import (
     certificate_table,
@@ -29,10 +25,10 @@ from gearlib.studies.claims.characteristics import drift, spread
 from gearlib.studies.claims.data import LINE, Data, NoData
 from gearlib.studies.claims.scene_claims import contact_ratios, jump_words, phase_shift
 from gearlib.studies.trains import one_mesh
-from tests.paper import PAPER
+from tests.paper import CONFIG, PAPER
 from tests.proofs.second_program import faults
+from tests.tables import read_back
 
-ROOT = Path(__file__).resolve().parents[2]
 DAMPINGS = {
     "k1": {"material_damping": 3953.7, "backlash_damping": 0.0},
     "k1m": {"material_damping": 0.0, "backlash_damping": 3953.7},
@@ -66,7 +62,7 @@ def lags(dampings=(4000.0, 40.0)):
 
 def configured_scenes():
     """Return the scenes of config.yaml."""
-    settings = config.load(yaml.safe_load((ROOT / "config.yaml").read_text(encoding="utf-8")))
+    settings = config.load(CONFIG)
     result = {}
     for name, scene in settings.scenes.items():
         cases = [
@@ -99,7 +95,7 @@ def branches(dampings=DAMPINGS):
 
 def machines(tunings=(0.82, 1.38)):
     """Return the models of the reducer, from one mesh to the whole."""
-    settings = config.load(yaml.safe_load((ROOT / "config.yaml").read_text(encoding="utf-8")))
+    settings = config.load(CONFIG)
     pair = PAPER.replace(material_damping=3953.7).as_dict()
     short = settings.reducer.model_dump() | {"periods": 42, "record_periods": 21}
     return one_mesh.compute(pair, tunings, short, settings.one_mesh.model_dump())
@@ -232,9 +228,7 @@ def test_small_contact_ratios_mesh_at_least_stiffness_and_large_ones_at_full(low
 
 
 def test_what_is_proven_stands_in_a_table(known, tmp_path):
-    write_table(certificate_table.rows(known[1]), tmp_path / "certificates.csv")
-    with (tmp_path / "certificates.csv").open(encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
+    rows = read_back(certificate_table.rows(known[1]), tmp_path)
     said = [row for row in known[1] if row["claim"] not in ("count", "refusal")]
     assert [row["claim"] for row in rows] == [row["claim"] for row in said]
 
@@ -350,13 +344,9 @@ def test_missing_data_are_named_not_guessed():
 
 def test_one_mesh_does_not_stand_for_the_machine(tmp_path):
     comparison = machines()
-    write_table(machine.rows(comparison), tmp_path / "assumption.csv")
+    rows = read_back(machine.rows(comparison), tmp_path)
     comparison.dynamic_factor[0, 0, 0] = np.nan
-    write_table(machine.rows(comparison), tmp_path / "gaps.csv")
-    rows = []
-    for name in ("assumption.csv", "gaps.csv"):
-        with (tmp_path / name).open(newline="", encoding="utf-8") as file:
-            rows += csv.DictReader(file)
+    rows += read_back(machine.rows(comparison), tmp_path)
     assert [(row["id"], row["verdict"]) for row in rows] == [
         ("A1", "differs"),
         ("A1", "not evaluated"),
@@ -366,10 +356,8 @@ def test_one_mesh_does_not_stand_for_the_machine(tmp_path):
 
 def test_files(paper, tmp_path):
     table = claims.evaluate(PAPER, DAMPINGS, *paper)
-    write_table(claims.rows(table), tmp_path / "claims.csv")
+    assert [row["id"] for row in read_back(claims.rows(table), tmp_path)] == IDS
     claims.write_markdown(table, tmp_path / "claims.md")
-    with (tmp_path / "claims.csv").open(newline="", encoding="utf-8") as file:
-        assert [row["id"] for row in csv.DictReader(file)] == IDS
     text = (tmp_path / "claims.md").read_text(encoding="utf-8")
     assert [line.split()[1] for line in text.splitlines()[4:]] == IDS
     assert len(list(tmp_path.iterdir())) == 2

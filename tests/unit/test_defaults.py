@@ -2,16 +2,14 @@
 
 import colorsys
 import itertools
-from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 
 from gearlib import GearPair, SixDegreePair
 from gearlib.config import defaults, load, schema
+from tests.paper import CONFIG
 
-PAPER = yaml.safe_load(Path("config.yaml").read_text(encoding="utf-8"))
 GEARS = {
     "max_stiffness": 3.1e8,
     "stiffness_ratio": 0.62,
@@ -75,10 +73,10 @@ def test_further_colours_are_hues_far_apart():
 
 
 def test_the_configuration_of_the_project_shows_the_defaults():
-    paper = load({key: PAPER[key] for key in ("gear_pair", "dampings")})
-    assert differences(load(PAPER).model_dump(), paper.model_dump()) == OWN
+    paper = load({key: CONFIG[key] for key in ("gear_pair", "dampings")})
+    assert differences(load(CONFIG).model_dump(), paper.model_dump()) == OWN
     for section in ("work_precision", "jump_by_method"):
-        ours, theirs = (getattr(c, section).methods for c in (load(PAPER), paper))
+        ours, theirs = (getattr(c, section).methods for c in (load(CONFIG), paper))
         assert sorted(ours) == sorted(theirs)
 
 

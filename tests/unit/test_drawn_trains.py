@@ -2,18 +2,16 @@
 
 import inspect
 import math
-from pathlib import Path
 
 import pytest
-import yaml
 
 import gearlib
 from gearlib import Body, GearTrain, Shaft
 from gearlib.config import drawn_trains, load
 from gearlib.geometry import Mesh, SpurGear, planetary_set
 from gearlib.models.trains.described_train import described
+from tests.paper import CONFIG
 
-PAPER = yaml.safe_load(Path("config.yaml").read_text(encoding="utf-8"))
 SET = {
     "sun": {"teeth": 24, "module": "3 mm", "width": "25 mm", "shift": 0.3, "bore": "20 mm"},
     "planet": {"teeth": 37, "shift": 0.25},
@@ -77,7 +75,7 @@ OWN = {
 
 
 def read(kind, section):
-    settings = load({**PAPER, "train": {"kind": kind, kind: section}})
+    settings = load({**CONFIG, "train": {"kind": kind, kind: section}})
     return described(**settings.train_parameters("k1"))
 
 

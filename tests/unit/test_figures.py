@@ -301,3 +301,17 @@ def test_cases_lie_over_each_other_in_micrometres():
     np.testing.assert_allclose(second, 2.0 * first)
     (legend,) = above.figure.legends
     assert [text.get_text() for text in legend.get_texts()] == ["light", "heavy"]
+
+
+def test_limits_have_a_span_that_means_something():
+    low, high = style.limits([0.999999999999998, 1.000000000000002])
+    assert low == pytest.approx(0.9945, rel=1e-9) and high == pytest.approx(1.0055, rel=1e-9)
+    assert style.limits([0.0, 2.0, np.nan]) == pytest.approx((-0.1, 2.1))
+    assert style.limits([np.inf]) == (0.0, 1.0) and style.limits([0.0]) == (-1.0, 1.0)
+    figure = style.page(2.0)
+    equal, apart = figure.subplots(1, 2)
+    equal.plot([0.0, 1.0], [1.0 - 2e-15, 1.0 + 2e-15])
+    apart.plot([0.0, 1.0], [1.0, 3.0])
+    before = apart.get_ylim()
+    style._freeze(figure)
+    assert np.ptp(equal.get_ylim()) >= style.LEAST_SPAN and apart.get_ylim() == before

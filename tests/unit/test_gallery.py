@@ -13,6 +13,7 @@ from gearlib.models.trains.described_train import described
 from gearlib.studies.trains import over_speed
 from gearlib.tunings import grid
 from tests.geometry.drawings import fzg_c, iso_example, twenty
+from tests.paper import CONFIG
 
 GALLERY = yaml.safe_load(Path("gallery.yaml").read_text(encoding="utf-8"))
 
@@ -29,8 +30,7 @@ def test_there_are_four_light_cases(gallery):
         "resonance",
         "train_sweep",
     }
-    paper = yaml.safe_load(Path("config.yaml").read_text(encoding="utf-8"))
-    assert chosen(paper | GALLERY, GALLERY) == GALLERY
+    assert chosen(CONFIG | GALLERY, GALLERY) == GALLERY
     for case in gallery.values():
         pair = GearPair(**case.pair_parameters("damped"))
         assert pair.damping_ratio == pytest.approx(0.06, rel=1e-10)

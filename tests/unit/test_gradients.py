@@ -10,7 +10,6 @@ from gearlib.config.trials import Way
 from gearlib.figures import failures_figure as figure
 from gearlib.studies.trials import difficult_problems, gradients
 from gearlib.studies.trials.gradients import PROBLEMS, VERDICTS, decide
-from tests.unit.test_figures import verdicts_on_methods
 
 EXPECTED = np.array([[1.0, 2.0], [0.1, 0.0]])
 
@@ -48,16 +47,6 @@ def test_ours_is_right_where_smoothing_is_not(data):
     assert found == [["right", "inaccurate"], ["right", "silently_wrong"]]
     # That of the judge, rounding over its step.
     assert float(data.error.sel(way="exact").max()) < 1e-5
-
-
-def test_columns_beside_the_matrix(data):
-    drawn = figure.draw(verdicts_on_methods(), data)
-    labels = [label.get_text() for label in drawn.axes[0].get_xticklabels()]
-    assert labels[-3:] == ["", "d/dp exact", "d/dp smoothed"]
-    letters = [text.get_text() for text in drawn.axes[0].texts]
-    assert letters.count("x") == 1
-    legend = [text.get_text() for text in drawn.legends[0].get_texts()]
-    assert "x: derivative silently wrong" in legend
 
 
 def test_every_way_of_the_configuration_is_known():

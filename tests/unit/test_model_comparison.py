@@ -1,16 +1,15 @@
 """The smallest model that carries a scene: chosen by its changes, not by its name."""
 
-import csv
 import math
 
 import numpy as np
 import pytest
 
-from gearlib.data.files import write_table
 from gearlib.studies import model_comparison as models
 from gearlib.studies import scenes
 from tests.paper import PARAMETERS
 from tests.rounding import comparison
+from tests.tables import read_back
 
 PAIR = PARAMETERS | {"material_damping": 3953.7, "backlash_damping": 3953.7}
 SIX = {
@@ -65,9 +64,7 @@ def test_units_of_a_change():
 
 
 def test_table(tmp_path):
-    write_table(models.rows([compare()], ["mine"]), tmp_path / "models.csv")
-    with open(tmp_path / "models.csv", encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
+    rows = read_back(models.rows([compare()], ["mine"]), tmp_path)
     assert [row["model"] for row in rows] == [*NAMES, models.TRUNCATED]
     assert [row["chosen"] for row in rows].count("yes") == 1
 
@@ -100,9 +97,7 @@ def test_what_rounding_decides_is_labelled_and_has_no_number(tmp_path):
     # From start to start it differs by more than the tolerance: no smaller model suffices.
     assert one.chosen.item() == "six_degrees"
     assert (one.change_high > one.change_low)[[0, 1, 3]].all()
-    write_table(models.rows([one], ["mine"]), tmp_path / "models.csv")
-    with open(tmp_path / "models.csv", encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
+    rows = read_back(models.rows([one], ["mine"]), tmp_path)
     assert [row["change"] for row in rows] == ["differs", "differs", "nan", "differs"]
     assert [row["cost"] == "differs" for row in rows] == [True, True, False, True]
 

@@ -34,19 +34,6 @@ def built():
     return page.build(resonance, ends, {"k1": "#123456"})
 
 
-def test_orbits_are_the_ends_of_the_runs():
-    pair = PAPER.replace(material_damping=3953.7)
-    found = ends_from_rest.compute(
-        {"k1": pair.as_dict()}, TUNINGS, RUN | {"samples_per_period": 16}, 2
-    )
-    run = simulate(pair, 0.9, samples_per_period=16, **RUN)
-    one = found.sel(damping="k1", tuning=0.9)
-    np.testing.assert_array_equal(one.displacement, np.float32(run.displacement[-32:]))
-    assert one.phase[0] == 0.0
-    assert float(one.displacement_max) == float(run.displacement_max)
-    assert "loses contact" in str(one.motion.item())
-
-
 def test_the_page_is_the_same_bytes_in_another_process():
     # Both in processes of their own, as in the workflow: what else a test run has loaded into
     # Bokeh (the models of Panel) would be part of the page. The second builds it twice, so that
@@ -152,7 +139,8 @@ def test_what_the_page_cuts_orbits_from(whole):
             number += 1
     assert arguments["dampings"].labels == list(PAIRS)
     assert arguments["tunings"] == list(ends.tuning.values)
-    np.testing.assert_array_equal(arguments["phase"], np.float32(ends.phase))
+    # Single precision, from the start of a mesh period, 16 samples in each.
+    np.testing.assert_allclose(arguments["phase"], np.arange(32) * np.pi / 8.0, rtol=1e-6)
 
 
 def test_the_plots_of_the_page_draw_what_is_chosen(whole):

@@ -12,9 +12,9 @@ import pytest
 import yaml
 
 from gearlib.config import ConfigError, load
+from tests.paper import CONFIG
 from tests.workflow.project import ROOT
 
-PAPER = yaml.safe_load((ROOT / "config.yaml").read_text(encoding="utf-8"))
 GALLERY = yaml.safe_load((ROOT / "gallery.yaml").read_text(encoding="utf-8"))
 
 
@@ -33,7 +33,7 @@ def built(tmp_path_factory):
 def test_the_wheel_holds_a_valid_schema(built):
     jsonschema.Draft202012Validator.check_schema(built)
     validator = jsonschema.Draft202012Validator(built)
-    for accepted in (PAPER, GALLERY):
+    for accepted in (CONFIG, GALLERY):
         assert not [error.message for error in validator.iter_errors(accepted)]
 
 
@@ -50,7 +50,7 @@ def test_the_wheel_holds_a_valid_schema(built):
     ],
 )
 def test_what_is_refused_the_schema_refuses_too(built, change):
-    settings = copy.deepcopy(PAPER)
+    settings = copy.deepcopy(CONFIG)
     change(settings)
     assert not jsonschema.Draft202012Validator(built).is_valid(settings)
     with pytest.raises(ConfigError):

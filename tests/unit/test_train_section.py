@@ -13,9 +13,9 @@ import gearlib
 from gearlib.config import drawn_trains, load
 from gearlib.config import train_section as trains
 from gearlib.models.trains.described_train import described
+from tests.paper import CONFIG
 from tests.trains.random_trains import random_train
 
-PAPER = yaml.safe_load(Path("config.yaml").read_text(encoding="utf-8"))
 EVERY = yaml.safe_load(Path("tests/every_train.yaml").read_text(encoding="utf-8"))
 #: Keys of drawn gears, tested in test_drawn_trains.py.
 DRAWN = {"gear", *drawn_trains.OF_DRAWN} - {"material_damping"}
@@ -23,11 +23,11 @@ READY_MADE = ("split_power_reducer", "planetary", "idler", "two_stage")
 
 
 def read(train):
-    return load(PAPER | {"train": train})
+    return load(CONFIG | {"train": train})
 
 
 def test_the_default_is_the_reducer_of_the_paper():
-    settings = load({key: PAPER[key] for key in ("gear_pair", "dampings")})
+    settings = load({key: CONFIG[key] for key in ("gear_pair", "dampings")})
     pair = gearlib.GearPair(**settings.pair_parameters("k1"))
     found = described(**settings.train_parameters("k1"))
     assert found == gearlib.split_power_reducer(pair)

@@ -144,8 +144,9 @@ def test_every_dataset_keeps_to_cf(kinds, monkeypatch):
 
 def test_every_variable_is_described(kinds):
     for name, path in kinds.items():
-        variables = storage.read(path).variables
-        assert [key for key in variables if not variables[key].attrs.get("long_name")] == [], name
+        for key, one in storage.read(path).variables.items():
+            assert one.attrs.get("long_name"), (name, key)
+            assert "units" in one.attrs or one.dtype.kind not in "fi", (name, key)
 
 
 def test_every_dataset_says_how_it_was_made(kinds):

@@ -9,13 +9,12 @@ from types import SimpleNamespace
 
 import pytest
 import xarray as xr
-import yaml
 
 from gearlib import GearPair, sweep
 from gearlib.config import load
 from gearlib.config.studies import STUDIES
 from gearlib.data import storage
-from tests.paper import PAPER
+from tests.paper import CONFIG, PAPER
 from tests.workflow.project import ROOT
 
 FOLDER = ROOT / "workflow/scripts"
@@ -93,9 +92,8 @@ JOBS = {job.name: job for study in STUDIES.values() for job in study.jobs}
 
 @pytest.mark.parametrize("name", JOBS)
 def test_arguments_are_what_the_rule_calls_them(name):
-    settings = yaml.safe_load((ROOT / "config.yaml").read_text(encoding="utf-8"))
     row = JOBS[name]
     function = row.function if "gearlib." in row.function else f"gearlib.studies.{row.function}"
     takes = inspect.signature(resolve_name(function))
-    given = [*row.params(load(settings)), *row.data]
+    given = [*row.params(load(CONFIG)), *row.data]
     takes.bind(**dict.fromkeys(given), **({"threads": 1} if "threads" in takes.parameters else {}))
