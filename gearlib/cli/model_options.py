@@ -87,7 +87,7 @@ def configuration_options(command):
 def _gear_options(command):
     """Give a command the options.
 
-    It is called with `mapping`, `gears`, `damping`, the name `pair` of the gears ("" of a train that
+    It is called with `mapping`, `gears`, `damping`, the name `pair` of the gears ("" where a train
     needs none) and the `changes` that options make.
     """
 
