@@ -5,6 +5,8 @@ for each damping: the sweeps up and down over the cold one, so that the hysteres
 else is known of the motions.
 """
 
+import math
+
 import numpy as np
 from matplotlib.patches import Patch
 
@@ -23,7 +25,8 @@ _MAIN_HEIGHT, _PANEL_HEIGHT, _FOOT, _COLUMNS = 4.4, 1.8, 0.4, 2
 _Y_LABEL = r"$y_\mathrm{max}$, $y_\mathrm{min}$ (static deflections)"
 
 #: How sweeps that carry their state are told apart, and from the cold one below them.
-_CARRIED = {"up": ("-", ">"), "down": ((0, (3, 1)), "<")}
+CARRIED = {"up": ("-", ">"), "down": ((0, (3, 1)), "<")}
+DIRECTIONS = {"cold": "from rest", "up": "tuning going up", "down": "tuning going down"}
 COLD_COLOUR = "#8C8C8C"
 
 #: Where the motion without loss of contact is unstable.
@@ -110,10 +113,10 @@ def _by_damping(datasets):
     return {str(one.damping.values): one for one in datasets}
 
 
-def displacement_limits(curves):
-    """Return the limits (low, high) of displacement for the curves of one direction."""
+def displacement_limits(curves, names=_EXTREMA):
+    """Return the limits (low, high) of displacement, or others, for the curves of one direction."""
     shown = [0.0]
-    for name in _EXTREMA:
+    for name in names:
         values = curves[name].values
         finite = np.isfinite(values)
         steady = finite & (curves.period.values > 0)
@@ -122,7 +125,7 @@ def displacement_limits(curves):
             rest = (1.0 - SHOWN_SHARE) / 2.0
             shown += [*np.quantile(values[finite], [rest, 1.0 - rest])]
     low, high = min(shown), max(shown)
-    backlash = float(curves.backlash_ratio)
+    backlash = float(curves.backlash_ratio) if names == _EXTREMA else math.inf
     # The far flank is worth showing if it does not make the picture much higher.
     if backlash < 2.0 * (high - low):
         low = min(low, -1.25 * backlash)
@@ -164,7 +167,7 @@ def _draw_all(axes, curves, looks):
     for number, (name, look) in enumerate(looks.items()):
         curve = curves.sel(damping=name)
         offset = number / len(looks)
-        _draw_curve(axes, curve, look.colour, look.line, look.marker, offset, width=1.6)
+        draw_sweep(axes, curve, look, offset, width=1.6)
         label = style.damping_label(name)
         handles.append(style.entry(label, look.colour, look.line, look.marker, markersize=4))
     axes.legend(handles=handles, loc="upper right", ncols=2)
@@ -173,10 +176,10 @@ def _draw_all(axes, curves, looks):
 def _draw_hysteresis(axes, curves, look, main_direction, carried):
     """Draw the sweeps of one damping: those that carry their state over the main one."""
     main = curves.sel(direction=main_direction)
-    _draw_curve(axes, main, COLD_COLOUR, "-", ".", 0.0, width=3.0)
+    draw_sweep(axes, main, style.Look(COLD_COLOUR, "-", "."), 0.0, width=3.0)
     for number, name in enumerate(carried):
-        line, marker = _CARRIED[name]
-        _draw_curve(axes, curves.sel(direction=name), look.colour, line, marker, number / 2)
+        own = style.Look(look.colour, *CARRIED[name])
+        draw_sweep(axes, curves.sel(direction=name), own, number / 2)
 
 
 def _draw_branches(axes, branches, name):
@@ -188,9 +191,8 @@ def _draw_branches(axes, branches, name):
 
 def _handles(main_direction, carried, labels, branches, tongues):
     """Return what the legend of the panels explains."""
-    words = {"cold": "from rest", "up": "tuning going up", "down": "tuning going down"}
-    handles = [style.entry(words[main_direction], COLD_COLOUR, linewidth=3.0)]
-    handles += [style.entry(words[name], "black", *_CARRIED[name]) for name in carried]
+    handles = [style.entry(DIRECTIONS[main_direction], COLD_COLOUR, linewidth=3.0)]
+    handles += [style.entry(DIRECTIONS[name], "black", *CARRIED[name]) for name in carried]
     if branches:
         handles.append(style.entry("stable orbit", linewidth=0.7))
         handles.append(style.entry("unstable orbit", line=style.DASHED, linewidth=0.7))
@@ -221,15 +223,16 @@ def shade_tongues(axes, tongues):
             axes.axvspan(low, high, color=TONGUE_COLOUR, linewidth=0, zorder=0.5)
 
 
-def _draw_curve(axes, curve, colour, line, marker, offset, width=1.0):
-    """Draw the largest and smallest displacement of one sweep over its tunings.
+def draw_sweep(axes, curve, look, offset, width=1.0, names=_EXTREMA):
+    """Draw variables of one sweep over its tunings, lines where it repeats, in a `style.Look`.
 
     `offset`, from 0 to 1, shifts the symbols, so that curves on top of each other alternate.
     """
     tuning = curve.tuning.values
     low, high = axes.get_ylim()
     every = max(1, tuning.size // SYMBOLS)
-    for name in _EXTREMA:
+    colour, line, marker = look.colour, look.line, look.marker
+    for name in names:
         values = curve[name].values
         with np.errstate(invalid="ignore"):
             inside = (values >= low) & (values <= high)
@@ -246,8 +249,8 @@ def _draw_curve(axes, curve, colour, line, marker, offset, width=1.0):
         )
         single = inside & ~linked
         # Behind the orbits that repeat, which a cloud of these would hide.
-        look = {"markeredgewidth": 0.4, "zorder": 1.8}
-        style.dots(axes, tuning[single], values[single], marker, colour, 1.8, **look)
+        thin = {"markeredgewidth": 0.4, "zorder": 1.8}
+        style.dots(axes, tuning[single], values[single], marker, colour, 1.8, **thin)
         for rim, beyond, caret in ((low, values < low, "v"), (high, values > high, "^")):
             rims = np.full(beyond.sum(), rim)
             style.dots(axes, tuning[beyond], rims, caret, colour, 2.5, markeredgewidth=0)
