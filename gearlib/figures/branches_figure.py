@@ -53,11 +53,7 @@ def draw(branches, loci):
     top, bottom = figure.subplots(2, sharex=True, height_ratios=[1.2, 1.0])
     draw_curve(top, branches, "orbit_height", "black")
     tuning, height, labels = (branches[name].values for name in ("tuning", "orbit_height", "label"))
-    shown = [code for code in _SPECIAL if (labels == code).any()]
-    for code in shown:
-        _, colour, marker = _SPECIAL[code]
-        at = labels == code
-        top.plot(tuning[at], height[at], marker, color=colour, markersize=4.5, zorder=3)
+    shown = draw_special_points(top, tuning, height, labels)
     _name_places(top, tuning, height, labels, shown)
     for number in np.unique(loci["locus"].values):
         one = loci.isel(point=np.flatnonzero(loci["locus"].values == number))
@@ -69,14 +65,28 @@ def draw(branches, loci):
         _, colour, marker = _SPECIAL[code]
         bottom.plot(tuning[at], np.full(at.sum(), given), marker, color=colour, markersize=3.5)
     handles = [style.entry("stable orbit"), style.entry("unstable orbit", line=style.DASHED)]
-    for code in shown:
-        name, colour, marker = _SPECIAL[code]
-        handles.append(style.entry(name, colour, "-", marker, markersize=4))
+    handles += [special_entry(code, "-") for code in shown]
     style.legend(figure, handles, len(handles), "upper")
     top.set_ylabel("height of the orbit\n(static defl.)")
     bottom.set_ylabel("damping ratio $\\beta$")
     bottom.set_xlabel(style.TUNING)
     return figure
+
+
+def draw_special_points(axes, x, y, labels):
+    """Mark the special points of branches, and return the codes of those that there are."""
+    shown = [code for code in _SPECIAL if (labels == code).any()]
+    for code in shown:
+        _, colour, marker = _SPECIAL[code]
+        at = labels == code
+        axes.plot(x[at], y[at], marker, color=colour, markersize=4.5, zorder=3)
+    return shown
+
+
+def special_entry(code, line="none"):
+    """Return what a legend says of a special point."""
+    name, colour, marker = _SPECIAL[code]
+    return style.entry(name, colour, line, marker, markersize=4)
 
 
 def _draw_locus(axes, locus):

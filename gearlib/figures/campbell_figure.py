@@ -23,7 +23,23 @@ def draw(diagram):
     figure = style.page(4.2)
     axes = figure.add_subplot()
     speed = data.speed.values
-    # Frequency of the reference mesh in kHz at a speed in rpm.
+    rate = draw_orders(axes, data, speed[-1])
+    _mark_lost(axes, data, rate)
+    axes.axvline(speed[0], color="0.6", linestyle=":", linewidth=0.8, zorder=0.4)
+    style.add_scale(axes, speed, data.tuning.values, style.OWN_TUNING)
+    handles = entries(data)
+    handles.append(style.entry("sweeps begin", "0.6", ":", linewidth=0.8))
+    handles.append(style.entry("contact lost in a sweep", _LOST, linewidth=5))
+    style.legend(figure, handles, 4, fontsize=6.5)
+    return figure
+
+
+def draw_orders(axes, data, stop):
+    """Draw modes, mesh frequencies and their intersections up to a speed, in rpm.
+
+    `data` is that of `GearTrain.campbell`; lines of orders that are those of a mesh, where it has
+    `mesh_rate`, are solid. Return the frequency of the reference mesh in kHz over its speed.
+    """
     rate = 1e-3 * float(data.natural_frequency[0] / data.critical_speed[0, 0])
     rate /= float(data.stiffness_order[0])
     frequency = 1e-3 * data.natural_frequency.values
@@ -32,8 +48,8 @@ def draw(diagram):
     for value, kind in zip(frequency, kinds, strict=True):
         axes.axhline(value, color=_COLOURS.get(kind, _OTHER), linewidth=0.7, zorder=1)
     for order in data.stiffness_order.values:
-        end = min(speed[-1], top / (rate * order))
-        dashes = "-" if order in data.mesh_rate.values else "--"
+        end = min(stop, top / (rate * order))
+        dashes = "-" if order in data.get("mesh_rate", data.stiffness_order).values else "--"
         axes.plot([0.0, end], [0.0, rate * order * end], dashes, color="0.3", linewidth=0.8)
         at = 0.97 * end, rate * order * 0.97 * end
         look = {"boxstyle": "round,pad=0.15", "facecolor": "white", "linewidth": 0}
@@ -42,15 +58,11 @@ def draw(diagram):
         shown, look = data.excites.values == excited, {"markeredgewidth": 0.5, "zorder": 3}
         x, y = data.critical_speed.values[shown], np.broadcast_to(frequency, shown.shape)[shown]
         style.dots(axes, x, y, "o", "black", size, markerfacecolor=face, **look)
-    _mark_lost(axes, data, rate)
-    axes.set_xlim(0.0, speed[-1])
+    axes.set_xlim(0.0, stop)
     axes.set_ylim(0.0, top)
-    axes.axvline(speed[0], color="0.6", linestyle=":", linewidth=0.8, zorder=0.4)
     axes.set_xlabel("speed of the reference pinion (rpm)")
     axes.set_ylabel("frequency (kHz)")
-    style.add_scale(axes, speed, data.tuning.values, style.OWN_TUNING)
-    style.legend(figure, _legend(kinds), 4, fontsize=6.5)
-    return figure
+    return rate
 
 
 def _mark_lost(axes, data, rate):
@@ -65,7 +77,9 @@ def _mark_lost(axes, data, rate):
             axes.plot(ends, rate * own * ends, color=_LOST, linewidth=5, zorder=0.5)
 
 
-def _legend(kinds):
+def entries(data):
+    """Return what a legend says of `draw_orders`."""
+    kinds = [str(kind) for kind in data.mode_kind.values]
     return [
         *(style.entry(f"{kind} mode", _COLOURS.get(kind, _OTHER)) for kind in dict.fromkeys(kinds)),
         style.entry("mesh frequency", "0.3", linewidth=0.8),
@@ -74,6 +88,4 @@ def _legend(kinds):
             style.entry(words, line="none", marker="o", markerfacecolor=face, markersize=size)
             for words, face, size in _EXCITED.values()
         ),
-        style.entry("sweeps begin", "0.6", ":", linewidth=0.8),
-        style.entry("contact lost in a sweep", _LOST, linewidth=5),
     ]

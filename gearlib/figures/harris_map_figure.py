@@ -14,6 +14,7 @@ _TITLES = {
 }
 _LINES = ("-", (0, (5, 1.5)), (0, (1.5, 1.2)))
 _MARKERS = ("s", "x", "o")
+ERROR = "transmission error, µm"
 
 
 @style.styled()
@@ -26,25 +27,10 @@ def draw(data):
     rows = figure.subfigures(2, 1, height_ratios=(1.2, 1.0))
     maps = rows[0].subplots(1, data.sizes["relief"], sharey=True)
     loads = data.torque.values / float(data.design_torque)
-    shade = colormaps["viridis"]
-    turns = data.phase.values / (2.0 * math.pi)
     for axes, name in zip(np.atleast_1d(maps), data.relief.values, strict=True):
-        error = 1e6 * data.transmission_error.sel(relief=name).values
-        for load, course in zip(loads, error, strict=True):
-            width = 2.0 if math.isclose(load, 1.0) else 0.9
-            # A course begins in the middle of double contact; twice, so that both ends are seen.
-            axes.plot(
-                np.concatenate([turns, turns + turns[-1] + turns[1]]),
-                np.tile(course, 2),
-                color=shade(0.92 * load / max(loads.max(), 1e-9)),
-                linewidth=width,
-            )
-            at, of = (1.0, course[0]), ("axes fraction", "data")
-            style.note(axes, f"{load:g}", at, (2, 0), of=of, fontsize=5.5)
+        draw_courses(axes, data.sel(relief=name), loads)
         axes.set_title(_words(data, name))
-        axes.set_xlabel("mesh periods")
-        axes.set_xlim(0.0, 2.0)
-    maps[0].set_ylabel("transmission error, µm")
+    maps[0].set_ylabel(ERROR)
     spread, contact = rows[1].subplots(1, 2)
     for i, name in enumerate(data.relief.values):
         shown = data.sel(relief=name)
@@ -66,6 +52,23 @@ def draw(data):
         axes.set_xlabel("torque over design torque")
     spread.legend()
     return figure
+
+
+def draw_courses(axes, data, loads, design=1.0):
+    """Draw the error over two mesh periods at loads, those of `data`; thick: the design load."""
+    turns = data.phase.values / (2.0 * math.pi)
+    for load, course in zip(loads, 1e6 * data.transmission_error.values, strict=True):
+        # A course begins in the middle of double contact; twice, so that both ends are seen.
+        axes.plot(
+            np.concatenate([turns, turns + turns[-1] + turns[1]]),
+            np.tile(course, 2),
+            color=colormaps["viridis"](0.92 * load / max(loads.max(), 1e-9)),
+            linewidth=2.0 if math.isclose(load, design) else 0.9,
+        )
+        at, of = (1.0, course[0]), ("axes fraction", "data")
+        style.note(axes, f"{load:g}", at, (2, 0), of=of, fontsize=5.5)
+    axes.set_xlabel("mesh periods")
+    axes.set_xlim(0.0, 2.0)
 
 
 def _words(data, name):

@@ -23,7 +23,8 @@ _MAIN_HEIGHT, _PANEL_HEIGHT, _FOOT, _COLUMNS = 4.4, 1.8, 0.4, 2
 _Y_LABEL = r"$y_\mathrm{max}$, $y_\mathrm{min}$ (static deflections)"
 
 #: How sweeps that carry their state are told apart, and from the cold one below them.
-_CARRIED = {"up": ("-", ">"), "down": ((0, (3, 1)), "<")}
+CARRIED = {"up": ("-", ">"), "down": ((0, (3, 1)), "<")}
+DIRECTIONS = {"cold": "from rest", "up": "tuning going up", "down": "tuning going down"}
 COLD_COLOUR = "#8C8C8C"
 
 #: Where the motion without loss of contact is unstable.
@@ -206,7 +207,7 @@ def _draw_hysteresis(axes, curves, look, main_direction, carried):
     main = curves.sel(direction=main_direction)
     draw_sweep(axes, main, COLD_COLOUR, "-", ".", 0.0, width=3.0)
     for number, name in enumerate(carried):
-        line, marker = _CARRIED[name]
+        line, marker = CARRIED[name]
         draw_sweep(axes, curves.sel(direction=name), look.colour, line, marker, number / 2)
 
 
@@ -219,9 +220,8 @@ def _draw_branches(axes, branches, name):
 
 def _handles(main_direction, carried, labels, branches, tongues):
     """Return what the legend of the panels explains."""
-    words = {"cold": "from rest", "up": "tuning going up", "down": "tuning going down"}
-    handles = [style.entry(words[main_direction], COLD_COLOUR, linewidth=3.0)]
-    handles += [style.entry(words[name], "black", *_CARRIED[name]) for name in carried]
+    handles = [style.entry(DIRECTIONS[main_direction], COLD_COLOUR, linewidth=3.0)]
+    handles += [style.entry(DIRECTIONS[name], "black", *CARRIED[name]) for name in carried]
     if branches:
         handles.append(style.entry("stable orbit", linewidth=0.7))
         handles.append(style.entry("unstable orbit", line=style.DASHED, linewidth=0.7))

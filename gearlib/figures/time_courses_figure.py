@@ -96,14 +96,19 @@ def _draw_course(axes, run, name):
     )
     axes.set_xlim(periods[0], periods[-1])
     axes.margins(y=0.12)
-    for code, area in ((0, "backlash"), (-1, "inverse mesh")):
-        _shade_times(axes, periods, run.contact.values == code, style.AREA_COLOURS[area], 0.0, 1.0)
+    shade_contact(axes, periods, run.contact.values)
     if name == "modified_stiffness":
         low = (run.contact.values != 0) & (run.stiffness.values < 1.0)
         _shade_times(axes, periods, low, _MIN_STIFFNESS_COLOUR, 0.92, 1.0)
         words = f"in mesh at $C_\\mathrm{{min}}$: {100 * float(run.fraction_min_stiffness):.1f} %"
         look = {"side": "left baseline", "white": (0.15, 0.8), "color": _MIN_STIFFNESS_COLOUR}
         style.note(axes, words, (0.02, 0.45), of="axes fraction", **look)
+
+
+def shade_contact(axes, periods, contact):
+    """Shade the times out of normal mesh; contact: codes over time."""
+    for code, area in ((0, "backlash"), (-1, "inverse mesh")):
+        _shade_times(axes, periods, contact == code, style.AREA_COLOURS[area], 0.0, 1.0)
 
 
 def _shade_times(axes, periods, where, colour, low, high):
