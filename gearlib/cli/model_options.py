@@ -87,8 +87,8 @@ def configuration_options(command):
 def _gear_options(command):
     """Give a command the options.
 
-    It is called with `mapping`, `gears`, `damping`, the name `pair` of the gears, "" of a train that
-    needs none, and the `changes` that options make.
+    It is called with `mapping`, `gears`, `damping`, the name `pair` of the gears, "" of a train
+    that needs none, and the `changes` that options make.
     """
 
     @functools.wraps(command)
