@@ -27,6 +27,7 @@ __all__ = ["campbell", "harris_map", "orbit", "phase_plane", "resonance", "time_
 _EXTREMA = ("displacement_max", "displacement_min")
 
 
+@style.styled()
 def resonance(*sweeps, axes=None, labels=None, variable=None):
     """Draw resonance characteristics: lines where the motion repeats, dots where it does not.
 
@@ -81,6 +82,7 @@ def resonance(*sweeps, axes=None, labels=None, variable=None):
     return plot_curves.finish(axes, own)
 
 
+@style.styled()
 def phase_plane(*runs, axes=None, labels=None):
     """Draw velocities over displacements; orbits that repeat are closed.
 
@@ -120,6 +122,7 @@ def phase_plane(*runs, axes=None, labels=None):
     return plot_curves.finish(axes, own)
 
 
+@style.styled()
 def time_course(*runs, axes=None, labels=None, variable="displacement"):
     """Draw a variable over the mesh periods, with each gain and loss of contact.
 
@@ -170,6 +173,7 @@ def time_course(*runs, axes=None, labels=None, variable="displacement"):
     return plot_curves.finish(axes, own)
 
 
+@style.styled()
 def campbell(diagram, *, axes=None, to=None):
     """Draw the natural frequencies of a train and the mesh frequencies over the speed.
 
@@ -205,6 +209,7 @@ def campbell(diagram, *, axes=None, to=None):
     return axes
 
 
+@style.styled()
 def harris_map(errors, *, axes=None):
     """Draw the static transmission error over two mesh periods, a curve for each torque.
 
@@ -238,6 +243,7 @@ def harris_map(errors, *, axes=None):
     return axes
 
 
+@style.styled()
 def orbit(*orbits, axes=None, labels=None):
     """Draw periodic orbits in the phase plane, or branches of them over their parameter.
 
