@@ -1,7 +1,7 @@
 """The workflow: everything that the configuration asks for, from one command, `snakemake -j2`.
 
 One gear pair, or several side by side: each of `cases` lays its keys over the others, and its
-results go to results/<case>/.
+results go to results/<case>/. A project with a name has results/<project>/.
 """
 
 import gc
@@ -15,6 +15,8 @@ from snakemake.utils import min_version
 from gearlib import config as configuration
 from gearlib import processor
 from gearlib.data.files import remove_leftovers
+from gearlib.config import yaml_keys
+from workflow import projects
 from workflow.provenance import write as write_provenance
 from workflow.checksums import foreign, replaced
 
@@ -32,7 +34,10 @@ ASKING = {"--unlock", "--lint", "--dag", "--rulegraph", "--filegraph", "--summar
 
 
 # Of an installed package, unless this folder has one of its own.
-configfile: "config.yaml" if Path("config.yaml").exists() else Path(workflow.basedir, "config.yaml")
+OF_PAPER = "config.yaml" if Path("config.yaml").exists() else Path(workflow.basedir, "config.yaml")
+
+
+configfile: OF_PAPER
 
 
 given = workflow.config_settings.overwrite_config
@@ -41,6 +46,14 @@ if given:
     config.clear()
     config.update(counts)
 
+NAME = projects.name_of(
+    config, yaml_keys.read(OF_PAPER)[0] or {}, given, workflow.overwrite_configfiles
+)
+if NAME:
+    config["project"] = NAME
+RESULTS = Path("results", NAME)
+# Before rules add to it what it leaves out.
+MACHINES = projects.machines(RESULTS, config)
 
 # Jobs on other nodes leave this to the process that sent them.
 if workflow.is_main_process:
@@ -58,6 +71,8 @@ if workflow.is_main_process:
             f"Not what their jobs wrote: {others}. To have them computed anew, remove them and "
             f"call snakemake -j2 {others}"
         )
+    elif others := projects.of_others(MACHINES):
+        fault = "\n".join(others)
     if fault and (workflow.output_settings.dryrun or ASKING & set(sys.argv)):
         logger.warning(fault)
     elif fault:
@@ -68,9 +83,16 @@ if "cases" in config:
 
     include: "workflow/cases.smk"
 
+elif NAME:
+
+    include: "workflow/project.smk"
+
 else:
 
     include: "workflow/Snakefile"
+
+
+include: "workflow/compare.smk"
 
 
 # Without this, a Snakefile that only includes others builds nothing.
@@ -78,12 +100,13 @@ workflow.default_target = "all"
 
 
 onstart:
-    folders = [Path("results", case) for case in ["", *config.get("cases", [])]]
+    folders = [Path("results"), RESULTS, *MACHINES]
     refused = [str(path) for path in folders if path.exists() and not os.access(path, os.W_OK)]
     if refused:
         raise WorkflowError(f"Nothing can be written to {', '.join(refused)}.")
     # Snakemake holds its lock: what is left is from a run that was killed.
     remove_leftovers(Path("results"))
+    projects.record(MACHINES)
     # Its limit of 100 starts a second, needless on one machine, wakes the scheduler once a second
     # for every job that has run: after 150 jobs that is a quarter of a core.
     # Private to Snakemake: where it is called otherwise, the limit stays.
@@ -92,5 +115,5 @@ onstart:
 
 
 onsuccess:
-    for case in config.get("cases", [""]):
-        write_provenance(Path("results", case), workflow.basedir)
+    for folder in MACHINES:
+        write_provenance(folder, workflow.basedir)

@@ -70,7 +70,9 @@ class Number:
         """Return a value as float, else raise ValueError."""
         if type(value) is float and self.accepts(value):
             return value  # most are, and the words take time
-        return checks.number(name, value, self.words, self.accepts)
+        most = self.below if self.most is None else self.most
+        hint = likely(value, self.example, most)
+        return checks.number(name, value, self.words + hint, self.accepts)
 
 
 class Integer:
@@ -321,6 +323,23 @@ def _plain(function, skip=0):
     return signature.replace(parameters=plain)
 
 
+#: Units of drawings and what they are in SI.
+_OF_DRAWINGS = {"mm": 1e-3, "um": 1e-6, "deg": math.pi / 180.0}
+
+
+def likely(value, example, most):
+    """Return "; did you mean 2.5 mm?" of a bare number above `most`, else "".
+
+    The unit is that of the `example`, where the number fits with it.
+    """
+    unit = example.partition(" ")[2]
+    try:
+        fits = most is not None and float(value) > most >= float(value) * _OF_DRAWINGS[unit]
+    except (TypeError, ValueError, OverflowError, KeyError):
+        return ""
+    return f"; did you mean {float(value):g} {unit}?" if fits else ""
+
+
 def _written(value):
     """Return a bound as text; fractions of pi as such."""
     for n in (2, 3, 4):
@@ -338,6 +357,13 @@ ANGLE = Number("rad", "30 deg")
 #: A pressure angle in operation.
 WORKING_ANGLE = Number("rad", "20 deg", least=0, below=math.pi / 2)
 LENGTH = Number("m", "100 mm", above=0)
+#: Of drawings, with bounds beyond which a number was meant in another unit.
+MODULE = Number("m", "2.5 mm", above=0, most=0.1)
+WIDTH = Number("m", "20 mm", above=0, most=2)
+DIAMETER = Number("m", "100 mm", above=0, most=20)
+BORE = Number("m", "30 mm", least=0, most=20)
+RELIEF = Number("m", "10 um", least=0, most=0.1)
+RELIEF_LENGTH = Number("m", "4 mm", above=0, most=0.5)
 BACKLASH = Number("m", "40 um", least=0, infinite="infinity included")
 RUN_OUT = Number("m", "10 um", least=0)
 ERROR = Number("m", "10 um")

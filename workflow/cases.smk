@@ -3,6 +3,7 @@
 from snakemake.exceptions import WorkflowError
 
 from gearlib import config as configuration
+from gearlib.config.studies import STUDIES
 
 try:
     CASES = configuration.cases(config)
@@ -21,7 +22,7 @@ for case, settings in CASES.items():
         config:
             settings
         replace_prefix:
-            {"results/": f"results/{case}/"}
+            {"results/": f"{RESULTS}/{case}/"}
 
     use rule * from case_ as case_*
 
@@ -34,6 +35,15 @@ def of_all_cases(target):
 rule all:
     input:
         of_all_cases("all"),
+
+
+for study in STUDIES:
+
+    rule:
+        name:
+            study
+        input:
+            of_all_cases(study),
 
 
 rule paper:

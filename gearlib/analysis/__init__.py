@@ -9,6 +9,8 @@ name                 responsibility
 ``harmonics``        periodic motions over harmonics: `schmidt`, `harmonic_balance`
 ``global_dynamics``  attractors and their basins, sections, bifurcation diagrams
 ``lyapunov``         largest Lyapunov exponent of a motion
+``duty_point``       `duty_point`: what gears do at one torque and speed, in N, m, Hz, rpm
+``order_spectrum``   `orders`: mesh force and transmission error over orders of the shaft
 ``trust``            `trust`: chaos or artefact: one point run in several ways
 ===================  ==============================================================
 """

@@ -12,7 +12,7 @@ from gearlib.cli import (
     speed_options,
     workflow_commands,
 )
-from gearlib.config import schema_text
+from gearlib.config import gear_names, schema_text
 from gearlib.version import __version__
 
 #: What is printed of every mesh of a gear train.
@@ -82,6 +82,7 @@ def main():
 def simulate(model, tuning, save, **asked):
     """Run one tuning: time course, contact events, orbit summary."""
     import gearlib
+    from gearlib.data import motion_words
 
     with progress.clock("simulating"):
         run = gearlib.simulate(model, tuning, **asked)
@@ -94,6 +95,10 @@ def simulate(model, tuning, save, **asked):
     else:
         own = ["displacement_max", "displacement_min", "dynamic_force_max", "fraction_normal"]
         output.table(run, [*own, "bounces", *scales])
+        if model.speed is not None:
+            output.machine(run, model)
+    if not run.period:
+        click.echo(f"The motion has {motion_words.not_settled(run)}.")
     save(run)
 
 
@@ -278,7 +283,14 @@ def gear_table(drawing, damping, form):
     from gearlib.studies import gear_table
 
     options = {drawing.stiffness or "iso": drawing.stiffness_options}
-    rows = gear_table.compute(drawing.mesh(), damping=damping, options=options, **drawing.load())
+    mesh, load = drawing.mesh(), drawing.load()
+    rows = gear_table.compute(mesh, damping=damping, options=options, **load)
+    if drawing.speed is not None:
+        own = {"stiffness": drawing.stiffness or "iso", "options": drawing.stiffness_options}
+        with progress.clock("following the motion until it settles"):
+            rows += gear_table.duty_rows(mesh, damping=damping, **load, **own)
+    if form == "text":
+        click.echo(gear_names.of_drawing(drawing))
     drawn_gears.show(rows, form)
 
 

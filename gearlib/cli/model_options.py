@@ -8,9 +8,10 @@ import yaml
 from pydantic import ValidationError
 
 from gearlib import config
-from gearlib.config import yaml_keys
+from gearlib.config import gear_names, yaml_keys
 from gearlib.config.gear_pair_section import DAMPINGS, GearPairSection
 from gearlib.config.laying import laid_over
+from gearlib.config.train_section import OF_PAIRS
 from gearlib.config.types import like
 from gearlib.config.validation import sentences
 from gearlib.models.pair import GearPair
@@ -20,6 +21,12 @@ _DEFAULT_CONFIG = "config.yaml"
 #: Name of the damping that options alone describe.
 _ONLY_DAMPING = "damping"
 
+
+#: For a train that is not made of a gear pair.
+_STAND_IN = {
+    "gear_pair": gear_names.PAPER | {"load": 1.0, "backlash": 1.0, "teeth": 1},
+    "dampings": {_ONLY_DAMPING: {"material_damping": 0.0, "backlash_damping": 0.0}},
+}
 
 _WORDS = "A gear pair with its damping, SI."
 _Gears = like("Gears", _WORDS, GearPair, *DAMPINGS, base=GearPairSection, required=DAMPINGS)
@@ -31,8 +38,8 @@ def options(command):
     @_gear_options
     @click.option("--model", type=click.Choice(MODELS), default=MODELS[0], show_default=True)
     @functools.wraps(command)
-    def wrapped(mapping, gears, damping, model, **others):
-        return command(model=_model(mapping, gears, model), **others)
+    def wrapped(mapping, gears, damping, pair, changes, model, **others):
+        return command(model=_model(mapping, gears, pair, model), **others)
 
     return wrapped
 
@@ -42,8 +49,8 @@ def train_options(command):
 
     @_gear_options
     @functools.wraps(command)
-    def wrapped(mapping, gears, damping, **others):
-        return command(train=_model(mapping, gears, "train"), **others)
+    def wrapped(mapping, gears, damping, pair, changes, **others):
+        return command(train=_model(mapping, gears, pair, "train"), **others)
 
     return wrapped
 
@@ -52,13 +59,25 @@ def configuration_options(command):
     """Give a command the options that describe the gears.
 
     It is called with a configuration, not yet read by `gearlib.config.load` but accepted by it, as
-    `mapping`, and with the name of the damping as `damping`.
+    `mapping`, and with the name of the damping as `damping`. What no option changes stays as it
+    is, a drawing above all.
     """
 
     @_gear_options
     @functools.wraps(command)
-    def wrapped(mapping, gears, damping, **others):
-        whole = laid_over(mapping, _sections(gears, damping))
+    def wrapped(mapping, gears, damping, pair, changes, **others):
+        sections = _sections(gears, damping)
+        if mapping and not changes:
+            sections = {}
+        elif mapping.get("gears") is not None:
+            if undrawn := changes.keys() - set(DAMPINGS):
+                option = min(undrawn).replace("_", "-")
+                raise click.UsageError(
+                    f"--{option} is not allowed where the configuration draws its gears: it must "
+                    "be left out, or the section gears be changed"
+                )
+            del sections["gear_pair"]
+        whole = laid_over(mapping, sections)
         load(whole, "What the options make of the configuration")
         return command(mapping=whole, damping=damping, **others)
 
@@ -66,14 +85,19 @@ def configuration_options(command):
 
 
 def _gear_options(command):
-    """Give a command the options; it is called with `mapping`, `gears` and `damping`."""
+    """Give a command the options.
+
+    It is called with `mapping`, `gears`, `damping`, the name `pair` of the gears ("" where a train
+    needs none) and the `changes` that options make.
+    """
 
     @functools.wraps(command)
     def wrapped(config_path, case, damping, **others):
         given = {name: others.pop(name) for name in _Gears.model_fields}
         changes = {name: _number(text) for name, text in given.items() if text is not None}
-        mapping, gears, damping = _gears(config_path, case, damping, changes)
-        return command(mapping=mapping, gears=gears, damping=damping, **others)
+        mapping, gears, damping, pair = _gears(config_path, case, damping, changes)
+        known = {"mapping": mapping, "gears": gears, "damping": damping, "pair": pair}
+        return command(**known, changes=changes, **others)
 
     decorators = [
         *config_options(),
@@ -102,19 +126,30 @@ def config_options():
 
 
 def _gears(config_path, case, damping, changes):
-    """Return what was read from a file, the gears with what the options change, the damping."""
+    """Return what a file says, the gears with what options change, damping, name of the gears."""
     mapping, config_path = read(config_path, case, damping)
-    values = {}
+    values, drawn, alone = {}, None, _needs_none(mapping) and not changes
+    if alone:
+        mapping = _STAND_IN | mapping
     if config_path is not None:
         settings = load(mapping, config_path)
         damping = choose_damping(settings, damping)
-        values = settings.pair_parameters(damping)
+        values, drawn = settings.pair_parameters(damping), settings.gears
     try:
         gears = _Gears.model_validate(values | changes)
     except ValidationError as error:
         found = sentences(error.errors(), _Gears.model_json_schema())
         raise click.UsageError("\n".join(found)) from None
-    return mapping, gears, damping or _ONLY_DAMPING
+    other = drawn is None or gear_names.PAPER.keys() & changes.keys()
+    pair = gear_names.of_numbers(gears) if other else gear_names.of_drawing(drawn)
+    return mapping, gears, damping or _ONLY_DAMPING, "" if alone else pair
+
+
+def _needs_none(mapping):
+    """Return whether a configuration has no gear pair, and a train that is not made of one."""
+    train = mapping.get("train")
+    kind = train.get("kind", OF_PAIRS[0]) if isinstance(train, dict) else OF_PAIRS[0]
+    return kind not in OF_PAIRS and not {"gears", "gear_pair"} & mapping.keys()
 
 
 def _sections(gears, damping):
@@ -123,23 +158,57 @@ def _sections(gears, damping):
     return {"gear_pair": pair, "dampings": {damping: gears.model_dump(exclude=set(pair))}}
 
 
-def _model(mapping, gears, model):
-    """Return the model of the gears; a train, bodies and bearings are those of a configuration."""
+def _model(mapping, gears, name, model):
+    """Return the model of the gears, of this name, after a line that says whose they are.
+
+    A train, bodies and bearings are those of a configuration.
+    """
     # Only here, so that --help does not pay for the numerical stack.
     from gearlib import SixDegreePair
     from gearlib.models.trains.described_train import described
 
     pair = GearPair(**gears.model_dump())
+    if not name and model != "train":
+        raise click.UsageError("gears is missing: the file describes a train only (--model train)")
+    relieved = _relieved(mapping, pair)
     if model == "one_degree":
-        return pair
+        click.echo(name)
+        return relieved or pair
+    if relieved is not None and model == "six_degrees":
+        raise click.UsageError(
+            "model = 'six_degrees' is not allowed: it must be 'one_degree', which carries the tip "
+            "relief and the errors of these gears"
+        )
     sections = _sections(gears, _ONLY_DAMPING)
     # Both names are those of a section.
     if model in mapping:
         sections[model] = mapping[model]
     settings = load(sections, model)
+    click.echo(gear_names.of_train(settings, name) if model == "train" else name)
     if model == "train":
         return described(**settings.train_parameters(_ONLY_DAMPING))
     return SixDegreePair(pair=pair, **settings.six_degrees.model_dump())
+
+
+def _relieved(mapping, pair):
+    """Return the model of drawn gears whose flanks are no involutes, None of all others."""
+    if "gears" not in mapping:
+        return None
+    from gearlib.analysis.duty_point import of_drawing
+
+    drawing = load(mapping, "the configuration").gears
+    mesh = drawing.mesh()
+    if not any(gear.tip_relief or gear.pitch_errors for gear in (mesh.pinion, mesh.wheel)):
+        return None
+    for name, value in drawing.pair().items():
+        if getattr(pair, name) != value:
+            raise click.UsageError(
+                f"{name} = {getattr(pair, name)!r} is not allowed: it must be {value!r}, that of "
+                "the drawing, whose gears have tip relief or errors"
+            )
+    given = drawing.load() | {"stiffness": drawing.stiffness or "iso"}
+    model = of_drawing(mesh, options=drawing.stiffness_options, **given)
+    return model.replace(**{name: getattr(pair, name) for name in DAMPINGS})
 
 
 def choose_damping(settings, name):

@@ -54,6 +54,18 @@ def table(dataset, names):
         click.echo(f"{name:20} {value:24} {variable.attrs.get('long_name', '')}")
 
 
+def machine(run, model):
+    """Print what a run is in units of machines, of its recorded periods."""
+    from gearlib.analysis.duty_point import in_units
+    from gearlib.data.result import result
+
+    found = result("Duty point of a gear mesh", model, in_units(run, model), method="run")
+    for name in ("error_peak_to_peak", "error_rms"):
+        found[name] = (1e6 * found[name]).assign_attrs(found[name].attrs | {"units": "um"})
+    told = ["mesh_frequency_hertz", "resonance_speed", "dynamic_factor", "mesh_force_max"]
+    table(found, [*told, "error_peak_to_peak", "error_rms", "lost_share"])
+
+
 def columns(dataset, dim, names):
     """Print variables over one dimension side by side, a row for each of its entries."""
     heads = []

@@ -24,6 +24,7 @@ module                      responsibility
 ``validation``              refusals as sentences
 ``configuration``           the whole, and what must agree between sections
 ``defaults``                defaults that depend on the gears
+``gear_names``              whose gears: the name of a pair or a train
 ``laying``                  one configuration laid over another
 ``yaml_keys``               YAML files, and the keys that they give twice
 ==========================  ========================================================================

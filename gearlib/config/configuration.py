@@ -14,13 +14,22 @@ from gearlib.config.scenes_section import FRICTION_ONLY, SIX_ONLY, Scene
 from gearlib.config.studies import STUDIES
 from gearlib.config.studies.study import default
 from gearlib.config.train_section import OF_PAIRS, Train
-from gearlib.config.types import MAX_PAGE_SAMPLES, Name, Section, listing
+from gearlib.config.types import MAX_PAGE_SAMPLES, Name, ProjectName, Section, entry, listing
 
 #: Limits that catch a mistyped step or window before it fills a disk.
 MAX_TUNINGS = 10_000_000
 MAX_SAMPLES = 100_000_000
 
 Target = Literal[tuple(STUDIES)]
+
+#: Folders of results, whose names a project cannot have.
+_FOLDERS = {"figures", "tables", "logs", "benchmarks", "report"} | {
+    file.split("/")[0]
+    for study in STUDIES.values()
+    for job in study.jobs
+    for file in job.files
+    if "/" in file
+}
 
 #: Sections that name one of the dampings.
 _OF_ONE_DAMPING = (
@@ -42,6 +51,16 @@ class _Common(Section):
         "What `snakemake` without a target computes and draws. Fig. 3 shows labels, branches and "
         "tongues where labels, branches and parametric_resonance are among them.",
     ) = [name for name, study in STUDIES.items() if study.unasked]
+    project: ProjectName = entry(
+        "Names the folder of its results, results/<project>/; the paper's have none. Default: "
+        "the name of the file given by --configfile, if its gears are others.",
+        "",
+    )
+    compare: list[ProjectName] = entry(
+        "Other projects or cases, `paper` among them, whose resonance the target `compare` lays "
+        "over this one.",
+        [],
+    )
     # Of these two there is one; what is dumped has the other, made from it.
     gears: Gears = Field(default=None, exclude=True)
     gear_pair: GearPairSection
@@ -76,7 +95,26 @@ class _Common(Section):
             self._check_scene(f"scenes.{name}", scene)
         for key in ("basins", "poincare"):
             check_different(f"{key}.cases", getattr(self, key).cases, "title")
+        self._check_project()
+        self._check_targets()
         return self
+
+    def _check_project(self):
+        if self.project in _FOLDERS:
+            raise ValueError(
+                f"project = {self.project!r} is not allowed: it must be another name, the paper's "
+                f"results have a folder results/{self.project}/"
+            )
+
+    def _check_targets(self):
+        """Refuse targets that cannot be about these gears."""
+        for name in self.targets if "targets" in self.model_fields_set else ():
+            if words := STUDIES[name].refusal(self):
+                raise ValueError(f"{words}, for the target {name}")
+
+    def wanted(self):
+        """Return the targets; where none are named, those that can be about these gears."""
+        return [name for name in self.targets if not STUDIES[name].refusal(self)]
 
     def _check_scene(self, key, scene):
         check_most(f"{key}.periods_shown", scene.periods_shown, self.record_periods)

@@ -34,11 +34,14 @@ class DynamicFactor(Recorded):
 
     @model_validator(mode="after")
     def _check(self):
-        for name in ("pinion", "wheel"):
-            if getattr(self.pair, name).quality is None:
-                raise ValueError(
-                    f"dynamic_factor.pair.{name}.quality is missing: it must be an integer from 1 "
-                    "to 11"
-                )
-        self.pair.check("dynamic_factor.pair", "iso", "energy")
+        self.check_gears("dynamic_factor.pair", self.pair)
         return self
+
+    def check_gears(self, place, pair):
+        """Refuse a `DrawnPair`, named by `place`, that has no dynamic factor."""
+        for name in ("pinion", "wheel"):
+            if getattr(pair, name).quality is None:
+                raise ValueError(
+                    f"{place}.{name}.quality is missing: it must be an integer from 1 to 11"
+                )
+        pair.check(place, "iso", "energy")

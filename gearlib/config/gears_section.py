@@ -105,7 +105,7 @@ class Gears(MethodSection, DrawnPair):
 
     torque: Torque = entry("Of the pinion, N m; or power and speed.", None)
     power: Power = entry("Of the pinion, W.", None)
-    speed: Speed = entry("Of the pinion, rpm.", None)
+    speed: Speed = entry("Of the pinion, rpm; with a torque, of its duty point.", None)
 
     @model_validator(mode="after")
     def _check(self):
@@ -119,6 +119,12 @@ class Gears(MethodSection, DrawnPair):
     def load(self):
         """Return torque, or power and speed, as a dict."""
         return self.model_dump(include={"torque", "power", "speed"})
+
+    def driving_torque(self):
+        """Return the torque of the pinion, N m, to 12 digits."""
+        from gearlib.models.geometry.drawn_parameters import torque_of
+
+        return drawing.rounded(torque_of(self.torque, self.power, self.speed))
 
     def pair(self):
         """Return the keys of `gear_pair` as a dict, to 12 digits; refuses as `mesh` does."""

@@ -5,7 +5,6 @@ from pydantic import model_validator
 from gearlib.config.types import (
     Backlash,
     DampingName,
-    Length,
     OwnStart,
     OwnStep,
     OwnStop,
@@ -21,8 +20,10 @@ from gearlib.config.types import (
     entry,
     numbers,
     quantity,
+    type_of,
     whole,
 )
+from gearlib.parameters import MODULE
 
 Teeth = whole(3, 1000)
 #: A pin may lie off its place in both directions.
@@ -39,7 +40,9 @@ class Reducer(Started, Recorded):
     step: OwnStep = 0.02
     damping: DampingName
     teeth: numbers(Teeth, 4, "Of input, satellites a, satellites b, output.") = [24, 36, 24, 36]
-    modules: numbers(Length, 2, "Of both stages, m; the centre distances must be equal.") = [
+    modules: numbers(
+        type_of(MODULE), 2, "Of both stages, m; the centre distances must be equal."
+    ) = [
         0.004,
         0.004,
     ]

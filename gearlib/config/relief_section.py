@@ -40,16 +40,20 @@ class HarrisMap(Section):
 
     @model_validator(mode="after")
     def _check(self):
+        self.check_gears("harris_map.gears", self.gears)
+        return self
+
+    def check_gears(self, place, gears):
+        """Refuse a `DrawnPair`, named by `place`, that has no Harris map."""
         for name in ("pinion", "wheel"):
-            gear = getattr(self.gears, name)
+            gear = getattr(gears, name)
             for key in ("helix_angle", "tip_relief"):
                 if getattr(gear, key):
                     raise ValueError(
-                        f"harris_map.gears.{name}.{key} is not allowed: it must be left out, the "
+                        f"{place}.{name}.{key} is not allowed: it must be left out, the "
                         "map is that of spur gears, which get their reliefs by it"
                     )
-        self.gears.check("harris_map.gears", self.stiffness)
-        return self
+        gears.check(place, self.stiffness)
 
 
 class ReliefDynamics(Recorded):

@@ -45,8 +45,12 @@ class MeshStiffness(Section):
     @model_validator(mode="after")
     def _check(self):
         for name, pair in self.pairs.items():
-            pair.check(f"mesh_stiffness.pairs.{name}", "iso", "energy")
+            self.check_gears(f"mesh_stiffness.pairs.{name}", pair)
         return self
+
+    def check_gears(self, place, pair):
+        """Refuse a `DrawnPair`, named by `place`, whose stiffness not all methods give."""
+        pair.check(place, "iso", "energy")
 
 
 class Rectangle(Recorded):

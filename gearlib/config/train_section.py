@@ -9,11 +9,11 @@ from gearlib.config.drawn_trains import DampingByRatio, PlanetarySet, check_mesh
 from gearlib.config.gears_section import BodyGear
 from gearlib.config.types import (
     DampingName,
+    Diameter,
     Error,
     Finite,
     Given,
     Label,
-    Length,
     OwnStart,
     OwnStep,
     OwnStop,
@@ -86,7 +86,7 @@ MeshPart = like(
     base=DampingByRatio,
     without=("material_damping",),
     optional=("max_stiffness", "stiffness_ratio", "contact_ratio"),
-    centre_distance=(Length, entry(_DRAWN, None)),
+    centre_distance=(Diameter, entry(_DRAWN, None)),
     torque=(type_of(TORQUE), entry(_LOADED, None)),
     deviation=(Deviation, entry("Of the drive-side flanks.", None)),
     inverse_deviation=(Deviation, entry("Of the coast-side flanks.", None)),

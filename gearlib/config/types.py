@@ -145,6 +145,14 @@ DampingName = Annotated[
         json_schema_extra={"$comment": "one of the dampings"},
     ),
 ]
+#: Empty: the paper's.
+ProjectName = Annotated[
+    str,
+    Field(
+        pattern="^[A-Za-z0-9_-]{0,40}$",
+        json_schema_extra={"$comment": "a text of at most 40 letters, digits, _ and -"},
+    ),
+]
 Colour = Annotated[
     str,
     Field(
@@ -268,10 +276,11 @@ Finite, Positive, NonNegative = map(
     type_of, (parameters.FINITE, parameters.POSITIVE, parameters.NONNEGATIVE)
 )
 Stiffness, Mass, Inertia = map(type_of, (parameters.STIFFNESS, parameters.MASS, parameters.INERTIA))
-Length, RunOut, Error, Backlash, Angle = map(
+Length, Diameter, RunOut, Error, Backlash, Angle = map(
     type_of,
     (
         parameters.LENGTH,
+        parameters.DIAMETER,
         parameters.RUN_OUT,
         parameters.ERROR,
         parameters.BACKLASH,

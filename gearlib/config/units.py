@@ -12,14 +12,13 @@ from functools import cache
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,3})?"
 _FACTOR = r"[A-Za-zµμ°]+(?:(?:\^|\*\*)-?\d)?"
 #: A number and a product or quotient of units, with powers of one digit.
-TEXT = re.compile(rf"({_NUMBER})\s*({_FACTOR}(?:\s*[ */·]\s*{_FACTOR})*)")
+TEXT = re.compile(rf"({_NUMBER})\s*({_FACTOR}(?:\s*[ */·⋅]\s*{_FACTOR})*)")
 
 #: (unit, unit wanted) -> factor, of what drawings are full of: pint takes half a second to load.
 PLAIN = {
     ("mm", "m"): "1e-3",
     ("cm", "m"): "1e-2",
     ("um", "m"): "1e-6",
-    ("µm", "m"): "1e-6",
     ("kN", "N"): "1e3",
     ("N m", "N m"): "1",
     ("kW", "W"): "1e3",
@@ -40,18 +39,25 @@ def _registry():
     return pint.UnitRegistry(non_int_type=Decimal)
 
 
+def _plain(name):
+    """Return a unit as pint and `PLAIN` have it: "Nm" and "N·m" are "N m", "µm" is "um"."""
+    name = re.sub("[µμ]", "u", name)
+    name = re.sub(r"\b([umkMG]?N)([mc]?m)\b", r"\1 \2", name)
+    return re.sub(r"\s*(?:[ ·⋅]|(?<!\*)\*(?!\*))\s*", " ", name)
+
+
 def read(text, unit):
     """Return a text such as "3 kN" as a number in a `unit` of its dimension, else ValueError."""
     match = TEXT.fullmatch(text.strip())
     if match is None:
         raise ValueError(f"{text!r} is not a number with a unit")
-    number, name = match.groups()
+    number, name = match[1], _plain(match[2])
     if (name, unit) in PLAIN:
         return float(Decimal(number) * Decimal(PLAIN[name, unit]))
     registry = _registry()
     try:
         # pint sees the unit alone, so that no arithmetic of the user's is evaluated.
-        quantity = registry.Quantity(Decimal(1), name.replace("·", "*"))
+        quantity = registry.Quantity(Decimal(1), name)
         if unit == "rpm" and "radian" not in str(quantity.to_root_units().units):
             # 1/min and Hz of a shaft are its turns.
             quantity *= registry.Quantity(Decimal(1), "turn")

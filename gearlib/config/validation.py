@@ -3,6 +3,10 @@
 The allowed range is read from the JSON schema, so that message, schema and check agree.
 """
 
+import re
+
+from gearlib.parameters import likely
+
 _BOUNDS = {
     "exclusiveMinimum": "> {}",
     "minimum": ">= {}",
@@ -49,9 +53,16 @@ def _sentence(error, schema):
         key = _key(path)
     if kind == "missing":
         return f"{key} is missing: it must be {allowed(_node(path, schema), schema)}"
-    return (
-        f"{key} = {show(value)} is not allowed: it must be {allowed(_node(path, schema), schema)}"
-    )
+    node = _node(path, schema)
+    hint = _hint(value, node)
+    return f"{key} = {show(value)} is not allowed: it must be {allowed(node, schema)}{hint}"
+
+
+def _hint(value, node):
+    """Return the unit in which a bare number above its range was likely meant."""
+    example = re.search("such as '(.*)'", node.get("$comment", ""))
+    most = node.get("maximum", node.get("exclusiveMaximum"))
+    return likely(value, example[1], most) if example else ""
 
 
 def show(value):

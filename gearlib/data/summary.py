@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from gearlib.data.motion_words import not_settled
 from gearlib.kernels import orbit
 
 
@@ -48,7 +49,7 @@ def in_words(run):
     period = int(run.period)
     motion = f"repeats every {period} mesh periods" if period > 1 else "repeats every mesh period"
     if not period:
-        motion = "does not repeat within 16 mesh periods"
+        motion = f"has {not_settled(run)}"
     contact = "the flanks never part"
     if float(run.fraction_inverse) > 0.0:
         contact = "it strikes both flanks"

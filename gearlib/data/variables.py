@@ -4,7 +4,7 @@ All displacements are in static deflections F / C_s, all times are mesh phase (r
 velocities are dx/dtau; the scale variables lead to SI.
 """
 
-from gearlib.data import contact_states, status
+from gearlib.data import contact_states, duty_variables, status
 
 #: name -> (CF units, long_name)
 DESCRIPTIONS = {
@@ -115,6 +115,7 @@ DESCRIPTIONS = {
     ),
     "mean_difference": ("1", "mean relative difference of the dynamic force"),
     "suffices": ("1", "whether stiffness and deviation at the load are within the tolerance"),
+    **duty_variables.DESCRIPTIONS,
     # events
     "event_phase": ("rad", "mesh phase of the crossing of a flank line"),
     "event_from": ("1", "phase of contact before the event"),
@@ -130,7 +131,8 @@ DESCRIPTIONS = {
     "fraction_inverse": ("1", "fraction of time in inverse mesh"),
     "fraction_min_stiffness": ("1", "fraction of time in mesh at the lower stiffness"),
     "bounces": ("1", "losses of normal contact per mesh period"),
-    "period": ("1", "period of the orbit in mesh periods, 0 if none was found"),
+    "period": ("1", "mesh periods after which the settled motion repeats, 0: not settled"),
+    "followed": ("1", "mesh periods over which the motion was followed to settle"),
     "final_state": ("1", "displacement and dx/dtau at the end of the run, in static deflections"),
     "status": ("1", "how the run ended"),
     "evaluations": ("1", "evaluations of the right-hand side in the whole run"),

@@ -1,13 +1,18 @@
 """Fig. 5: phase planes of the recorded revolution, a row per tuning, a column per damping."""
 
+import textwrap
+
 import numpy as np
 
+from gearlib.data import motion_words
 from gearlib.figures import style
 
 _CELL_HEIGHT, _HEAD = 1.25, 0.7
 
 #: Room around the orbits of a row, in shares of their extent.
 _MARGIN = 0.06
+#: What is seen of a difference, in shares of the height.
+_SEEN = 5e-3
 
 
 @style.styled()
@@ -15,9 +20,10 @@ def draw(phase_planes, *, colours=None):
     """Draw a grid of phase planes {y'; y}, with colours by the name of the damping, if given.
 
     `phase_planes` are gathered: displacement and velocity over (damping, tuning, phase), period
-    over (damping, tuning), the scalar backlash_ratio. Axes are common to a row. Each cell says
-    whether the orbit is steady, that is repeats after n mesh periods. A run that could not go
-    on (NaN) says so.
+    and followed over (damping, tuning), the scalar backlash_ratio. Axes are common to a row. Each
+    cell says after how many mesh periods the settled motion repeats, and whether what is drawn is
+    still on its way there, or that it has not settled after so many periods. A run that could not
+    go on (NaN) says so.
     """
     tunings = phase_planes.tuning.values
     looks = style.looks([str(name) for name in phase_planes.damping.values], colours)
@@ -45,6 +51,13 @@ def _limits(values):
     return low - margin, high + margin
 
 
+def _closed(phase, x, period):
+    """Return whether a course repeats to the eye, as far as it is long enough to tell."""
+    # The phase starts at zero, so that its size over its span counts the samples of a period.
+    last = period * round(2.0 * np.pi / (phase[1] - phase[0]))
+    return x.size < 2 * last or np.abs(x[-last:] - x[-2 * last : -last]).max() < _SEEN * np.ptp(x)
+
+
 def _draw_cell(axes, run, colour):
     """Draw one phase plane with its areas and its label."""
     style.shade_areas(axes, float(run.backlash_ratio), "x")
@@ -52,12 +65,14 @@ def _draw_cell(axes, run, colour):
     period = int(run.period)
     if not np.isfinite(x).all():
         label = "no result"
+    elif period and not _closed(run.phase.values, x, period):
+        label = f"settles on {period} mesh period{'s' if period > 1 else ''}"
     elif period:
         label = f"steady, {period} mesh period{'s' if period > 1 else ''}"
         # The record holds whole orbits: its end is its start.
         x, v = np.append(x, x[0]), np.append(v, v[0])
     else:
-        label = "unsteady"
+        label = "\n".join(textwrap.wrap(motion_words.not_settled(run), 20))
     axes.plot(x, v, color=colour, linewidth=0.8 if period else 0.3)
     at, of = (0.03, 0.97), "axes fraction"
     style.note(axes, label, at, side="left top", of=of, white=(0.15, 0.8))

@@ -18,7 +18,7 @@ SHOWN_SHARE = 0.95
 #: Symbols along a line: enough to recognise it, few enough to see through.
 SYMBOLS = 14
 
-_EXTREMA = ("displacement_max", "displacement_min")
+EXTREMA, FORCE = ("displacement_max", "displacement_min"), ("dynamic_force_max",)
 _MAIN_HEIGHT, _PANEL_HEIGHT, _FOOT, _COLUMNS = 4.4, 1.8, 0.4, 2
 _Y_LABEL = r"$y_\mathrm{max}$, $y_\mathrm{min}$ (static deflections)"
 
@@ -42,7 +42,7 @@ _ALWAYS = 4
 
 
 @style.styled()
-def draw(resonance, *, colours=None, labels=(), branches=(), tongues=None):
+def draw(resonance, *, colours=None, labels=(), branches=(), tongues=None, forces=False):
     """Draw resonance characteristics.
 
     resonance (as gathered: displacement_max and displacement_min in static deflections, period, all
@@ -52,7 +52,9 @@ def draw(resonance, *, colours=None, labels=(), branches=(), tongues=None):
     for cold runs: a strip on the lower rim of its panel); branches (for each damping its branches
     of periodic orbits, as of `gearlib.studies.resonance_branches.compute`: thin lines in its panel,
     solid where stable, dashed where unstable); tongues (tuning_from and tuning_to over (damping,
-    order) as of `gearlib.studies.contact_loss`: shades in the panel of each damping).
+    order) as of `gearlib.studies.contact_loss`: shades in the panel of each damping); forces
+    (whether dynamic_force_max has a panel below the displacements, whose limits then are those of
+    the curves: the paper's picture goes down to the far flank).
 
     Lines are orbits that repeat, symbols are orbits that do not. What lies beyond the picture is
     marked by a caret on its rim. Runs that could not go on (NaN) are left out.
@@ -64,23 +66,25 @@ def draw(resonance, *, colours=None, labels=(), branches=(), tongues=None):
     main_direction = "cold" if "cold" in directions else directions[0]
     carried = [name for name in directions if name != main_direction]
     beside = [one for one in (carried, labels, branches, tongues) if one is not None and len(one)]
-    rows = -(-len(looks) // _COLUMNS) if beside else 0
-    limits = displacement_limits(resonance.sel(direction=main_direction))
+    columns = min(_COLUMNS, len(looks))
+    rows = -(-len(looks) // columns) if beside else 0
+    main = resonance.sel(direction=main_direction)
+    limits = displacement_limits(main, flank=not forces)
 
-    height = _MAIN_HEIGHT + rows * _PANEL_HEIGHT + (_FOOT if rows else 0.0)
-    figure = style.page(height)
-    grid = figure.add_gridspec(
-        1 + rows, _COLUMNS, height_ratios=[_MAIN_HEIGHT] + rows * [_PANEL_HEIGHT]
-    )
+    heights = [_MAIN_HEIGHT, *[_PANEL_HEIGHT] * (forces + rows)]
+    figure = style.page(sum(heights) + (_FOOT if rows else 0.0))
+    grid = figure.add_gridspec(len(heights), _COLUMNS, height_ratios=heights)
     axes = figure.add_subplot(grid[0, :])
     _prepare(axes, resonance, limits, named=True)
-    _draw_all(axes, resonance.sel(direction=main_direction), looks)
+    _draw_all(axes, main, looks)
     _add_scales(axes, resonance)
     axes.set_ylabel(_Y_LABEL)
+    if forces:
+        _draw_forces(figure.add_subplot(grid[1, :], sharex=axes), main, looks)
     if rows:
         panels = (
-            grid[1:, :]
-            .subgridspec(rows, _COLUMNS)
+            grid[1 + forces :, :]
+            .subgridspec(rows, columns)
             .subplots(sharex=True, sharey=True, squeeze=False)
         )
         for panel in panels.flat[len(looks) :]:
@@ -98,7 +102,7 @@ def draw(resonance, *, colours=None, labels=(), branches=(), tongues=None):
         handles = _handles(main_direction, carried, labels, branches, tongues)
         style.legend(figure, handles, 5, fontsize=6.5, columnspacing=1.2)
         # The lowest ones: the last row may be short.
-        for panel in panels.flat[: len(looks)][-_COLUMNS:]:
+        for panel in panels.flat[: len(looks)][-columns:]:
             panel.set_xlabel(style.TUNING)
             panel.tick_params(labelbottom=True)
         for panel in panels[:, 0]:
@@ -110,10 +114,23 @@ def _by_damping(datasets):
     return {str(one.damping.values): one for one in datasets}
 
 
-def displacement_limits(curves):
-    """Return the limits (low, high) of displacement for the curves of one direction."""
+def displacement_limits(curves, flank=True):
+    """Return the limits (low, high) of displacement for the curves of one direction.
+
+    flank: whether the far flank is taken in where it does not make the picture much higher.
+    """
+    low, high = extent(curves, EXTREMA)
+    backlash = float(curves.backlash_ratio)
+    if flank and backlash < 2.0 * (high - low):
+        low = min(low, -1.25 * backlash)
+    margin = 0.05 * (high - low) or 1.0
+    return low - margin, high + margin
+
+
+def extent(curves, names):
+    """Return the lowest and the highest value to show, 0 among them."""
     shown = [0.0]
-    for name in _EXTREMA:
+    for name in names:
         values = curves[name].values
         finite = np.isfinite(values)
         steady = finite & (curves.period.values > 0)
@@ -122,23 +139,22 @@ def displacement_limits(curves):
             rest = (1.0 - SHOWN_SHARE) / 2.0
             shown += [*np.quantile(values[finite], [rest, 1.0 - rest])]
     low, high = min(shown), max(shown)
-    backlash = float(curves.backlash_ratio)
-    # The far flank is worth showing if it does not make the picture much higher.
-    if backlash < 2.0 * (high - low):
-        low = min(low, -1.25 * backlash)
-    margin = 0.05 * (high - low) or 1.0
-    return low - margin, high + margin
+    # What has not settled is seen as well, but for growing motions: up to as far again beyond.
+    span = high - low
+    rest = np.concatenate([curves[name].values.ravel() for name in names])
+    rest = rest[(rest > low - span) & (rest < high + span)]
+    return min([low, *rest]), max([high, *rest])
 
 
 def _wider(limits, curves):
-    """Return limits that also hold the steady orbits up to as far again beyond them.
+    """Return limits that also hold the motions up to nearly as far again beyond them.
 
     Sweeps that carry their state go where none from rest does; undamped ones without bound.
     """
     low, high = limits
     span = high - low
-    extrema = np.array([curves[name].values for name in _EXTREMA])
-    near = (curves.period.values > 0) & (extrema > low - span) & (extrema < high + span)
+    extrema = np.array([curves[name].values for name in EXTREMA])
+    near = (extrema > low - 0.9 * span) & (extrema < high + 0.9 * span)
     shown = extrema[near]
     margin = 0.05 * span
     return min([low, *(shown - margin)]), max([high, *(shown + margin)])
@@ -164,25 +180,40 @@ def _draw_all(axes, curves, looks):
     for number, (name, look) in enumerate(looks.items()):
         curve = curves.sel(damping=name)
         offset = number / len(looks)
-        _draw_curve(axes, curve, look.colour, look.line, look.marker, offset, width=1.6)
+        draw_sweep(axes, curve, look.colour, look.line, look.marker, offset, width=1.6)
         label = style.damping_label(name)
         handles.append(style.entry(label, look.colour, look.line, look.marker, markersize=4))
     axes.legend(handles=handles, loc="upper right", ncols=2)
 
 
+def _draw_forces(axes, curves, looks):
+    """Draw the largest mesh force of all dampings, over the load and in newtons."""
+    top = 1.05 * extent(curves, FORCE)[1]
+    axes.set_ylim(0.0, top)
+    for number, (name, look) in enumerate(looks.items()):
+        offset = number / len(looks)
+        one = curves.sel(damping=name)
+        draw_sweep(axes, one, look.colour, look.line, look.marker, offset, names=FORCE)
+    axes.axhline(1.0, color="#8C8C8C", linewidth=0.6, zorder=1)
+    axes.set_xlabel(style.TUNING)
+    axes.set_ylabel("mesh force over load")
+    scale = axes.secondary_yaxis("right", functions=_scaling(float(curves.force_scale) / 1e3))
+    scale.set_ylabel("mesh force (kN)")
+
+
 def _draw_hysteresis(axes, curves, look, main_direction, carried):
     """Draw the sweeps of one damping: those that carry their state over the main one."""
     main = curves.sel(direction=main_direction)
-    _draw_curve(axes, main, COLD_COLOUR, "-", ".", 0.0, width=3.0)
+    draw_sweep(axes, main, COLD_COLOUR, "-", ".", 0.0, width=3.0)
     for number, name in enumerate(carried):
         line, marker = _CARRIED[name]
-        _draw_curve(axes, curves.sel(direction=name), look.colour, line, marker, number / 2)
+        draw_sweep(axes, curves.sel(direction=name), look.colour, line, marker, number / 2)
 
 
 def _draw_branches(axes, branches, name):
     """Draw the branches of one damping, if there are any, behind everything else."""
     if name in branches:
-        for variable in _EXTREMA:
+        for variable in EXTREMA:
             draw_curve(axes, branches[name], variable, "black", 0.7, zorder=1.5)
 
 
@@ -221,15 +252,15 @@ def shade_tongues(axes, tongues):
             axes.axvspan(low, high, color=TONGUE_COLOUR, linewidth=0, zorder=0.5)
 
 
-def _draw_curve(axes, curve, colour, line, marker, offset, width=1.0):
-    """Draw the largest and smallest displacement of one sweep over its tunings.
+def draw_sweep(axes, curve, colour, line, marker, offset, width=1.0, names=EXTREMA):
+    """Draw the largest and smallest displacement, or others, of one sweep over its tunings.
 
     `offset`, from 0 to 1, shifts the symbols, so that curves on top of each other alternate.
     """
     tuning = curve.tuning.values
     low, high = axes.get_ylim()
     every = max(1, tuning.size // SYMBOLS)
-    for name in _EXTREMA:
+    for name in names:
         values = curve[name].values
         with np.errstate(invalid="ignore"):
             inside = (values >= low) & (values <= high)

@@ -65,8 +65,15 @@ _METADATA = {
     "svg": {"Date": None, "Creator": None},
 }
 
+#: Height of the line that names the gears, inches.
+_LINE = 0.14
+
 #: Digits of a place in shares of the figure: a thousandth of a pixel.
 _DIGITS = 6
+
+#: Least span of an axis, a share of the largest value on it: less is not read off a plot,
+#: and of equal values would be rounding.
+LEAST_SPAN = 0.01
 
 _PREFIXES = ((1.0, "m"), (1e-3, "mm"), (1e-6, "µm"), (1e-9, "nm"))
 
@@ -199,12 +206,53 @@ def note(axes, words, at, away=None, side="left center", of="data", white=None, 
     axes.annotate(words, at, xycoords=of, ha=ha, va=va, **{"fontsize": 6} | options)
 
 
+def limits(*values, margin=0.05):
+    """Return limits (low, high) around the finite ones of arrays, of a span that means something.
+
+    margin: room on either side, a share of the span, which is `LEAST_SPAN` of the largest magnitude
+    or more; without finite values 0 and 1, and -1 and 1 of zeros.
+    """
+    every = np.concatenate([np.ravel(one) for one in values]) if values else np.empty(0)
+    finite = every[np.isfinite(every)]
+    if not finite.size:
+        return 0.0, 1.0
+    low, high = float(finite.min()), float(finite.max())
+    size = max(abs(low), abs(high))
+    if not size:
+        return -1.0, 1.0
+    middle, half = low / 2.0 + high / 2.0, max(high / 2.0 - low / 2.0, LEAST_SPAN * size / 2.0)
+    half *= 1.0 + 2.0 * margin
+    return middle - half, middle + half
+
+
+def _widen(axes):
+    """Give the linear scales of an axes, where the data alone set them, their least span."""
+    for name in "xy":
+        low, high = getattr(axes, f"get_{name}lim")()
+        free = getattr(axes, f"get_autoscale{name}_on")()
+        linear = getattr(axes, f"get_{name}scale")() == "linear"
+        if free and linear and high - low < LEAST_SPAN * max(abs(low), abs(high)):
+            getattr(axes, f"set_{name}lim")(*limits((low, high)))
+
+
 def note_absent(figure, methods):
     """Note above a figure which methods are left out because their packages are not installed."""
     if methods:
         words = f"not installed, left out: {', '.join(methods)} (make peers)"
         # Above: legends lie below.
         figure.suptitle(words, fontsize=6, x=0.99, ha="right")
+
+
+def name_gears(figure, name):
+    """Write below a figure, in a line that is added to its height, the gears that it is about."""
+    width, height = figure.get_size_inches()
+    figure.set_size_inches(width, height + _LINE)
+    low = _LINE / (height + _LINE)
+    if figure.get_layout_engine() is None:
+        figure.set_layout_engine("constrained")
+    figure.get_layout_engine().set(rect=(0.0, low, 1.0, 1.0 - low))
+    look = {"fontsize": 6, "color": "#707070", "ha": "left", "va": "bottom"}
+    figure.text(0.01, 0.2 * low, name, in_layout=False, **look)
 
 
 def _freeze(figure):
@@ -214,9 +262,15 @@ def _freeze(figure):
     processes, and so does the last digit of its result, which here and there shifts the shade of a
     pixel.
     """
+    for axes in figure.axes:
+        _widen(axes)
     if figure.get_layout_engine() is None:
         return
     figure.draw_without_rendering()
+    # The layout leaves room for legends outside of the panels, and they stay on the rim.
+    room = figure.get_layout_engine().get()["rect"]
+    for shown in figure.legends if room[1] else ():
+        shown.set_bbox_to_anchor(room, transform=figure.transSubfigure)
     # None and not "none", with which every file would be drawn twice, once for its layout.
     figure.set_layout_engine(None)
     for axes in figure.axes:

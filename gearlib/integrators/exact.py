@@ -5,6 +5,7 @@ freedom, by matrix exponentials: see `gearlib.models.propagators`.
 """
 
 from gearlib.integrators.each import run_each
+from gearlib.models.propagators.stable_repeats import proven
 
 ORDER = None
 EVENTS = "phases end at switches and crossings, which are isolated by proof"
@@ -37,6 +38,7 @@ def run_many(pair, tunings, order, state, *arguments):
         if current is state:
             z, first = propagator.start(state), 0
         start, first = first, (first + periods) % pair.repeats
-        return propagator.run(z, periods, *rest, first=start)
+        done = propagator.run(z, periods, *rest, first=start)
+        return *done[:2], proven(propagator, z, done[2], rest[3], first), *done[3:]
 
     run_each(run_one, tunings, order, state, *arguments)

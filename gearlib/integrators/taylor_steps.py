@@ -1,10 +1,9 @@
 """Taylor steps of order 20 that end at events: for every model of one degree of freedom."""
 
-from functools import partial
-
 from gearlib import checks
 from gearlib.integrators.each import run_each
 from gearlib.integrators.option import Option
+from gearlib.models.propagators.stable_repeats import proven
 from gearlib.models.propagators.taylor import ORDER, TOLERANCE
 
 __all__ = ["EVENTS", "MODELS", "OPTIONS", "ORDER", "run", "run_many", "takes"]
@@ -33,4 +32,11 @@ def run(pair, tuning, state, *arguments, tolerance):
 
 def run_many(pair, *arguments, tolerance):
     """Run many tunings; see `gearlib.integrators`."""
-    run_each(partial(run, pair, tolerance=tolerance), *arguments)
+
+    def run_one(tuning, state, *arguments):
+        propagator = pair.propagator(tuning, "taylor", tolerance=tolerance)
+        z = propagator.start(state)
+        done = propagator.run(z, *arguments)
+        return *done[:2], proven(propagator, z, done[2], arguments[4]), *done[3:]
+
+    run_each(run_one, *arguments)

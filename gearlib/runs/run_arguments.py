@@ -8,13 +8,21 @@ from gearlib import checks, integrators
 
 #: Most arcs (phases of contact and flights; Taylor steps) in one mesh period before a run gives up.
 MAX_EVENTS = 1_000_000
+#: Tunings beyond these have no motion that rounding leaves anything of.
+LEAST_TUNING, MOST_TUNING = 1e-12, 1e5
 #: Events for which a record has room before it grows.
 FIRST_EVENTS = 64
 
 
 def check_tuning(name, value):
-    """Return a tuning nu as float: finite and > 0."""
-    return checks.finite_positive(name, value)
+    """Return a tuning nu as float: finite, > 0, within what rounding leaves."""
+    tuning = checks.finite_positive(name, value)
+    return checks.number(name, tuning, f"from {LEAST_TUNING:g} to {MOST_TUNING:g}", allowed)
+
+
+def allowed(tuning):
+    """Return whether a tuning is within what rounding leaves, of a float or array; NaN is not."""
+    return (tuning >= LEAST_TUNING) & (tuning <= MOST_TUNING)
 
 
 def tuning_of(model, tuning, speed):
@@ -22,7 +30,16 @@ def tuning_of(model, tuning, speed):
     check_either(model, "tuning", tuning, "speed", speed)
     if speed is None:
         return check_tuning("tuning", tuning)
-    return float(model.tuning_at(checks.finite_positive("speed", speed)))
+    return check_speed(model, "speed", speed)
+
+
+def check_speed(model, name, speed):
+    """Return the tuning at a speed in rpm: finite, > 0, that of a tuning which is allowed."""
+    speed = checks.finite_positive(name, speed)
+    least, most = (model.speed(bound) for bound in (LEAST_TUNING, MOST_TUNING))
+    words = f"from {least:.3g} to {most:.3g} rpm, tunings from {LEAST_TUNING:g} to {MOST_TUNING:g}"
+    checks.number(name, speed, words, lambda v: allowed(model.tuning_at(v)))
+    return float(model.tuning_at(speed))
 
 
 def check_either(model, name, tuning, speed_name, speed):

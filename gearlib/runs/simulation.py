@@ -9,6 +9,7 @@ from gearlib import checks, integrators
 from gearlib.data import contact_states, status, summary
 from gearlib.data.result import result
 from gearlib.kernels import orbit
+from gearlib.models.propagators.stable_repeats import followed
 from gearlib.runs.run_arguments import MAX_EVENTS, check_run, empty_record, tuning_of
 
 
@@ -77,13 +78,15 @@ def simulate(
         event_from, event_to, event_velocity, all crossings of flank lines in the recorded
         periods. Scalars: final_state (component), the orbit summary described at
         `gearlib.sweep`, evaluations (of the right-hand side in the whole run), the scales to SI,
-        and status. When status is not 0, the run could not go
-        on: all results are NaN and ``status.attrs["message"]`` says what to do. With
-        `sensitivities` also ``d_<variable>_d_<parameter>``, exact derivatives of displacement,
-        velocity, acceleration, dynamic_force, final_state, the extrema, the fractions of time,
-        event_phase and event_velocity, also of body_motion; and sensitivity_status: 1 where the
-        motion grazes a flank line, with NaN for such an event, 2 where a start on a flank line has
-        one side only, 5 at a contact ratio of 1 or 2, with NaN for what jumps there.
+        and status. Where the motion has not settled at the end, it is followed on, for up to
+        twenty times its periods or 5000 more, to tell its period; ``followed`` says how long. When
+        status is not 0, the run could not go on: all results are NaN and
+        ``status.attrs["message"]`` says what to do. With `sensitivities` also
+        ``d_<variable>_d_<parameter>``, exact derivatives of displacement, velocity, acceleration,
+        dynamic_force, final_state, the extrema, the fractions of time, event_phase and
+        event_velocity, also of body_motion; and sensitivity_status: 1 where the motion grazes a
+        flank line, with NaN for such an event, 2 where a start on a flank line has one side only, 5
+        at a contact ratio of 1 or 2, with NaN for what jumps there.
 
     Raises
     ------
@@ -104,7 +107,7 @@ def simulate(
         along, propagator = derivatives.directions(pair, sensitivities), pair.propagator(tuning)
         start = propagator.start_tangents(pair.check_state(initial_state), along)
     asked = check_run(pair, periods, record_periods, initial_state, method, options, max_events)
-    ran = _run(pair, tuning, asked, samples_per_period, propagator)
+    ran = _run(pair, tuning, asked, samples_per_period, propagator, follow=True)
     recorded = asked.span.recorded
     first = (asked.span.periods - recorded) * samples_per_period
     data = {
@@ -117,6 +120,7 @@ def simulate(
         **pair.speed_scales(tuning),
         "tuning": tuning,
         "evaluations": ran.evaluations,
+        "followed": np.int32(ran.followed),
     }
     if propagator is not None:
         z, sizes = propagator.start(asked.state), (len(ran.samples), len(ran.events))
@@ -144,6 +148,7 @@ class Run(NamedTuple):
     status: int
     evaluations: int
     method: str
+    followed: int  #: mesh periods after which `period` is told
 
 
 def run(pair, tuning, samples_per_period, **asked):
@@ -154,16 +159,22 @@ def run(pair, tuning, samples_per_period, **asked):
     return _run(pair, tuning, check_run(pair, **asked), samples_per_period)
 
 
-def _run(pair, tuning, asked, samples_per_period, propagator=None):
-    """Run; `propagator`, where there is one already, is that of pair, tuning and method."""
+def _run(pair, tuning, asked, samples_per_period, propagator=None, follow=False):
+    """Run; `propagator`, where there is one already, is that of pair, tuning and method.
+
+    To `follow` the motion is to go on behind the run until its period is proven.
+    """
     samples_per_period = checks.integer("samples_per_period", samples_per_period, 1)
     record = empty_record(pair, asked.span.recorded * samples_per_period)
     samples, _, table = record
     arguments = record.over(asked.span)
+    if propagator is None and follow and asked.method in integrators.AUTOMATIC:
+        propagator = pair.propagator(tuning, asked.method, **asked.options)
     if propagator is None:
         done = asked.module.run(pair, tuning, asked.state, *arguments, **asked.options)
     else:
-        done = propagator.run(propagator.start(asked.state), *arguments)
+        z = propagator.start(asked.state)
+        done = propagator.run(z, *arguments)
     x, v, period, events, found, code, evaluations = done
     end = np.ravel([x, v])
     if code == status.OK and summary.reach(table) > pair.bound(tuning, asked.state):
@@ -172,7 +183,10 @@ def _run(pair, tuning, asked, samples_per_period, propagator=None):
         for array in (samples, table, end):
             array[...] = math.nan
         found = 0
-    return Run(samples, events[:found], table, end, period, code, evaluations, asked.method)
+    gone = asked.span.periods
+    if follow and propagator is not None and code == status.OK:
+        period, gone = followed(propagator, z, gone, period, asked.span.limit)
+    return Run(samples, events[:found], table, end, period, code, evaluations, asked.method, gone)
 
 
 def _time_course(pair, samples, code):

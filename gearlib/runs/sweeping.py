@@ -1,5 +1,6 @@
 """`sweep`: one gear pair over many tunings, the summary of each orbit."""
 
+import functools
 import os
 from concurrent.futures import ThreadPoolExecutor
 
@@ -8,7 +9,15 @@ import numpy as np
 from gearlib import checks
 from gearlib.data import summary
 from gearlib.data.result import result
-from gearlib.runs.run_arguments import MAX_EVENTS, Rows, check_either, check_run, check_tuning
+from gearlib.runs.run_arguments import (
+    MAX_EVENTS,
+    Rows,
+    allowed,
+    check_either,
+    check_run,
+    check_speed,
+    check_tuning,
+)
 
 DIRECTIONS = ("cold", "up", "down")
 #: Those in which a motion is carried from one tuning to the next.
@@ -69,10 +78,11 @@ def sweep(
         dynamic_force_max, dynamic_force_min, extrema of the closed forms (not of samples);
         fraction_normal, fraction_backlash, fraction_inverse, fraction_min_stiffness (in mesh at
         C_min), shares of time; bounces, losses of normal contact per mesh period; period, the
-        smallest n <= 16 for which the last n stroboscopic states repeat those of n periods
-        before within 1e-6 of the orbit's height (of a static deflection if that is larger), 0
-        if there is none, or the run is shorter than 2 n - 1 periods; with run-out n may also be
-        1 to 16 times the mesh periods after which that repeats; final_state (tuning, component);
+        mesh periods, up to 16, after which the orbit repeats on which the motion has settled: its
+        Floquet multipliers draw what is left of the transient onto it, clear of any grazing. 0
+        where that is not shown, `simulate` goes on until it is; with run-out period may also be
+        1 to 16 times the mesh periods after which that repeats. Methods for comparison compare
+        states, to 1e-6 of the orbit's height. final_state (tuning, component);
         status, with NaN in all other variables where it is not 0; the scales to SI.
 
     Raises
@@ -82,9 +92,10 @@ def sweep(
     """
     check_either(pair, "tunings", tunings, "speeds", speeds)
     if speeds is None:
-        tunings = _check_tunings("tunings", tunings)
+        tunings = _check_tunings("tunings", tunings, check_tuning)
     else:
-        tunings = pair.tuning_at(_check_tunings("speeds", speeds))
+        check = functools.partial(check_speed, pair)
+        tunings = pair.tuning_at(_check_tunings("speeds", speeds, check, pair.tuning_at))
     asked = check_run(pair, periods, record_periods, initial_state, method, options, max_events)
     checks.one_of("direction", direction, DIRECTIONS)
     if direction != "cold" and asked.method != "exact" and pair.size > 2:
@@ -129,8 +140,8 @@ def sweep(
     return result("Resonance characteristic of a gear mesh", pair, data, coords, **said)
 
 
-def _check_tunings(name, tunings):
-    """Return tunings, or speeds, as a float array, shape (n,)."""
+def _check_tunings(name, tunings, check, tuning_at=np.asarray):
+    """Return tunings, or speeds, as a float array, shape (n,); `check` refuses a single one."""
     try:
         values = np.atleast_1d(np.asarray(tunings))
     except ValueError:
@@ -139,11 +150,11 @@ def _check_tunings(name, tunings):
         raise ValueError(
             f"{name} = {tunings!r} is not allowed: it must be a non-empty sequence of numbers"
         )
-    if values.dtype.kind in "iuf" and np.isfinite(values).all() and (values > 0.0).all():
-        values = values.astype(float)
-    else:
+    if values.dtype.kind not in "iuf" or not allowed(tuning_at(values.astype(float))).all():
         # One after the other, to name the first that is not allowed.
-        values = np.array([check_tuning(f"{name}[{i}]", v) for i, v in enumerate(values.tolist())])
+        for i, value in enumerate(values.tolist()):
+            check(f"{name}[{i}]", value)
+    values = values.astype(float)
     unique, counts = np.unique(values, return_counts=True)
     if unique.size < values.size:
         twice = float(unique[counts > 1][0])

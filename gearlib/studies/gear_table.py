@@ -3,9 +3,12 @@
 import math
 from typing import NamedTuple
 
+from gearlib.models.geometry.drawn_parameters import torque_of
 from gearlib.models.geometry.drawn_stiffness import SOURCES, UNCERTAINTY
 from gearlib.models.pair import GearPair
 
+#: Mesh orders of the duty point that are told.
+_ORDERS = (1, 2, 3)
 GEARS = ("pinion", "wheel")
 METHODS = ("iso", "energy")
 
@@ -39,6 +42,26 @@ def compute(mesh, *, damping=None, options=None, **load):
             continue
         pairs[method] = pair.replace(**(damping or {}))
     return [*_of_gears(mesh), *_of_mesh(mesh, pairs["iso"]), *_of_stiffness(pairs)]
+
+
+def duty_rows(mesh, speed, *, damping=None, **load):
+    """Return the rows of the duty point at a speed in rpm; other arguments as of `compute`."""
+    # Here: the table without it does not load the kernels.
+    from gearlib.analysis.duty_point import duty_point
+
+    load["torque"] = torque_of(load.pop("torque", None), load.pop("power", None), speed)
+    pair = GearPair.from_geometry(mesh, **load).replace(**(damping or {}))
+    names = ("damping_ratio", "backlash_damping_ratio")
+    found = duty_point(mesh, speed, **load, **{name: getattr(pair, name) for name in names})
+    lengths = {"m": ("um", 1e6), "min-1": ("rpm", 1.0)}
+    for name, variable in found.data_vars.items():
+        unit, scale = lengths.get(variable.units, (variable.units, 1.0))
+        if variable.ndim:
+            values = {f"order {n}": scale * variable.values[n - 1] for n in _ORDERS}
+        else:
+            values = {"duty point": scale * variable.item()}
+        if name != "torque":
+            yield Quantity(name, unit, values, variable.long_name)
 
 
 def _of_gears(mesh):

@@ -16,7 +16,7 @@ from tests.geometry.drawings import fzg_c, high, ring, twenty
 
 TORQUE = 300.0
 OPTIONS = {"torque": TORQUE, "damping_ratio": 0.05, "backlash_damping_ratio": 0.01}
-FAR = 1.0  #: m of backlash, which no motion crosses
+FAR = 5e-3  #: m of backlash, which no motion crosses
 C = 3e8  #: N/m, of a pair of teeth where it is constant
 
 

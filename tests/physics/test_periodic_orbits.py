@@ -5,12 +5,15 @@ import math
 import numpy as np
 import pytest
 
-from gearlib import OneDegreePair, periodic_orbit, simulate
+from gearlib import GearPair, OneDegreePair, periodic_orbit, simulate
 from gearlib.analysis.orbits.shooting import NoOrbit
 from tests.paper import PAPER
 from tests.properties.known_models import EVERYTHING, gears
 
 DAMPED = PAPER.replace(material_damping=3953.7, backlash_damping=800.0)
+DOUBLED = GearPair.from_ratios(
+    contact_ratio=1.6, stiffness_ratio=0.6, damping=0.02, backlash=math.inf
+)
 
 
 def test_the_unstable_orbit_between_two_attractors():
@@ -44,6 +47,22 @@ def test_patterns():
     data = periodic_orbit(DAMPED, 0.9).dataset()
     assert data.stable == 1 and data.pattern.attrs["flag_meanings"]
     assert all("long_name" in data[name].attrs for name in data.data_vars)
+
+
+@pytest.mark.parametrize(
+    ("tuning", "guess", "asked", "least"),
+    [(0.7, None, 7, 1), (0.9, None, 4, 1), (1.7, (0.7, 0.9), 6, 2)],
+)
+def test_a_multiple_of_its_period_is_not_that_of_an_orbit(tuning, guess, asked, least):
+    pair = DOUBLED if least == 2 else DAMPED
+    found = periodic_orbit(pair, tuning, guess=guess, period=asked)
+    again = periodic_orbit(pair, tuning, guess=found.state, period=least)
+    assert found.period == again.period == least
+    np.testing.assert_allclose(found.multipliers, again.multipliers, rtol=0, atol=1e-9)
+    if least == 2:
+        # Beside it lies that of one period, which it is not.
+        once = periodic_orbit(pair, tuning, guess=found.state)
+        assert once.period == 1 and np.abs(once.state - found.state).max() > 1e-3
 
 
 def test_run_out_repeats_after_a_revolution():

@@ -30,7 +30,7 @@ def random_orbit(seed):
             orbit = gearlib.periodic_orbit(pair, tuning, guess=guess, period=int(period))
         except NoOrbit:
             continue
-        return _shortest(orbit)
+        return orbit
     return None
 
 
@@ -74,23 +74,8 @@ def random_other_orbit(seed):
             orbit = gearlib.periodic_orbit(model, tuning, guess=guess, period=int(period))
         except NoOrbit:
             continue
-        return _shortest(orbit)
+        return orbit
     return None
-
-
-def _shortest(orbit):
-    """Return the orbit with the fewest mesh periods after which it repeats."""
-    for part in range(1, orbit.period):
-        if orbit.period % part == 0:
-            try:
-                found = gearlib.periodic_orbit(
-                    orbit.pair, orbit.tuning, guess=orbit.state, period=part
-                )
-            except NoOrbit:
-                continue
-            if np.abs(found.state - orbit.state).max() < 1e-9:
-                return found
-    return orbit
 
 
 def extrema_apart(found, orbit):

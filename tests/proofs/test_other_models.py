@@ -122,6 +122,7 @@ def test_a_dead_zone_without_a_contact_in_the_first_period():
     once = gearlib.periodic_orbit(free, 0.8)
     assert gearlib.certify(once) and len(once.pattern) == 1
     for period in (2, 3):
-        twice = gearlib.periodic_orbit(free, 0.8, period=period)
+        assert gearlib.periodic_orbit(free, 0.8, period=period).period == 1
+        twice = replace(once, period=period)
         refused = gearlib.certify(twice)
         assert refused.status == "period" and "after 1 mesh period already" in refused.message

@@ -345,7 +345,7 @@ def test_slow_contacts_at_once_are_proven():
 
 def test_an_orbit_taken_twice_is_refused():
     once = found("idler")
-    twice = gearlib.periodic_orbit(once.pair, once.tuning, guess=once.state, period=2)
+    twice = replace(once, period=2, pattern=(*once.pattern, *once.pattern[1:]))
     words = "it repeats after 1 mesh period already, not after 2"
     assert gearlib.certify(twice).message == words
 

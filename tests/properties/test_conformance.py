@@ -15,6 +15,7 @@ from mpmath import mp, mpf
 
 import gearlib
 from gearlib import periodic_orbit, simulate
+from gearlib.analysis.orbits.shooting import multipliers_of, product
 from tests.properties.cases import CASES, random_trains_case
 from tests.properties.known_models import (
     CHAIN,
@@ -255,19 +256,24 @@ def test_orbits_multipliers_and_certificates(name):
 
 def _closes(model, tuning, orbit):
     """Assert that all runs beside a stable orbit settle on it, and what two repeats of it are."""
-    reduce, _ = model.reduction()
+    reduce, lift = model.reduction()
     if orbit.stable and (abs(orbit.multipliers) ** (2000 / orbit.period) < 1e-12).all():
         run = simulate(model, tuning, periods=2000, initial_state=tuple(orbit.state + 1e-6))
         assert int(run.period) in (1, orbit.period)
         if run.final_state.size == orbit.state.size:
             away = reduce @ (run.final_state.values - orbit.state)
             np.testing.assert_allclose(away, 0.0, rtol=0, atol=1e-9)
+    # Twice its period is none of its own.
     twice = periodic_orbit(model, tuning, guess=orbit.state, period=2 * orbit.period)
+    assert twice.period == orbit.period
+    np.testing.assert_allclose(reduce @ (twice.state - orbit.state), 0.0, rtol=0, atol=1e-9)
+    _, maps, _ = model.propagator(tuning).maps(orbit.state, 2 * orbit.period, 100_000)
+    multipliers = multipliers_of(product(reduce @ maps @ lift))
     # Of a cluster each moves by the root of rounding.
-    squares = [np.sort(np.abs(one)) for one in (twice.multipliers, orbit.multipliers**2)]
+    squares = [np.sort(np.abs(one)) for one in (multipliers, orbit.multipliers**2)]
     np.testing.assert_allclose(*squares, rtol=0, atol=1e-7)
     total = np.sum(orbit.multipliers**2)
-    assert twice.multipliers.sum() == pytest.approx(total, abs=1e-11 * max(1.0, abs(total)))
+    assert multipliers.sum() == pytest.approx(total, abs=1e-11 * max(1.0, abs(total)))
     if isinstance(model, gearlib.GearPair):
         # Liouville: the product is that of the time with each damping.
         one = simulate(model, tuning, periods=orbit.period, record_periods=orbit.period,

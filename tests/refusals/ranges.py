@@ -89,7 +89,7 @@ def said(allowed, text):
     """
     parts = re.split(r"pi / (\d)", allowed)
     pattern = "".join(r"(\d\.\d+)" if i % 2 else re.escape(one) for i, one in enumerate(parts))
-    end = "" if allowed.endswith(" of ") else r"( or a .*)?$"
+    end = "" if allowed.endswith(" of ") else r"( or a .*|; did you mean .*)?$"
     found = re.match(pattern + end.replace("(", "(?:"), text)
     wanted = [math.pi / int(one) for one in parts[1::2]]
     return found is not None and all(

@@ -86,7 +86,7 @@ def test_every_number_of_a_caption_is_its_configuration_s(name, given):
     settings = config.load(given).model_dump()
     # Methods are looked up by their names.
     kept = {key: settings[key]["methods"] for key in ("work_precision", "jump_by_method")}
-    settings = shifted(settings)
+    settings = shifted(settings) | {"gears": None}
     for key, methods in kept.items():
         settings[key]["methods"] = methods
     text = text_of(CAPTIONS[name], sections(settings))

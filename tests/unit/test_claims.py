@@ -159,8 +159,10 @@ def test_steady_is_what_draws_a_single_line():
 def test_both_readings_of_steady_are_printed(paper):
     planes = paper[1].copy(deep=True)
     one = {"damping": "none", "tuning": 0.6}
-    planes.period.loc[one] = 3  # repeats, though its loops lie apart
-    planes.displacement.loc[{"damping": "k1m", "tuning": 0.8}] = orbit(1.0, 1.1).displacement.values
+    # It repeats, though its loops lie apart; and a course that does not.
+    planes.displacement.loc[one] = orbit(1.0, 1.1, 1.2).displacement.values
+    away = {"damping": "k1m", "tuning": 0.8}
+    planes.displacement.loc[away] = orbit(*np.linspace(1.0, 1.1, 24)).displacement.values
     said = verdicts(claims.evaluate(PAPER, DAMPINGS, paper[0], planes, *paper[2:]))
     assert said["P9"] == "holds at plot resolution; strictly none at 0.60 repeats after 3 periods"
     # No longer a single line, and so unsteady in either reading.
@@ -318,7 +320,6 @@ def test_verdicts_follow_the_data(paper):
     resonance.displacement_min.loc[{"damping": "none", "tuning": slice(0.70, 0.72)}] = -1.0
     resonance.displacement_min.loc[{"damping": "k1", "tuning": slice(1.2, 1.3)}] = -1.0
     planes.displacement.loc[{"damping": "none", "tuning": 0.6}] = np.cos(planes.phase)
-    planes.period.loc[{"damping": "none", "tuning": 0.6}] = 1
     table = verdicts(
         claims.evaluate(PAPER, DAMPINGS, resonance, planes, lags((40.0, 41.0)), paper[3], shown)
     )

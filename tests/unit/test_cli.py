@@ -85,7 +85,7 @@ def test_orbit_and_trust_say_what_they_found(run):
     ):
         assert words + " ".join(f"{x:.{digits}g}" for x in numbers) + "\n" in done.output
     done = run("trust", *PAIR, "--tuning", "0.7", "--periods", "500")
-    assert done.exit_code == 0 and done.output.startswith("periodic: ")
+    assert done.exit_code == 0 and done.output.startswith("paper's pair\nperiodic: ")
 
 
 def test_of_many_numbers_of_an_orbit_the_first_are_printed(run, monkeypatch):
@@ -288,7 +288,7 @@ def test_what_a_train_is_without_a_run(run, reducer):
     done = run("modes", "--config", "train.yaml", "-o", "modes.nc")
     assert done.exit_code == 0, done.output
     xr.testing.assert_allclose(xr.load_dataset("modes.nc"), found)
-    for i, line in enumerate(done.output.splitlines()[1 : 1 + found.mode.size]):
+    for i, line in enumerate(done.output.splitlines()[2 : 2 + found.mode.size]):
         frequency, kind = found.natural_frequency.values[i], found.mode_kind.values[i]
         assert line.split() == [str(i), f"{frequency:.6g}", kind]
 
@@ -314,7 +314,7 @@ def test_what_a_train_is_without_a_run(run, reducer):
     critical = reducer.campbell(2)
     assert xr.load_dataset("campbell.nc").critical_speed.equals(critical.critical_speed)
     excited = np.sort(critical.critical_speed.values[critical.excites.values])
-    rows = [line.split() for line in done.output.splitlines()[1 : 1 + excited.size]]
+    rows = [line.split() for line in done.output.splitlines()[2 : 2 + excited.size]]
     np.testing.assert_allclose([float(row[0]) for row in rows], excited, rtol=1e-5)
     assert {row[-1] for row in rows} == {"rotational"}
 

@@ -208,9 +208,7 @@ def test_the_explorer_takes_drawn_gears():
     assert saved.gear_pair == settings.gear_pair
     machine = Machine(FZG, "k", "split_power_reducer")
     saved = load(yaml.safe_load(machine.configuration(machine.start)))
-    # The slider of the load has six digits.
-    expected = settings.gear_pair.model_copy(update={"load": 8927.27})
-    assert saved.gear_pair == expected
+    assert saved.gear_pair == settings.gear_pair
 
 
 def test_speeds_count_with_the_drawn_pair():

@@ -124,6 +124,7 @@ CALLS = {
     "bifurcation_diagram": lambda pair: bifurcation_diagram(pair, [NU], settle=2, strobes=4),
     "poincare_section": lambda pair: poincare_section(pair, NU, [(0.0, 0.0)], periods=2),
     "lyapunov_exponents": lambda pair: lyapunov_exponents(pair, [NU], settle=2, periods=20),
+    "duty_point": lambda pair: gearlib.duty_point(pair, 3000.0),
     "trust": lambda pair: trust(pair, NU, periods=200, exponent_periods=20),
     "periodic_orbit": lambda pair: orbit(pair).dataset(),
     "orbit_sensitivities": lambda pair: orbit_sensitivities(orbit(pair), ("tuning",)),
@@ -146,6 +147,7 @@ REFUSED = {
     "continue_orbit": NO_GEARS,
     "tongues": {"pairs of teeth", *NO_GEARS},
     "schmidt": {"pairs of teeth", "six degrees", "run-out", "train", *NO_GEARS},
+    "duty_point": NO_GEARS,
     "harmonic_balance": {"pairs of teeth", "six degrees", "run-out", "train", *NO_GEARS},
 }
 BRANCHES = {"fold_sensitivities", "switch_branch", "locus"}
@@ -162,9 +164,10 @@ def test_no_public_call_is_left_out():
         "Mesh",
         "Shaft",
     }
+    # `orders` takes a run, see test_orders.py.
     # Of proofs tests/proofs knows which models they take.
     proofs = {name for name in gearlib.__all__ if name.startswith("certify")}
-    assert set(CALLS) == set(gearlib.__all__) - models - parts - proofs - {"methods"}
+    assert set(CALLS) == set(gearlib.__all__) - models - parts - proofs - {"methods", "orders"}
 
 
 @pytest.mark.parametrize("model", MODELS)

@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from gearlib import GearPair, simulate
+from gearlib import GearPair, OneDegreePair, periodic_orbit, simulate, sweep
+from gearlib.geometry import Mesh, SpurGear
 from gearlib.kernels import orbit
 from gearlib.kernels.closed_form import recorded_arcs
 from gearlib.kernels.closed_form.event_by_event import ARC_COLUMNS, march_period
@@ -14,6 +15,8 @@ from gearlib.kernels.closed_form.pair_run import skip
 from gearlib.kernels.closed_form.settling import clear_of_grazing, sum_of_powers
 from gearlib.kernels.closed_form.whole_periods import new_work, set_mesh, set_start
 from gearlib.models.propagators.closed_form import ratios
+from tests.paper import PAPER
+from tests.properties.known_models import gears, pairs_as_train
 from tests.unit.test_whole_periods import LIMIT, bouncing_case, ratios_of, whole_periods
 
 PAIR = {"contact_ratio": 1.569, "stiffness_ratio": 0.5879, "backlash": 4.0}
@@ -191,3 +194,71 @@ def test_a_record_begins_on_the_orbit_or_goes_to_its_end():
         _, x, v, _ = whole_periods(m, 0.0, 0.0, periods)
         # A record of one repeat may begin 1e-13 from the orbit.
         np.testing.assert_allclose(one.final_state, (x, v), rtol=0, atol=4e-13)
+
+
+def own_gears(damping):
+    pinion, wheel = (SpurGear(teeth=z, module=2.5e-3, width=18e-3) for z in (23, 61))
+    drawing = Mesh(pinion, wheel, backlash=80e-6)
+    return GearPair.from_geometry(drawing, torque=85.0, damping_ratio=damping)
+
+
+def plain_period(pair, nu, state=(0.0, 0.0), periods=20_000):
+    """Return the period of the motion after many periods, none of which is left out."""
+    m = mesh(ratios(pair), nu)
+    _, x, v, _ = whole_periods(m, *state, periods)
+    strobes = [(x, v)]
+    for _ in range(2 * orbit.MAX_PERIOD):
+        _, x, v, _ = whole_periods(m, x, v, 1)
+        strobes.append((x, v))
+    return orbit.orbit_period(np.array(strobes), nu, 1.0)
+
+
+@pytest.mark.parametrize("damping", [0.01, 0.02, 0.03])
+def test_a_period_is_that_of_the_settled_motion(damping):
+    # After five revolutions many motions still alternate by more than 1e-6, and less per two.
+    pair, span = own_gears(damping), {"periods": 115, "record_periods": 23}
+    tunings = [0.66, *np.linspace(0.5, 1.4, 31)]
+    true = np.array([plain_period(pair, nu) for nu in tunings])
+    runs = [simulate(pair, nu, samples_per_period=1, **span) for nu in tunings]
+    told = np.array([int(run.period) for run in runs])
+    cheap = sweep(pair, tunings, **span).period.values
+    for found in (told, cheap):
+        assert ((found == true) | (found == 0)).all()
+    assert (told > 0).mean() > 0.95 and {int(run.followed) for run in runs} - {115}
+
+
+def test_what_never_settles_is_said_so():
+    # Without damping nothing draws a motion on; it is followed to the end.
+    run = simulate(GearPair.from_ratios(**PAIR), 0.6, periods=115)
+    assert int(run.period) == 0 and int(run.followed) == 20 * 115
+
+
+LIGHT = PAPER.replace(material_damping=600.0, backlash_damping=600.0)
+
+
+@pytest.mark.parametrize(
+    "model",
+    [
+        OneDegreePair(pair=LIGHT, cubic_damping=0.01),
+        gears(3e7, 600.0, 600.0),
+        pairs_as_train(LIGHT),
+    ],
+)
+def test_other_models_prove_their_period(model):
+    nu, span = 0.6, {"record_periods": 6 * model.repeats, "samples_per_period": 1}
+    short, long = (simulate(model, nu, periods=n * model.repeats, **span) for n in (60, 1500))
+    assert int(short.period) == int(long.period) > 0
+    assert 60 * model.repeats < int(short.followed) <= 20 * 60 * model.repeats
+    span.pop("samples_per_period")
+    assert int(sweep(model, [nu], periods=60 * model.repeats, **span).period[0]) == 0
+    assert int(sweep(model, [nu], periods=3000 * model.repeats, **span).period[0]) == short.period
+
+
+def test_an_orbit_that_draws_nothing_on_is_not_settled_on():
+    # From its own state the motion repeats, and goes away with the first disturbance.
+    for tuning, pair in ((0.7, PAPER), (1.95, PAPER.replace(material_damping=600.0))):
+        pair = OneDegreePair(pair=pair)
+        found = periodic_orbit(pair, tuning, guess=(1.0, 0.0))
+        assert np.abs(found.multipliers[0]) > 1.0 - 1e-6
+        run = simulate(pair, tuning, periods=8, initial_state=tuple(found.state))
+        assert int(run.period) == 0

@@ -4,17 +4,19 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from gearlib import simulate
+from gearlib import simulate, sweep
+from gearlib.data.growing import without_growth
 from gearlib.data.lost_contact import lost_share
 from gearlib.data.summary import in_words
 from gearlib.data.variables import describe
 from tests.paper import PAPER
+from tests.properties.known_models import pairs_as_train
 
 
 @pytest.mark.parametrize(
     ("period", "motion"),
     [
-        (0, "does not repeat within 16 mesh periods"),
+        (0, "has not settled after 40 mesh periods"),
         (1, "repeats every mesh period"),
         (2, "repeats every 2 mesh periods"),
         (16, "repeats every 16 mesh periods"),
@@ -45,3 +47,21 @@ def test_rounding_of_times_is_no_loss_of_contact():
 def test_a_variable_without_an_entry_is_named():
     with pytest.raises(KeyError, match="displacement_extra"):
         describe(xr.Dataset({"displacement_extra": 1.0}))
+
+
+STEEP = PAPER.replace(stiffness_ratio=0.2)
+
+
+@pytest.mark.parametrize("model", [STEEP, pairs_as_train(STEEP)])
+def test_curves_end_where_motions_grow(model):
+    # Without damping it grows in wide tongues, to some millions and beyond 1e8.
+    curve = sweep(model, np.linspace(0.5, 1.4, 60), periods=70, record_periods=1)
+    reach = np.abs(curve.displacement_max.values.reshape(60, -1)).max(axis=1)
+    assert np.nanmax(reach) > 1e4 * model.extent
+    grown = ~(reach <= 1e3 * model.extent)
+    shown = without_growth(curve, model.extent)
+    assert grown.any() and not grown.all() and np.nanmax(shown.displacement_max) < 1e4
+    for name in ("displacement_min", "dynamic_force_max", "final_state"):
+        gone = np.isnan(shown[name].values.reshape(60, -1)).all(axis=1)
+        np.testing.assert_array_equal(gone, grown)
+    assert shown.period.equals(curve.period) and shown.status.equals(curve.status)

@@ -75,7 +75,7 @@ def test_it_is_the_wheel_that_answers(gearlib, installed, tmp_path):
 
 def test_the_workflow_runs_from_the_wheel(gearlib, tmp_path):
     planned = gearlib("workflow", "-n", "paper")
-    assert "draw_resonance" in planned and "claims" in planned
+    assert "draw_resonance" in planned and "compute_claims" in planned
     gearlib("workflow", "-j1", "results/mesh_stiffness.nc")
     assert (tmp_path / "results/mesh_stiffness.nc").stat().st_size > 1000
     assert "Nothing to be done" in gearlib("workflow", "-j1", "results/mesh_stiffness.nc")

@@ -5,6 +5,8 @@ A new experiment is one row in `EXPERIMENTS`.
 
 from dataclasses import dataclass, field
 
+from gearlib.config.studies import STUDIES
+
 DAMPINGS = 4
 SCENES = 4
 
@@ -137,9 +139,14 @@ EXPERIMENTS = {
 }
 
 
+def rule_of(job):
+    """Return the name of the rule of a job: that of a target is the target itself."""
+    return f"compute_{job}" if job in STUDIES else job
+
+
 def union(tables):
     """Return tables of jobs as one; of a rule that is in several the last number counts."""
-    return {rule: count for table in tables for rule, count in table.items()}
+    return {rule_of(job): count for table in tables for job, count in table.items()}
 
 
 def drawn(*names):

@@ -19,7 +19,7 @@ def test_a_case_of_the_gallery_is_planned(tmp_path):
         "fzg_c_sweep_window": 3,
         "fzg_c_gather_resonance": 1,
         "planetary_compile_train_kernels": 1,
-        "planetary_train_sweep": 1,
+        "planetary_compute_train_sweep": 1,
     }
 
 

@@ -64,7 +64,7 @@ def test_a_new_study_is_two_files_and_a_record(tmp_path):
     with (project / "gearlib/config/studies/explained.py").open("a", encoding="utf-8") as file:
         file.write(SECTION + record)
     project.configure(lambda settings: settings.update(targets=["load_study"]))
-    computed = {"load_study": 1, "load_study_table": 1}
+    computed = {"compute_load_study": 1, "load_study_table": 1}
     assert project.jobs("-j2") == {"compile_kernels": 1, "draw_load_study": 1, **computed}
     assert len((project / "results/load_study.csv").read_text().splitlines()) == 3
     assert (project / "results/figures/load_study.png").stat().st_size > 1000

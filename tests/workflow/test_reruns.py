@@ -121,7 +121,7 @@ def test_a_raised_stop_leaves_the_computed_windows(project):
         "gather_resonance": 1,
         "draw_resonance": 1,
         "draw_report_page": 1,
-        "claims": 1,
+        "compute_claims": 1,
     }
 
 
@@ -203,7 +203,7 @@ def test_fig_3_alone_computes_its_sweeps_only(tmp_path):
     assert project.planned() == alone
     beside = ["labels", "branches", "parametric_resonance"]
     project.configure(lambda settings: settings["targets"].extend(beside))
-    shown = {"label": DAMPINGS, "branches": DAMPINGS, "tongues": 1}
+    shown = {"label": DAMPINGS, "compute_branches": DAMPINGS, "tongues": 1}
     assert project.planned("results/figures/fig3_resonance.png") == alone | shown
 
 
@@ -211,13 +211,15 @@ def test_a_file_and_a_key_on_the_command_line(project):
     (project / "mine.yaml").write_text("phase_planes: {tunings: [0.9]}\n", encoding="utf-8")
     key = "phase_lag={periods: 110}"
     planned = project.planned("--configfile", "mine.yaml", "--config", key)
-    assert (planned["phase_plane"], planned["phase_lag"]) == (DAMPINGS, 1)
+    assert (planned["phase_plane"], planned["compute_phase_lag"]) == (DAMPINGS, 1)
 
 
 def test_the_paper_alone(tmp_path):
     planned = small_project(tmp_path / "project").planned("paper")
-    assert {"draw_phase_lag", "draw_resonance", "draw_scene", "draw_jump", "claims"} <= set(planned)
-    assert not {"basins", "work_precision_errors", "draw_branches"} & set(planned)
+    assert {"draw_phase_lag", "draw_resonance", "draw_scene", "draw_jump", "compute_claims"} <= set(
+        planned
+    )
+    assert not {"compute_basins", "work_precision_errors", "draw_branches"} & set(planned)
 
 
 def test_cases_side_by_side(tmp_path):
@@ -225,7 +227,7 @@ def test_cases_side_by_side(tmp_path):
     cases = {"light": {"gear_pair": {"load": "1 kN"}}, "heavy": {"gear_pair": {"load": "6 kN"}}}
     project.configure(lambda settings: settings.update(targets=["phase_lag"], cases=cases))
     project.configure(lambda settings: settings["phase_lag"].pop("material_dampings"))
-    parts = ("compile_kernels", "phase_lag", "draw_phase_lag")
+    parts = ("compile_kernels", "compute_phase_lag", "draw_phase_lag")
     both = {f"{case}_{rule}": 1 for case in cases for rule in parts}
     assert project.jobs("-j2") == both
     light, heavy = (storage.read(project / f"results/{case}/phase_lag.nc") for case in cases)
@@ -235,7 +237,7 @@ def test_cases_side_by_side(tmp_path):
     project.snakemake("--report", "report.html")
     assert "3953.7, 39.537" in (project / "report.html").read_text(encoding="utf-8")
     project.configure(lambda settings: settings["cases"]["light"]["gear_pair"].update(load="2 kN"))
-    assert project.planned() == {"light_phase_lag": 1, "light_draw_phase_lag": 1}
+    assert project.planned() == {"light_compute_phase_lag": 1, "light_draw_phase_lag": 1}
     assert (project / "results/light/provenance.json").exists()
 
 
@@ -265,3 +267,33 @@ def test_the_library_beside_the_snakefile_is_used(project):
     project.snakemake("-j2", "results/phase_planes.nc")
     printed = (project / "results/logs/gather_phase_planes.log").read_text(encoding="utf-8")
     assert str(project / "gearlib/data/gathering.py") in printed
+
+
+def test_other_gears_have_a_folder_of_their_own(tmp_path):
+    project = small_project(tmp_path / "project")
+    own = {"gear_pair": {"max_stiffness": 3e8}, "targets": ["phase_lag"]}
+    mine = project / "mine.yaml"
+    mine.write_text(yaml.safe_dump(own), encoding="utf-8")
+    arguments = ("--configfile", "mine.yaml")
+    # Every name of `targets` is a target.
+    project.snakemake("-j2", "phase_lag", *arguments)
+    assert (project / "results/mine/figures/fig2_phase_shift.png").exists()
+    assert [path.name for path in (project / "results").iterdir()] == ["mine"]
+    assert project.planned(*arguments) == {}
+    # Another load is no other machine, another stiffness is.
+    mine.write_text(yaml.safe_dump(own | {"gear_pair": {"max_stiffness": 3e8, "load": 1e3}}))
+    assert project.planned(*arguments) == {"compute_phase_lag": 1, "draw_phase_lag": 1}
+    mine.write_text(yaml.safe_dump(own | {"gear_pair": {"max_stiffness": 2e8}}))
+    printed = project.snakemake("-j2", *arguments, succeed=False)
+    assert "results/mine/ holds what was computed for the gear pair C_max 3e+08 N/m" in printed
+    mine.write_text(yaml.safe_dump(own | {"project": "softer"}))
+    assert "results/softer/phase_lag.nc" in project.snakemake("-n", *arguments)
+    mine.write_text(yaml.safe_dump(own | {"project": "figures"}))
+    assert "project = 'figures' is not allowed" in project.snakemake(
+        "-n", *arguments, succeed=False
+    )
+
+
+def test_a_name_that_is_no_target(project):
+    printed = project.snakemake("-n", "resonances", succeed=False)
+    assert "No rule to produce resonances" in printed

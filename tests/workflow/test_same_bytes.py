@@ -25,12 +25,12 @@ STAGES = (
 )
 JOBS = {
     "compile_train_kernels": 1,
-    "train_chart": 1,
+    "compute_train_chart": 1,
     "phase_plane": 1,
     "gather_phase_planes": 1,
     "draw_phase_planes": 1,
     "jump_by_method_table": 1,
-    "claims": 1,
+    "compute_claims": 1,
     "draw_report_page": 1,
 }
 
@@ -71,7 +71,7 @@ def test_every_job_ran_under_the_settings(records):
 def test_without_the_settings_bytes_differ(name, first_run, project, tmp_path):
     (project / SENSITIVE).unlink()
     with same_bytes.recorded(tmp_path / "records", same_bytes.unset()[name], settings=False):
-        assert project.jobs("-j1", SENSITIVE) == {"train_chart": 1}
+        assert project.jobs("-j1", SENSITIVE) == {"compute_train_chart": 1}
     found = same_bytes.differing(first_run[0].results(), project.results())
     assert found == [SENSITIVE]
     (job,) = same_bytes.read(tmp_path / "records")

@@ -63,7 +63,7 @@ def job(run, monkeypatch):
 def test_without_flint_nothing_is_proven(job, tmp_path):
     path = tmp_path / "certificates.json"
     # Neither branches nor what is asked of them.
-    given = {"params": SimpleNamespace(flint=False)}
+    given = {"params": SimpleNamespace(flint=False, gears="paper's pair")}
     given["output"] = SimpleNamespace(
         json=path, csv=tmp_path / "certificates.csv", page=tmp_path / "certificates.html"
     )

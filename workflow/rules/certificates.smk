@@ -1,7 +1,7 @@
 """What is proven of the orbits, in ball arithmetic, as a file that a second program can check and as a table."""
 
 
-use rule job as certificates with:
+use rule job as compute_certificates with:
     pathvars:
         job="certificates",
     input:
@@ -14,6 +14,7 @@ use rule job as certificates with:
         page=page_of("certificates"),
     params:
         script="certificates",
+        gears=STUDIES["certificates"].gears(CONFIG),
         # Without python-flint nothing is proven, and the file is an empty list.
         flint=find_spec("flint") is not None,
         pairs=canonical(pairs_of(CONFIG)),

@@ -1,7 +1,7 @@
 """Claims: the paper's statements against the computed data."""
 
 
-use rule job as claims with:
+use rule job as compute_claims with:
     pathvars:
         job="claims",
     input:
@@ -17,5 +17,6 @@ use rule job as claims with:
         markdown="results/claims.md",
     params:
         script="claims",
+        gears=STUDIES["claims"].gears(CONFIG),
         pair=canonical(CONFIG.gear_pair.model_dump()),
         dampings=canonical(CONFIG.model_dump()["dampings"]),

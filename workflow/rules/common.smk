@@ -156,16 +156,27 @@ def target_files(targets):
     return found
 
 
+def files_asked_by_name(study):
+    """Return the files of a study; where it cannot be about these gears, what says so if asked."""
+    words = study.refusal(CONFIG)
+
+    def refuse(wildcards):
+        raise WorkflowError(f"The configuration is refused.\n{words}, for the target {study.name}")
+
+    return refuse if words else target_files([study.name])
+
+
 def captions():
     """Return the captions of all figures and tables, by their names, for the report."""
     found = {"figures": {}, "tables": {}}
     for study in STUDIES.values():
+        gears = f"Gears: {study.gears(CONFIG)}."
         for table in study.tables:
-            found["tables"][table.name] = text_of(table.caption, CONFIG)
+            found["tables"][table.name] = f"{text_of(table.caption, CONFIG)} {gears}"
         for drawing in study.drawings:
             wildcards = drawing.names(CONFIG)
             for name, (_, caption) in drawing.figures.items():
-                text = text_of(caption, CONFIG)
+                text = f"{text_of(caption, CONFIG)} {gears}"
                 found["figures"][name] = text
                 for wildcard, values in wildcards.items():
                     for value in values:

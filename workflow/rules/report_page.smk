@@ -12,4 +12,5 @@ use rule job as draw_report_page with:
         page="results/report/index.html",
     params:
         script="draw_report_page",
+        gears=STUDIES["report_page"].gears(CONFIG),
         colours=canonical(CONFIG.figures.colours),

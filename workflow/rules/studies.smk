@@ -24,7 +24,8 @@ for job in [job for study in STUDIES.values() for job in study.jobs]:
 
     rule:
         name:
-            job.name
+            # The target has its name.
+            f"compute_{job.name}" if job.name in STUDIES else job.name
         input:
             **inputs_of(job.data),
             **{name: f"results/{name}.sha256" for name in job.kernels},
@@ -68,6 +69,7 @@ for study, table in [
         params:
             function=path_of(table.function),
             settings=canonical(table.settings(CONFIG)),
+            gears=study.gears(CONFIG),
         conda:
             "../envs/gearlib.yaml"
         script:
@@ -97,6 +99,7 @@ for study, drawing in [(study, one) for study in STUDIES.values() for one in stu
             f"results/benchmarks/{log}.tsv"
         params:
             draw=drawing.function,
+            gears=study.gears(CONFIG),
             settings=canonical(drawing.settings(CONFIG)),
             absent=drawing.absent(CONFIG),
             dpi=CONFIG.figures.dpi,
@@ -104,3 +107,12 @@ for study, drawing in [(study, one) for study in STUDIES.values() for one in stu
             "../envs/gearlib.yaml"
         script:
             "../scripts/draw.py"
+
+
+for study in STUDIES.values():
+
+    rule:
+        name:
+            study.name
+        input:
+            files_asked_by_name(study),

@@ -21,4 +21,4 @@ if __name__ == "__main__":
         print("python-flint is not installed: nothing is proven")
     certificates.write_json(rows, snakemake.output.json)
     write_table(certificate_table.rows(rows), snakemake.output.csv)
-    tables.write_table_page(snakemake.output.csv, snakemake.output.page)
+    tables.write_table_page(snakemake.output.csv, snakemake.output.page, given.gears)

@@ -22,4 +22,4 @@ if __name__ == "__main__":
     )
     write_table(claims.rows(table), snakemake.output.csv)
     claims.write_markdown(table, snakemake.output.markdown)
-    tables.write_table_page(snakemake.output.csv, snakemake.output.page)
+    tables.write_table_page(snakemake.output.csv, snakemake.output.page, snakemake.params.gears)

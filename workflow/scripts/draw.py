@@ -11,9 +11,11 @@ if __name__ == "__main__":
     redirect_output(snakemake.log[0])
     draw = resolve_name(f"gearlib.figures.{snakemake.params.draw}")
     drawn = draw(**datasets(snakemake.input), **snakemake.params.settings)
-    for path in map(Path, snakemake.output):
-        # A rule with several figures has a function that returns them by their names.
-        figure = drawn[path.stem] if isinstance(drawn, dict) else drawn
+    # A rule with several figures has a function that returns them by their names.
+    several = isinstance(drawn, dict)
+    for figure in drawn.values() if several else [drawn]:
+        style.name_gears(figure, snakemake.params.gears)
         style.note_absent(figure, snakemake.params.absent)
         figure.set_dpi(snakemake.params.dpi)
-        style.save(figure, path)
+    for path in map(Path, snakemake.output):
+        style.save(drawn[path.stem] if several else drawn, path)

@@ -11,6 +11,7 @@ if __name__ == "__main__":
         storage.read(snakemake.input.resonance),
         storage.read(snakemake.input.orbits),
         snakemake.params.colours,
+        snakemake.params.gears,
     )
     with replacing(snakemake.output.page) as temporary:
         temporary.write_text(text, encoding="utf-8")

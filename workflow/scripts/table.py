@@ -13,4 +13,4 @@ if __name__ == "__main__":
     write_table(
         rows(**datasets(snakemake.input), **snakemake.params.settings), snakemake.output.csv
     )
-    tables.write_table_page(snakemake.output.csv, snakemake.output.page)
+    tables.write_table_page(snakemake.output.csv, snakemake.output.page, snakemake.params.gears)

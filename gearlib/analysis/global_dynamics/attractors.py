@@ -127,19 +127,13 @@ def _at(strobe, state, seen):
 
 
 def attractor_of(strobe, orbit):
-    """Return the attractor of a stable orbit, of its shortest period, and its trapping ellipses."""
+    """Return the attractor of a stable orbit, and its trapping ellipses."""
     points = [orbit.state]
     for _ in range(orbit.period // strobe.cycle - 1):
         points.append(strobe(points[-1][None], 1)[0][0])
     points = np.array(points)
     seen = strobe.seen(points)
     size = max(1.0, np.abs(seen).max())
-    for n in range(1, len(points)):
-        if len(points) % n == 0 and np.abs(seen[n] - seen[0]).max() < SAME * size:
-            shorter = periodic_orbit(
-                strobe.pair, strobe.tuning, guess=orbit.state, period=n * strobe.cycle
-            )
-            return attractor_of(strobe, shorter)
     _, summary, _ = strobe.propagator.record(orbit.state, orbit.period, strobe.max_events)
     rate = float(np.log(np.abs(orbit.multipliers).max())) / orbit.period
     return Attractor(

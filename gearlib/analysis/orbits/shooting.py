@@ -32,6 +32,9 @@ _MAX_NEWTON, _MAX_HALVINGS = 60, 12
 _LONGEST = 32
 #: Rounding of a multiplier on the unit circle: that of a double one, the root of a map's.
 _NEUTRAL = 1e-7
+#: Points of an orbit this close are perhaps one, and are one if the orbit of the shorter period is
+#: as close as the second says. Units as of `RESIDUAL`.
+_ONE_POINT, _SAME_ORBIT = 1e-6, 1e-9
 #: An orbit this close to a flank line, in shares of its height, touches it.
 _TOUCH = 1e-9
 
@@ -46,7 +49,7 @@ class Orbit:
 
     pair: object  #: the model
     tuning: float
-    period: int  #: mesh periods
+    period: int  #: mesh periods, the least after which it repeats
     state: np.ndarray  #: at tau = 0, shape (n,), as of `Propagator.start`
     residual: float  #: largest difference of the states at start and end
     multipliers: np.ndarray  #: Floquet multipliers of the n periods, complex, largest first
@@ -90,7 +93,8 @@ def periodic_orbit(pair, tuning, *, guess=None, period=1, max_events=MAX_EVENTS)
         Displacement and dx/dtau at tau = 0, or a full state; by default where the motion from
         rest is after 400 mesh periods.
     period : int, default 1
-        Mesh periods after which the orbit repeats; with run-out a multiple of its own.
+        Mesh periods after which the orbit repeats, or a multiple of them; with run-out a multiple
+        of its own. What is returned has its least period.
     max_events : int
         As of `gearlib.simulate`.
 
@@ -165,6 +169,17 @@ def periodic_orbit(pair, tuning, *, guess=None, period=1, max_events=MAX_EVENTS)
             f"no orbit of period {period} was found near the guess at tuning = {tuning!r}, the "
             f"best residual is {size:.2g}: guess closer, or another period"
         )
+    for part in (n for n in range(repeats, period, repeats) if period % n == 0):
+        end, _, code = propagator.maps(z[0], part, max_events)
+        if code != status.OK or size_of(reduce @ (end - z[0]), z[0], tuning) > _ONE_POINT:
+            continue
+        try:
+            least = periodic_orbit(pair, tuning, guess=z[0], period=part, max_events=max_events)
+        except NoOrbit:
+            continue
+        # Beside a doubling the orbit of half the period is another one.
+        if size_of(reduce @ (least.state - z[0]), z[0], tuning) <= _SAME_ORBIT:
+            return least
     multipliers = multipliers_of(product(np.array(maps)))
     pattern, grazing = contacts(pair, tuning, z[0], period, max_events)
     return Orbit(pair, tuning, period, z[0], float(size), multipliers, pattern, grazing)

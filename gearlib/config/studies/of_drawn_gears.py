@@ -1,17 +1,74 @@
 """Studies of drawn gears: mesh stiffness, what its rectangle costs, dynamic factor, tip relief."""
 
+from gearlib.config import gear_names
 from gearlib.config.dynamic_factor_section import DynamicFactor
 from gearlib.config.relief_section import HarrisMap, ReliefDynamics
-from gearlib.config.stiffness_section import MeshStiffness, Rectangle
+from gearlib.config.stiffness_section import MeshStiffness, PublishedPair, Rectangle
 from gearlib.config.studies.study import DRAWN, GRID, Drawing, Job, Study, Table, grid_of, without
+
+#: Section -> its key of drawn gears.
+_KEYS = {"mesh_stiffness": "pairs", "dynamic_factor": "pair", "harris_map": "gears"}
+
+
+def _takes_own(c, section):
+    """Return whether a section is about the gears of the configuration: it names no others."""
+    return c.gears is not None and _KEYS[section] not in getattr(c, section).model_fields_set
+
+
+def drawn(c, section):
+    """Return name -> `PublishedPair` of a section: its gears, else those of the configuration."""
+    if not _takes_own(c, section):
+        given = getattr(getattr(c, section), _KEYS[section])
+        return given if section == "mesh_stiffness" else {section: given}
+    own = {"pinion": c.gears.pinion, "wheel": c.gears.wheel}
+    name = f"z{own['pinion'].teeth}-{own['wheel'].teeth}"
+    if section == "harris_map":
+        # The map is that of the reliefs it finds.
+        own = {key: gear.model_copy(update={"tip_relief": None}) for key, gear in own.items()}
+    more = {key: getattr(c.gears, key) for key in ("centre_distance", "backlash")}
+    return {name: PublishedPair.unchecked(**own, **more, torque=c.gears.driving_torque())}
+
+
+def _one(c, section):
+    return next(iter(drawn(c, section).values()))
+
+
+def _written(pair):
+    """Return a pair as plain values, without what others publish."""
+    return pair.model_dump(exclude={"published"})
+
+
+def _names(section):
+    """Return the function of the configuration that names the gears of a section."""
+    return lambda c: " and ".join(
+        dict.fromkeys(map(gear_names.of_drawing, drawn(c, section).values()))
+    )
+
+
+def _refusal(section):
+    """Return the function of the configuration that says why a section cannot take its gears."""
+
+    def refusal(c):
+        if _takes_own(c, section):
+            try:
+                getattr(c, section).check_gears("gears", _one(c, section))
+            except ValueError as error:
+                return str(error)
+        return ""
+
+    return refusal
+
+
+def _about(section):
+    return {"gears": _names(section), "refusal": _refusal(section)}
 
 
 def _pairs(c):
-    return c.mesh_stiffness.model_dump()["pairs"]
+    return {name: pair.model_dump() for name, pair in drawn(c, "mesh_stiffness").items()}
 
 
 def _qualities(c):
-    pair = c.dynamic_factor.pair
+    pair = _one(c, "dynamic_factor")
     return f"{pair.pinion.quality} and {pair.wheel.quality}"
 
 
@@ -39,13 +96,14 @@ MESH_STIFFNESS = Study(
         "mesh_stiffness",
         "Mesh stiffness by every method",
         lambda c: (
-            f"""Mesh stiffness of {" and ".join(c.mesh_stiffness.pairs)} over the mesh
+            f"""Mesh stiffness of {" and ".join(drawn(c, "mesh_stiffness"))} over the mesh
         period: after the ISO standard, method B, and by the energy method, with one body
         that yields to all pairs of teeth, with a body for each pair, and with a contact
         that softens at low load. Bands: the stated uncertainty of both methods. Right: the
         means; crosses: published ones."""
         ),
     ),
+    **_about("mesh_stiffness"),
 )
 
 RECTANGLE = Study(
@@ -87,6 +145,7 @@ RECTANGLE = Study(
         below the spread is smaller than the uncertainty of the stiffness. Relative differences;
         of contact loss and of motions of another period those of shares.""",
     ),
+    **_about("mesh_stiffness"),
 )
 
 DYNAMIC_FACTOR = Study(
@@ -97,7 +156,7 @@ DYNAMIC_FACTOR = Study(
         "dynamic_factor",
         "dynamic_factor:compute",
         lambda c: {
-            "pair": c.dynamic_factor.model_dump()["pair"],
+            "pair": _written(_one(c, "dynamic_factor")),
             "ratios": grid_of(c.dynamic_factor),
             "settings": without(c.dynamic_factor, "pair", *GRID),
         },
@@ -109,8 +168,8 @@ DYNAMIC_FACTOR = Study(
         "Dynamic factor of drawn gears, beside ISO 6336-1",
         lambda c: (
             f"""Largest mesh force of two drawn gears over the static one, teeth
-        {c.dynamic_factor.pair.pinion.teeth} and {c.dynamic_factor.pair.wheel.teeth},
-        {c.dynamic_factor.pair.torque} N m on the pinion, damping ratio
+        {_one(c, "dynamic_factor").pinion.teeth} and {_one(c, "dynamic_factor").wheel.teeth},
+        {_one(c, "dynamic_factor").torque} N m on the pinion, damping ratio
         {c.dynamic_factor.damping_ratio}: exact sweeps with speed up and down, beside the
         dynamic factor of ISO 6336-1, method B. Two ways to find the mesh stiffness. Perfect
         teeth, and teeth that deviate once in a mesh period by a cosine as high as the
@@ -118,6 +177,7 @@ DYNAMIC_FACTOR = Study(
         strips: contact is lost."""
         ),
     ),
+    **_about("dynamic_factor"),
 )
 
 HARRIS_MAP = Study(
@@ -128,7 +188,7 @@ HARRIS_MAP = Study(
         "harris_map",
         "tip_relief:harris_map",
         lambda c: (
-            {"gears": c.harris_map.gears.model_dump()}
+            {"gears": _written(_one(c, "harris_map"))}
             | c.harris_map.model_dump(include={"loads", "stiffness", "phases"})
         ),
         kernels=(),
@@ -138,14 +198,17 @@ HARRIS_MAP = Study(
         {"data": "harris_map.nc"},
         "harris_map",
         "Tip relief: Harris maps",
-        """Harris maps: the static transmission error of drawn spur gears over two mesh periods,
-        at several loads, written over the design load of {c.harris_map.gears.torque} N m
-        (thick). Long relief begins where single contact ends and has the amounts of least
+        lambda c: (
+            f"""Harris maps: the static transmission error of drawn spur gears over two mesh
+        periods, at several loads, written over the design load of {_one(c, "harris_map").torque}
+        N m (thick). Long relief begins where single contact ends and has the amounts of least
         peak-to-peak error at the design load; short relief has the same amounts on half of the
         length. Below: peak-to-peak error, and the effective contact ratio, the mean number of
         pairs of teeth that touch. No relief removes the variation of the error within single
-        contact.""",
+        contact."""
+        ),
     ),
+    **_about("harris_map"),
 )
 
 RELIEF_DYNAMICS = Study(
@@ -157,7 +220,7 @@ RELIEF_DYNAMICS = Study(
         "relief_dynamics",
         "tip_relief:dynamics",
         lambda c: {
-            "gears": c.harris_map.gears.model_dump(),
+            "gears": _written(_one(c, "harris_map")),
             "stiffness": c.harris_map.stiffness,
             "tunings": grid_of(c.relief_dynamics),
             "settings": without(c.relief_dynamics, *GRID),
@@ -176,4 +239,5 @@ RELIEF_DYNAMICS = Study(
         suffices where the largest dynamic forces differ by at most
         {c.relief_dynamics.tolerance} of the force at all tunings.""",
     ),
+    **_about("harris_map"),
 )

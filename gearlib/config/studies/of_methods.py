@@ -202,6 +202,7 @@ FAILURES = Study(
         digits: the smallest errors are its own. Silently wrong: far off, without a word.""",
         absent=_untried,
     ),
+    gears=lambda c: "paper's pair and others, in problems of its own",
 )
 
 WORK_PRECISION = Study(

@@ -1,5 +1,6 @@
 """Studies of gear trains: the reducer, what stands for it, planetary trains, a train over speed."""
 
+from gearlib.config import gear_names
 from gearlib.config.planetary import SymmetryBreaking, TrainChart
 from gearlib.config.reducer_section import Campbell, OneMesh, Reducer
 from gearlib.config.studies.study import (
@@ -24,6 +25,10 @@ _TRAIN = ("train_kernels",)
 def _displaced(c):
     """Return the displacement of a satellite in words."""
     return " m radially, ".join(map(str, c.reducer.pin_error)) + " m tangentially"
+
+
+def _planetary(c):
+    return gear_names.of_planetary(c.planetary)
 
 
 def _pair(c):
@@ -74,6 +79,7 @@ REDUCER = Study(
         {c.reducer.record_periods} of {c.reducer.periods} mesh periods."""
         ),
     ),
+    gears=gear_names.of_reducer,
 )
 
 ONE_MESH = Study(
@@ -135,6 +141,7 @@ ONE_MESH = Study(
         {c.one_mesh.soft_support} N/m in place of {c.reducer.support_stiffness} N/m."""
         ),
     ),
+    gears=gear_names.of_reducer,
 )
 
 CAMPBELL = Study(
@@ -173,6 +180,7 @@ CAMPBELL = Study(
         mesh frequency: a mesh of it loses contact in an exact sweep, from all starts, or
         carried with speed up or down.""",
     ),
+    gears=gear_names.of_reducer,
 )
 
 TRAIN_CHART = Study(
@@ -201,6 +209,7 @@ TRAIN_CHART = Study(
         stable. Bottom: the share of the unstable range that the first order misses, and the
         share of its tongues that is stable.""",
     ),
+    gears=_planetary,
 )
 
 SYMMETRY_BREAKING = Study(
@@ -234,6 +243,7 @@ SYMMETRY_BREAKING = Study(
         {c.symmetry_breaking.shown_after} mesh periods after the first start.""",
         lambda c: c.symmetry_breaking.model_dump(include={"periods_shown"}),
     ),
+    gears=_planetary,
 )
 
 TRAIN_SWEEP = Study(
@@ -268,4 +278,5 @@ TRAIN_SWEEP = Study(
     ),
     # By default the train is the reducer, which has a target.
     unasked=False,
+    gears=gear_names.of_train,
 )

@@ -3,6 +3,7 @@
 import re
 
 from gearlib import tunings
+from gearlib.config import gear_names
 from gearlib.config.experiments import PhaseLag, PhasePlanes, ReportPage, Resonance
 from gearlib.config.studies.study import (
     CLAIMS,
@@ -27,6 +28,11 @@ WHY = ["parametric_resonance.csv", "certificates.csv"]
 
 def _colours(c):
     return {"colours": c.figures.colours}
+
+
+def _of_resonance(c):
+    # The paper's picture has no forces.
+    return _colours(c) | ({} if gear_names.is_paper(c) else {"forces": True})
 
 
 def _windows(c):
@@ -54,11 +60,15 @@ def _resonance_caption(c):
     targets, run = c.targets, c.run
     parts = [
         f"""Largest and smallest relative displacement over the tuning ν for {listed(c.dampings)},
-        record of the last {run.recorded_revolutions} of {run.revolutions} revolutions. Shaded:
+        record of the last {run.recorded_revolutions} of {run.revolutions} revolutions. The tuning
+        is the mesh frequency over the eigenfrequency at mean stiffness, for ν_max and ν_min at the
+        largest and the smallest one. Shaded, where in view:
         normal mesh, backlash, inverse mesh. Lines are periodic orbits, dots are motions that do not
         repeat. *cold*, from rest: every tuning starts from the initial state; *up*, *down*: the
         state is carried from tuning to tuning, which shows hysteresis."""
     ]
+    if not gear_names.is_paper(c):
+        parts.append("Below: the largest mesh force, over the load and in kN.")
     if "branches" in targets:
         parts.append(
             """Thin lines below: orbits of one mesh period, and of two where they branch off, solid
@@ -90,6 +100,12 @@ def cases_of(c):
         {"title": case.title, "tuning": case.tuning, "pair": c.case_parameters(case)}
         for case in c.scenes[wildcards.scene].cases
     ]
+
+
+def _without_scenes(c):
+    """Return what is wrong where scenes of other gears than the paper's are asked for: none are."""
+    needed = "scenes = {} is not allowed: the paper's suit its pair only, it must have at least one"
+    return needed if c.gears and not c.scenes else ""
 
 
 PHASE_LAG = Study(
@@ -156,7 +172,7 @@ RESONANCE = Study(
         "fig3_resonance",
         "Fig. 3: resonance characteristics, all dampings",
         _resonance_caption,
-        _colours,
+        _of_resonance,
     ),
 )
 
@@ -230,6 +246,7 @@ SCENES = Study(
         name="scene",
         names=lambda c: {"scene": list(c.scenes)},
     ),
+    refusal=_without_scenes,
 )
 
 STATEMENTS = Study(

@@ -11,6 +11,7 @@ from importlib.util import find_spec
 from typing import NamedTuple
 
 from gearlib import tunings
+from gearlib.config import gear_names
 from gearlib.config.trials import PEERS
 
 #: The parts of the report, numbered because its menu is in the order of the alphabet.
@@ -85,7 +86,9 @@ class Study:
 
     `part` is that of the report, `rules` are Jobs, Tables and Drawings; `results` are further files
     that the target asks for, `needs` whether a configuration has anything to study, `unasked`
-    whether it is computed where none names targets. Both are functions of the configuration.
+    whether it is computed where none names targets, `gears` the name of those that it is about,
+    `refusal` why it cannot take the gears of a configuration, in a sentence, or "". All but
+    `unasked` are functions of the configuration.
     """
 
     def __init__(
@@ -97,12 +100,15 @@ class Study:
         results=lambda c: [],
         needs=lambda c: True,
         unasked=True,
+        gears=gear_names.of_pair,
+        refusal=lambda c: "",
     ):
         self.name, self.section, self.part = name, section, part
         self.jobs = [one for one in rules if isinstance(one, Job)]
         self.tables = [one for one in rules if isinstance(one, Table)]
         self.drawings = [one for one in rules if isinstance(one, Drawing)]
         self.results, self.needs, self.unasked = results, needs, unasked
+        self.gears, self.refusal = gears, refusal
 
 
 def text_of(caption, c):

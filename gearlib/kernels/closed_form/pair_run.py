@@ -32,6 +32,10 @@ FIRST_ARCS = 32
 _LOOK = 8
 #: An orbit that a run follows as closely as this is recorded over one repeat of its own.
 _ON_ORBIT = 1e-13
+#: A run of which no more than its end is asked has settled this close to its orbit, where states
+#: this close to each other are one: an orbit with two such points hardly contracts. Without an
+#: event it may be as far off as is not seen in a figure. Shares of the state.
+_CLOSE, _SAME, _SEEN = 1e-6, 1e-5, 1e-3
 
 
 @kernel
@@ -105,8 +109,9 @@ def run(m, x, v, periods, record_periods, samples, events, limit, summary):
     6), are filled with n equal steps a period, n = 0 for none; `events`, shape (k, 5), enlarged as
     needed, k = 0 for none; `summary`, shape (9,). A period has `limit` arcs at most.
 
-    Returns (x, v, period, events, found, status): the state at the end, the period of the orbit in
-    mesh periods (0 if none was found), the table and its rows in use, OK, EVENT_LIMIT or OVERFLOW.
+    Returns (x, v, period, events, found, status): the state at the end, the period in mesh periods
+    of the orbit on which the run has settled by proof (0: it has not), the table and its rows in
+    use, OK, EVENT_LIMIT or OVERFLOW.
     """
     work = new_work()
     set_mesh(work, m)
@@ -153,7 +158,27 @@ def run_at(m, work, x, v, periods, record_periods, samples, events, limit, summa
     if seen < record_periods:
         events, found = orbit.repeat_record(samples, events, found, seen, record_periods)
     period = _period(m, work, periods, unseen, unseen + seen, repeat, summary)
+    if repeat == 0:
+        period = _proven(m, work, periods, contact, x, v, limit, summary)
     return x, v, period, events, found, OK
+
+
+@kernel
+def _proven(m, work, n, contact, x, v, limit, summary):
+    """Return the period of the orbit on which the motion settles from its state after n periods.
+
+    States that repeat may be those of a transient: 0 where nothing is proven.
+    """
+    period, near = repeat_of(m, work, n, _SAME), _CLOSE
+    if summary[orbit.TIME_BACKLASH] == 0.0 and summary[orbit.TIME_INVERSE] == 0.0:
+        # The map is linear as long as contact is kept, and has but one orbit; within a period
+        # deviations grow by less than the factor of which this is the inverse.
+        lowest = 0.1 * summary[orbit.X_MIN]
+        period, near = 1, max(near, min(_SEEN, lowest) / max(1.0, abs(x), m.tuning * abs(v)))
+    if period == 0:
+        return 0
+    _, _, _, _, settled = check_settled(m, work, n, contact, x, v, period, limit, near)
+    return settled.repeat
 
 
 @kernel

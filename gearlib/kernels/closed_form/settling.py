@@ -37,8 +37,9 @@ from gearlib.kernels.overflow import within_range
 #: D in static deflections, in units of the state where that is larger.
 NEAR = 1e-10
 #: An orbit grazes no line if it stays this far from it, in static deflections, or meets it with
-#: this speed, in static deflections by natural time: NEAR^2 / _QUICK is rounding.
-_CLEAR, _QUICK = 1e-5, 1e-3
+#: this speed, in static deflections by natural time: NEAR^2 / _QUICK is rounding. For a larger D it
+#: stays ten times that far, or is so many times as fast: M then changes by far less than it takes.
+_CLEAR, _QUICK, _SLOW = 1e-5, 1e-3, 1e4
 #: M contracts if |M^1024| <= 1 / 2: multipliers below 0.9993.
 _DOUBLINGS = 10
 _MOST_ARCS = 64
@@ -81,39 +82,42 @@ def repeat_of(m, work, n, share):
 
 
 @kernel
-def _clear_of(line, x, speed):
-    return abs(x - line) > _CLEAR or abs(speed) > _QUICK
+def _clear_of(line, x, speed, clear, share):
+    return abs(x - line) > clear or abs(speed) > max(_QUICK, _SLOW * share)
 
 
 @kernel
-def clear_of_grazing(m, arcs, count):
-    """Return whether all arcs keep clear of a tangency with a flank line.
+def clear_of_grazing(m, arcs, count, share=NEAR):
+    """Return whether all arcs keep clear of a tangency with a flank line, for D up to `share`.
 
     Looked at are the ends of the arcs and, within them, the points nearest to a line.
     """
+    clearance = max(_CLEAR, 10.0 * share)
     for i in range(count):
         contact = int(arcs[i, CONTACT])
         lev = m.high if arcs[i, LEVEL] == 1.0 else m.low
         duration, x, v = arcs[i, DURATION], arcs[i, DISPLACEMENT], arcs[i, VELOCITY]
         if contact == BACKLASH:
-            clear = _clear_of(0.0, x, m.tuning * v) and _clear_of(-m.gap, x, m.tuning * v)
+            speed = m.tuning * v
+            clear = _clear_of(0.0, x, speed, clearance, share)
+            clear = clear and _clear_of(-m.gap, x, speed, clearance, share)
             if v < 0.0:
                 t = lowest_time(m.drag, m.pull, v)
                 if t < duration:
                     lowest, _ = fly(m.drag, m.pull, x, v, t)
-                    clear = clear and lowest + m.gap > _CLEAR
+                    clear = clear and lowest + m.gap > clearance
             x, v = fly(m.drag, m.pull, x, v, duration)
-            clear = clear and _clear_of(-m.gap, x, m.tuning * v)
+            clear = clear and _clear_of(-m.gap, x, m.tuning * v, clearance, share)
         else:
             line = 0.0 if contact == NORMAL else -m.gap
             shift = line + lev.equilibrium
-            clear = _clear_of(line, x, m.tuning * v)
+            clear = _clear_of(line, x, m.tuning * v, clearance, share)
             t = turning_time(lev, x - shift, v)
             for _ in range(2):
                 if not t < duration:
                     break
                 u, _v = evolve(lev, x - shift, v, t)
-                clear = clear and abs(u + shift - line) > _CLEAR
+                clear = clear and abs(u + shift - line) > clearance
                 if lev.kind != UNDERDAMPED:
                     break
                 t += math.pi / lev.w
@@ -152,8 +156,11 @@ def sum_of_powers(m, matrix):
 
 
 @kernel
-def check_settled(m, work, n, contact, x, v, repeat, limit):
-    """Go through `repeat` periods as `advance`; return (contact, x, v, count, settled)."""
+def check_settled(m, work, n, contact, x, v, repeat, limit, share=NEAR):
+    """Go through `repeat` periods as `advance`; return (contact, x, v, count, settled).
+
+    D may be `share` of the state.
+    """
     arcs, derivative = np.empty((_MOST_ARCS, ARC_COLUMNS)), np.eye(2)
     start_x, start_v, previous = x, v, contact
     clear = True
@@ -164,13 +171,13 @@ def check_settled(m, work, n, contact, x, v, repeat, limit):
             return contact, x, v, count, not_settled()
         clear = clear and count <= _MOST_ARCS
         if clear:
-            clear = clear_of_grazing(m, arcs, count)
+            clear = clear_of_grazing(m, arcs, count, share)
             previous = follow_arcs(m, arcs, count, previous, derivative)
     if not clear:
         return contact, x, v, count, not_settled()
     matrix = derivative[0, 0], derivative[0, 1], derivative[1, 0], derivative[1, 1]
     dx, dv = x - start_x, v - start_v
-    near = NEAR * max(1.0, _size(m, x, v))
+    near = share * max(1.0, _size(m, x, v))
     if not sum_of_powers(m, matrix) * _size(m, dx, dv) <= near:
         return contact, x, v, count, not_settled()
     a, b, c, d = 1.0 - matrix[0], -matrix[1], -matrix[2], 1.0 - matrix[3]

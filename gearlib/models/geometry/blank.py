@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from gearlib import checks
-from gearlib.parameters import LENGTH, NONNEGATIVE, Number, check, documented
+from gearlib.parameters import DIAMETER, NONNEGATIVE, WIDTH, Number, check, documented
 
 
 @documented
@@ -58,9 +58,9 @@ RACKS = {
 class Web:
     """A web between rim and hub, thinner than the face width."""
 
-    thickness: Annotated[float, LENGTH, "Of the web,", "b_s"]
-    rim_diameter: Annotated[float, LENGTH, "Inside of the rim"]
-    hub_diameter: Annotated[float, LENGTH, "Outside of the hub, smaller than that of the rim"]
+    thickness: Annotated[float, WIDTH, "Of the web,", "b_s"]
+    rim_diameter: Annotated[float, DIAMETER, "Inside of the rim"]
+    hub_diameter: Annotated[float, DIAMETER, "Outside of the hub, smaller than that of the rim"]
 
     def __post_init__(self):
         check(self, " of a web")

@@ -96,12 +96,14 @@ def rectangle(mesh, method, **options):
 
 def torque_of(torque, power, speed):
     """Return the torque of the pinion, N m, given itself or by power in W and speed in rpm."""
-    if (torque is None) == (power is None) or (power is None) != (speed is None):
+    if (torque is None) == (power is None) or (power is not None and speed is None):
         raise ValueError(
             f"torque = {torque!r} with power = {power!r} and speed = {speed!r} is not allowed: it "
             "must be either torque, or power and speed"
         )
     if power is None:
+        if speed is not None:
+            checks.finite_positive("speed", speed)
         return checks.finite_positive("torque", torque)
     turning = math.tau / 60.0 * checks.finite_positive("speed", speed)
     return checks.finite_positive("power", power) / turning

@@ -14,10 +14,12 @@ from gearlib.models.geometry.blank import RACKS, Material, Rack, Web
 from gearlib.models.geometry.involute import inv
 from gearlib.models.geometry.relief import TipRelief
 from gearlib.parameters import (
+    BORE,
+    DIAMETER,
     ERROR,
-    LENGTH,
-    RUN_OUT,
+    MODULE,
     TRUTH,
+    WIDTH,
     Instance,
     Integer,
     Many,
@@ -55,8 +57,8 @@ class SpurGear:
     """
 
     teeth: Annotated[int, Integer(3, limit=10_000), "Number of teeth", "z"]
-    module: Annotated[float, LENGTH, "Normal module", "m_n"]
-    width: Annotated[float, LENGTH, "Face width", "b"]
+    module: Annotated[float, MODULE, "Normal module", "m_n"]
+    width: Annotated[float, WIDTH, "Face width", "b"]
     shift: Annotated[float, Number("1", least=-3, most=3), "Profile shift coefficient", "x"] = 0.0
     pressure_angle: Annotated[
         float,
@@ -70,7 +72,7 @@ class SpurGear:
     ] = 0.0
     internal: Annotated[bool, TRUTH, "Whether it is a ring gear"] = False
     tip_diameter: Annotated[
-        float | None, LENGTH, "d_a; by default d + 2 m_n (x + h_aP), of a ring gear with -"
+        float | None, DIAMETER, "d_a; by default d + 2 m_n (x + h_aP), of a ring gear with -"
     ] = None
     rack: Annotated[
         Rack | str, _RackKind(), "Basic rack, by its letter in ISO 53; A by default"
@@ -80,9 +82,9 @@ class SpurGear:
         Number("m", "-50 um", most=0),
         "Upper allowance of the normal tooth thickness E_sns; DIN 3967",
     ] = 0.0
-    bore: Annotated[float, RUN_OUT, "Diameter; below that of the root"] = 0.0
+    bore: Annotated[float, BORE, "Diameter; below that of the root"] = 0.0
     outer_diameter: Annotated[
-        float | None, LENGTH, "Of the rim of a ring gear; its mass and inertia need it"
+        float | None, DIAMETER, "Of the rim of a ring gear; its mass and inertia need it"
     ] = None
     web: Annotated[Web | None, Instance((Web,)), "Between rim and hub"] = None
     material: Annotated[Material, Instance((Material,)), "Steel by default"] = Material()

@@ -16,7 +16,7 @@ from gearlib import checks, parameters
 from gearlib.models.geometry.drawn_parameters import pair_parameters, train_parameters
 from gearlib.models.geometry.gear import SpurGear
 from gearlib.models.geometry.involute import angle_of, inv
-from gearlib.parameters import LENGTH, RUN_OUT, Instance, documented
+from gearlib.parameters import DIAMETER, RUN_OUT, Instance, documented
 
 #: Backlash between minus this times the module and 0 is 0: drawings print shifts and distances
 #: rounded to the fourth digit.
@@ -41,7 +41,7 @@ class Mesh:
     pinion: Annotated[SpurGear, Instance((SpurGear,)), "The driving gear, external"]
     wheel: Annotated[SpurGear, Instance((SpurGear,)), "Of an internal mesh the ring gear"]
     centre_distance: Annotated[
-        float | None, LENGTH, "a; by default that at which the nominal teeth touch on both flanks"
+        float | None, DIAMETER, "a; by default that at which the nominal teeth touch on both flanks"
     ] = None
     backlash: Annotated[
         float | None,
@@ -185,6 +185,15 @@ class Mesh:
 
     def _set_backlash(self):
         if self.backlash is not None:
+            # A gap as wide as the pitch leaves no tooth.
+            example = "80 um" if self.backlash >= 1.0 else "0.08 mm"
+            checks.number(
+                "backlash",
+                self.backlash,
+                f"at most the base pitch, {self.base_pitch:.4g} m"
+                + parameters.likely(self.backlash, example, self.base_pitch),
+                lambda v: v <= self.base_pitch,
+            )
             return
         backlash, module = self._geometric_backlash(), self.pinion.module
         if -_ROUNDING * module <= backlash < 1e-12 * module:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from gearlib import checks
-from gearlib.parameters import LENGTH, RUN_OUT, OneOf, check, documented
+from gearlib.parameters import RELIEF, RELIEF_LENGTH, OneOf, check, documented
 
 #: Exponent of the relief over its length.
 SHAPES = {"linear": 1, "parabolic": 2}
@@ -28,8 +28,8 @@ class TipRelief:
         If a value is impossible; the message names parameter, value and range.
     """
 
-    amount: Annotated[float, RUN_OUT, "C_a, by how much the tip lies back, normal to the flank"]
-    length: Annotated[float, LENGTH, "L_Ca, of the relieved part along the path of contact"]
+    amount: Annotated[float, RELIEF, "C_a, by how much the tip lies back, normal to the flank"]
+    length: Annotated[float, RELIEF_LENGTH, "L_Ca, of the relieved part along the path of contact"]
     shape: Annotated[str, OneOf(tuple(SHAPES)), "Over that length"] = "linear"
 
     def __post_init__(self):

@@ -44,9 +44,11 @@ class Base:
     map_slopes: Callable | None = None
     start_tangents: Callable | None = None
     switches: Callable | None = None
+    #: Whether periods that `run` returns are proven, see `stable_repeats`, or those of its states.
+    proves_periods = False
 
     def __init__(self, model, tuning):
-        self.model = model
+        self.model, self.tuning = model, tuning
 
     #: The direction along which nothing changes.
     nowhere: Any = {}

@@ -50,7 +50,7 @@ def slopes(pair, directions):
 class Propagator(Base):
     """A `GearPair` at one tuning."""
 
-    chunk = 2048
+    chunk, proves_periods = 2048, True
     nowhere = np.zeros(len(_DIRECTIONS))
 
     def __init__(self, model, tuning):

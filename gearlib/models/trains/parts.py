@@ -6,8 +6,8 @@ from typing import Annotated
 from gearlib.models.trains.elements import Mesh
 from gearlib.parameters import (
     ERROR,
-    LENGTH,
     MASS,
+    MODULE,
     SHAFT_STIFFNESS,
     SUPPORT,
     TIME,
@@ -25,7 +25,7 @@ PRESSURE_ANGLE = math.radians(20.0)
 StructuralDamping = Annotated[float, TIME, "Damping of supports and shafts over their stiffness"]
 AxisStiffness = Annotated[float, SUPPORT, "Of all axes"]
 ShaftStiffness = Annotated[float, SHAFT_STIFFNESS, "Of each shaft against torsion"]
-Modules = Annotated[tuple, Many(LENGTH, 2), "Of both stages"]
+Modules = Annotated[tuple, Many(MODULE, 2), "Of both stages"]
 PinErrors = Annotated[
     tuple | None,
     Many(Many(ERROR, 2)),

@@ -44,6 +44,7 @@ from gearlib.parameters import (
     FORCE,
     LENGTH,
     MASS,
+    MODULE,
     STIFFNESS,
     STIFFNESS_RATIO,
     TEETH,
@@ -219,7 +220,7 @@ def idler(
     angle: Annotated[
         float, ANGLE, "Between both lines of centres at the idler; pi: in a row"
     ] = math.pi,
-    module: Annotated[float, LENGTH, "Of all gears"] = 0.004,
+    module: Annotated[float, MODULE, "Of all gears"] = 0.004,
     reduced_inertias: ThreeReduced = None,
     masses: ThreeMasses = None,
     support_stiffness: AxisStiffness = math.inf,

@@ -18,9 +18,9 @@ from gearlib.models.trains.parts import (
 from gearlib.models.trains.ready_made import planetary
 from gearlib.parameters import (
     ANGLE,
+    DIAMETER,
     DRIVING_TORQUE,
     INERTIA,
-    LENGTH,
     MASS,
     RUN_OUT,
     BacklashDampingRatio,
@@ -47,7 +47,7 @@ def planetary_set(
         tuple | None, Many(ANGLE), "Angles of the planets; equally spaced by default"
     ] = None,
     centre_distance: Annotated[
-        float | None, LENGTH, "; by default that of sun and planet without backlash"
+        float | None, DIAMETER, "; by default that of sun and planet without backlash"
     ] = None,
     backlashes: Annotated[
         tuple | None,

@@ -1,7 +1,10 @@
 """Figures of lines whose ends are sources by name, with a marker at what is set."""
 
+import panel as pn
 from bokeh.models import ColumnDataSource, Span
 from bokeh.plotting import figure
+
+from gearlib.figures.style import limits
 
 
 class Curves:
@@ -15,6 +18,11 @@ class Curves:
         """Give a line its points."""
         self.sources[name].data = {"x": x, "y": y}
 
+    def limit(self, plot, names):
+        """Give a figure the limits of the ordinates of these lines."""
+        values = [self.sources[name].data["y"] for name in names]
+        plot.y_range.start, plot.y_range.end = limits(*values)
+
     def line(self, plot, name, colour, **options):
         """Draw a line in a figure."""
         plot.line("x", "y", source=self.sources[name], color=colour, **options)
@@ -26,10 +34,16 @@ class Curves:
 
 
 def small(title, x, y, width=330):
-    """Return an empty figure of which several stand side by side."""
+    """Return an empty figure of which several stand side by side, as wide as there is room."""
     return figure(
-        width=width, height=320, title=title, x_axis_label=x, y_axis_label=y, toolbar_location=None
-    )
+        width=width, height=320, title=title, x_axis_label=x, y_axis_label=y, toolbar_location=None,
+        max_width=width, min_width=200, sizing_mode="stretch_width",
+    )  # fmt: skip
+
+
+def beside(*panes, **options):
+    """Return panes beside each other; those for which the window is too narrow come below."""
+    return pn.FlexBox(*panes, sizing_mode="stretch_width", **options)
 
 
 def wide(title, x, y):

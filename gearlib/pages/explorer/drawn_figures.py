@@ -6,7 +6,7 @@ import numpy as np
 import panel as pn
 
 from gearlib.figures.style import PALETTE
-from gearlib.pages.explorer.curves import Curves, small
+from gearlib.pages.explorer.curves import Curves, beside, small
 from gearlib.pages.explorer.motion import Motion
 
 
@@ -24,7 +24,7 @@ class DrawnFigures(Curves):
     def panes(self):
         """Return the derived numbers and the figures."""
         teeth = self._harris(), self._share()
-        return [pn.Row(self.table, *map(pn.pane.Bokeh, teeth)), *self.motion.panes()]
+        return [beside(self.table, *map(pn.pane.Bokeh, teeth)), *self.motion.panes()]
 
     def draw(self, seen):
         """Show a view, and return it in words."""

@@ -62,9 +62,20 @@ class Drawing(Explored):
         self.drawn = mesh = gears.mesh()
         torque = float(f"{gears.pair()['load'] * mesh.pinion.base_diameter / 2.0:.6g}")
         pair = GearPair(**config.load(mapping).pair_parameters(damping))
-        self.backlash_damping = pair.backlash_damping_ratio
+        # Made of the coefficients: what was given comes back to 12 digits.
+        beta, self.backlash_damping = (
+            float(f"{ratio:.12g}") for ratio in (pair.damping_ratio, pair.backlash_damping_ratio)
+        )
         self.loads = torque * np.array(_LOADS)
-        pinion, wheel, gap, beta = mesh.pinion, mesh.wheel, mesh.backlash, pair.damping_ratio
+        pinion, wheel, gap = mesh.pinion, mesh.wheel, mesh.backlash
+        self.heading = (
+            f"Drawn gears, z {pinion.teeth}/{wheel.teeth}, module {1e3 * pinion.module:g} mm, "
+            f"width {1e3 * pinion.width:g} mm, {torque:g} N m"
+        )
+        if self.section is START:
+            self.heading += ": an example, since the configuration draws none"
+        elif any(gear.tip_relief or gear.pitch_errors for gear in (pinion, wheel)):
+            self.heading += ", to begin with without relief and pitch errors of the drawing"
         module, shifts = 1e3 * pinion.module, (-1.0, 1.5, 0.01)
         self.sliders = {
             "module": Slider(

@@ -51,6 +51,8 @@ def saved(head, whole):
 class Explored(ABC):
     """Gears of a configuration, and what sliders change of them."""
 
+    #: Which gears these are.
+    heading: str
     #: Name of a parameter -> its `Slider`.
     sliders: dict
     #: Name of a choice -> its label, and its options as of Panel, the first of them the start.

@@ -4,11 +4,8 @@ import numpy as np
 import panel as pn
 
 from gearlib.figures.style import PALETTE
-from gearlib.pages.explorer.curves import Curves, small, wide
-from gearlib.pages.explorer.view import PAIR
-
-#: Mesh periods of the phase plane and of the time course.
-_SHOWN = 2
+from gearlib.pages.explorer.curves import Curves, beside, small, wide
+from gearlib.pages.explorer.view import PAIR, SHOWN
 
 
 class Motion(Curves):
@@ -27,7 +24,7 @@ class Motion(Curves):
             x = curve.tuning.values * unit
             self.show(name, x, curve["displacement_max"].values)
             self.show(f"{name}_min", x, curve["displacement_min"].values)
-        course = seen.run.isel(phase=slice(-_SHOWN * PAIR.samples, None))
+        course = seen.run.isel(phase=slice(-SHOWN * PAIR.samples, None))
         phase, displacement = course.phase.values, course.displacement.values
         phase = phase - phase[0]
         self.show("plane", displacement, course.velocity.values)
@@ -42,10 +39,10 @@ class Motion(Curves):
 
     def panes(self):
         """Return the figures, one row after the other."""
-        beside = self._phase_plane(), self._course(), self._multipliers()
+        small_ones = self._phase_plane(), self._course(), self._multipliers()
         return [
             pn.pane.Bokeh(self._characteristic(), sizing_mode="stretch_width"),
-            pn.Row(*map(pn.pane.Bokeh, beside)),
+            beside(*map(pn.pane.Bokeh, small_ones)),
         ]
 
     def _characteristic(self):
@@ -64,7 +61,7 @@ class Motion(Curves):
         return plot
 
     def _course(self):
-        plot = small("Time course, two mesh periods", "mesh phase τ, rad", "")
+        plot = small(f"Time course, {SHOWN} mesh periods", "mesh phase τ, rad", "")
         self.line(plot, "course", PALETTE[0], legend_label="displacement")
         self.line(plot, "force", PALETTE[4], legend_label="dynamic force / load")
         plot.add_layout(plot.legend[0], "below")

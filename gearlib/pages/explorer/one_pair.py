@@ -22,6 +22,9 @@ class Pair(Explored):
         self.mapping, self.damping = mapping, damping
         self.settings = settings = config.load(mapping)
         self.base = pair = GearPair(**settings.pair_parameters(damping))
+        drawn = settings.gears
+        teeth = f"z {drawn.pinion.teeth}/{drawn.wheel.teeth}, drawn" if drawn else f"z {pair.teeth}"
+        self.heading = f"Gear pair, {teeth}, load {pair.load:.4g} N"
         grid = settings.resonance
         self.grid = np.linspace(grid.start, grid.stop, POINTS)
         beta, beta_m, load = pair.damping_ratio, pair.backlash_damping_ratio, pair.load
@@ -66,13 +69,14 @@ class Pair(Explored):
 
     def configuration(self, setting):
         """Return the text of a config.yaml: what the sliders do not touch is kept."""
-        pair = asdict(self.pair(setting))
-        seen = {
-            "gear_pair": {key: pair[key] for key in self.settings.gear_pair.model_dump()},
-            "dampings": {
-                self.damping: {key: pair[key] for key in ("material_damping", "backlash_damping")}
-            },
-            "phase_planes": {"tunings": [setting.tuning]},
-        }
+        pair, first = asdict(self.pair(setting)), self.settings.gear_pair.model_dump()
+        kept = {name: getattr(setting, name) for name in self.sliders if name != "tuning"}
+        seen = {"phase_planes": {"tunings": [setting.tuning]}}
+        # Gears that were not changed stay as they are given, by their drawing too.
+        if kept != {name: getattr(self.start, name) for name in kept}:
+            names = ("material_damping", "backlash_damping")
+            seen["dampings"] = {self.damping: {key: pair[key] for key in names}}
+        if any(pair[key] != value for key, value in first.items()):
+            seen["gear_pair"] = {key: pair[key] for key in first}
         head = f"at tuning {setting.tuning:g}, damping {self.damping}."
         return saved(head, laid_over(self.mapping, seen))

@@ -2,13 +2,14 @@
 
 import panel as pn
 
+from gearlib.config.train_section import Train
 from gearlib.pages.explorer.drawn_figures import DrawnFigures
 from gearlib.pages.explorer.drawn_pair import Drawing
 from gearlib.pages.explorer.motion import Motion
 from gearlib.pages.explorer.one_pair import Pair
 from gearlib.pages.explorer.slider_page import SliderPage
 from gearlib.pages.explorer.train_figures import TrainFigures
-from gearlib.pages.explorer.trains import Machine, offered
+from gearlib.pages.explorer.trains import KINDS, Machine, offered
 
 PAIR, DRAWN = "one pair", "drawn gears"
 
@@ -24,15 +25,30 @@ def page_of(mapping, damping, chosen=PAIR):
     return SliderPage(machine, TrainFigures(machine))
 
 
+def opened(mapping):
+    """Return what is seen first: a train that was chosen, else drawn gears, else the pair."""
+    kind = mapping.get("train", {}).get("kind", Train().kind)
+    if kind != Train().kind:
+        return kind
+    return DRAWN if mapping.get("gears") else PAIR
+
+
 class Explorer:
     """The choice of what is explored, and the page of it."""
 
     def __init__(self, mapping, damping):
         self.mapping, self.damping = mapping, damping
         self._kinds = {name: kind for kind, name in offered(mapping).items()}
-        self.choice = pn.widgets.RadioButtonGroup(options=[PAIR, DRAWN, *self._kinds], value=PAIR)
+        kind = opened(mapping)
+        self.choice = pn.widgets.RadioButtonGroup(
+            options=[PAIR, DRAWN, *self._kinds],
+            value=KINDS.get(kind, kind),
+            sizing_mode="stretch_width",
+            stylesheets=[".bk-btn-group { flex-wrap: wrap; }"],
+        )
         self.shown = pn.Column(sizing_mode="stretch_width")
-        self._pages = {}
+        #: The `SliderPage` that was made last.
+        self.page, self._pages = None, {}
         self.choice.param.watch(self.update, "value")
         self.update()
 
@@ -42,7 +58,8 @@ class Explorer:
         if chosen not in self._pages:
             try:
                 kind = self._kinds.get(chosen, chosen)
-                self._pages[chosen] = page_of(self.mapping, self.damping, kind).layout()
+                self.page = page_of(self.mapping, self.damping, kind)
+                self._pages[chosen] = self.page.layout()
             except ValueError as error:
                 self._pages[chosen] = pn.pane.Markdown(str(error))
         self.shown[:] = [self._pages[chosen]]
@@ -59,7 +76,7 @@ def serve(mapping, damping, port=0, show=True):
     """
     pn.extension()
     # The first view loads the compiled kernels, which is nothing to wait for while dragging.
-    page_of(mapping, damping)
+    page_of(mapping, damping, opened(mapping))
     # Every visitor has sliders of his own.
     pn.serve(
         lambda: Explorer(mapping, damping).layout(),

@@ -5,6 +5,7 @@ import time
 
 import panel as pn
 
+from gearlib.pages.explorer.curves import beside
 from gearlib.pages.explorer.explored import setting_of
 
 
@@ -79,6 +80,9 @@ class SliderPage:
 
     def layout(self):
         """Return the page."""
-        controls = pn.Column(*self.sliders.values(), *self.choices.values(), self.button, width=320)
+        controls = pn.Column(*self.sliders.values(), *self.choices.values(), self.button, width=300)
         figures = pn.Column(self.note, self.shown, sizing_mode="stretch_width")
-        return pn.Row(controls, figures, sizing_mode="stretch_width")
+        # In a narrow window the figures come below the sliders.
+        figures.styles = {"flex": "1 1 360px", "min-width": "0"}
+        heading = pn.pane.Markdown(f"### {self.explored.heading}", css_classes=["gears"])
+        return pn.Column(heading, beside(controls, figures), sizing_mode="stretch_width")

@@ -5,8 +5,9 @@ from itertools import product
 import panel as pn
 
 from gearlib.figures.style import PALETTE
-from gearlib.pages.explorer.curves import Curves, small, wide
+from gearlib.pages.explorer.curves import Curves, beside, small, wide
 from gearlib.pages.explorer.trains import KINDS
+from gearlib.pages.explorer.view import SHOWN, TRAIN
 
 
 class TrainFigures(Curves):
@@ -15,26 +16,30 @@ class TrainFigures(Curves):
     def __init__(self, machine):
         self.kind, self.meshes, self.speeds = machine.kind, machine.meshes, machine.speeds
         super().__init__(product(("up", "down", "shares", "force"), self.meshes))
+        #: Of these the limits follow what is drawn.
+        self._sharing, self._courses = self._shares(), self._course()
 
     def panes(self):
         """Return the figures, one row after the other."""
         return [
             pn.pane.Bokeh(self._characteristic(), sizing_mode="stretch_width"),
-            pn.Row(pn.pane.Bokeh(self._shares()), pn.pane.Bokeh(self._course())),
+            beside(pn.pane.Bokeh(self._sharing), pn.pane.Bokeh(self._courses)),
         ]
 
     def draw(self, seen):
         """Show a view, and return it in words."""
-        run = seen.run
+        run, course = seen.run, seen.run.isel(phase=slice(-SHOWN * TRAIN.samples, None))
         for mesh in self.meshes:
             curves = {
                 "up": (self.speeds, seen.up.dynamic_factor),
                 "down": (self.speeds, seen.down.dynamic_factor),
                 "shares": (self.speeds, seen.up.load_sharing),
-                "force": (run.phase.values - run.phase.values[0], run.dynamic_force),
+                "force": (course.phase.values - course.phase.values[0], course.dynamic_force),
             }
             for what, (x, values) in curves.items():
                 self.show((what, mesh), x, values.sel(mesh=mesh).values)
+        for what, plot in (("shares", self._sharing), ("force", self._courses)):
+            self.limit(plot, [(what, mesh) for mesh in self.meshes])
         self.marker.location = float(run.speed)
         return seen.message
 
@@ -57,6 +62,11 @@ class TrainFigures(Curves):
         return plot
 
     def _course(self):
-        plot = small("Time course", "phase of the reference mesh, rad", "mesh force / load", 500)
+        plot = small(
+            f"Time course, {SHOWN} mesh periods",
+            "phase of the reference mesh, rad",
+            "mesh force / load",
+            500,
+        )
         self._lines(plot, "force", named=False)
         return plot

@@ -8,7 +8,8 @@ import numpy as np
 import xarray as xr
 
 from gearlib.analysis.orbits.shooting import NoOrbit, periodic_orbit
-from gearlib.data import summary
+from gearlib.data import motion_words, summary
+from gearlib.data.growing import without_growth
 from gearlib.runs.simulation import simulate
 from gearlib.runs.sweeping import sweep
 
@@ -22,6 +23,8 @@ class Lengths(NamedTuple):
     samples: int  #: of each recorded period
 
 
+#: Mesh periods of a time course that is drawn.
+SHOWN = 3
 #: Of a pair; of a train, whose record holds whole common periods of the default trains.
 PAIR, TRAIN = Lengths(70, 10, 300, 256), Lengths(36, 12, 180, 64)
 
@@ -46,7 +49,8 @@ def look(model, tuning, grid, lengths=PAIR, **drawn):
 
     def curve(direction):
         settings = {"periods": lengths.periods, "record_periods": lengths.recorded}
-        return sweep(model, grid, direction=direction, threads=1, **settings)
+        found = sweep(model, grid, direction=direction, threads=1, **settings)
+        return without_growth(found, model.extent)
 
     # The kernels release the interpreter lock.
     with ThreadPoolExecutor(2) as pool:
@@ -58,9 +62,14 @@ def look(model, tuning, grid, lengths=PAIR, **drawn):
         record_periods=lengths.recorded,
         samples_per_period=lengths.samples,
     )
+    followed = (
+        f" Followed for {lengths.settle} mesh periods, at each speed of the characteristic for "
+        f"{lengths.periods}."
+    )
     if model.mesh_names:
-        return View(model, up, down, run, np.empty(0), _of_meshes(run), **drawn)
-    return View(model, up, down, run, _multipliers(model, run), summary.in_words(run), **drawn)
+        return View(model, up, down, run, np.empty(0), _of_meshes(run) + followed, **drawn)
+    words = summary.in_words(run) + followed
+    return View(model, up, down, run, _multipliers(model, run), words, **drawn)
 
 
 def _multipliers(pair, run):
@@ -80,7 +89,9 @@ def _of_meshes(run):
     if int(run.status):
         return run.status.attrs["message"]
     period = int(run.period)
-    motion = f"repeats after {period} mesh periods" if period else "does not repeat soon"
+    motion = (
+        f"repeats after {period} mesh periods" if period else f"has {motion_words.not_settled(run)}"
+    )
     lost = (run.fraction_backlash + run.fraction_inverse).values > 0.0
     parted = [str(name) for name in run.mesh.values[lost]]
     contact = f"contact is lost in {', '.join(parted)}" if parted else "all meshes stay in contact"

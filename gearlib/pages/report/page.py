@@ -111,7 +111,7 @@ slider.value = slider.start + slider.step * Math.max(0, Math.min(last, steps));
 """
 
 
-def build(resonance, orbits, colours=None):
+def build(resonance, orbits, colours=None, gears="a gear mesh"):
     """Return the page as a text, HTML with everything in it, the same bytes for the same data.
 
     `resonance` is gathered: displacement_max and displacement_min in static deflections, period,
@@ -119,7 +119,7 @@ def build(resonance, orbits, colours=None):
     `gearlib.pages.report.ends_from_rest.compute`, dampings in the order of `resonance`. `colours`
     by the name of the damping.
     """
-    title = "Resonance characteristics of a gear mesh"
+    title = f"Resonance characteristics of {gears}"
     periods = round(orbits.sizes["phase"] * float(orbits.phase[1]) / (2.0 * np.pi))
     resources = Resources(mode="inline", components=["bokeh", "bokeh-widgets"])
     item = _numbered(json_item(_layout(resonance.sortby("tuning"), orbits, colours)))

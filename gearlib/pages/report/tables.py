@@ -20,6 +20,7 @@ td {{ border-bottom: 1px solid #ddd; overflow-wrap: break-word; }}
 </style>
 </head>
 <body>
+<p>{gears}</p>
 <table>
 <thead>{head}</thead>
 <tbody>
@@ -31,10 +32,11 @@ td {{ border-bottom: 1px solid #ddd; overflow-wrap: break-word; }}
 """
 
 
-def write_table_page(csv_path, path):
+def write_table_page(csv_path, path, gears=""):
     """Write the table of a CSV file as a page, replacing the file in one step.
 
-    Its first row names the columns; ``_`` in names is shown as a space.
+    Its first row names the columns; ``_`` in names is shown as a space. Above stands the name of
+    the gears that it is about.
     """
     with open(csv_path, newline="", encoding="utf-8") as file:
         header, *rows = csv.reader(file)
@@ -42,8 +44,9 @@ def write_table_page(csv_path, path):
     lines += [_row("td", row) for row in rows]
     head, *body = lines
     title = escape(Path(csv_path).stem.replace("_", " "))
+    parts = {"title": title, "gears": escape(gears), "head": head, "body": "\n".join(body)}
     with replacing(path) as temporary:
-        temporary.write_text(_PAGE.format(title=title, head=head, body="\n".join(body)), "utf-8")
+        temporary.write_text(_PAGE.format(**parts), "utf-8")
 
 
 def _row(tag, cells):

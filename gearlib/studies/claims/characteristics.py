@@ -149,10 +149,13 @@ def _strictly(seen):
     """
     others = []
     for name, (planes, unsteady) in seen.items():
-        for i in np.flatnonzero(unsteady != (planes.period.values == 0)):
+        for i in range(unsteady.size):
             plane = planes.isel(tuning=i)
+            period = repeats(plane)
+            if unsteady[i] == (period == 0):
+                continue
             change = f"changes by {drift(plane):.1g} of its height per orbit"
-            change = change if plane.period == 0 else f"repeats after {int(plane.period)} periods"
+            change = f"repeats after {period} periods" if period else change
             others.append(f"{name} at {float(plane.tuning):.2f} {change}")
     return [", ".join(others)] if others else []
 
@@ -172,9 +175,17 @@ def drift(run):
     The smallest over whole numbers of mesh periods up to half the record; tells a motion that
     still settles from one that never does.
     """
+    return min(_misses(run), default=np.nan)
+
+
+def repeats(run):
+    """Return after how many mesh periods a record repeats to 1e-6 of its height; 0: it does not."""
+    return next((n for n, miss in enumerate(_misses(run), 1) if miss <= 1e-6), 0)
+
+
+def _misses(run):
     x, n = run.displacement.values, _per_period(run)
-    misses = [np.abs(x[k:] - x[:-k]).max() for k in range(n, x.size // 2 + 1, n)]
-    return min(misses, default=np.nan) / np.ptp(x)
+    return [np.abs(x[k:] - x[:-k]).max() / np.ptp(x) for k in range(n, x.size // 2 + 1, n)]
 
 
 def _per_period(run):

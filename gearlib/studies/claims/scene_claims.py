@@ -3,7 +3,7 @@
 import numpy as np
 
 from gearlib.studies.certificates import TWO
-from gearlib.studies.claims.characteristics import in_words, spread
+from gearlib.studies.claims.characteristics import in_words, repeats, spread
 from gearlib.studies.claims.data import LINE, NoData
 
 #: Degrees; a shift smaller than that is within the line width of a printed time course.
@@ -69,7 +69,7 @@ def time_at_min_stiffness(data):
 
 def six_degrees(data):
     run = data.scene("fig8", 1).isel(case=0)
-    apart, bounces, period = spread(run), float(run.bounces), int(run.period)
+    apart, bounces, period = spread(run), float(run.bounces), repeats(run)
     share = float(run.losing_share)
     words = f"mesh periods {apart:.1g} of the height apart, {bounces:.3g} bounces per mesh period, "
     words += f"y_min {float(run.displacement_min):.3g}"

@@ -134,7 +134,7 @@ class _Tuning:
         # Without Newton's method only a run that repeats has an orbit.
         wanted = wanted if period or self.neutral else []
         for one in wanted:
-            state = self._orbit(one, end)
+            state, one = self._orbit(one, end)
             if state is None:
                 continue
             z, points = state.copy(), []
@@ -149,14 +149,14 @@ class _Tuning:
         return -1
 
     def _orbit(self, period, end):
-        """Return the state at tau = 0 of the stable orbit next to a state, None: there is none."""
+        """Return (state at tau = 0 or None, period) of the stable orbit next to a state."""
         if not self.neutral:
-            return end.copy()
+            return end.copy(), period
         try:
             orbit = periodic_orbit(self.model, self.tuning, guess=end, period=period)
         except NoOrbit:
-            return None
-        return orbit.state if orbit.stable else None
+            return None, period
+        return orbit.state if orbit.stable else None, orbit.period
 
 
 def ends(model, tuning, states, settings):

@@ -1,0 +1,70 @@
+"""Whose gears: the name that every figure, page and command gives to what it is about."""
+
+from gearlib.config.gears_section import FZG_C, DrawnPair
+
+#: The mesh of Hortel and Skuderova (2007), by which its pair is known; load and backlash are ours.
+PAPER = {
+    "max_stiffness": 4e8,
+    "stiffness_ratio": 0.5879,
+    "contact_ratio": 1.569,
+    "reduced_mass": 3.123,
+}
+_KINDS = {"idler": "idler train", "two_stage": "two-stage train"}
+
+
+def of_drawing(section):
+    """Return the name of a `DrawnPair`, "gear pair z 23/61, m 2.5 mm"."""
+    pinion, wheel = section.pinion, section.wheel
+    teeth = f"z {pinion.teeth}/{'-' if wheel.internal else ''}{wheel.teeth}"
+    known = DrawnPair.unchecked(**FZG_C)
+    named = (pinion, wheel) == (known.pinion, known.wheel)
+    return f"{'FZG type C' if named else 'gear pair'} {teeth}, m {1e3 * pinion.module:.4g} mm"
+
+
+def of_numbers(pair):
+    """Return the name of the parameters of a gear pair, an object or a dict."""
+    given = pair if isinstance(pair, dict) else {key: getattr(pair, key) for key in PAPER}
+    if all(abs(given[key] - value) <= 1e-9 * value for key, value in PAPER.items()):
+        return "paper's pair"
+    return (
+        f"gear pair C_max {given['max_stiffness']:.4g} N/m, κ {given['stiffness_ratio']:.4g}, "
+        f"ε {given['contact_ratio']:.4g}, m_red {given['reduced_mass']:.4g} kg"
+    )
+
+
+def of_pair(c):
+    """Return the name of the gear pair of a configuration."""
+    return of_drawing(c.gears) if c.gears else of_numbers(c.gear_pair)
+
+
+def of_reducer(c, pair=""):
+    """Return the name of the paper's reducer, every mesh of which is the pair."""
+    return f"paper's reducer (Fig. 1 a), every mesh: {pair or of_pair(c)}"
+
+
+def of_planetary(section):
+    """Return the name of a section `planetary`."""
+    own = section.model_dump(exclude_defaults=True)
+    return "planetary set of own numbers" if own else "Lin and Parker's planetary set"
+
+
+def of_train(c, pair=""):
+    """Return the name of the train of a configuration, and of its pairs where they are others."""
+    train = c.train
+    if train.kind == "split_power_reducer":
+        return of_reducer(c, pair)
+    if train.kind == "planetary":
+        return of_planetary(train.planetary)
+    if train.kind == "planetary_set":
+        drawn = train.planetary_set
+        teeth = "/".join(str(getattr(drawn, key).teeth) for key in ("sun", "planet", "ring"))
+        return f"planetary set z {teeth}, m {1e3 * drawn.sun.module:.4g} mm"
+    if train.kind == "own":
+        counts = f"{len(train.own.bodies)} bodies, {len(train.own.meshes)} meshes"
+        return f"own train, {counts}"
+    return f"{_KINDS[train.kind]}, both meshes: {pair or of_pair(c)}"
+
+
+def is_paper(c):
+    """Return whether a configuration is about the paper's pair."""
+    return of_pair(c) == "paper's pair"

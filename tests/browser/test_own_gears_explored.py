@@ -1,0 +1,121 @@
+"""The explorer opens with the gears of the user, and what it saves describes them again."""
+
+import socket
+
+import panel as pn
+import pytest
+import yaml
+from click.testing import CliRunner
+
+from gearlib import cli, config
+from gearlib.models.trains.described_train import described
+from gearlib.pages.explorer import serving
+from tests.browser.chromium import browser, texts, wait_for
+
+assert browser  # a fixture
+
+PAIR = {
+    "gears": {
+        "pinion": {"teeth": 23, "module": "2.5 mm", "width": "18 mm"},
+        "wheel": {"teeth": 61},
+        "backlash": "80 um",
+        "torque": "85 N m",
+    },
+    "dampings": {"d": {"damping_ratio": 0.03, "backlash_damping_ratio": 0.03}},
+}
+SET = {
+    "sun": {"teeth": 27, "module": "3 mm", "width": "25 mm"},
+    "planet": {"teeth": 36},
+    "ring": {"teeth": 99, "outer_diameter": "340 mm"},
+    "power": "30 kW",
+    "speed": "955 rpm",
+    "backlashes": ["60 um", "50 um"],
+    "damping_ratio": 0.05,
+}
+TRAIN = PAIR | {"train": {"kind": "planetary_set", "planetary_set": SET}}
+
+
+def explored(tmp_path, monkeypatch, whole, *options):
+    """Return the `Explorer` that the command serves, and what the command answers."""
+    file, served = tmp_path / "mine.yaml", []
+    file.write_text(yaml.safe_dump(whole), encoding="utf-8")
+    monkeypatch.setattr(serving, "serve", lambda *given: served.append(given[:2]))
+    said = CliRunner().invoke(cli.main, ["explore", "--config", str(file), *options])
+    return (serving.Explorer(*served[0]) if served else None), said
+
+
+@pytest.mark.parametrize(("whole", "kind"), [(PAIR, serving.DRAWN), (TRAIN, "planetary_set")])
+def test_the_users_gears_are_seen_first_and_saved(tmp_path, monkeypatch, whole, kind):
+    explorer, said = explored(tmp_path, monkeypatch, whole)
+    assert said.exit_code == 0 and serving.opened(whole) == kind
+    assert explorer.mapping == whole and explorer.choice.value == serving.KINDS.get(kind, kind)
+    page = explorer.page
+    teeth = "z 23/61, module 2.5 mm" if whole is PAIR else "sun z 27"
+    assert teeth in page.explored.heading
+    again = yaml.safe_load(page.file().read())
+    gears = config.load(again).gears if kind == serving.DRAWN else None
+    if gears:
+        assert [gears.pinion.teeth, gears.wheel.teeth, gears.pinion.module] == [23, 61, 2.5e-3]
+        assert gears.torque == 85.0 and gears.backlash == 80e-6
+    else:
+        assert config.load(again) == config.load(whole)
+    # Opened again, it holds the same.
+    second, _ = explored(tmp_path, monkeypatch, again)
+    assert vars(second.page.setting()) == vars(page.setting())
+    assert yaml.safe_load(second.page.file().read()) == again
+
+
+def test_a_pair_that_is_not_changed_keeps_its_drawing(tmp_path, monkeypatch):
+    explorer, _ = explored(tmp_path, monkeypatch, PAIR)
+    explorer.choice.value = serving.PAIR
+    again = yaml.safe_load(explorer.page.file().read())
+    del again["phase_planes"]
+    assert again == PAIR
+
+
+def test_sliders_change_the_drawn_set(tmp_path, monkeypatch):
+    explorer, _ = explored(tmp_path, monkeypatch, TRAIN)
+    machine, start = explorer.page.explored, explorer.page.explored.start
+    assert start.torque == pytest.approx(30e3 / (955.0 * 3.14159265 / 30.0), rel=1e-6)
+    values = vars(start) | {"torque": 200.0, "backlash": 45e-6, "pin_error": 5e-6}
+    saved = config.load(yaml.safe_load(machine.configuration(type(start)(**values))))
+    given = config.load(TRAIN).train_parameters("d")
+    changes = {
+        "torque": 200.0,
+        "backlashes": [45e-6] * 2,
+        "pin_errors": [[0.0, 5e-6], [0.0, 0.0], [0.0, 0.0]],
+    }
+    given["arguments"] |= changes
+    assert described(**saved.train_parameters("d")) == described(**given)
+
+
+def test_options_that_contradict_a_drawing_are_refused(tmp_path, monkeypatch):
+    explorer, said = explored(tmp_path, monkeypatch, PAIR, "--load", "3000")
+    assert explorer is None and "--load is not allowed" in said.output
+    explorer, said = explored(tmp_path, monkeypatch, PAIR, "--material-damping", "900")
+    assert said.exit_code == 0 and explorer.mapping["gears"] == PAIR["gears"]
+
+
+def _layout(whole):
+    return serving.Explorer(whole, "d").layout()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("width", [1280, 420])
+def test_no_page_is_wider_than_the_window(browser, width):
+    pages = {"0": lambda: _layout(PAIR), "1": lambda: _layout(TRAIN)}
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    server = pn.serve(pages, show=False, threaded=True, port=port, address="127.0.0.1")
+    size = {"width": width, "height": 800, "deviceScaleFactor": 1, "mobile": False}
+    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+    try:
+        for page, least in (("0", 5), ("1", 3)):
+            browser.get(f"http://127.0.0.1:{port}/{page}")
+            wait_for(lambda least=least: len(texts(browser, "canvas")) >= least, 60.0)
+            wide = "return [document.documentElement.scrollWidth, window.innerWidth];"
+            shown, window = browser.execute_script(wide)
+            assert shown <= window == width
+    finally:
+        server.stop()

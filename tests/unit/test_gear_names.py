@@ -1,0 +1,104 @@
+"""Whose gears: own ones reach every study that can take them, and all say which they show."""
+
+import pytest
+import yaml
+from click.testing import CliRunner
+
+from gearlib.cli import main
+from gearlib.config import ConfigError, gear_names, load
+from gearlib.config.studies import STUDIES
+from gearlib.config.studies.study import text_of
+from tests.workflow.project import ROOT
+
+OWN = yaml.safe_load("""
+gears:
+  pinion: {teeth: 23, module: 2.5 mm, width: 18 mm}
+  wheel: {teeth: 61}
+  torque: 85 N m
+  backlash: 80 um
+dampings:
+  light: {damping_ratio: 0.03, backlash_damping_ratio: 0.0}
+""")
+NAME = "gear pair z 23/61, m 2.5 mm"
+PLANETS = yaml.safe_load("""
+train:
+  kind: planetary_set
+  planetary_set:
+    sun: {teeth: 27, module: 2 mm, width: 20 mm}
+    planet: {teeth: 36}
+    ring: {teeth: 99, outer_diameter: 240 mm}
+    torque: 100 N m
+""")
+
+
+def jobs_of(c, name):
+    """Return what the jobs of a study get, as one text."""
+    return repr([job.params(c) for job in STUDIES[name].jobs])
+
+
+@pytest.mark.parametrize(
+    "name", ["mesh_stiffness", "rectangle", "dynamic_factor", "harris_map", "relief_dynamics"]
+)
+def test_own_gears_reach_the_studies_of_drawings(name):
+    quality = {"pinion": {**OWN["gears"]["pinion"], "quality": 6}}
+    quality["wheel"] = {"teeth": 61, "quality": 6}
+    c = load(OWN | {"gears": OWN["gears"] | quality, "targets": [name]})
+    assert "'teeth': 23" in jobs_of(c, name) and "'torque': 85.0" in jobs_of(c, name)
+    assert "'teeth': 16" not in jobs_of(c, name) and STUDIES[name].gears(c) == NAME
+    # Those that a section draws itself stay, and are named.
+    paper = load(yaml.safe_load((ROOT / "config.yaml").read_text(encoding="utf-8")))
+    assert "'teeth': 16" in jobs_of(paper, name) and "FZG type C" in STUDIES[name].gears(paper)
+
+
+def test_every_study_names_its_gears_and_has_captions():
+    c = load(OWN)
+    for study in STUDIES.values():
+        assert study.gears(c)
+        for one in [*study.tables, *study.drawings]:
+            assert text_of(one.caption, c)
+    assert STUDIES["resonance"].gears(c) == NAME and NAME in STUDIES["reducer"].gears(c)
+    assert "Lin and Parker" in STUDIES["train_chart"].gears(c)
+
+
+@pytest.mark.parametrize(
+    ("target", "change", "words"),
+    [
+        ("dynamic_factor", {}, "gears.pinion.quality is missing: it must be"),
+        ("harris_map", {"helix_angle": "12 deg"}, "gears.pinion.helix_angle is not allowed"),
+        ("scenes", {}, "scenes = {} is not allowed"),
+    ],
+)
+def test_targets_that_cannot_take_them_are_refused(target, change, words):
+    gears = OWN["gears"] | {"pinion": OWN["gears"]["pinion"] | change}
+    with pytest.raises(ConfigError) as refused:
+        load(OWN | {"gears": gears, "targets": [target]})
+    assert str(refused.value).startswith(words) and "\n" not in str(refused.value)
+    assert target in str(refused.value)
+    # Asked for nothing in particular, these are left out.
+    assert target not in load(OWN | {"gears": gears}).wanted()
+
+
+@pytest.mark.parametrize(
+    ("command", "mapping", "first"),
+    [
+        ("modes", PLANETS, "planetary set z 27/36/99, m 2 mm"),
+        ("campbell", PLANETS, "planetary set z 27/36/99, m 2 mm"),
+        ("static", {"train": {"kind": "planetary"}}, "Lin and Parker's planetary set"),
+        ("phasing", OWN, f"paper's reducer (Fig. 1 a), every mesh: {NAME}"),
+        ("gears", OWN, NAME),
+    ],
+)
+def test_commands_say_first_whose_gears_they_are_about(tmp_path, command, mapping, first):
+    path = tmp_path / "mine.yaml"
+    path.write_text(yaml.safe_dump(mapping), encoding="utf-8")
+    done = CliRunner().invoke(main, [command, "--config", str(path)])
+    assert done.exit_code == 0, done.output
+    assert done.output.splitlines()[0] == first
+    if mapping is PLANETS:
+        done = CliRunner().invoke(main, ["simulate", "--config", str(path), "--tuning", "1"])
+        assert done.exit_code == 2 and "gears is missing" in done.output
+
+
+def test_other_numbers_are_not_the_papers_pair():
+    assert gear_names.of_numbers(gear_names.PAPER) == "paper's pair"
+    assert "4.1e+08" in gear_names.of_numbers(gear_names.PAPER | {"max_stiffness": 4.1e8})

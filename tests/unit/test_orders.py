@@ -1,0 +1,71 @@
+"""Order spectra: closed forms, Parseval, a shift of time, whole revolutions."""
+
+import numpy as np
+import pytest
+
+from gearlib import DeadZoneOscillator, GearPair, OneDegreePair, orders, simulate
+
+COMMON = {"contact_ratio": 1.569, "stiffness_ratio": 0.5879, "teeth": 24}
+LOSING = GearPair.from_ratios(damping=0.02, backlash=0.5, backlash_damping=0.01, **COMMON)
+
+
+def run(pair, tuning=1.0, **more):
+    return simulate(pair, tuning, **{"periods": 600, "record_periods": 24} | more)
+
+
+def test_constant_stiffness_has_a_mean_only():
+    pair = GearPair.from_ratios(contact_ratio=2.0, stiffness_ratio=0.6, damping=0.05)
+    found = orders(run(pair, 0.66))
+    assert found.force_amplitude.values[0] == pytest.approx(float(pair.load), rel=1e-12)
+    assert found.error_amplitude.values[1:].max() < 1e-9
+
+
+@pytest.mark.parametrize("tuning", [0.66, 1.0])
+def test_the_balance_of_every_order_holds(tuning):
+    # (-w^2 + i w d) X + F / nu^2 = 0 at w > 0 by the equation of motion, in contact or not, where
+    # both dampings are equal; the mean force is the load.
+    pair = GearPair.from_ratios(damping=0.03, backlash=0.5, backlash_damping=0.03, **COMMON)
+    found = orders(run(pair, tuning, periods=1500), count=40)
+    w = found.mesh_order.values[24::24]
+    x = found.error_amplitude.values[24::24] * np.exp(1j * found.error_phase.values[24::24])
+    force = found.force_amplitude.values[24::24] * np.exp(1j * found.force_phase.values[24::24])
+    stiffness = x * (w**2 - 1j * w * 0.06 / tuning) * tuning**2
+    assert np.abs(stiffness - force).max() < 1e-9
+    assert found.force_amplitude.values[0] == pytest.approx(1.0, abs=1e-11)
+
+
+def test_parseval():
+    found = orders(run(LOSING, samples_per_period=1024), count=200)
+    for name, mean_square, close in (("force", "force", 2e-3), ("error", "error", 1e-8)):
+        amplitude = found[f"{name}_amplitude"].values
+        power = amplitude[0] ** 2 + (amplitude[1:] ** 2).sum() / 2.0
+        assert power == pytest.approx(float(found[f"mean_square_{mean_square}"]), rel=close)
+
+
+def test_samples_do_not_enter_the_closed_form_and_do_elsewhere():
+    few, many = (orders(run(LOSING, samples_per_period=n), count=4) for n in (32, 4096))
+    assert np.allclose(few.force_amplitude, many.force_amplitude, rtol=0.0, atol=1e-10)
+    by_samples = orders(run(OneDegreePair(pair=LOSING), samples_per_period=4096), count=4)
+    off = np.abs(by_samples.force_amplitude - many.force_amplitude)
+    # The stiffness jumps between two samples: half of the difference is what is left.
+    assert off.max() <= 2.0 * by_samples.force_amplitude_error.max() < 2e-2
+    assert np.allclose(by_samples.force_phase[24::24], many.force_phase[24::24], atol=1e-2)
+
+
+def test_a_later_record_changes_nothing_and_a_shift_phases_only():
+    early, late = (orders(run(LOSING, periods=n), count=6) for n in (600, 607))
+    at = early.mesh_order.values % 1 == 0
+    for name in ("force", "error"):
+        one, other = (found[f"{name}_amplitude"].values[at] for found in (early, late))
+        assert np.allclose(one, other, rtol=0.0, atol=1e-9)
+        one, other = (found[f"{name}_phase"].values[at] for found in (early, late))
+        assert np.allclose(np.exp(1j * one), np.exp(1j * other), atol=1e-6)
+
+
+def test_what_has_no_revolutions_is_refused():
+    with pytest.raises(ValueError, match="multiple of 24"):
+        orders(run(LOSING, periods=3, record_periods=3))
+    with pytest.raises(ValueError, match="gears that turn"):
+        model = DeadZoneOscillator(upper_stiffness=1.0, lower_stiffness=1.0, load=0.3)
+        orders(simulate(model, 1.0, periods=3))
+    assert orders(run(LOSING, record_periods=2)).order.values[1] == 12.0
