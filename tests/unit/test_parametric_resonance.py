@@ -104,11 +104,15 @@ def test_the_chart_marks_the_pinched_tongues_that_it_shows(facts):
         assert points and sorted(shown) == sorted(points)
 
 
-def test_damping_narrows_every_tongue_of_the_chart():
+def test_damping_narrows_every_tongue_of_the_chart(facts):
     data = chart.compute(PARAMETERS, np.linspace(0.6, 2.4, 19), SETTINGS)
     width = data.tuning_to - data.tuning_from
     narrower = width.isel(damping=1) <= width.isel(damping=0)
     assert (narrower | np.isnan(width.isel(damping=1))).all()
+    # Where damping closes them above the contact ratio 1 and below 2, outlines are closed.
+    outlines = [line.get_xydata() for line in picture.draw(data, facts).axes[1].lines]
+    inside = [p for p in outlines if len(p) > 3 and 1.0 < p[:, 1].min() < p[:, 1].max() < 2.0]
+    assert len(inside) == 3 and all((points[0] == points[-1]).all() for points in inside)
 
 
 def test_a_chart_without_tongues_is_drawn(facts, tmp_path):
