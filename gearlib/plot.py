@@ -52,6 +52,11 @@ def resonance(*sweeps, axes=None, labels=None, variable=None):
     ValueError
         If a dataset has no such variable over the tuning.
     """
+    for one in sweeps:
+        if "tuning" not in getattr(one, "dims", ()):
+            raise ValueError(
+                "tuning has one value: gearlib.plot.resonance draws datasets of gearlib.sweep"
+            )
     train = any("mesh" in one.dims for one in sweeps)
     names = (variable,) if variable else ("dynamic_factor",) if train else _EXTREMA
     parts = plot_curves.parts("resonance", sweeps, labels, (*names, "tuning", "period"), "sweep")

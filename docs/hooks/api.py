@@ -1,4 +1,4 @@
-"""The page `reference/api.md`: docstrings of `gearlib.__all__` and of `gearlib.geometry`."""
+"""The page `reference/api.md`: docstrings of `gearlib.__all__`, `gearlib.geometry`, `gearlib.plot`."""
 
 import importlib
 import inspect
@@ -7,6 +7,7 @@ from mkdocs.structure.files import File
 
 import gearlib
 import gearlib.geometry
+import gearlib.plot
 from gearlib import parameters
 from tables import markdown
 
@@ -27,6 +28,7 @@ _LONGEST = 96
 _SECTIONS = (
     *((title, gearlib, belongs) for title, belongs in _GROUPS),
     ("Gears by their drawing: gearlib.geometry", gearlib.geometry, callable),
+    ("Pictures: gearlib.plot", gearlib.plot, callable),
 )
 
 

@@ -1,0 +1,70 @@
+"""The pictures of `gearlib.plot`, by what their artists hold."""
+
+import numpy as np
+import pytest
+from matplotlib import pyplot
+
+import gearlib
+from gearlib import plot, simulate, sweep
+from gearlib.geometry import Mesh, SpurGear
+
+MESH = Mesh(
+    SpurGear(teeth=23, module=2.5e-3, width=18e-3),
+    SpurGear(teeth=61, module=2.5e-3, width=18e-3),
+    backlash=80e-6,
+)
+PAIR = gearlib.GearPair.from_geometry(MESH, torque=85.0, damping_ratio=0.12)
+
+
+@pytest.fixture(autouse=True)
+def no_window():
+    pyplot.switch_backend("Agg")
+    yield
+    pyplot.close("all")
+
+
+def labels(axes):
+    return {one.get_text() for one in axes.get_legend().get_texts()}
+
+
+def drawn(axes):
+    """Return the largest height of all lines."""
+    heights = [np.asarray(line.get_ydata(), float) for line in axes.lines]
+    return np.nanmax(np.concatenate([height for height in heights if height.size]))
+
+
+def test_resonance_holds_both_sweeps_and_their_speeds():
+    tunings = np.linspace(0.6, 1.3, 71)
+    run = {"periods": 400, "record_periods": 8}
+    curves = [sweep(PAIR, tunings, direction=to, **run) for to in ("up", "down")]
+    _, given = pyplot.subplots()
+    axes = plot.resonance(*curves, axes=given)
+    assert axes is given and labels(axes) == {"tuning going up", "tuning going down"}
+    highest = max(float(one.displacement_max.max()) for one in curves)
+    assert drawn(axes) == pytest.approx(highest)
+    names = {scale.get_xlabel() + scale.get_ylabel() for scale in axes.child_axes}
+    assert names == {"speed (rpm)", "displacement (µm)"}
+
+
+@pytest.mark.parametrize("call", ["phase_plane", "time_course"])
+def test_a_run(call):
+    run = simulate(PAIR, 0.85, periods=400, record_periods=2)
+    axes = getattr(plot, call)(run)
+    highest = run.velocity if call == "phase_plane" else run.displacement
+    assert drawn(axes) == pytest.approx(float(highest.max()))
+
+
+def test_orbits_harris_maps_and_critical_speeds():
+    assert "stable" in str(labels(plot.orbit(gearlib.periodic_orbit(PAIR, 0.7))))
+    errors = MESH.transmission_error(torque=[20.0, 85.0])
+    assert drawn(plot.harris_map(errors)) == pytest.approx(
+        1e6 * float(errors.transmission_error.max()), rel=1e-2
+    )
+    diagram = gearlib.split_power_reducer(PAIR).campbell()
+    assert "excited" in labels(plot.campbell(diagram))
+
+
+def test_what_cannot_be_drawn():
+    run = simulate(PAIR, 0.85, periods=4)
+    with pytest.raises(ValueError, match="gearlib.plot.resonance draws datasets of gearlib.sweep"):
+        plot.resonance(run)
