@@ -1,4 +1,4 @@
-"""The page `reference/api.md`: docstrings of `gearlib.__all__`, `gearlib.geometry`, `gearlib.plot`."""
+"""The page `reference/api.md`: docstrings of gearlib, of `gearlib.geometry` and `gearlib.plot`."""
 
 import importlib
 import inspect
