@@ -100,7 +100,7 @@ workflow.default_target = "all"
 
 
 onstart:
-    folders = [Path("results"), RESULTS, *MACHINES]
+    folders = dict.fromkeys([Path("results"), RESULTS, *MACHINES])
     refused = [str(path) for path in folders if path.exists() and not os.access(path, os.W_OK)]
     if refused:
         raise WorkflowError(f"Nothing can be written to {', '.join(refused)}.")

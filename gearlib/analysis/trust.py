@@ -216,6 +216,9 @@ def decide(runs, found, repeats=1):
         )
     periods = set(runs.period.values.tolist())
     if found.growth < _DECAY:
+        if "longer" in runs.run and int(runs.period.sel(run="longer")):
+            # Others that are still on their way agree with it in their extrema, below.
+            periods -= {0}
         if periods == {0} or len(periods) > 1:
             message = "deviations decay, but not all runs repeat: run more periods to settle"
             if repeats > 1:

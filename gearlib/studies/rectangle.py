@@ -87,10 +87,13 @@ def differences(tunings, found, base):
     """
     ours, theirs = observe(tunings, found), observe(tunings, base)
     heights = np.asarray(found["orbit_height"]), np.asarray(base["orbit_height"])
+    periods = np.asarray(found["period"]), np.asarray(base["period"])
+    # Of motions that have not settled none is known.
+    settled = (periods[0] > 0) & (periods[1] > 0)
     result = {
         "characteristic": np.abs(heights[0] - heights[1]).mean() / heights[1].mean(),
         "contact_loss": abs(ours["contact_loss"] - theirs["contact_loss"]),
-        "motion": np.not_equal(found["period"], base["period"]).mean(),
+        "motion": (settled & (periods[0] != periods[1])).mean(),
     }
     for name in OBSERVABLES:
         if name in result:

@@ -20,10 +20,14 @@ def models():
 
 
 def run(model):
-    """Run two mesh periods, by the kernels alone: an edit of `simulate` reruns nothing here."""
+    """Run two mesh periods, by the kernels alone: an edit of `simulate` reruns nothing here.
+
+    Maps are what periods are proven by.
+    """
     propagator = model.propagator(0.9)
     samples, events, summary = model.empty_record(events=0)
     propagator.run(propagator.start((0.0, 0.0)), 2, 1, samples, events, 100, summary)
+    propagator.maps(propagator.start((0.0, 0.0)), 1, 100)
 
 
 if __name__ == "__main__":
