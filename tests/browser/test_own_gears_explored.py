@@ -6,11 +6,12 @@ import panel as pn
 import pytest
 import yaml
 from click.testing import CliRunner
+from selenium.webdriver.common.action_chains import ActionChains
 
 from gearlib import cli, config
 from gearlib.models.trains.described_train import described
 from gearlib.pages.explorer import serving
-from tests.browser.chromium import browser, texts, wait_for
+from tests.browser.chromium import browser, errors, everywhere, texts, wait_for
 
 assert browser  # a fixture
 
@@ -100,22 +101,52 @@ def _layout(whole):
     return serving.Explorer(whole, "d").layout()
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("width", [1280, 420])
-def test_no_page_is_wider_than_the_window(browser, width):
+@pytest.fixture(scope="module")
+def served():
+    """The address of the pages of a drawn pair and of a train."""
     pages = {"0": lambda: _layout(PAIR), "1": lambda: _layout(TRAIN)}
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
     server = pn.serve(pages, show=False, threaded=True, port=port, address="127.0.0.1")
-    size = {"width": width, "height": 800, "deviceScaleFactor": 1, "mobile": False}
+    yield f"http://127.0.0.1:{port}"
+    server.stop()
+
+
+def _seen(browser, address, least, width, height):
+    """Open a page in a window of this size; return the heights of its figures."""
+    size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
     browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
-    try:
-        for page, least in (("0", 5), ("1", 3)):
-            browser.get(f"http://127.0.0.1:{port}/{page}")
-            wait_for(lambda least=least: len(texts(browser, "canvas")) >= least, 60.0)
-            wide = "return [document.documentElement.scrollWidth, window.innerWidth];"
-            shown, window = browser.execute_script(wide)
-            assert shown <= window == width
-    finally:
-        server.stop()
+    browser.get(address)
+    wait_for(lambda: len(texts(browser, "canvas")) >= least, 60.0)
+    return _heights(browser)
+
+
+def _heights(browser):
+    return [canvas.size["height"] for canvas in everywhere(browser, "canvas")]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("width", [1280, 420])
+def test_no_page_is_wider_than_the_window(browser, served, width):
+    for page, least in (("0", 5), ("1", 4)):
+        _seen(browser, f"{served}/{page}", least, width, 800)
+        wide = "return [document.documentElement.scrollWidth, window.innerWidth];"
+        shown, window = browser.execute_script(wide)
+        assert shown <= window == width
+
+
+@pytest.mark.slow
+def test_figures_grow_with_the_window_and_a_click_moves_the_motion(browser, served):
+    low = _seen(browser, f"{served}/1", 4, 1280, 800)
+    high = _seen(browser, f"{served}/1", 4, 1280, 1200)
+    # Of 400 px more 55 % and 45 %: each row as much as it has of the window.
+    grown = [b - a for a, b in zip(low, high, strict=True) if b != a]
+    assert len(grown) >= 4 and sorted({*grown}) == [180, 220]
+    (before,) = [text for text in texts(browser, ".bk-slider-title") if "rpm" in text]
+    assert before == "speed of the reference pinion, rpm: 21447"
+    ActionChains(browser).move_to_element(everywhere(browser, "canvas")[0]).click().perform()
+    wait_for(lambda: before not in texts(browser, ".bk-slider-title"), 60.0)
+    (after,) = [text for text in texts(browser, ".bk-slider-title") if "rpm" in text]
+    assert 24000 < int(after.split(": ")[1]) < 34000
+    assert errors(browser) == []

@@ -6,8 +6,10 @@ import numpy as np
 import panel as pn
 
 from gearlib.figures.style import PALETTE
-from gearlib.pages.explorer.curves import Curves, beside, small
+from gearlib.pages.explorer.curves import Curves, Room, beside, empty, pane
 from gearlib.pages.explorer.motion import Motion
+
+_WITH_LEGEND = Room(0.45, 250, 340, 2)
 
 
 class DrawnFigures(Curves):
@@ -15,6 +17,7 @@ class DrawnFigures(Curves):
 
     def __init__(self, drawing):
         self.motion = Motion(over_speed=True)
+        self.resonance = self.motion.resonance
         self.table = pn.pane.Markdown("", width=330)
         self._loads = drawing.loads
         #: Names of the curves of the Harris map, in the order of the loads.
@@ -23,8 +26,8 @@ class DrawnFigures(Curves):
 
     def panes(self):
         """Return the derived numbers and the figures."""
-        teeth = self._harris(), self._share()
-        return [beside(self.table, *map(pn.pane.Bokeh, teeth)), *self.motion.panes()]
+        first = self.table, pane(self._harris(), _WITH_LEGEND), pane(self._share())
+        return [beside(*first), *self.motion.panes()]
 
     def draw(self, seen):
         """Show a view, and return it in words."""
@@ -45,7 +48,7 @@ class DrawnFigures(Curves):
         return self.motion.draw(seen)
 
     def _harris(self):
-        plot = small("Harris map: static transmission error", "mesh phase / 2π", "µm", 460)
+        plot = empty("Harris map: static transmission error", "mesh phase / 2π", "µm")
         for name, load in zip(self._curves, [*self._loads, None], strict=True):
             words, colour, width = "chosen torque", PALETTE[0], 3
             if load is not None:
@@ -55,7 +58,7 @@ class DrawnFigures(Curves):
         return plot
 
     def _share(self):
-        plot = small("Load share of a pair of teeth", "position on the path of contact, mm", "")
+        plot = empty("Load share of a pair of teeth", "position on the path of contact, mm", "")
         self.line(plot, "share", PALETTE[0])
         return self.marked(plot)
 

@@ -57,6 +57,8 @@ class Explored(ABC):
     sliders: dict
     #: Name of a choice -> its label, and its options as of Panel, the first of them the start.
     choices: ClassVar[dict] = {}
+    #: Name of the slider over which the resonance characteristic goes.
+    abscissa: ClassVar[str] = "speed"
     #: What is followed: "value_throttled" is a slider that is let go.
     event: ClassVar[str] = "value"
 
