@@ -1,7 +1,9 @@
 """The explorer opens with the gears of the user, and what it saves describes them again."""
 
 import socket
+from dataclasses import replace
 
+import numpy as np
 import panel as pn
 import pytest
 import yaml
@@ -33,6 +35,9 @@ SET = {
     "backlashes": ["60 um", "50 um"],
     "damping_ratio": 0.05,
 }
+RELIEF = {"amount": "15 um", "length": "2 mm", "shape": "parabolic"}
+PINION = PAIR["gears"]["pinion"] | {"tip_relief": RELIEF, "pitch_errors": ["5 um"] + ["0 um"] * 22}
+RELIEVED = PAIR | {"gears": PAIR["gears"] | {"pinion": PINION}}
 TRAIN = PAIR | {"train": {"kind": "planetary_set", "planetary_set": SET}}
 
 
@@ -45,13 +50,16 @@ def explored(tmp_path, monkeypatch, whole, *options):
     return (serving.Explorer(*served[0]) if served else None), said
 
 
-@pytest.mark.parametrize(("whole", "kind"), [(PAIR, serving.DRAWN), (TRAIN, "planetary_set")])
+@pytest.mark.parametrize(
+    ("whole", "kind"),
+    [(PAIR, serving.DRAWN), (RELIEVED, serving.DRAWN), (TRAIN, "planetary_set")],
+)
 def test_the_users_gears_are_seen_first_and_saved(tmp_path, monkeypatch, whole, kind):
     explorer, said = explored(tmp_path, monkeypatch, whole)
     assert said.exit_code == 0 and serving.opened(whole) == kind
     assert explorer.mapping == whole and explorer.choice.value == serving.KINDS.get(kind, kind)
     page = explorer.page
-    teeth = "z 23/61, module 2.5 mm" if whole is PAIR else "sun z 27"
+    teeth = "sun z 27" if whole is TRAIN else "z 23/61, module 2.5 mm"
     assert teeth in page.explored.heading
     again = yaml.safe_load(page.file().read())
     gears = config.load(again).gears if kind == serving.DRAWN else None
@@ -64,6 +72,31 @@ def test_the_users_gears_are_seen_first_and_saved(tmp_path, monkeypatch, whole, 
     second, _ = explored(tmp_path, monkeypatch, again)
     assert vars(second.page.setting()) == vars(page.setting())
     assert yaml.safe_load(second.page.file().read()) == again
+
+
+def test_relief_and_pitch_errors_of_the_drawing_are_what_moves(tmp_path, monkeypatch):
+    explorer, _ = explored(tmp_path, monkeypatch, RELIEVED)
+    page, drawing = explorer.page, explorer.page.explored
+    mesh, given = drawing.mesh(page.setting()), config.load(RELIEVED).gears.mesh()
+    for name in ("pinion", "wheel"):
+        own, drawn = getattr(mesh, name), getattr(given, name)
+        assert (own.tip_relief, own.pitch_errors) == (drawn.tip_relief, drawn.pitch_errors)
+    assert "tip relief and pitch errors as drawn" in drawing.heading
+    # The same teeth meet after 23 mesh periods; the page follows that motion and says so.
+    assert "repeats every 23 mesh periods" in page.note.object
+    error = drawing.mesh(page.setting()).transmission_error(85.0, phases=89)
+    curve = page.figures.sources["chosen"].data
+    assert len(curve["x"]) == 23 * 89 + 1 and curve["x"][-1] == 23.0
+    np.testing.assert_allclose(curve["y"][:-1], 1e6 * error.transmission_error.values[0])
+    page.sliders["relief"].value = 30.0
+    page.sliders["module"].value = 5.0
+    page.choices["errors"].value = False
+    mesh = drawing.mesh(page.setting())
+    twice = replace(given.pinion.tip_relief, amount=30e-6, length=4e-3)
+    assert mesh.pinion.tip_relief == twice and mesh.wheel.tip_relief is None
+    assert mesh.pinion.pitch_errors == () and "repeats every mesh period" in page.note.object
+    saved = config.load(yaml.safe_load(page.file().read())).gears.mesh()
+    assert saved.pinion.tip_relief == twice and saved.pinion.pitch_errors == ()
 
 
 def test_a_pair_that_is_not_changed_keeps_its_drawing(tmp_path, monkeypatch):

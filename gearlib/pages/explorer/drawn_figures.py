@@ -34,11 +34,13 @@ class DrawnFigures(Curves):
         lines = [f"| {name} | {value} |" for name, value in rows(seen)]
         self.table.object = "\n".join(["| derived | |", "|---|---:|", *lines])
         error = seen.error
-        # The mesh period closes where it began.
-        phase = np.append(error.phase.values / math.tau, 1.0)
+        # After the last mesh period it closes where it began; several, if there are pitch errors.
+        count = len(seen.mesh.pitch_errors)
+        phase = np.append(error.phase.values / math.tau, count)
         curves = 1e6 * error.transmission_error.values
         for name, curve in zip(self._curves, curves, strict=True):
             self.show(name, phase, np.append(curve, curve[0]))
+        error = error.isel(phase=slice(0, error.phase.size // count))
         position, share = 1e3 * error.path_position.values, error.load_share.values[-1]
         inside = np.isfinite(position)
         order = np.argsort(position[inside])
