@@ -45,7 +45,9 @@ class Room(NamedTuple):
 
 
 #: Of the characteristic, of a figure beside it, and of those of which several stand side by side.
-LARGE, FIRST, SMALL = Room(0.55, 300, 460, 2), Room(0.55, 300, 290), Room(0.45, 250, 260)
+LARGE, FIRST, SMALL = Room(0.55, 300, 460, 2), Room(0.55, 340, 290), Room(0.45, 250, 260)
+#: Width of ticks and words of an ordinate, px.
+_ORDINATE = 65
 #: Of the window, px: choice, heading and note.
 _HEAD = 240
 
@@ -53,15 +55,15 @@ _HEAD = 240
 def empty(title, x, y, tools=False):
     """Return an empty figure, whose size is that of its `pane`."""
     more = {} if tools else {"toolbar_location": None}
-    return figure(
-        title=title, x_axis_label=x, y_axis_label=y, sizing_mode="stretch_both", **more
-    )  # fmt: skip
+    # Room for ticks and words of the ordinate, which are not known when the figure is laid out.
+    look = {"sizing_mode": "stretch_both", "min_border_left": _ORDINATE}
+    return figure(title=title, x_axis_label=x, y_axis_label=y, **look, **more)
 
 
 def pane(plot, room=SMALL, less=0):
     """Return the pane of a figure, which grows with the window; less: px for what is below it."""
     height = f"calc({room.share} * (100vh - {_HEAD}px) - {less}px)"
-    styles = {"height": height, "min-height": f"{room.least}px"} | flex(room)
+    styles = {"height": height, "min-height": f"{room.least - less}px"} | flex(room)
     return pn.Column(pn.pane.Bokeh(plot, sizing_mode="stretch_both"), styles=styles)
 
 

@@ -9,7 +9,8 @@ from gearlib.figures.style import PALETTE
 from gearlib.pages.explorer.curves import Curves, Room, beside, empty, pane
 from gearlib.pages.explorer.motion import Motion
 
-_WITH_LEGEND = Room(0.45, 250, 340, 2)
+#: As high as the table beside them.
+_HARRIS, _SHARE = Room(0.45, 400, 340, 2), Room(0.45, 400, 260)
 
 
 class DrawnFigures(Curves):
@@ -18,7 +19,7 @@ class DrawnFigures(Curves):
     def __init__(self, drawing):
         self.motion = Motion(over_speed=True)
         self.resonance = self.motion.resonance
-        self.table = pn.pane.Markdown("", width=330)
+        self.table = pn.pane.Markdown("", width=290)
         self._loads = drawing.loads
         #: Names of the curves of the Harris map, in the order of the loads.
         self._curves = [*range(drawing.loads.size), "chosen"]
@@ -26,7 +27,7 @@ class DrawnFigures(Curves):
 
     def panes(self):
         """Return the derived numbers and the figures."""
-        first = self.table, pane(self._harris(), _WITH_LEGEND), pane(self._share())
+        first = self.table, pane(self._harris(), _HARRIS), pane(self._share(), _SHARE)
         return [beside(*first), *self.motion.panes()]
 
     def draw(self, seen):

@@ -86,8 +86,11 @@ class TurningTrain:
         self.sources["frame"].data = ends
         self.marker.location = periods
         apart = [n for n, one in zip(names, code, strict=True) if one == schematic.BACKLASH]
-        said = f"Out of contact: {', '.join(apart)}" if apart else "All meshes are in contact"
-        self.words.object = "; ".join([said, *schematic.words(layout, code)]) + "."
+        said = (
+            f"Out of contact (open): {', '.join(apart)}" if apart else "All meshes are in contact"
+        )
+        others = schematic.words(layout, code[code != schematic.BACKLASH])
+        self.words.object = "; ".join([said, *others]) + "."
 
     def pane(self):
         """Return the schematic above its slider and its words."""
@@ -95,7 +98,7 @@ class TurningTrain:
         sources = self.sources
         frame = plot.scatter("x", "y", source=sources["frame"], size=0.0, alpha=0.0)
         plot.x_range, plot.y_range = (DataRange1d(renderers=[frame]) for _ in "xy")
-        plot.match_aspect = True
+        plot.match_aspect, plot.min_border_left = True, None
         plot.axis.visible = plot.grid.visible = False
         plot.multi_line(
             "xs", "ys", source=sources["arms"], line_width=6, color=schematic.CARRIER,
