@@ -18,7 +18,7 @@ from gearlib.config.types import MAX_PAGE_SAMPLES, Name, ProjectName, Section, e
 
 #: Limits that catch a mistyped step or window before it fills a disk.
 MAX_TUNINGS = 10_000_000
-MAX_SAMPLES = 100_000_000
+MAX_SAMPLES = 40_000_000
 
 Target = Literal[tuple(STUDIES)]
 
