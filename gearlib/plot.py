@@ -17,6 +17,7 @@ from gearlib.figures import (
     branches_figure,
     campbell_figure,
     harris_map_figure,
+    phase_planes_figure,
     plot_curves,
     resonance_figure,
     style,
@@ -102,7 +103,7 @@ def resonance(*sweeps, axes=None, labels=None, variable=None):
 
 @style.styled()
 def phase_plane(*runs, axes=None, labels=None):
-    """Draw velocities over displacements; orbits that repeat are closed.
+    """Draw velocities over displacements; orbits that repeat, in whole records, are closed.
 
     Parameters
     ----------
@@ -124,10 +125,7 @@ def phase_plane(*runs, axes=None, labels=None):
     parts = plot_curves.parts("phase_plane", runs, labels, ("displacement", "velocity"), "simulate")
     axes, own = plot_curves.axes(axes)
     for (label, look), (_, _, one) in zip(plot_curves.looks(parts), parts, strict=True):
-        x, v = one.displacement.values, one.velocity.values
-        if int(one.period) > 0:
-            # The record holds whole orbits: its end is its start.
-            x, v = np.append(x, x[0]), np.append(v, v[0])
+        x, v, _ = phase_planes_figure.orbit_of(one)
         axes.plot(x, v, color=look.colour, linestyle=look.line, label=label)
     axes.set_xlim(axes.get_xlim())
     # With moving bearings the far flank is no line in this plane.
