@@ -43,6 +43,9 @@ def test_the_schematic_turns_and_shows_the_contacts_of_its_instant(mapping):
         turned = np.exp(2j * np.pi * sample / 64 / np.array([24, -36]))
         ways = np.array([complex(*ways[i]) for i in (0, 2)])
         np.testing.assert_allclose(ways / abs(ways), turned, atol=1e-12)
+    schematic.draw(train, run.assign(status=((), 1)))
+    assert "no motion" in schematic.words.object
+    assert "white" not in schematic.sources["meshes"].data["face"]
     curves = shown.figures.resonance.renderers
     assert meshes["colour"] == [curves[i].glyph.line_color for i in range(6)]
     assert tuple(meshes["mesh"]) == train.mesh_names

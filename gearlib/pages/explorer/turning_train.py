@@ -40,16 +40,20 @@ class TurningTrain:
         self.slider.param.watch(self.turn, "value")
         self._layout: Any = None
         self._contact: Any = None
+        self._known = False
 
     def draw(self, train, course):
         """Show a train and its contacts; course: the samples of its run that are drawn."""
         self._layout, self._contact = train.layout(), course.contact.values
+        # Of a motion that could not go on nothing is known.
+        self._known = not int(course.status)
         self.turn()
 
     def turn(self, *_):
         """Show what the slider says."""
         layout, periods = self._layout, self.slider.value
         code = self._contact[min(round(periods * TRAIN.samples), len(self._contact) - 1)]
+        code = code if self._known else np.full_like(code, schematic.NORMAL)
         now = schematic.instant(layout, math.tau * periods)
         names = list(map(str, layout.mesh.values))
         colours = [*style.mesh_colours(names).values()]
@@ -70,18 +74,18 @@ class TurningTrain:
             "mesh": names,
         }
         labels = schematic.labels(layout, now.meshes)
-        at = np.array([label[:2] for label in labels]).reshape(-1, 2)
+        at = np.array([label[:2] for label in labels])
         self.sources["names"].data = {
             "x": at[:, 0],
             "y": at[:, 1],
             "align": ["right" if side == "left" else "left" for _, _, side in labels],
-            "colour": colours[: len(labels)],
-            "mesh": names[: len(labels)],
+            "colour": colours,
+            "mesh": names,
         }
-        ways = np.stack([now.meshes[: len(labels)], at], axis=1)
-        self.sources["leaders"].data = _lines(ways) | {"colour": colours[: len(labels)]}
+        ways = np.stack([now.meshes, at], axis=1)
+        self.sources["leaders"].data = _lines(ways) | {"colour": colours}
         left, right, low, high = schematic.extent(layout)
-        room = (right - left) * (0.1 + _LETTER * max(map(len, names)) * bool(labels))
+        room = (right - left) * (0.1 + _LETTER * max(map(len, names)))
         ends = {"x": [left - room, right + room], "y": [low, high]}
         self.sources["frame"].data = ends
         self.marker.location = periods
@@ -89,6 +93,7 @@ class TurningTrain:
         said = (
             f"Out of contact (open): {', '.join(apart)}" if apart else "All meshes are in contact"
         )
+        said = said if self._known else "There is no motion at this speed"
         others = schematic.words(layout, code[code != schematic.BACKLASH])
         self.words.object = "; ".join([said, *others]) + "."
 
