@@ -85,6 +85,15 @@ def _save(over, output, plot, dataset, draw):
         picture(plot, draw)
 
 
+def beside(axes, train, run=None, curves=False):
+    """Return axes, a train drawn beside, if it is one; `curves`: in the colours of its meshes."""
+    from gearlib.figures import schematic
+
+    if not train.mesh_names:
+        return axes
+    return schematic.beside(axes, train, run, None if curves else {})
+
+
 def picture(path, draw):
     """Draw a picture; `draw` takes `gearlib.plot` and returns axes."""
     import matplotlib
