@@ -119,8 +119,8 @@ def _gear_options(command):
             name: drawing_options.number(text) for name, text in given.items() if text is not None
         }
         drawn = _drawn(others, changes)
-        file = read(config_path, case, damping)
-        mapping, gears, damping, pair = _gears(*file, drawn, damping, changes)
+        mapping, path = read(config_path, case, damping)
+        mapping, gears, damping, pair = _gears(mapping, path, drawn, damping, changes)
         known = {"mapping": mapping, "gears": gears, "damping": damping, "pair": pair}
         return command(**known, changes=changes, **others)
 
