@@ -143,7 +143,8 @@ ONE_MESH = Study(
         distance of the curves above. Held alike: the motion in which all branches move
         alike, whether it is stable or not; out of phase: teeth
         {listed(c.one_mesh.other_teeth)}; displaced: {_displaced(c)}; soft supports:
-        {c.one_mesh.soft_support} N/m in place of {c.reducer.support_stiffness} N/m."""
+        {c.one_mesh.soft_support} N/m in place of {c.reducer.support_stiffness} N/m. Below the
+        panels: the whole train along its axes, with the names of its meshes."""
         ),
     ),
     gears=gear_names.of_reducer,
