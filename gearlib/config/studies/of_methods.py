@@ -11,6 +11,7 @@ from gearlib.config.studies.study import (
     Study,
     Table,
     absent,
+    carried,
     each,
     grid_of,
     installed,
@@ -203,6 +204,7 @@ FAILURES = Study(
         absent=_untried,
     ),
     gears=lambda c: "paper's pair and others, in problems of its own",
+    refusal=carried,
 )
 
 WORK_PRECISION = Study(

@@ -13,11 +13,13 @@ from gearlib.config.studies.study import (
     Job,
     Study,
     Table,
+    carried,
     grid_of,
     listed,
+    rectangular,
     without,
 )
-from gearlib.config.train_section import TrainSweep
+from gearlib.config.train_section import OF_PAIRS, TrainSweep
 
 _TRAIN = ("train_kernels",)
 
@@ -217,6 +219,7 @@ TRAIN_CHART = Study(
         share of its tongues that is stable.""",
     ),
     gears=_planetary,
+    refusal=carried,
 )
 
 SYMMETRY_BREAKING = Study(
@@ -253,6 +256,7 @@ SYMMETRY_BREAKING = Study(
         lambda c: c.symmetry_breaking.model_dump(include={"periods_shown"}),
     ),
     gears=_planetary,
+    refusal=carried,
 )
 
 TRAIN_SWEEP = Study(
@@ -288,4 +292,5 @@ TRAIN_SWEEP = Study(
     # By default the train is the reducer, which has a target.
     unasked=False,
     gears=gear_names.of_train,
+    refusal=lambda c: rectangular(c) if c.train.kind in OF_PAIRS else "",
 )
