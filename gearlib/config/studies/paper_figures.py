@@ -270,6 +270,11 @@ STATEMENTS = Study(
         from the numbers. A statement that differs stays in the table.""",
     ),
     results=lambda c: ["claims.md", *WHY],
+    refusal=lambda c: (
+        "gears is not allowed: its statements are about the paper's pair, it must be left out"
+        if c.gears
+        else ""
+    ),
 )
 
 REPORT_PAGE = Study(
