@@ -9,7 +9,9 @@ import math
 from itertools import cycle
 
 import numpy as np
+import xarray as xr
 
+from gearlib import checks
 from gearlib.analysis.orbits.shooting import Orbit
 from gearlib.figures import (
     branches_figure,
@@ -21,9 +23,20 @@ from gearlib.figures import (
     style,
     time_courses_figure,
 )
+from gearlib.figures import (
+    schematic as train_schematic,
+)
 from gearlib.runs.simulation import simulate
 
-__all__ = ["campbell", "harris_map", "orbit", "phase_plane", "resonance", "time_course"]
+__all__ = [
+    "campbell",
+    "harris_map",
+    "orbit",
+    "phase_plane",
+    "resonance",
+    "schematic",
+    "time_course",
+]
 
 _EXTREMA = ("displacement_max", "displacement_min")
 
@@ -209,6 +222,56 @@ def campbell(diagram, *, axes=None, to=None):
     campbell_figure.draw_orders(axes, diagram, end)
     handles = campbell_figure.entries(diagram)
     axes.legend(handles=handles, fontsize=6.5, loc="upper left", bbox_to_anchor=(1.0, 1.0))
+    return axes
+
+
+@style.styled()
+def schematic(train, *, run=None, phase=None, axes=None):
+    """Draw a train seen along its axes: pitch circles, shafts, carriers, and its meshes by name.
+
+    Meshes have the colours of their curves in `resonance` and `time_course`.
+
+    Parameters
+    ----------
+    train : gearlib.GearTrain
+    run : xarray.Dataset, optional
+        Of `gearlib.simulate`: meshes that are out of contact at this phase are open, those whose
+        far flanks touch are diamonds.
+    phase : float, optional
+        Of the reference mesh, rad, by which the train has turned; by default that at which the
+        record of the run begins, 0 without one.
+    axes : matplotlib.axes.Axes, optional
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+
+    Raises
+    ------
+    ValueError
+        If it is no train, the run is not one of its meshes, or the phase lies beside its record.
+    """
+    try:
+        layout, contact = train.layout(), None
+    except AttributeError:
+        words = f"train = {train!r} is not allowed: it must be a gearlib.GearTrain"
+        raise ValueError(words) from None
+    if run is not None:
+        plot_curves.need("schematic", run, ("contact", "phase"), "simulate")
+        if run.contact.coords.get("mesh", xr.DataArray([])).values.tolist() != list(
+            train.mesh_names
+        ):
+            raise ValueError(
+                "mesh of the run is not allowed: its meshes must be those of the train"
+            )
+        first, last = run.phase.values[[0, -1]]
+        phase, words = first if phase is None else phase, f"from {first:.9g} to {last:.9g}"
+        phase = checks.number("phase", phase, words, lambda value: first <= value <= last)
+        contact = run.contact.values[np.abs(run.phase.values - phase).argmin()]
+    phase = checks.number("phase", 0.0 if phase is None else phase, "finite", math.isfinite)
+    axes, own = plot_curves.axes(axes)
+    train_schematic.draw(axes, layout, None, phase, contact)
+    axes.set_title("\n".join(train_schematic.words(layout, contact)))
     return axes
 
 

@@ -9,6 +9,7 @@ from gearlib.cli import (
     model_options,
     output,
     progress,
+    refusals,
     speed_options,
     workflow_commands,
 )
@@ -31,6 +32,7 @@ _state = click.option(
     "--state",
     "initial_state",
     nargs=2,
+    metavar="X V",
     type=float,
     default=(0.0, 0.0),
     show_default=True,
@@ -38,18 +40,8 @@ _state = click.option(
 )
 
 
-class _Group(click.Group):
-    """Wrong input of any command ends with exit code 2 and its sentence."""
-
-    def invoke(self, ctx):
-        try:
-            return super().invoke(ctx)
-        except ValueError as error:
-            raise click.UsageError(str(error)) from None
-
-
 @click.group(
-    cls=_Group,
+    cls=refusals.Group,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
     epilog="Exit codes: 0 well; 1 the computation could not do what was asked; 2 wrong input.",
 )
@@ -142,7 +134,9 @@ def sweep(model, start, stop, points, save, **asked):
     import xarray as xr
 
     import gearlib
+    from gearlib.runs.run_arguments import check_rows
 
+    check_rows(model, f"points = {points}", points)
     grid = np.linspace(start, stop, points)
     if asked["direction"] == "cold":
         # In pieces, so that the bar can move; the tunings do not know of each other.
@@ -177,7 +171,13 @@ def sweep(model, start, stop, points, save, **asked):
 @model_options.options
 @speed_options.options
 @click.option("--period", type=int, default=1, show_default=True, help="Mesh periods of it.")
-@click.option("--guess", nargs=2, type=float, help="Displacement and dx/dtau near the orbit.")
+@click.option(
+    "--guess",
+    nargs=2,
+    metavar="X V",
+    type=float,
+    help="Displacement and dx/dtau near the orbit.",
+)
 @output.options
 def orbit(model, tuning, period, guess, save):
     """Find a periodic orbit and its Floquet multipliers."""
@@ -325,6 +325,7 @@ def schema():
     "--port",
     type=click.IntRange(0, 65535),
     default=0,
+    callback=refusals.free_port,
     help="Port on this machine; any free one by default.",
 )
 @click.option("--show/--no-show", default=True, help="Whether to open a browser.")

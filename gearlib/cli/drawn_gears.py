@@ -72,7 +72,8 @@ def _decorators():
     yield from model_options.config_options()
     for key in _EACH:
         words = WheelSection.model_fields[key].description
-        yield click.option(_name(key), key, nargs=2, help=f"Of pinion and wheel: {words}")
+        names = {"nargs": 2, "metavar": "PINION WHEEL"}
+        yield click.option(_name(key), key, help=words, **names)
     for key in _COMMON:
         yield click.option(_name(key), key, help=WheelSection.model_fields[key].description)
     yield click.option("--internal", is_flag=True, help="The wheel is a ring gear.")

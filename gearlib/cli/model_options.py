@@ -4,7 +4,6 @@ import functools
 from pathlib import Path
 
 import click
-import yaml
 from pydantic import ValidationError
 
 from gearlib import config
@@ -239,8 +238,8 @@ def read(path, case, damping):
             return {}, None
     try:
         mapping, repeated = yaml_keys.read(path)
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise click.UsageError(f"{path} is not YAML: {error}") from None
+    except OSError as error:
+        raise click.UsageError(f"{path} cannot be read: {error.strerror}") from None
     if repeated:
         raise click.UsageError("\n".join(repeated))
     if not isinstance(mapping, dict):

@@ -1,6 +1,7 @@
 """What a command prints and writes, and how it ends."""
 
 import functools
+import tempfile
 import textwrap
 from itertools import zip_longest
 from pathlib import Path
@@ -31,22 +32,33 @@ def options(command):
 
 
 def _check(output, force):
-    """Refuse, before anything is computed, to replace a file unasked or to write to no folder."""
-    if output.exists() and not force:
+    """Refuse, before anything is computed, to replace a file unasked or to write where none can."""
+    try:
+        there = output.exists()
+        if output.parent.is_dir():
+            tempfile.TemporaryFile(dir=output.parent, prefix=output.name).close()
+    except OSError as error:
+        raise click.UsageError(f"{output} cannot be written: {error.strerror}") from None
+    if there and not force:
         raise click.UsageError(f"{output} is there already: choose another name, or give --force")
     if not output.parent.is_dir():
         raise click.UsageError(f"{output} cannot be written: there is no folder {output.parent}")
 
 
 def _save(output, dataset):
-    """Write a dataset where asked."""
+    """Write a dataset where asked; among temporary files if it cannot be written there any more."""
     from gearlib.data import storage
 
     if output is not None:
         try:
             storage.write(dataset, output)
         except OSError as error:
-            fail(str(error))
+            kept = Path(tempfile.mkdtemp(prefix="gearlib-"), output.name)
+            try:
+                storage.write(dataset, kept)
+            except OSError:
+                fail(str(error))
+            fail(f"{error}; the result is kept as {kept}")
         click.echo(f"written to {output}")
 
 

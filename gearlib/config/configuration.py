@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING, Any, Literal
 
-from pydantic import Field, create_model, model_validator
+from pydantic import Field, create_model, field_validator, model_validator
 
 from gearlib.config.agreement import MAX_JOBS, check_different, check_most
 from gearlib.config.experiments import Figures
@@ -18,7 +18,7 @@ from gearlib.config.types import MAX_PAGE_SAMPLES, Name, ProjectName, Section, e
 
 #: Limits that catch a mistyped step or window before it fills a disk.
 MAX_TUNINGS = 10_000_000
-MAX_SAMPLES = 100_000_000
+MAX_SAMPLES = 40_000_000
 
 Target = Literal[tuple(STUDIES)]
 
@@ -77,6 +77,16 @@ class _Common(Section):
     if TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> Any: ...
+
+    @field_validator("targets", mode="before")
+    @classmethod
+    def _no_comparison(cls, targets):
+        if isinstance(targets, list) and "compare" in targets:
+            raise ValueError(
+                f"targets[{targets.index('compare')}] = 'compare' is not allowed: it must be left "
+                "out, and called by its name, snakemake -j2 compare"
+            )
+        return targets
 
     @model_validator(mode="after")
     def _check(self):

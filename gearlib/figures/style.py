@@ -112,6 +112,11 @@ def looks(names, colours=None):
     }
 
 
+def mesh_colours(names):
+    """Return name -> colour of the meshes of a train, in their order."""
+    return dict(zip(names, cycle(PALETTE), strict=False))
+
+
 def damping_label(name):
     """Return the name of a damping as it is printed: k1 and k1m as symbols with an index."""
     return re.sub(r"\bk1(m?)\b", lambda found: f"$k_{{1{found[1]}}}$", name).replace("+", " + ")

@@ -14,6 +14,7 @@ from gearlib.runs.run_arguments import (
     Rows,
     allowed,
     check_either,
+    check_rows,
     check_run,
     check_speed,
     check_tuning,
@@ -106,6 +107,7 @@ def sweep(
         )
     threads = os.cpu_count() if threads is None else checks.integer("threads", threads, 1)
 
+    check_rows(pair, f"a sweep of {tunings.size:,} tunings", tunings.size)
     table = np.empty((tunings.size, *pair.empty_record()[2].shape))
     ends = np.empty((tunings.size, len(pair.components)))
     codes = np.full((tunings.size, 2), -1)  # until a tuning is done

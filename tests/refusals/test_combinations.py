@@ -326,12 +326,21 @@ LIBRARY = {
     "phase = nan ... finite": lambda: planetary().static(phase=math.nan),
     # Planetary sets of drawn gears.
     "internal of the ring = False ... True": lambda: planets(ring=SpurGear(teeth=36, **PLANETS)),
-    "teeth of the ring = 36 ... >= 37": lambda: planets(ring=inside(teeth=36)),
-    "tip_diameter of the ring = 0.291 ... begins 0.0404": lambda: planets(
+    "teeth of the ring = 36 ... z_s + 2 z_p = 27 + 2 * 36 = 99, or": lambda: planets(
+        ring=inside(teeth=36)
+    ),
+    "teeth of the ring = 99 ... 27 + 2 * 96 = 219, or": lambda: planets(
         (27, 96, 99), centre_distance=0.1845
     ),
-    "centre_distance of the ring mesh = 0.09 ... > 0.0930296 m": lambda: planets((27, 33, 99)),
-    "tip_diameter of the ring = 0.291 ... begins 0.0102": lambda: planets((27, 37, 99)),
+    "contact_ratio of the ring mesh = 0.99 ... >= 1": lambda: planets(
+        (27, 34, 97), centre_distance=0.092
+    ),
+    # Shifts, or a centre distance, may make up for two teeth.
+    "tip_diameter of the ring = 0.291 ... begins 0.0102": lambda: planets(
+        (27, 37, 99), centre_distance=0.096
+    ),
+    "teeth of the ring = 99 ... 27 + 2 * 33 = 93, or": lambda: planets((27, 33, 99)),
+    "teeth of the ring = 99 ... 27 + 2 * 37 = 101, or": lambda: planets((27, 37, 99)),
     "planets = 4 ... (27 + 99) / 4": lambda: planets(planets=4),
     "planets = 6 ... axes are": lambda: planets(planets=6),
     "planets = 3 ... axes are": lambda: planets(positions=[0.0, math.tau * 10 / 126, math.pi]),

@@ -1,6 +1,8 @@
 """The command line: what it prints and writes, how it ends."""
 
 import io
+import shutil
+import socket
 import sys
 import time
 from types import SimpleNamespace
@@ -101,6 +103,7 @@ def test_of_many_numbers_of_an_orbit_the_first_are_printed(run, monkeypatch):
 
 def test_wrong_input_is_refused_with_code_2(run, tmp_path):
     (tmp_path / "binary.yaml").write_bytes(b"\xff\xfe")
+    (tmp_path / "open.yaml").write_text("run: [1\n", encoding="utf-8")
     (tmp_path / "twice.yaml").write_text("run:\n  a: 1\n  a: 2\n", encoding="utf-8")
     four = yaml.safe_dump(mapping({"kind": "planetary", "planetary": {"planets": 4}}))
     (tmp_path / "four.yaml").write_text(four, encoding="utf-8")
@@ -122,6 +125,13 @@ def test_wrong_input_is_refused_with_code_2(run, tmp_path):
         (["orbit", "--config", "twice.yaml", "--tuning", "1"], "a is given twice, again in line 3"),
         (["orbit", *PAIR, "--tuning", "1", "--period", "0"], "period = 0"),
         (["simulate", *PAIR, "--tuning", "1", "--damping", "k1"], "give --config"),
+        (["orbit", "--config", "open.yaml", "--tuning", "1"], "open.yaml is not YAML, line 2, col"),
+        (["simulate", *PAIR, "--tuning", "1", "-o", "a" * 300], "cannot be written: File name too"),
+        (["gears", "--teeth", "23", "--module", "2 mm"], "--teeth = 23 is not allowed: it must be"),
+        (["simulate", *PAIR, "--tuning", "1e-300"], "tuning = 1e-300 is not allowed: it must be"),
+        (["simulate", *PAIR, "--speed", "3e9"], "speed = 3000000000.0 is not allowed: it must be"),
+        (["simulate", *PAIR, "--tuning", "1", "--samples", "1000000000"], "within 2 GB of memory"),
+        (["sweep", *PAIR, "--points", "1000000000"], "16,666,666 tunings to stay within 2 GB"),
         (["modes", "--config", "four.yaml"], "planets = 4 is not allowed: (z_s + z_r) / N"),
     ]:
         done = run(*arguments)
@@ -138,13 +148,29 @@ def test_no_file_is_replaced_unasked(run, tmp_path):
     assert xr.load_dataset("run.nc").tuning == 0.7
 
 
-def test_a_file_that_cannot_be_written_ends_with_code_1(run, monkeypatch):
-    def refuse(*_, **__):
-        raise OSError("run.nc cannot be written")
+def test_a_file_that_cannot_be_written_ends_with_code_1_and_is_kept(run, monkeypatch):
+    write, tried = storage.write, []
+
+    def refuse(dataset, path):
+        tried.append(path)
+        if len(tried) <= refusals:
+            raise OSError("run.nc cannot be written")
+        write(dataset, path)
 
     monkeypatch.setattr(storage, "write", refuse)
-    done = run("simulate", *PAIR, "--tuning", "0.7", "-o", "run.nc")
-    assert done.exit_code == 1 and "Error: run.nc cannot be written" in done.output
+    for refusals, end in ((1, "; the result is kept as {}\n"), (4, "\n")):
+        done = run("simulate", *PAIR, "--tuning", "0.7", "-o", "run.nc")
+        assert done.exit_code == 1, done.output
+        assert f"Error: run.nc cannot be written{end.format(tried[-1])}" in done.output
+        if refusals == 1:
+            assert xr.load_dataset(tried[-1]).tuning == 0.7
+            shutil.rmtree(tried[-1].parent)
+
+
+def test_a_port_in_use_is_refused_before_anything_is_computed(run):
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        done = run("explore", "--port", str(server.getsockname()[1]))
+    assert done.exit_code == 2 and "it must be a free port from 0 to 65535" in done.output
 
 
 def test_no_orbit_ends_with_code_1(run, monkeypatch):

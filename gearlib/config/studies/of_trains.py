@@ -22,6 +22,10 @@ from gearlib.config.train_section import TrainSweep
 _TRAIN = ("train_kernels",)
 
 
+#: What the schematic of a train is, in a caption.
+_SEEN = "Beside: the train along its axes, pitch circles and shafts grey, a dot at each mesh"
+
+
 def _displaced(c):
     """Return the displacement of a satellite in words."""
     return " m radially, ".join(map(str, c.reducer.pin_error)) + " m tangentially"
@@ -72,10 +76,11 @@ REDUCER = Study(
         and the speed. Every tuning has {c.reducer.starts} seeded starts, up to
         {c.reducer.spread} static deflections beside static equilibrium. Lines: where all of
         them end on one stable orbit, that; else medians, with their range as shade and the
-        shares of the starts in the lowest row. Triangles: the first start carried up and
-        down, where it settles on another orbit. Squares and crosses: all starts. Middle:
-        the axis of one satellite displaced by {_displaced(c)}. Right: backlash of the
-        branches {listed(c.reducer.backlashes)} m. Record of the last
+        shares of the starts in the lowest row. Below the panels: the train along its axes,
+        pitch circles and shafts grey, meshes in the colours of their branches. Triangles: the
+        first start carried up and down, where it settles on another orbit. Squares and
+        crosses: all starts. Middle: the axis of one satellite displaced by {_displaced(c)}.
+        Right: backlash of the branches {listed(c.reducer.backlashes)} m. Record of the last
         {c.reducer.record_periods} of {c.reducer.periods} mesh periods."""
         ),
     ),
@@ -178,7 +183,8 @@ CAMPBELL = Study(
         first mesh frequency. Dots: the mesh stiffness excites the mode, circles: it does not,
         because the phases of the meshes cancel or no mesh deforms in the mode. Yellow, behind a
         mesh frequency: a mesh of it loses contact in an exact sweep, from all starts, or
-        carried with speed up or down.""",
+        carried with speed up or down. """
+        + f"{_SEEN}.",
     ),
     gears=gear_names.of_reducer,
 )
@@ -240,7 +246,9 @@ SYMMETRY_BREAKING = Study(
         deflections beside it, after {c.symmetry_breaking.periods} mesh periods, mesh by mesh;
         bars their range where they do not end on one stable orbit, and the row below the shares
         of the starts. Last: the forces at the dotted frequency,
-        {c.symmetry_breaking.shown_after} mesh periods after the first start.""",
+        {c.symmetry_breaking.shown_after} mesh periods after the first start; beside them the train
+        along its axes at the dotted instant, at which most meshes are out of contact: these are
+        open.""",
         lambda c: c.symmetry_breaking.model_dump(include={"periods_shown"}),
     ),
     gears=_planetary,
@@ -273,7 +281,7 @@ TRAIN_SWEEP = Study(
         {c.train_sweep.starts} seeded starts, up to {c.train_sweep.spread} static
         deflections beside equilibrium, where they do not end on one orbit, dots their
         medians; below, their shares. Record of the last {c.train_sweep.record_periods} of
-        {c.train_sweep.periods} mesh periods."""
+        {c.train_sweep.periods} mesh periods. {_SEEN} in the colour of its lines."""
         ),
     ),
     # By default the train is the reducer, which has a target.

@@ -22,8 +22,8 @@ def compute(characteristics, pair, settings, orders):
     `GearPair`: every mesh); settings: as of `gearlib.studies.trains.reducer.train_of`; orders:
     highest order of each mesh frequency.
 
-    Beside `GearTrain.campbell`: the most contact of all starts, which all lose it where that is
-    less than 1.
+    Beside `GearTrain.campbell` and `GearTrain.layout`: the most contact of all starts, which all
+    lose it where that is less than 1.
     """
     train = train_of(GearPair(**pair), settings)
     data = train.campbell(orders).drop_vars("modal_force")
@@ -32,6 +32,7 @@ def compute(characteristics, pair, settings, orders):
         data[name] = sweeps[name]
     data["speed"] = sweeps.speed
     data["mesh_rate"] = ("mesh", [float(rate) for rate in train.rates])
+    data = data.merge(train.layout())
     title = "Campbell diagram of a reducer with three double satellites"
     return result(title, train, data, method="exact", orders=orders)
 
