@@ -36,6 +36,7 @@ __all__ = [
     "resonance",
     "schematic",
     "time_course",
+    "values",
 ]
 
 _EXTREMA = ("displacement_max", "displacement_min")
@@ -306,6 +307,56 @@ def harris_map(errors, *, axes=None):
     harris_map_figure.draw_courses(axes, data, data.torque.values, design)
     axes.set_ylabel(harris_map_figure.ERROR)
     axes.set_title("torque of the pinion in N m beside its curve")
+    return axes
+
+
+@style.styled()
+def values(data, *names, axes=None):
+    """Draw variables over their last dimension, a mark for each entry, as tables hold them.
+
+    Parameters
+    ----------
+    data : xarray.Dataset
+        Such as of `GearTrain.modes` or `GearTrain.static`; each entry of other dimensions has marks
+        of its own.
+    *names : str
+        Variables of one unit.
+    axes : matplotlib.axes.Axes, optional
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+
+    Raises
+    ------
+    ValueError
+        If no name is given, or the dataset has no such variable over a dimension.
+    """
+    plot_curves.need("values", data, names or ("names",), "GearTrain.modes and others")
+    for name in names:
+        if not data[name].ndim:
+            raise ValueError(f"{name} is not allowed: it must be a variable over a dimension")
+    axes, _ = plot_curves.axes(axes)
+    over, drawn = data[names[0]].dims[-1], []
+    for name in names:
+        others = data[name].dims[:-1]
+        for place in np.ndindex(*data[name].shape[:-1]):
+            row = data[name].isel(dict(zip(others, place, strict=True)))
+            words = [name.replace("_", " ")] * (len(names) > 1)
+            words += [f"{row[dim].item():g}" for dim in others]
+            drawn.append((" ".join(words), row.values))
+    for look, (words, row) in zip(style.looks(range(len(drawn))).values(), drawn, strict=True):
+        axes.plot(row, look.marker, color=look.colour, ms=4, label=words)
+    entries = [str(entry) for entry in data[over].values]
+    few = slice(None, None, -(-len(entries) // 12))
+    tilted = {"rotation": 30, "ha": "right"} if max(map(len, entries)) > 5 else {}
+    axes.set_xticks(range(len(entries))[few], entries[few], **tilted)
+    axes.set_xlabel(over.replace("_", " "))
+    unit = data[names[0]].attrs.get("units", "1")
+    axes.set_ylabel(f"{', '.join(names).replace('_', ' ')} ({unit})")
+    axes.set_ylim(style.limits([row for _, row in drawn]))
+    if len(drawn) > 1:
+        axes.legend(title=" and ".join(others).replace("_", " "))
     return axes
 
 

@@ -11,55 +11,107 @@ import click
 #: Columns of a terminal, and the least of them for a column of words at the end of a table.
 WIDTH, _LEAST = 80, 20
 
+FILE = click.Path(dir_okay=False, path_type=Path)
 
-def options(command):
-    """Give a command the options of its output; it is called with `save`, which takes a dataset."""
-
-    @click.option(
-        "-o",
-        "--output",
-        type=click.Path(dir_okay=False, path_type=Path),
-        help="netCDF file to write; without it, only the summary is printed.",
-    )
-    @click.option("--force", is_flag=True, help="Replace the file if there is one.")
-    @functools.wraps(command)
-    def wrapped(output, force, **given):
-        if output is not None:
-            _check(output, force)
-        return command(save=functools.partial(_save, output), **given)
-
-    return wrapped
+#: Where a command keeps the name of its gears.
+GEARS = "gearlib.gears"
+#: Ending of a file -> what is written there.
+DATA = {".nc": "netCDF", ".csv": "a table over {over}"}
+PICTURES = (".png", ".svg", ".pdf")
+ENDINGS = ", ".join(PICTURES)
 
 
-def _check(output, force):
-    """Refuse, before anything is computed, to replace a file unasked or to write where none can."""
+def options(over):
+    """Return a decorator that gives a command the options of its output.
+
+    The command is called with `save`, which takes a dataset and how `gearlib.plot` draws it; `over`
+    is the dimension whose entries are the rows of tables.
+    """
+    kinds = ", ".join(f"{end} ({words.format(over=over)})" for end, words in DATA.items())
+
+    def decorate(command):
+        @click.option("-o", "--output", type=FILE, help=f"File to write: {kinds}.")
+        @click.option("--plot", type=FILE, help=f"Picture to draw: {ENDINGS}.")
+        @click.option("--force", is_flag=True, help="Replace files that are there.")
+        @functools.wraps(command)
+        def wrapped(output, plot, force, **given):
+            check("--output", output, force, tuple(DATA))
+            check("--plot", plot, force, PICTURES)
+            return command(save=functools.partial(_save, over, output, plot), **given)
+
+        return wrapped
+
+    return decorate
+
+
+def check(option, path, force, endings):
+    """Refuse, before anything is computed, a file that cannot be written or must not be replaced.
+
+    Its ending decides what is written.
+    """
+    if path is None:
+        return
+    if path.suffix not in endings:
+        raise click.UsageError(
+            f"{option} {path} is not allowed: it must end with one of {', '.join(endings)}"
+        )
     try:
-        there = output.exists()
-        if output.parent.is_dir():
-            tempfile.TemporaryFile(dir=output.parent, prefix=output.name).close()
+        there = path.exists()
+        if path.parent.is_dir():
+            tempfile.TemporaryFile(dir=path.parent, prefix=path.name).close()
     except OSError as error:
-        raise click.UsageError(f"{output} cannot be written: {error.strerror}") from None
+        raise click.UsageError(f"{path} cannot be written: {error.strerror}") from None
     if there and not force:
-        raise click.UsageError(f"{output} is there already: choose another name, or give --force")
-    if not output.parent.is_dir():
-        raise click.UsageError(f"{output} cannot be written: there is no folder {output.parent}")
+        raise click.UsageError(f"{path} is there already: choose another name, or give --force")
+    if not path.parent.is_dir():
+        raise click.UsageError(f"{path} cannot be written: there is no folder {path.parent}")
 
 
-def _save(output, dataset):
-    """Write a dataset where asked; among temporary files if it cannot be written there any more."""
+def _save(over, output, plot, dataset, draw):
+    """Write and draw what was asked; among temporary files if it cannot be written any more."""
     from gearlib.data import storage
 
     if output is not None:
+        if output.suffix == ".csv":
+            write = functools.partial(storage.write_rows, dataset, over)
+        else:
+            write = functools.partial(storage.write, dataset)
         try:
-            storage.write(dataset, output)
+            write(output)
         except OSError as error:
             kept = Path(tempfile.mkdtemp(prefix="gearlib-"), output.name)
             try:
-                storage.write(dataset, kept)
+                write(kept)
             except OSError:
                 fail(str(error))
             fail(f"{error}; the result is kept as {kept}")
         click.echo(f"written to {output}")
+    if plot is not None:
+        picture(plot, draw)
+
+
+def picture(path, draw):
+    """Draw a picture; `draw` takes `gearlib.plot` and returns axes."""
+    import matplotlib
+
+    matplotlib.use("agg")
+    from gearlib import plot
+    from gearlib.figures import style
+
+    try:
+        figure = draw(plot).figure
+        style.name_gears(figure, click.get_current_context().meta.get(GEARS))
+        style.save(figure, path)
+    except OSError as error:
+        fail(f"{path} cannot be written: {error.strerror}")
+    click.echo(f"drawn in {path}")
+
+
+def name_gears(name, shown=True):
+    """Print whose gears these are; a picture of them says it as well."""
+    if shown:
+        click.echo(name)
+    click.get_current_context().meta[GEARS] = name
 
 
 def table(dataset, names):
