@@ -89,7 +89,8 @@ def test_orbit_and_trust_say_what_they_found(run):
         ("state at tau = 0     ", orbit.state, 15),
         ("Floquet multipliers  ", orbit.multipliers, 12),
     ):
-        assert words + " ".join(f"{x:.{digits}g}" for x in numbers) + "\n" in done.output
+        printed = f"{words.strip()} {' '.join(f'{x:.{digits}g}' for x in numbers)} "
+        assert printed in " ".join(done.output.split()) and words in done.output
     done = run("trust", *PAIR, "--tuning", "0.7", "--periods", "500")
     assert done.exit_code == 0 and done.output.startswith("paper's pair\nperiodic: ")
 
@@ -319,9 +320,12 @@ def test_one_of_several_cases(run, tmp_path):
 
 
 def cells(text, first):
-    """Return the row of a printed table that begins with a name, its columns as numbers."""
-    (line,) = [line for line in text.splitlines() if line.startswith(f"{first}  ")]
-    return [float(word) for word in line.removeprefix(first).split()]
+    """Return the row of a printed table that begins with a name, its columns as numbers.
+
+    A wide table is printed in parts, one below the other.
+    """
+    lines = [line for line in text.splitlines() if line.startswith(f"{first}  ")]
+    return [float(word) for line in lines for word in line.removeprefix(first).split()]
 
 
 MESHES = ("displacement_max", "displacement_min", "dynamic_force_max", "dynamic_factor")
