@@ -190,11 +190,11 @@ def orbit(model, tuning, period, guess, save):
     except NoOrbit as error:
         output.fail(str(error))
     click.echo(f"{'stable' if found.stable else 'unstable'} orbit of period {found.period}")
-    click.echo(f"state at tau = 0     {_first(f'{x:.15g}' for x in found.state)}")
-    click.echo(f"Floquet multipliers  {_first(f'{x:.12g}' for x in found.multipliers)}")
-    click.echo(f"contact pattern      {' '.join(str(code) for code in found.pattern)}")
+    output.words(f"state at tau = 0     {_first(f'{x:.15g}' for x in found.state)}")
+    output.words(f"Floquet multipliers  {_first(f'{x:.12g}' for x in found.multipliers)}")
+    output.words(f"contact pattern      {' '.join(str(code) for code in found.pattern)}")
     if found.grazing:
-        click.echo("It touches a flank line: the multipliers hold on one side of it only.")
+        output.words("It touches a flank line: the multipliers hold on one side of it only.")
     save(found.dataset(), lambda plot: plot.orbit(found))
 
 
@@ -219,7 +219,7 @@ def trust(model, tuning, save, **asked):
 
     with progress.clock("running it in several ways"):
         found = gearlib.trust(model, tuning, **asked)
-    click.echo(f"{found.label}: {found.message}")
+    output.words(f"{found.label}: {found.message}")
     if not math.isnan(found.exponent):
         rate = f"{found.exponent:.6g} +- {found.uncertainty:.2g}"
         click.echo(f"Lyapunov exponent    {rate} per period")
@@ -297,7 +297,9 @@ def gear_table(drawing, damping, mapping, form, save, plot, force):
     output.name_gears(gear_names.of_drawing(drawing), shown=form == "text")
     drawn_gears.show(rows, form)
     if save is not None:
-        drawn_gears.write(mapping, save)
+        import yaml
+
+        output.write(save, yaml.safe_dump(mapping, sort_keys=False, allow_unicode=True))
     if plot is not None:
         output.picture(plot, drawn_gears.stiffness_figure(drawing))
 
@@ -325,6 +327,17 @@ def campbell(train, count, save):
 def schema():
     """Print the JSON schema of the configuration, which editors read."""
     click.echo(schema_text(), nl=False)
+
+
+@main.command()
+@click.argument("path", metavar="[FILE]", type=output.FILE, default="gears.yaml")
+@click.option("--force", is_flag=True, help="Replace the file if there is one.")
+def init(path, force):
+    """Write a configuration to begin with into FILE, by default gears.yaml: every key explained."""
+    from gearlib.config import new_project
+
+    output.check("FILE", path, force, (".yaml", ".yml"))
+    output.write(path, new_project.text(path.name))
 
 
 @main.command()

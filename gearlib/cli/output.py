@@ -2,9 +2,14 @@
 
 import functools
 import tempfile
+import textwrap
+from itertools import zip_longest
 from pathlib import Path
 
 import click
+
+#: Columns of a terminal, and the least of them for a column of words at the end of a table.
+WIDTH, _LEAST = 80, 20
 
 FILE = click.Path(dir_okay=False, path_type=Path)
 
@@ -94,6 +99,18 @@ def beside(axes, train, run=None, curves=False):
     return schematic.beside(axes, train, run, None if curves else {})
 
 
+def write(path, text):
+    """Write a text, and say so where it is not taken for the result."""
+    from gearlib.data.files import replacing
+
+    try:
+        with replacing(path) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+    except OSError as error:
+        fail(f"{path} cannot be written: {error.strerror}")
+    click.echo(f"written to {path}", err=True)
+
+
 def picture(path, draw):
     """Draw a picture; `draw` takes `gearlib.plot` and returns axes."""
     import matplotlib
@@ -120,11 +137,13 @@ def name_gears(name, shown=True):
 
 def table(dataset, names):
     """Print variables with their values, units and long names."""
+    cells = []
     for name in names:
         variable = dataset[name]
         unit = variable.attrs.get("units", "1")
         value = f"{variable.item():.10g}" + ("" if unit == "1" else f" {unit}")
-        click.echo(f"{name:20} {value:24} {variable.attrs.get('long_name', '')}")
+        cells.append([f"{name:20}", f"{value:17}", variable.attrs.get("long_name", "")])
+    rows([""] * 3, cells)
 
 
 def machine(run, model):
@@ -155,11 +174,37 @@ def columns(dataset, dim, names):
 
 
 def rows(heads, cells):
-    """Print a table of texts, each column as wide as it needs."""
-    widths = [max(map(len, column)) for column in zip(heads, *cells, strict=True)]
-    for line in (heads, *cells):
-        texts = (text.ljust(width) for text, width in zip(line, widths, strict=True))
-        click.echo("  ".join(texts).rstrip())
+    """Print a table of texts, each column as wide as it needs.
+
+    What does not fit beside the first column goes below it, in a table of its own; words of the
+    last one are wrapped.
+    """
+    table = [heads, *cells] if any(heads) else cells
+    widths = [max(map(len, column)) for column in zip(*table, strict=True)]
+    left = WIDTH - sum(width + 2 for width in widths[:-1])
+    widths[-1] = min(widths[-1], max(left, _LEAST))
+    blocks: list[list[int]] = [[]]
+    for i, width in enumerate(widths[1:], 1):
+        if blocks[-1] and width + sum(widths[k] + 2 for k in [0, *blocks[-1]]) > WIDTH:
+            blocks.append([])
+        blocks[-1].append(i)
+    for number, block in enumerate(blocks):
+        if number:
+            click.echo()
+        shown = [0, *block]
+        for row in table:
+            parts = [textwrap.wrap(row[i], widths[i]) for i in shown]
+            for line in zip_longest(*parts, fillvalue=""):
+                texts = (text.ljust(widths[i]) for text, i in zip(line, shown, strict=True))
+                click.echo("  ".join(texts).rstrip())
+
+
+def words(text):
+    """Print a sentence, or a name and what follows it, in lines that fit a terminal."""
+    # What stands in a second column stays in it.
+    head, gap, _ = text.partition("  ")
+    indent = " " * (len(text) - len(text[len(head) :].lstrip())) if gap else ""
+    click.echo(textwrap.fill(text, WIDTH, subsequent_indent=indent, break_long_words=False))
 
 
 def _cell(value):

@@ -99,7 +99,7 @@ def test_yaml_laid_over_the_configuration_is_accepted(page):
             assert config.load(settings)
 
 
-def test_commands_of_the_shell_run(tmp_path, monkeypatch):
+def test_commands_of_the_shell_run_and_fit_eighty_columns(tmp_path, monkeypatch):
     from click.testing import CliRunner
 
     from gearlib.cli.commands import main
@@ -109,11 +109,15 @@ def test_commands_of_the_shell_run(tmp_path, monkeypatch):
     lines = [line for page in PAGES for block in blocks(page, "sh") for line in block.splitlines()]
     commands = [shlex.split(line) for line in lines if line.startswith("gearlib ")]
     assert len(commands) > 4
+    # With words that a terminal would break, and the help of each.
+    commands += [shlex.split("gearlib orbit --model train --period 3 --tuning 0.7")]
+    commands += [["gearlib", name, "-h"] for name in main.commands]
     for _, name, *options in commands:
         # The explorer would serve its page until stopped; trust takes seconds.
         known = name in ("explore", "trust")
         result = CliRunner().invoke(main, [name, "--help"] if known else [name, *options])
         assert result.exit_code == 0, result.output
+        assert max(map(len, result.output.splitlines())) <= 80, result.output
         if known:
             for option in options:
                 assert not option.startswith("-") or option in result.output
