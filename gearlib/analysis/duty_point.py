@@ -159,7 +159,7 @@ def in_units(run, model):
         "mesh_force_min": (over, force * run.dynamic_force_min.values),
         "error_peak_to_peak": (over, length * span),
         "error_rms": (over, length * error.std(axis=0)),
-        "lost_share": (over, 1.0 - run.fraction_normal.values),
+        "lost_share": (over, (run.fraction_backlash + run.fraction_inverse).values),
     }
 
 

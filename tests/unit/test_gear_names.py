@@ -10,7 +10,8 @@ from click.testing import CliRunner
 
 from gearlib import LoadSharingPair, sweep
 from gearlib.cli import main
-from gearlib.config import ConfigError, gear_names, load
+from gearlib.config import ConfigError, chosen, gear_names, load
+from gearlib.config.laying import laid_over
 from gearlib.config.studies import STUDIES
 from gearlib.config.studies.study import text_of
 from gearlib.studies import resonance_windows
@@ -72,6 +73,12 @@ def test_every_study_names_its_gears_and_has_captions():
         ("dynamic_factor", {}, "gears.pinion.quality is missing: it must be"),
         ("harris_map", {"helix_angle": "12 deg"}, "gears.pinion.helix_angle is not allowed"),
         ("scenes", {}, "scenes = {} is not allowed"),
+        ("claims", {}, "gears is not allowed: its statements are about the paper's pair"),
+        ("failures", {}, "gears is not allowed: its problems have gears of their own"),
+        ("reducer", {}, "reducer.teeth is missing"),
+        ("campbell", {}, "reducer.teeth is missing"),
+        ("train_sweep", {}, "train.split_power_reducer.teeth is missing"),
+        ("symmetry_breaking", {}, "planetary is missing"),
     ],
 )
 def test_targets_that_cannot_take_them_are_refused(target, change, words):
@@ -82,6 +89,42 @@ def test_targets_that_cannot_take_them_are_refused(target, change, words):
     assert target in str(refused.value)
     # Asked for nothing in particular, these are left out.
     assert target not in load(OWN | {"gears": gears}).wanted()
+
+
+def test_trains_take_own_teeth_or_are_left_out():
+    paper = yaml.safe_load((ROOT / "config.yaml").read_text(encoding="utf-8"))
+    c = load(chosen(laid_over(paper, PLANETS), PLANETS))
+    assert {"train_sweep", "campbell", "resonance"} <= {*c.wanted()}
+    assert not {"reducer", "one_mesh", "train_chart", "symmetry_breaking"} & {*c.wanted()}
+    for name in ("train_sweep", "campbell"):
+        assert STUDIES[name].gears(c) == "planetary set z 27/36/99, m 2 mm"
+        assert "'teeth': 99" in jobs_of(c, name) and "[24, 36, 24, 36]" not in jobs_of(c, name)
+    assert "planetary set" in text_of(STUDIES["campbell"].drawings[0].caption, c)
+    # Chosen by name they are refused, all at once.
+    targets = ["reducer", "one_mesh", "train_chart", "campbell"]
+    (reducer, chart) = load(paper | PLANETS | {"targets": targets}).refused()
+    assert reducer.startswith("train.kind = 'planetary_set' is not allowed: it must be split_")
+    assert reducer.endswith(", for the targets reducer, one_mesh") and "train_chart" in chart
+
+    teeth = {"reducer": {"teeth": [23, 61, 23, 61]}, "one_mesh": {"other_teeth": [23, 61, 23, 61]}}
+    own = {"train": {"kind": "idler", "idler": {"teeth": [23, 61, 40]}}}
+    for name, given, words in [
+        ("reducer", teeth, f"reducer z 23/61/23/61, every mesh: {NAME}"),
+        ("campbell", teeth, f"reducer z 23/61/23/61, every mesh: {NAME}"),
+        ("train_sweep", own, f"idler train z 23/61/40, both meshes: {NAME}"),
+        ("campbell", own, f"idler train z 23/61/40, both meshes: {NAME}"),
+        (
+            "train_chart",
+            {
+                "planetary": {"planets": 4},
+                "train_chart": {"teeth": [[28, 100]] * 2},
+                "symmetry_breaking": {"teeth": [28, 100]},
+            },
+            "planetary set of own numbers",
+        ),
+    ]:
+        c = load(OWN | given | {"targets": [name]})
+        assert STUDIES[name].gears(c) == words
 
 
 @pytest.mark.parametrize(
@@ -123,14 +166,15 @@ def test_relief_reaches_a_target_or_is_refused():
     c, at = load(relieved()), SimpleNamespace(damping="light", window="0.5-0.6", tuning="0.5")
     motions = {"phase_lag", "resonance", "phase_planes", "report_page", "labels", "branches"}
     finding = {"harris_map", "relief_dynamics"}
+    # About gears of their own, with or without relief.
     others = {"failures", "train_chart", "symmetry_breaking"}
-    assert set(c.wanted()) == motions | finding | others | {"mesh_stiffness"}
+    assert set(c.wanted()) == motions | finding | {"mesh_stiffness"}
     for name in motions:
         given = [value for job in STUDIES[name].jobs for value in job.params(c).values()]
         given = [value(at) if callable(value) else value for value in given]
         assert "'tip_relief': {'amount': 8e-06" in repr(given), name
         assert STUDIES[name].gears(c) == f"{NAME}, tip relief"
-    for name in STUDIES.keys() - c.wanted():
+    for name in STUDIES.keys() - c.wanted() - others:
         words = STUDIES[name].refusal(c)
         words = words if name != "scenes" else STUDIES["models"].refusal(c)
         assert words.startswith("gears.pinion.tip_relief is not allowed") and "\n" not in words

@@ -63,10 +63,10 @@ def _resonance_caption(c):
     parts = [
         f"""Largest and smallest relative displacement over the tuning ν for {listed(c.dampings)},
         record of the last {run.recorded_revolutions} of {run.revolutions} revolutions. The tuning
-        is the mesh frequency over the eigenfrequency at mean stiffness, for ν_max and ν_min at the
-        largest and the smallest one. Shaded, where in view:
-        normal mesh, backlash, inverse mesh. Lines are periodic orbits, dots are motions that do not
-        repeat. *cold*, from rest: every tuning starts from the initial state; *up*, *down*: the
+        ν_s is the mesh frequency over the natural frequency at the mean mesh stiffness, ν_max and
+        ν_min are those at its largest and its smallest value. Shaded, where in view: backlash,
+        inverse mesh. Lines are motions that have settled on a periodic orbit, by proof; dots are
+        all others. *cold*, from rest: every tuning starts from the initial state; *up*, *down*: the
         state is carried from tuning to tuning, which shows hysteresis."""
     ]
     if not gear_names.is_paper(c):
@@ -211,7 +211,10 @@ PHASE_PLANES = Study(
             f"""Phase planes of the last {c.run.recorded_revolutions} of
         {c.run.revolutions} revolutions: one row for each tuning
         ({listed(c.phase_planes.tunings)}), one column for each damping
-        ({listed(c.dampings)}). The backlash is shaded."""
+        ({listed(c.dampings)}). The backlash is shaded. A cell says after how many mesh periods
+        the motion repeats on which the run settles: by proof, from its Floquet multipliers;
+        *settles on*: what is drawn is still on its way there. *Not settled*: the run was followed
+        on for so many mesh periods without such a proof."""
         ),
         _colours,
     ),
@@ -267,6 +270,11 @@ STATEMENTS = Study(
         from the numbers. A statement that differs stays in the table.""",
     ),
     results=lambda c: ["claims.md", *WHY],
+    refusal=lambda c: (
+        "gears is not allowed: its statements are about the paper's pair, it must be left out"
+        if c.gears
+        else ""
+    ),
 )
 
 REPORT_PAGE = Study(

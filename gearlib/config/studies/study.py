@@ -130,6 +130,11 @@ class Study:
         self.gears, self.refusal = gears, refusal
 
 
+def for_targets(words, *names):
+    """Return the sentence of a refusal with the names of the targets that it is about."""
+    return f"{words}, for the target{'s' if names[1:] else ''} {listed(names)}"
+
+
 def text_of(caption, c):
     """Return a caption in one line; it is a text with ``{c.jump.starts}``, or a function of c."""
     text = caption(c) if callable(caption) else caption.format(c=c)
