@@ -70,7 +70,7 @@ def main():
     help="Samples per period.",
 )
 @click.option("--method", help="A name of gearlib.methods().")
-@output.options
+@output.options("phase")
 def simulate(model, tuning, save, **asked):
     """Run one tuning: time course, contact events, orbit summary."""
     import gearlib
@@ -91,7 +91,7 @@ def simulate(model, tuning, save, **asked):
             output.machine(run, model)
     if not run.period:
         click.echo(f"The motion has {motion_words.not_settled(run)}.")
-    save(run)
+    save(run, lambda plot: plot.time_course(run))
 
 
 @main.command()
@@ -121,7 +121,7 @@ def simulate(model, tuning, save, **asked):
 @click.option("--periods", type=int, default=200, show_default=True, help="Mesh periods.")
 @click.option("--record-periods", type=int, default=10, show_default=True, help="Recorded ones.")
 @click.option("--method", help="A name of gearlib.methods().")
-@output.options
+@output.options("tuning")
 def sweep(model, start, stop, points, save, **asked):
     """Run many tunings: the resonance characteristic."""
     start, stop = (speed_options.tuning_of(model, value) for value in (start, stop))
@@ -164,7 +164,7 @@ def sweep(model, start, stop, points, save, **asked):
     else:
         own = ["displacement_max", "displacement_min", "dynamic_force_max"]
         output.table(top, ["tuning", "speed", *own])
-    save(curve)
+    save(curve, lambda plot: plot.resonance(curve))
 
 
 @main.command()
@@ -178,7 +178,7 @@ def sweep(model, start, stop, points, save, **asked):
     type=float,
     help="Displacement and dx/dtau near the orbit.",
 )
-@output.options
+@output.options("coordinate")
 def orbit(model, tuning, period, guess, save):
     """Find a periodic orbit and its Floquet multipliers."""
     import gearlib
@@ -190,12 +190,12 @@ def orbit(model, tuning, period, guess, save):
     except NoOrbit as error:
         output.fail(str(error))
     click.echo(f"{'stable' if found.stable else 'unstable'} orbit of period {found.period}")
-    click.echo(f"state at tau = 0     {_first(f'{x:.15g}' for x in found.state)}")
-    click.echo(f"Floquet multipliers  {_first(f'{x:.12g}' for x in found.multipliers)}")
-    click.echo(f"contact pattern      {' '.join(str(code) for code in found.pattern)}")
+    output.words(f"state at tau = 0     {_first(f'{x:.15g}' for x in found.state)}")
+    output.words(f"Floquet multipliers  {_first(f'{x:.12g}' for x in found.multipliers)}")
+    output.words(f"contact pattern      {' '.join(str(code) for code in found.pattern)}")
     if found.grazing:
-        click.echo("It touches a flank line: the multipliers hold on one side of it only.")
-    save(found.dataset())
+        output.words("It touches a flank line: the multipliers hold on one side of it only.")
+    save(found.dataset(), lambda plot: plot.orbit(found))
 
 
 def _first(texts, most=12):
@@ -212,49 +212,49 @@ def _first(texts, most=12):
 @click.option(
     "--periods", type=click.IntRange(32), default=2000, show_default=True, help="To settle."
 )
-@output.options
+@output.options("run")
 def trust(model, tuning, save, **asked):
     """Chaos or artefact: run one tuning in several ways and label its motion."""
     import gearlib
 
     with progress.clock("running it in several ways"):
         found = gearlib.trust(model, tuning, **asked)
-    click.echo(f"{found.label}: {found.message}")
+    output.words(f"{found.label}: {found.message}")
     if not math.isnan(found.exponent):
         rate = f"{found.exponent:.6g} +- {found.uncertainty:.2g}"
         click.echo(f"Lyapunov exponent    {rate} per period")
-    save(found.runs)
+    save(found.runs, lambda plot: plot.values(found.runs, "displacement_max", "displacement_min"))
     if found.label == "undecided":
         output.fail("undecided: see the message above for what to try")
 
 
 @main.command()
 @model_options.train_options
-@output.options
+@output.options("mode")
 def modes(train, save):
     """Natural frequencies of the gear train, and the kinds of its modes."""
     found = train.modes()
     output.columns(found, "mode", ["natural_frequency", "mode_kind"])
-    save(found)
+    save(found, lambda plot: plot.values(found, "natural_frequency"))
 
 
 @main.command()
 @model_options.train_options
 @click.option("--phase", type=float, default=0.0, show_default=True, help="Mesh phase, rad.")
-@output.options
+@output.options("mesh")
 def static(train, phase, save):
     """Load sharing of the gear train at rest, with gaps and errors."""
     found = train.static(phase)
     if found.status:
         output.fail(found.status.attrs["message"])
     output.columns(found, "mesh", ["mesh_force", "contact", "load_sharing"])
-    save(found)
+    save(found, lambda plot: plot.values(found, "mesh_force"))
 
 
 @main.command()
 @model_options.train_options
 @click.option("--count", type=int, default=6, show_default=True, help="Highest order.")
-@output.options
+@output.options("stiffness_order")
 def phasing(train, count, save):
     """Which harmonics of the mesh stiffness excite which modes of the gear train."""
     found = train.phasing(count)
@@ -265,7 +265,7 @@ def phasing(train, count, save):
         own = (excites[found.mode_kind.values == kind] for kind in kinds)
         cells.append([f"{order:.6g}", *(f"{each.sum()} of {each.size}" for each in own)])
     output.rows(["order", *kinds], cells)
-    save(found)
+    save(found, lambda plot: plot.values(found, "modal_force"))
 
 
 @main.command("gears")
@@ -278,8 +278,13 @@ def phasing(train, count, save):
     show_default=True,
     help="For people, programs, spreadsheets.",
 )
-def gear_table(drawing, damping, form):
+@click.option("--save", type=output.FILE, help="Configuration to write, .yaml, of these gears.")
+@click.option("--plot", type=output.FILE, help=f"Their mesh stiffness, {output.ENDINGS}.")
+@click.option("--force", is_flag=True, help="Replace files that are there.")
+def gear_table(drawing, damping, mapping, form, save, plot, force):
     """What a drawing of two gears comes to: geometry, stiffness by each method, resonance."""
+    output.check("--save", save, force, (".yaml", ".yml"))
+    output.check("--plot", plot, force, output.PICTURES)
     from gearlib.studies import gear_table
 
     options = {drawing.stiffness or "iso": drawing.stiffness_options}
@@ -289,15 +294,20 @@ def gear_table(drawing, damping, form):
         own = {"stiffness": drawing.stiffness or "iso", "options": drawing.stiffness_options}
         with progress.clock("following the motion until it settles"):
             rows += gear_table.duty_rows(mesh, damping=damping, **load, **own)
-    if form == "text":
-        click.echo(gear_names.of_drawing(drawing))
+    output.name_gears(gear_names.of_drawing(drawing), shown=form == "text")
     drawn_gears.show(rows, form)
+    if save is not None:
+        import yaml
+
+        output.write(save, yaml.safe_dump(mapping, sort_keys=False, allow_unicode=True))
+    if plot is not None:
+        output.picture(plot, drawn_gears.stiffness_figure(drawing))
 
 
 @main.command()
 @model_options.train_options
 @click.option("--count", type=int, default=1, show_default=True, help="Highest order of a mesh.")
-@output.options
+@output.options("mode")
 def campbell(train, count, save):
     """Speeds at which the mesh frequencies of the gear train excite a natural mode."""
     found = train.campbell(count)
@@ -310,13 +320,24 @@ def campbell(train, count, save):
             excited.append((*numbers, one.mode_kind.item()))
     cells = [[*(f"{number:.6g}" for number in row[:3]), row[3]] for row in sorted(excited)]
     output.rows(["critical_speed rpm", "order", "natural_frequency Hz", "mode_kind"], cells)
-    save(found)
+    save(found, lambda plot: plot.campbell(found))
 
 
 @main.command()
 def schema():
     """Print the JSON schema of the configuration, which editors read."""
     click.echo(schema_text(), nl=False)
+
+
+@main.command()
+@click.argument("path", metavar="[FILE]", type=output.FILE, default="gears.yaml")
+@click.option("--force", is_flag=True, help="Replace the file if there is one.")
+def init(path, force):
+    """Write a configuration to begin with into FILE, by default gears.yaml: every key explained."""
+    from gearlib.config import new_project
+
+    output.check("FILE", path, force, (".yaml", ".yml"))
+    output.write(path, new_project.text(path.name))
 
 
 @main.command()

@@ -6,6 +6,9 @@ import socket
 
 import click
 
+#: What stands in the help of an option that takes one value or two.
+EITHER = "TEETH | PINION WHEEL"
+
 
 class Command(click.Command):
     """A command whose options of two values say so where they get fewer."""
@@ -21,7 +24,21 @@ class Command(click.Command):
                         f"values, {args[place]} {option.metavar}",
                         ctx,
                     )
-        return super().parse_args(ctx, args)
+        return super().parse_args(ctx, list(_joined(args, self.params)))
+
+
+def _joined(args, options):
+    """Yield the words of a command, both values of an option of one or two as one word."""
+    either = {name for one in options if one.metavar == EITHER for name in one.opts}
+    words = iter(args)
+    for word in words:
+        yield word
+        if word in either:
+            first, second = next(words, None), next(words, None)
+            if second is None or not _is_value(second):
+                yield from (one for one in (first, second) if one is not None)
+            else:
+                yield f"{first} {second}"
 
 
 def _is_value(text):

@@ -83,7 +83,9 @@ def _run(folder, arguments):
     root = files()
     profile = root / "profiles/default"
     command = [sys.executable, "-m", "snakemake", "--snakefile", root / "Snakefile"]
-    command += ["--workflow-profile", profile, "--directory", folder, *arguments]
+    command += ["--workflow-profile", profile, "--directory", folder]
+    # The profile names it from the folder of the rules.
+    command += ["--report-stylesheet", root / "workflow/report/report.css", *arguments]
     process = subprocess.Popen(command)
     # Ctrl-C is for Snakemake, which ends its jobs first.
     signal.signal(signal.SIGINT, signal.SIG_IGN)

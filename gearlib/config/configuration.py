@@ -228,6 +228,14 @@ class _Common(Section):
         """Return the keyword arguments of `gearlib.GearPair` for one damping, by its name."""
         return self.damped_parameters(self.dampings[damping])
 
+    def model_parameters(self, damping):
+        """Return the argument of `gearlib.models.described_pair.described` for one damping."""
+        return self.pair_parameters(damping) | self.relieved()
+
+    def relieved(self):
+        """Return what that argument has beside the gear pair: the drawing of relieved teeth."""
+        return self.gears.relieved() if self.gears else {}
+
     def damped_parameters(self, damping):
         """Return the keyword arguments of `gearlib.GearPair` for a `Damping`."""
         return self.gear_pair.model_dump() | damping.model_dump()

@@ -13,12 +13,14 @@ _KINDS = {"idler": "idler train", "two_stage": "two-stage train"}
 
 
 def of_drawing(section):
-    """Return the name of a `DrawnPair`, "gear pair z 23/61, m 2.5 mm"."""
+    """Return the name of a `DrawnPair`, "gear pair z 23/61, m 2.5 mm, tip relief"."""
     pinion, wheel = section.pinion, section.wheel
     teeth = f"z {pinion.teeth}/{'-' if wheel.internal else ''}{wheel.teeth}"
     known = DrawnPair.unchecked(**FZG_C)
     named = (pinion, wheel) == (known.pinion, known.wheel)
-    return f"{'FZG type C' if named else 'gear pair'} {teeth}, m {1e3 * pinion.module:.4g} mm"
+    name = f"{'FZG type C' if named else 'gear pair'} {teeth}, m {1e3 * pinion.module:.4g} mm"
+    key = section.relief()
+    return name + (key and f", {key.split('.')[1].replace('_', ' ')}")
 
 
 def of_numbers(pair):

@@ -23,7 +23,6 @@ import math
 from dataclasses import dataclass
 
 from gearlib import checks, parameters
-from gearlib.models.mesh_equation import mesh_equation
 from gearlib.models.model import Model
 from gearlib.models.pair_parameters import PairParameters
 from gearlib.models.stiffness import mean_over_max
@@ -152,6 +151,9 @@ class GearPair(PairParameters, Model):
     @property
     def equation(self):
         """The `Equation` in static deflections and 1 / Omega_s of time."""
+        # Here: tables of drawn gears have no motion and load no kernels.
+        from gearlib.models.mesh_equation import mesh_equation
+
         return mesh_equation(self)
 
     @property

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from gearlib import checks
+from gearlib import checks, notebook
 from gearlib.analysis.global_dynamics import grids
 from gearlib.analysis.global_dynamics.poincare import check_phase, section
 from gearlib.analysis.global_dynamics.varied_ratio import models, name_parameter
@@ -82,7 +82,7 @@ def bifurcation_diagram(
     if direction == "down":
         order = order[::-1]
     start = initial_state
-    for i in order:
+    for i in notebook.counted("values", order, order.size):
         model, nu = cases[i]
         table, end, code = section(model, nu, np.array([start]), settle, strobes, phase, max_events)
         states[i], ends[i], codes[i, 1] = table[0], end[0], code[0]

@@ -15,11 +15,16 @@ from gearlib.config.studies.study import (
     Table,
     grid_of,
     listed,
+    rectangular,
     without,
 )
 from gearlib.config.train_section import OF_PAIRS, TrainSweep
 
 _TRAIN = ("train_kernels",)
+
+
+#: What the schematic of a train is, in a caption.
+_SEEN = "Beside: the train along its axes, pitch circles and shafts grey, a dot at each mesh"
 
 
 def _displaced(c):
@@ -59,7 +64,7 @@ def _without_teeth(section):
         for name, key in {"reducer": "teeth", section: _TEETH[section]}.items():
             if c.gears and key not in getattr(c, name).model_fields_set:
                 return f"{name}.{key} is missing: it must be given where the gears are drawn"
-        return ""
+        return rectangular(c)
 
     return refusal
 
@@ -73,7 +78,7 @@ def _train_without_teeth(c):
     of_pairs = c.train.kind in OF_PAIRS
     if c.gears and of_pairs and getattr(c.train, c.train.kind).teeth is None:
         return f"train.{c.train.kind}.teeth is missing: it must be given where the gears are drawn"
-    return ""
+    return rectangular(c) if of_pairs else ""
 
 
 def _without_planetary(c):
@@ -123,10 +128,11 @@ REDUCER = Study(
         and the speed. Every tuning has {c.reducer.starts} seeded starts, up to
         {c.reducer.spread} static deflections beside static equilibrium. Lines: where all of
         them end on one stable orbit, that; else medians, with their range as shade and the
-        shares of the starts in the lowest row. Triangles: the first start carried up and
-        down, where it settles on another orbit. Squares and crosses: all starts. Middle:
-        the axis of one satellite displaced by {_displaced(c)}. Right: backlash of the
-        branches {listed(c.reducer.backlashes)} m. Record of the last
+        shares of the starts in the lowest row. Below the panels: the train along its axes,
+        pitch circles and shafts grey, meshes in the colours of their branches. Triangles: the
+        first start carried up and down, where it settles on another orbit. Squares and
+        crosses: all starts. Middle: the axis of one satellite displaced by {_displaced(c)}.
+        Right: backlash of the branches {listed(c.reducer.backlashes)} m. Record of the last
         {c.reducer.record_periods} of {c.reducer.periods} mesh periods."""
         ),
     ),
@@ -190,7 +196,8 @@ ONE_MESH = Study(
         distance of the curves above. Held alike: the motion in which all branches move
         alike, whether it is stable or not; out of phase: teeth
         {listed(c.one_mesh.other_teeth)}; displaced: {_displaced(c)}; soft supports:
-        {c.one_mesh.soft_support} N/m in place of {c.reducer.support_stiffness} N/m."""
+        {c.one_mesh.soft_support} N/m in place of {c.reducer.support_stiffness} N/m. Below the
+        panels: the whole train along its axes, with the names of its meshes."""
         ),
     ),
     gears=gear_names.of_reducer,
@@ -245,7 +252,8 @@ CAMPBELL = Study(
         over the first mesh frequency. Dots: the mesh stiffness excites the mode, circles: it does
         not, because the phases of the meshes cancel or no mesh deforms in the mode. Yellow, behind
         a mesh frequency: a mesh of it loses contact in an exact sweep, from all starts, or carried
-        with speed up or down."""
+        with speed up or down. """
+            + f"{_SEEN}."
         ),
     ),
     gears=lambda c: gear_names.of_train(c) if has_own_train(c) else gear_names.of_reducer(c),
@@ -310,7 +318,9 @@ SYMMETRY_BREAKING = Study(
         deflections beside it, after {c.symmetry_breaking.periods} mesh periods, mesh by mesh;
         bars their range where they do not end on one stable orbit, and the row below the shares
         of the starts. Last: the forces at the dotted frequency,
-        {c.symmetry_breaking.shown_after} mesh periods after the first start.""",
+        {c.symmetry_breaking.shown_after} mesh periods after the first start; beside them the train
+        along its axes at the dotted instant, at which most meshes are out of contact: these are
+        open.""",
         lambda c: c.symmetry_breaking.model_dump(include={"periods_shown"}),
     ),
     gears=_planetary,
@@ -344,7 +354,7 @@ TRAIN_SWEEP = Study(
         {c.train_sweep.starts} seeded starts, up to {c.train_sweep.spread} static
         deflections beside equilibrium, where they do not end on one orbit, dots their
         medians; below, their shares. Record of the last {c.train_sweep.record_periods} of
-        {c.train_sweep.periods} mesh periods."""
+        {c.train_sweep.periods} mesh periods. {_SEEN} in the colour of its lines."""
         ),
     ),
     # By default the train is the reducer, which has a target.

@@ -24,8 +24,8 @@ def compute(characteristics, orders, pair=None, settings=None, train=None):
     settings, as of `gearlib.studies.trains.reducer.train_of`, of the reducer; or train, arguments
     of `gearlib.models.trains.described_train.described`.
 
-    Beside `GearTrain.campbell`: the most contact of all starts, which all lose it where that is
-    less than 1.
+    Beside `GearTrain.campbell` and `GearTrain.layout`: the most contact of all starts, which all
+    lose it where that is less than 1.
     """
     model = described(**train) if train else train_of(GearPair(**pair), settings)
     data = model.campbell(orders).drop_vars("modal_force")
@@ -34,6 +34,7 @@ def compute(characteristics, orders, pair=None, settings=None, train=None):
         data[name] = sweeps[name]
     data["speed"] = sweeps.speed
     data["mesh_rate"] = ("mesh", [float(rate) for rate in model.rates])
+    data = data.merge(model.layout())
     title = "Campbell diagram of a reducer with three double satellites"
     title = "Campbell diagram of a gear train" if train else title
     return result(title, model, data, method="exact", orders=orders)
