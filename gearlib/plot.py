@@ -265,6 +265,8 @@ def schematic(train, *, run=None, phase=None, axes=None):
             raise ValueError(
                 "mesh of the run is not allowed: its meshes must be those of the train"
             )
+        if int(run.status):
+            raise ValueError(f"the run has no contacts to show: {run.status.attrs['message']}")
         first, last = run.phase.values[[0, -1]]
         phase, words = first if phase is None else phase, f"from {first:.9g} to {last:.9g}"
         phase = checks.number("phase", phase, words, lambda value: first <= value <= last)

@@ -297,7 +297,9 @@ def gear_table(drawing, damping, mapping, form, save, plot, force):
     output.name_gears(gear_names.of_drawing(drawing), shown=form == "text")
     drawn_gears.show(rows, form)
     if save is not None:
-        drawn_gears.write(mapping, save)
+        import yaml
+
+        output.write(save, yaml.safe_dump(mapping, sort_keys=False, allow_unicode=True))
     if plot is not None:
         output.picture(plot, drawn_gears.stiffness_figure(drawing))
 
@@ -325,6 +327,17 @@ def campbell(train, count, save):
 def schema():
     """Print the JSON schema of the configuration, which editors read."""
     click.echo(schema_text(), nl=False)
+
+
+@main.command()
+@click.argument("path", metavar="[FILE]", type=output.FILE, default="gears.yaml")
+@click.option("--force", is_flag=True, help="Replace the file if there is one.")
+def init(path, force):
+    """Write a configuration to begin with into FILE, by default gears.yaml: every key explained."""
+    from gearlib.config import new_project
+
+    output.check("FILE", path, force, (".yaml", ".yml"))
+    output.write(path, new_project.text(path.name))
 
 
 @main.command()

@@ -38,22 +38,6 @@ def options(command):
     return wrapped
 
 
-def write(mapping, path):
-    """Write a configuration that commands and the workflow take."""
-    import yaml
-
-    from gearlib.data.files import replacing
-
-    try:
-        with replacing(path) as temporary:
-            temporary.write_text(
-                yaml.safe_dump(mapping, sort_keys=False, allow_unicode=True), encoding="utf-8"
-            )
-    except OSError as error:
-        output.fail(f"{path} cannot be written: {error.strerror}")
-    click.echo(f"written to {path}", err=True)
-
-
 def stiffness_figure(drawing):
     """Return what draws the mesh stiffness of these gears by every method, for `output.picture`."""
 

@@ -213,16 +213,18 @@ def _model(mapping, gears, name, model):
     if model == "one_degree":
         output.name_gears(name)
         return relieved or pair
-    if relieved is not None and model == "six_degrees":
-        raise click.UsageError(
-            "model = 'six_degrees' is not allowed: it must be 'one_degree', which carries the tip "
-            "relief and the errors of these gears"
-        )
     sections = _sections(gears, _ONLY_DAMPING)
     # Both names are those of a section.
     if model in mapping:
         sections[model] = mapping[model]
     settings = load(sections, model)
+    kind = settings.train.kind
+    if relieved is not None and (model == "six_degrees" or kind in OF_PAIRS):
+        asked = f"train.kind = {kind!r}" if model == "train" else f"model = {model!r}"
+        raise click.UsageError(
+            f"{asked} is not allowed: its meshes carry no tip relief or errors of teeth, which "
+            "these gears have; it must be the model 'one_degree'"
+        )
     output.name_gears(gear_names.of_train(settings, name) if model == "train" else name)
     if model == "train":
         return described(**settings.train_parameters(_ONLY_DAMPING))
@@ -233,11 +235,10 @@ def _relieved(mapping, pair):
     """Return the model of drawn gears whose flanks are no involutes, None of all others."""
     if "gears" not in mapping:
         return None
-    from gearlib.analysis.duty_point import of_drawing
+    from gearlib.models.described_pair import described
 
     drawing = load(mapping, "the configuration").gears
-    mesh = drawing.mesh()
-    if not any(gear.tip_relief or gear.pitch_errors for gear in (mesh.pinion, mesh.wheel)):
+    if not drawing.relief():
         return None
     for name, value in drawing.pair().items():
         if getattr(pair, name) != value:
@@ -245,9 +246,7 @@ def _relieved(mapping, pair):
                 f"{name} = {getattr(pair, name)!r} is not allowed: it must be {value!r}, that of "
                 "the drawing, whose gears have tip relief or errors"
             )
-    given = drawing.load() | {"stiffness": drawing.stiffness or "iso"}
-    model = of_drawing(mesh, options=drawing.stiffness_options, **given)
-    return model.replace(**{name: getattr(pair, name) for name in DAMPINGS})
+    return described(pair.as_dict() | drawing.relieved())
 
 
 def choose_damping(settings, name):

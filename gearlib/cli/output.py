@@ -90,6 +90,18 @@ def _save(over, output, plot, dataset, draw):
         picture(plot, draw)
 
 
+def write(path, text):
+    """Write a text, and say so where it is not taken for the result."""
+    from gearlib.data.files import replacing
+
+    try:
+        with replacing(path) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+    except OSError as error:
+        fail(f"{path} cannot be written: {error.strerror}")
+    click.echo(f"written to {path}", err=True)
+
+
 def picture(path, draw):
     """Draw a picture; `draw` takes `gearlib.plot` and returns axes."""
     import matplotlib

@@ -20,8 +20,6 @@ CONTACTS = {
 CIRCLES = {"gear": (0.7, "-"), "ring": (1.4, "-"), "rotor": (0.5, (0, (3, 2)))}
 #: Colours of circles and of carriers; of meshes that have no curve.
 GREY, CARRIER, NO_CURVE = "#707070", "#D0D0D0", "#4D4D4D"
-#: Names of more meshes would be lines of type without an end.
-_NAMED = 24
 #: Shares of the width or height of the picture: room beside it, from name to name, a shaft.
 _ROOM, _ROW, _SHAFT = 0.06, 0.085, 0.025
 #: How far a mark of a ring gear goes beyond its circle.
@@ -99,8 +97,6 @@ def labels(layout, points):
 
     points: pitch points, shape (m, 2), of which a line leads to each name.
     """
-    if len(points) > _NAMED:
-        return []
     left, right, low, high = extent(layout)
     size, middle = max(right - left, high - low), (left + right) / 2.0
     found = [(0.0, 0.0, "left")] * len(points)
@@ -144,7 +140,7 @@ def draw(axes, layout, colours=None, phase=0.0, contact=None):
         colour = chosen.get(name, NO_CURVE)
         face = {"markerfacecolor": colour if filled else "white", "markeredgewidth": 0.9}
         style.dots(axes, [x], [y], marker, colour, 4.0, zorder=5, **face)
-    for name, at, (x, y, side) in zip(names, now.meshes, labels(layout, now.meshes), strict=False):
+    for name, at, (x, y, side) in zip(names, now.meshes, labels(layout, now.meshes), strict=True):
         colour = chosen.get(name, NO_CURVE)
         axes.plot([at[0], x], [at[1], y], color=colour, linewidth=0.4, zorder=4)
         away, towards = ((-2, 0), "right") if side == "left" else ((2, 0), "left")

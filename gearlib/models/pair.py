@@ -30,6 +30,8 @@ from gearlib.models.stiffness import mean_over_max
 #: Below, the rest position of the softer segment lies so far away that the scalar closed forms,
 #: which are written about it, lose more than four digits.
 _LEAST_STIFFNESS_RATIO = 1e-4
+#: Scales and damping ratios beyond these have no squares within the floating-point numbers.
+_SMALLEST, _LARGEST = 1e-30, 1e30
 
 
 @parameters.documented
@@ -55,6 +57,13 @@ class GearPair(PairParameters, Model):
 
     def __post_init__(self):
         parameters.check(self)
+        words = f"a finite number > 0, from {_SMALLEST} to {_LARGEST}"
+        for name in ("max_stiffness", "reduced_mass", "load"):
+            checks.number(name, getattr(self, name), words, lambda v: _SMALLEST <= v <= _LARGEST)
+        for name in ("material_damping", "backlash_damping"):
+            most = _LARGEST * 2.0 * self.reduced_mass * self.mean_eigenfrequency
+            words = f"a finite number >= 0 and <= {most:.3g}, a damping ratio of {_LARGEST}"
+            checks.number(name, getattr(self, name), words, lambda v, most=most: v <= most)
 
     @classmethod
     def from_ratios(

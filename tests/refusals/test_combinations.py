@@ -165,6 +165,20 @@ OSCILLATOR = gearlib.DeadZoneOscillator(lower_edge=-1.0, upper_stiffness=2.0, da
 LIBRARY = {
     # Numbers beyond those of a machine.
     "load = 1000000 ... > 0": lambda: PAPER.replace(load=10**320),
+    "max_stiffness = 1e-200 ... from 1e-30 to 1e+30": lambda: PAPER.replace(max_stiffness=1e-200),
+    "material_damping = 1e+200 ... a damping ratio of 1e+30": lambda: PAPER.replace(
+        material_damping=1e200
+    ),
+    "samples_per_period = 1000000000 with record_periods = 1 ... 2 GB": lambda: simulate(
+        samples_per_period=10**9
+    ),
+    "strobes = 1000000000 at 1 values ... 2 GB": lambda: gearlib.bifurcation_diagram(
+        PAPER, [0.8], strobes=10**9
+    ),
+    "period = 1000000000 ... from 1 to 100000": lambda: gearlib.periodic_orbit(
+        PAPER, 0.8, period=10**9
+    ),
+    "count = 1000000000 ... from 1 to 1000": lambda: planetary().campbell(10**9),
     f"teeth = {2**63} ... from 1 to {2**63 - 1}": lambda: PAPER.replace(teeth=2**63),
     # One gear.
     "shift = 0.0 ... undercuts": lambda: gear(teeth=12),

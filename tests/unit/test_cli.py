@@ -1,10 +1,12 @@
 """The command line: what it prints and writes, how it ends."""
 
+import csv
 import io
 import shutil
 import socket
 import sys
 import time
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -14,9 +16,11 @@ import yaml
 from click.testing import CliRunner
 
 import gearlib
+from gearlib import config
 from gearlib.analysis.orbits.shooting import NoOrbit
 from gearlib.cli import main, progress
 from gearlib.data import storage
+from gearlib.geometry import Mesh, SpurGear
 from tests.paper import PAPER
 
 PAIR = ["--max-stiffness", "4e5 N/mm", "--stiffness-ratio", "0.5879", "--contact-ratio", "1.569"]
@@ -89,6 +93,71 @@ def test_orbit_and_trust_say_what_they_found(run):
         assert printed in " ".join(done.output.split()) and words in done.output
     done = run("trust", *PAIR, "--tuning", "0.7", "--periods", "500")
     assert done.exit_code == 0 and done.output.startswith("paper's pair\nperiodic: ")
+
+
+def test_the_ending_decides_what_is_written(run):
+    own = {
+        "simulate": ["--tuning", "0.8"],
+        "sweep": ["--points", "5"],
+        "orbit": ["--tuning", "0.8"],
+    }
+    own["trust"] = own["simulate"]
+    trains = dict.fromkeys(["modes", "static", "phasing", "campbell"], ())
+    for name, arguments in (own | trains).items():
+        files = [f"{name}.{end}" for end in ("nc", "csv", "png")]
+        for file in files[:2]:
+            done = run(name, *PAIR, *arguments, "-o", file, "--plot", files[2], "--force")
+            assert done.exit_code == 0, done.output
+        data = xr.load_dataset(files[0])
+        with open(files[1], newline="", encoding="utf-8") as file:
+            heads, *rows = csv.reader(file)
+        over = heads[0].partition(" [")[0]
+        assert len(rows) == (data.sizes[over] if over in data.sizes else 2)
+        columns = dict(zip(heads, zip(*rows, strict=True), strict=True))
+        for variable in data.data_vars.values():
+            if variable.dims == (over,) and "units" in variable.attrs:
+                found = columns[f"{variable.name} [{variable.units}]"]
+                assert [*map(float, found)] == variable.values.tolist()
+        assert Path(files[2]).read_bytes().startswith(b"\x89PNG")
+    several = next(csv.reader(Path("modes.csv").read_text(encoding="utf-8").splitlines()))
+    assert "mode_shape input rotation [1]" in several
+
+
+DRAWN = ["--teeth", "23", "61", "--module", "2.5mm", "--width", "18mm", "--torque", "85Nm"]
+DRAWN += ["--backlash", "80um", "--damping-ratio", "0.05"]
+
+
+def test_gears_are_drawn_by_options_of_every_command(run):
+    done = run("gears", *DRAWN, "--save", "mine.yaml", "--plot", "stiffness.svg")
+    assert done.exit_code == 0 and Path("stiffness.svg").exists(), done.output
+    pinion, wheel = (SpurGear(teeth=z, module=2.5e-3, width=18e-3) for z in (23, 61))
+    mesh = Mesh(pinion, wheel, backlash=80e-6)
+    pair = gearlib.GearPair.from_geometry(mesh, torque=85.0, damping_ratio=0.05)
+    expected = gearlib.simulate(pair, speed=4000.0, periods=200)
+    for given in (DRAWN, ["--config", "mine.yaml"]):
+        done = run("simulate", *given, "--speed", "4000", "-o", "run.nc", "--force")
+        assert done.exit_code == 0 and "gear pair z 23/61, m 2.5 mm\n" in done.output, done.output
+        found = xr.load_dataset("run.nc")
+        np.testing.assert_allclose(found.displacement, expected.displacement, rtol=1e-9)
+    # A drawing that options change, and the one number of teeth of a pair that is not drawn.
+    done = run("simulate", "--config", "mine.yaml", "--torque", "170 Nm", "--speed", "4000")
+    assert "static_deflection    1.71995" in done.output, done.output
+    done = run("simulate", *PAIR, "--teeth", "48", "--speed", "1500")
+    assert done.exit_code == 0 and "speed                1500 min-1" in done.output, done.output
+    assert run("gears", *DRAWN, "--save", "mine.yaml").exit_code == 2
+
+
+def test_a_new_project_can_be_used_as_it_is(run):
+    assert run("init").exit_code == 0 and run("init").exit_code == 2
+    text = Path("gears.yaml").read_text(encoding="utf-8")
+    settings = config.load(yaml.safe_load(text))
+    assert settings.gears.torque == 85.0 and settings.gears.pinion.module == 2.5e-3
+    # What may be left out is a key where it stands.
+    lines = text.splitlines()
+    at = lines.index(next(line for line in lines if line.strip().startswith("# shift:")))
+    lines[at] = "    shift: 0.3"
+    assert config.load(yaml.safe_load("\n".join(lines))).gears.pinion.shift == 0.3
+    assert "z 23/61" in run("gears", "--config", "gears.yaml").output
 
 
 def test_of_many_numbers_of_an_orbit_the_first_are_printed(run, monkeypatch):

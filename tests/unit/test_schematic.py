@@ -133,9 +133,11 @@ def test_meshes_show_their_contact():
     one = plot.schematic(train, run=run, phase=float(run.phase[100]))
     apart = [line.get_markerfacecolor() == "white" for line in dots(one)]
     assert apart == (run.contact.values[100] == 0).tolist()
+    broken = run.assign(status=((), 1, {"message": "it jammed"}))
     for wrong, words in (
         ({"phase": -1.0}, "phase = -1.0"),
         ({"run": run[["phase"]]}, "contact is"),
+        ({"run": broken}, "no contacts to show: it jammed"),
     ):
         with pytest.raises(ValueError, match=words):
             plot.schematic(train, **({"run": run} | wrong))

@@ -17,7 +17,7 @@ from gearlib import config as configuration
 from gearlib import integrators
 from gearlib.config import yaml_keys
 from gearlib.config.studies import STUDIES
-from gearlib.config.studies.study import pairs_of, run_length, text_of
+from gearlib.config.studies.study import for_targets, pairs_of, run_length, text_of
 from workflow.refusal import refuse
 from workflow.sources import listed, sources
 
@@ -49,6 +49,8 @@ try:
     if repeated:
         raise configuration.ConfigError("\n".join(repeated))
     CONFIG = configuration.load(config)
+    if refused := CONFIG.refused():
+        raise configuration.ConfigError("\n".join(refused))
     # Captions of the report read this, and find what the configuration leaves out as well.
     config.update(CONFIG.model_dump())
 except configuration.ConfigError as error:
@@ -161,7 +163,7 @@ def files_asked_by_name(study):
 
     if not words:
         return target_files([study.name])
-    words = f"The configuration is refused.\n{words}, for the target {study.name}"
+    words = f"The configuration is refused.\n{for_targets(words, study.name)}"
     return lambda wildcards: refuse(words)
 
 

@@ -12,7 +12,7 @@ from gearlib.data import status
 from gearlib.data.result import result
 from gearlib.integrators import choose
 from gearlib.kernels import orbit
-from gearlib.runs.run_arguments import MAX_EVENTS
+from gearlib.runs.run_arguments import MAX_EVENTS, check_memory
 from gearlib.runs.sweeping import DIRECTIONS
 
 
@@ -73,6 +73,8 @@ def bifurcation_diagram(
     settle, strobes = checks.integer("settle", settle, 0), checks.integer("strobes", strobes, 1)
     initial_state = checks.state("initial_state", initial_state)
     phase, max_events = check_phase(phase), checks.integer("max_events", max_events, 1)
+    words = f"strobes = {strobes} at {values.size} values"
+    check_memory(words, strobes * values.size, 2, "in all")
     cases = models(pair, tuning, parameter, values)
     states = np.full((values.size, strobes, 2), math.nan)
     ends, codes = np.empty((values.size, 2)), np.empty((values.size, 2), np.int64)

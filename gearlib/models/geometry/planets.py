@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 from gearlib import checks
 from gearlib.models.geometry.described_drawing import renaming
+from gearlib.models.geometry.gear import SpurGear
 from gearlib.models.geometry.mesh import Mesh
 
 #: Of a tooth pitch, by which positions may miss: angles are often given with few digits.
@@ -64,6 +65,8 @@ def planets_of(
 
 def _check_sum(sun, planet, ring, centre_distance):
     """Refuse teeth that do not add up where the meshes cannot be; for a few shifts may make up."""
+    if not all(isinstance(gear, SpurGear) for gear in (sun, planet, ring)):
+        return
     sizes = {(gear.module, gear.pressure_angle, gear.helix_angle) for gear in (sun, planet, ring)}
     wanted = sun.teeth + 2 * planet.teeth
     placed = centre_distance is not None or any(gear.shift for gear in (sun, planet, ring))
