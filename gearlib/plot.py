@@ -24,12 +24,14 @@ from gearlib.figures import (
 from gearlib.figures import (
     schematic as train_schematic,
 )
+from gearlib.figures.orders_figure import orders
 from gearlib.runs.simulation import simulate
 
 __all__ = [
     "campbell",
     "harris_map",
     "orbit",
+    "orders",
     "phase_plane",
     "resonance",
     "schematic",
