@@ -9,9 +9,7 @@ import math
 from itertools import cycle
 
 import numpy as np
-import xarray as xr
 
-from gearlib import checks
 from gearlib.analysis.orbits.shooting import Orbit
 from gearlib.figures import (
     branches_figure,
@@ -26,12 +24,14 @@ from gearlib.figures import (
 from gearlib.figures import (
     schematic as train_schematic,
 )
+from gearlib.figures.orders_figure import orders
 from gearlib.runs.simulation import simulate
 
 __all__ = [
     "campbell",
     "harris_map",
     "orbit",
+    "orders",
     "phase_plane",
     "resonance",
     "schematic",
@@ -236,8 +236,8 @@ def schematic(train, *, run=None, phase=None, axes=None):
     ----------
     train : gearlib.GearTrain
     run : xarray.Dataset, optional
-        Of `gearlib.simulate`: meshes that are out of contact at this phase are open, those whose
-        far flanks touch are diamonds.
+        Of `gearlib.simulate`, or `GearTrain.static`: meshes that are out of contact at this phase
+        are open, those whose far flanks touch are diamonds.
     phase : float, optional
         Of the reference mesh, rad, by which the train has turned; by default that at which the
         record of the run begins, 0 without one.
@@ -253,25 +253,13 @@ def schematic(train, *, run=None, phase=None, axes=None):
         If it is no train, the run is not one of its meshes, or the phase lies beside its record.
     """
     try:
-        layout, contact = train.layout(), None
+        layout = train.layout()
     except AttributeError:
         words = f"train = {train!r} is not allowed: it must be a gearlib.GearTrain"
         raise ValueError(words) from None
     if run is not None:
-        plot_curves.need("schematic", run, ("contact", "phase"), "simulate")
-        if run.contact.coords.get("mesh", xr.DataArray([])).values.tolist() != list(
-            train.mesh_names
-        ):
-            raise ValueError(
-                "mesh of the run is not allowed: its meshes must be those of the train"
-            )
-        if int(run.status):
-            raise ValueError(f"the run has no contacts to show: {run.status.attrs['message']}")
-        first, last = run.phase.values[[0, -1]]
-        phase, words = first if phase is None else phase, f"from {first:.9g} to {last:.9g}"
-        phase = checks.number("phase", phase, words, lambda value: first <= value <= last)
-        contact = run.contact.values[np.abs(run.phase.values - phase).argmin()]
-    phase = checks.number("phase", 0.0 if phase is None else phase, "finite", math.isfinite)
+        plot_curves.need("schematic", run, ("contact", "status"), "simulate")
+    phase, contact = train_schematic.at(layout, run, phase)
     axes, own = plot_curves.axes(axes)
     train_schematic.draw(axes, layout, None, phase, contact)
     axes.set_title("\n".join(train_schematic.words(layout, contact)))

@@ -69,7 +69,9 @@ def duty_point(gears, speed, *, torque=None, initial_state=(0.0, 0.0), **options
             )
         model = gears
     else:
-        model = of_drawing(checks.drawn_mesh(gears), torque=torque, **options)
+        model = of_drawing(
+            checks.drawn_mesh(gears, "gears", " or a model"), torque=torque, **options
+        )
         if all(gear.quality is not None for gear in (gears.pinion, gears.wheel)):
             # The smaller relief is what counts at both ends of the path.
             relieved = [gear.tip_relief for gear in (gears.pinion, gears.wheel)]

@@ -91,7 +91,7 @@ def simulate(model, tuning, save, **asked):
             output.machine(run, model)
     if not run.period:
         click.echo(f"The motion has {motion_words.not_settled(run)}.")
-    save(run, lambda plot: plot.time_course(run))
+    save(run, lambda plot: output.beside(plot.time_course(run), model, run, curves=True))
 
 
 @main.command()
@@ -164,7 +164,7 @@ def sweep(model, start, stop, points, save, **asked):
     else:
         own = ["displacement_max", "displacement_min", "dynamic_force_max"]
         output.table(top, ["tuning", "speed", *own])
-    save(curve, lambda plot: plot.resonance(curve))
+    save(curve, lambda plot: output.beside(plot.resonance(curve), model, curves=True))
 
 
 @main.command()
@@ -235,7 +235,7 @@ def modes(train, save):
     """Natural frequencies of the gear train, and the kinds of its modes."""
     found = train.modes()
     output.columns(found, "mode", ["natural_frequency", "mode_kind"])
-    save(found, lambda plot: plot.values(found, "natural_frequency"))
+    save(found, lambda plot: output.beside(plot.values(found, "natural_frequency"), train))
 
 
 @main.command()
@@ -248,7 +248,7 @@ def static(train, phase, save):
     if found.status:
         output.fail(found.status.attrs["message"])
     output.columns(found, "mesh", ["mesh_force", "contact", "load_sharing"])
-    save(found, lambda plot: plot.values(found, "mesh_force"))
+    save(found, lambda plot: output.beside(plot.values(found, "mesh_force"), train, found))
 
 
 @main.command()
@@ -265,7 +265,7 @@ def phasing(train, count, save):
         own = (excites[found.mode_kind.values == kind] for kind in kinds)
         cells.append([f"{order:.6g}", *(f"{each.sum()} of {each.size}" for each in own)])
     output.rows(["order", *kinds], cells)
-    save(found, lambda plot: plot.values(found, "modal_force"))
+    save(found, lambda plot: output.beside(plot.values(found, "modal_force"), train))
 
 
 @main.command("gears")
@@ -320,7 +320,7 @@ def campbell(train, count, save):
             excited.append((*numbers, one.mode_kind.item()))
     cells = [[*(f"{number:.6g}" for number in row[:3]), row[3]] for row in sorted(excited)]
     output.rows(["critical_speed rpm", "order", "natural_frequency Hz", "mode_kind"], cells)
-    save(found, lambda plot: plot.campbell(found))
+    save(found, lambda plot: output.beside(plot.campbell(found), train))
 
 
 @main.command()

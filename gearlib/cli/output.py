@@ -90,6 +90,15 @@ def _save(over, output, plot, dataset, draw):
         picture(plot, draw)
 
 
+def beside(axes, train, run=None, curves=False):
+    """Return axes, a train drawn beside, if it is one; `curves`: in the colours of its meshes."""
+    from gearlib.figures import schematic
+
+    if not train.mesh_names:
+        return axes
+    return schematic.beside(axes, train, run, None if curves else {})
+
+
 def write(path, text):
     """Write a text, and say so where it is not taken for the result."""
     from gearlib.data.files import replacing

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from matplotlib.patches import Circle
 
+from gearlib import checks
 from gearlib.figures import style
 
 #: Codes of `gearlib.data.contact_states`.
@@ -160,6 +161,42 @@ def words(layout, contact=None):
         unit, name = style.length_unit(misfit)
         found.append(f"positions given differ by {misfit / unit:.3g} {name}")
     return found
+
+
+def at(layout, run=None, phase=None):
+    """Return (phase, contacts of all meshes or None) of a run, or of a static equilibrium.
+
+    The phase is by default that at which the record of the run begins, 0 without one; ValueError if
+    it lies beside the record, if the run has other meshes, or no motion.
+    """
+    if run is None:
+        phase = 0.0 if phase is None else phase
+        return checks.number("phase", phase, "finite", math.isfinite), None
+    if "mesh" not in run.coords or not run.mesh.equals(layout.mesh):
+        raise ValueError("mesh of the run is not allowed: its meshes must be those of the train")
+    if int(run.status):
+        raise ValueError(f"the run has no contacts to show: {run.status.attrs['message']}")
+    if "phase" not in run.contact.dims:
+        return float(run.reference_phase), run.contact.values
+    first, last = run.phase.values[[0, -1]]
+    phase, words = first if phase is None else phase, f"from {first:.9g} to {last:.9g}"
+    phase = checks.number("phase", phase, words, lambda value: first <= value <= last)
+    return phase, run.contact.values[np.abs(run.phase.values - phase).argmin()]
+
+
+@style.styled()
+def beside(axes, train, run=None, colours=None):
+    """Draw a train, at the beginning of a run, beside axes that fill a figure; return these."""
+    grid = axes.figure.add_gridspec(1, 2, width_ratios=(1.0 - _BESIDE, _BESIDE))
+    axes.set_subplotspec(grid[0])
+    width, height = axes.figure.get_size_inches()
+    axes.figure.set_size_inches(width / (1.0 - _BESIDE), height)
+    own, layout = axes.figure.add_subplot(grid[1]), train.layout()
+    phase, contact = at(layout, None if run is None or int(run.status) else run)
+    draw(own, layout, colours, phase, contact)
+    when = "of the train" if contact is None else "at the first instant shown"
+    own.set_title("\n".join([f"meshes {when}", *words(layout, contact)]), fontsize=6)
+    return axes
 
 
 def with_train(figure, data, colours=None, below=False, **now):

@@ -54,6 +54,8 @@ def _without_teeth(section):
     """Return the function that says why the reducer of a section cannot be made of own gears."""
 
     def refusal(c):
+        if words := rectangular(c):
+            return words
         if c.train.kind != "split_power_reducer":
             return f"train.kind = {c.train.kind!r} is not allowed: it must be split_power_reducer"
         for key in _given(c.train.split_power_reducer):
@@ -64,7 +66,7 @@ def _without_teeth(section):
         for name, key in {"reducer": "teeth", section: _TEETH[section]}.items():
             if c.gears and key not in getattr(c, name).model_fields_set:
                 return f"{name}.{key} is missing: it must be given where the gears are drawn"
-        return rectangular(c)
+        return ""
 
     return refusal
 
@@ -76,9 +78,11 @@ _TEETH = {"reducer": "teeth", "one_mesh": "other_teeth"}
 def _train_without_teeth(c):
     """Say why the train of the configuration cannot be made of its gears."""
     of_pairs = c.train.kind in OF_PAIRS
+    if of_pairs and (words := rectangular(c)):
+        return words
     if c.gears and of_pairs and getattr(c.train, c.train.kind).teeth is None:
         return f"train.{c.train.kind}.teeth is missing: it must be given where the gears are drawn"
-    return rectangular(c) if of_pairs else ""
+    return ""
 
 
 def _without_planetary(c):
