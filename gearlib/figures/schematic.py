@@ -192,9 +192,10 @@ def beside(axes, train, run=None, colours=None):
     width, height = axes.figure.get_size_inches()
     axes.figure.set_size_inches(width / (1.0 - _BESIDE), height)
     own, layout = axes.figure.add_subplot(grid[1]), train.layout()
-    phase, contact = at(layout, run)
+    phase, contact = at(layout, None if run is None or int(run.status) else run)
     draw(own, layout, colours, phase, contact)
-    own.set_title("\n".join(["meshes of the train", *words(layout, contact)]), fontsize=6)
+    when = "of the train" if contact is None else "at the first instant shown"
+    own.set_title("\n".join([f"meshes {when}", *words(layout, contact)]), fontsize=6)
     return axes
 
 

@@ -117,7 +117,7 @@ def test_commands_of_the_shell_run_and_fit_eighty_columns(tmp_path, monkeypatch)
         known = name in ("explore", "trust")
         result = CliRunner().invoke(main, [name, "--help"] if known else [name, *options])
         assert result.exit_code == 0, result.output
-        assert max(map(len, result.output.splitlines())) <= 80, result.output
+        assert all(len(line) <= 80 for line in result.output.splitlines()), result.output
         if known:
             for option in options:
                 assert not option.startswith("-") or option in result.output

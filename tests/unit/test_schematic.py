@@ -147,6 +147,23 @@ def test_meshes_show_their_contact():
         plot.schematic(TRAINS["idler"], run=run)
 
 
+def test_beside_the_curves_of_a_command():
+    train = gearlib.planetary(stiffness_ratio=(0.4, 0.4))
+    run = gearlib.simulate(train, 0.9, periods=60)
+    axes = schematic.beside(plot.time_course(run), train, run)
+    curves = {line.get_label(): line.get_color() for line in axes.get_legend().get_lines()}
+    marks = dots(axes.figure.axes[-1])
+    assert [line.get_color() for line in marks] == [curves[name] for name in train.mesh_names]
+    apart = [line.get_markerfacecolor() == "white" for line in marks]
+    assert apart == (run.contact.values[0] == 0).tolist() and any(apart)
+    still = train.static(2.0)
+    axes = schematic.beside(plot.values(still, "mesh_force"), train, still, {})
+    assert {line.get_color() for line in dots(axes.figure.axes[-1])} == {schematic.NO_CURVE}
+    broken = run.assign(status=((), 1, {"message": "it jammed"}))
+    axes = schematic.beside(plot.time_course(run), train, broken)
+    assert "white" not in {line.get_markerfacecolor() for line in dots(axes.figure.axes[-1])}
+
+
 def own(name, train):
     """Return golden data of a figure with the layout of a train."""
     data, layout = golden.read(f"{name}.nc"), train.layout()
