@@ -19,7 +19,7 @@ from gearlib.config import yaml_keys
 from workflow import projects
 from workflow.provenance import write as write_provenance
 from workflow.checksums import foreign, replaced
-from workflow.refusal import refuse
+from workflow.refusal import interrupted, refuse
 
 min_version("9.12")
 
@@ -30,7 +30,9 @@ os.environ.update(processor.settings())
 # a start.
 gc.set_threshold(200_000)
 
-# Ctrl-C ends a job at once: Python, which would tell where it was, does not hear of it.
+# Ctrl-C: Snakemake does not tell where it was in its plans, and a job ends at once, since Python
+# does not hear of it.
+sys.excepthook = interrupted
 shell.prefix("set -eu; trap 'kill $! 2>/dev/null' INT TERM;")
 shell.suffix("& wait $!")
 
