@@ -70,7 +70,7 @@ def sources(script, root, loaded=()):
 
 def listed(script, files):
     """Write the list of the sources of a script where it is not there yet; return its path."""
-    names = [os.path.relpath(path) for path in files]
+    names = [*map(_below, map(os.fspath, files))]
     own = hashlib.sha256("\n".join(names).encode()).hexdigest()[:8]
     path = LISTS / f"{Path(script).stem}-{own}.txt"
     text = "".join(f"{_checksum(name)}  {name}\n" for name in names)
@@ -79,7 +79,7 @@ def listed(script, files):
         temporary = path.with_name(f".{os.getpid()}.{path.name}")
         temporary.write_text(text, encoding="utf-8")
         # As old as what it lists: results whose jobs Snakemake does not know are judged by dates.
-        newest = max(os.stat(name).st_mtime_ns for name in names)
+        newest = max(map(_changed, names))
         os.utime(temporary, ns=(newest, newest))
         os.replace(temporary, path)
     return str(path)
@@ -89,6 +89,17 @@ def read(path):
     """Return the source files of a list."""
     lines = Path(path).read_text(encoding="utf-8").splitlines()
     return [line.split("  ", 1)[1] for line in lines]
+
+
+# Each is in most lists.
+@cache
+def _below(path):
+    return os.path.relpath(path)
+
+
+@cache
+def _changed(path):
+    return os.stat(path).st_mtime_ns
 
 
 @cache

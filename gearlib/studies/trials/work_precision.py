@@ -121,6 +121,8 @@ _FLOORS = ("state_floor", "event_floor", "multiplier_floor")
 _EARLY = ("exact",)
 # Runs that take this long, seconds, are not repeated: interruptions change little.
 _SLOW = 0.05
+# Starts that take this long, seconds: of such runs one repeat is enough.
+_TABLES = 0.3
 # Periods until all has been compiled: heyoka compiles a contact when it first comes.
 _STARTS = {"heyoka": 64}
 # Span of the timed runs without their starts, seconds: far above the clock's resolution.
@@ -323,11 +325,14 @@ def seconds_per_period(call, short, longest, repeats):
     if base > _SLOW:
         whole = once(long)
         if whole - base < 0.5 * base:
-            # Solvers that compile at each start take as long for it as for thousands of periods.
-            while whole - base < 2.0 * base and long < longest:
-                long = min(8 * long, longest)
+            # Solvers that compile at each start take as long for it as for thousands of periods,
+            # fixed steps of trains, for their tables, as for hundreds.
+            few = base > _TABLES
+            while whole - base < (1.0 if few else 2.0) * base and long < longest:
+                long = min(4 * long, longest)
                 whole = once(long)
-            whole, base = least(3)
+            again = least(1 if few else 3)
+            whole, base = min(whole, again[0]), min(base, again[1])
         return (whole - base) / (long - short)
     # The least of three: an interruption must not pass for a long run.
     whole, base = least(1 if base > _SPAN else 3)
