@@ -356,7 +356,7 @@ class GearTrain(TrainResults):
         """
         from gearlib.models.trains.natural_modes import phasing
 
-        return phasing(self, checks.integer("count", count, 1))
+        return phasing(self, checks.integer("count", count, 1, 1000))
 
     def campbell(self, count=3):
         """Return the speeds at which mesh frequencies and their multiples meet natural ones.
@@ -376,7 +376,7 @@ class GearTrain(TrainResults):
         """
         from gearlib.models.trains.natural_modes import campbell
 
-        return campbell(self, checks.integer("count", count, 1))
+        return campbell(self, checks.integer("count", count, 1, 1000))
 
     @cached_property
     def _static_state(self):
