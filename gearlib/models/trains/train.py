@@ -156,13 +156,7 @@ class GearTrain(TrainResults):
 
     def segments_of(self, first, count):
         """Return the `Segments` of some reference mesh periods, the n-th at n modulo `count`."""
-        both = [(self.inverse_phases[name], self.phases[name]) for name in self.mesh_names]
-        turns = [turning.sliding_turns(mesh, self.speeds) for mesh in self.meshes]
-        parts = self.meshes, self.rates, both, turns
-        if not (early := first % count):
-            return waves.segments(*parts, first, count)
-        late = waves.segments(*parts, first, count - early)
-        return waves.joined(waves.segments(*parts, first + count - early, early), late)
+        return waves.stretch(self, first, count)
 
     @property
     def size(self):

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gearlib.models.trains import turning
 from gearlib.models.trains.structure import FLOATS
 
 #: Boundaries that are closer in phase are one.
@@ -76,7 +77,18 @@ def segments(meshes, rates, phases, turns, first, count):
     return Segments(starts, places, low, sense, kinds)
 
 
-def joined(one, other):
+def stretch(train, first, count):
+    """Return the `Segments` of some reference mesh periods, the n-th at n modulo `count`."""
+    both = [(train.inverse_phases[name], train.phases[name]) for name in train.mesh_names]
+    turns = [turning.sliding_turns(mesh, train.speeds) for mesh in train.meshes]
+    parts = train.meshes, train.rates, both, turns
+    if not (early := first % count):
+        return segments(*parts, first, count)
+    late = segments(*parts, first, count - early)
+    return _joined(segments(*parts, first + count - early, early), late)
+
+
+def _joined(one, other):
     """Return the `Segments` of one stretch with those of another one behind it."""
     return Segments(
         np.append(one.starts[:-1], one.starts[-1] + other.starts),
