@@ -1,4 +1,4 @@
-"""Gear trains beside scipy split at events and heyoka: whole calls; how costs grow.
+"""Gear trains beside scipy split at events, heyoka and a yardstick: whole calls; how costs grow.
 
 Processor seconds of one thread, methods in turns, the least of several rounds: other work on the
 machine only adds. All calls start from the same state, ours with empty tables; what heyoka
@@ -14,6 +14,7 @@ from functools import partial
 
 import numpy as np
 
+from benchmarks import train_yardstick
 from benchmarks.short import repeats
 from gearlib import idler, integrators, planetary, sweep
 from gearlib.studies.trials.difficult_problems import PAPER
@@ -27,6 +28,8 @@ SCIPY = ("scipy", {"solver": "DOP853", "events": True, "rtol": 1e-11, "atol": 1e
 FINER = ("scipy", {"solver": "DOP853", "events": True, "rtol": 1e-13, "atol": 1e-13})
 #: (name, mesh frequency in Hz, mesh periods before the start)
 SPEEDS = (("bouncing at 1475 Hz", 1475.0, 400), ("in contact at 1930 Hz", 1930.0, 0))
+#: The yardstick goes there as well.
+FAST = ("in contact at 2500 Hz", 2500.0, 0)
 
 
 def speed_trial(planets=3, **changes):
@@ -86,12 +89,15 @@ def tables(train, tuning, state):
     return min(spent)
 
 
+def start(train, tuning, before):
+    """Return the state after some mesh periods from rest in static equilibrium."""
+    state = tuple(train.start_state("static"))
+    return run(train, tuning, state, before)[1] if before else state
+
+
 def compared(title, train, tuning, before, periods=(400, 4, 100)):
     """Return rows (name, value, unit) of one train; periods of ours, scipy's, heyoka's calls."""
-    state = train.start_state("static")
-    if before:
-        _, state, _ = run(train, tuning, tuple(state), before)
-    state = tuple(state)
+    state = start(train, tuning, before)
     ways = {"exact": (None, None), "scipy DOP853 split, rtol 1e-11": SCIPY}
     if integrators.about("heyoka").available:
         ways["heyoka with terminal events"] = ("heyoka", {})
@@ -128,6 +134,12 @@ def rows():
     for name, frequency, before in SPEEDS:
         title = f"planetary train, 18 degrees, 6 meshes, {name}"
         table += compared(title, train, tuning_of(train, frequency), before)
+    tunings = [tuning_of(train, frequency) for _, frequency, _ in (*SPEEDS, FAST)]
+    cases = [
+        (f"planetary train, {name}", frequency, tuning, start(train, tuning, before))
+        for (name, frequency, before), tuning in zip((*SPEEDS, FAST), tunings, strict=True)
+    ]
+    table += train_yardstick.rows(train, cases, run)
     two = idler(PAPER.replace(backlash_damping=PAPER.material_damping))
     table += compared("idler, 3 degrees, 2 meshes", two, 0.55, 300, (2000, 20, 400))
     return table

@@ -82,7 +82,7 @@ class LoadSharingPair(WithPair):
             value = getattr(self, name)
             if not isinstance(value, kind):
                 raise ValueError(f"{name} = {value!r} is not allowed: it must be a {words}")
-        checks.integer("phases", self.phases, 8)
+        checks.integer("phases", self.phases, 8, 100_000)
         errors = tuple(checked_errors(self.drawing, self.pitch_errors).tolist())
         object.__setattr__(self, "pitch_errors", errors)
         self._pairs(np.zeros(1), np.zeros(1))

@@ -79,7 +79,7 @@ def diagram():
             "mesh": list(train.mesh_names),
         },
     )
-    return campbell.compute(characteristics, PAPER.as_dict(), SETTINGS, 2)
+    return campbell.compute(characteristics, 2, PAPER.as_dict(), SETTINGS)
 
 
 def test_the_diagram_of_the_reducer(diagram):

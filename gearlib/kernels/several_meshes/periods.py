@@ -28,8 +28,8 @@ _AT_ONCE = 1e-13
 #: Rounding that the states of equal meshes have gathered, over that of one distance.
 _GATHERED = 8.0
 #: Returned where the tables lack a combination, that of the effects of `Work`, and where there is
-#: no place for more events. No status of a run.
-MISSING, FULL = -1, -2
+#: no place for more events, or segments end. No status of a run.
+MISSING, FULL, BEYOND = -1, -2, -3
 
 #: Columns of the event table: those of `orbit` and the number of the mesh.
 EVENT_MESH = orbit.EVENT_COLUMNS

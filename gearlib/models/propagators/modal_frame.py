@@ -333,7 +333,7 @@ def add(tables, system, grid, frame, effects):
         if not fill_modes(tables, c, lines, a, basis, slow, grid.spin, reaches, *curves):
             basis = None
     if basis is None:
-        tables.into[c, :, :n] = tables.out[c, :, :n] = np.eye(n)
+        tables.into[c] = tables.out[c] = np.eye(n, tables.out.shape[2])
         piece = BLOCKS[degree] * system.longest / exponential.REACH
         fill_distances(tables, c, lines, np.zeros(0, complex), 0, a, piece, 0, *curves)
     key = key_of(effects, system.push.shape[1])

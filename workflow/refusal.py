@@ -1,0 +1,14 @@
+"""How the workflow ends where nothing can be done: with a sentence, and not where Python was."""
+
+import sys
+
+from snakemake.logging import logger
+
+#: As the commands of the library have it for wrong input.
+WRONG_INPUT = 2
+
+
+def refuse(words):
+    """Print why, and end Snakemake; an error would be printed with the lines that raised it."""
+    logger.error(str(words))
+    sys.exit(WRONG_INPUT)
