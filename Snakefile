@@ -9,8 +9,8 @@ import os
 import sys
 from pathlib import Path
 
-from snakemake.exceptions import WorkflowError
 from snakemake.logging import logger
+from snakemake.shell import shell
 from snakemake.utils import min_version
 from gearlib import config as configuration
 from gearlib import processor
@@ -19,6 +19,7 @@ from gearlib.config import yaml_keys
 from workflow import projects
 from workflow.provenance import write as write_provenance
 from workflow.checksums import foreign, replaced
+from workflow.refusal import interrupted, refuse
 
 min_version("9.12")
 
@@ -29,12 +30,22 @@ os.environ.update(processor.settings())
 # a start.
 gc.set_threshold(200_000)
 
+# Ctrl-C: Snakemake does not tell where it was in its plans, and a job ends at once, since Python
+# does not hear of it.
+sys.excepthook = interrupted
+shell.prefix("set -eu; trap 'kill $! 2>/dev/null' INT TERM;")
+shell.suffix("& wait $!")
+
 #: Calls that compute nothing; of a dry run Snakemake itself tells.
 ASKING = {"--unlock", "--lint", "--dag", "--rulegraph", "--filegraph", "--summary", "--list-rules"}
 
 
 # Of an installed package, unless this folder has one of its own.
 OF_PAPER = "config.yaml" if Path("config.yaml").exists() else Path(workflow.basedir, "config.yaml")
+try:
+    BASE = yaml_keys.read(OF_PAPER)[0] or {}
+except ValueError as error:
+    refuse(error)
 
 
 configfile: OF_PAPER
@@ -46,9 +57,7 @@ if given:
     config.clear()
     config.update(counts)
 
-NAME = projects.name_of(
-    config, yaml_keys.read(OF_PAPER)[0] or {}, given, workflow.overwrite_configfiles
-)
+NAME = projects.name_of(config, BASE, given, workflow.overwrite_configfiles)
 if NAME:
     config["project"] = NAME
 RESULTS = Path("results", NAME)
@@ -76,7 +85,7 @@ if workflow.is_main_process:
     if fault and (workflow.output_settings.dryrun or ASKING & set(sys.argv)):
         logger.warning(fault)
     elif fault:
-        raise WorkflowError(fault)
+        refuse(fault)
 
 
 if "cases" in config:
@@ -103,7 +112,7 @@ onstart:
     folders = dict.fromkeys([Path("results"), RESULTS, *MACHINES])
     refused = [str(path) for path in folders if path.exists() and not os.access(path, os.W_OK)]
     if refused:
-        raise WorkflowError(f"Nothing can be written to {', '.join(refused)}.")
+        refuse(f"Nothing can be written to {', '.join(refused)}.")
     # Snakemake holds its lock: what is left is from a run that was killed.
     remove_leftovers(Path("results"))
     projects.record(MACHINES)

@@ -24,13 +24,13 @@ TUNINGS, ROUNDS = 4096, repeats(7)
 CASES = ((0.5, 1.4, 120), (0.85, 1.0, 50))
 
 
-def yardstick(folder):
-    """Return the path of the yardstick, built for this machine; None without a compiler."""
+def built(folder, name="yardstick"):
+    """Return the path of a yardstick, built for this machine; None without a compiler."""
     compiler = shutil.which(os.environ.get("CXX", "g++")) or shutil.which("clang++")
     if compiler is None:
         return None
-    program = Path(folder) / "yardstick"
-    source = Path(__file__).with_name("yardstick.cpp")
+    program = Path(folder) / name
+    source = Path(__file__).with_name(f"{name}.cpp")
     options = "-O3", "-march=native", "-std=c++17"
     subprocess.run([compiler, *options, "-o", program, source], check=True)
     return program
@@ -68,7 +68,7 @@ def rows(pair):
     """Return rows (name, value, unit) for a `GearPair`."""
     table = []
     with tempfile.TemporaryDirectory() as folder:
-        program = yardstick(folder)
+        program = built(folder)
         for first, last, periods in CASES:
             grid = np.linspace(first, last, TUNINGS)
 

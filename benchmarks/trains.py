@@ -1,32 +1,41 @@
-"""Gear trains beside scipy split at events and heyoka: whole calls; how costs grow.
+"""Gear trains beside scipy split at events, heyoka and a yardstick: whole calls; how costs grow.
 
 Processor seconds of one thread, methods in turns, the least of several rounds: other work on the
 machine only adds. All calls start from the same state, ours with empty tables; what heyoka
 compiles is compiled before. Errors are those over the first periods without the free rotation,
 against DOP853 split at a tolerance of 1e-13.
 
-``python -m benchmarks.trains PICTURE`` draws how costs grow.
+``python -m benchmarks.trains PICTURE`` draws how costs grow. Set ``OPENBLAS_NUM_THREADS=1``, as
+jobs of the workflow do: threads of the linear algebra library would count.
 """
 
+import dataclasses
+import resource
 import sys
 import time
 from functools import partial
 
 import numpy as np
 
+from benchmarks import train_yardstick
 from benchmarks.short import repeats
-from gearlib import idler, integrators, planetary, sweep
+from gearlib import GearTrain, idler, integrators, planetary, sweep, two_stage
+from gearlib.kernels import orbit
 from gearlib.studies.trials.difficult_problems import PAPER
 
 ROUNDS = repeats(4)
 #: Mesh periods of the errors.
 FEW = 3
+#: How many planets, and stages, the growth of costs is measured with.
+PLANETS, STAGES = (2, 3, 4, 6, 8, 12, 16, 20), (1, 2, 4, 7, 10, 20)
 #: Speeds that ours takes in one call: its tables depend on them in part only.
 MANY = 16
 SCIPY = ("scipy", {"solver": "DOP853", "events": True, "rtol": 1e-11, "atol": 1e-11})
 FINER = ("scipy", {"solver": "DOP853", "events": True, "rtol": 1e-13, "atol": 1e-13})
 #: (name, mesh frequency in Hz, mesh periods before the start)
 SPEEDS = (("bouncing at 1475 Hz", 1475.0, 400), ("in contact at 1930 Hz", 1930.0, 0))
+#: The yardstick goes there as well.
+FAST = ("in contact at 2500 Hz", 2500.0, 0)
 
 
 def speed_trial(planets=3, **changes):
@@ -86,12 +95,15 @@ def tables(train, tuning, state):
     return min(spent)
 
 
+def start(train, tuning, before):
+    """Return the state after some mesh periods from rest in static equilibrium."""
+    state = tuple(train.start_state("static"))
+    return run(train, tuning, state, before)[1] if before else state
+
+
 def compared(title, train, tuning, before, periods=(400, 4, 100)):
     """Return rows (name, value, unit) of one train; periods of ours, scipy's, heyoka's calls."""
-    state = train.start_state("static")
-    if before:
-        _, state, _ = run(train, tuning, tuple(state), before)
-    state = tuple(state)
+    state = start(train, tuning, before)
     ways = {"exact": (None, None), "scipy DOP853 split, rtol 1e-11": SCIPY}
     if integrators.about("heyoka").available:
         ways["heyoka with terminal events"] = ("heyoka", {})
@@ -128,36 +140,107 @@ def rows():
     for name, frequency, before in SPEEDS:
         title = f"planetary train, 18 degrees, 6 meshes, {name}"
         table += compared(title, train, tuning_of(train, frequency), before)
+    tunings = [tuning_of(train, frequency) for _, frequency, _ in (*SPEEDS, FAST)]
+    cases = [
+        (f"planetary train, {name}", frequency, tuning, start(train, tuning, before))
+        for (name, frequency, before), tuning in zip((*SPEEDS, FAST), tunings, strict=True)
+    ]
+    table += train_yardstick.rows(train, cases, run)
     two = idler(PAPER.replace(backlash_damping=PAPER.material_damping))
     table += compared("idler, 3 degrees, 2 meshes", two, 0.55, 300, (2000, 20, 400))
     return table
 
 
-def growth():
-    """Return rows (degrees, meshes, seconds per mesh period in resonance, above it) of trains.
+def stages(count, teeth, axes):
+    """Return a chain of stages of the paper's pair, `axes` their support stiffness in N/m."""
+    pair = PAPER.replace(backlash_damping=PAPER.material_damping)
+    one = two_stage(pair, teeth=2 * teeth, support_stiffness=axes)
+    bodies, meshes, shafts, gain = [], [], [], teeth[1] / teeth[0]
+    for i in range(count):
+        names = f"pinion {i + 1}", f"wheel {i + 1}"
+        # Forces grow from stage to stage; every other one turns the other way.
+        way, force = (-1) ** i, pair.load * gain**i
+        for k, name in enumerate(names):
+            body, own = one.bodies[k], force * (way * (i == count - 1) if k else i == 0)
+            torque = own * body.base_radius
+            bodies.append(dataclasses.replace(body, name=name, torque=torque))
+        parts = {"name": f"mesh {i + 1}", "pinion": names[0], "wheel": names[1]}
+        meshes.append(dataclasses.replace(one.meshes[i % 2], phase=None, **parts))
+        if i:
+            ends = f"wheel {i}", names[0]
+            shafts.append(dataclasses.replace(one.shafts[0], bodies=ends))
+    return GearTrain(bodies=bodies, meshes=meshes, shafts=shafts)
 
-    Planetary trains of 2 to 8 planets, axes elastic or fixed, at the first natural frequency of a
-    rotational mode (1475 Hz for three planets) and 1.3 times that.
+
+def grown():
+    """Yield (family, train, tunings at which contact is lost and not).
+
+    Planetary trains at the first natural frequency of a rotational mode (1475 Hz for three planets)
+    and 1.3 times that; chains of equal stages on elastic axes.
     """
-    found = []
-    for fixed in (False, True):
-        for planets in range(2, 9):
-            more = {"support_stiffness": (np.inf,) * 4} if fixed else {}
-            train = speed_trial(planets, **more)
-            modes, spent = train.modes(), []
-            rotational = modes.natural_frequency.values[modes.mode_kind.values == "rotational"]
-            first = rotational[rotational > 1.0].min()
-            for frequency in (first, 1.3 * first):
-                tuning = tuning_of(train, frequency)
-                state, bounces = run(train, tuning, tuple(train.start_state("static")), 400)[1:]
-                print(f"{planets} planets, {frequency:.0f} Hz: {bounces:g} bounces a period")
-                call = partial(run, train, tuning, state)
-                best = per_period({n: (call, n) for n in (50, 250)})
-                # The slope: without the start of a call and its tables.
-                spent.append((250 * best[250] - 50 * best[50]) / 200)
-            found.append((train.size // 2, len(train.meshes), *spent))
-            print(*found[-1][:2], *(f"{1e6 * s:.3g} us" for s in found[-1][2:]), flush=True)
-    return np.array(found)
+    for planets in PLANETS:
+        train = speed_trial(planets)
+        modes = train.modes()
+        rotational = modes.natural_frequency.values[modes.mode_kind.values == "rotational"]
+        first = tuning_of(train, rotational[rotational > 1.0].min())
+        yield "planets", train, (first, 1.3 * first)
+    for count in STAGES:
+        yield "stages", stages(count, (24, 24), 1e8), (1.0, 2.5)
+
+
+def table_bytes(propagator):
+    """Return what the combinations in use take in the tables of a propagator's last run."""
+    tables = propagator.spare[0][1]
+    return tables.known[0] * sum(one.nbytes for one in tables if one.ndim > 2) / len(tables.keys)
+
+
+def growth():
+    """Return dict family -> rows (coordinates, meshes, then twice seconds a period, bounces, MB).
+
+    Of the motion that 40 mesh periods from rest lead to, with contact lost and kept: so far equal
+    planets move together.
+    """
+    found: dict = {}
+    for family, train, tunings in grown():
+        row = [train.size // 2, len(train.meshes)]
+        for tuning in tunings:
+            state = np.array(train.start_state("static"))
+            samples, events, summary = train.empty_record(events=0)
+            propagator, spent = train.propagator(tuning), []
+            propagator.run(state, 40, 1, samples, events, 10**6, summary)
+            for _ in range(ROUNDS + 1):
+                start = time.process_time()
+                end = propagator.run(state.copy(), 20, 1, samples, events, 10**6, summary)
+                spent.append((time.process_time() - start) / 20)
+            assert end[5] == 0, (family, row, tuning)
+            bounces = summary[:, orbit.BOUNCES].max()
+            row += [min(spent[1:]), bounces, table_bytes(propagator) / 1e6]
+        found.setdefault(family, []).append(row)
+        print(family, *(f"{value:.3g}" for value in row), flush=True)
+    return {family: np.array(rows) for family, rows in found.items()}
+
+
+def to_the_end():
+    """Print what long ways cost: ten stages that hardly ever repeat, twenty planets that part."""
+    twenty = speed_trial(20)
+    for name, train, tuning, periods in (
+        ("ten stages of 23:71", stages(10, (23, 71), np.inf), 0.8, 100),
+        ("the same on elastic axes", stages(10, (23, 71), 1e8), 0.8, 100),
+        ("twenty planets", twenty, tuning_of(twenty, 1391.0), 60),
+    ):
+        before = time.process_time()
+        propagator, summary = train.propagator(tuning), train.empty_record()[2]
+        state, (samples, events, _) = np.array(train.start_state("static")), train.empty_record()
+        status = propagator.run(state, periods, 1, samples, events[:0], 10**6, summary)[5]
+        spent = time.process_time() - before
+        most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+        print(
+            f"{name}, {train.size // 2} coordinates, repeats after {train.repeats:.3g} periods: "
+            f"{spent:.3g} s for {periods} periods, status {status}, "
+            f"{propagator.spare[0][1].known[0]} combinations of contacts, "
+            f"{table_bytes(propagator) / 1e6:.3g} MB of tables, process {most:.0f} MiB",
+            flush=True,
+        )
 
 
 def draw(path):
@@ -166,21 +249,25 @@ def draw(path):
 
     found = growth()
     figure = Figure((6.3, 2.8), layout="constrained")
-    axes = figure.subplots(1, 2, sharey=True)
-    looks = (("elastic axes", "o", "C0", found[:7]), ("fixed axes", "s", "C1", found[7:]))
-    for axis, column, words, ticks in (
-        (axes[0], 0, "degrees of freedom", (5, 7, 11, 15, 21, 33)),
-        (axes[1], 1, "meshes", (4, 6, 8, 10, 12, 16)),
+    axes = figure.subplots(1, 3)
+    looks = {"planets": ("planetary train", "o", "C0"), "stages": ("chain of stages", "s", "C1")}
+    for family, rows in found.items():
+        words, marker, colour = looks[family]
+        for k, kind, fill in ((2, "bouncing", colour), (5, "in contact", "white")):
+            look = {"marker": marker, "color": colour, "mfc": fill, "ms": 4, "lw": 1}
+            label = f"{words}, {kind}"
+            axes[0].plot(rows[:, 0], 1e6 * rows[:, k], label=label, **look)
+            axes[1].plot(rows[:, 1], 1e6 * rows[:, k], **look)
+            axes[2].plot(rows[:, 0], rows[:, k + 2], **look)
+    for axis, words, unit, ticks in (
+        (axes[0], "coordinates", "µs per mesh period", (6, 12, 24, 60, 120)),
+        (axes[1], "meshes", "µs per mesh period", (1, 2, 4, 10, 20, 40)),
+        (axes[2], "coordinates", "MB of tables", (6, 12, 24, 60, 120)),
     ):
-        for words_of, marker, colour, own in looks:
-            for k, kind, fill in ((2, "in resonance", colour), (3, "above it", "white")):
-                label, look = f"{words_of}, {kind}", {"marker": marker, "mfc": fill}
-                axis.plot(own[:, column], 1e6 * own[:, k], color=colour, label=label, **look)
-        axis.set(xlabel=words, xscale="log", yscale="log")
+        axis.set(xlabel=words, ylabel=unit, xscale="log", yscale="log")
         axis.set_xticks(ticks, map(str, ticks))
         axis.set_xticks([], minor=True)
-    axes[0].set_ylabel("µs per mesh period")
-    axes[1].legend(fontsize=7)
+    figure.legend(loc="outside upper center", ncols=2, fontsize=7)
     figure.savefig(path, dpi=150)
 
 
@@ -188,6 +275,7 @@ def main():
     """Print the rows, or draw the growth if a path is given."""
     if len(sys.argv) > 1:
         draw(sys.argv[1])
+        to_the_end()
         return
     for name, value, unit in rows():
         print(f"{name:70s} {value:10.3g} {unit}")

@@ -88,10 +88,11 @@ def options(value):
     return dict(value or {})
 
 
-def drawn_mesh(value):
-    """Return a `gearlib.geometry.Mesh`, else raise ValueError."""
+def drawn_mesh(value, name="mesh", other=""):
+    """Return a `gearlib.geometry.Mesh`, else raise ValueError; `other` says what else may be."""
     if not hasattr(value, "pair_parameters"):
-        raise ValueError(f"mesh = {value!r} is not allowed: it must be a gearlib.geometry.Mesh")
+        words = f"a gearlib.geometry.Mesh{other}"
+        raise ValueError(f"{name} = {value!r} is not allowed: it must be {words}")
     return value
 
 

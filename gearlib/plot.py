@@ -15,14 +15,29 @@ from gearlib.figures import (
     branches_figure,
     campbell_figure,
     harris_map_figure,
+    phase_planes_figure,
     plot_curves,
     resonance_figure,
     style,
     time_courses_figure,
 )
+from gearlib.figures import (
+    schematic as train_schematic,
+)
+from gearlib.figures.orders_figure import orders
 from gearlib.runs.simulation import simulate
 
-__all__ = ["campbell", "harris_map", "orbit", "phase_plane", "resonance", "time_course"]
+__all__ = [
+    "campbell",
+    "harris_map",
+    "orbit",
+    "orders",
+    "phase_plane",
+    "resonance",
+    "schematic",
+    "time_course",
+    "values",
+]
 
 _EXTREMA = ("displacement_max", "displacement_min")
 
@@ -89,7 +104,7 @@ def resonance(*sweeps, axes=None, labels=None, variable=None):
 
 @style.styled()
 def phase_plane(*runs, axes=None, labels=None):
-    """Draw velocities over displacements; orbits that repeat are closed.
+    """Draw velocities over displacements; orbits that repeat, in whole records, are closed.
 
     Parameters
     ----------
@@ -111,10 +126,7 @@ def phase_plane(*runs, axes=None, labels=None):
     parts = plot_curves.parts("phase_plane", runs, labels, ("displacement", "velocity"), "simulate")
     axes, own = plot_curves.axes(axes)
     for (label, look), (_, _, one) in zip(plot_curves.looks(parts), parts, strict=True):
-        x, v = one.displacement.values, one.velocity.values
-        if int(one.period) > 0:
-            # The record holds whole orbits: its end is its start.
-            x, v = np.append(x, x[0]), np.append(v, v[0])
+        x, v, _ = phase_planes_figure.orbit_of(one)
         axes.plot(x, v, color=look.colour, linestyle=look.line, label=label)
     axes.set_xlim(axes.get_xlim())
     # With moving bearings the far flank is no line in this plane.
@@ -215,6 +227,46 @@ def campbell(diagram, *, axes=None, to=None):
 
 
 @style.styled()
+def schematic(train, *, run=None, phase=None, axes=None):
+    """Draw a train seen along its axes: pitch circles, shafts, carriers, and its meshes by name.
+
+    Meshes have the colours of their curves in `resonance` and `time_course`.
+
+    Parameters
+    ----------
+    train : gearlib.GearTrain
+    run : xarray.Dataset, optional
+        Of `gearlib.simulate`, or `GearTrain.static`: meshes that are out of contact at this phase
+        are open, those whose far flanks touch are diamonds.
+    phase : float, optional
+        Of the reference mesh, rad, by which the train has turned; by default that at which the
+        record of the run begins, 0 without one.
+    axes : matplotlib.axes.Axes, optional
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+
+    Raises
+    ------
+    ValueError
+        If it is no train, the run is not one of its meshes, or the phase lies beside its record.
+    """
+    try:
+        layout = train.layout()
+    except AttributeError:
+        words = f"train = {train!r} is not allowed: it must be a gearlib.GearTrain"
+        raise ValueError(words) from None
+    if run is not None:
+        plot_curves.need("schematic", run, ("contact", "status"), "simulate")
+    phase, contact = train_schematic.at(layout, run, phase)
+    axes, own = plot_curves.axes(axes)
+    train_schematic.draw(axes, layout, None, phase, contact)
+    axes.set_title("\n".join(train_schematic.words(layout, contact)))
+    return axes
+
+
+@style.styled()
 def harris_map(errors, *, axes=None):
     """Draw the static transmission error over two mesh periods, a curve for each torque.
 
@@ -245,6 +297,56 @@ def harris_map(errors, *, axes=None):
     harris_map_figure.draw_courses(axes, data, data.torque.values, design)
     axes.set_ylabel(harris_map_figure.ERROR)
     axes.set_title("torque of the pinion in N m beside its curve")
+    return axes
+
+
+@style.styled()
+def values(data, *names, axes=None):
+    """Draw variables over their last dimension, a mark for each entry, as tables hold them.
+
+    Parameters
+    ----------
+    data : xarray.Dataset
+        Such as of `GearTrain.modes` or `GearTrain.static`; each entry of other dimensions has marks
+        of its own.
+    *names : str
+        Variables of one unit.
+    axes : matplotlib.axes.Axes, optional
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+
+    Raises
+    ------
+    ValueError
+        If no name is given, or the dataset has no such variable over a dimension.
+    """
+    plot_curves.need("values", data, names or ("names",), "GearTrain.modes and others")
+    for name in names:
+        if not data[name].ndim:
+            raise ValueError(f"{name} is not allowed: it must be a variable over a dimension")
+    axes, _ = plot_curves.axes(axes)
+    over, drawn = data[names[0]].dims[-1], []
+    for name in names:
+        others = data[name].dims[:-1]
+        for place in np.ndindex(*data[name].shape[:-1]):
+            row = data[name].isel(dict(zip(others, place, strict=True)))
+            words = [name.replace("_", " ")] * (len(names) > 1)
+            words += [f"{row[dim].item():g}" for dim in others]
+            drawn.append((" ".join(words), row.values))
+    for look, (words, row) in zip(style.looks(range(len(drawn))).values(), drawn, strict=True):
+        axes.plot(row, look.marker, color=look.colour, ms=4, label=words)
+    entries = [str(entry) for entry in data[over].values]
+    few = slice(None, None, -(-len(entries) // 12))
+    tilted = {"rotation": 30, "ha": "right"} if max(map(len, entries)) > 5 else {}
+    axes.set_xticks(range(len(entries))[few], entries[few], **tilted)
+    axes.set_xlabel(over.replace("_", " "))
+    unit = data[names[0]].attrs.get("units", "1")
+    axes.set_ylabel(f"{', '.join(names).replace('_', ' ')} ({unit})")
+    axes.set_ylim(style.limits([row for _, row in drawn]))
+    if len(drawn) > 1:
+        axes.legend(title=" and ".join(others).replace("_", " "))
     return axes
 
 

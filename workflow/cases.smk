@@ -1,14 +1,13 @@
 """Several cases of the configuration side by side: the whole workflow once for each."""
 
-from snakemake.exceptions import WorkflowError
-
 from gearlib import config as configuration
 from gearlib.config.studies import STUDIES
+from workflow.refusal import refuse
 
 try:
     CASES = configuration.cases(config)
 except configuration.ConfigError as error:
-    raise WorkflowError(f"The configuration is refused.\n{error}") from None
+    refuse(f"The configuration is refused.\n{error}")
 
 
 for case, settings in CASES.items():

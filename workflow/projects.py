@@ -7,6 +7,7 @@ from pathlib import Path
 from gearlib import config as configuration
 from gearlib.config import gear_names
 from gearlib.config.laying import laid_over
+from workflow.refusal import refuse
 
 #: Sections that describe a machine.
 _MACHINE = ("gears", "gear_pair", "train", "planetary")
@@ -91,12 +92,15 @@ def record(found):
 def compared(own, others):
     """Return the characteristics of label -> folder, of this run and of others, over each other.
 
-    ValueError if there is only one, or one of the others is not there: this run cannot compute it.
+    Refused if there is only one, or one of the others is not there: this run cannot compute it.
     """
     missing = [name for name, path in others.items() if not (path / "resonance.nc").exists()]
     if missing or len(own | others) < 2:
         lacking = f"{missing[0]} has no resonance.nc yet" if missing else "there is only one"
-        raise ValueError(f"compare needs several cases or projects: {lacking}.")
+        refuse(
+            f"compare needs several cases or projects: {lacking}. It takes all `cases` of the "
+            "configuration, and those named in `compare`, as in --config 'compare=[paper]'."
+        )
     return [str(folder / "resonance.nc") for folder in (own | others).values()]
 
 

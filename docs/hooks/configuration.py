@@ -7,7 +7,7 @@ with which a wrong value is refused.
 from mkdocs.structure.files import File
 
 from gearlib.config import CASE_NAME, schema, schema_text
-from gearlib.config.validation import allowed
+from gearlib.config.validation import allowed, resolve
 
 PAGE, SCHEMA = "reference/configuration.md", "config.schema.json"
 _HEAD = f"""# Configuration
@@ -55,7 +55,7 @@ def reference():
 
 def _rows(prefix, node, whole):
     """Yield the rows of all keys below a node, those of inner sections included."""
-    node = _resolve(node, whole)
+    node = resolve(node, whole)
     inner = _section(node, whole)
     if inner is None:
         if prefix:
@@ -79,15 +79,15 @@ def _rows(prefix, node, whole):
 
 def _section(node, whole):
     """Return (name of free keys or None, section below), or None where the node holds a value."""
-    node = _resolve(node, whole)
+    node = resolve(node, whole)
     if "properties" in node:
         return None, node
     if node.get("type") == "array" and "$ref" in node.get("items", {}):
-        inside = _resolve(node["items"], whole)
+        inside = resolve(node["items"], whole)
         return ("[ ]", inside) if "properties" in inside else None
     entries = list(node.get("patternProperties", {}).values())
     if entries:
-        inside = _resolve(entries[0], whole)
+        inside = resolve(entries[0], whole)
         return ("<name>", inside) if "properties" in inside else None
     return None
 
@@ -100,7 +100,7 @@ def _row(key, node, whole):
 
 
 def _words(node, whole):
-    words = node.get("description") or _resolve(node, whole).get("description", "")
+    words = node.get("description") or resolve(node, whole).get("description", "")
     return " ".join(words.split()).replace("|", "\\|")
 
 
@@ -118,9 +118,3 @@ def _short(value):
 def _table(rows):
     head = ["| key | meaning | allowed | default |", "|---|---|---|---|"]
     return [*head, *(f"| {' | '.join(row)} |" for row in rows), ""]
-
-
-def _resolve(node, whole):
-    if "$ref" in node:
-        return whole["$defs"][node["$ref"].removeprefix("#/$defs/")]
-    return node

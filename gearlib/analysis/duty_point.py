@@ -12,10 +12,9 @@ import numpy as np
 from gearlib import checks
 from gearlib.analysis.order_spectrum import orders, transmission_error
 from gearlib.data.result import result
+from gearlib.models.described_pair import of_drawing
 from gearlib.models.geometry.iso_dynamic_factor import dynamic_factor
-from gearlib.models.load_sharing_pair import LoadSharingPair
 from gearlib.models.model import is_model
-from gearlib.models.pair import GearPair
 from gearlib.runs.run_arguments import check_speed
 from gearlib.runs.simulation import simulate
 
@@ -34,8 +33,7 @@ def duty_point(gears, speed, *, torque=None, initial_state=(0.0, 0.0), **options
     ----------
     gears : gearlib.geometry.Mesh or model
         Two drawn gears, or what `gearlib.simulate` takes, of which gears turn. Drawn gears with tip
-        relief or pitch errors are `LoadSharingPair`, where all pairs of teeth are alike by its
-        `at_load`; others a `GearPair`.
+        relief or pitch errors are a `LoadSharingPair`, others a `GearPair`.
     speed : float
         In rpm, of the pinion (of the gear whose teeth count); finite, > 0.
     torque : float, optional
@@ -71,7 +69,9 @@ def duty_point(gears, speed, *, torque=None, initial_state=(0.0, 0.0), **options
             )
         model = gears
     else:
-        model = of_drawing(checks.drawn_mesh(gears), torque=torque, **options)
+        model = of_drawing(
+            checks.drawn_mesh(gears, "gears", " or a model"), torque=torque, **options
+        )
         if all(gear.quality is not None for gear in (gears.pinion, gears.wheel)):
             # The smaller relief is what counts at both ends of the path.
             relieved = [gear.tip_relief for gear in (gears.pinion, gears.wheel)]
@@ -90,19 +90,6 @@ def duty_point(gears, speed, *, torque=None, initial_state=(0.0, 0.0), **options
     return result(
         "Duty point of a gear mesh", model, data, coords, method="settled run", speed=float(speed)
     )
-
-
-def of_drawing(mesh, **options):
-    """Return the smallest model that carries the teeth of a drawn mesh: with relief, errors."""
-    gears = mesh.pinion, mesh.wheel
-    if not any(gear.tip_relief or gear.pitch_errors for gear in gears):
-        return GearPair.from_geometry(mesh, **options)
-    given = options.pop("options", None) or {}
-    stiffness = options.pop("stiffness", None) or "iso"
-    allowed = {"coupling"} if stiffness == "energy" else set()
-    checks.known("tooth pair", given, sorted(allowed))
-    pair = LoadSharingPair.from_geometry(mesh, stiffness=stiffness, **given, **options)
-    return pair if pair.repeats > 1 else pair.at_load()
 
 
 def settled_run(model, tuning, initial_state=(0.0, 0.0)):
@@ -172,7 +159,7 @@ def in_units(run, model):
         "mesh_force_min": (over, force * run.dynamic_force_min.values),
         "error_peak_to_peak": (over, length * span),
         "error_rms": (over, length * error.std(axis=0)),
-        "lost_share": (over, 1.0 - run.fraction_normal.values),
+        "lost_share": (over, (run.fraction_backlash + run.fraction_inverse).values),
     }
 
 

@@ -42,18 +42,21 @@ def orders(run, *, count=None):
         Over ``order`` (per revolution of the gear whose teeth count, from 0): mesh_order (order
         over teeth), force_amplitude (N, peak; the mean at order 0), force_phase,
         error_amplitude (m) and error_phase (rad; of a cosine of the mesh phase times the mesh
-        order), force_amplitude_error and error_amplitude_error, bounds of the rounding or, where a
-        model has no closed form, the difference that every second sample makes; mean squares. Of a
-        train over ``mesh`` too.
+        order), force_amplitude_error and error_amplitude_error, estimates and no bounds: 1e-12 of
+        the largest amplitude for rounding or, where a model has no closed form, the difference that
+        every second sample makes; mean squares. Of a train over ``mesh`` too.
 
     Raises
     ------
     ValueError
         If the run could not go on, or has no whole revolutions.
     """
-    if not {"phase", "displacement", "dynamic_force", "mesh_frequency"} <= set(run.variables):
+    names = {"phase", "displacement", "dynamic_force", "mesh_frequency"}
+    if not names <= set(getattr(run, "variables", ())):
+        shown = run.attrs.get("title", type(run).__name__) if hasattr(run, "attrs") else run
         raise ValueError(
-            "run is not allowed: it must be a dataset of gearlib.simulate, of gears that turn"
+            f"run = {shown!r} is not allowed: it must be a dataset of gearlib.simulate, of gears "
+            "that turn"
         )
     if int(run.status):
         raise ValueError(f"run is not allowed: {run.status.attrs['message']}")

@@ -8,8 +8,9 @@ exponent of the motion from its variational maps. Its label follows from stated 
 =================  ===========================================================================
 label              rule
 =================  ===========================================================================
-periodic           all runs repeat after the same number of mesh periods, deviations decay, and
-                   the extrema agree in at least `DIGITS` digits
+periodic           the longer run repeats, and the others, as far as they have settled, after the
+                   same number of mesh periods; deviations decay, and the extrema of all agree in
+                   at least `DIGITS` digits
 unbounded          the motion grows beyond all bounds, see `Model.bound`: it has gone so far, or is
                    far out and grows on, and no run repeats
 chaotic            deviations grow: exponent above three times its uncertainty, and a growth

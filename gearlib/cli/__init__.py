@@ -9,6 +9,7 @@ module             responsibility
 ``speed_options``  speeds in rpm where a command counts in tunings
 ``workflow_commands``  the workflow, of an installed package too
 ``output``         what a command prints and writes, and how it ends
+``refusals``       wrong input: a sentence, exit code 2
 ``progress``       a bar or a clock on a terminal, nothing elsewhere
 =================  ===============================================================
 

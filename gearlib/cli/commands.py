@@ -9,6 +9,7 @@ from gearlib.cli import (
     model_options,
     output,
     progress,
+    refusals,
     speed_options,
     workflow_commands,
 )
@@ -31,6 +32,7 @@ _state = click.option(
     "--state",
     "initial_state",
     nargs=2,
+    metavar="X V",
     type=float,
     default=(0.0, 0.0),
     show_default=True,
@@ -38,18 +40,8 @@ _state = click.option(
 )
 
 
-class _Group(click.Group):
-    """Wrong input of any command ends with exit code 2 and its sentence."""
-
-    def invoke(self, ctx):
-        try:
-            return super().invoke(ctx)
-        except ValueError as error:
-            raise click.UsageError(str(error)) from None
-
-
 @click.group(
-    cls=_Group,
+    cls=refusals.Group,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
     epilog="Exit codes: 0 well; 1 the computation could not do what was asked; 2 wrong input.",
 )
@@ -78,7 +70,7 @@ def main():
     help="Samples per period.",
 )
 @click.option("--method", help="A name of gearlib.methods().")
-@output.options
+@output.options("phase")
 def simulate(model, tuning, save, **asked):
     """Run one tuning: time course, contact events, orbit summary."""
     import gearlib
@@ -99,7 +91,7 @@ def simulate(model, tuning, save, **asked):
             output.machine(run, model)
     if not run.period:
         click.echo(f"The motion has {motion_words.not_settled(run)}.")
-    save(run)
+    save(run, lambda plot: output.beside(plot.time_course(run), model, run, curves=True))
 
 
 @main.command()
@@ -129,7 +121,7 @@ def simulate(model, tuning, save, **asked):
 @click.option("--periods", type=int, default=200, show_default=True, help="Mesh periods.")
 @click.option("--record-periods", type=int, default=10, show_default=True, help="Recorded ones.")
 @click.option("--method", help="A name of gearlib.methods().")
-@output.options
+@output.options("tuning")
 def sweep(model, start, stop, points, save, **asked):
     """Run many tunings: the resonance characteristic."""
     start, stop = (speed_options.tuning_of(model, value) for value in (start, stop))
@@ -142,7 +134,9 @@ def sweep(model, start, stop, points, save, **asked):
     import xarray as xr
 
     import gearlib
+    from gearlib.runs.run_arguments import check_rows
 
+    check_rows(model, f"points = {points}", points)
     grid = np.linspace(start, stop, points)
     if asked["direction"] == "cold":
         # In pieces, so that the bar can move; the tunings do not know of each other.
@@ -170,15 +164,21 @@ def sweep(model, start, stop, points, save, **asked):
     else:
         own = ["displacement_max", "displacement_min", "dynamic_force_max"]
         output.table(top, ["tuning", "speed", *own])
-    save(curve)
+    save(curve, lambda plot: output.beside(plot.resonance(curve), model, curves=True))
 
 
 @main.command()
 @model_options.options
 @speed_options.options
 @click.option("--period", type=int, default=1, show_default=True, help="Mesh periods of it.")
-@click.option("--guess", nargs=2, type=float, help="Displacement and dx/dtau near the orbit.")
-@output.options
+@click.option(
+    "--guess",
+    nargs=2,
+    metavar="X V",
+    type=float,
+    help="Displacement and dx/dtau near the orbit.",
+)
+@output.options("coordinate")
 def orbit(model, tuning, period, guess, save):
     """Find a periodic orbit and its Floquet multipliers."""
     import gearlib
@@ -190,12 +190,12 @@ def orbit(model, tuning, period, guess, save):
     except NoOrbit as error:
         output.fail(str(error))
     click.echo(f"{'stable' if found.stable else 'unstable'} orbit of period {found.period}")
-    click.echo(f"state at tau = 0     {_first(f'{x:.15g}' for x in found.state)}")
-    click.echo(f"Floquet multipliers  {_first(f'{x:.12g}' for x in found.multipliers)}")
-    click.echo(f"contact pattern      {' '.join(str(code) for code in found.pattern)}")
+    output.words(f"state at tau = 0     {_first(f'{x:.15g}' for x in found.state)}")
+    output.words(f"Floquet multipliers  {_first(f'{x:.12g}' for x in found.multipliers)}")
+    output.words(f"contact pattern      {' '.join(str(code) for code in found.pattern)}")
     if found.grazing:
-        click.echo("It touches a flank line: the multipliers hold on one side of it only.")
-    save(found.dataset())
+        output.words("It touches a flank line: the multipliers hold on one side of it only.")
+    save(found.dataset(), lambda plot: plot.orbit(found))
 
 
 def _first(texts, most=12):
@@ -212,49 +212,49 @@ def _first(texts, most=12):
 @click.option(
     "--periods", type=click.IntRange(32), default=2000, show_default=True, help="To settle."
 )
-@output.options
+@output.options("run")
 def trust(model, tuning, save, **asked):
     """Chaos or artefact: run one tuning in several ways and label its motion."""
     import gearlib
 
     with progress.clock("running it in several ways"):
         found = gearlib.trust(model, tuning, **asked)
-    click.echo(f"{found.label}: {found.message}")
+    output.words(f"{found.label}: {found.message}")
     if not math.isnan(found.exponent):
         rate = f"{found.exponent:.6g} +- {found.uncertainty:.2g}"
         click.echo(f"Lyapunov exponent    {rate} per period")
-    save(found.runs)
+    save(found.runs, lambda plot: plot.values(found.runs, "displacement_max", "displacement_min"))
     if found.label == "undecided":
         output.fail("undecided: see the message above for what to try")
 
 
 @main.command()
 @model_options.train_options
-@output.options
+@output.options("mode")
 def modes(train, save):
     """Natural frequencies of the gear train, and the kinds of its modes."""
     found = train.modes()
     output.columns(found, "mode", ["natural_frequency", "mode_kind"])
-    save(found)
+    save(found, lambda plot: output.beside(plot.values(found, "natural_frequency"), train))
 
 
 @main.command()
 @model_options.train_options
 @click.option("--phase", type=float, default=0.0, show_default=True, help="Mesh phase, rad.")
-@output.options
+@output.options("mesh")
 def static(train, phase, save):
     """Load sharing of the gear train at rest, with gaps and errors."""
     found = train.static(phase)
     if found.status:
         output.fail(found.status.attrs["message"])
     output.columns(found, "mesh", ["mesh_force", "contact", "load_sharing"])
-    save(found)
+    save(found, lambda plot: output.beside(plot.values(found, "mesh_force"), train, found))
 
 
 @main.command()
 @model_options.train_options
 @click.option("--count", type=int, default=6, show_default=True, help="Highest order.")
-@output.options
+@output.options("stiffness_order")
 def phasing(train, count, save):
     """Which harmonics of the mesh stiffness excite which modes of the gear train."""
     found = train.phasing(count)
@@ -265,7 +265,7 @@ def phasing(train, count, save):
         own = (excites[found.mode_kind.values == kind] for kind in kinds)
         cells.append([f"{order:.6g}", *(f"{each.sum()} of {each.size}" for each in own)])
     output.rows(["order", *kinds], cells)
-    save(found)
+    save(found, lambda plot: output.beside(plot.values(found, "modal_force"), train))
 
 
 @main.command("gears")
@@ -278,8 +278,13 @@ def phasing(train, count, save):
     show_default=True,
     help="For people, programs, spreadsheets.",
 )
-def gear_table(drawing, damping, form):
+@click.option("--save", type=output.FILE, help="Configuration to write, .yaml, of these gears.")
+@click.option("--plot", type=output.FILE, help=f"Their mesh stiffness, {output.ENDINGS}.")
+@click.option("--force", is_flag=True, help="Replace files that are there.")
+def gear_table(drawing, damping, mapping, form, save, plot, force):
     """What a drawing of two gears comes to: geometry, stiffness by each method, resonance."""
+    output.check("--save", save, force, (".yaml", ".yml"))
+    output.check("--plot", plot, force, output.PICTURES)
     from gearlib.studies import gear_table
 
     options = {drawing.stiffness or "iso": drawing.stiffness_options}
@@ -289,15 +294,20 @@ def gear_table(drawing, damping, form):
         own = {"stiffness": drawing.stiffness or "iso", "options": drawing.stiffness_options}
         with progress.clock("following the motion until it settles"):
             rows += gear_table.duty_rows(mesh, damping=damping, **load, **own)
-    if form == "text":
-        click.echo(gear_names.of_drawing(drawing))
+    output.name_gears(gear_names.of_drawing(drawing), shown=form == "text")
     drawn_gears.show(rows, form)
+    if save is not None:
+        import yaml
+
+        output.write(save, yaml.safe_dump(mapping, sort_keys=False, allow_unicode=True))
+    if plot is not None:
+        output.picture(plot, drawn_gears.stiffness_figure(drawing))
 
 
 @main.command()
 @model_options.train_options
 @click.option("--count", type=int, default=1, show_default=True, help="Highest order of a mesh.")
-@output.options
+@output.options("mode")
 def campbell(train, count, save):
     """Speeds at which the mesh frequencies of the gear train excite a natural mode."""
     found = train.campbell(count)
@@ -310,7 +320,7 @@ def campbell(train, count, save):
             excited.append((*numbers, one.mode_kind.item()))
     cells = [[*(f"{number:.6g}" for number in row[:3]), row[3]] for row in sorted(excited)]
     output.rows(["critical_speed rpm", "order", "natural_frequency Hz", "mode_kind"], cells)
-    save(found)
+    save(found, lambda plot: output.beside(plot.campbell(found), train))
 
 
 @main.command()
@@ -320,11 +330,23 @@ def schema():
 
 
 @main.command()
+@click.argument("path", metavar="[FILE]", type=output.FILE, default="gears.yaml")
+@click.option("--force", is_flag=True, help="Replace the file if there is one.")
+def init(path, force):
+    """Write a configuration to begin with into FILE, by default gears.yaml: every key explained."""
+    from gearlib.config import new_project
+
+    output.check("FILE", path, force, (".yaml", ".yml"))
+    output.write(path, new_project.text(path.name))
+
+
+@main.command()
 @model_options.configuration_options
 @click.option(
     "--port",
     type=click.IntRange(0, 65535),
     default=0,
+    callback=refusals.free_port,
     help="Port on this machine; any free one by default.",
 )
 @click.option("--show/--no-show", default=True, help="Whether to open a browser.")

@@ -8,84 +8,48 @@ from itertools import groupby
 
 import click
 
-from gearlib.cli import model_options, output
-from gearlib.config.gears_section import Gears, WheelSection
-from gearlib.config.laying import laid_over
-
-#: What both gears have in common, and what each has of its own; the options of these take two.
-_COMMON = ("module", "width", "pressure_angle", "helix_angle", "rack")
-_EACH = ("teeth", "shift", "tip_diameter", "bore", "thickness_allowance")
-_OF_MESH = ("centre_distance", "backlash", "torque", "power", "speed", "stiffness")
-#: Stands for the damping that nothing says.
-_NONE = {"none": {"material_damping": 0.0, "backlash_damping": 0.0}}
+from gearlib.cli import drawing_options, model_options, output
 
 
 def options(command):
-    """Give a command options that draw gears; it is called with `drawing` and `damping`.
+    """Give a command options that draw gears; it is called with `drawing`, `damping`, `mapping`.
 
-    `drawing` is the section `gears` of a configuration, `damping` the coefficients, N s/m.
+    `drawing` is the section `gears` of a configuration, `damping` the coefficients, N s/m,
+    `mapping` the configuration.
     """
 
     @functools.wraps(command)
-    def wrapped(config_path, case, damping, damping_ratio, internal, outer_diameter, **others):
-        wheel = {"internal": internal or None, "outer_diameter": outer_diameter}
-        section = {"pinion": {}, "wheel": {k: v for k, v in wheel.items() if v is not None}}
-        for key in _COMMON:
-            _put(section, ("pinion",), key, others.pop(key))
-        for key in _EACH:
-            for gear, value in zip(
-                ("pinion", "wheel"), others.pop(key) or (None, None), strict=True
-            ):
-                _put(section, (gear,), key, value)
-        for key in _OF_MESH:
-            _put(section, (), key, others.pop(key))
+    def wrapped(config_path, case, damping, damping_ratio, **others):
+        section = drawing_options.section(others)
         mapping, path = model_options.read(config_path, case, damping)
         name = f"What the options make of {path}" if path else "What the options say"
-        # Coefficients suit the pair for which they were made.
-        own = ("gears", "dampings") if "gears" in mapping or damping is not None else ()
-        mapping = {key: mapping[key] for key in own if key in mapping}
         if path and "gears" not in mapping and not section["pinion"]:
             raise click.UsageError(f"{path} has no gears by their drawing: it must have `gears`")
-        whole = laid_over({"dampings": _NONE} | mapping, {"gears": section})
-        if damping_ratio is not None:
-            ratios = {"damping_ratio": damping_ratio, "backlash_damping_ratio": 0.0}
-            whole["dampings"] = {"ratio": ratios}
+        whole = drawing_options.laid(mapping, section, damping, damping_ratio)
         settings = model_options.load(whole, name)
         damping = model_options.choose_damping(settings, damping)
         pair = settings.pair_parameters(damping)
         coefficients = {key: pair[key] for key in ("material_damping", "backlash_damping")}
-        return command(drawing=settings.gears, damping=coefficients, **others)
+        return command(drawing=settings.gears, damping=coefficients, mapping=whole, **others)
 
-    for decorate in reversed(list(_decorators())):
+    decorators = [*model_options.config_options(), *drawing_options.decorators()]
+    for decorate in reversed(decorators):
         wrapped = decorate(wrapped)
     return wrapped
 
 
-def _put(section, path, key, value):
-    for name in path:
-        section = section[name]
-    if value is not None:
-        section[key] = value
+def stiffness_figure(drawing):
+    """Return what draws the mesh stiffness of these gears by every method, for `output.picture`."""
 
+    def draw(plot):
+        from gearlib.figures import mesh_stiffness_figure
+        from gearlib.studies import mesh_stiffness
 
-def _decorators():
-    yield from model_options.config_options()
-    for key in _EACH:
-        words = WheelSection.model_fields[key].description
-        yield click.option(_name(key), key, nargs=2, help=f"Of pinion and wheel: {words}")
-    for key in _COMMON:
-        yield click.option(_name(key), key, help=WheelSection.model_fields[key].description)
-    yield click.option("--internal", is_flag=True, help="The wheel is a ring gear.")
-    yield click.option(
-        "--outer-diameter", help=WheelSection.model_fields["outer_diameter"].description
-    )
-    for key in _OF_MESH:
-        yield click.option(_name(key), key, help=Gears.model_fields[key].description)
-    yield click.option("--damping-ratio", help="beta in contact, in place of the dampings.")
+        pair = drawing.model_dump() | {"torque": drawing.driving_torque(), "published": {}}
+        found = mesh_stiffness.compute({"mesh stiffness": pair}, samples=257)
+        return mesh_stiffness_figure.draw(found)
 
-
-def _name(key):
-    return f"--{key.replace('_', '-')}"
+    return draw
 
 
 def show(rows, form):

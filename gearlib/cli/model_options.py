@@ -4,10 +4,10 @@ import functools
 from pathlib import Path
 
 import click
-import yaml
 from pydantic import ValidationError
 
 from gearlib import config
+from gearlib.cli import drawing_options, output, refusals
 from gearlib.config import gear_names, yaml_keys
 from gearlib.config.gear_pair_section import DAMPINGS, GearPairSection
 from gearlib.config.laying import laid_over
@@ -28,6 +28,8 @@ _STAND_IN = {
     "dampings": {_ONLY_DAMPING: {"material_damping": 0.0, "backlash_damping": 0.0}},
 }
 
+#: Options of a drawing whose names mean something else here, or the same.
+_OTHERWISE = ("teeth", "backlash", "power", "speed")
 _WORDS = "A gear pair with its damping, SI."
 _Gears = like("Gears", _WORDS, GearPair, *DAMPINGS, base=GearPairSection, required=DAMPINGS)
 
@@ -84,6 +86,25 @@ def configuration_options(command):
     return wrapped
 
 
+def _drawn(others, changes):
+    """Return the section `gears` and the damping ratio of the options; None for what none gives.
+
+    Of gears that options draw, `changes` holds what stands in the drawing, too.
+    """
+    ratio = others.pop("damping_ratio")
+    section = drawing_options.section(others, _OTHERWISE)
+    both = isinstance(changes.get("teeth"), str) and changes["teeth"].split()
+    if both and len(both) == 2:
+        del changes["teeth"]
+        for gear, text in zip(("pinion", "wheel"), both, strict=True):
+            section[gear]["teeth"] = drawing_options.number(text)
+    if not any(section.values()):
+        return None, ratio
+    if "backlash" in changes:
+        section["backlash"] = changes.pop("backlash")
+    return section, ratio
+
+
 def _gear_options(command):
     """Give a command the options.
 
@@ -94,15 +115,25 @@ def _gear_options(command):
     @functools.wraps(command)
     def wrapped(config_path, case, damping, **others):
         given = {name: others.pop(name) for name in _Gears.model_fields}
-        changes = {name: _number(text) for name, text in given.items() if text is not None}
-        mapping, gears, damping, pair = _gears(config_path, case, damping, changes)
+        changes = {
+            name: drawing_options.number(text) for name, text in given.items() if text is not None
+        }
+        drawn = _drawn(others, changes)
+        mapping, path = read(config_path, case, damping)
+        mapping, gears, damping, pair = _gears(mapping, path, drawn, damping, changes)
         known = {"mapping": mapping, "gears": gears, "damping": damping, "pair": pair}
         return command(**known, changes=changes, **others)
 
     decorators = [
         *config_options(),
+        *drawing_options.decorators(without=_OTHERWISE),
         *(
-            click.option(f"--{name.replace('_', '-')}", name, help=field.description)
+            click.option(
+                f"--{name.replace('_', '-')}",
+                name,
+                help=field.description,
+                metavar=refusals.EITHER if name == "teeth" else None,
+            )
             for name, field in _Gears.model_fields.items()
         ),
     ]
@@ -125,14 +156,22 @@ def config_options():
     ]
 
 
-def _gears(config_path, case, damping, changes):
+def _gears(mapping, path, drawn, damping, changes):
     """Return what a file says, the gears with what options change, damping, name of the gears."""
-    mapping, config_path = read(config_path, case, damping)
+    section, ratio = drawn
+    if section is not None:
+        whole = drawing_options.laid(mapping, section, damping, ratio)
+        mapping = {name: mapping[name] for name in MODELS if name in mapping} | whole
+        path = path or "What the options say"
+    elif ratio is not None:
+        kept = (name for name in ("gears", "gear_pair", *MODELS) if name in mapping)
+        mapping = {name: mapping[name] for name in kept}
+        mapping |= {"dampings": drawing_options.ratios(ratio)}
     values, drawn, alone = {}, None, _needs_none(mapping) and not changes
     if alone:
         mapping = _STAND_IN | mapping
-    if config_path is not None:
-        settings = load(mapping, config_path)
+    if path is not None:
+        settings = load(mapping, path)
         damping = choose_damping(settings, damping)
         values, drawn = settings.pair_parameters(damping), settings.gears
     try:
@@ -172,19 +211,21 @@ def _model(mapping, gears, name, model):
         raise click.UsageError("gears is missing: the file describes a train only (--model train)")
     relieved = _relieved(mapping, pair)
     if model == "one_degree":
-        click.echo(name)
+        output.name_gears(name)
         return relieved or pair
-    if relieved is not None and model == "six_degrees":
-        raise click.UsageError(
-            "model = 'six_degrees' is not allowed: it must be 'one_degree', which carries the tip "
-            "relief and the errors of these gears"
-        )
     sections = _sections(gears, _ONLY_DAMPING)
     # Both names are those of a section.
     if model in mapping:
         sections[model] = mapping[model]
     settings = load(sections, model)
-    click.echo(gear_names.of_train(settings, name) if model == "train" else name)
+    kind = settings.train.kind
+    if relieved is not None and (model == "six_degrees" or kind in OF_PAIRS):
+        asked = f"train.kind = {kind!r}" if model == "train" else f"model = {model!r}"
+        raise click.UsageError(
+            f"{asked} is not allowed: its meshes carry no tip relief or errors of teeth, which "
+            "these gears have; it must be the model 'one_degree'"
+        )
+    output.name_gears(gear_names.of_train(settings, name) if model == "train" else name)
     if model == "train":
         return described(**settings.train_parameters(_ONLY_DAMPING))
     return SixDegreePair(pair=pair, **settings.six_degrees.model_dump())
@@ -194,11 +235,10 @@ def _relieved(mapping, pair):
     """Return the model of drawn gears whose flanks are no involutes, None of all others."""
     if "gears" not in mapping:
         return None
-    from gearlib.analysis.duty_point import of_drawing
+    from gearlib.models.described_pair import described
 
     drawing = load(mapping, "the configuration").gears
-    mesh = drawing.mesh()
-    if not any(gear.tip_relief or gear.pitch_errors for gear in (mesh.pinion, mesh.wheel)):
+    if not drawing.relief():
         return None
     for name, value in drawing.pair().items():
         if getattr(pair, name) != value:
@@ -206,9 +246,7 @@ def _relieved(mapping, pair):
                 f"{name} = {getattr(pair, name)!r} is not allowed: it must be {value!r}, that of "
                 "the drawing, whose gears have tip relief or errors"
             )
-    given = drawing.load() | {"stiffness": drawing.stiffness or "iso"}
-    model = of_drawing(mesh, options=drawing.stiffness_options, **given)
-    return model.replace(**{name: getattr(pair, name) for name in DAMPINGS})
+    return described(pair.as_dict() | drawing.relieved())
 
 
 def choose_damping(settings, name):
@@ -239,8 +277,8 @@ def read(path, case, damping):
             return {}, None
     try:
         mapping, repeated = yaml_keys.read(path)
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise click.UsageError(f"{path} is not YAML: {error}") from None
+    except OSError as error:
+        raise click.UsageError(f"{path} cannot be read: {error.strerror}") from None
     if repeated:
         raise click.UsageError("\n".join(repeated))
     if not isinstance(mapping, dict):
@@ -272,13 +310,3 @@ def load(mapping, name):
         return config.load(mapping)
     except config.ConfigError as error:
         raise click.UsageError(f"{name} is refused.\n{error}") from None
-
-
-def _number(text):
-    """Return the number that a text is; other texts may have a unit."""
-    for kind in (int, float):
-        try:
-            return kind(text)
-        except ValueError:
-            continue
-    return text

@@ -1,6 +1,7 @@
 """The workflow from the shell: of an installed package too, which holds its rules."""
 
 import os
+import signal
 import subprocess
 import sys
 from importlib.util import find_spec
@@ -9,6 +10,7 @@ from pathlib import Path
 import click
 
 from gearlib.cli import output
+from gearlib.config import yaml_keys
 
 #: Where a wheel has the files of the workflow, and where they lie in a checkout.
 _INSTALLED = Path(__file__).parents[1] / "installed_workflow"
@@ -47,7 +49,26 @@ def workflow(arguments):
 
     ARGUMENTS are those of snakemake, as in `gearlib workflow -j2 --configfile mine.yaml`.
     """
+    _check_files(arguments)
     _run(Path(), arguments or ["-j2"])
+
+
+def _check_files(arguments):
+    """Refuse what Snakemake, which reads them itself, would not name: no YAML, no file."""
+    given = False
+    for argument in arguments:
+        option, _, value = argument.partition("=")
+        named = option in ("--configfile", "--configfiles")
+        path = value if named else argument
+        given = named or given and not argument.startswith("-")
+        if not given or not path:
+            continue
+        if not Path(path).is_file():
+            raise click.UsageError(
+                f"--configfile {path} is not allowed: it must be a file; targets come before the "
+                "option"
+            )
+        yaml_keys.read(path)
 
 
 def files():
@@ -62,8 +83,10 @@ def _run(folder, arguments):
     root = files()
     profile = root / "profiles/default"
     command = [sys.executable, "-m", "snakemake", "--snakefile", root / "Snakefile"]
-    command += ["--workflow-profile", profile, "--directory", folder, *arguments]
-    try:
-        sys.exit(subprocess.run(command).returncode)
-    except KeyboardInterrupt:
-        sys.exit(130)
+    command += ["--workflow-profile", profile, "--directory", folder]
+    # The profile names it from the folder of the rules.
+    command += ["--report-stylesheet", root / "workflow/report/report.css", *arguments]
+    process = subprocess.Popen(command)
+    # Ctrl-C is for Snakemake, which ends its jobs first.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    sys.exit(process.wait())

@@ -44,6 +44,8 @@ from gearlib.config.validation import sentences, show
 
 #: Cases are part of the names of rules.
 CASE_NAME = "[A-Za-z][A-Za-z0-9_]*"
+#: Targets that are about the section `train`, whatever it is.
+OF_ANY_TRAIN = ("train_sweep", "campbell")
 
 
 class ConfigError(ValueError):
@@ -136,16 +138,22 @@ def chosen(merged, given):
     """Return what counts of a configuration that was laid over another one.
 
     Where the other one has a `gear_pair` and what was laid over it `gears`, only this counts:
-    dampings, bearings and choices of scenes suit the pair for which they were made. `merged` is all
-    that was read, `given` what was laid over the other one.
+    dampings, bearings and choices of scenes suit the pair for which they were made. A train comes
+    without the choice of targets, which suits that of the other one; where nothing is given but the
+    train, they are those of trains. `merged` is all that was read, `given` what was laid over the
+    other one.
     """
     from gearlib.config.laying import laid_over
 
     named = given.get("cases")
     parts = [given, *(named.values() if isinstance(named, dict) else ())]
-    drawn = any(isinstance(part, dict) and "gears" in part for part in parts)
-    if drawn and "gear_pair" in merged and "gear_pair" not in given:
+    said = {key for part in parts if isinstance(part, dict) for key in part}
+    if "gears" in said and "gear_pair" in merged and "gear_pair" not in given:
         return given
+    if "train" in said and "targets" not in said:
+        merged = {key: value for key, value in merged.items() if key != "targets"}
+        if not said & {"gears", "gear_pair"}:
+            merged["targets"] = list(OF_ANY_TRAIN)
     return laid_over(merged, given)
 
 

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING, Any, Literal
 
-from pydantic import Field, create_model, model_validator
+from pydantic import Field, create_model, field_validator, model_validator
 
 from gearlib.config.agreement import MAX_JOBS, check_different, check_most
 from gearlib.config.experiments import Figures
@@ -12,13 +12,14 @@ from gearlib.config.planetary import Planetary
 from gearlib.config.reducer_section import check_centres
 from gearlib.config.scenes_section import FRICTION_ONLY, SIX_ONLY, Scene
 from gearlib.config.studies import STUDIES
-from gearlib.config.studies.study import default
+from gearlib.config.studies.of_trains import has_own_train
+from gearlib.config.studies.study import default, for_targets
 from gearlib.config.train_section import OF_PAIRS, Train
 from gearlib.config.types import MAX_PAGE_SAMPLES, Name, ProjectName, Section, entry, listing
 
 #: Limits that catch a mistyped step or window before it fills a disk.
 MAX_TUNINGS = 10_000_000
-MAX_SAMPLES = 100_000_000
+MAX_SAMPLES = 40_000_000
 
 Target = Literal[tuple(STUDIES)]
 
@@ -78,6 +79,16 @@ class _Common(Section):
 
         def __getattr__(self, name: str) -> Any: ...
 
+    @field_validator("targets", mode="before")
+    @classmethod
+    def _no_comparison(cls, targets):
+        if isinstance(targets, list) and "compare" in targets:
+            raise ValueError(
+                f"targets[{targets.index('compare')}] = 'compare' is not allowed: it must be left "
+                "out, and called by its name, snakemake -j2 compare"
+            )
+        return targets
+
     @model_validator(mode="after")
     def _check(self):
         self._check_colours()
@@ -107,14 +118,23 @@ class _Common(Section):
             )
 
     def _check_targets(self):
-        """Refuse targets that cannot be about these gears."""
+        # What a train cannot be in matters to the workflow only, not to commands.
+        if self.gears and (refused := self.refused()):
+            raise ValueError("\n".join(refused))
+
+    def refused(self):
+        """Return a sentence for each reason why targets cannot be about these gears."""
+        found = {}
         for name in self.targets if "targets" in self.model_fields_set else ():
-            if words := STUDIES[name].refusal(self):
-                raise ValueError(f"{words}, for the target {name}")
+            found.setdefault(STUDIES[name].refusal(self), []).append(name)
+        return [for_targets(words, *names) for words, names in found.items() if words]
 
     def wanted(self):
         """Return the targets; where none are named, those that can be about these gears."""
-        return [name for name in self.targets if not STUDIES[name].refusal(self)]
+        asked = list(self.targets)
+        if "targets" not in self.model_fields_set and has_own_train(self):
+            asked.append("train_sweep")
+        return [name for name in asked if not STUDIES[name].refusal(self)]
 
     def _check_scene(self, key, scene):
         check_most(f"{key}.periods_shown", scene.periods_shown, self.record_periods)
@@ -207,6 +227,14 @@ class _Common(Section):
     def pair_parameters(self, damping):
         """Return the keyword arguments of `gearlib.GearPair` for one damping, by its name."""
         return self.damped_parameters(self.dampings[damping])
+
+    def model_parameters(self, damping):
+        """Return the argument of `gearlib.models.described_pair.described` for one damping."""
+        return self.pair_parameters(damping) | self.relieved()
+
+    def relieved(self):
+        """Return what that argument has beside the gear pair: the drawing of relieved teeth."""
+        return self.gears.relieved() if self.gears else {}
 
     def damped_parameters(self, damping):
         """Return the keyword arguments of `gearlib.GearPair` for a `Damping`."""

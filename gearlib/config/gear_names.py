@@ -13,12 +13,14 @@ _KINDS = {"idler": "idler train", "two_stage": "two-stage train"}
 
 
 def of_drawing(section):
-    """Return the name of a `DrawnPair`, "gear pair z 23/61, m 2.5 mm"."""
+    """Return the name of a `DrawnPair`, "gear pair z 23/61, m 2.5 mm, tip relief"."""
     pinion, wheel = section.pinion, section.wheel
     teeth = f"z {pinion.teeth}/{'-' if wheel.internal else ''}{wheel.teeth}"
     known = DrawnPair.unchecked(**FZG_C)
     named = (pinion, wheel) == (known.pinion, known.wheel)
-    return f"{'FZG type C' if named else 'gear pair'} {teeth}, m {1e3 * pinion.module:.4g} mm"
+    name = f"{'FZG type C' if named else 'gear pair'} {teeth}, m {1e3 * pinion.module:.4g} mm"
+    key = section.relief()
+    return name + (key and f", {key.split('.')[1].replace('_', ' ')}")
 
 
 def of_numbers(pair):
@@ -38,8 +40,18 @@ def of_pair(c):
 
 
 def of_reducer(c, pair=""):
-    """Return the name of the paper's reducer, every mesh of which is the pair."""
-    return f"paper's reducer (Fig. 1 a), every mesh: {pair or of_pair(c)}"
+    """Return the name of the reducer of the section `reducer`, every mesh of which is the pair."""
+    return _of_reducer(c, c.reducer.teeth, pair)
+
+
+def _of_reducer(c, teeth, pair):
+    own = teeth and list(teeth) != type(c.reducer).model_fields["teeth"].default
+    whose = f"reducer z {_of_teeth(teeth)}" if own else "paper's reducer (Fig. 1 a)"
+    return f"{whose}, every mesh: {pair or of_pair(c)}"
+
+
+def _of_teeth(teeth):
+    return "/".join(map(str, teeth))
 
 
 def of_planetary(section):
@@ -51,18 +63,20 @@ def of_planetary(section):
 def of_train(c, pair=""):
     """Return the name of the train of a configuration, and of its pairs where they are others."""
     train = c.train
-    if train.kind == "split_power_reducer":
-        return of_reducer(c, pair)
     if train.kind == "planetary":
         return of_planetary(train.planetary)
     if train.kind == "planetary_set":
         drawn = train.planetary_set
-        teeth = "/".join(str(getattr(drawn, key).teeth) for key in ("sun", "planet", "ring"))
-        return f"planetary set z {teeth}, m {1e3 * drawn.sun.module:.4g} mm"
+        teeth = [getattr(drawn, key).teeth for key in ("sun", "planet", "ring")]
+        return f"planetary set z {_of_teeth(teeth)}, m {1e3 * drawn.sun.module:.4g} mm"
     if train.kind == "own":
         counts = f"{len(train.own.bodies)} bodies, {len(train.own.meshes)} meshes"
         return f"own train, {counts}"
-    return f"{_KINDS[train.kind]}, both meshes: {pair or of_pair(c)}"
+    teeth = getattr(train, train.kind).teeth
+    if train.kind == "split_power_reducer":
+        return _of_reducer(c, teeth, pair)
+    kind = f"{_KINDS[train.kind]} z {_of_teeth(teeth)}" if teeth else _KINDS[train.kind]
+    return f"{kind}, both meshes: {pair or of_pair(c)}"
 
 
 def is_paper(c):

@@ -99,6 +99,14 @@ class DrawnPair(_Placed):
         for method in methods:
             drawing.derived(place, mesh.pair_parameters, torque=self.torque, stiffness=method)
 
+    def relief(self):
+        """Return the first key by which flanks are no involutes, "" where they are."""
+        for gear in ("pinion", "wheel"):
+            for key in ("tip_relief", "pitch_errors"):
+                if getattr(getattr(self, gear), key):
+                    return f"{gear}.{key}"
+        return ""
+
 
 class Gears(MethodSection, DrawnPair):
     """A pair of gears by their drawing, in place of gear_pair, which is derived from it."""
@@ -110,7 +118,22 @@ class Gears(MethodSection, DrawnPair):
     @model_validator(mode="after")
     def _check(self):
         self.pair()
+        self._check_relief()
         return self
+
+    def _check_relief(self):
+        """Refuse relief of gears whose pairs of teeth do not touch one by one."""
+        if self.relief():
+            from gearlib.models.geometry.drawn_parameters import of_tooth_pairs
+
+            names, find = self.stiffness_options or (), self.mesh().transmission_error
+            torque = self.driving_torque()
+
+            def derive():
+                given = of_tooth_pairs(self.stiffness or "iso", self.stiffness_options)
+                return find(torque, phases=8, **given)
+
+            drawing.derived("gears", derive, names)
 
     def mesh(self):
         """Return the `gearlib.geometry.Mesh`; gears that cannot be are refused by their keys."""
@@ -125,6 +148,13 @@ class Gears(MethodSection, DrawnPair):
         from gearlib.models.geometry.drawn_parameters import torque_of
 
         return drawing.rounded(torque_of(self.torque, self.power, self.speed))
+
+    def relieved(self):
+        """Return what `gearlib.models.described_pair.described` takes of relief, as a dict."""
+        if not self.relief():
+            return {}
+        keys = {"pinion", "wheel", "centre_distance", "backlash", "stiffness", "stiffness_options"}
+        return {"drawing": self.model_dump(include=keys) | {"torque": self.driving_torque()}}
 
     def pair(self):
         """Return the keys of `gear_pair` as a dict, to 12 digits; refuses as `mesh` does."""

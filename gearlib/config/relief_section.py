@@ -47,11 +47,11 @@ class HarrisMap(Section):
         """Refuse a `DrawnPair`, named by `place`, that has no Harris map."""
         for name in ("pinion", "wheel"):
             gear = getattr(gears, name)
-            for key in ("helix_angle", "tip_relief"):
+            for key in ("helix_angle", "tip_relief", "pitch_errors"):
                 if getattr(gear, key):
                     raise ValueError(
                         f"{place}.{name}.{key} is not allowed: it must be left out, the "
-                        "map is that of spur gears, which get their reliefs by it"
+                        "map is that of spur gears without errors, which get their reliefs by it"
                     )
         gears.check(place, self.stiffness)
 

@@ -34,7 +34,7 @@ def _sentence(error, schema):
         twice = show(error["ctx"]["value"])
         return f"{key} lists {twice} twice: its entries must be all different"
     if kind == "extra_forbidden":
-        section = _node(path[:-1], schema)
+        section = node_at(path[:-1], schema)
         new = _RENAMED.get(section.get("title"), {}).get(path[-1])
         if new:
             return f"{key} = {show(value)} is not a known key: it is called {new} now, in N s/m"
@@ -43,7 +43,7 @@ def _sentence(error, schema):
             f"{allowed(section, schema)}"
         )
     if error["loc"][-1:] == ("[key]",):
-        pattern = next(iter(_node(path[:-1], schema)["patternProperties"]))
+        pattern = next(iter(node_at(path[:-1], schema)["patternProperties"]))
         return f"{key} is not allowed as a name: it must be a text matching {pattern}"
     if kind == "both":
         names = " and ".join(f"{key}.{name}" for name in error["ctx"]["names"])
@@ -52,8 +52,8 @@ def _sentence(error, schema):
         kind, path = "missing", [*path, error["ctx"]["key"]]
         key = _key(path)
     if kind == "missing":
-        return f"{key} is missing: it must be {allowed(_node(path, schema), schema)}"
-    node = _node(path, schema)
+        return f"{key} is missing: it must be {allowed(node_at(path, schema), schema)}"
+    node = node_at(path, schema)
     hint = _hint(value, node)
     return f"{key} = {show(value)} is not allowed: it must be {allowed(node, schema)}{hint}"
 
@@ -78,7 +78,7 @@ def show(value):
 
 def allowed(node, schema):
     """Return the allowed values of a node of the JSON schema `schema` in words."""
-    node = _resolve(node, schema)
+    node = resolve(node, schema)
     if "enum" in node:
         return f"one of {', '.join(map(str, node['enum']))}"
     if "const" in node:
@@ -123,20 +123,22 @@ def _key(path):
     return key or "the configuration"
 
 
-def _node(path, schema):
+def node_at(path, schema):
+    """Return the node of the JSON schema of a key, given by its path."""
     node = schema
     for part in path:
-        node = _resolve(node, schema)
+        node = resolve(node, schema)
         if isinstance(part, int):
             node = node["items"]
         elif "properties" in node:
             node = node["properties"][part]
         else:
             (node,) = node["patternProperties"].values()
-    return _resolve(node, schema)
+    return resolve(node, schema)
 
 
-def _resolve(node, schema):
+def resolve(node, schema):
+    """Return a node, or the one to which it refers."""
     if "$ref" in node:
         return schema["$defs"][node["$ref"].removeprefix("#/$defs/")]
     return node

@@ -24,9 +24,24 @@ class _Loader(_Base):
 
 
 def read(path):
-    """Return (what a file says, one sentence for each key that it repeats within a mapping)."""
-    with open(path, encoding="utf-8") as file:
-        loader = _Loader(file.read())
-    loader.repeated = []
-    said = loader.get_single_data()
+    """Return (what a file says, one sentence for each key that it repeats within a mapping).
+
+    ValueError, with file and line, where it is not YAML.
+    """
+    try:
+        with open(path, encoding="utf-8") as file:
+            loader = _Loader(file.read())
+        loader.repeated = []
+        said = loader.get_single_data()
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        raise ValueError(f"{path} is not YAML{_fault(error)}") from None
     return said, [f"{path}: the key {text}: it must stand once" for text in loader.repeated]
+
+
+def _fault(error):
+    """Return where a file is no YAML, and what is wrong there."""
+    mark = getattr(error, "problem_mark", None)
+    place = f", line {mark.line + 1}, column {mark.column + 1}" if mark else ""
+    context, problem = (getattr(error, key, None) for key in ("context", "problem"))
+    words = ", ".join(filter(None, [context, problem])) or " ".join(str(error).split())
+    return f"{place}: {words}"

@@ -1,21 +1,22 @@
 """From tables of numbers to named datasets and files.
 
-==================  ========================================================
-module              responsibility
-==================  ========================================================
-``variables``       names, units and descriptions of every variable
-``duty_variables``  the same of duty points and order spectra
-``contact_states``  flank lines, phases of contact and their codes
-``lost_contact``    whether contact is lost, by the share of time in contact
-``summary``         from the summary table of the kernels to named variables
-``growing``         curves without motions that grow beyond all use
-``motion_words``    what is said of a motion that has not settled
-``status``          how a run ended, and what to do when it could not go on
-``provenance``      what a dataset says of its own making
-``numbers_given``   what a caller gives as numbers, as an array
-``storage``         datasets to and from netCDF
-``files``           whole files or none
-``result``          results of a computation as one described dataset
-``gathering``       shards of the workflow into one dataset per experiment
-==================  ========================================================
+====================  ========================================================
+module                responsibility
+====================  ========================================================
+``variables``         names, units and descriptions of every variable
+``duty_variables``    the same of duty points and order spectra
+``layout_variables``  the same of where the gears of a train lie
+``contact_states``    flank lines, phases of contact and their codes
+``lost_contact``      whether contact is lost, by the share of time in contact
+``summary``           from the summary table of the kernels to named variables
+``growing``           curves without motions that grow beyond all use
+``motion_words``      what is said of a motion that has not settled
+``status``            how a run ended, and what to do when it could not go on
+``provenance``        what a dataset says of its own making
+``numbers_given``     what a caller gives as numbers, as an array
+``storage``           datasets to and from netCDF
+``files``             whole files or none
+``result``            results of a computation as one described dataset
+``gathering``         shards of the workflow into one dataset per experiment
+====================  ========================================================
 """

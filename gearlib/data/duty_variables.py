@@ -6,13 +6,13 @@ DESCRIPTIONS = {
     "mesh_order": ("1", "frequency over mesh frequency"),
     "force_amplitude": ("N", "peak amplitude of the mesh force at the order; at 0 the mean"),
     "force_phase": ("rad", "phase of the mesh force at the order"),
-    "force_amplitude_error": ("N", "error of the amplitude of the mesh force"),
+    "force_amplitude_error": ("N", "estimated error of the amplitude of the mesh force"),
     "error_amplitude": (
         "m",
         "peak amplitude of the transmission error at the order, at 0 mean",
     ),
     "error_phase": ("rad", "phase of the transmission error at the order"),
-    "error_amplitude_error": ("m", "error of the amplitude of the transmission error"),
+    "error_amplitude_error": ("m", "estimated error of the amplitude of the transmission error"),
     "mean_square_force": ("N2", "mean square of the mesh force, by samples"),
     "mean_square_error": ("m2", "mean square of the transmission error, by samples"),
     # duty point

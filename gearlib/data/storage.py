@@ -3,9 +3,10 @@
 import shutil
 from pathlib import Path
 
+import numpy as np
 import xarray as xr
 
-from gearlib.data.files import replacing
+from gearlib.data.files import replacing, write_table
 from gearlib.data.provenance import source_hash
 from gearlib.version import __version__
 
@@ -33,6 +34,27 @@ def write(dataset, path):
             # On a full disk netCDF says no more than "HDF error".
             free = shutil.disk_usage(Path(path).parent).free // 1024
             raise OSError(f"{path} cannot be written ({error}); {free} kB are free there") from None
+
+
+def write_rows(dataset, over, path):
+    """Write what a dataset has over the dimension `over` as CSV, replacing it in one step.
+
+    A column for each variable, and for each of its entries over other dimensions; the first line
+    has names and units, ``displacement_max sun 1 [1]``. OSError if it cannot be written.
+    """
+    heads, columns = [], []
+    names = [over] * (over in dataset.coords)
+    names += [name for name in dataset.data_vars if over in dataset[name].dims]
+    for name in names:
+        variable = dataset[name].transpose(over, ...)
+        others = variable.dims[1:]
+        labels = [variable.coords.get(dim, np.arange(variable.sizes[dim])) for dim in others]
+        unit = variable.attrs.get("units")
+        for place in np.ndindex(*variable.shape[1:]):
+            words = [name, *(str(np.asarray(own)[i]) for own, i in zip(labels, place, strict=True))]
+            heads.append(" ".join(words) + (f" [{unit}]" if unit else ""))
+            columns.append(variable.values[(slice(None), *place)].tolist())
+    write_table([heads, *zip(*columns, strict=True)], path)
 
 
 def read(path):

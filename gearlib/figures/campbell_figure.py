@@ -3,7 +3,7 @@
 import numpy as np
 
 from gearlib.data.lost_contact import lost_share
-from gearlib.figures import style
+from gearlib.figures import schematic, style
 
 _COLOURS = {"rotational": "#D55E00", "translational": "#56B4E9", "satellite": "#CC79A7"}
 _OTHER = "0.5"
@@ -21,7 +21,8 @@ def draw(diagram):
     """
     data = diagram
     figure = style.page(4.2)
-    axes = figure.add_subplot()
+    # No mesh has a curve of its own.
+    axes = schematic.with_train(figure, data, {}).add_subplot()
     speed = data.speed.values
     rate = draw_orders(axes, data, speed[-1])
     _mark_lost(axes, data, rate)

@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib.colors import LogNorm
 
-from gearlib.figures import style
+from gearlib.figures import schematic, style
 from gearlib.figures.starts import draw_range
 
 _CASES = {
@@ -50,11 +50,13 @@ def draw(comparison):
     data = comparison
     figure = style.page(5.2)
     count = data.sizes["case"]
-    upper = figure.add_gridspec(2, count, height_ratios=(1.0, 0.9))
+    # Curves are of models, not of meshes.
+    part = schematic.with_train(figure, data, {}, below=True)
+    upper = part.add_gridspec(2, count, height_ratios=(1.0, 0.9))
     first = left = None
     for i, case in enumerate(data.case.values):
         shown = data.sel(case=case)
-        axes = figure.add_subplot(upper[0, i], sharex=first, sharey=first)
+        axes = part.add_subplot(upper[0, i], sharex=first, sharey=first)
         first = first or axes
         for name, dashes, colour, width in zip(
             data.model.values, _LINES, _COLOURS, _WIDTHS, strict=True
@@ -66,7 +68,7 @@ def draw(comparison):
         axes.set_title(_CASES[case], fontsize=7)
         axes.set_xlabel(style.OWN_TUNING)
         axes.tick_params(labelleft=not i)
-        table = figure.add_subplot(upper[1, i])
+        table = part.add_subplot(upper[1, i])
         _draw_changes(table, shown)
         left = left or table
         if table is not left:

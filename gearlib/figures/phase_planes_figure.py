@@ -51,26 +51,34 @@ def _limits(values):
     return low - margin, high + margin
 
 
-def _closed(phase, x, period):
-    """Return whether a course repeats to the eye, as far as it is long enough to tell."""
-    # The phase starts at zero, so that its size over its span counts the samples of a period.
-    last = period * round(2.0 * np.pi / (phase[1] - phase[0]))
-    return x.size < 2 * last or np.abs(x[-last:] - x[-2 * last : -last]).max() < _SEEN * np.ptp(x)
+def orbit_of(run):
+    """Return displacement and velocity of a run, and whether they repeat to the eye.
+
+    Then, where the record holds a whole orbit, they are whole orbits and closed: the last one where
+    the record ends in the midst of another.
+    """
+    x, v, period = run.displacement.values, run.velocity.values, int(run.period)
+    # The mesh phases of the record are equal steps.
+    last = period * round(2.0 * np.pi / float(run.phase[1] - run.phase[0])) if period else 0
+    rest = np.abs(x[-last:] - x[-2 * last : -last]) if period and x.size >= 2 * last else 0.0
+    if not period or np.max(rest) > _SEEN * np.ptp(x):
+        return x, v, False
+    if x.size >= last:
+        start = -last if x.size % last else 0
+        x, v = (np.append(values[start:], values[start]) for values in (x, v))
+    return x, v, True
 
 
 def _draw_cell(axes, run, colour):
     """Draw one phase plane with its areas and its label."""
     style.shade_areas(axes, float(run.backlash_ratio), "x")
-    x, v = run.displacement.values, run.velocity.values
+    x, v, closed = orbit_of(run)
     period = int(run.period)
     if not np.isfinite(x).all():
         label = "no result"
-    elif period and not _closed(run.phase.values, x, period):
-        label = f"settles on {period} mesh period{'s' if period > 1 else ''}"
     elif period:
-        label = f"steady, {period} mesh period{'s' if period > 1 else ''}"
-        # The record holds whole orbits: its end is its start.
-        x, v = np.append(x, x[0]), np.append(v, v[0])
+        words = "steady," if closed else "settles on"
+        label = f"{words} {period} mesh period{'s' if period > 1 else ''}"
     else:
         label = "\n".join(textwrap.wrap(motion_words.not_settled(run), 20))
     axes.plot(x, v, color=colour, linewidth=0.8 if period else 0.3)

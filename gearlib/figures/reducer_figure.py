@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gearlib.figures import style
+from gearlib.figures import schematic, style
 from gearlib.figures.starts import draw_range, draw_shares, entries
 
 _TITLES = {
@@ -35,7 +35,10 @@ def draw(characteristics):
     """
     data = characteristics
     figure = style.page(6.8)
-    grid = figure.subplots(
+    branches = zip(data.mesh.values, data.mesh_branch.values, strict=True)
+    colours = {name: style.PALETTE[int(branch) - 1] for name, branch in branches}
+    part = schematic.with_train(figure, data, colours, below=True)
+    grid = part.subplots(
         len(_ROWS) + 1,
         data.sizes["case"],
         sharex=True,

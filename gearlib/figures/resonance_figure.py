@@ -55,10 +55,11 @@ def draw(resonance, *, colours=None, labels=(), branches=(), tongues=None, force
     solid where stable, dashed where unstable); tongues (tuning_from and tuning_to over (damping,
     order) as of `gearlib.studies.contact_loss`: shades in the panel of each damping); forces
     (whether dynamic_force_max has a panel below the displacements, whose limits then are those of
-    the curves: the paper's picture goes down to the far flank).
+    the curves that settle: the paper's picture goes down to the far flank).
 
-    Lines are orbits that repeat, symbols are orbits that do not. What lies beyond the picture is
-    marked by a caret on its rim. Runs that could not go on (NaN) are left out.
+    Lines are motions that have settled on a periodic orbit, symbols are the others. What lies
+    beyond the picture is marked by a caret on its rim. Runs that could not go on (NaN) are left
+    out.
     """
     resonance = resonance.sortby("tuning")
     labels, branches = _by_damping(labels), _by_damping(branches)
@@ -90,7 +91,9 @@ def draw(resonance, *, colours=None, labels=(), branches=(), tongues=None, force
         )
         for panel in panels.flat[len(looks) :]:
             panel.remove()
-        limits = _wider(limits, resonance)
+        limits = (
+            displacement_limits(resonance, flank=False) if forces else _wider(limits, resonance)
+        )
         for panel, (name, look) in zip(panels.flat, looks.items(), strict=False):
             _prepare(panel, resonance, limits)
             _draw_branches(panel, branches, name)
@@ -118,9 +121,10 @@ def _by_damping(datasets):
 def displacement_limits(curves, flank=True):
     """Return the limits (low, high) of displacement for the curves of one direction.
 
-    flank: whether the far flank is taken in where it does not make the picture much higher.
+    flank: whether the far flank is taken in where it does not make the picture much higher, and
+    most motions that do not settle, as the paper has them.
     """
-    low, high = extent(curves, EXTREMA)
+    low, high = extent(curves, EXTREMA, settled=not flank)
     backlash = float(curves.backlash_ratio)
     if flank and backlash < 2.0 * (high - low):
         low = min(low, -1.25 * backlash)
@@ -128,15 +132,18 @@ def displacement_limits(curves, flank=True):
     return low - margin, high + margin
 
 
-def extent(curves, names):
-    """Return the lowest and the highest value to show, 0 among them."""
+def extent(curves, names, settled=False):
+    """Return the lowest and the highest value to show, 0 among them.
+
+    settled: whether motions that have settled decide, where there are any.
+    """
     shown = [0.0]
     for name in names:
         values = curves[name].values
         finite = np.isfinite(values)
         steady = finite & (curves.period.values > 0)
         shown += [*values[steady]]
-        if finite.any():
+        if finite.any() and not (settled and steady.any()):
             rest = (1.0 - SHOWN_SHARE) / 2.0
             shown += [*np.quantile(values[finite], [rest, 1.0 - rest])]
     low, high = min(shown), max(shown)
@@ -189,7 +196,7 @@ def _draw_all(axes, curves, looks):
 
 def _draw_forces(axes, curves, looks):
     """Draw the largest mesh force of all dampings, over the load and in newtons."""
-    top = 1.05 * extent(curves, FORCE)[1]
+    top = 1.05 * extent(curves, FORCE, settled=True)[1]
     axes.set_ylim(0.0, top)
     for number, (name, look) in enumerate(looks.items()):
         offset = number / len(looks)

@@ -5,6 +5,7 @@ colour alone: every curve also has its marker and line style, for print in grey.
 """
 
 import re
+from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import cycle
 from pathlib import Path
@@ -87,9 +88,14 @@ class Look:
     marker: str
 
 
+@contextmanager
 def styled():
     """Return the context, or decorator, in which figures are made: independent of user settings."""
-    return matplotlib.style.context(["default", _RC])
+    with matplotlib.style.context(["default", _RC]):
+        yield
+        interactive = matplotlib.is_interactive()
+    # Within, the first figure of a notebook turns on that figures show: that is no matter of style.
+    matplotlib.interactive(interactive)
 
 
 def looks(names, colours=None):
@@ -104,6 +110,11 @@ def looks(names, colours=None):
             names, cycle(PALETTE), cycle(_LINES), cycle(_MARKERS), strict=False
         )
     }
+
+
+def mesh_colours(names):
+    """Return name -> colour of the meshes of a train, in their order."""
+    return dict(zip(names, cycle(PALETTE), strict=False))
 
 
 def damping_label(name):

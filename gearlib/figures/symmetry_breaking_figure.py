@@ -5,7 +5,7 @@ import math
 import numpy as np
 from matplotlib.patches import Patch
 
-from gearlib.figures import style
+from gearlib.figures import schematic, style
 from gearlib.figures.starts import draw_shares, entries
 
 #: Verdict -> words and shade.
@@ -25,10 +25,11 @@ def draw(data, periods_shown):
     periods. Markers are medians over all starts beside the symmetric motion, bars their range.
     """
     figure = style.page(8.6)
-    axes = figure.subplots(5, 1, height_ratios=[1.0, 1.0, 1.0, 0.3, 1.1])
+    upper, lower = figure.subfigures(2, 1, height_ratios=[3.3, 1.3])
+    axes = upper.subplots(4, 1, height_ratios=[1.0, 1.0, 1.0, 0.3])
     unit = float(data.reference_frequency) / 1e3
     frequency = data.tuning.values * unit
-    for panel in axes[:4]:
+    for panel in axes:
         _shade(panel, frequency, data.verdict.values)
         panel.set_xlim(frequency[0], frequency[-1])
         panel.axvline(float(data.shown) * unit, color="black", linewidth=0.6, linestyle=(0, (1, 2)))
@@ -56,7 +57,7 @@ def draw(data, periods_shown):
             style.dots(panel, frequency, data[key].sel(mesh=name).values, marker, colour, 2.6)
         panel.set_ylabel(f"{words},\nmeshes of the sun")
         panel.set_ylim(bottom=0.0 if key != "bounces" else -0.05)
-    _draw_course(axes[4], data, suns, periods_shown)
+    _draw_course(lower, data, suns, periods_shown)
     lines = [
         style.entry("planets alike", style.PALETTE[0], (0, (4, 2))),
         style.entry("all other disturbances", style.PALETTE[4]),
@@ -89,10 +90,20 @@ def _shade(axes, frequency, verdict):
             axes.axvspan(frequency[i] - half, frequency[i] + half, color=colour, linewidth=0)
 
 
-def _draw_course(axes, data, suns, periods):
-    """Draw the forces of the last periods at the tuning that is shown."""
+def _draw_course(figure, data, suns, periods):
+    """Draw the forces of the last periods at the tuning that is shown, and the train beside."""
     phase = data.phase.values / (2.0 * math.pi)
     last = phase >= phase[-1] - periods
+    at, now = phase[last][0], {}
+    if "contact" in data and np.isfinite(data.dynamic_force.values).all():
+        # When most meshes are out of contact.
+        apart = (data.contact.values[last] == schematic.BACKLASH).sum(axis=-1)
+        at = phase[last][apart.argmax()]
+        now = {"contact": data.contact.values[last][apart.argmax()]}
+    colours = {name: _colour(i) for i, name in enumerate(suns)}
+    axes = schematic.with_train(figure, data, colours, phase=2.0 * math.pi * at, **now).subplots()
+    if now:
+        axes.axvline(at - phase[last][0], color="black", linewidth=0.6, linestyle=(0, (1, 2)))
     for i, name in enumerate(suns):
         force = data.dynamic_force.sel(mesh=name).values
         axes.plot(phase[last] - phase[last][0], force[last], color=_colour(i), linewidth=1.0)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gearlib.figures import style
+from gearlib.figures import schematic, style
 from gearlib.figures.starts import draw_range, draw_shares, entries
 
 _ROWS = (
@@ -21,17 +21,18 @@ def draw(curves):
     settles.
     """
     figure = style.page(5.2)
-    ratios = [1.0] * len(_ROWS) + [0.3]
-    grid = figure.subplots(len(_ROWS) + 1, 1, sharex=True, height_ratios=ratios)
-    cold = curves.sel(direction="cold")
     names = list(curves.mesh.values)
+    colours = style.mesh_colours(names)
+    part = schematic.with_train(figure, curves, colours)
+    ratios = [1.0] * len(_ROWS) + [0.3]
+    grid = part.subplots(len(_ROWS) + 1, 1, sharex=True, height_ratios=ratios)
+    cold = curves.sel(direction="cold")
     widths = np.linspace(3.0, 0.8, len(names))
     speed = curves.speed.values
     draw_shares(grid[-1], speed, cold)
     grid[-1].set_ylabel("share of\nthe starts")
     for axes, (variable, label) in zip(grid, _ROWS, strict=False):
-        for j, width in enumerate(widths):
-            colour = style.PALETTE[j % len(style.PALETTE)]
+        for j, (width, colour) in enumerate(zip(widths, colours.values(), strict=True)):
             one = cold.isel(mesh=j)
             draw_range(axes, speed, one, variable, colour)
             apart = one.settled.values == 0
@@ -49,8 +50,8 @@ def draw(curves):
     grid[-1].set_xlabel("speed of the reference pinion (rpm)")
     grid[0].set_xlim(speed[0], speed[-1])
     handles = [
-        style.entry(name, style.PALETTE[j % len(style.PALETTE)], linewidth=width)
-        for j, (name, width) in enumerate(zip(names, widths, strict=True))
+        style.entry(name, colours[name], linewidth=width)
+        for name, width in zip(names, widths, strict=True)
     ]
     handles += [style.entry(f"speed {way}", line=line) for way, line in _LINES.items()]
     style.legend(figure, [*handles, *entries("on one orbit")], 4)

@@ -166,7 +166,7 @@ class Linear(_Problem):
 
     def __init__(self, model, tuning):
         self.propagator = model.propagator(tuning)
-        self.system, self._grid = self.propagator.system, self.propagator.grid
+        self.system, self._grid = self.propagator.whole()
         system, size = self.system, model.size
         self.starts, self._starts = system.starts, system.starts.tolist()
         self.first, self.low, self.repeats = system.first_segment, system.low, system.repeats
@@ -264,4 +264,4 @@ class Linear(_Problem):
             np.concatenate([self.unit * self.full(t, z), codes, [segment]])
             for t, z, segment, codes in rows
         ]
-        self.propagator.fill(np.array(raw), samples)
+        self.propagator.fill(np.array(raw), samples, self.system)

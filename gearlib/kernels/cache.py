@@ -37,6 +37,8 @@ from numba.core.caching import (
     UserProvidedCacheLocator,
 )
 
+from gearlib.kernels.parts import rebuilt
+
 _CORE = Path(__file__).parent
 _MONTH = 30 * 24 * 3600.0
 
@@ -127,6 +129,9 @@ class _Locator(UserProvidedCacheLocator):
 class _Naming(CompileResultCacheImpl):
     _locator_classes = [_Locator]
 
+    def rebuild(self, target_context, payload):
+        return rebuilt(target_context, payload) or super().rebuild(target_context, payload)
+
 
 @cache
 def _say_that_this_compiles():
@@ -168,6 +173,6 @@ class KernelCache(FunctionCache):
 
     _impl_class = _Naming
 
-    def __init__(self, py_func):
+    def __init__(self, py_func, suffix=""):
         super().__init__(py_func)
-        self._cache_file = KeyedFiles(self.cache_path, self._impl.filename_base, None)
+        self._cache_file = KeyedFiles(self.cache_path, self._impl.filename_base + suffix, None)

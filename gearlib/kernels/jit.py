@@ -1,27 +1,51 @@
 """How every kernel is compiled."""
 
+import gc
+from contextlib import contextmanager
+from functools import cache
+
 import numba
 from numba import njit, types
 
 from gearlib.kernels.cache import KernelCache
+from gearlib.kernels.parts import PartCompiler
+
+
+@contextmanager
+def _uncollected():
+    # What a compiler leaves behind is looked through again and again: a fifth of its time.
+    collecting = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if collecting:
+            gc.enable()
 
 
 def _compile(function, **options):
     # No kernel is handed over as a function of C.
-    compiled = njit(
-        fastmath=False, error_model="numpy", nogil=True, no_cfunc_wrapper=True, **options
-    )(function)
+    options |= {"fastmath": False, "error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True}
+    compiled = njit(**options)(function)
     if numba.config.DISABLE_JIT:
         return function
     # What `cache=True` would do, with another cache.
     compiled._cache = KernelCache(function)
+    compiled.compile = _uncollected()(compiled.compile)
+
+    @cache
+    def part():
+        found = njit(pipeline_class=PartCompiler, **options)(function)
+        found._cache = KernelCache(function, ".part")
+        return found
+
     # numba compiles a kernel again for each constant in a call from another kernel, as a type of
     # its own, and the code is the same: a third of all compilation.
-    template = compiled.get_call_template
-    compiled.get_call_template = lambda arguments, named: template(
+    compiled.get_call_template = lambda arguments, named: part().get_call_template(
         [types.unliteral(kind) for kind in arguments],
         {name: types.unliteral(kind) for name, kind in named.items()},
     )
+    compiled.get_overload = lambda signature: part().get_overload(signature)
     return compiled
 
 

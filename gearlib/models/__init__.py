@@ -14,6 +14,7 @@ module                responsibility
 ``geometry``          drawn gears and what a mesh takes of them; public as `gearlib.geometry`
 ``dead_zone``         `DeadZoneOscillator`: any oscillator between two elastic contacts
 ``derivatives``       by what models are differentiated; models a little off the real axis
+``described_pair``    the smallest model that carries a pair, from plain values
 ``with_pair``         what models that contain a `GearPair` offer of it
 ``oscillator``        the equation that all models of one degree share
 ``one_mesh_system``   what the piecewise-linear models share

@@ -9,23 +9,6 @@
 Rattling gears, a gear pair in Kahraman's and Singh's variables and an oscillator with an elastic
 stop are three sets of these parameters.
 
-====================  ===========  ================================================================
-name                  symbol       meaning
-====================  ===========  ================================================================
-upper_edge            --           where the upper contact begins; finite
-lower_edge            --           where the lower contact begins; -inf: there is none
-upper_stiffness       c_u          a number, `Series` or `Steps`; may be 0
-lower_stiffness       c_l          the same; by default that of the upper contact
-damping               d            of the gap
-upper_damping         d            of the upper contact; by default that of the gap
-lower_damping         d            of the lower contact; by default that of the gap
-ground_stiffness      e            of a spring to x = 0 that never parts
-load                  F            mean force; may be 0 or negative
-forcing               a_n, b_n     `Harmonics`, whose amplitudes do not depend on the frequency
-deviation             f            `Harmonics` of a motion of the support, whose inertia is a
-                                   force of amplitude (n W)^2
-====================  ===========  ================================================================
-
 The mass is 1. The "tuning" of `gearlib.simulate`, `gearlib.sweep` and the others is W, the
 frequency of the forcing in the model's unit of time; phase is W t, so that a period of 2 pi is one
 of the forcing, and velocities in results are dx/dphase = x' / W. Take a unit of length in which
@@ -33,9 +16,10 @@ the motion is of order one: tolerances are absolute.
 """
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from numbers import Complex
+from typing import Annotated
 
 import numpy as np
 
@@ -44,6 +28,7 @@ from gearlib.models.harmonics import Harmonics
 from gearlib.models.model import Model
 from gearlib.models.oscillator import Equation
 from gearlib.models.profiles import Series, Steps
+from gearlib.parameters import FINITE, NONNEGATIVE, Instance, Number, check, documented, named
 
 _DAMPINGS = ("damping", "upper_damping", "lower_damping")
 _STIFFNESSES = ("upper_stiffness", "lower_stiffness")
@@ -54,16 +39,8 @@ _FOLLOWING = {
     "upper_damping": "damping",
     "lower_damping": "damping",
 }
-_DERIVATIVES = {
-    "upper_edge": ("1", "upper edge"),
-    "lower_edge": ("1", "lower edge"),
-    "upper_stiffness": ("1", "stiffness of the upper contact"),
-    "lower_stiffness": ("1", "stiffness of the lower contact"),
-    "damping": ("1", "damping of the gap"),
-    "upper_damping": ("1", "damping of the upper contact"),
-    "lower_damping": ("1", "damping of the lower contact"),
-    "ground_stiffness": ("1", "stiffness to the ground"),
-    "load": ("1", "load"),
+#: Derivatives by what is no parameter.
+_OF_START = {
     "tuning": ("1", "frequency of the forcing"),
     "initial_displacement": ("1", "displacement at the start"),
     "initial_velocity": ("1", "velocity by phase at the start"),
@@ -101,11 +78,34 @@ _LONG_NAMES = {
 }
 
 
+class _Edge(Number):
+    """The lower edge, which may be at -infinity."""
+
+    words = "a number < infinity"
+
+    def accepts(self, value):
+        """As of `Number.accepts`."""
+        return value < math.inf
+
+
+class _Stiffness(Number):
+    """A stiffness, constant or not."""
+
+    words = "a finite number >= 0, a Series or Steps"
+
+    def check(self, name, value):
+        """As of `Number.check`; what is not constant stays as it is."""
+        return value if isinstance(value, (Series, Steps)) else super().check(name, value)
+
+
+_STIFFNESS, _HARMONICS = _Stiffness("1", least=0), Instance((Harmonics,))
+_Stiff = float | Series | Steps
+
+
+@documented
 @dataclass(frozen=True, kw_only=True)
 class DeadZoneOscillator(Model):
     """A driven oscillator between two elastic contacts with a gap; immutable.
-
-    Parameters and their meaning: see the table of the module.
 
     Raises
     ------
@@ -118,17 +118,37 @@ class DeadZoneOscillator(Model):
     (1990) 49-75.
     """
 
-    upper_edge: float = 0.0
-    lower_edge: float = -math.inf
-    upper_stiffness: float | Series | Steps
-    lower_stiffness: float | Series | Steps | None = None
-    damping: float = 0.0
-    upper_damping: float | None = None
-    lower_damping: float | None = None
-    ground_stiffness: float = 0.0
-    load: float = 0.0
-    forcing: Harmonics = field(default_factory=Harmonics)
-    deviation: Harmonics = field(default_factory=Harmonics)
+    upper_edge: Annotated[float, FINITE, "Upper edge, where the upper contact begins"] = 0.0
+    lower_edge: Annotated[
+        float, _Edge("1"), "Lower edge, where the lower contact begins; -inf: there is none"
+    ] = -math.inf
+    upper_stiffness: Annotated[_Stiff, _STIFFNESS, "Stiffness of the upper contact", "c_u"]
+    lower_stiffness: Annotated[
+        _Stiff | None,
+        _STIFFNESS,
+        "Stiffness of the lower contact; by default that of the upper one",
+        "c_l",
+    ] = None
+    damping: Annotated[float, NONNEGATIVE, "Damping of the gap", "d"] = 0.0
+    upper_damping: Annotated[
+        float | None, NONNEGATIVE, "Damping of the upper contact; by default that of the gap", "d"
+    ] = None
+    lower_damping: Annotated[
+        float | None, NONNEGATIVE, "Damping of the lower contact; by default that of the gap", "d"
+    ] = None
+    ground_stiffness: Annotated[
+        float, NONNEGATIVE, "Stiffness to the ground; a spring to x = 0 that never parts", "e"
+    ] = 0.0
+    load: Annotated[float, FINITE, "Load, the mean force", "F"] = 0.0
+    forcing: Annotated[
+        Harmonics, _HARMONICS, "Force; its amplitudes do not depend on the frequency", "a_n, b_n"
+    ] = Harmonics()
+    deviation: Annotated[
+        Harmonics,
+        _HARMONICS,
+        "Motion of the support; its inertia is a force of amplitude (n W)^2",
+        "f",
+    ] = Harmonics()
 
     #: What the datasets of this model say instead of what they say of a gear mesh.
     long_names = _LONG_NAMES
@@ -139,31 +159,17 @@ class DeadZoneOscillator(Model):
     references = "Kahraman, Singh: Journal of Sound and Vibration 142 (1990) 49-75"
 
     def __post_init__(self):
-        def put(name, value):
-            object.__setattr__(self, name, value)
-
         for name, default in self.by_default.items():
             if getattr(self, name) is None:
-                put(name, default(self))
-        for name in (*_DAMPINGS, "ground_stiffness"):
-            put(name, checks.finite_nonnegative(name, getattr(self, name)))
-        for name in ("upper_edge", "load"):
-            put(name, checks.number(name, getattr(self, name), "finite", math.isfinite))
-        allowed = f"from -inf to upper_edge = {self.upper_edge!r}"
-        put(
-            "lower_edge",
-            checks.number("lower_edge", self.lower_edge, allowed, lambda x: x <= self.upper_edge),
-        )
-        for name in _STIFFNESSES:
-            put(name, _stiffness(name, getattr(self, name)))
+                object.__setattr__(self, name, default(self))
+        upper = FINITE.check("upper_edge", self.upper_edge)
+        allowed = f"from -inf to upper_edge = {upper!r}"
+        checks.number("lower_edge", self.lower_edge, allowed, lambda x: x <= upper)
+        check(self)
         there = _STIFFNESSES if math.isfinite(self.lower_edge) else _STIFFNESSES[:1]
         if not any(_mean(getattr(self, name)) for name in there):
-            named = " and ".join(f"{name} = {getattr(self, name)!r}" for name in there)
-            raise ValueError(f"{named} is not allowed: one contact must have a stiffness > 0")
-        for name in ("forcing", "deviation"):
-            value = getattr(self, name)
-            if not isinstance(value, Harmonics):
-                raise ValueError(f"{name} = {value!r} is not allowed: it must be Harmonics")
+            given = " and ".join(f"{name} = {getattr(self, name)!r}" for name in there)
+            raise ValueError(f"{given} is not allowed: one contact must have a stiffness > 0")
 
     @property
     def derivatives(self):
@@ -171,7 +177,7 @@ class DeadZoneOscillator(Model):
         known = self.as_dict()
         return {
             name: (units, self.long_names.get(name, words))
-            for name, (units, words) in _DERIVATIVES.items()
+            for name, (units, words) in (named(type(self)) | _OF_START).items()
             if isinstance(known.get(name, 1.0), float) and math.isfinite(known.get(name, 1.0))
         }
 
@@ -209,13 +215,6 @@ class DeadZoneOscillator(Model):
         values |= {name: _plain(getattr(self, name)) for name in _STIFFNESSES}
         values |= {name: getattr(self, name) for name in (*_DAMPINGS, "ground_stiffness", "load")}
         return values | {name: vars(getattr(self, name)) for name in ("forcing", "deviation")}
-
-
-def _stiffness(name, value):
-    if isinstance(value, (Series, Steps)):
-        return value
-    allowed = "a finite number >= 0, a Series or Steps"
-    return checks.number(name, value, allowed, lambda c: 0.0 <= c < math.inf)
 
 
 def _pieces(stiffness):

@@ -14,7 +14,7 @@ reliefs and the points of tables, so linear reliefs of pairs of constant stiffne
 import math
 from dataclasses import asdict, dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
@@ -28,6 +28,7 @@ from gearlib.models.one_degree import OneDegreePair
 from gearlib.models.pair import GearPair
 from gearlib.models.profiles import Tabulated
 from gearlib.models.with_pair import WithPair
+from gearlib.parameters import Instance, Integer, Number, check, documented
 
 if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
     from gearlib.models.propagators import tooth_pairs  # noqa: F401
@@ -38,20 +39,17 @@ _CONVERGED = 1.18
 _SAME_PLACE = 1e-12
 
 
+class _Drawing(Instance):
+    words = "a gearlib.geometry.Mesh"  # trains have meshes too
+
+
+@documented
 @dataclass(frozen=True, kw_only=True)
 class LoadSharingPair(WithPair):
     """A gear pair whose load is shared by pairs of teeth with tip relief and errors; immutable.
 
-    Parameters
-    ----------
-    pair : GearPair
-        Its mass, load, damping, backlash and scales; the stiffness is that of the drawing.
-    drawing : gearlib.geometry.Mesh
-        Of spur gears, with their tip reliefs.
-    phases : int, default 32
-        Equal parts of a mesh period between which gaps and compliances are straight lines; >= 8.
-    stiffness, coupling, deviation, pitch_errors
-        As of `gearlib.geometry.Mesh.transmission_error`.
+    Stiffness, coupling, deviation and pitch_errors are as of
+    `gearlib.geometry.Mesh.transmission_error`.
 
     Raises
     ------
@@ -59,11 +57,21 @@ class LoadSharingPair(WithPair):
         If a value is not allowed; the message names parameter, value and range.
     """
 
-    pair: GearPair
-    drawing: Mesh
-    phases: int = 32
+    pair: Annotated[
+        GearPair,
+        Instance((GearPair,)),
+        "Mass, load, damping, backlash and scales; the stiffness is that of the drawing",
+    ]
+    drawing: Annotated[Mesh, _Drawing((Mesh,)), "Spur gears with their tip reliefs"]
+    phases: Annotated[
+        int,
+        Integer(8, 100_000),
+        "Equal parts of a mesh period between which gaps and compliances are straight lines",
+    ] = 32
     stiffness: Any = "energy"
-    coupling: float = 1.0
+    coupling: Annotated[
+        float, Number("1", least=0, most=1), "How far pairs of teeth share the body"
+    ] = 1.0
     deviation: PathTable | None = None
     pitch_errors: tuple | None = None
 
@@ -75,14 +83,7 @@ class LoadSharingPair(WithPair):
     )
 
     def __post_init__(self):
-        for name, kind, words in (
-            ("pair", GearPair, "GearPair"),
-            ("drawing", Mesh, "gearlib.geometry.Mesh"),
-        ):
-            value = getattr(self, name)
-            if not isinstance(value, kind):
-                raise ValueError(f"{name} = {value!r} is not allowed: it must be a {words}")
-        checks.integer("phases", self.phases, 8)
+        check(self)
         errors = tuple(checked_errors(self.drawing, self.pitch_errors).tolist())
         object.__setattr__(self, "pitch_errors", errors)
         self._pairs(np.zeros(1), np.zeros(1))

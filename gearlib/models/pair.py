@@ -23,7 +23,6 @@ import math
 from dataclasses import dataclass
 
 from gearlib import checks, parameters
-from gearlib.models.mesh_equation import mesh_equation
 from gearlib.models.model import Model
 from gearlib.models.pair_parameters import PairParameters
 from gearlib.models.stiffness import mean_over_max
@@ -31,6 +30,8 @@ from gearlib.models.stiffness import mean_over_max
 #: Below, the rest position of the softer segment lies so far away that the scalar closed forms,
 #: which are written about it, lose more than four digits.
 _LEAST_STIFFNESS_RATIO = 1e-4
+#: Scales and damping ratios beyond these have no squares within the floating-point numbers.
+_SMALLEST, _LARGEST = 1e-30, 1e30
 
 
 @parameters.documented
@@ -56,6 +57,13 @@ class GearPair(PairParameters, Model):
 
     def __post_init__(self):
         parameters.check(self)
+        words = f"a finite number > 0, from {_SMALLEST} to {_LARGEST}"
+        for name in ("max_stiffness", "reduced_mass", "load"):
+            checks.number(name, getattr(self, name), words, lambda v: _SMALLEST <= v <= _LARGEST)
+        for name in ("material_damping", "backlash_damping"):
+            most = _LARGEST * 2.0 * self.reduced_mass * self.mean_eigenfrequency
+            words = f"a finite number >= 0 and <= {most:.3g}, a damping ratio of {_LARGEST}"
+            checks.number(name, getattr(self, name), words, lambda v, most=most: v <= most)
 
     @classmethod
     def from_ratios(
@@ -143,6 +151,9 @@ class GearPair(PairParameters, Model):
     @property
     def equation(self):
         """The `Equation` in static deflections and 1 / Omega_s of time."""
+        # Here: tables of drawn gears have no motion and load no kernels.
+        from gearlib.models.mesh_equation import mesh_equation
+
         return mesh_equation(self)
 
     @property

@@ -10,6 +10,8 @@ from gearlib import checks, integrators
 MAX_EVENTS = 1_000_000
 #: Tunings beyond these have no motion that rounding leaves anything of.
 LEAST_TUNING, MOST_TUNING = 1e-12, 1e5
+#: Memory that the record of a run, or the rows of a sweep, may take at most, bytes.
+MOST_MEMORY = 2_000_000_000
 #: Events for which a record has room before it grows.
 FIRST_EVENTS = 64
 
@@ -54,6 +56,22 @@ def check_either(model, name, tuning, speed_name, speed):
             f"{speed_name} = {speed!r} is not allowed: nothing turns in this model, so it must be "
             f"{name}"
         )
+
+
+def check_memory(words, count, numbers, unit):
+    """Refuse so many rows of numbers that they take too much memory; `words` say what asks them."""
+    most = MOST_MEMORY // (8 * numbers)
+    if count > most:
+        raise ValueError(
+            f"{words} is not allowed: it must be <= {most:,} {unit} to stay within "
+            f"{MOST_MEMORY / 1e9:g} GB of memory"
+        )
+
+
+def check_rows(model, words, count):
+    """Refuse so many tunings that a sweep of a model takes too much memory."""
+    numbers = model.empty_record()[2].size + len(model.components) + len(Rows._fields)
+    check_memory(words, count, numbers, "tunings")
 
 
 class Span(NamedTuple):

@@ -10,7 +10,13 @@ from gearlib.data import contact_states, status, summary
 from gearlib.data.result import result
 from gearlib.kernels import orbit
 from gearlib.models.propagators.stable_repeats import followed
-from gearlib.runs.run_arguments import MAX_EVENTS, check_run, empty_record, tuning_of
+from gearlib.runs.run_arguments import (
+    MAX_EVENTS,
+    check_memory,
+    check_run,
+    empty_record,
+    tuning_of,
+)
 
 
 def simulate(
@@ -120,7 +126,7 @@ def simulate(
         **pair.speed_scales(tuning),
         "tuning": tuning,
         "evaluations": ran.evaluations,
-        "followed": np.int32(ran.followed),
+        "followed": np.int64(ran.followed),
     }
     if propagator is not None:
         z, sizes = propagator.start(asked.state), (len(ran.samples), len(ran.events))
@@ -165,7 +171,11 @@ def _run(pair, tuning, asked, samples_per_period, propagator=None, follow=False)
     To `follow` the motion is to go on behind the run until its period is proven.
     """
     samples_per_period = checks.integer("samples_per_period", samples_per_period, 1)
-    record = empty_record(pair, asked.span.recorded * samples_per_period)
+    recorded = asked.span.recorded
+    words = f"samples_per_period = {samples_per_period} with record_periods = {recorded}"
+    columns = pair.empty_record()[0].shape[1]
+    check_memory(words, recorded * samples_per_period, columns, "samples in all")
+    record = empty_record(pair, recorded * samples_per_period)
     samples, _, table = record
     arguments = record.over(asked.span)
     if propagator is None and follow and asked.method in integrators.AUTOMATIC:

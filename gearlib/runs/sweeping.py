@@ -6,7 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from gearlib import checks
+from gearlib import checks, notebook
 from gearlib.data import summary
 from gearlib.data.result import result
 from gearlib.runs.run_arguments import (
@@ -14,6 +14,7 @@ from gearlib.runs.run_arguments import (
     Rows,
     allowed,
     check_either,
+    check_rows,
     check_run,
     check_speed,
     check_tuning,
@@ -106,9 +107,10 @@ def sweep(
         )
     threads = os.cpu_count() if threads is None else checks.integer("threads", threads, 1)
 
+    check_rows(pair, f"a sweep of {tunings.size:,} tunings", tunings.size)
     table = np.empty((tunings.size, *pair.empty_record()[2].shape))
     ends = np.empty((tunings.size, len(pair.components)))
-    codes = np.empty((tunings.size, 2), dtype=np.int64)
+    codes = np.full((tunings.size, 2), -1)  # until a tuning is done
     carry = direction != "cold"
     rows = Rows(pair.bound(float(tunings.max()), asked.state), table, ends, codes)
 
@@ -122,13 +124,14 @@ def sweep(
         order = order[::-1].copy()
     chunk = min(max(order.size // (4 * threads), _FEWEST), _MOST)
     chunks = [order[i : i + chunk] for i in range(0, order.size, chunk)]
-    if carry or threads == 1 or len(chunks) < 2:
-        go_through(order)
-    else:
-        # The kernels release the interpreter lock and every tuning has its own rows, so plain
-        # threads suffice.
-        with ThreadPoolExecutor(threads) as pool:
-            list(pool.map(go_through, chunks))
+    with notebook.bar("tunings", tunings.size, lambda: int((codes[:, 1] >= 0).sum())):
+        if carry or threads == 1 or len(chunks) < 2:
+            go_through(order)
+        else:
+            # The kernels release the interpreter lock and every tuning has its own rows, so plain
+            # threads suffice.
+            with ThreadPoolExecutor(threads) as pool:
+                list(pool.map(go_through, chunks))
 
     data = {
         **summary.variables(pair, ("tuning",), table, ends, codes, asked.span.recorded),

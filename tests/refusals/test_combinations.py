@@ -165,6 +165,20 @@ OSCILLATOR = gearlib.DeadZoneOscillator(lower_edge=-1.0, upper_stiffness=2.0, da
 LIBRARY = {
     # Numbers beyond those of a machine.
     "load = 1000000 ... > 0": lambda: PAPER.replace(load=10**320),
+    "max_stiffness = 1e-200 ... from 1e-30 to 1e+30": lambda: PAPER.replace(max_stiffness=1e-200),
+    "material_damping = 1e+200 ... a damping ratio of 1e+30": lambda: PAPER.replace(
+        material_damping=1e200
+    ),
+    "samples_per_period = 1000000000 with record_periods = 1 ... 2 GB": lambda: simulate(
+        samples_per_period=10**9
+    ),
+    "strobes = 1000000000 at 1 values ... 2 GB": lambda: gearlib.bifurcation_diagram(
+        PAPER, [0.8], strobes=10**9
+    ),
+    "period = 1000000000 ... from 1 to 100000": lambda: gearlib.periodic_orbit(
+        PAPER, 0.8, period=10**9
+    ),
+    "count = 1000000000 ... from 1 to 1000": lambda: planetary().campbell(10**9),
     f"teeth = {2**63} ... from 1 to {2**63 - 1}": lambda: PAPER.replace(teeth=2**63),
     # One gear.
     "shift = 0.0 ... undercuts": lambda: gear(teeth=12),
@@ -326,12 +340,21 @@ LIBRARY = {
     "phase = nan ... finite": lambda: planetary().static(phase=math.nan),
     # Planetary sets of drawn gears.
     "internal of the ring = False ... True": lambda: planets(ring=SpurGear(teeth=36, **PLANETS)),
-    "teeth of the ring = 36 ... >= 37": lambda: planets(ring=inside(teeth=36)),
-    "tip_diameter of the ring = 0.291 ... begins 0.0404": lambda: planets(
+    "teeth of the ring = 36 ... z_s + 2 z_p = 27 + 2 * 36 = 99, or": lambda: planets(
+        ring=inside(teeth=36)
+    ),
+    "teeth of the ring = 99 ... 27 + 2 * 96 = 219, or": lambda: planets(
         (27, 96, 99), centre_distance=0.1845
     ),
-    "centre_distance of the ring mesh = 0.09 ... > 0.0930296 m": lambda: planets((27, 33, 99)),
-    "tip_diameter of the ring = 0.291 ... begins 0.0102": lambda: planets((27, 37, 99)),
+    "contact_ratio of the ring mesh = 0.99 ... >= 1": lambda: planets(
+        (27, 34, 97), centre_distance=0.092
+    ),
+    # Shifts, or a centre distance, may make up for two teeth.
+    "tip_diameter of the ring = 0.291 ... begins 0.0102": lambda: planets(
+        (27, 37, 99), centre_distance=0.096
+    ),
+    "teeth of the ring = 99 ... 27 + 2 * 33 = 93, or": lambda: planets((27, 33, 99)),
+    "teeth of the ring = 99 ... 27 + 2 * 37 = 101, or": lambda: planets((27, 37, 99)),
     "planets = 4 ... (27 + 99) / 4": lambda: planets(planets=4),
     "planets = 6 ... axes are": lambda: planets(planets=6),
     "planets = 3 ... axes are": lambda: planets(positions=[0.0, math.tau * 10 / 126, math.pi]),

@@ -95,6 +95,8 @@ CALLED = {
     gearlib.locus: BRANCH | {"parameter": "damping", "to": 0.1},
     gearlib.tongues: {"pair": PAPER, "start": 0.9, "stop": 1.1, "step": 0.05},
     gearlib.schmidt: {"pair": DAMPED, "tuning": NU, "harmonics": 16},
+    gearlib.duty_point: {"gears": FZG, "speed": 3000.0, "torque": 300.0},
+    gearlib.orders: {"run": gearlib.simulate(DAMPED, NU, periods=24, record_periods=24)},
     gearlib.harmonic_balance: {"pair": DAMPED, "tuning": NU, "harmonics": 16},
 }
 #: What says the same in another way.
@@ -196,8 +198,6 @@ def test_what_is_just_inside_is_allowed(call, good, one):
 def test_no_call_is_left_out():
     public = {getattr(gearlib, name) for name in gearlib.__all__ if not name.startswith("certify")}
     public |= {getattr(drawn, name) for name in drawn.__all__ if name != "RACKS"}
-    # What these refuse stands in test_duty_point.py and test_orders.py.
-    public -= {gearlib.duty_point, gearlib.orders}
     results = {drawn.DynamicFactor, drawn.IsoStiffness, drawn.MeshStiffness}
     assert public - results - {gearlib.methods, gearlib.Rectangular} <= {*MADE, *CALLED}
 

@@ -5,12 +5,13 @@ One file, so that one worker makes the undisturbed run, once.
 
 import os
 import shutil
+import signal
 import subprocess
 from contextlib import contextmanager
 
 import pytest
 
-from tests.robustness.disturbed import data, disturb, end, start, tiny_project, wait
+from tests.robustness.disturbed import data, disturb, end, jobs_of, start, tiny_project, wait
 
 pytestmark = pytest.mark.slow
 
@@ -159,6 +160,26 @@ def test_two_at_once(project, undisturbed):
         end(process)
     assert "cannot be locked" in printed and "Traceback" not in printed
     assert process.returncode == 0
+    assert data(project) == undisturbed.data
+
+
+def test_ctrl_c_ends_the_jobs_without_a_word_of_python(project, undisturbed):
+    (project / FIGURE).unlink()
+    source = project / "gearlib/figures/phase_shift_figure.py"
+    drawn = source.read_text(encoding="utf-8")
+    source.write_text(drawn + UNTIL_TOLD, encoding="utf-8")
+    process = start(project)
+    try:
+        while not (project / "waits").exists():
+            assert not wait(process, 0.05)
+        os.killpg(process.pid, signal.SIGINT)
+        assert wait(process, 60) and jobs_of(process) == []
+    finally:
+        end(process)
+    assert process.returncode == 1
+    assert "Traceback" not in (project / "printed.txt").read_text(encoding="utf-8")
+    source.write_text(drawn, encoding="utf-8")
+    project.snakemake("-j2")
     assert data(project) == undisturbed.data
 
 

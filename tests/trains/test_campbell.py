@@ -55,7 +55,7 @@ def test_speeds_and_tunings_are_each_other_s_inverse(train):
 
 
 def test_no_order_is_refused():
-    with pytest.raises(ValueError, match=r"^count = 0 is not allowed: it must be an integer >= 1$"):
+    with pytest.raises(ValueError, match="^count = 0 is .* from 1 to 1000$"):
         split_power_reducer(PAPER).campbell(0)
 
 
@@ -79,7 +79,7 @@ def diagram():
             "mesh": list(train.mesh_names),
         },
     )
-    return campbell.compute(characteristics, PAPER.as_dict(), SETTINGS, 2)
+    return campbell.compute(characteristics, 2, PAPER.as_dict(), SETTINGS)
 
 
 def test_the_diagram_of_the_reducer(diagram):

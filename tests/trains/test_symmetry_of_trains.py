@@ -152,13 +152,12 @@ def test_planets_that_differ_have_no_reduced_train(options):
 def test_forces_are_shown_where_a_start_beside_has_the_same_relatively(monkeypatch, size, apart):
     forces = [size * np.cos(np.arange(24.0)).reshape(12, 2)]
     forces += [forces[0] + apart * symmetry._SEEN_BESIDE * size * (forces[0] == size)]
-    runs = iter(forces)
-    monkeypatch.setattr(
-        symmetry,
-        "simulate",
-        lambda *_, **__: SimpleNamespace(dynamic_force=SimpleNamespace(values=next(runs))),
-    )
+    names = "dynamic_force", "contact"
+    both = [[SimpleNamespace(values=one) for one in (force, force > 0.0)] for force in forces]
+    runs = (SimpleNamespace(**dict(zip(names, one, strict=True))) for one in both)
+    monkeypatch.setattr(symmetry, "simulate", lambda *_, **__: next(runs))
     settings = dict(starts=1, seed=1, spread=0.1, record_periods=1)
     settings |= dict(shown_after=1, samples_per_period=12)
-    course = symmetry._course(train((27, 99), 3), 1.0, "static", settings)
+    course, contact = symmetry._course(train((27, 99), 3), 1.0, "static", settings)
+    np.testing.assert_array_equal(contact, forces[0] > 0.0)
     assert np.isnan(course).all() == (apart > 1.0) and np.isnan(course).any() == (apart > 1.0)

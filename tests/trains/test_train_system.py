@@ -4,14 +4,18 @@ import math
 from dataclasses import replace
 
 import numpy as np
+import pytest
+import xarray as xr
 
 from gearlib import (
     planetary,
+    simulate,
     split_power_reducer,
     two_stage,
 )
 from gearlib.kernels.exponential import REACH
 from gearlib.kernels.several_meshes.train_system import matrix_of
+from gearlib.models.propagators import several_meshes
 from tests.paper import PAPER
 from tests.trains.random_trains import random_problem
 
@@ -127,3 +131,51 @@ def system_stiffness(train):
     k = train.structure.stiffness + lines.T @ (upper[:, None] * lines)
     root = np.linalg.inv(np.linalg.cholesky(train.structure.mass))
     return root @ k @ root.T / train.reference_angular_frequency**2
+
+
+def with_run_out(**options):
+    """Two stages whose stiffness repeats after 5 mesh periods, with their run-out after 35."""
+    train = two_stage(PAPER, teeth=(21, 25, 24, 36), **options)
+    bodies = [
+        replace(body, eccentricity=4e-6, eccentricity_phase=0.3)
+        if body.name in ("pinion 1", "wheel 1")
+        else body
+        for body in train.bodies
+    ]
+    return train.replace(bodies=tuple(bodies))
+
+
+@pytest.mark.parametrize(("first", "count"), [(0, 4), (3, 4), (33, 7), (10**12 + 2, 5)])
+def test_segments_of_a_stretch_are_those_of_the_whole(first, count):
+    train = with_run_out()
+    whole, part = train.segments, train.segments_of(first, count)
+    for n in range(first, first + count):
+        spans = []
+        for segments, k in ((whole, n % train.repeats), (part, n % count)):
+            own = slice(segments.first_segment[k], segments.first_segment[k + 1])
+            bounds = segments.starts[own.start : own.stop + 1] - 2.0 * math.pi * k
+            spans.append((bounds, segments.low[:, own], segments.sense[:, own]))
+        for one, other in zip(*spans, strict=True):
+            np.testing.assert_allclose(one, other, rtol=0, atol=1e-12)
+
+
+def test_a_run_does_not_depend_on_the_stretches_of_its_segments(monkeypatch):
+    train, found = with_run_out(), []
+    for stretch in (10**6, 4):
+        monkeypatch.setattr(several_meshes, "_STRETCH", stretch)
+        run = simulate(train, 0.9, periods=13, record_periods=5, sensitivities=["load"])
+        orbit = train.propagator(0.9).maps(train.start_state("static"), 11, 100, first=30)
+        found.append((run, orbit))
+    (whole, maps), (parts, other) = found
+    xr.testing.assert_allclose(whole, parts, rtol=1e-9, atol=1e-9)
+    for one, same in zip(maps, other, strict=True):
+        np.testing.assert_allclose(one, same, rtol=1e-9, atol=1e-9)
+
+
+def test_a_period_of_a_run_out_that_hardly_ever_repeats_costs_a_period():
+    train = two_stage(PAPER, teeth=(10007, 10009, 23, 71))
+    bodies = [replace(body, eccentricity=1e-6) for body in train.bodies]
+    train = train.replace(bodies=tuple(bodies))
+    assert train.repeats > 10**9
+    run = simulate(train, 0.9, periods=3, record_periods=2)
+    assert run.status == 0 and run.period == 0

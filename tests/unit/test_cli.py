@@ -1,8 +1,12 @@
 """The command line: what it prints and writes, how it ends."""
 
+import csv
 import io
+import shutil
+import socket
 import sys
 import time
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,9 +16,11 @@ import yaml
 from click.testing import CliRunner
 
 import gearlib
+from gearlib import config
 from gearlib.analysis.orbits.shooting import NoOrbit
 from gearlib.cli import main, progress
 from gearlib.data import storage
+from gearlib.geometry import Mesh, SpurGear
 from tests.paper import PAPER
 
 PAIR = ["--max-stiffness", "4e5 N/mm", "--stiffness-ratio", "0.5879", "--contact-ratio", "1.569"]
@@ -83,9 +89,75 @@ def test_orbit_and_trust_say_what_they_found(run):
         ("state at tau = 0     ", orbit.state, 15),
         ("Floquet multipliers  ", orbit.multipliers, 12),
     ):
-        assert words + " ".join(f"{x:.{digits}g}" for x in numbers) + "\n" in done.output
+        printed = f"{words.strip()} {' '.join(f'{x:.{digits}g}' for x in numbers)} "
+        assert printed in " ".join(done.output.split()) and words in done.output
     done = run("trust", *PAIR, "--tuning", "0.7", "--periods", "500")
     assert done.exit_code == 0 and done.output.startswith("paper's pair\nperiodic: ")
+
+
+def test_the_ending_decides_what_is_written(run):
+    own = {
+        "simulate": ["--tuning", "0.8"],
+        "sweep": ["--points", "5"],
+        "orbit": ["--tuning", "0.8"],
+    }
+    own["trust"] = own["simulate"]
+    trains = dict.fromkeys(["modes", "static", "phasing", "campbell"], ())
+    for name, arguments in (own | trains).items():
+        files = [f"{name}.{end}" for end in ("nc", "csv", "png")]
+        for file in files[:2]:
+            done = run(name, *PAIR, *arguments, "-o", file, "--plot", files[2], "--force")
+            assert done.exit_code == 0, done.output
+        data = xr.load_dataset(files[0])
+        with open(files[1], newline="", encoding="utf-8") as file:
+            heads, *rows = csv.reader(file)
+        over = heads[0].partition(" [")[0]
+        assert len(rows) == (data.sizes[over] if over in data.sizes else 2)
+        columns = dict(zip(heads, zip(*rows, strict=True), strict=True))
+        for variable in data.data_vars.values():
+            if variable.dims == (over,) and "units" in variable.attrs:
+                found = columns[f"{variable.name} [{variable.units}]"]
+                assert [*map(float, found)] == variable.values.tolist()
+        assert Path(files[2]).read_bytes().startswith(b"\x89PNG")
+    several = next(csv.reader(Path("modes.csv").read_text(encoding="utf-8").splitlines()))
+    assert "mode_shape input rotation [1]" in several
+
+
+DRAWN = ["--teeth", "23", "61", "--module", "2.5mm", "--width", "18mm", "--torque", "85Nm"]
+DRAWN += ["--backlash", "80um", "--damping-ratio", "0.05"]
+
+
+def test_gears_are_drawn_by_options_of_every_command(run):
+    done = run("gears", *DRAWN, "--save", "mine.yaml", "--plot", "stiffness.svg")
+    assert done.exit_code == 0 and Path("stiffness.svg").exists(), done.output
+    pinion, wheel = (SpurGear(teeth=z, module=2.5e-3, width=18e-3) for z in (23, 61))
+    mesh = Mesh(pinion, wheel, backlash=80e-6)
+    pair = gearlib.GearPair.from_geometry(mesh, torque=85.0, damping_ratio=0.05)
+    expected = gearlib.simulate(pair, speed=4000.0, periods=200)
+    for given in (DRAWN, ["--config", "mine.yaml"]):
+        done = run("simulate", *given, "--speed", "4000", "-o", "run.nc", "--force")
+        assert done.exit_code == 0 and "gear pair z 23/61, m 2.5 mm\n" in done.output, done.output
+        found = xr.load_dataset("run.nc")
+        np.testing.assert_allclose(found.displacement, expected.displacement, rtol=1e-9)
+    # A drawing that options change, and the one number of teeth of a pair that is not drawn.
+    done = run("simulate", "--config", "mine.yaml", "--torque", "170 Nm", "--speed", "4000")
+    assert " 1.719953376e-05 m " in done.output, done.output
+    done = run("simulate", *PAIR, "--teeth", "48", "--speed", "1500")
+    assert done.exit_code == 0 and " 1500 min-1 " in done.output, done.output
+    assert run("gears", *DRAWN, "--save", "mine.yaml").exit_code == 2
+
+
+def test_a_new_project_can_be_used_as_it_is(run):
+    assert run("init").exit_code == 0 and run("init").exit_code == 2
+    text = Path("gears.yaml").read_text(encoding="utf-8")
+    settings = config.load(yaml.safe_load(text))
+    assert settings.gears.torque == 85.0 and settings.gears.pinion.module == 2.5e-3
+    # What may be left out is a key where it stands.
+    lines = text.splitlines()
+    at = lines.index(next(line for line in lines if line.strip().startswith("# shift:")))
+    lines[at] = "    shift: 0.3"
+    assert config.load(yaml.safe_load("\n".join(lines))).gears.pinion.shift == 0.3
+    assert "z 23/61" in run("gears", "--config", "gears.yaml").output
 
 
 def test_of_many_numbers_of_an_orbit_the_first_are_printed(run, monkeypatch):
@@ -101,6 +173,7 @@ def test_of_many_numbers_of_an_orbit_the_first_are_printed(run, monkeypatch):
 
 def test_wrong_input_is_refused_with_code_2(run, tmp_path):
     (tmp_path / "binary.yaml").write_bytes(b"\xff\xfe")
+    (tmp_path / "open.yaml").write_text("run: [1\n", encoding="utf-8")
     (tmp_path / "twice.yaml").write_text("run:\n  a: 1\n  a: 2\n", encoding="utf-8")
     four = yaml.safe_dump(mapping({"kind": "planetary", "planetary": {"planets": 4}}))
     (tmp_path / "four.yaml").write_text(four, encoding="utf-8")
@@ -122,6 +195,15 @@ def test_wrong_input_is_refused_with_code_2(run, tmp_path):
         (["orbit", "--config", "twice.yaml", "--tuning", "1"], "a is given twice, again in line 3"),
         (["orbit", *PAIR, "--tuning", "1", "--period", "0"], "period = 0"),
         (["simulate", *PAIR, "--tuning", "1", "--damping", "k1"], "give --config"),
+        (["orbit", "--config", "open.yaml", "--tuning", "1"], "open.yaml is not YAML, line 2, col"),
+        (["simulate", *PAIR, "--tuning", "1", "-o", "a" * 300 + ".nc"], "File name too"),
+        (["simulate", *PAIR, "--tuning", "1", "-o", "run.h5"], "it must end with one of .nc, .csv"),
+        (["sweep", *PAIR, "--plot", "curve.jpg"], "it must end with one of .png, .svg, .pdf"),
+        (["gears", "--teeth", "23", "--module", "2 mm"], "--teeth = 23 is not allowed: it must be"),
+        (["simulate", *PAIR, "--tuning", "1e-300"], "tuning = 1e-300 is not allowed: it must be"),
+        (["simulate", *PAIR, "--speed", "3e9"], "speed = 3000000000.0 is not allowed: it must be"),
+        (["simulate", *PAIR, "--tuning", "1", "--samples", "1000000000"], "within 2 GB of memory"),
+        (["sweep", *PAIR, "--points", "1000000000"], "16,666,666 tunings to stay within 2 GB"),
         (["modes", "--config", "four.yaml"], "planets = 4 is not allowed: (z_s + z_r) / N"),
     ]:
         done = run(*arguments)
@@ -138,13 +220,29 @@ def test_no_file_is_replaced_unasked(run, tmp_path):
     assert xr.load_dataset("run.nc").tuning == 0.7
 
 
-def test_a_file_that_cannot_be_written_ends_with_code_1(run, monkeypatch):
-    def refuse(*_, **__):
-        raise OSError("run.nc cannot be written")
+def test_a_file_that_cannot_be_written_ends_with_code_1_and_is_kept(run, monkeypatch):
+    write, tried = storage.write, []
+
+    def refuse(dataset, path):
+        tried.append(path)
+        if len(tried) <= refusals:
+            raise OSError("run.nc cannot be written")
+        write(dataset, path)
 
     monkeypatch.setattr(storage, "write", refuse)
-    done = run("simulate", *PAIR, "--tuning", "0.7", "-o", "run.nc")
-    assert done.exit_code == 1 and "Error: run.nc cannot be written" in done.output
+    for refusals, end in ((1, "; the result is kept as {}\n"), (4, "\n")):
+        done = run("simulate", *PAIR, "--tuning", "0.7", "-o", "run.nc")
+        assert done.exit_code == 1, done.output
+        assert f"Error: run.nc cannot be written{end.format(tried[-1])}" in done.output
+        if refusals == 1:
+            assert xr.load_dataset(tried[-1]).tuning == 0.7
+            shutil.rmtree(tried[-1].parent)
+
+
+def test_a_port_in_use_is_refused_before_anything_is_computed(run):
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        done = run("explore", "--port", str(server.getsockname()[1]))
+    assert done.exit_code == 2 and "it must be a free port from 0 to 65535" in done.output
 
 
 def test_no_orbit_ends_with_code_1(run, monkeypatch):
@@ -222,9 +320,12 @@ def test_one_of_several_cases(run, tmp_path):
 
 
 def cells(text, first):
-    """Return the row of a printed table that begins with a name, its columns as numbers."""
-    (line,) = [line for line in text.splitlines() if line.startswith(f"{first}  ")]
-    return [float(word) for word in line.removeprefix(first).split()]
+    """Return the row of a printed table that begins with a name, its columns as numbers.
+
+    A wide table is printed in parts, one below the other.
+    """
+    lines = [line for line in text.splitlines() if line.startswith(f"{first}  ")]
+    return [float(word) for line in lines for word in line.removeprefix(first).split()]
 
 
 MESHES = ("displacement_max", "displacement_min", "dynamic_force_max", "dynamic_factor")

@@ -196,6 +196,21 @@ def test_steady_orbits_are_drawn_once():
         assert growth > 1.0 or orbit[:, 0] == pytest.approx(orbit[:, -1], abs=1e-9)
 
 
+def test_an_orbit_is_closed_where_it_ends_and_not_in_the_midst_of_the_next():
+    phase = np.arange(24) * math.tau / 8
+    x = np.cos(phase / 2)  # of period 2, recorded for three
+    run = xr.Dataset(
+        {"displacement": ("phase", x), "velocity": ("phase", -np.sin(phase / 2)), "period": 2},
+        {"phase": phase},
+    )
+    found = phase_planes_figure.orbit_of(run)
+    assert found[2] and [values.size for values in found[:2]] == [17, 17]
+    assert np.hypot(*(np.diff(values) for values in found[:2])).max() < 0.4
+    for other in (run.assign(displacement=("phase", x * phase), period=1), run.assign(period=0)):
+        whole, _, closed = phase_planes_figure.orbit_of(other)
+        assert not closed and whole.size == 24
+
+
 def test_words_on_bars_stay_in_the_panel():
     data, names = comparisons()
     data[0].change[:] = np.resize([1e-9, 5.0, np.nan, 1e4], data[0].change.shape)
@@ -291,6 +306,19 @@ def test_own_gears_have_forces_and_the_limits_of_their_curves():
     assert {"mesh force over load", "mesh force (kN)"} == {
         axes.get_ylabel() for axes in [forces, *forces.child_axes]
     }
+
+
+def test_motions_that_have_settled_decide_on_the_limits_of_own_gears():
+    data = curves().sel(damping=["k1", "conservative"])
+    data.period.loc[{"damping": "k1"}], data.period.loc[{"damping": "conservative"}] = 1, 0
+    for name, sign in (("displacement_max", 1.0), ("displacement_min", -1.0)):
+        data[name].loc[{"damping": "k1"}] = 3.0 * sign
+        data[name].loc[{"damping": "k1", "direction": "down"}] = 9.0 * sign
+        data[name].loc[{"damping": "conservative"}] = 100.0 * sign
+    data["dynamic_force_max"] = abs(data.displacement_max)
+    main, force, *panels = resonance_figure.draw(data.assign(force_scale=1e3), forces=True).axes
+    assert main.get_ylim() == pytest.approx((-3.3, 3.3)) and force.get_ylim()[1] < 4.0
+    assert all(panel.get_ylim() == pytest.approx((-9.9, 9.9)) for panel in panels)
 
 
 def test_cases_lie_over_each_other_in_micrometres():

@@ -1,13 +1,20 @@
 """Whose gears: own ones reach every study that can take them, and all say which they show."""
 
+import json
+from types import SimpleNamespace
+
+import numpy as np
 import pytest
 import yaml
 from click.testing import CliRunner
 
+from gearlib import LoadSharingPair, sweep
 from gearlib.cli import main
-from gearlib.config import ConfigError, gear_names, load
+from gearlib.config import OF_ANY_TRAIN, ConfigError, chosen, gear_names, load
+from gearlib.config.laying import laid_over
 from gearlib.config.studies import STUDIES
 from gearlib.config.studies.study import text_of
+from gearlib.studies import resonance_windows
 from tests.workflow.project import ROOT
 
 OWN = yaml.safe_load("""
@@ -66,6 +73,12 @@ def test_every_study_names_its_gears_and_has_captions():
         ("dynamic_factor", {}, "gears.pinion.quality is missing: it must be"),
         ("harris_map", {"helix_angle": "12 deg"}, "gears.pinion.helix_angle is not allowed"),
         ("scenes", {}, "scenes = {} is not allowed"),
+        ("claims", {}, "gears is not allowed: its statements are about the paper's pair"),
+        ("failures", {}, "gears is not allowed: its problems have gears of their own"),
+        ("reducer", {}, "reducer.teeth is missing"),
+        ("campbell", {}, "reducer.teeth is missing"),
+        ("train_sweep", {}, "train.split_power_reducer.teeth is missing"),
+        ("symmetry_breaking", {}, "planetary is missing"),
     ],
 )
 def test_targets_that_cannot_take_them_are_refused(target, change, words):
@@ -76,6 +89,44 @@ def test_targets_that_cannot_take_them_are_refused(target, change, words):
     assert target in str(refused.value)
     # Asked for nothing in particular, these are left out.
     assert target not in load(OWN | {"gears": gears}).wanted()
+
+
+def test_trains_take_own_teeth_or_are_left_out():
+    paper = yaml.safe_load((ROOT / "config.yaml").read_text(encoding="utf-8"))
+    assert load(chosen(laid_over(paper, PLANETS), PLANETS)).wanted() == [*OF_ANY_TRAIN]
+    both = PLANETS | {"gear_pair": {"load": 1e3}}
+    c = load(chosen(laid_over(paper, both), both))
+    assert {*OF_ANY_TRAIN, "resonance"} <= {*c.wanted()}
+    assert not {"reducer", "one_mesh", "train_chart", "symmetry_breaking"} & {*c.wanted()}
+    for name in OF_ANY_TRAIN:
+        assert STUDIES[name].gears(c) == "planetary set z 27/36/99, m 2 mm"
+        assert "'teeth': 99" in jobs_of(c, name) and "[24, 36, 24, 36]" not in jobs_of(c, name)
+    assert "planetary set" in text_of(STUDIES["campbell"].drawings[0].caption, c)
+    # Chosen by name they are refused, all at once.
+    targets = ["reducer", "one_mesh", "train_chart", "campbell"]
+    (reducer, chart) = load(paper | PLANETS | {"targets": targets}).refused()
+    assert reducer.startswith("train.kind = 'planetary_set' is not allowed: it must be split_")
+    assert reducer.endswith(", for the targets reducer, one_mesh") and "train_chart" in chart
+
+    teeth = {"reducer": {"teeth": [23, 61, 23, 61]}, "one_mesh": {"other_teeth": [23, 61, 23, 61]}}
+    own = {"train": {"kind": "idler", "idler": {"teeth": [23, 61, 40]}}}
+    for name, given, words in [
+        ("reducer", teeth, f"reducer z 23/61/23/61, every mesh: {NAME}"),
+        ("campbell", teeth, f"reducer z 23/61/23/61, every mesh: {NAME}"),
+        ("train_sweep", own, f"idler train z 23/61/40, both meshes: {NAME}"),
+        ("campbell", own, f"idler train z 23/61/40, both meshes: {NAME}"),
+        (
+            "train_chart",
+            {
+                "planetary": {"planets": 4},
+                "train_chart": {"teeth": [[28, 100]] * 2},
+                "symmetry_breaking": {"teeth": [28, 100]},
+            },
+            "planetary set of own numbers",
+        ),
+    ]:
+        c = load(OWN | given | {"targets": [name]})
+        assert STUDIES[name].gears(c) == words
 
 
 @pytest.mark.parametrize(
@@ -102,3 +153,75 @@ def test_commands_say_first_whose_gears_they_are_about(tmp_path, command, mappin
 def test_other_numbers_are_not_the_papers_pair():
     assert gear_names.of_numbers(gear_names.PAPER) == "paper's pair"
     assert "4.1e+08" in gear_names.of_numbers(gear_names.PAPER | {"max_stiffness": 4.1e8})
+
+
+def relieved(**more):
+    """Return the configuration with 8 um of tip relief at both gears."""
+    own = json.loads(json.dumps(OWN))
+    own["gears"] |= more
+    for gear in ("pinion", "wheel"):
+        own["gears"][gear]["tip_relief"] = {"amount": "8 um", "length": "2 mm"}
+    return own
+
+
+def test_relief_reaches_a_target_or_is_refused():
+    c, at = load(relieved()), SimpleNamespace(damping="light", window="0.5-0.6", tuning="0.5")
+    motions = {"phase_lag", "resonance", "phase_planes", "report_page", "labels", "branches"}
+    finding = {"harris_map", "relief_dynamics"}
+    assert set(c.wanted()) == motions | finding | {"mesh_stiffness"}
+    for name in motions:
+        given = [value for job in STUDIES[name].jobs for value in job.params(c).values()]
+        given = [value(at) if callable(value) else value for value in given]
+        assert "'tip_relief': {'amount': 8e-06" in repr(given), name
+        assert STUDIES[name].gears(c) == f"{NAME}, tip relief"
+    for name in STUDIES.keys() - c.wanted():
+        words = STUDIES[name].refusal(c)
+        words = words if name != "scenes" else STUDIES["models"].refusal(c)
+        # Or the same gears without relief are refused as well.
+        without = STUDIES[name].refusal(load(OWN))
+        assert words.startswith("gears.pinion.tip_relief is not allowed") or words == without != ""
+        assert "\n" not in words
+    assert "without tip relief" in text_of(STUDIES["mesh_stiffness"].drawings[0].caption, c)
+    # A train without pairs of these gears needs none of them.
+    assert not STUDIES["train_sweep"].refusal(load(relieved() | PLANETS))
+
+
+@pytest.mark.parametrize("name", ["rectangle", "dynamic_factor"])
+def test_relief_of_gears_that_a_section_draws_is_refused(name):
+    wheel = {"teeth": 61, "quality": 5, "tip_relief": {"amount": 0.0, "length": "1 mm"}}
+    own = OWN["gears"] | {"wheel": wheel, "pinion": OWN["gears"]["pinion"] | {"quality": 5}}
+    sections = {"dynamic_factor": {"pair": own}, "mesh_stiffness": {"pairs": {"mine": own}}}
+    with pytest.raises(ConfigError, match=r"\.(pair|mine)\.wheel\.tip_relief is not allowed"):
+        load(OWN | sections | {"targets": [name]})
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"stiffness_options": {"application_factor": 1.2}}, "gears.stiffness_options.applic"),
+        ({"stiffness": "energy", "stiffness_options": {"samples": 8}}, "gears.stiffness_options.s"),
+        ({"pinion": {**OWN["gears"]["pinion"], "helix_angle": "10 deg"}}, "gears.helix_angle = "),
+    ],
+)
+def test_relief_that_no_model_carries_is_refused(change, words):
+    with pytest.raises(ConfigError) as refused:
+        load(relieved(**change))
+    assert str(refused.value).startswith(words) and "\n" not in str(refused.value)
+
+
+def test_relief_moves_the_resonance_of_the_workflow():
+    damping = {"light": {"damping_ratio": 0.06, "backlash_damping_ratio": 0.0}}
+    c = load(relieved(stiffness="energy") | {"dampings": damping})
+    run = {"periods": 200, "record_periods": 23, "initial_state": (1.0, 0.0)}
+    job = {"window": (1.2, 1.4), "step": 0.1, "damping": "light", "direction": "cold"}
+    own, bare = (
+        resonance_windows.compute(pair, **job, run=run, threads=1).dynamic_force_max.values
+        for pair in (c.model_parameters("light"), c.pair_parameters("light"))
+    )
+    assert (own / bare - 1.0).min() > 0.08
+    pairs = LoadSharingPair.from_geometry(c.gears.mesh(), torque=85.0, damping_ratio=0.06)
+    smaller = pairs.at_load()
+    tunings = np.array([1.2, 1.3, 1.4]) * pairs.mean_eigenfrequency / smaller.mean_eigenfrequency
+    # Beyond resonance the force swings by a third of the load, for which this stiffness is exact.
+    other = sweep(smaller, tunings, **run).dynamic_force_max.values
+    np.testing.assert_allclose(own, other, rtol=0.01)

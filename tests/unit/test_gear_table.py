@@ -3,6 +3,8 @@
 import csv
 import io
 import json
+import subprocess
+import sys
 
 import pytest
 import xarray as xr
@@ -134,3 +136,16 @@ def test_wrong_input_ends_with_code_2(run, tmp_path, arguments, fault):
     done = run(*arguments)
     assert done.exit_code == 2
     assert fault in done.output
+
+
+def test_a_table_without_a_speed_loads_no_kernels():
+    # Half of its second; with a speed the motion is followed.
+    code = "import sys; from gearlib.cli import main; main(sys.argv[1:], standalone_mode=False); "
+    code += "print(sorted({'numba', 'scipy', 'xarray'} & set(sys.modules)))"
+    done = subprocess.run(
+        [sys.executable, "-c", code, "gears", *ISO_EXAMPLE],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert "resonance_speed" in done.stdout and done.stdout.endswith("[]\n")

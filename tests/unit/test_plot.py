@@ -64,6 +64,25 @@ def test_orbits_harris_maps_and_critical_speeds():
     assert "excited" in labels(plot.campbell(diagram))
 
 
+def test_orders_stand_at_their_amplitudes_and_mesh_orders_have_names():
+    run = simulate(PAIR, 0.45, periods=423, record_periods=23)
+    spectrum = gearlib.orders(run, count=3)
+    for variable, scale in (("force_amplitude", 1.0), ("error_amplitude", 1e6)):
+        axes = plot.orders(spectrum, variable=variable)
+        ends = [segment[1] for one in axes.collections for segment in one.get_segments()]
+        heights = scale * spectrum[variable].sel(order=[23, 46, 69]).values
+        # Of a motion of one mesh period there is nothing between.
+        np.testing.assert_allclose(ends, np.column_stack([[23, 46, 69], heights]), rtol=1e-12)
+        assert [one.get_text() for one in axes.texts] == ["mesh", "2 × mesh", "3 × mesh"]
+    assert axes.get_ylabel() == "transmission error (µm, peak)"
+    train = simulate(gearlib.planetary(), 0.9, periods=27, record_periods=27)
+    assert len(labels(plot.orders(gearlib.orders(train, count=2)))) == train.sizes["mesh"]
+    with pytest.raises(ValueError, match="gearlib.plot.orders draws datasets of gearlib.orders"):
+        plot.orders(run)
+    with pytest.raises(ValueError, match="variable = 'force'"):
+        plot.orders(spectrum, variable="force")
+
+
 def test_what_cannot_be_drawn():
     run = simulate(PAIR, 0.85, periods=4)
     with pytest.raises(ValueError, match="gearlib.plot.resonance draws datasets of gearlib.sweep"):

@@ -79,6 +79,8 @@ def test_the_workflow_runs_from_the_wheel(gearlib, tmp_path):
     gearlib("workflow", "-j1", "results/mesh_stiffness.nc")
     assert (tmp_path / "results/mesh_stiffness.nc").stat().st_size > 1000
     assert "Nothing to be done" in gearlib("workflow", "-j1", "results/mesh_stiffness.nc")
+    gearlib("workflow", "--report", "report.html", "results/mesh_stiffness.nc")
+    assert (tmp_path / "report.html").stat().st_size > 1000
     # Of its own configuration, in place of the installed one.
     (tmp_path / "config.yaml").write_text("gear_pair: {}\n", "utf-8")
     with pytest.raises(AssertionError, match="gear_pair"):

@@ -46,7 +46,7 @@ SHORT = {
     ),
     "bench": (["SHORT=1"], "all tables of this speed"),
     "rounding": (["ARGS=--results results --moved results"], "0 differences"),
-    "same-bytes": ([f"ARGS=--target {DRAWN} 'Zen 2'"], "Zen 2: 1 jobs, 0 of 1 files"),
+    "same-bytes": ([f"ARGS=--target {DRAWN} 'Zen 2'"], "Zen 2: 1 jobs, 0 of 2 files"),
     "clean": ([], "rm -rf .snakemake"),
     "distclean": ([], "rm -rf .venv"),
 }

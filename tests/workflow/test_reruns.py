@@ -9,8 +9,11 @@ from collections import Counter
 
 import pytest
 import yaml
+from click.testing import CliRunner
 
+from gearlib.cli import main
 from gearlib.data import storage
+from tests.unit.test_gear_names import OWN
 from tests.workflow.jobs import (
     DAMPINGS,
     EVERYTHING,
@@ -297,3 +300,21 @@ def test_other_gears_have_a_folder_of_their_own(tmp_path):
 def test_a_name_that_is_no_target(project):
     printed = project.snakemake("-n", "resonances", succeed=False)
     assert "No rule to produce resonances" in printed
+
+
+def test_a_refusal_is_a_sentence_and_no_line_of_python(project):
+    def refused(*arguments):
+        printed = project.snakemake("-n", *arguments, succeed=False)
+        assert "Traceback" not in printed and ".smk" not in printed
+        return printed.splitlines()[-1]
+
+    (project / "mine.yaml").write_text(yaml.safe_dump(OWN), encoding="utf-8")
+    missing = refused("dynamic_factor", "--configfile", "mine.yaml")
+    assert missing.startswith("gears.pinion.quality is missing: it must be"), missing
+    assert refused("compare").startswith("compare needs several cases or projects")
+    named = refused("--config", "targets=[compare]")
+    assert named.startswith("targets[0] = 'compare' is not allowed") and "-j2 compare" in named
+    (project / "config.yaml").write_text("run: [1\n", encoding="utf-8")
+    assert refused().startswith("config.yaml is not YAML, line 2, column 1: ")
+    other = CliRunner().invoke(main, ["workflow", "--configfile", str(project / "config.yaml")])
+    assert other.exit_code == 2 and "is not YAML, line 2" in other.output

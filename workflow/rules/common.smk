@@ -12,14 +12,13 @@ from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 
-from snakemake.exceptions import WorkflowError
-
 import gearlib
 from gearlib import config as configuration
 from gearlib import integrators
 from gearlib.config import yaml_keys
 from gearlib.config.studies import STUDIES
-from gearlib.config.studies.study import pairs_of, run_length, text_of
+from gearlib.config.studies.study import for_targets, pairs_of, run_length, text_of
+from workflow.refusal import refuse
 from workflow.sources import listed, sources
 
 ROOT = Path(workflow.basedir)
@@ -50,10 +49,12 @@ try:
     if repeated:
         raise configuration.ConfigError("\n".join(repeated))
     CONFIG = configuration.load(config)
+    if refused := CONFIG.refused():
+        raise configuration.ConfigError("\n".join(refused))
     # Captions of the report read this, and find what the configuration leaves out as well.
     config.update(CONFIG.model_dump())
 except configuration.ConfigError as error:
-    raise WorkflowError(f"The configuration is refused.\n{error}") from None
+    refuse(f"The configuration is refused.\n{error}")
 
 
 wildcard_constraints:
@@ -160,10 +161,10 @@ def files_asked_by_name(study):
     """Return the files of a study; where it cannot be about these gears, what says so if asked."""
     words = study.refusal(CONFIG)
 
-    def refuse(wildcards):
-        raise WorkflowError(f"The configuration is refused.\n{words}, for the target {study.name}")
-
-    return refuse if words else target_files([study.name])
+    if not words:
+        return target_files([study.name])
+    words = f"The configuration is refused.\n{for_targets(words, study.name)}"
+    return lambda wildcards: refuse(words)
 
 
 def captions():

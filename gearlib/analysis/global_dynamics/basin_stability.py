@@ -4,7 +4,7 @@ import numpy as np
 import xarray as xr
 from scipy.optimize import linear_sum_assignment
 
-from gearlib import checks
+from gearlib import checks, notebook
 from gearlib.analysis.global_dynamics import grids
 from gearlib.analysis.global_dynamics.attractors import PERIODIC
 from gearlib.analysis.global_dynamics.basins import KIND_FLAGS
@@ -68,7 +68,7 @@ def basin_stability(
     cells = int(np.ceil(np.sqrt(checks.integer("samples", samples, 1, grids.MAX_STATES))))
     periods, seed = checks.integer("periods", periods, 1), checks.integer("seed", seed, 0)
     found = []
-    for i, nu in enumerate(values):
+    for i, nu in notebook.counted("tunings", enumerate(values), values.size):
         strobe = Stroboscope(pair, nu, max_events=max_events, threads=threads)
         rng = np.random.default_rng([seed, i])
         corners = grids.mesh_states(np.arange(cells), np.arange(cells))

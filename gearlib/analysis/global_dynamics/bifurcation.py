@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from gearlib import checks
+from gearlib import checks, notebook
 from gearlib.analysis.global_dynamics import grids
 from gearlib.analysis.global_dynamics.poincare import check_phase, section
 from gearlib.analysis.global_dynamics.varied_ratio import models, name_parameter
@@ -12,7 +12,7 @@ from gearlib.data import status
 from gearlib.data.result import result
 from gearlib.integrators import choose
 from gearlib.kernels import orbit
-from gearlib.runs.run_arguments import MAX_EVENTS
+from gearlib.runs.run_arguments import MAX_EVENTS, check_memory
 from gearlib.runs.sweeping import DIRECTIONS
 
 
@@ -73,6 +73,8 @@ def bifurcation_diagram(
     settle, strobes = checks.integer("settle", settle, 0), checks.integer("strobes", strobes, 1)
     initial_state = checks.state("initial_state", initial_state)
     phase, max_events = check_phase(phase), checks.integer("max_events", max_events, 1)
+    words = f"strobes = {strobes} at {values.size} values"
+    check_memory(words, strobes * values.size, 2, "in all")
     cases = models(pair, tuning, parameter, values)
     states = np.full((values.size, strobes, 2), math.nan)
     ends, codes = np.empty((values.size, 2)), np.empty((values.size, 2), np.int64)
@@ -80,7 +82,7 @@ def bifurcation_diagram(
     if direction == "down":
         order = order[::-1]
     start = initial_state
-    for i in order:
+    for i in notebook.counted("values", order, order.size):
         model, nu = cases[i]
         table, end, code = section(model, nu, np.array([start]), settle, strobes, phase, max_events)
         states[i], ends[i], codes[i, 1] = table[0], end[0], code[0]

@@ -5,7 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from gearlib import checks
+from gearlib import checks, notebook
 from gearlib.analysis import lyapunov
 from gearlib.analysis.global_dynamics import grids
 from gearlib.analysis.global_dynamics.varied_ratio import models, name_parameter
@@ -87,7 +87,8 @@ def lyapunov_exponents(
         return found.value, found.uncertainty, found.status
 
     with ThreadPoolExecutor(threads) as pool:
-        found = np.array(list(pool.map(one, range(values.size))))
+        every = pool.map(one, range(values.size))
+        found = np.array(list(notebook.counted("values", every, values.size)))
     data = {
         "exponent": (parameter, found[:, 0]),
         "uncertainty": (parameter, found[:, 1]),

@@ -28,6 +28,8 @@ RESIDUAL = 1e-12
 #: Mesh periods from rest after which a motion is taken as the first guess.
 _SETTLE = 400
 _MAX_NEWTON, _MAX_HALVINGS = 60, 12
+#: Most mesh periods of an orbit: their maps are kept.
+MOST_PERIODS = 100_000
 #: Most mesh periods that are shot over in one piece.
 _LONGEST = 32
 #: Rounding of a multiplier on the unit circle: that of a double one, the root of a map's.
@@ -110,7 +112,10 @@ def periodic_orbit(pair, tuning, *, guess=None, period=1, max_events=MAX_EVENTS)
         If there is none near the guess; the message says what to try.
     """
     choose(pair, None, None)
-    tuning, period = check_tuning("tuning", tuning), checks.integer("period", period, 1)
+    tuning, period = (
+        check_tuning("tuning", tuning),
+        checks.integer("period", period, 1, MOST_PERIODS),
+    )
     max_events = checks.integer("max_events", max_events, 1)
     repeats = pair.repeats
     if period % repeats:

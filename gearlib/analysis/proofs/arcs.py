@@ -28,7 +28,7 @@ class Arc:
         """Return columns after `turn` of a time."""
         return turn * columns
 
-    def go(self, z, t):
+    def go(self, z, t, turn=None):
         """Return a state after a time."""
         return moved(self.law, z, t)
 
@@ -61,9 +61,12 @@ class FramedArc:
             return self.power * z
         return turn * (self.power * z) if self.ends is not None else self.power * (turn * z)
 
-    def go(self, z, t):
-        """Return columns in the frame before after a time, in the frame of this arc."""
-        return self.after(z, self.turn(t))
+    def go(self, z, t, turn=None):
+        """Return columns in the frame before after a time, in the frame of this arc.
+
+        `turn` is that of the time, where it is known.
+        """
+        return self.after(z, self.turn(t) if turn is None else turn)
 
     def out(self, z):
         """Return columns in the components of the laws."""

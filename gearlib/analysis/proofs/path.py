@@ -148,7 +148,7 @@ class Path:
                 # The later the arc begins, the less of it there is.
                 arcs.add(slopes, last_column, arc.begins * z * -scale)
                 by_end.append((last_column, -scale))
-            z = arc.go(z, t)
+            z = arc.go(z, t, turn)
             with precision(bits):
                 slopes = arc.after(slopes, turn)
             if node.phase is None:

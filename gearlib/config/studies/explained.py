@@ -18,10 +18,11 @@ from gearlib.config.studies.study import (
     Job,
     Study,
     Table,
+    carried,
     each,
     grid_of,
+    model_of,
     of_dampings,
-    pair_of,
     pairs_of,
     run_length,
     without,
@@ -103,7 +104,7 @@ LABELS = Study(
         "label",
         "trust_labels:compute",
         lambda c: {
-            "pair": pair_of(c),
+            "pair": model_of(c),
             "tunings": grid_of(c.labels),
             "settings": without(c.labels, *GRID),
             "damping": "{damping}",
@@ -111,6 +112,7 @@ LABELS = Study(
         files=("labels/{damping}.nc",),
     ),
     results=of_dampings("labels/{damping}.nc"),
+    refusal=carried,
 )
 
 BRANCHES = Study(
@@ -122,7 +124,7 @@ BRANCHES = Study(
         "resonance_branches:of_damping",
         lambda c: {
             "damping": "{damping}",
-            "pair": pair_of(c),
+            "pair": model_of(c),
             "settings": without(c.branches, "loci"),
         },
         files=("branches/{damping}.nc",),
@@ -131,7 +133,7 @@ BRANCHES = Study(
         "loci",
         "resonance_branches:loci_of",
         lambda c: {
-            "pair": c.pair_parameters(c.branches.loci.damping),
+            "pair": c.model_parameters(c.branches.loci.damping),
             **c.branches.model_dump(include={"start", "stop"}),
             **c.branches.loci.model_dump(include={"lowest", "highest"}),
         },
@@ -151,6 +153,7 @@ BRANCHES = Study(
         grazings contact is no longer lost, or the far flank no longer reached; where two lines
         of folds meet, hysteresis ends.""",
     ),
+    refusal=carried,
 )
 
 CERTIFICATES = Study(

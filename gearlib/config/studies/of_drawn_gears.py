@@ -4,7 +4,17 @@ from gearlib.config import gear_names
 from gearlib.config.dynamic_factor_section import DynamicFactor
 from gearlib.config.relief_section import HarrisMap, ReliefDynamics
 from gearlib.config.stiffness_section import MeshStiffness, PublishedPair, Rectangle
-from gearlib.config.studies.study import DRAWN, GRID, Drawing, Job, Study, Table, grid_of, without
+from gearlib.config.studies.study import (
+    DRAWN,
+    GRID,
+    Drawing,
+    Job,
+    Study,
+    Table,
+    grid_of,
+    no_relief,
+    without,
+)
 
 #: Section -> its key of drawn gears.
 _KEYS = {"mesh_stiffness": "pairs", "dynamic_factor": "pair", "harris_map": "gears"}
@@ -45,10 +55,20 @@ def _names(section):
     )
 
 
-def _refusal(section):
+def _place(c, section, name):
+    """Return the key of a pair of a section."""
+    if _takes_own(c, section):
+        return "gears"
+    return f"{section}.{_KEYS[section]}" + (f".{name}" if section == "mesh_stiffness" else "")
+
+
+def _refusal(section, bare):
     """Return the function of the configuration that says why a section cannot take its gears."""
 
     def refusal(c):
+        for name, pair in drawn(c, section).items():
+            if bare and (words := no_relief(_place(c, section, name), pair)):
+                return words
         if _takes_own(c, section):
             try:
                 getattr(c, section).check_gears("gears", _one(c, section))
@@ -59,12 +79,18 @@ def _refusal(section):
     return refusal
 
 
-def _about(section):
-    return {"gears": _names(section), "refusal": _refusal(section)}
+def _about(section, bare=False):
+    """Return what a study says of the gears of a section; `bare`: they must have no relief."""
+    return {"gears": _names(section), "refusal": _refusal(section, bare)}
 
 
 def _pairs(c):
     return {name: pair.model_dump() for name, pair in drawn(c, "mesh_stiffness").items()}
+
+
+def _unrelieved(c):
+    relieved = c.gears and c.gears.relief() and _takes_own(c, "mesh_stiffness")
+    return " All of involutes, without tip relief or errors of teeth." if relieved else ""
 
 
 def _qualities(c):
@@ -100,7 +126,7 @@ MESH_STIFFNESS = Study(
         period: after the ISO standard, method B, and by the energy method, with one body
         that yields to all pairs of teeth, with a body for each pair, and with a contact
         that softens at low load. Bands: the stated uncertainty of both methods. Right: the
-        means; crosses: published ones."""
+        means; crosses: published ones.{_unrelieved(c)}"""
         ),
     ),
     **_about("mesh_stiffness"),
@@ -145,7 +171,7 @@ RECTANGLE = Study(
         below the spread is smaller than the uncertainty of the stiffness. Relative differences;
         of contact loss and of motions of another period those of shares.""",
     ),
-    **_about("mesh_stiffness"),
+    **_about("mesh_stiffness", bare=True),
 )
 
 DYNAMIC_FACTOR = Study(
@@ -177,7 +203,7 @@ DYNAMIC_FACTOR = Study(
         strips: contact is lost."""
         ),
     ),
-    **_about("dynamic_factor"),
+    **_about("dynamic_factor", bare=True),
 )
 
 HARRIS_MAP = Study(

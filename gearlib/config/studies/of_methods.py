@@ -203,6 +203,11 @@ FAILURES = Study(
         absent=_untried,
     ),
     gears=lambda c: "paper's pair and others, in problems of its own",
+    refusal=lambda c: (
+        "gears is not allowed: its problems have gears of their own, it must be left out"
+        if c.gears
+        else ""
+    ),
 )
 
 WORK_PRECISION = Study(

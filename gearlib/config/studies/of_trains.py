@@ -15,11 +15,16 @@ from gearlib.config.studies.study import (
     Table,
     grid_of,
     listed,
+    rectangular,
     without,
 )
-from gearlib.config.train_section import TrainSweep
+from gearlib.config.train_section import OF_PAIRS, TrainSweep
 
 _TRAIN = ("train_kernels",)
+
+
+#: What the schematic of a train is, in a caption.
+_SEEN = "Beside: the train along its axes, pitch circles and shafts grey, a dot at each mesh"
 
 
 def _displaced(c):
@@ -33,6 +38,61 @@ def _planetary(c):
 
 def _pair(c):
     return c.pair_parameters(c.reducer.damping)
+
+
+def has_own_train(c):
+    """Return whether the section `train` is about another train than the paper's reducer."""
+    return c.train.kind != "split_power_reducer" or bool(_given(c.train.split_power_reducer))
+
+
+def _given(section):
+    """Return the keys that a section of a train gives."""
+    return [key for key, value in dict(section).items() if value is not None]
+
+
+def _without_teeth(section):
+    """Return the function that says why the reducer of a section cannot be made of own gears."""
+
+    def refusal(c):
+        if words := rectangular(c):
+            return words
+        if c.train.kind != "split_power_reducer":
+            return f"train.kind = {c.train.kind!r} is not allowed: it must be split_power_reducer"
+        for key in _given(c.train.split_power_reducer):
+            return (
+                f"train.split_power_reducer.{key} is not allowed: it must be left out, and what "
+                "the reducer is stand in the section reducer"
+            )
+        for name, key in {"reducer": "teeth", section: _TEETH[section]}.items():
+            if c.gears and key not in getattr(c, name).model_fields_set:
+                return f"{name}.{key} is missing: it must be given where the gears are drawn"
+        return ""
+
+    return refusal
+
+
+#: Section of a reducer -> its key of teeth, by default the paper's.
+_TEETH = {"reducer": "teeth", "one_mesh": "other_teeth"}
+
+
+def _train_without_teeth(c):
+    """Say why the train of the configuration cannot be made of its gears."""
+    of_pairs = c.train.kind in OF_PAIRS
+    if of_pairs and (words := rectangular(c)):
+        return words
+    if c.gears and of_pairs and getattr(c.train, c.train.kind).teeth is None:
+        return f"train.{c.train.kind}.teeth is missing: it must be given where the gears are drawn"
+    return ""
+
+
+def _without_planetary(c):
+    """Say why a chart of the section `planetary` is not about the gears of the configuration."""
+    if (c.gears or has_own_train(c)) and not c.planetary.model_dump(exclude_defaults=True):
+        return (
+            "planetary is missing: it must be given, the numbers of a planetary set, where gears "
+            "or train are others than the paper's"
+        )
+    return ""
 
 
 REDUCER = Study(
@@ -72,14 +132,16 @@ REDUCER = Study(
         and the speed. Every tuning has {c.reducer.starts} seeded starts, up to
         {c.reducer.spread} static deflections beside static equilibrium. Lines: where all of
         them end on one stable orbit, that; else medians, with their range as shade and the
-        shares of the starts in the lowest row. Triangles: the first start carried up and
-        down, where it settles on another orbit. Squares and crosses: all starts. Middle:
-        the axis of one satellite displaced by {_displaced(c)}. Right: backlash of the
-        branches {listed(c.reducer.backlashes)} m. Record of the last
+        shares of the starts in the lowest row. Below the panels: the train along its axes,
+        pitch circles and shafts grey, meshes in the colours of their branches. Triangles: the
+        first start carried up and down, where it settles on another orbit. Squares and
+        crosses: all starts. Middle: the axis of one satellite displaced by {_displaced(c)}.
+        Right: backlash of the branches {listed(c.reducer.backlashes)} m. Record of the last
         {c.reducer.record_periods} of {c.reducer.periods} mesh periods."""
         ),
     ),
     gears=gear_names.of_reducer,
+    refusal=_without_teeth("reducer"),
 )
 
 ONE_MESH = Study(
@@ -138,11 +200,29 @@ ONE_MESH = Study(
         distance of the curves above. Held alike: the motion in which all branches move
         alike, whether it is stable or not; out of phase: teeth
         {listed(c.one_mesh.other_teeth)}; displaced: {_displaced(c)}; soft supports:
-        {c.one_mesh.soft_support} N/m in place of {c.reducer.support_stiffness} N/m."""
+        {c.one_mesh.soft_support} N/m in place of {c.reducer.support_stiffness} N/m. Below the
+        panels: the whole train along its axes, with the names of its meshes."""
         ),
     ),
     gears=gear_names.of_reducer,
+    refusal=_without_teeth("one_mesh"),
 )
+
+
+def _in_campbell(c):
+    if has_own_train(c):
+        return {"train": c.train_parameters(c.train_sweep.damping), "orders": c.campbell.orders}
+    settings = without(c.reducer, "damping", *GRID, *STARTS)
+    return {"pair": _pair(c), "settings": settings, "orders": c.campbell.orders}
+
+
+def _of_campbell(c):
+    """Return the words for the train of the Campbell diagram."""
+    if has_own_train(c):
+        return f"the train of the section ``train``, {c.train.kind.replace('_', ' ')}"
+    damping = c.reducer.damping
+    return f"the reducer whose branches are alike, every mesh a pair with damping {damping}"
+
 
 CAMPBELL = Study(
     "campbell",
@@ -151,36 +231,37 @@ CAMPBELL = Study(
     Job(
         "campbell",
         "trains.campbell:compute",
-        lambda c: {
-            "pair": _pair(c),
-            "settings": without(c.reducer, "damping", *GRID, *STARTS),
-            "orders": c.campbell.orders,
-        },
-        {"characteristics": "reducer.nc"},
+        _in_campbell,
+        {"characteristics": lambda c: f"{'train_sweep' if has_own_train(c) else 'reducer'}.nc"},
         kernels=(),
     ),
     Table(
         "campbell",
         "trains.campbell:rows",
         {"diagram": "campbell.nc"},
-        "Fig. 1: Campbell diagram, table",
-        """Intersections of the Campbell diagram of the reducer, up to the fastest speed swept;
-        modes of one frequency are one row. Orders count over the first mesh frequency.""",
+        "Campbell diagram, table",
+        lambda c: (
+            f"""Intersections of the Campbell diagram of {_of_campbell(c)}, up to the fastest speed
+        swept; modes of one frequency are one row. Orders count over the first mesh frequency."""
+        ),
     ),
     Drawing(
         "campbell_figure.draw",
         {"diagram": "campbell.nc"},
         "campbell",
-        "Fig. 1: Campbell diagram of the reducer",
-        """Campbell diagram of the reducer whose branches are alike, every mesh a pair with
-        damping {c.reducer.damping}: natural frequencies at mean stiffness against both mesh
-        frequencies and their orders up to {c.campbell.orders}, labelled with the order over the
-        first mesh frequency. Dots: the mesh stiffness excites the mode, circles: it does not,
-        because the phases of the meshes cancel or no mesh deforms in the mode. Yellow, behind a
-        mesh frequency: a mesh of it loses contact in an exact sweep, from all starts, or
-        carried with speed up or down.""",
+        "Campbell diagram",
+        lambda c: (
+            f"""Campbell diagram of {_of_campbell(c)}: natural frequencies at mean stiffness against
+        the mesh frequencies and their orders up to {c.campbell.orders}, labelled with the order
+        over the first mesh frequency. Dots: the mesh stiffness excites the mode, circles: it does
+        not, because the phases of the meshes cancel or no mesh deforms in the mode. Yellow, behind
+        a mesh frequency: a mesh of it loses contact in an exact sweep, from all starts, or carried
+        with speed up or down. """
+            + f"{_SEEN}."
+        ),
     ),
-    gears=gear_names.of_reducer,
+    gears=lambda c: gear_names.of_train(c) if has_own_train(c) else gear_names.of_reducer(c),
+    refusal=lambda c: _train_without_teeth(c) if has_own_train(c) else _without_teeth("reducer")(c),
 )
 
 TRAIN_CHART = Study(
@@ -210,6 +291,7 @@ TRAIN_CHART = Study(
         share of its tongues that is stable.""",
     ),
     gears=_planetary,
+    refusal=_without_planetary,
 )
 
 SYMMETRY_BREAKING = Study(
@@ -240,10 +322,13 @@ SYMMETRY_BREAKING = Study(
         deflections beside it, after {c.symmetry_breaking.periods} mesh periods, mesh by mesh;
         bars their range where they do not end on one stable orbit, and the row below the shares
         of the starts. Last: the forces at the dotted frequency,
-        {c.symmetry_breaking.shown_after} mesh periods after the first start.""",
+        {c.symmetry_breaking.shown_after} mesh periods after the first start; beside them the train
+        along its axes at the dotted instant, at which most meshes are out of contact: these are
+        open.""",
         lambda c: c.symmetry_breaking.model_dump(include={"periods_shown"}),
     ),
     gears=_planetary,
+    refusal=_without_planetary,
 )
 
 TRAIN_SWEEP = Study(
@@ -273,10 +358,11 @@ TRAIN_SWEEP = Study(
         {c.train_sweep.starts} seeded starts, up to {c.train_sweep.spread} static
         deflections beside equilibrium, where they do not end on one orbit, dots their
         medians; below, their shares. Record of the last {c.train_sweep.record_periods} of
-        {c.train_sweep.periods} mesh periods."""
+        {c.train_sweep.periods} mesh periods. {_SEEN} in the colour of its lines."""
         ),
     ),
     # By default the train is the reducer, which has a target.
     unasked=False,
     gears=gear_names.of_train,
+    refusal=_train_without_teeth,
 )

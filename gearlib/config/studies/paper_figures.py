@@ -13,11 +13,13 @@ from gearlib.config.studies.study import (
     Job,
     Study,
     Table,
+    carried,
     grid_of,
     listed,
+    model_of,
+    models_of,
     of_dampings,
-    pair_of,
-    pairs_of,
+    rectangular,
     run_length,
     sampled_run,
 )
@@ -53,7 +55,7 @@ def _planes(c):
 
 def _beside(target, files):
     """Return the function that gives files which Fig. 3 shows if they are those of a target."""
-    return lambda c: (files(c) if callable(files) else files) if target in c.targets else None
+    return lambda c: (files(c) if callable(files) else files) if target in c.wanted() else None
 
 
 def _resonance_caption(c):
@@ -61,10 +63,10 @@ def _resonance_caption(c):
     parts = [
         f"""Largest and smallest relative displacement over the tuning ν for {listed(c.dampings)},
         record of the last {run.recorded_revolutions} of {run.revolutions} revolutions. The tuning
-        is the mesh frequency over the eigenfrequency at mean stiffness, for ν_max and ν_min at the
-        largest and the smallest one. Shaded, where in view:
-        normal mesh, backlash, inverse mesh. Lines are periodic orbits, dots are motions that do not
-        repeat. *cold*, from rest: every tuning starts from the initial state; *up*, *down*: the
+        ν_s is the mesh frequency over the natural frequency at the mean mesh stiffness, ν_max and
+        ν_min are those at its largest and its smallest value. Shaded, where in view: backlash,
+        inverse mesh. Lines are motions that have settled on a periodic orbit, by proof; dots are
+        all others. *cold*, from rest: every tuning starts from the initial state; *up*, *down*: the
         state is carried from tuning to tuning, which shows hysteresis."""
     ]
     if not gear_names.is_paper(c):
@@ -79,7 +81,7 @@ def _resonance_caption(c):
             """The strip at the edge classifies the motion from rest, by runs of several kinds and
             its largest Lyapunov exponent."""
         )
-    if "parametric_resonance" in targets:
+    if "parametric_resonance" in targets and not rectangular(c):
         parts.append(
             """Bands: instability tongues, tunings at which the motion without contact loss is
             unstable at that damping."""
@@ -105,7 +107,7 @@ def cases_of(c):
 def _without_scenes(c):
     """Return what is wrong where scenes of other gears than the paper's are asked for: none are."""
     needed = "scenes = {} is not allowed: the paper's suit its pair only, it must have at least one"
-    return needed if c.gears and not c.scenes else ""
+    return needed if c.gears and not c.scenes else rectangular(c)
 
 
 PHASE_LAG = Study(
@@ -117,7 +119,7 @@ PHASE_LAG = Study(
         "phase_lag:compute",
         lambda c: {
             **c.phase_lag.model_dump(include={"tuning", "harmonics", "periods"}),
-            "pair": c.gear_pair.model_dump(),
+            "pair": c.gear_pair.model_dump() | c.relieved(),
             "dampings": c.phase_lag.material_dampings,
             "tunings": grid_of(c.phase_lag),
             "samples_per_period": c.run.samples_per_period,
@@ -135,6 +137,7 @@ PHASE_LAG = Study(
         gaps: no orbit of one mesh period, or chaos before the motion settles."""
         ),
     ),
+    refusal=carried,
 )
 
 RESONANCE = Study(
@@ -145,7 +148,7 @@ RESONANCE = Study(
         "sweep_window",
         "resonance_windows:compute",
         lambda c: {
-            "pair": pair_of(c),
+            "pair": model_of(c),
             "window": lambda wildcards: tunings.values_of(wildcards.window),
             "step": c.resonance.step,
             "run": run_length(c),
@@ -174,6 +177,7 @@ RESONANCE = Study(
         _resonance_caption,
         _of_resonance,
     ),
+    refusal=carried,
 )
 
 PHASE_PLANES = Study(
@@ -184,7 +188,7 @@ PHASE_PLANES = Study(
         "phase_plane",
         "recorded_planes:compute",
         lambda c: {
-            "pair": pair_of(c),
+            "pair": model_of(c),
             "tuning": lambda wildcards: tunings.values_of(wildcards.tuning)[0],
             "run": sampled_run(c),
             "damping": "{damping}",
@@ -207,10 +211,14 @@ PHASE_PLANES = Study(
             f"""Phase planes of the last {c.run.recorded_revolutions} of
         {c.run.revolutions} revolutions: one row for each tuning
         ({listed(c.phase_planes.tunings)}), one column for each damping
-        ({listed(c.dampings)}). The backlash is shaded."""
+        ({listed(c.dampings)}). The backlash is shaded. A cell says after how many mesh periods
+        the motion repeats on which the run settles: by proof, from its Floquet multipliers;
+        *settles on*: what is drawn is still on its way there. *Not settled*: the run was followed
+        on for so many mesh periods without such a proof."""
         ),
         _colours,
     ),
+    refusal=carried,
 )
 
 SCENES = Study(
@@ -262,6 +270,11 @@ STATEMENTS = Study(
         from the numbers. A statement that differs stays in the table.""",
     ),
     results=lambda c: ["claims.md", *WHY],
+    refusal=lambda c: (
+        "gears is not allowed: its statements are about the paper's pair, it must be left out"
+        if c.gears
+        else ""
+    ),
 )
 
 REPORT_PAGE = Study(
@@ -272,11 +285,12 @@ REPORT_PAGE = Study(
         "report_orbits",
         "gearlib.pages.report.ends_from_rest:compute",
         lambda c: {
-            "pairs": pairs_of(c),
+            "pairs": models_of(c),
             "tunings": grid_of(c.report_page),
             "run": run_length(c) | {"samples_per_period": c.report_page.samples_per_period},
             "periods_shown": c.report_page.periods_shown,
         },
     ),
     results=lambda c: ["report/index.html"],
+    refusal=carried,
 )

@@ -81,14 +81,33 @@ class Drawing(NamedTuple):
         return first | ({self.second[0]: self.second[1:]} if self.second else {})
 
 
+def no_relief(place, gears):
+    """Return that a `DrawnPair`, named by `place`, must have no relief, or "" where it has none."""
+    key = gears.relief()
+    return key and (
+        f"{place}.{key} is not allowed: it must be left out, the rectangular mesh stiffness "
+        "carries no tip relief or errors of teeth"
+    )
+
+
+def rectangular(c):
+    """Return that the gears must have no relief, of studies of rectangular stiffness."""
+    return no_relief("gears", c.gears) if c.gears else ""
+
+
+def carried(c):
+    """Return that nothing is refused, of studies by `model_of`, or of other gears."""
+    return ""
+
+
 class Study:
     """One study: target ``name`` of the workflow, and section of the configuration or None.
 
     `part` is that of the report, `rules` are Jobs, Tables and Drawings; `results` are further files
     that the target asks for, `needs` whether a configuration has anything to study, `unasked`
     whether it is computed where none names targets, `gears` the name of those that it is about,
-    `refusal` why it cannot take the gears of a configuration, in a sentence, or "". All but
-    `unasked` are functions of the configuration.
+    `refusal` why it cannot take the gears of a configuration, in a sentence, or "": by default that
+    they have tip relief or errors of teeth. All but `unasked` are functions of the configuration.
     """
 
     def __init__(
@@ -101,7 +120,7 @@ class Study:
         needs=lambda c: True,
         unasked=True,
         gears=gear_names.of_pair,
-        refusal=lambda c: "",
+        refusal=rectangular,
     ):
         self.name, self.section, self.part = name, section, part
         self.jobs = [one for one in rules if isinstance(one, Job)]
@@ -109,6 +128,11 @@ class Study:
         self.drawings = [one for one in rules if isinstance(one, Drawing)]
         self.results, self.needs, self.unasked = results, needs, unasked
         self.gears, self.refusal = gears, refusal
+
+
+def for_targets(words, *names):
+    """Return the sentence of a refusal with the names of the targets that it is about."""
+    return f"{words}, for the target{'s' if names[1:] else ''} {listed(names)}"
 
 
 def text_of(caption, c):
@@ -153,9 +177,14 @@ def pairs_of(c):
     return {name: c.pair_parameters(name) for name in c.dampings}
 
 
-def pair_of(c):
-    """Return the function of wildcards that gives the parameters of the gear pair of a job."""
-    return lambda wildcards: c.pair_parameters(wildcards.damping)
+def models_of(c):
+    """Return damping -> parameters of the model of the gears with it."""
+    return {name: c.model_parameters(name) for name in c.dampings}
+
+
+def model_of(c):
+    """Return the function of wildcards that gives the parameters of the model of a job."""
+    return lambda wildcards: c.model_parameters(wildcards.damping)
 
 
 def each(pattern, names):

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from gearlib.kernels.copies import copy, copy_rows
 from gearlib.kernels.jit import kernel, uncounted
 from gearlib.kernels.several_meshes.modal_arcs import fill_curves
 
@@ -144,15 +145,17 @@ def fill_basis(a, growth, speed, vectors, slow, block, out, into):
         else:
             singles[q - 2 * count] = growth[i]
             q += 1
-    p[:e, f:e] = slow
+    copy_rows(slow, p[:, f:])
     for r in range(e, size):
         p[r, r] = 1.0
     blocks = np.zeros((size - f, size - f))
     own = e - f
-    blocks[:own, :own] = block
-    blocks[own:, :own] = _product(a[e:, :e], slow)
-    blocks[own:, own:] = a[e:, e:]
-    _solve(p.copy(), back)
+    copy_rows(block, blocks)
+    copy_rows(_product(a[e:, :e], slow), blocks[own:])
+    copy_rows(a[e:, e:], blocks[own:, own:])
+    spare = np.empty((size, size))
+    copy_rows(p, spare)
+    _solve(spare, back)
     sound = True
     for r in range(size):
         total = 0.0
@@ -160,8 +163,8 @@ def fill_basis(a, growth, speed, vectors, slow, block, out, into):
             for i in range(size):
                 total += abs(p[r, j] * back[j, i])
         sound &= total < CONDITION
-    out[:] = _product(out, p)
-    into[:] = _product(back, into)
+    copy_rows(_product(out, p), out)
+    copy_rows(_product(back, into), into)
     return pairs, singles, blocks, sound
 
 
@@ -174,7 +177,11 @@ def _piece_of(block, degree, reach):
     power = eighth
     for _ in range((degree + 1) // 8 - 1):
         power = _product(power, eighth)
-    size = math.sqrt((power * power).sum()) ** (1.0 / (degree + 1))
+    total = 0.0
+    for r in range(power.shape[0]):
+        for i in range(power.shape[1]):
+            total += power[r, i] * power[r, i]
+    size = math.sqrt(total) ** (1.0 / (degree + 1))
     return reach / size if size > 0.0 else math.inf
 
 
@@ -206,10 +213,10 @@ def fill_modes(tables, c, lines, a, basis, behind, spin, reaches, exponentials, 
     forces = _product(basis.into, a[:moving, moving:])
     waves = np.zeros((moving, 1 + 2 * h))
     rates = np.empty(pairs + singles, np.complex128)
-    rates[:pairs] = basis.pairs
-    rates[pairs:] = basis.single
+    copy(basis.pairs, rates[:pairs])
+    copy(basis.single, rates[pairs:])
     _forced(forces, rates, pairs, singles, spin, waves)
-    waves[f:, 1:] = behind
+    copy_rows(behind, waves[f:, 1:])
     shift = _product(basis.out, waves)
     # Of forced motions that nearly cancel: in static deflections.
     for r in range(moving):
@@ -237,12 +244,14 @@ def fill_modes(tables, c, lines, a, basis, behind, spin, reaches, exponentials, 
             out[place, r] = shift[r, j]
     size = moving - f
     block = np.zeros((size + 1, size + 1))
-    block[:size, :size] = basis.block
-    block[:size, size] = forces[f:, 0]
+    copy_rows(basis.block, block)
+    for i in range(size):
+        block[i, size] = forces[f + i, 0]
     both = np.empty(pairs + h + singles, np.complex128)
-    both[:pairs] = basis.pairs
-    both[pairs : pairs + h] = 1j * spin
-    both[pairs + h :] = basis.single
+    copy(basis.pairs, both[:pairs])
+    for i in range(h):
+        both[pairs + i] = complex(0.0, spin[i])
+    copy(basis.single, both[pairs + h :])
     # Of slow motions too a piece is no longer than some period of the reference mode.
     piece = reaches[0]
     for k in range(both.size):
@@ -264,7 +273,7 @@ def fill_distances(tables, c, lines, rates, pairs, block, piece, hidden, exponen
     for k in range(rates.size):
         tables.rates[c, k, 0], tables.rates[c, k, 1] = rates[k].real, rates[k].imag
         growing |= not rates[k].real <= NOTHING
-    tables.block[c, :size, :size] = block
+    copy_rows(block, tables.block[c])
     rows = np.zeros((2, m, n))
     for line in range(2):
         for j in range(m):

@@ -10,8 +10,9 @@ from gearlib.kernels.several_meshes.modal_arcs import DEGREE
 from gearlib.kernels.several_meshes.train_system import may_close
 
 # Entries of `Work.place`: events recorded so far, mesh period, segment (-1: at the start of a
-# period), events of the period, samples taken of it, events before it.
-FOUND, PERIOD, SEGMENT, COUNT, TAKEN, OPENING = range(6)
+# period), events of the period, samples taken of it, events before it, mesh periods that the
+# segments of the system last for.
+FOUND, PERIOD, SEGMENT, COUNT, TAKEN, OPENING, UNTIL = range(7)
 
 
 class Grid(NamedTuple):
@@ -50,7 +51,7 @@ class Work(NamedTuple):
     image: np.ndarray
     factors: np.ndarray
     sizes: np.ndarray  #: of the modes
-    place: np.ndarray  #: int, how far the run is, by the names above, shape (6,)
+    place: np.ndarray  #: int, how far the run is, by the names above, shape (7,)
     ahead: np.ndarray  #: theta left of the segment, phase of the last event, shape (2,)
     curve: np.ndarray  #: Bernstein coefficients of a distance, shape (degree + 1,)
     bernstein: np.ndarray  #: those of intervals that wait, and their widths
@@ -97,7 +98,7 @@ def work_of(n, wide, m, degree=DEGREE):
         np.zeros(wide),
         np.zeros(n),
         np.zeros(n),
-        np.array([0, 0, -1, 0, 0, 0]),
+        np.array([0, 0, -1, 0, 0, 0, 0]),
         np.zeros(2),
         np.empty(degree + 1),
         np.empty((MAX_DEPTH + 4, degree + 2)),

@@ -45,7 +45,7 @@ class Modes(NamedTuple):
 
     known: np.ndarray  #: int, (combinations, turns) in use, shape (2,)
     slots: np.ndarray  #: int, where to look for a key: index of the combination or -1
-    keys: np.ndarray  #: int, shape (c,)
+    keys: np.ndarray  #: int8, effects of all meshes, shape (c, m)
     pairs: np.ndarray  #: int, oscillating pairs, shape (c,)
     single: np.ndarray  #: int, real modes behind them, shape (c,)
     rates: np.ndarray  #: (growth, angular frequency) by theta of pairs and real modes, (c, n, 2)
@@ -83,14 +83,14 @@ def modes(n, meshes, lengths, combinations=_MOST, memory=MEMORY):
     return Modes(
         np.zeros(2, np.int64),
         np.full(slots, -1, np.int64),
-        np.empty(c, np.int64),
+        np.empty((c, meshes), np.int8),
         np.zeros(c, np.int64),
         np.zeros(c, np.int64),
-        np.zeros((c, n, 2)),
-        np.zeros((c, n, n)),
+        np.empty((c, n, 2)),
+        np.empty((c, n, n)),
         np.empty(c),
-        np.zeros((c, n, wide)),
-        np.zeros((c, n, wide)),
+        np.empty((c, n, wide)),
+        np.empty((c, n, wide)),
         np.empty((c, 2, meshes, n, degree + 1)),
         np.empty((c, 2, meshes, n)),
         np.empty((c, 2, meshes)),
@@ -106,21 +106,19 @@ def filled_up(count):
 
 
 @uncounted
-def key_of(effects, base):
-    """Return the number of a combination of effects, int, shape (m,), each below `base`."""
-    key = 0
-    for j in range(effects.shape[0]):
-        key = key * base + effects[j]
-    return key
-
-
-@uncounted
-def slot_of(slots, keys, key):
-    """Return the slot of a combination, or the free one where it belongs."""
-    mask = slots.shape[0] - 1
-    # Multiplied by an odd number near the golden ratio, so that neighbours lie apart.
-    slot = (key * 0x1E3779B97F4A7C15 >> 20) & mask
-    while slots[slot] >= 0 and keys[slots[slot]] != key:
+def slot_of(slots, keys, effects):
+    """Return the slot of a combination of effects, or the free one where it belongs."""
+    mask, key, m = slots.shape[0] - 1, 0, effects.shape[0]
+    for j in range(m):
+        # Whatever overflows: an odd number near the golden ratio, so that neighbours lie apart.
+        key = (key + effects[j]) * 0x1E3779B97F4A7C15
+    slot = (key >> 20) & mask
+    while slots[slot] >= 0:
+        j, own = 0, keys[slots[slot]]
+        while j < m and own[j] == effects[j]:
+            j += 1
+        if j == m:
+            break
         slot = (slot + 1) & mask
     return slot
 

@@ -13,7 +13,6 @@ from gearlib.kernels.several_meshes.distances import first_events, keeps_off, si
 from gearlib.kernels.several_meshes.grid import COUNT, FOUND, OPENING, SEGMENT, TAKEN
 from gearlib.kernels.several_meshes.modal_arcs import (
     advance,
-    key_of,
     multiply,
     slot_of,
     turn_by,
@@ -28,8 +27,8 @@ _AT_ONCE = 1e-13
 #: Rounding that the states of equal meshes have gathered, over that of one distance.
 _GATHERED = 8.0
 #: Returned where the tables lack a combination, that of the effects of `Work`, and where there is
-#: no place for more events. No status of a run.
-MISSING, FULL = -1, -2
+#: no place for more events, or segments end. No status of a run.
+MISSING, FULL, BEYOND = -1, -2, -3
 
 #: Columns of the event table: those of `orbit` and the number of the mesh.
 EVENT_MESH = orbit.EVENT_COLUMNS
@@ -123,8 +122,7 @@ def go(system, grid, tables, w, number, limit, vectors, recording, summary, samp
                 for j in range(m):
                     w.effects[j] = system.effect[w.contact[j] + 1, p, j]
                     w.clear[j] = False
-                key = key_of(w.effects, system.push.shape[1])
-                c = tables.slots[slot_of(tables.slots, tables.keys, key)]
+                c = tables.slots[slot_of(tables.slots, tables.keys, w.effects)]
                 full = recording and 0 < events.shape[0] < w.place[FOUND] + m
                 if c < 0 or full:
                     w.ahead[0] = left

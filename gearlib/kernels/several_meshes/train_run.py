@@ -7,8 +7,8 @@ import numpy as np
 from gearlib.kernels import orbit
 from gearlib.kernels.codes import BACKLASH, INVERSE, JAMMED, NORMAL, OK, OVERFLOW, UNRESOLVED
 from gearlib.kernels.jit import kernel, uncounted, woven
-from gearlib.kernels.several_meshes.grid import FOUND, OPENING, PERIOD, SEGMENT
-from gearlib.kernels.several_meshes.periods import go
+from gearlib.kernels.several_meshes.grid import FOUND, OPENING, PERIOD, SEGMENT, UNTIL
+from gearlib.kernels.several_meshes.periods import BEYOND, go
 from gearlib.kernels.several_meshes.train_system import (
     REST,
     behind,
@@ -122,8 +122,8 @@ def run_train(
 ):
     """Run a gear train on from the state of `Work` and the mesh period counted there.
 
-    Where the tables lack a combination, or events a place, the run waits: it is to be called again
-    once they have it.
+    Where the tables lack a combination, events a place, or a period its segments, the run waits: it
+    is to be called again once they have it.
 
     Parameters
     ----------
@@ -147,13 +147,15 @@ def run_train(
     Returns
     -------
     status : int
-        Or MISSING or FULL.
+        Or MISSING, FULL or BEYOND.
     """
     m, n = system.near.shape
     moving, kept = maps.shape[1], strobes.shape[1] - 1
     unseen = periods - record_periods
     per_period = samples.shape[0] // max(record_periods, 1)
     for i in range(w.place[PERIOD], periods):
+        if i >= w.place[UNTIL]:
+            return BEYOND
         if w.place[SEGMENT] < 0:
             # Harmonics are put to their values: their rounding must not grow with the run.
             set_harmonics(system.harmonics, w.z[:n], 2.0 * math.pi * (system.first + i))

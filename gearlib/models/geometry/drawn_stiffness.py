@@ -116,7 +116,7 @@ def mesh_stiffness(mesh, method="iso", *, samples=64, **options):
 
 def _energy_course(mesh, less, segment, samples, options):
     """Return the course by the energy method, and its means on both segments."""
-    samples = checks.integer("samples", samples, 8)
+    samples = checks.integer("samples", samples, 8, 100_000)
     u, values, means = [], [], []
     for start, end, count in ((0.0, segment, less + 1), (segment, 1.0, less)):
         # Each segment gets its share of the phases, and enough for the mean of a parabola.

@@ -105,7 +105,7 @@ def _image(compliance, forces):
 
 def tooth_pairs(mesh, phases, *, pitch_errors=None, **options):
     """Return the `ToothPairs` at equal phases; arguments as of `Mesh.transmission_error`."""
-    phases = checks.integer("phases", phases, 8)
+    phases = checks.integer("phases", phases, 8, 100_000)
     # The mesh phase is 0 in the middle of the segment with the most pairs.
     begun = (mesh.contact_ratio - math.floor(mesh.contact_ratio)) / 2.0
     pitch_errors = checked_errors(mesh, pitch_errors)

@@ -5,10 +5,13 @@ from typing import NamedTuple
 
 from gearlib import checks
 from gearlib.models.geometry.described_drawing import renaming
+from gearlib.models.geometry.gear import SpurGear
 from gearlib.models.geometry.mesh import Mesh
 
 #: Of a tooth pitch, by which positions may miss: angles are often given with few digits.
 _CLOSE = 1e-6
+#: Teeth by which the ring of a set may differ from z_s + 2 z_p where profile shifts make up for it.
+_SHIFTED = 2
 
 
 class Planets(NamedTuple):
@@ -28,10 +31,14 @@ def planets_of(
         raise ValueError(
             "internal of the ring = False is not allowed: it must be True, of a ring gear"
         )
-    with renaming(_in({"pinion": "sun", "wheel": "planet"}, "sun")):
-        of_sun = Mesh(sun, planet, centre_distance, gaps[0])
-    with renaming(_in({"pinion": "planet", "wheel": "ring", "ring gear": "ring"}, "ring")):
-        of_ring = Mesh(planet, ring, of_sun.centre_distance, gaps[1])
+    try:
+        with renaming(_in({"pinion": "sun", "wheel": "planet"}, "sun")):
+            of_sun = Mesh(sun, planet, centre_distance, gaps[0])
+        with renaming(_in({"pinion": "planet", "wheel": "ring", "ring gear": "ring"}, "ring")):
+            of_ring = Mesh(planet, ring, of_sun.centre_distance, gaps[1])
+    except ValueError:
+        _check_sum(sun, planet, ring, centre_distance)
+        raise
     count = checks.integer("planets", planets, 1)
     total = sun.teeth + ring.teeth
     if positions is None:
@@ -54,6 +61,21 @@ def planets_of(
             )
     _check_neighbours(of_sun, count, places)
     return Planets(of_sun, of_ring, places)
+
+
+def _check_sum(sun, planet, ring, centre_distance):
+    """Refuse teeth that do not add up where the meshes cannot be; for a few shifts may make up."""
+    if not all(isinstance(gear, SpurGear) for gear in (sun, planet, ring)):
+        return
+    sizes = {(gear.module, gear.pressure_angle, gear.helix_angle) for gear in (sun, planet, ring)}
+    wanted = sun.teeth + 2 * planet.teeth
+    placed = centre_distance is not None or any(gear.shift for gear in (sun, planet, ring))
+    if len(sizes) == 1 and abs(ring.teeth - wanted) > (_SHIFTED if placed else 0):
+        raise ValueError(
+            f"teeth of the ring = {ring.teeth} is not allowed: it must be z_s + 2 z_p = "
+            f"{sun.teeth} + 2 * {planet.teeth} = {wanted}, or so near that profile shifts make up "
+            "for the rest"
+        ) from None
 
 
 def _check_neighbours(mesh, count, places):

@@ -27,7 +27,7 @@ from gearlib.kernels.several_meshes.filling import (
     fill_distances,
     fill_modes,
 )
-from gearlib.kernels.several_meshes.modal_arcs import BLOCKS, REACHES, forget, key_of, slot_of
+from gearlib.kernels.several_meshes.modal_arcs import BLOCKS, REACHES, forget, slot_of
 from gearlib.kernels.several_meshes.train_system import matrix_of
 
 #: Terms of the series of e^z, |z| <= 3.6: the next is 3.6^36 / 36! = 3e-22.
@@ -315,7 +315,7 @@ def _slow_waves(basis, inputs, frequencies):
 def add(tables, system, grid, frame, effects):
     """Add a combination of effects, int, shape (m,), to the tables; those that are full forget."""
     n, h = len(system.free), system.harmonics.size
-    if tables.known[0] == tables.keys.size:
+    if tables.known[0] == len(tables.keys):
         forget(tables)
     c, a, moving = tables.known[0], np.empty((n, n)), n - 1 - 2 * h
     matrix_of(system, effects, a)
@@ -333,11 +333,10 @@ def add(tables, system, grid, frame, effects):
         if not fill_modes(tables, c, lines, a, basis, slow, grid.spin, reaches, *curves):
             basis = None
     if basis is None:
-        tables.into[c, :, :n] = tables.out[c, :, :n] = np.eye(n)
+        tables.into[c] = tables.out[c] = np.eye(n, tables.out.shape[2])
         piece = BLOCKS[degree] * system.longest / exponential.REACH
         fill_distances(tables, c, lines, np.zeros(0, complex), 0, a, piece, 0, *curves)
-    key = key_of(effects, system.push.shape[1])
-    tables.slots[slot_of(tables.slots, tables.keys, key)] = c
-    tables.keys[c] = key
+    tables.slots[slot_of(tables.slots, tables.keys, effects)] = c
+    tables.keys[c] = effects
     tables.known[0] = c + 1
     return c

@@ -44,7 +44,8 @@ class Propagator(Train):
         table, raw = np.empty((1, SUMMARY_COLUMNS)), self.raw(len(samples))
         rows = np.empty((len(events), EVENT_COLUMNS))
         spans = periods, record_periods
-        period, rows, found, code = self.go(z, raw, rows, limit, table, spans, first=first)
+        done = self.go(z, raw, rows, limit, table, spans, first=first)
+        period, rows, found, code, system = done
         summary[:] = table[0, : orbit.SUMMARY_COLUMNS]
         summary[[orbit.X_MAX, orbit.X_MIN]] += self.line
         full = np.ones(self.components)
@@ -54,17 +55,17 @@ class Propagator(Train):
         x = float(self.system.near[0] @ full) + self.line
         v = float(self.grid.rate[0] @ full) / self.system.tuning
         if not code and len(samples):
-            self.fill(raw, samples)
+            self.fill(raw, samples, system)
         return x, v, period, rows[:, : orbit.EVENT_COLUMNS], found, code, 0
 
-    def fill(self, raw, samples):
+    def fill(self, raw, samples, system):
         """Fill samples, shape (k, 6 + e), from states, contact codes and segments."""
         n, count = self.components, orbit.SAMPLE_COLUMNS
-        self.fill_meshes(raw, samples[:, :count].reshape(-1, 1, count))
+        self.fill_meshes(raw, samples[:, :count].reshape(-1, 1, count), system)
         samples[:, orbit.SAMPLE_X] += self.line
         state = raw[:, :n].copy()
         state[:, : self.scale.size] /= self.scale
-        rows = self.model.outputs(self.system)[:, raw[:, n].astype(int) + 1, raw[:, -1].astype(int)]
+        rows = self.model.outputs(system)[:, raw[:, n].astype(int) + 1, raw[:, -1].astype(int)]
         samples[:, count:] = np.einsum("ekn,kn->ke", rows, state)
 
     def slopes_along(self, along):

@@ -7,9 +7,9 @@ import numpy as np
 from gearlib.kernels import orbit
 from gearlib.kernels.codes import OK
 from gearlib.kernels.copies import enlarged
-from gearlib.kernels.several_meshes.grid import FOUND, grid_of, work_of
+from gearlib.kernels.several_meshes.grid import FOUND, PERIOD, UNTIL, grid_of, work_of
 from gearlib.kernels.several_meshes.modal_arcs import forget, forget_lengths, modes
-from gearlib.kernels.several_meshes.periods import EVENT_COLUMNS, EVENT_MESH, FULL, MISSING
+from gearlib.kernels.several_meshes.periods import BEYOND, EVENT_COLUMNS, EVENT_MESH, FULL, MISSING
 from gearlib.kernels.several_meshes.record import SUMMARY_COLUMNS
 from gearlib.kernels.several_meshes.train_run import begin, period_of, run_train
 from gearlib.models.derivatives import STEP
@@ -17,6 +17,9 @@ from gearlib.models.propagators.matrices import Matrices
 from gearlib.models.propagators.matrix_slopes import MatrixSlopes
 from gearlib.models.propagators.modal_frame import Frame, add
 from gearlib.models.propagators.tangents import Motion
+
+#: Mesh periods whose segments are made at once, where stiffness and run-out repeat after more.
+_STRETCH = 512
 
 
 class Propagator(Matrices):
@@ -30,7 +33,9 @@ class Propagator(Matrices):
 
     def __init__(self, model, tuning, other=None):
         super().__init__(model, tuning)
-        self.system = system = model.system(tuning)
+        self.long = model.repeats > _STRETCH and hasattr(model, "segments_of")
+        #: Of a long run-out with the first segments only: `whole` has all.
+        self.system = system = model.system(tuning, *((0, _STRETCH) if self.long else ()))
         self.grid = grid_of(system)
         self.components, self.pieces = len(system.free), len(self.grid.length)
         self.frame = other.frame if other and not self.turning else self.frame_of(model, system)
@@ -50,6 +55,8 @@ class Propagator(Matrices):
             return modes(n, m, lengths, system.push.shape[1] ** m)
         if tables.at.shape[1] < lengths:
             return modes(n, m, lengths, system.push.shape[1] ** m)
+        if self.long:
+            forget_lengths(tables)
         if before is not system:
             fields = ("free", "near", "far", "push", "grip")
             pairs = [(getattr(system, name), getattr(before, name)) for name in fields]
@@ -64,6 +71,25 @@ class Propagator(Matrices):
         """Whether the matrices without harmonics depend on the tuning."""
         return self.model.gyroscopic
 
+    def whole(self):
+        """Return the system and its grid with the segments of all mesh periods."""
+        if not self.long:
+            return self.system, self.grid
+        system = self.model.system(self.tuning)
+        return system, grid_of(system)
+
+    def ahead(self, first, done, spans):
+        """Return (system, grid, period they last to) for a run, `done` periods of it behind it.
+
+        Periods that are recorded lie in one stretch: samples tell segments by their numbers.
+        """
+        periods, unseen = spans[0], spans[0] - spans[1]
+        if not self.long:
+            return self.system._replace(first=first), self.grid, periods
+        end = min(done + _STRETCH, unseen) if done < unseen else periods
+        system = self.model.system(self.tuning, first + done, end - done)._replace(first=first)
+        return system, grid_of(system), end
+
     def at(self, tuning):
         """Return the propagator of another tuning; it takes the tables over, see `Base.at`."""
         return type(self)(self.model, tuning, self)
@@ -75,10 +101,10 @@ class Propagator(Matrices):
     def go(self, z, samples, events, limit, summary, spans, maps=None, first=0, extrema=True):
         """Run from z; `spans` are all periods and those recorded, `summary` has a row a mesh.
 
-        Returns (period, events, events found, status); samples as of `record.record`. Without
-        `extrema` the summary is not filled.
+        Returns (period, events, events found, status, system whose segments the samples have);
+        samples as of `record.record`. Without `extrema` the summary is not filled.
         """
-        system, m = self.system._replace(first=first), self.system.near.shape[0]
+        (system, grid, end), m = self.ahead(first, 0, spans), self.system.near.shape[0]
         (periods, record_periods), size = spans, z.size
         maps = np.empty((0, size, size)) if maps is None else maps
         tables = self.taken()
@@ -92,11 +118,12 @@ class Propagator(Matrices):
         kept = min(periods, orbit.strobe_periods(system.repeats)) if record_periods else 0
         strobes = np.empty((m, kept + 1, 2))
         vectors = np.empty((size if len(maps) else 0, w.z.size))
-        code = begin(system, self.grid, w)
+        w.place[UNTIL] = end
+        code = begin(system, grid, w)
         while code == OK:
             code = run_train(
                 system,
-                self.grid,
+                grid,
                 tables,
                 w,
                 periods,
@@ -110,7 +137,10 @@ class Propagator(Matrices):
                 maps,
             )
             if code == MISSING:
-                add(tables, system, self.grid, self.frame, w.effects)
+                add(tables, system, grid, self.frame, w.effects)
+            elif code == BEYOND:
+                system, grid, w.place[UNTIL] = self.ahead(first, int(w.place[PERIOD]), spans)
+                forget_lengths(tables)
             elif code == FULL:
                 events = enlarged(events, 2 * len(events) + 16 * m)
             else:
@@ -120,7 +150,7 @@ class Propagator(Matrices):
         z[:] = w.z[:size] / self.scale
         done = code == OK and record_periods > 0
         period = period_of(system, strobes, summary) if done else 0
-        return period, events, int(w.place[FOUND]), code
+        return period, events, int(w.place[FOUND]), code, system
 
     def raw(self, samples):
         """Return empty samples as of `record.record`."""
@@ -130,21 +160,22 @@ class Propagator(Matrices):
     def run(self, z, periods, record_periods, samples, events, limit, summary, first=0):
         """Run from z; see `Base.run`. Samples have the columns of `GearTrain.empty_record`."""
         raw, spans = self.raw(len(samples)), (periods, record_periods)
-        period, events, found, code = self.go(z, raw, events, limit, summary, spans, first=first)
+        done = self.go(z, raw, events, limit, summary, spans, first=first)
+        period, events, found, code, system = done
         if code == OK and len(samples):
-            self.fill(raw, samples)
+            self.fill(raw, samples, system)
         half = z.size // 2
         return z[:half].copy(), z[half:].copy(), period, events, found, code, 0
 
-    def fill(self, raw, samples):
+    def fill(self, raw, samples, system):
         """Fill samples, shape (k, 6 m + N), from states, contact codes and segments."""
         m = len(self.system.near)
-        self.fill_meshes(raw, samples[:, : 6 * m].reshape(-1, m, 6))
+        self.fill_meshes(raw, samples[:, : 6 * m].reshape(-1, m, 6), system)
         samples[:, 6 * m :] = raw[:, : self.model.size // 2]
 
-    def fill_meshes(self, raw, columns):
+    def fill_meshes(self, raw, columns, system):
         """Fill the samples of the meshes, shape (k, m, 6)."""
-        system, nu = self.system, self.system.tuning
+        nu = system.tuning
         m, n = system.near.shape
         state, code, p = raw[:, :n], raw[:, n : n + m].astype(int), raw[:, -1].astype(int)
         effect = np.take_along_axis(system.effect[:, p, :], code[None] + 1, axis=0)[0]
@@ -166,7 +197,7 @@ class Propagator(Matrices):
         """Fill the maps; see `Base.vary`."""
         none, summary = self.raw(0), np.empty((len(self.system.near), SUMMARY_COLUMNS))
         events = np.empty((0, EVENT_COLUMNS))
-        *_, code = self.go(z, none, events, limit, summary, (periods, 0), maps, first)
+        code = self.go(z, none, events, limit, summary, (periods, 0), maps, first)[3]
         # Deviations of rates count by phase, as rates do.
         maps *= self.scale[None, :] / self.scale[:, None]
         return code
@@ -177,7 +208,7 @@ class Propagator(Matrices):
 
         train, tuning = self.model, self.system.tuning
         self.twins = [train.complex_step(slopes) for slopes in along]
-        systems = [self.system]
+        systems = [self.whole()[0]]
         for twin, slopes in zip(self.twins, along, strict=True):
             systems.append(train_system(twin, tuning + 1j * STEP * slopes.get("tuning", 0.0)))
         slopes = [
@@ -186,7 +217,7 @@ class Propagator(Matrices):
         ]
         rates = np.array([float(rate) for rate in train.rates])
         half, n = train.size // 2, self.components
-        outputs = np.zeros((len(systems), half, 3, self.system.effect.shape[1], n))
+        outputs = np.zeros((len(systems), half, 3, systems[0].effect.shape[1], n))
         outputs[...] = np.eye(half, n)[:, None, None]
         switches = math.pi * np.array(slopes) / rates[:, None]
         return MatrixSlopes(systems, train.size, switches, outputs)
@@ -197,7 +228,7 @@ class Propagator(Matrices):
         raw, events = self.raw(periods), np.empty((16, EVENT_COLUMNS))
         summary, spans = np.empty((m, SUMMARY_COLUMNS)), (periods, periods)
         more = limit, summary, spans, None, 0, False
-        _, events, found, code = self.go(z.copy(), raw, events, *more)
+        _, events, found, code, _ = self.go(z.copy(), raw, events, *more)
         if code != OK:
             return None, code
         events, codes = events[:found], raw[0, n : n + m].astype(int)
@@ -222,7 +253,7 @@ class Propagator(Matrices):
 
     def switches(self, mesh):
         """Return the phases of switches of a mesh, rising; see `Base.differentiate`."""
-        system = self.system
+        system, _ = self.whole()
         own = system.low[:, :, mesh]
         new = np.append((own != np.roll(own, 1, axis=1)).any(axis=0), True)
         new[system.first_segment] = True

@@ -14,6 +14,7 @@ module                   responsibility
 ``train_slopes``         by what trains are differentiated; a train a little off the real axis
 ``statics``              load sharing with gaps and errors
 ``natural_modes``        natural frequencies and shapes, and which harmonics excite them
+``layout``               where axes and pitch points lie, how all turn
 ``ready_made``           `planetary`, `idler`, `two_stage`
 ``parts``                gears by module and teeth, meshes by a `GearPair`, for these
 ``two_gears``            `TwoGears`: the train that a `SixDegreePair` is

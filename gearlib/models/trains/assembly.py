@@ -8,8 +8,8 @@ from gearlib import checks
 
 #: Relative difference of base pitches that is rounding of base radii.
 _PITCH = 1e-4
-#: Meshes of nine effects each whose combinations have numbers of 64 bits.
-_MOST_MESHES = 19
+#: As many as the largest planetary train has.
+_MOST_MESHES = 200
 
 
 class Parts:

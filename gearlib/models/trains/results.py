@@ -135,6 +135,23 @@ class TrainResults(Model):
         columns = {"mean_force": mean, "dynamic_factor": factor, "load_sharing": shares}
         return {name: (dims, values) for name, values in columns.items()}
 
+    def layout(self):
+        """Return where the gears lie, without errors of assembly, and how they turn.
+
+        Positions, pins and shafts lead from axis to axis; x = y = 0 is that of the first carrier,
+        without one that of the first body.
+
+        Returns
+        -------
+        xarray.Dataset
+            Over `body`: body_x, body_y, body_radius (m), body_turns, carried_by, shaft_line; over
+            `mesh`: mesh_x, mesh_y (m) and, over `gear` too, mesh_gear, pitch_radius (m); and
+            frame_turns, misfit (m). Turns are in the housing, over the phase of the reference mesh.
+        """
+        from gearlib.models.trains.layout import layout
+
+        return layout(self)
+
     @property
     def mean_forces(self):
         """Static forces of the linear train, without errors, over the load, shape (m,)."""

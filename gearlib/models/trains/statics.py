@@ -128,8 +128,9 @@ def branches(train):
 
 def _levels(train, phase):
     """Return the stiffness of coast and drive sides at a phase, N/m, shape (2, m)."""
-    segments = train.segments
     tau = phase % (2.0 * math.pi * train.repeats)
+    number = int(tau / (2.0 * math.pi))
+    segments, tau = train.segments_of(number, 1), tau - 2.0 * math.pi * number
     segment = np.searchsorted(segments.starts, tau, side="right") - 1
     low = segments.low[:, min(segment, segments.starts.size - 2)]
     largest = np.array([mesh.max_stiffness for mesh in train.meshes])

@@ -19,6 +19,9 @@ from gearlib.kernels.exponential import REACH
 from gearlib.kernels.several_meshes.train_system import TrainSystem
 from gearlib.models import one_mesh_system
 
+#: Mesh periods after which nothing repeats, for the numbers of the kernels.
+LONGEST = 2**50
+
 
 class Scaled(NamedTuple):
     """A train without dimensions, at one tuning: n coordinates."""
@@ -68,10 +71,10 @@ def functionals(train, frequencies, waves, constants):
     return near, far
 
 
-def train_system(train, tuning):
-    """Return the `TrainSystem` of a `GearTrain` at one tuning."""
+def train_system(train, tuning, segments=None):
+    """Return the `TrainSystem` of a `GearTrain` at one tuning; by default with all `Segments`."""
     frequencies, waves, constants = train.excitation
-    parts, segments = scaled(train, tuning), train.segments
+    parts, segments = scaled(train, tuning), segments or train.segments
     inverse = np.linalg.inv(parts.mass)
     lines = train.structure.lines
     m, n = lines.shape
@@ -95,9 +98,10 @@ def train_system(train, tuning):
     low = np.stack([segments.low[0], segments.low[1], segments.low[1]])
     # Flanks are alike in segments of one level and direction of sliding; (coast, drive) of meshes.
     alike = 2 * segments.low + (segments.sense < 0.0)
-    kinds = [[sorted(set(side[:, j].tolist())) for side in alike] for j in range(m)]
-    for mesh, own in zip(train.meshes, kinds, strict=True):
-        own[0] = [] if math.isinf(mesh.backlash.real) else own[0]
+    kinds = [
+        ([] if math.isinf(mesh.backlash.real) else own, own)
+        for mesh, own in zip(train.meshes, segments.kinds, strict=True)
+    ]
     highest = 1 + max(len(coast) + len(drive) for coast, drive in kinds)
     push, grip = np.zeros((2, m, highest, 2, size), free.dtype)
     effect = np.zeros((3, p, m), dtype=np.int64)
@@ -133,7 +137,7 @@ def train_system(train, tuning):
         float(REACH / max(norm, np.abs(frequencies * tuning).max(initial=0.0))),
         frequencies,
         tuning,
-        train.repeats,
+        min(train.repeats, LONGEST),
     )
 
 

@@ -151,10 +151,12 @@ class GearTrain(TrainResults):
 
     @cached_property
     def segments(self):
-        """Segments of constant stiffness, see `waves.segments`."""
-        both = [(self.inverse_phases[name], self.phases[name]) for name in self.mesh_names]
-        turns = [turning.sliding_turns(mesh, self.speeds) for mesh in self.meshes]
-        return waves.segments(self.meshes, self.rates, both, turns, self.repeats)
+        """Segments of constant stiffness until all repeats, see `waves.segments`."""
+        return self.segments_of(0, self.repeats)
+
+    def segments_of(self, first, count):
+        """Return the `Segments` of some reference mesh periods, the n-th at n modulo `count`."""
+        return waves.stretch(self, first, count)
 
     @property
     def size(self):
@@ -292,11 +294,14 @@ class GearTrain(TrainResults):
 
         return largest_norm(self, scaled(self, 1.0))
 
-    def system(self, tuning):
-        """Return the `TrainSystem` of the kernels at one tuning."""
+    def system(self, tuning, first=0, count=None):
+        """Return the `TrainSystem` of the kernels at one tuning, by default with all segments.
+
+        Else with those of so many mesh periods, see `segments_of`.
+        """
         from gearlib.models.trains.system import train_system
 
-        return train_system(self, tuning)
+        return train_system(self, tuning, self.segments_of(first, count) if count else None)
 
     def static(self, phase=0.0):
         """Return how the meshes share the load at rest, with gaps and errors.
@@ -351,7 +356,7 @@ class GearTrain(TrainResults):
         """
         from gearlib.models.trains.natural_modes import phasing
 
-        return phasing(self, checks.integer("count", count, 1))
+        return phasing(self, checks.integer("count", count, 1, 1000))
 
     def campbell(self, count=3):
         """Return the speeds at which mesh frequencies and their multiples meet natural ones.
@@ -371,7 +376,7 @@ class GearTrain(TrainResults):
         """
         from gearlib.models.trains.natural_modes import campbell
 
-        return campbell(self, checks.integer("count", count, 1))
+        return campbell(self, checks.integer("count", count, 1, 1000))
 
     @cached_property
     def _static_state(self):

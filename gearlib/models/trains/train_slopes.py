@@ -242,7 +242,7 @@ def static_state(train, found, twin):
     """Return the start in static equilibrium, `found`, off the real axis, shape (size,)."""
     n = train.size // 2
     _, waves, constants = train.excitation
-    low = train.segments.low[:, 0]
+    low = train.segments_of(0, 1).low[:, 0]
     stiffness, force = twin.structure.stiffness.astype(complex), twin.structure.load + 0j
     for j, (mesh, line) in enumerate(zip(twin.meshes, twin.structure.lines, strict=True)):
         code = found.contact[j]

@@ -92,12 +92,11 @@ class TwoGears(GearTrain):
         directions = ("motions", "lines", "across", "arms")
         return found._replace(**{name: getattr(found, name).real for name in directions})
 
-    @cached_property
-    def segments(self):
-        """Segments of one mesh period, in which the run-out changes nothing."""
+    def segments_of(self, first, count):
+        """Return the `Segments` of one mesh period: the run-out changes nothing in them."""
         (mesh,) = self.meshes
         turns = [turning.sliding_turns(mesh, self.speeds)]
-        return waves.segments(self.meshes, self.rates, [(0.0, 0.0)], turns, 1)
+        return waves.segments(self.meshes, self.rates, [(0.0, 0.0)], turns, 0, 1)
 
     @property
     def static_deflection(self):

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gearlib.models.trains import turning
 from gearlib.models.trains.structure import FLOATS
 
 #: Boundaries that are closer in phase are one.
@@ -23,15 +24,18 @@ class Segments(NamedTuple):
     first_segment: np.ndarray  #: where each reference mesh period begins, shape (repeats + 1,)
     low: np.ndarray  #: whether at the lower level, coast and drive side, shape (2, p, m)
     sense: np.ndarray  #: of the sliding, 1 or -1, 1 without friction, as `low`, shape (2, p, m)
+    kinds: list  #: of each mesh those that come: 2 at the lower level, 1 more for sliding by -1
 
 
-def segments(meshes, rates, phases, turns, repeats):
-    """Return the `Segments`; each argument but the last has an entry for each mesh.
+def segments(meshes, rates, phases, turns, first, count):
+    """Return the `Segments` of so many reference mesh periods from the `first` on, as from phase 0.
 
-    Phases and `turning.sliding_turns` are pairs, coast and drive, these after the drive side.
+    The other arguments have an entry for each mesh. Phases and `turning.sliding_turns` are pairs,
+    coast and drive, these after the drive side.
     """
     whole = 2.0 * math.pi
-    cuts = [whole * k for k in range(repeats + 1)]
+    marks = [whole * k for k in range(count + 1)]
+    cuts = [np.array(marks)]
     for mesh, rate, shifts, pitch in zip(meshes, rates, phases, turns, strict=True):
         local = set()
         if mesh.varies:
@@ -40,22 +44,25 @@ def segments(meshes, rates, phases, turns, repeats):
         if any(mesh.friction):
             local |= {shifts[1] + turn + half for turn in pitch for half in (0.0, 0.5)}
         # A cut at c mesh periods comes back every mesh period.
-        count = int(repeats * rate)
-        cuts += [whole * float((c % 1.0 + k) / rate) for c in local for k in range(count)]
-    ordered = sorted(cuts)
-    kept = [0.0]
-    marks = {whole * k for k in range(repeats + 1)}
-    for cut in ordered[1:]:
+        before = math.floor(first * rate)
+        own = np.arange(math.ceil((first + count) * rate) - before)
+        # So far back of the first period the first of these mesh periods begins, to the last place.
+        lead = float(before / rate - first)
+        cuts += [whole * (lead + (c % 1.0 + own) / float(rate)) for c in local]
+    ordered = np.sort(np.concatenate(cuts))
+    kept, bounds = [0.0], set(marks)
+    for cut in ordered[(ordered >= 0.0) & (ordered <= marks[-1])].tolist():
         if cut - kept[-1] > _SAME_PHASE:
             kept.append(cut)
-        elif cut in marks:
+        elif cut in bounds:
             kept[-1] = cut
     starts = np.array(kept)
     middle = (starts[:-1] + starts[1:]) / 2.0
     low = np.zeros((2, middle.size, len(meshes)), dtype=bool)
     sense = np.ones(low.shape)
+    kinds = []
     for j, (mesh, rate, shifts, pitch) in enumerate(zip(meshes, rates, phases, turns, strict=True)):
-        at = middle * float(rate) / whole
+        at = middle * float(rate) / whole + float(first * rate % 1)
         for side, (g, turn) in enumerate(zip(shifts, pitch, strict=True)):
             away = np.abs(np.mod(at - g + 0.5, 1.0) - 0.5)
             low[side, :, j] = away > (mesh.contact_ratio.real - 1.0) / 2.0
@@ -63,8 +70,33 @@ def segments(meshes, rates, phases, turns, repeats):
                 sense[side, :, j] = np.where(np.mod(at - shifts[1] - turn, 1.0) < 0.5, 1.0, -1.0)
         if not mesh.varies:
             low[:, :, j] = mesh.contact_ratio.real < 2.0 and mesh.two_levels
-    first = np.searchsorted(starts, [whole * k - _SAME_PHASE for k in range(repeats + 1)])
-    return Segments(starts, first, low, sense)
+        levels = (0, 1) if mesh.varies else (int(low[0, 0, j]),)
+        ways = (0, 1) if any(mesh.friction) else (0,)
+        kinds.append([2 * level + way for level in levels for way in ways])
+    places = np.searchsorted(starts, np.array(marks) - _SAME_PHASE)
+    return Segments(starts, places, low, sense, kinds)
+
+
+def stretch(train, first, count):
+    """Return the `Segments` of some reference mesh periods, the n-th at n modulo `count`."""
+    both = [(train.inverse_phases[name], train.phases[name]) for name in train.mesh_names]
+    turns = [turning.sliding_turns(mesh, train.speeds) for mesh in train.meshes]
+    parts = train.meshes, train.rates, both, turns
+    if not (early := first % count):
+        return segments(*parts, first, count)
+    late = segments(*parts, first, count - early)
+    return _joined(segments(*parts, first + count - early, early), late)
+
+
+def _joined(one, other):
+    """Return the `Segments` of one stretch with those of another one behind it."""
+    return Segments(
+        np.append(one.starts[:-1], one.starts[-1] + other.starts),
+        np.append(one.first_segment[:-1], one.first_segment[-1] + other.first_segment),
+        np.concatenate([one.low, other.low], axis=1),
+        np.concatenate([one.sense, other.sense], axis=1),
+        one.kinds,
+    )
 
 
 def stiffness_harmonic(mesh, order, phase):

@@ -12,6 +12,7 @@ module             responsibility
 ``motion``         figures of the motion of a pair
 ``drawn_figures``  numbers and figures of drawn gears
 ``train_figures``  figures of a train
+``turning_train``  the train along its axes, turned by a slider
 ``slider_page``    the page: sliders, a note, the button
 ``serving``        the choice of what is explored, and the server
 =================  ===================================================

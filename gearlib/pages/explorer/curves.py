@@ -1,5 +1,7 @@
 """Figures of lines whose ends are sources by name, with a marker at what is set."""
 
+from typing import NamedTuple
+
 import panel as pn
 from bokeh.models import ColumnDataSource, Span
 from bokeh.plotting import figure
@@ -33,21 +35,43 @@ class Curves:
         return plot
 
 
-def small(title, x, y, width=330):
-    """Return an empty figure of which several stand side by side, as wide as there is room."""
-    return figure(
-        width=width, height=320, title=title, x_axis_label=x, y_axis_label=y, toolbar_location=None,
-        max_width=width, min_width=200, sizing_mode="stretch_width",
-    )  # fmt: skip
+class Room(NamedTuple):
+    """What a figure takes of its row and of the window."""
+
+    share: float  #: of the height that the window has for figures
+    least: int  #: height, px
+    basis: int  #: width from which its row is filled, px
+    grow: int = 1  #: how it shares what is left of the width
+
+
+#: Of the characteristic, of a figure beside it, and of those of which several stand side by side.
+LARGE, FIRST, SMALL = Room(0.55, 300, 460, 2), Room(0.55, 340, 290), Room(0.45, 250, 260)
+#: Width of ticks and words of an ordinate, px.
+_ORDINATE = 65
+#: Of the window, px: choice, heading and note.
+_HEAD = 240
+
+
+def empty(title, x, y, tools=False):
+    """Return an empty figure, whose size is that of its `pane`."""
+    more = {} if tools else {"toolbar_location": None}
+    # Room for ticks and words of the ordinate, which are not known when the figure is laid out.
+    look = {"sizing_mode": "stretch_both", "min_border_left": _ORDINATE}
+    return figure(title=title, x_axis_label=x, y_axis_label=y, **look, **more)
+
+
+def pane(plot, room=SMALL, less=0):
+    """Return the pane of a figure, which grows with the window; less: px for what is below it."""
+    height = f"calc({room.share} * (100vh - {_HEAD}px) - {less}px)"
+    styles = {"height": height, "min-height": f"{room.least - less}px"} | flex(room)
+    return pn.Column(pn.pane.Bokeh(plot, sizing_mode="stretch_both"), styles=styles)
+
+
+def flex(room):
+    """Return the styles by which something takes its room of a row."""
+    return {"flex": f"{room.grow} 1 {room.basis}px", "min-width": "0"}
 
 
 def beside(*panes, **options):
     """Return panes beside each other; those for which the window is too narrow come below."""
     return pn.FlexBox(*panes, sizing_mode="stretch_width", **options)
-
-
-def wide(title, x, y):
-    """Return an empty figure that takes the whole width."""
-    return figure(
-        height=330, title=title, x_axis_label=x, y_axis_label=y, sizing_mode="stretch_width"
-    )

@@ -6,8 +6,11 @@ import numpy as np
 import panel as pn
 
 from gearlib.figures.style import PALETTE
-from gearlib.pages.explorer.curves import Curves, beside, small
+from gearlib.pages.explorer.curves import Curves, Room, beside, empty, pane
 from gearlib.pages.explorer.motion import Motion
+
+#: As high as the table beside them.
+_HARRIS, _SHARE = Room(0.45, 400, 340, 2), Room(0.45, 400, 260)
 
 
 class DrawnFigures(Curves):
@@ -15,7 +18,8 @@ class DrawnFigures(Curves):
 
     def __init__(self, drawing):
         self.motion = Motion(over_speed=True)
-        self.table = pn.pane.Markdown("", width=330)
+        self.resonance = self.motion.resonance
+        self.table = pn.pane.Markdown("", width=290)
         self._loads = drawing.loads
         #: Names of the curves of the Harris map, in the order of the loads.
         self._curves = [*range(drawing.loads.size), "chosen"]
@@ -23,19 +27,21 @@ class DrawnFigures(Curves):
 
     def panes(self):
         """Return the derived numbers and the figures."""
-        teeth = self._harris(), self._share()
-        return [beside(self.table, *map(pn.pane.Bokeh, teeth)), *self.motion.panes()]
+        first = self.table, pane(self._harris(), _HARRIS), pane(self._share(), _SHARE)
+        return [beside(*first), *self.motion.panes()]
 
     def draw(self, seen):
         """Show a view, and return it in words."""
         lines = [f"| {name} | {value} |" for name, value in rows(seen)]
         self.table.object = "\n".join(["| derived | |", "|---|---:|", *lines])
         error = seen.error
-        # The mesh period closes where it began.
-        phase = np.append(error.phase.values / math.tau, 1.0)
+        # After the last mesh period it closes where it began; several, if there are pitch errors.
+        count = len(seen.mesh.pitch_errors)
+        phase = np.append(error.phase.values / math.tau, count)
         curves = 1e6 * error.transmission_error.values
         for name, curve in zip(self._curves, curves, strict=True):
             self.show(name, phase, np.append(curve, curve[0]))
+        error = error.isel(phase=slice(0, error.phase.size // count))
         position, share = 1e3 * error.path_position.values, error.load_share.values[-1]
         inside = np.isfinite(position)
         order = np.argsort(position[inside])
@@ -45,7 +51,7 @@ class DrawnFigures(Curves):
         return self.motion.draw(seen)
 
     def _harris(self):
-        plot = small("Harris map: static transmission error", "mesh phase / 2π", "µm", 460)
+        plot = empty("Harris map: static transmission error", "mesh phase / 2π", "µm")
         for name, load in zip(self._curves, [*self._loads, None], strict=True):
             words, colour, width = "chosen torque", PALETTE[0], 3
             if load is not None:
@@ -55,7 +61,7 @@ class DrawnFigures(Curves):
         return plot
 
     def _share(self):
-        plot = small("Load share of a pair of teeth", "position on the path of contact, mm", "")
+        plot = empty("Load share of a pair of teeth", "position on the path of contact, mm", "")
         self.line(plot, "share", PALETTE[0])
         return self.marked(plot)
 

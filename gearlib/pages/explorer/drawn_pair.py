@@ -1,8 +1,7 @@
 """From slider values to the arrays that the explorer draws of a drawn pair; no browser here."""
 
 import math
-from dataclasses import replace
-from typing import ClassVar
+from dataclasses import asdict, replace
 
 import numpy as np
 
@@ -12,24 +11,34 @@ from gearlib.geometry import Mesh, TipRelief
 from gearlib.models.load_sharing_pair import LoadSharingPair
 from gearlib.models.pair import GearPair
 from gearlib.pages.explorer.explored import Explored, Slider, saved, slider_of
-from gearlib.pages.explorer.view import look
+from gearlib.pages.explorer.view import PAIR, look
 
 #: Where the sliders start if no gears are drawn: z 20/20, m 10 mm, b 30 mm, E 200 GPa
 #: of the literature on backlash, under 106 N per mm of width.
 START = TWENTY | {"backlash": 100e-6, "torque": 300.0}
 #: Keys of a drawing that the sliders replace.
 _REPLACED = "centre_distance", "torque", "power", "speed", "stiffness", "stiffness_options"
-#: Keys of a gear that it starts without.
-_BARE = "tip_relief", "pitch_errors"
+#: Keys of a gear that a setting decides on.
+_SET = "tip_relief", "pitch_errors"
 #: Loads of the Harris map beside the chosen one, over that at the start.
 _LOADS = 0.0, 0.5, 1.0, 1.5, 2.0
 _PHASES = 256
+#: Most phases where pitch errors make the error repeat after many mesh periods, and least of each.
+_ALL_PHASES, _FEWEST = 2048, 16
+#: Most mesh periods that are recorded of a motion.
+_RECORDED = 100
 #: Speeds of the characteristic, over that of resonance at the start.
 _LOWEST, _HIGHEST = 0.2, 2.2
 #: Length of the reliefs over the longest one, which leaves single contact its involutes.
 LENGTHS = {"short": 0.5, "long": 1.0}
+#: Where the drawing has relief: its lengths and shapes, amounts in their proportion.
+OWN = "as drawn"
 #: What moves, and speeds of its characteristic; of pairs of teeth each takes twenty times longer.
 POINTS = {"rectangle": 500, "teeth": 60}
+_MODELS = {
+    "rectangular stiffness, no relief": "rectangle",
+    "pairs of teeth one by one, with relief": "teeth",
+}
 
 
 class Drawing(Explored):
@@ -39,22 +48,10 @@ class Drawing(Explored):
     ----------
     mapping : dict
         A configuration that `gearlib.config.load` accepts. Its gears, if it draws some, are where
-        the sliders start, without tip relief and pitch errors; the centre distance follows the
-        shifts.
+        the sliders start; the centre distance follows the shifts.
     damping : str
         One of its dampings, whose ratios count.
     """
-
-    choices: ClassVar = {
-        "length": ("length of the reliefs", list(LENGTHS)),
-        "model": (
-            "what moves",
-            {
-                "rectangular stiffness, no relief": "rectangle",
-                "pairs of teeth one by one, with relief": "teeth",
-            },
-        ),
-    }
 
     def __init__(self, mapping, damping):
         self.section, self.damping = mapping.get("gears", START), damping
@@ -68,14 +65,26 @@ class Drawing(Explored):
         )
         self.loads = torque * np.array(_LOADS)
         pinion, wheel, gap = mesh.pinion, mesh.wheel, mesh.backlash
+        reliefs = [one.tip_relief.amount for one in (pinion, wheel) if one.tip_relief]
+        errors = bool(pinion.pitch_errors or wheel.pitch_errors)
+        amount = max(reliefs, default=0.0)
+        lengths = [OWN, *LENGTHS] if amount else [*LENGTHS]
+        # Only pairs of teeth move with relief and pitch errors.
+        models = dict(reversed(_MODELS.items()) if amount or errors else _MODELS.items())
+        self.choices = {
+            "length": ("length of the reliefs", lengths),
+            "model": ("what moves", models),
+        }
+        if errors:
+            self.choices["errors"] = "pitch errors", {OWN: True, "none": False}
         self.heading = (
             f"Drawn gears, z {pinion.teeth}/{wheel.teeth}, module {1e3 * pinion.module:g} mm, "
             f"width {1e3 * pinion.width:g} mm, {torque:g} N m"
         )
         if self.section is START:
             self.heading += ": an example, since the configuration draws none"
-        elif any(gear.tip_relief or gear.pitch_errors for gear in (pinion, wheel)):
-            self.heading += ", to begin with without relief and pitch errors of the drawing"
+        has = ["tip relief"] * bool(amount) + ["pitch errors"] * errors
+        self.heading += f", {' and '.join(has)} as drawn" if has else ""
         module, shifts = 1e3 * pinion.module, (-1.0, 1.5, 0.01)
         self.sliders = {
             "module": Slider(
@@ -83,7 +92,12 @@ class Drawing(Explored):
             ),
             "pinion_shift": Slider("profile shift of the pinion", pinion.shift, shifts),
             "wheel_shift": Slider("profile shift of the wheel", wheel.shift, shifts),
-            "relief": Slider("tip relief of both gears, µm", 0.0, (0.0, 50.0, 0.1), 1e-6),
+            "relief": Slider(
+                "largest tip relief, µm" if amount else "tip relief of both gears, µm",
+                amount,
+                (0.0, max(50.0, 2e6 * amount), 0.1),
+                1e-6,
+            ),
             "backlash": slider_of(
                 GearPair, "backlash", gap, 1.0, high=max(400.0, 3e6 * gap), unit=1e-6
             ),
@@ -105,21 +119,32 @@ class Drawing(Explored):
 
     def mesh(self, setting):
         """Return the `Mesh` that the sliders stand for: tips stay as high above the shift."""
-        pinion = self._gear("pinion", setting.module, setting.pinion_shift)
-        wheel = self._gear("wheel", setting.module, setting.wheel_shift)
+        pinion = self._gear("pinion", setting, setting.pinion_shift)
+        wheel = self._gear("wheel", setting, setting.wheel_shift)
         mesh = Mesh(pinion, wheel, backlash=setting.backlash)
         if not setting.relief:
             return mesh
+        if setting.length == OWN:
+            return mesh.with_reliefs(*(self._own(name, setting) for name in ("pinion", "wheel")))
         length = LENGTHS[setting.length] * mesh.longest_relief
         relief = TipRelief(amount=setting.relief, length=length)
         return mesh.with_reliefs(relief, relief)
 
-    def _gear(self, name, module, shift):
-        gear = getattr(self.drawn, name)
+    def _own(self, name, setting):
+        """Return the relief of the drawing: the larger, the more there is; as long in modules."""
+        own = getattr(self.drawn, name).tip_relief
+        if own is None:
+            return None
+        share = setting.relief / self.start.relief, setting.module / self.start.module
+        return replace(own, amount=own.amount * share[0], length=own.length * share[1])
+
+    def _gear(self, name, setting, shift):
+        gear, module = getattr(self.drawn, name), setting.module
         tip = gear.tip_diameter / gear.module + 2.0 * gear.sign * (shift - gear.shift)
         changes = {"module": module, "shift": shift, "tip_diameter": float(f"{tip * module:.12g}")}
         try:
-            return replace(gear, **changes, tip_relief=None, pitch_errors=())
+            errors = gear.pitch_errors if getattr(setting, "errors", False) else ()
+            return replace(gear, **changes, tip_relief=None, pitch_errors=errors)
         except ValueError as error:
             raise ValueError(f"{name}: {error}") from None
 
@@ -136,11 +161,19 @@ class Drawing(Explored):
     def look(self, setting):
         """Return the view of a setting; ValueError if there cannot be such gears."""
         mesh, pair = self.mesh(setting), self.pair(setting)
-        error = mesh.transmission_error([*self.loads, setting.torque], phases=_PHASES)
+        # After so many mesh periods the same teeth meet again.
+        count = len(mesh.pitch_errors)
+        phases = max(_FEWEST, min(_PHASES, _ALL_PHASES // count))
+        error = mesh.transmission_error([*self.loads, setting.torque], phases=phases)
         model = pair if setting.model == "rectangle" else self.pair(setting, LoadSharingPair)
         grid = pair.tuning_at(np.linspace(*self.speeds, POINTS[setting.model]))
         tuning = pair.tuning_at(setting.speed)
-        return look(model, tuning, grid, mesh=mesh, pair=pair, error=error)
+        count = count if setting.model == "teeth" else 1
+        more = max(0, min(count, _RECORDED) - PAIR.recorded)
+        lengths = PAIR._replace(
+            **{key: getattr(PAIR, key) + more for key in ("periods", "recorded", "settle")}
+        )
+        return look(model, tuning, grid, lengths, mesh=mesh, pair=pair, error=error)
 
     def configuration(self, setting):
         """Return the text of a config.yaml of these gears.
@@ -152,11 +185,14 @@ class Drawing(Explored):
         for name in ("pinion", "wheel"):
             gear = getattr(mesh, name)
             keys = ("module", "shift", "tip_diameter")
-            own = {key: value for key, value in gears[name].items() if key not in _BARE}
+            own = {key: value for key, value in gears[name].items() if key not in _SET}
             gears[name] = own | {key: getattr(gear, key) for key in keys}
-            if setting.relief:
-                length = float(f"{gear.tip_relief.length:.12g}")
-                gears[name]["tip_relief"] = {"amount": setting.relief, "length": length}
+            if gear.tip_relief:
+                said = asdict(gear.tip_relief)
+                rounded = {key: float(f"{said[key]:.12g}") for key in ("amount", "length")}
+                gears[name]["tip_relief"] = said | rounded
+            if gear.pitch_errors:
+                gears[name]["pitch_errors"] = list(gear.pitch_errors)
         gears |= {"backlash": setting.backlash, "torque": setting.torque, "stiffness": "energy"}
         ratios = {
             "damping_ratio": setting.damping,

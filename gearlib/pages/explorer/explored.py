@@ -56,7 +56,9 @@ class Explored(ABC):
     #: Name of a parameter -> its `Slider`.
     sliders: dict
     #: Name of a choice -> its label, and its options as of Panel, the first of them the start.
-    choices: ClassVar[dict] = {}
+    choices: dict = {}
+    #: Name of the slider over which the resonance characteristic goes.
+    abscissa: ClassVar[str] = "speed"
     #: What is followed: "value_throttled" is a slider that is let go.
     event: ClassVar[str] = "value"
 

@@ -1,10 +1,9 @@
 """Figures of the motion of one pair: characteristic, phase plane, time course, multipliers."""
 
 import numpy as np
-import panel as pn
 
 from gearlib.figures.style import PALETTE
-from gearlib.pages.explorer.curves import Curves, beside, small, wide
+from gearlib.pages.explorer.curves import LARGE, Curves, beside, empty, pane
 from gearlib.pages.explorer.view import PAIR, SHOWN
 
 
@@ -15,6 +14,7 @@ class Motion(Curves):
         self.over_speed = over_speed
         sweeps = "up", "up_min", "down", "down_min"
         super().__init__((*sweeps, "plane", "course", "force", "roots"))
+        self.resonance = self._characteristic()
 
     def draw(self, seen):
         """Show a view, and return it in words."""
@@ -41,27 +41,27 @@ class Motion(Curves):
         """Return the figures, one row after the other."""
         small_ones = self._phase_plane(), self._course(), self._multipliers()
         return [
-            pn.pane.Bokeh(self._characteristic(), sizing_mode="stretch_width"),
-            beside(*map(pn.pane.Bokeh, small_ones)),
+            beside(pane(self.resonance, LARGE)),
+            beside(*map(pane, small_ones)),
         ]
 
     def _characteristic(self):
-        title = "Resonance characteristic: largest and smallest displacement"
+        title = "Resonance characteristic: extrema"
         x = "speed of the pinion, rpm" if self.over_speed else "tuning ν"
-        plot = wide(title, x, "displacement, static deflections")
+        plot = empty(title, x, "displacement, static deflections", tools=True)
         for name, colour in (("up", PALETTE[0]), ("down", PALETTE[4])):
-            self.line(plot, name, colour, legend_label=f"sweep {name}")
-            self.line(plot, f"{name}_min", colour)
+            for end in (name, f"{name}_min"):
+                self.line(plot, end, colour, legend_label=f"sweep {name}")
         plot.legend.click_policy = "hide"
         return self.marked(plot)
 
     def _phase_plane(self):
-        plot = small("Phase plane", "displacement", "velocity dx/dτ")
+        plot = empty("Phase plane", "displacement", "velocity dx/dτ")
         self.line(plot, "plane", PALETTE[0])
         return plot
 
     def _course(self):
-        plot = small(f"Time course, {SHOWN} mesh periods", "mesh phase τ, rad", "")
+        plot = empty(f"Time course, {SHOWN} mesh periods", "mesh phase τ, rad", "")
         self.line(plot, "course", PALETTE[0], legend_label="displacement")
         self.line(plot, "force", PALETTE[4], legend_label="dynamic force / load")
         plot.add_layout(plot.legend[0], "below")
@@ -69,7 +69,7 @@ class Motion(Curves):
         return plot
 
     def _multipliers(self):
-        plot = small("Floquet multipliers", "real part", "imaginary part")
+        plot = empty("Floquet multipliers", "real part", "imaginary part")
         plot.match_aspect = True
         angle = np.linspace(0.0, 2.0 * np.pi, 200)
         plot.line(np.cos(angle), np.sin(angle), color="#999999")

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import asdict
+from typing import ClassVar
 
 import numpy as np
 
@@ -17,6 +18,8 @@ POINTS = 500
 
 class Pair(Explored):
     """The pair of a configuration with one of its dampings, by name."""
+
+    abscissa: ClassVar = "tuning"
 
     def __init__(self, mapping, damping):
         self.mapping, self.damping = mapping, damping

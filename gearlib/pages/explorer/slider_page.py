@@ -1,19 +1,43 @@
 """The page of the explorer: sliders, a note, figures, the button; with Panel."""
 
 import io
+import math
 import time
 
 import panel as pn
+from bokeh.events import Tap
 
 from gearlib.pages.explorer.curves import beside
 from gearlib.pages.explorer.explored import setting_of
+
+#: What rounding leaves of a whole number of steps.
+_EXACT = 1e-9
+
+
+def readable(one):
+    """Return lowest, highest and step of a `Slider` in round numbers, and the format of its values.
+
+    The step is 1, 2 or 5 times a power of ten, as far as that is possible from the lowest value on,
+    and values have the digits of a step, but four where they start.
+    """
+    low, high, step = one.range
+    power = 10.0 ** math.floor(math.log10(step) + _EXACT)
+    step = power * max(m for m in (1.0, 2.0, 5.0) if m * power <= step * (1.0 + _EXACT))
+    start = one.start / one.unit
+    low = min(math.ceil(low / step - _EXACT) * step, start)
+    high = max(math.ceil(high / step - _EXACT) * step, start)
+    least = max(0, -math.floor(math.log10(step) + _EXACT))
+    digits = 3 - math.floor(math.log10(abs(start))) if start else 0
+    digits = min(max(least, digits), least + 1)
+    low, high, step = (float(f"{value:.12g}") for value in (low, high, step))
+    return low, high, step, f"0[.][{'0' * digits}]" if digits else "0"
 
 
 class SliderPage:
     """The sliders of what is explored, as of `Explored`, and figures of what is seen there.
 
-    `figures` has ``panes()``, its rows, and ``draw(seen)``, which shows a view and returns it in
-    words.
+    `figures` has ``panes()``, its rows, ``draw(seen)``, which shows a view and returns it in words,
+    and ``resonance``, a figure over the slider that is `Explored.abscissa`.
     """
 
     def __init__(self, explored, figures):
@@ -21,11 +45,8 @@ class SliderPage:
         self.sliders = {
             name: pn.widgets.FloatSlider(
                 label=one.label,
-                start=one.range[0],
-                end=one.range[1],
-                step=one.range[2],
                 value=self._on_slider(one),
-                format="0[.]0000",
+                **dict(zip(("start", "end", "step", "format"), readable(one), strict=True)),
             )
             for name, one in explored.sliders.items()
         }
@@ -42,7 +63,16 @@ class SliderPage:
             slider.param.watch(self.update, explored.event)
         for choice in self.choices.values():
             choice.param.watch(self.update, "value")
+        figures.resonance.on_event(Tap, self.pick)
         self.update()
+
+    def pick(self, event):
+        """Show the motion where the resonance characteristic is clicked."""
+        slider = self.sliders[self.explored.abscissa]
+        value = slider.start + round((event.x - slider.start) / slider.step) * slider.step
+        slider.value = min(max(float(f"{value:.12g}"), slider.start), slider.end)
+        if self.explored.event != "value":
+            self.update()
 
     @staticmethod
     def _on_slider(one):

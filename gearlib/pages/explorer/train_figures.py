@@ -1,12 +1,11 @@
 """Figures of a gear train, with a curve of each mesh."""
 
+import math
 from itertools import product
 
-import panel as pn
-
-from gearlib.figures.style import PALETTE
-from gearlib.pages.explorer.curves import Curves, beside, small, wide
-from gearlib.pages.explorer.trains import KINDS
+from gearlib.figures.style import mesh_colours
+from gearlib.pages.explorer.curves import LARGE, Curves, beside, empty, pane
+from gearlib.pages.explorer.turning_train import TurningTrain
 from gearlib.pages.explorer.view import SHOWN, TRAIN
 
 
@@ -14,59 +13,63 @@ class TrainFigures(Curves):
     """The figures of the view of a `Machine`, a curve for each mesh."""
 
     def __init__(self, machine):
-        self.kind, self.meshes, self.speeds = machine.kind, machine.meshes, machine.speeds
+        self.meshes, self.speeds = machine.meshes, machine.speeds
         super().__init__(product(("up", "down", "shares", "force"), self.meshes))
+        self.train = TurningTrain()
+        self.resonance = self._characteristic()
         #: Of these the limits follow what is drawn.
         self._sharing, self._courses = self._shares(), self._course()
 
     def panes(self):
         """Return the figures, one row after the other."""
         return [
-            pn.pane.Bokeh(self._characteristic(), sizing_mode="stretch_width"),
-            beside(pn.pane.Bokeh(self._sharing), pn.pane.Bokeh(self._courses)),
+            beside(pane(self.resonance, LARGE), self.train.pane()),
+            beside(pane(self._sharing), pane(self._courses)),
         ]
 
     def draw(self, seen):
         """Show a view, and return it in words."""
         run, course = seen.run, seen.run.isel(phase=slice(-SHOWN * TRAIN.samples, None))
+        periods = (course.phase.values - course.phase.values[0]) / math.tau
         for mesh in self.meshes:
             curves = {
                 "up": (self.speeds, seen.up.dynamic_factor),
                 "down": (self.speeds, seen.down.dynamic_factor),
                 "shares": (self.speeds, seen.up.load_sharing),
-                "force": (course.phase.values - course.phase.values[0], course.dynamic_force),
+                "force": (periods, course.dynamic_force),
             }
             for what, (x, values) in curves.items():
                 self.show((what, mesh), x, values.sel(mesh=mesh).values)
         for what, plot in (("shares", self._sharing), ("force", self._courses)):
             self.limit(plot, [(what, mesh) for mesh in self.meshes])
         self.marker.location = float(run.speed)
+        self.train.draw(seen.model, course)
         return seen.message
 
     def _lines(self, plot, what, named=True, **options):
-        for i, mesh in enumerate(self.meshes):
+        for mesh, colour in mesh_colours(self.meshes).items():
             label = {"legend_label": mesh} if named else {}
-            self.line(plot, (what, mesh), PALETTE[i % len(PALETTE)], **label, **options)
+            self.line(plot, (what, mesh), colour, **label, **options)
 
     def _characteristic(self):
-        title = f"Resonance characteristic of the {KINDS[self.kind]}: up solid, down dashed"
-        plot = wide(title, "speed, rpm", "largest force over its static value")
+        title = "Resonance characteristic: down dashed"
+        plot = empty(title, "speed, rpm", "largest force over its static value", tools=True)
         self._lines(plot, "up")
         self._lines(plot, "down", line_dash="dashed")
         plot.legend.click_policy = "hide"
         return self.marked(plot)
 
     def _shares(self):
-        plot = small("Load sharing, sweep up", "speed, rpm", "over the mean of alike meshes", 500)
+        plot = empty("Load sharing, sweep up", "speed, rpm", "over the mean of alike meshes")
         self._lines(plot, "shares", named=False)
         return plot
 
     def _course(self):
-        plot = small(
+        plot = empty(
             f"Time course, {SHOWN} mesh periods",
-            "phase of the reference mesh, rad",
+            "mesh periods of the reference mesh",
             "mesh force / load",
-            500,
         )
         self._lines(plot, "force", named=False)
+        plot.add_layout(self.train.marker)
         return plot

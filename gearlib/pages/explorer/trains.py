@@ -92,7 +92,9 @@ class Machine(Explored):
         ends = float(np.ceil(self.speeds[0])), float(np.floor(self.speeds[-1]))
         self.sliders = {
             "speed": Slider(
-                "speed of the reference pinion, rpm", float(self.speeds[_POINTS // 3]), (*ends, 1.0)
+                "speed of the reference pinion, rpm",
+                float(np.clip(np.round(self.speeds[_POINTS // 3]), *ends)),
+                (*ends, 1.0),
             ),
             "stiffness_jump": Slider("stiffness jump 1 - κ", jump, (0.0, 0.9, 0.005)),
             "backlash": slider_of(

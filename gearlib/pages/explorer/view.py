@@ -89,9 +89,9 @@ def _of_meshes(run):
     if int(run.status):
         return run.status.attrs["message"]
     period = int(run.period)
-    motion = (
-        f"repeats after {period} mesh periods" if period else f"has {motion_words.not_settled(run)}"
-    )
+    motion = f"repeats after {period} mesh periods" if period else ""
+    if period < 2:
+        motion = "repeats every mesh period" if period else f"has {motion_words.not_settled(run)}"
     lost = (run.fraction_backlash + run.fraction_inverse).values > 0.0
     parted = [str(name) for name in run.mesh.values[lost]]
     contact = f"contact is lost in {', '.join(parted)}" if parted else "all meshes stay in contact"

@@ -4,7 +4,7 @@ import numpy as np
 
 from gearlib.data.result import result, stacked
 from gearlib.data.summary import in_words
-from gearlib.models.pair import GearPair
+from gearlib.models.described_pair import described
 from gearlib.runs.simulation import simulate
 
 #: What the page draws over the mesh phase; single precision is finer than any screen.
@@ -15,7 +15,7 @@ _SCALARS = ("displacement_max", "displacement_min", "period", "bounces", "status
 def compute(pairs, tunings, run, periods_shown):
     """Return the last mesh periods of the motion from rest, for all dampings and tunings.
 
-    pairs: keyword arguments of `GearPair` by the name of the damping; tunings: shape (n,); run:
+    pairs: arguments of `described` by the name of the damping; tunings: shape (n,); run:
     further arguments of `gearlib.simulate`. Extrema and period are those of the whole record;
     periods_shown: mesh periods of the courses, at most those recorded.
 
@@ -25,7 +25,7 @@ def compute(pairs, tunings, run, periods_shown):
     is NaN.
     """
     samples = periods_shown * run["samples_per_period"]
-    models = {name: GearPair(**parameters) for name, parameters in pairs.items()}
+    models = {name: described(parameters) for name, parameters in pairs.items()}
 
     def end(name, nu):
         found = simulate(models[name], nu, **run)

@@ -44,9 +44,9 @@ _COURSE = ("phase", "displacement", "force")
 _INTRODUCTION = """
 <p>Largest and smallest relative displacement of the gears over the tuning ν, the mesh frequency
 over the mean eigenfrequency, in static deflections. Grey: every tuning from rest; in colour: the
-state carried from tuning to tuning, up and down, so that hysteresis shows. Lines are orbits that
-repeat, dots are orbits that do not. <b>Choose a tuning</b> by a click or tap on the
-characteristic, or with the slider (arrow keys move it); phase plane and time course show the
+state carried from tuning to tuning, up and down, so that hysteresis shows. Lines are motions that
+have settled on a periodic orbit, dots are all others. <b>Choose a tuning</b> by a click or tap on
+the characteristic, or with the slider (arrow keys move it); phase plane and time course show the
 motion from rest there, its last {periods} mesh periods. Shaded: backlash, flanks apart; darker:
 inverse mesh, contact on the far flank. Drag moves the picture, the wheel zooms, the tools beside
 it zoom into a box and go back.</p>

@@ -1,8 +1,8 @@
-"""Campbell diagram of the paper's reducer, beside what its exact sweeps say of contact.
+"""Campbell diagram of the paper's reducer or another train, beside what its sweeps say of contact.
 
-The diagram is linear: natural frequencies at mean stiffness against the orders of both mesh
-frequencies, and which of the intersections the phases of the meshes let through. The sweeps are
-those of the reducer whose branches are alike.
+The diagram is linear: natural frequencies at mean stiffness against the orders of the mesh
+frequencies, and which of the intersections the phases of the meshes let through. The sweeps of the
+reducer are those whose branches are alike.
 """
 
 import numpy as np
@@ -10,30 +10,34 @@ import numpy as np
 from gearlib.data.lost_contact import lost_share
 from gearlib.data.result import result
 from gearlib.models.pair import GearPair
+from gearlib.models.trains.described_train import described
 from gearlib.studies.trains.reducer import train_of
 
 CASE = "alike"
 
 
-def compute(characteristics, pair, settings, orders):
-    """Return critical speeds of the reducer, and the speeds at which its meshes part.
+def compute(characteristics, orders, pair=None, settings=None, train=None):
+    """Return critical speeds of a gear train, and the speeds at which its meshes part.
 
-    characteristics: of `gearlib.studies.trains.reducer.compute`; pair (keyword arguments of
-    `GearPair`: every mesh); settings: as of `gearlib.studies.trains.reducer.train_of`; orders:
-    highest order of each mesh frequency.
+    characteristics: of `gearlib.studies.trains.reducer.compute`, or `over_speed.compute`; orders:
+    highest order of each mesh frequency; pair (keyword arguments of `GearPair`: every mesh) and
+    settings, as of `gearlib.studies.trains.reducer.train_of`, of the reducer; or train, arguments
+    of `gearlib.models.trains.described_train.described`.
 
-    Beside `GearTrain.campbell`: the most contact of all starts, which all lose it where that is
-    less than 1.
+    Beside `GearTrain.campbell` and `GearTrain.layout`: the most contact of all starts, which all
+    lose it where that is less than 1.
     """
-    train = train_of(GearPair(**pair), settings)
-    data = train.campbell(orders).drop_vars("modal_force")
-    sweeps = characteristics.sel(case=CASE, drop=True)
+    model = described(**train) if train else train_of(GearPair(**pair), settings)
+    data = model.campbell(orders).drop_vars("modal_force")
+    sweeps = characteristics if train else characteristics.sel(case=CASE, drop=True)
     for name in ("fraction_normal_high", "settled"):
         data[name] = sweeps[name]
     data["speed"] = sweeps.speed
-    data["mesh_rate"] = ("mesh", [float(rate) for rate in train.rates])
+    data["mesh_rate"] = ("mesh", [float(rate) for rate in model.rates])
+    data = data.merge(model.layout())
     title = "Campbell diagram of a reducer with three double satellites"
-    return result(title, train, data, method="exact", orders=orders)
+    title = "Campbell diagram of a gear train" if train else title
+    return result(title, model, data, method="exact", orders=orders)
 
 
 def rows(diagram):

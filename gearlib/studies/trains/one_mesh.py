@@ -273,7 +273,9 @@ def compute(pair, tunings, settings, changes):
     }
     said = {name: settings[name] for name in motions.SETTINGS} | {"initial_state": "static"}
     title = "Models of a reducer, from one mesh to the whole train"
-    return result(title, train_of(pair, settings), data, coords, method="exact", **said)
+    whole_train = train_of(pair, settings)
+    dataset = xr.Dataset(data, coords).merge(whole_train.layout())
+    return result(title, whole_train, dataset, method="exact", **said)
 
 
 def rows(comparison):

@@ -17,11 +17,12 @@ def compute(train, tunings, settings):
     train: arguments of `gearlib.models.trains.described_train.described`; tunings: shape (t,);
     settings: as of `gearlib.studies.trains.motions`.
 
-    As of `gearlib.studies.trains.motions.over_directions`.
+    As of `gearlib.studies.trains.motions.over_directions`, and `GearTrain.layout`.
     """
     model, tunings = described(**train), np.asarray(tunings, float)
     dataset, _ = motions.over_directions(model, tunings, settings, _KEPT, DIRECTIONS)
     dataset = dataset.assign(speed=("tuning", model.speed(tunings)))
     dataset = dataset.assign_coords(tuning=tunings, mesh=list(model.mesh_names))
+    dataset = dataset.merge(model.layout())
     title = "All meshes of a gear train over speed"
     return result(title, model, dataset, method="exact", initial_state="static", **settings)

@@ -79,6 +79,7 @@ def compute(pair, tunings, settings):
     `gearlib.studies.trains.motions`.
 
     As of `motions.over_directions`, over case too; largest factors are those of settled motions.
+    Where the gears lie, of `GearTrain.layout`, is that of branches alike.
     """
     pair, tunings = GearPair(**pair), np.asarray(tunings, float)
     trains = cases(pair, settings)
@@ -113,6 +114,7 @@ def compute(pair, tunings, settings):
         mesh_stage=("mesh", np.array(stage, np.int32)),
         speed=("tuning", trains["alike"].speed(tunings)),
     ).assign_coords(tuning=tunings, mesh=list(names), branch=np.unique(branch).astype(np.int32))
+    dataset = dataset.merge(trains["alike"].layout())
     title = "All meshes of a reducer with three double satellites"
     said = {name: settings[name] for name in ("pin_error", "backlashes", *motions.SETTINGS)}
     return result(title, trains["alike"], dataset, method="exact", initial_state="static", **said)

@@ -12,9 +12,10 @@ import dataclasses
 import math
 
 import numpy as np
+import xarray as xr
 
 from gearlib.analysis.orbits.shooting import NoOrbit, periodic_orbit
-from gearlib.data import status
+from gearlib.data import contact_states, status
 from gearlib.data.result import result
 from gearlib.models.trains.train import GearTrain
 from gearlib.runs.run_arguments import MAX_EVENTS
@@ -145,7 +146,7 @@ def _near(small, tuning, state):
 
 
 def _course(train, tuning, state, settings):
-    """Return the forces after the first start, NaN where a start beside has others.
+    """Return the forces after the first start, NaN where a start beside has others, and contacts.
 
     They are drawn as lines: so these must be the same to `_SEEN_BESIDE` for all that rounding does.
     """
@@ -159,11 +160,12 @@ def _course(train, tuning, state, settings):
             record_periods=recorded,
             samples_per_period=settings["samples_per_period"],
             initial_state=tuple(begin),
-        ).dynamic_force.values
+        )
         for begin in (first, motions.beside(first))
     )
-    same = np.abs(one - other).max() <= _SEEN_BESIDE * np.abs(one).max()
-    return one if same else np.full_like(one, np.nan)
+    force, beside = one.dynamic_force.values, other.dynamic_force.values
+    same = np.abs(force - beside).max() <= _SEEN_BESIDE * np.abs(force).max()
+    return force if same else np.full_like(force, np.nan), one.contact.values
 
 
 def compute(train, tunings, settings):
@@ -175,7 +177,7 @@ def compute(train, tunings, settings):
     samples_per_period; those of `gearlib.studies.trains.motions`).
 
     Motions are those from all starts beside the symmetric one, as of `motions.summarise`; forces
-    those at the tuning that is shown, after the first start.
+    and contacts those at the tuning that is shown, after the first start. `GearTrain.layout` too.
     """
     train = with_jump(train | {"teeth": settings["teeth"]}, settings["jump"], settings)
     small = reduced(train)
@@ -189,6 +191,7 @@ def compute(train, tunings, settings):
     largest, verdict = np.full((2, tunings.size), np.nan), np.zeros(tunings.size, np.int8)
     samples = settings["record_periods"] * settings["samples_per_period"]
     course = np.full((samples, len(train.meshes)), np.nan)
+    contact = np.full(course.shape, contact_states.NORMAL, np.int8)
 
     def look(i):
         if states[i] is None:
@@ -217,7 +220,7 @@ def compute(train, tunings, settings):
             alike = dict(zip(_CENTRAL, own[name].values, strict=True))
             found[f"symmetric_{name}"][i] = [alike[mesh.split()[0]] for mesh in train.mesh_names]
         if np.isclose(tunings[i], settings["shown"]):
-            course = _course(train, tunings[i], lift @ states[i], settings)
+            course, contact = _course(train, tunings[i], lift @ states[i], settings)
     first = settings["shown_after"] * settings["samples_per_period"]
     phase = (first + np.arange(samples)) * (2.0 * math.pi / settings["samples_per_period"])
     whole = {"settled": np.int8, "motion_count": np.int32, "period": np.int32}
@@ -231,11 +234,13 @@ def compute(train, tunings, settings):
         },
         **{name: (("tuning", "mesh"), values) for name, values in found.items()},
         "dynamic_force": (("phase", "mesh"), course),
+        "contact": (("phase", "mesh"), contact),
         "shown": settings["shown"],
         "reference_frequency": settings["reference_frequency"],
     }
     coords = {"tuning": tunings, "mesh": list(train.mesh_names), "phase": phase}
     title = "Symmetry breaking of a planetary train"
-    dataset = result(title, train, data, coords, method="exact", **settings)
+    data = xr.Dataset(data, coords).merge(train.layout())
+    dataset = result(title, train, data, method="exact", **settings)
     dataset["settled"].attrs |= motions.SETTLED_FLAGS
     return dataset

@@ -20,6 +20,9 @@ def _compile(loader, data, path, **options):
 
 
 def _write():
+    # The process from which Snakemake is forked outlives the run that it records.
+    if not os.path.isdir(os.environ["GEARLIB_RECORDS"]):
+        return
     # Snakemake puts this into the main module of a job.
     job = getattr(sys.modules["__main__"], "snakemake", None)
     files = {getattr(module, "__file__", None) for module in list(sys.modules.values())}

@@ -1,0 +1,204 @@
+"""Schematics of trains: circles and meshes against plane kinematics, colours, marks of contact."""
+
+import math
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle
+
+import gearlib
+from gearlib import plot
+from gearlib.figures import schematic, style, symmetry_breaking_figure, train_sweep_figure
+from tests.golden import data as golden
+from tests.trains import random_trains, sliding
+
+PAIR = gearlib.GearPair(
+    max_stiffness=4e8, stiffness_ratio=0.6, contact_ratio=1.6, reduced_mass=3.0, load=3e3,
+    backlash=40e-6,
+)  # fmt: skip
+TRAINS = {
+    "planetary": gearlib.planetary(),
+    "turning": gearlib.planetary(turning=True, planets=4, teeth=(28, 100)),
+    "shifted": gearlib.planetary(planet_teeth=35),
+    "reducer": gearlib.split_power_reducer(PAIR),
+    "ring at the output": gearlib.split_power_reducer(PAIR, internal=True),
+    "idler": gearlib.idler(PAIR, angle=2.0),
+    "two stages": gearlib.two_stage(PAIR, modules=(0.003, 0.005)),
+    **{f"chain {n}": random_trains.chain_train(np.random.default_rng(n)) for n in range(4)},
+}
+
+
+def drawn(train, **now):
+    axes = Figure().add_subplot()
+    schematic.draw(axes, train.layout(), **now)
+    return axes
+
+
+def dots(axes):
+    """Return the marks of meshes: lines of one point."""
+    return [line for line in axes.lines if len(line.get_xdata()) == 1]
+
+
+def points(axes):
+    return np.array([line.get_xydata()[0] for line in dots(axes)])
+
+
+@pytest.mark.parametrize("name", TRAINS)
+@pytest.mark.parametrize("phase", [0.0, 7.0])
+def test_pitch_circles_touch_at_the_pitch_points(name, phase):
+    train = TRAINS[name]
+    axes, found = drawn(train, phase=phase), []
+    hubs = [one for one in axes.patches if one.get_fill()]
+    circles = [one for one in axes.patches if isinstance(one, Circle) and not one.get_fill()]
+    for mesh, point in zip(train.meshes, points(axes), strict=True):
+        # Pinion and wheel from the pitch point, written without gearlib's axes; in the housing they
+        # go round with the frame.
+        frame = train.carrier_ratio * float(train.speeds[train.reference_mesh.pinion]) * phase
+        c, s = math.cos(frame), math.sin(frame)
+        for way in sliding.axes(train, mesh):
+            centre = point + np.array([[c, -s], [s, c]]) @ way
+            same = [
+                one
+                for one in circles
+                if math.dist(one.center, centre) < 1e-9
+                and abs(one.radius - math.hypot(*way)) < 1e-9
+            ]
+            assert len(same) >= 1, (mesh.name, way)
+            found += same
+        first, second = sliding.axes(train, mesh)
+        radii = [math.hypot(*first), math.hypot(*second)]
+        apart = radii[1] - radii[0] if mesh.internal else sum(radii)
+        assert math.dist(first, second) == pytest.approx(abs(apart), rel=1e-12)
+    assert {id(one) for one in circles} <= {id(one) for one in found}
+    # A hub for each shaft, where both of its bodies have their axis.
+    assert len(hubs) == len(train.shafts)
+    assert all(any(math.dist(hub.center, c.center) < 1e-9 for c in circles) for hub in hubs)
+    assert float(train.layout().misfit) == 0.0
+
+
+@pytest.mark.parametrize("name", TRAINS)
+def test_gears_roll_on_each_other(name):
+    train, step = TRAINS[name], 1e-3
+    layout, names = train.layout(), list(train.body_names)
+    turned = step * (layout.body_turns.values - float(layout.frame_turns))
+    for mesh, (pinion, wheel) in zip(train.meshes, layout.pitch_radius.values, strict=True):
+        # Against the line of centres both rims go equally far.
+        own, other = (turned[names.index(body)] for body in (mesh.pinion, mesh.wheel))
+        assert own * pinion == pytest.approx(-other * wheel, rel=1e-12)
+    before, after = (schematic.instant(layout, phase).marks for phase in (0.0, step))
+    ways = [line[:, 1] - line[:, 0] for line in (before, after)]
+    angles = [np.arctan2(way[:, 1], way[:, 0]) for way in ways]
+    there = [bool(radii) for radii in schematic._radii(layout).values()]
+    np.testing.assert_allclose(angles[1] - angles[0], step * layout.body_turns.values[there])
+
+
+def test_the_carrier_turns_as_willis_has_it():
+    layout = TRAINS["turning"].layout()
+    speed = dict(zip(map(str, layout.body.values), layout.body_turns.values, strict=True))
+    # The ring stands still: w_c = w_s z_s / (z_s + z_r), of the planets about their axes too.
+    carrier = speed["sun"] * 28 / 128
+    assert speed["ring"] == 0.0 and speed["carrier"] == pytest.approx(carrier, rel=1e-12)
+    assert speed["planet 1"] == pytest.approx(carrier * (1.0 - 100 / 36), rel=1e-12)
+    arms = [schematic.instant(layout, phase).arms for phase in (0.0, 1.0)]
+    way = [np.arctan2(*(arm[:, 1] - arm[:, 0]).T[::-1]) for arm in arms]
+    np.testing.assert_allclose((way[1] - way[0]) % math.tau, carrier)
+    assert len(arms[0]) == 4
+
+
+def test_places_that_do_not_agree_are_said():
+    train = TRAINS["planetary"]
+    bodies = [
+        one if one.name != "carrier" else gearlib.Body(
+            name="carrier", inertia=one.inertia, base_radius=1.01 * one.base_radius,
+            mass=one.mass, torque=1.01 * one.torque, support_stiffness=one.support_stiffness,
+            torsional_stiffness=one.torsional_stiffness,
+        ) for one in train.bodies
+    ]  # fmt: skip
+    layout = train.replace(bodies=bodies).layout()
+    pins = train.by_name["carrier"].base_radius
+    # A planet lies off by 1 % of the radius, and two of them by both ways around the loop.
+    assert 0.01 * pins * (1 - 1e-9) <= float(layout.misfit) <= 0.02 * pins
+    assert "positions given differ by" in " ".join(schematic.words(layout))
+
+
+def test_meshes_show_their_contact():
+    train = TRAINS["planetary"]
+    axes = drawn(train, contact=[1, 0, 1, 1, -1, 1])
+    open_ones = [line.get_markerfacecolor() == "white" for line in dots(axes)]
+    assert open_ones == [False, True, False, False, False, False]
+    assert [line.get_marker() for line in dots(axes)] == ["o"] * 4 + ["D", "o"]
+    assert {text.get_text() for text in axes.texts} == set(train.mesh_names)
+    run = gearlib.simulate(gearlib.planetary(stiffness_ratio=(0.4, 0.4)), 0.9, periods=60)
+    one = plot.schematic(train, run=run, phase=float(run.phase[100]))
+    apart = [line.get_markerfacecolor() == "white" for line in dots(one)]
+    assert apart == (run.contact.values[100] == 0).tolist()
+    broken = run.assign(status=((), 1, {"message": "it jammed"}))
+    for wrong, words in (
+        ({"phase": -1.0}, "phase = -1.0"),
+        ({"run": run[["phase"]]}, "contact is"),
+        ({"run": broken}, "no contacts to show: it jammed"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            plot.schematic(train, **({"run": run} | wrong))
+    with pytest.raises(ValueError, match="gearlib.GearTrain"):
+        plot.schematic(PAIR)
+    with pytest.raises(ValueError, match="its meshes must be those"):
+        plot.schematic(TRAINS["idler"], run=run)
+
+
+def test_beside_the_curves_of_a_command():
+    train = gearlib.planetary(stiffness_ratio=(0.4, 0.4))
+    run = gearlib.simulate(train, 0.9, periods=60)
+    axes = schematic.beside(plot.time_course(run), train, run)
+    curves = {line.get_label(): line.get_color() for line in axes.get_legend().get_lines()}
+    marks = dots(axes.figure.axes[-1])
+    assert [line.get_color() for line in marks] == [curves[name] for name in train.mesh_names]
+    apart = [line.get_markerfacecolor() == "white" for line in marks]
+    assert apart == (run.contact.values[0] == 0).tolist() and any(apart)
+    still = train.static(2.0)
+    axes = schematic.beside(plot.values(still, "mesh_force"), train, still, {})
+    assert {line.get_color() for line in dots(axes.figure.axes[-1])} == {schematic.NO_CURVE}
+    broken = run.assign(status=((), 1, {"message": "it jammed"}))
+    axes = schematic.beside(plot.time_course(run), train, broken)
+    assert "white" not in {line.get_markerfacecolor() for line in dots(axes.figure.axes[-1])}
+
+
+def own(name, train):
+    """Return golden data of a figure with the layout of a train."""
+    data, layout = golden.read(f"{name}.nc"), train.layout()
+    return data.drop_vars({*layout.variables} & {*data.variables} - {"mesh"}).merge(layout)
+
+
+def test_a_mesh_has_the_colour_of_its_curve():
+    figure = train_sweep_figure.draw(own("train_sweep", TRAINS["reducer"]))
+    curves, train = figure.axes[1], figure.axes[0]
+    assert len(dots(train)) == 6
+    (legend,) = figure.legends
+    words = [text.get_text() for text in legend.get_texts()[:6]]
+    colours = [handle.get_color() for handle in legend.legend_handles[:6]]
+    entries = dict(zip(words, colours, strict=True))
+    names = dict(zip(TRAINS["reducer"].mesh_names, dots(train), strict=True))
+    assert {name: line.get_color() for name, line in names.items()} == entries
+    assert {line.get_color() for line in curves.lines} == {*entries.values()}
+    assert {text.get_text(): text.get_color() for text in train.texts} == entries
+    without = golden.read("train_sweep.nc").drop_vars("pitch_radius", errors="ignore")
+    assert len(train_sweep_figure.draw(without).axes) == len(figure.axes) - 1
+
+
+def test_the_instant_of_a_figure_is_that_of_its_course():
+    data = own("symmetry_breaking", TRAINS["planetary"])
+    contact = np.ones(data.dynamic_force.shape, np.int8)
+    contact[30, 0] = contact[31, [0, 4]] = 0
+    figure = symmetry_breaking_figure.draw(
+        data.assign(contact=(("phase", "mesh"), contact)), periods_shown=1e9
+    )
+    train = next(axes for axes in figure.axes if "meshes of the train" in axes.get_title())
+    white = [line.get_markerfacecolor() == "white" for line in dots(train)]
+    assert np.flatnonzero(white).tolist() == [0, 4]
+    course = figure.axes[-1]
+    at = course.lines[0].get_xdata()[0] * math.tau + data.phase.values[0]
+    assert at == pytest.approx(data.phase.values[31])
+    suns = [line.get_color() for line in course.lines[1:4]]
+    assert [line.get_color() for line in dots(train)][:3] == suns
+    assert style.PALETTE[0] not in {line.get_color() for line in dots(train)[3:]}
