@@ -23,7 +23,8 @@
 # call everything once. The test of these targets runs them in such short forms.
 
 PYTHON ?= python3
-JOBS ?= 2
+# All cores, up to four: a worker of the tests takes up to 2 GB.
+JOBS ?= $(shell $(PYTHON) -c 'import os; print(min(4, os.cpu_count()))')
 ARGS ?=
 BIN := .venv/bin
 INSTALLED := .venv/installed.stamp
@@ -116,10 +117,10 @@ $(INSTALLED) $(TESTING): pyproject.toml requirements/constraints.txt
 	test -x $(BIN)/python || $(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet --no-compile --constraint requirements/constraints.txt \
 	    --editable '.[proof,workflow$(if $(filter $@,$(TESTING)),$(COMMA)test)]'
-	@# Here, by two processes: left to first use, every job would compile its packages anew where
+	@# Here, side by side: left to first use, every job would compile its packages anew where
 	@# PYTHONDONTWRITEBYTECODE is set. Nothing loads the packages' own tests, a quarter of all.
 	@# Some packages hold files that are wrong on purpose.
-	PYTHONPYCACHEPREFIX= $(BIN)/python -m compileall -qq -j 2 -x '/tests/' .venv || true
+	PYTHONPYCACHEPREFIX= $(BIN)/python -m compileall -qq -j $(JOBS) -x '/tests/' .venv || true
 	touch $@ $(INSTALLED)
 
 # For editors; the wheel and the documentation make their own.

@@ -8,15 +8,15 @@ RUN = {"periods": 2, "record_periods": 1}
 
 
 def pytest_sessionstart(session):
-    """Run each family of kernels once, on two cores; from the cache this takes seconds.
+    """Run each family of kernels once, side by side; from the cache this takes seconds.
 
     Workers that compile at the same time would do the same work twice, into the same files.
     """
     config = session.config
-    several = getattr(config.option, "numprocesses", None) and not hasattr(config, "workerinput")
-    if several and not os.environ.get("NUMBA_DISABLE_JIT"):
+    processes = getattr(config.option, "numprocesses", None)
+    if processes and not hasattr(config, "workerinput") and not os.environ.get("NUMBA_DISABLE_JIT"):
         spawned = multiprocessing.get_context("spawn")
-        with ProcessPoolExecutor(min(2, os.cpu_count() or 1), mp_context=spawned) as pool:
+        with ProcessPoolExecutor(min(processes, len(FAMILIES)), mp_context=spawned) as pool:
             for done in [pool.submit(warm_up) for warm_up in FAMILIES]:
                 done.result()
 
