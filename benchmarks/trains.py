@@ -27,7 +27,7 @@ ROUNDS = repeats(4)
 #: Mesh periods of the errors.
 FEW = 3
 #: How many planets, and stages, the growth of costs is measured with.
-PLANETS, STAGES = (2, 3, 4, 6, 8, 12, 16, 20), (1, 2, 4, 7, 10, 20)
+PLANETS, STAGES = (2, 3, 4, 6, 8, 12, 16, 20), (1, 2, 4, 7, 10)
 #: Speeds that ours takes in one call: its tables depend on them in part only.
 MANY = 16
 SCIPY = ("scipy", {"solver": "DOP853", "events": True, "rtol": 1e-11, "atol": 1e-11})
@@ -195,10 +195,10 @@ def table_bytes(propagator):
 
 
 def growth():
-    """Return dict family -> rows (coordinates, meshes, then twice seconds a period, bounces, MB).
+    """Return dict family -> rows (coordinates, meshes, twice seconds a period, bounces, MB).
 
-    Of the motion that 40 mesh periods from rest lead to, with contact lost and kept: so far equal
-    planets move together.
+    Of the motion that 40 mesh periods from rest lead to (4 of long chains), with contact lost and
+    kept: so far equal planets move together.
     """
     found: dict = {}
     for family, train, tunings in grown():
@@ -207,11 +207,13 @@ def growth():
             state = np.array(train.start_state("static"))
             samples, events, summary = train.empty_record(events=0)
             propagator, spent = train.propagator(tuning), []
-            propagator.run(state, 40, 1, samples, events, 10**6, summary)
+            # Meshes of long chains part each by itself, and few combinations come back.
+            few = 20 if family == "planets" or train.size < 100 else 2
+            propagator.run(state, 2 * few, 1, samples, events, 10**6, summary)
             for _ in range(ROUNDS + 1):
                 start = time.process_time()
-                end = propagator.run(state.copy(), 20, 1, samples, events, 10**6, summary)
-                spent.append((time.process_time() - start) / 20)
+                end = propagator.run(state.copy(), few, 1, samples, events, 10**6, summary)
+                spent.append((time.process_time() - start) / few)
             assert end[5] == 0, (family, row, tuning)
             bounces = summary[:, orbit.BOUNCES].max()
             row += [min(spent[1:]), bounces, table_bytes(propagator) / 1e6]
@@ -225,7 +227,7 @@ def to_the_end():
     twenty = speed_trial(20)
     for name, train, tuning, periods in (
         ("ten stages of 23:71", stages(10, (23, 71), np.inf), 0.8, 100),
-        ("the same on elastic axes", stages(10, (23, 71), 1e8), 0.8, 100),
+        ("the same on elastic axes", stages(10, (23, 71), 1e8), 0.8, 5),
         ("twenty planets", twenty, tuning_of(twenty, 1391.0), 60),
     ):
         before = time.process_time()
@@ -253,7 +255,7 @@ def draw(path):
     looks = {"planets": ("planetary train", "o", "C0"), "stages": ("chain of stages", "s", "C1")}
     for family, rows in found.items():
         words, marker, colour = looks[family]
-        for k, kind, fill in ((2, "bouncing", colour), (5, "in contact", "white")):
+        for k, kind, fill in ((2, "in resonance", colour), (5, "above it", "white")):
             look = {"marker": marker, "color": colour, "mfc": fill, "ms": 4, "lw": 1}
             label = f"{words}, {kind}"
             axes[0].plot(rows[:, 0], 1e6 * rows[:, k], label=label, **look)
