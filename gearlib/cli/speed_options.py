@@ -46,6 +46,8 @@ def options(command):
     def wrapped(model, tuning, speed, **others):
         from gearlib.runs import run_arguments
 
+        if tuning is None and speed is None and model.speed is not None:
+            raise click.UsageError("--tuning is missing: give it, or --speed, such as 3000rpm")
         return command(model=model, tuning=run_arguments.tuning_of(model, tuning, speed), **others)
 
     return wrapped

@@ -1,5 +1,7 @@
 """Whose gears: the name that every figure, page and command gives to what it is about."""
 
+import math
+
 from gearlib.config.gears_section import FZG_C, DrawnPair
 
 #: The mesh of Hortel and Skuderova (2007), by which its pair is known; load and backlash are ours.
@@ -18,9 +20,14 @@ def of_drawing(section):
     teeth = f"z {pinion.teeth}/{'-' if wheel.internal else ''}{wheel.teeth}"
     known = DrawnPair.unchecked(**FZG_C)
     named = (pinion, wheel) == (known.pinion, known.wheel)
-    name = f"{'FZG type C' if named else 'gear pair'} {teeth}, m {1e3 * pinion.module:.4g} mm"
+    name = f"{'FZG type C' if named else 'gear pair'} {teeth}, {_rack(pinion)}"
     key = section.relief()
     return name + (key and f", {key.split('.')[1].replace('_', ' ')}")
+
+
+def _rack(gear):
+    helix = f", β {math.degrees(gear.helix_angle):.4g}°" if gear.helix_angle else ""
+    return f"m {1e3 * gear.module:.4g} mm{helix}"
 
 
 def of_numbers(pair):
@@ -68,7 +75,7 @@ def of_train(c, pair=""):
     if train.kind == "planetary_set":
         drawn = train.planetary_set
         teeth = [getattr(drawn, key).teeth for key in ("sun", "planet", "ring")]
-        return f"planetary set z {_of_teeth(teeth)}, m {1e3 * drawn.sun.module:.4g} mm"
+        return f"planetary set z {_of_teeth(teeth)}, {_rack(drawn.sun)}"
     if train.kind == "own":
         counts = f"{len(train.own.bodies)} bodies, {len(train.own.meshes)} meshes"
         return f"own train, {counts}"

@@ -18,9 +18,16 @@ _MANY = ("case", "damping", "direction", "mesh")
 
 def axes(axes):
     """Return axes to draw in, and whether they are new."""
+    from matplotlib import pyplot
+    from matplotlib.axes import Axes
+
+    if axes is not None and not isinstance(axes, Axes):
+        raise ValueError(
+            f"axes = {axes!r} is not allowed: it must be axes of matplotlib, such as "
+            "those of pyplot.figure().add_subplot(), or None"
+        )
     if axes is not None:
         return axes, False
-    from matplotlib import pyplot
 
     with style.styled():
         return pyplot.figure(figsize=(5.4, 3.6), layout="constrained").add_subplot(), True

@@ -180,7 +180,7 @@ def test_wrong_input_is_refused_with_code_2(run, tmp_path):
     for arguments, fault in [
         (["simulate", *PAIR, "--tuning", "-1"], "tuning = -1.0 is not allowed"),
         (["simulate", *PAIR, "--tuning", "1", "--backlash", "4 kg"], "backlash = '4 kg'"),
-        (["simulate", *PAIR], "tuning = None with speed = None is not allowed"),
+        (["simulate", *PAIR], "--tuning is missing: give it, or --speed"),
         (["orbit", *PAIR, "--tuning", "1", "--speed", "1"], "tuning = 1.0 with speed = 1.0 is not"),
         (["trust", *PAIR, "--speed", "50 Hz"], "'50 Hz' is no speed in rpm"),
         (["sweep", *PAIR, "--start", "1/min"], "'1/min' is no tuning, nor a speed"),

@@ -65,6 +65,9 @@ def test_every_study_names_its_gears_and_has_captions():
             assert text_of(one.caption, c)
     assert STUDIES["resonance"].gears(c) == NAME and NAME in STUDIES["reducer"].gears(c)
     assert "Lin and Parker" in STUDIES["train_chart"].gears(c)
+    # A helical pair is no spur pair of the same teeth.
+    helical = load(laid_over(OWN, {"gears": {"pinion": {"helix_angle": "15 deg"}}}))
+    assert STUDIES["resonance"].gears(helical) == f"{NAME}, β 15°"
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ from matplotlib import pyplot
 
 import gearlib
 from gearlib import plot, simulate, sweep
+from gearlib.figures import plot_curves
 from gearlib.geometry import Mesh, SpurGear
 
 MESH = Mesh(
@@ -81,6 +82,11 @@ def test_orders_stand_at_their_amplitudes_and_mesh_orders_have_names():
         plot.orders(run)
     with pytest.raises(ValueError, match="variable = 'force'"):
         plot.orders(spectrum, variable="force")
+
+
+def test_axes_of_another_kind_are_refused():
+    with pytest.raises(ValueError, match="^axes = 3 is not allowed: it must be axes"):
+        plot_curves.axes(3)
 
 
 def test_what_cannot_be_drawn():
