@@ -5,6 +5,7 @@ import math
 import click
 
 from gearlib.cli import (
+    drawing_options,
     drawn_gears,
     model_options,
     output,
@@ -285,6 +286,11 @@ def gear_table(drawing, damping, mapping, form, save, plot, force):
     """What a drawing of two gears comes to: geometry, stiffness by each method, resonance."""
     output.check("--save", save, force, (".yaml", ".yml"))
     output.check("--plot", plot, force, output.PICTURES)
+    if save is not None:
+        drawing_options.check_damped(mapping)
+        import yaml
+
+        output.write(save, yaml.safe_dump(mapping, sort_keys=False, allow_unicode=True))
     from gearlib.studies import gear_table
 
     options = {drawing.stiffness or "iso": drawing.stiffness_options}
@@ -296,10 +302,6 @@ def gear_table(drawing, damping, mapping, form, save, plot, force):
             rows += gear_table.duty_rows(mesh, damping=damping, **load, **own)
     output.name_gears(gear_names.of_drawing(drawing), shown=form == "text")
     drawn_gears.show(rows, form)
-    if save is not None:
-        import yaml
-
-        output.write(save, yaml.safe_dump(mapping, sort_keys=False, allow_unicode=True))
     if plot is not None:
         output.picture(plot, drawn_gears.stiffness_figure(drawing))
 
