@@ -296,12 +296,14 @@ def gear_table(drawing, damping, mapping, form, save, plot, force):
     options = {drawing.stiffness or "iso": drawing.stiffness_options}
     mesh, load = drawing.mesh(), drawing.load()
     rows = gear_table.compute(mesh, damping=damping, options=options, **load)
-    if drawing.speed is not None:
+    if drawing.speed is not None and drawing_options.damped(mapping):
         own = {"stiffness": drawing.stiffness or "iso", "options": drawing.stiffness_options}
         with progress.clock("following the motion until it settles"):
             rows += gear_table.duty_rows(mesh, damping=damping, **load, **own)
     output.name_gears(gear_names.of_drawing(drawing), shown=form == "text")
     drawn_gears.show(rows, form)
+    if drawing.speed is not None and not drawing_options.damped(mapping):
+        click.echo("No duty point without a damping: give --damping-ratio.", err=True)
     if plot is not None:
         output.picture(plot, drawn_gears.stiffness_figure(drawing))
 
