@@ -5,6 +5,7 @@ import math
 import click
 
 from gearlib.cli import (
+    drawing_options,
     drawn_gears,
     model_options,
     output,
@@ -285,21 +286,24 @@ def gear_table(drawing, damping, mapping, form, save, plot, force):
     """What a drawing of two gears comes to: geometry, stiffness by each method, resonance."""
     output.check("--save", save, force, (".yaml", ".yml"))
     output.check("--plot", plot, force, output.PICTURES)
+    if save is not None:
+        drawing_options.check_damped(mapping)
+        import yaml
+
+        output.write(save, yaml.safe_dump(mapping, sort_keys=False, allow_unicode=True))
     from gearlib.studies import gear_table
 
     options = {drawing.stiffness or "iso": drawing.stiffness_options}
     mesh, load = drawing.mesh(), drawing.load()
     rows = gear_table.compute(mesh, damping=damping, options=options, **load)
-    if drawing.speed is not None:
+    if drawing.speed is not None and drawing_options.damped(mapping):
         own = {"stiffness": drawing.stiffness or "iso", "options": drawing.stiffness_options}
         with progress.clock("following the motion until it settles"):
             rows += gear_table.duty_rows(mesh, damping=damping, **load, **own)
     output.name_gears(gear_names.of_drawing(drawing), shown=form == "text")
     drawn_gears.show(rows, form)
-    if save is not None:
-        import yaml
-
-        output.write(save, yaml.safe_dump(mapping, sort_keys=False, allow_unicode=True))
+    if drawing.speed is not None and not drawing_options.damped(mapping):
+        click.echo("No duty point without a damping: give --damping-ratio.", err=True)
     if plot is not None:
         output.picture(plot, drawn_gears.stiffness_figure(drawing))
 

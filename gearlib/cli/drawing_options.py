@@ -81,6 +81,20 @@ def laid(mapping, drawn, damping, damping_ratio=None):
     return whole
 
 
+def damped(mapping):
+    """Return whether a configuration says anything of damping."""
+    return mapping.get("dampings") != _NONE
+
+
+def check_damped(mapping):
+    """Refuse gears of whose damping nothing is said, where they shall move or be kept."""
+    if not damped(mapping):
+        raise click.UsageError(
+            "damping_ratio is missing: it must be a finite number from 0 to 1000, given as "
+            "--damping-ratio, or the configuration must have dampings"
+        )
+
+
 def ratios(damping_ratio):
     """Return the section `dampings` of the option of this name."""
     return {"ratio": {"damping_ratio": number(damping_ratio), "backlash_damping_ratio": 0.0}}

@@ -41,6 +41,7 @@ def options(command):
     @click.option("--model", type=click.Choice(MODELS), default=MODELS[0], show_default=True)
     @functools.wraps(command)
     def wrapped(mapping, gears, damping, pair, changes, model, **others):
+        drawing_options.check_damped(mapping)
         return command(model=_model(mapping, gears, pair, model), **others)
 
     return wrapped

@@ -147,21 +147,31 @@ def extent(curves, names, settled=False):
             rest = (1.0 - SHOWN_SHARE) / 2.0
             shown += [*np.quantile(values[finite], [rest, 1.0 - rest])]
     low, high = min(shown), max(shown)
-    # What has not settled is seen as well, but for growing motions: up to as far again beyond.
-    span = high - low
-    rest = np.concatenate([curves[name].values.ravel() for name in names])
+    # What has not settled yet is seen as well, up to as far again beyond.
+    span, damped = high - low, _settling(curves)
+    rest = np.concatenate([damped[name].values.ravel() for name in names])
     rest = rest[(rest > low - span) & (rest < high + span)]
     return min([low, *rest]), max([high, *rest])
+
+
+def _settling(curves):
+    """Return the curves of the dampings with which some motions settle, all where none does."""
+    if "damping" not in curves.period.dims:
+        return curves
+    others = [dim for dim in curves.period.dims if dim != "damping"]
+    some = np.nonzero((curves.period > 0).any(others).values)[0]
+    return curves.isel(damping=some) if some.size else curves
 
 
 def _wider(limits, curves):
     """Return limits that also hold the motions up to nearly as far again beyond them.
 
-    Sweeps that carry their state go where none from rest does; undamped ones without bound.
+    Sweeps that carry their state go where none from rest does; undamped ones, whose motions never
+    settle, without bound.
     """
     low, high = limits
-    span = high - low
-    extrema = np.array([curves[name].values for name in EXTREMA])
+    span, damped = high - low, _settling(curves)
+    extrema = np.array([damped[name].values for name in EXTREMA])
     near = (extrema > low - 0.9 * span) & (extrema < high + 0.9 * span)
     shown = extrema[near]
     margin = 0.05 * span

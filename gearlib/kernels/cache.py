@@ -37,7 +37,7 @@ from numba.core.caching import (
     UserProvidedCacheLocator,
 )
 
-from gearlib.kernels.parts import rebuilt
+from gearlib.kernels.kernel_parts import rebuilt
 
 _CORE = Path(__file__).parent
 _MONTH = 30 * 24 * 3600.0

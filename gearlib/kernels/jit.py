@@ -8,7 +8,7 @@ import numba
 from numba import njit, types
 
 from gearlib.kernels.cache import KernelCache
-from gearlib.kernels.parts import PartCompiler
+from gearlib.kernels.kernel_parts import PartCompiler
 
 
 @contextmanager

@@ -90,7 +90,8 @@ FZG = {
         "backlash": "160 um",
         "power": "30 kW",
         "speed": "948 rpm",
-        "stiffness_options": {"application_factor": 1.2},
+        "stiffness": "energy",
+        "stiffness_options": {"coupling": 0.5},
     },
     "dampings": {"k": {"damping_ratio": 0.06, "backlash_damping_ratio": 0.01}},
 }  # fmt: skip

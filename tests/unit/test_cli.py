@@ -145,6 +145,11 @@ def test_gears_are_drawn_by_options_of_every_command(run):
     done = run("simulate", *PAIR, "--teeth", "48", "--speed", "1500")
     assert done.exit_code == 0 and " 1500 min-1 " in done.output, done.output
     assert run("gears", *DRAWN, "--save", "mine.yaml").exit_code == 2
+    # Without a word on damping motions would grow; the table and modes need none.
+    for own in (["gears", "--save", "other.yaml"], ["simulate", "--tuning", "1"]):
+        done = run(*own, *DRAWN[:-2])
+        assert done.exit_code == 2 and "damping_ratio is missing" in done.output, done.output
+    assert run("gears", *DRAWN[:-2]).exit_code == 0
 
 
 def test_a_new_project_can_be_used_as_it_is(run):
