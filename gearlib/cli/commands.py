@@ -141,7 +141,7 @@ def sweep(model, start, stop, points, save, **asked):
     grid = np.linspace(start, stop, points)
     if asked["direction"] == "cold":
         # In pieces, so that the bar can move; the tunings do not know of each other.
-        pieces = np.array_split(grid, min(points, 50))
+        pieces = np.array_split(grid, min(points, 20))
         parts = []
         with progress.counter("tunings", points) as done:
             for piece in pieces:

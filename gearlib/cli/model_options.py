@@ -203,10 +203,6 @@ def _model(mapping, gears, name, model):
 
     A train, bodies and bearings are those of a configuration.
     """
-    # Only here, so that --help does not pay for the numerical stack.
-    from gearlib import SixDegreePair
-    from gearlib.models.trains.described_train import described
-
     pair = GearPair(**gears.model_dump())
     if not name and model != "train":
         raise click.UsageError("gears is missing: the file describes a train only (--model train)")
@@ -214,6 +210,10 @@ def _model(mapping, gears, name, model):
     if model == "one_degree":
         output.name_gears(name)
         return relieved or pair
+    # Only here: a pair does not pay for trains.
+    from gearlib import SixDegreePair
+    from gearlib.models.trains.described_train import described
+
     sections = _sections(gears, _ONLY_DAMPING)
     # Both names are those of a section.
     if model in mapping:
