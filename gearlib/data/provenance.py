@@ -34,11 +34,17 @@ def origin(title, method=None):
     return {"Conventions": "CF-1.11", "title": title, "source": source}
 
 
+def _parameters_of(model):
+    """Return the parameters of a model as text; it keeps them, as it does not change."""
+    kept = vars(model)
+    return kept.get("_text") or kept.setdefault("_text", canonical_json(model.as_dict()))
+
+
 def attributes(title, pair, *, method, **parameters):
     """Return the global attributes of a dataset, in a fixed order."""
     return origin(title.replace("a gear mesh", pair.title_noun), method) | {
         "references": pair.references,
-        "gear_pair" if pair.mesh else "model": canonical_json(pair.as_dict()),
+        "gear_pair" if pair.mesh else "model": _parameters_of(pair),
         "parameters": canonical_json(parameters),
     }
 

@@ -1,5 +1,6 @@
 """Results of a computation as one dataset: stacked from its runs, described, with its making."""
 
+from functools import lru_cache
 from itertools import product
 
 import numpy as np
@@ -27,9 +28,25 @@ def stacked(axes, call, *inner):
     return {name: column(name) for name in rows[0]}
 
 
+@lru_cache(maxsize=256)
+def _index(dimension, names):
+    """Return a coordinate of names; datasets copy its attributes, and share its index."""
+    return xr.IndexVariable(dimension, list(names))
+
+
+def _indexed(coords):
+    """Return coordinates with those made already in place of lists of names."""
+    return {
+        name: _index(name, tuple(values))
+        if isinstance(values, list) and all(type(one) is str for one in values)
+        else values
+        for name, values in (coords or {}).items()
+    }
+
+
 def result(title, model, data, coords=None, *, method, **parameters):
     """Return a described dataset of a model; its attributes are `provenance.attributes`."""
-    dataset = data if isinstance(data, xr.Dataset) else xr.Dataset(data, coords)
+    dataset = data if isinstance(data, xr.Dataset) else xr.Dataset(data, _indexed(coords))
     dataset = describe(dataset, model)
     dataset.attrs = provenance.attributes(title, model, method=method, **parameters)
     return dataset

@@ -179,3 +179,29 @@ def test_a_period_of_a_run_out_that_hardly_ever_repeats_costs_a_period():
     assert train.repeats > 10**9
     run = simulate(train, 0.9, periods=3, record_periods=2)
     assert run.status == 0 and run.period == 0
+
+
+@pytest.mark.parametrize("kind", ["plain", "with run-out", "gyroscopic"])
+def test_what_a_train_keeps_from_one_call_to_the_next_changes_no_bit(kind):
+    def build():
+        train = planetary(
+            stiffness_ratio=(0.7, 0.7), turning=kind == "gyroscopic", gyroscopic=kind == "gyroscopic"
+        )
+        if kind == "with run-out":
+            sun, *others = train.bodies
+            train = train.replace(bodies=(replace(sun, eccentricity=1e-5), *others))
+        return train
+
+    def runs(train, tunings):
+        asked = {"periods": 4, "record_periods": 1, "initial_state": "static"}
+        return [simulate(train, tuning, **asked) for tuning in tunings]
+
+    tunings, train = (0.55, 1.9, 0.56), build()
+    # Others before, a turn of the order, and twice.
+    runs(train, (0.8, 0.55))
+    for one, alone in zip(runs(train, tunings), tunings, strict=True):
+        xr.testing.assert_identical(one, runs(build(), [alone])[0])
+    # A copy with other numbers has its own.
+    softer = train.replace(meshes=tuple(replace(m, max_stiffness=4e8) for m in train.meshes))
+    same = build().replace(meshes=softer.meshes)
+    xr.testing.assert_identical(*runs(softer, [0.9]), *runs(same, [0.9]))

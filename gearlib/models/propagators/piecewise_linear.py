@@ -14,18 +14,11 @@ from gearlib.models.propagators.modal_frame import Frame
 from gearlib.models.propagators.several_meshes import Propagator as Train
 
 
-def _frame_of(model, system):
-    """Return the `Frame` of a model, which keeps it with its bases: they depend on no tuning."""
-    kept = vars(model)
-    # Threads may come at once: all take the one that is there first.
-    return kept.get("_frame") or kept.setdefault("_frame", Frame.of_mesh(model, system))
-
-
 class Propagator(Train):
     """A piecewise-linear model at one tuning."""
 
     words, chunk, turning = Base.words, Base.chunk, False
-    frame_of = staticmethod(_frame_of)
+    new_frame = Frame.of_mesh
 
     def __init__(self, model, tuning, other=None):
         super().__init__(model, tuning, other)

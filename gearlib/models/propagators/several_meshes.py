@@ -20,6 +20,8 @@ from gearlib.models.propagators.tangents import Motion
 
 #: Mesh periods whose segments are made at once, where stiffness and run-out repeat after more.
 _STRETCH = 512
+#: Bytes of tables beyond which they end with their propagators, and are not kept by models.
+_KEPT = 2**25
 
 
 class Propagator(Matrices):
@@ -38,19 +40,20 @@ class Propagator(Matrices):
         self.system = system = model.system(tuning, *((0, _STRETCH) if self.long else ()))
         self.grid = grid_of(system)
         self.components, self.pieces = len(system.free), len(self.grid.length)
-        self.frame = other.frame if other and not self.turning else self.frame_of(model, system)
+        self.frame = other.frame if other and not self.turning else self.frame_of()
         # Between coordinates and their rates by phase, and those by theta of the kernels.
         self.scale = np.repeat([1.0, tuning], model.size // 2)
         #: Tables that no run has at present, with their systems; runs take them out and put them
-        #: back, for which a list needs no lock.
+        #: back, for which a list needs no lock. The frame has those that are small.
         self.spare: list[tuple] = other.spare if other else self.frame.spare
+        self.large: list[tuple] = other.large if other else []
 
     def taken(self):
         """Return tables for one run: of an earlier one, without what does not hold here, or new."""
         (m, n), system = self.system.near.shape, self.system
         lengths = int(self.grid.kind.max()) + 1
         try:
-            before, tables = self.spare.pop()
+            before, tables = (self.large or self.spare).pop()
         except IndexError:
             return modes(n, m, lengths, system.push.shape[1] ** m)
         if tables.at.shape[1] < lengths:
@@ -64,7 +67,16 @@ class Propagator(Matrices):
             (forget_lengths if same else forget)(tables)
         return tables
 
-    frame_of = staticmethod(Frame.of_train)
+    new_frame = Frame.of_train
+
+    def frame_of(self):
+        """Return the `Frame`; a model keeps it with its bases where they depend on no tuning."""
+        if self.turning:
+            return self.new_frame(self.model, self.system)
+        kept = vars(self.model)
+        # Threads may come at once: all take the one that is there first.
+        new = kept.get("_frame") or self.new_frame(self.model, self.system)
+        return kept.setdefault("_frame", new)
 
     @property
     def turning(self):
@@ -146,7 +158,8 @@ class Propagator(Matrices):
             else:
                 break
             code = OK
-        self.spare.append((self.system, tables))
+        used = tables.known[0] * (2 * tables.into[0].nbytes + tables.curves[0].nbytes)
+        (self.spare if used < _KEPT else self.large).append((self.system, tables))
         z[:] = w.z[:size] / self.scale
         done = code == OK and record_periods > 0
         period = period_of(system, strobes, summary) if done else 0

@@ -71,6 +71,16 @@ def functionals(train, frequencies, waves, constants):
     return near, far
 
 
+def system_of(train, tuning, segments=None):
+    """Return the same as `train_system`; a train keeps that in which only the tuning differs."""
+    fixed = not train.gyroscopic and train.excitation[0].size == 0
+    if segments or not fixed or not isinstance(tuning, float):
+        return train_system(train, tuning, segments)
+    kept = vars(train)
+    found = kept.get("_system") or kept.setdefault("_system", train_system(train, tuning))
+    return found._replace(tuning=tuning)
+
+
 def train_system(train, tuning, segments=None):
     """Return the `TrainSystem` of a `GearTrain` at one tuning; by default with all `Segments`."""
     frequencies, waves, constants = train.excitation

@@ -299,9 +299,9 @@ class GearTrain(TrainResults):
 
         Else with those of so many mesh periods, see `segments_of`.
         """
-        from gearlib.models.trains.system import train_system
+        from gearlib.models.trains.system import system_of
 
-        return train_system(self, tuning, self.segments_of(first, count) if count else None)
+        return system_of(self, tuning, self.segments_of(first, count) if count else None)
 
     def static(self, phase=0.0):
         """Return how the meshes share the load at rest, with gaps and errors.
