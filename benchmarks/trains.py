@@ -2,8 +2,9 @@
 
 Processor seconds of one thread, methods in turns, the least of several rounds: other work on the
 machine only adds. All calls start from the same state, ours with empty tables unless those of an
-earlier call, which a train keeps, are said; what heyoka compiles is compiled before. Errors are those over the first periods without the free rotation,
-against DOP853 split at a tolerance of 1e-13.
+earlier call, which a train keeps, are said; what heyoka compiles is compiled before. Errors are
+those over the first periods without the free rotation, against DOP853 split at a tolerance of
+1e-13.
 
 ``python -m benchmarks.trains PICTURE`` draws how costs grow. Set ``OPENBLAS_NUM_THREADS=1``, as
 jobs of the workflow do: threads of the linear algebra library would count.

@@ -184,9 +184,8 @@ def test_a_period_of_a_run_out_that_hardly_ever_repeats_costs_a_period():
 @pytest.mark.parametrize("kind", ["plain", "with run-out", "gyroscopic"])
 def test_what_a_train_keeps_from_one_call_to_the_next_changes_no_bit(kind):
     def build():
-        train = planetary(
-            stiffness_ratio=(0.7, 0.7), turning=kind == "gyroscopic", gyroscopic=kind == "gyroscopic"
-        )
+        turns = kind == "gyroscopic"
+        train = planetary(stiffness_ratio=(0.7, 0.7), turning=turns, gyroscopic=turns)
         if kind == "with run-out":
             sun, *others = train.bodies
             train = train.replace(bodies=(replace(sun, eccentricity=1e-5), *others))
