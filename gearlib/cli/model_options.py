@@ -7,7 +7,7 @@ import click
 from pydantic import ValidationError
 
 from gearlib import config
-from gearlib.cli import drawing_options, output, refusals
+from gearlib.cli import drawing_options, output, refusals, speed_options
 from gearlib.config import gear_names, yaml_keys
 from gearlib.config.gear_pair_section import DAMPINGS, GearPairSection
 from gearlib.config.laying import laid_over
@@ -175,6 +175,8 @@ def _gears(mapping, path, drawn, damping, changes):
         settings = load(mapping, path)
         damping = choose_damping(settings, damping)
         values, drawn = settings.pair_parameters(damping), settings.gears
+        if drawn is not None:
+            click.get_current_context().meta[speed_options.DRAWN] = drawn.speed
     try:
         gears = _Gears.model_validate(values | changes)
     except ValidationError as error:

@@ -35,6 +35,8 @@ class _Tuning(click.ParamType):
 
 
 SPEED, TUNING = _Speed(), _Tuning()
+#: Where a command keeps the speed of the section `gears`, rpm, at which it runs unless told.
+DRAWN = "gearlib.speed"
 
 
 def options(command):
@@ -46,6 +48,8 @@ def options(command):
     def wrapped(model, tuning, speed, **others):
         from gearlib.runs import run_arguments
 
+        if tuning is None and speed is None:
+            speed = click.get_current_context().meta.get(DRAWN)
         if tuning is None and speed is None and model.speed is not None:
             raise click.UsageError("--tuning is missing: give it, or --speed, such as 3000rpm")
         return command(model=model, tuning=run_arguments.tuning_of(model, tuning, speed), **others)

@@ -139,6 +139,10 @@ def test_gears_are_drawn_by_options_of_every_command(run):
         assert done.exit_code == 0 and "gear pair z 23/61, m 2.5 mm\n" in done.output, done.output
         found = xr.load_dataset("run.nc")
         np.testing.assert_allclose(found.displacement, expected.displacement, rtol=1e-9)
+    # The speed of a drawing is that of its runs.
+    assert run("gears", *DRAWN, "--speed", "4000", "--save", "fast.yaml").exit_code == 0
+    own = run("simulate", "--config", "fast.yaml").output
+    assert own == run("simulate", *DRAWN, "--speed", "4000").output != ""
     # A drawing that options change, and the one number of teeth of a pair that is not drawn.
     done = run("simulate", "--config", "mine.yaml", "--torque", "170 Nm", "--speed", "4000")
     assert " 1.719953376e-05 m " in done.output, done.output
