@@ -8,7 +8,7 @@ import numba
 from numba import njit, types
 
 from gearlib.kernels.cache import KernelCache
-from gearlib.kernels.kernel_parts import PartCompiler
+from gearlib.kernels.kernel_parts import KernelCompiler, PartCompiler
 
 
 @contextmanager
@@ -25,8 +25,10 @@ def _uncollected():
 
 def _compile(function, **options):
     # No kernel is handed over as a function of C.
+    # Options not named are those of the kernel that calls first: the code would hang on the order.
+    options = {"forceinline": False} | options
     options |= {"fastmath": False, "error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True}
-    compiled = njit(**options)(function)
+    compiled = njit(pipeline_class=KernelCompiler, **options)(function)
     if numba.config.DISABLE_JIT:
         return function
     # What `cache=True` would do, with another cache.

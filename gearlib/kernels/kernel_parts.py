@@ -2,15 +2,21 @@
 
 numba makes machine code of each kernel together with all that it calls, so that a kernel at the
 bottom is translated once for every one above it. A part is optimised only: who is
-called from Python takes it in and translates all at once.
+called from Python takes it in and translates all at once. A part too large to be inlined is taken
+in when its callers have been optimised: passes take longer than their share over long functions,
+and would go through it again for every level above it.
 """
 
 from llvmlite import binding
+from llvmlite.binding import Linkage
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler, compile_result
+from numba.core.compiler_lock import require_global_compiler_lock
 
 #: Kind of what `PartLibrary.serialize_using_object_code` gives, beside numba's own.
 _PART = "part"
+#: Instructions beyond which LLVM inlines no call: its limits lie near a hundred.
+_LARGE = 400
 
 
 def _key():
@@ -18,23 +24,71 @@ def _key():
     return object().__dir__
 
 
+def _link(library):
+    """Link into a library what it calls; return symbol -> bitcode of what is too large for that."""
+    large = {}
+    for called in dict.fromkeys(library._linking_libraries):
+        library._reload_init.update(called._reload_init)
+        large.update(getattr(called, "large", {}))
+        if not getattr(called, "stays_apart", False):
+            library._final_module.link_in(called._get_module_for_linking(), preserve=True)
+    return large
+
+
 class PartLibrary(JITCodeLibrary):
     """The code of one kernel and of the parts that it calls."""
+
+    #: Symbol -> bitcode of what is optimised by itself: parts called, and this one if it is large.
+    large: dict[str, bytes]
+    stays_apart = False
 
     def finalize(self):
         """Take in what the kernel calls, and optimise."""
         self._raise_if_finalized()
-        for library in dict.fromkeys(self._linking_libraries):
-            self._reload_init.update(library._reload_init)
-            self._final_module.link_in(library._get_module_for_linking(), preserve=True)
+        self.large = _link(self)
         # Optimised in its callers only, Taylor steps were 7 % slower, trains up to 20 %.
         self._optimize_final_module()
         self._finalized = True
+        own = [f for f in self._final_module.functions if f.linkage == Linkage.external]
+        (kernel,) = [f for f in own if not f.is_declaration]
+        size = sum(1 for block in kernel.blocks for _ in block.instructions)
+        if size > _LARGE and not any(b"alwaysinline" in text for text in kernel.attributes):
+            self.stays_apart = True
+            # Kept whether or not what is linked before it calls it, and the same wherever from.
+            kernel.linkage = Linkage.weak_odr
+            self.large[kernel.name] = self._final_module.as_bitcode()
 
     def serialize_using_object_code(self):
         """Return what a file keeps of it: there is no object code."""
         self._ensure_finalized()
-        return self.name, _PART, self._get_module_for_linking().as_bitcode()
+        own = b"" if self.stays_apart else self._get_module_for_linking().as_bitcode()
+        return self.name, _PART, (own, self.large)
+
+
+class KernelLibrary(JITCodeLibrary):
+    """The machine code of a kernel that is called from Python."""
+
+    def finalize(self):
+        """Optimise, then take in the large parts, which are, and translate."""
+        require_global_compiler_lock()
+        self._raise_if_finalized()
+        large = _link(self)
+        self._optimize_final_module()
+        for code in large.values():
+            self._final_module.link_in(binding.parse_bitcode(code))
+        self._final_module.verify()
+        self._finalize_final_module()
+
+
+class KernelCompiler(Compiler):
+    """numba's compiler, with large parts optimised once."""
+
+    def compile_extra(self, function):
+        """Compile into a library that files can keep."""
+        library = KernelLibrary(self.state.targetctx.codegen(), function.__qualname__)
+        library.enable_object_caching()
+        self.state.library = library
+        return super().compile_extra(function)
 
 
 class PartCompiler(Compiler):
@@ -59,7 +113,10 @@ def rebuilt(target, payload):
     if kind != _PART:
         return None
     library = PartLibrary(target.codegen(), name)
-    library._final_module = library._shared_module = binding.parse_bitcode(code)
+    own, library.large = code
+    library.stays_apart = not own
+    if own:
+        library._final_module = library._shared_module = binding.parse_bitcode(own)
     library._finalized = True
     return compile_result(
         typing_context=target.typing_context,

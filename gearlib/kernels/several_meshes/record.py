@@ -26,7 +26,7 @@ def _add_extrema(curve, factor, w, row, most, least):
         row[column] = sign * highest_from(w.bernstein, degree, sign * row[column])
 
 
-@woven
+@uncounted
 def record(system, grid, tables, c, w, p, phase, length, summary, samples):
     """Record what begins at `phase`, with the state y of `Work`, and lasts `length` of theta.
 
