@@ -54,10 +54,7 @@ def orders(run, *, count=None):
     names = {"phase", "displacement", "dynamic_force", "mesh_frequency"}
     if not names <= set(getattr(run, "variables", ())):
         shown = run.attrs.get("title", type(run).__name__) if hasattr(run, "attrs") else run
-        raise ValueError(
-            f"run = {shown!r} is not allowed: it must be a dataset of gearlib.simulate, of gears "
-            "that turn"
-        )
+        raise checks.refusal("run", shown, "a dataset of gearlib.simulate, of gears that turn")
     if int(run.status):
         raise ValueError(f"run is not allowed: {run.status.attrs['message']}")
     asked = json.loads(run.attrs["parameters"])

@@ -152,9 +152,8 @@ class SpurGear:
             lambda v: thickness > 0.0,
         )
         if len(self.pitch_errors) not in (0, self.teeth):
-            raise ValueError(
-                f"pitch_errors = {self.pitch_errors!r} is not allowed: it must be {self.teeth} "
-                "numbers, one for each tooth"
+            raise checks.refusal(
+                "pitch_errors", self.pitch_errors, f"{self.teeth} numbers, one for each tooth"
             )
         relief = self.tip_relief
         if relief is None:
@@ -183,9 +182,7 @@ class SpurGear:
         if self.web is None:
             return
         if self.internal:
-            raise ValueError(
-                f"web = {self.web!r} is not allowed: it must be left out of a ring gear"
-            )
+            raise checks.refusal("web", self.web, "left out of a ring gear")
         checks.number(
             "thickness of the web",
             self.web.thickness,

@@ -160,10 +160,7 @@ def checked_errors(mesh, values=None):
     if values is None:
         return np.array(mesh.pitch_errors)
     if np.ndim(values) != 1 or not np.size(values):
-        raise ValueError(
-            f"pitch_errors = {values!r} is not allowed: it must be a sequence of at least one "
-            "number"
-        )
+        raise checks.refusal("pitch_errors", values, "a sequence of at least one number")
     named = [(f"pitch_errors[{i}]", value) for i, value in enumerate(values)]
     return np.array([checks.number(name, one, "finite", math.isfinite) for name, one in named])
 
@@ -192,9 +189,7 @@ def _compliance(mesh, position, inside, stiffness, coupling):
     if stiffness == "energy":
         return matrix(PairCompliance(mesh), position, np.ones(position.shape), coupling)
     if stiffness != "iso":
-        raise ValueError(
-            f"stiffness = {stiffness!r} is not allowed: it must be 'iso', 'energy' or a PathTable"
-        )
+        raise checks.refusal("stiffness", stiffness, "'iso', 'energy' or a PathTable")
     # n pairs in mesh are (0.25 + 0.75 n) c' together if they share a body of 1 / (1 + 3 n) c'.
     single = 1.0 / (iso_stiffness(mesh).single * 1e9 * mesh.width)
     body = (single * coupling / (1.0 + 3.0 * inside.sum(-1)))[:, None, None]

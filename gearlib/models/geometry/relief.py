@@ -71,9 +71,7 @@ class PathTable:
             try:
                 named = [(f"{name}[{i}]", one) for i, one in enumerate(given)]
             except TypeError:
-                raise ValueError(
-                    f"{name} = {given!r} is not allowed: it must be a sequence of numbers"
-                ) from None
+                raise checks.refusal(name, given, "a sequence of numbers") from None
             values = tuple(checks.number(*one, "finite", math.isfinite) for one in named)
             object.__setattr__(self, name, values)
         if len(self.position) != len(self.value) or not self.position:

@@ -409,8 +409,7 @@ class GearTrain(TrainResults):
         if state.shape == (2,) and not state.any():
             return np.zeros(self.size)
         if state.shape != (self.size,) or not np.all(np.isfinite(state)):
-            raise ValueError(
-                f"initial_state = {initial_state!r} is not allowed: it must be (0, 0), 'static' or "
-                f"{self.size} finite numbers"
+            raise checks.refusal(
+                "initial_state", initial_state, f"(0, 0), 'static' or {self.size} finite numbers"
             )
         return state.copy()
