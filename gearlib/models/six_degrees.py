@@ -37,8 +37,9 @@ from typing import Annotated
 
 import numpy as np
 
-from gearlib.models import derivatives, one_mesh_system
+from gearlib.models.derivatives import along_gears, of_gears
 from gearlib.models.harmonics import Harmonics
+from gearlib.models.one_mesh_system import contact_map
 from gearlib.models.pair import GearPair
 from gearlib.models.with_pair import WithPair
 from gearlib.parameters import (
@@ -162,14 +163,8 @@ class SixDegreePair(WithPair):
         """As of `Model.parameters`: run-out and friction by their phases."""
         return named(type(self))
 
-    @property
-    def derivatives(self):
-        """As of `Model.derivatives`."""
-        return derivatives.of_gears(self)
-
-    def direction(self, name):
-        """As of `Model.direction`."""
-        return derivatives.along_gears(self, name)
+    derivatives = property(of_gears, doc="As of `Model.derivatives`.")
+    direction, contact_map = along_gears, contact_map
 
     @property
     def reduced_mass_torsional(self):
@@ -210,10 +205,6 @@ class SixDegreePair(WithPair):
         reduce = lift.T.copy()
         reduce[0, 1] = reduce[n // 2 - 1, n // 2 + 1] = 1.0
         return reduce, lift
-
-    def contact_map(self, tuning):
-        """Return the map of deviations over one mesh period in normal mesh; see `reduction`."""
-        return one_mesh_system.contact_map(self, tuning)
 
     def damped(self):
         """Return whether there is any damping on the way of the motion."""
