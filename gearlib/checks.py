@@ -65,6 +65,12 @@ def sequence(name, values):
         raise refusal(name, values, "a sequence of numbers") from None
 
 
+def finite(name, values):
+    """Return a sequence of finite numbers as a tuple of float, else raise ValueError."""
+    found = enumerate(sequence(name, values))
+    return tuple(number(f"{name}[{i}]", value, "finite", math.isfinite) for i, value in found)
+
+
 def many(name, values, count):
     """Return so many values as a list, else raise ValueError."""
     try:

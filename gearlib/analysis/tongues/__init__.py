@@ -160,7 +160,7 @@ def varied(pair, parameter, value):
 def _values(values):
     if not isinstance(values, Iterable) or isinstance(values, str) or not len(values):
         raise ValueError(f"values = {values!r} is not allowed: it must be a sequence of numbers")
-    return [checks.number(f"values[{i}]", v, "finite", math.isfinite) for i, v in enumerate(values)]
+    return checks.finite("values", values)
 
 
 def _table(rows, parameter, values, dimension):

@@ -161,8 +161,7 @@ def checked_errors(mesh, values=None):
         return np.array(mesh.pitch_errors)
     if np.ndim(values) != 1 or not np.size(values):
         raise checks.refusal("pitch_errors", values, "a sequence of at least one number")
-    named = [(f"pitch_errors[{i}]", value) for i, value in enumerate(values)]
-    return np.array([checks.number(name, one, "finite", math.isfinite) for name, one in named])
+    return np.array(checks.finite("pitch_errors", values))
 
 
 def relief_gap(mesh, position):

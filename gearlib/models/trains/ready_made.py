@@ -9,9 +9,10 @@ import math
 from typing import Annotated
 
 from gearlib import checks
+from gearlib.models.geometry.planets import equal_positions
 from gearlib.models.stiffness import mean_over_max
 from gearlib.models.trains import parts
-from gearlib.models.trains.elements import Body, Mesh, Shaft
+from gearlib.models.trains.elements import Body, Mesh
 from gearlib.parameters import (
     ANGLE,
     CONTACT_RATIO,
@@ -103,13 +104,7 @@ def planetary(
             )
         planet_teeth = (ring - sun) // 2
     planet_teeth = checks.integer("planet_teeth", planet_teeth, 3, ring - 1)
-    if positions is None:
-        if (sun + ring) % n:
-            raise ValueError(
-                f"planets = {n!r} is not allowed: (z_s + z_r) / N = ({sun} + {ring}) / {n} must be "
-                "an integer for equal spacing"
-            )
-        positions = [2.0 * math.pi * i / n for i in range(n)]
+    positions = equal_positions(sun, ring, n) if positions is None else positions
     positions = checks.numbers("positions", positions, n)
     if ring_phase is not None:
         checks.number("ring_phase", ring_phase, "finite", math.isfinite)
@@ -208,27 +203,21 @@ def idler(
     `pair`, a `GearPair`, gives stiffness, damping, backlash and load of both meshes; its reduced
     mass is that of the first. Other options are those of `GearTrain`.
     """
-    z, force = teeth, parts.pair_of(pair).load
-    reduced = reduced_inertias or parts.gear_masses(pair, *z)
-    weights = masses or [2.0 * value for value in reduced]
+    pair = parts.pair_of(pair)
+    reduced = reduced_inertias or parts.gear_masses(pair, *teeth)
+    bearing = support_stiffness, structural_damping
+    gears = parts.Gears(pair, teeth, [module] * 3, pressure_angle, reduced, masses, bearing)
     bodies = [
-        parts.gear(name, z[i], module, pressure_angle, reduced[i], weights[i], sign * force)
-        | parts.support(support_stiffness, structural_damping)
-        for i, (name, sign) in enumerate((("pinion", 1.0), ("idler", 0.0), ("wheel", -1.0)))
+        gears.body(0, "pinion", pair.load),
+        gears.body(1, "idler"),
+        gears.body(2, "wheel", -pair.load),
     ]
     # From the wheel's side of the idler the drive flanks are the other ones.
     meshes = [
-        parts.mesh_of(pair, "pinion", "idler", position=0.0, pressure_angle=pressure_angle),
-        parts.mesh_of(
-            pair,
-            "idler",
-            "wheel",
-            position=math.pi + angle,
-            direction=-1,
-            pressure_angle=pressure_angle,
-        ),
+        gears.mesh("pinion", "idler", position=0.0),
+        gears.mesh("idler", "wheel", position=math.pi + angle, direction=-1),
     ]
-    return parts.train_of(bodies=[Body(**body) for body in bodies], meshes=meshes, **options)
+    return parts.train_of(bodies=bodies, meshes=meshes, **options)
 
 
 @checked
@@ -251,30 +240,20 @@ def two_stage(
     `GearTrain`.
     """
     z, pair = teeth, parts.pair_of(pair)
-    reduced = reduced_inertias or [
-        *parts.gear_masses(pair, *z[:2]),
-        *parts.gear_masses(pair, *z[2:]),
-    ]
-    weights = masses or [2.0 * value for value in reduced]
-    sizes = [modules[i // 2] for i in range(4)]
-    radii = [parts.base_radius(z[i], sizes[i], pressure_angle) for i in range(4)]
-    names = ("pinion 1", "wheel 1", "pinion 2", "wheel 2")
+    stages = parts.gear_masses(pair, *z[:2]) + parts.gear_masses(pair, *z[2:])
+    sizes, bearing = [modules[i // 2] for i in range(4)], (support_stiffness, structural_damping)
+    gears = parts.Gears(pair, z, sizes, pressure_angle, reduced_inertias or stages, masses, bearing)
     # The shaft turns clockwise, and the second wheel counterclockwise against its load.
-    forces = (pair.load, 0.0, 0.0, -pair.load * radii[1] / radii[2])
+    out = -pair.load * gears.radii[1] / gears.radii[2]
     bodies = [
-        parts.gear(names[i], z[i], sizes[i], pressure_angle, reduced[i], weights[i], forces[i])
-        | parts.support(support_stiffness, structural_damping)
-        for i in range(4)
+        gears.body(0, "pinion 1", pair.load),
+        gears.body(1, "wheel 1"),
+        gears.body(2, "pinion 2"),
+        gears.body(3, "wheel 2", out),
     ]
     meshes = [
-        parts.mesh_of(pair, *names[:2], position=0.0, pressure_angle=pressure_angle),
-        parts.mesh_of(pair, *names[2:], position=0.0, direction=-1, pressure_angle=pressure_angle),
+        gears.mesh("pinion 1", "wheel 1", position=0.0),
+        gears.mesh("pinion 2", "wheel 2", position=0.0, direction=-1),
     ]
-    shaft = Shaft(
-        bodies=names[1:3],
-        stiffness=shaft_stiffness,
-        damping=parts.damping_of(shaft_stiffness, structural_damping),
-    )
-    return parts.train_of(
-        bodies=[Body(**body) for body in bodies], meshes=meshes, shafts=[shaft], **options
-    )
+    shaft = parts.shaft_of(("wheel 1", "pinion 2"), shaft_stiffness, structural_damping)
+    return parts.train_of(bodies=bodies, meshes=meshes, shafts=[shaft], **options)
