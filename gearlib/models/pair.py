@@ -21,6 +21,7 @@ damping ratios.
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 from gearlib import checks, parameters
 from gearlib.models import derivatives
@@ -149,13 +150,13 @@ class GearPair(PairParameters, Model):
         """The pair itself."""
         return self
 
-    @property
+    @cached_property
     def equation(self):
         """The `Equation` in static deflections and 1 / Omega_s of time."""
         # Here: tables of drawn gears have no motion and load no kernels.
-        from gearlib.models.mesh_equation import mesh_equation
+        from gearlib.models.one_degree import OneDegreePair
 
-        return mesh_equation(self)
+        return derivatives.unchecked(OneDegreePair, pair=self).equation
 
     @property
     def propagators(self):
