@@ -12,7 +12,7 @@ The equation is written in static deflections d_s = F / C_s and 1 / Omega_s of t
 phase its damping is d1 = 2 beta / nu, d2 = D2 d_s / m, d3 = D3 d_s^2 Omega_s nu / m.
 """
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import Annotated
 
@@ -120,10 +120,6 @@ class OneDegreePair(WithPair):
 
     def as_dict(self):
         """Return the parameters as plain values, in the order of the fields."""
-        values = {name: getattr(self, name) for name in self.parameters}
-        for name in ("excitation", "deviation"):
-            harmonics = getattr(self, name)
-            values[name] = {"cosines": harmonics.cosines, "sines": harmonics.sines}
-        profile = self.profile
-        values["profile"] = {"kind": type(profile).__name__.lower(), **vars(profile)}
-        return {**self.pair.as_dict(), **values}
+        values = asdict(self)
+        profile = {"kind": type(self.profile).__name__.lower(), **values.pop("profile")}
+        return {**values.pop("pair"), **values, "profile": profile}

@@ -31,7 +31,7 @@ The paper prints none of the values beyond those of the pair; whoever sets them 
 """
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated
 
@@ -276,10 +276,3 @@ class SixDegreePair(WithPair):
         # The shares round; the line is to be met exactly.
         z[0] += state[0] - near @ z
         return z
-
-    def as_dict(self):
-        """Return the parameters as plain values, in the order of the fields."""
-        values = {one.name: getattr(self, one.name) for one in fields(self)[1:]}
-        for name in ("deviation", "inverse_deviation"):
-            values[name] = {"cosines": values[name].cosines, "sines": values[name].sines}
-        return {"pair": self.pair.as_dict(), **values}

@@ -11,7 +11,6 @@ module            responsibility
 ================  ====================================================
 """
 
-import dataclasses
 import math
 from collections.abc import Iterable
 
@@ -142,8 +141,7 @@ def varied(pair, parameter, value):
     """Return a model with another stiffness ratio, contact ratio or damping ratio."""
     if pair.mesh_names:
         return pair.with_parameter(parameter, value)
-    mesh = pair.mesh
-    damping = mesh.damping_ratio
+    damping = pair.damping_ratio
     if parameter == "damping":
         damping = checks.finite_nonnegative("damping", value)
     elif pair.size > 2 or isinstance(pair.profile, Tabulated):
@@ -151,10 +149,8 @@ def varied(pair, parameter, value):
             "parameter", parameter, "'damping' for a table of the stiffness and for six degrees"
         )
     else:
-        mesh = mesh.replace(**{parameter: value})
-    material = 2.0 * damping * mesh.reduced_mass * mesh.mean_eigenfrequency
-    mesh = mesh.replace(material_damping=material)
-    return mesh if pair.mesh is pair else dataclasses.replace(pair, pair=mesh)
+        pair = pair.replace(**{parameter: value})
+    return hill_tongues.with_damping(pair, damping)
 
 
 def _values(values):

@@ -13,27 +13,13 @@ from gearlib import checks, parameters
 from gearlib.models.geometry.blank import RACKS, Material, Rack, Web
 from gearlib.models.geometry.involute import inv
 from gearlib.models.geometry.relief import TipRelief
-from gearlib.parameters import (
-    BORE,
-    DIAMETER,
-    ERROR,
-    MODULE,
-    TRUTH,
-    WIDTH,
-    Instance,
-    Integer,
-    Many,
-    Number,
-    OneOf,
-    documented,
-)
 
 #: By so much the shift may lie below the limit of undercut: 17 teeth without shift, the limit of
 #: the textbooks, lie 0.006 below; the rack takes away less than a thousandth of a module.
 _UNDERCUT = 0.02
 
 
-class _RackKind(OneOf):
+class _RackKind(parameters.OneOf):
     """A basic rack, or its letter."""
 
     def __init__(self):
@@ -44,7 +30,7 @@ class _RackKind(OneOf):
         return value if isinstance(value, Rack) else RACKS[super().check(name, value)]
 
 
-@documented
+@parameters.documented
 @dataclass(frozen=True, kw_only=True)
 class SpurGear:
     """A cylindrical gear, external or internal, spur or helical; immutable, in SI units.
@@ -56,47 +42,53 @@ class SpurGear:
         message names parameter, value and range.
     """
 
-    teeth: Annotated[int, Integer(3, limit=10_000), "Number of teeth", "z"]
-    module: Annotated[float, MODULE, "Normal module", "m_n"]
-    width: Annotated[float, WIDTH, "Face width", "b"]
-    shift: Annotated[float, Number("1", least=-3, most=3), "Profile shift coefficient", "x"] = 0.0
+    teeth: Annotated[int, parameters.Integer(3, limit=10_000), "Number of teeth", "z"]
+    module: Annotated[float, parameters.MODULE, "Normal module", "m_n"]
+    width: Annotated[float, parameters.WIDTH, "Face width", "b"]
+    shift: Annotated[
+        float, parameters.Number("1", least=-3, most=3), "Profile shift coefficient", "x"
+    ] = 0.0
     pressure_angle: Annotated[
         float,
-        Number("rad", "20 deg", above=0, below=math.pi / 4),
+        parameters.Number("rad", "20 deg", above=0, below=math.pi / 4),
         "Pressure angle of the basic rack alpha_n; 20 degrees by default",
     ] = math.radians(20.0)
     helix_angle: Annotated[
         float,
-        Number("rad", "15.8 deg", least=0, below=math.pi / 3),
+        parameters.Number("rad", "15.8 deg", least=0, below=math.pi / 3),
         "Helix angle at the reference circle beta; 0 by default",
     ] = 0.0
-    internal: Annotated[bool, TRUTH, "Whether it is a ring gear"] = False
+    internal: Annotated[bool, parameters.TRUTH, "Whether it is a ring gear"] = False
     tip_diameter: Annotated[
-        float | None, DIAMETER, "d_a; by default d + 2 m_n (x + h_aP), of a ring gear with -"
+        float | None,
+        parameters.DIAMETER,
+        "d_a; by default d + 2 m_n (x + h_aP), of a ring gear with -",
     ] = None
     rack: Annotated[
         Rack | str, _RackKind(), "Basic rack, by its letter in ISO 53; A by default"
     ] = "A"
     thickness_allowance: Annotated[
         float,
-        Number("m", "-50 um", most=0),
+        parameters.Number("m", "-50 um", most=0),
         "Upper allowance of the normal tooth thickness E_sns; DIN 3967",
     ] = 0.0
-    bore: Annotated[float, BORE, "Diameter; below that of the root"] = 0.0
+    bore: Annotated[float, parameters.BORE, "Diameter; below that of the root"] = 0.0
     outer_diameter: Annotated[
-        float | None, DIAMETER, "Of the rim of a ring gear; its mass and inertia need it"
+        float | None, parameters.DIAMETER, "Of the rim of a ring gear; its mass and inertia need it"
     ] = None
-    web: Annotated[Web | None, Instance((Web,)), "Between rim and hub"] = None
-    material: Annotated[Material, Instance((Material,)), "Steel by default"] = Material()
+    web: Annotated[Web | None, parameters.Instance((Web,)), "Between rim and hub"] = None
+    material: Annotated[Material, parameters.Instance((Material,)), "Steel by default"] = Material()
     quality: Annotated[
         int | None,
-        Integer(1, 11),
+        parameters.Integer(1, 11),
         "Flank tolerance class of ISO 1328-1:2013; `pitch_deviation` and `form_deviation` need it",
     ] = None
-    tip_relief: Annotated[TipRelief | None, Instance((TipRelief,)), "None by default"] = None
+    tip_relief: Annotated[
+        TipRelief | None, parameters.Instance((TipRelief,)), "None by default"
+    ] = None
     pitch_errors: Annotated[
         tuple,
-        Many(ERROR),
+        parameters.Many(parameters.ERROR),
         "By how much each flank lies back from its place along the line of action, tooth after "
         "tooth as they come into mesh; as many as teeth, or none",
     ] = ()
