@@ -13,6 +13,12 @@ def refusal(name, value, allowed):
     return ValueError(f"{name} = {value!r} is not allowed: it must be {allowed}")
 
 
+def require(fits, name, value, allowed):
+    """Refuse a value unless it fits with others."""
+    if not fits:
+        raise refusal(name, value, allowed)
+
+
 def number(name, value, allowed, accept):
     """Return `value` as float if it is a real number that `accept` admits, else ValueError.
 

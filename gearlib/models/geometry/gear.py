@@ -106,13 +106,12 @@ class SpurGear:
 
     def _check_teeth(self):
         rack, least = self.rack, max(self.root_diameter, self.base_diameter)
-        checks.number(
-            "dedendum of a rack",
-            rack.dedendum,
-            f"<= {math.pi / 4.0 / math.tan(self.pressure_angle):.4g} at this pressure angle, where "
-            "its own tips are pointed",
-            lambda v: v * math.tan(self.pressure_angle) <= math.pi / 4.0,
+        slope = math.tan(self.pressure_angle)
+        words = (
+            f"<= {math.pi / 4.0 / slope:.4g} at this pressure angle, where its own tips are pointed"
         )
+        fits = rack.dedendum * slope <= math.pi / 4.0
+        checks.require(fits, "dedendum of a rack", rack.dedendum, words)
         if not self.internal:
             limit = (
                 self.rack_form_height / self.module
@@ -120,12 +119,8 @@ class SpurGear:
                 / (2.0 * math.cos(self.helix_angle))
                 * math.sin(self.transverse_pressure_angle) ** 2
             )
-            checks.number(
-                "shift",
-                self.shift,
-                f">= {limit:.4f} for {self.teeth} teeth, or the rack undercuts them",
-                lambda v: v >= limit - _UNDERCUT,
-            )
+            words = f">= {limit:.4f} for {self.teeth} teeth, or the rack undercuts them"
+            checks.require(self.shift >= limit - _UNDERCUT, "shift", self.shift, words)
         if self.tip_diameter is None:
             add = 2.0 * self.module * (self.shift + rack.addendum)
             self._put("tip_diameter", self.reference_diameter + self.sign * add)
@@ -136,13 +131,9 @@ class SpurGear:
         allowed = f"above {low:.6g} m" if high == math.inf else f"from {low:.6g} to {high:.6g} m"
         self._within("tip_diameter", f"{allowed}, by its {words} circles", lambda v: low < v < high)
         thickness = self.thickness_at(self.tip_diameter)
-        checks.number(
-            "tip_diameter",
-            self.tip_diameter,
-            f"such that the tooth is not pointed (its tip would be {thickness:.3g} m thick; "
-            "> 0 is allowed)",
-            lambda v: thickness > 0.0,
-        )
+        words = "such that the tooth is not pointed (its tip would be"
+        words = f"{words} {thickness:.3g} m thick; > 0 is allowed)"
+        checks.require(thickness > 0.0, "tip_diameter", self.tip_diameter, words)
         if len(self.pitch_errors) not in (0, self.teeth):
             raise checks.refusal(
                 "pitch_errors", self.pitch_errors, f"{self.teeth} numbers, one for each tooth"
@@ -150,12 +141,9 @@ class SpurGear:
         relief = self.tip_relief
         if relief is None:
             return
-        checks.number(
-            "amount of a tip relief",
-            relief.amount,
-            f"below half of the thickness of the tip, {thickness / 2.0:.4g} m",
-            lambda v: v < thickness / 2.0,
-        )
+        words = f"below half of the thickness of the tip, {thickness / 2.0:.4g} m"
+        fits = relief.amount < thickness / 2.0
+        checks.require(fits, "amount of a tip relief", relief.amount, words)
 
     def _check_blank(self):
         self._within(
@@ -171,28 +159,17 @@ class SpurGear:
                 else "left out: only a ring gear has one",
                 lambda v: self.internal and self.root_diameter < v < math.inf,
             )
-        if self.web is None:
+        web = self.web
+        if web is None:
             return
-        if self.internal:
-            raise checks.refusal("web", self.web, "left out of a ring gear")
-        checks.number(
-            "thickness of the web",
-            self.web.thickness,
-            f"at most the face width, {self.width!r} m",
-            lambda v: v <= self.width,
-        )
-        checks.number(
-            "rim_diameter of the web",
-            self.web.rim_diameter,
-            f"below the root circle, {self.root_diameter:.6g} m",
-            lambda v: v < self.root_diameter,
-        )
-        checks.number(
-            "hub_diameter of the web",
-            self.web.hub_diameter,
-            f"at least the bore, {self.bore!r} m",
-            lambda v: v >= self.bore,
-        )
+        checks.require(not self.internal, "web", web, "left out of a ring gear")
+        words = f"at most the face width, {self.width!r} m"
+        checks.require(web.thickness <= self.width, "thickness of the web", web.thickness, words)
+        fits, words = web.rim_diameter < self.root_diameter, "below the root circle"
+        words = f"{words}, {self.root_diameter:.6g} m"
+        checks.require(fits, "rim_diameter of the web", web.rim_diameter, words)
+        fits, words = web.hub_diameter >= self.bore, f"at least the bore, {self.bore!r} m"
+        checks.require(fits, "hub_diameter of the web", web.hub_diameter, words)
 
     @property
     def sign(self):
