@@ -179,8 +179,7 @@ def locus(
             f"point = {point!r} is not allowed: it must be labelled fold, period doubling or "
             f"grazing, it is {special.LABELS[label]}"
         )
-    if second == first:
-        raise checks.refusal("parameter", parameter, "another than the branch's")
+    checks.require(second != first, "parameter", parameter, "another than the branch's")
     start = followed_parameters.value_of(pair, problem.tuning, second)
     to = checks.number("to", to, f"another {second} than the pair's", lambda v: v != start)
     followed_parameters.with_parameter(pair, problem.tuning, second, to)

@@ -142,16 +142,12 @@ class TrainLaws:
                         "model", "no proof is written for a train whose free rotation is damped"
                     )
 
-    def _kept_columns(self, matrix):
-        """Return the columns of an (n, n) matrix of objects that belong to y, responded to."""
-        columns = [[row[i] for i in self.kept] for row in matrix]
-        return self._respond * flint().arb_mat(columns)
-
     def _without_meshes(self):
         parts, rate, e = self.parts, self.parts.frequency, len(self.kept)
         free = flint().arb_mat(self.size, self.size)
         stiffness, damping = (
-            self._kept_columns(matrix) for matrix in (parts.stiffness, parts.damping)
+            self._respond * flint().arb_mat([[row[i] for i in self.kept] for row in matrix])
+            for matrix in (parts.stiffness, parts.damping)
         )
         load = self._respond * flint().arb_mat([[value] for value in parts.load])
         for i in range(e):

@@ -81,8 +81,7 @@ def tongues(pair, *, start=0.3, stop=3.0, parameter=None, values=None, step=0.00
         raise ValueError(f"stop = {stop!r} is not allowed: it must be > start = {start!r}")
     pair, step = linear(pair), check_tuning("step", step)
     if parameter is None:
-        if values is not None:
-            raise checks.refusal("values", values, "left out where parameter is None")
+        checks.require(values is None, "values", values, "left out where parameter is None")
         rows = [find(pair, start, stop, step)]
     else:
         checks.one_of("parameter", parameter, PARAMETERS if pair.mesh else (*pair.parameters,)[1:])

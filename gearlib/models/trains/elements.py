@@ -98,8 +98,7 @@ class Body:
         **more
             Other parameters, also in place of these.
         """
-        if not hasattr(gear, "base_diameter"):
-            raise checks.refusal("gear", gear, "a gearlib.geometry.SpurGear")
+        checks.require(hasattr(gear, "base_diameter"), "gear", gear, "a gearlib.geometry.SpurGear")
         own = {"teeth": gear.teeth, "base_radius": gear.base_diameter / 2.0}
         for key in ("mass", "inertia"):
             if key not in more:
