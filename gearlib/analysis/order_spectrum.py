@@ -201,15 +201,8 @@ def _breaks(pair, run, periods):
         low = not steady and half < at % math.tau < math.tau - half
         return high * (pair.stiffness_ratio if low else 1.0)
 
-    events = list(
-        zip(
-            run.event_phase.values,
-            run.event_from.values,
-            run.event_to.values,
-            run.event_velocity.values,
-            strict=True,
-        )
-    )
+    names = ("event_phase", "event_from", "event_to", "event_velocity")
+    events = list(zip(*(run[name].values for name in names), strict=True))
     marks = sorted([(at, 1, None) for at in switches] + [(e[0], 0, e) for e in events])
     contact = int(run.contact[0])
     middle = (marks[0][0] if marks else last) + first

@@ -109,10 +109,8 @@ def periodic_orbit(pair, tuning, *, guess=None, period=1, max_events=MAX_EVENTS)
         If there is none near the guess; the message says what to try.
     """
     choose(pair, None, None)
-    tuning, period = (
-        check_tuning("tuning", tuning),
-        checks.integer("period", period, 1, MOST_PERIODS),
-    )
+    tuning = check_tuning("tuning", tuning)
+    period = checks.integer("period", period, 1, MOST_PERIODS)
     max_events = checks.integer("max_events", max_events, 1)
     repeats = pair.repeats
     if period % repeats:
