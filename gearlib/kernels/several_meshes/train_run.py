@@ -135,8 +135,8 @@ def run_train(
         None are recorded if it has no rows.
     limit : int
         Most events in one mesh period.
-    summary : ndarray, shape (m, 10)
-        Begun by `orbit.clear_summary`.
+    summary : ndarray, shape (k m, 10)
+        Begun by `orbit.clear_summary`; of all recorded periods together, k = 1, or of each of them.
     strobes : ndarray, shape (m, k + 1, 2)
         Filled with the states of the meshes at the end of each of the last k periods, and before.
     vectors : ndarray, shape (2 N, n filled up)
@@ -168,6 +168,8 @@ def run_train(
         recording = i >= unseen
         begin = max(i - unseen, 0) * per_period
         end = begin + per_period if recording else begin
+        block = max(i - unseen, 0) * m if summary.shape[0] > m else 0
+        rows = summary[block : block + m]
         status = go(
             system,
             grid,
@@ -177,7 +179,7 @@ def run_train(
             limit,
             vectors,
             recording,
-            summary,
+            rows,
             samples[begin:end],
             events,
         )
@@ -189,7 +191,7 @@ def run_train(
             status = OVERFLOW
         if recording and status == OK:
             for j in range(m):
-                if orbit.unresolved(summary[j]):
+                if orbit.unresolved(rows[j]):
                     status = UNRESOLVED
         if status != OK:
             return status
@@ -206,7 +208,7 @@ def run_train(
 def period_of(system, strobes, summary):
     """Return the period of a recorded run as of `orbit.orbit_period`, for all meshes."""
     period = 1
-    for j in range(summary.shape[0]):
+    for j in range(strobes.shape[0]):
         height = summary[j, orbit.X_MAX] - summary[j, orbit.X_MIN]
         one = orbit.orbit_period(strobes[j], system.tuning, height, system.repeats)
         period = period // math.gcd(period, one) * one if one > 0 else 0
