@@ -140,7 +140,7 @@ def run_up(
     check_memory(words, int(turned / math.tau) + 1, columns, "mesh periods")
     z = np.array(runner.start(state), float)
     z[z.size // 2 :] *= pieces[0].speed
-    found = list(courses.run_through(runner, pieces, z, samples, limit, push))
+    found = list(courses.run_through(runner, pieces, z, samples, limit, push, _teeth(model)))
     code = found[-1].status
     if code == status.OK and summary.reach(found[-1].summary) > model.bound(1.0, state):
         code = status.OVERFLOW
@@ -264,18 +264,18 @@ def _inertia(model, driver, driven_mass, base_radius):
 
 def _statistics(model, found, omega):
     """Return name -> (dims, values) over the revolutions."""
-    teeth = _teeth(model)
-    bounds = [one.phase for one in found]
-    middle = np.concatenate([(phase[1:] + phase[:-1]) / 2.0 for phase in bounds])
-    passed = np.concatenate([np.diff(phase) for phase in bounds])
+    passed = np.concatenate([np.diff(one.phase) for one in found])
     lasted = np.concatenate([np.diff(one.theta) for one in found])
+    # A revolution that goes on in another stretch has a block in each of them.
     table = np.concatenate([one.summary for one in found])
-    number = (middle / (math.tau * teeth)).astype(int)
-    first = np.flatnonzero(np.diff(number, prepend=-1))
-    rows = np.add.reduceat(table, first)
+    of_block = np.concatenate([np.unique(one.block) for one in found])
+    block = np.flatnonzero(np.diff(of_block, prepend=-1))
+    rows = np.add.reduceat(table, block)
     for columns, reduce in ((_LARGEST, np.maximum), (_LEAST, np.minimum)):
         for column in columns:
-            rows[..., column] = reduce.reduceat(table[..., column], first)
+            rows[..., column] = reduce.reduceat(table[..., column], block)
+    number = np.concatenate([one.block for one in found])
+    first = np.flatnonzero(np.diff(number, prepend=-1))
     time, phase = np.add.reduceat(lasted, first), np.add.reduceat(passed, first)
     begin = np.concatenate([one.theta[:-1] for one in found])[first]
     length, force = model.static_deflection, _load(model)

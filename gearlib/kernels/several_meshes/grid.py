@@ -27,6 +27,7 @@ class Grid(NamedTuple):
     plain: np.ndarray  #: bool, whether its flanks are a constant apart, shape (m,)
     gap: np.ndarray  #: bool, whether there is a backlash between them, shape (m,)
     spin: np.ndarray  #: frequencies of the harmonics by theta, shape (h,)
+    block: np.ndarray  #: int, which rows of a summary each mesh period is in, shape (repeats,)
 
 
 class Work(NamedTuple):
@@ -74,7 +75,8 @@ def grid_of(system):
     closing = ~never & may_close(system.near, system.far, one)
     spin = system.harmonics * system.tuning
     gap = ~plain | (apart[:, one] != 0.0)
-    return Grid(length, kind, near, far, never, closing, plain, gap, spin)
+    block = np.zeros(len(system.first_segment) - 1, np.int64)
+    return Grid(length, kind, near, far, never, closing, plain, gap, spin, block)
 
 
 @kernel

@@ -29,7 +29,7 @@ def _add_extrema(curve, factor, w, row, most, least):
 @woven
 def _within(system, tables, c, w, p, summary, modes):
     """Return whether no mesh provably comes to new extrema as long as the contacts stay."""
-    for j in range(summary.shape[0]):
+    for j in range(w.contact.shape[0]):
         row, code = summary[j], w.contact[j]
         if not tables.steady[c, 1, j] or not tables.steady[c, 0, j]:
             return False

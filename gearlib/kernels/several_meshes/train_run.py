@@ -136,7 +136,7 @@ def run_train(
     limit : int
         Most events in one mesh period.
     summary : ndarray, shape (k m, 10)
-        Begun by `orbit.clear_summary`; of all recorded periods together, k = 1, or of each of them.
+        Begun by `orbit.clear_summary`; one for each of the blocks of `Grid`.
     strobes : ndarray, shape (m, k + 1, 2)
         Filled with the states of the meshes at the end of each of the last k periods, and before.
     vectors : ndarray, shape (2 N, n filled up)
@@ -168,14 +168,14 @@ def run_train(
         recording = i >= unseen
         begin = max(i - unseen, 0) * per_period
         end = begin + per_period if recording else begin
-        block = max(i - unseen, 0) * m if summary.shape[0] > m else 0
-        rows = summary[block : block + m]
+        number = (system.first + i) % (system.first_segment.shape[0] - 1)
+        rows = summary[grid.block[number] * m :]
         status = go(
             system,
             grid,
             tables,
             w,
-            (system.first + i) % (system.first_segment.shape[0] - 1),
+            number,
             limit,
             vectors,
             recording,

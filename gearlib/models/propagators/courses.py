@@ -56,7 +56,8 @@ class Stretch(NamedTuple):
     samples: np.ndarray  #: at equal steps of time in each, columns of `orbit`, (k s, m, 6)
     coordinates: np.ndarray  #: shape (k s, N)
     outputs: np.ndarray  #: those of the model, (k s, e)
-    summary: np.ndarray  #: of each interval, shape (k, m, 10)
+    block: np.ndarray  #: int, number of the block of each interval, shape (k,)
+    summary: np.ndarray  #: of each block that there is, shape (b, m, 10)
     events: np.ndarray  #: (theta, mesh, from, to, velocity by theta), shape (j, 5)
     status: int
 
@@ -114,7 +115,7 @@ def propagator_of(model):
     return (_Train if model.mesh_names else _Pair)(model, 1.0)
 
 
-def run_through(runner, pieces, state, samples, limit, inertia):
+def run_through(runner, pieces, state, samples, limit, inertia, teeth):
     """Yield a `Stretch` after the other of a run through pieces, up to one that fails.
 
     Parameters
@@ -130,6 +131,8 @@ def run_through(runner, pieces, state, samples, limit, inertia):
         Most events in one mesh period.
     inertia : ndarray, shape (N,)
         Accelerations of the coordinates by theta for a unit of d2tau/dtheta2.
+    teeth : int
+        Mesh periods of a block, of which there is one summary.
     """
     base, grid, outputs = runner.system, runner.grid, runner.model.outputs(runner.system)
     for piece in pieces:
@@ -137,8 +140,8 @@ def run_through(runner, pieces, state, samples, limit, inertia):
         # Tables of another number of components are of no use.
         runner.spare, runner.large = [], []
         for cut in _cuts(runner.model, base, piece):
-            _set(runner, piece, system, grid, cut)
-            done = _through(runner, piece, state, cut, samples, limit, outputs)
+            _set(runner, piece, system, grid, cut, teeth)
+            done = _through(runner, piece, state, cut, samples, limit, outputs, teeth)
             yield done
             if done.status != OK:
                 return
@@ -201,7 +204,7 @@ def _cuts(model, base, piece):
             return
 
 
-def _set(runner, piece, system, grid, cut):
+def _set(runner, piece, system, grid, cut, teeth):
     """Give a runner the segments of a `_Cut`."""
     speed = piece.speed_at(cut.offset + cut.phase)
     total = speed[:-1] + speed[1:]
@@ -221,15 +224,19 @@ def _set(runner, piece, system, grid, cut):
         kind=np.full(length.size, -1),
         rate=system.near @ system.free,
         far_rate=system.far @ system.free,
+        block=_blocks(cut, teeth) - _blocks(cut, teeth)[0],
     )
     runner.components = len(system.free)
 
 
-def _through(runner, piece, state, cut, samples, limit, outputs):
+def _through(runner, piece, state, cut, samples, limit, outputs, teeth):
     """Run through the intervals of a `_Cut`; return the `Stretch`."""
     system, count = runner.system, len(cut.first) - 1
     (m, n), half = system.near.shape, state.size // 2
-    raw, summary = runner.raw(count * samples), np.empty((count * m, SUMMARY_COLUMNS))
+    raw, summary = (
+        runner.raw(count * samples),
+        np.empty(((runner.grid.block[-1] + 1) * m, SUMMARY_COLUMNS)),
+    )
     events, spans = np.empty((4 * count * m, EVENT_COLUMNS)), (count, count)
     _, events, found, code, _ = runner.go(state, raw, events, limit, summary, spans)
     events, columns = events[: found if code == OK else 0], np.empty((len(raw), m, 6))
@@ -248,10 +255,17 @@ def _through(runner, piece, state, cut, samples, limit, outputs):
         columns,
         raw[:, :half],
         np.einsum("ekn,kn->ke", rows, whole) if len(outputs) else np.empty((len(raw), 0)),
-        summary.reshape(count, m, -1),
+        _blocks(cut, teeth),
+        summary.reshape(-1, m, SUMMARY_COLUMNS),
         rows_of,
         code,
     )
+
+
+def _blocks(cut, teeth):
+    """Return the numbers of the blocks of the intervals of a `_Cut`."""
+    middle = (cut.phase[cut.first[:-1]] + cut.phase[cut.first[1:]]) / 2.0 + cut.offset
+    return (middle / (2.0 * math.pi)).astype(int) // teeth
 
 
 def _theta(piece, phase):
