@@ -10,6 +10,7 @@ from gearlib.data.result import result
 from gearlib.kernels import orbit
 from gearlib.kernels.several_meshes.record import FORCE_SUM
 from gearlib.models import acceleration as inertia
+from gearlib.models.model import is_model
 from gearlib.models.propagators import courses
 from gearlib.runs.run_arguments import MAX_EVENTS, check_memory, check_speed
 
@@ -145,18 +146,14 @@ def run_up(
     if code == status.OK and summary.reach(found[-1].summary) > model.bound(1.0, state):
         code = status.OVERFLOW
     data = _statistics(model, found, omega) | _events(model, found, omega)
-    coords = {}
     if samples:
-        coords, course = _course_of_time(model, found, omega, samples)
-        data |= course
+        data |= _course_of_time(model, found, omega, samples)
     if code != status.OK:
         data = {name: _nothing(*variable) for name, variable in data.items()}
-    described = {name: _described(name, *value) for name, value in (coords | data).items()}
-    data = {name: described[name] for name in data}
-    coords = {name: described[name] for name in coords}
+    data = {name: _described(name, *variable) for name, variable in data.items()}
     own = model.coordinates()
     used = {dim for variable in data.values() for dim in variable[0]}
-    coords |= {name: own[name] for name in own if name in used}
+    coords = {name: own[name] for name in own if name in used}
     said = {"speed": speeds.tolist(), "load": loads.tolist(), "initial_state": state}
     said |= {"driver": driver, "driven_mass": driven_mass, "base_radius": base_radius}
     data["status"] = np.int8(code)
@@ -169,7 +166,7 @@ def run_up(
 def _runner(model):
     """Return the propagator of a model on its way, if it has one."""
     name = type(model).__name__
-    exact = getattr(model, "propagators", {}).get("exact")
+    exact = model.propagators.get("exact") if is_model(model) else None
     if exact not in ("closed_form", "piecewise_linear", "several_meshes"):
         raise ValueError(
             f"model of type {name} is not allowed: a run-up needs linear damping and a stiffness "
@@ -177,7 +174,7 @@ def _runner(model):
         )
     if model.speed is None:
         raise ValueError(f"model of type {name} is not allowed: nothing turns in it")
-    if getattr(model, "gyroscopic", False):
+    if model.gyroscopic:
         raise ValueError("gyroscopic = True is not allowed in a run-up: it must be False")
     runner = courses.propagator_of(model)
     if runner.system.harmonics.size:
@@ -245,14 +242,13 @@ def _course(name, rows, words, accept, steps=False):
 
 def _inertia(model, driver, driven_mass, base_radius):
     """Return what `courses.run_through` takes as inertia."""
-    train = model if model.mesh_names else getattr(model, "train", None)
     driven_mass = checks.finite_nonnegative("driven_mass", driven_mass)
-    if train is not None:
+    if model.train is not None:
         if driven_mass or base_radius is not None:
             raise ValueError(
                 "driven_mass and base_radius are not allowed: the inertias of the model are known"
             )
-        return inertia.of_train(train, driver)
+        return inertia.of_train(model.train, driver)
     if driver is not None:
         raise ValueError(f"driver = {driver!r} is not allowed: the model has no bodies")
     if not driven_mass:
@@ -271,14 +267,14 @@ def _statistics(model, found, omega):
     of_block = np.concatenate([np.unique(one.block) for one in found])
     block = np.flatnonzero(np.diff(of_block, prepend=-1))
     rows = np.add.reduceat(table, block)
-    for columns, reduce in ((_LARGEST, np.maximum), (_LEAST, np.minimum)):
-        for column in columns:
+    for extrema, reduce in ((_LARGEST, np.maximum), (_LEAST, np.minimum)):
+        for column in extrema:
             rows[..., column] = reduce.reduceat(table[..., column], block)
     number = np.concatenate([one.block for one in found])
     first = np.flatnonzero(np.diff(number, prepend=-1))
     time, phase = np.add.reduceat(lasted, first), np.add.reduceat(passed, first)
     begin = np.concatenate([one.theta[:-1] for one in found])[first]
-    length, force = model.static_deflection, _load(model)
+    length, force = model.static_deflection, model.scales()["force_scale"]
     share = time[:, None]
     columns = {
         "displacement_max": rows[..., orbit.X_MAX] * length,
@@ -318,7 +314,7 @@ def _events(model, found, omega):
 
 
 def _course_of_time(model, found, omega, samples):
-    """Return (coordinates, variables) over time."""
+    """Return name -> (dims, values) over time."""
     steps = np.arange(samples) / samples
     theta = np.concatenate(
         [(one.theta[:-1, None] + steps * np.diff(one.theta)[:, None]).ravel() for one in found]
@@ -329,7 +325,7 @@ def _course_of_time(model, found, omega, samples):
     course = [np.array(p.by(t)) for p, t in zip(pieces, parts, strict=True)]
     speed, phase, load = np.hstack(course)
     table = np.concatenate([one.samples for one in found])
-    length, force = model.static_deflection, _load(model)
+    length, force = model.static_deflection, model.scales()["force_scale"]
     of_mesh = {
         "displacement": table[..., orbit.SAMPLE_X] * length,
         "velocity": table[..., orbit.SAMPLE_V] * (length * omega),
@@ -337,8 +333,10 @@ def _course_of_time(model, found, omega, samples):
         "dynamic_force": table[..., orbit.SAMPLE_FORCE] * force,
         "contact": table[..., orbit.SAMPLE_CONTACT].astype(np.int8),
     }
-    over, shape = (("time", "mesh"), (theta.size, -1)) if model.mesh_names else (("time",), -1)
+    over = ("time", "mesh") if model.mesh_names else ("time",)
+    shape = (theta.size, -1) if model.mesh_names else (theta.size,)
     data = {
+        "time": (("time",), theta / omega),
         "speed": (("time",), np.asarray(model.speed(speed))),
         "load_ratio": (("time",), load),
         "phase": (("time",), phase),
@@ -348,19 +346,12 @@ def _course_of_time(model, found, omega, samples):
         q = np.concatenate([one.coordinates for one in found])
         moves = np.einsum("bxn,kn->kbx", model.structure.motions, q) * length
         data["body_motion"] = (("time", "body", "axis"), moves)
-    return {"time": (("time",), theta / omega)}, data
+    return data
 
 
 def _teeth(model):
     """Return how many mesh periods a revolution has."""
-    if model.mesh_names:
-        return model.reference_pinion.teeth
-    return model.teeth[0] if isinstance(getattr(model, "teeth", None), tuple) else model.mesh.teeth
-
-
-def _load(model):
-    """Return the scale of forces, N."""
-    return model.load if model.mesh_names else model.mesh.load
+    return float(model.mesh_frequency(1.0)) * 60.0 / (math.tau * float(model.speed(1.0)))
 
 
 def _nothing(dims, values):

@@ -97,6 +97,9 @@ def _line(rows, start):
 class _Course:
     """The part of a propagator whose systems are those of stretches of a course."""
 
+    system: Any
+    grid: Any
+
     def ahead(self, first, done, spans):
         """As of `several_meshes.Propagator`: all segments are there."""
         return self.system, self.grid, spans[0]
@@ -131,7 +134,7 @@ def run_through(runner, pieces, state, samples, limit, inertia, teeth):
         Most events in one mesh period.
     inertia : ndarray, shape (N,)
         Accelerations of the coordinates by theta for a unit of d2tau/dtheta2.
-    teeth : int
+    teeth : float
         Mesh periods of a block, of which there is one summary.
     """
     base, grid, outputs = runner.system, runner.grid, runner.model.outputs(runner.system)
@@ -265,7 +268,7 @@ def _through(runner, piece, state, cut, samples, limit, outputs, teeth):
 def _blocks(cut, teeth):
     """Return the numbers of the blocks of the intervals of a `_Cut`."""
     middle = (cut.phase[cut.first[:-1]] + cut.phase[cut.first[1:]]) / 2.0 + cut.offset
-    return (middle / (2.0 * math.pi)).astype(int) // teeth
+    return (middle / (2.0 * math.pi * teeth)).astype(int)
 
 
 def _theta(piece, phase):
