@@ -67,6 +67,10 @@ def test_without_acceleration_it_is_a_run_at_constant_speed(model, tuning, start
         assert np.abs(same.bounces[0] - run.bounces) < 1e-10
 
 
+#: The first zero of the Airy function Ai, negative.
+AIRY = 2.338107410459767
+
+
 class Course:
     """A piecewise linear course of seconds and values."""
 
@@ -206,6 +210,44 @@ def test_inertia_is_that_of_newton(model):
     forces = model.structure.mass @ push
     # The free rotation keeps to the speed: nothing is left for it to do.
     assert np.abs(model.free_motions.T @ forces).max() < 1e-9 * np.abs(forces).max()
+
+
+def test_the_jump_lags_behind_the_fold_by_two_thirds_of_a_power():
+    pair = PAPER.replace(material_damping=3953.7, backlash_damping=3953.7, teeth=1)
+    branch = gearlib.continue_orbit(gearlib.periodic_orbit(pair, 0.9, period=1), to=0.6)
+    k = int(np.flatnonzero(branch.label == 1)[0])
+    fold, away = (
+        float(branch.tuning[k]),
+        np.abs(branch.tuning.values[k - 2 : k] - float(branch.tuning[k])),
+    )
+    # Of dy/dn = a (nu - fold) + b y^2 next to the fold: (1 - mu)^2 = 4 a b |nu - fold|, up to terms
+    # of the order of y, the root of the distance. See docs/theory/run_ups.md.
+    multiplier = branch.multiplier_real.values[k - 2 : k].max(axis=1)
+    product = np.polyfit(np.sqrt(away), (1.0 - multiplier) ** 2 / (4.0 * away), 1)[1]
+    lags, rates = [], np.array([1e-9, 1e-8, 1e-7, 1e-6])
+    for rate in rates:
+        expected = AIRY * rate ** (2.0 / 3.0) / product ** (1.0 / 3.0)
+        first, last = fold + 12.0 * expected + 200.0 * rate, fold - 4.0 * expected - 100.0 * rate
+        seconds = (
+            (first - last) / rate * math.tau / ((first + last) / 2.0 * pair.mean_eigenfrequency)
+        )
+        settled = gearlib.simulate(
+            pair, first, periods=3000, initial_state=tuple(branch.state.values[k - 3])
+        )
+        run = gearlib.run_up(
+            pair,
+            pair.speed(first),
+            pair.speed(last),
+            duration=seconds,
+            initial_state=tuple(settled.final_state.values),
+        )
+        height = run.displacement_max.values / pair.static_deflection
+        left = int(np.argmax(np.abs(height - height[:50].mean()) > 0.3))
+        lags.append(fold - float(run.revolution_speed[left]) / pair.speed(1.0))
+        # The next term is of the order of rate^(1/3): the last mesh periods of the way out.
+        assert abs(lags[-1] / expected - 1.0) < 0.003 + 4.0 * rate ** (1.0 / 3.0)
+    exponent = np.polyfit(np.log(rates), np.log(lags), 1)[0]
+    assert abs(exponent - 2.0 / 3.0) < 0.01
 
 
 def test_rigid_bearings_make_a_pair_of_it():
