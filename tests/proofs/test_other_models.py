@@ -7,7 +7,6 @@ import json
 import os
 from dataclasses import replace
 
-import mpmath
 import numpy as np
 import pytest
 
