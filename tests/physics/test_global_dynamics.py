@@ -171,16 +171,6 @@ def test_every_phase_of_an_orbit_is_the_same_attractor(tuning, period):
     np.testing.assert_allclose(ends, np.roll(points, -1, axis=0), atol=1e-11)
 
 
-def test_a_linear_mesh_has_one_attractor():
-    # Without backlash the spring acts both ways: a Hill equation, damped, with one response.
-    nu = 0.9
-    found = basins(gear_pair(0.05, backlash=0.0), nu, grid(25))
-    assert found.share.values.tolist() == [1.0] and found.period.values.tolist() == [1]
-    multipliers = found.multiplier_real.values[0] + 1j * found.multiplier_imaginary.values[0]
-    # Liouville: the product is exp(-2 beta / nu * 2 pi).
-    assert abs(np.prod(multipliers)) == pytest.approx(math.exp(-4.0 * math.pi * 0.05 / nu))
-
-
 def test_chaos_and_growth_beyond_all_bounds_are_classes():
     soft = gear_pair(0.0164, backlash=7.2, contact_ratio=1.6, stiffness_ratio=0.35)
     found = basins(soft, 0.44, grid(12), periods=200)
@@ -204,13 +194,6 @@ def test_exponents_are_those_of_the_multipliers():
         expected = np.log(np.abs(orbit.multipliers).max()) / orbit.period
         # A bounded factor remains of the start and the end: its logarithm over 4000 periods.
         assert float(rate) == pytest.approx(expected, abs=3.0 / 4000)
-
-
-def test_without_damping_chaos_has_a_positive_exponent_and_order_none():
-    rates = lyapunov_exponents(gear_pair(0.0), [0.7, 0.9], periods=4000)
-    regular, chaotic = rates.exponent.values
-    assert abs(regular) < 3e-3
-    assert chaotic > 0.1 and chaotic > 5.0 * float(rates.uncertainty[1])
 
 
 def test_sections_are_samples_of_the_time_course():

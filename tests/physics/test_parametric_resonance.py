@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.special import mathieu_a, mathieu_b
 
-from gearlib import Fourier, GearPair, Harmonics, OneDegreePair, Tabulated, simulate, tongues
+from gearlib import Fourier, GearPair, Harmonics, OneDegreePair, Tabulated, tongues
 from gearlib.analysis.tongues import find, hill_tongues, meissner, no_loss
 from tests.properties.known_models import EVERYTHING, gears
 from tests.references.described_models import describe
@@ -179,16 +179,6 @@ def test_tongues_are_pinched_where_half_waves_fit(order):
     assert len(meissner.coexistence(order, stiffness_ratio=0.5879)) == order - 1
 
 
-def test_equal_stretches_have_the_discriminant_of_meissner():
-    # sqrt(c_high / c_low) = 3, phase b of the softer stretch: T as in Meissner (1918).
-    pair = mesh(1.5, 1.0 / 9.0)
-    low = 2.0 / 9.0 / (1.0 + 1.0 / 9.0)
-    for nu in (0.3, 0.7, 1.1, 2.3):
-        b = math.pi * math.sqrt(low) / nu
-        expected = 2.0 * math.cos(3 * b) * math.cos(b) - 10.0 / 3.0 * math.sin(3 * b) * math.sin(b)
-        assert no_loss.trace(pair, nu) == pytest.approx(expected, abs=1e-13)
-
-
 @pytest.mark.parametrize("damping", [1.5, 5.0])
 def test_where_all_is_over_damped_no_tongue_is_left(damping):
     pair = mesh(1.5, 0.5, damping)
@@ -213,15 +203,6 @@ def test_a_narrow_tongue_between_two_tunings_of_a_scan_is_found(grid):
     np.testing.assert_allclose(found, places, rtol=1e-12)
 
 
-@pytest.mark.parametrize("order", [1, 2, 3, 4])
-def test_weak_modulation_opens_tongues_by_its_harmonics(order):
-    # Width over tuning: half the amplitude of the harmonic n, to first order.
-    kappa = 1.0 - 1e-5
-    one = meissner.tongue(meissner.equation(1.3, kappa, 0.0), order)
-    amplitude = 2.0 * (1.0 - kappa) / (math.pi * order) * abs(math.sin(order * math.pi * 0.7))
-    assert (one.stop - one.start) / one.peak == pytest.approx(amplitude / 2.0, rel=1e-4)
-
-
 @pytest.mark.parametrize(("kappa", "orders"), [(0.9, (1, 2, 3)), (0.98, (1, 2))])
 def test_one_harmonic_is_mathieu(kappa, orders):
     pair = mesh(1.5, kappa)
@@ -237,16 +218,6 @@ def test_one_harmonic_is_mathieu(kappa, orders):
             misses.append(min(abs(a - f(order, q)) for f in (mathieu_a, mathieu_b)))
         # Rounding of T, 1e-15, over its slope at the edges, which is that of the width.
         assert max(misses) < 1e-14 / (one.stop - one.start)
-
-
-def test_many_harmonics_approach_the_rectangle():
-    pair = mesh(*PAPER, 0.004)
-    exact = find(pair, 0.6, 0.7)[0]
-    ends = []
-    for count in (4, 12):
-        (one,) = find(OneDegreePair(pair=pair, profile=Fourier(count)), 0.6, 0.7)
-        ends.append(max(abs(one.start - exact.start), abs(one.stop - exact.stop)))
-    assert ends[0] < 2e-3 and ends[1] < 0.3 * ends[0]
 
 
 def test_a_table_against_the_second_code():
@@ -289,21 +260,6 @@ def test_bearings_bring_combination_resonance():
     largest = max(np.linalg.eigvals(pair.contact_map(nu)), key=abs)
     assert abs(largest.imag) > 1e-3
     assert math.log(abs(largest)) == pytest.approx(float(found.growth[i]), rel=1e-9)
-
-
-@pytest.mark.parametrize("side", [-1, 1])
-def test_motions_grow_inside_and_decay_outside(side):
-    pair = mesh(*PAPER, 0.005)
-    (one,) = find(pair, 0.64, 0.68)
-    nu = one.start + side * 1e-3
-    orbit = np.array(no_loss.orbit(pair, nu))
-    small = np.array([1e-5, 0.0])
-    run = simulate(pair, nu, periods=300, initial_state=tuple(orbit + small))
-    assert float(run.displacement_min) > 0.0, "contact must not be lost"
-    grown = np.abs(run.final_state.values - orbit).max() / 1e-5
-    expected = 300 * meissner.growth(*PAPER, 0.005, nu)
-    # Inside the growing direction has a share in the start, outside the deviation beats.
-    assert math.log(grown) == pytest.approx(expected, abs=1.5) and math.log(grown) * side > 0.0
 
 
 def test_the_dataset():

@@ -5,12 +5,10 @@ The sliding is that of `tests.trains.sliding`, from base circles and speeds.
 
 import math
 from dataclasses import replace
-from fractions import Fraction
 
 import numpy as np
 import pytest
 
-from gearlib.analysis.proofs.train_numbers import parts_of
 from tests.properties.changes import as_train
 from tests.properties.known_models import EVERYTHING, gears
 from tests.references.described_models import describe
@@ -64,17 +62,3 @@ def test_friction_of_the_reference_takes_power_out(seed):
                     assert force @ speed <= -least
                     seen += 1
     assert seen > 100
-
-
-def test_proofs_know_the_same_friction():
-    pytest.importorskip("flint")
-    for seed in range(4):
-        train = chain_with_everything(np.random.default_rng(seed))
-        starts, sense = train.segments.starts, train.segments.sense
-        for j, mesh in enumerate(parts_of(train).meshes):
-            across = [float(value) for value in mesh.across]
-            np.testing.assert_allclose(across, train.structure.across[j], rtol=0, atol=1e-14)
-            for segment in range(0, starts.size - 1, 5):
-                middle = Fraction((starts[segment] + starts[segment + 1]) / (4.0 * math.pi))
-                found = [mesh.sense(side, middle * mesh.rate) for side in (0, 1)]
-                assert found == sense[:, segment, j].tolist()

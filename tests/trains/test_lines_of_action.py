@@ -7,9 +7,6 @@ import numpy as np
 import pytest
 
 from gearlib.models.trains.elements import Mesh
-from tests.references.described_models import describe
-from tests.references.reference_equations import machine_of
-from tests.trains.random_trains import chain_train, planetary_train
 
 
 @pytest.mark.parametrize("internal", [False, True])
@@ -29,16 +26,3 @@ def test_a_line_of_action_tells_where_the_gears_lie(internal, direction):
         apart = -math.sin(alpha) if internal else math.sin(alpha)
         assert math.cos(turned) == pytest.approx(apart, abs=1e-14)
         assert math.sin(turned) == pytest.approx(direction * math.cos(alpha), abs=1e-14)
-
-
-@pytest.mark.parametrize("drawn", [chain_train, planetary_train])
-def test_a_train_of_lines_of_action_is_the_train_of_positions(drawn):
-    for seed in range(4):
-        train = drawn(np.random.default_rng(seed))
-        lines = [replace(mesh, position=None, line_of_action=mesh.line) for mesh in train.meshes]
-        other = train.replace(meshes=lines)
-        # Rounding of angles, on gears of up to some hundred teeth.
-        apart = [other.phases[name] - train.phases[name] for name in train.phases]
-        np.testing.assert_allclose(np.exp(2j * np.pi * np.array(apart)), 1.0, rtol=0, atol=1e-9)
-        found, wanted = (machine_of(describe(one), 1.0).modes()[2] for one in (other, train))
-        np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-12 * np.abs(wanted).max())

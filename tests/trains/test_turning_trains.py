@@ -1,7 +1,6 @@
 """Forces of the turning frame: a Lagrangian of finite rotations, symmetry, balances, rotors."""
 
 import math
-import os
 from dataclasses import replace
 
 import numpy as np
@@ -9,11 +8,6 @@ import pytest
 
 import gearlib
 from gearlib import planetary, simulate
-from tests.references.described_models import describe
-from tests.references.reference_equations import machine_of
-from tests.trains.lagrangian import linear
-
-COUNT = int(os.environ.get("GEARLIB_LAGRANGIANS", "2"))
 
 
 def turning(rng=None, planets=3, **options):
@@ -44,54 +38,6 @@ def turned(train):
         elif axis == "y" and body.carrier:
             q[i] = train.by_name[body.carrier].base_radius
     return q
-
-
-def standing(train):
-    """Return the train with torsional supports that make its static state a single one."""
-    return train.replace(
-        bodies=[
-            body if body.carrier else replace(body, torsional_stiffness=1e5)
-            for body in train.bodies
-        ]
-    )
-
-
-@pytest.mark.parametrize("seed", range(COUNT))
-def test_matrices_are_those_of_the_energies_at_finite_rotations(seed):
-    """Beside the turn of the lines of action with their axes, which the library leaves out."""
-    rng = np.random.default_rng(seed)
-    train = standing(turning(rng, planets=2 + seed % 2))
-    if seed % 2:
-        # Rigid axes and rigid pins, one of them along one axis only.
-        free = {"sun": (math.inf, math.inf), "planet 1": (math.inf, 2e8)}
-        train = train.replace(
-            bodies=[
-                replace(b, support_stiffness=free.get(b.name, b.support_stiffness))
-                for b in train.bodies
-            ]
-        )
-    speed = rng.uniform(-300.0, 300.0)
-    exact = {name: np.array(rows) for name, rows in linear(train, speed).items()}
-    own, whole = train.structure, machine_of(describe(train), 1.0).modes()[2]
-    for name, expected in (
-        ("springs", whole),
-        ("load", (own.load + speed**2 * own.outward)[:, None]),
-        ("mass", own.mass),
-        ("coriolis", speed * own.turning),
-        ("damping", own.damping),
-        ("circulating", speed * own.circulating),
-    ):
-        close = 1e-13 * np.abs(expected).max()
-        np.testing.assert_allclose(exact[name], expected, rtol=0, atol=close)
-    lines = exact["lines"]
-    kept = exact["forces"] - lines
-    np.testing.assert_allclose(
-        kept, speed**2 * own.centrifugal, rtol=0, atol=1e-13 * np.abs(kept).max()
-    )
-    # What is left out is of the order of a force over a length; it resists no turn either.
-    assert 0.0 < np.abs(lines).max() < 1e-2 * np.abs(whole).max()
-    rigid = turned(train)
-    assert np.abs(lines @ rigid).max() < 1e-12 * (np.abs(lines) @ np.abs(rigid)).max()
 
 
 @pytest.mark.parametrize("tuning", [0.01, 1.0, 30.0])

@@ -17,9 +17,7 @@ from gearlib.kernels.closed_form.contact_table import (
     step,
 )
 from gearlib.kernels.closed_form.damped_oscillator import evolve, level
-from gearlib.kernels.closed_form.elementary import cos_sin, decay
 from gearlib.kernels.closed_form.event_by_event import ARC_COLUMNS, march_period
-from gearlib.kernels.closed_form.flight import climb_time, fly, lowest_time, return_flight
 from gearlib.kernels.closed_form.many_runs import skip_many
 from gearlib.kernels.closed_form.mesh_constants import contact_of, mesh
 from gearlib.kernels.closed_form.whole_periods import ENTRY, advance, new_work, set_mesh, set_start
@@ -112,23 +110,6 @@ def test_whole_periods_equal_events_one_by_one(case, seed):
     for _ in range(2000):
         ratios, tuning, x, v = case(rng)
         assert compare(mesh(ratios, tuning), x, v, PERIODS) < 1e-11
-
-
-@pytest.mark.parametrize("contact_ratio", [1.0, 1.569, 2.0])
-@pytest.mark.parametrize("damping", [0.0, 0.0617, 1.0, 1.7])
-@pytest.mark.parametrize("gap", [0.0, 1e-9, 0.3, 4.0, math.inf])
-def test_special_meshes(contact_ratio, damping, gap):
-    for drag in (0.0, 0.0617, 3.0):
-        ratios = ratios_of(contact_ratio, 0.5879, damping, drag, gap)
-        for tuning in np.linspace(0.5, 1.4, 10):
-            for x, v in ((0.0, 0.0), (0.0, -0.5), (1.0, 1.0), (-0.2, 0.0)):
-                compare(mesh(ratios, tuning), x, v, 20)
-
-
-def test_regular_orbits_to_twelve_digits():
-    ratios = ratios_of(1.569, 0.5879, 0.0617, 0.0617, 4.0)
-    worst = max(compare(mesh(ratios, nu), 0.0, 0.0, 300) for nu in np.linspace(0.5, 1.4, 301))
-    assert worst < 1e-12
 
 
 def changes(arcs, count):
@@ -263,27 +244,6 @@ def test_tables_of_contact():
             # A few roundings of the state and of the phase w t.
             allowed = 4e-15 * (1.0 + abs(u) + abs(v)) * (1.0 + lev.square)
             np.testing.assert_allclose(near, evolve(lev, u, v, t), rtol=0, atol=allowed)
-
-
-def test_return_flights():
-    # Q = -2 b v / f on both sides of where the polynomial ends, down to no drag at all.
-    for q in [0.0, *10.0 ** np.linspace(-12, 2, 200), 0.4999, 0.5001]:
-        f, v = 1.3, -0.7
-        b = -0.5 * q * f / v
-        t, speed = return_flight(b, f, v)
-        turn = lowest_time(b, f, v)
-        depth, _ = fly(b, f, 0.0, v, turn)
-        expected = turn + climb_time(b, f, -depth, 0.0)
-        assert abs(t - expected) < 2e-15 * expected
-        assert abs(speed - fly(b, f, 0.0, v, expected)[1]) < 2e-15 * abs(v)
-
-
-def test_elementary_functions():
-    z = np.concatenate([np.linspace(0.0, 40.0, 10_001), [699.0, 1e4, math.inf]])
-    assert max(abs(decay(t) - math.exp(-t)) / math.exp(-min(t, 40.0)) for t in z[:-2]) < 4e-16
-    assert decay(math.inf) < 1e-300
-    for angle in np.linspace(0.0, 60.0, 10_001):
-        assert np.abs(np.subtract(cos_sin(angle), (math.cos(angle), math.sin(angle)))).max() < 3e-16
 
 
 @pytest.mark.parametrize("tuning", [1.6, 1.9, 2.5])
