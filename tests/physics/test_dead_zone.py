@@ -100,7 +100,6 @@ ONE = {"upper_stiffness": 1.0}
             lambda: DeadZoneOscillator(upper_stiffness=0, lower_stiffness=0.0, lower_edge=-1.0),
             "upper_stiffness = 0.0 and lower_stiffness = 0.0 is not allowed: one contact must",
         ),
-        (lambda: DeadZoneOscillator(**ONE, lower_edge=0.5), "from -inf to upper_edge = 0.0"),
         (lambda: Series(1.0, Harmonics((-0.8, -0.4))), "the stiffness falls to -0.2"),
         # In the middle of the period only, and just behind its start.
         (lambda: Series(1.0, Harmonics((1.25,))), "the stiffness falls to -0.25"),
