@@ -9,21 +9,6 @@ from gearlib import Harmonics, OneDegreePair, Tabulated, simulate
 from tests.properties.known_models import CUBIC, LINEAR, TABLE
 
 
-def test_a_rectangle_as_a_table():
-    # A table cannot jump; a step of 1e-7 rad is as good to a few parts in 1e7.
-    half, d = math.pi * 0.569, 1e-7
-    phase = (0.0, half, half + d, 2 * math.pi - half - d, 2 * math.pi - half)
-    table = Tabulated(phase, (4e8, 4e8, 0.5879 * 4e8, 0.5879 * 4e8, 4e8))
-    c_max, kappa, epsilon = table.ratios()
-    assert (c_max, kappa) == (4e8, pytest.approx(0.5879)) and epsilon == pytest.approx(1.569)
-    run = simulate(OneDegreePair(pair=LINEAR, profile=table), 0.9, periods=20)
-    exact = simulate(LINEAR, 0.9, periods=20)
-    np.testing.assert_allclose(run.displacement, exact.displacement, atol=1e-5)
-    assert float(run.fraction_min_stiffness) == pytest.approx(
-        float(exact.fraction_min_stiffness), abs=1e-6
-    )
-
-
 def test_tables_are_read(tmp_path):
     path = tmp_path / "table.csv"
     rows = zip(TABLE.phase, TABLE.stiffness, strict=True)

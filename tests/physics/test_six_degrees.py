@@ -5,20 +5,7 @@ import numpy as np
 from gearlib import periodic_orbit, simulate
 from gearlib.analysis.orbits.touching import turning_points
 from gearlib.data import status
-from tests.properties.known_models import EVERYTHING, gears
-
-
-def test_courses_and_units():
-    run = simulate(gears(3e7, free=True, **EVERYTHING), 0.9, periods=3)
-    y = run.rotation_3 + run.rotation_2 + run.bearing_y3 - run.bearing_y2
-    s = run.backlash + 4.0 - (run.bearing_y3 - run.bearing_y2)
-    # What is left of y is run-out and deviation; of s run-out and both deviations.
-    far_deviation = run.displacement - y - s
-    tau = run.phase
-    expected = 0.07 * np.cos(tau) + 0.04 * np.sin(2 * tau)
-    np.testing.assert_allclose(far_deviation, expected, atol=1e-12)
-    for name in ("friction_force", "bearing_force_y3", "bearing_force_z2"):
-        assert run[name].attrs["units"] == "1" and float(abs(run[name]).max()) > 0
+from tests.properties.known_models import gears
 
 
 def test_a_backlash_closed_by_the_bearings_is_refused():

@@ -9,8 +9,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.properties.changes import as_train
-from tests.properties.known_models import EVERYTHING, gears
 from tests.references.described_models import describe
 from tests.references.reference_equations import machine_of
 from tests.trains.random_trains import chain_with_everything, planetary_train
@@ -33,8 +31,6 @@ def trains(rng):
         for mesh in carried.meshes
     ]
     yield carried.replace(meshes=meshes)
-    six = gears(1e8, **EVERYTHING | {"teeth": (24, 24), "pitch_phase": rng.uniform(0, 6)})
-    yield as_train(six)[0]
 
 
 @pytest.mark.parametrize("seed", range(8))

@@ -272,11 +272,6 @@ def test_a_configuration_gives_pair_damping_and_model(run, request):
     assert done.exit_code == 2 and "one of k1, k1m" in done.output
 
 
-def test_options_alone_give_six_degrees(run):
-    done = run("simulate", *PAIR, "--model", "six_degrees", "--tuning", "0.7")
-    assert done.exit_code == 0, done.output
-
-
 def test_options_come_before_the_configuration(run, tmp_path):
     gears = {"max_stiffness": "4e5 N/mm", "stiffness_ratio": 0.5879, "contact_ratio": 1.569}
     gears |= {"reduced_mass": 3.123, "load": 3289.5396, "backlash": "40 um", "teeth": 24}

@@ -13,7 +13,6 @@ from gearlib import (
     Harmonics,
     OneDegreePair,
     SixDegreePair,
-    Tabulated,
     split_power_reducer,
 )
 from gearlib.models.model import Model
@@ -157,21 +156,6 @@ def test_the_last_step_of_a_table_goes_on_at_the_start():
     np.testing.assert_array_equal(pieces.breaks, [0.0, 1.0, 3.0, 2.0 * math.pi])
     np.testing.assert_array_equal(pieces.lines, [[2.0, 0.0], [5.0, 0.0], [2.0, 0.0]])
     np.testing.assert_array_equal(pieces.low, [True, False, True])
-
-
-def test_no_piece_of_a_table_crosses_the_mean():
-    rng = np.random.default_rng(6)
-    for first in (0.0, 0.4):
-        phase = np.sort(np.append(rng.uniform(first, 2.0 * math.pi, 6), first))
-        table = Tabulated(tuple(phase), tuple(rng.uniform(1e8, 4e8, 7)))
-        pieces = table.pieces(PAPER)
-        value, slope = pieces.lines.T
-        end = value + slope * np.diff(pieces.breaks)
-        np.testing.assert_allclose(end, np.roll(value, -1), rtol=0, atol=1e-12)
-        assert np.where(pieces.low, np.maximum(value, end), 1.0).max() <= 1.0 + 1e-12
-        assert np.where(pieces.low, 1.0, np.minimum(value, end)).min() >= 1.0 - 1e-12
-        mean = np.sum((value + end) / 2.0 * np.diff(pieces.breaks)) / (2.0 * math.pi)
-        assert mean == pytest.approx(1.0, abs=1e-12)
 
 
 def test_what_is_infinite_is_no_parameter_of_a_derivative():
