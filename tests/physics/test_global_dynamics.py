@@ -8,7 +8,6 @@ import pytest
 from gearlib import (
     GearPair,
     OneDegreePair,
-    SixDegreePair,
     basin_stability,
     basins,
     bifurcation_diagram,
@@ -248,26 +247,6 @@ def test_shares_over_the_tuning():
         assert float(found.displacement_max) == pytest.approx(float(exact.displacement_max[family]))
     again = basin_stability(BOTH, tunings, (BOX, BOX), samples=400, seed=1)
     assert shares.identical(again)
-
-
-def test_other_models():
-    cubic = OneDegreePair(pair=BOTH, cubic_damping=0.01)
-    found = basins(cubic, 0.75, ((-3.0, 3.0, 4), (-3.0, 3.0, 4)), periods=120)
-    for state, period in zip(found.state.values, found.period.values, strict=True):
-        assert periodic_orbit(cubic, 0.75, guess=state[0], period=int(period)).stable
-    inner = PAPER.replace(material_damping=3953.7)
-    rigid = SixDegreePair(
-        pair=inner,
-        base_radii=(0.1, 0.1),
-        inertias=(0.06246, 0.06246),
-        masses=(17.0, 17.0),
-        bearing_stiffness=(math.inf,) * 4,
-        bearing_damping=(0.0,) * 4,
-    )
-    states = ((-1.0, 1.0, 3), (-4.0, 0.0, 3))
-    six, one = basins(rigid, 0.72, states, periods=200), basins(inner, 0.72, states, periods=200)
-    np.testing.assert_array_equal(six.basin, one.basin)
-    np.testing.assert_allclose(six.share, one.share)
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ from scipy.special import mathieu_a, mathieu_b
 from gearlib import Fourier, GearPair, Harmonics, OneDegreePair, Tabulated, tongues
 from gearlib.analysis.tongues import find, hill_tongues, meissner, no_loss
 from tests.properties.known_models import EVERYTHING, gears
+from tests.references import map_of_contact
 from tests.references.described_models import describe
 from tests.references.reference_motion import move
 
@@ -31,30 +32,11 @@ def mesh(contact_ratio, stiffness_ratio, damping=0.0, **more):
     )
 
 
-def map_in_50_digits(contact_ratio, stiffness_ratio, damping, tuning):
-    """Return the map of (x, dx/dtau) over one period by matrix exponentials of the stretches."""
-    epsilon, kappa, beta, nu = map(
-        mpmath.mpf, map(mpmath.mpmathify, (contact_ratio, stiffness_ratio, damping, tuning))
-    )
-    mean = kappa + (1 - kappa) * (epsilon - 1)
-    half = mpmath.pi * (epsilon - 1), 2 * mpmath.pi * (2 - epsilon)
-    matrix = mpmath.eye(2)
-    for c, length in ((1, half[0]), (kappa, half[1]), (1, half[0])):
-        # The closed form by complex roots of the characteristic equation.
-        root = mpmath.sqrt(mpmath.mpc(beta**2 - c / mean)) / nu
-        a = beta / nu
-        cosh, sinh = mpmath.cosh(root * length), mpmath.sinh(root * length) / root
-        decay = mpmath.exp(-a * length)
-        rows = [[cosh + a * sinh, sinh], [-c / mean / nu**2 * sinh, cosh - a * sinh]]
-        matrix = mpmath.matrix(rows) * decay * matrix
-    return matrix.apply(mpmath.re)
-
-
 def miss_in_50_digits(ratios, sign):
     """Return det(M - sign I) as a function of the tuning."""
 
     def miss(nu):
-        m = map_in_50_digits(*ratios, nu)
+        m = map_of_contact(*ratios, nu)
         return 1 - sign * (m[0, 0] + m[1, 1]) + m[0, 0] * m[1, 1] - m[0, 1] * m[1, 0]
 
     return miss
@@ -80,7 +62,7 @@ def test_the_map_of_one_period(ratios, nu):
     pair = mesh(*ratios)
     found, _ = no_loss.period_map(pair, nu)
     with mpmath.workdps(50):
-        true = np.array(map_in_50_digits(*ratios, nu).tolist(), float)
+        true = np.array(map_of_contact(*ratios, nu).tolist(), float)
     # The phases of a period round by themselves times 1e-16, the slower of them up to 100 rad.
     np.testing.assert_allclose(found, true, rtol=0, atol=1e-12 * max(1.0, np.abs(true).max()))
     _, numerical, _ = no_loss.linear_pair(pair).propagator(nu).maps(np.zeros(2), 1, 10**6)
@@ -97,7 +79,7 @@ def test_growth_beyond_the_numbers_of_a_machine(nu):
     """Over-damped stretches so long that exp of the growth has no float."""
     ratios = MESHES[-1]
     with mpmath.workdps(2000):
-        flow = map_in_50_digits(*ratios, nu)
+        flow = map_of_contact(*ratios, nu)
         half, square = (flow[0, 0] + flow[1, 1]) / 2, mpmath.det(flow)
         expected = mpmath.log(abs(half) + mpmath.sqrt(half * half - square))
     assert half * half > square
