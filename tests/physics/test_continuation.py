@@ -27,7 +27,6 @@ from gearlib.analysis.tongues import no_loss
 from gearlib.models.stiffness import levels, segment_lengths
 from tests.paper import PAPER as FREE
 from tests.physics.test_periodic_orbits import DAMPED
-from tests.properties.known_models import gears
 
 #: The places asked for are 1e-8; what is found agrees to the rounding of an orbit, 1e-12, over the
 #: slope of the test function, which is above 1e-2 in all cases here.
@@ -157,25 +156,6 @@ def test_other_parameters(name, to):
     found = periodic_orbit(pair, 0.95, guess=branch.state.values[-1])
     np.testing.assert_allclose(found.state, branch.state.values[-1], rtol=0, atol=1e-10)
     assert pair.mean_stiffness == pytest.approx(DAMPED.mean_stiffness, rel=1e-14)
-
-
-def test_cubic_damping():
-    pair = OneDegreePair(pair=FREE, cubic_damping=2e5)
-    branch = continue_orbit(periodic_orbit(pair, 0.76), to=0.84)
-    assert places(branch, GRAZING).size and float(branch.residual.max()) <= 1e-12
-    curve = continue_orbit(periodic_orbit(pair, 0.76), "cubic_damping", to=4e5)
-    thick = OneDegreePair(pair=FREE, cubic_damping=4e5)
-    found = periodic_orbit(thick, 0.76, guess=curve.state.values[-1])
-    np.testing.assert_allclose(found.state, curve.state.values[-1], rtol=0, atol=1e-10)
-
-
-def test_six_degrees():
-    # On rigid bearings the folds and grazings are those of one degree of freedom.
-    rigid = gears(math.inf, 3953.7, 3953.7)
-    six = continue_orbit(periodic_orbit(rigid, 0.8), to=0.82)
-    one = continue_orbit(periodic_orbit(rigid.pair, 0.8), to=0.82)
-    for label in (FOLD, GRAZING):
-        np.testing.assert_allclose(places(six, label), places(one, label), rtol=0, atol=PLACE)
 
 
 # From the rim of its range too: without damping in the backlash.

@@ -4,14 +4,12 @@ import math
 
 import numpy as np
 import pytest
-from scipy.integrate import quad
 from scipy.sparse.linalg import eigs as sparse_eigs
 
 from gearlib import (
     GearPair,
     Harmonics,
     OneDegreePair,
-    Tabulated,
     harmonic_balance,
     periodic_orbit,
     schmidt,
@@ -19,9 +17,8 @@ from gearlib import (
 )
 from gearlib.analysis.harmonics import hill_method
 from gearlib.analysis.harmonics.accuracy import errors, exact_course
-from gearlib.analysis.harmonics.equation import MeshEquation, stiffness_coefficients
-from gearlib.analysis.harmonics.green import green, remainder_norm, weights
-from gearlib.analysis.harmonics.harmonic_balance import jacobian
+from gearlib.analysis.harmonics.equation import MeshEquation
+from gearlib.analysis.harmonics.green import remainder_norm, weights
 from gearlib.analysis.harmonics.schmidt import contraction
 from gearlib.analysis.orbits.shooting import NoOrbit
 from tests.paper import PAPER as FREE
@@ -31,40 +28,6 @@ MATERIAL = FREE.replace(material_damping=3953.7)
 BOTH = MATERIAL.replace(backlash_damping=3953.7)
 CUBIC = OneDegreePair(pair=FREE, cubic_damping=4e5, backlash_quadratic_damping=2e4)
 CONSTANT = GearPair.from_ratios(contact_ratio=1.5, stiffness_ratio=1.0, damping=0.1, backlash=4.0)
-
-
-# Under-, over- and critically damped (also next to it), undamped, two mesh periods.
-@pytest.mark.parametrize(
-    ("nu", "beta", "period"),
-    [
-        (0.7, 0.06, 1),
-        (0.8, 1.7, 1),
-        (0.9, 1.0, 1),
-        (0.9, 1.0 + 1e-5, 1),
-        (0.7, 0.0, 1),
-        (1.3, 0.1, 2),
-    ],
-)
-def test_green_is_one_over_the_symbol(nu, beta, period):
-    for k in (0, 1, 3):
-        order = k / period
-        ends = {"limit": 200, "epsabs": 1e-12, "epsrel": 1e-12}
-        length = 2.0 * math.pi * period
-        real, _ = quad(
-            lambda s, order=order: green(s, nu, beta, period) * math.cos(order * s),
-            0,
-            length,
-            **ends,
-        )
-        imag, _ = quad(
-            lambda s, order=order: -green(s, nu, beta, period) * math.sin(order * s),
-            0,
-            length,
-            **ends,
-        )
-        symbol = 1.0 / nu**2 - order**2 + 2j * beta * order / nu
-        # The difference quotient near the double root costs half the digits.
-        assert real + 1j * imag == pytest.approx(1.0 / symbol, rel=1e-8, abs=1e-9)
 
 
 def test_constant_stiffness_and_excitation_are_exact():
@@ -84,48 +47,6 @@ def test_constant_stiffness_and_excitation_are_exact():
             rtol=0,
             atol=1e-9,
         )
-
-
-@pytest.mark.parametrize(
-    "profile",
-    [FREE, OneDegreePair(pair=FREE, profile=Tabulated((0.3, 1.0, 4.0), (3e8, 4e8, 2e8)))],
-)
-def test_stiffness_coefficients_against_quadrature(profile):
-    equation = MeshEquation(profile, 0.8, 4)
-    law = equation.law
-
-    def stiffness(tau):
-        i = min(np.searchsorted(law.breaks, tau, "right") - 1, len(law.pieces) - 1)
-        return law.pieces[i, 0] + law.pieces[i, 1] * (tau - law.breaks[i])
-
-    for n, found in enumerate(stiffness_coefficients(law, 3)):
-        pieces = [
-            quad(lambda s, f=f, n=n: stiffness(s) * f(n * s), a, b)[0]
-            for f in (math.cos, math.sin)
-            for a, b in zip(law.breaks[:-1] + 1e-12, law.breaks[1:] - 1e-12, strict=True)
-        ]
-        half = len(pieces) // 2
-        expected = (sum(pieces[:half]) - 1j * sum(pieces[half:])) / (2.0 * math.pi)
-        assert found == pytest.approx(expected, abs=1e-10)
-
-
-def test_jacobian_against_differences():
-    equation = MeshEquation(CUBIC, 0.9, 5, 64)
-    generator = np.random.default_rng(1)
-    x = generator.normal(size=6) + 1j * generator.normal(size=6)
-    x = x * np.exp(-np.arange(6.0))
-    x[0] = 0.3
-    matrix = jacobian(equation, equation.residual(x)[1])
-    step = 1e-6
-    for k in range(1, 6):
-        for turn, column in ((1.0, k), (1j, 5 + k)):
-            change = np.zeros(6, complex)
-            change[k] = turn * step
-            ends = [equation.residual(x + side * change)[0] for side in (1, -1)]
-            slope = (ends[0] - ends[1]) / (2.0 * step)
-            # Central differences of a step 1e-6: 1e-9 of entries of about 30.
-            expected = np.concatenate([slope.real, slope[1:].imag])
-            np.testing.assert_allclose(matrix[:, column], expected, rtol=0, atol=1e-7)
 
 
 @pytest.mark.parametrize("solve", [harmonic_balance, schmidt])

@@ -17,7 +17,6 @@ from gearlib import (
     simulate,
     sweep,
 )
-from gearlib.analysis.global_dynamics.attractors import attractor_of
 from gearlib.analysis.global_dynamics.stroboscope import Stroboscope
 from gearlib.analysis.orbits.followed_parameters import RATIOS, value_of, with_parameter
 from gearlib.kernels.closed_form.event_by_event import ARC_COLUMNS, march_period
@@ -92,65 +91,6 @@ def test_stopping_in_a_trap_changes_nothing(pair, tuning):
 def test_the_result_does_not_depend_on_threads_and_repeats():
     one, two = (basins(MATERIAL, 0.72, grid(30), threads=n) for n in (1, 2))
     assert one.identical(two)
-
-
-def test_states_of_a_trap_in_other_directions_come_to_its_orbit():
-    rng = np.random.default_rng(3)
-    found = basins(BOTH, 1.75, grid(20))
-    strobe = Stroboscope(BOTH, 1.75)
-    for state, period in zip(found.state.values, found.period.values, strict=True):
-        orbit = periodic_orbit(BOTH, 1.75, guess=state[0], period=int(period))
-        ellipses = attractor_of(strobe, orbit).ellipses
-        for j in range(int(period)):
-            ways = rng.normal(size=(200, 2))
-            ways /= np.sqrt(np.einsum("ki,ij,kj->k", ways, ellipses.forms[j], ways))[:, None]
-            seen = ellipses.points[j] + 0.999 * ellipses.radii[j] * ways
-            ends, _ = strobe(seen / strobe.weights, 200 * int(period))
-            # 200 periods at exp(-0.22) each leave nothing but rounding.
-            assert np.abs(strobe.seen(ends) - ellipses.points[j]).max() < 1e-9
-
-
-def label(pair, tuning, x, v):
-    return basins(pair, tuning, ([x], v)).basin.values[0]
-
-
-def test_the_boundary_is_the_stable_manifold_of_a_saddle():
-    nu = 0.72
-    low, high = -4.0, 0.0
-    # Three times 64 states between those of different labels: down to 1e-9.
-    for _ in range(5):
-        v = np.linspace(low, high, 64)
-        labels = label(BOTH, nu, 0.5, v)
-        i = int(np.flatnonzero(np.diff(labels))[-1])
-        low, high = v[i], v[i + 1]
-    assert high - low < 1e-8
-    strobe = Stroboscope(BOTH, nu)
-    state = np.array([[0.5, 0.5 * (low + high)]])
-    path = [state]
-    for _ in range(40):
-        path.append(strobe(path[-1], 1)[0])
-    steps = np.linalg.norm(np.diff(np.array(path)[:, 0], axis=0), axis=1)
-    # Along the stable manifold the boundary point comes to the saddle before it leaves it.
-    near = path[int(np.argmin(steps))][0]
-    saddle = periodic_orbit(BOTH, nu, guess=near)
-    large, small = saddle.multipliers.real
-    assert large > 1.0 > small > 0.0
-    assert np.linalg.norm(saddle.state - near) < 1e-3
-    _, maps, _ = BOTH.propagator(nu).maps(saddle.state, 1, LIMIT)
-    values, vectors = np.linalg.eig(maps[0])
-    unstable, stable = vectors[:, np.argmax(values)], vectors[:, np.argmin(values)]
-    # 1e-3 along the stable direction the boundary lies within the square of that, times its bend.
-    for side in (-1e-3, 1e-3):
-        across = [saddle.state + side * stable + d * unstable for d in (-2e-5, 2e-5)]
-        found = [int(np.argmin(_distances(BOTH, nu, *state))) for state in across]
-        assert sorted(found) == [0, 1]
-
-
-def _distances(pair, tuning, x, v):
-    """Return how far the end of a motion is from each attractor."""
-    known = basins(pair, tuning, grid(12)).state.values[:, 0]
-    end = simulate(pair, tuning, periods=400, initial_state=(x, v)).final_state.values
-    return np.linalg.norm(known - end, axis=1)
 
 
 @pytest.mark.parametrize(("tuning", "period"), [(1.75, 2), (2.05, 3)])
