@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.integrate import quad
 from scipy.sparse.linalg import eigs as sparse_eigs
 
 from gearlib import (
@@ -18,7 +19,7 @@ from gearlib import (
 from gearlib.analysis.harmonics import hill_method
 from gearlib.analysis.harmonics.accuracy import errors, exact_course
 from gearlib.analysis.harmonics.equation import MeshEquation
-from gearlib.analysis.harmonics.green import remainder_norm, weights
+from gearlib.analysis.harmonics.green import green, remainder_norm, weights
 from gearlib.analysis.harmonics.schmidt import contraction
 from gearlib.analysis.orbits.shooting import NoOrbit
 from tests.paper import PAPER as FREE
@@ -28,6 +29,40 @@ MATERIAL = FREE.replace(material_damping=3953.7)
 BOTH = MATERIAL.replace(backlash_damping=3953.7)
 CUBIC = OneDegreePair(pair=FREE, cubic_damping=4e5, backlash_quadratic_damping=2e4)
 CONSTANT = GearPair.from_ratios(contact_ratio=1.5, stiffness_ratio=1.0, damping=0.1, backlash=4.0)
+
+
+# Under-, over- and critically damped (also next to it), undamped, two mesh periods.
+@pytest.mark.parametrize(
+    ("nu", "beta", "period"),
+    [
+        (0.7, 0.06, 1),
+        (0.8, 1.7, 1),
+        (0.9, 1.0, 1),
+        (0.9, 1.0 + 1e-5, 1),
+        (0.7, 0.0, 1),
+        (1.3, 0.1, 2),
+    ],
+)
+def test_green_is_one_over_the_symbol(nu, beta, period):
+    for k in (0, 1, 3):
+        order = k / period
+        ends = {"limit": 200, "epsabs": 1e-12, "epsrel": 1e-12}
+        length = 2.0 * math.pi * period
+        real, _ = quad(
+            lambda s, order=order: green(s, nu, beta, period) * math.cos(order * s),
+            0,
+            length,
+            **ends,
+        )
+        imag, _ = quad(
+            lambda s, order=order: -green(s, nu, beta, period) * math.sin(order * s),
+            0,
+            length,
+            **ends,
+        )
+        symbol = 1.0 / nu**2 - order**2 + 2j * beta * order / nu
+        # The difference quotient near the double root costs half the digits.
+        assert real + 1j * imag == pytest.approx(1.0 / symbol, rel=1e-8, abs=1e-9)
 
 
 def test_constant_stiffness_and_excitation_are_exact():
