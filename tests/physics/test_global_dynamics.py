@@ -19,15 +19,12 @@ from gearlib import (
 )
 from gearlib.analysis.global_dynamics.stroboscope import Stroboscope
 from gearlib.analysis.orbits.followed_parameters import RATIOS, value_of, with_parameter
-from gearlib.kernels.closed_form.event_by_event import ARC_COLUMNS, march_period
-from gearlib.kernels.closed_form.mesh_constants import contact_of, mesh
-from gearlib.kernels.jit import kernel
+from gearlib.kernels.closed_form.mesh_constants import mesh
 from gearlib.models.propagators.closed_form import ratios
 from gearlib.studies import global_picture as studies
 from gearlib.studies.global_picture import _random_states
 from tests.paper import PAPER
-
-LIMIT = 1_000_000
+from tests.unit.test_whole_periods import event_by_event
 
 
 def gear_pair(damping, oil=None, backlash=4.0, **changed):
@@ -47,27 +44,15 @@ def grid(count):
     return (*BOX, count), (*BOX, count)
 
 
-@kernel
-def event_by_event(m, states, periods, ends):
-    """Fill `ends`, shape (n, 2), event by event: no runs side by side, no trapping ellipses."""
-    no_arcs = np.empty((0, ARC_COLUMNS))
-    for j in range(states.shape[0]):
-        x, v = states[j]
-        contact = contact_of(m.gap, x, v)
-        for _ in range(periods):
-            contact, x, v, _ = march_period(m, contact, x, v, no_arcs, LIMIT)
-        ends[j, 0], ends[j, 1] = x, v
-
-
 @pytest.mark.parametrize(
     ("pair", "tuning", "periods"), [(MATERIAL, 0.72, 1), (BOTH, 1.75, 2), (LIGHT, 2.05, 3)]
 )
 def test_labels_are_those_of_runs_event_by_event(pair, tuning, periods):
     found = basins(pair, tuning, grid(45))
     states = np.stack(np.meshgrid(found.displacement, found.velocity, indexing="ij"), axis=-1)
-    ends = np.empty((45 * 45, 2))
     # All are settled by then: the slowest orbit here decays by exp(-0.03) per period.
-    event_by_event(mesh(ratios(pair), tuning), states.reshape(-1, 2), 600, ends)
+    m = mesh(ratios(pair), tuning)
+    ends = np.array([event_by_event(m, x, v, 600)[1:] for x, v in states.reshape(-1, 2)])
     points = found.state.values
     away = np.linalg.norm(ends[:, None, None] - points, axis=-1)
     nearest = np.where(np.isnan(away), np.inf, away).min(axis=2)

@@ -13,11 +13,13 @@ from gearlib import (
     Harmonics,
     OneDegreePair,
     SixDegreePair,
+    Tabulated,
     split_power_reducer,
 )
 from gearlib.models.model import Model
 from gearlib.models.profiles import Steps
 from tests.paper import PAPER
+from tests.properties.known_models import TABLE
 
 RATIOS = {"contact_ratio": 1.5, "stiffness_ratio": 0.6}
 
@@ -210,3 +212,21 @@ def test_torques_where_radii_are_known():
     assert torque.attrs["units"] == "N m"
     # A pair knows the force alone.
     assert "torque" not in gearlib.simulate(PAPER, 0.7, **RUN)
+
+
+def test_tables_are_read(tmp_path):
+    path = tmp_path / "table.csv"
+    rows = zip(TABLE.phase, TABLE.stiffness, strict=True)
+    path.write_text("phase,stiffness\n" + "".join(f"{p},{c}\n" for p, c in rows), encoding="utf-8")
+    assert Tabulated.read(path) == TABLE
+    with pytest.raises(ValueError, match="no column 'C'"):
+        Tabulated.read(path, stiffness="C")
+
+
+def test_harmonics_of_a_table():
+    given = Harmonics((1.0, -0.5), (0.25, 0.0))
+    phase = 0.3 + 2 * math.pi * np.arange(16) / 16
+    n, a, b = given.table().T[:, :, None]
+    values = (a * np.cos(n * phase) + b * np.sin(n * phase)).sum(0)
+    found = Harmonics.from_table(phase, values, 2)
+    np.testing.assert_allclose(found.table(), given.table(), atol=1e-15)
