@@ -15,7 +15,6 @@ from gearlib import (
     Harmonics,
     LoadSharingPair,
     OneDegreePair,
-    SixDegreePair,
     basin_stability,
     basins,
     bifurcation_diagram,
@@ -44,6 +43,7 @@ from gearlib.models.profiles import Steps
 from tests.geometry.drawings import fzg_c
 from tests.paper import PAPER
 from tests.properties.changes import as_oscillator
+from tests.properties.known_models import gears
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,13 +78,7 @@ NU, BOX = 0.9, (-1.0, 1.0)
 DAMPED = PAPER.replace(material_damping=3953.7, backlash_damping=3953.7)
 #: Rigid bearings: two coordinates without the free rotation, of which trapping ellipses are found
 #: soon.
-RIGID = SixDegreePair(
-    pair=DAMPED,
-    base_radii=(0.1, 0.1),
-    inertias=(0.06246, 0.06246),
-    masses=(17.0, 17.0),
-    bearing_stiffness=(math.inf,) * 4,
-)
+RIGID = gears(math.inf, 3953.7, 3953.7)
 MODELS = {
     "gear pair": DAMPED,
     "one degree": OneDegreePair(pair=DAMPED, backlash_cubic_damping=4e5),
