@@ -15,6 +15,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from gearlib import checks
+from gearlib.models import derivatives
 
 if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
     from gearlib.models.propagators import closed_form, piecewise_linear, taylor  # noqa: F401
@@ -84,19 +85,9 @@ class Model:
         return import_module(f"gearlib.models.propagators.{name}").Propagator
 
     def propagator(self, tuning, method=None, **options):
-        """Return what takes states through mesh periods at one tuning.
+        """Return what takes states through mesh periods at one tuning, a `propagators.base.Base`.
 
-        Parameters
-        ----------
-        tuning : float
-        method : {"exact", "taylor"}, optional
-            Of those in `propagators`.
-        **options
-            Of Taylor steps: tolerance.
-
-        Returns
-        -------
-        gearlib.models.propagators.base.Base
+        The method is one of `propagators`; options are of Taylor steps: tolerance.
         """
         return self.kind(method)(self, float(tuning), **options)
 
@@ -137,9 +128,7 @@ class Model:
     @property
     def derivatives(self):
         """Names of the parameters by which `simulate` differentiates -> (CF units, words)."""
-        from gearlib.models.derivatives import OF_ALL
-
-        return OF_ALL
+        return derivatives.OF_ALL
 
     def direction(self, name):
         """Return what changes with one of `derivatives`, for `complex_step`: a dict."""
@@ -151,9 +140,7 @@ class Model:
 
     def complex_step(self, slopes):
         """Return a copy off the real axis, see `gearlib.models.derivatives`."""
-        from gearlib.models.derivatives import complex_step
-
-        return complex_step(self, slopes)
+        return derivatives.complex_step(self, slopes)
 
     def parameter(self, name):
         """Return the value of one of `parameters`."""
