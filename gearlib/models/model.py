@@ -37,6 +37,10 @@ class Model:
     #: The `Equation` of one degree of freedom; None: the model has more, see `system`, or more than
     #: two flank lines.
     equation: Any = None
+    #: The `GearTrain` whose matrices it has; None: it has one degree of freedom.
+    train: Any = None
+    #: Whether the forces of a turning frame act.
+    gyroscopic: Any = False
     #: The profile of the mesh stiffness where it can be chosen, of `gearlib.models.profiles`.
     profile: Any = None
     #: Functions from a tuning to the speed in rpm and to rad/s of the mesh; None: nothing turns.

@@ -30,6 +30,7 @@ class TrainResults(Model):
     load: Any
     gyroscopic: Any
     start_state: Any
+    train = property(lambda self: self, doc="The train itself.")
 
     @property
     def components(self):
