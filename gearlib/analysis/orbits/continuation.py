@@ -14,7 +14,7 @@ from gearlib import checks
 from gearlib.analysis.orbits import followed_parameters, tracing
 from gearlib.analysis.orbits import special_points as special
 from gearlib.analysis.orbits.branch_points import Shooting, as_orbit, branch_point
-from gearlib.analysis.orbits.shooting import NoOrbit, Orbit
+from gearlib.analysis.orbits.shooting import NoOrbit, check_orbit
 from gearlib.data.result import result
 from gearlib.runs.run_arguments import MAX_EVENTS
 
@@ -86,8 +86,7 @@ def continue_orbit(
     Grazings are where the order of contacts changes: an orbit that comes to a flank line and turns
     there. See `gearlib.analysis.orbits.special_points` for the test functions of the others.
     """
-    if not isinstance(orbit, Orbit):
-        raise ValueError(f"orbit = {orbit!r} is not allowed: it must be an Orbit")
+    check_orbit(orbit)
     name = followed_parameters.check_parameter(orbit.pair, parameter)
     start = followed_parameters.value_of(orbit.pair, orbit.tuning, name)
     to = checks.number("to", to, f"another {name} than that of the orbit", lambda v: v != start)

@@ -14,7 +14,7 @@ import numpy as np
 from gearlib.analysis.orbits import special_points as special
 from gearlib.analysis.orbits.continuation import restored
 from gearlib.analysis.orbits.followed_parameters import attributes, known
-from gearlib.analysis.orbits.shooting import NoOrbit, Orbit
+from gearlib.analysis.orbits.shooting import NoOrbit, check_orbit
 from gearlib.data import status
 from gearlib.data.result import result
 from gearlib.data.variables import describe
@@ -58,8 +58,7 @@ def orbit_sensitivities(orbit, sensitivities, *, samples_per_period=256, max_eve
     ValueError
         Naming the argument, its value and the allowed range.
     """
-    if not isinstance(orbit, Orbit):
-        raise ValueError(f"orbit = {orbit!r} is not allowed: it must be an Orbit")
+    check_orbit(orbit)
     pair: Any = orbit.pair
     tuning, period = orbit.tuning, orbit.period
     names = runs.check(pair, sensitivities, also_start=False)

@@ -81,6 +81,11 @@ class Orbit:
         return dataset
 
 
+def check_orbit(orbit):
+    """Refuse what is no orbit."""
+    checks.require(isinstance(orbit, Orbit), "orbit", orbit, "an Orbit")
+
+
 def periodic_orbit(pair, tuning, *, guess=None, period=1, max_events=MAX_EVENTS):
     """Find a periodic orbit near a guess.
 

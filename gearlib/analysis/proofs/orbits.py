@@ -6,9 +6,10 @@ from itertools import pairwise, product
 from typing import Any
 
 from gearlib import checks
+from gearlib.analysis.orbits.shooting import check_orbit
 from gearlib.analysis.proofs import krawczyk
 from gearlib.analysis.proofs.balls import COARSE, digits_of, enclosure, flint, precision
-from gearlib.analysis.proofs.candidate import check_model, check_orbit, laws_of, listed_contacts
+from gearlib.analysis.proofs.candidate import check_model, laws_of, listed_contacts
 from gearlib.analysis.proofs.certificate_files import (
     Certificate,
     Refusal,

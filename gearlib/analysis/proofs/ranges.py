@@ -9,6 +9,7 @@ branch.
 from typing import Any
 
 from gearlib import checks
+from gearlib.analysis.orbits.shooting import check_orbit
 from gearlib.analysis.proofs import candidate, krawczyk
 from gearlib.analysis.proofs.balls import flint, precision
 from gearlib.analysis.proofs.certificate_files import Piece, RangeCertificate, Refusal, Uncertain
@@ -51,7 +52,7 @@ def certify_range(orbit, *, to):
     ImportError
         Without python-flint.
     """
-    candidate.check_orbit(orbit)
+    check_orbit(orbit)
     to = check_tuning("to", to)
     if to == orbit.tuning:
         checks.number("to", to, "another tuning than that of the orbit", lambda nu: False)
