@@ -123,7 +123,8 @@ def run_up(
     Hortel, Skuderova: Engineering Mechanics 14 (2007) 91-104, Eq. (1)-(3).
     """
     runner = _runner(model)
-    speeds = _speeds(model, start, stop, duration, acceleration, speed)
+    speeds = speeds_of(start, stop, duration, acceleration, speed)
+    check_speed(model, "speed", float(speeds[:, 1].max()))
     loads = _course("load", load, "finite", math.isfinite, steps=True)
     state = model.check_state(initial_state)
     samples = checks.integer("samples_per_period", samples_per_period, 0)
@@ -185,8 +186,8 @@ def _runner(model):
     return runner
 
 
-def _speeds(model, start, stop, duration, acceleration, speed):
-    """Return the course of speed, rows of seconds and rpm."""
+def speeds_of(start=None, stop=None, duration=None, acceleration=None, speed=None):
+    """Return the course of speed of `run_up`, rows of seconds and rpm, checked."""
     words, given = "a finite number >= 0", (start, stop, duration, acceleration)
     if speed is not None:
         if any(value is not None for value in given):
@@ -218,7 +219,6 @@ def _speeds(model, start, stop, duration, acceleration, speed):
         )
     if not rows[:, 1].any():
         raise ValueError("speed is not allowed to be 0 rpm all along: something must turn")
-    check_speed(model, "speed", float(rows[:, 1].max()))
     return rows
 
 
@@ -275,7 +275,8 @@ def _statistics(model, found, omega):
     time, phase = np.add.reduceat(lasted, first), np.add.reduceat(passed, first)
     begin = np.concatenate([one.theta[:-1] for one in found])[first]
     length, force = model.static_deflection, model.scales()["force_scale"]
-    share = time[:, None]
+    # The time of each mesh as its contacts count it: shares of one are 1 to the last place.
+    share = rows[..., [orbit.TIME_NORMAL, orbit.TIME_BACKLASH, orbit.TIME_INVERSE]].sum(axis=-1)
     columns = {
         "displacement_max": rows[..., orbit.X_MAX] * length,
         "displacement_min": rows[..., orbit.X_MIN] * length,

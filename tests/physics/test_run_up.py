@@ -269,6 +269,15 @@ def test_rigid_bearings_make_a_pair_of_it():
     assert 0.9 < pull[0] / (wanted * 3500.0 / 0.03) < 1.1
 
 
+def test_there_is_no_revolution_of_rounding():
+    # Its end lies 5e-12 before a mesh period of which 7,080 are behind it.
+    pair, top = PAPER.replace(material_damping=3953.7), 4900.0
+    run = gearlib.run_up(pair, speed=[(0.0, 1000.0), (3.0, top), (6.0, 1000.0)])
+    assert run.sizes["revolution"] == 295
+    assert abs(run.revolution_speed[-1] - 1000.0) < 40.0
+    assert (np.diff(run.revolution_time) > 0.01).all()
+
+
 def test_a_course_in_two_parts_is_one_course():
     load = [(0.0, 0.3), (0.02, 1.4), (0.05, 0.7)]
     whole = {"load": load, "initial_state": "static", "samples_per_period": 4}

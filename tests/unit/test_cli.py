@@ -68,6 +68,16 @@ def test_speeds_stand_in_place_of_tunings(run):
     assert at_speed.output == at_tuning.output and at_speed.exit_code == 0
 
 
+def test_a_run_up_there_and_back_is_one_course(run):
+    way = ["--start", "2000rpm", "--stop", "2500", "--acceleration", "1000", "--back"]
+    done = run("run-up", *PAIR, *way, "-o", "run.nc")
+    assert done.exit_code == 0 and "revolutions; that of the largest force" in done.output
+    course = [(0.0, 2000.0), (0.5, 2500.0), (1.0, 2000.0)]
+    xr.testing.assert_equal(xr.load_dataset("run.nc"), gearlib.run_up(pair(), speed=course))
+    done = run("run-up", *PAIR, *way, "--duration", "1")
+    assert done.exit_code == 2 and "acceleration = 1000.0 is not allowed" in done.output
+
+
 @pytest.mark.parametrize("direction", ["cold", "up"])
 def test_sweep_writes_what_the_library_computes(run, direction):
     grid = ["--start", "0.7", "--stop", "0.9", "--points", "101", "--periods", "60"]
@@ -100,6 +110,7 @@ def test_the_ending_decides_what_is_written(run):
         "simulate": ["--tuning", "0.8"],
         "sweep": ["--points", "5"],
         "orbit": ["--tuning", "0.8"],
+        "run-up": ["--start", "1500rpm", "--stop", "2000", "--duration", "0.2"],
     }
     own["trust"] = own["simulate"]
     trains = dict.fromkeys(["modes", "static", "phasing", "campbell"], ())

@@ -20,7 +20,7 @@ from gearlib.models.propagators import piecewise_linear, several_meshes
 
 #: Mesh periods whose segments are made at once.
 _STRETCH = 512
-#: Phases that are one, as of `gearlib.models.trains.waves`.
+#: Phases closer than this share of the whole phase are one, as of `gearlib.models.trains.waves`.
 _SAME_PHASE = 1e-12
 
 
@@ -183,9 +183,10 @@ def _cuts(model, base, piece):
     """Yield the intervals of a piece, so many at a time as a `_Cut`."""
     end = piece.phase + piece.length * (piece.speed + 0.5 * piece.acceleration * piece.length)
     tau, repeats = 2.0 * math.pi, len(base.first_segment) - 1
+    close = _SAME_PHASE * max(end, 1.0)
     long = repeats > _STRETCH
     count = _STRETCH if long else _STRETCH // repeats * repeats
-    first = int(piece.phase / tau + _SAME_PHASE) // count * count
+    first = int((piece.phase + close) / tau) // count * count
     while True:
         source = model.system(1.0, first, count) if long else base
         times, size = 1 if long else count // repeats, source.starts.size - 1
@@ -195,15 +196,15 @@ def _cuts(model, base, piece):
         )
         marks = (turn[:, None] * size + source.first_segment[:-1]).ravel()
         begin, stop = piece.phase - tau * first, end - tau * first
-        i = max(int(np.searchsorted(cuts, begin + _SAME_PHASE, side="right")) - 1, 0)
-        j = min(int(np.searchsorted(cuts, stop - _SAME_PHASE)), which.size)
+        i = max(int(np.searchsorted(cuts, begin + close, side="right")) - 1, 0)
+        j = min(int(np.searchsorted(cuts, stop - close)), which.size)
         j = max(j, i + 1)
         phase = cuts[i : j + 1].copy()
         phase[0], phase[-1] = max(phase[0], begin), max(min(phase[-1], stop), begin)
         inner = marks[(marks > i) & (marks < j)] - i
         yield _Cut(phase, tau * first, np.array([0, *inner, j - i]), which[i:j], source)
         first += count
-        if tau * first >= end - _SAME_PHASE:
+        if tau * first >= end - close:
             return
 
 
