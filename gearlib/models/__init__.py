@@ -12,6 +12,7 @@ module                responsibility
 ``trains``            `GearTrain`: any number of meshes; planetary trains, the reducer
 ``geometry``          drawn gears and what a mesh takes of them; public as `gearlib.geometry`
 ``dead_zone``         `DeadZoneOscillator`: any oscillator between two elastic contacts
+``acceleration``      what a changing speed asks of the meshes: inertia
 ``derivatives``       by what models are differentiated; models a little off the real axis
 ``described_pair``    the smallest model that carries a pair, from plain values
 ``with_pair``         what models that contain a `GearPair` offer of it

@@ -45,6 +45,8 @@ _SAID = {
     "fraction_inverse": ("1", "fraction of time in inverse mesh"),
     "bounces": ("1", "losses of normal contact per mesh period"),
 }
+#: The propagators of models without nonlinear terms, whose pairs of teeth do not part one by one.
+_EXACT = ("closed_form", "piecewise_linear", "several_meshes")
 #: Memory of a mesh period beside its samples: summary and a few events, numbers for each mesh.
 _PER_PERIOD = 40
 #: Columns of a summary that take the largest, the least, the sum of those of the intervals.
@@ -167,8 +169,9 @@ def run_up(
 def _runner(model):
     """Return the propagator of a model on its way, if it has one."""
     name = type(model).__name__
-    exact = model.propagators.get("exact") if is_model(model) else None
-    if exact not in ("closed_form", "piecewise_linear", "several_meshes"):
+    if not is_model(model):
+        raise ValueError(f"model = {model!r} is not allowed: it must be one such as GearPair")
+    if model.propagators.get("exact") not in _EXACT:
         raise ValueError(
             f"model of type {name} is not allowed: a run-up needs linear damping and a stiffness "
             "that is constant between switches"

@@ -323,7 +323,6 @@ def test_models_without_closed_forms_are_refused():
         (SIX.replace(eccentricities=(1e-6, 0.0)), "run-out"),
         (SIX.replace(deviation=gearlib.Harmonics(cosines=(1e-6,))), "run-out"),
         (gearlib.planetary(turning=True, gyroscopic=True), "gyroscopic"),
-        (3, "int"),
     ):
         with pytest.raises(ValueError, match="is not allowed") as told:
             gearlib.run_up(model, 10.0, 20.0, duration=1.0)
