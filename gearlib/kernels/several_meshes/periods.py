@@ -122,6 +122,7 @@ def go(system, grid, tables, w, number, limit, vectors, recording, summary, samp
     if w.place[SEGMENT] < 0:
         w.place[SEGMENT], w.place[COUNT], w.place[OPENING] = first, 0, w.place[FOUND]
         w.place[TAKEN], w.ahead[0], w.ahead[1] = 0, grid.length[first], 0.0
+        w.ahead[2] = system.starts[last] - system.starts[first]
     while w.place[SEGMENT] < last:
         p, c, left = w.place[SEGMENT], -1, w.ahead[0]
         while left > 0.0:
@@ -173,7 +174,7 @@ def go(system, grid, tables, w, number, limit, vectors, recording, summary, samp
                     continue
             else:
                 kind, factors = grid.kind[p], w.factors
-                if length == grid.length[p] and kind < tables.at.shape[1]:
+                if length == grid.length[p] and 0 <= kind < tables.at.shape[1]:
                     factors = tables.turns[turn_over(tables, c, kind, length)]
                 else:
                     turn_by(tables, c, length, factors)

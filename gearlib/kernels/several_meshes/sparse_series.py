@@ -28,19 +28,20 @@ def price_of(n):
 
 
 def sparse_of(system):
-    """Return (columns, count, values) of `free` by rows and (places, count) of the meshes.
+    """Return the fields of a `Grid` that say what is not zero: of `free` by rows, of the meshes.
 
-    What is not zero comes first, `count` of it; empty where modes cost less than they save.
+    It comes first, `count` and `touched` of it; empty where modes cost less than they save.
     """
+    names = "columns", "count", "places", "touched", "values"
     n = system.free.shape[0]
     if not price_of(n):
         none = np.zeros((0, 0), np.int64), np.zeros(0, np.int64)
-        return *none, np.zeros((0, 0)), *none
+        return dict(zip(names, (*none, *none, np.zeros((0, 0))), strict=True))
     moved = (system.near != 0.0) | (system.far != 0.0)
     moved |= (system.grip != 0.0).any(axis=(1, 2)) | (system.push != 0.0).any(axis=(1, 2))
     columns, count = _first(system.free != 0.0)
     values = np.take_along_axis(system.free, columns, axis=1)
-    return columns, count, values, *_first(moved)
+    return dict(zip(names, (columns, count, *_first(moved), values), strict=True))
 
 
 def _first(which):
