@@ -55,7 +55,7 @@ def after(propagator, c, z, t):
     """Return the state a time later by the modes of combination c."""
     tables, n = propagator.spare[0][1], propagator.components
     wide = tables.out.shape[2]
-    y, term, image, factors = np.zeros(wide), np.zeros(wide), np.zeros(wide), np.zeros(n)
+    y, term, image, factors = (np.zeros(k) for k in (wide, max(wide, 8 * 24), wide, n))
     y[:n] = z @ tables.into[c][:, :n]
     turn_by(tables, c, t, factors)
     advance(tables, c, factors, t, y, term, image)

@@ -4,9 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gearlib.kernels.jit import kernel
-from gearlib.kernels.polynomial import MAX_DEPTH
-from gearlib.kernels.several_meshes.modal_arcs import DEGREE
+from gearlib.kernels.polynomial import MAX_DEPTH, bernstein_matrix
+from gearlib.kernels.several_meshes.modal_arcs import DEGREE, SMALL
+from gearlib.kernels.several_meshes.sparse_series import price_of, sparse_of
 from gearlib.kernels.several_meshes.train_system import may_close
 
 # Entries of `Work.place`: events recorded so far, mesh period, segment (-1: at the start of a
@@ -28,6 +28,11 @@ class Grid(NamedTuple):
     gap: np.ndarray  #: bool, whether there is a backlash between them, shape (m,)
     spin: np.ndarray  #: frequencies of the harmonics by theta, shape (h,)
     block: np.ndarray  #: int, which rows of a summary each mesh period is in, shape (repeats,)
+    columns: np.ndarray  #: int, of what is not zero in `free`, see `sparse_series.sparse_of`
+    count: np.ndarray
+    values: np.ndarray
+    places: np.ndarray  #: int, of the components that a mesh touches
+    touched: np.ndarray
 
 
 class Work(NamedTuple):
@@ -56,6 +61,9 @@ class Work(NamedTuple):
     ahead: np.ndarray  #: theta left of the segment, phase of the last event, that of the period
     curve: np.ndarray  #: Bernstein coefficients of a distance, shape (degree + 1,)
     bernstein: np.ndarray  #: those of intervals that wait, and their widths
+    terms: np.ndarray  #: the series of the state, shape (degree + 1, filled up)
+    distances: np.ndarray  #: its distances, far and near, shape (2, m, degree + 2)
+    powers: np.ndarray  #: from powers to Bernstein coefficients, shape (degree + 1, degree + 1)
 
 
 def grid_of(system):
@@ -76,12 +84,15 @@ def grid_of(system):
     spin = system.harmonics * system.tuning
     gap = ~plain | (apart[:, one] != 0.0)
     block = np.zeros(len(system.first_segment) - 1, np.int64)
-    return Grid(length, kind, near, far, never, closing, plain, gap, spin, block)
+    own = near, far, never, closing, plain, gap, spin, block
+    return Grid(length, kind, *own, **sparse_of(system))
 
 
-@kernel
 def work_of(n, wide, m, degree=DEGREE):
     """Return `Work` for n components, filled up to `wide`, m meshes and polynomials."""
+    series = price_of(n) > 0
+    terms = np.zeros((degree + 1 if series else 0, wide))
+    distances = np.zeros((2, m, degree + 2 if series else 0))
     return Work(
         np.zeros(m, np.int64),
         np.zeros(m, np.int64),
@@ -96,7 +107,7 @@ def work_of(n, wide, m, degree=DEGREE):
         np.zeros(wide),
         np.zeros(wide),
         np.zeros(wide),
-        np.zeros(wide),
+        np.zeros(max(wide, SMALL * (degree + 1))),
         np.zeros(wide),
         np.zeros(n),
         np.zeros(n),
@@ -104,4 +115,7 @@ def work_of(n, wide, m, degree=DEGREE):
         np.zeros(3),
         np.empty(degree + 1),
         np.empty((MAX_DEPTH + 4, degree + 2)),
+        terms,
+        distances,
+        bernstein_matrix(degree if series else 0),
     )

@@ -10,6 +10,7 @@ from gearlib.kernels.polynomial import highest_from
 from gearlib.kernels.several_meshes.distances import begin_of, curve_of, furthest, sizes_of
 from gearlib.kernels.several_meshes.grid import TAKEN
 from gearlib.kernels.several_meshes.modal_arcs import advance, multiply, turn_by
+from gearlib.kernels.several_meshes.sparse_series import SERIES, sum_of
 
 #: Columns of a summary: those of `orbit` and the integral of the elastic force over the phase.
 FORCE_SUM = orbit.SUMMARY_COLUMNS
@@ -24,6 +25,15 @@ def _add_extrema(curve, factor, w, row, most, least):
         for k in range(degree + 1):
             w.bernstein[0, k] = sign * factor * curve[k]
         row[column] = sign * highest_from(w.bernstein, degree, sign * row[column])
+
+
+@woven
+def _distance(tables, c, side, j, w):
+    """Fill the curve of `Work` with a distance, from the far or the near line."""
+    if c == SERIES:
+        curve_of(w.powers, w.distances[side, j], w.curve)
+    else:
+        curve_of(tables.curves[c, side, j], w.other, w.curve)
 
 
 @woven
@@ -63,14 +73,15 @@ def _integral(tables, c, line, j, y, z, t):
 
 
 @woven
-def record(system, grid, tables, c, w, p, phase, length, summary, samples):
+def record(system, grid, tables, c, w, p, phase, length, piece, summary, samples):
     """Record what begins at `phase`, with the state y of `Work`, and lasts `length` of theta.
 
-    Samples have the columns: the state, shape (n,), the contact codes, shape (m,), the number of
-    the segment. Of a summary whose extrema are infinite none are looked for.
+    Curves hold over `piece`; a series lasts as long. Samples have the columns: the state, shape
+    (n,), the contact codes, shape (m,), the number of the segment. Of a summary whose extrema are
+    infinite none are looked for.
     """
     m, n = system.near.shape
-    tuning, done, curve, piece = system.tuning, 0.0, w.curve, tables.piece[c]
+    tuning, done, curve = system.tuning, 0.0, w.curve
     degree = curve.shape[0] - 1
     looked_for = summary[0, orbit.X_MAX] < math.inf
     copy(w.y, w.other)
@@ -97,13 +108,13 @@ def record(system, grid, tables, c, w, p, phase, length, summary, samples):
                         summary[j, FORCE_SUM] += area
         for j in range(m if searched else 0):
             row, code = summary[j], w.contact[j]
-            curve_of(tables.curves[c, 1, j], w.other, curve)
+            _distance(tables, c, 1, j, w)
             begin_of(curve, part / piece, degree)
             _add_extrema(curve, 1.0, w, row, orbit.X_MAX, orbit.X_MIN)
             if code == BACKLASH:
                 continue
             if code == INVERSE:
-                curve_of(tables.curves[c, 0, j], w.other, curve)
+                _distance(tables, c, 0, j, w)
                 begin_of(curve, part / piece, degree)
             stiffness = system.stiffness[code + 1, p, j]
             for k in range(degree + 1):
@@ -117,10 +128,13 @@ def record(system, grid, tables, c, w, p, phase, length, summary, samples):
             if wanted >= end:
                 break
             t = max(wanted - at, 0.0) / tuning
-            copy(w.other, w.sampled)
-            turn_by(tables, c, t, w.factors)
-            advance(tables, c, w.factors, t, w.sampled, w.term, w.image)
-            multiply(tables.out, c, w.sampled, w.moved)
+            if c == SERIES:
+                sum_of(w.terms, n, t / piece, w.moved)
+            else:
+                copy(w.other, w.sampled)
+                turn_by(tables, c, t, w.factors)
+                advance(tables, c, w.factors, t, w.sampled, w.term, w.image)
+                multiply(tables.out, c, w.sampled, w.moved)
             copy(w.moved, samples[taken, :n])
             for j in range(m):
                 samples[taken, n + j] = w.contact[j]

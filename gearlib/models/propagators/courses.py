@@ -16,6 +16,7 @@ import numpy as np
 from gearlib.kernels.codes import OK
 from gearlib.kernels.several_meshes.periods import EVENT_COLUMNS
 from gearlib.kernels.several_meshes.record import SUMMARY_COLUMNS
+from gearlib.kernels.several_meshes.sparse_series import sparse_of
 from gearlib.models.propagators import piecewise_linear, several_meshes
 
 #: Mesh periods whose segments are made at once.
@@ -229,6 +230,7 @@ def _set(runner, piece, system, grid, cut, teeth):
         rate=system.near @ system.free,
         far_rate=system.far @ system.free,
         block=_blocks(cut, teeth) - _blocks(cut, teeth)[0],
+        **sparse_of(system),
     )
     runner.components = len(system.free)
 

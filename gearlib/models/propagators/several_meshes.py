@@ -8,7 +8,7 @@ from gearlib.kernels import orbit
 from gearlib.kernels.codes import OK
 from gearlib.kernels.copies import enlarged
 from gearlib.kernels.several_meshes.grid import FOUND, PERIOD, UNTIL, grid_of, work_of
-from gearlib.kernels.several_meshes.modal_arcs import forget, forget_lengths, modes
+from gearlib.kernels.several_meshes.modal_arcs import TURNS, forget, forget_lengths, modes
 from gearlib.kernels.several_meshes.periods import BEYOND, EVENT_COLUMNS, EVENT_MESH, FULL, MISSING
 from gearlib.kernels.several_meshes.record import SUMMARY_COLUMNS
 from gearlib.kernels.several_meshes.train_run import begin, period_of, run_train
@@ -51,7 +51,7 @@ class Propagator(Matrices):
     def taken(self):
         """Return tables for one run: of an earlier one, without what does not hold here, or new."""
         (m, n), system = self.system.near.shape, self.system
-        lengths = int(self.grid.kind.max()) + 1
+        lengths = min(int(self.grid.kind.max()) + 1, TURNS)
         try:
             before, tables = (self.large or self.spare).pop()
         except IndexError:
