@@ -15,7 +15,6 @@ from gearlib import (
 )
 from gearlib.integrators.peers import heyoka as peer_heyoka
 from tests.paper import PAPER
-from tests.properties.known_models import KNOWN
 
 PEERS = ("heyoka", "cvode", "diffrax")
 AVAILABLE = {method.name: method for method in gearlib.methods()}
@@ -94,20 +93,3 @@ def test_nothing_is_imported_before_it_is_used():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
-
-
-@pytest.mark.parametrize("name", ["oscillator", "unequal sides", "series", "gear_rattle"])
-@pytest.mark.parametrize("method", ["heyoka", "cvode"])
-def test_sides_that_differ_and_edges_off_zero(method, name):
-    need(method)
-    known = KNOWN[name]
-    span = {"periods": 4, "record_periods": 4, "initial_state": known.state}
-    exact = simulate(known.model, known.tuning, **span)
-    tight = {} if method == "heyoka" else {"rtol": 1e-11, "atol": 1e-11}
-    run = simulate(known.model, known.tuning, method=method, options=tight, **span)
-    assert run.event_to.values.tolist() == exact.event_to.values.tolist()
-    # heyoka works to rounding; the other's errors sum over steps. Contacts of a stiffness up to 200
-    # have a force with so many times the error.
-    error = 1e-12 if method == "heyoka" else 1e-8
-    for name, factor in {"displacement": 1, "dynamic_force": 200, "event_phase": 1}.items():
-        np.testing.assert_allclose(run[name], exact[name], rtol=0, atol=factor * error)

@@ -139,15 +139,6 @@ def test_a_panel_for_each_damping_below_the_characteristics(count, directions):
     assert len(panel.lines) >= 2 + (len(panels[0].lines) if panels else 0)
 
 
-def test_tongues_are_shaded_in_the_panel_of_their_damping():
-    found = golden.read("tongues.nc")
-    plain, shaded = (resonance_figure.draw(curves(), tongues=tongues) for tongues in (None, found))
-    added = [len(b.patches) - len(a.patches) for a, b in zip(plain.axes, shaded.axes, strict=True)]
-    seen = (found.tuning_to > found.tuning_from) & (found.tuning_to > 0.5)
-    assert added == [0, *(int(seen.sel(damping=name).sum()) for name in curves().damping.values)]
-    assert added[-1] > added[1]
-
-
 def test_marked_tunings_of_the_jump():
     data = jumps("backlash")
     top, *panels = jump_figure.draw(data).axes
@@ -220,18 +211,6 @@ def test_words_on_bars_stay_in_the_panel():
     for text in figure.axes[0].texts:
         box = text.get_window_extent()
         assert frame.x0 <= box.x0 and box.x1 <= frame.x1
-
-
-def test_branches_lie_over_the_first_panel_of_a_bifurcation():
-    branch = {"tuning": [0.6, 0.7, 0.8], "stable": [1, 1, 0], "branch": [0, 0, 0]}
-    branch = xr.Dataset({name: ("point", values) for name, values in branch.items()})
-    branch["state"] = ("point", "coordinate"), [[0.1, 0.0], [0.2, 0.0], [0.3, 0.0]]
-    diagram, shares = golden.read("bifurcation.nc"), golden.read("basin_stability.nc")
-    over = bifurcation_figure.draw(diagram, shares, branches=branch).axes[0]
-    words = [text.get_text() for text in over.get_legend().get_texts()]
-    assert words[-2:] == ["continued, stable", "unstable"]
-    dashed = [line.get_ydata() for line in over.lines if line.get_linestyle() == "--"]
-    assert any(len(heights) and np.nanmax(heights) == 0.3 for heights in dashed)
 
 
 @pytest.mark.parametrize(

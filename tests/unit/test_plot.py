@@ -84,6 +84,28 @@ def test_orders_stand_at_their_amplitudes_and_mesh_orders_have_names():
         plot.orders(spectrum, variable="force")
 
 
+def test_run_ups_stand_at_their_speeds_those_that_fall_dotted():
+    run = gearlib.run_up(PAIR, speed=[(0.0, 1500.0), (0.5, 2500.0), (1.0, 1500.0)])
+    up, down = plot.run_up(run).lines
+    rises = run.revolution_time < 0.49
+    assert (up.get_linestyle(), down.get_linestyle()) == ("-", ":")
+    speeds, forces = run.revolution_speed.values, run.dynamic_force_max.values
+    np.testing.assert_array_equal(up.get_xdata(), speeds)
+    np.testing.assert_array_equal(up.get_ydata()[rises], forces[rises])
+    assert np.isnan(up.get_ydata()[run.revolution_time > 0.51]).all()
+    both = np.where(np.isnan(up.get_ydata()), down.get_ydata(), up.get_ydata())
+    np.testing.assert_array_equal(both, forces)
+    axes = plot.run_up(run, variable="displacement_max")
+    assert axes.get_ylabel() == "largest displacement (µm)"
+    np.testing.assert_allclose(
+        axes.lines[0].get_ydata()[rises], 1e6 * run.displacement_max[rises], rtol=1e-12
+    )
+    with pytest.raises(ValueError, match="variable = 'phase' is not allowed"):
+        plot.run_up(run, variable="phase")
+    with pytest.raises(ValueError, match="gearlib.plot.run_up draws datasets of gearlib.run_up"):
+        plot.run_up(simulate(PAIR, 0.45, periods=2))
+
+
 def test_axes_of_another_kind_are_refused():
     with pytest.raises(ValueError, match="^axes = 3 is not allowed: it must be axes"):
         plot_curves.axes(3)
