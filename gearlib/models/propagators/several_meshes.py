@@ -208,12 +208,23 @@ class Propagator(Matrices):
 
     def vary(self, z, periods, limit, maps, first):
         """Fill the maps; see `Base.vary`."""
-        none, summary = self.raw(0), np.empty((len(self.system.near), SUMMARY_COLUMNS))
         events = np.empty((0, EVENT_COLUMNS))
-        code = self.go(z, none, events, limit, summary, (periods, 0), maps, first)[3]
+        return self._vary(z, periods, limit, maps, first, events, 0)[0]
+
+    def _vary(self, z, periods, limit, maps, first, events, recorded):
+        """Fill the maps of a run; return (status, events, summary)."""
+        none, summary = self.raw(0), np.empty((len(self.system.near), SUMMARY_COLUMNS))
+        spans = periods, recorded
+        done = self.go(z, none, events, limit, summary, spans, maps, first)
         # Deviations of rates count by phase, as rates do.
         maps *= self.scale[None, :] / self.scale[:, None]
-        return code
+        return done[3], done[1][: done[2]], summary
+
+    def watched(self, z, periods, limit, first=0):
+        """Return what maps and a run tell, of one run; see `Base.watched`."""
+        z, maps = np.array(z, float), np.empty((periods, z.size, z.size))
+        events = np.empty((16, EVENT_COLUMNS))
+        return z, maps, *self._vary(z, periods, limit, maps, first, events, periods)
 
     def slopes_along(self, along):
         """Return what the train changes by; see `Matrices`."""

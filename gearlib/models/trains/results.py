@@ -1,6 +1,7 @@
 """What runs of a gear train record: tables of the kernels, dimensions and variables of datasets."""
 
 import math
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -132,6 +133,10 @@ class TrainResults(Model):
         ValueError
             If a free rotation is damped or feels the turning of the frame: then it is not neutral.
         """
+        return self._reduction
+
+    @cached_property
+    def _reduction(self):
         free, (_, shapes) = self.free_motions, self.linear_modes
         structure = self.structure
         forces = [structure.damping, structure.turning] if self.gyroscopic else [structure.damping]
@@ -145,4 +150,7 @@ class TrainResults(Model):
         scale = np.abs(shapes).max(axis=0)
         half_reduce = (structure.mass @ shapes * scale).T
         half_lift = shapes / scale
-        return np.kron(np.eye(2), half_reduce), np.kron(np.eye(2), half_lift)
+        found = np.kron(np.eye(2), half_reduce), np.kron(np.eye(2), half_lift)
+        for matrix in found:
+            matrix.flags.writeable = False
+        return found
