@@ -7,7 +7,6 @@ module                responsibility
 ``propagators``       what takes states through mesh periods, one module a kind
 ``pair``              `GearPair`: one pair of gears; the border between SI and ratios
 ``one_degree``        `OneDegreePair`: nonlinear damping, other stiffness, excitation
-``mesh_equation``     the equation of one mesh, of a pair and of what is added to it
 ``load_sharing_pair`  ` `LoadSharingPair`: pairs of teeth that touch one by one
 ``six_degrees``       `SixDegreePair`: bearings, run-out, friction, moving backlash
 ``trains``            `GearTrain`: any number of meshes; planetary trains, the reducer

@@ -118,6 +118,7 @@ CALLS = {
     "bifurcation_diagram": lambda pair: bifurcation_diagram(pair, [NU], settle=2, strobes=4),
     "poincare_section": lambda pair: poincare_section(pair, NU, [(0.0, 0.0)], periods=2),
     "lyapunov_exponents": lambda pair: lyapunov_exponents(pair, [NU], settle=2, periods=20),
+    "run_up": lambda pair: gearlib.run_up(pair, 2000.0, 2500.0, duration=0.05),
     "duty_point": lambda pair: gearlib.duty_point(pair, 3000.0),
     # Of whole revolutions of all.
     "orders": lambda pair: gearlib.orders(simulate(pair, NU, periods=432, record_periods=432)),
@@ -144,6 +145,7 @@ REFUSED = {
     "tongues": {"pairs of teeth", *NO_GEARS},
     "schmidt": {"pairs of teeth", "six degrees", "run-out", "train", *NO_GEARS},
     "duty_point": NO_GEARS,
+    "run_up": {"one degree", "pairs of teeth", "run-out", *NO_GEARS},
     "orders": NO_GEARS,
     "harmonic_balance": {"pairs of teeth", "six degrees", "run-out", "train", *NO_GEARS},
 }

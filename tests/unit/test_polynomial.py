@@ -6,6 +6,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from numpy.polynomial import Chebyshev, Polynomial
 
 from gearlib.kernels import polynomial
 from gearlib.kernels.polynomial import (
@@ -119,10 +120,22 @@ def test_a_budget_that_is_spent_is_told():
     # What is told all the same is as true as with all of the budget.
     rest = [(a, b) for a, b, gone in zip(short, full, spent, strict=True) if not gone]
     np.testing.assert_allclose(*zip(*rest, strict=True), rtol=0, atol=1e-15)
-    hill = np.zeros(DEGREE + 1)
-    hill[1:3] = 1.0, -0.75
-    assert math.isnan(with_budget(highest, 12)(hill, MATRIX, WORK, -math.inf))
-    assert highest(hill, MATRIX, WORK, -math.inf) == pytest.approx(1.0 / 3.0, abs=1e-13)
+    hills = np.zeros(DEGREE + 1)
+    wave = Chebyshev.basis(6, domain=(0.0, 1.0)).convert(kind=Polynomial) - 0.1 * Polynomial((0, 1))
+    hills[:7] = wave.coef
+    assert math.isnan(with_budget(highest, 2)(hills, MATRIX, WORK, -math.inf))
+    tops = [float(wave(s.real)) for s in wave.deriv().roots() if 0.0 < s.real < 1.0]
+    assert highest(hills, MATRIX, WORK, -math.inf) == pytest.approx(max(*tops, 1.0), abs=1e-13)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_largest_value_is_that_between_the_ends_too(seed):
+    c = np.zeros(DEGREE + 1)
+    c[:6] = np.random.default_rng(seed).normal(size=6)
+    curve = Polynomial(c[:6])
+    tops = [s.real for s in curve.deriv().roots() if abs(s.imag) < 1e-12 and 0.0 < s.real < 1.0]
+    wanted = max(float(curve(s)) for s in (0.0, 1.0, *tops))
+    assert highest(c, MATRIX, WORK, -math.inf) == pytest.approx(wanted, abs=1e-13)
 
 
 def test_a_flat_root_is_placed_to_the_end():

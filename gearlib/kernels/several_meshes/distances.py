@@ -7,20 +7,14 @@ zero is isolated: nothing is sampled.
 
 import math
 
-import numpy as np
-
 from gearlib.kernels.codes import INVERSE, NORMAL
 from gearlib.kernels.jit import uncounted, woven
-from gearlib.kernels.polynomial import MAX_DEPTH, MAX_INTERVALS, MAX_NEWTON, halve
+from gearlib.kernels.polynomial import BINOMIALS, MAX_DEPTH, MAX_INTERVALS, MAX_NEWTON, halve
 from gearlib.kernels.several_meshes.modal_arcs import DEGREE, LEAST
 from gearlib.kernels.several_meshes.train_system import next_contact
 
 #: Rounding of a distance, as a share of its parts.
 _ROUNDING = 1e-15
-#: Binomials of all degrees up to DEGREE.
-BINOMIALS = np.array(
-    [[float(math.comb(n, k)) for k in range(DEGREE + 1)] for n in range(DEGREE + 1)]
-)
 
 
 @woven
@@ -62,6 +56,13 @@ def _sum_of(a, b, count):
         p += a[k] * b[k]
         k += 1
     return (p + q) + (s + t)
+
+
+@woven
+def furthest(tables, c, line, j, w, count):
+    """Return how far a steady distance provably goes from its level while the contacts stay."""
+    reach = _sum_of(tables.swing[c, line, j], w.sizes, count)
+    return reach + _ROUNDING * (reach + abs(tables.level[c, line, j]))
 
 
 @woven

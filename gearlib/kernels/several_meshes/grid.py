@@ -19,7 +19,7 @@ class Grid(NamedTuple):
     """What the meshes of a system and its segments are like."""
 
     length: np.ndarray  #: theta of the segments, shape (p,)
-    kind: np.ndarray  #: int, number of that length, shape (p,)
+    kind: np.ndarray  #: int, number of that length, -1: it comes once, shape (p,)
     rate: np.ndarray  #: functionals of dd_j/dtheta, shape (m, n)
     far_rate: np.ndarray  #: of the distances from the coast side
     open: np.ndarray  #: bool, whether a mesh has no coast side, shape (m,)
@@ -27,6 +27,7 @@ class Grid(NamedTuple):
     plain: np.ndarray  #: bool, whether its flanks are a constant apart, shape (m,)
     gap: np.ndarray  #: bool, whether there is a backlash between them, shape (m,)
     spin: np.ndarray  #: frequencies of the harmonics by theta, shape (h,)
+    block: np.ndarray  #: int, which rows of a summary each mesh period is in, shape (repeats,)
 
 
 class Work(NamedTuple):
@@ -52,7 +53,7 @@ class Work(NamedTuple):
     factors: np.ndarray
     sizes: np.ndarray  #: of the modes
     place: np.ndarray  #: int, how far the run is, by the names above, shape (7,)
-    ahead: np.ndarray  #: theta left of the segment, phase of the last event, shape (2,)
+    ahead: np.ndarray  #: theta left of the segment, phase of the last event, that of the period
     curve: np.ndarray  #: Bernstein coefficients of a distance, shape (degree + 1,)
     bernstein: np.ndarray  #: those of intervals that wait, and their widths
 
@@ -74,7 +75,8 @@ def grid_of(system):
     closing = ~never & may_close(system.near, system.far, one)
     spin = system.harmonics * system.tuning
     gap = ~plain | (apart[:, one] != 0.0)
-    return Grid(length, kind, near, far, never, closing, plain, gap, spin)
+    block = np.zeros(len(system.first_segment) - 1, np.int64)
+    return Grid(length, kind, near, far, never, closing, plain, gap, spin, block)
 
 
 @kernel
@@ -99,7 +101,7 @@ def work_of(n, wide, m, degree=DEGREE):
         np.zeros(n),
         np.zeros(n),
         np.array([0, 0, -1, 0, 0, 0, 0]),
-        np.zeros(2),
+        np.zeros(3),
         np.empty(degree + 1),
         np.empty((MAX_DEPTH + 4, degree + 2)),
     )

@@ -115,6 +115,7 @@ def go(system, grid, tables, w, number, limit, vectors, recording, summary, samp
     if w.place[SEGMENT] < 0:
         w.place[SEGMENT], w.place[COUNT], w.place[OPENING] = first, 0, w.place[FOUND]
         w.place[TAKEN], w.ahead[0], w.ahead[1] = 0, grid.length[first], 0.0
+        w.ahead[2] = system.starts[last] - system.starts[first]
     while w.place[SEGMENT] < last:
         p, c, left = w.place[SEGMENT], -1, w.ahead[0]
         while left > 0.0:
@@ -149,7 +150,7 @@ def go(system, grid, tables, w, number, limit, vectors, recording, summary, samp
                 phase += (grid.length[p] - left) * system.tuning
                 record(system, grid, tables, c, w, p, phase, length, summary, samples)
             kind = grid.kind[p]
-            if length == grid.length[p] and kind < tables.at.shape[1]:
+            if length == grid.length[p] and 0 <= kind < tables.at.shape[1]:
                 factors = tables.turns[turn_over(tables, c, kind, length)]
             else:
                 turn_by(tables, c, length, w.factors)

@@ -123,8 +123,8 @@ class Propagator(Matrices):
         _, _, m, n, points = tables.curves.shape
         w = work_of(n, tables.out.shape[2], m, points - 1)
         w.z[:size] = z * self.scale
-        for row in summary:
-            orbit.clear_summary(row)
+        orbit.clear_summary(summary[0])
+        summary[1:] = summary[0]
         if not extrema:
             summary[:, orbit.X_MAX] = math.inf
         kept = min(periods, orbit.strobe_periods(system.repeats)) if record_periods else 0

@@ -12,7 +12,7 @@ import numpy as np
 from gearlib.kernels.codes import INVERSE, NORMAL
 from gearlib.models.derivatives import STEP, about_the_mean, check_edges, complex_step
 from gearlib.models.trains.structure import COMPLEX, structure
-from gearlib.models.trains.train import FALLBACK
+from gearlib.models.trains.train_parameters import FALLBACK
 
 _TORSION = "N m rad-1", "N m s rad-1"
 #: Fields of bodies, shafts and meshes -> (CF units, words).
