@@ -20,6 +20,7 @@ from gearlib.analysis.harmonics import hill_method
 from gearlib.analysis.harmonics.accuracy import errors, exact_course
 from gearlib.analysis.harmonics.equation import MeshEquation
 from gearlib.analysis.harmonics.green import green, remainder_norm, weights
+from gearlib.analysis.harmonics.harmonic_balance import jacobian
 from gearlib.analysis.harmonics.schmidt import contraction
 from gearlib.analysis.orbits.shooting import NoOrbit
 from tests.paper import PAPER as FREE
@@ -82,6 +83,25 @@ def test_constant_stiffness_and_excitation_are_exact():
             rtol=0,
             atol=1e-9,
         )
+
+
+def test_jacobian_against_differences():
+    equation = MeshEquation(CUBIC, 0.9, 5, 64)
+    generator = np.random.default_rng(1)
+    x = generator.normal(size=6) + 1j * generator.normal(size=6)
+    x = x * np.exp(-np.arange(6.0))
+    x[0] = 0.3
+    matrix = jacobian(equation, equation.residual(x)[1])
+    step = 1e-6
+    for k in range(1, 6):
+        for turn, column in ((1.0, k), (1j, 5 + k)):
+            change = np.zeros(6, complex)
+            change[k] = turn * step
+            ends = [equation.residual(x + side * change)[0] for side in (1, -1)]
+            slope = (ends[0] - ends[1]) / (2.0 * step)
+            # Central differences of a step 1e-6: 1e-9 of entries of about 30.
+            expected = np.concatenate([slope.real, slope[1:].imag])
+            np.testing.assert_allclose(matrix[:, column], expected, rtol=0, atol=1e-7)
 
 
 @pytest.mark.parametrize("solve", [harmonic_balance, schmidt])

@@ -4,16 +4,13 @@ import importlib.util
 import subprocess
 import sys
 
-import numpy as np
 import pytest
 
 import gearlib
 from gearlib import (
     integrators,
     simulate,
-    sweep,
 )
-from gearlib.integrators.peers import heyoka as peer_heyoka
 from tests.paper import PAPER
 
 PEERS = ("heyoka", "cvode", "diffrax")
@@ -41,17 +38,6 @@ def test_evaluations_do_not_depend_on_the_record(name):
 def test_limits_are_a_status(name):
     need(name)
     assert int(simulate(PAIR, 0.9, periods=5, method=name, max_events=2).status) == 1
-
-
-def test_heyoka_compiles_a_structure_once():
-    need("heyoka")
-    simulate(PAIR, 0.9, periods=10, method="heyoka")
-    made = dict(peer_heyoka._COMPILED.integrators)
-    other = PAIR.replace(load=2000.0, material_damping=2000.0)
-    sweep(other, np.linspace(0.6, 1.2, 7), periods=10, record_periods=1, method="heyoka")
-    inverse = {key for key in peer_heyoka._COMPILED.integrators if key not in made}
-    # Only the contact code that had not been met may be new.
-    assert all(key[1][0] == -1 for key in inverse)
 
 
 @pytest.mark.parametrize("name", PEERS)

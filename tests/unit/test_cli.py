@@ -20,7 +20,7 @@ from gearlib import config
 from gearlib.analysis.orbits.shooting import NoOrbit
 from gearlib.cli import main, progress
 from gearlib.data import storage
-from gearlib.geometry import Mesh, SpurGear
+from tests.geometry import drawings
 from tests.paper import PAPER
 
 PAIR = ["--max-stiffness", "4e5 N/mm", "--stiffness-ratio", "0.5879", "--contact-ratio", "1.569"]
@@ -141,9 +141,7 @@ DRAWN += ["--backlash", "80um", "--damping-ratio", "0.05"]
 def test_gears_are_drawn_by_options_of_every_command(run):
     done = run("gears", *DRAWN, "--save", "mine.yaml", "--plot", "stiffness.svg")
     assert done.exit_code == 0 and Path("stiffness.svg").exists(), done.output
-    pinion, wheel = (SpurGear(teeth=z, module=2.5e-3, width=18e-3) for z in (23, 61))
-    mesh = Mesh(pinion, wheel, backlash=80e-6)
-    pair = gearlib.GearPair.from_geometry(mesh, torque=85.0, damping_ratio=0.05)
+    pair = gearlib.GearPair.from_geometry(drawings.own(), torque=85.0, damping_ratio=0.05)
     expected = gearlib.simulate(pair, speed=4000.0, periods=200)
     for given in (DRAWN, ["--config", "mine.yaml"]):
         done = run("simulate", *given, "--speed", "4000", "-o", "run.nc", "--force")

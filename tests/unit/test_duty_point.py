@@ -10,10 +10,10 @@ from click.testing import CliRunner
 
 from gearlib import GearPair, LoadSharingPair, SixDegreePair, duty_point, simulate, two_stage
 from gearlib.cli import main
-from gearlib.geometry import Mesh, SpurGear, TipRelief, dynamic_factor
+from gearlib.geometry import TipRelief, dynamic_factor
+from tests.geometry.drawings import own
 
-GEAR = {"module": 2.5e-3, "width": 0.018, "quality": 5}
-MESH = Mesh(SpurGear(teeth=23, **GEAR), SpurGear(teeth=61, **GEAR), backlash=80e-6)
+MESH = own(quality=5)
 RELIEF = TipRelief(amount=8e-6, length=2e-3)
 SECTION = {
     "gears": {

@@ -7,13 +7,9 @@ from matplotlib import pyplot
 import gearlib
 from gearlib import plot, simulate, sweep
 from gearlib.figures import plot_curves
-from gearlib.geometry import Mesh, SpurGear
+from tests.geometry.drawings import own
 
-MESH = Mesh(
-    SpurGear(teeth=23, module=2.5e-3, width=18e-3),
-    SpurGear(teeth=61, module=2.5e-3, width=18e-3),
-    backlash=80e-6,
-)
+MESH = own()
 PAIR = gearlib.GearPair.from_geometry(MESH, torque=85.0, damping_ratio=0.12)
 
 

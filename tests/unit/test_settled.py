@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from gearlib import GearPair, OneDegreePair, periodic_orbit, simulate, sweep
-from gearlib.geometry import Mesh, SpurGear
 from gearlib.kernels import orbit
 from gearlib.kernels.closed_form import recorded_arcs
 from gearlib.kernels.closed_form.event_by_event import ARC_COLUMNS, march_period
@@ -15,6 +14,7 @@ from gearlib.kernels.closed_form.pair_run import skip
 from gearlib.kernels.closed_form.settling import clear_of_grazing, sum_of_powers
 from gearlib.kernels.closed_form.whole_periods import new_work, set_mesh, set_start
 from gearlib.models.propagators.closed_form import ratios
+from tests.geometry.drawings import own
 from tests.paper import PAPER
 from tests.properties.known_models import gears, pairs_as_train
 from tests.unit.test_whole_periods import LIMIT, bouncing_case, ratios_of, whole_periods
@@ -178,9 +178,7 @@ def test_an_orbit_recorded_once_is_the_orbit_propagated_to_its_end():
 
 
 def own_gears(damping):
-    pinion, wheel = (SpurGear(teeth=z, module=2.5e-3, width=18e-3) for z in (23, 61))
-    drawing = Mesh(pinion, wheel, backlash=80e-6)
-    return GearPair.from_geometry(drawing, torque=85.0, damping_ratio=damping)
+    return GearPair.from_geometry(own(), torque=85.0, damping_ratio=damping)
 
 
 def plain_period(pair, nu, state=(0.0, 0.0), periods=20_000):
