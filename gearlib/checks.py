@@ -8,6 +8,17 @@ from numbers import Integral, Real
 _LARGEST = 2**63 - 1
 
 
+def refusal(name, value, allowed):
+    """Return the ValueError that refuses a value; `allowed` are the words for what it must be."""
+    return ValueError(f"{name} = {value!r} is not allowed: it must be {allowed}")
+
+
+def require(fits, name, value, allowed):
+    """Refuse a value unless it fits with others."""
+    if not fits:
+        raise refusal(name, value, allowed)
+
+
 def number(name, value, allowed, accept):
     """Return `value` as float if it is a real number that `accept` admits, else ValueError.
 
@@ -21,7 +32,7 @@ def number(name, value, allowed, accept):
             result = math.nan
         if not math.isnan(result) and accept(result):
             return result
-    raise ValueError(f"{name} = {value!r} is not allowed: it must be {allowed}")
+    raise refusal(name, value, allowed)
 
 
 def finite_positive(name, value):
@@ -42,15 +53,13 @@ def integer(name, value, low, high=None):
         if high is None and value >= low:
             high = _LARGEST
     allowed = f"an integer >= {low}" if high is None else f"an integer from {low} to {high}"
-    raise ValueError(f"{name} = {value!r} is not allowed: it must be {allowed}")
+    raise refusal(name, value, allowed)
 
 
 def one_of(name, value, choices):
     """Return `value` if it is one of `choices`, else raise ValueError."""
     if value not in choices:
-        raise ValueError(
-            f"{name} = {value!r} is not allowed: it must be one of {', '.join(map(repr, choices))}"
-        )
+        raise refusal(name, value, f"one of {', '.join(map(repr, choices))}")
     return value
 
 
@@ -59,9 +68,13 @@ def sequence(name, values):
     try:
         return list(values)
     except TypeError:
-        raise ValueError(
-            f"{name} = {values!r} is not allowed: it must be a sequence of numbers"
-        ) from None
+        raise refusal(name, values, "a sequence of numbers") from None
+
+
+def finite(name, values):
+    """Return a sequence of finite numbers as a tuple of float, else raise ValueError."""
+    found = enumerate(sequence(name, values))
+    return tuple(number(f"{name}[{i}]", value, "finite", math.isfinite) for i, value in found)
 
 
 def many(name, values, count):
@@ -71,7 +84,7 @@ def many(name, values, count):
     except TypeError:
         found = []
     if len(found) != count:
-        raise ValueError(f"{name} = {values!r} is not allowed: it must be {count} values")
+        raise refusal(name, values, f"{count} values")
     return found
 
 
@@ -84,15 +97,14 @@ def numbers(name, values, count):
 def options(value):
     """Return options, a mapping or None, as a dict, else raise ValueError."""
     if value is not None and not isinstance(value, Mapping):
-        raise ValueError(f"options = {value!r} is not allowed: it must be a mapping of names")
+        raise refusal("options", value, "a mapping of names")
     return dict(value or {})
 
 
 def drawn_mesh(value, name="mesh", other=""):
     """Return a `gearlib.geometry.Mesh`, else raise ValueError; `other` says what else may be."""
     if not hasattr(value, "pair_parameters"):
-        words = f"a gearlib.geometry.Mesh{other}"
-        raise ValueError(f"{name} = {value!r} is not allowed: it must be {words}")
+        raise refusal(name, value, f"a gearlib.geometry.Mesh{other}")
     return value
 
 
@@ -114,7 +126,5 @@ def state(name, value):
             number(name, velocity, "finite", math.isfinite),
         )
     except (TypeError, ValueError):
-        raise ValueError(
-            f"{name} = {value!r} is not allowed: it must be two finite numbers "
-            "(displacement in static deflections, dx/dtau)"
-        ) from None
+        words = "two finite numbers (displacement in static deflections, dx/dtau)"
+        raise refusal(name, value, words) from None

@@ -25,6 +25,7 @@ from gearlib.figures import (
     schematic as train_schematic,
 )
 from gearlib.figures.orders_figure import orders
+from gearlib.figures.run_up_figure import run_up
 from gearlib.runs.simulation import simulate
 
 __all__ = [
@@ -34,6 +35,7 @@ __all__ = [
     "orders",
     "phase_plane",
     "resonance",
+    "run_up",
     "schematic",
     "time_course",
     "values",

@@ -65,27 +65,22 @@ def largest(model, tuning, *, state=(0.0, 0.0), settle=1000, periods=4000, max_e
     propagator = model.propagator(tuning)
     z = propagator.start(state)
     size, carried = Size(model, tuning), _carrier(model, tuning, propagator, max_events)
-    before = size(z)
-    bound = FAR * max(model.extent, before)
+    bound = FAR * max(model.extent, size(z))
 
     def failed(code):
         return Exponent(math.nan, math.nan, math.nan, periods, code)
 
     # Any direction will do: settling turns it into the growing one.
-    logs, vector = np.empty(periods), None
-    done = -settle
-    while done < periods:
-        count = min(_CHUNK, periods - done) if done >= 0 else min(_CHUNK, -done)
-        counted = logs[done : done + count] if done >= 0 else np.empty(count)
-        z, vector, code = carried(z, vector, counted, settle + done)
+    logs, vector, first = np.empty(periods), None, 0
+    for counted in (np.empty(settle), logs) if settle else (logs,):
+        before = size(z)
+        z, vector, code = carried(z, vector, counted, first)
         if code != status.OK:
             return failed(code)
         if vector is None:
             # Over-damped to nothing: no deviation is left to grow.
             return Exponent(-math.inf, 0.0, -math.inf, periods)
-        done += count
-        if done == 0:
-            before = size(z)
+        first = settle
     if grows(size, propagator, z, before, bound, periods, max_events):
         return failed(status.OVERFLOW)
     batches = np.array([part.mean() for part in np.array_split(logs, min(BATCHES, periods))])
@@ -109,14 +104,9 @@ def growth(model, tuning, state, periods, *, first=0, vector=None, max_events=1_
     """
     propagator, logs = model.propagator(tuning), np.empty(periods)
     z, carried = propagator.start(state), _carrier(model, tuning, propagator, max_events)
-    for done in range(0, periods, _CHUNK):
-        counted = logs[done : done + _CHUNK]
-        z, vector, code = carried(z, vector, counted, first + done)
-        if code != status.OK:
-            return Growth(math.inf, math.inf, None)
-        if vector is None:
-            logs[done:] = -math.inf
-            break
+    z, vector, code = carried(z, vector, logs, first)
+    if code != status.OK:
+        return Growth(math.inf, math.inf, None)
     grown = np.cumsum(logs)
     return Growth(max(float(grown.max()), 0.0), float(grown[-1]), vector)
 
@@ -166,18 +156,23 @@ def lost_in_sweep(model, tunings, ends, start, periods):
 def _carrier(model, tuning, propagator, max_events):
     """Return the call that carries a state and a deviation through as many periods as `logs` has.
 
-    It fills these, and returns the state; the deviation, None if it has vanished; and the status.
-    None in place of a deviation is one in all coordinates.
+    It fills these, with -inf from where it has vanished, and returns the state; the deviation, then
+    None; and the status. None in place of a deviation is one in all coordinates.
     """
 
     def carried(z, vector, logs, first):
-        z, maps, code = propagator.maps(z, logs.size, max_events, first % model.repeats)
-        if code != status.OK:
-            return z, vector, code
-        maps = without_rotation(model, maps)
-        vector = np.ones(maps.shape[1]) if vector is None else vector
-        weights = np.repeat([1.0, tuning], vector.size // 2)
-        return z, vector if carry(maps, weights, vector, logs) else None, code
+        for done in range(0, logs.size, _CHUNK):
+            counted, period = logs[done : done + _CHUNK], (first + done) % model.repeats
+            z, maps, code = propagator.maps(z, counted.size, max_events, period)
+            if code != status.OK:
+                return z, vector, code
+            maps = without_rotation(model, maps)
+            vector = np.ones(maps.shape[1]) if vector is None else vector
+            weights = np.repeat([1.0, tuning], vector.size // 2)
+            if not carry(maps, weights, vector, counted):
+                logs[done:] = -math.inf
+                return z, None, code
+        return z, vector, status.OK
 
     return carried
 

@@ -54,10 +54,7 @@ def orders(run, *, count=None):
     names = {"phase", "displacement", "dynamic_force", "mesh_frequency"}
     if not names <= set(getattr(run, "variables", ())):
         shown = run.attrs.get("title", type(run).__name__) if hasattr(run, "attrs") else run
-        raise ValueError(
-            f"run = {shown!r} is not allowed: it must be a dataset of gearlib.simulate, of gears "
-            "that turn"
-        )
+        raise checks.refusal("run", shown, "a dataset of gearlib.simulate, of gears that turn")
     if int(run.status):
         raise ValueError(f"run is not allowed: {run.status.attrs['message']}")
     asked = json.loads(run.attrs["parameters"])
@@ -204,15 +201,8 @@ def _breaks(pair, run, periods):
         low = not steady and half < at % math.tau < math.tau - half
         return high * (pair.stiffness_ratio if low else 1.0)
 
-    events = list(
-        zip(
-            run.event_phase.values,
-            run.event_from.values,
-            run.event_to.values,
-            run.event_velocity.values,
-            strict=True,
-        )
-    )
+    names = ("event_phase", "event_from", "event_to", "event_velocity")
+    events = list(zip(*(run[name].values for name in names), strict=True))
     marks = sorted([(at, 1, None) for at in switches] + [(e[0], 0, e) for e in events])
     contact = int(run.contact[0])
     middle = (marks[0][0] if marks else last) + first

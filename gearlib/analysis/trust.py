@@ -29,8 +29,8 @@ import xarray as xr
 from gearlib import integrators
 from gearlib.analysis import lyapunov
 from gearlib.checks import finite_positive, integer
-from gearlib.data import provenance, status
-from gearlib.data.variables import describe
+from gearlib.data import status
+from gearlib.data.result import result, stacked
 from gearlib.kernels import orbit
 from gearlib.models.profiles import Fourier
 from gearlib.runs.run_arguments import check_tuning
@@ -128,10 +128,11 @@ def trust(
         "status": np.array([run.status for run in runs]),
     }
     data = {key: (("run", "mesh")[: values.ndim], values) for key, values in columns.items()}
-    table = describe(xr.Dataset(data, {"run": names}), pair)
-    table.attrs = provenance.attributes(
+    table = result(
         "Runs of one point in several ways",
         pair,
+        data,
+        {"run": names},
         method=", ".join(dict.fromkeys(run.method for run in runs)),
         tuning=tuning,
         periods=periods,
@@ -142,37 +143,26 @@ def trust(
 
 
 def scan(model, tunings, **options):
-    """Return the labels of many tunings.
+    """Return the labels of many tunings, a dataset over ``tuning``; options are of `trust`.
 
-    Parameters
-    ----------
-    model : GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator
-    tunings : sequence of float, shape (n,)
-    **options
-        Of `trust`.
-
-    Returns
-    -------
-    xarray.Dataset
-        Over ``tuning``: label (index in `LABELS`, CF flags), period, digits (at most 10),
-        exponent, uncertainty.
+    It has label (index in `LABELS`, CF flags), period, digits (at most 10), exponent, uncertainty.
     """
-    found = [trust(model, nu, **options) for nu in tunings]
-    data = {
-        "label": ("tuning", np.array([LABELS.index(one.label) for one in found], np.int8)),
-        "period": ("tuning", np.array([one.period for one in found], np.int32)),
-        "digits": ("tuning", np.minimum([one.digits for one in found], _MOST_DIGITS)),
-        "exponent": ("tuning", np.array([one.exponent for one in found])),
-        "uncertainty": ("tuning", np.array([one.uncertainty for one in found])),
-    }
-    dataset = describe(xr.Dataset(data, {"tuning": np.asarray(tunings, float)}), model)
-    dataset["label"].attrs |= {
-        "flag_values": np.arange(len(LABELS), dtype=np.int8),
-        "flag_meanings": " ".join(name.replace("-", "_") for name in LABELS),
-    }
-    dataset.attrs = provenance.attributes(
-        "Labels of the motion of a gear mesh", model, method="several", **options
-    )
+
+    def facts(nu):
+        one = trust(model, nu, **options)
+        return {
+            "label": np.int8(LABELS.index(one.label)),
+            "period": np.int32(one.period),
+            "digits": min(one.digits, _MOST_DIGITS),
+            "exponent": one.exponent,
+            "uncertainty": one.uncertainty,
+        }
+
+    title = "Labels of the motion of a gear mesh"
+    coords = {"tuning": np.asarray(tunings, float)}
+    data = stacked({"tuning": tunings}, facts)
+    dataset = result(title, model, data, coords, method="several", **options)
+    dataset["label"].attrs |= status.flags_of(LABELS)
     return dataset
 
 

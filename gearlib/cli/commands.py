@@ -168,6 +168,38 @@ def sweep(model, start, stop, points, save, **asked):
     save(curve, lambda plot: output.beside(plot.resonance(curve), model, curves=True))
 
 
+@main.command("run-up")
+@model_options.options
+@click.option("--start", type=speed_options.SPEED, required=True, help="First speed, rpm.")
+@click.option("--stop", type=speed_options.SPEED, required=True, help="Last speed, rpm.")
+@click.option("--duration", type=float, help="Of the way from one to the other, s. Or instead:")
+@click.option("--acceleration", type=float, help="Its size, rpm/s.")
+@click.option("--back", is_flag=True, help="Go back to the first speed as well.")
+@_state
+@click.option("--driver", help="Of a train: the body that drives; by default that of most power.")
+@output.options("revolution")
+def run_up(model, start, stop, duration, acceleration, back, save, **asked):
+    """Run the gears up or down: forces and losses of contact over the speed."""
+    import gearlib
+
+    course = {"start": start, "stop": stop, "duration": duration, "acceleration": acceleration}
+    if back:
+        there = speed_options.course_of(**course)
+        course = {"speed": [*there, (2.0 * there[-1][0], start)]}
+    with progress.clock("running up"):
+        run = gearlib.run_up(model, **course, **asked)
+    if run.status != 0:
+        output.fail(run.status.attrs["message"])
+    force = run.dynamic_force_max.max("mesh") if model.mesh_names else run.dynamic_force_max
+    top = run.isel(revolution=int(force.argmax("revolution")))
+    click.echo(f"{run.revolution.size} revolutions; that of the largest force:")
+    own = ["displacement_max", "displacement_min", "dynamic_force_max", "mean_force", "bounces"]
+    output.table(top, ["revolution_speed", "revolution_time", *([] if model.mesh_names else own)])
+    if model.mesh_names:
+        output.columns(top, "mesh", own)
+    save(run, lambda plot: output.beside(plot.run_up(run), model, curves=True))
+
+
 @main.command()
 @model_options.options
 @speed_options.options

@@ -62,3 +62,10 @@ def tuning_of(model, value):
     if isinstance(value, str):
         return float(model.tuning_at(SPEED.convert(value, None, None)))
     return value
+
+
+def course_of(**given):
+    """Return the course of a run-up from one speed to another, rows of s and rpm."""
+    from gearlib.runs import run_up
+
+    return run_up.speeds_of(**given).tolist()

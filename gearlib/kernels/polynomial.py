@@ -26,10 +26,14 @@ _ROUNDING = 4e-16
 #: Highest degree, and what coefficient i adds to coefficient k of the left half, C(k, i) / 2^k, and
 #: of the right half, counted from the end, whose columns go backwards.
 _MOST = 24
+#: Binomials of all degrees up to it.
+BINOMIALS = np.array([[float(math.comb(n, k)) for k in range(_MOST + 1)] for n in range(_MOST + 1)])
 _LEFT = np.array([[math.comb(k, i) / 2.0**k for k in range(_MOST + 1)] for i in range(_MOST + 1)])
 _RIGHT = np.ascontiguousarray(_LEFT[:, ::-1])
 #: Largest values are sought to this share of the coefficients, a hundred roundings.
 _CLOSE = 4e-14
+#: Distance from a maximum whose square is nothing.
+_NEAR = 1e-9
 
 
 def bernstein_matrix(degree):
@@ -308,6 +312,47 @@ def highest(coefficients, to_bernstein, work, floor):
 
 
 @uncounted
+def _one_peak(b, n):
+    """Return whether Bernstein coefficients rise, then fall: their polynomial has one maximum."""
+    k = 1
+    while k <= n and b[k] >= b[k - 1]:
+        k += 1
+    while k <= n and b[k] <= b[k - 1]:
+        k += 1
+    return k > n
+
+
+@uncounted
+def _peak(b, n):
+    """Return the largest value of such a polynomial, n >= 2, on [0, 1]."""
+    s, low, high = 0.5, 0.0, 1.0
+    for _ in range(_FEW_NEWTON):
+        slope, bend, power, rest = 0.0, 0.0, 1.0, 1.0 - s
+        for k in range(n - 1):
+            rise, next_rise = b[k + 1] - b[k], b[k + 2] - b[k + 1]
+            slope = slope * rest + power * (BINOMIALS[n - 1, k] * rise)
+            bend = bend * rest + power * (BINOMIALS[n - 2, k] * (next_rise - rise))
+            power *= s
+        slope = slope * rest + power * (b[n] - b[n - 1])
+        if slope > 0.0:
+            low = s
+        else:
+            high = s
+        new = s - slope / ((n - 1) * bend) if bend < 0.0 else -1.0
+        if not low <= new <= high:
+            new = 0.5 * (low + high)
+        moved = abs(new - s)
+        s = new
+        if moved <= _NEAR:
+            break
+    value, power = 0.0, 1.0
+    for k in range(n + 1):
+        value = value * (1.0 - s) + power * (BINOMIALS[n, k] * b[k])
+        power *= s
+    return value
+
+
+@uncounted
 def highest_from(work, n, floor):
     """Return the same of Bernstein coefficients of degree n, which begin the first row of `work`.
 
@@ -326,6 +371,10 @@ def highest_from(work, n, floor):
         for j in range(1, n + 1):
             bound = max(bound, b[j])
         if bound <= floor + noise or depth == MAX_DEPTH:
+            depth -= 1
+            continue
+        if n > 1 and _one_peak(b, n):
+            floor = max(floor, _peak(b, n))
             depth -= 1
             continue
         halve(b, work[depth + 1], work[MAX_DEPTH + 1], n)

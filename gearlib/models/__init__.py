@@ -7,12 +7,12 @@ module                responsibility
 ``propagators``       what takes states through mesh periods, one module a kind
 ``pair``              `GearPair`: one pair of gears; the border between SI and ratios
 ``one_degree``        `OneDegreePair`: nonlinear damping, other stiffness, excitation
-``mesh_equation``     the equation of one mesh, of a pair and of what is added to it
 ``load_sharing_pair`  ` `LoadSharingPair`: pairs of teeth that touch one by one
 ``six_degrees``       `SixDegreePair`: bearings, run-out, friction, moving backlash
 ``trains``            `GearTrain`: any number of meshes; planetary trains, the reducer
 ``geometry``          drawn gears and what a mesh takes of them; public as `gearlib.geometry`
 ``dead_zone``         `DeadZoneOscillator`: any oscillator between two elastic contacts
+``acceleration``      what a changing speed asks of the meshes: inertia
 ``derivatives``       by what models are differentiated; models a little off the real axis
 ``described_pair``    the smallest model that carries a pair, from plain values
 ``with_pair``         what models that contain a `GearPair` offer of it

@@ -16,7 +16,7 @@ the motion is of order one: tolerances are absolute.
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from numbers import Complex
 from typing import Annotated
@@ -30,7 +30,6 @@ from gearlib.models.oscillator import Equation
 from gearlib.models.profiles import Series, Steps
 from gearlib.parameters import FINITE, NONNEGATIVE, Instance, Number, check, documented, named
 
-_DAMPINGS = ("damping", "upper_damping", "lower_damping")
 _STIFFNESSES = ("upper_stiffness", "lower_stiffness")
 
 #: name of a field -> that whose value it has by default
@@ -211,10 +210,7 @@ class DeadZoneOscillator(Model):
 
     def as_dict(self):
         """Return the parameters as plain values, in the order of the fields."""
-        values = {name: getattr(self, name) for name in ("upper_edge", "lower_edge")}
-        values |= {name: _plain(getattr(self, name)) for name in _STIFFNESSES}
-        values |= {name: getattr(self, name) for name in (*_DAMPINGS, "ground_stiffness", "load")}
-        return values | {name: vars(getattr(self, name)) for name in ("forcing", "deviation")}
+        return asdict(self) | {name: _plain(getattr(self, name)) for name in _STIFFNESSES}
 
 
 def _pieces(stiffness):

@@ -9,19 +9,14 @@ parts are derivatives to rounding, without a difference of two values (Squire, T
 import dataclasses
 import math
 
+from gearlib import parameters
+from gearlib.models.pair_parameters import PairParameters
+
 #: h.
 STEP = 1e-30
 
 #: name -> (CF units, words): fields of a pair, its ratios, arguments of the run.
-PARAMETERS = {
-    "max_stiffness": ("N m-1", "maximum mesh stiffness"),
-    "stiffness_ratio": ("1", "stiffness ratio kappa"),
-    "contact_ratio": ("1", "contact ratio epsilon"),
-    "reduced_mass": ("kg", "reduced mass"),
-    "load": ("N", "load"),
-    "backlash": ("m", "backlash"),
-    "material_damping": ("N s m-1", "damping of the material in contact"),
-    "backlash_damping": ("N s m-1", "damping of the oil in the backlash"),
+PARAMETERS = parameters.named(PairParameters) | {
     "damping_ratio": ("1", "damping ratio beta"),
     "backlash_damping_ratio": ("1", "damping ratio beta_m of the backlash"),
     "backlash_ratio": ("1", "backlash in static deflections"),
@@ -45,11 +40,7 @@ OF_ALL = {name: PARAMETERS[name] for name in ("tuning", *START)}
 def complex_step(element, slopes):
     """Return an unchecked copy of a frozen dataclass with some fields off the real axis.
 
-    Parameters
-    ----------
-    element : object
-    slopes : dict
-        Name of a field, or (name, index) -> what it changes by.
+    Slopes are name of a field, or (name, index) -> what it changes by.
     """
     values = {one.name: getattr(element, one.name) for one in dataclasses.fields(element)}
     for key, slope in slopes.items():

@@ -26,11 +26,7 @@ class Harmonics:
 
     def __post_init__(self):
         for name in ("cosines", "sines"):
-            values = tuple(
-                checks.number(f"{name}[{i}]", value, "finite", math.isfinite)
-                for i, value in enumerate(checks.sequence(name, getattr(self, name)))
-            )
-            object.__setattr__(self, name, values)
+            object.__setattr__(self, name, checks.finite(name, getattr(self, name)))
 
     @classmethod
     def from_table(cls, phase, values, count=None):

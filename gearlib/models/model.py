@@ -15,6 +15,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from gearlib import checks
+from gearlib.models import derivatives
 
 if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
     from gearlib.models.propagators import closed_form, piecewise_linear, taylor  # noqa: F401
@@ -36,6 +37,10 @@ class Model:
     #: The `Equation` of one degree of freedom; None: the model has more, see `system`, or more than
     #: two flank lines.
     equation: Any = None
+    #: The `GearTrain` whose matrices it has; None: it has one degree of freedom.
+    train: Any = None
+    #: Whether the forces of a turning frame act.
+    gyroscopic: Any = False
     #: The profile of the mesh stiffness where it can be chosen, of `gearlib.models.profiles`.
     profile: Any = None
     #: Functions from a tuning to the speed in rpm and to rad/s of the mesh; None: nothing turns.
@@ -80,19 +85,9 @@ class Model:
         return import_module(f"gearlib.models.propagators.{name}").Propagator
 
     def propagator(self, tuning, method=None, **options):
-        """Return what takes states through mesh periods at one tuning.
+        """Return what takes states through mesh periods at one tuning, a `propagators.base.Base`.
 
-        Parameters
-        ----------
-        tuning : float
-        method : {"exact", "taylor"}, optional
-            Of those in `propagators`.
-        **options
-            Of Taylor steps: tolerance.
-
-        Returns
-        -------
-        gearlib.models.propagators.base.Base
+        The method is one of `propagators`; options are of Taylor steps: tolerance.
         """
         return self.kind(method)(self, float(tuning), **options)
 
@@ -133,9 +128,7 @@ class Model:
     @property
     def derivatives(self):
         """Names of the parameters by which `simulate` differentiates -> (CF units, words)."""
-        from gearlib.models.derivatives import OF_ALL
-
-        return OF_ALL
+        return derivatives.OF_ALL
 
     def direction(self, name):
         """Return what changes with one of `derivatives`, for `complex_step`: a dict."""
@@ -147,9 +140,7 @@ class Model:
 
     def complex_step(self, slopes):
         """Return a copy off the real axis, see `gearlib.models.derivatives`."""
-        from gearlib.models.derivatives import complex_step
-
-        return complex_step(self, slopes)
+        return derivatives.complex_step(self, slopes)
 
     def parameter(self, name):
         """Return the value of one of `parameters`."""

@@ -8,15 +8,18 @@ y = q + f(tau) of Eq. (4): rigid-body motion q of the flanks plus deviation f fr
 whose inertia appears as a force. Contact (normal and inverse mesh) takes the material values of
 k, D2, D3, the backlash those of the oil; g(y) as in `gearlib.data.contact_states`.
 
-The equation is written in static deflections, see `gearlib.models.mesh_equation`.
+The equation is written in static deflections d_s = F / C_s and 1 / Omega_s of time. Over the mesh
+phase its damping is d1 = 2 beta / nu, d2 = D2 d_s / m, d3 = D3 d_s^2 Omega_s nu / m.
 """
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import Annotated
 
+import numpy as np
+
 from gearlib.models.harmonics import Harmonics
-from gearlib.models.mesh_equation import mesh_equation
+from gearlib.models.oscillator import Equation
 from gearlib.models.pair import GearPair
 from gearlib.models.profiles import Fourier, Rectangular, Tabulated
 from gearlib.models.with_pair import WithPair
@@ -85,14 +88,38 @@ class OneDegreePair(WithPair):
     @cached_property
     def equation(self):
         """The `Equation` in static deflections and 1 / Omega_s of time."""
-        return mesh_equation(self.pair, self)
+        pair = self.pair
+        deflection, mass = pair.static_deflection, pair.reduced_mass
+        quadratic = deflection / mass
+        cubic = deflection**2 * pair.mean_eigenfrequency / mass
+        material = [
+            2.0 * pair.damping_ratio,
+            self.quadratic_damping * quadratic,
+            self.cubic_damping * cubic,
+        ]
+        oil = [
+            2.0 * pair.backlash_damping_ratio,
+            self.backlash_quadratic_damping * quadratic,
+            self.backlash_cubic_damping * cubic,
+        ]
+        pieces = self.profile.pieces(pair)
+        powers = [self.quadratic_stiffness * deflection, self.cubic_stiffness * deflection**2]
+        return Equation(
+            upper=0.0,
+            lower=-pair.backlash_ratio,
+            near=pieces,
+            far=pieces,
+            damping=np.array([material, oil, material]),
+            powers=np.array(powers),
+            ground=0.0,
+            load=1.0,
+            force=self.excitation.table(1.0 / pair.load),
+            deviation=self.deviation.table(1.0 / deflection),
+            natural=1.0,
+        )
 
     def as_dict(self):
         """Return the parameters as plain values, in the order of the fields."""
-        values = {name: getattr(self, name) for name in self.parameters}
-        for name in ("excitation", "deviation"):
-            harmonics = getattr(self, name)
-            values[name] = {"cosines": harmonics.cosines, "sines": harmonics.sines}
-        profile = self.profile
-        values["profile"] = {"kind": type(profile).__name__.lower(), **vars(profile)}
-        return {**self.pair.as_dict(), **values}
+        values = asdict(self)
+        profile = {"kind": type(self.profile).__name__.lower(), **values.pop("profile")}
+        return {**values.pop("pair"), **values, "profile": profile}

@@ -21,8 +21,10 @@ damping ratios.
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 from gearlib import checks, parameters
+from gearlib.models import derivatives
 from gearlib.models.model import Model
 from gearlib.models.pair_parameters import PairParameters
 from gearlib.models.stiffness import mean_over_max
@@ -148,13 +150,13 @@ class GearPair(PairParameters, Model):
         """The pair itself."""
         return self
 
-    @property
+    @cached_property
     def equation(self):
         """The `Equation` in static deflections and 1 / Omega_s of time."""
         # Here: tables of drawn gears have no motion and load no kernels.
-        from gearlib.models.mesh_equation import mesh_equation
+        from gearlib.models.one_degree import OneDegreePair
 
-        return mesh_equation(self)
+        return derivatives.unchecked(OneDegreePair, pair=self).equation
 
     @property
     def propagators(self):
@@ -165,24 +167,18 @@ class GearPair(PairParameters, Model):
     @property
     def derivatives(self):
         """As of `Model.derivatives`: fields, ratios and the start."""
-        from gearlib.models.derivatives import PARAMETERS
-
-        return PARAMETERS
+        return derivatives.PARAMETERS
 
     def direction(self, name):
         """As of `Model.direction`."""
-        from gearlib.models.derivatives import check_edges, of_pair
-
-        slopes = of_pair(self, name)
-        check_edges(name, self, slopes)
+        slopes = derivatives.of_pair(self, name)
+        derivatives.check_edges(name, self, slopes)
         return slopes
 
     def along_branch(self, name):
         """As of `Model.along_branch`."""
-        from gearlib.models.derivatives import along_branch, check_edges
-
-        slopes = along_branch(self, name)
-        check_edges(name, self, slopes)
+        slopes = derivatives.along_branch(self, name)
+        derivatives.check_edges(name, self, slopes)
         return slopes
 
     def damped(self):

@@ -3,29 +3,21 @@
 from dataclasses import dataclass
 from typing import Annotated
 
-from gearlib.parameters import (
-    LOAD,
-    MASS,
-    Backlash,
-    BacklashDamping,
-    ContactRatio,
-    Integer,
-    MaterialDamping,
-    MaxStiffness,
-    StiffnessRatio,
-)
+from gearlib import parameters
 
 
 @dataclass(frozen=True, kw_only=True)
 class PairParameters:
     """Numbers of a gear pair and its mesh, SI."""
 
-    max_stiffness: MaxStiffness
-    stiffness_ratio: StiffnessRatio
-    contact_ratio: ContactRatio
-    reduced_mass: Annotated[float, MASS, "Reduced mass", "m_red"]
-    load: Annotated[float, LOAD, "Load, the mean force along the line of action,", "F"]
-    backlash: Backlash
-    material_damping: MaterialDamping = 0.0
-    backlash_damping: BacklashDamping = 0.0
-    teeth: Annotated[int, Integer(1, limit=10_000), "Teeth z: mesh periods per revolution"] = 24
+    max_stiffness: parameters.MaxStiffness
+    stiffness_ratio: parameters.StiffnessRatio
+    contact_ratio: parameters.ContactRatio
+    reduced_mass: Annotated[float, parameters.MASS, "Reduced mass", "m_red"]
+    load: Annotated[float, parameters.LOAD, "Load, the mean force along the line of action,", "F"]
+    backlash: parameters.Backlash
+    material_damping: parameters.MaterialDamping = 0.0
+    backlash_damping: parameters.BacklashDamping = 0.0
+    teeth: Annotated[
+        int, parameters.Integer(1, limit=10_000), "Teeth z: mesh periods per revolution"
+    ] = 24

@@ -31,14 +31,15 @@ The paper prints none of the values beyond those of the pair; whoever sets them 
 """
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated
 
 import numpy as np
 
-from gearlib.models import derivatives, one_mesh_system
+from gearlib.models.derivatives import along_gears, of_gears
 from gearlib.models.harmonics import Harmonics
+from gearlib.models.one_mesh_system import contact_map
 from gearlib.models.pair import GearPair
 from gearlib.models.with_pair import WithPair
 from gearlib.parameters import (
@@ -162,14 +163,8 @@ class SixDegreePair(WithPair):
         """As of `Model.parameters`: run-out and friction by their phases."""
         return named(type(self))
 
-    @property
-    def derivatives(self):
-        """As of `Model.derivatives`."""
-        return derivatives.of_gears(self)
-
-    def direction(self, name):
-        """As of `Model.direction`."""
-        return derivatives.along_gears(self, name)
+    derivatives = property(of_gears, doc="As of `Model.derivatives`.")
+    direction, contact_map = along_gears, contact_map
 
     @property
     def reduced_mass_torsional(self):
@@ -210,10 +205,6 @@ class SixDegreePair(WithPair):
         reduce = lift.T.copy()
         reduce[0, 1] = reduce[n // 2 - 1, n // 2 + 1] = 1.0
         return reduce, lift
-
-    def contact_map(self, tuning):
-        """Return the map of deviations over one mesh period in normal mesh; see `reduction`."""
-        return one_mesh_system.contact_map(self, tuning)
 
     def damped(self):
         """Return whether there is any damping on the way of the motion."""
@@ -285,10 +276,3 @@ class SixDegreePair(WithPair):
         # The shares round; the line is to be met exactly.
         z[0] += state[0] - near @ z
         return z
-
-    def as_dict(self):
-        """Return the parameters as plain values, in the order of the fields."""
-        values = {one.name: getattr(self, one.name) for one in fields(self)[1:]}
-        for name in ("deviation", "inverse_deviation"):
-            values[name] = {"cosines": values[name].cosines, "sines": values[name].sines}
-        return {"pair": self.pair.as_dict(), **values}

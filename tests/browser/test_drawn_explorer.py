@@ -4,7 +4,6 @@ import math
 from dataclasses import replace
 
 import numpy as np
-import panel as pn
 import pytest
 import xarray as xr
 import yaml
@@ -16,12 +15,8 @@ from gearlib.geometry import Mesh, SpurGear, TipRelief, optimum_relief
 from gearlib.pages.explorer.drawn_figures import rows
 from gearlib.pages.explorer.drawn_pair import START, Drawing
 from gearlib.pages.explorer.serving import DRAWN, page_of
+from tests.browser.glyphs import plots_of, points_of
 from tests.geometry.drawings import fzg_c, twenty
-
-
-@pytest.fixture(scope="module")
-def mapping(request):
-    return yaml.safe_load((request.config.rootpath / "config.yaml").read_text(encoding="utf-8"))
 
 
 @pytest.fixture
@@ -235,19 +230,9 @@ def test_the_table_says_what_the_library_says(drawing):
     }
 
 
-def _plots(shown):
-    panes = shown.layout().select(pn.pane.Bokeh)
-    return {pane.object.title.text.split(":")[0]: pane.object for pane in panes}
-
-
-def _points(renderer):
-    data, glyph = renderer.data_source.data, renderer.glyph
-    return np.array([data[glyph.x], data[glyph.y]])
-
-
 def test_each_curve_holds_what_it_is_called(shown):
     set_sliders(shown, relief=8.0, torque=420.0, speed=8800.0)
-    drawing, plots = shown.explored, _plots(shown)
+    drawing, plots = shown.explored, plots_of(shown)
     seen = drawing.look(shown.setting())
     (legend,) = plots["Harris map"].legend
     curves = {item.label.value: item.renderers[0] for item in legend.items}
@@ -257,9 +242,9 @@ def test_each_curve_holds_what_it_is_called(shown):
         torque = 420.0 if name == "chosen torque" else float(name.removesuffix(" N m"))
         error = seen.mesh.transmission_error(torque).transmission_error.values[0] * 1e6
         phase = np.arange(257) / 256
-        np.testing.assert_allclose(_points(curve), [phase, [*error, error[0]]], rtol=1e-12)
+        np.testing.assert_allclose(points_of(curve), [phase, [*error, error[0]]], rtol=1e-12)
     (share,) = plots["Load share of a pair of teeth"].renderers
-    x, y = _points(share)
+    x, y = points_of(share)
     start, end = np.array(seen.mesh.path) * 1e3
     assert np.all(np.diff(x) > 0.0)
     assert start <= x[0] < x[-1] <= end
@@ -272,8 +257,8 @@ def test_each_curve_holds_what_it_is_called(shown):
     assert marker.location == pytest.approx(1e3 * seen.mesh.pitch_point)
     characteristic = plots["Resonance characteristic"]
     curve = characteristic.renderers[0]
-    np.testing.assert_allclose(_points(curve)[0], np.linspace(*drawing.speeds, 500), rtol=1e-12)
-    np.testing.assert_array_equal(_points(curve)[1], seen.up["displacement_max"])
+    np.testing.assert_allclose(points_of(curve)[0], np.linspace(*drawing.speeds, 500), rtol=1e-12)
+    np.testing.assert_array_equal(points_of(curve)[1], seen.up["displacement_max"])
     (marker,) = characteristic.select(Span)
     assert marker.location == pytest.approx(8800.0)
 

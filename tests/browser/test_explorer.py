@@ -7,7 +7,6 @@ import sys
 from dataclasses import replace
 
 import numpy as np
-import panel as pn
 import pytest
 import xarray as xr
 import yaml
@@ -20,15 +19,11 @@ from gearlib.models.trains.described_train import described
 from gearlib.pages.explorer import one_pair, serving, trains, view
 from gearlib.pages.explorer.explored import setting_of
 from tests.browser.chromium import browser, errors, everywhere, texts, wait_for
+from tests.browser.glyphs import plots_of, points_of
 
 assert browser  # a fixture
 
 GRID = np.linspace(0.6, 0.9, 31)
-
-
-@pytest.fixture(scope="module")
-def mapping(request):
-    return yaml.safe_load((request.config.rootpath / "config.yaml").read_text(encoding="utf-8"))
 
 
 @pytest.fixture
@@ -104,29 +99,17 @@ def test_sliders_reach_around_the_gears_that_are_given(mapping):
         assert sliders["damping"].end < max(0.3, 2.5 * pair.damping_ratio) + 1e-12
 
 
-def _plots(shown):
-    """Return the plots of the page by their titles' first words."""
-    panes = shown.layout().select(pn.pane.Bokeh)
-    return {pane.object.title.text.split(":")[0].split(",")[0]: pane.object for pane in panes}
-
-
 def _named(plot):
     """Return what the legend of a plot names."""
     (legend,) = plot.legend
     return {item.label.value: item.renderers[0] for item in legend.items}
 
 
-def _points(renderer):
-    """Return the points that a glyph draws."""
-    data, glyph = renderer.data_source.data, renderer.glyph
-    return np.array([data[glyph.x], data[glyph.y]])
-
-
 def test_each_glyph_holds_what_it_is_called(mapping, pair):
     shown = serving.page_of(mapping, "k1")
     # Between the folds, where sweeps up and down differ.
     shown.sliders["tuning"].value = 0.81
-    plots = _plots(shown)
+    plots = plots_of(shown)
     characteristic, nu = plots["Resonance characteristic"], shown.sliders["tuning"].value
     extrema = ("displacement_max", "displacement_min")
     sweeps = {
@@ -141,22 +124,22 @@ def test_each_glyph_holds_what_it_is_called(mapping, pair):
         ]
         assert alike[0] is named
         for name, renderer in zip(extrema, alike, strict=True):
-            np.testing.assert_array_equal(_points(renderer), [shown.explored.grid, swept[name]])
+            np.testing.assert_array_equal(points_of(renderer), [shown.explored.grid, swept[name]])
     (marker,) = characteristic.select(Span)
     assert (marker.location, marker.dimension) == (nu, "height")
 
     run = gearlib.simulate(pair, nu, periods=300, record_periods=3, samples_per_period=256)
     orbit = gearlib.periodic_orbit(pair, nu, guess=run.final_state.values)
     (plane,) = plots["Phase plane"].renderers
-    np.testing.assert_array_equal(_points(plane), [run.displacement, run.velocity])
+    np.testing.assert_array_equal(points_of(plane), [run.displacement, run.velocity])
     course = _named(plots["Time course"])
-    np.testing.assert_array_equal(_points(course["displacement"])[1], run.displacement)
-    force = _points(course["dynamic force / load"])
+    np.testing.assert_array_equal(points_of(course["displacement"])[1], run.displacement)
+    force = points_of(course["dynamic force / load"])
     np.testing.assert_allclose(force[0], 2.0 * np.pi * np.arange(3 * 256) / 256, atol=1e-9)
     np.testing.assert_array_equal(force[1], run.dynamic_force)
     circle, roots = plots["Floquet multipliers"].renderers
-    np.testing.assert_allclose(np.hypot(*_points(circle)), 1.0, rtol=1e-14)
-    real, imaginary = _points(roots)
+    np.testing.assert_allclose(np.hypot(*points_of(circle)), 1.0, rtol=1e-14)
+    real, imaginary = points_of(roots)
     np.testing.assert_array_equal(real + 1j * imaginary, orbit.multipliers)
 
 
@@ -270,7 +253,7 @@ def test_each_curve_of_a_train_is_that_of_its_mesh(mapping):
         for way in ("up", "down")
     }
     assert float(run.load_sharing.std()) > 0.01
-    plots = _plots(shown)
+    plots = plots_of(shown)
     meshes = train.mesh_names
     speeds = shown.explored.speeds
     named = _named(plots["Resonance characteristic"])
@@ -281,11 +264,11 @@ def test_each_curve_of_a_train_is_that_of_its_mesh(mapping):
         assert curves[i] is named[mesh]
         for way, curve in (("up", curves[i]), ("down", curves[i + len(meshes)])):
             factor = sweeps[way].dynamic_factor.sel(mesh=mesh)
-            np.testing.assert_array_equal(_points(curve), [speeds, factor])
+            np.testing.assert_array_equal(points_of(curve), [speeds, factor])
         sharing = sweeps["up"].load_sharing.sel(mesh=mesh)
-        np.testing.assert_array_equal(_points(shares[i]), [speeds, sharing])
+        np.testing.assert_array_equal(points_of(shares[i]), [speeds, sharing])
         force = run.dynamic_force.sel(mesh=mesh)[-3 * 64 :]
-        np.testing.assert_array_equal(_points(courses[i])[1], force)
+        np.testing.assert_array_equal(points_of(courses[i])[1], force)
         colours = {r.glyph.line_color for r in (curves[i], shares[i], courses[i])}
         assert len(colours) == 1
 

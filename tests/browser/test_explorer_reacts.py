@@ -3,18 +3,12 @@
 import numpy as np
 import panel as pn
 import pytest
-import yaml
 from bokeh.events import Tap
 from bokeh.models import Span
 
 import gearlib
 from gearlib.pages.explorer import serving, slider_page
 from gearlib.pages.explorer.explored import Slider
-
-
-@pytest.fixture(scope="module")
-def mapping(request):
-    return yaml.safe_load((request.config.rootpath / "config.yaml").read_text(encoding="utf-8"))
 
 
 def test_the_schematic_turns_and_shows_the_contacts_of_its_instant(mapping):

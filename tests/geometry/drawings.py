@@ -39,3 +39,9 @@ def ring(**changes):
     gear = SpurGear(teeth=36, module=4e-3, width=0.03)
     other = {"teeth": 99, "outer_diameter": 0.44, "internal": True} | changes
     return Mesh(gear, SpurGear(module=4e-3, width=0.03, **other))
+
+
+def own(**changes):
+    """z 23/61, m 2.5 mm, b 18 mm: gears of a reader of the documentation."""
+    pinion, wheel = (SpurGear(teeth=z, module=2.5e-3, width=0.018, **changes) for z in (23, 61))
+    return Mesh(pinion, wheel, backlash=80e-6)

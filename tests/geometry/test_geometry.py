@@ -2,10 +2,8 @@
 
 import math
 
-import numpy as np
 import pytest
 from scipy.integrate import quad
-from scipy.optimize import brentq
 
 from gearlib.geometry import Mesh, SpurGear, Web
 from gearlib.models.geometry.involute import angle_of, inv
@@ -43,49 +41,6 @@ def test_inverse_involute():
     for angle in (0.1, 0.35, 1.0, 1.5):
         # tan(0.1) - 0.1 keeps 13 digits.
         assert angle_of(inv(angle)) == pytest.approx(angle, rel=1e-12)
-
-
-def contact(mesh, turn):
-    """Return where flanks touch, by the tangency of two involutes instead of the path of contact.
-
-    The pinion's flank starts on its base circle at the angle `turn` from the line of centres; the
-    contact is the point of that involute whose normal passes the pitch point.
-    """
-    a, sign = mesh.centre_distance, mesh.wheel.sign
-    pitch = a * mesh.pinion.teeth / (mesh.wheel.teeth + sign * mesh.pinion.teeth)
-    base = mesh.pinion.base_diameter / 2.0
-
-    def miss(roll):
-        # Tangent point on the base circle at the angle turn + roll; the normal touches it there.
-        angle = turn + roll
-        foot = base * np.array([math.cos(angle), math.sin(angle)])
-        along = np.array([math.sin(angle), -math.cos(angle)])
-        to = np.array([pitch, 0.0]) - foot
-        return along[0] * to[1] - along[1] * to[0]
-
-    roll = brentq(miss, max(-turn, 0.0), 1.3 - turn, xtol=1e-15)
-    angle = turn + roll
-    foot = base * np.array([math.cos(angle), math.sin(angle)])
-    return foot + base * roll * np.array([math.sin(angle), -math.cos(angle)])
-
-
-def test_contact_ratio_against_the_construction_of_the_path(mesh):
-    """Turn the pinion from contact on one tip circle to contact on the other."""
-    a, sign = mesh.centre_distance, mesh.wheel.sign
-    centre = np.array([a * sign, 0.0])
-
-    def turned(which):
-        def miss(turn):
-            point = contact(mesh, turn)
-            if which == "pinion":
-                return np.hypot(*point) - mesh.pinion.tip_diameter / 2.0
-            return np.hypot(*(point - centre)) - mesh.wheel.tip_diameter / 2.0
-
-        return brentq(miss, -0.7, mesh.working_pressure_angle - 1e-9, xtol=1e-15)
-
-    pitch = 2.0 * math.pi / mesh.pinion.teeth
-    ratio = abs(turned("pinion") - turned("wheel")) / pitch
-    assert ratio == pytest.approx(mesh.contact_ratio, rel=1e-9)
 
 
 def test_backlash_by_thickness_allowances_and_distance():

@@ -119,14 +119,6 @@ def test_optimum_against_a_grid(length):
                 assert least <= other.peak_to_peak_error.item() * (1.0 + 1e-9)
 
 
-def test_large_loads_leave_nothing_of_the_relief(mesh):
-    bare = mesh.transmission_error(1e3 * TORQUE)
-    found = with_relief(mesh, *2 * [long_relief(mesh, 1e-5)]).transmission_error(1e3 * TORQUE)
-    np.testing.assert_allclose(found.mesh_stiffness, bare.mesh_stiffness, rtol=1e-12)
-    np.testing.assert_array_less(found.transmission_error - bare.transmission_error, 1e-5)
-    assert found.effective_contact_ratio.item() == pytest.approx(mesh.contact_ratio, rel=1e-12)
-
-
 def test_no_load_is_the_least_gap():
     mesh = with_relief(fzg_c(), pinion=long_relief(fzg_c(), 2e-5, "parabolic"))
     found = mesh.transmission_error(0.0, deviation=PathTable((0.0,), (3e-6,)))

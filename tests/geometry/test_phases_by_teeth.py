@@ -1,4 +1,4 @@
-"""Phases of trains against teeth placed one by one, under every name, mirrored and reversed."""
+"""Phases and friction of trains against teeth placed one by one, under every name, mirrored."""
 
 import dataclasses
 import math
@@ -9,7 +9,9 @@ import pytest
 import gearlib
 from gearlib import Body, GearTrain, Shaft
 from gearlib.geometry import Mesh, SpurGear, planetary_set
-from tests.geometry.teeth import Gear, Machine, distance
+from tests.geometry.teeth import Flanks, Gear, Machine, distance
+from tests.references.described_models import describe
+from tests.references.reference_equations import machine_of
 
 WIDTH = 0.02
 
@@ -117,6 +119,33 @@ def check(train, machine):
         assert float(train.speeds[name]) * math.tau == pytest.approx(speed, rel=1e-12)
 
 
+def takes_power_out(train, machine, contacts, rng):
+    """Assert that friction, as the second code has it, opposes how the teeth of a machine slide.
+
+    On the coast side the model keeps the line of action of the drive side.
+    """
+    meshes = [dataclasses.replace(m, friction=(0.05, 0.08), backlash=1e-5) for m in train.meshes]
+    supported = {"mass": 1.0, "support_stiffness": 1e8}
+    bodies = [dataclasses.replace(body, **supported) for body in train.bodies]
+    assembled = machine_of(describe(train.replace(meshes=meshes, bodies=bodies)), 0.9)
+    for mesh, contact in zip(contacts, assembled.contacts, strict=True):
+        driver = mesh[0]
+        rows = np.array(assembled.fixed(driver))
+        for side, code in ((contact.drive, 1), (contact.coast, -1)):
+            flanks = Flanks(machine, mesh, code < 0)
+            begin, pitch, end = machine.passes(mesh, code < 0)
+            # The pair of teeth that is nearest to the pitch point tells the way.
+            for at in rng.uniform(max(begin, pitch - 0.5), min(end, pitch + 0.5), 6):
+                turn = at * math.copysign(machine.gears[driver].pitch, machine.speed[driver])
+                slip = flanks.slip(flanks.point(0, machine.middles[driver] + turn))
+                way = contact.sense(assembled.context, side, math.tau * at / contact.rate)
+                # Pressed by a distance of the sign of its code: force on the driver, over C d.
+                x, y = -code * side.friction * way * (rows @ contact.across)
+                least = 0.999 * math.hypot(x, y) * abs(slip) if code > 0 else 0.0
+                assert math.hypot(x, y) == pytest.approx(abs(side.friction), rel=1e-9)
+                assert x * slip.real + y * slip.imag <= -least
+
+
 @pytest.mark.parametrize("seed", range(60))
 def test_phases_are_those_of_teeth_placed_one_by_one(seed):
     rng = np.random.default_rng(seed)
@@ -124,6 +153,7 @@ def test_phases_are_those_of_teeth_placed_one_by_one(seed):
     machine = Machine(gears, meshes, shafts, sense)
     train = train_of(machine, rng)
     check(train, machine)
+    takes_power_out(train, machine, machine.meshes, rng)
     lines = [dataclasses.replace(m, position=None, line_of_action=m.line) for m in train.meshes]
     assert train.replace(meshes=lines).phases == pytest.approx(train.phases, abs=1e-12)
     # One machine, one result: by other names, in a mirror, and driven backwards by the same flanks.
@@ -188,6 +218,7 @@ def test_a_planetary_set_driven_by_sun_or_ring(name, driving):
         for coast, found in ((False, train.phases), (True, train.inverse_phases)):
             assert apart(found[mesh], machine.phase(contact, coast)) < 1e-9, mesh
         assert apart(train.pitch_phases[mesh], machine.pitch_phase(contact), math.tau) < 1e-9
+    takes_power_out(train, machine, list(numbered.values()), np.random.default_rng(1))
     # Parker: z_s psi / 2 pi and -z_r psi / 2 pi, the other way round in time.
     way = 1 if driving == "sun" else -1
     for i, psi in enumerate(positions):

@@ -4,7 +4,7 @@ import ast
 
 import pytest
 
-from tests.mutants.__main__ import KEY, Judge, table, verdicts
+from tests.mutants.__main__ import verdicts
 from tests.mutants.mutations import ROOMS, files, mutations, room_of, sample
 from tests.mutants.reach import Reach
 
@@ -86,30 +86,6 @@ def test_rules_are_changed_by_their_tokens(tree):
     }
 
 
-class Here:
-    """A worker whose tests are calls of the file that it holds."""
-
-    def __init__(self, tree, tests):
-        self.tree, self.tests = tree, tests
-
-    def run(self, tests, environment):
-        space = {}
-        exec((self.tree / "gearlib/cli/sums.py").read_text(), space)
-        return next(([1, name] for name in tests if not self.tests[name](space)), [0, ""])
-
-
-class Reached:
-    """Every test reaches every line, in a second."""
-
-    def __init__(self, tests):
-        self.names = dict.fromkeys(tests, 1.0)
-
-    def tests(self, one, kernels="compiled"):
-        return self.names
-
-    whole_files = tests
-
-
 def test_tests_that_reach_a_line_come_before_those_that_may():
     one = next(one for one in mutations("workflow/provenance.py") if one.line > 30)
     seconds = {"tests/workflow/a": 9.0, "tests/unit/b": 1.0, "tests/unit/c": 1.0}
@@ -128,35 +104,6 @@ def test_what_runs_at_import_is_reached_by_all_that_reach_the_module():
     reached = Reach({"compiled": {"tests": [*seconds], "seconds": seconds, "lines": lines}})
     assert set(reached.tests(constant)) == set(seconds)
     assert set(reached.tests(inside)) == {"tests/unit/b"}
-
-
-def test_who_survives_is_told_from_who_is_killed(tree):
-    tests = {
-        "wrong on the code as it is": lambda space: space["total"]([2]) == 5,
-        "right": lambda space: space["total"]([1, 2, 3], 4) == 17,
-    }
-    judge, worker = Judge(Reached(tests)), Here(tree, tests)
-    found = {
-        one.mutated: judge.verdict(one, worker)
-        for one in sample("cli", 100, 1, tree)
-        if one.where == "total"
-    }
-    assert found["return start - sum(v * v for v in values if v > 1)"] == ("killed", "right")
-    # A default that no test takes.
-    assert found["def total(values, start=1):"] == ("survived", "")
-    assert not judge.sound["wrong on the code as it is",]
-    assert (tree / "gearlib/cli/sums.py").read_text() == CODE
-
-
-def test_a_survivor_has_to_be_named():
-    row = dict.fromkeys(KEY, "x") | {"room": "cli", "line": 1, "verdict": "survived"}
-    killed = [row | {"source": str(i), "verdict": "killed"} for i in range(19)]
-    key = tuple(row[key] for key in KEY)
-    assert table(killed, {})[1:] == ([], True)
-    assert table([row, *killed], {})[1:] == ([row], False)
-    assert table([row, *killed], {key: {"why": "message"}})[1:] == ([], True)
-    assert not table([row, *killed[:9]], {key: {"why": "message"}})[2], "too few are killed"
-    assert table([row, *killed[:9]], {key: {"why": "equal"}})[2]
 
 
 def test_every_verdict_has_a_reason():

@@ -1,16 +1,11 @@
 """The methods for comparison behind their calls: what they count, record, report and refuse."""
 
 import math
-import types
 
 import numpy as np
 import pytest
-import scipy.integrate
 
 from gearlib import GearPair, OneDegreePair, simulate
-from gearlib.integrators import rk45
-from gearlib.kernels.orbit import STROBE_PERIODS
-from gearlib.kernels.steps import embedded
 from gearlib.kernels.steps.equation_of_motion import Contact
 from gearlib.kernels.steps.fixed import Scheme, alpha_step
 from gearlib.models.stiffness import levels
@@ -234,39 +229,3 @@ def test_wrong_options_are_refused(method, options, part):
 def test_six_degrees_are_refused_by_methods_of_one(method):
     with pytest.raises(ValueError, match="one degree of freedom"):
         simulate(SIX, 0.9, periods=1, method=method)
-
-
-def test_a_step_that_ends_where_the_record_begins_is_not_looked_at(monkeypatch):
-    seen = []
-
-    def note(law, m, step, dense, refine, first, per_period, samples, taken, events, found, *_):
-        seen.append((step.period, step.phase))
-        return taken, events, found
-
-    scope = vars(embedded) | {"record_step": note}
-    kernel = types.FunctionType(embedded.run_embedded.py_func.__code__, scope)
-    monkeypatch.setattr(rk45, "run_embedded", kernel)
-    # Tolerances that ask for nothing: all steps are half a period, to the last bit.
-    options = {"rtol": 1e9, "atol": 1e9, "max_step": math.pi}
-    simulate(OIL_FREE, 0.9, periods=2, record_periods=1, method="rk45", options=options)
-    assert seen == [(1, 0.0), (1, math.pi)]
-
-
-def test_no_dense_output_of_a_step_that_ends_where_the_record_begins(monkeypatch):
-    seen = []
-
-    class Halves(scipy.integrate.RK45):
-        """Steps of half a period, to the last bit."""
-
-        def __init__(self, *arguments, **_):
-            super().__init__(*arguments, first_step=math.pi, max_step=math.pi, rtol=1e9, atol=1e9)
-
-        def dense_output(self):
-            seen.append(self.t)
-            return super().dense_output()
-
-    monkeypatch.setattr(scipy.integrate, "RK45", Halves)
-    # More periods are recorded than are compared to find the period of the motion.
-    periods = STROBE_PERIODS + 3
-    simulate(OIL_FREE, 0.9, periods=periods, record_periods=periods - 1, method="scipy")
-    assert min(seen) > 2.0 * math.pi

@@ -144,19 +144,6 @@ def test_no_tolerance_helps_a_sign_test_at_step_ends():
 TRAINS = [name for name in PROBLEMS if name.startswith("planets")]
 
 
-@pytest.mark.parametrize("name", TRAINS)
-@pytest.mark.parametrize("other", [failures._SPLIT, ("heyoka", {})])
-def test_references_of_trains_agree_with_two_other_codes(name, other):
-    """There are no 50 digits for trains: two codes that share nothing with the exact one."""
-    if not integrators.about(other[0]).available:
-        pytest.skip(integrators.about(other[0]).note)
-    problem = PROBLEMS[name]
-    reference = failures.run(problem, *failures.judge_of(problem, "rk4"), problem.periods)
-    found = failures.run(problem, *other, problem.periods)
-    assert failures.error(problem, found, reference) < 1e-11
-    assert found.contacts == reference.contacts
-
-
 def test_planets_part_at_once_or_next_to_that():
     phases = {}
     for name in TRAINS:

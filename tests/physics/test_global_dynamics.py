@@ -8,7 +8,6 @@ import pytest
 from gearlib import (
     GearPair,
     OneDegreePair,
-    SixDegreePair,
     basin_stability,
     basins,
     bifurcation_diagram,
@@ -18,18 +17,14 @@ from gearlib import (
     simulate,
     sweep,
 )
-from gearlib.analysis.global_dynamics.attractors import attractor_of
 from gearlib.analysis.global_dynamics.stroboscope import Stroboscope
 from gearlib.analysis.orbits.followed_parameters import RATIOS, value_of, with_parameter
-from gearlib.kernels.closed_form.event_by_event import ARC_COLUMNS, march_period
-from gearlib.kernels.closed_form.mesh_constants import contact_of, mesh
-from gearlib.kernels.jit import kernel
+from gearlib.kernels.closed_form.mesh_constants import mesh
 from gearlib.models.propagators.closed_form import ratios
 from gearlib.studies import global_picture as studies
 from gearlib.studies.global_picture import _random_states
 from tests.paper import PAPER
-
-LIMIT = 1_000_000
+from tests.unit.test_whole_periods import event_by_event
 
 
 def gear_pair(damping, oil=None, backlash=4.0, **changed):
@@ -49,27 +44,15 @@ def grid(count):
     return (*BOX, count), (*BOX, count)
 
 
-@kernel
-def event_by_event(m, states, periods, ends):
-    """Fill `ends`, shape (n, 2), event by event: no runs side by side, no trapping ellipses."""
-    no_arcs = np.empty((0, ARC_COLUMNS))
-    for j in range(states.shape[0]):
-        x, v = states[j]
-        contact = contact_of(m.gap, x, v)
-        for _ in range(periods):
-            contact, x, v, _ = march_period(m, contact, x, v, no_arcs, LIMIT)
-        ends[j, 0], ends[j, 1] = x, v
-
-
 @pytest.mark.parametrize(
     ("pair", "tuning", "periods"), [(MATERIAL, 0.72, 1), (BOTH, 1.75, 2), (LIGHT, 2.05, 3)]
 )
 def test_labels_are_those_of_runs_event_by_event(pair, tuning, periods):
     found = basins(pair, tuning, grid(45))
     states = np.stack(np.meshgrid(found.displacement, found.velocity, indexing="ij"), axis=-1)
-    ends = np.empty((45 * 45, 2))
     # All are settled by then: the slowest orbit here decays by exp(-0.03) per period.
-    event_by_event(mesh(ratios(pair), tuning), states.reshape(-1, 2), 600, ends)
+    m = mesh(ratios(pair), tuning)
+    ends = np.array([event_by_event(m, x, v, 600)[1:] for x, v in states.reshape(-1, 2)])
     points = found.state.values
     away = np.linalg.norm(ends[:, None, None] - points, axis=-1)
     nearest = np.where(np.isnan(away), np.inf, away).min(axis=2)
@@ -95,65 +78,6 @@ def test_the_result_does_not_depend_on_threads_and_repeats():
     assert one.identical(two)
 
 
-def test_states_of_a_trap_in_other_directions_come_to_its_orbit():
-    rng = np.random.default_rng(3)
-    found = basins(BOTH, 1.75, grid(20))
-    strobe = Stroboscope(BOTH, 1.75)
-    for state, period in zip(found.state.values, found.period.values, strict=True):
-        orbit = periodic_orbit(BOTH, 1.75, guess=state[0], period=int(period))
-        ellipses = attractor_of(strobe, orbit).ellipses
-        for j in range(int(period)):
-            ways = rng.normal(size=(200, 2))
-            ways /= np.sqrt(np.einsum("ki,ij,kj->k", ways, ellipses.forms[j], ways))[:, None]
-            seen = ellipses.points[j] + 0.999 * ellipses.radii[j] * ways
-            ends, _ = strobe(seen / strobe.weights, 200 * int(period))
-            # 200 periods at exp(-0.22) each leave nothing but rounding.
-            assert np.abs(strobe.seen(ends) - ellipses.points[j]).max() < 1e-9
-
-
-def label(pair, tuning, x, v):
-    return basins(pair, tuning, ([x], v)).basin.values[0]
-
-
-def test_the_boundary_is_the_stable_manifold_of_a_saddle():
-    nu = 0.72
-    low, high = -4.0, 0.0
-    # Three times 64 states between those of different labels: down to 1e-9.
-    for _ in range(5):
-        v = np.linspace(low, high, 64)
-        labels = label(BOTH, nu, 0.5, v)
-        i = int(np.flatnonzero(np.diff(labels))[-1])
-        low, high = v[i], v[i + 1]
-    assert high - low < 1e-8
-    strobe = Stroboscope(BOTH, nu)
-    state = np.array([[0.5, 0.5 * (low + high)]])
-    path = [state]
-    for _ in range(40):
-        path.append(strobe(path[-1], 1)[0])
-    steps = np.linalg.norm(np.diff(np.array(path)[:, 0], axis=0), axis=1)
-    # Along the stable manifold the boundary point comes to the saddle before it leaves it.
-    near = path[int(np.argmin(steps))][0]
-    saddle = periodic_orbit(BOTH, nu, guess=near)
-    large, small = saddle.multipliers.real
-    assert large > 1.0 > small > 0.0
-    assert np.linalg.norm(saddle.state - near) < 1e-3
-    _, maps, _ = BOTH.propagator(nu).maps(saddle.state, 1, LIMIT)
-    values, vectors = np.linalg.eig(maps[0])
-    unstable, stable = vectors[:, np.argmax(values)], vectors[:, np.argmin(values)]
-    # 1e-3 along the stable direction the boundary lies within the square of that, times its bend.
-    for side in (-1e-3, 1e-3):
-        across = [saddle.state + side * stable + d * unstable for d in (-2e-5, 2e-5)]
-        found = [int(np.argmin(_distances(BOTH, nu, *state))) for state in across]
-        assert sorted(found) == [0, 1]
-
-
-def _distances(pair, tuning, x, v):
-    """Return how far the end of a motion is from each attractor."""
-    known = basins(pair, tuning, grid(12)).state.values[:, 0]
-    end = simulate(pair, tuning, periods=400, initial_state=(x, v)).final_state.values
-    return np.linalg.norm(known - end, axis=1)
-
-
 @pytest.mark.parametrize(("tuning", "period"), [(1.75, 2), (2.05, 3)])
 def test_every_phase_of_an_orbit_is_the_same_attractor(tuning, period):
     pair = BOTH if period == 2 else LIGHT
@@ -169,16 +93,6 @@ def test_every_phase_of_an_orbit_is_the_same_attractor(tuning, period):
     # The map carries each point into the next and the last into the first.
     ends, _ = Stroboscope(pair, tuning)(points, 1)
     np.testing.assert_allclose(ends, np.roll(points, -1, axis=0), atol=1e-11)
-
-
-def test_a_linear_mesh_has_one_attractor():
-    # Without backlash the spring acts both ways: a Hill equation, damped, with one response.
-    nu = 0.9
-    found = basins(gear_pair(0.05, backlash=0.0), nu, grid(25))
-    assert found.share.values.tolist() == [1.0] and found.period.values.tolist() == [1]
-    multipliers = found.multiplier_real.values[0] + 1j * found.multiplier_imaginary.values[0]
-    # Liouville: the product is exp(-2 beta / nu * 2 pi).
-    assert abs(np.prod(multipliers)) == pytest.approx(math.exp(-4.0 * math.pi * 0.05 / nu))
 
 
 def test_chaos_and_growth_beyond_all_bounds_are_classes():
@@ -204,13 +118,6 @@ def test_exponents_are_those_of_the_multipliers():
         expected = np.log(np.abs(orbit.multipliers).max()) / orbit.period
         # A bounded factor remains of the start and the end: its logarithm over 4000 periods.
         assert float(rate) == pytest.approx(expected, abs=3.0 / 4000)
-
-
-def test_without_damping_chaos_has_a_positive_exponent_and_order_none():
-    rates = lyapunov_exponents(gear_pair(0.0), [0.7, 0.9], periods=4000)
-    regular, chaotic = rates.exponent.values
-    assert abs(regular) < 3e-3
-    assert chaotic > 0.1 and chaotic > 5.0 * float(rates.uncertainty[1])
 
 
 def test_sections_are_samples_of_the_time_course():
@@ -265,26 +172,6 @@ def test_shares_over_the_tuning():
         assert float(found.displacement_max) == pytest.approx(float(exact.displacement_max[family]))
     again = basin_stability(BOTH, tunings, (BOX, BOX), samples=400, seed=1)
     assert shares.identical(again)
-
-
-def test_other_models():
-    cubic = OneDegreePair(pair=BOTH, cubic_damping=0.01)
-    found = basins(cubic, 0.75, ((-3.0, 3.0, 4), (-3.0, 3.0, 4)), periods=120)
-    for state, period in zip(found.state.values, found.period.values, strict=True):
-        assert periodic_orbit(cubic, 0.75, guess=state[0], period=int(period)).stable
-    inner = PAPER.replace(material_damping=3953.7)
-    rigid = SixDegreePair(
-        pair=inner,
-        base_radii=(0.1, 0.1),
-        inertias=(0.06246, 0.06246),
-        masses=(17.0, 17.0),
-        bearing_stiffness=(math.inf,) * 4,
-        bearing_damping=(0.0,) * 4,
-    )
-    states = ((-1.0, 1.0, 3), (-4.0, 0.0, 3))
-    six, one = basins(rigid, 0.72, states, periods=200), basins(inner, 0.72, states, periods=200)
-    np.testing.assert_array_equal(six.basin, one.basin)
-    np.testing.assert_allclose(six.share, one.share)
 
 
 @pytest.mark.parametrize(

@@ -7,11 +7,9 @@ import mpmath
 import numpy as np
 import pytest
 
-from gearlib import Fourier, GearPair, Harmonics, OneDegreePair, SixDegreePair
-from gearlib.kernels.codes import BACKLASH, NORMAL
-from gearlib.models.one_mesh_system import by_phase
+from gearlib import Fourier, GearPair, Harmonics, OneDegreePair
 from gearlib.studies.trials import high_precision, problems, references
-from tests.paper import CONFIG, PAPER
+from tests.paper import CONFIG
 from tests.references import of_pair
 from tests.references.described_models import describe
 from tests.references.reference_motion import move
@@ -93,47 +91,6 @@ def test_what_is_not_run_in_many_digits_is_refused():
     ):
         with pytest.raises(ValueError, match="OneDegreePair with these .* must be rectangular"):
             high_precision.run(OneDegreePair(pair=PAIR, **more), 0.75, 1)
-
-
-def test_six_degrees_against_matrix_exponentials():
-    # At this tuning the first period is one of contact.
-    six = SixDegreePair(pair=PAPER.replace(material_damping=3953.7), **CONFIG["six_degrees"])
-    nu = 0.8
-    found = high_precision.run(six, nu, 1, 40)
-    assert not found.events
-    system = six.system(nu)
-    epsilon = mpmath.mpf(six.pair.contact_ratio)
-    # Friction turns at 0 and pi; the stiffness switches at pi (eps - 1) and pi (3 - eps).
-    cuts = [0, mpmath.pi * (epsilon - 1), mpmath.pi, mpmath.pi * (3 - epsilon), 2 * mpmath.pi]
-    with localcontext(prec=50):
-        start = high_precision.equations_of(six, nu).start
-    np.testing.assert_allclose(
-        np.array(start, float), six.initial(system, (0.0, 0.0)), rtol=0, atol=1e-14
-    )
-    z = mpmath.matrix([digits_of(value) for value in start])
-    for q, (begin, end) in enumerate(zip(cuts, cuts[1:], strict=False)):
-        matrix = by_phase(system, [NORMAL], q)
-        z = mpmath.expm(mpmath.matrix(matrix.tolist()) * (end - begin), method="taylor") * z
-    y = mpmath.fdot(system.near[0].tolist(), z)
-    rate = mpmath.matrix(by_phase(system, [BACKLASH], 0).tolist()) * z
-    speed = mpmath.fdot(system.near[0].tolist(), rate)
-    for a, b in zip(found.state, (y, speed), strict=True):
-        assert abs(digits_of(a) - b) < mpmath.mpf(10) ** -36
-
-
-@pytest.mark.parametrize(("name", "method"), [("cubic", "taylor"), ("six_degrees", "exact")])
-def test_problems_with_bounces_against_the_library(name, method):
-    settings = CONFIG["work_precision"] | ({"periods": 6} if name == "cubic" else {})
-    problem = problems.build(name, CONFIG["gear_pair"], CONFIG["six_degrees"], settings)
-    expected = references.reference(problem)
-    found = problems.attempt(problem, method, {})
-    # Rounding of some forty phases; in six degrees a hundred times the last place of the bearings'
-    # deflections, 7e-15, after 20 periods of bouncing: bearings up to 0.7 % stiffer leave 1e-14 to
-    # 6e-13.
-    atol = 1e-14 if name == "cubic" else 1e-12
-    np.testing.assert_allclose(found.state, expected.state, rtol=0, atol=atol)
-    np.testing.assert_allclose(found.phases, expected.phases, rtol=0, atol=1e-11)
-    assert found.kinds.tolist() == expected.kinds.tolist() and len(expected.kinds) > 3
 
 
 def series(*coefficients):

@@ -4,18 +4,14 @@ import importlib.util
 import subprocess
 import sys
 
-import numpy as np
 import pytest
 
 import gearlib
 from gearlib import (
     integrators,
     simulate,
-    sweep,
 )
-from gearlib.integrators.peers import heyoka as peer_heyoka
 from tests.paper import PAPER
-from tests.properties.known_models import KNOWN
 
 PEERS = ("heyoka", "cvode", "diffrax")
 AVAILABLE = {method.name: method for method in gearlib.methods()}
@@ -42,17 +38,6 @@ def test_evaluations_do_not_depend_on_the_record(name):
 def test_limits_are_a_status(name):
     need(name)
     assert int(simulate(PAIR, 0.9, periods=5, method=name, max_events=2).status) == 1
-
-
-def test_heyoka_compiles_a_structure_once():
-    need("heyoka")
-    simulate(PAIR, 0.9, periods=10, method="heyoka")
-    made = dict(peer_heyoka._COMPILED.integrators)
-    other = PAIR.replace(load=2000.0, material_damping=2000.0)
-    sweep(other, np.linspace(0.6, 1.2, 7), periods=10, record_periods=1, method="heyoka")
-    inverse = {key for key in peer_heyoka._COMPILED.integrators if key not in made}
-    # Only the contact code that had not been met may be new.
-    assert all(key[1][0] == -1 for key in inverse)
 
 
 @pytest.mark.parametrize("name", PEERS)
@@ -94,20 +79,3 @@ def test_nothing_is_imported_before_it_is_used():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
-
-
-@pytest.mark.parametrize("name", ["oscillator", "unequal sides", "series", "gear_rattle"])
-@pytest.mark.parametrize("method", ["heyoka", "cvode"])
-def test_sides_that_differ_and_edges_off_zero(method, name):
-    need(method)
-    known = KNOWN[name]
-    span = {"periods": 4, "record_periods": 4, "initial_state": known.state}
-    exact = simulate(known.model, known.tuning, **span)
-    tight = {} if method == "heyoka" else {"rtol": 1e-11, "atol": 1e-11}
-    run = simulate(known.model, known.tuning, method=method, options=tight, **span)
-    assert run.event_to.values.tolist() == exact.event_to.values.tolist()
-    # heyoka works to rounding; the other's errors sum over steps. Contacts of a stiffness up to 200
-    # have a force with so many times the error.
-    error = 1e-12 if method == "heyoka" else 1e-8
-    for name, factor in {"displacement": 1, "dynamic_force": 200, "event_phase": 1}.items():
-        np.testing.assert_allclose(run[name], exact[name], rtol=0, atol=factor * error)

@@ -73,20 +73,6 @@ def test_run_out_repeats_after_a_revolution():
     assert found.residual <= 1e-12 and found.stable
 
 
-@pytest.mark.parametrize(
-    ("changed", "part"),
-    [
-        ({"guess": (1.0, math.nan)}, "guess = "),
-        ({"guess": (1.0, 2.0, 3.0)}, "guess = "),
-        ({"guess": "ab"}, "guess = 'ab' is not allowed: it must be 2 finite numbers"),
-        ({"period": 0}, "period = 0"),
-    ],
-)
-def test_wrong_input(changed, part):
-    with pytest.raises(ValueError, match=part):
-        periodic_orbit(DAMPED, 0.9, **changed)
-
-
 @pytest.mark.parametrize("model", [PAPER, OneDegreePair(pair=PAPER, cubic_damping=4e5)])
 def test_a_motion_from_rest_that_cannot_go_on_leads_to_no_orbit(model):
     with pytest.raises(NoOrbit, match="the motion from rest could not go on"):

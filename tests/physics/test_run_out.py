@@ -98,14 +98,6 @@ def test_the_longest_motion_that_is_looked_for_is_looked_back_at():
     assert orbit.orbit_period(states, 1.0, 1.0, repeats) == longest
 
 
-def test_solvers_of_others_find_the_period_too():
-    pair = gears(math.inf, 3953.7, 3953.7, eccentricities=(2e-6, 1e-6), teeth=(17, 17))
-    state = relative(pair, 0.7, periodic_orbit(pair, 0.7, period=17).state)
-    judge = {"solver": "DOP853", "rtol": 1e-10, "atol": 1e-12, "events": True}
-    run = simulate(pair, 0.7, periods=34, initial_state=tuple(state), method="scipy", options=judge)
-    assert int(run.period) == 17
-
-
 @pytest.mark.parametrize("way", ["up", "down"])
 def test_a_sweep_lets_the_gears_turn_on(way):
     # Tunings equal to rounding, ten periods each: one run, were it not for the order.

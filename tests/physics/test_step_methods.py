@@ -1,6 +1,5 @@
 """The methods for comparison: their order, their limit, what they count, refuse and report."""
 
-import dataclasses
 import inspect
 import math
 
@@ -14,7 +13,6 @@ from gearlib import (
     OneDegreePair,
     SixDegreePair,
     integrators,
-    periodic_orbit,
     simulate,
 )
 from tests.paper import PAPER
@@ -155,18 +153,6 @@ def test_scipy_takes_six_degrees_as_they_come():
     for name in ("displacement", "velocity", "dynamic_force", "backlash", "friction_force"):
         # Events are found by rejecting steps: a hundred times what the split runs reach.
         np.testing.assert_allclose(run[name], exact[name], rtol=0, atol=1e-5, err_msg=name)
-
-
-@pytest.mark.parametrize("periods", [1, 5])
-@pytest.mark.parametrize("options", [SPLIT, {"solver": "DOP853", "rtol": 1e-11, "atol": 1e-11}])
-def test_scipy_stays_on_a_periodic_orbit_given_with_all_its_components(options, periods):
-    model = dataclasses.replace(SIX, eccentricities=(0.0, 0.0))
-    orbit = periodic_orbit(model, 1.3)
-    run = simulate(
-        model, 1.3, periods=periods, initial_state=tuple(orbit.state), method="scipy",
-        options=options,
-    )  # fmt: skip
-    assert orbit.stable and int(run.period) == 1
 
 
 def test_smoothed_contact_converges_with_its_sharpness():

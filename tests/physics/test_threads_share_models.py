@@ -6,31 +6,11 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from gearlib import DeadZoneOscillator, Harmonics, SixDegreePair, Steps, idler
-from tests.paper import PAPER
+from tests.properties.known_models import KNOWN
 
 THREADS, PERIODS = 8, 30
-PAIR = PAPER.replace(material_damping=3953.7, backlash_damping=3953.7)
-
-
-def dead_zone():
-    steps = Steps((0.0, 2.0, 3.5), (1.2, 0.8, 1.0))
-    return DeadZoneOscillator(
-        upper_stiffness=steps, lower_edge=-0.5, damping=0.1, load=0.1, forcing=Harmonics((0.4,))
-    )
-
-
-def six_degrees():
-    # Soft bearings lie far away, so that bases are refined.
-    return SixDegreePair(
-        pair=PAIR,
-        base_radii=(0.1, 0.1),
-        inertias=(0.1, 0.1),
-        masses=(17.0, 17.0),
-        bearing_stiffness=(1e7,) * 4,
-        bearing_damping=(500.0,) * 4,
-        friction=(0.05, 0.05),
-    )
+#: One of them on soft bearings far away, so that bases are refined.
+MODELS = [KNOWN[name].model for name in ("unequal sides", "free bearings", "idler that deviates")]
 
 
 @pytest.fixture
@@ -42,12 +22,12 @@ def hasty():
     sys.setswitchinterval(before)
 
 
-@pytest.mark.parametrize("build", [dead_zone, six_degrees, lambda: idler(PAIR)])
-def test_threads_change_no_bit(build, hasty):
+@pytest.mark.parametrize("known", MODELS)
+def test_threads_change_no_bit(known, hasty):
     rng, tunings = np.random.default_rng(1), (0.7, 0.9, 1.1)
     for _ in range(4):
         # New ones, whose bases and tables are still to be made.
-        model, alone = build(), build()
+        model, alone = known.replace(), known.replace()
         starts = rng.uniform(-2.0, 2.0, (3 * THREADS, 2))
         shared = [model.propagator(tuning) for tuning in tunings]
         start = alone.start_state("static") if alone.mesh_names else np.zeros(alone.size)

@@ -5,8 +5,6 @@ import math
 import numpy as np
 import pytest
 
-import gearlib
-from gearlib import OneDegreePair
 from gearlib.studies.trials import high_precision, jump_by_method, problems, references
 from gearlib.studies.trials import work_precision as wp
 from tests.paper import CONFIG
@@ -27,14 +25,6 @@ def known():
     return references.compute(list(problems.CASES), PAIR, SIX, SETTINGS)
 
 
-def test_the_linear_problem_as_a_nonlinear_one():
-    # Taylor steps, where damping may be nonlinear, on a problem that has closed forms.
-    problem = build("bouncing")
-    taylor = problem._replace(model=OneDegreePair(pair=problem.model))
-    found = problems.attempt(taylor, "taylor", {})
-    assert wp.state_error(found, references.reference(problem)) < STATE
-
-
 @pytest.mark.parametrize("method", ["exact", "taylor"])
 def test_errors_at_rounding(known, method):
     finest = wp.errors(method, known, PAIR, SIX, SETTINGS).isel(rung=-1)
@@ -49,40 +39,6 @@ def test_errors_at_rounding(known, method):
     # Central differences: rounding over their width.
     assert (finest.multiplier_error.dropna("problem") < 1e-8).all()
     assert finest.multiplier_error.notnull().sum() == 4 - (method == "exact")
-
-
-@pytest.mark.parametrize(
-    ("method", "options"),
-    [("scipy", {"solver": "DOP853", "rtol": 1e-13, "atol": 1e-13, "events": True}), ("heyoka", {})],
-)
-def test_two_other_codes_confirm_the_reference_of_the_train(known, method, options):
-    if method == "heyoka":
-        pytest.importorskip("heyoka")
-    expected = references.run_of(known, "reducer")
-    found = problems.attempt(build("reducer"), method, options)
-    # Three meshes part and touch at once, each twice in the three periods.
-    assert found.kinds.tolist() == expected.kinds.tolist() and len(found.kinds) == 12
-    assert wp.state_error(found, expected) < references.TRAINS
-    assert wp.event_error(found, expected) < references.TRAINS
-
-
-@pytest.mark.parametrize(
-    ("method", "line", "floor"),
-    [
-        # What a hundred steps of heyoka, or a thousand of the others, leave of the last place.
-        ("heyoka", "heyoka", 1e-14),
-        ("scipy", "scipy DOP853, split", 2e-13),
-        *((name, name, 2e-13) for name in ("cvode", "diffrax")),
-    ],
-)
-def test_solvers_of_others_go_down_to_their_floors(known, method, line, floor):
-    (entry,) = (one for one in gearlib.methods() if one.name == method)
-    if not entry.available:
-        pytest.skip(f"{method} is not installed: {entry.note}")
-    finest = [options for one, _, options in wp.rungs(method) if one.name == line][-1]
-    for name in ("smooth", "bouncing"):
-        found = problems.attempt(build(name), method, finest)
-        assert wp.state_error(found, references.run_of(known, name)) < floor
 
 
 def errors_of_rk4(steps):
@@ -105,19 +61,6 @@ def test_rk4_is_of_first_order_where_steps_go_over_switches():
     assert slope(evaluations, error) == pytest.approx(-1.0, abs=0.25)
 
 
-def test_rk4_is_of_fourth_order_between_switches():
-    # Stretches of C_max of 0.25 periods: every switch is the end of a step.
-    problem = build("smooth")
-    problem = problem._replace(model=problem.model.replace(contact_ratio=1.5))
-    expected = references.reference(problem)
-    steps = np.array([16, 32, 64, 128, 256])
-    error = [
-        wp.state_error(problems.attempt(problem, "rk4", {"steps_per_period": int(n)}), expected)
-        for n in steps
-    ]
-    assert slope(steps, error) == pytest.approx(-4.0, abs=0.25)
-
-
 def test_control_of_steps_follows_its_tolerance(known):
     chosen = known.sel(problem=["smooth", "bouncing", "cubic"])
     data = wp.errors("rk45", chosen, PAIR, SIX, SETTINGS)
@@ -126,21 +69,6 @@ def test_control_of_steps_follows_its_tolerance(known):
         one = data.sel(problem=name)
         assert slope(rtol, one.state_error.values) == pytest.approx(1.0, abs=0.2)
         assert (np.diff(one.period_evaluations.values) > 0.0).all()
-
-
-def test_smoothed_contact_approaches_the_sharp_law(known):
-    data = wp.errors("smoothed", known.sel(problem=["bouncing"]), PAIR, SIX, SETTINGS)
-    sharpness = np.array(wp.LADDERS["smoothed"][0].values)
-    # An impulse of the order of 1 / sharpness^2 at every crossing.
-    assert slope(sharpness, data.state_error.values[0]) == pytest.approx(-2.0, abs=0.2)
-
-
-def test_errors_and_evaluations_are_the_same_in_every_run():
-    ones = [references.compute(["near_fold"], PAIR, SIX, SETTINGS) for _ in range(2)]
-    assert ones[0].identical(ones[1])
-    for method in ("exact", "newmark", "rk45"):
-        one, two = (wp.errors(method, known, PAIR, SIX, SETTINGS) for known in ones)
-        assert one.identical(two)
 
 
 @pytest.mark.parametrize("name", ["smooth", "bouncing", "near_fold", "cubic"])

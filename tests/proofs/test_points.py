@@ -15,7 +15,7 @@ from gearlib.analysis.orbits.special_points import LABELS
 from tests.paper import PAPER
 from tests.proofs.checker import faults
 from tests.proofs.tongues import tongue_faults
-from tests.references import propagate
+from tests.references import map_of_contact
 
 MATERIAL = PAPER.replace(material_damping=3953.7)
 
@@ -86,15 +86,8 @@ def test_two_touches_at_once_are_refused():
 
 def trace(pair, nu):
     """Return the trace of the map of one mesh period without damping, in the digits of mpmath."""
-    kappa, epsilon = mpmath.mpf(pair.stiffness_ratio), mpmath.mpf(pair.contact_ratio)
-    mean = kappa + (1 - kappa) * (epsilon - 1)
-    total = mpmath.eye(2)
-    for c, length in ((1 / mean, epsilon - 1), (kappa / mean, 2 - epsilon)):
-        w = mpmath.sqrt(c)
-        angle = w * 2 * mpmath.pi * length / nu
-        cos, sin = mpmath.cos(angle), mpmath.sin(angle)
-        total = mpmath.matrix([[cos, sin / w], [-w * sin, cos]]) * total
-    return total[0, 0] + total[1, 1]
+    matrix = map_of_contact(pair.contact_ratio, pair.stiffness_ratio, 0, nu)
+    return matrix[0, 0] + matrix[1, 1]
 
 
 def test_edges_of_tongues_in_closed_form():
@@ -148,36 +141,6 @@ def test_tongues_of_other_models():
     (proven,) = gearlib.certify_tongues(gearlib.OneDegreePair(pair=PAPER), start=0.64, stop=0.7)
     (wanted,) = gearlib.certify_tongues(PAPER, start=0.64, stop=0.7)
     assert abs(float(proven.start) - float(wanted.start)) < 1e-14
-
-
-@pytest.mark.parametrize("tuning", [0.815, 0.8151])
-def test_the_motion_from_rest_tends_to_the_small_bounces(tuning):
-    found = gearlib.certify_motion(gearlib.periodic_orbit(MATERIAL, tuning))
-    assert found and found.orbit.stability == "stable" and found.contraction < 1.0
-    assert -0.2 < float(found.orbit.displacement) < 0.0
-    # Another program, in 50 digits from rest, is in the trap by then, and not a period before.
-    ratios = MATERIAL.contact_ratio, MATERIAL.stiffness_ratio, MATERIAL.damping_ratio, 0.0
-    backlash = MATERIAL.backlash_ratio
-    for count, inside in ((found.periods, True), (found.periods - 1, False)):
-        x, v, _ = propagate(*ratios, backlash, tuning, count)
-        away = np.array([float(x), float(v) * tuning])
-        away -= float(found.orbit.displacement), float(found.orbit.velocity) * tuning
-        y = np.linalg.solve(np.reshape(found.basis, (2, 2)), away)
-        assert (np.linalg.norm(y) < found.trap_radius) == inside
-
-
-def test_the_period_map_contracts_the_trap():
-    orbit = gearlib.periodic_orbit(MATERIAL, 0.815)
-    found = gearlib.certify_motion(orbit)
-    angles = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
-    basis = np.reshape(found.basis, (2, 2))
-    y = 0.999 * found.trap_radius * np.array([np.cos(angles), np.sin(angles)])
-    states = orbit.state + (basis @ y / np.array([[1.0], [0.815]])).T
-    ends, codes = np.empty_like(states), np.empty(len(states), np.int64)
-    MATERIAL.propagator(0.815).skip(states, 1, 10_000, ends, codes)
-    shrunk = np.linalg.solve(basis, ((ends - orbit.state) * [1.0, 0.815]).T)
-    shares = np.linalg.norm(shrunk, axis=0) / np.linalg.norm(y, axis=0)
-    assert 0.3 < shares.max() <= found.contraction
 
 
 def test_what_a_motion_does_not_reach():

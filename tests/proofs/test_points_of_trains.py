@@ -63,16 +63,12 @@ def test_the_symmetry_of_the_reducer_breaks():
     values, vectors = np.linalg.eig(whole)
     vector = (lift @ vectors[:, np.abs(values - float(real)).argmin()]).real
     motion = Motion(claim(proven))
-    half, e = len(vector) // 2, len(motion.kept)
-    deviation = [*motion.reduced(vector[:half].tolist()), *motion.reduced(vector[half:].tolist())]
-    boxes = [motion.claim[name][i] for name in ("displacement", "velocity") for i in motion.kept]
-    middle = [motion.length * (mpmath.mpf(a) + mpmath.mpf(b)) / 2 for a, b in boxes]
-    end, events, found = motion.run(middle[:e], middle[e:], along=[deviation] * LONG)
-    apart = max(abs(a - b) for a, b in zip(end, middle, strict=True)) / motion.length
-    assert apart < 1e-29 and not events
+    end, events, _ = motion.run(motion.middle)
+    assert max(abs(end - motion.middle)) < 1e-29 and not events
     if LONG:
-        moved = [value - float(real) * deviation[i] for i, value in enumerate(found)]
-        assert max(map(abs, moved)) < 1e-9 * max(map(abs, deviation))
+        deviation = motion.reduced(list(map(mpmath.mpf, vector)))
+        moved = motion.deviation(end, motion.middle, deviation) - float(real) * deviation
+        assert max(abs(moved)) < 1e-9 * max(abs(deviation))
 
 
 def test_a_range_and_a_motion_of_a_train():

@@ -1,222 +1,175 @@
-"""A second program for certificates of trains: the orbit in 50 digits.
+"""The second program on trains: the orbit in 50 digits, by the second code of `tests.references`.
 
-Taylor series in time for flights, contacts looked for along the way, saltation matrices at
-contacts. It proves nothing; what it finds has to lie in the enclosures.
+From the JSON of a claim alone; it shares no code with gearlib. It proves nothing; what it finds has
+to lie in the enclosures. The map of small deviations is by differences.
 """
 
-from mpmath import eig, lu_solve, matrix, mp, mpf, nstr, sqrt
+import math
+import re
 
-from tests.proofs.claimed_trains import Train
-from tests.references.reference_motion import cuts_of
+import numpy as np
+from mpmath import eig, lu_solve, matrix, mp, mpf, nstr
 
-#: Terms of a series, how far it reaches by the fastest rate, places where distances are looked at.
-_TERMS, _REACH, _PLACES = 48, 2, 20
+from tests.references.reference_equations import machine_of
+from tests.references.reference_motion import move
+
+mp.dps = 50
+_NUMBER = re.compile(r"-?(0x[0-9a-f.]+p[+-]\d+|inf)")
 #: Of what follows from the middle of a claim with 20 digits.
 _ROOM = mpf(10) ** -17
-#: How far from a line, in static deflections, a turning point lies that touches it.
-_TOUCH = mpf(10) ** -20
+#: How far from a line, in static deflections, a turning point lies that touches it; a deviation.
+_TOUCH, _STEP = mpf(10) ** -20, mpf(10) ** -24
 
 
-class Motion(Train):
-    """The motions of the train of a claim."""
+def described(claim):
+    """Return the model of a claim as `tests.references` has it, with exact numbers."""
+    model = _exact(claim["pair"])
+    for one in model.get("meshes", [model]):
+        if "pitch_phase" in one:
+            # Angles in turns are rounded once.
+            turns = mpf(float(one["pitch_phase"]) / (2.0 * math.pi))
+            one["pitch_phase"] = 2 * mp.pi * turns
+    if "bodies" not in model:
+        return {"kind": "SixDegreePair"} | model if "inertias" in model else model
+    given = _exact(claim["derived"])
+    units = {"length": given["static_deflection"], "omega": given["reference_angular_frequency"]}
+    phases = {name: given[name] for name in ("phases", "inverse_phases")}
+    return {"kind": "GearTrain", **model, **phases, "derived": units}
 
-    #: Turning points of distances, (how far off, phase, mesh, side), where they are asked for.
-    nearest: list | None = None
 
-    def run(self, y, rates, vary=False, along=()):
-        """Run from reduced coordinates and rates, m, over the period of the claim.
+def _exact(value):
+    if isinstance(value, dict):
+        return {name: _exact(one) for name, one in value.items()}
+    if isinstance(value, list):
+        return [_exact(one) for one in value]
+    known = isinstance(value, str) and _NUMBER.fullmatch(value)
+    return mpf(float.fromhex(value)) if known else value
 
-        Returns (coordinates and rates at the end, events, the map of small deviations or None); the
-        map is of all deviations, or of those in `along`, a column each.
-        """
-        n, e = self.n, len(self.kept)
-        columns = [[mpf(0)] * (2 * n) + [mpf(1)] + [mpf(1), mpf(0)] * len(self.frequencies)]
-        for i, k in enumerate(self.kept):
-            columns[0][k], columns[0][n + k] = y[i], rates[i]
-        if vary:
-            along = [[mpf(int(i == j)) for i in range(2 * e)] for j in range(2 * e)]
-        for deviation in along:
-            column = [mpf(0)] * len(columns[0])
-            for i, value in enumerate(deviation):
-                column[self.kept[i % e] + (n if i >= e else 0)] = mpf(value)
-            columns.append(column)
-        # Cuts of equal phases differ by rounding.
-        cuts = cuts_of(self.machine, self.claim["period"], mpf(10) ** -40)
-        codes, events, tau = list(self.codes), [], mpf(0)
-        for cut in cuts:
-            laws: dict = {}
-            middle = (tau + cut) / 2
 
-            def law_of(codes, laws=laws, middle=middle):
-                key = tuple(codes)
-                if key not in laws:
-                    laws[key] = self.law(middle, codes)
-                return laws[key]
+class Motion:
+    """The motions of the train of a claim; coordinates and rates in static deflections."""
 
-            while tau < cut:
-                law = law_of(codes)
-                tau, met = self._flight(law, columns, codes, tau, cut)
-                if met is None:
-                    continue
-                j, side, after = met
-                distance, rate = self.functional(self.sides[j][side])
-                speed = _dot(rate, columns[0])
-                events.append((tau, j, codes[j], after, speed))
-                codes[j] = after
-                jump = [
-                    b - a
-                    for a, b in zip(
-                        _times(law, columns[0]),
-                        _times(law_of(codes), columns[0]),
-                        strict=True,
-                    )
-                ]
-                for column in columns[1:]:
-                    share = _dot(distance, column) / speed
-                    column[:] = [x + share * d for x, d in zip(column, jump, strict=True)]
-        ends = [self.reduced(c[:n]) + self.reduced(c[n : 2 * n]) for c in columns]
-        found = None
-        if along:
-            found = matrix([[column[i] for column in ends[1:]] for i in range(2 * e)])
-        return ends[0], events, found
+    def __init__(self, claim):
+        self.claim, self.model, tuning = claim, described(claim), claim["tuning"]
+        self.nu = _exact(tuning) if isinstance(tuning, str) else sum(map(mpf, tuning)) / 2
+        self.machine = machine_of(self.model, self.nu, mp)
+        names = claim["coordinates"]
+        assert len(names) == self.machine.n
+        self.kept = [i for i, name in enumerate(names) if name not in claim["fixed"]]
+        boxes = [claim[name][i] for name in ("displacement", "velocity") for i in self.kept]
+        #: of the boxes of the claim, kept coordinates and their rates
+        self.middle = np.array([(mpf(low) + mpf(high)) / 2 for low, high in boxes], object)
 
-    def _flight(self, law, columns, codes, tau, cut):
-        """Go on to the next contact, a cut, or as far as a series reaches; columns are changed."""
-        n = self.n
-        # In units in which velocities are like displacements of the fastest motion.
-        fast = sqrt(max(sum(abs(v) for j, v in row if j < n) for row in law[n : 2 * n]))
-        fast = max([fast, *(abs(v) for row in law[2 * n :] for _, v in row)])
-        fast += max(sum(abs(v) for j, v in row if n <= j < 2 * n) for row in law[n : 2 * n])
-        h = min(cut - tau, _REACH / max(fast, mpf(1)))
-        series = [columns[0]]
-        for k in range(1, _TERMS):
-            series.append([value / k for value in _times(law, series[-1])])
-        best, met = h, None
-        for j, code in enumerate(codes):
-            for side, sign, after in (
-                [(1, 1, 0)] if code == 1 else [(0, -1, 0)] if code == -1 else []
-            ) + ([(1, -1, 1), (0, 1, -1)] if code == 0 else []):
-                if self.sides[j][side] is None:
-                    continue
-                distance, _ = self.functional(self.sides[j][side])
-                curve = [sign * _dot(distance, one) for one in series]
-                if abs(curve[0]) < mpf(10) ** -44 * self.length:
-                    # This contact has just been met: on the line.
-                    curve[0] = mpf(0)
-                if self.nearest is not None and self._touches(j, side, curve, h, tau):
-                    continue
-                root = _first_fall(curve, h)
-                if root is not None and root < best:
-                    best, met = root, (j, side, after)
-        for i, column in enumerate(columns):
-            terms = series
-            if i:
-                terms = [column]
-                for k in range(1, _TERMS):
-                    terms.append([value / k for value in _times(law, terms[-1])])
-            column[:] = [_horner([term[r] for term in terms], best) for r in range(len(column))]
-        return (cut if met is None and best == cut - tau else tau + best), met
+    def reduced(self, state):
+        """Return the kept coordinates and rates of a whole state, without the free motions."""
+        machine, n = self.machine, self.machine.n
+        fixed, total = [i for i in range(n) if i not in self.kept], machine.stiffness
+        for contact in machine.contacts if fixed else ():
+            row = contact.drive.row
+            total = total + contact.drive.course.high * np.outer(row, row)
+        inner, found = matrix(total[np.ix_(self.kept, self.kept)].tolist()), []
+        for half in (np.array(state[:n], object), np.array(state[n:], object)):
+            part = half[self.kept]
+            for j in fixed:
+                free = lu_solve(inner, matrix((-total[self.kept, j]).tolist()))
+                part = part - np.array(list(free), object) * half[j]
+            found.append(part)
+        return np.concatenate(found)
+
+    def run(self, state, period=None, phases=()):
+        """Return (kept coordinates and rates at the end, events, samples) from a state of such."""
+        machine, n, e = self.machine, self.machine.n, len(self.kept)
+        whole = machine.zeros(2 * n)
+        whole[self.kept], whole[[n + i for i in self.kept]] = state[:e], state[e:]
+        found = move(
+            self.model, self.nu, period or self.claim["period"], whole, mp,
+            phases=phases, codes=list(self.claim["contacts"]),
+        )  # fmt: skip
+        events = []
+        for one in found.events:
+            own = [i for i, other in enumerate(events) if other.contact == one.contact]
+            # A touch that its rounding makes a crossing, there and back.
+            if own and one.phase - events[own[-1]].phase < 1e-8:
+                assert events.pop(own[-1]).before == one.after
+            else:
+                events.append(one)
+        return self.reduced(found.state), events, found.record.samples
+
+    def deviation(self, end, state, way):
+        """Return what a small deviation of a state becomes."""
+        return (self.run(state + _STEP * way)[0] - end) / _STEP
+
+    def slopes(self, end, state):
+        """Return the map of small deviations."""
+        unit = np.array([[mpf(int(i == j)) for i in range(len(state))] for j in range(len(state))])
+        return matrix(np.array([self.deviation(end, state, way) for way in unit]).T.tolist())
 
     def orbit(self):
-        """Return (y, rates, events, map): a step of Newton from the middle of the claim's boxes.
-
-        Events and map are those of the middle itself.
-        """
-        boxes = [self.claim[name][i] for name in ("displacement", "velocity") for i in self.kept]
-        y = [self.length * (mpf(low) + mpf(high)) / 2 for low, high in boxes]
-        e = len(self.kept)
-        end, events, slopes = self.run(y[:e], y[e:], vary=True)
-        miss = matrix([a - b for a, b in zip(end, y, strict=True)])
-        steps = lu_solve(slopes - mp.eye(2 * e), miss)
-        y = [value - step for value, step in zip(y, steps, strict=True)]
-        return y[:e], y[e:], events, slopes
+        """Return (state, events, map): a step of Newton from the middle of the claim's boxes."""
+        end, events, _ = self.run(self.middle)
+        slopes = self.slopes(end, self.middle)
+        step = lu_solve(slopes - mp.eye(len(end)), matrix((end - self.middle).tolist()))
+        return self.middle - np.array(list(step), object), events, slopes
 
     def _contacts(self, events):
         """Return ([(event, what is listed)], ["contacts"] if they do not belong together)."""
         model = self.claim["pair"]
         names = [mesh["name"] for mesh in model["meshes"]] if "meshes" in model else ["mesh"]
         # At one phase, to rounding, the order says nothing.
-        events = sorted(events, key=lambda one: (nstr(one[0], 15), names[one[1]]))
+        events = sorted(events, key=lambda one: (nstr(one.phase, 15), names[one.contact]))
         listed = [one | {"mesh": one.get("mesh", "mesh")} for one in self.claim["events"]]
         listed.sort(key=lambda one: (nstr(mpf(one["phase"][0]), 15), one["mesh"]))
-        own = [(names[j], before, after) for _, j, before, after, _ in events]
+        own = [(names[one.contact], one.before, one.after) for one in events]
         if own != [(one["mesh"], one["before"], one["after"]) for one in listed]:
             return [], ["contacts"]
         return list(zip(events, listed, strict=True)), []
 
     def point(self):
         """Return what is not confirmed of a fold, a doubling or a grazing, from the middle."""
-        boxes = [self.claim[name][i] for name in ("displacement", "velocity") for i in self.kept]
-        y = [self.length * (mpf(low) + mpf(high)) / 2 for low, high in boxes]
-        e, kind = len(self.kept), self.claim["claim"]
-        self.nearest = []
-        end, events, slopes = self.run(y[:e], y[e:], vary=kind != "grazing")
-        away = max(abs(a - b) for a, b in zip(end, y, strict=True)) / self.length
-        wrong = [] if away < mpf(10) ** -24 else ["orbit"]
+        kind, touch = self.claim["claim"], self.claim.get("touch")
+        at = [sum(map(mpf, touch)) / 2] if touch else []
+        end, events, samples = self.run(self.middle, phases=at)
+        wrong = [] if max(abs(end - self.middle)) < mpf(10) ** -24 else ["orbit"]
         wrong += self._contacts(events)[1]
         if kind != "grazing":
             one = -1 if kind == "period doubling" else 1
-            multipliers = eig(slopes, left=False, right=False)
-            if not min(abs(value - one) for value in multipliers) < mpf(10) ** -12:
-                wrong.append("multiplier")
-            return wrong
-        # Of a flank that is not crossed: how near it comes, and when.
-        name, side = self.claim["touched"]
-        names = [mesh["name"] for mesh in self.claim["pair"]["meshes"]]
-        own = [(gap, at) for gap, at, *which in self.nearest
-               if which == [names.index(name), ("coast", "drive").index(side)]]  # fmt: skip
-        gap, at = min(own, default=(mpf(1), mpf(0)))
-        near = abs(at - sum(map(mpf, self.claim["touch"])) / 2)
-        return wrong if gap < _TOUCH and near < mpf(10) ** -12 else [*wrong, "touch"]
-
-    def _touches(self, j, side, curve, h, tau):
-        """Note where a distance turns in a series and how far off; return whether it touches."""
-        slopes = [k * c for k, c in enumerate(curve)][1:]
-        bends = [k * c for k, c in enumerate(slopes)][1:]
-        for i in range(_PLACES):
-            low, high = h * i / _PLACES, h * (i + 1) / _PLACES
-            if _horner(slopes, low) < 0 < _horner(slopes, high):
-                at = (low + high) / 2
-                for _ in range(9):
-                    at -= _horner(slopes, at) / _horner(bends, at)
-                self.nearest.append((abs(_horner(curve, at)) / self.length, tau + at, j, side))
-                if self.nearest[-1][0] < _TOUCH:
-                    return True
-        return False
+            multipliers = eig(self.slopes(end, self.middle), left=False, right=False)
+            near = min(abs(value - one) for value in multipliers) < mpf(10) ** -11
+            return wrong if near else [*wrong, "multiplier"]
+        (name, side), names = self.claim["touched"], [m["name"] for m in self.model["meshes"]]
+        (_, _, rates, _, q), contact = samples[0], self.machine.contacts[names.index(name)]
+        length = self.machine.length
+        gap = self.machine.distance(getattr(contact, side), q * length, at[0]) / length
+        slow = abs(rates[names.index(name)]) < mpf(10) ** -12
+        return wrong if abs(gap) < _TOUCH and slow else [*wrong, "touch"]
 
     def faults(self, found):
         """Return what of an orbit does not lie in the enclosures of the claim."""
-        y, rates, events, slopes = found
-        claim, wrong = self.claim, []
-        for name, values in (("displacement", y), ("velocity", rates)):
+        (state, events, slopes), claim, wrong = found, self.claim, []
+        for name, values in zip(("displacement", "velocity"), np.split(state, 2), strict=True):
             boxes = [claim[name][i] for i in self.kept]
-            inside = [_holds(box, v / self.length) for box, v in zip(boxes, values, strict=True)]
+            inside = [_holds(box, v) for box, v in zip(boxes, values, strict=True)]
             wrong += [] if all(inside) else [name]
         listed, missing = self._contacts(events)
         if missing:
             return [*wrong, *missing]
-        for (tau, *_, speed), event in listed:
-            if not _holds(event["phase"], tau, _ROOM):
-                wrong.append("phase")
-            if not _holds(event["velocity"], speed / self.length, _ROOM):
-                wrong.append("speed")
-        if slopes is not None:
-            multipliers = eig(slopes, left=False, right=False)
-            boxes = list(claim["multipliers"])
-            for one in multipliers:
-                parts = one.real, one.imag
-                own = [
-                    box
-                    for box in boxes
-                    if all(_holds(*pair, _ROOM) for pair in zip(box, parts, strict=True))
-                ]
-                if not own:
-                    wrong.append("multiplier")
-                    break
-                boxes.remove(own[0])
-            outside = max(abs(one) for one in multipliers) > 1
-            wrong += [] if (claim["stability"] == "unstable") == outside else ["stability"]
-        return wrong
+        for one, event in listed:
+            wrong += [] if _holds(event["phase"], one.phase, _ROOM) else ["phase"]
+            wrong += [] if _holds(event["velocity"], one.own_rate, _ROOM) else ["speed"]
+        multipliers, boxes = eig(slopes, left=False, right=False), list(claim["multipliers"])
+        for one in multipliers:
+            parts = one.real, one.imag
+            own = [
+                box
+                for box in boxes
+                if all(_holds(*pair, _ROOM) for pair in zip(box, parts, strict=True))
+            ]
+            if not own:
+                wrong.append("multiplier")
+                break
+            boxes.remove(own[0])
+        outside = max(abs(one) for one in multipliers) > 1
+        return wrong if (claim["stability"] == "unstable") == outside else [*wrong, "stability"]
 
 
 def faults(claim):
@@ -228,43 +181,3 @@ def faults(claim):
 def _holds(box, value, room=0):
     """Return whether an enclosure, widened by some room, holds a value."""
     return mpf(box[0]) - room <= value <= mpf(box[1]) + room
-
-
-def _dot(row, z):
-    return sum((a * b for a, b in zip(row, z, strict=True) if a), mpf(0))
-
-
-def _times(law, z):
-    return [sum((value * z[j] for j, value in row), mpf(0)) for row in law]
-
-
-def _horner(coefficients, t):
-    total = mpf(0)
-    for value in reversed(coefficients):
-        total = total * t + value
-    return total
-
-
-def _first_fall(curve, h):
-    """Return the first t in (0, h] at which a polynomial falls through 0, None if nowhere seen."""
-    last, t_last = curve[0], mpf(0)
-    if last == 0 and curve[1] < 0:
-        # Met at once with another contact.
-        return last
-    for i in range(1, _PLACES + 1):
-        t = h * i / _PLACES
-        value = _horner(curve, t)
-        if value < 0 and (last > 0 or (last == 0 and t_last == 0 and curve[1] > 0)):
-            low, high = t_last, t
-            if last == 0:
-                low = t / 2**20
-            for _ in range(20):
-                middle = (low + high) / 2
-                low, high = (middle, high) if _horner(curve, middle) > 0 else (low, middle)
-            root = (low + high) / 2
-            slopes = [k * c for k, c in enumerate(curve)][1:]
-            for _ in range(8):
-                root -= _horner(curve, root) / _horner(slopes, root)
-            return root
-        last, t_last = value, t
-    return None

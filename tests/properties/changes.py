@@ -4,12 +4,9 @@ import dataclasses
 import math
 
 from gearlib import (
-    Body,
     DeadZoneOscillator,
     GearPair,
-    GearTrain,
     Harmonics,
-    Mesh,
     OneDegreePair,
     Steps,
 )
@@ -149,62 +146,6 @@ def as_oscillator(pair, **changes):
     return DeadZoneOscillator(**parameters | changes)
 
 
-def mirrored_oscillator(model):
-    """Return the image of a dead zone, the upper edge below."""
-    turned = Harmonics(*(tuple(-x for x in own) for own in vars(model.forcing).values()))
-    moved = Harmonics(*(tuple(-x for x in own) for own in vars(model.deviation).values()))
-    return dataclasses.replace(
-        model,
-        upper_edge=-model.lower_edge,
-        lower_edge=-model.upper_edge,
-        upper_stiffness=model.lower_stiffness,
-        lower_stiffness=model.upper_stiffness,
-        upper_damping=model.lower_damping,
-        lower_damping=model.upper_damping,
-        load=-model.load,
-        forcing=turned,
-        deviation=moved,
-    )
-
-
-def as_train(six):
-    """Return a pair of six degrees of freedom as a train of two gears, with the same tunings.
-
-    With it the place of each component of the train's state in a state of the pair.
-    """
-    pair, (e3, e2) = six.pair, six.eccentricities
-    names = ("max_stiffness", "stiffness_ratio", "contact_ratio", "backlash")
-    names += ("material_damping", "backlash_damping")
-    flanks = ("deviation", "inverse_deviation", "friction", "pitch_phase", "moving_backlash")
-    mesh = {name: getattr(pair, name) for name in names}
-    mesh |= {name: getattr(six, name) for name in flanks} | {"phase": 0.0, "line_of_action": 0.0}
-    bodies = [
-        Body(
-            name=name,
-            teeth=six.teeth[i],
-            inertia=six.inertias[i],
-            base_radius=six.base_radii[i],
-            mass=six.masses[i],
-            support_stiffness=six.bearing_stiffness[2 * i : 2 * i + 2],
-            support_damping=six.bearing_damping[2 * i : 2 * i + 2],
-            torque=six.torques[i],
-            eccentricity=eccentricity,
-            # e3 sin phi3 and -e2 sin(Delta - phi2), gear 2 turning backwards.
-            eccentricity_phase=turned - math.pi / 2.0,
-        )
-        for i, (name, eccentricity, turned) in enumerate(
-            (("3", e3, 0.0), ("2", e2, six.run_out_phase))
-        )
-    ]
-    frequency = pair.mean_eigenfrequency / (2.0 * math.pi)
-    meshes = [Mesh(pinion="3", wheel="2", **mesh)]
-    train = GearTrain(bodies=bodies, meshes=meshes, reference_frequency=frequency)
-    # Coordinates of the pair: u3, u2 and what can move of y3, z3, y2, z2.
-    own = [("3", "u"), ("2", "u"), *(("3322"[i], "xyxy"[i]) for i in six.flexible())]
-    order = [own.index(key) for key in train.structure.coordinates]
-    return train, order + [len(own) + i for i in order]
-
-
 def renamed(train):
     """Return a train with other names, its elements in the opposite order."""
     new = {body.name: f"body {len(train.bodies) - i}" for i, body in enumerate(train.bodies)}
@@ -262,24 +203,3 @@ def exchanged(train):
         ratio = train.carrier_ratio * train.speeds[first.pinion] / train.speeds[first.wheel]
         changes["carrier_ratio"] = float(ratio)
     return train.replace(**changes), lambda key: (key, 1.0)
-
-
-def later(train, periods):
-    """Return a train whose motion is that of the given one after some reference mesh periods."""
-
-    def moved(mesh, rate):
-        drive = train.phases[mesh.name]
-        coast = drive if mesh.inverse_phase is None else mesh.inverse_phase
-        lag = float(periods * rate % 1)
-        return dataclasses.replace(mesh, phase=drive - lag, inverse_phase=coast - lag)
-
-    bodies = [
-        dataclasses.replace(
-            body,
-            eccentricity_phase=body.eccentricity_phase
-            + 2.0 * math.pi * periods * float(train.speeds[body.name]),
-        )
-        for body in train.bodies
-    ]
-    meshes = [moved(*one) for one in zip(train.meshes, train.rates, strict=True)]
-    return train.replace(bodies=bodies, meshes=meshes)

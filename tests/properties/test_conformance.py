@@ -29,7 +29,6 @@ from tests.properties.known_models import (
 )
 from tests.properties.test_properties import FEW, allowed
 from tests.references.described_models import describe
-from tests.references.reference_by_scipy import by_scipy
 from tests.references.reference_motion import move
 
 SAMPLES = 16
@@ -141,16 +140,6 @@ def test_a_motion_is_that_of_the_reference(name):
         same_motion(case, whole(case, method=method), motion, 1e-11)
     fast = whole(case, record_periods=1)
     np.testing.assert_allclose(fast.final_state, whole(case).final_state, rtol=0, atol=1e-10)
-
-
-@pytest.mark.parametrize("name", list(KNOWN)[::4])
-def test_two_ways_of_the_reference_agree(name):
-    case = KNOWN[name]
-    end, events = by_scipy(describe(case.model), case.tuning, 2, case.state)
-    motion = move(describe(case.model), case.tuning, 2, case.state)
-    assert events == len(motion.events)
-    # Tolerances of scipy.
-    np.testing.assert_allclose(end, motion.state, rtol=0, atol=1e-8 * np.abs(end).max())
 
 
 @pytest.mark.parametrize("kind", [name for name in CASES if name != "pairs of teeth"])

@@ -35,7 +35,7 @@ class Way(NamedTuple):
 WAYS = {
     "scipy": Way(SPLIT, 1e-8, 1e-8),
     "heyoka": Way({}, 1e-12, 1e-11),
-    "cvode": Way(TIGHT, 1e-8, 1e-7),
+    "cvode": Way(TIGHT, 1e-8, 1e-7, 1e-7),
     "diffrax": Way(TIGHT, 1e-8, 1e-7),
 }
 THICK = PAPER.replace(material_damping=3953.7, backlash_damping=3953.7)

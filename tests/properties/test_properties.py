@@ -1,6 +1,5 @@
 """What holds for every model whatever its numbers, drawn at random: no golden number is needed."""
 
-import math
 import os
 
 import numpy as np
@@ -12,13 +11,8 @@ from gearlib import simulate
 from tests.properties import changes
 from tests.properties.cases import (
     CASES,
-    STATES,
-    TUNINGS,
     Case,
     between,
-    oscillators,
-    pairs,
-    six_degrees,
 )
 from tests.trains.random_trains import symmetric_problem
 
@@ -135,20 +129,6 @@ def test_a_gear_pair_is_an_oscillator_in_static_deflections(data):
         compare(case, found, there, there.final_state - ends, there.displacement - shift)
 
 
-@given(data=st.data())
-@MANY
-def test_a_dead_zone_moves_as_its_mirror_image(data):
-    model = data.draw(oscillators() | pairs().map(changes.as_oscillator))
-    if not math.isfinite(model.lower_edge):
-        return
-    case = Case(model, data.draw(TUNINGS), data.draw(STATES))
-    image = Case(changes.mirrored_oscillator(model), case.tuning, tuple(-x for x in case.state))
-    found, other = run(case), run(image)
-    compare(case, found, other, -other.final_state.values, -other.displacement.values)
-    np.testing.assert_allclose(found.dynamic_force, -other.dynamic_force, atol=1e-6)
-    np.testing.assert_array_equal(found.event_to, -other.event_to)
-
-
 @pytest.mark.parametrize("describe", [changes.mirrored, changes.renamed, changes.exchanged])
 @given(data=st.data())
 @MANY
@@ -166,72 +146,6 @@ def test_a_machine_has_one_motion_however_it_is_described(describe, data):
     meshes = [f"mesh {name}" if describe is changes.renamed else name for name in found.mesh.values]
     course = there.displacement.sel(mesh=meshes).values
     compare(case, found, there, signs * there.final_state.values[into], course)
-
-
-@given(data=st.data())
-@MANY
-def test_the_two_gears_of_a_pair_may_change_places(data):
-    model = data.draw(six_degrees()).replace(run_out_phase=0.0)
-    swapped = {
-        name: getattr(model, name)[::-1]
-        for name in ("base_radii", "inertias", "masses", "eccentricities", "teeth", "torques")
-    }
-    for name in ("bearing_stiffness", "bearing_damping"):
-        swapped[name] = getattr(model, name)[2:] + getattr(model, name)[:2]
-    # Both lines of action point the other way.
-    places, signs = np.array([1, 0, 4, 5, 2, 3]), np.array([1.0, 1.0, -1.0, -1.0, -1.0, -1.0])
-    places, signs = np.append(places, 6 + places), np.tile(signs, 2)
-    state = np.array(data.draw(st.lists(between(-2.0, 2.0), min_size=12, max_size=12)))
-    case = Case(model, data.draw(TUNINGS), tuple(state))
-    other = Case(model.replace(**swapped), case.tuning, tuple(signs * state[places]))
-    if compare(case, run(case), run(other)):
-        end, there = end_of(case, PERIODS), end_of(other, PERIODS)
-        np.testing.assert_allclose(end, signs * np.array(there)[places], rtol=0, atol=1e-6)
-
-
-@given(data=st.data())
-@MANY
-def test_six_degrees_are_a_train_of_two_gears(data):
-    case = data.draw(CASES["six degrees"])
-    train, order = changes.as_train(case.model)
-    assert (train.size, train.repeats) == (case.model.size, case.model.repeats)
-    unit = case.model.static_deflection
-    assert train.static_deflection == pytest.approx(unit, rel=1e-13)
-    start, end = case.model.propagator(case.tuning).start(case.state), end_of(case, PERIODS)
-    one, other = run(case), Case(train, case.tuning, tuple(start[order]))
-    if end is None or not allowed(case, one)[1]:
-        return
-    found, state = run(other), np.array(end)[order]
-    if compare(other, found, one, state, one.displacement.values[:, None]):
-        np.testing.assert_array_equal(found.event_to, one.event_to)
-        within, _ = allowed(other, found)
-        for name in ("velocity", "dynamic_force"):
-            np.testing.assert_allclose(found[name][:, 0], one[name], rtol=0, atol=10.0 * within)
-
-
-@given(data=st.data())
-@MANY
-def test_whole_turns_of_a_phase_do_not_matter(data):
-    case, turns = data.draw(CASES["six degrees"]), data.draw(st.sampled_from([-2, 1, 3]))
-    whole = 2.0 * math.pi * turns
-    other = case.model.replace(
-        run_out_phase=case.model.run_out_phase + whole, pitch_phase=case.model.pitch_phase + whole
-    )
-    compare(case, run(case), run(case._replace(model=other)))
-
-
-@given(data=st.data())
-@MANY
-def test_a_train_begins_at_any_mesh_period(data):
-    """A start one reference mesh period later: by that much all else is late, or turned on."""
-    case = data.draw(CASES["train"])
-    later = changes.later(case.model, 1)
-    state = end_of(case, 1)
-    if state is None:
-        return
-    whole, other = run(case, 2), run(case._replace(model=later, state=state), 1)
-    course = np.concatenate([run(case, 1).displacement, other.displacement])
-    compare(case, whole, whole, other.final_state.values, course)
 
 
 @given(seed=SEEDS)

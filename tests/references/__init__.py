@@ -60,6 +60,25 @@ def of_pair(pair, tuning, periods, state=(0.0, 0.0)):
     return propagate(*ratios, tuning, periods, state)
 
 
+def map_of_contact(contact_ratio, stiffness_ratio, damping, tuning):
+    """Return the map of (x, dx/dtau) over a period of a mesh that is never lost."""
+    epsilon, kappa, beta, nu = map(
+        mpmath.mpf, map(mpmath.mpmathify, (contact_ratio, stiffness_ratio, damping, tuning))
+    )
+    mean = kappa + (1 - kappa) * (epsilon - 1)
+    half = mpmath.pi * (epsilon - 1), 2 * mpmath.pi * (2 - epsilon)
+    matrix = mpmath.eye(2)
+    for c, length in ((1, half[0]), (kappa, half[1]), (1, half[0])):
+        # The closed form by complex roots of the characteristic equation.
+        root = mpmath.sqrt(mpmath.mpc(beta**2 - c / mean)) / nu
+        a = beta / nu
+        cosh, sinh = mpmath.cosh(root * length), mpmath.sinh(root * length) / root
+        decay = mpmath.exp(-a * length)
+        rows = [[cosh + a * sinh, sinh], [-c / mean / nu**2 * sinh, cosh - a * sinh]]
+        matrix = mpmath.matrix(rows) * decay * matrix
+    return matrix.apply(mpmath.re)
+
+
 def from_rest(decay, square, load, x, t):
     """Return (x, x') after t of x'' + 2 decay x' + square x = load from rest at x.
 

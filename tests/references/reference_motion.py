@@ -23,6 +23,7 @@ class Event(NamedTuple):
     before: int
     after: int
     rate: object  #: of the drive-side distance, by phase, in units of length
+    own_rate: object  #: of the distance from the side that is met or left
 
 
 class Motion:
@@ -200,8 +201,9 @@ def move(
                 crossed = {}
             tau = stop if whole_step else tau + t
             for j, side, code in met:
-                rate = machine.distance_rate(machine.contacts[j].drive, v, tau) / machine.length
-                events.append(Event(tau, j, codes[j], code, rate))
+                rates = (machine.distance_rate(s, v, tau) / machine.length
+                         for s in (machine.contacts[j].drive, side))  # fmt: skip
+                events.append(Event(tau, j, codes[j], code, *rates))
                 codes = [*codes[:j], code, *codes[j + 1 :]]
                 crossed[j, side] = True
     both = np.concatenate([q, v]) / machine.length

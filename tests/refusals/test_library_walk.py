@@ -78,6 +78,7 @@ CALLED = {
     drawn.Mesh.transmission_error: {"self": FZG, "torque": 300.0},
     gearlib.simulate: {"pair": PAPER, "tuning": NU, "periods": 2},
     gearlib.sweep: {"pair": PAPER, "tunings": [NU], "periods": 2, "record_periods": 1},
+    gearlib.run_up: {"model": PAPER, "start": 1000.0, "stop": 1100.0, "duration": 0.05},
     gearlib.basins: {"pair": DAMPED, "tuning": NU, "grid": ([0.0], [0.0]), "periods": 60},
     gearlib.basin_stability: {
         **{"pair": DAMPED, "tunings": [NU], "region": ((-1.0, 1.0), (-1.0, 1.0))},
@@ -114,6 +115,7 @@ locus.limits locus.max_points locus.to continue_orbit.to tongues.values
 SpurGear.tip_diameter planetary_set.ring schmidt.degenerate
 dynamic_factor.rpm lyapunov_exponents.states orbit_sensitivities.sensitivities
 fold_sensitivities.sensitivities simulate.sensitivities
+run_up.speed run_up.load run_up.acceleration run_up.driver run_up.base_radius
 """.split()
 
 

@@ -36,19 +36,6 @@ def assert_same_motion(one, train, mesh, periods):
     assert int(one.sizes["event"]) >= periods
 
 
-@pytest.mark.parametrize("tuning", [NU, 0.9, 0.95])
-def test_a_train_of_one_pair_is_the_pair(tuning):
-    arguments = dict(periods=60, record_periods=20, samples_per_period=16)
-    one = gearlib.simulate(PAIR, tuning, **arguments)
-    train = gearlib.simulate(pairs_as_train(PAIR), tuning, **arguments)
-    assert_same_motion(one, train, 0, 20)
-    for name in ("static_deflection", "mesh_frequency", "force_scale"):
-        assert float(train[name]) == pytest.approx(float(one[name]), rel=1e-14)
-    # The mean force by the polynomials against that of the samples, which are equal steps.
-    fine = gearlib.simulate(pairs_as_train(PAIR), tuning, periods=60, samples_per_period=4096)
-    assert float(fine.mean_force[0]) == pytest.approx(float(fine.dynamic_force.mean()), abs=2e-3)
-
-
 def test_pairs_that_do_not_touch_one_another_meet_their_flanks_at_once():
     arguments = dict(periods=60, record_periods=20, samples_per_period=16)
     one = gearlib.simulate(PAIR, NU, **arguments)

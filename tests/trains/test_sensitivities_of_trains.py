@@ -11,9 +11,14 @@ from gearlib import (
     simulate,
 )
 from gearlib.analysis.orbits.special_points import FOLD
-from gearlib.runs.sensitivities import DOUBLE, ONE_SIDED
+from gearlib.models.propagators.tangents import Walk
+from gearlib.runs.sensitivities import DOUBLE, ONE_SIDED, directions
 from tests.physics.test_sensitivities import BOUNCING, moved
-from tests.properties.known_models import DAMPED, pairs_as_train
+from tests.properties.known_models import DAMPED, GEARS, pairs_as_train
+from tests.trains.random_trains import random_problem
+
+#: In the order of `recorded_slopes.Tables.best`.
+EXTREMA = ("displacement_max", "displacement_min", "dynamic_force_max", "dynamic_force_min")
 
 
 @pytest.mark.parametrize("name", ["contact_ratio", "material_damping", "inertia of body sun"])
@@ -89,3 +94,37 @@ def test_folds_of_one_pair_as_a_train():
         slopes.append([float(jump[f"d_tuning_d_{name}"]) for name in names])
     # A fold is located to the root of rounding along the branch.
     np.testing.assert_allclose(*slopes, rtol=1e-7, atol=1e-12)
+
+
+def _random_run(seed):
+    """Return (model, tuning, state) of slow and fast meshes."""
+    rng = np.random.default_rng(seed)
+    if seed % 3 == 0:
+        damping = {"material_damping": 4000.0 * rng.random(), "backlash_damping": 200.0}
+        gears = GEARS.replace(pair=GEARS.pair.replace(**damping))
+        return gears, float(10 ** rng.uniform(-2.0, 0.3)), (rng.normal(), 3.0 * rng.normal())
+    train, tuning, state = random_problem(rng)
+    return train, tuning * 10 ** rng.uniform(-1.5, 0.0), state
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_extrema_are_those_of_the_run(seed):
+    """Where turning points are looked for the largest values are those that a run proves."""
+    model, tuning, state = _random_run(seed)
+    run, near = (
+        simulate(model, tuning, periods=3, record_periods=2, initial_state=tuple(one))
+        for one in (state, np.array(state) * (1.0 + 1e-14))
+    )
+    assert int(run.status) == 0
+    propagator, along = model.propagator(tuning), directions(model, ("tuning",))
+    state = model.check_state(tuple(state))
+    motion, _ = propagator.motion(np.array(propagator.start(state), float), 3, 100_000)
+    walk = Walk(propagator.slopes(along), motion, propagator.start_tangents(state, along))
+    best = walk.go(1, 8, len(motion.events)).best
+    apart = np.ravel(run.fraction_backlash) > 0.0
+    for found, name in zip(best, EXTREMA, strict=True):
+        wanted, other = np.ravel(run[name]), np.ravel(near[name])
+        # A force of zero is that of the backlash.
+        kept = ~(apart & (np.abs(wanted) < 1e-9)) if "force" in name else np.full(len(apart), True)
+        close = 1e-10 * max(1.0, np.abs(wanted).max()) + 100.0 * np.abs(other - wanted).max()
+        np.testing.assert_allclose(found[kept], wanted[kept], rtol=0.0, atol=close)

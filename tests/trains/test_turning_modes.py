@@ -5,24 +5,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from mpmath import mp, mpf
-from numpy.polynomial import Polynomial
+from mpmath import mp
 from scipy.linalg import expm
 
 import gearlib
-from gearlib.kernels.polynomial import bernstein_matrix
-from gearlib.kernels.several_meshes import distances
 from gearlib.kernels.several_meshes import grid as several_meshes
-from gearlib.kernels.several_meshes.modal_arcs import DEGREE, REACHES, advance, turn_by
+from gearlib.kernels.several_meshes.modal_arcs import advance, turn_by
 from gearlib.kernels.several_meshes.train_system import matrix_of
 from gearlib.models.propagators import modal_frame
 from gearlib.models.propagators import several_meshes as propagators
 from tests.properties.known_models import pairs_as_train
-from tests.trains.random_trains import random_problem
 from tests.trains.test_events import PAIR
-
-#: Trains with run-out, friction, deviations; that fall apart without contact; overdamped; turning.
-SEEDS = range(12)
 
 
 def combinations_of(train, tuning, rng, count=6):
@@ -62,112 +55,11 @@ def after(propagator, c, z, t):
     """Return the state a time later by the modes of combination c."""
     tables, n = propagator.spare[0][1], propagator.components
     wide = tables.out.shape[2]
-    y, term, image, factors = np.zeros(wide), np.zeros(wide), np.zeros(wide), np.zeros(n)
+    y, term, image, factors = (np.zeros(k) for k in (wide, max(wide, 8 * 24), wide, n))
     y[:n] = z @ tables.into[c][:, :n]
     turn_by(tables, c, t, factors)
     advance(tables, c, factors, t, y, term, image)
     return y[:n] @ tables.out[c][:, :n], y
-
-
-@pytest.mark.parametrize("seed", SEEDS)
-def test_modes_turn_as_matrix_exponentials(seed):
-    rng = np.random.default_rng(seed)
-    train, tuning, _ = random_problem(rng)
-    propagator, found = combinations_of(train, tuning, rng)
-    for c, a, _ in found:
-        z = random_state(propagator, rng)
-        for t in (1e-3, 0.7, 5.0):
-            exact = expm(a * t) @ z
-            # Of scipy's own rounding too, which grows with the norm.
-            limit = 1e-11 * max(1.0, np.abs(exact).max()) * max(1.0, np.abs(a).max() * t)
-            np.testing.assert_allclose(after(propagator, c, z, t)[0], exact, rtol=0, atol=limit)
-
-
-@pytest.mark.parametrize("seed", SEEDS)
-def test_distances_are_polynomials_over_a_piece_and_bounded_by_the_amplitudes(seed):
-    rng = np.random.default_rng(seed)
-    train, tuning, _ = random_problem(rng)
-    propagator, found = combinations_of(train, tuning, rng)
-    tables, system, grid = propagator.spare[0][1], propagator.system, propagator.grid
-    m, n = system.near.shape
-    degree = tables.curves.shape[4] - 1
-    w = several_meshes.work_of(n, tables.out.shape[2], m, degree)
-    for c, _, codes in found:
-        z = random_state(propagator, rng)
-        shares = np.linspace(0.0, 1.0, 41)
-        ways = np.array([after(propagator, c, z, s * tables.piece[c])[0] for s in shares])
-        y = after(propagator, c, z, 0.0)[1]
-        basis = np.array(
-            [
-                [math.comb(degree, k) * s**k * (1.0 - s) ** (degree - k) for k in range(degree + 1)]
-                for s in shares
-            ]
-        )
-        count = distances.sizes_of(tables, c, y, w.sizes)
-        w.contact[:] = codes
-        for j in range(m):
-            for line, row in ((1, system.near[j]), (0, system.far[j])):
-                curve, exact = np.empty(degree + 1), ways @ row
-                distances.curve_of(tables.curves[c, line, j], y, curve)
-                limit = 100.0 * distances.rounding_of(tables.curves[c, line, j], y)
-                limit += 1e-12 * np.abs(exact).max()
-                np.testing.assert_allclose(basis @ curve, exact, rtol=0, atol=limit)
-            if distances.keeps_off(tables, c, j, grid, w, count):
-                long = np.array([after(propagator, c, z, t)[0] for t in np.linspace(0, 30.0, 301)])
-                d, e = long @ system.near[j], long @ system.far[j]
-                stays = {1: d > 0.0, 0: (d < 0.0) & (e > 0.0), -1: e < 0.0}[codes[j]]
-                assert stays.all()
-
-
-@pytest.mark.parametrize("degree", REACHES)
-def test_exponentials_over_a_piece_against_50_digits(degree):
-    matrix, rng = modal_frame._exponentials(degree), np.random.default_rng(5)
-    for _ in range(20):
-        z = (
-            REACHES[degree]
-            * math.sqrt(rng.uniform())
-            * np.exp(1j * rng.uniform(0.5 * np.pi, 1.5 * np.pi))
-        )
-        terms = np.cumprod(np.concatenate([[1.0 + 0j], 0.5 * z / np.arange(1, len(matrix))]))
-        curve = np.exp(0.5 * z) * (terms @ matrix)
-        with mp.workdps(50):
-            for s in (mpf(0), mpf("0.3"), mpf("0.77"), mpf(1)):
-                value = sum(
-                    mp.mpc(b) * mp.binomial(degree, k) * s**k * (1 - s) ** (degree - k)
-                    for k, b in enumerate(curve)
-                )
-                # Terms of up to e^3.6 = 37 are summed.
-                assert abs(value - mp.exp(mp.mpc(z) * s)) < 2e-14
-
-
-def bernstein(polynomial):
-    """Return the Bernstein coefficients on [0, 1] of a `Polynomial` of degree DEGREE at most."""
-    powers = np.zeros(DEGREE + 1)
-    powers[: len(polynomial.coef)] = polynomial.coef
-    return powers @ bernstein_matrix(DEGREE)
-
-
-@pytest.mark.parametrize("seed", range(40))
-def test_the_first_fall_is_the_first_root_at_which_a_polynomial_falls(seed):
-    rng = np.random.default_rng(seed)
-    roots = np.sort(rng.uniform(-0.3, 1.3, size=rng.integers(1, 7)))
-    sign = rng.choice([-1.0, 1.0])
-    polynomial = sign * Polynomial.fromroots(roots)
-    zeros = int(rng.integers(0, 3))
-    whole = polynomial * Polynomial([0.0, 1.0]) ** zeros
-    slopes = polynomial.deriv()(roots)
-    falls = roots[(slopes < 0.0) & (roots > 0.0) & (roots <= 1.0)]
-    work, end = np.zeros((53, DEGREE + 2)), float(rng.choice([0.4, 1.0]))
-    work[0, : DEGREE + 1] = bernstein(whole)
-    found, spread = distances.first_fall(work, zeros, end, 1e-15)
-    if zeros == 0 and polynomial(0.0) <= 0.0 and polynomial.deriv()(0.0) < 0.0:
-        # Below from the start and falling counts as falling at once.
-        assert found == 0.0
-    elif not falls.size or falls[0] > end:
-        assert found == 2.0
-    else:
-        # Beside a root at the start the slope is small, and the rounding of the place large.
-        assert found == pytest.approx(falls[0], abs=1e-11) and spread * falls[0] ** zeros < 1e-9
 
 
 @pytest.mark.parametrize("share", [0.999999, 1.0, 1.0 + 1e-9])

@@ -1,7 +1,6 @@
 """Forces of the turning frame: a Lagrangian of finite rotations, symmetry, balances, rotors."""
 
 import math
-import os
 from dataclasses import replace
 
 import numpy as np
@@ -9,11 +8,6 @@ import pytest
 
 import gearlib
 from gearlib import planetary, simulate
-from tests.references.described_models import describe
-from tests.references.reference_equations import machine_of
-from tests.trains.lagrangian import linear
-
-COUNT = int(os.environ.get("GEARLIB_LAGRANGIANS", "2"))
 
 
 def turning(rng=None, planets=3, **options):
@@ -46,54 +40,6 @@ def turned(train):
     return q
 
 
-def standing(train):
-    """Return the train with torsional supports that make its static state a single one."""
-    return train.replace(
-        bodies=[
-            body if body.carrier else replace(body, torsional_stiffness=1e5)
-            for body in train.bodies
-        ]
-    )
-
-
-@pytest.mark.parametrize("seed", range(COUNT))
-def test_matrices_are_those_of_the_energies_at_finite_rotations(seed):
-    """Beside the turn of the lines of action with their axes, which the library leaves out."""
-    rng = np.random.default_rng(seed)
-    train = standing(turning(rng, planets=2 + seed % 2))
-    if seed % 2:
-        # Rigid axes and rigid pins, one of them along one axis only.
-        free = {"sun": (math.inf, math.inf), "planet 1": (math.inf, 2e8)}
-        train = train.replace(
-            bodies=[
-                replace(b, support_stiffness=free.get(b.name, b.support_stiffness))
-                for b in train.bodies
-            ]
-        )
-    speed = rng.uniform(-300.0, 300.0)
-    exact = {name: np.array(rows) for name, rows in linear(train, speed).items()}
-    own, whole = train.structure, machine_of(describe(train), 1.0).modes()[2]
-    for name, expected in (
-        ("springs", whole),
-        ("load", (own.load + speed**2 * own.outward)[:, None]),
-        ("mass", own.mass),
-        ("coriolis", speed * own.turning),
-        ("damping", own.damping),
-        ("circulating", speed * own.circulating),
-    ):
-        close = 1e-13 * np.abs(expected).max()
-        np.testing.assert_allclose(exact[name], expected, rtol=0, atol=close)
-    lines = exact["lines"]
-    kept = exact["forces"] - lines
-    np.testing.assert_allclose(
-        kept, speed**2 * own.centrifugal, rtol=0, atol=1e-13 * np.abs(kept).max()
-    )
-    # What is left out is of the order of a force over a length; it resists no turn either.
-    assert 0.0 < np.abs(lines).max() < 1e-2 * np.abs(whole).max()
-    rigid = turned(train)
-    assert np.abs(lines @ rigid).max() < 1e-12 * (np.abs(lines) @ np.abs(rigid)).max()
-
-
 @pytest.mark.parametrize("tuning", [0.01, 1.0, 30.0])
 def test_a_turn_of_the_whole_train_costs_nothing(tuning):
     for seed in range(6):
@@ -105,25 +51,6 @@ def test_a_turn_of_the_whole_train_costs_nothing(tuning):
         assert np.abs(forces @ rigid).max() < 1e-13 * (np.abs(forces) @ np.abs(rigid)).max()
         rows = np.concatenate([system.near[:, :n], system.far[:, :n]])
         assert np.abs(rows @ rigid).max() < 1e-12 * np.abs(rigid).max()
-
-
-@pytest.mark.parametrize("planets", [3, 4])
-def test_a_train_turned_as_a_whole_has_the_same_motion(planets):
-    train = turning(
-        teeth=(27, 99) if planets == 3 else (28, 100),
-        planets=planets,
-        torsional_stiffness=(0.0, 0.0, 0.0),
-        stiffness_ratio=(0.7, 0.7),
-    )
-    n, rigid = train.size // 2, turned(train)
-    # By as much as a static deflection of the pins.
-    rigid = np.append(rigid / np.abs(rigid).max(), np.zeros(n))
-    start = train.start_state("static")
-    ends = [
-        simulate(train, 1.0, periods=50, initial_state=tuple(state)).final_state.values
-        for state in (start, start + rigid)
-    ]
-    np.testing.assert_allclose(ends[1] - ends[0], rigid, rtol=0, atol=1e-10)
 
 
 def test_angular_momentum_is_kept_through_bounces():
@@ -160,31 +87,6 @@ def test_angular_momentum_is_kept_through_bounces():
 
     (one, _), (two, size) = momentum(start), momentum(run.final_state.values)
     assert abs(two - one) < 1e-9 * size
-
-
-@pytest.mark.parametrize("periods", [50, 600, 2000, 20_000])
-def test_a_turning_train_stays_together(periods):
-    found = []
-    for gyroscopic in (True, False):
-        train = turning(stiffness_ratio=(0.7, 0.7), gyroscopic=gyroscopic)
-        run = simulate(train, 1.0, periods=periods)
-        assert run.status == 0
-        found.append(float(run.dynamic_force.max()))
-    assert found[0] < 3.0
-    if periods > 100:
-        # At 890 rpm of the carrier the frame moves natural frequencies by some hertz of a thousand.
-        assert abs(found[0] / found[1] - 1.0) < 0.02
-
-
-def test_several_random_trains_stay_together():
-    for seed in range(4):
-        train = turning(np.random.default_rng(seed), planets=seed + 1, stiffness_ratio=(0.8, 0.8))
-        early, late = (
-            simulate(train, 0.37, periods=periods, initial_state="static")
-            for periods in (100, 3000)
-        )
-        assert late.status == 0
-        assert late.dynamic_force.max() < 1.5 * early.dynamic_force.max()
 
 
 def whirl(stiffness, outer, shaft, inner, speed):

@@ -1,7 +1,6 @@
 """Gears by their drawing in the configuration: what is derived, what is refused."""
 
 import copy
-import inspect
 import json
 import math
 import subprocess
@@ -11,10 +10,9 @@ import pytest
 import yaml
 
 from gearlib import GearPair
-from gearlib.config import cases, chosen, drawing, load, schema
+from gearlib.config import cases, chosen, drawing, load
 from gearlib.config import gears_section as sections
 from gearlib.config.defaults import laid_over
-from gearlib.config.validation import allowed
 from gearlib.geometry import Material, Mesh, Rack, SpurGear, TipRelief, Web
 from gearlib.pages.explorer.one_pair import Pair
 from gearlib.pages.explorer.trains import Machine
@@ -138,16 +136,6 @@ def test_every_key_reaches_the_gear():
     assert mesh.wheel == SpurGear(teeth=50, **common)
 
 
-def test_the_sections_have_the_arguments_of_the_library():
-    of_rack = {"addendum", "dedendum", "fillet_radius"}
-    keys = set(sections.WheelSection.model_fields) - of_rack
-    assert keys == set(inspect.signature(SpurGear).parameters)
-    assert set(sections.MaterialSection.model_fields) == set(inspect.signature(Material).parameters)
-    assert set(sections.WebSection.model_fields) == set(inspect.signature(Web).parameters)
-    relief = inspect.signature(TipRelief).parameters
-    assert set(sections.TipReliefSection.model_fields) == set(relief)
-
-
 def test_other_units_rerun_nothing():
     settings = load(FZG)
     other = copy.deepcopy(FZG)
@@ -237,14 +225,6 @@ def test_a_configuration_laid_over_another_one():
     lighter = {"gear_pair": {"load": 1.0}}
     assert chosen(laid_over(CONFIG, lighter), lighter) == laid_over(CONFIG, lighter)
     assert chosen(laid_over(FZG, mine), mine) == whole
-
-
-def test_the_words_of_the_schema():
-    whole = schema()
-    assert "one of A, B, C, D" == allowed(
-        whole["$defs"]["PinionSection"]["properties"]["rack"], whole
-    )
-    assert "gears" not in load(FZG).model_dump()
 
 
 @pytest.mark.parametrize("helix", ["0 deg", "12 deg"])

@@ -10,10 +10,10 @@ from click.testing import CliRunner
 
 from gearlib import GearPair, LoadSharingPair, SixDegreePair, duty_point, simulate, two_stage
 from gearlib.cli import main
-from gearlib.geometry import Mesh, SpurGear, TipRelief, dynamic_factor
+from gearlib.geometry import TipRelief, dynamic_factor
+from tests.geometry.drawings import own
 
-GEAR = {"module": 2.5e-3, "width": 0.018, "quality": 5}
-MESH = Mesh(SpurGear(teeth=23, **GEAR), SpurGear(teeth=61, **GEAR), backlash=80e-6)
+MESH = own(quality=5)
 RELIEF = TipRelief(amount=8e-6, length=2e-3)
 SECTION = {
     "gears": {
@@ -93,10 +93,8 @@ def test_bearings_of_six_degrees_and_trains_carry_the_load():
 def test_wrong_input_is_refused():
     pair = GearPair.from_geometry(MESH, torque=85.0)
     for call, words in (
-        (lambda: duty_point(pair, 3e9), "speed = 3000000000.0"),
         (lambda: duty_point(pair, 3e3, torque=1.0), "torque = 1.0"),
         (lambda: duty_point(MESH, 3e3), "torque = None"),
-        (lambda: duty_point(MESH, -1.0, torque=85.0), "speed = -1.0"),
     ):
         with pytest.raises(ValueError, match=words):
             call()

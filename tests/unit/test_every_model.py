@@ -15,7 +15,6 @@ from gearlib import (
     Harmonics,
     LoadSharingPair,
     OneDegreePair,
-    SixDegreePair,
     basin_stability,
     basins,
     bifurcation_diagram,
@@ -44,6 +43,7 @@ from gearlib.models.profiles import Steps
 from tests.geometry.drawings import fzg_c
 from tests.paper import PAPER
 from tests.properties.changes import as_oscillator
+from tests.properties.known_models import gears
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,13 +78,7 @@ NU, BOX = 0.9, (-1.0, 1.0)
 DAMPED = PAPER.replace(material_damping=3953.7, backlash_damping=3953.7)
 #: Rigid bearings: two coordinates without the free rotation, of which trapping ellipses are found
 #: soon.
-RIGID = SixDegreePair(
-    pair=DAMPED,
-    base_radii=(0.1, 0.1),
-    inertias=(0.06246, 0.06246),
-    masses=(17.0, 17.0),
-    bearing_stiffness=(math.inf,) * 4,
-)
+RIGID = gears(math.inf, 3953.7, 3953.7)
 MODELS = {
     "gear pair": DAMPED,
     "one degree": OneDegreePair(pair=DAMPED, backlash_cubic_damping=4e5),
@@ -124,6 +118,7 @@ CALLS = {
     "bifurcation_diagram": lambda pair: bifurcation_diagram(pair, [NU], settle=2, strobes=4),
     "poincare_section": lambda pair: poincare_section(pair, NU, [(0.0, 0.0)], periods=2),
     "lyapunov_exponents": lambda pair: lyapunov_exponents(pair, [NU], settle=2, periods=20),
+    "run_up": lambda pair: gearlib.run_up(pair, 2000.0, 2500.0, duration=0.05),
     "duty_point": lambda pair: gearlib.duty_point(pair, 3000.0),
     # Of whole revolutions of all.
     "orders": lambda pair: gearlib.orders(simulate(pair, NU, periods=432, record_periods=432)),
@@ -150,6 +145,7 @@ REFUSED = {
     "tongues": {"pairs of teeth", *NO_GEARS},
     "schmidt": {"pairs of teeth", "six degrees", "run-out", "train", *NO_GEARS},
     "duty_point": NO_GEARS,
+    "run_up": {"one degree", "pairs of teeth", "run-out", *NO_GEARS},
     "orders": NO_GEARS,
     "harmonic_balance": {"pairs of teeth", "six degrees", "run-out", "train", *NO_GEARS},
 }

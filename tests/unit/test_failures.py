@@ -5,12 +5,10 @@ import math
 
 import numpy as np
 import pytest
-import xarray as xr
 
 from gearlib import GearPair, integrators
 from gearlib.analysis.tongues import no_loss
 from gearlib.data import gathering, status, storage
-from gearlib.figures import failures_figure as figure
 from gearlib.studies.trials import difficult_problems, failures
 from gearlib.studies.trials.difficult_problems import Problem
 from gearlib.studies.trials.failures import VERDICTS, Outcome, decide
@@ -228,40 +226,3 @@ def test_columns_of_other_problems_are_refused(columns):
     other = failures.compute("rk4", "rk4", {}, CHOSEN[:2])
     with pytest.raises(ValueError):
         gathering.gather_failures([columns[0], other])
-
-
-def test_the_figure_has_a_letter_and_an_error_in_every_cell(columns):
-    drawn = figure.draw(gathering.gather_failures(columns))
-    (axes,) = drawn.axes
-    texts = [text.get_text() for text in axes.texts]
-    # Two texts a cell, but for the one that was refused.
-    assert len(texts) == 2 * len(CHOSEN) * 2 - 1
-    assert texts[:2] == ["m", "2"]
-    # LSODA ran fewer of the 10^5 periods.
-    assert sum(text.endswith("*") for text in texts) == 1
-    assert [label.get_text() for label in axes.get_xticklabels()] == ["rk4-40", "lsoda"]
-
-
-def test_errors_are_printed_short():
-    values = (0.0, 2.0, 12.0, 3.14e-5, 2.6e-16, 1.4, 4.1e10)
-    assert [figure._number(value) for value in values] == [
-        "0", "2", "1e1", "3e-5", "3e-16", "1e0", "4e10",
-    ]  # fmt: skip
-
-
-def test_every_verdict_has_its_look():
-    assert set(figure._LOOKS) == set(VERDICTS)
-    assert len({letter for letter, _ in figure._LOOKS.values()}) == len(VERDICTS)
-    flags = np.arange(len(VERDICTS), dtype=np.int8)[:, None]
-    matrix = xr.Dataset(
-        {
-            "verdict": (("problem", "trial"), flags),
-            "error": (("problem", "trial"), np.full(flags.shape, 0.5)),
-            "periods": (("problem", "trial"), np.ones(flags.shape, int)),
-            "words": ("problem", list(VERDICTS)),
-        },
-        {"trial": ["all"]},
-    )
-    matrix.verdict.attrs["flag_meanings"] = " ".join(VERDICTS)
-    letters = [text.get_text() for text in figure.draw(matrix).axes[0].texts[::2]]
-    assert letters == ["r", "i", "m", "w", "n", "d", "s", "–"]

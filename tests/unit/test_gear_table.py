@@ -7,14 +7,11 @@ import subprocess
 import sys
 
 import pytest
-import xarray as xr
 import yaml
 from click.testing import CliRunner
 
-import gearlib
 from gearlib import GearPair
 from gearlib.cli import main
-from gearlib.config import load
 from gearlib.geometry import Mesh, SpurGear, iso_stiffness
 from gearlib.studies import gear_table
 from tests.geometry.drawings import fzg_c, iso_example, ring
@@ -108,15 +105,6 @@ def test_the_dampings_of_another_pair_count_by_name_only(run, tmp_path):
     for more, damping in (([], 0.0), (["--damping", "k1"], 4e3)):
         done = run(*ISO_EXAMPLE, "--format", "json", *more)
         assert values(json.loads(done.output))["material_damping"]["iso"] == damping
-
-
-def test_other_commands_take_drawn_gears(run):
-    done = run("--config", "fzg.yaml", "--tuning", "0.7", "-o", "run.nc", command="simulate")
-    assert done.exit_code == 0, done.output
-    pair = GearPair(**load(FZG).pair_parameters("k"))
-    assert xr.load_dataset("run.nc").displacement.equals(
-        gearlib.simulate(pair, 0.7, periods=200).displacement
-    )
 
 
 @pytest.mark.parametrize(

@@ -19,6 +19,7 @@ from gearlib import (
 from gearlib.models.model import Model
 from gearlib.models.profiles import Steps
 from tests.paper import PAPER
+from tests.properties.known_models import TABLE
 
 RATIOS = {"contact_ratio": 1.5, "stiffness_ratio": 0.6}
 
@@ -159,21 +160,6 @@ def test_the_last_step_of_a_table_goes_on_at_the_start():
     np.testing.assert_array_equal(pieces.low, [True, False, True])
 
 
-def test_no_piece_of_a_table_crosses_the_mean():
-    rng = np.random.default_rng(6)
-    for first in (0.0, 0.4):
-        phase = np.sort(np.append(rng.uniform(first, 2.0 * math.pi, 6), first))
-        table = Tabulated(tuple(phase), tuple(rng.uniform(1e8, 4e8, 7)))
-        pieces = table.pieces(PAPER)
-        value, slope = pieces.lines.T
-        end = value + slope * np.diff(pieces.breaks)
-        np.testing.assert_allclose(end, np.roll(value, -1), rtol=0, atol=1e-12)
-        assert np.where(pieces.low, np.maximum(value, end), 1.0).max() <= 1.0 + 1e-12
-        assert np.where(pieces.low, 1.0, np.minimum(value, end)).min() >= 1.0 - 1e-12
-        mean = np.sum((value + end) / 2.0 * np.diff(pieces.breaks)) / (2.0 * math.pi)
-        assert mean == pytest.approx(1.0, abs=1e-12)
-
-
 def test_what_is_infinite_is_no_parameter_of_a_derivative():
     stiffness = (1e8, math.inf, 2e8, 3e8)
     model = SIX.replace(bearing_stiffness=stiffness, bearing_damping=(0.0,) * 4)
@@ -226,3 +212,21 @@ def test_torques_where_radii_are_known():
     assert torque.attrs["units"] == "N m"
     # A pair knows the force alone.
     assert "torque" not in gearlib.simulate(PAPER, 0.7, **RUN)
+
+
+def test_tables_are_read(tmp_path):
+    path = tmp_path / "table.csv"
+    rows = zip(TABLE.phase, TABLE.stiffness, strict=True)
+    path.write_text("phase,stiffness\n" + "".join(f"{p},{c}\n" for p, c in rows), encoding="utf-8")
+    assert Tabulated.read(path) == TABLE
+    with pytest.raises(ValueError, match="no column 'C'"):
+        Tabulated.read(path, stiffness="C")
+
+
+def test_harmonics_of_a_table():
+    given = Harmonics((1.0, -0.5), (0.25, 0.0))
+    phase = 0.3 + 2 * math.pi * np.arange(16) / 16
+    n, a, b = given.table().T[:, :, None]
+    values = (a * np.cos(n * phase) + b * np.sin(n * phase)).sum(0)
+    found = Harmonics.from_table(phase, values, 2)
+    np.testing.assert_allclose(found.table(), given.table(), atol=1e-15)

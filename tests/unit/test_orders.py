@@ -56,14 +56,6 @@ def test_every_order_is_the_mean_of_the_motion_with_its_wave(model):
     assert found.error_amplitude.values[8] > 0.1 * THRICE.static_deflection
 
 
-def test_parseval():
-    found = orders(run(LOSING, samples_per_period=1024), count=200)
-    for name, mean_square, close in (("force", "force", 2e-3), ("error", "error", 1e-8)):
-        amplitude = found[f"{name}_amplitude"].values
-        power = amplitude[0] ** 2 + (amplitude[1:] ** 2).sum() / 2.0
-        assert power == pytest.approx(float(found[f"mean_square_{mean_square}"]), rel=close)
-
-
 def test_samples_do_not_enter_the_closed_form_and_do_elsewhere():
     few, many = (orders(run(LOSING, samples_per_period=n), count=4) for n in (32, 4096))
     assert np.allclose(few.force_amplitude, many.force_amplitude, rtol=0.0, atol=1e-10)

@@ -10,6 +10,7 @@ from gearlib.figures import parametric_resonance_figure as picture
 from gearlib.studies import contact_loss
 from gearlib.studies import tongue_chart as chart
 from tests.paper import PARAMETERS
+from tests.references import map_of_contact
 from tests.tables import read_back
 
 PAIRS = {"k1": PARAMETERS | {"material_damping": 3953.7}, "conservative": PARAMETERS}
@@ -79,15 +80,10 @@ def test_what_happens_at_a_tuning_stands_in_a_table(facts, tmp_path, tuning, cau
 
 
 def growth_percent(pair, tuning):
-    """Return by how much undamped deviations grow per mesh period: two swings of two springs."""
-    share, kappa = pair.contact_ratio - 1.0, pair.stiffness_ratio
-    stiff = 1.0 / (share + (1.0 - share) * kappa)
-    period = np.eye(2)
-    for part, spring in ((share, stiff), (1.0 - share, kappa * stiff)):
-        rate, angle = np.sqrt(spring) / tuning, 2.0 * np.pi * part * np.sqrt(spring) / tuning
-        c, s = np.cos(angle), np.sin(angle)
-        period = np.array([[c, s / rate], [-s * rate, c]]) @ period
-    return 100.0 * (np.abs(np.linalg.eigvals(period)).max() - 1.0)
+    """Return by how much undamped deviations grow per mesh period."""
+    matrix = map_of_contact(pair.contact_ratio, pair.stiffness_ratio, 0, tuning)
+    found = np.linalg.eigvals(np.array(matrix.tolist(), float))
+    return 100.0 * (np.abs(found).max() - 1.0)
 
 
 def test_the_chart_marks_the_pinched_tongues_that_it_shows(facts):

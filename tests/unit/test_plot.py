@@ -7,13 +7,9 @@ from matplotlib import pyplot
 import gearlib
 from gearlib import plot, simulate, sweep
 from gearlib.figures import plot_curves
-from gearlib.geometry import Mesh, SpurGear
+from tests.geometry.drawings import own
 
-MESH = Mesh(
-    SpurGear(teeth=23, module=2.5e-3, width=18e-3),
-    SpurGear(teeth=61, module=2.5e-3, width=18e-3),
-    backlash=80e-6,
-)
+MESH = own()
 PAIR = gearlib.GearPair.from_geometry(MESH, torque=85.0, damping_ratio=0.12)
 
 
@@ -82,6 +78,28 @@ def test_orders_stand_at_their_amplitudes_and_mesh_orders_have_names():
         plot.orders(run)
     with pytest.raises(ValueError, match="variable = 'force'"):
         plot.orders(spectrum, variable="force")
+
+
+def test_run_ups_stand_at_their_speeds_those_that_fall_dotted():
+    run = gearlib.run_up(PAIR, speed=[(0.0, 1500.0), (0.5, 2500.0), (1.0, 1500.0)])
+    up, down = plot.run_up(run).lines
+    rises = run.revolution_time < 0.49
+    assert (up.get_linestyle(), down.get_linestyle()) == ("-", ":")
+    speeds, forces = run.revolution_speed.values, run.dynamic_force_max.values
+    np.testing.assert_array_equal(up.get_xdata(), speeds)
+    np.testing.assert_array_equal(up.get_ydata()[rises], forces[rises])
+    assert np.isnan(up.get_ydata()[run.revolution_time > 0.51]).all()
+    both = np.where(np.isnan(up.get_ydata()), down.get_ydata(), up.get_ydata())
+    np.testing.assert_array_equal(both, forces)
+    axes = plot.run_up(run, variable="displacement_max")
+    assert axes.get_ylabel() == "largest displacement (µm)"
+    np.testing.assert_allclose(
+        axes.lines[0].get_ydata()[rises], 1e6 * run.displacement_max[rises], rtol=1e-12
+    )
+    with pytest.raises(ValueError, match="variable = 'phase' is not allowed"):
+        plot.run_up(run, variable="phase")
+    with pytest.raises(ValueError, match="gearlib.plot.run_up draws datasets of gearlib.run_up"):
+        plot.run_up(simulate(PAIR, 0.45, periods=2))
 
 
 def test_axes_of_another_kind_are_refused():

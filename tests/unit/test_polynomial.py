@@ -6,6 +6,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from numpy.polynomial import Chebyshev, Polynomial
 
 from gearlib.kernels import polynomial
 from gearlib.kernels.polynomial import (
@@ -13,7 +14,6 @@ from gearlib.kernels.polynomial import (
     fall_by_shape,
     first_fall,
     highest,
-    lowest_of_parabola,
 )
 from gearlib.kernels.taylor.series import ROWS, X
 from gearlib.kernels.taylor.taylor_run import first_crossing
@@ -51,14 +51,6 @@ def test_first_of_many_roots(seed, find):
         # Coefficients carry 1e-16; a root near others moves by that over the distance to them.
         expected = roots[0] if roots.size else 2.0
         assert abs(found - expected) <= 1e-12 / apart ** max(1, roots.size - 1)
-
-
-def test_a_start_on_the_line():
-    c = np.zeros(DEGREE + 1)
-    c[1:3] = 1.0, -1.5
-    assert first_fall(c, MATRIX, WORK) == pytest.approx(2 / 3, abs=1e-14)
-    c[:3] = 0.0, -1.0, -1.5
-    assert first_fall(c, MATRIX, WORK) == 0.0
 
 
 @pytest.mark.parametrize("below", [1e-12, 1e-9, 1e-3])
@@ -128,10 +120,22 @@ def test_a_budget_that_is_spent_is_told():
     # What is told all the same is as true as with all of the budget.
     rest = [(a, b) for a, b, gone in zip(short, full, spent, strict=True) if not gone]
     np.testing.assert_allclose(*zip(*rest, strict=True), rtol=0, atol=1e-15)
-    hill = np.zeros(DEGREE + 1)
-    hill[1:3] = 1.0, -0.75
-    assert math.isnan(with_budget(highest, 12)(hill, MATRIX, WORK, -math.inf))
-    assert highest(hill, MATRIX, WORK, -math.inf) == pytest.approx(1.0 / 3.0, abs=1e-13)
+    hills = np.zeros(DEGREE + 1)
+    wave = Chebyshev.basis(6, domain=(0.0, 1.0)).convert(kind=Polynomial) - 0.1 * Polynomial((0, 1))
+    hills[:7] = wave.coef
+    assert math.isnan(with_budget(highest, 2)(hills, MATRIX, WORK, -math.inf))
+    tops = [float(wave(s.real)) for s in wave.deriv().roots() if 0.0 < s.real < 1.0]
+    assert highest(hills, MATRIX, WORK, -math.inf) == pytest.approx(max(*tops, 1.0), abs=1e-13)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_largest_value_is_that_between_the_ends_too(seed):
+    c = np.zeros(DEGREE + 1)
+    c[:6] = np.random.default_rng(seed).normal(size=6)
+    curve = Polynomial(c[:6])
+    tops = [s.real for s in curve.deriv().roots() if abs(s.imag) < 1e-12 and 0.0 < s.real < 1.0]
+    wanted = max(float(curve(s)) for s in (0.0, 1.0, *tops))
+    assert highest(c, MATRIX, WORK, -math.inf) == pytest.approx(wanted, abs=1e-13)
 
 
 def test_a_flat_root_is_placed_to_the_end():
@@ -166,21 +170,6 @@ def _first_root(coefficients):
     return min(real, default=2.0)
 
 
-@pytest.mark.parametrize("seed", range(20))
-def test_a_fall_that_its_shape_tells_is_found_without_looking_further(seed):
-    rng = np.random.default_rng(seed)
-    # It falls all along, bent one way or both; or it is bent one way, and rises at first.
-    falls = np.append(1.0, -rng.uniform(0.0, 2.0, 20) / 2.0 ** np.arange(1, 21) ** 1.5)
-    falls[1] = -1.0
-    bent = np.append([1.0, rng.uniform(0.1, 2.0), -rng.uniform(4.0, 9.0)], 1e-3 * falls[3:])
-    wavy = np.append([1.0, -2.0, 0.4, -0.4], 1e-3 * falls[4:])
-    for curve in (falls, bent, wavy):
-        found = fall_by_shape(curve, 0)
-        assert found == pytest.approx(_first_root(curve), abs=1e-13)
-        # The same behind a start on the line.
-        assert fall_by_shape(np.append(0.0, curve), 1) == pytest.approx(found, abs=1e-15)
-
-
 @pytest.mark.parametrize("power", [1, 2, 3, 7])
 def test_a_polynomial_that_falls_all_along_is_not_cut(power):
     # The first coefficients of 1 - 2 s^k in Bernstein form are equal: no rise.
@@ -201,16 +190,6 @@ def test_steps_of_few_terms_leave_two_of_all(seed):
     falls[1] = -1.0
     for curve in (falls, np.append([1.0, -2.0, 0.4, -0.4], 1e-3 * falls[4:])):
         assert short(curve, 0) == pytest.approx(_first_root(curve), abs=1e-13)
-
-
-def test_a_parabola_is_lowest_where_it_is():
-    rng = np.random.default_rng(2)
-    s = np.linspace(0.0, 1.0, 2001)
-    for a, b, c in rng.normal(size=(500, 3)):
-        looked = (a + b * s + c * s * s).min()
-        found = lowest_of_parabola(a, b, c)
-        # A look misses the lowest point by half a step at most.
-        assert looked - abs(c) * 0.25e-3**2 - 1e-15 <= found <= looked + 1e-15
 
 
 def test_shape_tells_what_bernstein_form_tells():

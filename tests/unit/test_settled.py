@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from gearlib import GearPair, OneDegreePair, periodic_orbit, simulate, sweep
-from gearlib.geometry import Mesh, SpurGear
 from gearlib.kernels import orbit
 from gearlib.kernels.closed_form import recorded_arcs
 from gearlib.kernels.closed_form.event_by_event import ARC_COLUMNS, march_period
@@ -15,6 +14,7 @@ from gearlib.kernels.closed_form.pair_run import skip
 from gearlib.kernels.closed_form.settling import clear_of_grazing, sum_of_powers
 from gearlib.kernels.closed_form.whole_periods import new_work, set_mesh, set_start
 from gearlib.models.propagators.closed_form import ratios
+from tests.geometry.drawings import own
 from tests.paper import PAPER
 from tests.properties.known_models import gears, pairs_as_train
 from tests.unit.test_whole_periods import LIMIT, bouncing_case, ratios_of, whole_periods
@@ -136,14 +136,6 @@ def test_closeness_to_grazing_is_seen(miss, gap, clear):
     assert count > 0
 
 
-@pytest.mark.parametrize("miss", [1e-6, 1e-3])
-def test_closeness_to_the_far_flank_is_seen(miss):
-    m = mesh(ratios_of(1.569, 0.5879, 0.0, 0.0, 4.0), 0.9)
-    speed = math.sqrt(2.0 * m.pull * (m.gap - miss))
-    arc = np.array([[0.0, -2.0 * speed / -m.pull, 0.0, 1.0, 0.0, -speed]])
-    assert clear_of_grazing(m, arc, 1) is (miss > 1e-5)
-
-
 def test_an_orbit_recorded_once_is_the_orbit_propagated_to_its_end():
     # Every period that a run records, event by event: summary, events and samples.
     repeats = set()
@@ -185,21 +177,8 @@ def test_an_orbit_recorded_once_is_the_orbit_propagated_to_its_end():
     assert {1, 2, 3, 5} <= repeats
 
 
-def test_a_record_begins_on_the_orbit_or_goes_to_its_end():
-    # Just settled, periods still differ by what is left of the transient.
-    pair = GearPair.from_ratios(**PAIR, damping=0.0617, backlash_damping=0.0617)
-    m = mesh(ratios(pair), 0.9)
-    for periods in range(60, 110):
-        one = simulate(pair, 0.9, periods=periods, record_periods=24)
-        _, x, v, _ = whole_periods(m, 0.0, 0.0, periods)
-        # A record of one repeat may begin 1e-13 from the orbit.
-        np.testing.assert_allclose(one.final_state, (x, v), rtol=0, atol=4e-13)
-
-
 def own_gears(damping):
-    pinion, wheel = (SpurGear(teeth=z, module=2.5e-3, width=18e-3) for z in (23, 61))
-    drawing = Mesh(pinion, wheel, backlash=80e-6)
-    return GearPair.from_geometry(drawing, torque=85.0, damping_ratio=damping)
+    return GearPair.from_geometry(own(), torque=85.0, damping_ratio=damping)
 
 
 def plain_period(pair, nu, state=(0.0, 0.0), periods=20_000):

@@ -1,7 +1,6 @@
 """The section `train` of a configuration: it says all that the library takes, and builds that."""
 
 import dataclasses
-import inspect
 from pathlib import Path
 
 import numpy as np
@@ -31,20 +30,6 @@ def test_the_default_is_the_reducer_of_the_paper():
     pair = gearlib.GearPair(**settings.pair_parameters("k1"))
     found = described(**settings.train_parameters("k1"))
     assert found == gearlib.split_power_reducer(pair)
-
-
-@pytest.mark.parametrize(
-    ("section", "thing"),
-    [(section, getattr(gearlib, key)) for key, section in zip(
-        READY_MADE, (trains.SplitPowerReducer, trains.Planetary, trains.Idler, trains.TwoStage),
-        strict=True,
-    )]
-    + [(trains.BodyPart, gearlib.Body), (trains.ShaftPart, gearlib.Shaft)]
-    + [(trains.MeshPart, gearlib.Mesh), (trains.Deviation, gearlib.Harmonics)],
-)  # fmt: skip
-def test_a_section_has_the_arguments_of_the_library(section, thing):
-    arguments = set(inspect.signature(thing).parameters) - {"pair", "options"}
-    assert set(section.model_fields) - DRAWN == arguments - DRAWN
 
 
 def test_all_keys_are_tried():

@@ -35,17 +35,6 @@ def run(state=(0.0, 0.0), phases=(), kinds=()):
     )
 
 
-def datasets(method, names=("smooth", "bouncing")):
-    arguments = (
-        method,
-        references.compute(list(names), PARAMETERS, {}, SETTINGS),
-        PARAMETERS,
-        {},
-        SETTINGS,
-    )
-    return wp.errors(*arguments), wp.times(*arguments, repeats=1)
-
-
 def test_error_of_the_state():
     assert wp.state_error(run((1.0, 2.0)), run((1.5, 1.0))) == 1.0
     assert np.isnan(wp.state_error(run((np.nan, np.nan)), run()))
@@ -165,11 +154,6 @@ def test_no_timed_run_is_longer_than_the_one_whose_error_is_known(monkeypatch):
     assert max(most) == 20
 
 
-@pytest.fixture(scope="module")
-def both():
-    return [datasets(method) for method in ("exact", "taylor")]
-
-
 def measured(method, line, error, seconds):
     """Return datasets of errors and times of one line with some rungs on one problem."""
     count = len(error)
@@ -221,15 +205,6 @@ def test_own_methods_are_those_without_a_package_of_others():
     for name, module in integrators.METHODS.items():
         others = hasattr(module, "PACKAGE") or module.__name__.endswith("scipy_ivp")
         assert (name in wp.OF_LIBRARY) == (not others)
-
-
-def test_units_and_shapes(both):
-    for data in both[1]:
-        assert data.sizes == {"problem": 2, "rung": 6}
-        numbers = [v for v in data.variables.values() if v.dtype.kind in "if"]
-        assert all("units" in v.attrs and "long_name" in v.attrs for v in numbers)
-    # Times keep to themselves.
-    assert not {"period_time", "closed_form_time", "warm_up_time"} & set(both[1][0].data_vars)
 
 
 def test_a_method_that_does_not_take_a_model_has_no_numbers():

@@ -111,37 +111,41 @@ def test_a_changed_colour_only_redraws(project):
     assert {path.rsplit("/", 1)[0] for path in changed} == {"results/figures", "results/report"}
 
 
-def test_a_new_format_only_redraws(project):
-    project.configure(lambda settings: settings["figures"]["formats"].append("svg"))
-    assert project.planned() == DRAWN_BY_TABLE
+TRIAL = {"name": "mine", "method": "newmark", "options": {"contact": "frozen"}}
+#: Change of the configuration -> what runs then.
+CHANGES = {
+    "a new format": (lambda c: c["figures"]["formats"].append("svg"), DRAWN_BY_TABLE),
+    "a raised stop leaves the computed windows": (
+        lambda c: c["resonance"].update(stop=2.3),
+        {
+            # One new cold window; up and down carry their state through the whole range.
+            "sweep_window": DAMPINGS * (1 + 1 + 1),
+            "gather_resonance": 1,
+            "draw_resonance": 1,
+            "draw_report_page": 1,
+            "compute_claims": 1,
+        },
+    ),
+    "a damping value": (
+        lambda c: c["dampings"]["k1"].update(material_damping=4000),
+        after_another_k1(),
+    ),
+    "a picture of a scene": (
+        lambda c: c["scenes"]["fig7_damping"].update(periods_shown=2),
+        {"draw_scene": 1},
+    ),
+    "a method more": (
+        lambda c: c["failures"]["trials"].append(TRIAL),
+        {"trial": 1, "gather_failures": 1, "draw_failures": 1},
+    ),
+}
 
 
-def test_a_raised_stop_leaves_the_computed_windows(project):
-    project.configure(lambda settings: settings["resonance"].update(stop=2.3))
-    assert project.planned() == {
-        # One new cold window; up and down carry their state through the whole range.
-        "sweep_window": DAMPINGS * (1 + 1 + 1),
-        "gather_resonance": 1,
-        "draw_resonance": 1,
-        "draw_report_page": 1,
-        "compute_claims": 1,
-    }
-
-
-def test_a_damping_value_reruns_its_combination(project):
-    project.configure(lambda settings: settings["dampings"]["k1"].update(material_damping=4000))
-    assert project.planned() == after_another_k1()
-
-
-def test_a_changed_picture_of_a_scene_redraws_it(project):
-    project.configure(lambda settings: settings["scenes"]["fig7_damping"].update(periods_shown=2))
-    assert project.planned() == {"draw_scene": 1}
-
-
-def test_a_method_more_runs_its_trial(project):
-    trial = {"name": "mine", "method": "newmark", "options": {"contact": "frozen"}}
-    project.configure(lambda settings: settings["failures"]["trials"].append(trial))
-    assert project.planned() == {"trial": 1, "gather_failures": 1, "draw_failures": 1}
+@pytest.mark.parametrize("name", CHANGES)
+def test_a_change_of_the_configuration_reruns_what_is_its(project, name):
+    change, expected = CHANGES[name]
+    project.configure(change)
+    assert project.planned() == expected
 
 
 @pytest.mark.parametrize(

@@ -14,8 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.linalg import solve_discrete_lyapunov
 
-from gearlib.analysis.global_dynamics.stroboscope import chain
-from gearlib.analysis.orbits.shooting import NoOrbit, Orbit, periodic_orbit
+from gearlib.analysis.orbits.shooting import NoOrbit, Orbit, periodic_orbit, product
 from gearlib.kernels import orbit as columns
 
 KINDS = ("periodic", "chaotic", "unbounded", "undecided")
@@ -153,10 +152,10 @@ def _ellipses(strobe, points, seen, size):
     count, n = seen.shape
     maps = strobe.cycle_maps(points[0], count)
     forms, factors = np.empty((count, n, n)), np.empty((count, n, n))
-    radius = np.abs(np.linalg.eigvals(chain(maps))).max()
+    radius = np.abs(np.linalg.eigvals(product(maps))).max()
     turns = max(1, int(np.ceil(2.0 * np.log(_SHRINK) / np.log(max(radius, 1e-12)))))
     for j in range(count):
-        around = np.linalg.matrix_power(chain(np.roll(maps, -j, axis=0)), turns)
+        around = np.linalg.matrix_power(product(np.roll(maps, -j, axis=0)), turns)
         # Smallest solution of around^T S around = _SHRINK^2 (S - 1): shrunk by _SHRINK at least.
         forms[j] = solve_discrete_lyapunov(around.T / _SHRINK, np.eye(n))
         factors[j] = np.linalg.inv(np.linalg.cholesky(forms[j]).T)

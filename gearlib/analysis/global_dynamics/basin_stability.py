@@ -1,7 +1,6 @@
 """`basin_stability`: shares of the attractors among random initial states, over the tuning."""
 
 import numpy as np
-import xarray as xr
 from scipy.optimize import linear_sum_assignment
 
 from gearlib import checks, notebook
@@ -10,8 +9,7 @@ from gearlib.analysis.global_dynamics.attractors import PERIODIC
 from gearlib.analysis.global_dynamics.basins import KIND_FLAGS
 from gearlib.analysis.global_dynamics.classification import classify, refuse_undamped
 from gearlib.analysis.global_dynamics.stroboscope import Stroboscope
-from gearlib.data import provenance
-from gearlib.data.variables import describe
+from gearlib.data.result import result
 from gearlib.runs.run_arguments import MAX_EVENTS, check_tuning
 
 #: Orbits of neighbouring tunings are one family when their extrema differ by less than this share
@@ -76,21 +74,22 @@ def basin_stability(
         cycles = -(-periods // strobe.cycle)
         attractors, labels = classify(strobe, low + shares * (high - low), cycles, seed=seed)
         found.append((attractors, np.bincount(labels, minlength=len(attractors)) / labels.size))
-    dataset = _families(pair, values, found, cells * cells)
-    dataset.attrs = provenance.attributes(
+    dataset = result(
         "Basin stability of a gear mesh",
         pair,
+        *_families(values, found, cells * cells),
         method="stratified initial states",
         region=grids.region(region).tolist(),
         samples=cells * cells,
         periods=periods,
         seed=seed,
     )
+    dataset["attractor_kind"].attrs |= KIND_FLAGS
     return dataset
 
 
-def _families(model, tunings, found, samples):
-    """Return the dataset of families, following attractors from tuning to tuning."""
+def _families(tunings, found, samples):
+    """Return (data, coordinates) of families, following attractors from tuning to tuning."""
     families = []  # latest attractor of each
     places = [None] * len(tunings)
     for i in np.argsort(tunings):
@@ -126,10 +125,7 @@ def _families(model, tunings, found, samples):
         "attractor_kind": ("attractor_family", np.array([one.kind for one in families], np.int8)),
         "period": ("attractor_family", np.array([one.period for one in families], np.int32)),
     }
-    coords = {"tuning": tunings, "attractor_family": np.arange(len(families))}
-    dataset = describe(xr.Dataset(data, coords), model)
-    dataset["attractor_kind"].attrs |= KIND_FLAGS
-    return dataset
+    return data, {"tuning": tunings, "attractor_family": np.arange(len(families))}
 
 
 def _distance(one, other):

@@ -10,10 +10,8 @@ from gearlib.analysis.global_dynamics.attractors import KINDS
 from gearlib.analysis.global_dynamics.classification import classify, refuse_undamped
 from gearlib.analysis.global_dynamics.grids import initial_states, mesh_states
 from gearlib.analysis.global_dynamics.stroboscope import Stroboscope
-from gearlib.data import provenance
-from gearlib.data.result import stacked
+from gearlib.data.result import result, stacked
 from gearlib.data.status import flags_of
-from gearlib.data.variables import describe
 from gearlib.runs.run_arguments import MAX_EVENTS
 
 #: Numbers of an attractor that a dataset has under their names.
@@ -99,35 +97,29 @@ def basins(
     attractors, labels = classify(
         strobe, mesh_states(x, v), cycles, stop_early=stop_early, seed=seed
     )
+    share = np.bincount(labels, minlength=len(attractors)) / labels.size
     data = {
         "basin": (("displacement", "velocity"), labels.reshape(x.size, v.size).astype(np.int16)),
         **attractor_variables(attractors),
-        **share_variables(labels, len(attractors)),
+        "share": ("attractor", share),
+        "share_error": ("attractor", np.sqrt(share * (1.0 - share) / labels.size)),
         **pair.scales(),
         "tuning": strobe.tuning,
     }
     dataset = xr.Dataset(data, {"displacement": x, "velocity": v})
     numbers = ("attractor", "point", "coordinate", "multiplier")
-    dataset = dataset.assign_coords({n: np.arange(dataset.sizes[n]) for n in numbers})
-    dataset = describe(dataset, pair)
-    dataset["attractor_kind"].attrs |= KIND_FLAGS
-    dataset.attrs = provenance.attributes(
+    dataset = result(
         "Basins of attraction of a gear mesh",
         pair,
+        dataset.assign_coords({n: np.arange(dataset.sizes[n]) for n in numbers}),
         method=strobe.propagator.words,
         tuning=strobe.tuning,
         periods=cycles * strobe.cycle,
         stop_early=bool(stop_early),
         seed=seed,
     )
+    dataset["attractor_kind"].attrs |= KIND_FLAGS
     return dataset
-
-
-def share_variables(labels, count):
-    """Return share and share_error of each of `count` attractors among the labels."""
-    share = np.bincount(labels, minlength=count) / labels.size
-    error = np.sqrt(share * (1.0 - share) / labels.size)
-    return {"share": ("attractor", share), "share_error": ("attractor", error)}
 
 
 def attractor_variables(attractors):

@@ -3,13 +3,7 @@
 import numpy as np
 
 from gearlib.analysis import lyapunov
-from gearlib.analysis.global_dynamics.attractors import (
-    CHAOTIC,
-    UNBOUNDED,
-    UNDECIDED,
-    Attractor,
-    find,
-)
+from gearlib.analysis.global_dynamics import attractors
 from gearlib.data import status
 from gearlib.kernels import orbit as columns
 from gearlib.models.model import FAR
@@ -77,7 +71,7 @@ class _Run:
         while len(ends):
             # A few at a time: most of the others are then in a trapping ellipse.
             few, ends = ends[:_CLOSER], ends[_CLOSER:]
-            self.known += find(self.strobe, few, self.known)
+            self.known += attractors.find(self.strobe, few, self.known)
             for one in self.known:
                 ends = ends[~one.ellipses.holds(self.strobe.seen(ends))]
         return len(self.known) > before
@@ -158,7 +152,9 @@ class _Run:
         error = np.sqrt((uncertainty**2).sum()) / len(found)
         mean = lyapunov.Exponent(value.mean(), error, growth.sum(), int(periods.sum()))
         if mean.positive:
-            self.others[CHAOTIC] = self._extent(CHAOTIC, float(mean.value), float(error))
+            self.others[attractors.CHAOTIC] = self._extent(
+                attractors.CHAOTIC, float(mean.value), float(error)
+            )
         return bool(mean.positive)
 
     def _extent(self, kind, exponent=np.nan, uncertainty=np.nan):
@@ -169,19 +165,19 @@ class _Run:
             _, summary, _ = strobe.propagator.record(state, _RECORD, strobe.max_events)
             high = max(high, float(summary[columns.X_MAX]))
             low = min(low, float(summary[columns.X_MIN]))
-        return Attractor(kind, high, low, exponent=exponent, uncertainty=uncertainty)
+        return attractors.Attractor(kind, high, low, exponent=exponent, uncertainty=uncertainty)
 
     def name_the_rest(self):
         """Label what has no periodic attractor."""
         if self.left.size:
-            if CHAOTIC not in self.others and not self.all_chaotic():
-                self.others[UNDECIDED] = self._extent(UNDECIDED)
-            kind = CHAOTIC if CHAOTIC in self.others else UNDECIDED
+            if attractors.CHAOTIC not in self.others and not self.all_chaotic():
+                self.others[attractors.UNDECIDED] = self._extent(attractors.UNDECIDED)
+            kind = attractors.CHAOTIC if attractors.CHAOTIC in self.others else attractors.UNDECIDED
             self.labels[self.left] = len(self.known)
             self.known.append(self.others[kind])
         if self.unbounded.any():
             self.labels[self.unbounded] = len(self.known)
-            self.known.append(Attractor(UNBOUNDED))
+            self.known.append(attractors.Attractor(attractors.UNBOUNDED))
 
     def sorted(self):
         """Return (attractors, labels) in the order of `Attractor.order`."""

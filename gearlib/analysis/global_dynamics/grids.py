@@ -32,9 +32,8 @@ def initial_states(grid):
     try:
         first, second = grid
     except (TypeError, ValueError):
-        raise ValueError(
-            f"grid = {grid!r} is not allowed: it must be two, displacements and velocities, each "
-            "(first, last, count) or an array"
+        raise checks.refusal(
+            "grid", grid, "two, displacements and velocities, each (first, last, count) or an array"
         ) from None
     names = ("grid displacements", "grid velocities")
     counts = [_count(name, axis) for name, axis in zip(names, (first, second), strict=True)]
@@ -72,9 +71,7 @@ def values(name, given):
     """Return a non-empty sequence of different finite numbers as a float array."""
     array = np.atleast_1d(floats(given))
     if array.ndim != 1 or not array.size or not np.isfinite(array).all():
-        raise ValueError(
-            f"{name} = {given!r} is not allowed: it must be a non-empty sequence of finite numbers"
-        )
+        raise checks.refusal(name, given, "a non-empty sequence of finite numbers")
     if np.unique(array).size < array.size:
         raise ValueError(f"{name} = {given!r} is not allowed: its values must be all different")
     return array

@@ -26,9 +26,9 @@ def settled(model, diagrams, directions, starts):
     for k in np.flatnonzero(carried):
         behind = False
         for i in _order(diagrams[k], directions[k]):
-            behind = (behind or lost[k, i]) and not (
-                one[i] and _on_one_orbit(strobes[~carried | (np.arange(len(lost)) == k), i])
-            )
+            sets = np.sort(strobes[~carried | (np.arange(len(lost)) == k), i], axis=1)
+            together = np.ptp(sets, axis=0).max() <= _ONE_ORBIT * max(1.0, np.ptp(sets))
+            behind = (behind or lost[k, i]) and not (one[i] and together)
             known[k, i] = periods[k, i] > 0 and not behind
     return known
 
@@ -48,9 +48,3 @@ def _lost(model, diagram, direction, start):
     lost, ends = np.zeros(len(order), bool), diagram.final_state.values[order]
     lost[order] = lyapunov.lost_in_sweep(model, tunings[order], ends, start, periods)
     return lost
-
-
-def _on_one_orbit(strobes):
-    """Return whether the displacements of several motions, shape (k, strobe), are those of one."""
-    sets = np.sort(strobes, axis=1)
-    return np.ptp(sets, axis=0).max() <= _ONE_ORBIT * max(1.0, np.ptp(sets))

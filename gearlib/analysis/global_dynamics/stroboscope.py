@@ -11,6 +11,7 @@ import numpy as np
 
 from gearlib import checks
 from gearlib.analysis.global_dynamics.grids import check_one_mesh
+from gearlib.analysis.orbits.shooting import product
 from gearlib.data import status
 from gearlib.integrators import choose
 from gearlib.runs.run_arguments import MAX_EVENTS, check_tuning
@@ -48,7 +49,7 @@ class Stroboscope:
         maps = self._reduce @ maps @ self.lift
         scaled = maps * self.weights[:, None] / self.weights
         grouped = scaled.reshape(cycles, self.cycle, *maps.shape[1:])
-        return np.array([chain(group) for group in grouped])
+        return np.array([product(group) for group in grouped])
 
     def __call__(self, states, cycles):
         """Take states, shape (k, n), through `cycles` cycles: their ends, codes of status.
@@ -73,11 +74,3 @@ class Stroboscope:
                 list(pool.map(go, parts))
         ends[codes != status.OK] = np.nan
         return ends, codes
-
-
-def chain(maps):
-    """Return the product of maps, the first of them rightmost."""
-    matrix = np.eye(maps.shape[-1])
-    for one in maps:
-        matrix = one @ matrix
-    return matrix

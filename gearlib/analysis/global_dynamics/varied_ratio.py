@@ -16,10 +16,7 @@ def models(model, tuning, parameter, values):
     """
     checks.one_of("parameter", parameter, PARAMETERS)
     if parameter == "tuning":
-        if tuning is not None:
-            raise ValueError(
-                f"tuning = {tuning!r} is not allowed: it must be left out where it is varied"
-            )
+        checks.require(tuning is None, "tuning", tuning, "left out where it is varied")
         return [(model, check_tuning(f"values[{i}]", nu)) for i, nu in enumerate(values.tolist())]
     if tuning is None:
         raise ValueError(f"tuning = None is not allowed: {parameter} is varied at one tuning")

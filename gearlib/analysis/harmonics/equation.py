@@ -20,6 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gearlib import checks
 from gearlib.models.model import is_model
 
 #: Samples per harmonic, at least: the product of c and x is then free of aliasing.
@@ -231,8 +232,5 @@ def stiffness_coefficients(law, highest):
 def takes(model):
     """Return `model` if it has one degree of freedom, else raise ValueError."""
     if not (is_model(model) and model.one_mesh):
-        raise ValueError(
-            f"pair = {model!r} is not allowed: it must be a GearPair or a OneDegreePair, "
-            "one degree of freedom"
-        )
+        raise checks.refusal("pair", model, "a GearPair or a OneDegreePair, one degree of freedom")
     return model

@@ -10,15 +10,7 @@ that of `gearlib.analysis.harmonics.hill_method`.
 
 import numpy as np
 
-from gearlib.analysis.harmonics import hill_method
-from gearlib.analysis.harmonics.solution import (
-    ROUGH,
-    PeriodicSolution,
-    check_problem,
-    easing,
-    first_coefficients,
-    resized,
-)
+from gearlib.analysis.harmonics import hill_method, solution
 from gearlib.analysis.orbits.shooting import NoOrbit
 
 #: Residual over the load that counts as none; times the size of the inertia terms if larger.
@@ -58,13 +50,17 @@ def harmonic_balance(pair, tuning, *, harmonics=64, samples=None, guess=None, pe
     gearlib.analysis.orbits.shooting.NoOrbit
         If Newton's method found none near the guess; the message says what to try.
     """
-    equation = check_problem(pair, tuning, harmonics, samples, period)
-    coefficients = first_coefficients(equation, guess)
+    equation = solution.check_problem(pair, tuning, harmonics, samples, period)
+    coefficients = solution.first_coefficients(equation, guess)
     steps, evaluations = 0, 0
-    for easier in easing(equation, guess):
-        coefficients, _, *cost = _newton(easier, resized(coefficients, easier), ROUGH)
+    for easier in solution.easing(equation, guess):
+        coefficients, _, *cost = _newton(
+            easier, solution.resized(coefficients, easier), solution.ROUGH
+        )
         steps, evaluations = steps + cost[0], evaluations + cost[1]
-    coefficients, size, *cost = _newton(equation, resized(coefficients, equation), RESIDUAL)
+    coefficients, size, *cost = _newton(
+        equation, solution.resized(coefficients, equation), RESIDUAL
+    )
     steps, evaluations = steps + cost[0], evaluations + cost[1]
     if not size <= _least(equation, coefficients, RESIDUAL):
         raise NoOrbit(
@@ -72,7 +68,7 @@ def harmonic_balance(pair, tuning, *, harmonics=64, samples=None, guess=None, pe
             f"tuning = {equation.tuning!r}, the best residual is {size:.2g}: guess the solution of "
             "a neighbouring tuning or the displacements of a run, or take another period"
         )
-    return PeriodicSolution(
+    return solution.PeriodicSolution(
         pair,
         equation.tuning,
         equation.period,

@@ -4,15 +4,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import xarray as xr
 
 from gearlib import checks
 from gearlib.analysis.harmonics import accuracy
 from gearlib.analysis.harmonics.equation import LEAST_SAMPLES, MeshEquation, default_samples, takes
-from gearlib.data import provenance
-from gearlib.data.contact_states import FLAGS
 from gearlib.data.numbers_given import floats
-from gearlib.data.variables import describe
+from gearlib.data.result import result
 from gearlib.kernels.closed_form.mesh_constants import contact_of
 from gearlib.runs.run_arguments import check_tuning
 
@@ -129,17 +126,16 @@ class PeriodicSolution:
             found = accuracy.errors(self, orbit)
             data |= {f"{name}_error": value for name, value in found._asdict().items()}
         coords = {"phase": phase, "harmonic": self._orders()}
-        dataset = describe(xr.Dataset(data, coords))
-        dataset["contact"].attrs |= FLAGS
-        dataset.attrs = provenance.attributes(
+        return result(
             "Periodic motion of a gear mesh over harmonics",
             self.pair,
+            data,
+            coords,
             method=self.method,
             tuning=self.tuning,
             harmonics=self.harmonics,
             samples=self.samples,
         )
-        return dataset
 
     def _orders(self):
         return np.arange(self.harmonics + 1) / self.period

@@ -12,17 +12,8 @@ from functools import cached_property
 import numpy as np
 
 from gearlib import checks
+from gearlib.analysis.orbits import shooting
 from gearlib.analysis.orbits.followed_parameters import with_parameter
-from gearlib.analysis.orbits.shooting import (
-    RESIDUAL,
-    Orbit,
-    contacts,
-    is_stable,
-    multipliers_of,
-    product,
-    resting,
-    size_of,
-)
 from gearlib.analysis.orbits.tracing import Lost
 from gearlib.data import status
 from gearlib.kernels import orbit as columns
@@ -46,7 +37,7 @@ class Evaluation:
     @property
     def small(self):
         """Whether the residual counts as none."""
-        return self.residual <= RESIDUAL
+        return self.residual <= shooting.RESIDUAL
 
     @cached_property
     def jacobian(self):
@@ -110,8 +101,8 @@ class Shooting:
         except ValueError as error:
             raise Lost(str(error)) from None
         miss = self.reduce @ (end - z)
-        matrix = self.reduce @ product(maps) @ self.lift
-        residual = size_of(miss, z, tuning)
+        matrix = self.reduce @ shooting.product(maps) @ self.lift
+        residual = shooting.size_of(miss, z, tuning)
         return Evaluation(self, y, miss / self.units[: miss.size], residual, matrix)
 
     def slopes(self, y):
@@ -160,12 +151,12 @@ class BranchPoint:
     @property
     def multipliers(self):
         """Floquet multipliers, complex, largest first."""
-        return multipliers_of(self.matrix)
+        return shooting.multipliers_of(self.matrix)
 
     @property
     def stable(self):
         """As of `gearlib.analysis.orbits.shooting.is_stable`."""
-        return is_stable(self.multipliers)
+        return shooting.is_stable(self.multipliers)
 
 
 def branch_point(problem, y, found, tangent):
@@ -189,8 +180,8 @@ def branch_point(problem, y, found, tangent):
 def as_orbit(problem, point):
     """Return the `Orbit` of a point of a branch."""
     model, tuning, z = problem.model(point.y)
-    pattern, grazing = contacts(model, tuning, z, problem.period, problem.max_events)
-    return Orbit(
+    pattern, grazing = shooting.contacts(model, tuning, z, problem.period, problem.max_events)
+    return shooting.Orbit(
         model, tuning, problem.period, z, point.residual, point.multipliers, pattern, grazing
     )
 
@@ -204,7 +195,7 @@ def _cyclic(events, summary, lines):
     """
     if not len(events):
         middle = 0.5 * (summary[..., columns.X_MAX] + summary[..., columns.X_MIN])
-        return "".join(_LETTERS[code] for code in resting(middle, middle, *lines))
+        return "".join(_LETTERS[code] for code in shooting.resting(middle, middle, *lines))
     codes = events[:, columns.EVENT_TO]
     if events.shape[1] == columns.EVENT_COLUMNS and events[0, columns.EVENT_FROM] != codes[-1]:
         # It begins on a flank line to rounding: one of two events next to tau = 0 is missing.

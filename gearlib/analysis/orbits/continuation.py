@@ -9,28 +9,13 @@ there like the root of the distance.
 from dataclasses import replace
 
 import numpy as np
-import xarray as xr
 
 from gearlib import checks
+from gearlib.analysis.orbits import followed_parameters, tracing
 from gearlib.analysis.orbits import special_points as special
 from gearlib.analysis.orbits.branch_points import Shooting, as_orbit, branch_point
-from gearlib.analysis.orbits.followed_parameters import (
-    check_parameter,
-    known,
-    value_of,
-    with_parameter,
-)
-from gearlib.analysis.orbits.shooting import NoOrbit, Orbit
-from gearlib.analysis.orbits.tracing import (
-    Lost,
-    advance,
-    at_value,
-    check_straight,
-    correct,
-    tangent,
-)
-from gearlib.data import provenance
-from gearlib.data.variables import describe
+from gearlib.analysis.orbits.shooting import NoOrbit, check_orbit
+from gearlib.data.result import result
 from gearlib.runs.run_arguments import MAX_EVENTS
 
 #: First step, smallest step, step behind a grazing, over the largest.
@@ -101,12 +86,11 @@ def continue_orbit(
     Grazings are where the order of contacts changes: an orbit that comes to a flank line and turns
     there. See `gearlib.analysis.orbits.special_points` for the test functions of the others.
     """
-    if not isinstance(orbit, Orbit):
-        raise ValueError(f"orbit = {orbit!r} is not allowed: it must be an Orbit")
-    name = check_parameter(orbit.pair, parameter)
-    start = value_of(orbit.pair, orbit.tuning, name)
+    check_orbit(orbit)
+    name = followed_parameters.check_parameter(orbit.pair, parameter)
+    start = followed_parameters.value_of(orbit.pair, orbit.tuning, name)
     to = checks.number("to", to, f"another {name} than that of the orbit", lambda v: v != start)
-    with_parameter(orbit.pair, orbit.tuning, name, to)
+    followed_parameters.with_parameter(orbit.pair, orbit.tuning, name, to)
     low, high = _limits(limits, start, to)
     max_height = checks.finite_positive("max_height", max_height)
     step = checks.finite_positive("step", step)
@@ -116,7 +100,7 @@ def continue_orbit(
     )
     try:
         points = _follow(problem, orbit, start, to, (low, high), max_height, step, max_points)
-    except Lost as error:
+    except tracing.Lost as error:
         raise NoOrbit(f"no branch was found at the orbit: {error}") from None
     return _dataset(problem, points, name, to)
 
@@ -142,7 +126,7 @@ def _follow(problem, orbit, start, to, limits, max_height, largest, max_points):
     found = problem.evaluate(y)
     ahead = np.zeros(y.size)
     ahead[-1] = np.sign(to - start)
-    direction = tangent(found.jacobian, ahead)
+    direction = tracing.tangent(found.jacobian, ahead)
     first = branch_point(problem, y, found, direction)
     if abs(direction[-1]) < _VERTICAL:
         first = _towards_larger(problem, first)
@@ -157,7 +141,7 @@ def _follow(problem, orbit, start, to, limits, max_height, largest, max_points):
             if end is not None:
                 new = _at_end(problem, last, new, end)
             added = _with_special(problem, last, new)
-        except Lost:
+        except tracing.Lost:
             h *= 0.5
             if h < _LEAST * largest:
                 points[-1] = replace(last, label=last.label or special.END)
@@ -191,13 +175,13 @@ def _advance(problem, last, h, to):
     if (last.y[-1] - goal) * (ahead - goal) < 0.0:
         # What lies behind may not be allowed.
         share = (goal - last.y[-1]) / (ahead - last.y[-1])
-        y, found = at_value(problem, last.y + share * h * last.tangent, -1, goal)
+        y, found = tracing.at_value(problem, last.y + share * h * last.tangent, -1, goal)
         if not np.linalg.norm(y - last.y) < 2.0 * h:
-            raise Lost("the step leads too far")
-        direction, corrections = tangent(found.jacobian, last.tangent), 0
-        check_straight(direction, last.tangent)
+            raise tracing.Lost("the step leads too far")
+        direction, corrections = tracing.tangent(found.jacobian, last.tangent), 0
+        tracing.check_straight(direction, last.tangent)
     else:
-        y, found, direction, corrections = advance(problem, last.y, last.tangent, h)
+        y, found, direction, corrections = tracing.advance(problem, last.y, last.tangent, h)
     return branch_point(problem, y, found, direction), corrections
 
 
@@ -217,8 +201,8 @@ def _at_end(problem, last, new, value):
     """Return the point between two at which the parameter has a value."""
     share = (value - last.value) / (new.value - last.value)
     start = last.y + share * (new.y - last.y)
-    y, found = at_value(problem, start, -1, value / problem.units[-1])
-    point = branch_point(problem, y, found, tangent(found.jacobian, last.tangent))
+    y, found = tracing.at_value(problem, start, -1, value / problem.units[-1])
+    point = branch_point(problem, y, found, tracing.tangent(found.jacobian, last.tangent))
     # Scaling and back may have cost the last digit.
     return replace(point, value=value)
 
@@ -245,7 +229,7 @@ def _towards_larger(problem, first):
     """Return the first point of a branch that stands across the parameter, set to grow."""
 
     def height(sign):
-        y, found, _ = correct(problem, first.y + sign * 1e-3 * first.tangent, first.tangent)
+        y, found, _ = tracing.correct(problem, first.y + sign * 1e-3 * first.tangent, first.tangent)
         point = branch_point(problem, y, found, first.tangent)
         return point.high - point.low
 
@@ -274,25 +258,24 @@ def _dataset(problem, points, name, to):
         data["backlash_ratio"] = problem.pair.backlash_ratio
     if name != "tuning":
         data["tuning"] = problem.tuning
-    dataset = describe(xr.Dataset(data))
-    dataset["label"].attrs |= {
-        "long_name": "what kind of point of the branch",
-        "flag_values": np.arange(len(special.LABELS), dtype=np.int8),
-        "flag_meanings": " ".join(label.replace(" ", "_") for label in special.LABELS),
-    }
-    units, long_name = known(problem.pair)[name]
-    values = np.array([point.value for point in points])
-    dataset[name] = ("point", values, {"units": units, "long_name": long_name})
-    dataset.attrs = provenance.attributes(
+    attributes = followed_parameters.attributes(problem.pair, name)
+    data[name] = "point", np.array([point.value for point in points]), attributes
+    dataset = result(
         "Branch of periodic orbits of a gear mesh",
         problem.pair,
+        data,
         method="pseudo-arclength on shooting",
         parameter=name,
         period=problem.period,
         tuning=problem.tuning,
         to=to,
-    ) | {"parameter": name}
-    return dataset
+    )
+    dataset["label"].attrs |= {
+        "long_name": "what kind of point of the branch",
+        "flag_values": np.arange(len(special.LABELS), dtype=np.int8),
+        "flag_meanings": " ".join(label.replace(" ", "_") for label in special.LABELS),
+    }
+    return dataset.assign_attrs(parameter=name)
 
 
 def orbit_at(model, branch, point, *, max_events=MAX_EVENTS):
@@ -306,7 +289,7 @@ def restored(model, branch, point, max_events):
     if "parameter" not in getattr(branch, "attrs", ()):
         raise ValueError(f"branch = {branch!r} is not allowed: it must be one of continue_orbit")
     point = checks.integer("point", point, 0, branch.sizes["point"] - 1)
-    name = check_parameter(model, branch.attrs["parameter"])
+    name = followed_parameters.check_parameter(model, branch.attrs["parameter"])
     value = float(branch[name][point])
     tuning = value if name == "tuning" else float(branch.tuning)
     scale = float(np.ptp(branch[name].values)) or 1.0
@@ -361,8 +344,8 @@ def switch_branch(pair, branch, point, *, max_events=MAX_EVENTS):
     )
     for distance in _AWAY:
         try:
-            y, found, _ = correct(doubled, chosen.y + distance * row, row)
-        except Lost:
+            y, found, _ = tracing.correct(doubled, chosen.y + distance * row, row)
+        except tracing.Lost:
             continue
         return as_orbit(doubled, branch_point(doubled, y, found, row))
     raise NoOrbit(f"no orbit of twice the period was found at point {point}: try a neighbour's")

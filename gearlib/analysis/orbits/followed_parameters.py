@@ -26,6 +26,11 @@ def known(pair):
     return (RATIOS if pair.mesh else {}) | pair.parameters
 
 
+def attributes(pair, name):
+    """Return the attributes of a variable that holds a parameter."""
+    return dict(zip(("units", "long_name"), known(pair)[name], strict=True))
+
+
 def check_parameter(pair, name):
     """Return the name of a parameter over which orbits of a model are followed, else ValueError."""
     if not (is_model(pair) and (pair.mesh or pair.mesh_names)):

@@ -15,23 +15,16 @@ converges, not where to.
 """
 
 import numpy as np
-import xarray as xr
 
 from gearlib import checks
+from gearlib.analysis.orbits import followed_parameters, touching
 from gearlib.analysis.orbits import special_points as special
-from gearlib.analysis.orbits import touching
 from gearlib.analysis.orbits.branch_points import Evaluation, Shooting
 from gearlib.analysis.orbits.continuation import restored
-from gearlib.analysis.orbits.followed_parameters import (
-    check_parameter,
-    known,
-    value_of,
-    with_parameter,
-)
 from gearlib.analysis.orbits.shooting import NoOrbit, multipliers_of
 from gearlib.analysis.orbits.tracing import Lost, advance, at_value, tangent
-from gearlib.data import provenance, status
-from gearlib.data.variables import describe
+from gearlib.data import status
+from gearlib.data.result import result
 from gearlib.runs.run_arguments import MAX_EVENTS
 
 #: Step of the differences of the defining function, scaled.
@@ -179,20 +172,17 @@ def locus(
     """
     problem, chosen = restored(pair, branch, point, max_events)
     first = branch.attrs["parameter"]
-    second = check_parameter(pair, parameter)
+    second = followed_parameters.check_parameter(pair, parameter)
     label = int(branch.label[point])
     if label not in (special.FOLD, special.DOUBLING, special.GRAZING):
         raise ValueError(
             f"point = {point!r} is not allowed: it must be labelled fold, period doubling or "
             f"grazing, it is {special.LABELS[label]}"
         )
-    if second == first:
-        raise ValueError(
-            f"parameter = {parameter!r} is not allowed: it must be another than the branch's"
-        )
-    start = value_of(pair, problem.tuning, second)
+    checks.require(second != first, "parameter", parameter, "another than the branch's")
+    start = followed_parameters.value_of(pair, problem.tuning, second)
     to = checks.number("to", to, f"another {second} than the pair's", lambda v: v != start)
-    with_parameter(pair, problem.tuning, second, to)
+    followed_parameters.with_parameter(pair, problem.tuning, second, to)
     step = checks.finite_positive("step", step)
     shooting = Shooting(
         pair,
@@ -277,18 +267,20 @@ def _dataset(problem, points, to, ended):
     }
     if "tuning" not in shooting.names:
         data["tuning"] = shooting.tuning
-    dataset = describe(xr.Dataset(data))
     for column, name in enumerate(shooting.names):
-        units, long_name = known(shooting.pair)[name]
-        attributes = {"units": units, "long_name": long_name}
-        dataset[name] = ("point", scaled[:, n + column], attributes)
-    dataset.attrs = provenance.attributes(
+        data[name] = (
+            "point",
+            scaled[:, n + column],
+            followed_parameters.attributes(shooting.pair, name),
+        )
+    dataset = result(
         "Locus of special points of periodic orbits of a gear mesh",
         shooting.pair,
+        data,
         method="pseudo-arclength on shooting",
         parameters=list(shooting.names),
         period=shooting.period,
         tuning=shooting.tuning,
         to=to,
-    ) | {"label": special.LABELS[problem.label], "ended": ended}
-    return dataset
+    )
+    return dataset.assign_attrs(label=special.LABELS[problem.label], ended=ended)

@@ -10,13 +10,13 @@ of the branch.
 from typing import Any
 
 import numpy as np
-import xarray as xr
 
 from gearlib.analysis.orbits import special_points as special
 from gearlib.analysis.orbits.continuation import restored
-from gearlib.analysis.orbits.followed_parameters import known
-from gearlib.analysis.orbits.shooting import NoOrbit, Orbit
-from gearlib.data import provenance, status
+from gearlib.analysis.orbits.followed_parameters import attributes, known
+from gearlib.analysis.orbits.shooting import NoOrbit, check_orbit
+from gearlib.data import status
+from gearlib.data.result import result
 from gearlib.data.variables import describe
 from gearlib.runs import sensitivities as runs
 from gearlib.runs.run_arguments import MAX_EVENTS
@@ -58,8 +58,7 @@ def orbit_sensitivities(orbit, sensitivities, *, samples_per_period=256, max_eve
     ValueError
         Naming the argument, its value and the allowed range.
     """
-    if not isinstance(orbit, Orbit):
-        raise ValueError(f"orbit = {orbit!r} is not allowed: it must be an Orbit")
+    check_orbit(orbit)
     pair: Any = orbit.pair
     tuning, period = orbit.tuning, orbit.period
     names = runs.check(pair, sensitivities, also_start=False)
@@ -207,15 +206,10 @@ def fold_sensitivities(pair, branch, point, sensitivities, *, max_events=MAX_EVE
     null = np.linalg.svd(matrix - np.eye(len(matrix)))[0][:, -1]
     moved = null @ reduce @ ahead
     slopes = -moved[1:] / moved[0]
-    about = known(pair)
-    units, long_name = about[over]
     parameters = {name: pair.derivatives[name] for name in names}
-    data = runs.derivatives((over,), (), slopes[None], parameters, about)
-    data[over] = (), chosen.value, {"units": units, "long_name": long_name}
+    data = runs.derivatives((over,), (), slopes[None], parameters, known(pair))
+    data[over] = (), chosen.value, attributes(pair, over)
     if over != "tuning":
         data["tuning"] = tuning
-    dataset = describe(xr.Dataset(data))
-    dataset.attrs = provenance.attributes(
-        "Derivatives of a fold of a gear mesh", pair, method="shooting", tuning=tuning
-    )
-    return dataset
+    title = "Derivatives of a fold of a gear mesh"
+    return result(title, pair, data, method="shooting", tuning=tuning)

@@ -12,13 +12,12 @@ line says so, its multipliers are those of the side on which it was found.
 from dataclasses import dataclass
 
 import numpy as np
-import xarray as xr
 
 from gearlib import checks
-from gearlib.data import provenance, status
+from gearlib.data import status
 from gearlib.data.contact_states import FLAGS
 from gearlib.data.numbers_given import floats
-from gearlib.data.variables import describe
+from gearlib.data.result import result
 from gearlib.integrators import choose
 from gearlib.kernels import orbit as columns
 from gearlib.runs.run_arguments import MAX_EVENTS, check_tuning
@@ -76,12 +75,15 @@ class Orbit:
             "period": np.int32(self.period),
             "tuning": self.tuning,
         }
-        dataset = describe(xr.Dataset(data), self.pair)
+        title = "Periodic orbit of a gear mesh"
+        dataset = result(title, self.pair, data, method="shooting", tuning=self.tuning)
         dataset["pattern"].attrs |= FLAGS
-        dataset.attrs = provenance.attributes(
-            "Periodic orbit of a gear mesh", self.pair, method="shooting", tuning=self.tuning
-        )
         return dataset
+
+
+def check_orbit(orbit):
+    """Refuse what is no orbit."""
+    checks.require(isinstance(orbit, Orbit), "orbit", orbit, "an Orbit")
 
 
 def periodic_orbit(pair, tuning, *, guess=None, period=1, max_events=MAX_EVENTS):
@@ -112,10 +114,8 @@ def periodic_orbit(pair, tuning, *, guess=None, period=1, max_events=MAX_EVENTS)
         If there is none near the guess; the message says what to try.
     """
     choose(pair, None, None)
-    tuning, period = (
-        check_tuning("tuning", tuning),
-        checks.integer("period", period, 1, MOST_PERIODS),
-    )
+    tuning = check_tuning("tuning", tuning)
+    period = checks.integer("period", period, 1, MOST_PERIODS)
     max_events = checks.integer("max_events", max_events, 1)
     repeats = pair.repeats
     if period % repeats:

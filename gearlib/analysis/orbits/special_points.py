@@ -50,21 +50,17 @@ _ON_CIRCLE = 1e-6
 _ROUNDING = 1e-9
 
 
-def _fold(point):
-    return np.prod(point.multipliers - 1.0).real
-
-
-def _doubling(point):
-    return np.prod(point.multipliers + 1.0).real
-
-
 def _torus(point):
     multipliers = point.multipliers
     pairs = multipliers[multipliers.imag > 1e-9]
     return np.abs(pairs).max() ** 2 - 1.0 if pairs.size else -1.0
 
 
-_TESTS = ((FOLD, _fold), (DOUBLING, _doubling), (NEIMARK_SACKER, _torus))
+_TESTS = (
+    (FOLD, lambda point: np.prod(point.multipliers - 1.0).real),
+    (DOUBLING, lambda point: np.prod(point.multipliers + 1.0).real),
+    (NEIMARK_SACKER, _torus),
+)
 
 
 def between(problem, a, b, share):

@@ -9,6 +9,7 @@ sixth power of the distance of the samples, is below rounding.
 import math
 
 import numpy as np
+from numpy.polynomial.polynomial import polyder, polyval
 
 from gearlib.analysis.orbits.tracing import Lost
 from gearlib.kernels import orbit as columns
@@ -34,41 +35,23 @@ def turning_points(model, tuning, state, period, max_events):
     h = 2.0 * math.pi / _SAMPLES
     ends = [(q[at], q[at + 1]) for q in (x, v * h, a * h * h)]
     power = _polynomial(*ends)
-    slope, bend = _derivative(power), _derivative(_derivative(power))
+    slope, bend = polyder(power), polyder(power, 2)
     t = ends[1][0] / (ends[1][0] - ends[1][1])
     with np.errstate(divide="ignore", invalid="ignore"):
         for _ in range(_CORRECTIONS):
-            t = np.clip(t - _horner(slope, t) / _horner(bend, t), 0.0, 1.0)
-    return (at + t) * h, _horner(power, t)
+            step = polyval(t, slope, tensor=False) / polyval(t, bend, tensor=False)
+            t = np.clip(t - step, 0.0, 1.0)
+    return (at + t) * h, polyval(t, power, tensor=False)
 
 
 def _polynomial(x, v, a):
-    """Return the coefficients, highest first, shape (6, k), for values at 0 and 1."""
+    """Return the coefficients, lowest first, shape (6, k), for values at 0 and 1."""
     c0, c1, c2 = x[0], v[0], 0.5 * a[0]
     dx = x[1] - c0 - c1 - c2
     dv = v[1] - c1 - 2.0 * c2
     da = a[1] - 2.0 * c2
-    return np.array(
-        [
-            6.0 * dx - 3.0 * dv + 0.5 * da,
-            -15.0 * dx + 7.0 * dv - da,
-            10.0 * dx - 4.0 * dv + 0.5 * da,
-            c2,
-            c1,
-            c0,
-        ]
-    )
-
-
-def _derivative(power):
-    return power[:-1] * np.arange(len(power) - 1, 0, -1)[:, None]
-
-
-def _horner(power, t):
-    total = power[0]
-    for row in power[1:]:
-        total = total * t + row
-    return total
+    c3, c4 = 10.0 * dx - 4.0 * dv + 0.5 * da, -15.0 * dx + 7.0 * dv - da
+    return np.array([c0, c1, c2, c3, c4, 6.0 * dx - 3.0 * dv + 0.5 * da])
 
 
 def lines(model):

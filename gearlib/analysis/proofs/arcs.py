@@ -94,7 +94,8 @@ def framed(path):
         else:
             flow = node.law.flow(base)
             begins = None if starts_known else back * node.law.matrix * frame
-            spread = _floats(flow)[:n, :n] @ spread
+            floats = [[float(value) for value in row[:n]] for row in flow.tolist()[:n]]
+            spread = np.array(floats) @ spread
             # The longest direction first: it decides how the box lies.
             order = np.argsort(-np.linalg.norm(spread, axis=0), kind="stable")
             spread, _ = np.linalg.qr(spread[:, order])
@@ -139,7 +140,3 @@ def add(matrix, column, values):
 def unit(n):
     """Return the unit matrix."""
     return flint().arb_mat([[int(i == j) for j in range(n)] for i in range(n)])
-
-
-def _floats(matrix):
-    return np.array([[float(value) for value in row] for row in matrix.tolist()])

@@ -2,7 +2,7 @@
 
 import math
 
-from gearlib.analysis.orbits.shooting import Orbit, resting
+from gearlib.analysis.orbits.shooting import resting
 from gearlib.analysis.proofs.balls import COARSE, precision
 from gearlib.analysis.proofs.certificate_files import Uncertain
 from gearlib.analysis.proofs.closed_laws import ClosedLaws
@@ -11,12 +11,6 @@ from gearlib.analysis.proofs.train_numbers import parts_of
 from gearlib.data.status import JAMMED, MESSAGES
 from gearlib.kernels import orbit as columns
 from gearlib.runs.run_arguments import MAX_EVENTS
-
-
-def check_orbit(orbit):
-    """Refuse what is no orbit."""
-    if not isinstance(orbit, Orbit):
-        raise ValueError(f"orbit = {orbit!r} is not allowed: it must be an Orbit")
 
 
 def _closed(model):

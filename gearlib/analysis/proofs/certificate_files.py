@@ -266,18 +266,11 @@ class MotionCertificate:
 
     def as_dict(self):
         """Return all of it as plain values, exact floats as texts that say all their bits."""
-        return self.orbit.as_dict() | {
-            "claim": "motion",
-            "initial_state": [number(value) for value in self.initial_state],
-            "periods": self.periods,
-            "run_pattern": plain(self.run_pattern),
-            "run": plain(self.run),
-            "arrival": plain(self.arrival),
-            "basis": [number(value) for value in self.basis],
-            "trap_radius": number(self.trap_radius),
-            "trap_phases": plain(self.trap_phases),
-            "contraction": number(self.contraction),
-        }
+        own = {one.name: getattr(self, one.name) for one in fields(self)[1:]}
+        exact = ("initial_state", "basis", "trap_radius", "contraction")
+        own |= {name: numbers(own[name]) for name in exact}
+        claimed = {name: plain(value) for name, value in own.items()}
+        return self.orbit.as_dict() | {"claim": "motion"} | claimed
 
 
 @dataclass(frozen=True)

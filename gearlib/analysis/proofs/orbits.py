@@ -6,8 +6,10 @@ from itertools import pairwise, product
 from typing import Any
 
 from gearlib import checks
+from gearlib.analysis.orbits.shooting import check_orbit
+from gearlib.analysis.proofs import krawczyk
 from gearlib.analysis.proofs.balls import COARSE, digits_of, enclosure, flint, precision
-from gearlib.analysis.proofs.candidate import check_model, check_orbit, laws_of, listed_contacts
+from gearlib.analysis.proofs.candidate import check_model, laws_of, listed_contacts
 from gearlib.analysis.proofs.certificate_files import (
     Certificate,
     Refusal,
@@ -17,15 +19,6 @@ from gearlib.analysis.proofs.certificate_files import (
     listed,
 )
 from gearlib.analysis.proofs.extrema import extrema
-from gearlib.analysis.proofs.krawczyk import (
-    LARGEST,
-    WRONG,
-    check_derivative,
-    enclose,
-    image,
-    polish,
-    uniqueness,
-)
 from gearlib.analysis.proofs.multipliers import eigenvalues, judge, judge_two, of_two
 from gearlib.analysis.proofs.path import Path
 from gearlib.analysis.proofs.signs import check_contacts
@@ -121,7 +114,7 @@ def first_with(digits, step, guard=_GUARD):
 
 def _enclosed(system, centre, inverse, given):
     """Return the box with one orbit, of state and phases, and its distance from a given state."""
-    box = enclose(system, centre, inverse)
+    box = krawczyk.enclose(system, centre, inverse)
     if box is None:
         raise Uncertain(*FOLD)
     moved = max(abs(a - b).upper() for a, b in zip(box, given, strict=False))
@@ -176,7 +169,7 @@ class Proof:
         if windows and windows.any():
             system = windows.equations
             self._check_derivative(windows)
-            self.centre, inverse = polish(system, self.centre[:n], FOLD)
+            self.centre, inverse = krawczyk.polish(system, self.centre[:n], FOLD)
         else:
             windows = None
         self.box, self.moved = _enclosed(system, self.centre, inverse, given)
@@ -208,26 +201,26 @@ class Proof:
         """
         n = 2 * len(self.laws.kept)
         residuals, rows = self.system(self.centre)
-        check_derivative(self.system, self.centre, residuals)
+        krawczyk.check_derivative(self.system, self.centre, residuals)
         ordered = self.path.monodromy(rows)
         _, rows = windows.equations(self.centre[:n])
         for i, j in product(range(n), repeat=2):
             apart = ordered[i, j] - (i == j) - rows[i][j]
             if not abs(apart).lower() < _SAME * max(1, abs(ordered[i, j])):
-                raise Uncertain(*WRONG)
+                raise Uncertain(*krawczyk.WRONG)
 
     def _radius(self, system, inverse, small=_SMALL):
         """Return the radius of uniqueness; `small` is one that shows how large it may be."""
         n = len(self.centre)
         for _ in range(_TRIES):
-            shift = image(system, self.centre, [small] * n, inverse, [0] * n)
+            shift = krawczyk.image(system, self.centre, [small] * n, inverse, [0] * n)
             # The share of a box that its image fills grows with the box.
             share = float(max(abs(s) for s in shift).upper()) / small
             if share < 1.0:
                 break
             small *= _SMALL
-        largest = min(LARGEST, small / _SMALL, 0.5 * small / max(share, small))
-        return uniqueness(system, self.centre, inverse, FOLD, largest)
+        largest = min(krawczyk.LARGEST, small / _SMALL, 0.5 * small / max(share, small))
+        return krawczyk.uniqueness(system, self.centre, inverse, FOLD, largest)
 
     def _path(self, events, framed=None):
         return Path(self.laws, self.codes, events, self.orbit.period, framed=framed)
@@ -238,7 +231,7 @@ class Proof:
         start, events = self._ordered(given, events)
         for _ in range(_ORDERS):
             self.path = self._path(events)
-            centre, inverse = polish(self.system, [*start, *self.path.guess], FOLD)
+            centre, inverse = krawczyk.polish(self.system, [*start, *self.path.guess], FOLD)
             # What coincides has no order.
             if all(a - b < close() for a, b in pairwise(centre[n:])):
                 break
@@ -252,7 +245,7 @@ class Proof:
             return start, events
         with precision(_SORTING):
             self.path = self._path(events, framed=False)
-            centre, _ = polish(self.system, [*start, *self.path.guess], FOLD)
+            centre, _ = krawczyk.polish(self.system, [*start, *self.path.guess], FOLD)
         n = len(start)
         return centre[:n], [(centre[n + i], *events[i][1:]) for i in _order(centre[n:])]
 

@@ -259,12 +259,8 @@ class Path:
 
     def without_contacts(self, scale):
         """Return the map of small deviations and its derivative by 1 / nu: no phase is unknown."""
-        size, last, rate = (
-            self.laws.size,
-            self.start,
-            flint().arb_mat(self.laws.size, self.laws.size),
-        )
-        whole = arcs.unit(size)
+        size, last = self.laws.size, self.start
+        whole, rate = arcs.unit(size), flint().arb_mat(size, size)
         for node in self.nodes:
             span, last = node.phase - last, node.phase
             flow = node.law.flow(span * scale)

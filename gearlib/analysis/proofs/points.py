@@ -26,15 +26,9 @@ import numpy as np
 from gearlib import checks
 from gearlib.analysis.orbits import special_points as special
 from gearlib.analysis.orbits.continuation import restored
-from gearlib.analysis.proofs import krawczyk
+from gearlib.analysis.proofs import certificate_files, krawczyk
 from gearlib.analysis.proofs.balls import COARSE, digits_of, enclosure, flint, precision
 from gearlib.analysis.proofs.candidate import check_model, laws_over_tunings, run_contacts
-from gearlib.analysis.proofs.certificate_files import (
-    PointCertificate,
-    Refusal,
-    Uncertain,
-    listed,
-)
 from gearlib.analysis.proofs.orbits import first_with, pattern_of, state_of, train_of
 from gearlib.analysis.proofs.path import COAST, DRIVE, TOUCH, Path
 from gearlib.analysis.proofs.signs import bounds_of, check_contacts
@@ -101,8 +95,8 @@ def proven_point(step, model, digits):
     try:
         check_any(model)
         return first_with(digits, step)
-    except Uncertain as reason:
-        return Refusal(*reason.args)
+    except certificate_files.Uncertain as reason:
+        return certificate_files.Refusal(*reason.args)
 
 
 def _certify(pair, branch, point, digits, labels):
@@ -111,9 +105,7 @@ def _certify(pair, branch, point, digits, labels):
     label = int(branch.label[point])
     if label not in labels or branch.attrs["parameter"] != "tuning":
         names = " or ".join(special.LABELS[one] for one in labels)
-        raise ValueError(
-            f"point = {point!r} is not allowed: it must be a {names} of a branch over the tuning"
-        )
+        raise checks.refusal("point", point, f"a {names} of a branch over the tuning")
     given = chosen.state, chosen.value, problem.period
     return proven_point(partial(_point, pair, given, label, digits), pair, digits)
 
@@ -199,7 +191,7 @@ def _turning(laws, path, arcs, phases):
             codes[node.mesh] = node.after
         last = phase
     if not found:
-        raise Uncertain("grazing", "no turning point is near a flank line")
+        raise certificate_files.Uncertain("grazing", "no turning point is near a flank line")
     return min(found)[1:]
 
 
@@ -282,7 +274,7 @@ def _point(model, given, label, digits):
     away = zip((*unknowns[:n], nu), (*first, arb(tuning)), strict=True)
     moved = max(abs(a - b).upper() for a, b in away)
     if not moved < REACH:
-        raise Uncertain(
+        raise certificate_files.Uncertain(
             "distance",
             f"the nearest point found lies {float(moved):.2g} from the candidate; {REACH:g} is "
             "allowed",
@@ -298,7 +290,7 @@ def _point(model, given, label, digits):
         if node in path.contacts()
     ]
     displacement, velocity = state_of(laws, unknowns, scale, digits)
-    found = PointCertificate(
+    found = certificate_files.PointCertificate(
         special.LABELS[label],
         model,
         period,
@@ -307,7 +299,7 @@ def _point(model, given, label, digits):
         interval_of(centre[-1], radius),
         displacement,
         velocity,
-        listed(contacts, digits, laws.mesh_names if laws.framed else ()),
+        certificate_files.listed(contacts, digits, laws.mesh_names if laws.framed else ()),
         enclosure(touches[0], digits) if touches else None,
         "pi" if start else "0",
         radius,
@@ -323,7 +315,7 @@ def enclosed_zero(system, start):
     centre, inverse = krawczyk.polish(system, start, SINGULAR)
     box = krawczyk.enclose(system, centre, inverse)
     if box is None:
-        raise Uncertain(*SINGULAR)
+        raise certificate_files.Uncertain(*SINGULAR)
     return box, centre, inverse
 
 

@@ -9,14 +9,9 @@ branch.
 from typing import Any
 
 from gearlib import checks
-from gearlib.analysis.proofs import krawczyk
+from gearlib.analysis.orbits.shooting import check_orbit
+from gearlib.analysis.proofs import candidate, krawczyk
 from gearlib.analysis.proofs.balls import flint, precision
-from gearlib.analysis.proofs.candidate import (
-    check_model,
-    check_orbit,
-    laws_over_tunings,
-    listed_contacts,
-)
 from gearlib.analysis.proofs.certificate_files import Piece, RangeCertificate, Refusal, Uncertain
 from gearlib.analysis.proofs.multipliers import UNDECIDED, verdict
 from gearlib.analysis.proofs.orbits import FOLD, Proof, pattern_of, train_of
@@ -62,10 +57,10 @@ def certify_range(orbit, *, to):
     if to == orbit.tuning:
         checks.number("to", to, "another tuning than that of the orbit", lambda nu: False)
     try:
-        check_model(orbit.pair)
+        candidate.check_model(orbit.pair)
         with precision(_BITS):
-            laws_over_tunings(orbit.pair, orbit.tuning)
-            return _Range(orbit, *listed_contacts(orbit)).upto(to)
+            candidate.laws_over_tunings(orbit.pair, orbit.tuning)
+            return _Range(orbit, *candidate.listed_contacts(orbit)).upto(to)
     except Uncertain as reason:
         return Refusal(*reason.args)
 

@@ -4,19 +4,11 @@ from functools import partial
 
 from gearlib import checks
 from gearlib.analysis import tongues
-from gearlib.analysis.proofs import krawczyk
+from gearlib.analysis.proofs import krawczyk, points
 from gearlib.analysis.proofs.balls import digits_of, enclosure, flint
 from gearlib.analysis.proofs.candidate import laws_over_tunings
 from gearlib.analysis.proofs.certificate_files import Refusal, Tongue, Uncertain
 from gearlib.analysis.proofs.path import Path
-from gearlib.analysis.proofs.points import (
-    REACH,
-    SINGULAR,
-    check_any,
-    enclosed_zero,
-    interval_of,
-    proven_point,
-)
 from gearlib.kernels.codes import NORMAL
 
 #: Pieces into which the inside of a tongue is cut at most.
@@ -53,11 +45,11 @@ def certify_tongues(pair, *, start=0.3, stop=3.0, digits=30):
     start = checks.number("start", start, allowed, lambda nu: tongues.LEAST_TUNING <= nu < 1e6)
     stop = checks.number("stop", stop, f"> start = {start!r}", lambda nu: start < nu < 1e6)
     try:
-        check_any(pair)
+        points.check_any(pair)
     except Uncertain as reason:
         return [Refusal(*reason.args)]
     return [
-        proven_point(partial(_tongue, pair, one, digits), pair, digits)
+        points.proven_point(partial(_tongue, pair, one, digits), pair, digits)
         for one in tongues.find(tongues.linear(pair), start, stop)
         if one is not None and one.start < one.stop and one.multiplier
     ]
@@ -103,12 +95,12 @@ def _tongue(model, candidate, digits):
 
     edges, intervals = [], []
     for tuning in (candidate.start, candidate.stop):
-        box, centre, inverse = enclosed_zero(system, [1 / arb(tuning)])
-        if not abs(1 / box[0] - tuning) < REACH:
+        box, centre, inverse = points.enclosed_zero(system, [1 / arb(tuning)])
+        if not abs(1 / box[0] - tuning) < points.REACH:
             raise Uncertain("distance", f"no edge of order {order} is where it was looked for")
-        radius = krawczyk.uniqueness(system, centre, inverse, SINGULAR)
+        radius = krawczyk.uniqueness(system, centre, inverse, points.SINGULAR)
         edges.append(1 / box[0])
-        intervals.append(interval_of(centre[0], radius))
+        intervals.append(points.interval_of(centre[0], radius))
     _check_inside(excess, 1 / edges[1], 1 / edges[0], order)
     found = Tongue(
         model,

@@ -107,7 +107,7 @@ class TrainLaws:
         found = parts.linear()
         self.fixed = _pivots(found.free)
         self.kept = [i for i in range(len(total)) if i not in self.fixed]
-        inverse = module.arb_mat(parts.mass.tolist()).inv()
+        inverse = module.arb_mat(parts.structure.mass.tolist()).inv()
         e, n = len(self.kept), len(total)
         reduce = module.arb_mat(e, n)
         for i, row in enumerate(self.kept):
@@ -134,7 +134,7 @@ class TrainLaws:
             for i in range(e):
                 whole[self.kept[i], j] = motions[i, j]
         lines = [list(row) for mesh in parts.meshes for row in mesh.lines]
-        for rows in (parts.stiffness.tolist(), parts.damping.tolist(), lines):
+        for rows in (parts.structure.stiffness.tolist(), parts.structure.damping.tolist(), lines):
             largest = max(float(abs(value).upper()) for row in rows for value in row)
             for value in (module.arb_mat(rows) * whole).entries():
                 if not abs(value) <= _FREE * largest * n:
@@ -142,18 +142,14 @@ class TrainLaws:
                         "model", "no proof is written for a train whose free rotation is damped"
                     )
 
-    def _kept_columns(self, matrix):
-        """Return the columns of an (n, n) matrix of objects that belong to y, responded to."""
-        columns = [[row[i] for i in self.kept] for row in matrix]
-        return self._respond * flint().arb_mat(columns)
-
     def _without_meshes(self):
         parts, rate, e = self.parts, self.parts.frequency, len(self.kept)
         free = flint().arb_mat(self.size, self.size)
         stiffness, damping = (
-            self._kept_columns(matrix) for matrix in (parts.stiffness, parts.damping)
+            self._respond * flint().arb_mat([[row[i] for i in self.kept] for row in matrix])
+            for matrix in (parts.structure.stiffness, parts.structure.damping)
         )
-        load = self._respond * flint().arb_mat([[value] for value in parts.load])
+        load = self._respond * flint().arb_mat([[value] for value in parts.structure.load])
         for i in range(e):
             free[i, e + i] = 1
             for j in range(e):

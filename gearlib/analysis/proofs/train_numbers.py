@@ -19,7 +19,7 @@ from gearlib.analysis.proofs.certificate_files import Uncertain
 from gearlib.analysis.proofs.path import DRIVE
 from gearlib.models.trains import turning
 from gearlib.models.trains.elastic import linear
-from gearlib.models.trains.structure import Numbers, far_lines
+from gearlib.models.trains.structure import Numbers, Structure, far_lines
 from gearlib.models.trains.two_gears import TwoGears
 from gearlib.models.trains.waves import excited
 
@@ -67,28 +67,24 @@ class Parts(NamedTuple):
     """A model of n coordinates."""
 
     names: tuple  #: of the coordinates
-    mass: Any  #: shape (n, n), objects
-    stiffness: Any
-    damping: Any
-    load: Any  #: shape (n,)
+    structure: Structure  #: in balls
     meshes: tuple
     length: Any  #: the unit of displacements, m
     frequency: Any  #: what the tuning is counted in, rad/s
     derived: dict  #: numbers that the library derives from the model, here exact ones
-    springs: tuple  #: all but the meshes, in floats, as of `gearlib.models.trains.elastic.linear`
-    masses: tuple
+    floats: Structure  #: for its springs and masses
 
     def linear(self):
         """Return the `Linear` model with all flanks in contact at their upper levels."""
         rows = [[float(value) for value in mesh.lines[DRIVE]] for mesh in self.meshes]
         levels = [float(mesh.levels[0]) for mesh in self.meshes]
-        directions, values = self.springs
+        directions, values = self.floats.springs
         springs = np.concatenate([directions, rows]), np.concatenate([values, levels])
-        return linear(springs, self.masses)
+        return linear(springs, self.floats.masses)
 
     def in_contact(self):
         """Return the stiffness with all flanks in contact at their upper levels, shape (n, n)."""
-        total = self.stiffness.copy()
+        total = self.structure.stiffness.copy()
         for mesh in self.meshes:
             total += mesh.levels[0] * np.outer(mesh.lines[DRIVE], mesh.lines[DRIVE])
         return total
@@ -165,10 +161,7 @@ def _of_train(train, floats=None):
         )
     return Parts(
         tuple(f"{name} {axis}" for name, axis in found.coordinates),
-        found.mass,
-        found.stiffness,
-        found.damping,
-        found.load,
+        found,
         tuple(meshes),
         arb(train.static_deflection),
         arb(train.reference_angular_frequency),
@@ -178,8 +171,7 @@ def _of_train(train, floats=None):
             "phases": dict(train.phases),
             "inverse_phases": dict(train.inverse_phases),
         },
-        (floats or train).structure.springs,
-        (floats or train).structure.masses,
+        (floats or train).structure,
     )
 
 

@@ -11,17 +11,14 @@ module            responsibility
 ================  ====================================================
 """
 
-import dataclasses
 import math
 from collections.abc import Iterable
 
 import numpy as np
-import xarray as xr
 
 from gearlib import checks
 from gearlib.analysis.tongues import hill_tongues, meissner
-from gearlib.data import provenance
-from gearlib.data.variables import describe
+from gearlib.data.result import result
 from gearlib.models.model import is_model
 from gearlib.models.profiles import Rectangular, Tabulated
 from gearlib.runs.run_arguments import check_tuning
@@ -84,38 +81,33 @@ def tongues(pair, *, start=0.3, stop=3.0, parameter=None, values=None, step=0.00
         raise ValueError(f"stop = {stop!r} is not allowed: it must be > start = {start!r}")
     pair, step = linear(pair), check_tuning("step", step)
     if parameter is None:
-        if values is not None:
-            raise ValueError(
-                f"values = {values!r} is not allowed: it must be left out where parameter is None"
-            )
+        checks.require(values is None, "values", values, "left out where parameter is None")
         rows = [find(pair, start, stop, step)]
     else:
         checks.one_of("parameter", parameter, PARAMETERS if pair.mesh else (*pair.parameters,)[1:])
         values = _values(values)
         rows = [find(varied(pair, parameter, value), start, stop, step) for value in values]
     six = pair.size > 2
-    dataset = _dataset(rows, parameter, values, "tongue" if six else "order")
+    data, coords = _table(rows, parameter, values, "tongue" if six else "order")
     if parameter is None and pair.mesh:
         closings = [closing_damping(pair, one) for one in rows[0]]
-        dataset["closing_damping"] = "tongue" if six else "order", np.array(closings, float)
-    dataset.attrs = provenance.attributes(
+        data["closing_damping"] = "tongue" if six else "order", np.array(closings, float)
+    return result(
         "Tongues of parametric resonance",
         pair,
+        data,
+        coords,
         method="closed form" if pair.mesh is pair else "monodromy",
         start=start,
         stop=stop,
     )
-    return describe(dataset)
 
 
 def linear(pair):
     """Return the smallest model with the stability of `pair`; raise ValueError if nonlinear."""
     gears = is_model(pair) and (pair.mesh or pair.mesh_names)
     if not gears or (pair.size == 2 and pair.equation is None):
-        raise ValueError(
-            f"pair = {pair!r} is not allowed: it must be a GearPair, OneDegreePair, SixDegreePair "
-            "or GearTrain"
-        )
+        raise checks.refusal("pair", pair, "a GearPair, OneDegreePair, SixDegreePair or GearTrain")
     for name in pair.nonlinear:
         if getattr(pair, name):
             raise ValueError(
@@ -148,30 +140,26 @@ def varied(pair, parameter, value):
     """Return a model with another stiffness ratio, contact ratio or damping ratio."""
     if pair.mesh_names:
         return pair.with_parameter(parameter, value)
-    mesh = pair.mesh
-    damping = mesh.damping_ratio
+    damping = pair.damping_ratio
     if parameter == "damping":
         damping = checks.finite_nonnegative("damping", value)
     elif pair.size > 2 or isinstance(pair.profile, Tabulated):
-        raise ValueError(
-            f"parameter = {parameter!r} is not allowed: it must be 'damping' for a table of the "
-            "stiffness and for six degrees"
+        raise checks.refusal(
+            "parameter", parameter, "'damping' for a table of the stiffness and for six degrees"
         )
     else:
-        mesh = mesh.replace(**{parameter: value})
-    material = 2.0 * damping * mesh.reduced_mass * mesh.mean_eigenfrequency
-    mesh = mesh.replace(material_damping=material)
-    return mesh if pair.mesh is pair else dataclasses.replace(pair, pair=mesh)
+        pair = pair.replace(**{parameter: value})
+    return hill_tongues.with_damping(pair, damping)
 
 
 def _values(values):
     if not isinstance(values, Iterable) or isinstance(values, str) or not len(values):
         raise ValueError(f"values = {values!r} is not allowed: it must be a sequence of numbers")
-    return [checks.number(f"values[{i}]", v, "finite", math.isfinite) for i, v in enumerate(values)]
+    return checks.finite("values", values)
 
 
-def _dataset(rows, parameter, values, dimension):
-    """Return the rows of tongues, one for each value, as a dataset; see `tongues`."""
+def _table(rows, parameter, values, dimension):
+    """Return (data, coordinates) of the rows of tongues, one for each value; see `tongues`."""
     if dimension == "order":
         found = sorted({one.order for row in rows for one in row})
         numbered = [{one.order: one for one in row} for row in rows]
@@ -195,4 +183,4 @@ def _dataset(rows, parameter, values, dimension):
         data = {name: (dimension, table[0]) for name, (_, table) in data.items()}
     else:
         coordinates[parameter] = np.array(values)
-    return xr.Dataset(data, coordinates)
+    return data, coordinates

@@ -110,9 +110,8 @@ def closing_six(pair, tongue):
 
 def with_damping(pair, damping):
     """Return a model with another damping ratio of the material."""
-    mesh = pair.pair
-    material = 2.0 * damping * mesh.reduced_mass * mesh.mean_eigenfrequency
-    return dataclasses.replace(pair, pair=mesh.replace(material_damping=material))
+    material = 2.0 * damping * pair.reduced_mass * pair.mean_eigenfrequency
+    return pair.replace(material_damping=material)
 
 
 def _half_trace(pair, k):

@@ -16,7 +16,7 @@ PACKAGE = Package("sksundae", "scikit-sundae")
 #: Variable: 1 to 12 with Adams, 1 to 5 with BDF.
 ORDER = None
 EVENTS = "switches end a run, contact is a root function"
-MODELS = "one or six degrees of freedom"
+MODELS = "all: one or six degrees of freedom, gear trains"
 FORMULAS = ("Adams", "BDF")
 OPTIONS = {
     "rtol": Option(1e-10, checks.finite_positive, "relative tolerance of a step"),
@@ -32,8 +32,8 @@ _ROOT = 2
 
 
 def takes(pair):
-    """Return whether a model has one mesh."""
-    return not pair.mesh_names
+    """Return whether it takes a model: it takes all."""
+    return True
 
 
 def run(pair, tuning, state, *arguments, rtol, atol, formula):

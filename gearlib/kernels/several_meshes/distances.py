@@ -7,20 +7,15 @@ zero is isolated: nothing is sampled.
 
 import math
 
-import numpy as np
-
 from gearlib.kernels.codes import INVERSE, NORMAL
 from gearlib.kernels.jit import uncounted, woven
-from gearlib.kernels.polynomial import MAX_DEPTH, MAX_INTERVALS, MAX_NEWTON, halve
+from gearlib.kernels.polynomial import BINOMIALS, MAX_DEPTH, MAX_INTERVALS, MAX_NEWTON, halve
 from gearlib.kernels.several_meshes.modal_arcs import DEGREE, LEAST
+from gearlib.kernels.several_meshes.sparse_series import SERIES, may_reach
 from gearlib.kernels.several_meshes.train_system import next_contact
 
 #: Rounding of a distance, as a share of its parts.
 _ROUNDING = 1e-15
-#: Binomials of all degrees up to DEGREE.
-BINOMIALS = np.array(
-    [[float(math.comb(n, k)) for k in range(DEGREE + 1)] for n in range(DEGREE + 1)]
-)
 
 
 @woven
@@ -65,13 +60,27 @@ def _sum_of(a, b, count):
 
 
 @woven
+def furthest(tables, c, line, j, w, count):
+    """Return how far a steady distance provably goes from its level while the contacts stay."""
+    reach = _sum_of(tables.swing[c, line, j], w.sizes, count)
+    return reach + _ROUNDING * (reach + abs(tables.level[c, line, j]))
+
+
+@woven
 def keeps_off(tables, c, j, grid, w, count):
-    """Return whether mesh j provably stays off its flank lines as long as the contacts stay."""
+    """Return whether mesh j provably stays off its flank lines as long as the contacts stay.
+
+    By a series: as long as it lasts.
+    """
     reach, code = 0.0, w.contact[j]
     for line in (1, -1):
         if not _counts(grid, j, code, line):
             continue
         side = (line + 1) // 2
+        if c == SERIES:
+            if may_reach(w.distances[side, j], _side(code, line), w.powers.shape[0] - 1):
+                return False
+            continue
         if not tables.steady[c, side, j]:
             return False
         # Lines that are a constant apart swing alike.
@@ -303,11 +312,16 @@ def first_events(tables, c, grid, w, end):
         for line in (1, -1):
             if not _counts(grid, j, code, line):
                 continue
-            curves, shift = tables.curves[c, (line + 1) // 2, j], 0.0
-            if known and grid.plain[j]:
+            curves, y, shift, noise = w.powers, w.distances[0, 0], 0.0, 0.0
+            if c == SERIES:
+                y = w.distances[(line + 1) // 2, j]
+                noise = _ROUNDING * y[curves.shape[0]]
+            else:
+                curves, y = tables.curves[c, (line + 1) // 2, j], w.y
+            if known and grid.plain[j] and c != SERIES:
                 shift = tables.level[c, 0, j] - tables.level[c, 1, j]
             else:
-                curve_of(curves, w.y, curve)
+                curve_of(curves, y, curve)
             known = True
             sign = _side(code, line)
             if curve.shape[0] == LEAST + 1:
@@ -317,7 +331,7 @@ def first_events(tables, c, grid, w, end):
             zeros = w.rest[j] if w.line[j] == line else 0
             if lowest > 0.0 and zeros == 0:
                 continue
-            noise = rounding_of(curves, w.y)
+            noise += rounding_of(curves, y)
             if zeros == 0 and w.rest[j] > 1 and not grid.gap[j] and _falls(b, w.rest[j], noise):
                 found, spread = 0.0, 0.0
             else:

@@ -6,7 +6,7 @@ import numpy as np
 
 from gearlib.kernels.copies import copy, copy_rows
 from gearlib.kernels.jit import kernel, uncounted
-from gearlib.kernels.several_meshes.modal_arcs import fill_curves
+from gearlib.kernels.several_meshes.modal_arcs import fill_curves, fill_series
 
 #: Largest condition number of a basis, rows scaled: rounding of 1e-16 becomes 1e-10.
 CONDITION = 1e6
@@ -274,6 +274,7 @@ def fill_distances(tables, c, lines, rates, pairs, block, piece, hidden, exponen
         tables.rates[c, k, 0], tables.rates[c, k, 1] = rates[k].real, rates[k].imag
         growing |= not rates[k].real <= NOTHING
     copy_rows(block, tables.block[c])
+    tables.filled[c] = fill_series(block, piece, tables.series[c])
     rows = np.zeros((2, m, n))
     for line in range(2):
         for j in range(m):

@@ -4,9 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gearlib.kernels.jit import kernel
-from gearlib.kernels.polynomial import MAX_DEPTH
-from gearlib.kernels.several_meshes.modal_arcs import DEGREE
+from gearlib.kernels.polynomial import MAX_DEPTH, bernstein_matrix
+from gearlib.kernels.several_meshes.modal_arcs import DEGREE, SMALL
+from gearlib.kernels.several_meshes.sparse_series import price_of, sparse_of
 from gearlib.kernels.several_meshes.train_system import may_close
 
 # Entries of `Work.place`: events recorded so far, mesh period, segment (-1: at the start of a
@@ -19,7 +19,7 @@ class Grid(NamedTuple):
     """What the meshes of a system and its segments are like."""
 
     length: np.ndarray  #: theta of the segments, shape (p,)
-    kind: np.ndarray  #: int, number of that length, shape (p,)
+    kind: np.ndarray  #: int, number of that length, -1: it comes once, shape (p,)
     rate: np.ndarray  #: functionals of dd_j/dtheta, shape (m, n)
     far_rate: np.ndarray  #: of the distances from the coast side
     open: np.ndarray  #: bool, whether a mesh has no coast side, shape (m,)
@@ -27,6 +27,12 @@ class Grid(NamedTuple):
     plain: np.ndarray  #: bool, whether its flanks are a constant apart, shape (m,)
     gap: np.ndarray  #: bool, whether there is a backlash between them, shape (m,)
     spin: np.ndarray  #: frequencies of the harmonics by theta, shape (h,)
+    block: np.ndarray  #: int, which rows of a summary each mesh period is in, shape (repeats,)
+    columns: np.ndarray  #: int, of what is not zero in `free`, see `sparse_series.sparse_of`
+    count: np.ndarray
+    values: np.ndarray
+    places: np.ndarray  #: int, of the components that a mesh touches
+    touched: np.ndarray
 
 
 class Work(NamedTuple):
@@ -52,9 +58,12 @@ class Work(NamedTuple):
     factors: np.ndarray
     sizes: np.ndarray  #: of the modes
     place: np.ndarray  #: int, how far the run is, by the names above, shape (7,)
-    ahead: np.ndarray  #: theta left of the segment, phase of the last event, shape (2,)
+    ahead: np.ndarray  #: theta left of the segment, phase of the last event, that of the period
     curve: np.ndarray  #: Bernstein coefficients of a distance, shape (degree + 1,)
     bernstein: np.ndarray  #: those of intervals that wait, and their widths
+    terms: np.ndarray  #: the series of the state, shape (degree + 1, filled up)
+    distances: np.ndarray  #: its distances, far and near, shape (2, m, degree + 2)
+    powers: np.ndarray  #: from powers to Bernstein coefficients, shape (degree + 1, degree + 1)
 
 
 def grid_of(system):
@@ -74,12 +83,16 @@ def grid_of(system):
     closing = ~never & may_close(system.near, system.far, one)
     spin = system.harmonics * system.tuning
     gap = ~plain | (apart[:, one] != 0.0)
-    return Grid(length, kind, near, far, never, closing, plain, gap, spin)
+    block = np.zeros(len(system.first_segment) - 1, np.int64)
+    own = near, far, never, closing, plain, gap, spin, block
+    return Grid(length, kind, *own, **sparse_of(system))
 
 
-@kernel
 def work_of(n, wide, m, degree=DEGREE):
     """Return `Work` for n components, filled up to `wide`, m meshes and polynomials."""
+    series = price_of(n) > 0
+    terms = np.zeros((degree + 1 if series else 0, wide))
+    distances = np.zeros((2, m, degree + 2 if series else 0))
     return Work(
         np.zeros(m, np.int64),
         np.zeros(m, np.int64),
@@ -94,12 +107,15 @@ def work_of(n, wide, m, degree=DEGREE):
         np.zeros(wide),
         np.zeros(wide),
         np.zeros(wide),
-        np.zeros(wide),
+        np.zeros(max(wide, SMALL * (degree + 1))),
         np.zeros(wide),
         np.zeros(n),
         np.zeros(n),
         np.array([0, 0, -1, 0, 0, 0, 0]),
-        np.zeros(2),
+        np.zeros(3),
         np.empty(degree + 1),
         np.empty((MAX_DEPTH + 4, degree + 2)),
+        terms,
+        distances,
+        bernstein_matrix(degree if series else 0),
     )

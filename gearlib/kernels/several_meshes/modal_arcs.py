@@ -20,6 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gearlib.kernels.jit import kernel, uncounted, woven
+from gearlib.kernels.several_meshes.sparse_series import price_of
 
 #: Degree of the polynomials of distances over a piece, the least and the most: where changing modes
 #: costs more than roots, as of many components, long pieces pay.
@@ -30,12 +31,14 @@ _MANY = 20
 #: changes no result.
 MEMORY = 2**28
 #: Combinations that are kept at most, and turns over lengths of segments for each.
-_MOST, _TURNS = 1024, 64
+_MOST, TURNS = 1024, 64
 #: Norm of a block times its piece, by the degree: 0.63^16 / 16! and 2^24 / 24! are 3e-17.
 BLOCKS = {LEAST: 0.63, DEGREE: 2.0}
 #: |lambda| of the fastest mode times a piece: the Chebyshev series of e^(lambda t) on a piece, cut
 #: behind the degree, is exact to 2 (2.4 / 4)^16 / 16! = 3e-17 and 2 (7.2 / 4)^24 / 24! = 4e-18.
 REACHES = {LEAST: 2.4, DEGREE: 7.2}
+#: Most components of a block whose series is tabulated.
+SMALL = 8
 #: Terms of a series below this share of the state are nothing, whatever the scales.
 _NOTHING = 1e-30
 
@@ -45,11 +48,15 @@ class Modes(NamedTuple):
 
     known: np.ndarray  #: int, (combinations, turns) in use, shape (2,)
     slots: np.ndarray  #: int, where to look for a key: index of the combination or -1
+    steps: np.ndarray  #: int, of the series of a combination that would have this slot
+    price: np.ndarray  #: int, how many of them its modes cost, shape (1,)
     keys: np.ndarray  #: int8, effects of all meshes, shape (c, m)
     pairs: np.ndarray  #: int, oscillating pairs, shape (c,)
     single: np.ndarray  #: int, real modes behind them, shape (c,)
     rates: np.ndarray  #: (growth, angular frequency) by theta of pairs and real modes, (c, n, 2)
     block: np.ndarray  #: matrix of the components behind these, shape (c, n, n)
+    series: np.ndarray  #: of a small one over the piece, columns of its terms: (c, SMALL, ...)
+    filled: np.ndarray  #: int, length of these columns before what is nothing, shape (c,)
     piece: np.ndarray  #: theta over which `curves` hold, shape (c,)
     into: np.ndarray  #: from z to y, by columns, shape (c, n, n filled up)
     out: np.ndarray  #: from y to z, by columns
@@ -75,19 +82,24 @@ def modes(n, meshes, lengths, combinations=_MOST, memory=MEMORY):
         Bytes at most.
     """
     wide, degree = filled_up(n), DEGREE if n >= _MANY else LEAST
-    each = 2 * n * wide + n * n + meshes * n * (2 * degree + 4)
+    each = 2 * n * wide + n * n + meshes * n * (2 * degree + 4) + SMALL**2 * (degree + 1)
     c = int(min(max(memory // (8 * each), 2), _MOST, max(combinations, 16)))
-    slots = 1
+    # Combinations without modes are counted too.
+    slots, price = 2**14 if price_of(n) else 1, price_of(n)
     while slots < 4 * c:
         slots *= 2
     return Modes(
         np.zeros(2, np.int64),
         np.full(slots, -1, np.int64),
+        np.zeros(slots, np.int64),
+        np.full(1, price),
         np.empty((c, meshes), np.int8),
         np.zeros(c, np.int64),
         np.zeros(c, np.int64),
         np.empty((c, n, 2)),
         np.empty((c, n, n)),
+        np.empty((c, SMALL, SMALL * (degree + 1))),
+        np.zeros(c, np.int64),
         np.empty(c),
         np.empty((c, n, wide)),
         np.empty((c, n, wide)),
@@ -95,8 +107,8 @@ def modes(n, meshes, lengths, combinations=_MOST, memory=MEMORY):
         np.empty((c, 2, meshes, n)),
         np.empty((c, 2, meshes)),
         np.zeros((c, 2, meshes), np.bool_),
-        np.full((c, min(lengths, _TURNS)), -1, np.int64),
-        np.empty((c * min(lengths, _TURNS), n)),
+        np.full((c, min(lengths, TURNS)), -1, np.int64),
+        np.empty((c * min(lengths, TURNS), n)),
     )
 
 
@@ -127,6 +139,7 @@ def forget(tables):
     """Empty the tables."""
     tables.known[:] = 0
     tables.slots[:] = -1
+    tables.steps[:] = 0
     tables.at[:] = -1
 
 
@@ -256,8 +269,54 @@ def advance(tables, c, factors, t, y, term, image):
     for k in range(2 * pairs, first):
         y[k] *= factors[k]
     # The constant alone stays as it is.
-    if n - first > 1:
+    if 1 < n - first <= SMALL:
+        parts = term[: tables.filled[c]]
+        _advance_small(tables.series[c], n - first, tables.piece[c], t, y[first:], parts)
+    elif n - first > 1:
         _advance_block(tables.block[c], n - first, tables.piece[c], t, y[first:], term, image)
+
+
+@uncounted
+def fill_series(block, piece, series):
+    """Fill the terms of e^(block piece s), by columns, of a block up to `SMALL` components.
+
+    Returns how long the columns are, an even number of terms, before what is nothing.
+    """
+    n, filled, length = block.shape[0], 0, series.shape[1]
+    for i in range(n if n <= SMALL else 0):
+        for q in range(length):
+            series[i, q] = 1.0 if q == i else 0.0
+        for k in range(SMALL, length, SMALL):
+            for r in range(n):
+                for j in range(n):
+                    series[i, k + r] += block[r, j] * series[i, k - SMALL + j]
+                series[i, k + r] *= piece * SMALL / k
+                if not abs(series[i, k + r]) <= _NOTHING:
+                    filled = max(filled, k)
+    return (filled // (2 * SMALL) + 1) * 2 * SMALL
+
+
+@uncounted
+def _advance_small(series, size, piece, t, y, parts):
+    """Take the components of a small block, by its tabulated series."""
+    steps = max(math.ceil(t / piece - 1e-9), 1.0)
+    share, done = t / (steps * piece), 0.0
+    while done < steps:
+        for q in range(parts.shape[0]):
+            parts[q] = 0.0
+        for i in range(size):
+            u = y[i]
+            for q in range(parts.shape[0]):
+                parts[q] += series[i, q] * u
+        for r in range(size):
+            # Two sums that do not wait for one another.
+            even, odd, k = 0.0, 0.0, parts.shape[0] - 2 * SMALL + r
+            while k >= 0:
+                even = even * (share * share) + parts[k]
+                odd = odd * (share * share) + parts[k + SMALL]
+                k -= 2 * SMALL
+            y[r] = even + share * odd
+        done += 1.0
 
 
 @uncounted

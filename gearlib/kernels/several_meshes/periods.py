@@ -19,6 +19,13 @@ from gearlib.kernels.several_meshes.modal_arcs import (
     turn_over,
 )
 from gearlib.kernels.several_meshes.record import record
+from gearlib.kernels.several_meshes.sparse_series import (
+    SERIES,
+    expand,
+    fill_distances_of,
+    go_by_series,
+    sum_of,
+)
 from gearlib.kernels.several_meshes.train_system import dot
 
 #: Two crossings closer than this share of a piece are one whatever their speeds: near
@@ -110,11 +117,12 @@ def go(system, grid, tables, w, number, limit, vectors, recording, summary, samp
         MISSING where the tables lack a combination, FULL where events have no place: it goes on
         from there when called again.
     """
-    m, phase = system.near.shape[0], 0.0
+    (m, n), phase, piece = system.near.shape, 0.0, 0.0
     first, last = system.first_segment[number], system.first_segment[number + 1]
     if w.place[SEGMENT] < 0:
         w.place[SEGMENT], w.place[COUNT], w.place[OPENING] = first, 0, w.place[FOUND]
         w.place[TAKEN], w.ahead[0], w.ahead[1] = 0, grid.length[first], 0.0
+        w.ahead[2] = system.starts[last] - system.starts[first]
     while w.place[SEGMENT] < last:
         p, c, left = w.place[SEGMENT], -1, w.ahead[0]
         while left > 0.0:
@@ -122,21 +130,28 @@ def go(system, grid, tables, w, number, limit, vectors, recording, summary, samp
                 for j in range(m):
                     w.effects[j] = system.effect[w.contact[j] + 1, p, j]
                     w.clear[j] = False
-                c = tables.slots[slot_of(tables.slots, tables.keys, w.effects)]
+                slot = slot_of(tables.slots, tables.keys, w.effects)
+                c = tables.slots[slot]
+                if c < 0 and tables.steps[slot] < tables.price[0]:
+                    c = SERIES
                 full = recording and 0 < events.shape[0] < w.place[FOUND] + m
-                if c < 0 or full:
+                if c == -1 or full:
                     w.ahead[0] = left
-                    return MISSING if c < 0 else FULL
-                piece = tables.piece[c]
-                multiply(tables.into, c, w.z, w.y)
-            modes, quiet = sizes_of(tables, c, w.y, w.sizes), True
+                    return MISSING if c == -1 else FULL
+                if c == SERIES:
+                    tables.steps[slot] += 1 + vectors.shape[0]
+                    piece = expand(system, grid, w.effects, w.z, w.terms)
+                    fill_distances_of(system, grid, w.terms, w.distances)
+                else:
+                    piece = tables.piece[c]
+                    multiply(tables.into, c, w.z, w.y)
+            modes, quiet = 0 if c == SERIES else sizes_of(tables, c, w.y, w.sizes), True
             for j in range(m):
                 if not w.clear[j]:
                     w.clear[j] = w.rest[j] == 0 and keeps_off(tables, c, j, grid, w, modes)
                     quiet &= w.clear[j]
-            length, best = left, 2.0
+            length, best = min(piece, left) if c == SERIES or not quiet else left, 2.0
             if not quiet:
-                length = min(piece, left)
                 best = first_events(tables, c, grid, w, length / piece)
                 for j in range(m):
                     w.rest[j] = 0
@@ -147,22 +162,30 @@ def go(system, grid, tables, w, number, limit, vectors, recording, summary, samp
             if recording:
                 phase = system.starts[p] - system.starts[first]
                 phase += (grid.length[p] - left) * system.tuning
-                record(system, grid, tables, c, w, p, phase, length, summary, samples)
-            kind = grid.kind[p]
-            if length == grid.length[p] and kind < tables.at.shape[1]:
-                factors = tables.turns[turn_over(tables, c, kind, length)]
-            else:
-                turn_by(tables, c, length, w.factors)
-                factors = w.factors
-            advance(tables, c, factors, length, w.y, w.term, w.image)
+                record(system, grid, tables, c, w, p, phase, length, piece, summary, samples)
             left -= length
-            for i in range(vectors.shape[0]):
-                multiply(tables.into, c, vectors[i], w.other)
-                advance(tables, c, factors, length, w.other, w.term, w.image)
-                multiply(tables.out, c, w.other, vectors[i])
-            if best > 1.0 and left > 0.0:
-                continue
-            multiply(tables.out, c, w.y, w.z)
+            if c == SERIES:
+                sum_of(w.terms, n, length / piece, w.z)
+                for i in range(vectors.shape[0]):
+                    go_by_series(system, grid, w.effects, length, vectors[i], w.terms)
+                if best > 1.0 and left > 0.0:
+                    # Modes may pay by now.
+                    c = -1
+                    continue
+            else:
+                kind, factors = grid.kind[p], w.factors
+                if length == grid.length[p] and 0 <= kind < tables.at.shape[1]:
+                    factors = tables.turns[turn_over(tables, c, kind, length)]
+                else:
+                    turn_by(tables, c, length, factors)
+                advance(tables, c, factors, length, w.y, w.term, w.image)
+                for i in range(vectors.shape[0]):
+                    multiply(tables.into, c, vectors[i], w.other)
+                    advance(tables, c, factors, length, w.other, w.term, w.image)
+                    multiply(tables.out, c, w.other, vectors[i])
+                if best > 1.0 and left > 0.0:
+                    continue
+                multiply(tables.out, c, w.y, w.z)
             if best > 1.0:
                 break
             spread = 0.0

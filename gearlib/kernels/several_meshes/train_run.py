@@ -135,8 +135,8 @@ def run_train(
         None are recorded if it has no rows.
     limit : int
         Most events in one mesh period.
-    summary : ndarray, shape (m, 10)
-        Begun by `orbit.clear_summary`.
+    summary : ndarray, shape (k m, 10)
+        Begun by `orbit.clear_summary`; one for each of the blocks of `Grid`.
     strobes : ndarray, shape (m, k + 1, 2)
         Filled with the states of the meshes at the end of each of the last k periods, and before.
     vectors : ndarray, shape (2 N, n filled up)
@@ -168,16 +168,18 @@ def run_train(
         recording = i >= unseen
         begin = max(i - unseen, 0) * per_period
         end = begin + per_period if recording else begin
+        number = (system.first + i) % (system.first_segment.shape[0] - 1)
+        rows = summary[grid.block[number] * m :]
         status = go(
             system,
             grid,
             tables,
             w,
-            (system.first + i) % (system.first_segment.shape[0] - 1),
+            number,
             limit,
             vectors,
             recording,
-            summary,
+            rows,
             samples[begin:end],
             events,
         )
@@ -189,7 +191,7 @@ def run_train(
             status = OVERFLOW
         if recording and status == OK:
             for j in range(m):
-                if orbit.unresolved(summary[j]):
+                if orbit.unresolved(rows[j]):
                     status = UNRESOLVED
         if status != OK:
             return status
@@ -206,7 +208,7 @@ def run_train(
 def period_of(system, strobes, summary):
     """Return the period of a recorded run as of `orbit.orbit_period`, for all meshes."""
     period = 1
-    for j in range(summary.shape[0]):
+    for j in range(strobes.shape[0]):
         height = summary[j, orbit.X_MAX] - summary[j, orbit.X_MIN]
         one = orbit.orbit_period(strobes[j], system.tuning, height, system.repeats)
         period = period // math.gcd(period, one) * one if one > 0 else 0

@@ -8,5 +8,6 @@ module                responsibility
 ``modal_turns``       coordinates of tangents along an arc
 ``through_arcs``      tangents along arcs, over flank lines and switches
 ``recorded_slopes``   derivatives of samples, events, extrema and shares of time
+``turning_points``    where displacements and forces are largest, and touches of flank lines
 ====================  =============================================================================
 """

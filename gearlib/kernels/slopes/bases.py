@@ -32,6 +32,7 @@ class Bases(NamedTuple):
     into: np.ndarray  #: shape (C, n, 2 M)
     out: np.ndarray  #: shape (C, 2 M, n)
     blocks: np.ndarray  #: int, where blocks begin; the last two their end, shape (C, M + 2)
+    norms: np.ndarray  #: of those blocks without their means, the root of a high power, (C, M + 2)
     matrix: np.ndarray  #: T, complex, shape (C, M, M)
     slopes: np.ndarray  #: D, complex, shape (C, k, M, M)
     diagonal: np.ndarray  #: its diagonal, shape (C, k, 2 M)

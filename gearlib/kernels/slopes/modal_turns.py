@@ -6,8 +6,11 @@ import numpy as np
 
 from gearlib.kernels.jit import kernel
 
-#: Norm of a block times the length of a step of its series, and the last term that counts.
-_REACH, _NOTHING = 1.0, 1e-19
+#: Norm of a block times the length of a step of its series, the last term that counts, and how many
+#: there are at most.
+_REACH, _NOTHING, _TERMS = 1.0, 1e-19, 40
+#: Share of a term behind which a bound of a series is safe by so much, and the terms at most.
+_SMALL, _LARGER, _MOST = 1e-3, 1.01, 60
 _INVERSE = 1.0 / np.arange(1.0, 16.0)
 
 
@@ -24,16 +27,11 @@ def add_product(z, a, out):
 
 
 @kernel
-def _block(t, d, start, size, length, q, k, rows, y, out, terms):
+def _block(t, d, norm, start, size, length, q, k, rows, y, out, terms):
     """Carry the coordinates of one block: the mean eigenvalue by itself, a series for the rest."""
-    half, mean, norm, sources = y.shape[1] // 2, 0.0j, 0.0, (rows - q) // k if rows > q else 0
+    half, mean, sources = y.shape[1] // 2, 0.0j, (rows - q) // k if rows > q else 0
     for i in range(start, start + size):
         mean += t[i, i] / size
-    for i in range(start, start + size):
-        total = abs(t[i, i] - mean)
-        for j in range(i + 1, start + size):
-            total += abs(t[i, j])
-        norm = max(norm, total)
     count = max(int(math.ceil(norm * length / _REACH)), 1)
     h = length / count
     factor = np.exp(mean * h)
@@ -45,11 +43,10 @@ def _block(t, d, start, size, length, q, k, rows, y, out, terms):
         for row in range(rows):
             for i in range(size):
                 term[row, i] = complex(out[row, start + i], out[row, half + start + i])
-        share, j, moving = 1.0, 0, True
-        # A slope has one factor less of the norm in each term; free motions have few terms.
-        while j < 3 or (moving and share > _NOTHING):
+        j, moving = 0, True
+        # Free motions have few terms; a slope has one more.
+        while j < size + 2 or (moving and j < _TERMS):
             j += 1
-            share *= norm * h / max(j - 2, 1)
             step = h / j
             for i in range(size):
                 rest = t[start + i, start + i] - mean
@@ -136,5 +133,39 @@ def turn(bases, c, length, q, k, rows, y, out, terms):
     b = 0
     while blocks[b + 1] > blocks[b]:
         start = blocks[b]
-        _block(t, d, start, blocks[b + 1] - start, length, q, k, rows, y, out, terms)
+        _block(
+            t, d, bases.norms[c, b], start, blocks[b + 1] - start, length, q, k, rows, y, out, terms
+        )
         b += 1
+
+
+@kernel
+def block_reach(bases, c, length, state, terms):
+    """Return the largest sizes of coordinates over a length, shape (M,), those of single modes now.
+
+    They bound a block by its series in absolute values.
+    """
+    blocks, t, half, b = bases.blocks[c], bases.matrix[c], state.shape[0] // 2, 0
+    most, term, new = np.empty(half), np.empty(half), np.empty(half)
+    for i in range(half):
+        most[i] = term[i] = np.hypot(state[i], state[half + i])
+    while blocks[b + 1] > blocks[b]:
+        first, last, mean, j, size = blocks[b], blocks[b + 1], 0.0j, 0, math.inf
+        for i in range(first, last):
+            mean += t[i, i] / (last - first)
+        while j < last - first or (size > _SMALL and j < _MOST):
+            j += 1
+            size = 0.0
+            for i in range(first, last):
+                new[i] = abs(t[i, i] - mean) * term[i]
+                for other in range(i + 1, last):
+                    new[i] += abs(t[i, other]) * term[other]
+                new[i] *= length / j
+            for i in range(first, last):
+                term[i] = new[i]
+                most[i] += term[i]
+                size = max(size, term[i] / most[i] if most[i] > 0.0 else 0.0)
+        for i in range(first, last):
+            most[i] *= np.exp(max(mean.real * length, 0.0)) * (_LARGER if size <= _SMALL else 1e99)
+        b += 1
+    return most

@@ -4,31 +4,26 @@ An extremum is a turning point, the start or the end of the record or, of a forc
 stiffness: the first moves, but changes nothing by that.
 """
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 
-from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
+from gearlib.kernels.codes import BACKLASH, INVERSE
 from gearlib.kernels.jit import kernel
 from gearlib.kernels.slopes.itinerary import FROM, LEFT, MESH, TO
 from gearlib.kernels.slopes.modal_turns import add_product, turn
+from gearlib.kernels.slopes.turning_points import (
+    BEGUN,
+    FOUND,
+    HIGHER,
+    LAST,
+    TAKEN,
+    consider,
+    turning_points,
+)
 
-#: A turning point this close to a flank line, in static deflections, is a grazing.
-_CLOSEST = 1e-10
 #: Phases closer than this are one.
 _SAME_PHASE = 1e-12
-#: What is higher by less than this share is not higher.
-_HIGHER = 1e-12
-#: Error of a cubic between two places that are looked at, as a share of the range.
-_CUBIC = 1e-3
-#: A turning point closer to the start of the record than this share of a place is the start.
-_AT_START = 1e-9
-#: Steps that place a turning point to rounding.
-_STEPS = 80
-#: Of the counts: samples and events so far, whether a flank is touched, whether an arc is recorded,
-#: its combination.
-TAKEN, FOUND, TOUCHING, BEGUN, LAST = range(5)
 #: Of the phases.
 PERIOD_START, RECORD_START, SAMPLE_STEP = range(3)
 
@@ -45,13 +40,16 @@ class Tables(NamedTuple):
     of_states: np.ndarray  #: and of those of the state, shape (C, 2 M, k r)
     #: Displacement, distances from both flanks, m each, then their rates, shape (C, 2 M, 6 m).
     curves: np.ndarray
+    #: Of the shares of coordinates in the first 3 m: sizes, those of the rates and of the fourth
+    #: derivatives, shape (C, 3, M, 3 m).
+    sizes: np.ndarray
     velocity: np.ndarray  #: rates of displacements in components, shape (m, n)
     velocity_slopes: np.ndarray  #: shape (k, m, n)
     rates: np.ndarray  #: rates of the distances in components, shape (2 m, n)
     codes: np.ndarray  #: contact codes, int, shape (C, m)
     stiffness: np.ndarray  #: shape (C, m)
     low: np.ndarray  #: as of `itinerary.Places`
-    place: float  #: phase between places where curves are looked at
+    place: float  #: shortest phase over which curves are looked at as one
     same: bool  #: whether displacements are the distances from the near flank
     samples: np.ndarray  #: filled, shape (s, k, r)
     events: np.ndarray  #: filled with those of phase and velocity, shape (e, 2, k)
@@ -62,20 +60,6 @@ class Tables(NamedTuple):
     moved: np.ndarray  #: by what the switch at the start of an arc moves, shape (m, k)
     counts: np.ndarray  #: int, shape (5,)
     phase: np.ndarray  #: of the period, of the record; step of samples, shape (3,)
-
-
-@kernel
-def _slope(tables, c, functional, y, q, slope):
-    """Fill `slope`, shape (k,), with what a functional changes by at coordinates y; return it."""
-    r, total = tables.rows.shape[1], 0.0
-    slope[:] = 0.0
-    for i in range(y.shape[1]):
-        factor = tables.of_tangents[c, i, functional]
-        total += factor * y[0, i]
-        for one in range(slope.shape[0]):
-            slope[one] += factor * y[q + one, i]
-            slope[one] += tables.of_states[c, i, one * r + functional] * y[0, i]
-    return total
 
 
 @kernel
@@ -92,23 +76,11 @@ def _slope_at(tables, c, functional, q, w):
 
 
 @kernel
-def _consider(tables, which, j, value, slope):
-    """Compare a displacement (0) or a force (1) with the extrema so far."""
-    high, low = tables.best[2 * which, j], tables.best[2 * which + 1, j]
-    size = _HIGHER * (abs(high) + abs(low)) if high >= low else 0.0
-    for place in (2 * which, 2 * which + 1):
-        if value > high + size if place == 2 * which else value < low - size:
-            tables.best[place, j] = value
-            for one in range(slope.shape[0]):
-                tables.extrema[place, j, one] = slope[one]
-
-
-@kernel
 def _consider_end(tables, c, j, moved, q, w):
     """Compare the end of an arc with the extrema; one of the force moves by `moved`, shape (k,)."""
     m = tables.codes.shape[1]
     value = _slope_at(tables, c, j, q, w)
-    _consider(tables, 0, j, value, w.slope)
+    consider(tables, 0, j, value, w.slope)
     code = tables.codes[c, j]
     if code == BACKLASH:
         return
@@ -118,7 +90,7 @@ def _consider_end(tables, c, j, moved, q, w):
         rate += row[i] * w.z[0, i]
     for one in range(moved.shape[0]):
         w.slope[one] += tables.stiffness[c, j] * rate * moved[one]
-    _consider(tables, 1, j, value, w.slope)
+    consider(tables, 1, j, value, w.slope)
 
 
 @kernel
@@ -129,7 +101,7 @@ def end_record(tables, q, w):
         _consider_end(tables, tables.counts[LAST], j, tables.moved[j], q, w)
         for place in (2, 3):
             best = tables.best[place, j]
-            size = _HIGHER * (abs(tables.best[2, j]) + abs(tables.best[3, j]))
+            size = HIGHER * (abs(tables.best[2, j]) + abs(tables.best[3, j]))
             if tables.apart[j] and (best <= size if place == 2 else best >= -size):
                 tables.extrema[place, j] = 0.0
 
@@ -200,101 +172,5 @@ def record_arc(bases, tables, c, t, length, q, w):
         add_product(out[q : q + k], tables.of_tangents[c], sample)
         add_product(out[:1], tables.of_states[c], sample.reshape(1, sample.size))
         tables.counts[TAKEN] += 1
-    _turning_points(bases, tables, c, length, q, w)
+    turning_points(bases, tables, c, length, q, w)
     tables.counts[BEGUN], tables.counts[LAST] = 1, c
-
-
-@kernel
-def _turning_points(bases, tables, c, length, q, w):
-    """Compare the turning points of all curves on an arc with the extrema, look for touches."""
-    m, old, new = tables.codes.shape[1], w.curves[0], w.curves[1]
-    count = max(int(math.ceil(length / tables.place)), 2)
-    h = length / count
-    for place in range(count + 1):
-        _curves_at(bases, tables, c, place * h, q, w, new)
-        for curve in range(m if tables.same else 0, 3 * m):
-            a, b = old[3 * m + curve], new[3 * m + curve]
-            if place > 0 and (a < 0.0) != (b < 0.0):
-                # Between two places the curve is all but a cubic.
-                cubic = _cubic(old[curve], a * h, new[curve], b * h, a / (a - b))
-                range_ = abs(new[curve] - old[curve]) + abs(a - b) * h
-                if _matters(tables, c, curve, cubic, range_):
-                    begin = (place - 1) * h
-                    at = _root(bases, tables, c, curve, begin, begin + h, a, b, q, w)
-                    if tables.counts[BEGUN] or at > _AT_START * h:
-                        _turning_point(bases, tables, c, curve, at, q, w)
-        old, new = new, old
-
-
-@kernel
-def _curves_at(bases, tables, c, t, q, w, values):
-    """Fill `values`, shape (6 m,), with the curves and their rates at t."""
-    turn(bases, c, t, q, 1, 1, w.y, w.turned, w.terms)
-    values[:] = 0.0
-    add_product(w.turned[:1], tables.curves[c], values.reshape(1, values.size))
-
-
-@kernel
-def _cubic(first, slope, last, end_slope, share):
-    """Return the value of a cubic at a share of its span, from values and slopes at both ends."""
-    s, r = share, 1.0 - share
-    own = (1.0 + 2.0 * s) * r * r * first + s * r * r * slope
-    return own + s * s * (3.0 - 2.0 * s) * last - s * s * r * end_slope
-
-
-@kernel
-def _matters(tables, c, curve, value, range_):
-    """Return whether a turning point of a curve may be an extremum or a touch."""
-    m = tables.codes.shape[1]
-    j, kind, code = curve % m, curve // m, tables.codes[c, curve % m]
-    margin = _CUBIC * range_ + 1e-15 * abs(value)
-    if kind > 0 and abs(value) < margin + 2.0 * _CLOSEST:
-        return True
-    if kind == 0 or (kind == 1 and tables.same):
-        if value > tables.best[0, j] - margin or value < tables.best[1, j] + margin:
-            return True
-    if kind > 0 and code == (NORMAL if kind == 1 else INVERSE):
-        force, margin = tables.stiffness[c, j] * value, tables.stiffness[c, j] * margin
-        return force > tables.best[2, j] - margin or force < tables.best[3, j] + margin
-    return False
-
-
-@kernel
-def _turning_point(bases, tables, c, curve, at, q, w):
-    """Compare a turning point of a curve with the extrema; note a touch."""
-    m, k = tables.codes.shape[1], w.slope.shape[0]
-    j, kind, code = curve % m, curve // m, tables.codes[c, curve % m]
-    _curves_at(bases, tables, c, at, q, w, w.curves[2])
-    if kind > 0 and abs(w.curves[2, curve]) <= _CLOSEST:
-        tables.counts[TOUCHING] = 1
-    turn(bases, c, at, q, k, q + k, w.y, w.turned, w.terms)
-    if kind == 0 or (kind == 1 and tables.same):
-        value = _slope(tables, c, j, w.turned, q, w.slope)
-        _consider(tables, 0, j, value, w.slope)
-    if kind > 0 and code == (NORMAL if kind == 1 else INVERSE):
-        value = _slope(tables, c, 3 * m + j, w.turned, q, w.slope)
-        _consider(tables, 1, j, value, w.slope)
-
-
-@kernel
-def _root(bases, tables, c, curve, low, high, a, b, q, w):
-    """Return where the rate of a curve is zero between places where it is a and b."""
-    place, at, side = 3 * tables.codes.shape[1] + curve, low, 0
-    for _ in range(_STEPS):
-        at = (low * b - high * a) / (b - a)
-        if not low < at < high:
-            at = 0.5 * (low + high)
-            if not low < at < high:
-                break
-        _curves_at(bases, tables, c, at, q, w, w.curves[2])
-        value = w.curves[2, place]
-        if value == 0.0:
-            break
-        # A secant whose other end stays is bent towards it.
-        if (value < 0.0) == (a < 0.0):
-            low, a, b, side = at, value, 0.5 * b if side < 0 else b, -1
-        else:
-            high, b, a, side = at, value, 0.5 * a if side > 0 else a, 1
-        if high - low <= 1e-15 * max(1.0, high):
-            break
-    return at

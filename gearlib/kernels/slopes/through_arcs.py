@@ -62,6 +62,7 @@ class Work(NamedTuple):
     moved: np.ndarray  #: by what the phase of an event moves, shape (k,)
     slope: np.ndarray  #: shape (k,)
     curves: np.ndarray  #: shape (3, 6 m)
+    bounds: np.ndarray  #: of curves, shape (BOUNDS, 3 m)
 
 
 @kernel

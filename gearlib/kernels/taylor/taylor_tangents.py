@@ -26,6 +26,8 @@ from gearlib.kernels.taylor.series import (
     P3,
     SLOPE,
     START,
+    U_SQUARE,
+    V_SQUARE,
     C,
     V,
     X,
@@ -110,10 +112,15 @@ def _fill_base(row, moved, series, contact, sign, rates, base):
         base[U, k] = series[X, k]
     base[U, 0] -= row[LINE]
     curved = row[P2] != 0.0 or row[P3] != 0.0 or _any(moved, P2, P3)
-    if curved:
+    # The map by itself asks for no product that directions alone change: the step has its squares.
+    alone = moved.shape[1] == 0
+    if alone:
+        for k in range(ORDER):
+            base[U2, k], base[V2, k] = series[U_SQUARE, k], series[V_SQUARE, k]
+    elif curved:
         _times(base[U], base[U], base[U2])
         _times(base[U2], base[U], base[U3])
-    if row[D2] != 0.0 or row[D3] != 0.0 or _any(moved, D2, D3):
+    if not alone and (row[D2] != 0.0 or row[D3] != 0.0 or _any(moved, D2, D3)):
         _times(series[V], series[V], base[V2])
         _times(base[V2], series[V], base[V3])
     d2, d3, p2, p3 = sign * row[D2], row[D3], row[P2], row[P3]
@@ -132,7 +139,7 @@ def _fill_base(row, moved, series, contact, sign, rates, base):
     if contact == BACKLASH:
         return
     _times(series[C], base[RATE], base[STIFF])
-    if curved:
+    if curved and not alone:
         _times(series[C], base[U], base[C_U])
         _times(series[C], base[U2], base[C_U2])
         _times(series[C], base[U3], base[C_U3])

@@ -36,12 +36,9 @@ class Rack:
 
     def __post_init__(self):
         check(self, " of a rack")
-        checks.number(
-            "tip_radius of a rack",
-            self.tip_radius,
-            f">= 0 and below the dedendum, {self.dedendum}",
-            lambda v: 0.0 <= v < self.dedendum,
-        )
+        fits = self.tip_radius < self.dedendum
+        words = f">= 0 and below the dedendum, {self.dedendum}"
+        checks.require(fits, "tip_radius of a rack", self.tip_radius, words)
 
 
 #: The four basic racks of ISO 53.
@@ -64,9 +61,6 @@ class Web:
 
     def __post_init__(self):
         check(self, " of a web")
-        checks.number(
-            "rim_diameter of a web",
-            self.rim_diameter,
-            f"above hub_diameter, {self.hub_diameter!r}",
-            lambda v: v > self.hub_diameter,
-        )
+        fits = self.rim_diameter > self.hub_diameter
+        words = f"above hub_diameter, {self.hub_diameter!r}"
+        checks.require(fits, "rim_diameter of a web", self.rim_diameter, words)

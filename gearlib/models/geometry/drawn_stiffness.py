@@ -92,9 +92,7 @@ def mesh_stiffness(mesh, method="iso", *, samples=64, **options):
         checks.known("table", options, ("torque",))
         return _of_table("table", method)
     if method not in ("iso", "energy"):
-        raise ValueError(
-            f"stiffness = {method!r} is not allowed: it must be 'iso', 'energy' or a Tabulated"
-        )
+        raise checks.refusal("stiffness", method, "'iso', 'energy' or a Tabulated")
     less = math.floor(mesh.contact_ratio)
     segment = mesh.contact_ratio - less
     if method == "iso":

@@ -13,27 +13,13 @@ from gearlib import checks, parameters
 from gearlib.models.geometry.blank import RACKS, Material, Rack, Web
 from gearlib.models.geometry.involute import inv
 from gearlib.models.geometry.relief import TipRelief
-from gearlib.parameters import (
-    BORE,
-    DIAMETER,
-    ERROR,
-    MODULE,
-    TRUTH,
-    WIDTH,
-    Instance,
-    Integer,
-    Many,
-    Number,
-    OneOf,
-    documented,
-)
 
 #: By so much the shift may lie below the limit of undercut: 17 teeth without shift, the limit of
 #: the textbooks, lie 0.006 below; the rack takes away less than a thousandth of a module.
 _UNDERCUT = 0.02
 
 
-class _RackKind(OneOf):
+class _RackKind(parameters.OneOf):
     """A basic rack, or its letter."""
 
     def __init__(self):
@@ -44,7 +30,7 @@ class _RackKind(OneOf):
         return value if isinstance(value, Rack) else RACKS[super().check(name, value)]
 
 
-@documented
+@parameters.documented
 @dataclass(frozen=True, kw_only=True)
 class SpurGear:
     """A cylindrical gear, external or internal, spur or helical; immutable, in SI units.
@@ -56,47 +42,53 @@ class SpurGear:
         message names parameter, value and range.
     """
 
-    teeth: Annotated[int, Integer(3, limit=10_000), "Number of teeth", "z"]
-    module: Annotated[float, MODULE, "Normal module", "m_n"]
-    width: Annotated[float, WIDTH, "Face width", "b"]
-    shift: Annotated[float, Number("1", least=-3, most=3), "Profile shift coefficient", "x"] = 0.0
+    teeth: Annotated[int, parameters.Integer(3, limit=10_000), "Number of teeth", "z"]
+    module: Annotated[float, parameters.MODULE, "Normal module", "m_n"]
+    width: Annotated[float, parameters.WIDTH, "Face width", "b"]
+    shift: Annotated[
+        float, parameters.Number("1", least=-3, most=3), "Profile shift coefficient", "x"
+    ] = 0.0
     pressure_angle: Annotated[
         float,
-        Number("rad", "20 deg", above=0, below=math.pi / 4),
+        parameters.Number("rad", "20 deg", above=0, below=math.pi / 4),
         "Pressure angle of the basic rack alpha_n; 20 degrees by default",
     ] = math.radians(20.0)
     helix_angle: Annotated[
         float,
-        Number("rad", "15.8 deg", least=0, below=math.pi / 3),
+        parameters.Number("rad", "15.8 deg", least=0, below=math.pi / 3),
         "Helix angle at the reference circle beta; 0 by default",
     ] = 0.0
-    internal: Annotated[bool, TRUTH, "Whether it is a ring gear"] = False
+    internal: Annotated[bool, parameters.TRUTH, "Whether it is a ring gear"] = False
     tip_diameter: Annotated[
-        float | None, DIAMETER, "d_a; by default d + 2 m_n (x + h_aP), of a ring gear with -"
+        float | None,
+        parameters.DIAMETER,
+        "d_a; by default d + 2 m_n (x + h_aP), of a ring gear with -",
     ] = None
     rack: Annotated[
         Rack | str, _RackKind(), "Basic rack, by its letter in ISO 53; A by default"
     ] = "A"
     thickness_allowance: Annotated[
         float,
-        Number("m", "-50 um", most=0),
+        parameters.Number("m", "-50 um", most=0),
         "Upper allowance of the normal tooth thickness E_sns; DIN 3967",
     ] = 0.0
-    bore: Annotated[float, BORE, "Diameter; below that of the root"] = 0.0
+    bore: Annotated[float, parameters.BORE, "Diameter; below that of the root"] = 0.0
     outer_diameter: Annotated[
-        float | None, DIAMETER, "Of the rim of a ring gear; its mass and inertia need it"
+        float | None, parameters.DIAMETER, "Of the rim of a ring gear; its mass and inertia need it"
     ] = None
-    web: Annotated[Web | None, Instance((Web,)), "Between rim and hub"] = None
-    material: Annotated[Material, Instance((Material,)), "Steel by default"] = Material()
+    web: Annotated[Web | None, parameters.Instance((Web,)), "Between rim and hub"] = None
+    material: Annotated[Material, parameters.Instance((Material,)), "Steel by default"] = Material()
     quality: Annotated[
         int | None,
-        Integer(1, 11),
+        parameters.Integer(1, 11),
         "Flank tolerance class of ISO 1328-1:2013; `pitch_deviation` and `form_deviation` need it",
     ] = None
-    tip_relief: Annotated[TipRelief | None, Instance((TipRelief,)), "None by default"] = None
+    tip_relief: Annotated[
+        TipRelief | None, parameters.Instance((TipRelief,)), "None by default"
+    ] = None
     pitch_errors: Annotated[
         tuple,
-        Many(ERROR),
+        parameters.Many(parameters.ERROR),
         "By how much each flank lies back from its place along the line of action, tooth after "
         "tooth as they come into mesh; as many as teeth, or none",
     ] = ()
@@ -114,13 +106,12 @@ class SpurGear:
 
     def _check_teeth(self):
         rack, least = self.rack, max(self.root_diameter, self.base_diameter)
-        checks.number(
-            "dedendum of a rack",
-            rack.dedendum,
-            f"<= {math.pi / 4.0 / math.tan(self.pressure_angle):.4g} at this pressure angle, where "
-            "its own tips are pointed",
-            lambda v: v * math.tan(self.pressure_angle) <= math.pi / 4.0,
+        slope = math.tan(self.pressure_angle)
+        words = (
+            f"<= {math.pi / 4.0 / slope:.4g} at this pressure angle, where its own tips are pointed"
         )
+        fits = rack.dedendum * slope <= math.pi / 4.0
+        checks.require(fits, "dedendum of a rack", rack.dedendum, words)
         if not self.internal:
             limit = (
                 self.rack_form_height / self.module
@@ -128,12 +119,8 @@ class SpurGear:
                 / (2.0 * math.cos(self.helix_angle))
                 * math.sin(self.transverse_pressure_angle) ** 2
             )
-            checks.number(
-                "shift",
-                self.shift,
-                f">= {limit:.4f} for {self.teeth} teeth, or the rack undercuts them",
-                lambda v: v >= limit - _UNDERCUT,
-            )
+            words = f">= {limit:.4f} for {self.teeth} teeth, or the rack undercuts them"
+            checks.require(self.shift >= limit - _UNDERCUT, "shift", self.shift, words)
         if self.tip_diameter is None:
             add = 2.0 * self.module * (self.shift + rack.addendum)
             self._put("tip_diameter", self.reference_diameter + self.sign * add)
@@ -144,27 +131,19 @@ class SpurGear:
         allowed = f"above {low:.6g} m" if high == math.inf else f"from {low:.6g} to {high:.6g} m"
         self._within("tip_diameter", f"{allowed}, by its {words} circles", lambda v: low < v < high)
         thickness = self.thickness_at(self.tip_diameter)
-        checks.number(
-            "tip_diameter",
-            self.tip_diameter,
-            f"such that the tooth is not pointed (its tip would be {thickness:.3g} m thick; "
-            "> 0 is allowed)",
-            lambda v: thickness > 0.0,
-        )
+        words = "such that the tooth is not pointed (its tip would be"
+        words = f"{words} {thickness:.3g} m thick; > 0 is allowed)"
+        checks.require(thickness > 0.0, "tip_diameter", self.tip_diameter, words)
         if len(self.pitch_errors) not in (0, self.teeth):
-            raise ValueError(
-                f"pitch_errors = {self.pitch_errors!r} is not allowed: it must be {self.teeth} "
-                "numbers, one for each tooth"
+            raise checks.refusal(
+                "pitch_errors", self.pitch_errors, f"{self.teeth} numbers, one for each tooth"
             )
         relief = self.tip_relief
         if relief is None:
             return
-        checks.number(
-            "amount of a tip relief",
-            relief.amount,
-            f"below half of the thickness of the tip, {thickness / 2.0:.4g} m",
-            lambda v: v < thickness / 2.0,
-        )
+        words = f"below half of the thickness of the tip, {thickness / 2.0:.4g} m"
+        fits = relief.amount < thickness / 2.0
+        checks.require(fits, "amount of a tip relief", relief.amount, words)
 
     def _check_blank(self):
         self._within(
@@ -180,30 +159,17 @@ class SpurGear:
                 else "left out: only a ring gear has one",
                 lambda v: self.internal and self.root_diameter < v < math.inf,
             )
-        if self.web is None:
+        web = self.web
+        if web is None:
             return
-        if self.internal:
-            raise ValueError(
-                f"web = {self.web!r} is not allowed: it must be left out of a ring gear"
-            )
-        checks.number(
-            "thickness of the web",
-            self.web.thickness,
-            f"at most the face width, {self.width!r} m",
-            lambda v: v <= self.width,
-        )
-        checks.number(
-            "rim_diameter of the web",
-            self.web.rim_diameter,
-            f"below the root circle, {self.root_diameter:.6g} m",
-            lambda v: v < self.root_diameter,
-        )
-        checks.number(
-            "hub_diameter of the web",
-            self.web.hub_diameter,
-            f"at least the bore, {self.bore!r} m",
-            lambda v: v >= self.bore,
-        )
+        checks.require(not self.internal, "web", web, "left out of a ring gear")
+        words = f"at most the face width, {self.width!r} m"
+        checks.require(web.thickness <= self.width, "thickness of the web", web.thickness, words)
+        fits, words = web.rim_diameter < self.root_diameter, "below the root circle"
+        words = f"{words}, {self.root_diameter:.6g} m"
+        checks.require(fits, "rim_diameter of the web", web.rim_diameter, words)
+        fits, words = web.hub_diameter >= self.bore, f"at least the bore, {self.bore!r} m"
+        checks.require(fits, "hub_diameter of the web", web.hub_diameter, words)
 
     @property
     def sign(self):

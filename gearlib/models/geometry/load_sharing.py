@@ -16,7 +16,7 @@ behind them is left out. Sources: Harris, Proc. Inst. Mech. Eng. 172 (1958) 87-1
 
 import itertools
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -48,10 +48,6 @@ class ToothPairs:
     inside: np.ndarray  #: bool, whether between its ends, shape (m, k)
     compliance: np.ndarray  #: Q, m/N, shape (m, k, k)
     gap: np.ndarray  #: g, m, shape (m, k)
-
-    def with_gap(self, gap):
-        """Return the same pairs with other gaps."""
-        return replace(self, gap=gap)
 
     def carried_by(self, pairs):
         """Return (a, b) of a set of pairs that touch, shape (m, p): their forces are a x - b."""
@@ -160,12 +156,8 @@ def checked_errors(mesh, values=None):
     if values is None:
         return np.array(mesh.pitch_errors)
     if np.ndim(values) != 1 or not np.size(values):
-        raise ValueError(
-            f"pitch_errors = {values!r} is not allowed: it must be a sequence of at least one "
-            "number"
-        )
-    named = [(f"pitch_errors[{i}]", value) for i, value in enumerate(values)]
-    return np.array([checks.number(name, one, "finite", math.isfinite) for name, one in named])
+        raise checks.refusal("pitch_errors", values, "a sequence of at least one number")
+    return np.array(checks.finite("pitch_errors", values))
 
 
 def relief_gap(mesh, position):
@@ -191,10 +183,7 @@ def _compliance(mesh, position, inside, stiffness, coupling):
         return identity / values[..., None]
     if stiffness == "energy":
         return matrix(PairCompliance(mesh), position, np.ones(position.shape), coupling)
-    if stiffness != "iso":
-        raise ValueError(
-            f"stiffness = {stiffness!r} is not allowed: it must be 'iso', 'energy' or a PathTable"
-        )
+    checks.require(stiffness == "iso", "stiffness", stiffness, "'iso', 'energy' or a PathTable")
     # n pairs in mesh are (0.25 + 0.75 n) c' together if they share a body of 1 / (1 + 3 n) c'.
     single = 1.0 / (iso_stiffness(mesh).single * 1e9 * mesh.width)
     body = (single * coupling / (1.0 + 3.0 * inside.sum(-1)))[:, None, None]

@@ -87,12 +87,8 @@ class Mesh:
             )
         for name in ("module", "pressure_angle", "helix_angle"):
             own, other = getattr(pinion, name), getattr(wheel, name)
-            checks.number(
-                f"{name} of the wheel",
-                other,
-                f"that of the pinion, {own!r}",
-                lambda v, own=own: math.isclose(v, own, rel_tol=1e-9, abs_tol=1e-12),
-            )
+            fits = math.isclose(other, own, rel_tol=1e-9, abs_tol=1e-12)
+            checks.require(fits, f"{name} of the wheel", other, f"that of the pinion, {own!r}")
         if wheel.internal:
             checks.integer("teeth of the ring gear", wheel.teeth, pinion.teeth + 1)
 
@@ -102,12 +98,8 @@ class Mesh:
         shifts = self.pinion.shift + self.wheel.shift
         value = inv(self.pinion.transverse_pressure_angle)
         value += 2.0 * math.tan(self.pinion.pressure_angle) * shifts / teeth
-        checks.number(
-            "sum of the shifts",
-            shifts,
-            "such that the gears find a centre distance without backlash",
-            lambda v: value > 0.0,
-        )
+        words = "such that the gears find a centre distance without backlash"
+        checks.require(value > 0.0, "sum of the shifts", shifts, words)
         return angle_of(value)
 
     def _check_interference(self):
@@ -117,27 +109,25 @@ class Mesh:
         for gear, roll, other, name in ends:
             base, form = gear.base_diameter / 2.0, gear.form_roll_length
             beyond = gear.sign * (math.hypot(form, base) - math.hypot(roll, base))
-            _clear(
+            checks.require(
+                roll >= 0.0 and beyond <= _INTO_FILLET * gear.module,
                 f"tip_diameter of the {name}",
                 other.tip_diameter,
-                roll >= 0.0 and beyond <= _INTO_FILLET * gear.module,
                 "such that it keeps out of the fillet of the mating tooth, whose involute begins "
                 f"{form:.4g} m along the line of action; contact would reach {roll:.4g} m "
                 "(interference)",
             )
         for gear, other, name in ((pinion, wheel, "pinion"), (wheel, pinion, who)):
             clearance = self._clearance(gear, other)
-            _clear(
-                f"tip_diameter of the {name}",
-                gear.tip_diameter,
-                clearance >= 0.0,
-                f"such that tip and root keep clear of each other (clearance {clearance:.4g} m)",
+            words = f"such that tip and root keep clear of each other (clearance {clearance:.4g} m)"
+            checks.require(
+                clearance >= 0.0, f"tip_diameter of the {name}", gear.tip_diameter, words
             )
         if wheel.internal:
-            _clear(
+            checks.require(
+                self._tips_pass(),
                 "teeth of the ring gear",
                 wheel.teeth,
-                self._tips_pass(),
                 f"larger by more than {wheel.teeth - pinion.teeth} than that of the pinion, or the "
                 "tips strike each other (tip interference)",
             )
@@ -162,13 +152,10 @@ class Mesh:
         if relief is None:
             return
         longest = self.longest_relief
-        checks.number(
-            f"length of the tip relief of the {name}",
-            relief.length,
-            f"<= {longest:.6g} m, (eps_alpha - 1) p_bt, or single contact has no involute",
-            # A length of just so much may have been computed another way.
-            lambda v: v <= longest * (1.0 + 1e-9),
-        )
+        words = f"<= {longest:.6g} m, (eps_alpha - 1) p_bt, or single contact has no involute"
+        # A length of just so much may have been computed another way.
+        fits = relief.length <= longest * (1.0 + 1e-9)
+        checks.require(fits, f"length of the tip relief of the {name}", relief.length, words)
 
     def _tips_pass(self):
         """Whether the tips of an internal mesh pass each other after they left contact."""
@@ -187,13 +174,9 @@ class Mesh:
         if self.backlash is not None:
             # A gap as wide as the pitch leaves no tooth.
             example = "80 um" if self.backlash >= 1.0 else "0.08 mm"
-            checks.number(
-                "backlash",
-                self.backlash,
-                f"at most the base pitch, {self.base_pitch:.4g} m"
-                + parameters.likely(self.backlash, example, self.base_pitch),
-                lambda v: v <= self.base_pitch,
-            )
+            words = f"at most the base pitch, {self.base_pitch:.4g} m"
+            words += parameters.likely(self.backlash, example, self.base_pitch)
+            checks.require(self.backlash <= self.base_pitch, "backlash", self.backlash, words)
             return
         backlash, module = self._geometric_backlash(), self.pinion.module
         if -_ROUNDING * module <= backlash < 1e-12 * module:
@@ -389,8 +372,3 @@ class Mesh:
     def train_parameters(self, **options):
         """Return what `gearlib.Mesh.from_geometry` takes of the mesh, as a dict."""
         return train_parameters(self, **options)
-
-
-def _clear(name, value, fits, allowed):
-    if not fits:
-        raise ValueError(f"{name} = {value!r} is not allowed: it must be {allowed}")

@@ -41,17 +41,8 @@ def planets_of(
         raise
     count = checks.integer("planets", planets, 1)
     total = sun.teeth + ring.teeth
-    if positions is None:
-        if total % count:
-            raise ValueError(
-                f"planets = {count} is not allowed: (z_s + z_r) / N = ({sun.teeth} + {ring.teeth}) "
-                f"/ {count} must be an integer for equal spacing"
-            )
-        positions = [math.tau * i / count for i in range(count)]
-    places = tuple(
-        checks.number(f"positions[{i}]", angle, "finite", math.isfinite)
-        for i, angle in enumerate(checks.many("positions", positions, count))
-    )
+    positions = equal_positions(sun.teeth, ring.teeth, count) if positions is None else positions
+    places = checks.finite("positions", checks.many("positions", positions, count))
     for i, angle in enumerate(places):
         pitches = total * (angle - places[0]) / math.tau
         if abs(pitches - round(pitches)) > _CLOSE:
@@ -61,6 +52,16 @@ def planets_of(
             )
     _check_neighbours(of_sun, count, places)
     return Planets(of_sun, of_ring, places)
+
+
+def equal_positions(sun, ring, count):
+    """Return the angles of equally spaced planets between gears of so many teeth."""
+    if (sun + ring) % count:
+        raise ValueError(
+            f"planets = {count} is not allowed: (z_s + z_r) / N = ({sun} + {ring}) / {count} must "
+            "be an integer for equal spacing"
+        )
+    return [2.0 * math.pi * i / count for i in range(count)]
 
 
 def _check_sum(sun, planet, ring, centre_distance):

@@ -4,7 +4,6 @@ A gap is measured along the line of action, in m: by so much later than its invo
 teeth touches. Positions are those of `gearlib.models.geometry.mesh`.
 """
 
-import math
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -67,15 +66,7 @@ class PathTable:
 
     def __post_init__(self):
         for name in ("position", "value"):
-            given = getattr(self, name)
-            try:
-                named = [(f"{name}[{i}]", one) for i, one in enumerate(given)]
-            except TypeError:
-                raise ValueError(
-                    f"{name} = {given!r} is not allowed: it must be a sequence of numbers"
-                ) from None
-            values = tuple(checks.number(*one, "finite", math.isfinite) for one in named)
-            object.__setattr__(self, name, values)
+            object.__setattr__(self, name, checks.finite(name, getattr(self, name)))
         if len(self.position) != len(self.value) or not self.position:
             raise ValueError(
                 f"a table of {len(self.position)} positions and {len(self.value)} values is not "

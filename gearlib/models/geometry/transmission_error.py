@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 import xarray as xr
@@ -142,7 +143,7 @@ def optimum_relief(mesh, torque, *, length=None, shape="linear", phases=256, **o
     def course(values):
         changed = mesh.with_reliefs(*reliefs(values))
         gap = pairs.gap + relief_gap(changed, pairs.position)
-        return pairs.with_gap(gap).share([load]).error[0] / sum(start)
+        return replace(pairs, gap=gap).share([load]).error[0] / sum(start)
 
     bounds = [(0.0, 4.0)] * 2 + [(0.2, 1.0)] * (fixed is None)
     guess = np.ones(len(bounds))

@@ -110,6 +110,14 @@ class Base:
             maps[:] = np.nan
         return z, maps, code
 
+    def watched(self, z, periods, limit, first=0):
+        """Return (end, maps, status, events, summary): what `maps` and `run` tell."""
+        samples, events, summary = self.model.empty_record()
+        rest = periods, periods, samples, events, limit, summary
+        events, found, code = self.run(z.copy(), *rest, first=first)[3:6]
+        end, maps, own = self.maps(z, periods, limit, first)
+        return end, maps, own or code, events[:found], summary
+
     def record(self, z, periods, limit, samples_per_period=0):
         """Run from z and record it all; z stays.
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from gearlib.kernels.codes import OK
-from gearlib.kernels.slopes.recorded_slopes import FOUND, TOUCHING
+from gearlib.kernels.slopes.turning_points import FOUND, TOUCHING
 from gearlib.models.propagators.base import Base
 from gearlib.models.propagators.tangents import Walk
 

@@ -319,7 +319,9 @@ def add(tables, system, grid, frame, effects):
         forget(tables)
     c, a, moving = tables.known[0], np.empty((n, n)), n - 1 - 2 * h
     matrix_of(system, effects, a)
-    basis, lines = frame.basis_of(system, effects), np.stack([system.far, system.near])
+    # A load that grows is no mode: matrix exponentials.
+    basis = frame.basis_of(system, effects) if moving == len(frame.out) else None
+    lines = np.stack([system.far, system.near])
     degree = tables.curves.shape[4] - 1
     reaches = REACHES[degree], BLOCKS[degree]
     curves = _exponentials(degree), _powers(degree)

@@ -51,6 +51,12 @@ class Propagator(Train):
             self.fill(raw, samples, system)
         return x, v, period, rows[:, : orbit.EVENT_COLUMNS], found, code, 0
 
+    def watched(self, *arguments, **named):
+        """Return what maps and a run tell, of one run; see `Base.watched`."""
+        *found, summary = super().watched(*arguments, **named)
+        summary[:, [orbit.X_MAX, orbit.X_MIN]] += self.line
+        return *found, summary
+
     def fill(self, raw, samples, system):
         """Fill samples, shape (k, 6 + e), from states, contact codes and segments."""
         n, count = self.components, orbit.SAMPLE_COLUMNS

@@ -8,7 +8,7 @@ from gearlib.kernels import orbit
 from gearlib.kernels.codes import OK
 from gearlib.kernels.copies import enlarged
 from gearlib.kernels.several_meshes.grid import FOUND, PERIOD, UNTIL, grid_of, work_of
-from gearlib.kernels.several_meshes.modal_arcs import forget, forget_lengths, modes
+from gearlib.kernels.several_meshes.modal_arcs import TURNS, forget, forget_lengths, modes
 from gearlib.kernels.several_meshes.periods import BEYOND, EVENT_COLUMNS, EVENT_MESH, FULL, MISSING
 from gearlib.kernels.several_meshes.record import SUMMARY_COLUMNS
 from gearlib.kernels.several_meshes.train_run import begin, period_of, run_train
@@ -51,7 +51,7 @@ class Propagator(Matrices):
     def taken(self):
         """Return tables for one run: of an earlier one, without what does not hold here, or new."""
         (m, n), system = self.system.near.shape, self.system
-        lengths = int(self.grid.kind.max()) + 1
+        lengths = min(int(self.grid.kind.max()) + 1, TURNS)
         try:
             before, tables = (self.large or self.spare).pop()
         except IndexError:
@@ -123,8 +123,8 @@ class Propagator(Matrices):
         _, _, m, n, points = tables.curves.shape
         w = work_of(n, tables.out.shape[2], m, points - 1)
         w.z[:size] = z * self.scale
-        for row in summary:
-            orbit.clear_summary(row)
+        orbit.clear_summary(summary[0])
+        summary[1:] = summary[0]
         if not extrema:
             summary[:, orbit.X_MAX] = math.inf
         kept = min(periods, orbit.strobe_periods(system.repeats)) if record_periods else 0
@@ -208,12 +208,23 @@ class Propagator(Matrices):
 
     def vary(self, z, periods, limit, maps, first):
         """Fill the maps; see `Base.vary`."""
-        none, summary = self.raw(0), np.empty((len(self.system.near), SUMMARY_COLUMNS))
         events = np.empty((0, EVENT_COLUMNS))
-        code = self.go(z, none, events, limit, summary, (periods, 0), maps, first)[3]
+        return self._vary(z, periods, limit, maps, first, events, 0)[0]
+
+    def _vary(self, z, periods, limit, maps, first, events, recorded):
+        """Fill the maps of a run; return (status, events, summary)."""
+        none, summary = self.raw(0), np.empty((len(self.system.near), SUMMARY_COLUMNS))
+        spans = periods, recorded
+        done = self.go(z, none, events, limit, summary, spans, maps, first)
         # Deviations of rates count by phase, as rates do.
         maps *= self.scale[None, :] / self.scale[:, None]
-        return code
+        return done[3], done[1][: done[2]], summary
+
+    def watched(self, z, periods, limit, first=0):
+        """Return what maps and a run tell, of one run; see `Base.watched`."""
+        z, maps = np.array(z, float), np.empty((periods, z.size, z.size))
+        events = np.empty((16, EVENT_COLUMNS))
+        return z, maps, *self._vary(z, periods, limit, maps, first, events, periods)
 
     def slopes_along(self, along):
         """Return what the train changes by; see `Matrices`."""

@@ -9,6 +9,9 @@ from gearlib.kernels.slopes.bases import Bases, clusters, gather, solve, split, 
 #: larger condition number than this.
 _NEAR, _FARTHER, _CONDITION = 0.03, 4.0, 1e5
 
+#: Power whose root is a norm.
+_POWER = 16
+
 
 def bases_of(pairs):
     """Return the `Bases` of pairs (matrix, slopes), shapes (n, n) and (k, n, n)."""
@@ -19,6 +22,7 @@ def bases_of(pairs):
         np.zeros((count, n, 2 * most)),
         np.zeros((count, 2 * most, n)),
         np.zeros((count, most + 2), np.int64),
+        np.zeros((count, most + 2)),
         np.zeros((count, most, most), complex),
         np.zeros((count, k, most, most), complex),
         np.zeros((count, k, 2 * most)),
@@ -30,6 +34,9 @@ def bases_of(pairs):
         table.into[i, :, :m], table.into[i, :, most : most + m] = into.real.T, into.imag.T
         table.out[i, :m], table.out[i, most : most + m] = out.real.T, -out.imag.T
         table.blocks[i, : len(blocks)] = blocks
+        for b, (first, last) in enumerate(zip(blocks, blocks[1:], strict=False)):
+            own = matrix[first:last, first:last]
+            table.norms[i, b] = _norm(own - np.eye(last - first) * np.trace(own) / (last - first))
         table.matrix[i, :m, :m], table.slopes[i, :, :m, :m] = matrix, slopes
         diagonal = np.diagonal(table.slopes[i], axis1=1, axis2=2)
         table.diagonal[i] = np.hstack([diagonal.real, diagonal.imag])
@@ -39,6 +46,12 @@ def bases_of(pairs):
         table.pairs[i, : len(pairs)] = pairs
         table.shift[i] = np.moveaxis(shift, 2, 0).reshape(n, -1)
     return table
+
+
+def _norm(block):
+    """Return the norm of a block, as its powers grow: free motions soon have none."""
+    power = np.linalg.matrix_power(block, _POWER)
+    return min(np.linalg.norm(block), np.linalg.norm(power) ** (1.0 / _POWER))
 
 
 def _basis(a, slopes):

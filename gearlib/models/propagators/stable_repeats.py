@@ -50,7 +50,7 @@ def proven(propagator, z, period, limit, first=0):
     if not period or propagator.proves_periods:
         return period
     span, first = math.lcm(period, model.repeats), first % model.repeats
-    end, maps, code = propagator.maps(z, span, limit, first)
+    end, maps, code, events, summary = propagator.watched(z, span, limit, first)
     if code != OK:
         return 0
     try:
@@ -68,7 +68,7 @@ def proven(propagator, z, period, limit, first=0):
         matrix = reduce @ one @ lift @ matrix
     if not _way_left(matrix, step) <= within:
         return 0
-    return period if _keeps_clear(propagator, z, span, limit, first) else 0
+    return period if _keeps_clear(propagator, events, summary) else 0
 
 
 def _way_left(matrix, step):
@@ -87,16 +87,13 @@ def _way_left(matrix, step):
         return math.inf
 
 
-def _keeps_clear(propagator, z, span, limit, first):
+def _keeps_clear(propagator, events, summary):
     """Return whether a motion grazes no flank line."""
-    model = propagator.model
-    samples, events, summary = model.empty_record()
-    done = propagator.run(z.copy(), span, span, samples, events, limit, summary, first=first)
-    events, found, code = done[3:6]
-    ends = summary[..., [orbit.X_MIN, orbit.X_MAX]]
-    near = [np.abs(np.moveaxis(ends, -1, 0) - line).min() for line in model.flank_lines]
-    speeds = np.abs(events[:found, orbit.EVENT_VELOCITY]) * propagator.tuning
-    return code == OK and min(near) > _CLEAR and speeds.min(initial=math.inf) > _QUICK
+    ends = summary[..., [orbit.X_MAX, orbit.X_MIN]]
+    lines = propagator.model.flank_lines
+    near = [np.abs(np.moveaxis(ends, -1, 0) - line).min() for line in lines]
+    speeds = np.abs(events[:, orbit.EVENT_VELOCITY]) * propagator.tuning
+    return min(near) > _CLEAR and speeds.min(initial=math.inf) > _QUICK
 
 
 def followed(propagator, z, periods, period, limit):

@@ -27,6 +27,7 @@ from gearlib.kernels.slopes.itinerary import (
     itinerary,
 )
 from gearlib.kernels.slopes.through_arcs import Boundaries, Work, walk
+from gearlib.kernels.slopes.turning_points import BOUNDS
 from gearlib.models.propagators.slope_bases import bases_of
 
 _TURN = 2.0 * np.pi
@@ -117,6 +118,7 @@ class Walk:
             np.empty(self.k),
             np.empty(self.k),
             np.empty((3, 6 * len(self.codes))),
+            np.empty((BOUNDS, 3 * len(self.codes))),
         )
 
     def _combinations(self, effects, contacts, e):
@@ -274,7 +276,7 @@ class Walk:
         stiffness = np.zeros((count, m))
         rows, slopes = np.zeros((count, functionals, n)), np.zeros((count, k, functionals, n))
         of_states = np.zeros((count, full, functionals * k))
-        curves = np.zeros((count, full, 6 * m))
+        curves, sizes = np.zeros((count, full, 6 * m)), np.zeros((count, 3, full // 2, 3 * m))
         lines = np.concatenate([own.lines[flank][0] for flank in (NORMAL, INVERSE)])
         for i in met:
             codes[i], segments = self._met[i]
@@ -286,6 +288,10 @@ class Walk:
             curve = np.concatenate([rows[i, :m], lines])
             rate = curve @ self._bounds.matrix[i].T
             curves[i] = out @ np.concatenate([curve, rate]).T
+            # Shares of complex coordinates, whose rates follow by the matrix.
+            half, matrix = full // 2, self._bases.matrix[i].T
+            share = curves[i, :half, : 3 * m] - 1j * curves[i, half:, : 3 * m]
+            sizes[i] = np.abs([np.linalg.matrix_power(matrix, j) @ share for j in (0, 1, 4)])
         best = np.full((4, m), -np.inf)
         best[1::2] = np.inf
         contacts = self._met[self._which[min(begin, len(self._which) - 1)]][0]
@@ -295,6 +301,7 @@ class Walk:
             np.ascontiguousarray(np.swapaxes(rows @ np.swapaxes(self._bases.out, 1, 2), 1, 2)),
             of_states,
             curves,
+            sizes,
             velocity,
             velocity_slopes,
             lines @ self._bounds.matrix[0].T,

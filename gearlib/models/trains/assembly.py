@@ -58,9 +58,8 @@ def check_names(train):
             name = getattr(mesh, side)
             checks.one_of(f"{side} of mesh {mesh.name}", name, train.body_names)
         if mesh.pinion == mesh.wheel:
-            raise ValueError(
-                f"wheel of mesh {mesh.name} = {mesh.wheel!r} is not allowed: it must be "
-                "another body than the pinion"
+            raise checks.refusal(
+                f"wheel of mesh {mesh.name}", mesh.wheel, "another body than the pinion"
             )
     for body in train.bodies:
         if body.carrier is not None:

@@ -1,7 +1,5 @@
 """From the values of a configuration to a `GearTrain`."""
 
-from collections.abc import Callable
-
 from gearlib.models.geometry import mesh as geometry
 from gearlib.models.geometry.described_drawing import gear
 from gearlib.models.harmonics import Harmonics
@@ -38,9 +36,12 @@ def described(kind, arguments, pair):
         }
         return planetary_set(**(arguments | gears))
     drawn = {body["name"]: gear(body["gear"]) for body in arguments["bodies"] if "gear" in body}
-    parts: dict[str, Callable] = {"bodies": _body, "shafts": _shaft, "meshes": _mesh}
-    made = {key: [make(drawn, **one) for one in arguments[key]] for key, make in parts.items()}
-    return GearTrain(**(arguments | made))
+    parts = {
+        "bodies": [_body(drawn, **one) for one in arguments["bodies"]],
+        "shafts": [Shaft(**one) for one in arguments["shafts"]],
+        "meshes": [_mesh(drawn, **one) for one in arguments["meshes"]],
+    }
+    return GearTrain(**(arguments | parts))
 
 
 def _body(drawn, *, gear=None, **values):
@@ -48,10 +49,6 @@ def _body(drawn, *, gear=None, **values):
     return (
         Body(name=name, **values) if gear is None else Body.from_gear(drawn[name], name, **values)
     )
-
-
-def _shaft(drawn, **values):
-    return Shaft(**values)
 
 
 def _mesh(drawn, *, stiffness="iso", stiffness_options=None, centre_distance=None, **values):

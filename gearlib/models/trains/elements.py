@@ -9,41 +9,9 @@ import math
 from dataclasses import dataclass
 from typing import Annotated
 
-from gearlib import checks
+from gearlib import checks, parameters
 from gearlib.models.harmonics import Harmonics
 from gearlib.models.stiffness import mean_over_max
-from gearlib.parameters import (
-    ANGLE,
-    DAMPING,
-    ERROR,
-    FINITE,
-    INERTIA,
-    LENGTH,
-    MASS,
-    NONNEGATIVE,
-    RUN_OUT,
-    SHAFT_STIFFNESS,
-    SUPPORT,
-    TEETH,
-    TEXT,
-    TORQUE,
-    TRUTH,
-    TWIST_DAMPING,
-    Backlash,
-    BacklashDamping,
-    ContactRatio,
-    Instance,
-    Many,
-    MaterialDamping,
-    MaxStiffness,
-    Number,
-    OneOf,
-    PressureAngle,
-    StiffnessRatio,
-    Two,
-    check,
-    documented,
-)
 
 #: Arguments of `Mesh.from_geometry` by which others are derived.
 _OF_DRAWING = (
@@ -57,7 +25,7 @@ _OF_DRAWING = (
 )
 
 
-@documented
+@parameters.documented
 @dataclass(frozen=True, kw_only=True)
 class Body:
     """A gear or a carrier of a `GearTrain`; immutable.
@@ -70,44 +38,53 @@ class Body:
         If a value is impossible; the message names parameter, value and range.
     """
 
-    name: Annotated[str, TEXT, "Name of the body"]
-    inertia: Annotated[float, INERTIA, "About its axis"]
+    name: Annotated[str, parameters.TEXT, "Name of the body"]
+    inertia: Annotated[float, parameters.INERTIA, "About its axis"]
     base_radius: Annotated[
-        float, LENGTH, "Base radius; of a carrier that of the circle of its pins"
+        float, parameters.LENGTH, "Base radius; of a carrier that of the circle of its pins"
     ]
-    teeth: Annotated[int | None, TEETH, "Teeth; none of a carrier"] = None
-    mass: Annotated[float | None, MASS, "; needed where the axis can move"] = None
-    support_stiffness: Annotated[tuple, Two(SUPPORT), "Along x and y"] = (math.inf, math.inf)
-    support_damping: Annotated[tuple, Two(DAMPING), "Along x and y"] = (0.0, 0.0)
-    torsional_stiffness: Annotated[
-        float,
-        Number("N m/rad", "1 kN m/rad", least=0, infinite="infinity: rigid"),
-        "Of a support against rotation",
-    ] = 0.0
-    torsional_damping: Annotated[float, TWIST_DAMPING, "Of the same"] = 0.0
-    torque: Annotated[float, TORQUE, "Constant, counterclockwise"] = 0.0
-    eccentricity: Annotated[float, RUN_OUT, "Run-out of the base circle"] = 0.0
-    eccentricity_phase: Annotated[
-        float, ANGLE, "Direction of the run-out at tau = 0; on a carrier from the radius of the pin"
-    ] = 0.0
-    offset: Annotated[tuple, Two(ERROR), "By how much the axis is misplaced along x and y"] = (
+    teeth: Annotated[int | None, parameters.TEETH, "Teeth; none of a carrier"] = None
+    mass: Annotated[float | None, parameters.MASS, "; needed where the axis can move"] = None
+    support_stiffness: Annotated[tuple, parameters.Two(parameters.SUPPORT), "Along x and y"] = (
+        math.inf,
+        math.inf,
+    )
+    support_damping: Annotated[tuple, parameters.Two(parameters.DAMPING), "Along x and y"] = (
         0.0,
         0.0,
     )
-    carrier: Annotated[str | None, TEXT, "Name of the body that carries the axis"] = None
-    angle: Annotated[float, ANGLE, "Of the pin on the carrier"] = 0.0
+    torsional_stiffness: Annotated[
+        float,
+        parameters.Number("N m/rad", "1 kN m/rad", least=0, infinite="infinity: rigid"),
+        "Of a support against rotation",
+    ] = 0.0
+    torsional_damping: Annotated[float, parameters.TWIST_DAMPING, "Of the same"] = 0.0
+    torque: Annotated[float, parameters.TORQUE, "Constant, counterclockwise"] = 0.0
+    eccentricity: Annotated[float, parameters.RUN_OUT, "Run-out of the base circle"] = 0.0
+    eccentricity_phase: Annotated[
+        float,
+        parameters.ANGLE,
+        "Direction of the run-out at tau = 0; on a carrier from the radius of the pin",
+    ] = 0.0
+    offset: Annotated[
+        tuple, parameters.Two(parameters.ERROR), "By how much the axis is misplaced along x and y"
+    ] = (
+        0.0,
+        0.0,
+    )
+    carrier: Annotated[str | None, parameters.TEXT, "Name of the body that carries the axis"] = None
+    angle: Annotated[float, parameters.ANGLE, "Of the pin on the carrier"] = 0.0
 
     def __post_init__(self):
-        check(self, f" of body {self.name}")
+        parameters.check(self, f" of body {self.name}")
         if self.mass is None and not all(map(math.isinf, self.support_stiffness)):
             raise ValueError(
                 f"mass of body {self.name} = None is not allowed: it must be a finite number > 0 "
                 "where the support is elastic"
             )
         if self.eccentricity and self.teeth is None:
-            raise ValueError(
-                f"eccentricity of body {self.name} = {self.eccentricity!r} is not allowed: it must "
-                "be 0 for a body without teeth"
+            raise checks.refusal(
+                f"eccentricity of body {self.name}", self.eccentricity, "0 for a body without teeth"
             )
 
     @classmethod
@@ -121,10 +98,7 @@ class Body:
         **more
             Other parameters, also in place of these.
         """
-        if not hasattr(gear, "base_diameter"):
-            raise ValueError(
-                f"gear = {gear!r} is not allowed: it must be a gearlib.geometry.SpurGear"
-            )
+        checks.require(hasattr(gear, "base_diameter"), "gear", gear, "a gearlib.geometry.SpurGear")
         own = {"teeth": gear.teeth, "base_radius": gear.base_diameter / 2.0}
         for key in ("mass", "inertia"):
             if key not in more:
@@ -132,23 +106,23 @@ class Body:
         return cls(name=name, **(own | more))
 
 
-@documented
+@parameters.documented
 @dataclass(frozen=True, kw_only=True)
 class Shaft:
     """An elastic shaft that joins two bodies; immutable."""
 
-    bodies: Annotated[tuple, Many(TEXT, 2), "Names of both"]
-    stiffness: Annotated[float, SHAFT_STIFFNESS, "Against torsion"]
-    damping: Annotated[float, TWIST_DAMPING, "Of the same"] = 0.0
+    bodies: Annotated[tuple, parameters.Many(parameters.TEXT, 2), "Names of both"]
+    stiffness: Annotated[float, parameters.SHAFT_STIFFNESS, "Against torsion"]
+    damping: Annotated[float, parameters.TWIST_DAMPING, "Of the same"] = 0.0
     bending_stiffness: Annotated[
         float,
-        Number("N/m", "1 kN/um", least=0),
+        parameters.Number("N/m", "1 kN/um", least=0),
         "Between the displacements of both bodies, the same along x and y",
     ] = 0.0
-    bending_damping: Annotated[float, DAMPING, "Of the same"] = 0.0
+    bending_damping: Annotated[float, parameters.DAMPING, "Of the same"] = 0.0
     keying: Annotated[
         float | None,
-        ANGLE,
+        parameters.ANGLE,
         "Counterclockwise from the middle of a tooth of the first gear to that of one of the "
         "second; by default 0, teeth in line, or what loops of meshes ask for",
     ] = None
@@ -161,13 +135,11 @@ class Shaft:
             or not all(isinstance(name, str) for name in names)
             or names[0] == names[1]
         ):
-            raise ValueError(
-                f"bodies of a shaft = {names!r} is not allowed: it must be the names of two bodies"
-            )
-        check(self, f" of shaft {names[0]}-{names[1]}")
+            raise checks.refusal("bodies of a shaft", names, "the names of two bodies")
+        parameters.check(self, f" of shaft {names[0]}-{names[1]}")
 
 
-@documented
+@parameters.documented
 @dataclass(frozen=True, kw_only=True)
 class Mesh:
     """Two gears in mesh; immutable.
@@ -182,80 +154,86 @@ class Mesh:
         If a value is impossible; the message names parameter, value and range.
     """
 
-    pinion: Annotated[str, TEXT, "Name of a body"]
-    wheel: Annotated[str, TEXT, "Name of a body; of an internal mesh the ring gear"]
-    max_stiffness: MaxStiffness
-    stiffness_ratio: StiffnessRatio
-    contact_ratio: ContactRatio
-    name: Annotated[str | None, TEXT, "By default pinion-wheel"] = None
-    internal: Annotated[bool, TRUTH, "Whether the wheel is a ring gear"] = False
-    position: Annotated[float | None, ANGLE, "Of the line of centres; 0 by default"] = None
-    pressure_angle: PressureAngle = math.radians(20.0)
+    pinion: Annotated[str, parameters.TEXT, "Name of a body"]
+    wheel: Annotated[str, parameters.TEXT, "Name of a body; of an internal mesh the ring gear"]
+    max_stiffness: parameters.MaxStiffness
+    stiffness_ratio: parameters.StiffnessRatio
+    contact_ratio: parameters.ContactRatio
+    name: Annotated[str | None, parameters.TEXT, "By default pinion-wheel"] = None
+    internal: Annotated[bool, parameters.TRUTH, "Whether the wheel is a ring gear"] = False
+    position: Annotated[float | None, parameters.ANGLE, "Of the line of centres; 0 by default"] = (
+        None
+    )
+    pressure_angle: parameters.PressureAngle = math.radians(20.0)
     line_of_action: Annotated[
         float | None,
-        ANGLE,
+        parameters.ANGLE,
         "Direction in which the mesh presses against the gear at which the position begins; "
         "in place of `position`",
     ] = None
     direction: Annotated[
         int,
-        OneOf((1, -1)),
+        parameters.OneOf((1, -1)),
         "Which flanks are the drive side: 1, if they touch when the gear at which the position "
         "begins is turned counterclockwise",
     ] = 1
     driving: Annotated[
         str | None,
-        TEXT,
+        parameters.TEXT,
         "Pinion or wheel, which drives through the drive side and so decides in which sense "
         "the train turns; by default as other meshes have it, of the reference mesh the pinion",
     ] = None
     phase: Annotated[
         float | None,
-        FINITE,
+        parameters.FINITE,
         "By how many of its mesh periods the stiffness comes after that of the reference mesh; "
         "by default as tooth numbers, positions, `tooth_thickness` and `pitch_phase` have it",
     ] = None
     inverse_phase: Annotated[
         float | None,
-        FINITE,
+        parameters.FINITE,
         "The same of the coast-side flanks; by default as `tooth_thickness` and `pitch_phase` "
         "have it, or `phase` where no thickness is given",
     ] = None
-    backlash: Backlash = math.inf
-    material_damping: MaterialDamping = 0.0
-    backlash_damping: BacklashDamping = 0.0
+    backlash: parameters.Backlash = math.inf
+    material_damping: parameters.MaterialDamping = 0.0
+    backlash_damping: parameters.BacklashDamping = 0.0
     moving_backlash: Annotated[
         bool,
-        TRUTH,
+        parameters.TRUTH,
         "Whether the coast-side flank keeps its place behind the drive side while supports give "
         "and run-out turns, as in Eq. (4), so that bearings do not close the backlash; if not, it "
         "stays a backlash behind",
     ] = False
     deviation: Annotated[
-        Harmonics, Instance((Harmonics,)), "Of the drive-side flanks over the phase of this mesh, m"
+        Harmonics,
+        parameters.Instance((Harmonics,)),
+        "Of the drive-side flanks over the phase of this mesh, m",
     ] = Harmonics()
     inverse_deviation: Annotated[
         Harmonics | None,
-        Instance((Harmonics,)),
+        parameters.Instance((Harmonics,)),
         "Of the coast-side flanks, m; by default that of the drive side",
     ] = None
     error: Annotated[
-        float, ERROR, "Error of assembly: constant displacement along the line of action"
+        float, parameters.ERROR, "Error of assembly: constant displacement along the line of action"
     ] = 0.0
-    friction: Annotated[tuple, Two(NONNEGATIVE), "Coefficients in normal and inverse mesh"] = (
+    friction: Annotated[
+        tuple, parameters.Two(parameters.NONNEGATIVE), "Coefficients in normal and inverse mesh"
+    ] = (
         0.0,
         0.0,
     )
     pitch_phase: Annotated[
         float,
-        ANGLE,
+        parameters.ANGLE,
         "Phase of this mesh at which drive-side flanks touch at the pitch point when the pinion "
         "drives; it counts negative where the wheel does. Those of the coast side do a tooth "
         "thickness later or earlier",
     ] = 0.0
     tooth_thickness: Annotated[
         tuple | None,
-        Two(Number("1", above=0, below=1)),
+        parameters.Two(parameters.Number("1", above=0, below=1)),
         "Of pinion and wheel on their working circles, in pitches; by default half a pitch",
     ] = None
 
@@ -263,15 +241,14 @@ class Mesh:
         if self.name is None:
             object.__setattr__(self, "name", f"{self.pinion}-{self.wheel}")
         whose = f" of mesh {self.name}"
-        check(self, whose)
+        parameters.check(self, whose)
         if self.driving is not None:
             checks.one_of(f"driving{whose}", self.driving, (self.pinion, self.wheel))
         if self.inverse_deviation is None:
             object.__setattr__(self, "inverse_deviation", self.deviation)
         if self.line_of_action is not None and self.position is not None:
-            raise ValueError(
-                f"line_of_action{whose} = {self.line_of_action!r} is not allowed: it must be left "
-                "out where position is given"
+            raise checks.refusal(
+                f"line_of_action{whose}", self.line_of_action, "left out where position is given"
             )
 
     @classmethod

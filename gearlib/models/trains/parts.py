@@ -3,7 +3,7 @@
 import math
 from typing import Annotated
 
-from gearlib.models.trains.elements import Mesh
+from gearlib.models.trains.elements import Body, Mesh, Shaft
 from gearlib.parameters import (
     ERROR,
     MASS,
@@ -71,26 +71,46 @@ def train_of(**parts):
     return GearTrain(**parts)
 
 
-def mesh_of(pair, pinion, wheel, **more):
-    """Return a `Mesh` with the values of a `GearPair`."""
-    own = ("max_stiffness", "stiffness_ratio", "contact_ratio", "backlash", "material_damping")
-    values = {name: getattr(pair, name) for name in (*own, "backlash_damping")}
-    return Mesh(pinion=pinion, wheel=wheel, **(values | more))
+class Gears:
+    """Gears in mesh as a pair, on equal bearings; one module, I / r^2 and mass for each."""
+
+    def __init__(self, pair, teeth, modules, pressure_angle, reduced, masses, bearing):
+        self.pair, self.teeth, self.pressure_angle = pair, teeth, pressure_angle
+        self.reduced, self.bearing = reduced, support(*bearing)
+        self.masses = masses or [2.0 * value for value in reduced]
+        #: Of the base circles, m.
+        self.radii = [
+            module * z / 2.0 * math.cos(pressure_angle)
+            for module, z in zip(modules, teeth, strict=True)
+        ]
+
+    def body(self, i, name, force=0.0, **more):
+        """Return the gear of a number as a `Body`; the force acts at its base circle."""
+        radius = self.radii[i]
+        return Body(
+            name=name,
+            teeth=self.teeth[i],
+            base_radius=radius,
+            inertia=self.reduced[i] * radius**2,
+            mass=self.masses[i],
+            torque=force * radius,
+            **self.bearing,
+            **more,
+        )
+
+    def mesh(self, pinion, wheel, **more):
+        """Return a `Mesh` with the values of the pair."""
+        own = ("max_stiffness", "stiffness_ratio", "contact_ratio", "backlash", "material_damping")
+        values = {name: getattr(self.pair, name) for name in (*own, "backlash_damping")}
+        values["pressure_angle"] = self.pressure_angle
+        return Mesh(pinion=pinion, wheel=wheel, **(values | more))
 
 
-def gear(name, teeth, module, pressure_angle, reduced, mass, force):
-    """Return the parameters of a `Body`; `force` acts at the base circle."""
-    radius = base_radius(teeth, module, pressure_angle)
-    inertia = reduced * radius**2
-    torque = force * radius
-    return dict(
-        name=name, teeth=teeth, base_radius=radius, inertia=inertia, mass=mass, torque=torque
+def shaft_of(bodies, stiffness, structural_damping):
+    """Return a `Shaft` against torsion."""
+    return Shaft(
+        bodies=bodies, stiffness=stiffness, damping=damping_of(stiffness, structural_damping)
     )
-
-
-def base_radius(teeth, module, pressure_angle):
-    """Return the base radius of a gear, m."""
-    return module * teeth / 2.0 * math.cos(pressure_angle)
 
 
 def gear_masses(pair, first, second, *others):

@@ -9,34 +9,10 @@ import math
 from typing import Annotated
 
 from gearlib import checks
+from gearlib.models.geometry.planets import equal_positions
 from gearlib.models.stiffness import mean_over_max
-from gearlib.models.trains.elements import Body, Mesh, Shaft
-from gearlib.models.trains.parts import (
-    PRESSURE_ANGLE,
-    STRUCTURAL_DAMPING,
-    AxisStiffness,
-    Driving,
-    FourMasses,
-    FourReduced,
-    Gyroscopic,
-    Modules,
-    PinErrors,
-    SetSupports,
-    SetTwists,
-    ShaftStiffness,
-    StructuralDamping,
-    ThreeMasses,
-    ThreeReduced,
-    Turning,
-    base_radius,
-    damping_of,
-    gear,
-    gear_masses,
-    mesh_of,
-    pair_of,
-    support,
-    train_of,
-)
+from gearlib.models.trains import parts
+from gearlib.models.trains.elements import Body, Mesh
 from gearlib.parameters import (
     ANGLE,
     CONTACT_RATIO,
@@ -86,9 +62,9 @@ def planetary(
     pressure_angle: Annotated[
         float, WORKING_ANGLE, "Of the sun's meshes in operation; that of the ring's follows"
     ] = _LIN_PARKER,
-    support_stiffness: SetSupports = (1e8, 1e8, 1e8, 1e8),
-    torsional_stiffness: SetTwists = (0.0, 1e9, 0.0),
-    structural_damping: StructuralDamping = STRUCTURAL_DAMPING,
+    support_stiffness: parts.SetSupports = (1e8, 1e8, 1e8, 1e8),
+    torsional_stiffness: parts.SetTwists = (0.0, 1e9, 0.0),
+    structural_damping: parts.StructuralDamping = parts.STRUCTURAL_DAMPING,
     mean_stiffness: Annotated[
         tuple, Many(STIFFNESS, 2), "Of the meshes of sun and ring"
     ] = _STIFFNESSES,
@@ -101,10 +77,10 @@ def planetary(
     ring_phase: Annotated[
         float | None, FINITE, "Phase of the first ring mesh; by default from the planets' teeth"
     ] = None,
-    pin_errors: PinErrors = None,
-    turning: Turning = False,
-    driving: Driving = "sun",
-    gyroscopic: Gyroscopic = False,
+    pin_errors: parts.PinErrors = None,
+    turning: parts.Turning = False,
+    driving: parts.Driving = "sun",
+    gyroscopic: parts.Gyroscopic = False,
     **options,
 ):
     """Return a planetary train: sun, ring, carrier and planets, by default of Lin and Parker.
@@ -128,13 +104,7 @@ def planetary(
             )
         planet_teeth = (ring - sun) // 2
     planet_teeth = checks.integer("planet_teeth", planet_teeth, 3, ring - 1)
-    if positions is None:
-        if (sun + ring) % n:
-            raise ValueError(
-                f"planets = {n!r} is not allowed: (z_s + z_r) / N = ({sun} + {ring}) / {n} must be "
-                "an integer for equal spacing"
-            )
-        positions = [2.0 * math.pi * i / n for i in range(n)]
+    positions = equal_positions(sun, ring, n) if positions is None else positions
     positions = checks.numbers("positions", positions, n)
     if ring_phase is not None:
         checks.number("ring_phase", ring_phase, "finite", math.isfinite)
@@ -164,9 +134,9 @@ def planetary(
             inertia=reduced_inertias[i] * radii[i] ** 2,
             base_radius=radii[i],
             torque=0.0 if stands else torques[i],
-            **support(support_stiffness[i], structural_damping),
+            **parts.support(support_stiffness[i], structural_damping),
             torsional_stiffness=twists[i] * radii[i] ** 2,
-            torsional_damping=damping_of(twists[i], structural_damping) * radii[i] ** 2,
+            torsional_damping=parts.damping_of(twists[i], structural_damping) * radii[i] ** 2,
             **more,
         )
 
@@ -203,7 +173,7 @@ def planetary(
     meshes.sort(key=lambda mesh: mesh.internal)
     if driving == "ring":
         meshes = [dataclasses.replace(mesh, driving=mesh.wheel) for mesh in meshes]
-    return train_of(
+    return parts.train_of(
         bodies=bodies,
         meshes=meshes,
         carrier_ratio=sun / ring if turning else 0.0,
@@ -221,11 +191,11 @@ def idler(
         float, ANGLE, "Between both lines of centres at the idler; pi: in a row"
     ] = math.pi,
     module: Annotated[float, MODULE, "Of all gears"] = 0.004,
-    reduced_inertias: ThreeReduced = None,
-    masses: ThreeMasses = None,
-    support_stiffness: AxisStiffness = math.inf,
-    structural_damping: StructuralDamping = STRUCTURAL_DAMPING,
-    pressure_angle: PressureAngle = PRESSURE_ANGLE,
+    reduced_inertias: parts.ThreeReduced = None,
+    masses: parts.ThreeMasses = None,
+    support_stiffness: parts.AxisStiffness = math.inf,
+    structural_damping: parts.StructuralDamping = parts.STRUCTURAL_DAMPING,
+    pressure_angle: PressureAngle = parts.PRESSURE_ANGLE,
     **options,
 ):
     """Return a train of three gears in a row, ``pinion``, ``idler``, ``wheel``, with two meshes.
@@ -233,27 +203,21 @@ def idler(
     `pair`, a `GearPair`, gives stiffness, damping, backlash and load of both meshes; its reduced
     mass is that of the first. Other options are those of `GearTrain`.
     """
-    z, force = teeth, pair_of(pair).load
-    reduced = reduced_inertias or gear_masses(pair, *z)
-    weights = masses or [2.0 * value for value in reduced]
+    pair = parts.pair_of(pair)
+    reduced = reduced_inertias or parts.gear_masses(pair, *teeth)
+    bearing = support_stiffness, structural_damping
+    gears = parts.Gears(pair, teeth, [module] * 3, pressure_angle, reduced, masses, bearing)
     bodies = [
-        gear(name, z[i], module, pressure_angle, reduced[i], weights[i], sign * force)
-        | support(support_stiffness, structural_damping)
-        for i, (name, sign) in enumerate((("pinion", 1.0), ("idler", 0.0), ("wheel", -1.0)))
+        gears.body(0, "pinion", pair.load),
+        gears.body(1, "idler"),
+        gears.body(2, "wheel", -pair.load),
     ]
     # From the wheel's side of the idler the drive flanks are the other ones.
     meshes = [
-        mesh_of(pair, "pinion", "idler", position=0.0, pressure_angle=pressure_angle),
-        mesh_of(
-            pair,
-            "idler",
-            "wheel",
-            position=math.pi + angle,
-            direction=-1,
-            pressure_angle=pressure_angle,
-        ),
+        gears.mesh("pinion", "idler", position=0.0),
+        gears.mesh("idler", "wheel", position=math.pi + angle, direction=-1),
     ]
-    return train_of(bodies=[Body(**body) for body in bodies], meshes=meshes, **options)
+    return parts.train_of(bodies=bodies, meshes=meshes, **options)
 
 
 @checked
@@ -261,13 +225,13 @@ def two_stage(
     pair,
     *,
     teeth: Annotated[tuple, Many(TEETH, 4), "Of both gears of each stage"] = (24, 36, 24, 36),
-    modules: Modules = (0.004, 0.004),
-    shaft_stiffness: ShaftStiffness = 1e6,
-    reduced_inertias: FourReduced = None,
-    masses: FourMasses = None,
-    support_stiffness: AxisStiffness = math.inf,
-    structural_damping: StructuralDamping = STRUCTURAL_DAMPING,
-    pressure_angle: PressureAngle = PRESSURE_ANGLE,
+    modules: parts.Modules = (0.004, 0.004),
+    shaft_stiffness: parts.ShaftStiffness = 1e6,
+    reduced_inertias: parts.FourReduced = None,
+    masses: parts.FourMasses = None,
+    support_stiffness: parts.AxisStiffness = math.inf,
+    structural_damping: parts.StructuralDamping = parts.STRUCTURAL_DAMPING,
+    pressure_angle: PressureAngle = parts.PRESSURE_ANGLE,
     **options,
 ):
     """Return two stages, ``pinion 1`` and ``wheel 1``, ``pinion 2`` and ``wheel 2``, with a shaft.
@@ -275,28 +239,21 @@ def two_stage(
     `pair` as of `idler`: I / r^2 of each stage follows from it. Other options are those of
     `GearTrain`.
     """
-    z, pair = teeth, pair_of(pair)
-    reduced = reduced_inertias or [*gear_masses(pair, *z[:2]), *gear_masses(pair, *z[2:])]
-    weights = masses or [2.0 * value for value in reduced]
-    sizes = [modules[i // 2] for i in range(4)]
-    radii = [base_radius(z[i], sizes[i], pressure_angle) for i in range(4)]
-    names = ("pinion 1", "wheel 1", "pinion 2", "wheel 2")
+    z, pair = teeth, parts.pair_of(pair)
+    stages = parts.gear_masses(pair, *z[:2]) + parts.gear_masses(pair, *z[2:])
+    sizes, bearing = [modules[i // 2] for i in range(4)], (support_stiffness, structural_damping)
+    gears = parts.Gears(pair, z, sizes, pressure_angle, reduced_inertias or stages, masses, bearing)
     # The shaft turns clockwise, and the second wheel counterclockwise against its load.
-    forces = (pair.load, 0.0, 0.0, -pair.load * radii[1] / radii[2])
+    out = -pair.load * gears.radii[1] / gears.radii[2]
     bodies = [
-        gear(names[i], z[i], sizes[i], pressure_angle, reduced[i], weights[i], forces[i])
-        | support(support_stiffness, structural_damping)
-        for i in range(4)
+        gears.body(0, "pinion 1", pair.load),
+        gears.body(1, "wheel 1"),
+        gears.body(2, "pinion 2"),
+        gears.body(3, "wheel 2", out),
     ]
     meshes = [
-        mesh_of(pair, *names[:2], position=0.0, pressure_angle=pressure_angle),
-        mesh_of(pair, *names[2:], position=0.0, direction=-1, pressure_angle=pressure_angle),
+        gears.mesh("pinion 1", "wheel 1", position=0.0),
+        gears.mesh("pinion 2", "wheel 2", position=0.0, direction=-1),
     ]
-    shaft = Shaft(
-        bodies=names[1:3],
-        stiffness=shaft_stiffness,
-        damping=damping_of(shaft_stiffness, structural_damping),
-    )
-    return train_of(
-        bodies=[Body(**body) for body in bodies], meshes=meshes, shafts=[shaft], **options
-    )
+    shaft = parts.shaft_of(("wheel 1", "pinion 2"), shaft_stiffness, structural_damping)
+    return parts.train_of(bodies=bodies, meshes=meshes, shafts=[shaft], **options)

@@ -18,26 +18,7 @@ import math
 from typing import Annotated
 
 from gearlib import checks
-from gearlib.models.trains.elements import Body, Shaft
-from gearlib.models.trains.parts import (
-    PRESSURE_ANGLE,
-    STRUCTURAL_DAMPING,
-    AxisStiffness,
-    FourMasses,
-    FourReduced,
-    Modules,
-    PinErrors,
-    ShaftStiffness,
-    StructuralDamping,
-    base_radius,
-    damping_of,
-    gear,
-    gear_masses,
-    mesh_of,
-    pair_of,
-    support,
-    train_of,
-)
+from gearlib.models.trains import parts
 from gearlib.parameters import BACKLASH, TEETH, TRUTH, Integer, Many, PressureAngle, checked
 
 
@@ -53,14 +34,14 @@ def split_power_reducer(
         "gear (24, 36, 24, 84)",
     ] = None,
     internal: Annotated[bool, TRUTH, "Whether the output is a ring gear"] = False,
-    modules: Modules = (0.004, 0.004),
-    pressure_angle: PressureAngle = PRESSURE_ANGLE,
-    reduced_inertias: FourReduced = None,
-    masses: FourMasses = None,
-    shaft_stiffness: ShaftStiffness = 1e6,
-    support_stiffness: AxisStiffness = 1e9,
-    structural_damping: StructuralDamping = STRUCTURAL_DAMPING,
-    pin_errors: PinErrors = None,
+    modules: parts.Modules = (0.004, 0.004),
+    pressure_angle: PressureAngle = parts.PRESSURE_ANGLE,
+    reduced_inertias: parts.FourReduced = None,
+    masses: parts.FourMasses = None,
+    shaft_stiffness: parts.ShaftStiffness = 1e6,
+    support_stiffness: parts.AxisStiffness = 1e9,
+    structural_damping: parts.StructuralDamping = parts.STRUCTURAL_DAMPING,
+    pin_errors: parts.PinErrors = None,
     backlashes: Annotated[
         tuple | None,
         Many(Many(BACKLASH, 2)),
@@ -79,7 +60,7 @@ def split_power_reducer(
     ValueError
         If a value is impossible or the two stages have different centre distances.
     """
-    n, pair = branches, pair_of(pair)
+    n, pair = branches, parts.pair_of(pair)
     z = teeth or ((24, 36, 24, 84) if internal else (24, 36, 24, 36))
     sizes = [modules[i // 2] for i in range(4)]
     centres = sizes[0] * (z[0] + z[1]), sizes[2] * (z[3] - z[2] if internal else z[3] + z[2])
@@ -88,21 +69,15 @@ def split_power_reducer(
             f"teeth = {z!r} is not allowed: both stages must have one centre distance, and it is "
             f"{centres[0] / 2.0:.6g} m in the first, {centres[1] / 2.0:.6g} m in the second"
         )
-    reduced = reduced_inertias or gear_masses(pair, *z)
-    weights = masses or [2.0 * value for value in reduced]
     errors = checks.many("pin_errors", pin_errors or [(0.0, 0.0)] * n, n)
     gaps = checks.many("backlashes", backlashes or [(pair.backlash,) * 2] * n, n)
-    radii = [base_radius(z[i], sizes[i], pressure_angle) for i in range(4)]
+    reduced = reduced_inertias or parts.gear_masses(pair, *z)
+    bearing = support_stiffness, structural_damping
+    gears = parts.Gears(pair, z, sizes, pressure_angle, reduced, masses, bearing)
     # The satellites turn clockwise. They push an external output counterclockwise, against its
     # load, and a ring gear clockwise.
-    out = n * pair.load * radii[1] / radii[2] * (1.0 if internal else -1.0)
-    bearing = support(support_stiffness, structural_damping)
-
-    def body(i, name, force, offset=(0.0, 0.0)):
-        values = gear(name, z[i], sizes[i], pressure_angle, reduced[i], weights[i], force)
-        return Body(**values, **bearing, offset=offset)
-
-    bodies = [body(0, "input", n * pair.load), body(3, "output", out)]
+    out = n * pair.load * gears.radii[1] / gears.radii[2] * (1.0 if internal else -1.0)
+    bodies = [gears.body(0, "input", n * pair.load), gears.body(3, "output", out)]
     first, second, shafts = [], [], []
     for i in range(n):
         psi = 2.0 * math.pi * i / n
@@ -110,24 +85,17 @@ def split_power_reducer(
         (radial, tangential), (gap, second_gap) = errors[i], gaps[i]
         c, s = math.cos(psi), math.sin(psi)
         offset = c * radial - s * tangential, s * radial + c * tangential
-        bodies += [body(1, a, 0.0, offset), body(2, b, 0.0, offset)]
-        common = dict(pressure_angle=pressure_angle)
-        first.append(
-            mesh_of(pair, "input", a, name=f"first {i + 1}", position=psi, backlash=gap, **common)
+        bodies += [gears.body(1, a, offset=offset), gears.body(2, b, offset=offset)]
+        first.append(gears.mesh("input", a, name=f"first {i + 1}", position=psi, backlash=gap))
+        outer = gears.mesh(
+            b,
+            "output",
+            name=f"second {i + 1}",
+            internal=internal,
+            position=psi if internal else psi + math.pi,
+            direction=1 if internal else -1,
+            backlash=second_gap,
         )
-        second.append(
-            mesh_of(
-                pair,
-                b,
-                "output",
-                name=f"second {i + 1}",
-                internal=internal,
-                position=psi if internal else psi + math.pi,
-                direction=1 if internal else -1,
-                backlash=second_gap,
-                **common,
-            )
-        )
-        damping = damping_of(shaft_stiffness, structural_damping)
-        shafts.append(Shaft(bodies=(a, b), stiffness=shaft_stiffness, damping=damping))
-    return train_of(bodies=bodies, meshes=first + second, shafts=shafts, **options)
+        second.append(outer)
+        shafts.append(parts.shaft_of((a, b), shaft_stiffness, structural_damping))
+    return parts.train_of(bodies=bodies, meshes=first + second, shafts=shafts, **options)

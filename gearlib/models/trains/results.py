@@ -1,6 +1,7 @@
 """What runs of a gear train record: tables of the kernels, dimensions and variables of datasets."""
 
 import math
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from gearlib.kernels.several_meshes.periods import EVENT_COLUMNS
 from gearlib.kernels.several_meshes.record import FORCE_SUM, SUMMARY_COLUMNS
 from gearlib.models.model import Model
 from gearlib.models.one_mesh_system import contact_map
+from gearlib.models.trains import layout, train_slopes
 from gearlib.models.trains.statics import branches
 from gearlib.models.trains.structure import AXES
 from gearlib.models.trains.train_parameters import PARAMETERS, value_of, with_value
@@ -29,6 +31,7 @@ class TrainResults(Model):
     load: Any
     gyroscopic: Any
     start_state: Any
+    train = property(lambda self: self, doc="The train itself.")
 
     @property
     def components(self):
@@ -47,44 +50,10 @@ class TrainResults(Model):
         state = self.start_state(value)
         return value if isinstance(value, str) else tuple(map(float, np.ravel(value)[: state.size]))
 
-    parameters = PARAMETERS
-
-    def parameter(self, name):
-        """Return the value of one of `parameters` that all meshes share."""
-        return value_of(self, name)
-
-    def with_parameter(self, name, value):
-        """Return the train with one of `parameters` set in all meshes."""
-        return with_value(self, name, value)
-
-    @property
-    def derivatives(self):
-        """As of `Model.derivatives`."""
-        from gearlib.models.trains.train_slopes import parameters
-
-        return parameters(self)
-
-    def direction(self, name):
-        """As of `Model.direction`."""
-        from gearlib.models.trains.train_slopes import direction
-
-        return direction(self, name)
-
-    def along_branch(self, name):
-        """As of `Model.along_branch`."""
-        from gearlib.models.trains.train_slopes import along_branch
-
-        return along_branch(self, name)
-
-    def complex_step(self, slopes):
-        """As of `Model.complex_step`: what `TrainSystem` is made of."""
-        from gearlib.models.trains.train_slopes import complex_train
-
-        return complex_train(self, slopes)
-
-    def contact_map(self, tuning):
-        """Return the map of deviations over `repeats` periods in normal mesh; see `reduction`."""
-        return contact_map(self, tuning)
+    parameters, parameter, with_parameter = PARAMETERS, value_of, with_value
+    derivatives = property(train_slopes.parameters, doc="As of `Model.derivatives`.")
+    direction, along_branch = train_slopes.direction, train_slopes.along_branch
+    complex_step, contact_map = train_slopes.complex_train, contact_map
 
     def disturbed(self, state, disturbance):
         """Return an initial state with so much added to the first coordinate that can bend."""
@@ -148,9 +117,7 @@ class TrainResults(Model):
             `mesh`: mesh_x, mesh_y (m) and, over `gear` too, mesh_gear, pitch_radius (m); and
             frame_turns, misfit (m). Turns are in the housing, over the phase of the reference mesh.
         """
-        from gearlib.models.trains.layout import layout
-
-        return layout(self)
+        return layout.layout(self)
 
     @property
     def mean_forces(self):
@@ -166,6 +133,10 @@ class TrainResults(Model):
         ValueError
             If a free rotation is damped or feels the turning of the frame: then it is not neutral.
         """
+        return self._reduction
+
+    @cached_property
+    def _reduction(self):
         free, (_, shapes) = self.free_motions, self.linear_modes
         structure = self.structure
         forces = [structure.damping, structure.turning] if self.gyroscopic else [structure.damping]
@@ -179,4 +150,7 @@ class TrainResults(Model):
         scale = np.abs(shapes).max(axis=0)
         half_reduce = (structure.mass @ shapes * scale).T
         half_lift = shapes / scale
-        return np.kron(np.eye(2), half_reduce), np.kron(np.eye(2), half_lift)
+        found = np.kron(np.eye(2), half_reduce), np.kron(np.eye(2), half_lift)
+        for matrix in found:
+            matrix.flags.writeable = False
+        return found

@@ -9,18 +9,17 @@ import numpy as np
 
 from gearlib import checks
 from gearlib.data.numbers_given import floats
-from gearlib.models.trains import assembly, turning, waves
+from gearlib.models.trains import assembly, natural_modes, statics, turning, waves
 from gearlib.models.trains.elastic import linear
 from gearlib.models.trains.elements import Body, Mesh, Shaft
 from gearlib.models.trains.results import TrainResults
 from gearlib.models.trains.structure import FLOATS, far_lines, structure
+from gearlib.models.trains.system import largest_norm, scaled, system_of
+from gearlib.models.trains.train_parameters import FALLBACK
 from gearlib.parameters import FINITE, TRUTH, Number, check, documented
 
 if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
     from gearlib.models.propagators import several_meshes  # noqa: F401
-
-#: Of the static deflection where the reference mesh carries no load, m.
-FALLBACK = 1e-6
 
 
 @documented
@@ -187,9 +186,8 @@ class GearTrain(TrainResults):
 
     def linear(self, system):
         """As of `Model.linear`: all flanks in contact at the mean stiffness."""
-        from gearlib.models.trains.system import scaled
-
-        omega, mass = self.reference_angular_frequency, scaled(self, system.tuning).mass
+        omega = self.reference_angular_frequency
+        mass = scaled(self, system.tuning).mass
         squares, shapes = self.linear_modes
         every = np.hstack([shapes, self.free_motions]) * (math.sqrt(self.stiffness_scale) / omega)
         # Orthonormal to the last place: what is missing would be an error of all frequencies.
@@ -284,14 +282,10 @@ class GearTrain(TrainResults):
 
     def norm(self, parts):
         """Return the largest norm of the matrices: one for all tunings, unless gyroscopic."""
-        from gearlib.models.trains.system import largest_norm
-
         return largest_norm(self, parts) if self.gyroscopic else self._norm_at_rest
 
     @cached_property
     def _norm_at_rest(self):
-        from gearlib.models.trains.system import largest_norm, scaled
-
         return largest_norm(self, scaled(self, 1.0))
 
     def system(self, tuning, first=0, count=None):
@@ -299,8 +293,6 @@ class GearTrain(TrainResults):
 
         Else with those of so many mesh periods, see `segments_of`.
         """
-        from gearlib.models.trains.system import system_of
-
         return system_of(self, tuning, self.segments_of(first, count) if count else None)
 
     def static(self, phase=0.0):
@@ -323,9 +315,7 @@ class GearTrain(TrainResults):
         ValueError
             If there is no equilibrium.
         """
-        from gearlib.models.trains.statics import static
-
-        return static(self, checks.number("phase", phase, "finite", math.isfinite))
+        return statics.static(self, checks.number("phase", phase, "finite", math.isfinite))
 
     def modes(self):
         """Return the natural modes at mean stiffness, all flanks in contact.
@@ -336,9 +326,7 @@ class GearTrain(TrainResults):
             Over `mode`: natural_frequency (Hz), mode_kind (rigid, rotational, translational,
             satellite, other), mode_shape over body and axis, strain_energy over mesh.
         """
-        from gearlib.models.trains.natural_modes import modes
-
-        return modes(self)
+        return natural_modes.modes(self)
 
     def phasing(self, count=12):
         """Return which harmonics of the mesh stiffness excite which modes.
@@ -354,9 +342,7 @@ class GearTrain(TrainResults):
             Over `stiffness_order` and `mode`: modal_force, phase_sum (0: the phases cancel, 1: all
             meshes in phase), excites.
         """
-        from gearlib.models.trains.natural_modes import phasing
-
-        return phasing(self, checks.integer("count", count, 1, 1000))
+        return natural_modes.phasing(self, checks.integer("count", count, 1, 1000))
 
     def campbell(self, count=3):
         """Return the speeds at which mesh frequencies and their multiples meet natural ones.
@@ -374,18 +360,13 @@ class GearTrain(TrainResults):
             That of `phasing` at these orders, and critical_speed over `stiffness_order` and
             `mode`, rpm of the reference pinion.
         """
-        from gearlib.models.trains.natural_modes import campbell
-
-        return campbell(self, checks.integer("count", count, 1, 1000))
+        return natural_modes.campbell(self, checks.integer("count", count, 1, 1000))
 
     @cached_property
     def _static_state(self):
         # Every run of a sweep starts from it.
-        from gearlib.models.trains.statics import equilibrium
-
-        state = np.zeros(self.size)
-        state[: self.size // 2] = equilibrium(self).q / self.static_deflection
-        return state
+        q = statics.equilibrium(self).q
+        return np.append(q / self.static_deflection, np.zeros(q.size))
 
     def start_state(self, initial_state):
         """Return the state (q, dq/dtau) at tau = 0, shape (size,).
@@ -409,8 +390,7 @@ class GearTrain(TrainResults):
         if state.shape == (2,) and not state.any():
             return np.zeros(self.size)
         if state.shape != (self.size,) or not np.all(np.isfinite(state)):
-            raise ValueError(
-                f"initial_state = {initial_state!r} is not allowed: it must be (0, 0), 'static' or "
-                f"{self.size} finite numbers"
+            raise checks.refusal(
+                "initial_state", initial_state, f"(0, 0), 'static' or {self.size} finite numbers"
             )
         return state.copy()

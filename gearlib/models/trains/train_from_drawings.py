@@ -4,78 +4,59 @@ import dataclasses
 import math
 from typing import Annotated
 
+from gearlib import parameters
 from gearlib.models.geometry.planets import planets_of
-from gearlib.models.trains.parts import (
-    STRUCTURAL_DAMPING,
-    Driving,
-    Gyroscopic,
-    PinErrors,
-    SetSupports,
-    SetTwists,
-    StructuralDamping,
-    Turning,
-)
+from gearlib.models.trains import parts
 from gearlib.models.trains.ready_made import planetary
-from gearlib.parameters import (
-    ANGLE,
-    DIAMETER,
-    DRIVING_TORQUE,
-    INERTIA,
-    MASS,
-    RUN_OUT,
-    BacklashDampingRatio,
-    DampingRatio,
-    Decrement,
-    DrawnDamping,
-    Integer,
-    Many,
-    checked,
-)
 
 
-@checked
+@parameters.checked
 def planetary_set(
     sun,
     planet,
     ring,
     *,
     torque: Annotated[
-        float, DRIVING_TORQUE, "Of the sun; those of ring and carrier, where they turn, balance it"
+        float,
+        parameters.DRIVING_TORQUE,
+        "Of the sun; those of ring and carrier, where they turn, balance it",
     ],
-    planets: Annotated[int, Integer(1, limit=100), "Number of planets"] = 3,
+    planets: Annotated[int, parameters.Integer(1, limit=100), "Number of planets"] = 3,
     positions: Annotated[
-        tuple | None, Many(ANGLE), "Angles of the planets; equally spaced by default"
+        tuple | None,
+        parameters.Many(parameters.ANGLE),
+        "Angles of the planets; equally spaced by default",
     ] = None,
     centre_distance: Annotated[
-        float | None, DIAMETER, "; by default that of sun and planet without backlash"
+        float | None, parameters.DIAMETER, "; by default that of sun and planet without backlash"
     ] = None,
     backlashes: Annotated[
         tuple | None,
-        Many(RUN_OUT, 2),
+        parameters.Many(parameters.RUN_OUT, 2),
         "Normal backlash of the meshes of sun and ring; by default what the gears leave",
     ] = None,
     carrier_mass: Annotated[
-        float | None, MASS, "Without planets; by default of a disc, see the inertia"
+        float | None, parameters.MASS, "Without planets; by default of a disc, see the inertia"
     ] = None,
     carrier_inertia: Annotated[
         float | None,
-        INERTIA,
+        parameters.INERTIA,
         "Without planets; by default of a disc of the planet's material through the pins, as wide "
         "as the planet",
     ] = None,
-    support_stiffness: SetSupports = (math.inf,) * 4,
-    torsional_stiffness: SetTwists = (0.0, math.inf, 0.0),
-    structural_damping: StructuralDamping = STRUCTURAL_DAMPING,
-    damping_ratio: DampingRatio = None,
-    logarithmic_decrement: Decrement = None,
-    material_damping: DrawnDamping = None,
-    backlash_damping_ratio: BacklashDampingRatio = 0.0,
+    support_stiffness: parts.SetSupports = (math.inf,) * 4,
+    torsional_stiffness: parts.SetTwists = (0.0, math.inf, 0.0),
+    structural_damping: parts.StructuralDamping = parts.STRUCTURAL_DAMPING,
+    damping_ratio: parameters.DampingRatio = None,
+    logarithmic_decrement: parameters.Decrement = None,
+    material_damping: parameters.DrawnDamping = None,
+    backlash_damping_ratio: parameters.BacklashDampingRatio = 0.0,
     stiffness="iso",
     options=None,
-    pin_errors: PinErrors = None,
-    turning: Turning = True,
-    driving: Driving = "sun",
-    gyroscopic: Gyroscopic = False,
+    pin_errors: parts.PinErrors = None,
+    turning: parts.Turning = True,
+    driving: parts.Driving = "sun",
+    gyroscopic: parts.Gyroscopic = False,
     **more,
 ):
     """Return the `GearTrain` of a drawn sun, planets and ring, each a `gearlib.geometry.SpurGear`.

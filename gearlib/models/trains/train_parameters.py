@@ -9,6 +9,8 @@ import math
 
 from gearlib import checks
 
+#: Of the static deflection where the reference mesh carries no load, m.
+FALLBACK = 1e-6
 #: name -> (CF units, long_name)
 PARAMETERS = {
     "tuning": ("1", "tuning nu, reference mesh frequency over reference frequency"),

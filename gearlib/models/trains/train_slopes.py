@@ -5,14 +5,14 @@ that of a mesh without an element is that of all meshes, changed alike.
 """
 
 import math
-from types import SimpleNamespace
+from copy import copy
 
 import numpy as np
 
 from gearlib.kernels.codes import INVERSE, NORMAL
 from gearlib.models.derivatives import STEP, about_the_mean, check_edges, complex_step
 from gearlib.models.trains.structure import COMPLEX, structure
-from gearlib.models.trains.train import FALLBACK
+from gearlib.models.trains.train_parameters import FALLBACK
 
 _TORSION = "N m rad-1", "N m s rad-1"
 #: Fields of bodies, shafts and meshes -> (CF units, words).
@@ -131,16 +131,11 @@ def along_branch(train, name):
     return found
 
 
-class ComplexTrain(SimpleNamespace):
-    """What `gearlib.models.trains.system.train_system` asks of a train, off the real axis."""
-
-    def norm(self, parts):
-        """Return any norm: only the length of steps depends on it."""
-        return 1.0
-
-
 def complex_train(train, slopes):
-    """Return the `ComplexTrain` of a train; `slopes` are of `direction`."""
+    """Return a copy of a train off the real axis; `slopes` are of `direction`.
+
+    It is for `gearlib.models.trains.system.train_system`: other properties are those of the train.
+    """
 
     def of(kind, label):
         return {key[2:]: slope for key, slope in slopes.items() if key[:2] == (kind, label)}
@@ -154,24 +149,21 @@ def complex_train(train, slopes):
         moved = _structure(train, of)
     frequencies, waves, constants = train.excitation
     errors = [of("mesh", mesh.name).get(("error",), 0.0) for mesh in train.meshes]
-    scale = meshes[train.mesh_names.index(train.reference)].mean_stiffness
     deflection, speed = _scales(train, moved, meshes)
-    return ComplexTrain(
+    made = copy(train)
+    vars(made).pop("_system", None)
+    vars(made).update(
+        meshes=meshes,
         structure=moved,
         far_lines=train.far_lines,
-        meshes=meshes,
+        segments=train.segments,
         excitation=(frequencies, waves, constants + 1j * STEP * np.array(errors)),
         static_deflection=deflection,
-        stiffness_scale=scale,
-        load=deflection * scale,
         reference_angular_frequency=speed,
-        segments=train.segments,
-        speeds=train.speeds,
-        reference_pinion=train.reference_pinion,
-        carrier_ratio=train.carrier_ratio,
-        gyroscopic=train.gyroscopic,
-        repeats=train.repeats,
+        # Any: only the length of steps depends on it.
+        norm=lambda parts: 1.0,
     )
+    return made
 
 
 def _structure(train, of):

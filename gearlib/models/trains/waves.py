@@ -102,13 +102,8 @@ def _joined(one, other):
 def stiffness_harmonic(mesh, order, phase):
     """Return twice a Fourier coefficient of the stiffness of a mesh, N/m, complex.
 
-    Parameters
-    ----------
-    mesh : gearlib.models.trains.elements.Mesh
-    order : int
-        Over the frequency of the mesh, > 0.
-    phase : float
-        Of the middle of the upper level, in mesh periods.
+    The order is over the frequency of the mesh, the phase that of the middle of the upper level, in
+    mesh periods.
     """
     jump = mesh.max_stiffness * (1.0 - mesh.stiffness_ratio)
     size = 2.0 * jump * math.sin(math.pi * order * (mesh.contact_ratio - 1.0)) / (math.pi * order)
