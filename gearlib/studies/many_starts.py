@@ -6,6 +6,7 @@ then what starts of physical size have in common is told: medians, ranges and sh
 """
 
 import os
+import warnings
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -44,12 +45,19 @@ def in_parallel(call, values):
 
 
 def over_starts(every, names):
-    """Return name, name_low, name_high -> DataArray: median and range over ``start``."""
+    """Return name, name_low, name_high -> DataArray: median and range over ``start``.
+
+    Of those starts whose run could go on, if there are any.
+    """
     found = {}
     for name in names:
-        found[name] = every[name].median("start", skipna=False)
-        found[f"{name}_low"] = every[name].min("start", skipna=False)
-        found[f"{name}_high"] = every[name].max("start", skipna=False)
+        one = every[name]
+        with warnings.catch_warnings():
+            # Where no start could go on there is no number, which needs no warning.
+            warnings.simplefilter("ignore", RuntimeWarning)
+            found[name] = one.median("start", skipna=True)
+        found[f"{name}_low"] = one.min("start", skipna=True)
+        found[f"{name}_high"] = one.max("start", skipna=True)
     return found
 
 
