@@ -108,12 +108,12 @@ def run_up(
     -------
     xarray.Dataset
         In SI units, of trains with a dimension `mesh`. Over ``revolution``, of the gear whose teeth
-        count, the last one as far as it goes: revolution_time, revolution_speed; extrema of
-        displacement and dynamic_force, mean_force, fractions of time, bounces. Over ``event``:
-        event_time, event_speed, event_from, event_to, event_velocity. With samples over ``time``:
-        speed, load_ratio, phase, displacement, velocity, acceleration, dynamic_force, contact, of
-        trains body_motion. And status; when it is not 0, numbers are NaN and
-        ``status.attrs["message"]`` says what to do.
+        count, in whole mesh periods, the last one as far as it goes: revolution_time,
+        revolution_speed; extrema of displacement and dynamic_force, mean_force, fractions of time,
+        bounces. Over ``event``: event_time, event_speed, event_from, event_to, event_velocity. With
+        samples over ``time``: speed, load_ratio, phase, displacement, velocity, acceleration,
+        dynamic_force, contact, of trains body_motion. And status; when it is not 0, numbers are NaN
+        and ``status.attrs["message"]`` says what to do.
 
     Raises
     ------

@@ -329,3 +329,33 @@ def test_models_without_closed_forms_are_refused():
         assert words in str(told.value)
     with pytest.raises(ValueError, match="driver = 'moon' is not allowed"):
         gearlib.run_up(TRAIN, 10.0, 20.0, duration=1.0, driver="moon")
+
+
+@pytest.mark.parametrize("model", [PAPER.replace(material_damping=3953.7), TRAIN])
+def test_what_a_revolution_has_is_that_of_its_time_course(model):
+    # Slow: the modes die out long before the stiffness switches, and no extremum is looked for.
+    speeds = (1000.0, 1500.0) if model is TRAIN else (300.0, 700.0)
+    steps = {"load": [(0.21, 1.0), (0.21, 0.6)], "samples_per_period": 512}
+    run = gearlib.run_up(model, *speeds, duration=0.4, **steps)
+    force, length = float(np.max(run.mean_force)), model.static_deflection
+    # Of a sun whose frame turns by three elevenths of its speed there; in whole mesh periods.
+    teeth = 27.0 * 11.0 / 14.0 if model is TRAIN else 24.0
+    number = ((np.floor(run.phase.values / math.tau + 1e-9) + 0.5) / teeth).astype(int)
+    middle = np.searchsorted(number, np.arange(run.sizes["revolution"] + 1))
+    assert run.sizes["revolution"] >= 3
+    for i, (begin, end) in enumerate(zip(middle[:-1], middle[1:], strict=True)):
+        part, own = run.isel(time=slice(begin, end)), run.isel(revolution=i)
+        for name in ("displacement", "dynamic_force"):
+            scale = {"displacement": length, "dynamic_force": force}[name]
+            above = own[f"{name}_max"] - part[name].max("time")
+            below = part[name].min("time") - own[f"{name}_min"]
+            # A tenth of a radian lies between samples, some of fast modes of trains: x'' h^2 / 8.
+            scale *= 2e-2 if model is TRAIN else 5e-3
+            assert -1e-7 * scale < above.min() and above.max() < scale
+            assert -1e-7 * scale < below.min() and below.max() < scale
+        mean = np.trapezoid(part.dynamic_force, part.time, axis=0) / np.ptp(part.time.values)
+        # Where the stiffness switches the force jumps, within a step of 512.
+        assert np.abs(mean - own.mean_force).max() < 5e-3 * force
+        for name, code in (("normal", 1), ("backlash", 0), ("inverse", -1)):
+            share = (part.contact == code).mean("time")
+            assert np.abs(share - own[f"fraction_{name}"]).max() < 5e-3

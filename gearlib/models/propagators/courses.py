@@ -271,7 +271,8 @@ def _through(runner, piece, state, cut, samples, limit, outputs, teeth):
 def _blocks(cut, teeth):
     """Return the numbers of the blocks of the intervals of a `_Cut`."""
     middle = (cut.phase[cut.first[:-1]] + cut.phase[cut.first[1:]]) / 2.0 + cut.offset
-    return (middle / (2.0 * math.pi * teeth)).astype(int)
+    # All of a mesh period belongs to one of them.
+    return ((np.floor(middle / (2.0 * math.pi)) + 0.5) / teeth).astype(int)
 
 
 def _theta(piece, phase):
