@@ -23,6 +23,8 @@ from gearlib.models.propagators import piecewise_linear, several_meshes
 _STRETCH = 512
 #: Phases closer than this share of the whole phase are one, as of `gearlib.models.trains.waves`.
 _SAME_PHASE = 1e-12
+#: Of a mesh period, as far from ratios of small numbers as there is: the golden section.
+_INSTANT = 0.3819660112501051
 
 
 class Piece(NamedTuple):
@@ -271,8 +273,9 @@ def _through(runner, piece, state, cut, samples, limit, outputs, teeth):
 def _blocks(cut, teeth):
     """Return the numbers of the blocks of the intervals of a `_Cut`."""
     middle = (cut.phase[cut.first[:-1]] + cut.phase[cut.first[1:]]) / 2.0 + cut.offset
-    # All of a mesh period belongs to one of them.
-    return ((np.floor(middle / (2.0 * math.pi)) + 0.5) / teeth).astype(int)
+    # All of a mesh period belongs to one of them, that of an instant in it at which no ratio of
+    # teeth lets a block begin, where rounding would decide.
+    return ((np.floor(middle / (2.0 * math.pi)) + _INSTANT) / teeth).astype(int)
 
 
 def _theta(piece, phase):
