@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from tests.workflow.project import ROOT
+from tests.workflow.project import ROOT, small_project
 from workflow.sources import sources
 
 SCRIPTS = sorted(path.stem for path in (ROOT / "workflow/scripts").glob("*.py"))
@@ -116,3 +116,11 @@ def test_lazy_and_relative_imports_are_refused(tmp_path, line):
     make(tmp_path, {"gearlib/__init__.py": "", "run.py": line})
     with pytest.raises(ImportError, match="full names"):
         sources(tmp_path / "run.py", tmp_path)
+
+
+@pytest.mark.slow
+def test_lists_are_there_before_snakemake_looks(tmp_path):
+    # It looks once what files a folder has: lists made for a wildcard came too late for it.
+    project = small_project(tmp_path / "project")
+    found = project.planned("draw_failures", "draw_jump_by_method", "draw_work_precision")
+    assert {"trial", "compute_jump_by_method", "draw_work_precision"} <= found.keys()

@@ -10,7 +10,12 @@ def sources_of(job):
     """Return the sources of a job, or a function of the wildcards that name its methods."""
     loaded, methods = [path_of(job.function).split(":")[0]], job.methods(CONFIG)
     if callable(methods):
-        return lambda wildcards: script_sources(job.script, *methods(wildcards), loaded=loaded)
+        # All of them now: what is written later is not there for Snakemake, which looks once.
+        lists = {
+            name: script_sources(job.script, name, loaded=loaded)
+            for name in integrators.METHODS.data
+        }
+        return lambda wildcards: lists[methods(wildcards)[0]]
     return script_sources(job.script, *methods, loaded=loaded)
 
 
