@@ -19,6 +19,8 @@ meshes. Both classes offer
     (displacements, velocities) of the meshes;
 ``forces(t, z, segment, codes)``
     elastic forces of the meshes and their rates by phase;
+``due(t, z, exits, distance)``
+    which of the flank lines that may end a phase z is on or beyond, on its way out
 ``put(t, z, mesh, line, distance)``
     move z to a distance from a line;
 ``jammed(t, z)``
@@ -59,6 +61,7 @@ class _Problem:
 
     _starts: list
     lines: Any
+    speeds: Any
     rate: Any
 
     def segment(self, t):
@@ -74,6 +77,16 @@ class _Problem:
     def field(self, t, z):
         """Return z' on the branch of a state."""
         return self.rate(t, z, self.segment(t), self.codes(t, z))
+
+    def due(self, t, z, exits, distance):
+        """Return which exit z is beyond, or before by less than a distance, going out; or None."""
+        lines, speeds = self.lines(t, z), None
+        for i, leave in enumerate(exits):
+            if leave.direction * lines[leave.line][leave.mesh] > -distance:
+                speeds = self.speeds(t, z) if speeds is None else speeds
+                if leave.direction * speeds[leave.line][leave.mesh] > 0.0:
+                    return i
+        return None
 
 
 class OneDegree(_Problem):
@@ -111,7 +124,15 @@ class OneDegree(_Problem):
 
     def speeds(self, t, z):
         """Return their rates."""
-        return np.full((2, 1), z[1])
+        return np.array(((z[1],), (z[1],)))
+
+    def due(self, t, z, exits, distance):
+        """Return which exit z is at: in floats, since solvers ask before each phase."""
+        (x, v), edges = z.tolist(), self._edges[:, 0].tolist()
+        for i, leave in enumerate(exits):
+            if leave.direction * (x - edges[leave.line]) > -distance and leave.direction * v > 0.0:
+                return i
+        return None
 
     def observe(self, t, z):
         """Return (displacement, velocity)."""
