@@ -141,8 +141,7 @@ class Recorded:
 
 def within_range(z):
     """Return whether a state is finite with room for the squares that the kernels take."""
-    # A sum: the largest of numbers that are none may be one.
-    return sum(map(abs, z.tolist())) < RANGE
+    return math.sqrt(z @ z) < RANGE
 
 
 class Whole(Recorded):
@@ -217,13 +216,12 @@ class Split(Recorded):
     What several meshes do at the same instant comes one after the other, in phases of no length.
     """
 
-    #: How far off a line a phase starts that begins on it, in units of the largest coordinate: an
-    #: event function that is zero there is found at once, or hides its next zero.
+    #: How far off a line a phase starts that begins on it, in units of the state's norm: an event
+    #: function that is zero there is found at once, or hides its next zero.
     OFF = 1e-14
 
     def __init__(self, problem):
         super().__init__(problem)
-        self._exits = {}
         starts, first = problem.starts, problem.first.tolist()
         #: Of each mesh period: rows (segment, its start, its end).
         self._pieces = []
@@ -234,7 +232,7 @@ class Split(Recorded):
 
     def away(self, z):
         """Return how far off a line a phase from state z starts: more than the rounding of z."""
-        return self.OFF * max(1.0, *map(abs, z.tolist()))
+        return self.OFF * max(1.0, math.sqrt(z @ z))
 
     def solve(self, n, start, end, z, segment, codes, exits):
         """Return the `Phase` from (start, z) in mesh period n; a subclass does it.
@@ -250,12 +248,6 @@ class Split(Recorded):
 
     def exits(self, codes):
         """Return the `Exit`s of contact codes."""
-        key = codes.tobytes()
-        if key not in self._exits:
-            self._exits[key] = self._exits_of(codes)
-        return self._exits[key]
-
-    def _exits_of(self, codes):
         found = []
         for j, code in enumerate(codes.tolist()):
             gap = self.problem.gaps[j]
@@ -281,6 +273,7 @@ class Split(Recorded):
         done, z, codes, code = self.skip(z, codes)
         if code != status.OK:
             return z, code
+        exits = self.exits(codes)
         for n in range(done, self.periods):
             self.add_strobe(n, z)
             self.keep, runs = n >= self.first, 0
@@ -289,7 +282,6 @@ class Split(Recorded):
                     runs += 1
                     if runs > self.limit:
                         return z, status.EVENT_LIMIT
-                    exits = self.exits(codes)
                     # On a flank within rounding: the solver may see no change of sign.
                     hit = problem.due(TURN * n + t, z, exits, 0.5 * self.away(z))
                     if hit is None:
@@ -302,6 +294,7 @@ class Split(Recorded):
                         t, z, hit = phase.t, phase.z, phase.hit
                     if hit is not None:
                         codes = self._change(TURN * n + t, z, codes, exits[hit])
+                        exits = self.exits(codes)
                         if BOTH in codes:
                             return z, status.JAMMED
             if not within_range(z):
