@@ -328,7 +328,7 @@ def seconds_per_period(call, short, longest, repeats):
             # Solvers that compile at each start take as long for it as for thousands of periods,
             # fixed steps of trains, for their tables, as for hundreds.
             few = base > _TABLES
-            while whole - base < (1.0 if few else 2.0) * base and long < longest:
+            while whole - base < (0.4 if few else 2.0) * base and long < longest:
                 long = min((16 if whole - base < 0.1 * base else 4) * long, longest)
                 whole = once(long)
             again = least(1 if few or whole > 4.0 * _SLOW else 3)
