@@ -57,11 +57,12 @@ class Stretch(NamedTuple):
     phase: np.ndarray  #: tau that bounds the intervals, shape (k + 1,)
     theta: np.ndarray  #: theta that bounds them
     samples: np.ndarray  #: at equal steps of time in each, columns of `orbit`, (k s, m, 6)
-    coordinates: np.ndarray  #: shape (k s, N)
+    states: np.ndarray  #: coordinates and their rates by theta, shape (k s, 2 N)
     outputs: np.ndarray  #: those of the model, (k s, e)
     block: np.ndarray  #: int, number of the block of each interval, shape (k,)
     summary: np.ndarray  #: of each block that there is, shape (b, m, 10)
-    events: np.ndarray  #: (theta, mesh, from, to, velocity by theta), shape (j, 5)
+    #: (theta, mesh, from, to, velocity by theta, interval, theta in it), shape (j, 7)
+    events: np.ndarray
     status: int
 
 
@@ -254,14 +255,14 @@ def _through(runner, piece, state, cut, samples, limit, outputs, teeth):
     rows = outputs[:, raw[:, n].astype(int) + 1, segment] if len(outputs) else outputs
     whole = np.column_stack([raw[:, : 2 * half], np.ones(len(raw))])
     bounds = system.starts[cut.first] + _theta(piece, cut.offset + cut.phase[0])
-    rows_of = events[:, [1, -1, 2, 3, 4]]
+    rows_of = events[:, [1, -1, 2, 3, 4, 0, 1]]
     rows_of[:, 0] += bounds[events[:, 0].astype(int)]
     return Stretch(
         piece,
         cut.offset + cut.phase[cut.first],
         bounds,
         columns,
-        raw[:, :half],
+        raw[:, : 2 * half],
         np.einsum("ekn,kn->ke", rows, whole) if len(outputs) else np.empty((len(raw), 0)),
         _blocks(cut, teeth),
         summary.reshape(-1, m, SUMMARY_COLUMNS),
