@@ -171,9 +171,10 @@ class Walk:
         segments = (int(slopes.places.first[0]),) * len(codes)
         for flank, (rows, moved) in slopes.lines.items():
             reach = rows @ self.block[own].T + (moved @ z).T
+            most = np.abs(rows) @ np.abs(self.block[own]).T + (np.abs(moved) @ np.abs(z)).T
             size = np.abs(rows * z).sum(axis=1)
             at = np.abs(rows @ z) <= close * size
-            for j in np.flatnonzero(at & reach.any(axis=1)):
+            for j in np.flatnonzero(at & (np.abs(reach) > close * most).any(axis=1)):
                 touching = (*codes[:j], flank, *codes[j + 1 :])
                 effect = slopes.effects(touching, segments)[j]
                 jump, _ = slopes.jump(flank, j, effect, 0)
