@@ -10,6 +10,7 @@ room             responsibility
 ``runs``         `simulate`, `sweep`, maps of small deviations
 ``analysis``     periodic orbits, instability tongues, harmonics, attractors, `trust`
 ``studies``      what stands behind one figure or table: scenes, the jump, the paper's statements
+``rig``          measured curves: `read_measured`
 ``figures``      one file per figure, functions that return a `Figure`
 ``pages``        the page of the report, the explorer with its sliders
 ``cli``          the command ``gearlib``
@@ -63,6 +64,7 @@ _PUBLIC = {
     "periodic_orbit": "analysis.orbits.shooting",
     "planetary": "models.trains.ready_made",
     "poincare_section": "analysis.global_dynamics.poincare",
+    "read_measured": "rig.measured",
     "run_up": "runs.run_up",
     "schmidt": "analysis.harmonics.schmidt",
     "simulate": "runs.simulation",
@@ -112,6 +114,7 @@ __all__ = [
     "periodic_orbit",
     "planetary",
     "poincare_section",
+    "read_measured",
     "run_up",
     "schmidt",
     "simulate",

@@ -8,7 +8,7 @@ import pytest
 
 import gearlib
 from tests.paper import PAPER
-from tests.references import reference_run_up
+from tests.references import reference_pair_run_up
 
 FIELDS = (
     "max_stiffness",
@@ -41,7 +41,7 @@ def differences(pair, run, along, course):
             for sign in (1, -1)
         ]
         rows = course["speed"], course["load"], events, run.time.values[::5].tolist()
-        up, down = (reference_run_up.run_up(values | one, *rows) for one in moved)
+        up, down = (reference_pair_run_up.run_up(values | one, *rows) for one in moved)
         return {
             one: np.array(
                 [float((a - b) / (2 * step)) for a, b in zip(up[one], down[one], strict=True)]

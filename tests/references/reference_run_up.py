@@ -1,165 +1,216 @@
-"""A run-up of one gear pair by Taylor series of many digits, for differences: a second code.
+"""A motion of a `Machine` along a course of speed and load, over theta = Omega t.
 
-It knows the order of events only, and shares nothing with the library: SI units throughout,
-``m y'' + k y' + C (y - line) = force``, contact left and met at zeros of y and y + backlash.
+Omega is the mesh speed at tuning 1. Event by event by Taylor series in any number of digits, or by
+scipy, which knows nothing of series.
 """
 
-import mpmath as mp
+import math
+from typing import NamedTuple
+
+import mpmath
 import numpy as np
+from scipy.integrate import solve_ivp
 
-_TERMS = 36
-#: Longest piece of a series, in 1 / Omega_s; steps of Newton's method.
-_REACH, _NEWTON = 0.8, 5
-
-
-def _course(rows, t):
-    """Return (value, slope) of a piecewise linear course just after t."""
-    rows = [(mp.mpf(a), mp.mpf(b)) for a, b in rows]
-    i = max([i for i, row in enumerate(rows) if row[0] <= t], default=-1)
-    if i < 0 or i == len(rows) - 1:
-        return rows[max(i, 0)][1], mp.mpf(0)
-    (a, b), (c, d) = rows[i : i + 2]
-    return b + (d - b) / (c - a) * (t - a), (d - b) / (c - a)
+from tests.references.reference_equations import harmonics, machine_of
+from tests.references.reference_motion import (
+    along,
+    first_codes,
+    least_of,
+    on_line,
+    watched,
+)
+from tests.references.reference_record import Record
 
 
-def _cuts(p, speed, load):
-    """Return rows (time, phase there, acceleration behind, whether a revolution begins)."""
-    end = mp.mpf(speed[-1][0])
-    marks = sorted({mp.mpf(t) for t, _ in [*speed, *load] if mp.mpf(t) < end} | {end})
-    turn, phase, cuts = p["speed"] * p["teeth"] * 2 * mp.pi / 60, mp.mpf(0), []
-    for begin, stop in zip(marks[:-1], marks[1:], strict=True):
-        rpm, slope = _course(speed, begin)
-        a, b, length = rpm * turn, slope * turn, stop - begin
-        last = phase + a * length + b * length**2 / 2
-        cuts.append((begin, phase, b, False))
-        for k in range(int(min(phase, last) / (2 * mp.pi)) - 1, int(last / (2 * mp.pi)) + 2):
-            half = mp.pi * (p["contact_ratio"] - 1)
-            levels = [2 * mp.pi * k - half, 2 * mp.pi * k + half]
-            whole = [2 * mp.pi * k] if k > 0 and k % p["teeth"] == 0 else []
-            for level in levels + whole:
-                if phase < level < last:
-                    t = 2 * (level - phase) / (a + mp.sqrt(a**2 + 2 * b * (level - phase)))
-                    cuts.append((begin + t, level, b, level in whole))
-        phase = last
-    return [*sorted(cuts), (end, phase, mp.mpf(0), False)]
+class Course:
+    """A piecewise linear course."""
+
+    def __init__(self, rows):
+        self.rows = rows
+
+    def __call__(self, t, after):
+        """Return the value at t; at a step that behind it, if asked for."""
+        times, values = zip(*self.rows, strict=True)
+        for i in range(len(times) - 1):
+            inside = times[i] <= t < times[i + 1] if after else times[i] < t <= times[i + 1]
+            if inside:
+                share = (t - times[i]) / (times[i + 1] - times[i])
+                return values[i] + share * (values[i + 1] - values[i])
+        return values[0] if t <= times[0] else values[-1]
 
 
-def _series(x, v, loss, stiff, force, ramp):
-    c = [x, v]
-    for n in range(_TERMS):
-        own = force if n == 0 else ramp if n == 1 else 0
-        c.append((own - loss * (n + 1) * c[n + 1] - stiff * c[n]) / ((n + 1) * (n + 2)))
-    return c
+class Piece(NamedTuple):
+    """A stretch of a course on which tuning and load are linear."""
+
+    begin: object
+    end: object
+    phase: object
+    speed: object
+    acceleration: object
+    load: object
+    slope: object
+    push: object  #: m, of the coordinates for a unit of acceleration
+    deviation: list  #: rows (order, cosine, sine), of one degree of freedom
+
+    def about(self, t):
+        """Return (phase, its rate, half the rate of that)."""
+        s, half = t - self.begin, self.acceleration / 2
+        return (
+            self.phase + (self.speed + half * s) * s,
+            self.speed + self.acceleration * s,
+            half,
+        )
+
+    def add_forces(self, machine, t, force):
+        """Add to Taylor coefficients of forces what the course brings."""
+        inertia = machine.mass * machine.speed**2
+        share = self.load - 1 + self.slope * (t - self.begin)
+        force[0] = force[0] + machine.load * share + inertia @ self.push * self.acceleration
+        if len(force) > 1:
+            force[1] = force[1] + machine.load * self.slope
+        for order, a, b in self.deviation:
+            waves = machine.wave(order, t, len(force) + 2)
+            for k, (c, s) in enumerate(waves[2:]):
+                force[k][0] += (k + 1) * (k + 2) * inertia[0, 0] * (a * c + b * s)
 
 
-def _value(c, t):
-    """Return a series at t."""
-    total = mp.mpf(0)
-    for one in reversed(c):
-        total = total * t + one
-    return total
+class RunUp:
+    """A described model on its way: rows of s and rpm, rows of s and shares of the load.
 
-
-def _rate(c):
-    return [n * one for n, one in enumerate(c)][1:]
-
-
-def _highest(series, sign):
-    """Return the largest of sign x on series of some lengths: where a grid has it, refined."""
-    best = -np.inf, None, None
-    for c, length in series:
-        grid = np.linspace(0.0, float(length), 17)
-        values = sign * np.polynomial.polynomial.polyval(grid, [float(one) for one in c])
-        i = int(np.argmax(values))
-        best = max(best, (values[i], (c, length), mp.mpf(grid[i])), key=lambda one: one[0])
-    _, (c, length), t = best
-    rate = _rate(c)
-    bend = _rate(rate)
-    for _ in range(_NEWTON + 3):
-        t -= _value(rate, t) / _value(bend, t)
-        if not 0 < t < length:
-            break
-    inside = [t] if 0 < t < length else []
-    return max(sign * _value(c, one) for one in (mp.mpf(0), length, *inside))
-
-
-def run_up(p, speed, load, events, times):
-    """Return name -> values of a run-up, the names of `gearlib.run_up`.
-
-    `p` has the fields of a `GearPair`, driven_mass, base_radius, initial_displacement,
-    initial_velocity and speed, a factor of all speeds; `events` are rows (time, from, to) in order,
-    the time roughly; samples are at `times`.
+    `turn`: rad/s of the mesh for 1 rpm; `push`: accelerations of coordinates, m/s^2 for 1 rad/s^2.
     """
-    p = {name: value if name == "teeth" else mp.mpf(value) for name, value in p.items()}
-    high, m = p["max_stiffness"], p["reduced_mass"]
-    mean = high * (p["stiffness_ratio"] * (2 - p["contact_ratio"]) + p["contact_ratio"] - 1)
-    natural, unit = mp.sqrt(mean / m), p["load"] / mean
-    cuts = _cuts(p, speed, load)
-    x = p["initial_displacement"] * unit
-    v = p["initial_velocity"] * unit * _course(speed, 0)[0] * p["speed"] * p["teeth"] * mp.pi / 30
-    code, waiting, arcs, met = events[0][1], list(events), [], []
-    for (t, before, rate, new), (end, behind, _, _) in zip(cuts[:-1], cuts[1:], strict=True):
-        middle = (before + behind) / 2 / (2 * mp.pi)
-        near = abs(middle - mp.nint(middle)) * 2 < p["contact_ratio"] - 1
-        while t < end:
-            share, ramp = _course(load, t)
-            line = {1: 0, 0: 0, -1: -p["backlash"]}[code]
-            stiff = (high if near else high * p["stiffness_ratio"]) if code else mp.mpf(0)
-            force = p["load"] * share + p["driven_mass"] * p["base_radius"] * rate / p["teeth"]
-            loss = p["material_damping"] if code else p["backlash_damping"]
-            args = loss / m, stiff / m, force / m + stiff / m * line, p["load"] * ramp / m
-            c, length, after = _series(x, v, *args), min(end - t, _REACH / natural), code
-            if waiting and waiting[0][0] <= t + length * (1 + mp.mpf("1e-9")):
-                _, code, after = waiting.pop(0)
-                place = 0 if 1 in (code, after) else -p["backlash"]
-                length = _waited(c, mp.mpf(events[len(met)][0]) - t, place)
-            arcs.append((t, length, c, code, stiff, line, new))
-            x, v = _value(c, length), _value(_rate(c), length)
-            t, new = t + length, False
-            if after != code:
-                met.append((t, v))
-                x, code = place, after
-    return _recorded(arcs, met, times)
 
+    def __init__(self, model, speed, load, turn, push, context=mpmath.fp):
+        bare = dict(model)
+        # The inertia of a deviation is not that of a constant speed.
+        one, deviation = "deviation" in bare and model["kind"] != "SixDegreePair", []
+        if one:
+            deviation = harmonics(bare["deviation"])
+            bare["deviation"] = {"cosines": [], "sines": []}
+        self.context, self.machine = context, machine_of(bare, 1.0, context)
+        machine, number = self.machine, context.mpf
+        machine.inverse = machine.inverse_mass()
+        self.omega = omega = machine.speed
+        push = np.array([number(x) for x in push], machine.kind)
+        speeds = Course([(number(t) * omega, number(v) * turn / omega) for t, v in speed])
+        loads = Course([(number(t) * omega, number(v)) for t, v in load])
+        marks = {t for t, _ in loads.rows if t < speeds.rows[-1][0]} | {t for t, _ in speeds.rows}
+        self.pieces, phase = [], number(0)
+        for begin, end in zip(sorted(marks)[:-1], sorted(marks)[1:], strict=True):
+            first, last, span = speeds(begin, True), speeds(end, False), end - begin
+            share = loads(begin, True)
+            slope = (loads(end, False) - share) / span
+            rest = (first, (last - first) / span, share, slope, push, deviation)
+            self.pieces.append(Piece(begin, end, phase, *rest))
+            phase += (first + last) / 2 * span
 
-def _waited(c, t, place):
-    """Return how long a series takes to a place, by Newton's method from t."""
-    rate = _rate(c)
-    for _ in range(_NEWTON):
-        t -= (_value(c, t) - place) / _value(rate, t)
-    return t
+    def cuts(self, piece):
+        """Return where stiffness or sliding changes, and the end."""
+        context, least, found = self.context, least_of(self.context), []
+        last, a, b = piece.about(piece.end)[0], piece.acceleration, piece.speed
+        for contact in self.machine.contacts:
+            for cut in contact.cuts(context):
+                first = math.floor(piece.phase * contact.rate / math.tau) - 1
+                for k in range(first, math.ceil(last * contact.rate / math.tau) + 2):
+                    way = 2 * context.pi * (cut % 1 + k) / contact.rate - piece.phase
+                    square = b * b + 2 * a * way
+                    if way > 0 and square > 0:
+                        found.append(piece.begin + 2 * way / (b + context.sqrt(square)))
+        kept = []
+        for t in sorted(found):
+            if piece.begin + least < t < piece.end - least and (not kept or t - kept[-1] > least):
+                kept.append(t)
+        return [*kept, piece.end]
 
+    def move(self, q, v, times):
+        """Return (distances of the drive sides at rising times in s, events), by Taylor series.
 
-def _recorded(arcs, met, times):
-    found = {"event_time": [t for t, _ in met], "event_velocity": [v for _, v in met]}
-    names = "displacement", "velocity", "acceleration", "dynamic_force"
-    found |= {name: [] for name in names}
-    for begin, length, c, _, stiff, line, _ in arcs:
-        rate = _rate(c)
-        for t in times:
-            if begin <= t < begin + length:
-                x, v, a = (_value(one, mp.mpf(t) - begin) for one in (c, rate, _rate(rate)))
-                for name, value in zip(names, (x, v, a, stiff * (x - line)), strict=True):
-                    found[name].append(value)
-    bounds = [0, *(i for i, arc in enumerate(arcs) if arc[-1]), len(arcs)]
-    own = {}
-    for first, stop in zip(bounds[:-1], bounds[1:], strict=True):
-        part = arcs[first:stop]
-        whole = sum(arc[1] for arc in part)
-        area, forces = mp.mpf(0), []
-        for _, length, c, code, stiff, line, _ in part:
-            if code:
-                pull = [stiff * (one - (line if n == 0 else 0)) for n, one in enumerate(c)]
-                forces.append((pull, length))
-                area += sum(one * length ** (n + 1) / (n + 1) for n, one in enumerate(pull))
-            else:
-                forces.append(([mp.mpf(0), mp.mpf(0), mp.mpf(1)], mp.mpf(0)))
-        row = {"mean_force": area / whole}
-        for name, sign in (("max", 1), ("min", -1)):
-            row[f"displacement_{name}"] = sign * _highest([(a[2], a[1]) for a in part], sign)
-            row[f"dynamic_force_{name}"] = sign * _highest(forces, sign)
-        for name, code in (("normal", 1), ("backlash", 0), ("inverse", -1)):
-            row[f"fraction_{name}"] = sum(arc[1] for arc in part if arc[3] == code) / whole
-        for name, value in row.items():
-            own.setdefault(name, []).append(value)
-    return found | own
+        Distances are in m, from the line of the flank; events (time, contact, before, after).
+        """
+        machine, codes, events = self.machine, None, []
+        machine.piece = self.pieces[0]
+        phases = [self.context.mpf(t) * self.omega for t in times]
+        record = Record(len(machine.contacts), phases)
+        crossed = {(j, s): True for j, c in enumerate(machine.contacts) for s in c.sides
+                   if on_line(machine, s, q)}  # fmt: skip
+        for piece in self.pieces:
+            machine.piece = piece
+            way = piece.begin, self.cuts(piece)
+            q, v, codes = along(machine, way, q, v, codes, crossed, events, record)
+            crossed = {}
+        moved = [row[1] for row in record.samples]
+        rows = [(one.phase / self.omega, one.contact, one.before, one.after) for one in events]
+        return np.array(moved, machine.kind) * machine.length, rows
+
+    def right_side(self, piece, codes, middle):
+        """Return the rates of (q, q') by theta while contacts stay."""
+        machine, n, omega = self.machine, self.machine.n, self.omega
+
+        def wave(rows, t):
+            phase, speed, _ = piece.about(t)
+            parts = [(m, a, b, math.cos(m * phase), math.sin(m * phase)) for m, a, b in rows]
+            value = sum(a * c + b * s for _, a, b, c, s in parts)
+            return value, sum(m * (b * c - a * s) for m, a, b, c, s in parts) * speed
+
+        def rates(t, z):
+            q, v = z[:n], z[n:] * omega
+            share = piece.load + piece.slope * (t - piece.begin)
+            force = machine.load * share - machine.stiffness @ q - machine.damping @ v
+            for contact, code in zip(machine.contacts, codes, strict=True):
+                drive = contact.drive
+                film = drive.row @ v + wave(drive.waves, t)[1] * omega
+                force = force - drive.row * (contact.film[0] * film)
+                if code:
+                    side = drive if code > 0 else contact.coast
+                    value, rate = wave(side.waves, t)
+                    distance = side.row @ q + side.constant + value
+                    rate = side.row @ v + rate * omega
+                    phase = piece.about(t)[0]
+                    normal = contact.level(self.context, side, phase, middle)[0] * distance
+                    more = side.material[0] - contact.film[0]
+                    force = force - side.row * (normal + more * rate)
+                    if side.friction:
+                        way = contact.sense(self.context, side, middle) * side.friction
+                        force = force - contact.across * (way * normal)
+            pull = machine.inverse @ force / omega**2 + piece.push * piece.acceleration
+            return np.concatenate([z[n:], pull])
+
+        return rates
+
+    def by_scipy(self, q, v, times, max_step, rtol):
+        """Return the same as `move` of linear contacts, by scipy; `max_step` in theta."""
+        machine, n, codes, z = self.machine, self.machine.n, None, np.concatenate([q, v])
+        wanted, moved, events = [t * self.omega for t in times], [], []
+        for piece in self.pieces:
+            machine.piece, t = piece, piece.begin
+            # Samples may lie where a piece begins, whatever rounds.
+            count = sum(one < piece.end - 1e-9 for one in wanted)
+            inner, cuts = [max(one, t) for one in wanted[:count]], self.cuts(piece)
+            wanted = wanted[count:]
+            for end in sorted(cuts + inner):
+                middle = piece.about((t + min(one for one in cuts if one >= end)) / 2.0)[0]
+                codes = codes or first_codes(machine, q, v, middle, 12)
+                while t < end:
+                    tests = []
+                    for j, (contact, code) in enumerate(zip(machine.contacts, codes, strict=True)):
+                        for side, sign, after in watched(contact, code):
+
+                            def test(t, z, side=side, sign=sign):
+                                return sign * machine.distance(side, z[:n], t)
+
+                            test.terminal, test.direction, test.to = True, -1, (j, after)
+                            tests.append(test)
+                    done = solve_ivp(
+                        self.right_side(piece, codes, middle), (t, end), z, "DOP853", events=tests,
+                        rtol=rtol, atol=1e-2 * rtol * machine.length, max_step=max_step,
+                    )  # fmt: skip
+                    t, z = float(done.t[-1]), done.y[:, -1]
+                    for one, at in zip(tests, done.t_events, strict=True):
+                        if at.size:
+                            j, after = one.to
+                            events.append((t / self.omega, j, codes[j], after))
+                            codes = [*codes[:j], after, *codes[j + 1 :]]
+                            break
+                if end in inner:
+                    moved.append([machine.distance(c.drive, z[:n], t) for c in machine.contacts])
+        return np.array(moved), events

@@ -99,6 +99,7 @@ CALLED = {
     gearlib.duty_point: {"gears": FZG, "speed": 3000.0, "torque": 300.0},
     gearlib.orders: {"run": gearlib.simulate(DAMPED, NU, periods=24, record_periods=24)},
     gearlib.harmonic_balance: {"pair": DAMPED, "tuning": NU, "harmonics": 16},
+    gearlib.read_measured: {"path": ""},
 }
 #: What says the same in another way.
 INSTEAD = {"speed": "tuning", "speeds": "tunings"}
