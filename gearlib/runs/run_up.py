@@ -106,8 +106,7 @@ def run_up(
         Most phases of contact and flights in one mesh period before the run gives up.
     sensitivities : sequence of str, optional
         By what to differentiate: ``model.derivatives`` as of `simulate`, without the tuning; or
-        "speed", a factor of all speeds of the course, "driven_mass", "base_radius". Of a
-        `GearPair` whose load changes by steps.
+        "speed", a factor of all speeds of the course, "driven_mass", "base_radius".
 
     Returns
     -------
@@ -143,7 +142,7 @@ def run_up(
     if sensitivities:
         from gearlib.runs import run_up_sensitivities as derivatives
 
-        names = derivatives.check(model, sensitivities, loads, base_radius)
+        names = derivatives.check(model, sensitivities, base_radius)
     push = _inertia(model, driver, driven_mass, base_radius)
     omega = float(model.mesh_frequency(1.0))
     unit = np.array([omega, 1.0])
@@ -170,7 +169,8 @@ def run_up(
         data = {name: _nothing(*variable) for name, variable in data.items()}
     data = {name: _described(name, *variable) for name, variable in data.items()}
     if names:
-        course = {"state": state, "driven_mass": driven_mass, "base_radius": base_radius}
+        course = {"state": state, "driver": driver}
+        course |= {"driven_mass": driven_mass, "base_radius": base_radius}
         more = derivatives.variables(
             model, names, found, _summaries(found), samples, _SAID, **course
         )
@@ -374,7 +374,7 @@ def _course_of_time(model, found, omega, samples):
         **{name: (over, values.reshape(shape)) for name, values in of_mesh.items()},
     }
     if model.mesh_names:
-        q = np.concatenate([one.coordinates for one in found])
+        q = np.concatenate([one.states[:, : model.size // 2] for one in found])
         moves = np.einsum("bxn,kn->kbx", model.structure.motions, q) * length
         data["body_motion"] = (("time", "body", "axis"), moves)
     return data

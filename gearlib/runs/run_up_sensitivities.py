@@ -17,7 +17,7 @@ _SHARES = ("fraction_normal", "fraction_backlash", "fraction_inverse")
 _TIMES = [orbit.TIME_NORMAL, orbit.TIME_BACKLASH, orbit.TIME_INVERSE]
 
 
-def check(model, names, loads, base_radius):
+def check(model, names, base_radius):
     """Return the names as a tuple.
 
     Raises
@@ -31,15 +31,10 @@ def check(model, names, loads, base_radius):
         known.remove("driven_mass")
         known.remove("base_radius")
     sensitivities.check_names(names, known)
-    if names and model.propagators["exact"] != "closed_form":
+    if names and model.propagators.get("exact") not in course_slopes.EXACT:
         raise ValueError(
             f"sensitivities = {names!r} is not allowed for this {type(model).__name__}: "
-            "derivatives of run-ups are those of a GearPair"
-        )
-    times, values = np.transpose(loads)
-    if names and np.any((np.diff(times) > 0.0) & (np.diff(values) != 0.0)):
-        raise ValueError(
-            f"sensitivities = {names!r} is not allowed with this load: it must change by steps"
+            "derivatives of run-ups are those of closed forms"
         )
     for name in names:
         if name in ("driven_mass", "base_radius") and base_radius is None:
@@ -66,9 +61,9 @@ def variables(model, names, found, table, samples, about, **course):
     about : dict
         name -> (CF units, long_name) of the variables of a run-up.
     course : dict
-        state, driven_mass and base_radius of the run-up.
+        state, driver, driven_mass and base_radius of the run-up.
     """
-    slopes = course_slopes.of_pair(model, names, found, per=samples, **course)
+    slopes = course_slopes.of_run_up(model, names, found, per=samples, **course)
     omega, length = float(model.mesh_frequency(1.0)), model.static_deflection
     force, meshes = model.scales()["force_scale"], ("mesh",) if model.mesh_names else ()
     scale = np.array([length, length * omega, length * omega**2, force])

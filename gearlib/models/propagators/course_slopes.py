@@ -1,4 +1,4 @@
-"""What a run-up changes by with parameters of its model and of its course: a pair.
+"""What a run-up changes by with parameters of its model and of its course; a pair in closed forms.
 
 All is in static deflections and natural time of the model as it is: with a parameter these units
 stay, so that what is found has the scales of the run-up itself, at fixed instants.
@@ -32,6 +32,10 @@ COURSE = {
 }
 
 
+#: The propagators of models without nonlinear terms, whose pairs of teeth do not part one by one.
+EXACT = ("closed_form", "piecewise_linear", "several_meshes")
+
+
 class Slopes(NamedTuple):
     """Derivatives of a run-up, k of them: r revolutions, s samples, e events, m meshes."""
 
@@ -49,6 +53,16 @@ def rows_of(found):
     number = np.concatenate([one.block for one in found])
     new = np.diff(number, prepend=-1) != 0
     return np.cumsum(new) - 1, np.append(new, False)
+
+
+def of_run_up(model, names, found, driver, **course):
+    """Return the `Slopes` of a run-up; parameters as of `of_pair`, and the driver of a train."""
+    steps = not any(one.piece.slope for one in found)
+    if model.propagators["exact"] == "closed_form" and steps:
+        return of_pair(model, names, found, **course)
+    from gearlib.models.propagators.course_matrices import of_matrices
+
+    return of_matrices(model, names, found, driver=driver, **course)
 
 
 def of_pair(pair, names, found, state, per, driven_mass, base_radius):

@@ -57,10 +57,11 @@ class Stretch(NamedTuple):
     phase: np.ndarray  #: tau that bounds the intervals, shape (k + 1,)
     theta: np.ndarray  #: theta that bounds them
     samples: np.ndarray  #: at equal steps of time in each, columns of `orbit`, (k s, m, 6)
-    coordinates: np.ndarray  #: shape (k s, N)
+    states: np.ndarray  #: coordinates and their rates by theta, shape (k s, 2 N)
     block: np.ndarray  #: int, number of the block of each interval, shape (k,)
     summary: np.ndarray  #: of each block that there is, shape (b, m, 10)
-    events: np.ndarray  #: (theta, mesh, from, to, velocity by theta), shape (j, 5)
+    #: (theta, mesh, from, to, velocity by theta, interval, theta in it), shape (j, 7)
+    events: np.ndarray
     status: int
 
 
@@ -254,14 +255,14 @@ def _through(runner, piece, state, cut, samples, limit, teeth):
     events, columns = events[: found if code == OK else 0], np.zeros((len(raw), m, 6))
     if code == OK:
         runner.fill_meshes(raw, columns, system)
-    rows_of = events[:, [1, -1, 2, 3, 4]]
+    rows_of = events[:, [1, -1, 2, 3, 4, 0, 1]]
     rows_of[:, 0] += bounds[events[:, 0].astype(int)]
     return Stretch(
         piece,
         cut.offset + cut.phase[cut.first],
         bounds,
         columns,
-        raw[:, :half],
+        raw[:, : 2 * half],
         _blocks(cut, teeth),
         summary.reshape(-1, m, SUMMARY_COLUMNS),
         rows_of,
