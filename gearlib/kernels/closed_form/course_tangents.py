@@ -53,7 +53,7 @@ TIMES = 4
 
 
 @inlined
-def _later(m, contact, level, x, v, t):
+def later(m, contact, level, x, v, t):
     """Return the state a time t later."""
     if contact == BACKLASH:
         return fly(m.drag, m.pull, x, v, t)
@@ -64,7 +64,8 @@ def _later(m, contact, level, x, v, t):
 
 
 @inlined
-def _force(m, contact, level, x):
+def force_of(m, contact, level, x):
+    """Return the elastic force of a mesh over its unit."""
     lev = m.high if level == 1.0 else m.low
     return 0.0 if contact == BACKLASH else lev.stiffness * (x - line_of(m, contact))
 
@@ -76,7 +77,7 @@ def _bound(m, rates, sign, contact, level, x, v, shift, tangents, slope, own):
     `own` are (extrema so far, their slopes, times, areas) of the revolution.
     """
     best, extrema, times, area = own
-    force = _force(m, contact, level, x)
+    force = force_of(m, contact, level, x)
     for j in range(slope.shape[0]):
         slope[j] = tangents[0, j] + v * shift[j]
         times[1 - contact, j] -= sign * shift[j]
@@ -177,7 +178,7 @@ def follow_stretch(
             line = line_of(m, flank_of(contact, after))
             if what == _EVENT and lasts > 0.0:
                 # Its time since the start of the run has fewer digits than that of the arc.
-                end, fast = _later(m, contact, level, x, v, lasts)
+                end, fast = later(m, contact, level, x, v, lasts)
                 more = (line - end) / fast if fast != 0.0 else 0.0
                 lasts += more if abs(more) < 1e-3 * lasts else 0.0
                 until = t + lasts
@@ -223,9 +224,9 @@ def follow_stretch(
                     cross_line(m, rates, lev, after, -1.0, tangents)
                 contact, e = after, e + 1
             elif what == _SWITCH:
-                fall, sign = _force(m, contact, level, x), 1.0 - 2.0 * switch
+                fall, sign = force_of(m, contact, level, x), 1.0 - 2.0 * switch
                 other = 1.0 - level
-                fall -= _force(m, contact, other, x)
+                fall -= force_of(m, contact, other, x)
                 place = turn + switch_phase(m, switch)
                 for j in range(k):
                     shift[j] = (sign * moves[0, j] - place * moves[1, j]) / rate if rate else 0.0

@@ -109,7 +109,7 @@ def of_pair(pair, names, found, state, per, driven_mass, base_radius):
         samples.append(np.zeros((n * per, 4, k)))
         met.append(np.zeros((len(one.events), 2, k)))
         contact, touches = follow_stretch(
-            _loaded(constants, force),
+            loaded(constants, force),
             rates,
             own.mass,
             moves,
@@ -134,7 +134,7 @@ def of_pair(pair, names, found, state, per, driven_mass, base_radius):
     )
 
 
-def _loaded(constants, force):
+def loaded(constants, force):
     """Return the constants of a mesh under a share of its load."""
     low, high = (
         one._replace(equilibrium=force * one.equilibrium) for one in (constants.low, constants.high)
