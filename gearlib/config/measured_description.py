@@ -3,6 +3,7 @@
 Names are those of PEtab: observableId, simulationConditionId, measurement, time, noiseParameters.
 """
 
+import re
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -82,6 +83,14 @@ Facts = Annotated[
 Direction = Literal["up", "down", "rest"]
 Speed = quantity("rpm", "1500 rpm", ge=0)
 Known = Literal["known", "unknown"]
+
+
+#: Of a set in the configuration.
+MeasuredPath = Annotated[
+    str, Field(pattern=r"\.ya?ml$", json_schema_extra={"$comment": "a path of a YAML file"})
+]
+#: Observables whose time courses at constant speeds are compared.
+COURSES = ("displacement", "velocity", "acceleration", "dynamic_force")
 
 
 class Channel(Given):
@@ -269,10 +278,48 @@ class Description(Given):
             )
         return self
 
+    def files(self, path):
+        """Return the path of the table beside the file at `path`, in a list; empty without."""
+        return [] if self.data is None else [str(Path(path).parent / self.data)]
+
+    def has_courses(self):
+        """Return whether there are time courses at constant speeds."""
+        names = {channel.observableId or key for key, channel in self.channels.items()}
+        constant = any(one.speed for one in self.conditions.values()) and "speed" not in names
+        return constant and bool(names.intersection(COURSES))
+
     def not_said(self):
         """Return what the source does not say of the rig."""
         said = {key for key, value in self.known.items() if value not in (None, "unknown")}
         return [one for one in ASKED if not said.intersection((one, *_SAME.get(one, ())))]
+
+
+def paths(given):
+    """Return name -> path of measured sets; ValueError where two have one name."""
+    found = {}
+    for i, path in enumerate(given):
+        name = Path(path).stem
+        if not re.fullmatch("[A-Za-z0-9+_-]{1,60}", name):
+            words = "a path whose name has letters, digits, +, _ and - only, at most 60"
+            raise refusal(f"measured[{i}]", path, words)
+        if name in found:
+            raise refusal(f"measured[{i}]", path, f"another name than that of {found[name]}")
+        found[name] = path
+    return found
+
+
+def sets(given):
+    """Return name -> (path, `Description`) of measured sets; ValueError for what is wrong."""
+    found = {}
+    for i, (name, path) in enumerate(paths(given).items()):
+        if not Path(path).is_file():
+            raise refusal(f"measured[{i}]", path, "a path of a YAML file")
+        said = read(path)
+        for table in said.files(path):
+            if not Path(table).is_file():
+                raise ValueError(f"{path}: {refusal('data', said.data, 'a file beside it')}")
+        found[name] = path, said
+    return found
 
 
 def read(path):

@@ -75,6 +75,17 @@ def read_measured(path):
     return found
 
 
+def refused(paths):
+    """Return a sentence for each set that is refused."""
+    found = []
+    for path in paths:
+        try:
+            read_measured(path)
+        except ValueError as error:
+            found.append(str(error))
+    return found
+
+
 def _known(name, value):
     """Return what is known of a rig in SI, where it is a parameter of a gear pair."""
     one = declared(PairParameters).get(name)

@@ -3,19 +3,22 @@
 All sets here are synthetic: written by the tests, measured by nobody.
 """
 
+import csv
 import hashlib
 import json
 import os
 import re
-from importlib.util import find_spec
+from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
 
 from gearlib import read_measured
+from gearlib.config.measured_description import Channel, Description
 from gearlib.data.storage import read, write
 
+ROOT = Path(__file__).resolve().parents[2]
 CHANNELS = {
     "t": {"observableId": "time", "unit": "ms"},
     "x": {"observableId": "displacement", "unit": "µm", "noise": "500 nm", "offset": "unknown"},
@@ -330,7 +333,6 @@ def test_a_package_that_is_not_there_is_named(tmp_path, name, monkeypatch):
     monkeypatch.setattr("gearlib.rig.measured_files.Package.available", lambda self: False)
     with pytest.raises(ImportError, match="pip install (pyuff|asammdf)"):
         read_measured(rig(tmp_path, b"x", data=name, channels=OTHERS))
-    assert find_spec("gearlib")
 
 
 def test_variables_of_a_matlab_file_are_read(tmp_path):
@@ -348,6 +350,40 @@ def test_variables_of_a_matlab_file_are_read(tmp_path):
             read_measured(rig(tmp_path, None, data="rig.mat", channels=of))
     with pytest.raises(ValueError, match="MATLAB file"):
         read_measured(rig(tmp_path, b"no mat at all", data="rig.mat"))
+
+
+def test_sets_on_the_page_are_sets():
+    page = (ROOT / "docs/how_to/measured_curves.md").read_text(encoding="utf-8")
+    sets = re.findall(r"^``` yaml\n(.*?)^```", page, re.S | re.M)
+    assert [Description.model_validate(yaml.safe_load(one)).data for one in sets] == [
+        "run.csv", "orders.csv"
+    ]  # fmt: skip
+    assert set(re.findall(r"`(\w+)`", page)) >= set(Channel.model_fields)
+
+
+def test_the_measured_set_that_is_shipped_has_its_licence_and_its_lost_motion():
+    rig = read_measured(ROOT / "measured/lost_motion_of_servos.yaml")
+    assert rig.licence.startswith("CC BY 4.0") and "Kotov" in rig.source
+    assert "CC BY 4.0" in (ROOT / "measured/README.md").read_text(encoding="utf-8")
+    assert rig.synthetic == 0
+    # By the csv module alone: the widest play while the servo holds, and that of the page.
+    with open(ROOT / "measured/lost_motion_of_servos.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert rig.angle_servo.values * 2048 / np.pi == pytest.approx(
+        [int(row["pos (5)"]) for row in rows], rel=1e-12
+    )
+    held = {3: [], 4: []}
+    for row in rows:
+        if row["target pos (5)"] == "2047":
+            for servo, goal in ((3, "2147"), (4, "1947")):
+                near = abs(int(row[f"pos ({servo})"]) - int(goal)) <= 200
+                if row[f"target pos ({servo})"] == goal and near:
+                    held[servo].append(int(row["pos (5)"]))
+    play = max(held[4]) - min(held[3])
+    page = (ROOT / "docs/measured_lost_motion.md").read_text(encoding="utf-8")
+    assert play == 17 and f"apart by {play:.2f} counts = {play * 360 / 4096:.2f} deg" in page
+    # The publication has 7.03 counts after the pulls.
+    assert "apart by 7.03 counts" in page
 
 
 def test_many_rows(tmp_path):
