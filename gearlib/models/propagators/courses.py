@@ -65,6 +65,14 @@ class Stretch(NamedTuple):
     status: int
 
 
+def course_of(model, speeds, loads):
+    """Return the pieces of a course, of rows of seconds and rpm, and of shares of the load."""
+    unit = np.array([float(model.mesh_frequency(1.0)), 1.0])
+    tunings = speeds * unit
+    tunings[:, 1] = [model.tuning_at(rpm) if rpm else 0.0 for rpm in speeds[:, 1]]
+    return pieces_of(tunings, loads * unit)
+
+
 def pieces_of(speeds, loads):
     """Return the pieces of a course.
 
