@@ -45,8 +45,6 @@ _SAID = {
     "fraction_inverse": ("1", "fraction of time in inverse mesh"),
     "bounces": ("1", "losses of normal contact per mesh period"),
 }
-#: The propagators of models without nonlinear terms, whose pairs of teeth do not part one by one.
-_EXACT = ("closed_form", "piecewise_linear", "several_meshes")
 #: Memory of a mesh period beside its samples: summary and a few events, numbers for each mesh.
 _PER_PERIOD = 40
 #: Columns of a summary that take the largest, the least, the sum of those of the intervals.
@@ -137,9 +135,9 @@ def run_up(
     tunings = speeds * unit
     tunings[:, 1] = [model.tuning_at(rpm) if rpm else 0.0 for rpm in speeds[:, 1]]
     pieces = courses.pieces_of(tunings, loads * unit)
-    meshes, end = len(runner.system.near), pieces[-1]
+    meshes, end = runner.meshes, pieces[-1]
     turned = end.phase + end.length * (end.speed + 0.5 * end.acceleration * end.length)
-    columns = samples * (6 * meshes + len(runner.system.free)) + _PER_PERIOD * meshes
+    columns = samples * (6 * meshes + model.size) + _PER_PERIOD * meshes
     words = f"a course of {speeds[-1, 0]:g} s with samples_per_period = {samples}"
     check_memory(words, int(turned / math.tau) + 1, columns, "mesh periods")
     z = np.array(runner.start(state), float)
@@ -160,8 +158,7 @@ def run_up(
     said = {"speed": speeds.tolist(), "load": loads.tolist(), "initial_state": state}
     said |= {"driver": driver, "driven_mass": driven_mass, "base_radius": base_radius}
     data["status"] = np.int8(code)
-    method = "closed forms"
-    dataset = result("Run-up of a gear mesh", model, data, coords, method=method, **said)
+    dataset = result("Run-up of a gear mesh", model, data, coords, method=runner.words, **said)
     dataset["status"].attrs["message"] = status.MESSAGES[code]
     return dataset
 
@@ -171,17 +168,12 @@ def _runner(model):
     name = type(model).__name__
     if not is_model(model):
         raise ValueError(f"model = {model!r} is not allowed: it must be one such as GearPair")
-    if model.propagators.get("exact") not in _EXACT:
-        raise ValueError(
-            f"model of type {name} is not allowed: a run-up needs linear damping and a stiffness "
-            "that is constant between switches"
-        )
     if model.speed is None:
         raise ValueError(f"model of type {name} is not allowed: nothing turns in it")
     if model.gyroscopic:
         raise ValueError("gyroscopic = True is not allowed in a run-up: it must be False")
     runner = courses.propagator_of(model)
-    if runner.system.harmonics.size:
+    if runner.words == "closed forms" and runner.system.harmonics.size:
         raise ValueError(
             f"model of type {name} with run-out, deviations or an excitation is not allowed: in a "
             "run-up only the stiffness may vary with the mesh phase"
