@@ -172,13 +172,7 @@ def _runner(model):
         raise ValueError(f"model of type {name} is not allowed: nothing turns in it")
     if model.gyroscopic:
         raise ValueError("gyroscopic = True is not allowed in a run-up: it must be False")
-    runner = courses.propagator_of(model)
-    if runner.words == "closed forms" and runner.system.harmonics.size:
-        raise ValueError(
-            f"model of type {name} with run-out, deviations or an excitation is not allowed: in a "
-            "run-up only the stiffness may vary with the mesh phase"
-        )
-    return runner
+    return courses.propagator_of(model)
 
 
 def speeds_of(start=None, stop=None, duration=None, acceleration=None, speed=None):

@@ -145,7 +145,7 @@ REFUSED = {
     "tongues": {"pairs of teeth", *NO_GEARS},
     "schmidt": {"pairs of teeth", "six degrees", "run-out", "train", *NO_GEARS},
     "duty_point": NO_GEARS,
-    "run_up": {"run-out", *NO_GEARS},
+    "run_up": NO_GEARS,
     "orders": NO_GEARS,
     "harmonic_balance": {"pairs of teeth", "six degrees", "run-out", "train", *NO_GEARS},
 }

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from gearlib.kernels import orbit
 from gearlib.kernels.codes import OK
 from gearlib.kernels.several_meshes.periods import EVENT_COLUMNS
 from gearlib.kernels.several_meshes.record import SUMMARY_COLUMNS
@@ -26,6 +27,8 @@ _STRETCH = 512
 _SAME_PHASE = 1e-12
 #: Of a mesh period, as far from ratios of small numbers as there is: the golden section.
 _INSTANT = 0.3819660112501051
+#: A price that no number of steps of the series comes to.
+_NO_MODES = 2**62
 
 
 class Piece(NamedTuple):
@@ -194,7 +197,11 @@ class _Course:
     raw: Any
     go: Any
     fill_meshes: Any
-    words = "closed forms"
+
+    @property
+    def words(self):
+        """How it goes from event to event."""
+        return "Taylor steps" if self.laws.harmonics.size else "closed forms"
 
     @property
     def meshes(self):
@@ -207,7 +214,9 @@ class _Course:
 
     def enter(self, piece, inertia):
         """Take the loads of a piece."""
-        self.loaded = _loaded(self.laws, piece, inertia)
+        self.loaded = _loaded(self.bare, piece, inertia)
+        if self.laws.harmonics.size:
+            self.loaded.free[self.model.size, -1] = piece.acceleration
         # Tables of another number of components are of no use.
         self.spare, self.large = [], []
 
@@ -215,6 +224,37 @@ class _Course:
     def laws(self):
         """The system that a course begins with."""
         return self.system
+
+    @cached_property
+    def bare(self):
+        """The same with what its harmonics are on a course of speed, if it has any."""
+        if not self.laws.harmonics.size:
+            return self.laws
+        first = (0, self.laws.first_segment.size - 1) if self.long else ()
+        return _chirped(self.laws, self.model.system(2.0, *first), self.model.size)
+
+    def taken(self):
+        """Return tables for one run; of harmonics on a course there are no modes."""
+        tables = super().taken()  # type: ignore[misc]
+        if self.laws.harmonics.size:
+            tables.price[0] = _NO_MODES
+        return tables
+
+    def _between(self, piece, cut, theta):
+        """Return the components between the rates and the constant at the begin of a `Cut`."""
+        found, phase = (
+            [],
+            cut.phase[0] + math.tau * (round(cut.offset / math.tau) % self.model.repeats),
+        )
+        if self.laws.harmonics.size:
+            nu = float(piece.speed_at(cut.offset + cut.phase[0]))
+            found.append(nu)
+            for w in self.laws.harmonics:
+                c, s = math.cos(w * phase), math.sin(w * phase)
+                found += [c, s, -w * nu * s, w * nu * c]
+        if piece.slope:
+            found.append(piece.slope * (theta - piece.start))
+        return found
 
     def _set(self, piece, cut):
         """Take the segments of a `Cut`; return theta of them."""
@@ -235,10 +275,23 @@ class _Course:
             rate=system.near @ system.free,
             far_rate=system.far @ system.free,
             block=cut.block - cut.block[0],
-            **sparse_of(system),
+            chirp=self.laws.harmonics,
+            pace=self.model.size,
+            **sparse_of(system, self.laws.harmonics.size > 0),
         )
         self.components = len(system.free)
         return length
+
+    def _add_chirps(self, raw, piece, columns):
+        """Add to accelerations what the harmonics bring, whose rates no matrix has."""
+        pace, rate = self.model.size, self.grid.rate
+        for j, w in enumerate(self.laws.harmonics):
+            i = pace + 1 + 4 * j
+            c, s, c_rate, s_rate = raw[:, i : i + 4].T
+            twice = -w * (piece.acceleration * s + raw[:, pace] * s_rate)
+            columns[..., orbit.SAMPLE_A] += twice[:, None] * rate[:, i + 2]
+            twice = w * (piece.acceleration * c + raw[:, pace] * c_rate)
+            columns[..., orbit.SAMPLE_A] += twice[:, None] * rate[:, i + 3]
 
     def through(self, piece, state, cut, samples, limit):
         """Run through the intervals of a `Cut` from a state, changed in place; a `Stretch`."""
@@ -248,14 +301,14 @@ class _Course:
         raw = self.raw(count * samples)
         summary = np.empty(((self.grid.block[-1] + 1) * m, SUMMARY_COLUMNS))
         events, spans = np.empty((4 * count * m, EVENT_COLUMNS)), (count, count)
-        # The components between the rates and the constant, at their values.
-        whole = np.append(state, bounds[0] - piece.start if piece.slope else ())
+        whole = np.append(state, self._between(piece, cut, bounds[0]))
         self.scale = np.ones(whole.size)
         _, events, found, code, _ = self.go(whole, raw, events, limit, summary, spans)
         state[:] = whole[: state.size]
         events, columns = events[: found if code == OK else 0], np.zeros((len(raw), m, 6))
         if code == OK:
             self.fill_meshes(raw, columns, system)
+            self._add_chirps(raw, piece, columns)
         rows = events[:, [1, -1, 2, 3, 4]]
         rows[:, 0] += bounds[events[:, 0].astype(int)]
         record = columns, raw[:, :half], cut.block, summary.reshape(-1, m, SUMMARY_COLUMNS), rows
@@ -268,6 +321,38 @@ class _Train(_Course, several_meshes.Propagator):
 
 class _Pair(_Course, piecewise_linear.Propagator):
     """A model with one mesh on its way."""
+
+
+def _chirped(system, twice, size):
+    """Return a system in whose harmonics the phase is quadratic in theta.
+
+    Behind the coordinates and rates comes dtau/dtheta, and cosine, sine and their rates by theta of
+    each harmonic: what damping makes of these is no matter of the speed then. It is what `twice`,
+    the system of tuning 2, has more than that of tuning 1. The rates of the rates are those of
+    `sparse_series`.
+    """
+    h = system.harmonics.size
+    wide = size + 2 + 4 * h
+    places = [size + 1 + 4 * j for j in range(h)]
+
+    def moved(array, other):
+        found = np.zeros((*array.shape[:-1], wide))
+        found[..., :size], found[..., -1] = array[..., :size], array[..., size]
+        for j, (i, w) in enumerate(zip(places, system.harmonics, strict=True)):
+            cosine, sine = (size + 1 + 2 * j + k for k in range(2))
+            rate = other - array
+            found[..., i] = array[..., cosine] - rate[..., cosine]
+            found[..., i + 1] = array[..., sine] - rate[..., sine]
+            found[..., i + 2], found[..., i + 3] = -rate[..., sine] / w, rate[..., cosine] / w
+        return found
+
+    names = "near", "far", "push", "grip"
+    lines = {name: moved(getattr(system, name), getattr(twice, name)) for name in names}
+    free = np.zeros((wide, wide))
+    free[:size] = moved(system.free[:size], twice.free[:size])
+    for i in places:
+        free[i, i + 2] = free[i + 1, i + 3] = 1.0
+    return system._replace(free=free, harmonics=np.empty(0), **lines)
 
 
 def propagator_of(model):
@@ -295,6 +380,6 @@ def _loaded(base, piece, inertia):
         return np.insert(array, one, 0.0, axis=-1)
 
     free = np.insert(wider(free), one, 0.0, axis=0)
-    free[one, one + 1], free[rows, one] = 1.0, load * piece.slope
+    free[one, one + 1], free[rows, one] = piece.slope, load
     lines = "near", "far", "push", "grip"
     return base._replace(free=free, **{name: wider(getattr(base, name)) for name in lines})
