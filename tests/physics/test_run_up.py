@@ -54,6 +54,7 @@ RELIEVED = gearlib.LoadSharingPair.from_geometry(
     pitch_errors=(0.0, 3e-6, 1e-6),
 )
 RUN_OUT = SIX.replace(
+    pair=DAMPED,
     moving_backlash=False,
     eccentricities=(2e-6, 3e-6),
     run_out_phase=0.3,
@@ -215,7 +216,7 @@ def test_random_courses_of_many_coordinates_agree_with_scipy(model, tuning):
     ):
         found = run.displacement.values.reshape(moved.shape)
         assert np.abs(found - moved).max() < 1e-11 * np.abs(moved).max()
-        assert run.sizes["event"] == len(events) > 20
+        assert run.sizes["event"] == len(events) > 3
         wrong = run.event_time.values - [one[0] for one in events]
         assert np.abs(wrong).max() < 1e-10 / fastest
 

@@ -194,14 +194,11 @@ class _Course:
 
     system: Any
     grid: Any
+    model: Any
+    long: Any
     raw: Any
     go: Any
     fill_meshes: Any
-
-    @property
-    def words(self):
-        """How it goes from event to event."""
-        return "Taylor steps" if self.laws.harmonics.size else "closed forms"
 
     @property
     def meshes(self):
@@ -363,7 +360,9 @@ def propagator_of(model):
         return PairSteps(model)
     if model.equation is not None and not model.equation.is_closed():
         return Steps(model)
-    return (_Train if model.mesh_names else _Pair)(model, 1.0)
+    runner = (_Train if model.mesh_names else _Pair)(model, 1.0)
+    runner.words = "Taylor steps" if runner.system.harmonics.size else "closed forms"
+    return runner
 
 
 def _loaded(base, piece, inertia):
