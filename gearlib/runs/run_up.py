@@ -69,15 +69,16 @@ def run_up(
 ):
     """Run a model up, down, or along any piecewise linear course of speed and load.
 
-    Nothing is approximated: while the acceleration is constant the stiffness switches at roots of
-    a quadratic, and the motion between them is that of a run at constant speed. The mesh carries
+    While the acceleration is constant the stiffness switches at roots of a quadratic, and where it
+    is constant in between the motion is that of a run at constant speed: nothing is approximated.
+    Nonlinear damping, a stiffness that varies between switches, run-out, deviations and pairs of
+    teeth go by Taylor steps, whose error is that of rounding; ``source`` says so. The mesh carries
     the inertia of the acceleration beside the load, see `gearlib.models.acceleration`.
 
     Parameters
     ----------
-    model : GearPair, OneDegreePair, SixDegreePair or GearTrain
-        With linear damping and constant stiffness between switches; without run-out, deviations and
-        gyroscopic forces.
+    model : GearPair, OneDegreePair, LoadSharingPair, SixDegreePair or GearTrain
+        Without gyroscopic forces.
     start, stop : float
         First and last speed in rpm of the gear whose teeth count, >= 0; and one of:
     duration : float
