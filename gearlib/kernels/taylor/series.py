@@ -23,6 +23,7 @@ from gearlib.kernels.jit import inlined, kernel
 #: of a step with its logarithm at most; between 16 and 24 the cost per phase is flat.
 ORDER = 20
 _INVERSE = 1.0 / np.arange(1, ORDER + 2)  # of k + 1
+_SHARES = 1.0 / np.arange(1, ORDER + 4)
 
 # What a step reads and writes stands in plain arrays: every look into a tuple of arrays counts
 # references, which costs more than the sums.
@@ -160,8 +161,9 @@ def _add_chirps(rows, phase, ramp, series, row, second):
                 series[row, k - 2] += k * (k - 1.0) * value
             elif not second and k <= ORDER:
                 series[row, k] += value
-            falls = (rate * sine + twice * sine_before) / (k + 1.0)
-            rises = (rate * cosine + twice * cosine_before) / (k + 1.0)
+            share = _SHARES[k]
+            falls = (rate * sine + twice * sine_before) * share
+            rises = (rate * cosine + twice * cosine_before) * share
             cosine_before, sine_before = cosine, sine
             cosine, sine = -falls, rises
 
@@ -220,7 +222,7 @@ def expand(constants, harmonics, ramp, piece, phase, contact, sign, x, v, series
     slope = constants[i, piece, SLOPE]
     level = constants[i, piece, LEVEL] + slope * (phase - constants[i, piece, START])
     touching, waving = contact != BACKLASH, harmonics[i, 0, 0] != 0.0
-    dragged, curved = d2 != 0.0 or d3 != 0.0, p2 != 0.0 or p3 != 0.0
+    dragged, curved, bent = d2 != 0.0 or d3 != 0.0, p2 != 0.0 or p3 != 0.0, 0.0
     for k in range(ORDER + 1):
         series[FORCE, k] = 0.0
         series[C, k] = 0.0
@@ -229,8 +231,8 @@ def expand(constants, harmonics, ramp, piece, phase, contact, sign, x, v, series
     if harmonics.shape[0] > DEVIATION:
         series[FORCE, 0] = series[FORCE, 0] * ramp[SHARE] + ramp[PULL]
         series[FORCE, 1] = constants[i, piece, LOAD] * ramp[SHARE_RATE]
-        series[C, 1], series[C, 2] = slope * ramp[PACE], slope * ramp[BEND]
-        waving = waving or slope != 0.0
+        slope, bent = slope * ramp[PACE], slope * ramp[BEND]
+        series[C, 1], series[C, 2] = slope, bent
         _add_chirps(harmonics[EXCITATION], phase, ramp, series, FORCE, False)
         _add_chirps(harmonics[DEVIATION], phase, ramp, series, FORCE, True)
         _add_chirps(harmonics[i], phase, ramp, series, C, False)
@@ -242,7 +244,7 @@ def expand(constants, harmonics, ramp, piece, phase, contact, sign, x, v, series
     # What the newest coefficients of x' and of the deflection count.
     rate = d1 + (2.0 * d2 + 3.0 * d3 * v) * v
     twice, bend = 2.0 * u, 1.0 + (2.0 * p2 + 3.0 * p3 * u) * u
-    push, old = 0.0, 0.0
+    push, old, older = 0.0, 0.0, 0.0
     for k in range(terms):
         if touching:
             g = series[U, k]
@@ -252,7 +254,9 @@ def expand(constants, harmonics, ramp, piece, phase, contact, sign, x, v, series
                 g = bend * g + (p2 * square + p3 * cube)
             series[G, k] = g
             push = _product(series, C, G, k) if waving else level * g + slope * old
-            old = g
+            if bent != 0.0 and not waving:
+                push += bent * older
+            old, older = g, old
         series[PUSH, k] = push
         rest = series[FORCE, k] - push - ground * series[X, k]
         newest = series[V, k]

@@ -58,13 +58,10 @@ class Steps:
         """Return the `Course` of a `Cut`."""
         starts = np.concatenate([[0.0], np.cumsum(length)])
         theta = cut.bounds(piece, length)[0] - piece.start + starts[:-1]
-        # From the begin of each mesh period on: rounding must not grow with the run.
-        own = [np.cumsum(part) for part in np.split(length, cut.first[1:-1])]
-        end = np.concatenate(own)
-        begin = np.concatenate([np.append(0.0, part[:-1]) for part in own])
         phase = cut.phase[:-1] - self.laws.starts[-1] * cut.turn
         passed = phase - self.laws.starts[cut.which]
         passed[np.abs(passed) < _SAME] = 0.0
+        begin, end = cut.within(length)
         return Course(
             begin,
             end,
@@ -87,18 +84,14 @@ class Steps:
     def through(self, piece, state, cut, samples, limit):
         """Run through the intervals of a `Cut` from a state, changed in place; a `Stretch`."""
         length, count = cut.lengths(piece), len(cut.block)
-        bounds, course = cut.bounds(piece, length), self.course(piece, cut, length)
+        course = self.course(piece, cut, length)
         table = np.zeros((count * samples, orbit.SAMPLE_COLUMNS))
         summary = np.zeros((course.block[-1] + 1, SUMMARY_COLUMNS))
         events = np.empty((4 * count, orbit.EVENT_COLUMNS))
         spans = count, count, table, events, limit, summary
         state[:], events, found, code = self.run(course, state, *spans)
-        events = events[: found if code == OK else 0]
-        # Of the only mesh.
-        rows = np.insert(events[:, 1:], 1, 0.0, axis=1)
-        rows[:, 0] += bounds[events[:, 0].astype(int)]
-        record = table[:, None], table[:, :1], cut.block, summary[:, None], rows
-        return Stretch(piece, cut.offset + cut.phase[cut.first], bounds, *record, code)
+        record = table, events[: found if code == OK else 0], summary
+        return Stretch.of_one(piece, cut, length, record, code)
 
 
 class PairSteps(Steps):

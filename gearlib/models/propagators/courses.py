@@ -20,6 +20,7 @@ from gearlib.kernels.several_meshes.periods import EVENT_COLUMNS
 from gearlib.kernels.several_meshes.record import SUMMARY_COLUMNS
 from gearlib.kernels.several_meshes.sparse_series import sparse_of
 from gearlib.models.propagators import piecewise_linear, several_meshes
+from gearlib.models.propagators.course_chirps import chirped
 
 #: Mesh periods whose segments are made at once.
 _STRETCH = 512
@@ -66,6 +67,15 @@ class Stretch(NamedTuple):
     summary: np.ndarray  #: of each block that there is, shape (b, m, 10)
     events: np.ndarray  #: (theta, mesh, from, to, velocity by theta), shape (j, 5)
     status: int
+
+    @classmethod
+    def of_one(cls, piece, cut, length, record, code):
+        """Return that of one mesh: samples, events and summary as of `orbit`."""
+        (table, events, summary), bounds = record, cut.bounds(piece, length)
+        rows = np.insert(events[:, 1:], 1, 0.0, axis=1)
+        rows[:, 0] += bounds[events[:, 0].astype(int)]
+        own = table[:, None], table[:, :1], cut.block, summary[:, None], rows
+        return cls(piece, cut.offset + cut.phase[cut.first], bounds, *own, code)
 
 
 def pieces_of(speeds, loads):
@@ -146,6 +156,15 @@ class Cut(NamedTuple):
             return 2.0 * np.diff(self.phase) / total
         return np.array([piece.length])
 
+    def within(self, length):
+        """Return theta of their intervals where segments begin and end: rounding must not grow."""
+        place = np.arange(length.size) - np.repeat(self.first[:-1], np.diff(self.first))
+        end = length.copy()
+        for k in range(1, place.max() + 1):
+            later = np.flatnonzero(place == k)
+            end[later] += end[later - 1]
+        return np.where(place > 0, np.roll(end, 1), 0.0), end
+
     def bounds(self, piece, length):
         """Return theta that bounds the intervals, shape (k + 1,)."""
         passed, start = self.offset + self.phase[0] - piece.phase, piece.start
@@ -196,6 +215,7 @@ class _Course:
     grid: Any
     model: Any
     long: Any
+    words: Any = "closed forms"
     raw: Any
     go: Any
     fill_meshes: Any
@@ -228,7 +248,7 @@ class _Course:
         if not self.laws.harmonics.size:
             return self.laws
         first = (0, self.laws.first_segment.size - 1) if self.long else ()
-        return _chirped(self.laws, self.model.system(2.0, *first), self.model.size)
+        return chirped(self.laws, self.model.system(2.0, *first), self.model.size)
 
     def taken(self):
         """Return tables for one run; of harmonics on a course there are no modes."""
@@ -316,51 +336,22 @@ class _Train(_Course, several_meshes.Propagator):
     """A train on its way."""
 
 
-class _Pair(_Course, piecewise_linear.Propagator):
+class CoursePair(_Course, piecewise_linear.Propagator):
     """A model with one mesh on its way."""
-
-
-def _chirped(system, twice, size):
-    """Return a system in whose harmonics the phase is quadratic in theta.
-
-    Behind the coordinates and rates comes dtau/dtheta, and cosine, sine and their rates by theta of
-    each harmonic: what damping makes of these is no matter of the speed then. It is what `twice`,
-    the system of tuning 2, has more than that of tuning 1. The rates of the rates are those of
-    `sparse_series`.
-    """
-    h = system.harmonics.size
-    wide = size + 2 + 4 * h
-    places = [size + 1 + 4 * j for j in range(h)]
-
-    def moved(array, other):
-        found = np.zeros((*array.shape[:-1], wide))
-        found[..., :size], found[..., -1] = array[..., :size], array[..., size]
-        for j, (i, w) in enumerate(zip(places, system.harmonics, strict=True)):
-            cosine, sine = (size + 1 + 2 * j + k for k in range(2))
-            rate = other - array
-            found[..., i] = array[..., cosine] - rate[..., cosine]
-            found[..., i + 1] = array[..., sine] - rate[..., sine]
-            found[..., i + 2], found[..., i + 3] = -rate[..., sine] / w, rate[..., cosine] / w
-        return found
-
-    names = "near", "far", "push", "grip"
-    lines = {name: moved(getattr(system, name), getattr(twice, name)) for name in names}
-    free = np.zeros((wide, wide))
-    free[:size] = moved(system.free[:size], twice.free[:size])
-    for i in places:
-        free[i, i + 2] = free[i + 1, i + 3] = 1.0
-    return system._replace(free=free, harmonics=np.empty(0), **lines)
 
 
 def propagator_of(model):
     """Return the propagator, by theta, of a model on its way."""
+    from gearlib.models.propagators.course_arcs import PairArcs
     from gearlib.models.propagators.course_steps import PairSteps, Steps
 
+    if "closed_form" in model.propagators.values():
+        return PairArcs(model, 1.0)
     if "tooth_pairs" in model.propagators.values():
         return PairSteps(model)
     if model.equation is not None and not model.equation.is_closed():
         return Steps(model)
-    runner = (_Train if model.mesh_names else _Pair)(model, 1.0)
+    runner = (_Train if model.mesh_names else CoursePair)(model, 1.0)
     runner.words = "Taylor steps" if runner.system.harmonics.size else "closed forms"
     return runner
 
