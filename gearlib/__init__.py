@@ -10,6 +10,7 @@ room             responsibility
 ``runs``         `simulate`, `sweep`, maps of small deviations
 ``analysis``     periodic orbits, instability tongues, harmonics, attractors, `trust`
 ``studies``      what stands behind one figure or table: scenes, the jump, the paper's statements
+``rig``          measured curves: `read_measured`
 ``figures``      one file per figure, functions that return a `Figure`
 ``pages``        the page of the report, the explorer with its sliders
 ``cli``          the command ``gearlib``
@@ -58,11 +59,14 @@ _PUBLIC = {
     "locus": "analysis.orbits.loci",
     "lyapunov_exponents": "analysis.global_dynamics.exponents",
     "methods": "integrators",
+    "order_map": "analysis.order_maps",
+    "order_track": "analysis.order_maps",
     "orders": "analysis.order_spectrum",
     "orbit_sensitivities": "analysis.orbits.orbit_sensitivities",
     "periodic_orbit": "analysis.orbits.shooting",
     "planetary": "models.trains.ready_made",
     "poincare_section": "analysis.global_dynamics.poincare",
+    "read_measured": "rig.measured",
     "run_up": "runs.run_up",
     "schmidt": "analysis.harmonics.schmidt",
     "simulate": "runs.simulation",
@@ -108,10 +112,13 @@ __all__ = [
     "lyapunov_exponents",
     "methods",
     "orbit_sensitivities",
+    "order_map",
+    "order_track",
     "orders",
     "periodic_orbit",
     "planetary",
     "poincare_section",
+    "read_measured",
     "run_up",
     "schmidt",
     "simulate",

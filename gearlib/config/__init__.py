@@ -26,6 +26,7 @@ module                      responsibility
 ``defaults``                defaults that depend on the gears
 ``gear_names``              whose gears: the name of a pair or a train
 ``laying``                  one configuration laid over another
+``measured_description``    what is said of a measured set
 ``yaml_keys``               YAML files, and the keys that they give twice
 ==========================  ========================================================================
 

@@ -4,10 +4,12 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import Field, create_model, field_validator, model_validator
 
+from gearlib.config import measured_description
 from gearlib.config.agreement import MAX_JOBS, check_different, check_most
 from gearlib.config.experiments import Figures
 from gearlib.config.gear_pair_section import Damping, GearPairSection, Run, SixDegrees
 from gearlib.config.gears_section import Gears
+from gearlib.config.measured_description import MeasuredPath
 from gearlib.config.planetary import Planetary
 from gearlib.config.reducer_section import check_centres
 from gearlib.config.scenes_section import FRICTION_ONLY, SIX_ONLY, Scene
@@ -62,6 +64,9 @@ class _Common(Section):
         "over this one.",
         [],
     )
+    measured: list[MeasuredPath] = entry(
+        "YAML files of measured sets that are laid over Fig. 3 and time courses, and scored.", []
+    )
     # Of these two there is one; what is dumped has the other, made from it.
     gears: Gears = Field(default=None, exclude=True)
     gear_pair: GearPairSection
@@ -107,6 +112,7 @@ class _Common(Section):
         for key in ("basins", "poincare"):
             check_different(f"{key}.cases", getattr(self, key).cases, "title")
         self._check_project()
+        measured_description.sets(self.measured)
         self._check_targets()
         return self
 
@@ -134,6 +140,9 @@ class _Common(Section):
         asked = list(self.targets)
         if "targets" not in self.model_fields_set and has_own_train(self):
             asked.append("train_sweep")
+        if self.measured:
+            asked.append("measured")
+        asked = dict.fromkeys(asked)
         return [name for name in asked if not STUDIES[name].refusal(self)]
 
     def _check_scene(self, key, scene):

@@ -6,6 +6,7 @@ with it.
 """
 
 import re
+import sys
 from decimal import Decimal
 from functools import cache
 
@@ -20,12 +21,10 @@ PLAIN = {
     ("cm", "m"): "1e-2",
     ("um", "m"): "1e-6",
     ("kN", "N"): "1e3",
-    ("N m", "N m"): "1",
     ("kN m", "N m"): "1e3",
     ("kW", "W"): "1e3",
     ("GPa", "Pa"): "1e9",
     ("MPa", "Pa"): "1e6",
-    ("rpm", "rpm"): "1",
     ("deg", "rad"): "0.01745329251994329576923690768",
 }
 
@@ -36,6 +35,9 @@ RPM = re.compile(rf"({_NUMBER})\s*rpm")
 
 @cache
 def _registry():
+    if "pint" in sys.modules and sys.modules["pint"] is None:
+        # Jobs keep xarray from loading it, which has looked by now.
+        del sys.modules["pint"]
     import pint
 
     return pint.UnitRegistry(non_int_type=Decimal)
@@ -54,8 +56,9 @@ def read(text, unit):
     if match is None:
         raise ValueError(f"{text!r} is not a number with a unit")
     number, name = match[1], _plain(match[2])
-    if (name, unit) in PLAIN:
-        return float(Decimal(number) * Decimal(PLAIN[name, unit]))
+    plain = "1" if name == unit else PLAIN.get((name, unit))
+    if plain:
+        return float(Decimal(number) * Decimal(plain))
     registry = _registry()
     try:
         # pint sees the unit alone, so that no arithmetic of the user's is evaluated.

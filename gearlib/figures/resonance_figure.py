@@ -8,7 +8,7 @@ else is known of the motions.
 import numpy as np
 from matplotlib.patches import Patch
 
-from gearlib.figures import style
+from gearlib.figures import measured_curves, style
 from gearlib.figures.branches_figure import draw_curve
 
 #: The picture holds all steady orbits and this share of the others; chaotic orbits of an undamped
@@ -43,7 +43,9 @@ _ALWAYS = 4
 
 
 @style.styled()
-def draw(resonance, *, colours=None, labels=(), branches=(), tongues=None, forces=False):
+def draw(
+    resonance, *, colours=None, labels=(), branches=(), tongues=None, measured=(), forces=False
+):
     """Draw resonance characteristics.
 
     resonance (as gathered: displacement_max and displacement_min in static deflections, period, all
@@ -53,7 +55,8 @@ def draw(resonance, *, colours=None, labels=(), branches=(), tongues=None, force
     for cold runs: a strip on the lower rim of its panel); branches (for each damping its branches
     of periodic orbits, as of `gearlib.studies.resonance_branches.compute`: thin lines in its panel,
     solid where stable, dashed where unstable); tongues (tuning_from and tuning_to over (damping,
-    order) as of `gearlib.studies.contact_loss`: shades in the panel of each damping); forces
+    order) as of `gearlib.studies.contact_loss`: shades in the panel of each damping); measured
+    (curves as of `gearlib.rig.laid_over`: points over the paper's picture); forces
     (whether dynamic_force_max has a panel below the displacements, whose limits then are those of
     the curves that settle: the paper's picture goes down to the far flank).
 
@@ -78,11 +81,13 @@ def draw(resonance, *, colours=None, labels=(), branches=(), tongues=None, force
     grid = figure.add_gridspec(len(heights), _COLUMNS, height_ratios=heights)
     axes = figure.add_subplot(grid[0, :])
     _prepare(axes, resonance, limits, named=True)
-    _draw_all(axes, main, looks)
+    _draw_all(axes, main, looks, measured_curves.draw(axes, measured, EXTREMA))
     _add_scales(axes, resonance)
     axes.set_ylabel(_Y_LABEL)
     if forces:
-        _draw_forces(figure.add_subplot(grid[1, :], sharex=axes), main, looks)
+        below = figure.add_subplot(grid[1, :], sharex=axes)
+        _draw_forces(below, main, looks)
+        measured_curves.draw(below, measured, FORCE)
     if rows:
         panels = (
             grid[1 + forces :, :]
@@ -192,15 +197,16 @@ def _prepare(axes, resonance, limits, named=False):
             style.note(axes, name, at, side="right center", of=of, white=(0.2, 0.8), **look)
 
 
-def _draw_all(axes, curves, looks):
-    """Draw the curves of all dampings, with their legend."""
-    handles = []
+def _draw_all(axes, curves, looks, handles):
+    """Draw the curves of all dampings; handles: what the legend explains beside them."""
+    handles = list(handles)
     for number, (name, look) in enumerate(looks.items()):
         curve = curves.sel(damping=name)
         offset = number / len(looks)
         draw_sweep(axes, curve, look.colour, look.line, look.marker, offset, width=1.6)
         label = style.damping_label(name)
-        handles.append(style.entry(label, look.colour, look.line, look.marker, markersize=4))
+        entry = style.entry(label, look.colour, look.line, look.marker, markersize=4)
+        handles.insert(number, entry)
     axes.legend(handles=handles, loc="upper right", ncols=2)
 
 

@@ -23,7 +23,10 @@ def course_of(model, speed, load, push, samples):
     found = list(courses.run_through(runner, pieces, state, samples, 10**6, inertia, teeth))
     steps = np.arange(samples) / samples
     theta = [(one.theta[:-1, None] + np.diff(one.theta)[:, None] * steps).ravel() for one in found]
-    q = np.concatenate([one.coordinates for one in found]) * model.static_deflection
+    q = (
+        np.concatenate([one.states[:, : model.size // 2] for one in found])
+        * model.static_deflection
+    )
     return np.concatenate(theta) / omega, q
 
 

@@ -51,6 +51,12 @@ try:
     CONFIG = configuration.load(config)
     if refused := CONFIG.refused():
         raise configuration.ConfigError("\n".join(refused))
+    if workflow.is_main_process and CONFIG.measured:
+        # The tables as well, before any job runs; they cost numpy.
+        from gearlib.rig.measured import refused as refused_tables
+
+        if refused := refused_tables(CONFIG.measured):
+            raise configuration.ConfigError("\n".join(refused))
     # Captions of the report read this, and find what the configuration leaves out as well.
     config.update(CONFIG.model_dump())
 except configuration.ConfigError as error:
@@ -67,6 +73,7 @@ wildcard_constraints:
     place="material|oil",
     power="linear|quadratic|cubic",
     trial=r"[A-Za-z0-9+_-]+",
+    measured=r"[A-Za-z0-9+_-]+",
 
 
 def script_sources(name, *methods, loaded=()):
@@ -150,7 +157,7 @@ def target_files(targets):
     """Return the files of targets of the configuration."""
     found = []
     for study in (STUDIES[name] for name in targets if STUDIES[name].needs(CONFIG)):
-        for drawing in study.drawings:
+        for drawing in filter(lambda one: one.wanted(CONFIG), study.drawings):
             found += [path for name in names_of(drawing) for path in figure_files(name)]
         found += [f"results/{table.name}.csv" for table in study.tables]
         found += map(result, study.results(CONFIG))

@@ -33,6 +33,7 @@ for job in [job for study in STUDIES.values() for job in study.jobs]:
             f"compute_{job.name}" if job.name in STUDIES else job.name
         input:
             **inputs_of(job.data),
+            **job.given(CONFIG),
             **{name: f"results/{name}.sha256" for name in job.kernels},
             sources=sources_of(job),
         output:
@@ -81,7 +82,9 @@ for study, table in [
             "../scripts/table.py"
 
 
-for study, drawing in [(study, one) for study in STUDIES.values() for one in study.drawings]:
+for study, drawing in [
+    (study, one) for study in STUDIES.values() for one in study.drawings if one.wanted(CONFIG)
+]:
     job = f"draw_{drawing.name or study.name}"
     log = os.path.join(job, *(f"{{{name}}}" for name in drawing.names(CONFIG)))
 

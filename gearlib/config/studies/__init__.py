@@ -10,6 +10,7 @@ module                responsibility
 ``of_methods``        analytic methods, and trials of all methods
 ``of_trains``         reducer, planetary trains, a train over speed
 ``of_drawn_gears``    mesh stiffness, dynamic factor, tip relief
+``of_rigs``           measured curves
 ====================  =======================================================
 """
 
@@ -18,12 +19,21 @@ from gearlib.config.studies import (
     explained,
     of_drawn_gears,
     of_methods,
+    of_rigs,
     of_trains,
     paper_figures,
 )
 from gearlib.config.studies.study import Study
 
-_MODULES = paper_figures, explained, basins_and_chaos, of_methods, of_trains, of_drawn_gears
+_MODULES = (
+    paper_figures,
+    explained,
+    basins_and_chaos,
+    of_methods,
+    of_trains,
+    of_drawn_gears,
+    of_rigs,
+)
 
 #: name -> `Study`, in the order of the targets.
 STUDIES = {

@@ -5,6 +5,7 @@ import re
 from gearlib import tunings
 from gearlib.config import gear_names
 from gearlib.config.experiments import PhaseLag, PhasePlanes, ReportPage, Resonance
+from gearlib.config.studies import of_rigs
 from gearlib.config.studies.study import (
     CLAIMS,
     PAPER,
@@ -85,6 +86,11 @@ def _resonance_caption(c):
         parts.append(
             """Bands: instability tongues, tunings at which the motion without contact loss is
             unstable at that damping."""
+        )
+    if c.measured:
+        parts.append(
+            """Points and dotted lines: measured, points going up and down and jumps, see the table
+            of measured sets; hollow where gain or zero of the sensor are unknown, and fitted."""
         )
     return " ".join(parts)
 
@@ -171,6 +177,7 @@ RESONANCE = Study(
             "labels": _beside("labels", of_dampings("labels/{damping}.nc")),
             "branches": _beside("branches", of_dampings("branches/{damping}.nc")),
             "tongues": _beside("parametric_resonance", "tongues.nc"),
+            "measured": of_rigs.curves,
         },
         "fig3_resonance",
         "Fig. 3: resonance characteristics, all dampings",

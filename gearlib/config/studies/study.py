@@ -19,6 +19,7 @@ PAPER, CLAIMS = "1 The paper's figures", "2 The paper's statements"
 EXPLANATIONS, METHODS = "3 Explanations", "4 Methods"
 TRAINS = "5 Gear trains"
 DRAWN = "6 From the drawing"
+MEASURED = "7 Measured"
 
 #: The keys of a grid of tunings.
 GRID = {"start", "stop", "step"}
@@ -42,6 +43,7 @@ class Job(NamedTuple):
     files: tuple = ()  #: of its results; "<name>.nc" unless said otherwise, wildcards in braces
     kernels: tuple = ("kernels",)  #: compiled before: "kernels", "larger_kernels", "train_kernels"
     methods: Callable = lambda c: ()  #: names of methods that the call loads, or a function
+    given: Callable = lambda c: {}  #: name -> files of the user's that it reads, or a function
     script: str = "compute"
     threads: int = 1
     priority: int = 0
@@ -73,6 +75,7 @@ class Drawing(NamedTuple):
     second: tuple = ()  #: name, label and caption of another figure
     name: str = ""  #: of the rule, where the study has several
     names: Callable = lambda c: {}  #: wildcard of the figures -> its values
+    wanted: Callable = lambda c: True  #: whether there are any
 
     @property
     def figures(self):

@@ -62,19 +62,21 @@ class Stretch(NamedTuple):
     phase: np.ndarray  #: tau that bounds the intervals, shape (k + 1,)
     theta: np.ndarray  #: theta that bounds them
     samples: np.ndarray  #: at equal steps of time in each, columns of `orbit`, (k s, m, 6)
-    coordinates: np.ndarray  #: shape (k s, N)
+    states: np.ndarray  #: coordinates and their rates by theta, shape (k s, 2 N)
     block: np.ndarray  #: int, number of the block of each interval, shape (k,)
     summary: np.ndarray  #: of each block that there is, shape (b, m, 10)
-    events: np.ndarray  #: (theta, mesh, from, to, velocity by theta), shape (j, 5)
+    #: (theta, mesh, from, to, velocity by theta, interval, theta in it), shape (j, 7)
+    events: np.ndarray
     status: int
 
     @classmethod
     def of_one(cls, piece, cut, length, record, code):
         """Return that of one mesh: samples, events and summary as of `orbit`."""
         (table, events, summary), bounds = record, cut.bounds(piece, length)
-        rows = np.insert(events[:, 1:], 1, 0.0, axis=1)
+        rows = np.insert(events[:, [1, 2, 3, 4, 0, 1]], 1, 0.0, axis=1)
         rows[:, 0] += bounds[events[:, 0].astype(int)]
-        own = table[:, None], table[:, :1], cut.block, summary[:, None], rows
+        states = table[:, [orbit.SAMPLE_X, orbit.SAMPLE_V]]
+        own = table[:, None], states, cut.block, summary[:, None], rows
         return cls(piece, cut.offset + cut.phase[cut.first], bounds, *own, code)
 
 
@@ -326,9 +328,15 @@ class _Course:
         if code == OK:
             self.fill_meshes(raw, columns, system)
             self._add_chirps(raw, piece, columns)
-        rows = events[:, [1, -1, 2, 3, 4]]
+        rows = events[:, [1, -1, 2, 3, 4, 0, 1]]
         rows[:, 0] += bounds[events[:, 0].astype(int)]
-        record = columns, raw[:, :half], cut.block, summary.reshape(-1, m, SUMMARY_COLUMNS), rows
+        record = (
+            columns,
+            raw[:, : 2 * half],
+            cut.block,
+            summary.reshape(-1, m, SUMMARY_COLUMNS),
+            rows,
+        )
         return Stretch(piece, cut.offset + cut.phase[cut.first], bounds, *record, code)
 
 

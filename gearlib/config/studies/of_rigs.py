@@ -1,0 +1,90 @@
+"""The study of measured curves: laid over the computed ones, and scored."""
+
+from gearlib.config import measured_description
+from gearlib.config.studies.study import (
+    MEASURED,
+    Drawing,
+    Job,
+    Study,
+    Table,
+    models_of,
+    sampled_run,
+)
+
+
+def curves(c):
+    """Return the files of all measured sets in the scales of the gears, None without any."""
+    return [f"measured/{name}.nc" for name in measured_description.paths(c.measured)] or None
+
+
+def courses(c):
+    """Return the files of those that have time courses at constant speeds."""
+    sets = measured_description.sets(c.measured)
+    return [f"measured/courses/{name}.nc" for name, (_, s) in sets.items() if s.has_courses()]
+
+
+def _without_sets(c):
+    """Return what is wrong where measured curves are asked for and there are none."""
+    return "" if c.measured else "measured = [] is not allowed: it must be a list of YAML files"
+
+
+def _path(c):
+    """Return the function of wildcards that gives the path of a set."""
+    return lambda wildcards: measured_description.paths(c.measured)[wildcards.measured]
+
+
+def _files(c):
+    """Return name -> function of wildcards that gives the files of a set."""
+    sets = measured_description.sets(c.measured)
+
+    def files(wildcards):
+        path, said = sets[wildcards.measured]
+        return [path, *said.files(path)]
+
+    return {"measured": files}
+
+
+MEASURED_STUDY = Study(
+    "measured",
+    None,
+    MEASURED,
+    Job(
+        "measured_curve",
+        "gearlib.rig.laid_over:compute",
+        lambda c: {"path": _path(c)},
+        {"resonance": "resonance.nc"},
+        files=("measured/{measured}.nc",),
+        kernels=(),
+        given=_files,
+    ),
+    Job(
+        "measured_course",
+        "gearlib.rig.measured_courses:compute",
+        lambda c: {"path": _path(c), "pairs": models_of(c), "run": sampled_run(c)},
+        files=("measured/courses/{measured}.nc",),
+        given=_files,
+    ),
+    Table(
+        "measured",
+        "gearlib.rig.measured_scores:rows",
+        {"curves": curves, "courses": lambda c: courses(c) or None, "resonance": "resonance.nc"},
+        "Measured and computed, in numbers",
+        """What was measured beside what is computed, for each set and damping: first what needs no
+        calibration of sensors, such as the ratio of both jump speeds or of the peaks, and the
+        phases of harmonics; then what needs a speed, then what needs the sensors. *Deviations*: the
+        difference in standard deviations, where the noise is known.""",
+    ),
+    Drawing(
+        "measured_courses_figure.draw",
+        {"courses": courses},
+        "measured_courses",
+        "Measured time courses",
+        """Measured time courses (dots) over a mesh period, from the peak of the first harmonic,
+        beside those of the model on which the motion from rest settles.""",
+        lambda c: {"colours": c.figures.colours},
+        name="measured_courses",
+        wanted=lambda c: bool(courses(c)),
+    ),
+    unasked=False,
+    refusal=_without_sets,
+)

@@ -1,0 +1,69 @@
+"""What may be measured: observableId -> units and description, in SI.
+
+A name may be followed by which one it is: ``acceleration_bearing_2``.
+"""
+
+#: Of where and when something was measured; they become coordinates.
+COORDINATES = {
+    "time": ("s", "time"),
+    "speed": ("min-1", "speed of the gear whose revolutions count"),
+    "direction": ("1", "1: speed going up, -1: down, 0: each from rest"),
+    "condition": ("1", "simulationConditionId"),
+}
+#: Speeds at which the motion changes, one number each.
+SPEEDS = {
+    "jump_up": ("min-1", "speed at which the motion jumps while the speed goes up"),
+    "jump_down": ("min-1", "speed at which the motion jumps while the speed goes down"),
+    "onset_of_contact_loss": ("min-1", "speed from which contact is lost"),
+}
+#: Where the unit is "", the channel decides.
+OBSERVABLES = {
+    "displacement": ("m", "relative mesh displacement"),
+    "displacement_max": ("m", "largest displacement"),
+    "displacement_min": ("m", "least displacement"),
+    "orbit_height": ("m", "largest less least displacement"),
+    "transmission_error": ("m", "transmission error along the line of action"),
+    "body_motion": ("m", "displacement of a body"),
+    "velocity": ("m s-1", "relative mesh velocity"),
+    "acceleration": ("m s-2", "acceleration"),
+    "dynamic_force": ("N", "dynamic mesh force"),
+    "dynamic_force_max": ("N", "largest dynamic mesh force"),
+    "dynamic_force_min": ("N", "least dynamic mesh force"),
+    "mean_force": ("N", "mean of the mesh force"),
+    "friction_force": ("N", "friction force across the line of action"),
+    "bearing_force": ("N", "force of a bearing"),
+    "load": ("N", "static mesh force"),
+    "torque": ("N m", "torque"),
+    "angle": ("rad", "angle of a shaft"),
+    "fraction_normal": ("1", "fraction of time in normal mesh"),
+    "fraction_backlash": ("1", "fraction of time in the backlash"),
+    "fraction_inverse": ("1", "fraction of time in inverse mesh"),
+    "bounces": ("1", "losses of normal contact per mesh period"),
+    "load_sharing": ("1", "mesh force over the mean of all meshes of the same central gear"),
+    "order_amplitude": ("", "amplitude of an order"),
+    "order_phase": ("rad", "phase of an order"),
+    "temperature": ("K", "temperature"),
+}
+KNOWN = COORDINATES | SPEEDS | OBSERVABLES
+#: Of an amplitude, the first one of whose dimension a channel is.
+_OF_ANY = ("m", "N", "m s-2", "m s-1", "N m", "rad", "1")
+#: CF units -> as texts with units have them.
+_WRITTEN = {"min-1": "rpm", "m s-1": "m/s", "m s-2": "m/s^2"}
+
+
+def of(name):
+    """Return (CF units, description) of an observableId, None where it is unknown."""
+    fits = [one for one in KNOWN if name == one or name.startswith(f"{one}_")]
+    longest = max(fits, key=len, default=None)
+    if longest is None or (longest != name and longest not in OBSERVABLES):
+        return None
+    units, words = KNOWN[longest]
+    return units, words + name[len(longest) :].replace("_", " ")
+
+
+def dimensions(units):
+    """Return (CF units, the same as a text) a channel may be of; "1": over a model's."""
+    if units == "":
+        return [(one, _WRITTEN.get(one, one)) for one in _OF_ANY]
+    found = [(units, _WRITTEN.get(units, units))]
+    return found + [("1", "1")] * (units in ("m", "N", "m s-1", "m s-2"))

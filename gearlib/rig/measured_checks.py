@@ -1,0 +1,136 @@
+"""What measured columns are refused for, in one sentence each, and what is repaired and said."""
+
+import numpy as np
+
+from gearlib import checks
+
+#: So many samples in a row at the limit of a converter are no coincidence.
+CLIPPED = 3
+_DIRECTIONS = {"up": 1, "down": -1, "rest": 0, "1": 1, "+1": 1, "-1": -1, "0": 0}
+_DIRECTIONS |= {"1.0": 1, "-1.0": -1, "0.0": 0}
+
+
+def finite(where, values, gaps=False, endless=False):
+    """Raise ValueError unless numbers are finite; NaN is a gap where there may be some.
+
+    endless: whether infinity is allowed, PEtab's time of a steady state.
+    """
+    wrong = ~np.isfinite(values)
+    if gaps:
+        wrong &= ~np.isnan(values)
+    if endless:
+        wrong &= values != np.inf
+    if wrong.any():
+        row, count = int(wrong.argmax()), int(wrong.sum())
+        more = f", and {count - 1} more" if count > 1 else ""
+        if np.isnan(values[row]):
+            allowed = "a number; with gaps: true in its channel an empty cell is one not measured"
+            raise ValueError(f"{where}, row {row + 1}{more}, is empty or NaN: it must be {allowed}")
+        raise checks.refusal(f"{where}, row {row + 1}{more}", float(values[row]), "finite")
+
+
+def within_converter(where, values, channel):
+    """Raise ValueError where raw values stay at a limit of the converter, or lie beyond it."""
+    limits = channel.limits or (channel.bits and [0, 2**channel.bits - 1])
+    if not limits:
+        return
+    low, high = limits
+    beyond = (values < low) | (values > high)
+    if beyond.any():
+        row = int(beyond.argmax())
+        allowed = f"from {low:g} to {high:g}, the limits of its converter"
+        raise checks.refusal(f"{where}, row {row + 1}", float(values[row]), allowed)
+    for limit in limits:
+        at = values == limit
+        run = at[:-2] & at[1:-1] & at[2:]
+        if run.any():
+            first = int(run.argmax())
+            last = first + int(np.argmin(np.append(at[first:], False))) - 1
+            raise ValueError(
+                f"{where} is clipped, {last - first + 1} samples at {limit:g} from row {first + 1} "
+                f"on: it must stay between {low:g} and {high:g}, the limits of its converter"
+            )
+
+
+def doubt(where, values):
+    """Return a sentence where samples without known limits look clipped, else ""."""
+    finite_ones = values[np.isfinite(values)]
+    if finite_ones.size == 0 or finite_ones.min() == finite_ones.max():
+        return ""
+    for limit, word in ((finite_ones.max(), "largest"), (finite_ones.min(), "least")):
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], values == limit, [0]])))
+        longest = int((edges[1::2] - edges[::2]).max())
+        if longest >= 2 * CLIPPED:
+            return f"{where} stays at its {word} value for {longest} samples: is it clipped?"
+    return ""
+
+
+def directions(where, given):
+    """Return directions, texts or numbers, as integers; ValueError for any other."""
+    found = np.empty(len(given.categories), np.int8)
+    for code, word in enumerate(given.categories):
+        if str(word).strip().lower() not in _DIRECTIONS:
+            raise checks.refusal(where, word, "up, down or rest, or 1, -1, 0")
+        found[code] = _DIRECTIONS[str(word).strip().lower()]
+    return found[complete(where, given)]
+
+
+def complete(where, given):
+    """Return the codes of a column of texts; ValueError where a cell is empty."""
+    codes = np.asarray(given.codes)
+    if (codes < 0).any():
+        row = int((codes < 0).argmax())
+        raise ValueError(f"{where}, row {row + 1}, is empty: it must be a text")
+    return codes
+
+
+def _steps(time, group):
+    """Return the steps of time, and which of them are within a group."""
+    with np.errstate(invalid="ignore"):  # of steady states, at infinity
+        steps = np.diff(time)
+    return steps, np.ones(steps.shape, bool) if group is None else group[1:] == group[:-1]
+
+
+def in_order(where, time, group):
+    """Return the order in which time rises within each group, None where it does already.
+
+    group: number of the condition of each sample, or None; ValueError where a time is there twice.
+    """
+    if time.size < 2:
+        return None
+    steps, same = _steps(time, group)
+    blocks = group is not None and np.count_nonzero(~same) >= np.unique(group).size
+    order = None
+    if (steps[same] < 0).any() or blocks:
+        order = np.lexsort((time,) if group is None else (time, group))
+        time, group = time[order], None if group is None else group[order]
+        steps, same = _steps(time, group)
+    twice = same & (steps == 0.0)
+    if twice.any():
+        at = int(twice.argmax())
+        rows = [int(one) + 1 for one in (at, at + 1)] if order is None else order[at : at + 2] + 1
+        count = int(twice.sum())
+        more = f", and {count - 1} more times" if count > 1 else ""
+        raise ValueError(
+            f"{where} = {time[at]:.12g} is there twice, in rows {rows[0]} and {rows[1]}{more}: it "
+            "must be once in each condition"
+        )
+    return order
+
+
+def dates(where, given):
+    """Return seconds since the first of the dates of a column, and that date as ISO 8601."""
+    import pandas as pd
+
+    codes = complete(where, given)
+    try:
+        found = pd.to_datetime(list(given.categories), utc=True, format="ISO8601")
+    except ValueError:
+        wrong = next(one for one in given.categories if not _is_date(pd, one))
+        raise checks.refusal(where, wrong, "a date by ISO 8601") from None
+    seconds = np.asarray((found - found.min()) / pd.Timedelta(1, "s"), float)
+    return seconds[codes], found.min().isoformat()
+
+
+def _is_date(pd, text):
+    return not pd.isna(pd.to_datetime(text, utc=True, format="ISO8601", errors="coerce"))

@@ -1,0 +1,175 @@
+"""Measured curves beside a model: what needs no calibration does not change with it.
+
+All sets here are synthetic: sweeps and sums of waves written by the tests.
+"""
+
+import math
+
+import numpy as np
+import pytest
+import yaml
+
+from gearlib import sweep
+from gearlib.data.gathering import gather_resonance
+from gearlib.figures import resonance_figure
+from gearlib.rig import laid_over, measured_courses, measured_scores
+from tests.paper import PAPER
+
+PAIR = PAPER.replace(material_damping=3953.7)
+#: Between these tunings the orbit of the sweep up leaves the flank.
+ONSET = (0.80, 0.81)
+SPEED = {"observableId": "speed", "unit": "rpm"}
+WAY = {"observableId": "direction", "unit": 1}
+
+
+@pytest.fixture(scope="module")
+def resonance():
+    """The characteristics of the pair, as the workflow gathers them."""
+    tunings = np.round(np.arange(0.55, 0.9501, 0.01), 4)
+    run = {"periods": 120, "record_periods": 24}
+    shards = [
+        sweep(PAIR, tunings, direction=way, **run).assign_coords(damping="k", direction=way)
+        for way in ("cold", "up", "down")
+    ]
+    return gather_resonance(shards)
+
+
+def rig(folder, table, channels, **more):
+    said = {"data": "rig.csv", "source": "synthetic", "licence": "own data", "synthetic": True}
+    (folder / "rig.csv").write_text(table)
+    (folder / "rig.yaml").write_text(yaml.safe_dump(said | {"channels": channels} | more))
+    return folder / "rig.yaml"
+
+
+def curve(folder, resonance, factor=1.0, zero=0.0, noise=0.0, **channel):
+    """Return sweeps up and down as a rig would give them, laid over the characteristics."""
+    rng, rows = np.random.default_rng(1), []
+    for way in ("up", "down"):
+        one = resonance.isel(damping=0).sel(direction=way)
+        top = one.displacement_max.values * float(one.static_deflection) * 1e6
+        top = factor * top + zero + noise * rng.normal(size=top.size)
+        rows += [f"{n},{way},{x}\n" for n, x in zip(one.speed.values, top, strict=True)]
+    top = {"observableId": "displacement_max", "unit": "um", "noise": noise} | channel
+    path = rig(folder, "n,to,top\n" + "".join(rows), {"n": SPEED, "to": WAY, "top": top})
+    return laid_over.compute(path, resonance)
+
+
+def scores(curves, resonance, courses=()):
+    names, *rows = measured_scores.rows(curves, resonance, courses)
+    return {row[1]: dict(zip(names, row, strict=True)) for row in rows}
+
+
+def test_what_needs_no_calibration_does_not_change_with_it(tmp_path, resonance):
+    plain = scores([curve(tmp_path, resonance)], resonance)
+    unknown = {"gain": "unknown", "offset": "unknown"}
+    away = curve(tmp_path, resonance, factor=1.7, zero=-30.0, **unknown)
+    other = scores([away], resonance)
+    jumps = plain["jump down over jump up"]
+    assert jumps["measured"] == other["jump down over jump up"]["measured"] == jumps["computed"]
+    assert 0.7 < jumps["measured"] < 0.95 and jumps["calibration"] == "none"
+    free = "misfit of displacement_max over its range, free gain and offset"
+    assert plain[free]["computed"] < 1e-12 and other[free]["computed"] < 1e-12
+    peaks = other["highest displacement_max down over up"]
+    assert peaks["measured"] == pytest.approx(peaks["computed"], rel=1e-5)
+    # What needs the sensor is said of the one that has its calibration only.
+    sensor = "misfit of displacement_max over its range, as calibrated"
+    assert plain[sensor]["computed"] < 1e-12 and sensor not in other
+    assert list(plain)[0] == "jump down over jump up" and plain[sensor]["calibration"] == "sensor"
+    # The picture shows them where the model is.
+    shown = (away.displacement_max - away.displacement_max.fitted_offset).values
+    plain = curve(tmp_path, resonance).displacement_max.values
+    assert shown / away.displacement_max.fitted_gain == pytest.approx(plain, rel=1e-9)
+
+
+def test_another_model_is_told_apart_in_standard_deviations(tmp_path, resonance):
+    noisy = curve(tmp_path, resonance, noise=0.3)
+    found = scores([noisy], resonance)
+    assert abs(found["jump down over jump up"]["deviations"]) < 2.0
+    assert "standard deviations" in found["jump down over jump up"]["words"]
+    assert (
+        0.001 < found["misfit of displacement_max over its range, as calibrated"]["computed"] < 0.05
+    )
+    moved = noisy.assign(jump_up=((), 4000.0, {"noise_std": 5.0}))
+    found = scores([moved], resonance)["jump up min-1"]
+    assert found["measured"] == 4000.0 and found["deviations"] < -5.0
+    assert found["words"].startswith("jump up: measured 4000 min-1, computed ")
+
+
+def test_a_jump_is_a_step_that_stands_alone():
+    speed = np.linspace(1000.0, 2000.0, 101)
+    step = np.where(speed < 1503.0, 1.0, 3.0) + 0.3 * np.sin(speed / 100.0)
+    rng = np.random.default_rng(2)
+    mixed = rng.permutation(speed.size)
+    at, std = measured_scores.jump(speed[mixed], step[mixed])
+    assert at == 1505.0 and std == pytest.approx(10.0 / math.sqrt(12.0))
+    for smooth in (np.tanh((speed - 1500.0) / 50.0), np.ones(speed.size), speed):
+        assert math.isnan(measured_scores.jump(speed, smooth)[0])
+    assert math.isnan(measured_scores.jump(speed[:3], step[:3])[0])
+
+
+def test_the_onset_of_contact_loss_is_that_of_the_sweep_up(tmp_path, resonance):
+    path = rig(tmp_path, "n,x\n1,1\n", {"n": SPEED, "x": {"observableId": "bounces", "unit": 1}},
+               speeds={"onset_of_contact_loss": {"value": 3000.0}})  # fmt: skip
+    found = scores([laid_over.compute(path, resonance)], resonance)["onset of contact loss min-1"]
+    up = resonance.isel(damping=0).sel(direction="up")
+    below, above = (up.sel(tuning=nu, method="nearest") for nu in ONSET)
+    assert (float(below.fraction_normal), float(above.fraction_normal) < 1.0) == (1.0, True)
+    assert float(below.speed) < found["computed"] < float(above.speed)
+
+
+def test_a_run_up_gives_the_extremes_of_its_stretches(tmp_path, resonance):
+    time = np.linspace(0.0, 40.0, 40_001)
+    speed = 1500.0 + 1000.0 * np.interp(time, [0.0, 20.0, 40.0], [0.0, 1.0, 0.0])
+    wave = (speed / 1000.0) * np.sin(2.0 * np.pi * 50.0 * time)
+    table = "".join(f"{t},{n},{x}\n" for t, n, x in zip(time, speed, wave, strict=True))
+    names = {"t": {"observableId": "time", "unit": "s"}, "n": SPEED}
+    names["x"] = {"observableId": "displacement", "unit": "mm"}
+    found = laid_over.compute(rig(tmp_path, f"t,n,x\n{table}", names), resonance)
+    scale = 1e-6 / float(resonance.static_deflection)
+    assert found.sizes["sample"] > 300
+    assert found.displacement_max.values == pytest.approx(scale * found.speed.values, rel=2e-3)
+    assert found.displacement_min.values == pytest.approx(-scale * found.speed.values, rel=2e-3)
+    assert set(found.direction.values[:190]) == {1} and set(found.direction.values[-190:]) == {-1}
+
+
+def test_harmonics_of_a_course_are_those_it_was_made_of(tmp_path, resonance):
+    speed, shift, amplitudes = 3333.0, 0.7, (5.0, 2.0, 1.0, 0.5, 0.25)
+    phases = (0.4, 1.0, -0.7, 2.0, 0.1)
+    rate = 2.0 * np.pi * speed / 60.0 * 24
+    time = np.sort(np.random.default_rng(3).uniform(0.0, 1.0, 3000))
+    x = 7.0 + sum(
+        a * np.cos(k * rate * (time + shift) + p)
+        for k, (a, p) in enumerate(zip(amplitudes, phases, strict=True), 1)
+    )
+    table = "t,x\n" + "".join(
+        f"{t!r},{one!r}\n" for t, one in zip(time.tolist(), x.tolist(), strict=True)
+    )
+    names = {"t": {"observableId": "time", "unit": "s"}}
+    names["x"] = {"observableId": "displacement", "unit": "um"}
+    path = rig(tmp_path, table, names, conditions={"one": {"speed": f"{speed} rpm"}})
+    run = {"periods": 240, "record_periods": 24, "samples_per_period": 32}
+    found = measured_courses.compute(path, {"k": PAIR.as_dict()}, run).squeeze()
+    assert found.amplitude.values == pytest.approx(1e-6 * np.array(amplitudes), rel=1e-9)
+    shape = [math.degrees(p - k * phases[0]) for k, p in enumerate(phases, 1)]
+    assert np.cos(np.radians(found.shape_phase.values - shape)) == pytest.approx(1.0, abs=1e-12)
+    # The model against itself: its own course, at any phase, with any gain and offset.
+    own = found.computed.values[:-1]
+    wave = np.fft.rfft(own)[1:6]
+    assert np.angle(wave[0]) == pytest.approx(0.0, abs=0.05)
+    assert 2.0 / own.size * np.abs(wave[:2]) == pytest.approx(
+        found.computed_amplitude.values[:2], rel=0.03
+    )
+
+
+def test_pictures_hold_the_points(tmp_path, resonance):
+    unknown = {"gain": "unknown"}
+    measured = [curve(tmp_path, resonance), curve(tmp_path, resonance, factor=2.0, **unknown)]
+    figure = resonance_figure.draw(resonance, measured=measured, forces=True)
+    (axes,) = [one for one in figure.axes if one.get_legend()]
+    words = [text.get_text() for text in axes.get_legend().get_texts()]
+    assert words[1:] == ["measured: rig", "measured: rig"]
+    points = [
+        line for line in axes.lines if line.get_marker() in "^v" and line.get_markersize() == 3.0
+    ]
+    assert len(points) == 4 and points[2].get_markerfacecolor() == "none"
+    assert np.allclose(points[0].get_ydata(), points[2].get_ydata(), rtol=1e-9)
