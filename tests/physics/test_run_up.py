@@ -221,6 +221,23 @@ def test_random_courses_of_many_coordinates_agree_with_scipy(model, tuning):
         assert np.abs(wrong).max() < 1e-10 / fastest
 
 
+@pytest.mark.parametrize("model", [DAMPED, CURVED[3], RUN_OUT])
+def test_a_course_that_rests_in_between(model):
+    # Next to rest a phase says little about the speed there.
+    top, span = float(model.speed(0.8)), 10.0 * math.tau / float(model.mesh_frequency(0.8))
+    speed = [(0.0, top), (span, 0.0), (2.0 * span, 0.0), (3.0 * span, top)]
+    load = [(0.0, 1.0), (0.5 * span, -0.2), (0.5 * span, 0.3), (span, 1.2)]
+    n = model.size // 2
+    start = (0.0,) * max(2 * n, 2)
+    run = gearlib.run_up(model, speed=speed, load=load, initial_state=start, samples_per_period=4)
+    train = model.train
+    push = [0.0] if train is None else acceleration.of_train(train) * model.static_deflection
+    code = reference(model, speed, load, push)
+    moved, events = code.move(*np.zeros((2, n)), run.time.values)
+    assert np.abs(run.displacement.values - moved[:, 0]).max() < 1e-12 * moved.max()
+    assert run.sizes["event"] == len(events) > 3
+
+
 @pytest.mark.parametrize("model", [TRAIN, SIX.train, gearlib.idler(PAPER)])
 def test_inertia_is_that_of_newton(model):
     push = acceleration.of_train(model) * model.static_deflection

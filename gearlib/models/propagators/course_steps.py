@@ -69,7 +69,7 @@ class Steps:
             cut.block - cut.block[0],
             cut.which,
             self.from_phase[cut.which] + passed,
-            piece.speed_at(cut.offset + cut.phase[:-1]),
+            cut.speeds(piece)[:-1],
             piece.load + piece.slope * theta,
             self.ramp,
             self.deviation,

@@ -149,10 +149,22 @@ class Cut(NamedTuple):
     source: Any  #: the system that has their stiffness
     turn: np.ndarray  #: int, how often `source` was gone through before each, shape (p,)
     block: np.ndarray  #: int, numbers of the blocks of the intervals, shape (k,)
+    begins: bool  #: whether it begins with its piece
+    ends: bool
+
+    def speeds(self, piece):
+        """Return nu at the bounds of the segments, shape (p + 1,)."""
+        found = piece.speed_at(self.offset + self.phase)
+        # Next to rest the root of a difference has half of its digits.
+        if self.begins:
+            found[0] = piece.speed
+        if self.ends:
+            found[-1] = max(piece.speed + piece.acceleration * piece.length, 0.0)
+        return found
 
     def lengths(self, piece):
         """Return theta of the segments, shape (p,)."""
-        speed = piece.speed_at(self.offset + self.phase)
+        speed = self.speeds(piece)
         total = speed[:-1] + speed[1:]
         if total.any():
             return 2.0 * np.diff(self.phase) / total
@@ -169,10 +181,10 @@ class Cut(NamedTuple):
 
     def bounds(self, piece, length):
         """Return theta that bounds the intervals, shape (k + 1,)."""
-        passed, start = self.offset + self.phase[0] - piece.phase, piece.start
-        if passed > 0.0:
+        start = piece.start
+        if not self.begins:
             phase = self.offset + self.phase[0]
-            start += 2.0 * passed / (piece.speed + float(piece.speed_at(phase)))
+            start += 2.0 * (phase - piece.phase) / (piece.speed + float(piece.speed_at(phase)))
         return start + np.concatenate([[0.0], np.cumsum(length)])[self.first]
 
 
@@ -183,7 +195,7 @@ def _cuts(runner, piece, teeth):
     tau, repeats = 2.0 * math.pi, len(base.first_segment) - 1
     close = _SAME_PHASE * max(end, 1.0)
     count = _STRETCH if long else max(_STRETCH // repeats, 1) * repeats
-    first = int((piece.phase + close) / tau) // count * count
+    first, new = int((piece.phase + close) / tau) // count * count, True
     while True:
         source = runner.model.system(1.0, first, count) if long else base
         times, size = 1 if long else count // repeats, source.starts.size - 1
@@ -204,9 +216,11 @@ def _cuts(runner, piece, teeth):
         # teeth lets a block begin, where rounding would decide.
         block = ((np.floor(middle / tau) + _INSTANT) / teeth).astype(int)
         turns = np.arange(i, j) // size
-        yield Cut(phase, tau * first, marks, which[i:j], source, turns, block)
-        first += count
-        if tau * first >= end - close:
+        last = tau * (first + count) >= end - close
+        where = marks, which[i:j], source, turns, block
+        yield Cut(phase, tau * first, *where, new, last)
+        first, new = first + count, False
+        if last:
             return
 
 
@@ -266,7 +280,7 @@ class _Course:
             cut.phase[0] + math.tau * (round(cut.offset / math.tau) % self.model.repeats),
         )
         if self.laws.harmonics.size:
-            nu = float(piece.speed_at(cut.offset + cut.phase[0]))
+            nu = float(cut.speeds(piece)[0])
             found.append(nu)
             for w in self.laws.harmonics:
                 c, s = math.cos(w * phase), math.sin(w * phase)
