@@ -282,7 +282,7 @@ def _exact(pair, run, course, variable, blocks, span, step, count):
     sums, squares = np.zeros((blocks, 2, count)), np.zeros(blocks)
     natural = math.sqrt(max(constants.high.square, constants.low.square))
     state, what = starts[0, 2:], _VARIABLES[variable]
-    for piece in courses.course_of(pair, speeds, loads):
+    for piece in courses.pieces_of(pair, speeds, loads):
         breaks, contact = _breaks(constants, piece, starts, events, contact)
         breaks[0, [course_orders.X, course_orders.V]] = state
         breaks[0, course_orders.KNOWN] = 1.0

@@ -48,7 +48,7 @@ def exact(pair, run, names, what, span, shape):
         Blocks b, orders n, and mesh phase that the first order has in a unit.
     """
     asked = json.loads(run.attrs["parameters"])
-    pieces = courses.course_of(pair, np.array(asked["speed"]), np.array(asked["load"]))
+    pieces = courses.pieces_of(pair, np.array(asked["speed"]), np.array(asked["load"]))
     driven, radius = asked["driven_mass"], asked["base_radius"]
     push = acceleration.of_mesh(pair, driven, radius) if driven else np.zeros(1)
     runner, state = courses.propagator_of(pair), tuple(asked["initial_state"])
