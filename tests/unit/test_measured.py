@@ -138,6 +138,8 @@ def test_what_is_repaired_is_said_and_nothing_is_lost(tmp_path):
     del of["F"]
     found = read_measured(rig(tmp_path, table, channels=of))
     assert found.repairs == "samples sorted by time, each condition apart"
+    way = {"up": 1, "down": -1}[mixed[0][0]]
+    assert found.direction.values.tolist() == [way] * 40 + [-way] * 40
     for way in (1, -1):
         part = found.isel(sample=np.flatnonzero(found.direction == way))
         assert part.time.values == pytest.approx(1e-3 * np.arange(40), rel=1e-15)

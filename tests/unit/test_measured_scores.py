@@ -102,7 +102,7 @@ def test_a_jump_is_a_step_that_stands_alone():
     mixed = rng.permutation(speed.size)
     at, std = measured_scores.jump(speed[mixed], step[mixed])
     assert at == 1505.0 and std == pytest.approx(10.0 / math.sqrt(12.0))
-    for smooth in (np.tanh((speed - 1500.0) / 50.0), np.ones(speed.size), speed):
+    for smooth in (np.tanh((speed - 1500.0) / 25.0), np.ones(speed.size), speed):
         assert math.isnan(measured_scores.jump(speed, smooth)[0])
     assert math.isnan(measured_scores.jump(speed[:3], step[:3])[0])
 
