@@ -18,7 +18,7 @@ from pydantic import (
 )
 
 from gearlib.checks import refusal
-from gearlib.config import units, yaml_keys
+from gearlib.config import names_that_are_no_texts, units, yaml_keys
 from gearlib.config.types import (
     Given,
     Load,
@@ -331,6 +331,8 @@ def read(path):
         raise ValueError(
             f"{path} is not allowed: it must be a mapping with source, licence, channels"
         )
+    if names := list(names_that_are_no_texts(said)):
+        raise ValueError("\n".join(f"{path}: {one}" for one in names))
     try:
         return Description.model_validate(said)
     except ValidationError as error:

@@ -6,6 +6,7 @@ All sets here are synthetic: written by the tests, measured by nobody.
 import csv
 import hashlib
 import json
+import math
 import os
 import re
 from pathlib import Path
@@ -232,6 +233,9 @@ REFUSED = {
     "rig.csv, column 'x' is clipped, 4 samples at 4095 from row 2 on": (
         "t,x,F\n0,4000,1\n1,4095,1\n2,4095,1\n3,4095,1\n4,4095,1\n5,4000,1\n", channels(x=BITS)
     ),
+    "known.load = '3 kg' ... dimension of N": (TABLE, {"known": {"load": "3 kg"}}),
+    "known.note[0] = nan ... a number or": (TABLE, {"known": {"note": [math.nan]}}),
+    "channels.1 is not allowed as a name ... in quotes": (TABLE, {"channels": {1: CHANNELS["x"]}}),
     "speeds.jump_up.value = 'fast' ... in rpm": (TABLE, {"speeds": {"jump_up": {"value": "fast"}}}),
     "sha256 = 'zz' ... 64 hexadecimal": (TABLE, {"sha256": "zz"}),
     "sha256 = '00": (TABLE, {"sha256": "0" * 64}),
