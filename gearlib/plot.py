@@ -24,6 +24,7 @@ from gearlib.figures import (
 from gearlib.figures import (
     schematic as train_schematic,
 )
+from gearlib.figures.order_map_figure import order_map
 from gearlib.figures.orders_figure import orders
 from gearlib.figures.run_up_figure import run_up
 from gearlib.runs.simulation import simulate
@@ -32,6 +33,7 @@ __all__ = [
     "campbell",
     "harris_map",
     "orbit",
+    "order_map",
     "orders",
     "phase_plane",
     "resonance",

@@ -11,6 +11,7 @@ name                 responsibility
 ``lyapunov``         largest Lyapunov exponent of a motion
 ``duty_point``       `duty_point`: what gears do at one torque and speed, in N, m, Hz, rpm
 ``order_spectrum``   `orders`: mesh force and transmission error over orders of the shaft
+``order_maps``       `order_map`, `order_track`: orders of a run-up over its speed
 ``trust``            `trust`: chaos or artefact: one point run in several ways
 ===================  ==============================================================
 """

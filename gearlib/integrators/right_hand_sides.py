@@ -19,6 +19,8 @@ meshes. Both classes offer
     (displacements, velocities) of the meshes;
 ``forces(t, z, segment, codes)``
     elastic forces of the meshes and their rates by phase;
+``due(t, z, exits, distance)``
+    which of the flank lines that may end a phase z is on or beyond, on its way out
 ``put(t, z, mesh, line, distance)``
     move z to a distance from a line;
 ``jammed(t, z)``
@@ -59,6 +61,7 @@ class _Problem:
 
     _starts: list
     lines: Any
+    speeds: Any
     rate: Any
 
     def segment(self, t):
@@ -75,6 +78,16 @@ class _Problem:
         """Return z' on the branch of a state."""
         return self.rate(t, z, self.segment(t), self.codes(t, z))
 
+    def due(self, t, z, exits, distance):
+        """Return which exit z is beyond, or before by less than a distance, going out; or None."""
+        lines, speeds = self.lines(t, z).tolist(), None
+        for i, leave in enumerate(exits):
+            if leave.direction * lines[leave.line][leave.mesh] > -distance:
+                speeds = self.speeds(t, z) if speeds is None else speeds
+                if leave.direction * speeds[leave.line][leave.mesh] > 0.0:
+                    return i
+        return None
+
 
 class OneDegree(_Problem):
     """One degree of freedom, any damping, stiffness and excitation; z = (x, x')."""
@@ -87,6 +100,7 @@ class OneDegree(_Problem):
         self.repeats, self.gaps = 1, np.array([law.gap])
         self.closing = np.array([False])
         self._edges, self._ground = np.array([[law.upper], [law.lower]]), law.ground
+        self._places = law.upper, law.lower
         near = law.pieces.tolist(), law.stiffness.tolist()
         far = law.far_pieces.tolist(), law.far_stiffness.tolist()
         self._stiffness = {NORMAL: near, BACKLASH: near, INVERSE: far}
@@ -111,7 +125,15 @@ class OneDegree(_Problem):
 
     def speeds(self, t, z):
         """Return their rates."""
-        return np.full((2, 1), z[1])
+        return np.array(((z[1],), (z[1],)))
+
+    def due(self, t, z, exits, distance):
+        """Return which exit z is at: in floats, since solvers ask before each phase."""
+        (x, v), edges = z.tolist(), self._places
+        for i, leave in enumerate(exits):
+            if leave.direction * (x - edges[leave.line]) > -distance and leave.direction * v > 0.0:
+                return i
+        return None
 
     def observe(self, t, z):
         """Return (displacement, velocity)."""
@@ -178,6 +200,7 @@ class Linear(_Problem):
         if not self._train:
             self.unit[:size] = self.propagator.scale
         self._lines = self.unit * np.stack([system.near, system.far])
+        self._flat = self._lines.reshape(-1, self.unit.size)
         rates = np.stack([self._grid.rate, self._grid.far_rate])
         self._rates = self.unit * rates / tuning
         self._matrices: dict = {}
@@ -211,7 +234,7 @@ class Linear(_Problem):
 
     def lines(self, t, z):
         """Return the distances from near and far flanks."""
-        return self._lines @ self.full(t, z)
+        return (self._flat @ self.full(t, z)).reshape(2, -1)
 
     def speeds(self, t, z):
         """Return their rates by phase, the same on every branch."""

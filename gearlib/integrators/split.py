@@ -5,6 +5,7 @@ from switch to switch and from contact to contact, where a subclass says how its
 phase, which no event interrupts.
 """
 
+import itertools
 import math
 from typing import Any, NamedTuple
 
@@ -140,7 +141,7 @@ class Recorded:
 
 def within_range(z):
     """Return whether a state is finite with room for the squares that the kernels take."""
-    return np.abs(z).max() < RANGE
+    return math.sqrt(z @ z) < RANGE
 
 
 class Whole(Recorded):
@@ -215,13 +216,23 @@ class Split(Recorded):
     What several meshes do at the same instant comes one after the other, in phases of no length.
     """
 
-    #: How far off a line a phase starts that begins on it, in units of the largest coordinate: an
-    #: event function that is zero there is found at once, or hides its next zero.
+    #: How far off a line a phase starts that begins on it, in units of the state's norm: an event
+    #: function that is zero there is found at once, or hides its next zero.
     OFF = 1e-14
+
+    def __init__(self, problem):
+        super().__init__(problem)
+        starts, first = problem.starts, problem.first.tolist()
+        #: Of each mesh period: rows (segment, its start, its end).
+        self._pieces = []
+        for a, b in itertools.pairwise(first):
+            bounds = (starts[a : b + 1] - starts[a]).tolist()
+            bounds[-1] = TURN
+            self._pieces.append(list(zip(range(a, b), bounds, bounds[1:], strict=False)))
 
     def away(self, z):
         """Return how far off a line a phase from state z starts: more than the rounding of z."""
-        return self.OFF * max(1.0, np.abs(z).max())
+        return self.OFF * max(1.0, math.sqrt(z @ z))
 
     def solve(self, n, start, end, z, segment, codes, exits):
         """Return the `Phase` from (start, z) in mesh period n; a subclass does it.
@@ -262,21 +273,17 @@ class Split(Recorded):
         done, z, codes, code = self.skip(z, codes)
         if code != status.OK:
             return z, code
-        count = len(problem.first) - 1
+        exits = self.exits(codes)
         for n in range(done, self.periods):
             self.add_strobe(n, z)
             self.keep, runs = n >= self.first, 0
-            first, last = problem.first[n % count : n % count + 2]
-            bounds = problem.starts[first : last + 1] - problem.starts[first]
-            bounds[-1] = TURN
-            pieces = zip(range(first, last), *(bounds.tolist()[i:] for i in (0, 1)), strict=False)
-            for segment, t, end in pieces:
+            for segment, t, end in self._pieces[n % len(self._pieces)]:
                 while t < end:
                     runs += 1
                     if runs > self.limit:
                         return z, status.EVENT_LIMIT
-                    exits = self.exits(codes)
-                    hit = self._due(TURN * n + t, z, exits)
+                    # On a flank within rounding: the solver may see no change of sign.
+                    hit = problem.due(TURN * n + t, z, exits, 0.5 * self.away(z))
                     if hit is None:
                         try:
                             phase = self.solve(n, t, end, z, segment, codes, exits)
@@ -287,6 +294,7 @@ class Split(Recorded):
                         t, z, hit = phase.t, phase.z, phase.hit
                     if hit is not None:
                         codes = self._change(TURN * n + t, z, codes, exits[hit])
+                        exits = self.exits(codes)
                         if BOTH in codes:
                             return z, status.JAMMED
             if not within_range(z):
@@ -299,20 +307,6 @@ class Split(Recorded):
         Returns (number of periods, z, contact codes, status).
         """
         return 0, z, codes, status.OK
-
-    def _due(self, t, z, exits):
-        """Return which flank z is on or beyond, on its way out; or None.
-
-        On it within rounding: the solver may see the other sign and no change of sign.
-        """
-        rounding = 0.5 * self.away(z)
-        lines, speeds = self.problem.lines(t, z), None
-        for i, leave in enumerate(exits):
-            if leave.direction * lines[leave.line][leave.mesh] > -rounding:
-                speeds = self.problem.speeds(t, z) if speeds is None else speeds
-                if leave.direction * speeds[leave.line][leave.mesh] > 0.0:
-                    return i
-        return None
 
     def _record(self, n, start, phase, segment, codes):
         turn = TURN * n

@@ -29,7 +29,7 @@ def of_mesh(pair, driven_mass, base_radius):
     return np.array([pull / pair.load])
 
 
-def of_train(train, driver=None):
+def of_train(train, driver=None, mass=None):
     """Return the accelerations of the coordinates for a unit of d2tau/dtheta2, shape (n,).
 
     Parameters
@@ -37,6 +37,8 @@ def of_train(train, driver=None):
     train : GearTrain
     driver : str, optional
         Name of the body that brings the torque; by default that which brings most of the power.
+    mass : ndarray, shape (n, n), optional
+        The mass matrix, by default that of the train.
 
     Raises
     ------
@@ -45,10 +47,11 @@ def of_train(train, driver=None):
         can drive.
     """
     names, parts, free = list(train.by_name), train.structure, train.free_motions
+    mass = parts.mass if mass is None else mass
     if driver is not None:
         checks.one_of("driver", driver, names)
     motion, turns = _turning(train, names)
-    force = -parts.mass @ motion
+    force = -mass @ motion
     if free.size:
         powers = [body.torque * turn for body, turn in zip(train.bodies, turns, strict=True)]
         best = names[int(np.argmax(powers))] if max(powers) > 0.0 else train.reference_pinion.name
@@ -57,10 +60,10 @@ def of_train(train, driver=None):
         if not abs(way) > _NOTHING * np.abs(motion).max():
             raise ValueError(f"driver = {driver!r} is not allowed: it must be a body that turns")
         force = force - push * (motion @ force / way)
-        left, most = np.abs(free.T @ force), np.abs(free.T) @ np.abs(parts.mass @ motion)
+        left, most = np.abs(free.T @ force), np.abs(free.T) @ np.abs(mass @ motion)
         if (left > _NOTHING * most.max()).any():
             raise ValueError("bodies is not allowed: in a run-up one driver must turn all of them")
-    return np.linalg.solve(parts.mass, force) / train.static_deflection
+    return np.linalg.solve(mass, force) / train.static_deflection
 
 
 def _turning(train, names):

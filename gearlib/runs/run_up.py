@@ -68,6 +68,7 @@ def run_up(
     initial_state=(0.0, 0.0),
     samples_per_period=0,
     max_events=MAX_EVENTS,
+    sensitivities=(),
 ):
     """Run a model up, down, or along any piecewise linear course of speed and load.
 
@@ -103,6 +104,9 @@ def run_up(
         Of the time course, at equal steps of time in each mesh period; 0: none.
     max_events : int
         Most phases of contact and flights in one mesh period before the run gives up.
+    sensitivities : sequence of str, optional
+        By what to differentiate: ``model.derivatives`` as of `simulate`, without the tuning; or
+        "speed", a factor of all speeds of the course, "driven_mass", "base_radius".
 
     Returns
     -------
@@ -113,7 +117,10 @@ def run_up(
         bounces. Over ``event``: event_time, event_speed, event_from, event_to, event_velocity. With
         samples over ``time``: speed, load_ratio, phase, displacement, velocity, acceleration,
         dynamic_force, contact, of trains body_motion. And status; when it is not 0, numbers are NaN
-        and ``status.attrs["message"]`` says what to do.
+        and ``status.attrs["message"]`` says what to do. With `sensitivities` also
+        ``d_<variable>_d_<parameter>``, exact derivatives of all these but bounces, contact and
+        body_motion, at fixed time or of the same revolution, and sensitivity_status as of
+        `simulate`.
 
     Raises
     ------
@@ -131,6 +138,11 @@ def run_up(
     state = model.check_state(initial_state)
     samples = checks.integer("samples_per_period", samples_per_period, 0)
     limit = checks.integer("max_events", max_events, 1)
+    names: tuple = ()
+    if sensitivities:
+        from gearlib.runs import run_up_sensitivities as derivatives
+
+        names = derivatives.check(model, sensitivities, base_radius)
     push = _inertia(model, driver, driven_mass, base_radius)
     omega = float(model.mesh_frequency(1.0))
     unit = np.array([omega, 1.0])
@@ -139,12 +151,14 @@ def run_up(
     pieces = courses.pieces_of(tunings, loads * unit)
     meshes, end = len(runner.system.near), pieces[-1]
     turned = end.phase + end.length * (end.speed + 0.5 * end.acceleration * end.length)
-    columns = samples * (6 * meshes + len(runner.system.free)) + _PER_PERIOD * meshes
+    columns = samples * (meshes * (6 + 4 * len(names)) + len(runner.system.free))
+    columns += _PER_PERIOD * meshes * (1 + len(names))
     words = f"a course of {speeds[-1, 0]:g} s with samples_per_period = {samples}"
     check_memory(words, int(turned / math.tau) + 1, columns, "mesh periods")
     z = np.array(runner.start(state), float)
     z[z.size // 2 :] *= pieces[0].speed
-    found = list(courses.run_through(runner, pieces, z, samples, limit, push, _teeth(model)))
+    every = max(samples, 1) if names else samples
+    found = list(courses.run_through(runner, pieces, z, every, limit, push, _teeth(model)))
     code = found[-1].status
     if code == status.OK and summary.reach(found[-1].summary) > model.bound(1.0, state):
         code = status.OVERFLOW
@@ -154,6 +168,13 @@ def run_up(
     if code != status.OK:
         data = {name: _nothing(*variable) for name, variable in data.items()}
     data = {name: _described(name, *variable) for name, variable in data.items()}
+    if names:
+        course = {"state": state, "driver": driver}
+        course |= {"driven_mass": driven_mass, "base_radius": base_radius}
+        more = derivatives.variables(
+            model, names, found, _summaries(found), samples, _SAID, **course
+        )
+        data |= more
     own = model.coordinates()
     used = {dim for variable in data.values() for dim in variable[0]}
     coords = {name: own[name] for name in own if name in used}
@@ -261,10 +282,8 @@ def _inertia(model, driver, driven_mass, base_radius):
     )
 
 
-def _statistics(model, found, omega):
-    """Return name -> (dims, values) over the revolutions."""
-    passed = np.concatenate([np.diff(one.phase) for one in found])
-    lasted = np.concatenate([np.diff(one.theta) for one in found])
+def _summaries(found):
+    """Return the summaries of the revolutions, shape (r, m, 10)."""
     # A revolution that goes on in another stretch has a block in each of them.
     table = np.concatenate([one.summary for one in found])
     of_block = np.concatenate([np.unique(one.block) for one in found])
@@ -273,6 +292,14 @@ def _statistics(model, found, omega):
     for extrema, reduce in ((_LARGEST, np.maximum), (_LEAST, np.minimum)):
         for column in extrema:
             rows[..., column] = reduce.reduceat(table[..., column], block)
+    return rows
+
+
+def _statistics(model, found, omega):
+    """Return name -> (dims, values) over the revolutions."""
+    passed = np.concatenate([np.diff(one.phase) for one in found])
+    lasted = np.concatenate([np.diff(one.theta) for one in found])
+    rows = _summaries(found)
     number = np.concatenate([one.block for one in found])
     first = np.flatnonzero(np.diff(number, prepend=-1))
     time, phase = np.add.reduceat(lasted, first), np.add.reduceat(passed, first)
@@ -347,7 +374,7 @@ def _course_of_time(model, found, omega, samples):
         **{name: (over, values.reshape(shape)) for name, values in of_mesh.items()},
     }
     if model.mesh_names:
-        q = np.concatenate([one.coordinates for one in found])
+        q = np.concatenate([one.states[:, : model.size // 2] for one in found])
         moves = np.einsum("bxn,kn->kbx", model.structure.motions, q) * length
         data["body_motion"] = (("time", "body", "axis"), moves)
     return data

@@ -59,12 +59,7 @@ def check(pair, names, method=None, also_start=True):
     ValueError
         If one is unknown or repeated, or the model and its method have no derivatives.
     """
-    try:
-        names = (names,) if isinstance(names, str) else tuple(names)
-    except TypeError:
-        raise ValueError(
-            f"sensitivities = {names!r} is not allowed: it must be a sequence of names"
-        ) from None
+    names = listed(names)
     own = next(iter(pair.propagators))
     method = method or own
     if names and method != own:
@@ -78,17 +73,32 @@ def check(pair, names, method=None, also_start=True):
             "whose pairs of teeth touch one by one have no derivatives yet"
         )
     known = [name for name in pair.derivatives if also_start or not name.startswith(_START)]
+    return check_names(names, known)
+
+
+def listed(names):
+    """Return names of parameters, or one of them, as a tuple."""
+    try:
+        return (names,) if isinstance(names, str) else tuple(names)
+    except TypeError:
+        raise ValueError(
+            f"sensitivities = {names!r} is not allowed: it must be a sequence of names"
+        ) from None
+
+
+def check_names(names, known):
+    """Return names, if all are known and none is repeated."""
     for name in names:
         if name not in known:
             raise ValueError(
-                f"sensitivities = {name!r} is not allowed: it must be one of {_listed(known)}"
+                f"sensitivities = {name!r} is not allowed: it must be one of {_in_words(known)}"
             )
     if len(set(names)) < len(names):
         raise ValueError(f"sensitivities = {names!r} is not allowed: names must be all different")
     return names
 
 
-def _listed(known):
+def _in_words(known):
     """Return names in words: of trains, those of one element of each kind."""
     shown, seen = [], set()
     for name in known:

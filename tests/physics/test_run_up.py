@@ -5,11 +5,13 @@ import math
 import mpmath as mp
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 import gearlib
 from gearlib.models import acceleration
 from tests.paper import PAPER
+from tests.references.described_models import describe
+from tests.references.reference_run_up import RunUp
+from tests.trains.random_trains import random_problem
 
 TRAIN = gearlib.planetary(stiffness_ratio=(0.7, 0.7), turning=True)
 SIX = gearlib.SixDegreePair(
@@ -21,6 +23,8 @@ SIX = gearlib.SixDegreePair(
     bearing_damping=(300.0, 400.0, 200.0, 500.0),
     friction=(0.05, 0.05),
 )
+#: Planets that are not alike: no events at once.
+PINS = [(0.0, 5e-6), (0.0, 0.0), (2e-6, 0.0)]
 
 
 @pytest.mark.parametrize(
@@ -71,137 +75,81 @@ def test_without_acceleration_it_is_a_run_at_constant_speed(model, tuning, start
 AIRY = 2.338107410459767
 
 
-class Course:
-    """A piecewise linear course of seconds and values."""
-
-    def __init__(self, rows):
-        self.rows = rows
-
-    def __call__(self, t, after):
-        """Return the value at t; at a step that behind it, if asked for."""
-        times, values = zip(*self.rows, strict=True)
-        for i in range(len(times) - 1):
-            inside = times[i] <= t < times[i + 1] if after else times[i] < t <= times[i + 1]
-            if inside:
-                share = (t - times[i]) / (times[i + 1] - times[i])
-                return values[i] + share * (values[i + 1] - values[i])
-        return values[0] if t <= times[0] else values[-1]
+def random_course(rng, model, tuning, periods, swing=0.2):
+    """Return a course of speed about a tuning and one of the load, that last so many periods."""
+    span = periods * math.tau / float(model.mesh_frequency(tuning))
+    times = [0.0, *(span * np.sort(rng.uniform(0.1, 0.9, 2))).tolist(), span]
+    speed = [
+        (t, float(model.speed(tuning)) * (1.0 + swing * rng.uniform(-1.0, 1.0))) for t in times
+    ]
+    one, two = rng.uniform(0.5, 1.5, 2).tolist()
+    return speed, [(0.0, 1.0), (0.3 * span, one), (0.3 * span, two), (0.7 * span, 1.0)]
 
 
-def cuts_of(pair, speed, marks):
-    """Return (times, phases) between which speed is linear and the stiffness constant."""
-    turn, half = pair.teeth * math.tau / 60.0, math.pi * (pair.contact_ratio - 1.0)
-    phase, cuts, speeds = 0.0, [(0.0, 0.0)], Course(speed)
-    for begin, end in zip(marks[:-1], marks[1:], strict=True):
-        first, last = speeds(begin, True) * turn, speeds(end, False) * turn
-        rate, gone, own = (last - first) / (end - begin), (first + last) / 2.0 * (end - begin), []
-        for k in range(math.floor(phase / math.tau) - 1, math.ceil((phase + gone) / math.tau) + 2):
-            for level in (math.tau * k - half, math.tau * k + half):
-                roots = np.roots([rate / 2.0, first, phase - level])
-                own += [r.real for r in roots if r.imag == 0.0 and 0.0 < r.real < end - begin]
-        cuts += [(begin + t, phase + first * t + rate * t * t / 2.0) for t in sorted(own)]
-        phase += gone
-        cuts.append((end, phase))
-    return cuts
+def reference(model, speed, load, push, context=mp.fp):
+    """Return the `RunUp` of a model."""
+    turn = float(model.mesh_frequency(1.0)) / float(model.speed(1.0))
+    if context is not mp.fp:
+        turn = model.mesh.teeth * context.pi / 30
+    return RunUp(describe(model), speed, load, turn, push, context)
 
 
-def arcs_of(pair, speed, load, push):
-    """Return the arcs of a motion from (0, 0) by scipy: begin, end, contact, matrix, line it meets.
-
-    `push` is the force in N that the mesh carries for 1 rpm/s. The matrix is that of displacement,
-    velocity, time since the begin, 1; the line is None where a segment ends.
-    """
-    marks = sorted({t for t, _ in speed} | {t for t, _ in load if t < speed[-1][0]})
-    speeds, loads, cuts = Course(speed), Course(load), cuts_of(pair, speed, marks)
-    lines, length = (0.0, -pair.backlash), pair.static_deflection
-    z, arcs = np.array([0.0, 0.0, 0.0, 1.0]), []
-    for (t, before), (end, after) in zip(cuts[:-1], cuts[1:], strict=True):
-        low = abs(math.remainder((before + after) / 2.0, math.tau)) > math.pi * (
-            pair.contact_ratio - 1.0
-        )
-        rate = (speeds(end, False) - speeds(t, True)) / (end - t)
-        slope = (loads(end, False) - loads(t, True)) / (end - t) * pair.load
-        while t < end:
-            force = pair.load * loads(t, True) + push * rate
-            moving = z[1] or force
-            code = 1 if z[0] > 0.0 or (z[0] == 0.0 and moving > 0.0) else 0
-            code = -1 if z[0] < lines[1] or (z[0] == lines[1] and moving < 0.0) else code
-            k = pair.max_stiffness * (pair.stiffness_ratio if low else 1.0) if code else 0.0
-            d = pair.material_damping if code else pair.backlash_damping
-            pull = force + (k * lines[1] if code == -1 else 0.0)
-            row = np.array([-k, -d, slope, pull]) / pair.reduced_mass
-            matrix = np.array([[0.0, 1.0, 0.0, 0.0], row, [0.0, 0.0, 0.0, 1.0], [0.0] * 4])
-            tests = []
-            for line, way in {1: [(0.0, -1)], -1: [(lines[1], 1)]}.get(
-                code, [(0.0, 1), (lines[1], -1)]
-            ):
-
-                def test(t, z, line=line):
-                    return z[0] - line
-
-                test.terminal, test.direction, test.line = True, way, line
-                tests.append(test)
-            scale = np.array([length, length * pair.mean_eigenfrequency, 1.0, 1.0])
-            z[2] = 0.0
-            done = solve_ivp(
-                lambda t, z, matrix=matrix: matrix @ z,
-                (t, end),
-                z,
-                "DOP853",
-                events=tests,
-                rtol=1e-11,
-                atol=1e-13 * scale,
-                max_step=0.1 / pair.mean_eigenfrequency,  # so that it sees short losses of contact
-            )
-            z, last = done.y[:, -1].copy(), float(done.t[-1])
-            met = [one.line for one, found in zip(tests, done.t_events, strict=True) if found.size]
-            if met:
-                z[0] = met[0]
-            arcs.append((t, last, code, matrix, met[0] if met else None))
-            t = last
-    return arcs
-
-
-def in_digits(arcs, times):
-    """Return (displacements at times, times of events) of such arcs in 40 digits."""
-    moved, events, z, begin = [], [], mp.matrix([0, 0, 0, 1]), mp.mpf(0)
-    for _, last, _, matrix, line in arcs:
-        a, z[2] = mp.matrix(matrix), mp.mpf(0)
-        t = mp.mpf(last) - begin
-        for _ in range(4 if line is not None else 0):
-            there = mp.expm(a * t) * z
-            t -= (there[0] - mp.mpf(line)) / there[1]
-        own = [mp.mpf(one) for one in times if begin <= one < begin + t]
-        moved += [float((mp.expm(a * (one - begin)) * z)[0]) for one in own]
-        z, begin = mp.expm(a * t) * z, begin + t
-        if line is not None:
-            z[0] = mp.mpf(line)
-            events.append(float(begin))
-    return np.array(moved), np.array(events)
+def in_digits(model, speed, load, push, times):
+    """Return (displacements at rising times, times of events) from rest, in 40 digits."""
+    with mp.workdps(40):
+        code = reference(model, speed, load, push, mp.mp)
+        moved, events = code.move(*np.array([[mp.mpf(0)]] * 2), times)
+        return moved[:, 0].astype(float), np.array([float(one[0]) for one in events])
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_random_courses_agree_with_forty_digits(seed):
     rng = np.random.default_rng(seed)
-    damping, film = rng.uniform(2000.0, 6000.0), rng.uniform(0.0, 4000.0)
+    damping, film = rng.uniform(500.0, 4000.0), rng.uniform(0.0, 4000.0)
     pair = PAPER.replace(material_damping=damping, backlash_damping=film)
     pair = pair.replace(contact_ratio=rng.uniform(1.1, 1.9))
-    speeds = rng.uniform(600.0, 4500.0, 4)
+    speed, load = random_course(rng, pair, 0.7, 20, 0.6)
     if seed == 1:
-        speeds[0] = 0.0
-    times = np.array([0.0, *np.sort(rng.uniform(0.005, 0.03, 2)), 0.035])
-    loads = [(0.0, 1.0), (0.01, rng.uniform(0.5, 1.5)), (0.01, rng.uniform(0.5, 1.5)), (0.025, 1.0)]
-    speed = list(zip(times.tolist(), speeds.tolist(), strict=True))
+        speed[0] = 0.0, 0.0
     mass, radius = 0.5 * pair.reduced_mass, 0.05
     run = gearlib.run_up(
-        pair, speed=speed, load=loads, driven_mass=mass, base_radius=radius, samples_per_period=8
+        pair, speed=speed, load=load, driven_mass=mass, base_radius=radius, samples_per_period=8
     )
-    arcs = arcs_of(pair, speed, loads, mass * radius * math.tau / 60.0)
-    with mp.workdps(40):
-        moved, events = in_digits(arcs, run.time.values)
-    assert run.sizes["event"] == events.size > 10
+    push = [mass * radius / pair.teeth / pair.reduced_mass]
+    moved, events = in_digits(pair, speed, load, push, run.time.values)
+    assert run.sizes["event"] == events.size > 2
     assert np.abs(run.displacement.values - moved).max() < 1e-11 * np.abs(moved).max()
     assert np.abs(run.event_time.values - events).max() < 1e-11 / pair.mean_eigenfrequency
+
+
+@pytest.mark.parametrize(
+    ("model", "tuning"),
+    [
+        (SIX.replace(moving_backlash=False), 0.8),
+        (gearlib.planetary(stiffness_ratio=(0.7, 0.7), turning=True, pin_errors=PINS), 0.3),
+        (random_problem(np.random.default_rng(3))[0], 0.95),
+    ],
+)
+def test_random_courses_of_many_coordinates_agree_with_scipy(model, tuning):
+    rng, train = np.random.default_rng(0), model.train or model
+    speed, load = random_course(rng, model, tuning, 8)
+    start = "static" if model.mesh_names else tuple(rng.normal(0.0, 1.0, model.size))
+    run = gearlib.run_up(model, speed=speed, load=load, initial_state=start, samples_per_period=4)
+    push = acceleration.of_train(train) * model.static_deflection
+    code = reference(model, speed, load, push)
+    z = model.start_state(start) if model.mesh_names else np.array(start)
+    # Rates by phase.
+    z = z * model.static_deflection * np.repeat([1.0, code.pieces[0].speed], model.size // 2)
+    fastest, times = math.sqrt(train.linear_modes[0].max()), run.time.values
+    for moved, events in (
+        code.move(*np.split(z, 2), times),
+        code.by_scipy(*np.split(z, 2), times, 0.3 * code.omega / fastest, 1e-13),
+    ):
+        found = run.displacement.values.reshape(moved.shape)
+        assert np.abs(found - moved).max() < 1e-11 * np.abs(moved).max()
+        assert run.sizes["event"] == len(events) > 20
+        wrong = run.event_time.values - [one[0] for one in events]
+        assert np.abs(wrong).max() < 1e-10 / fastest
 
 
 @pytest.mark.parametrize("model", [TRAIN, SIX.train, gearlib.idler(PAPER)])
@@ -276,6 +224,13 @@ def test_there_is_no_revolution_of_rounding():
     assert run.sizes["revolution"] == 295
     assert abs(run.revolution_speed[-1] - 1000.0) < 40.0
     assert (np.diff(run.revolution_time) > 0.01).all()
+
+
+def test_a_ramp_of_the_load_does_not_begin_anew():
+    pair = PAPER.replace(material_damping=3953.7)
+    run = gearlib.run_up(pair, 3000.0, 3000.0, duration=3.0, load=[(0.0, 1.0), (3.0, 2.0)])
+    wanted = pair.load * (1.0 + run.revolution_time / 3.0)
+    assert np.abs(run.mean_force / wanted - 1.0).max() < 1e-3
 
 
 def test_a_course_in_two_parts_is_one_course():

@@ -28,16 +28,21 @@ class Course:
             parts = [w * (c + k * w / 2) for w, (c, k) in zip(spans, lines, strict=True)]
             self.high = sum(parts) / whole
 
-    def series(self, context, phase, middle, rate, terms):
-        """Return Taylor coefficients at a phase of the piece that holds another phase."""
+    def series(self, context, phase, middle, terms, rate, bend):
+        """Return Taylor coefficients at a phase of the piece that holds another phase.
+
+        The phase goes on by rate t + bend t^2.
+        """
         whole = 2 * context.pi
         at = max((i for i, b in enumerate(self.breaks) if b <= middle % whole), default=-1)
         value, slope = self.lines[at]
         # Since the break: one behind the last one may have begun a period before.
         since = (middle - self.breaks[at]) % whole + (phase - middle)
-        found = [value + slope * since, slope * rate, *[context.mpf(0)] * terms][:terms]
+        straight = [value + slope * since, slope * rate, slope * bend]
+        found = [*straight, *[context.mpf(0)] * terms][:terms]
         for order, cosine, sine in self.harmonics:
-            for k, term in enumerate(wave(context, order * rate, order * phase, terms)):
+            waves = wave(context, order * phase, terms, order * rate, order * bend)
+            for k, term in enumerate(waves):
                 found[k] += cosine * term[0] + sine * term[1]
         return found
 
@@ -46,13 +51,16 @@ class Course:
         return not self.harmonics and not any(slope for _, slope in self.lines)
 
 
-def wave(context, rate, phase, terms):
-    """Return Taylor coefficients of cos and sin of phase + rate tau, a pair for each power."""
-    c, s, factor, found = context.cos(phase), context.sin(phase), context.mpf(1), []
-    for k in range(terms):
-        found.append((factor * c, factor * s))
-        c, s, factor = -s, c, factor * rate / (k + 1)
-    return found
+def wave(context, phase, terms, rate, bend):
+    """Return Taylor coefficients of cos and sin of phase + rate t + bend t^2, a pair a power."""
+    c, s = [context.cos(phase)], [context.sin(phase)]
+    for k in range(terms - 1):
+        down, up = rate * s[k], rate * c[k]
+        if k and bend:
+            down, up = down + 2 * bend * s[k - 1], up + 2 * bend * c[k - 1]
+        c.append(-down / (k + 1))
+        s.append(up / (k + 1))
+    return list(zip(c, s, strict=True))
 
 
 class Side:
@@ -88,10 +96,10 @@ class Contact:
         one, other = self.drive, self.coast
         return bool(other) and (one.constant, one.waves) == (other.constant, other.waves)
 
-    def level(self, context, side, tau, middle, terms=1):
+    def level(self, context, side, tau, middle, terms=1, rate=1, bend=0):
         """Return Taylor coefficients of the stiffness of a side, of the piece about a phase."""
         at, middle = (self.rate * one - 2 * context.pi * side.shift for one in (tau, middle))
-        return side.course.series(context, at, middle, self.rate, terms)
+        return side.course.series(context, at, middle, terms, self.rate * rate, self.rate * bend)
 
     def sense(self, context, side, tau):
         """Return which way the flanks of a side slide at a phase, 1 or -1."""
@@ -117,6 +125,8 @@ class Machine:
         self.load, self.kind = self.zeros(n), kind
         #: rows (frequency, coordinate, cosine, sine) of forces
         self.forcing, self.contacts = [], []
+        #: of a run-up: what it is on, see `reference_run_up`; the variable is the time then
+        self.piece = None
         #: unit of length, m; mesh speed, rad/s; unit of force over that of length, N/m
         self.length = self.speed = self.force_unit = None
 
@@ -124,6 +134,15 @@ class Machine:
     def tiny(self):
         """What is rounding beside 1."""
         return 1e-13 if self.kind is float else mpmath.mpf(10) ** (5 - mpmath.mp.dps)
+
+    def about(self, tau):
+        """Return (phase, its rate, half the rate of that) where the variable is tau."""
+        return (tau, 1, 0) if self.piece is None else self.piece.about(tau)
+
+    def wave(self, frequency, tau, terms):
+        """Return Taylor coefficients of cos and sin of a frequency times the phase."""
+        phase, rate, bend = (frequency * one for one in self.about(tau))
+        return wave(self.context, phase, terms, rate, bend)
 
     def zeros(self, *shape):
         if self.context is mpmath.fp:
@@ -157,15 +176,20 @@ class Machine:
         """Return d of a side at coordinates and a phase."""
         value = side.row @ q + side.constant
         for frequency, cosine, sine in side.waves:
-            angle = frequency * tau
+            angle = frequency * self.about(tau)[0]
             value += cosine * self.context.cos(angle) + sine * self.context.sin(angle)
         return value
 
     def distance_rate(self, side, v, tau):
         value = side.row @ v
         for frequency, cosine, sine in side.waves:
-            angle = frequency * tau
-            value += frequency * (sine * self.context.cos(angle) - cosine * self.context.sin(angle))
+            phase, speed, _ = self.about(tau)
+            angle = frequency * phase
+            value += (
+                speed
+                * frequency
+                * (sine * self.context.cos(angle) - cosine * self.context.sin(angle))
+            )
         return value
 
 

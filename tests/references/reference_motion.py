@@ -5,13 +5,14 @@ turning point, by the sum of its Taylor coefficients about the middle. So a touc
 is not missed.
 """
 
+import math
 from typing import NamedTuple
 
 import mpmath
 import numpy as np
 
 from tests.references.polynomial_zeros import product, slope_of, value_at, zeros
-from tests.references.reference_equations import machine_of, wave
+from tests.references.reference_equations import machine_of
 from tests.references.reference_record import Record, note, sample
 
 
@@ -65,12 +66,15 @@ class Step:
         self.force = [machine.zeros(machine.n) for _ in range(terms)]
         self.force[0] = self.force[0] + self.constant
         for (frequency, a, b), push, drag in waves:
-            for k, (c, s) in enumerate(wave(self.context, frequency, frequency * tau, terms)):
-                rate = frequency * machine.speed * (b * c - a * s)
-                self.force[k] = self.force[k] - push * (a * c + b * s) - drag * rate
+            value = [a * c + b * s for c, s in machine.wave(frequency, tau, terms + 1)]
+            for k in range(terms):
+                rate = (k + 1) * machine.speed * value[k + 1]
+                self.force[k] = self.force[k] - push * value[k] - drag * rate
         for frequency, i, a, b in machine.forcing:
-            for k, (c, s) in enumerate(wave(self.context, frequency, frequency * tau, terms)):
+            for k, (c, s) in enumerate(machine.wave(frequency, tau, terms)):
                 self.force[k][i] += a * c + b * s
+        if machine.piece is not None:
+            machine.piece.add_forces(machine, tau, self.force)
         self.series = self.expand(q, v)
 
     def laws(self, contact, code):
@@ -87,7 +91,8 @@ class Step:
             yield side, side.row, 0, side.material[0] - contact.film[0]
 
     def level(self, contact, side, terms=1):
-        return contact.level(self.context, side, self.tau, self.middle, terms)
+        phase, rate, bend = self.machine.about(self.tau)
+        return contact.level(self.context, side, phase, self.middle, terms, rate, bend)
 
     def expand(self, q, v):
         """Return the coefficients of q by phase, shape (terms + 2, n)."""
@@ -107,8 +112,7 @@ class Step:
         found = self.series @ side.row
         found[0] += side.constant
         for frequency, a, b in side.waves:
-            terms = wave(self.context, frequency, frequency * self.tau, len(found))
-            for k, (c, s) in enumerate(terms):
+            for k, (c, s) in enumerate(self.machine.wave(frequency, self.tau, len(found))):
                 found[k] += a * c + b * s
         return found
 
@@ -175,23 +179,39 @@ def move(
     """
     machine = machine_of(model, tuning, context)
     machine.inverse = machine.inverse_mass()
-    terms = 26 if context is mpmath.fp else int(mpmath.mp.dps * 0.9) + 6
     q, v = start_of(machine, state)
     whole, tau = 2 * context.pi, context.mpf(0)
-    least = 1e-13 if context is mpmath.fp else mpmath.mpf(10) ** (5 - mpmath.mp.dps)
-    cuts = cuts_of(machine, periods, least)
+    cuts = cuts_of(machine, periods, least_of(context))
     events, record = [], Record(len(machine.contacts), phases)
-    codes = codes or first_codes(machine, q, v, cuts[0] / 2, terms)
     crossed = {(j, s): True for j, c in enumerate(machine.contacts) for s in c.sides
                if on_line(machine, s, q)}  # fmt: skip
-    turned = False
+    begin = whole * (periods - recorded) if recorded else math.inf
+    q, v, _ = along(machine, (tau, cuts), q, v, codes, crossed, events, record, begin)
+    return Motion(np.concatenate([q, v]) / machine.length, events, record, machine, cuts)
+
+
+def least_of(context):
+    """Return a phase, or a time in units of such, that is rounding."""
+    return 1e-13 if context is mpmath.fp else mpmath.mpf(10) ** (5 - mpmath.mp.dps)
+
+
+def along(machine, way, q, v, codes, crossed, events, record, begin=math.inf):
+    """Return (q, v, codes) at the end of a way: where it begins, and where laws change on it.
+
+    Fills events, samples, and from `begin` on the record; `crossed`: sides on whose lines it
+    starts; `codes` None: those of the state.
+    """
+    context, (tau, cuts) = machine.context, way
+    terms = 26 if context is mpmath.fp else int(mpmath.mp.dps * 0.9) + 6
+    least, turned = least_of(context), False
+    codes = codes or first_codes(machine, q, v, machine.about((tau + cuts[0]) / 2)[0], terms)
     for stop in cuts:
-        middle = (tau + stop) / 2
+        middle = machine.about((tau + stop) / 2)[0]
         while tau < stop:
             step = Step(machine, tau, q, v, codes, middle, terms, turned)
             h = step.length(stop - tau)
             t, met, turned = _first(step, codes, crossed, h, least)
-            if recorded and stop > whole * (periods - recorded) + least:
+            if stop > begin + least:
                 note(step, record, t, codes)
             while record.phases and record.phases[0] < (stop if t == stop - tau else tau + t):
                 record.samples.append(sample(step, record.phases.pop(0)))
@@ -206,8 +226,7 @@ def move(
                 events.append(Event(tau, j, codes[j], code, *rates))
                 codes = [*codes[:j], code, *codes[j + 1 :]]
                 crossed[j, side] = True
-    both = np.concatenate([q, v]) / machine.length
-    return Motion(both, events, record, machine, cuts)
+    return q, v, codes
 
 
 def rates_of(series):

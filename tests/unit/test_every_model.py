@@ -110,6 +110,11 @@ def branch_and_point():
     return branch, 0
 
 
+def turns(pair):
+    """Return a run-up of more than a revolution."""
+    return gearlib.run_up(pair, 2000.0, 2500.0, duration=0.1, samples_per_period=40)
+
+
 CALLS = {
     "simulate": lambda pair: simulate(pair, NU, periods=2),
     "sweep": lambda pair: sweep(pair, [NU], periods=2, record_periods=1, direction="up"),
@@ -122,6 +127,8 @@ CALLS = {
     "duty_point": lambda pair: gearlib.duty_point(pair, 3000.0),
     # Of whole revolutions of all.
     "orders": lambda pair: gearlib.orders(simulate(pair, NU, periods=432, record_periods=432)),
+    "order_map": lambda pair: gearlib.order_map(turns(pair)),
+    "order_track": lambda pair: gearlib.order_track(turns(pair), [1.0, 3.0]),
     "trust": lambda pair: trust(pair, NU, periods=200, exponent_periods=20),
     "periodic_orbit": lambda pair: orbit(pair).dataset(),
     "orbit_sensitivities": lambda pair: orbit_sensitivities(orbit(pair), ("tuning",)),
@@ -135,6 +142,7 @@ CALLS = {
 }
 #: What a call does not take beside the number; one branch serves those of one kind only.
 NO_GEARS = {"oscillator", "linear stop", "hard stop"}
+NO_RUN_UP = {"one degree", "pairs of teeth", "run-out", *NO_GEARS}
 REFUSED = {
     "orbit_sensitivities": {"pairs of teeth"},
     "basins": {"train"},
@@ -145,7 +153,7 @@ REFUSED = {
     "tongues": {"pairs of teeth", *NO_GEARS},
     "schmidt": {"pairs of teeth", "six degrees", "run-out", "train", *NO_GEARS},
     "duty_point": NO_GEARS,
-    "run_up": {"one degree", "pairs of teeth", "run-out", *NO_GEARS},
+    **dict.fromkeys(("run_up", "order_map", "order_track"), NO_RUN_UP),
     "orders": NO_GEARS,
     "harmonic_balance": {"pairs of teeth", "six degrees", "run-out", "train", *NO_GEARS},
 }

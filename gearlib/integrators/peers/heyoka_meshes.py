@@ -99,7 +99,7 @@ class Meshes:
         """Return (integrator, views of its state and parameters, their values, lines met)."""
         values = self._parameters(segment, codes)
         values[0] = 2.0 * math.pi * n
-        return *self._made, values[: self._made[2].size], self.flanks
+        return *self._made, values, self.flanks
 
     def _parameters(self, segment, codes):
         """Return all parameters; the factors of a flank are 0 where it is not in contact."""
@@ -115,5 +115,7 @@ class Meshes:
                     row[:] = np.array([grip[0, k], grip[0, n + k], grip[1, k]]) / own[k]
             waves = self._waves[self._waves != 0.0]
             head = [0.0, self.problem.tuning]
-            self._values[key] = np.concatenate([head, rows.ravel(), waves])
+            values = np.concatenate([head, rows.ravel(), waves])
+            # Parameters that no expression uses have no place.
+            self._values[key] = values[: self._made[2].size]
         return self._values[key]

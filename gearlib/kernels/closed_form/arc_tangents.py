@@ -29,8 +29,8 @@ from gearlib.kernels.codes import BACKLASH, INVERSE
 from gearlib.kernels.jit import inlined, kernel
 
 # What the constants of a mesh change by, columns of `rates`; for two levels or switches, two.
-DECAY, SQUARE, EQUILIBRIUM, DRAG, PULL, GAP, SWITCH = 0, 1, 3, 5, 6, 7, 8
-RATES = 10
+DECAY, SQUARE, EQUILIBRIUM, DRAG, PULL, GAP, SWITCH, STIFFNESS = 0, 1, 3, 5, 6, 7, 8, 10
+RATES = 12
 #: Below this (w t)^2 a power series is used: the closed form would lose digits there.
 _SERIES_BELOW = 1.0
 
@@ -63,7 +63,7 @@ def bend(lev, t, c, s):
 def carry(m, rates, arc, t, tangents, ahead):
     """Take `tangents`, shape (2, k), from the start of `arc`, a row of the table, to t after it.
 
-    `rates`, shape (10, k): what the constants of the mesh change by, for each direction. Fills
+    `rates`, shape (12, k): what the constants of the mesh change by, for each direction. Fills
     `ahead`, which may be `tangents`; returns the state (x, v) at t.
     """
     contact, which = int(arc[CONTACT]), int(arc[LEVEL])
@@ -172,7 +172,7 @@ def leave(m, rates, contact, x, switch, tangents):
 
 @kernel
 def rates_of(m, slopes):
-    """Return the `rates`, shape (10, k), of directions.
+    """Return the `rates`, shape (12, k), of directions.
 
     `slopes`, shape (k, 8): what the ratios of `mesh` and the tuning change by.
     """
@@ -190,4 +190,5 @@ def rates_of(m, slopes):
         rates[GAP, j] = slopes[j, 6]
         rates[SWITCH, j] = slopes[j, 2]
         rates[SWITCH + 1, j] = slopes[j, 2] + slopes[j, 3]
+        rates[STIFFNESS, j], rates[STIFFNESS + 1, j] = slopes[j, 1], slopes[j, 0]
     return rates

@@ -15,6 +15,7 @@ from gearlib.kernels.closed_form.arc_tangents import (
     PULL,
     RATES,
     SQUARE,
+    STIFFNESS,
     SWITCH,
     carry,
     enter,
@@ -76,7 +77,7 @@ def follow(m, rates, arcs, count, before, contact, x, tangents):
 
 
 @kernel
-def _consider(m, rates, contact, level, x, slope, best, extrema):
+def consider(m, rates, contact, level, x, slope, best, extrema):
     """Compare a point of the orbit, whose displacement changes by `slope`, with the extrema."""
     which = int(level)
     lev = m.high if which == 1 else m.low
@@ -98,19 +99,18 @@ def _consider(m, rates, contact, level, x, slope, best, extrema):
             for j in range(k):
                 extrema[place, j] = 0.0
                 if contact != BACKLASH:
-                    stiffer = -rates[EQUILIBRIUM + which, j] * lev.stiffness * lev.stiffness
-                    extrema[place, j] = stiffer * deflection + lev.stiffness * (
-                        slope[j] + far * rates[GAP, j]
-                    )
+                    extrema[place, j] = rates[STIFFNESS + which, j] * deflection
+                    extrema[place, j] += lev.stiffness * (slope[j] + far * rates[GAP, j])
 
 
 @kernel
-def _turning_points(m, rates, arc, tangents, scratch, slope, best, extrema):
+def turning_points(m, rates, arc, tangents, scratch, slope, best, extrema):
     """Compare the turning points of an arc with the extrema; return whether one grazes."""
     contact, v = int(arc[CONTACT]), arc[VELOCITY]
     lev = m.high if arc[LEVEL] == 1.0 else m.low
     if contact == BACKLASH:
-        t = lowest_time(m.drag, m.pull, v) if v < 0.0 else math.inf
+        # A load that pulls down, as of a run-up, has a highest point instead.
+        t = lowest_time(m.drag, abs(m.pull), -abs(v)) if v * m.pull < 0.0 else math.inf
     else:
         t = turning_time(lev, arc[DISPLACEMENT] - line_of(m, contact) - lev.equilibrium, v)
     grazing = False
@@ -121,7 +121,7 @@ def _turning_points(m, rates, arc, tangents, scratch, slope, best, extrema):
         x, _v = carry(m, rates, arc, t, tangents, scratch)
         for j in range(slope.shape[0]):
             slope[j] = scratch[0, j]
-        _consider(m, rates, contact, arc[LEVEL], x, slope, best, extrema)
+        consider(m, rates, contact, arc[LEVEL], x, slope, best, extrema)
         grazing = grazing or min(abs(x), abs(x + m.gap)) <= CLOSEST
         if contact == BACKLASH or lev.kind != UNDERDAMPED:
             break
@@ -130,7 +130,7 @@ def _turning_points(m, rates, arc, tangents, scratch, slope, best, extrema):
 
 
 @inlined
-def _sample(m, rates, arc, t, tangents, scratch, row):
+def sample(m, rates, arc, t, tangents, scratch, row):
     """Fill `row`, shape (4, k), with the derivatives of a sample at t after the start of an arc."""
     contact, which = int(arc[CONTACT]), int(arc[LEVEL])
     x, v = carry(m, rates, arc, t, tangents, scratch)
@@ -150,8 +150,7 @@ def _sample(m, rates, arc, t, tangents, scratch, row):
             - rates[SQUARE + which, j] * (deflection - lev.equilibrium)
             - lev.square * (bending - rates[EQUILIBRIUM + which, j])
         )
-        stiffer = -rates[EQUILIBRIUM + which, j] * lev.stiffness * lev.stiffness
-        row[3, j] = stiffer * deflection + lev.stiffness * bending
+        row[3, j] = rates[STIFFNESS + which, j] * deflection + lev.stiffness * bending
 
 
 @kernel
@@ -229,27 +228,27 @@ def _record(m, rates, arcs, count, before, contact, x, tangents, tables):
             for j in range(k):
                 slope[j] = line_rate(rates, j, flank_of(before, after))
             # No mesh force on the flank line.
-            _consider(m, rates, BACKLASH, level, at, slope, best, extrema)
+            consider(m, rates, BACKLASH, level, at, slope, best, extrema)
         else:
             for j in range(k):
                 shift = rates[SWITCH + passed - 1, j] if i > 0 and passed > switch else 0.0
                 slope[j] = tangents[0, j] + v * shift
-            _consider(m, rates, before, level, at, slope, best, extrema)
-            _consider(m, rates, after, arc[LEVEL], at, slope, best, extrema)
+            consider(m, rates, before, level, at, slope, best, extrema)
+            consider(m, rates, after, arc[LEVEL], at, slope, best, extrema)
         switch = enter(m, rates, arc, before, switch, tangents)
         before, level = after, arc[LEVEL]
-        turns = _turning_points(m, rates, arc, tangents, scratch, slope, best, extrema)
+        turns = turning_points(m, rates, arc, tangents, scratch, slope, best, extrema)
         grazing = grazing or turns
         while taken < n:
             t = 2.0 * math.pi * taken / n
             if i + 1 < count and arcs[i + 1, START] <= t:
                 break
-            _sample(m, rates, arc, t - arc[START], tangents, scratch, samples[taken])
+            sample(m, rates, arc, t - arc[START], tangents, scratch, samples[taken])
             taken += 1
         carry(m, rates, arc, arc[DURATION], tangents, tangents)
     for j in range(k):
         slope[j] = tangents[0, j]
-    _consider(m, rates, before, level, x, slope, best, extrema)
+    consider(m, rates, before, level, x, slope, best, extrema)
     for passed in range(switch, 2):
         _switch_times(rates, passed, contact, times)
     leave(m, rates, contact, x, switch, tangents)

@@ -44,8 +44,8 @@ def itinerary(places, codes, own, events, periods, steps, times, contacts):
     events : ndarray, shape (e, 6)
     periods : int
     steps, times, contacts : ndarray, shapes (r, COLUMNS), (r, 2), (r, 2, m)
-        Filled with the steps, with phase and length of arcs, and with codes and segments just
-        before each step.
+        Filled with the steps, with phase and length of arcs, with 1 and 0 of switches, see
+        `through_arcs.walk`, and with codes and segments just before each step.
 
     Returns
     -------
@@ -61,7 +61,7 @@ def itinerary(places, codes, own, events, periods, steps, times, contacts):
         steps[found, KIND], steps[found, MESH], found = PERIOD, i, row
         while True:
             here = event < events.shape[0] and events[event, orbit.EVENT_PERIOD] == i
-            cut = places.starts[p] - begin if p < last else 2.0 * np.pi
+            cut = places.starts[p] - begin
             crosses = here and events[event, orbit.EVENT_PHASE] < cut
             end = events[event, orbit.EVENT_PHASE] if crosses else cut
             if here and not crosses and p == last:
@@ -82,11 +82,13 @@ def itinerary(places, codes, own, events, periods, steps, times, contacts):
                 for j in range(m):
                     code, old = codes[j] + 1, own[j]
                     if old != p and code != BACKLASH + 1:
-                        if places.low[code, old, j] != places.low[code, p, j]:
+                        # Of friction too, which turns with the sliding.
+                        if places.effect[code, old, j] != places.effect[code, p, j]:
                             row = _add(steps, times, contacts, found, codes, own)
                             steps[found, KIND], steps[found, MESH] = SWITCH, j
                             steps[found, FROM] = steps[found, TO] = codes[j]
-                            steps[found, LEFT], steps[found, MET], found = old, p, row
+                            steps[found, LEFT], steps[found, MET] = old, p
+                            times[found, 0], found = 1.0, row
                 own[:], p = p, p + 1
             else:
                 break

@@ -10,7 +10,7 @@ import numpy as np
 
 from gearlib.kernels.codes import BACKLASH, INVERSE
 from gearlib.kernels.jit import kernel
-from gearlib.kernels.slopes.itinerary import FROM, LEFT, MESH, TO
+from gearlib.kernels.slopes.itinerary import FROM, LEFT, MESH, MET, TO
 from gearlib.kernels.slopes.modal_turns import add_product, turn
 from gearlib.kernels.slopes.turning_points import (
     BEGUN,
@@ -24,8 +24,6 @@ from gearlib.kernels.slopes.turning_points import (
 
 #: Phases closer than this are one.
 _SAME_PHASE = 1e-12
-#: Of the phases.
-PERIOD_START, RECORD_START, SAMPLE_STEP = range(3)
 
 
 class Tables(NamedTuple):
@@ -59,7 +57,9 @@ class Tables(NamedTuple):
     apart: np.ndarray  #: bool, whether the flanks of a mesh were apart, shape (m,)
     moved: np.ndarray  #: by what the switch at the start of an arc moves, shape (m, k)
     counts: np.ndarray  #: int, shape (5,)
-    phase: np.ndarray  #: of the period, of the record; step of samples, shape (3,)
+    begin: np.ndarray  #: phase at which the present period begins, shape (1,)
+    begins: np.ndarray  #: those of all periods
+    when: np.ndarray  #: phases of the samples, rising, shape (s,)
 
 
 @kernel
@@ -77,9 +77,13 @@ def _slope_at(tables, c, functional, q, w):
 
 @kernel
 def _consider_end(tables, c, j, moved, q, w):
-    """Compare the end of an arc with the extrema; one of the force moves by `moved`, shape (k,)."""
+    """Compare the end of an arc, which moves by `moved`, shape (k,), with the extrema."""
     m = tables.codes.shape[1]
-    value = _slope_at(tables, c, j, q, w)
+    value, rate = _slope_at(tables, c, j, q, w), 0.0
+    for i in range(w.z.shape[1]):
+        rate += tables.velocity[j, i] * w.z[0, i]
+    for one in range(moved.shape[0]):
+        w.slope[one] += rate * moved[one]
     consider(tables, 0, j, value, w.slope)
     code = tables.codes[c, j]
     if code == BACKLASH:
@@ -95,8 +99,7 @@ def _consider_end(tables, c, j, moved, q, w):
 
 @kernel
 def end_record(tables, q, w):
-    """Compare the end of the record and the backlash with the extrema."""
-    tables.moved[:] = 0.0
+    """Compare the end of the record, which moves by `Tables.moved`, and the backlash."""
     for j in range(tables.codes.shape[1]):
         _consider_end(tables, tables.counts[LAST], j, tables.moved[j], q, w)
         for place in (2, 3):
@@ -141,7 +144,8 @@ def note_crossing(tables, step, moved, velocity):
 def note_switch(tables, step, moved, q, w):
     """Note a switch of the stiffness of a mesh in contact."""
     j = step[MESH]
-    sign = 1.0 if tables.low[step[FROM] + 1, step[LEFT], j] else -1.0
+    low = tables.low[step[FROM] + 1, :, j]
+    sign = (1.0 if low[step[LEFT]] else 0.0) - (1.0 if low[step[MET]] else 0.0)
     if tables.counts[BEGUN]:
         _consider_end(tables, tables.counts[LAST], j, moved, q, w)
     for one in range(moved.shape[0]):
@@ -160,10 +164,9 @@ def begin_arc(tables, c, q, w):
 @kernel
 def record_arc(bases, tables, c, t, length, q, w):
     """Take what is recorded along an arc from phase t of the period, coordinates in `Work`."""
-    k, first, step = w.slope.shape[0], tables.phase[PERIOD_START] + t, tables.phase[SAMPLE_STEP]
-    out = w.turned
-    while True:
-        at = tables.phase[RECORD_START] + tables.counts[TAKEN] * step - first
+    k, first, out = w.slope.shape[0], tables.begin[0] + t, w.turned
+    while tables.counts[TAKEN] < tables.when.shape[0]:
+        at = tables.when[tables.counts[TAKEN]] - first
         if not at < length - _SAME_PHASE:
             break
         turn(bases, c, max(at, 0.0), q, k, w.y.shape[0], w.y, out, w.terms)

@@ -24,7 +24,6 @@ from gearlib.kernels.jit import kernel
 from gearlib.kernels.slopes.itinerary import ARC, CROSSING, KIND, MESH, PERIOD
 from gearlib.kernels.slopes.modal_turns import add_product, turn
 from gearlib.kernels.slopes.recorded_slopes import (
-    PERIOD_START,
     begin_arc,
     event_velocity,
     note_crossing,
@@ -47,6 +46,7 @@ class Boundaries(NamedTuple):
     jump_slopes: np.ndarray  #: shape (J, k, n)
     difference: np.ndarray  #: of the matrices at a switch, transposed, shape (J, n, n)
     moved: np.ndarray  #: by what a switch moves, shape (J, k)
+    course: np.ndarray  #: what the factor of all speeds of a run-up changes by, shape (k,)
     matrix: np.ndarray  #: of each combination, transposed, shape (C, n, n)
     tuning: float
 
@@ -128,7 +128,7 @@ def _cross(bounds, j, before, after, q, rates, w):
 
 @kernel
 def _switch(bounds, j, q, sources, w):
-    """Take all rows over a switch of the stiffness that moves."""
+    """Take all rows over a switch of the stiffness that moves as `Work` says."""
     z, k, n = w.z, w.moved.shape[0], w.z.shape[1]
     fall = np.zeros((sources, n))
     add_product(z[:sources], bounds.difference[j], fall)
@@ -136,7 +136,7 @@ def _switch(bounds, j, q, sources, w):
         for one in range(k):
             own = z[q + source * k + one]
             for i in range(n):
-                own[i] += fall[source, i] * bounds.moved[j, one]
+                own[i] += fall[source, i] * w.moved[one]
 
 
 @kernel
@@ -148,7 +148,8 @@ def walk(bases, bounds, states, steps, times, which, where, q, rates, w, recordi
     bases, bounds : Bases, Boundaries
     states : ndarray, shape (periods, n)
     steps, times : ndarray
-        As of `itinerary.itinerary`.
+        As of `itinerary.itinerary`; of a switch of a run-up, times are what it moves by with the
+        phase and with the factor of all speeds, 1 / nu and -phase / nu.
     which, where : ndarray of int
         The combination of each step, and its row of the boundaries.
     q : int
@@ -185,7 +186,7 @@ def walk(bases, bounds, states, steps, times, which, where, q, rates, w, recordi
             for r in range(z.shape[1]):
                 z[0, r] = states[steps[i, MESH], r]
             if recording:
-                tables.phase[PERIOD_START] = 2.0 * math.pi * steps[i, MESH]
+                tables.begin[0] = tables.begins[steps[i, MESH]]
         elif kind == CROSSING:
             slow = _meet(bounds, j, q, w)
             if recording:
@@ -194,7 +195,9 @@ def walk(bases, bounds, states, steps, times, which, where, q, rates, w, recordi
                 note_crossing(tables, steps[i], w.moved, w.slope)
             _cross(bounds, j, c, which[i + 1] if i + 1 < which.shape[0] else c, q, rates, w)
         else:
+            for one in range(k):
+                w.moved[one] = times[i, 0] * bounds.moved[j, one] + times[i, 1] * bounds.course[one]
             if recording:
-                note_switch(tables, steps[i], bounds.moved[j], q, w)
+                note_switch(tables, steps[i], w.moved, q, w)
             _switch(bounds, j, q, sources, w)
     return grazing

@@ -13,6 +13,7 @@ module                responsibility
 ``slope_bases``       bases in which these are few numbers,
 ``tangents``          and what the motion changes by, arc by arc and event by event
 ``courses``           runs while speed and load change
+``course_slopes``     derivatives of these runs by parameters
 ``stable_repeats``    the period of a motion, by proof
 ``taylor``            Taylor steps that end at events: any one degree of freedom
 ``tooth_pairs``       the same where the pairs of teeth touch one by one

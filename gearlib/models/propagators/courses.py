@@ -57,11 +57,11 @@ class Stretch(NamedTuple):
     phase: np.ndarray  #: tau that bounds the intervals, shape (k + 1,)
     theta: np.ndarray  #: theta that bounds them
     samples: np.ndarray  #: at equal steps of time in each, columns of `orbit`, (k s, m, 6)
-    coordinates: np.ndarray  #: shape (k s, N)
-    outputs: np.ndarray  #: those of the model, (k s, e)
+    states: np.ndarray  #: coordinates and their rates by theta, shape (k s, 2 N)
     block: np.ndarray  #: int, number of the block of each interval, shape (k,)
     summary: np.ndarray  #: of each block that there is, shape (b, m, 10)
-    events: np.ndarray  #: (theta, mesh, from, to, velocity by theta), shape (j, 5)
+    #: (theta, mesh, from, to, velocity by theta, interval, theta in it), shape (j, 7)
+    events: np.ndarray
     status: int
 
 
@@ -140,14 +140,14 @@ def run_through(runner, pieces, state, samples, limit, inertia, teeth):
     teeth : float
         Mesh periods of a block, of which there is one summary.
     """
-    base, grid, outputs = runner.system, runner.grid, runner.model.outputs(runner.system)
+    base, grid = runner.system, runner.grid
     for piece in pieces:
         system = _loaded(base, piece, inertia)
         # Tables of another number of components are of no use.
         runner.spare, runner.large = [], []
         for cut in _cuts(runner.model, base, piece):
             _set(runner, piece, system, grid, cut, teeth)
-            done = _through(runner, piece, state, cut, samples, limit, outputs, teeth)
+            done = _through(runner, piece, state, cut, samples, limit, teeth)
             yield done
             if done.status != OK:
                 return
@@ -237,32 +237,32 @@ def _set(runner, piece, system, grid, cut, teeth):
     runner.components = len(system.free)
 
 
-def _through(runner, piece, state, cut, samples, limit, outputs, teeth):
+def _through(runner, piece, state, cut, samples, limit, teeth):
     """Run through the intervals of a `_Cut`; return the `Stretch`."""
     system, count = runner.system, len(cut.first) - 1
-    (m, n), half = system.near.shape, state.size // 2
+    m, half = len(system.near), state.size // 2
     raw, summary = (
         runner.raw(count * samples),
         np.empty(((runner.grid.block[-1] + 1) * m, SUMMARY_COLUMNS)),
     )
     events, spans = np.empty((4 * count * m, EVENT_COLUMNS)), (count, count)
-    _, events, found, code, _ = runner.go(state, raw, events, limit, summary, spans)
-    events, columns = events[: found if code == OK else 0], np.empty((len(raw), m, 6))
+    bounds = system.starts[cut.first] + _theta(piece, cut.offset + cut.phase[0])
+    # The components between the rates and the constant, at their values.
+    whole = np.append(state, bounds[0] - piece.start if piece.slope else ())
+    runner.scale = np.ones(whole.size)
+    _, events, found, code, _ = runner.go(whole, raw, events, limit, summary, spans)
+    state[:] = whole[: state.size]
+    events, columns = events[: found if code == OK else 0], np.zeros((len(raw), m, 6))
     if code == OK:
         runner.fill_meshes(raw, columns, system)
-    segment = cut.which[raw[:, -1].astype(int)] if code == OK else np.zeros(len(raw), int)
-    rows = outputs[:, raw[:, n].astype(int) + 1, segment] if len(outputs) else outputs
-    whole = np.column_stack([raw[:, : 2 * half], np.ones(len(raw))])
-    bounds = system.starts[cut.first] + _theta(piece, cut.offset + cut.phase[0])
-    rows_of = events[:, [1, -1, 2, 3, 4]]
+    rows_of = events[:, [1, -1, 2, 3, 4, 0, 1]]
     rows_of[:, 0] += bounds[events[:, 0].astype(int)]
     return Stretch(
         piece,
         cut.offset + cut.phase[cut.first],
         bounds,
         columns,
-        raw[:, :half],
-        np.einsum("ekn,kn->ke", rows, whole) if len(outputs) else np.empty((len(raw), 0)),
+        raw[:, : 2 * half],
         _blocks(cut, teeth),
         summary.reshape(-1, m, SUMMARY_COLUMNS),
         rows_of,

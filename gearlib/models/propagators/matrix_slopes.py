@@ -7,7 +7,7 @@ tau, and what drives them, the constant 1 and harmonics.
 
 import numpy as np
 
-from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
+from gearlib.kernels.codes import INVERSE, NORMAL
 from gearlib.kernels.slopes.itinerary import Places
 from gearlib.models.derivatives import STEP
 
@@ -36,6 +36,7 @@ class MatrixSlopes:
 
     def __init__(self, systems, size, switches, outputs, position=None):
         self.system, self.size, self.switches = systems[0], size, switches
+        self.course = np.zeros(len(systems) - 1)
         one = self.system
         self.tuning, self.repeats = one.tuning, one.repeats
         #: Phase of the longest step of a Taylor series, |A| times it being REACH.
@@ -125,8 +126,9 @@ class MatrixSlopes:
         return self._of_mesh(mesh, before)[0] - self._of_mesh(mesh, after)[0]
 
     def moves(self, code, mesh, before, after):
-        """Return by what the switch of a mesh between two segments moves, (k,); None: no switch."""
-        low = self.places.low[code + 1, :, mesh]
-        if code == BACKLASH or low[before] == low[after]:
-            return None
-        return self.switches[mesh] if low[after] else -self.switches[mesh]
+        """Return by what the switch of a mesh in contact between two segments moves, shape (k,).
+
+        Where friction turns, the stiffness stays, and the phase too.
+        """
+        low = self.places.low[code + 1, :, mesh].astype(float)
+        return self.switches[mesh] * (low[after] - low[before])

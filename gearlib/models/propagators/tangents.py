@@ -147,6 +147,7 @@ class Walk:
             np.zeros((count, k, n)),
             np.zeros((count, n, n)),
             np.zeros((count, k)),
+            slopes.course,
             np.array([matrix.T for matrix, _ in pairs]),
             float(slopes.tuning),
         )
@@ -170,9 +171,10 @@ class Walk:
         segments = (int(slopes.places.first[0]),) * len(codes)
         for flank, (rows, moved) in slopes.lines.items():
             reach = rows @ self.block[own].T + (moved @ z).T
+            most = np.abs(rows) @ np.abs(self.block[own]).T + (np.abs(moved) @ np.abs(z)).T
             size = np.abs(rows * z).sum(axis=1)
             at = np.abs(rows @ z) <= close * size
-            for j in np.flatnonzero(at & reach.any(axis=1)):
+            for j in np.flatnonzero(at & (np.abs(reach) > close * most).any(axis=1)):
                 touching = (*codes[:j], flank, *codes[j + 1 :])
                 effect = slopes.effects(touching, segments)[j]
                 jump, _ = slopes.jump(flank, j, effect, 0)
@@ -204,6 +206,7 @@ class Walk:
         if record_from is not None:
             self.tables = self._recording(record_from, samples_per_period, events)
             self._through(end, last, True)
+            self.tables.moved[:] = 0.0
             recorded.end_record(self.tables, self.q, self._work)
         return self.tables
 
@@ -318,7 +321,9 @@ class Walk:
             np.array(contacts) == BACKLASH,
             np.zeros((m, k)),
             np.zeros(5, np.int64),
-            np.array([phase, phase, _TURN / max(samples_per_period, 1)]),
+            np.zeros(1),
+            _TURN * np.arange(len(self.motion.states)),
+            phase + _TURN / max(samples_per_period, 1) * np.arange(periods * samples_per_period),
         )
 
     def _settled(self, end):

@@ -119,7 +119,7 @@ _FLOORS = ("state_floor", "event_floor", "multiplier_floor")
 #: Methods whose runs end early when they have provably settled: only the run is timed whose error
 #: is known, which has not settled.
 _EARLY = ("exact",)
-# Runs that take this long, seconds, are not repeated: interruptions change little.
+# Runs that take this long, seconds, are repeated little: interruptions change them little.
 _SLOW = 0.05
 # Starts that take this long, seconds: of such runs one repeat is enough.
 _TABLES = 0.3
@@ -328,10 +328,10 @@ def seconds_per_period(call, short, longest, repeats):
             # Solvers that compile at each start take as long for it as for thousands of periods,
             # fixed steps of trains, for their tables, as for hundreds.
             few = base > _TABLES
-            while whole - base < (1.0 if few else 2.0) * base and long < longest:
-                long = min(4 * long, longest)
+            while whole - base < (0.4 if few else 2.0) * base and long < longest:
+                long = min((16 if whole - base < 0.1 * base else 4) * long, longest)
                 whole = once(long)
-            again = least(1 if few else 3)
+            again = least(1 if few or whole > 4.0 * _SLOW else 3)
             whole, base = min(whole, again[0]), min(base, again[1])
         return (whole - base) / (long - short)
     # The least of three: an interruption must not pass for a long run.

@@ -1,0 +1,130 @@
+"""Order maps of run-ups: against spectra, a second code, the balance of powers, pure waves."""
+
+import math
+
+import numpy as np
+import pytest
+
+import gearlib
+from tests.paper import PAPER
+from tests.references.described_models import describe
+from tests.references.reference_run_up import RunUp
+
+#: A gear of few teeth turns often.
+FEW = PAPER.replace(teeth=3, material_damping=700.0, backlash_damping=300.0)
+
+
+def by_quadrature(pair, run, speed, load, orders):
+    """Return coefficients of the first revolution: the motion of a second code at Gauss's nodes."""
+    turn = float(pair.mesh_frequency(1.0)) / float(pair.speed(1.0))
+    (_, first), (end, last) = speed[:2]
+    rate, slope = first * turn, (last - first) * turn / end
+
+    def time_of(phase):
+        return 2.0 * phase / (rate + np.sqrt(rate**2 + 2.0 * slope * phase))
+
+    half, span = math.pi * (pair.contact_ratio - 1.0), math.tau * pair.teeth
+    cuts = [math.tau * k + s * half for k in range(pair.teeth + 1) for s in (-1.0, 1.0)]
+    stop = time_of(span)
+    marks = [0.0, stop, *(time_of(c) for c in cuts if 0.0 < c < span), load[1][0]]
+    marks = np.unique([*marks, *run.event_time.values])
+    marks = marks[marks <= stop]
+    nodes, weights = np.polynomial.legendre.leggauss(24)
+    t = np.concatenate([0.5 * (a + b + (b - a) * nodes) for a, b in zip(marks, marks[1:])])  # noqa: B905, RUF007
+    w = np.concatenate([0.5 * (b - a) * weights for a, b in zip(marks, marks[1:])])  # noqa: B905, RUF007
+    code = RunUp(describe(pair), speed, load, turn, [0.0])
+    zero = np.zeros(1)
+    moved, _ = code.move(zero, zero, t)
+    phase = (rate + 0.5 * slope * t) * t
+    share = w * (rate + slope * t) / span
+    return np.array(
+        [(share * moved[:, 0] * np.exp(-1j * n * phase / pair.teeth)).sum() for n in orders]
+    )
+
+
+@pytest.mark.parametrize("tuning", [0.45, 0.85])
+def test_a_ramp_agrees_with_a_quadrature_of_a_second_code(tuning):
+    rpm = FEW.speed(tuning)
+    seconds = 60.0 / rpm * 2.2
+    speed, load = [(0.0, rpm), (seconds, 1.3 * rpm)], [(0.0, 1.0), (seconds / 4.0, 1.0)]
+    load += [(seconds / 4.0, 0.7)]
+    run = gearlib.run_up(FEW, speed=speed, load=load, samples_per_period=1)
+    found = gearlib.order_map(run, highest=15, amplitude="peak")
+    orders = found.order.values
+    assert found.sizes["time"] == 2 and run.event_time.size > 5
+    exact = by_quadrature(FEW, run, speed, load, orders)
+    size = np.where(orders > 0, 2.0, 1.0) * np.abs(exact)
+    # Gauss's rules on both sides; the second code adds the rounding of its series.
+    assert np.abs(found.amplitude[0].values - size).max() < 1e-10 * size.max()
+    turned = np.exp(1j * (found.phase[0].values - np.angle(exact)))
+    assert np.abs((turned - 1.0) * size).max() < 1e-10 * size.max()
+
+
+@pytest.mark.parametrize("tuning", [0.6, 0.9])
+def test_at_constant_speed_it_is_the_spectrum(tuning):
+    rpm = PAPER.speed(tuning)
+    pair = PAPER.replace(material_damping=3953.7, backlash_damping=3953.7)
+    once = gearlib.simulate(pair, tuning, periods=240, record_periods=24, samples_per_period=64)
+    spectrum = gearlib.orders(once, count=5)
+    run = gearlib.run_up(pair, rpm, rpm, duration=600.02 / rpm, samples_per_period=1)
+    for variable, name in (("displacement", "error"), ("dynamic_force", "force")):
+        found = gearlib.order_map(run, variable=variable, amplitude="peak").isel(time=-1)
+        exact = spectrum[f"{name}_amplitude"].values
+        # What has not died out in nine revolutions is far smaller.
+        assert np.abs(found.amplitude.values - exact).max() < 1e-10 * exact.max()
+        assert float(found.rpm) == pytest.approx(rpm, rel=1e-12)
+
+
+def test_powers_of_all_orders_make_the_overall_level():
+    rpm = FEW.speed(0.8)
+    run = gearlib.run_up(FEW, rpm, 1.1 * rpm, duration=0.4, samples_per_period=1)
+    whole = {"resolution": 0.3, "highest": 400.0}
+    power = gearlib.order_map(run, amplitude="power", **whole)
+    assert float(power.order_resolution) == 0.25 and float(power.order[1]) == 0.25
+    total = np.sqrt(power.amplitude[:, 1:].sum("order"))
+    # A block does not end as it begins: orders fall as its wave with a step does.
+    np.testing.assert_allclose(total, power.overall, rtol=1e-4)
+    rms = gearlib.order_map(run, **whole)
+    np.testing.assert_allclose(rms.amplitude[:, 1:] ** 2, power.amplitude[:, 1:], rtol=1e-12)
+    track = gearlib.order_track(rms, [3.0, 1.5])
+    assert track.order.values.tolist() == [3.0, 1.5]
+    assert np.array_equal(track.amplitude[:, 0], rms.amplitude.sel(order=3.0))
+    again = gearlib.order_track(run, [3.0, 1.5], resolution=0.25)
+    np.testing.assert_allclose(again.amplitude, track.amplitude, rtol=1e-9, atol=1e-18)
+
+
+def test_samples_tend_to_the_closed_forms():
+    rpm = FEW.speed(0.85)
+    course = {"start": rpm, "stop": 1.2 * rpm, "duration": 0.2}
+    exact = gearlib.order_map(gearlib.run_up(FEW, samples_per_period=1, **course), highest=9)
+    errors = []
+    for samples in (64, 256):
+        run = gearlib.run_up(FEW, samples_per_period=samples, **course)
+        # No pair that is known: samples are all there is.
+        found = gearlib.order_map(run.assign_attrs(gear_pair="{}"), highest=9)
+        gap = np.abs(found.amplitude - exact.amplitude).max("order")
+        errors.append(float(gap.max()))
+        assert (gap <= 2.0 * found.amplitude_error.max("order")).all()
+    assert errors[1] < 0.1 * errors[0] < 1e-2 * float(exact.overall.max())
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ({"variable": "x"}, "variable = 'x' is not allowed"),
+        ({"amplitude": "db"}, "amplitude = 'db' is not allowed"),
+        ({"resolution": 0.0}, "it must be a finite number > 0 and <= 1"),
+        ({"resolution": 1e-3}, "must have 1000 whole revolutions, and the run has"),
+        ({"highest": -1}, "highest = -1 is not allowed"),
+    ],
+)
+def test_what_is_no_map_is_refused_in_a_sentence(options, says):
+    run = gearlib.run_up(FEW, 500.0, 600.0, duration=0.5, samples_per_period=1)
+    with pytest.raises(ValueError, match="is not allowed") as error:
+        gearlib.order_map(run, **options)
+    assert says in str(error.value) and "\n" not in str(error.value)
+    for what in (run.drop_vars("displacement"), "run"):
+        with pytest.raises(ValueError, match="a dataset of gearlib.run_up"):
+            gearlib.order_map(what)
+    with pytest.raises(ValueError, match=r"orders = 2\.2 is not allowed: it must be one of 0, 1"):
+        gearlib.order_track(run, [2.2])
