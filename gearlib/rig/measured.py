@@ -96,7 +96,7 @@ def _known(name, value):
     if isinstance(value, float) and math.isnan(value):
         raise checks.refusal(f"known.{name}", value, "a number or a text")
     one = declared(PairParameters).get(name)
-    if isinstance(value, str) and isinstance(getattr(one, "kind", None), Number):
+    if isinstance(value, str) and one is not None and isinstance(one.kind, Number):
         if value[:1].isdigit() and one.kind.unit != "1":
             try:
                 return units.read(value, one.kind.unit)
