@@ -1,5 +1,7 @@
 """A whole run: its periods gone through fast, those at its end recorded."""
 
+import math
+
 import numpy as np
 
 from gearlib.kernels import orbit
@@ -149,9 +151,8 @@ def run_at(m, work, x, v, periods, record_periods, samples, events, limit, summa
         if want_events:
             events, found, _ = recorded_arcs.add_events(arcs, count, previous, n, events, found)
         if per_period > 0:
-            recorded_arcs.sample_arcs(
-                m, arcs, count, samples[i * per_period : (i + 1) * per_period]
-            )
+            rows = samples[i * per_period : (i + 1) * per_period]
+            recorded_arcs.sample_arcs(m, 2.0 * math.pi, arcs, count, rows)
         previous = last
     for k in range(orbit.TIME_NORMAL, orbit.SUMMARY_COLUMNS):
         summary[k] *= record_periods / seen
