@@ -9,14 +9,28 @@ and would go through it again for every level above it.
 
 from llvmlite import binding
 from llvmlite.binding import Linkage
+from numba import types
+from numba.core import typed_passes, untyped_passes
 from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import Compiler, compile_result
+from numba.core.compiler import CompilerBase, DefaultPassBuilder, compile_result
 from numba.core.compiler_lock import require_global_compiler_lock
+from numba.core.compiler_machinery import PassManager
 
 #: Kind of what `PartLibrary.serialize_using_object_code` gives, beside numba's own.
 _PART = "part"
 #: Instructions beyond which LLVM inlines no call: its limits lie near a hundred.
 _LARGE = 400
+#: Passes of numba for what no kernel has: functions within it, Python objects, unrolled tuples.
+_NEEDLESS = {
+    untyped_passes.WithLifting,
+    untyped_passes.InlineClosureLikes,
+    untyped_passes.InlineInlinables,
+    untyped_passes.FindLiterallyCalls,
+    untyped_passes.LiteralUnroll,
+    untyped_passes.LiteralPropagationSubPipelinePass,
+    typed_passes.InlineOverloads,
+    typed_passes.DumpParforDiagnostics,
+}
 
 
 def _key():
@@ -80,8 +94,43 @@ class KernelLibrary(JITCodeLibrary):
         self._finalize_final_module()
 
 
-class KernelCompiler(Compiler):
-    """numba's compiler, with large parts optimised once."""
+def _remember(typing):
+    """Let numba find out once what an operation on some types gives, not for every sum anew."""
+    resolve, known = typing._resolve_user_function_type, {}
+
+    def resolved(function, args, named, literals=None):
+        kind = typing._lookup_global(function) or function
+        if named or not isinstance(kind, types.Function):
+            return resolve(function, args, named, literals)
+        # The type of a function names all that it can be called with.
+        key = kind, tuple(args)
+        if key not in known:
+            known[key] = resolve(function, args, named, literals)
+        return known[key]
+
+    typing._resolve_user_function_type = resolved
+
+
+class _LeanCompiler(CompilerBase):
+    """numba's compiler without what kernels do not need: a third of its time."""
+
+    def __init__(self, typing, *others):
+        if "_resolve_user_function_type" not in vars(typing):
+            _remember(typing)
+        super().__init__(typing, *others)
+
+    def define_pipelines(self):
+        """Return the passes."""
+        passes = PassManager("kernel")
+        for one in DefaultPassBuilder.define_nopython_pipeline(self.state).passes:
+            if one[0] not in _NEEDLESS:
+                passes.add_pass(*one)
+        passes.finalize()
+        return [passes]
+
+
+class KernelCompiler(_LeanCompiler):
+    """The compiler of kernels that are called from Python, with large parts optimised once."""
 
     def compile_extra(self, function):
         """Compile into a library that files can keep."""
@@ -91,8 +140,8 @@ class KernelCompiler(Compiler):
         return super().compile_extra(function)
 
 
-class PartCompiler(Compiler):
-    """numba's compiler up to machine code."""
+class PartCompiler(_LeanCompiler):
+    """The compiler of parts, up to machine code."""
 
     def __init__(self, typing, target, library, args, return_type, flags, local_types):
         flags.no_compile = flags.no_cpython_wrapper = True
