@@ -3,7 +3,7 @@
 import inspect
 from pkgutil import resolve_name
 
-from joblog import redirect_output
+from joblog import redirect_output, without_blas
 from gearlib.data import storage
 from inputs import datasets
 
@@ -14,6 +14,7 @@ def main(job):
     apart = ("script", "function")
     given = {name: value for name, value in job.params.items() if name not in apart}
     function = resolve_name(job.params.function)
+    without_blas()
     if "threads" in inspect.signature(function).parameters:
         given["threads"] = job.threads
     found = function(**given, **datasets(job.input))
