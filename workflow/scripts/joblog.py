@@ -6,7 +6,6 @@ import gc
 import os
 import sys
 import traceback
-from importlib import import_module
 from pathlib import Path
 
 import __main__
@@ -21,20 +20,6 @@ gc.set_threshold(200_000)
 # time. Scripts import this module before the library, for xarray looks only once.
 if "xarray" not in sys.modules:
     sys.modules.update(dask=None, pint=None)
-
-
-def without_blas():
-    """Let numba start without the linear algebra of scipy, which no kernel calls.
-
-    It would load that before the first kernel: a fifth of a short job's time.
-    """
-    blas = "scipy.linalg.cython_blas"
-    if "numba" in sys.modules and blas not in sys.modules:
-        sys.modules[blas] = None
-        try:
-            import_module("numba.np.arraymath")
-        finally:
-            del sys.modules[blas]
 
 
 def redirect_output(path):
