@@ -84,7 +84,9 @@ def skip(m, work, contact, x, v, periods, limit):
         repeat = repeat_of(m, work, n, NEAR)
         if repeat == 0 or periods - n < repeat:
             continue
-        contact, x, v, count, settled = check_settled(m, work, n, contact, x, v, repeat, limit)
+        contact, x, v, count, settled = check_settled(
+            m, work, n, contact, x, v, repeat, limit, NEAR
+        )
         n += repeat
         status = outcome(x, v, count, limit)
         if status != OK:
