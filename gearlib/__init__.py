@@ -10,7 +10,7 @@ room             responsibility
 ``runs``         `simulate`, `sweep`, maps of small deviations
 ``analysis``     periodic orbits, instability tongues, harmonics, attractors, `trust`
 ``studies``      what stands behind one figure or table: scenes, the jump, the paper's statements
-``rig``          measured curves: `read_measured`
+``rig``          measured sets and fits: `read_measured`, `fit`
 ``figures``      one file per figure, functions that return a `Figure`
 ``pages``        the page of the report, the explorer with its sliders
 ``cli``          the command ``gearlib``
@@ -53,6 +53,7 @@ _PUBLIC = {
     "certify_tongues": "analysis.proofs.tongue_edges",
     "continue_orbit": "analysis.orbits.continuation",
     "duty_point": "analysis.duty_point",
+    "fit": "rig.fits",
     "fold_sensitivities": "analysis.orbits.orbit_sensitivities",
     "harmonic_balance": "analysis.harmonics.harmonic_balance",
     "idler": "models.trains.ready_made",
@@ -105,6 +106,7 @@ __all__ = [
     "certify_tongues",
     "continue_orbit",
     "duty_point",
+    "fit",
     "fold_sensitivities",
     "harmonic_balance",
     "idler",

@@ -64,7 +64,7 @@ def load(mapping):
     from gearlib.config import defaults
     from gearlib.config.configuration import Config
 
-    problems = list(_names_that_are_no_texts(mapping))
+    problems = list(names_that_are_no_texts(mapping))
     if isinstance(mapping, dict) and {"gears", "gear_pair"} <= mapping.keys():
         problems.append(
             "gears and gear_pair are not allowed together: it must be either the drawing of the "
@@ -81,7 +81,7 @@ def load(mapping):
         raise ConfigError("\n".join(sentences(error.errors(), schema()))) from None
 
 
-def _names_that_are_no_texts(mapping, where=""):
+def names_that_are_no_texts(mapping, where=""):
     """Yield a sentence for each; YAML takes ``4:``, ``on:`` and ``null:`` for other things."""
     if isinstance(mapping, dict):
         for key, value in mapping.items():
@@ -91,10 +91,10 @@ def _names_that_are_no_texts(mapping, where=""):
                     "where YAML reads something else"
                 )
             else:
-                yield from _names_that_are_no_texts(value, f"{where}{key}.")
+                yield from names_that_are_no_texts(value, f"{where}{key}.")
     elif isinstance(mapping, list):
         for i, value in enumerate(mapping):
-            yield from _names_that_are_no_texts(value, f"{where.removesuffix('.')}[{i}].")
+            yield from names_that_are_no_texts(value, f"{where.removesuffix('.')}[{i}].")
 
 
 def cases(mapping):

@@ -18,7 +18,7 @@ from pydantic import (
 )
 
 from gearlib.checks import refusal
-from gearlib.config import units, yaml_keys
+from gearlib.config import names_that_are_no_texts, units, yaml_keys
 from gearlib.config.types import (
     Given,
     Load,
@@ -53,6 +53,8 @@ _SAME = {
     "damping": ("material_damping", "damping_ratio"),
     "ramp_rate": ("acceleration",),
 }
+#: Formats that know the times.
+_TIMED = (".uff", ".unv", ".mf4", ".mdf")
 FORMATS = (".csv", ".uff", ".unv", ".mf4", ".mdf", ".mat")
 
 
@@ -282,11 +284,18 @@ class Description(Given):
         """Return the path of the table beside the file at `path`, in a list; empty without."""
         return [] if self.data is None else [str(Path(path).parent / self.data)]
 
+    def _names(self):
+        return {channel.observableId or key for key, channel in self.channels.items()}
+
     def has_courses(self):
         """Return whether there are time courses at constant speeds."""
-        names = {channel.observableId or key for key, channel in self.channels.items()}
-        constant = any(one.speed for one in self.conditions.values()) and "speed" not in names
-        return constant and bool(names.intersection(COURSES))
+        constant = any(one.speed for one in self.conditions.values())
+        return constant and "speed" not in self._names() and bool(self._names() & {*COURSES})
+
+    def has_run_ups(self):
+        """Return whether there are time courses with a speed of their own."""
+        timed = "time" in self._names() or Path(self.data or "").suffix.lower() in _TIMED
+        return timed and "speed" in self._names() and bool(self._names() & {*COURSES})
 
     def not_said(self):
         """Return what the source does not say of the rig."""
@@ -331,6 +340,8 @@ def read(path):
         raise ValueError(
             f"{path} is not allowed: it must be a mapping with source, licence, channels"
         )
+    if names := list(names_that_are_no_texts(said)):
+        raise ValueError("\n".join(f"{path}: {one}" for one in names))
     try:
         return Description.model_validate(said)
     except ValidationError as error:

@@ -9,14 +9,31 @@ and would go through it again for every level above it.
 
 from llvmlite import binding
 from llvmlite.binding import Linkage
+from numba import types
+from numba.core import typed_passes, untyped_passes
 from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import Compiler, compile_result
+from numba.core.compiler import CompilerBase, DefaultPassBuilder, compile_result
 from numba.core.compiler_lock import require_global_compiler_lock
+from numba.core.compiler_machinery import PassManager
 
 #: Kind of what `PartLibrary.serialize_using_object_code` gives, beside numba's own.
 _PART = "part"
 #: Instructions beyond which LLVM inlines no call: its limits lie near a hundred.
 _LARGE = 400
+#: Rooms whose functions are optimised where they are linked only, a tenth of their compilation:
+#: those of Taylor steps were 15 % slower, these are as fast.
+_LINKED = {"closed_form", "several_meshes"}
+#: Passes of numba for what no kernel has: functions within it, Python objects, unrolled tuples.
+_NEEDLESS = {
+    untyped_passes.WithLifting,
+    untyped_passes.InlineClosureLikes,
+    untyped_passes.InlineInlinables,
+    untyped_passes.FindLiterallyCalls,
+    untyped_passes.LiteralUnroll,
+    untyped_passes.LiteralPropagationSubPipelinePass,
+    typed_passes.InlineOverloads,
+    typed_passes.DumpParforDiagnostics,
+}
 
 
 def _key():
@@ -35,7 +52,21 @@ def _link(library):
     return large
 
 
-class PartLibrary(JITCodeLibrary):
+class _Library(JITCodeLibrary):
+    """The code of one function."""
+
+    def __init__(self, target, name, function=None):
+        super().__init__(target.codegen(), name)
+        self.linked = bool(function and _LINKED.intersection(function.__module__.split(".")))
+
+    def _optimize_functions(self, module):
+        """Optimise function by function, before what they call is known."""
+        module.data_layout = self._codegen._data_layout
+        if not self.linked:
+            super()._optimize_functions(module)
+
+
+class PartLibrary(_Library):
     """The code of one kernel and of the parts that it calls."""
 
     #: Symbol -> bitcode of what is optimised by itself: parts called, and this one if it is large.
@@ -51,7 +82,8 @@ class PartLibrary(JITCodeLibrary):
         self._finalized = True
         own = [f for f in self._final_module.functions if f.linkage == Linkage.external]
         (kernel,) = [f for f in own if not f.is_declaration]
-        size = sum(1 for block in kernel.blocks for _ in block.instructions)
+        # A line for each: one by one they take a fiftieth of all compilation.
+        size = str(kernel).count("\n")
         if size > _LARGE and not any(b"alwaysinline" in text for text in kernel.attributes):
             self.stays_apart = True
             # Kept whether or not what is linked before it calls it, and the same wherever from.
@@ -65,7 +97,7 @@ class PartLibrary(JITCodeLibrary):
         return self.name, _PART, (own, self.large)
 
 
-class KernelLibrary(JITCodeLibrary):
+class KernelLibrary(_Library):
     """The machine code of a kernel that is called from Python."""
 
     def finalize(self):
@@ -80,27 +112,62 @@ class KernelLibrary(JITCodeLibrary):
         self._finalize_final_module()
 
 
-class KernelCompiler(Compiler):
-    """numba's compiler, with large parts optimised once."""
+def _remember(typing):
+    """Let numba find out once what an operation on some types gives, not for every sum anew."""
+    resolve, known = typing._resolve_user_function_type, {}
+
+    def resolved(function, args, named, literals=None):
+        kind = typing._lookup_global(function) or function
+        if named or not isinstance(kind, types.Function):
+            return resolve(function, args, named, literals)
+        # The type of a function names all that it can be called with.
+        key = kind, tuple(args)
+        if key not in known:
+            known[key] = resolve(function, args, named, literals)
+        return known[key]
+
+    typing._resolve_user_function_type = resolved
+
+
+class _LeanCompiler(CompilerBase):
+    """numba's compiler without what kernels do not need: a third of its time."""
+
+    def __init__(self, typing, *others):
+        if "_resolve_user_function_type" not in vars(typing):
+            _remember(typing)
+        super().__init__(typing, *others)
+
+    def define_pipelines(self):
+        """Return the passes."""
+        passes = PassManager("kernel")
+        for one in DefaultPassBuilder.define_nopython_pipeline(self.state).passes:
+            if one[0] not in _NEEDLESS:
+                passes.add_pass(*one)
+        passes.finalize()
+        return [passes]
+
+
+class KernelCompiler(_LeanCompiler):
+    """The compiler of kernels that are called from Python, with large parts optimised once."""
 
     def compile_extra(self, function):
         """Compile into a library that files can keep."""
-        library = KernelLibrary(self.state.targetctx.codegen(), function.__qualname__)
+        library = KernelLibrary(self.state.targetctx, function.__qualname__, function)
         library.enable_object_caching()
         self.state.library = library
         return super().compile_extra(function)
 
 
-class PartCompiler(Compiler):
-    """numba's compiler up to machine code."""
+class PartCompiler(_LeanCompiler):
+    """The compiler of parts, up to machine code."""
 
     def __init__(self, typing, target, library, args, return_type, flags, local_types):
         flags.no_compile = flags.no_cpython_wrapper = True
-        library = PartLibrary(target.codegen(), "part")
         super().__init__(typing, target, library, args, return_type, flags, local_types)
 
     def compile_extra(self, function):
         """Compile; the entry is a mere key, by which callers find the part."""
+        self.state.library = PartLibrary(self.state.targetctx, "part", function)
         found = super().compile_extra(function)._replace(entry_point=_key())
         known = found.entry_point, found.fndesc, [found.library]
         self.state.targetctx.insert_user_function(*known)
@@ -112,7 +179,7 @@ def rebuilt(target, payload):
     (name, kind, code), fndesc, environment, signature, *_ = payload
     if kind != _PART:
         return None
-    library = PartLibrary(target.codegen(), name)
+    library = PartLibrary(target, name)
     own, library.large = code
     library.stays_apart = not own
     if own:

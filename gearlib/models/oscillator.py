@@ -47,6 +47,10 @@ class Equation:
         )
         return bool(constant and not curved)
 
+    def is_closed(self):
+        """Return whether they have closed forms while the speed changes, too."""
+        return self.is_piecewise_linear() and not self.force.size and not self.deviation.size
+
     def law(self, tuning, tolerance):
         """Return the `Law` at one frequency for Taylor steps of a `tolerance`."""
         unit, (near, far) = 1.0 / tuning**2, self.sides()

@@ -1,11 +1,21 @@
-"""At the rig: measured curves.
+"""At the rig: measured curves, fits to them, synthetic rigs.
 
-====================  ========================================================
-module                responsibility
-====================  ========================================================
-``measured``          `read_measured`: a measured set as one dataset in SI
-``long_tables``       long tables, as PEtab has them, as columns
-``measured_files``    CSV, UFF, MDF and MATLAB files as columns
-``measured_checks``   what columns are refused for, and what is repaired
-====================  ========================================================
+=========================  ==================================================================
+module                     responsibility
+=========================  ==================================================================
+``measured``               `read_measured`: a measured set as one dataset in SI
+``long_tables``            long tables, as PEtab has them, as columns
+``measured_files``         CSV, UFF, MDF and MATLAB files as columns
+``laid_over``              a set over the resonance characteristics of a model
+``measured_courses``       time courses at constant speeds beside those of a model
+``measured_orders``        mesh orders of run-ups beside those of a model
+``measured_scores``        how far both agree, as a table
+``measured_checks``        what columns are refused for, and what is repaired
+``fits``                   `fit`: parameters by least squares with exact derivatives
+``fit_report``             values, intervals, profiles, the report
+``run_up_observations``    what is compared of a run-up: mesh orders, jumps
+``speed_observations``     what is compared of slow sweeps: speeds of jumps
+``projection``             gain and offset of a sensor, eliminated
+``synthetic_rigs``         run-ups of a known model as an encoder would have them
+=========================  ==================================================================
 """

@@ -57,6 +57,7 @@ def read_measured(path):
     said = measured_description.read(path)
     try:
         found = _dataset(said, path.parent)
+        known = {name: _known(name, one) for name, one in said.known.items()}
     except ValueError as error:
         if isinstance(error, ImportError):
             raise
@@ -66,7 +67,7 @@ def read_measured(path):
         "source": said.source,
         "licence": said.licence,
         "synthetic": int(bool(said.synthetic)),
-        "known": canonical_json({name: _known(name, one) for name, one in said.known.items()}),
+        "known": canonical_json(known),
         "conditions": canonical_json(
             {name: one.model_dump() for name, one in said.conditions.items()}
         ),
@@ -87,17 +88,22 @@ def refused(paths):
 
 
 def _known(name, value):
-    """Return what is known of a rig in SI, where it is a parameter of a gear pair."""
+    """Return what is known of a rig as JSON has it, parameters of a gear pair in SI."""
+    if isinstance(value, dict):
+        return {key: _known(f"{name}.{key}", one) for key, one in value.items()}
+    if isinstance(value, list):
+        return [_known(f"{name}[{i}]", one) for i, one in enumerate(value)]
+    if isinstance(value, float) and math.isnan(value):
+        raise checks.refusal(f"known.{name}", value, "a number or a text")
     one = declared(PairParameters).get(name)
     if isinstance(value, str) and one is not None and isinstance(one.kind, Number):
-        try:
-            return units.read(value, one.kind.unit)
-        except ValueError:
-            if one.kind.unit != "1" and value[:1].isdigit():
-                raise checks.refusal(
-                    f"known.{name}", value, f"in a unit of {one.kind.unit}"
-                ) from None
-    return value
+        if value[:1].isdigit() and one.kind.unit != "1":
+            try:
+                return units.read(value, one.kind.unit)
+            except ValueError:
+                allowed = f"a number or a text with a unit of the dimension of {one.kind.unit}"
+                raise checks.refusal(f"known.{name}", value, allowed) from None
+    return value if isinstance(value, str | int | float | None) else str(value)
 
 
 def _dataset(said, folder):
@@ -123,7 +129,7 @@ def _measured(said, path):
         if digest != said.sha256:
             raise checks.refusal("sha256", said.sha256, f"{digest}, that of {said.data}")
     texts = {key for key, one in said.channels.items() if _is_text(key, one)}
-    columns = measured_files.READERS[path.suffix.lower()](path, said, texts | {LONG[0], CONDITION})
+    columns = measured_files.read(path, said, texts | {LONG[0], CONDITION})
     lengths = {name: len(values) for name, values in columns.items()}
     if not lengths or min(lengths.values()) == 0:
         raise checks.refusal("data", said.data, "a file with samples: it has none")

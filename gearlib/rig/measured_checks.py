@@ -91,6 +91,12 @@ def _steps(time, group):
     return steps, np.ones(steps.shape, bool) if group is None else group[1:] == group[:-1]
 
 
+def _first_come(group):
+    """Return numbers of groups in the order in which they come first."""
+    _, first, number = np.unique(group, return_index=True, return_inverse=True)
+    return np.argsort(np.argsort(first))[number]
+
+
 def in_order(where, time, group):
     """Return the order in which time rises within each group, None where it does already.
 
@@ -102,7 +108,7 @@ def in_order(where, time, group):
     blocks = group is not None and np.count_nonzero(~same) >= np.unique(group).size
     order = None
     if (steps[same] < 0).any() or blocks:
-        order = np.lexsort((time,) if group is None else (time, group))
+        order = np.lexsort((time,) if group is None else (time, _first_come(group)))
         time, group = time[order], None if group is None else group[order]
         steps, same = _steps(time, group)
     twice = same & (steps == 0.0)

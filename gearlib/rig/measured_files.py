@@ -264,7 +264,7 @@ def read_mat(path, said, texts):
     return found
 
 
-READERS = {
+_READERS = {
     ".csv": read_csv,
     ".uff": read_uff,
     ".unv": read_uff,
@@ -272,3 +272,14 @@ READERS = {
     ".mdf": read_mdf,
     ".mat": read_mat,
 }
+
+
+def read(path, said, texts):
+    """Return the columns that a description names, as of the readers above."""
+    try:
+        return _READERS[path.suffix.lower()](path, said, texts)
+    except (ValueError, MemoryError):
+        raise
+    except Exception as error:  # whatever a damaged file leads other packages to
+        words = " ".join(str(error).split())
+        raise checks.refusal("data", said.data, f"a file that can be read ({words})") from None

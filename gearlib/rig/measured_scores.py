@@ -19,11 +19,12 @@ _SHARE, _ABOVE = 0.15, 2.0
 _NONE = (math.nan, math.nan)
 
 
-def rows(curves, resonance, courses=()):
+def rows(curves, resonance, courses=(), orders=()):
     """Yield the names of the columns, then a row for each quantity, damping and measured set.
 
     curves: as of `laid_over.compute`; resonance: characteristics as gathered; courses: as of
-    `measured_courses.compute`. Numbers that are not known are empty.
+    `measured_courses.compute`; orders: as of `measured_orders.compute`. Numbers that are not known
+    are empty.
     """
     yield COLUMNS
     for curve in curves:
@@ -35,6 +36,10 @@ def rows(curves, resonance, courses=()):
         for damping in resonance.damping.values:
             for found in _of_course(course.sel(damping=damping)):
                 yield _row(course.attrs["title"], str(damping), *found)
+    for track in orders:
+        for damping in resonance.damping.values:
+            for found in _of_orders(track.sel(damping=damping)):
+                yield _row(track.attrs["title"], str(damping), *found)
 
 
 def _row(title, damping, quantity, unit, calibration, measured, computed):
@@ -176,6 +181,19 @@ def _onset(computed):
         return _NONE
     low, high = one.speed.values[begins[0] : begins[0] + 2]
     return 0.5 * (low + high), (high - low) / math.sqrt(12.0)
+
+
+def _of_orders(track):
+    """Yield (quantity, unit, calibration, measured, computed) of the orders of one damping."""
+    for place in np.ndindex(track.sizes["track"], track.sizes["observable"]):
+        one = track.isel(track=place[0], observable=place[1])
+        name, both = str(one.observable.values), (one.amplitude, one.computed_amplitude)
+        most = [np.nanmax(values.values, axis=1) for values in both]
+        for k in range(1, one.sizes["order"]):
+            ratios = [(float(own[k] / own[0]), math.nan) for own in most]
+            yield f"largest order {k + 1}z of {name} over order z", "", "none", *ratios
+        at = [float(one.speed[int(np.nanargmax(values.values[0]))]) for values in both]
+        yield f"largest order z of {name}", " min-1", "speed", *((x, math.nan) for x in at)
 
 
 def _of_course(course):

@@ -45,8 +45,6 @@ _SAID = {
     "fraction_inverse": ("1", "fraction of time in inverse mesh"),
     "bounces": ("1", "losses of normal contact per mesh period"),
 }
-#: The propagators of models without nonlinear terms, whose pairs of teeth do not part one by one.
-_EXACT = ("closed_form", "piecewise_linear", "several_meshes")
 #: Memory of a mesh period beside its samples: summary and a few events, numbers for each mesh.
 _PER_PERIOD = 40
 #: Columns of a summary that take the largest, the least, the sum of those of the intervals.
@@ -72,15 +70,16 @@ def run_up(
 ):
     """Run a model up, down, or along any piecewise linear course of speed and load.
 
-    Nothing is approximated: while the acceleration is constant the stiffness switches at roots of
-    a quadratic, and the motion between them is that of a run at constant speed. The mesh carries
+    While the acceleration is constant the stiffness switches at roots of a quadratic, and where it
+    is constant in between the motion is that of a run at constant speed: nothing is approximated.
+    Nonlinear damping, a stiffness that varies between switches, run-out, deviations and pairs of
+    teeth go by Taylor steps, whose error is that of rounding; ``source`` says so. The mesh carries
     the inertia of the acceleration beside the load, see `gearlib.models.acceleration`.
 
     Parameters
     ----------
-    model : GearPair, OneDegreePair, SixDegreePair or GearTrain
-        With linear damping and constant stiffness between switches; without run-out, deviations and
-        gyroscopic forces.
+    model : GearPair, OneDegreePair, LoadSharingPair, SixDegreePair or GearTrain
+        Without gyroscopic forces.
     start, stop : float
         First and last speed in rpm of the gear whose teeth count, >= 0; and one of:
     duration : float
@@ -142,16 +141,17 @@ def run_up(
     if sensitivities:
         from gearlib.runs import run_up_sensitivities as derivatives
 
-        names = derivatives.check(model, sensitivities, base_radius)
+        closed = runner.words == "closed forms"
+        names = derivatives.check(model, sensitivities, base_radius, closed)
     push = _inertia(model, driver, driven_mass, base_radius)
     omega = float(model.mesh_frequency(1.0))
     unit = np.array([omega, 1.0])
     tunings = speeds * unit
     tunings[:, 1] = [model.tuning_at(rpm) if rpm else 0.0 for rpm in speeds[:, 1]]
     pieces = courses.pieces_of(tunings, loads * unit)
-    meshes, end = len(runner.system.near), pieces[-1]
+    meshes, end = runner.meshes, pieces[-1]
     turned = end.phase + end.length * (end.speed + 0.5 * end.acceleration * end.length)
-    columns = samples * (meshes * (6 + 4 * len(names)) + len(runner.system.free))
+    columns = samples * (meshes * (6 + 4 * len(names)) + model.size)
     columns += _PER_PERIOD * meshes * (1 + len(names))
     words = f"a course of {speeds[-1, 0]:g} s with samples_per_period = {samples}"
     check_memory(words, int(turned / math.tau) + 1, columns, "mesh periods")
@@ -181,8 +181,7 @@ def run_up(
     said = {"speed": speeds.tolist(), "load": loads.tolist(), "initial_state": state}
     said |= {"driver": driver, "driven_mass": driven_mass, "base_radius": base_radius}
     data["status"] = np.int8(code)
-    method = "closed forms"
-    dataset = result("Run-up of a gear mesh", model, data, coords, method=method, **said)
+    dataset = result("Run-up of a gear mesh", model, data, coords, method=runner.words, **said)
     dataset["status"].attrs["message"] = status.MESSAGES[code]
     return dataset
 
@@ -192,22 +191,11 @@ def _runner(model):
     name = type(model).__name__
     if not is_model(model):
         raise ValueError(f"model = {model!r} is not allowed: it must be one such as GearPair")
-    if model.propagators.get("exact") not in _EXACT:
-        raise ValueError(
-            f"model of type {name} is not allowed: a run-up needs linear damping and a stiffness "
-            "that is constant between switches"
-        )
     if model.speed is None:
         raise ValueError(f"model of type {name} is not allowed: nothing turns in it")
     if model.gyroscopic:
         raise ValueError("gyroscopic = True is not allowed in a run-up: it must be False")
-    runner = courses.propagator_of(model)
-    if runner.system.harmonics.size:
-        raise ValueError(
-            f"model of type {name} with run-out, deviations or an excitation is not allowed: in a "
-            "run-up only the stiffness may vary with the mesh phase"
-        )
-    return runner
+    return courses.propagator_of(model)
 
 
 def speeds_of(start=None, stop=None, duration=None, acceleration=None, speed=None):

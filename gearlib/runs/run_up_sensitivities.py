@@ -17,8 +17,8 @@ _SHARES = ("fraction_normal", "fraction_backlash", "fraction_inverse")
 _TIMES = [orbit.TIME_NORMAL, orbit.TIME_BACKLASH, orbit.TIME_INVERSE]
 
 
-def check(model, names, base_radius):
-    """Return the names as a tuple.
+def check(model, names, base_radius, closed):
+    """Return the names as a tuple; `closed`: whether the run-up goes by closed forms.
 
     Raises
     ------
@@ -31,7 +31,7 @@ def check(model, names, base_radius):
         known.remove("driven_mass")
         known.remove("base_radius")
     sensitivities.check_names(names, known)
-    if names and model.propagators.get("exact") not in course_slopes.EXACT:
+    if names and not closed:
         raise ValueError(
             f"sensitivities = {names!r} is not allowed for this {type(model).__name__}: "
             "derivatives of run-ups are those of closed forms"

@@ -20,7 +20,7 @@ ROOMS = """
 analysis analysis/global_dynamics analysis/harmonics analysis/orbits analysis/proofs
 analysis/tongues checks cli config data figures integrators kernels kernels/closed_form
 kernels/several_meshes kernels/slopes kernels/steps kernels/taylor kernels/tooth_pairs
-models models/geometry models/propagators models/trains pages runs studies studies/claims
+models models/geometry models/propagators models/trains pages rig runs studies studies/claims
 studies/trains studies/trials tunings
 """
 ROOMS = {f"gearlib/{room}": room for room in ROOMS.split()} | {"workflow/": "workflow"}

@@ -104,6 +104,12 @@ class RunUp:
             self.pieces.append(Piece(begin, end, phase, *rest))
             phase += (first + last) / 2 * span
 
+    def end(self, seconds):
+        """End the course early."""
+        last = self.context.mpf(seconds) * self.omega
+        kept = [one for one in self.pieces if one.begin < last]
+        self.pieces = [one._replace(end=min(one.end, last)) for one in kept]
+
     def cuts(self, piece):
         """Return where stiffness or sliding changes, and the end."""
         context, least, found = self.context, least_of(self.context), []

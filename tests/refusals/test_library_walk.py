@@ -6,6 +6,7 @@ What each may be is said by `ranges.yaml`; a parameter without a row there is mi
 import inspect
 
 import pytest
+import xarray as xr
 
 import gearlib
 import gearlib.geometry as drawn
@@ -37,6 +38,7 @@ def branch():
 
 BRANCH = branch()
 RUN_UP = gearlib.run_up(PAPER, 1000.0, 1100.0, duration=0.2, samples_per_period=1)
+JUMP = xr.Dataset({"jump_up": ((), 3300.0, {"units": "min-1", "noise_std": 1.0})})
 #: What is made at once: also asked just inside the ranges.
 MADE = {
     GearPair: PARAMETERS,
@@ -103,6 +105,7 @@ CALLED = {
     gearlib.order_track: {"run": RUN_UP, "orders": (1.0,)},
     gearlib.harmonic_balance: {"pair": DAMPED, "tuning": NU, "harmonics": 16},
     gearlib.read_measured: {"path": ""},
+    gearlib.fit: {"model": DAMPED, "data": JUMP, "free": {"reduced_mass": (3.0, 3.2)}},
 }
 #: What says the same in another way.
 INSTEAD = {"speed": "tuning", "speeds": "tunings"}

@@ -6,6 +6,7 @@ All sets here are synthetic: written by the tests, measured by nobody.
 import csv
 import hashlib
 import json
+import math
 import os
 import re
 from pathlib import Path
@@ -138,6 +139,8 @@ def test_what_is_repaired_is_said_and_nothing_is_lost(tmp_path):
     del of["F"]
     found = read_measured(rig(tmp_path, table, channels=of))
     assert found.repairs == "samples sorted by time, each condition apart"
+    way = {"up": 1, "down": -1}[mixed[0][0]]
+    assert found.direction.values.tolist() == [way] * 40 + [-way] * 40
     for way in (1, -1):
         part = found.isel(sample=np.flatnonzero(found.direction == way))
         assert part.time.values == pytest.approx(1e-3 * np.arange(40), rel=1e-15)
@@ -230,6 +233,9 @@ REFUSED = {
     "rig.csv, column 'x' is clipped, 4 samples at 4095 from row 2 on": (
         "t,x,F\n0,4000,1\n1,4095,1\n2,4095,1\n3,4095,1\n4,4095,1\n5,4000,1\n", channels(x=BITS)
     ),
+    "known.load = '3 kg' ... dimension of N": (TABLE, {"known": {"load": "3 kg"}}),
+    "known.note[0] = nan ... a number or": (TABLE, {"known": {"note": [math.nan]}}),
+    "channels.1 is not allowed as a name ... in quotes": (TABLE, {"channels": {1: CHANNELS["x"]}}),
     "speeds.jump_up.value = 'fast' ... in rpm": (TABLE, {"speeds": {"jump_up": {"value": "fast"}}}),
     "sha256 = 'zz' ... 64 hexadecimal": (TABLE, {"sha256": "zz"}),
     "sha256 = '00": (TABLE, {"sha256": "0" * 64}),

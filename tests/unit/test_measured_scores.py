@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 import yaml
 
-from gearlib import sweep
+from gearlib import run_up, sweep
 from gearlib.data.gathering import gather_resonance
-from gearlib.figures import resonance_figure
-from gearlib.rig import laid_over, measured_courses, measured_scores
+from gearlib.figures import measured_orders_figure, resonance_figure
+from gearlib.rig import laid_over, measured_courses, measured_orders, measured_scores
 from tests.paper import PAPER
 
 PAIR = PAPER.replace(material_damping=3953.7)
@@ -54,8 +54,8 @@ def curve(folder, resonance, factor=1.0, zero=0.0, noise=0.0, **channel):
     return laid_over.compute(path, resonance)
 
 
-def scores(curves, resonance, courses=()):
-    names, *rows = measured_scores.rows(curves, resonance, courses)
+def scores(curves, resonance, **more):
+    names, *rows = measured_scores.rows(curves, resonance, **more)
     return {row[1]: dict(zip(names, row, strict=True)) for row in rows}
 
 
@@ -102,7 +102,7 @@ def test_a_jump_is_a_step_that_stands_alone():
     mixed = rng.permutation(speed.size)
     at, std = measured_scores.jump(speed[mixed], step[mixed])
     assert at == 1505.0 and std == pytest.approx(10.0 / math.sqrt(12.0))
-    for smooth in (np.tanh((speed - 1500.0) / 50.0), np.ones(speed.size), speed):
+    for smooth in (np.tanh((speed - 1500.0) / 25.0), np.ones(speed.size), speed):
         assert math.isnan(measured_scores.jump(speed, smooth)[0])
     assert math.isnan(measured_scores.jump(speed[:3], step[:3])[0])
 
@@ -159,6 +159,27 @@ def test_harmonics_of_a_course_are_those_it_was_made_of(tmp_path, resonance):
     assert 2.0 / own.size * np.abs(wave[:2]) == pytest.approx(
         found.computed_amplitude.values[:2], rel=0.03
     )
+
+
+def test_orders_of_a_run_up_are_those_of_the_model_that_made_it(tmp_path, resonance):
+    run = run_up(PAIR, 2600.0, 3600.0, duration=4.0, samples_per_period=40)
+    x = 1e6 * run.displacement.values * 1.3 + 5.0
+    rows = zip(run.time.values.tolist(), run.speed.values.tolist(), x.tolist(), strict=True)
+    table = "t,n,x\n" + "".join(f"{t!r},{n!r},{one!r}\n" for t, n, one in rows)
+    names = {"t": {"observableId": "time", "unit": "s"}, "n": SPEED}
+    names["x"] = {"observableId": "displacement", "unit": "um", "gain": "unknown"}
+    others = {"k": PAIR.as_dict(), "light": (PAIR.replace(material_damping=1500.0)).as_dict()}
+    found = measured_orders.compute(rig(tmp_path, table, names), others)
+    own = found.sel(damping="k").squeeze()
+    gain = (own.amplitude / own.computed_amplitude).sel(order=1).values
+    assert gain == pytest.approx(1.3, rel=0.02) and own.sizes["block"] > 150
+    both = resonance.assign_coords(damping=["k"])
+    score = scores([], both, orders=[found])
+    ratio = score["largest order 2z of displacement over order z"]
+    assert ratio["computed"] == pytest.approx(ratio["measured"], rel=0.02)
+    light = found.sel(damping="light").squeeze().computed_amplitude
+    assert np.abs(light / own.computed_amplitude - 1.0).sel(order=1).values.max() > 0.05
+    assert len(measured_orders_figure.draw([found]).axes) == 3
 
 
 def test_pictures_hold_the_points(tmp_path, resonance):

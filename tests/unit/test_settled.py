@@ -11,7 +11,7 @@ from gearlib.kernels.closed_form import recorded_arcs
 from gearlib.kernels.closed_form.event_by_event import ARC_COLUMNS, march_period
 from gearlib.kernels.closed_form.mesh_constants import contact_of, mesh
 from gearlib.kernels.closed_form.pair_run import skip
-from gearlib.kernels.closed_form.settling import clear_of_grazing, sum_of_powers
+from gearlib.kernels.closed_form.settling import NEAR, clear_of_grazing, sum_of_powers
 from gearlib.kernels.closed_form.whole_periods import new_work, set_mesh, set_start
 from gearlib.models.propagators.closed_form import ratios
 from tests.geometry.drawings import own
@@ -132,7 +132,7 @@ def test_closeness_to_grazing_is_seen(miss, gap, clear):
     arcs = np.empty((50, ARC_COLUMNS))
     *_, count = march_period(m, 1, u + lev.equilibrium, v, arcs, LIMIT)
     first = arcs[:1]
-    assert first[0, 1] > t and clear_of_grazing(m, first, 1) is clear
+    assert first[0, 1] > t and clear_of_grazing(m, first, 1, NEAR) is clear
     assert count > 0
 
 
@@ -154,7 +154,7 @@ def test_an_orbit_recorded_once_is_the_orbit_propagated_to_its_end():
             for n in range(2976, 3000):
                 contact, x, v, count = march_period(m, contact, x, v, arcs, LIMIT)
                 recorded_arcs.add_arcs(m, arcs, count, summary)
-                recorded_arcs.sample_arcs(m, arcs, count, samples)
+                recorded_arcs.sample_arcs(m, 2.0 * math.pi, arcs, count, samples)
                 seen.append(samples[:, 0].copy())
                 strobes.append((x, v))
                 events, found, previous = recorded_arcs.add_events(

@@ -23,6 +23,12 @@ def courses(c):
     return [f"measured/courses/{name}.nc" for name, (_, s) in sets.items() if s.has_courses()]
 
 
+def orders(c):
+    """Return the files of those that have run-ups; a model of pairs of teeth has none."""
+    sets = {} if c.relieved() else measured_description.sets(c.measured)
+    return [f"measured/orders/{name}.nc" for name, (_, s) in sets.items() if s.has_run_ups()]
+
+
 def _without_sets(c):
     """Return what is wrong where measured curves are asked for and there are none."""
     return "" if c.measured else "measured = [] is not allowed: it must be a list of YAML files"
@@ -64,10 +70,22 @@ MEASURED_STUDY = Study(
         files=("measured/courses/{measured}.nc",),
         given=_files,
     ),
+    Job(
+        "measured_orders",
+        "gearlib.rig.measured_orders:compute",
+        lambda c: {"path": _path(c), "pairs": models_of(c)},
+        files=("measured/orders/{measured}.nc",),
+        given=_files,
+    ),
     Table(
         "measured",
         "gearlib.rig.measured_scores:rows",
-        {"curves": curves, "courses": lambda c: courses(c) or None, "resonance": "resonance.nc"},
+        {
+            "curves": curves,
+            "courses": lambda c: courses(c) or None,
+            "orders": lambda c: orders(c) or None,
+            "resonance": "resonance.nc",
+        },
         "Measured and computed, in numbers",
         """What was measured beside what is computed, for each set and damping: first what needs no
         calibration of sensors, such as the ratio of both jump speeds or of the peaks, and the
@@ -84,6 +102,18 @@ MEASURED_STUDY = Study(
         lambda c: {"colours": c.figures.colours},
         name="measured_courses",
         wanted=lambda c: bool(courses(c)),
+    ),
+    Drawing(
+        "measured_orders_figure.draw",
+        {"orders": orders},
+        "measured_orders",
+        "Mesh orders of measured run-ups",
+        """Mesh order and its multiples of measured run-ups (dots) over the speed, beside those of
+        the model from rest on the same course of speed; root mean squares in dB of the largest
+        measured, and of the largest computed one.""",
+        lambda c: {"colours": c.figures.colours},
+        name="measured_orders",
+        wanted=lambda c: bool(orders(c)),
     ),
     unasked=False,
     refusal=_without_sets,

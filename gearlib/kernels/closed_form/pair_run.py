@@ -1,5 +1,7 @@
 """A whole run: its periods gone through fast, those at its end recorded."""
 
+import math
+
 import numpy as np
 
 from gearlib.kernels import orbit
@@ -82,7 +84,9 @@ def skip(m, work, contact, x, v, periods, limit):
         repeat = repeat_of(m, work, n, NEAR)
         if repeat == 0 or periods - n < repeat:
             continue
-        contact, x, v, count, settled = check_settled(m, work, n, contact, x, v, repeat, limit)
+        contact, x, v, count, settled = check_settled(
+            m, work, n, contact, x, v, repeat, limit, NEAR
+        )
         n += repeat
         status = outcome(x, v, count, limit)
         if status != OK:
@@ -149,9 +153,8 @@ def run_at(m, work, x, v, periods, record_periods, samples, events, limit, summa
         if want_events:
             events, found, _ = recorded_arcs.add_events(arcs, count, previous, n, events, found)
         if per_period > 0:
-            recorded_arcs.sample_arcs(
-                m, arcs, count, samples[i * per_period : (i + 1) * per_period]
-            )
+            rows = samples[i * per_period : (i + 1) * per_period]
+            recorded_arcs.sample_arcs(m, 2.0 * math.pi, arcs, count, rows)
         previous = last
     for k in range(orbit.TIME_NORMAL, orbit.SUMMARY_COLUMNS):
         summary[k] *= record_periods / seen

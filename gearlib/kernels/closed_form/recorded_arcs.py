@@ -136,15 +136,15 @@ def in_arc(m, arc, t):
 
 
 @kernel
-def sample_arcs(m, arcs, count, samples):
-    """Fill `samples`, shape (n, 6), with the states at n equal steps of one mesh period.
+def sample_arcs(m, whole, arcs, count, samples):
+    """Fill `samples`, shape (n, 6), with the states at n equal steps of a period of length `whole`.
 
     At an event or a stiffness switch the state just after it is taken.
     """
     n = samples.shape[0]
     i = 0
     for k in range(n):
-        t = 2.0 * math.pi * k / n
+        t = whole * k / n
         while i + 1 < count and arcs[i + 1, START] <= t:
             i += 1
         x, v, acceleration, force = in_arc(m, arcs[i], t)

@@ -87,7 +87,7 @@ def _clear_of(line, x, speed, clear, share):
 
 
 @kernel
-def clear_of_grazing(m, arcs, count, share=NEAR):
+def clear_of_grazing(m, arcs, count, share):
     """Return whether all arcs keep clear of a tangency with a flank line, for D up to `share`.
 
     Looked at are the ends of the arcs and, within them, the points nearest to a line.
@@ -156,7 +156,7 @@ def sum_of_powers(m, matrix):
 
 
 @kernel
-def check_settled(m, work, n, contact, x, v, repeat, limit, share=NEAR):
+def check_settled(m, work, n, contact, x, v, repeat, limit, share):
     """Go through `repeat` periods as `advance`; return (contact, x, v, count, settled).
 
     D may be `share` of the state.

@@ -33,6 +33,8 @@ class Grid(NamedTuple):
     values: np.ndarray
     places: np.ndarray  #: int, of the components that a mesh touches
     touched: np.ndarray
+    chirp: np.ndarray  #: frequencies by tau of harmonics on a course of speed, shape (h,)
+    pace: int  #: the component that is dtau/dtheta there, see `sparse_series`
 
 
 class Work(NamedTuple):
@@ -85,12 +87,15 @@ def grid_of(system):
     gap = ~plain | (apart[:, one] != 0.0)
     block = np.zeros(len(system.first_segment) - 1, np.int64)
     own = near, far, never, closing, plain, gap, spin, block
-    return Grid(length, kind, *own, **sparse_of(system))
+    return Grid(length, kind, *own, **sparse_of(system), chirp=np.empty(0), pace=0)
 
 
-def work_of(n, wide, m, degree=DEGREE):
-    """Return `Work` for n components, filled up to `wide`, m meshes and polynomials."""
-    series = price_of(n) > 0
+def work_of(n, wide, m, degree=DEGREE, wanted=False):
+    """Return `Work` for n components, filled up to `wide`, m meshes and polynomials.
+
+    With what the series takes where modes may cost more, or where it is `wanted`.
+    """
+    series = wanted or price_of(n) > 0
     terms = np.zeros((degree + 1 if series else 0, wide))
     distances = np.zeros((2, m, degree + 2 if series else 0))
     return Work(

@@ -27,14 +27,15 @@ def price_of(n):
     return int(_PRICE * n * n) if n >= _MANY else 0
 
 
-def sparse_of(system):
+def sparse_of(system, wanted=False):
     """Return the fields of a `Grid` that say what is not zero: of `free` by rows, of the meshes.
 
-    It comes first, `count` and `touched` of it; empty where modes cost less than they save.
+    It comes first, `count` and `touched` of it; empty where modes cost less than they save and the
+    series is not `wanted`.
     """
     names = "columns", "count", "places", "touched", "values"
     n = system.free.shape[0]
-    if not price_of(n):
+    if not (price_of(n) or wanted):
         none = np.zeros((0, 0), np.int64), np.zeros(0, np.int64)
         return dict(zip(names, (*none, *none, np.zeros((0, 0))), strict=True))
     moved = (system.near != 0.0) | (system.far != 0.0)
@@ -73,6 +74,26 @@ def _image(system, grid, effects, z, share, out):
 
 
 @uncounted
+def _chirp(grid, k, unit, terms):
+    """Fill term k + 1 of the rates of harmonics whose phase is quadratic in theta.
+
+    Behind the coordinates and their rates come the rate of the phase, and of each harmonic cosine,
+    sine and their rates: c' = -w nu s, so that c'' = -w (nu' s + nu s'), and alike of the sine.
+    """
+    pace = grid.pace
+    nu, change = terms[0, pace], terms[1, pace]
+    for j in range(grid.chirp.shape[0]):
+        i, share = pace + 1 + 4 * j, grid.chirp[j] / (k + 1)
+        for side in range(2):
+            # The sine for the cosine, and the other way round.
+            value, rate = i + 1 - side, i + 3 - side
+            total = change * terms[k, value] + unit * nu * terms[k, rate]
+            if k > 0:
+                total += unit * change * terms[k - 1, rate]
+            terms[k + 1, i + 2 + side] = share * total if side == 1 else -share * total
+
+
+@uncounted
 def expand(system, grid, effects, z, terms):
     """Fill `terms`, shape (degree + 1, n filled up), with the series of z; return its unit.
 
@@ -86,6 +107,8 @@ def expand(system, grid, effects, z, terms):
         size = max(size, abs(z[r]))
     for k in range(last):
         _image(system, grid, effects, terms[k], unit / (k + 1), terms[k + 1])
+        if grid.chirp.shape[0] > 0:
+            _chirp(grid, k, unit, terms)
     for r in range(n):
         rest = max(rest, abs(terms[last, r]))
     # The terms of a linear system bound what follows them; where it rests they are nothing.

@@ -238,10 +238,11 @@ def vary_nonlinear(
                 h, during, contact, sign, x, v = take_step(
                     constants,
                     harmonics,
+                    still,
                     to_bernstein,
                     piece,
                     phase,
-                    stop,
+                    stop - phase,
                     contact,
                     sign,
                     x,

@@ -7,6 +7,7 @@ out or show the only crossing; else it is isolated in Bernstein form (`polynomia
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,12 +23,17 @@ from gearlib.kernels.polynomial import (
     lowest_of_parabola,
 )
 from gearlib.kernels.taylor.series import (
+    BEND,
     D2,
+    DEVIATION,
     LOWER,
     ORDER,
+    PACE,
     PUSH,
     ROWS,
     SCALED,
+    SHARE,
+    SHARE_RATE,
     UPPER,
     C,
     V,
@@ -76,9 +82,9 @@ def first_crossing(series, row, line, side, h, to_bernstein, work):
 
 @inlined
 def take_step(
-    constants, harmonics, to_bernstein, piece, phase, end, contact, sign, x, v, series, work
+    constants, harmonics, ramp, to_bernstein, piece, phase, left, contact, sign, x, v, series, work
 ):
-    """Take one step from `phase`, not beyond `end`; its series stay in `series`.
+    """Take one step from `phase`, no longer than `left`; its series stay in `series`.
 
     Returns (h, during, contact, sign, x, v): the length of the step, negative where rounding hides
     whether it ends at a flank line; the contact code during it; the state at its end, on a flank
@@ -87,15 +93,15 @@ def take_step(
     upper, lower = constants[0, 0, UPPER], constants[0, 0, LOWER]
     if v == 0.0:
         # At rest the acceleration decides where the motion goes, off a flank line too.
-        expand(constants, harmonics, piece, phase, contact, 0.0, x, v, series, 1)
+        expand(constants, harmonics, ramp, piece, phase, contact, 0.0, x, v, series, 1)
         sign = math.copysign(1.0, series[V, 1])
         contact = contact_between(upper, lower, x, sign)
     during = contact
-    expand(constants, harmonics, piece, phase, contact, sign, x, v, series, ORDER)
-    h = step_length(constants, series, end - phase)
+    expand(constants, harmonics, ramp, piece, phase, contact, sign, x, v, series, ORDER)
+    h = step_length(constants, series, left)
     # A step that leaves a remainder below rounding takes it along.
-    if end - phase - h < 1e-13:
-        h = end - phase
+    if left - h < 1e-13:
+        h = left
     best, what = 2.0, _SMOOTH
     if contact != INVERSE:
         side = 1.0 if contact == NORMAL else -1.0
@@ -138,15 +144,21 @@ def add_step(tuning, low, to_bernstein, h, contact, series, work, summary):
     orbit.add_time(contact, h, low, summary)
     if contact != BACKLASH:
         _scale(series, PUSH, 0.0, tuning * tuning, h)
+        if summary.shape[0] > orbit.SUMMARY_COLUMNS:
+            for k in range(ORDER + 1):
+                summary[orbit.SUMMARY_COLUMNS] += h * curve[k] / (k + 1.0)
         orbit.add_curve(curve, to_bernstein, work, summary, orbit.FORCE_MAX, orbit.FORCE_MIN)
 
 
 @kernel
-def add_samples(tuning, phase, h, contact, series, samples, taken):
-    """Fill the samples of one period that lie before phase + h; return how many are filled."""
+def add_samples(tuning, whole, phase, h, contact, series, samples, taken):
+    """Fill the samples of one period, of length `whole`, that lie before phase + h.
+
+    Returns how many are filled.
+    """
     unit = tuning * tuning
     while taken < samples.shape[0]:
-        t = 2.0 * math.pi * taken / samples.shape[0] - phase
+        t = whole * taken / samples.shape[0] - phase
         if t >= h:
             break
         samples[taken, orbit.SAMPLE_X], _ = horner(series[X], t)
@@ -162,23 +174,75 @@ def add_samples(tuning, phase, h, contact, series, samples, taken):
     return taken
 
 
+class Course(NamedTuple):
+    """Where a run goes: k mesh periods, over and over, of p segments in each of which c is smooth.
+
+    Over theta, the phase of a steady run, on which speed and load are linear.
+    """
+
+    begin: np.ndarray  #: theta of its mesh period where a segment begins, shape (p,)
+    end: np.ndarray  #: and where it ends
+    first_segment: np.ndarray  #: int, where the mesh periods begin, shape (k + 1,)
+    block: np.ndarray  #: int, which row of a summary each is in, shape (k,)
+    piece: np.ndarray  #: int, of c(tau), shape (p,)
+    phase: np.ndarray  #: tau where segments begin, shape (p,)
+    speed: np.ndarray  #: dtau/dtheta there, shape (p,)
+    share: np.ndarray  #: of the load there, shape (p,)
+    ramp: np.ndarray  #: what of that of a step never changes, see `series`, shape (5,)
+    deviation: np.ndarray  #: rows (order, cosine, sine), shape (j, 3)
+    steady: bool  #: whether the speed is 1 all along
+
+
+def steady_course(law):
+    """Return the `Course` of a run at constant speed."""
+    size, ends = len(law.low), (law.breaks[:-1].copy(), law.breaks[1:].copy())
+    where = np.array([0, size]), np.zeros(1, np.int64), np.arange(size)
+    none = np.zeros(5), np.empty((0, 3))
+    return Course(*ends, *where, ends[0], np.ones(size), np.ones(size), *none, True)
+
+
+@kernel
+def _with_deviation(harmonics, rows):
+    """Return the table of harmonics with a row more, that of the deviation."""
+    most = max(harmonics.shape[1], rows.shape[0] + 1)
+    found = np.zeros((DEVIATION + 1, most, harmonics.shape[2]))
+    found[:DEVIATION, : harmonics.shape[1]] = harmonics
+    found[DEVIATION, : rows.shape[0], :3] = rows
+    return found
+
+
+@inlined
+def pace_of(course, p, t, ramp):
+    """Fill the ramp of a step, t after the begin of segment p; return its phase."""
+    ramp[PACE] = course.speed[p] + 2.0 * ramp[BEND] * t
+    ramp[SHARE] = course.share[p] + ramp[SHARE_RATE] * t
+    return course.phase[p] + (course.speed[p] + ramp[BEND] * t) * t
+
+
 @kernel
 def run_nonlinear(
-    law, to_bernstein, x, v, periods, record_periods, samples, events, limit, summary
+    law, to_bernstein, course, x, v, periods, record_periods, samples, events, limit, summary
 ):
     """Run the nonlinear mesh as `gearlib.kernels.closed_form.pair_run.run`, with its returns.
 
-    Returns in addition the number of Taylor steps, the deterministic cost of the run.
+    `summary`, shape (b, 9), or (b, 10) with the integral of the force last, has a row for each
+    block of the course. Returns in addition the number of Taylor steps, the deterministic cost of
+    the run.
     """
-    orbit.clear_summary(summary)
+    for row in range(summary.shape[0]):
+        orbit.clear_summary(summary[row])
     constants, harmonics = tables(law)
+    steady, ramp = course.steady, course.ramp.copy()
+    if not steady:
+        harmonics = _with_deviation(harmonics, course.deviation)
     series, work = np.zeros((ROWS, ORDER + 1)), np.empty((50, ORDER + 2))
     # Looked up once: each look counts references.
-    breaks, low, tuning = law.breaks, law.low, law.tuning
-    kept = min(periods, orbit.STROBE_PERIODS)
+    first, pieces, low, tuning = course.first_segment, course.piece, law.low, law.tuning
+    begins, ends = course.begin, course.end
+    kept = min(periods, orbit.STROBE_PERIODS) if steady else 0
     strobes = np.empty((kept + 1, 2))
     per_period = samples.shape[0] // record_periods
-    found, steps = 0, 0
+    found, steps, whole = 0, 0, 2.0 * math.pi
     contact, sign = contact_between(law.upper, law.lower, x, v), math.copysign(1.0, v)
     if not within_range(x, v):
         return x, v, 0, events, 0, OVERFLOW, steps
@@ -187,20 +251,25 @@ def run_nonlinear(
         if row >= 0:
             strobes[row, 0], strobes[row, 1] = x, v
         recorded = n - (periods - record_periods)
-        taken, counted = 0, steps
-        for piece in range(low.shape[0]):
-            phase, end = breaks[piece], breaks[piece + 1]
-            while phase < end:
+        taken, counted, number = 0, steps, n % course.block.shape[0]
+        own = summary[course.block[number]]
+        if not steady:
+            whole = ends[first[number + 1] - 1]
+        for p in range(first[number], first[number + 1]):
+            piece, at, end = pieces[p], begins[p], ends[p]
+            while at < end:
                 if steps - counted >= limit:
                     return x, v, 0, events, 0, EVENT_LIMIT, steps
                 before = contact
+                phase = at if steady else pace_of(course, p, at - begins[p], ramp)
                 h, during, contact, sign, x, v = take_step(
                     constants,
                     harmonics,
+                    ramp,
                     to_bernstein,
                     piece,
                     phase,
-                    end,
+                    end - at,
                     contact,
                     sign,
                     x,
@@ -214,23 +283,21 @@ def run_nonlinear(
                 if not within_range(x, v):
                     return x, v, 0, events, 0, OVERFLOW, steps
                 if recorded >= 0:
-                    add_step(tuning, low[piece], to_bernstein, h, during, series, work, summary)
-                    if orbit.unresolved(summary):
+                    add_step(tuning, low[piece], to_bernstein, h, during, series, work, own)
+                    if orbit.unresolved(own):
                         return x, v, 0, events, 0, UNRESOLVED, steps
                     if per_period > 0:
                         rows = samples[recorded * per_period : (recorded + 1) * per_period]
-                        taken = add_samples(tuning, phase, h, during, series, rows, taken)
+                        taken = add_samples(tuning, whole, at, h, during, series, rows, taken)
                     if during != before:
                         # Leaves a flank line from rest, at the start of the step.
-                        events, found = orbit.note(
-                            events, found, n, phase, before, during, 0.0, summary
-                        )
+                        events, found = orbit.note(events, found, n, at, before, during, 0.0, own)
                     if contact != during:
                         events, found = orbit.note(
-                            events, found, n, phase + h, during, contact, v, summary
+                            events, found, n, at + h, during, contact, v, own
                         )
-                phase += h
+                at += h
     strobes[kept, 0], strobes[kept, 1] = x, v
-    height = summary[orbit.X_MAX] - summary[orbit.X_MIN]
-    period = orbit.orbit_period(strobes, tuning, height)
+    height = summary[0, orbit.X_MAX] - summary[0, orbit.X_MIN]
+    period = orbit.orbit_period(strobes, tuning, height) if steady else 0
     return x, v, period, events, found, OK, steps

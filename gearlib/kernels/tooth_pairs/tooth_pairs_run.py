@@ -23,8 +23,21 @@ from gearlib.kernels.codes import (
 )
 from gearlib.kernels.jit import inlined, kernel
 from gearlib.kernels.overflow import within_range
-from gearlib.kernels.taylor.series import ORDER, PUSH, ROWS, C, V, X, state_at
-from gearlib.kernels.taylor.taylor_run import add_samples, add_step, first_crossing
+from gearlib.kernels.taylor.series import (
+    BEND,
+    ORDER,
+    PACE,
+    PULL,
+    PUSH,
+    ROWS,
+    SHARE,
+    SHARE_RATE,
+    C,
+    V,
+    X,
+    state_at,
+)
+from gearlib.kernels.taylor.taylor_run import add_samples, add_step, first_crossing, pace_of
 from gearlib.kernels.tooth_pairs.tooth_pairs_system import (
     FACTOR,
     FACTOR_SLOPE,
@@ -63,19 +76,27 @@ def touching(overlap, inside, lower, t, x):
 
 
 @inlined
-def _fill(series, target, row, t, terms):
+def _fill(series, target, row, t, ramp, terms):
     """Fill a row of the series with factor times x less offset, up to a number of terms."""
-    level, slope = row[FACTOR] + row[FACTOR_SLOPE] * t, row[FACTOR_SLOPE]
+    level, slope = row[FACTOR] + row[FACTOR_SLOPE] * t, row[FACTOR_SLOPE] * ramp[PACE]
+    rise, bend = row[OFFSET_SLOPE] * ramp[PACE], ramp[BEND]
     series[target, 0] = level * series[X, 0] - row[OFFSET] - row[OFFSET_SLOPE] * t
-    series[target, 1] = level * series[X, 1] + slope * series[X, 0] - row[OFFSET_SLOPE]
+    series[target, 1] = level * series[X, 1] + slope * series[X, 0] - rise
     for k in range(2, terms):
         series[target, k] = level * series[X, k] + slope * series[X, k - 1]
+    if bend != 0.0:
+        series[target, 2] -= row[OFFSET_SLOPE] * bend
+        for k in range(2, terms):
+            series[target, k] += row[FACTOR_SLOPE] * bend * series[X, k - 2]
 
 
 @inlined
-def _expand(row, t, drag, push, unit, x, v, series):
-    """Fill the series of the motion; `push` is what acts beside the mesh force."""
+def _expand(row, t, drag, slip, ramp, unit, x, v, series):
+    """Fill the series of the motion; `slip`: rate of the gap without load by phase."""
     level, slope = (row[FACTOR] + row[FACTOR_SLOPE] * t) * unit, row[FACTOR_SLOPE] * unit
+    slope, bent = slope * ramp[PACE], slope * ramp[BEND]
+    # What acts beside the mesh force.
+    push = unit * ramp[SHARE] + ramp[PULL] + drag * slip * ramp[PACE]
     series[X, 0], series[V, 0] = x, v
     force = level * x - (row[OFFSET] + row[OFFSET_SLOPE] * t) * unit
     for k in range(ORDER):
@@ -85,11 +106,16 @@ def _expand(row, t, drag, push, unit, x, v, series):
         push = 0.0
         force = level * series[X, k + 1] + slope * series[X, k]
         if k == 0:
-            force -= row[OFFSET_SLOPE] * unit
+            push = unit * ramp[SHARE_RATE] + 2.0 * drag * slip * ramp[BEND]
+            force -= row[OFFSET_SLOPE] * unit * ramp[PACE]
+        elif bent != 0.0:
+            force += bent * series[X, k - 1]
+        if k == 1:
+            force -= row[OFFSET_SLOPE] * unit * ramp[BEND]
     series[PUSH, ORDER] = 0.0
     for k in range(ORDER + 1):
         series[C, k] = 0.0
-    series[C, 0], series[C, 1] = level, slope
+    series[C, 0], series[C, 1], series[C, 2] = level, slope, bent
 
 
 @kernel
@@ -112,7 +138,9 @@ def _follow(row, t, drag, unit, h, matrix):
 
 
 @inlined
-def _first_event(overlap, inside, lower, closing, s, line, t, h, x, series, to_bernstein, work):
+def _first_event(
+    overlap, inside, lower, closing, s, line, t, ramp, h, x, series, to_bernstein, work
+):
     """Return (share of a step of length h, number of the pair) of the first touch or parting.
 
     Share 2: none; -1: rounding hides whether there is one. The number after the last pair is the
@@ -126,7 +154,7 @@ def _first_event(overlap, inside, lower, closing, s, line, t, h, x, series, to_b
         if (s == coast and not closing) or not inside & bit:
             continue
         touches = s != coast and s & bit != 0
-        _fill(series, ROWS + i, overlap[s & ~bit if s != coast else 0, i], t, ORDER + 1)
+        _fill(series, ROWS + i, overlap[s & ~bit if s != coast else 0, i], t, ramp, ORDER + 1)
         if line == i:
             series[ROWS + i, 0] = 0.0
         side = 1.0 if touches else -1.0
@@ -154,6 +182,7 @@ def _contact_of(s, coast):
 @kernel
 def run_pairs(
     system,
+    course,
     to_bernstein,
     x,
     v,
@@ -168,17 +197,22 @@ def run_pairs(
 ):
     """Run the mesh; arguments and returns as of `gearlib.kernels.closed_form.pair_run.run`.
 
-    `maps`, shape (periods, 2, 2) or (0, 2, 2), is filled with the growth of small deviations;
-    `first` is the mesh period in which the run begins. Returns in addition the number of steps.
+    `course` and `summary` as of `taylor_run.run_nonlinear`, phases from the begin of the segment of
+    the system on that `piece` tells; `maps`, shape (periods, 2, 2) or (0, 2, 2), is filled with the
+    growth of small deviations of a steady run; `first` is the mesh period in which the run begins.
+    Returns in addition the number of steps.
     """
-    orbit.clear_summary(summary)
-    starts, first_segment, inside = system.starts, system.first_segment, system.inside
+    for row in range(summary.shape[0]):
+        orbit.clear_summary(summary[row])
+    first_segment, pieces, inside = course.first_segment, course.piece, system.inside
+    steady, ramp, whole = course.steady, course.ramp.copy(), 2.0 * math.pi
+    begins, ends, renewed = course.begin, course.end, system.renewed
     force, overlap, slip, damping = system.force, system.overlap, system.slip, system.damping
     lower, longest, tuning = system.lower, system.longest, system.tuning
     closing = system.closing
     k, coast, unit = overlap.shape[2], overlap.shape[1], 1.0 / (tuning * tuning)
     series, work = np.zeros((ROWS + k + 1, ORDER + 1)), np.empty((50, ORDER + 2))
-    kept = min(periods, orbit.strobe_periods(system.repeats))
+    kept = min(periods, orbit.strobe_periods(system.repeats)) if steady else 0
     strobes = np.empty((kept + 1, 2))
     per_period = samples.shape[0] // max(record_periods, 1)
     found, steps, s, line = 0, 0, 0, -1
@@ -191,34 +225,49 @@ def run_pairs(
         if maps.shape[0] > 0:
             maps[n, 0, 0] = maps[n, 1, 1] = 1.0
             maps[n, 0, 1] = maps[n, 1, 0] = 0.0
-        number = (first + n) % system.repeats
-        begin = starts[first_segment[number]]
-        for p in range(first_segment[number], first_segment[number + 1]):
-            start = n == 0 and p == first_segment[number]
+        number = (first + n) % course.block.shape[0]
+        begin, own = begins[first_segment[number]], summary[course.block[number]]
+        if not steady:
+            whole = ends[first_segment[number + 1] - 1]
+        for i in range(first_segment[number], first_segment[number + 1]):
+            start, p = n == 0 and i == first_segment[number], pieces[i]
             flanks, pairs = overlap[p], inside[p]
-            if start or system.renewed[p]:
+            if start or renewed[p]:
                 before = _contact_of(s, coast)
-                s = touching(flanks, pairs, lower, 0.0, x)
+                s = touching(flanks, pairs, lower, course.phase[i], x)
                 line = -1
                 after = _contact_of(s, coast)
                 if after == NORMAL and x < lower:
                     return x, v, 0, events, 0, JAMMED, steps
                 if recorded >= 0 and after != before and not start:
                     events, found = orbit.note(
-                        events, found, n, starts[p] - begin, before, after, v, summary
+                        events, found, n, begins[i] - begin, before, after, v, own
                     )
-            phase, end = starts[p], starts[p + 1]
+            phase, end = begins[i], ends[i]
             while phase < end:
-                t, drag = phase - starts[p], damping[1 if s else 0]
-                push = unit + drag * slip[p]
+                t, drag = phase - begins[i], damping[1 if s else 0]
+                if not steady:
+                    t = pace_of(course, i, t, ramp)
                 during = _contact_of(s, coast)
                 law = force[p, s]
-                _expand(law, t, drag, push, unit, x, v, series)
+                _expand(law, t, drag, slip[p], ramp, unit, x, v, series)
                 h = min(longest, end - phase)
                 if end - phase - h < 1e-13:
                     h = end - phase
                 best, which = _first_event(
-                    flanks, pairs, lower, closing, s, line, t, h, x, series, to_bernstein, work
+                    flanks,
+                    pairs,
+                    lower,
+                    closing,
+                    s,
+                    line,
+                    t,
+                    ramp,
+                    h,
+                    x,
+                    series,
+                    to_bernstein,
+                    work,
                 )
                 if best < 0.0:
                     return x, v, 0, events, 0, UNRESOLVED, steps
@@ -234,12 +283,14 @@ def run_pairs(
                 if recorded >= 0:
                     # "At the lower stiffness": while one pair carries alone.
                     low = s < coast and s & (s - 1) == 0
-                    add_step(tuning, low, to_bernstein, h, during, series, work, summary)
-                    if orbit.unresolved(summary):
+                    add_step(tuning, low, to_bernstein, h, during, series, work, own)
+                    if orbit.unresolved(own):
                         return x, v, 0, events, 0, UNRESOLVED, steps
                     if per_period > 0:
                         rows = samples[recorded * per_period : (recorded + 1) * per_period]
-                        taken = add_samples(tuning, phase - begin, h, during, series, rows, taken)
+                        taken = add_samples(
+                            tuning, whole, phase - begin, h, during, series, rows, taken
+                        )
                 phase += h
                 if best > 1.0:
                     line = -1
@@ -251,7 +302,7 @@ def run_pairs(
                 s = (coast if s == 0 else 0) if which == k else s ^ (1 << which)
                 after = _contact_of(s, coast)
                 if maps.shape[0] > 0:
-                    t = phase - starts[p]
+                    t = phase - begins[i]
                     jump = (_value(force[p, s], t, x) - _value(law, t, x)) * unit
                     jump += (damping[1 if s else 0] - drag) * (v - slip[p])
                     factor, rate = 1.0, v
@@ -264,9 +315,9 @@ def run_pairs(
                         multiply(1.0, 0.0, -jump * factor / rate, 1.0, maps[n])
                 if after != during and recorded >= 0:
                     events, found = orbit.note(
-                        events, found, n, phase - begin, during, after, v, summary
+                        events, found, n, phase - begin, during, after, v, own
                     )
     strobes[kept, 0], strobes[kept, 1] = x, v
-    height = summary[orbit.X_MAX] - summary[orbit.X_MIN]
-    period = orbit.orbit_period(strobes, tuning, height, system.repeats)
+    height = summary[0, orbit.X_MAX] - summary[0, orbit.X_MIN]
+    period = orbit.orbit_period(strobes, tuning, height, system.repeats) if steady else 0
     return x, v, period, events, found, OK, steps

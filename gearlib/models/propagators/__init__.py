@@ -13,6 +13,9 @@ module                responsibility
 ``slope_bases``       bases in which these are few numbers,
 ``tangents``          and what the motion changes by, arc by arc and event by event
 ``courses``           runs while speed and load change
+``course_arcs``       the same of a gear pair, by scalar closed forms
+``course_chirps``     the harmonics of systems there
+``course_steps``      the same by Taylor steps
 ``course_slopes``     derivatives of these runs by parameters
 ``stable_repeats``    the period of a motion, by proof
 ``taylor``            Taylor steps that end at events: any one degree of freedom

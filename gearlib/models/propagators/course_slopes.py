@@ -32,10 +32,6 @@ COURSE = {
 }
 
 
-#: The propagators of models without nonlinear terms, whose pairs of teeth do not part one by one.
-EXACT = ("closed_form", "piecewise_linear", "several_meshes")
-
-
 class Slopes(NamedTuple):
     """Derivatives of a run-up, k of them: r revolutions, s samples, e events, m meshes."""
 

@@ -9,15 +9,18 @@ the constant of the state; a ramp of the load adds a component that grows by 1 i
 """
 
 import math
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from gearlib.kernels import orbit
 from gearlib.kernels.codes import OK
 from gearlib.kernels.several_meshes.periods import EVENT_COLUMNS
 from gearlib.kernels.several_meshes.record import SUMMARY_COLUMNS
 from gearlib.kernels.several_meshes.sparse_series import sparse_of
 from gearlib.models.propagators import piecewise_linear, several_meshes
+from gearlib.models.propagators.course_chirps import chirped
 
 #: Mesh periods whose segments are made at once.
 _STRETCH = 512
@@ -25,6 +28,8 @@ _STRETCH = 512
 _SAME_PHASE = 1e-12
 #: Of a mesh period, as far from ratios of small numbers as there is: the golden section.
 _INSTANT = 0.3819660112501051
+#: A price that no number of steps of the series comes to.
+_NO_MODES = 2**62
 
 
 class Piece(NamedTuple):
@@ -64,6 +69,16 @@ class Stretch(NamedTuple):
     events: np.ndarray
     status: int
 
+    @classmethod
+    def of_one(cls, piece, cut, length, record, code):
+        """Return that of one mesh: samples, events and summary as of `orbit`."""
+        (table, events, summary), bounds = record, cut.bounds(piece, length)
+        rows = np.insert(events[:, [1, 2, 3, 4, 0, 1]], 1, 0.0, axis=1)
+        rows[:, 0] += bounds[events[:, 0].astype(int)]
+        states = table[:, [orbit.SAMPLE_X, orbit.SAMPLE_V]]
+        own = table[:, None], states, cut.block, summary[:, None], rows
+        return cls(piece, cut.offset + cut.phase[cut.first], bounds, *own, code)
+
 
 def pieces_of(speeds, loads):
     """Return the pieces of a course.
@@ -97,37 +112,12 @@ def _line(rows, start):
     return value + slope * (start - t), slope
 
 
-class _Course:
-    """The part of a propagator whose systems are those of stretches of a course."""
-
-    system: Any
-    grid: Any
-
-    def ahead(self, first, done, spans):
-        """As of `several_meshes.Propagator`: all segments are there."""
-        return self.system, self.grid, spans[0]
-
-
-class _Train(_Course, several_meshes.Propagator):
-    """A train on its way."""
-
-
-class _Pair(_Course, piecewise_linear.Propagator):
-    """A model with one mesh on its way."""
-
-
-def propagator_of(model):
-    """Return the propagator, by theta, of a piecewise-linear model on its way."""
-    return (_Train if model.mesh_names else _Pair)(model, 1.0)
-
-
 def run_through(runner, pieces, state, samples, limit, inertia, teeth):
     """Yield a `Stretch` after the other of a run through pieces, up to one that fails.
 
     Parameters
     ----------
     runner : propagator_of
-        Of a model without harmonics.
     pieces : list of Piece
     state : ndarray, shape (2 N,)
         At the start, rates by theta; changed in place.
@@ -140,17 +130,252 @@ def run_through(runner, pieces, state, samples, limit, inertia, teeth):
     teeth : float
         Mesh periods of a block, of which there is one summary.
     """
-    base, grid = runner.system, runner.grid
     for piece in pieces:
-        system = _loaded(base, piece, inertia)
-        # Tables of another number of components are of no use.
-        runner.spare, runner.large = [], []
-        for cut in _cuts(runner.model, base, piece):
-            _set(runner, piece, system, grid, cut, teeth)
-            done = _through(runner, piece, state, cut, samples, limit, teeth)
+        runner.enter(piece, inertia)
+        for cut in _cuts(runner, piece, teeth):
+            done = runner.through(piece, state, cut, samples, limit)
             yield done
             if done.status != OK:
                 return
+
+
+class Cut(NamedTuple):
+    """Intervals of a piece: its mesh periods, the first and the last cut at its ends."""
+
+    phase: np.ndarray  #: tau from `offset` on that bounds segments, shape (p + 1,)
+    offset: float
+    first: np.ndarray  #: where intervals begin, shape (k + 1,)
+    which: np.ndarray  #: segments of `source`, shape (p,)
+    source: Any  #: the system that has their stiffness
+    turn: np.ndarray  #: int, how often `source` was gone through before each, shape (p,)
+    block: np.ndarray  #: int, numbers of the blocks of the intervals, shape (k,)
+    begins: bool  #: whether it begins with its piece
+    ends: bool
+
+    def speeds(self, piece):
+        """Return nu at the bounds of the segments, shape (p + 1,)."""
+        found = piece.speed_at(self.offset + self.phase)
+        # Next to rest the root of a difference has half of its digits.
+        if self.begins:
+            found[0] = piece.speed
+        if self.ends:
+            found[-1] = max(piece.speed + piece.acceleration * piece.length, 0.0)
+        return found
+
+    def lengths(self, piece):
+        """Return theta of the segments, shape (p,)."""
+        speed = self.speeds(piece)
+        total = speed[:-1] + speed[1:]
+        if total.any():
+            return 2.0 * np.diff(self.phase) / total
+        return np.array([piece.length])
+
+    def within(self, length):
+        """Return theta of their intervals where segments begin and end: rounding must not grow."""
+        place = np.arange(length.size) - np.repeat(self.first[:-1], np.diff(self.first))
+        end = length.copy()
+        for k in range(1, place.max() + 1):
+            later = np.flatnonzero(place == k)
+            end[later] += end[later - 1]
+        return np.where(place > 0, np.roll(end, 1), 0.0), end
+
+    def bounds(self, piece, length):
+        """Return theta that bounds the intervals, shape (k + 1,)."""
+        start = piece.start
+        if not self.begins:
+            phase = self.offset + self.phase[0]
+            start += 2.0 * (phase - piece.phase) / (piece.speed + float(piece.speed_at(phase)))
+        return start + np.concatenate([[0.0], np.cumsum(length)])[self.first]
+
+
+def _cuts(runner, piece, teeth):
+    """Yield the intervals of a piece, so many at a time as a `Cut`."""
+    base, long = runner.laws, runner.long
+    end = piece.phase + piece.length * (piece.speed + 0.5 * piece.acceleration * piece.length)
+    tau, repeats = 2.0 * math.pi, len(base.first_segment) - 1
+    close = _SAME_PHASE * max(end, 1.0)
+    count = _STRETCH if long else max(_STRETCH // repeats, 1) * repeats
+    first, new = int((piece.phase + close) / tau) // count * count, True
+    while True:
+        source = runner.model.system(1.0, first, count) if long else base
+        times, size = 1 if long else count // repeats, source.starts.size - 1
+        which, turn = np.tile(np.arange(size), times), np.arange(times)
+        cuts = np.append(
+            (turn[:, None] * source.starts[-1] + source.starts[:-1]).ravel(), tau * count
+        )
+        marks = (turn[:, None] * size + source.first_segment[:-1]).ravel()
+        begin, stop = piece.phase - tau * first, end - tau * first
+        i = max(int(np.searchsorted(cuts, begin + close, side="right")) - 1, 0)
+        j = min(int(np.searchsorted(cuts, stop - close)), which.size)
+        j = max(j, i + 1)
+        phase = cuts[i : j + 1].copy()
+        phase[0], phase[-1] = max(phase[0], begin), max(min(phase[-1], stop), begin)
+        marks = np.array([0, *(marks[(marks > i) & (marks < j)] - i), j - i])
+        middle = (phase[marks[:-1]] + phase[marks[1:]]) / 2.0 + tau * first
+        # All of a mesh period belongs to one block, that of an instant in it at which no ratio of
+        # teeth lets a block begin, where rounding would decide.
+        block = ((np.floor(middle / tau) + _INSTANT) / teeth).astype(int)
+        turns = np.arange(i, j) // size
+        last = tau * (first + count) >= end - close
+        where = marks, which[i:j], source, turns, block
+        yield Cut(phase, tau * first, *where, new, last)
+        first, new = first + count, False
+        if last:
+            return
+
+
+class _Course:
+    """The part of a propagator whose systems are those of stretches of a course."""
+
+    system: Any
+    grid: Any
+    model: Any
+    long: Any
+    words: Any = "closed forms"
+    raw: Any
+    go: Any
+    fill_meshes: Any
+
+    @property
+    def meshes(self):
+        """How many meshes the model has."""
+        return len(self.laws.near)
+
+    def ahead(self, first, done, spans):
+        """As of `several_meshes.Propagator`: all segments are there."""
+        return self.system, self.grid, spans[0]
+
+    def enter(self, piece, inertia):
+        """Take the loads of a piece."""
+        self.loaded = _loaded(self.bare, piece, inertia)
+        if self.laws.harmonics.size:
+            self.loaded.free[self.model.size, -1] = piece.acceleration
+        # Tables of another number of components are of no use.
+        self.spare, self.large = [], []
+
+    @cached_property
+    def laws(self):
+        """The system that a course begins with."""
+        return self.system
+
+    @cached_property
+    def bare(self):
+        """The same with what its harmonics are on a course of speed, if it has any."""
+        if not self.laws.harmonics.size:
+            return self.laws
+        first = (0, self.laws.first_segment.size - 1) if self.long else ()
+        return chirped(self.laws, self.model.system(2.0, *first), self.model.size)
+
+    def taken(self):
+        """Return tables for one run; of harmonics on a course there are no modes."""
+        tables = super().taken()  # type: ignore[misc]
+        if self.laws.harmonics.size:
+            tables.price[0] = _NO_MODES
+        return tables
+
+    def _between(self, piece, cut, theta):
+        """Return the components between the rates and the constant at the begin of a `Cut`."""
+        found, phase = (
+            [],
+            cut.phase[0] + math.tau * (round(cut.offset / math.tau) % self.model.repeats),
+        )
+        if self.laws.harmonics.size:
+            nu = float(cut.speeds(piece)[0])
+            found.append(nu)
+            for w in self.laws.harmonics:
+                c, s = math.cos(w * phase), math.sin(w * phase)
+                found += [c, s, -w * nu * s, w * nu * c]
+        if piece.slope:
+            found.append(piece.slope * (theta - piece.start))
+        return found
+
+    def _set(self, piece, cut):
+        """Take the segments of a `Cut`; return theta of them."""
+        length, system = cut.lengths(piece), self.loaded
+        starts, tables = np.concatenate([[0.0], np.cumsum(length)]), ("effect", "stiffness", "low")
+        self.system = system._replace(
+            starts=starts,
+            first_segment=cut.first,
+            repeats=len(cut.first) - 1,
+            **{
+                name: np.ascontiguousarray(getattr(cut.source, name)[:, cut.which])
+                for name in tables
+            },
+        )
+        self.grid = self.grid._replace(
+            length=length,
+            kind=np.full(length.size, -1),
+            rate=system.near @ system.free,
+            far_rate=system.far @ system.free,
+            block=cut.block - cut.block[0],
+            chirp=self.laws.harmonics,
+            pace=self.model.size,
+            **sparse_of(system, self.laws.harmonics.size > 0),
+        )
+        self.components = len(system.free)
+        return length
+
+    def _add_chirps(self, raw, piece, columns):
+        """Add to accelerations what the harmonics bring, whose rates no matrix has."""
+        pace, rate = self.model.size, self.grid.rate
+        for j, w in enumerate(self.laws.harmonics):
+            i = pace + 1 + 4 * j
+            c, s, c_rate, s_rate = raw[:, i : i + 4].T
+            twice = -w * (piece.acceleration * s + raw[:, pace] * s_rate)
+            columns[..., orbit.SAMPLE_A] += twice[:, None] * rate[:, i + 2]
+            twice = w * (piece.acceleration * c + raw[:, pace] * c_rate)
+            columns[..., orbit.SAMPLE_A] += twice[:, None] * rate[:, i + 3]
+
+    def through(self, piece, state, cut, samples, limit):
+        """Run through the intervals of a `Cut` from a state, changed in place; a `Stretch`."""
+        bounds, count = cut.bounds(piece, self._set(piece, cut)), len(cut.block)
+        system, half = self.system, state.size // 2
+        m = len(system.near)
+        raw = self.raw(count * samples)
+        summary = np.empty(((self.grid.block[-1] + 1) * m, SUMMARY_COLUMNS))
+        events, spans = np.empty((4 * count * m, EVENT_COLUMNS)), (count, count)
+        whole = np.append(state, self._between(piece, cut, bounds[0]))
+        self.scale = np.ones(whole.size)
+        _, events, found, code, _ = self.go(whole, raw, events, limit, summary, spans)
+        state[:] = whole[: state.size]
+        events, columns = events[: found if code == OK else 0], np.zeros((len(raw), m, 6))
+        if code == OK:
+            self.fill_meshes(raw, columns, system)
+            self._add_chirps(raw, piece, columns)
+        rows = events[:, [1, -1, 2, 3, 4, 0, 1]]
+        rows[:, 0] += bounds[events[:, 0].astype(int)]
+        record = (
+            columns,
+            raw[:, : 2 * half],
+            cut.block,
+            summary.reshape(-1, m, SUMMARY_COLUMNS),
+            rows,
+        )
+        return Stretch(piece, cut.offset + cut.phase[cut.first], bounds, *record, code)
+
+
+class _Train(_Course, several_meshes.Propagator):
+    """A train on its way."""
+
+
+class CoursePair(_Course, piecewise_linear.Propagator):
+    """A model with one mesh on its way."""
+
+
+def propagator_of(model):
+    """Return the propagator, by theta, of a model on its way."""
+    from gearlib.models.propagators.course_arcs import PairArcs
+    from gearlib.models.propagators.course_steps import PairSteps, Steps
+
+    if "closed_form" in model.propagators.values():
+        return PairArcs(model, 1.0)
+    if "tooth_pairs" in model.propagators.values():
+        return PairSteps(model)
+    if model.equation is not None and not model.equation.is_closed():
+        return Steps(model)
+    runner = (_Train if model.mesh_names else CoursePair)(model, 1.0)
+    runner.words = "Taylor steps" if runner.system.harmonics.size else "closed forms"
+    return runner
 
 
 def _loaded(base, piece, inertia):
@@ -167,120 +392,6 @@ def _loaded(base, piece, inertia):
         return np.insert(array, one, 0.0, axis=-1)
 
     free = np.insert(wider(free), one, 0.0, axis=0)
-    free[one, one + 1], free[rows, one] = 1.0, load * piece.slope
+    free[one, one + 1], free[rows, one] = piece.slope, load
     lines = "near", "far", "push", "grip"
     return base._replace(free=free, **{name: wider(getattr(base, name)) for name in lines})
-
-
-class _Cut(NamedTuple):
-    """Intervals of a piece: its mesh periods, the first and the last cut at its ends."""
-
-    phase: np.ndarray  #: tau from `offset` on that bounds segments, shape (p + 1,)
-    offset: float
-    first: np.ndarray  #: where intervals begin, shape (k + 1,)
-    which: np.ndarray  #: segments of `source`, shape (p,)
-    source: Any  #: the system that has their stiffness
-
-
-def _cuts(model, base, piece):
-    """Yield the intervals of a piece, so many at a time as a `_Cut`."""
-    end = piece.phase + piece.length * (piece.speed + 0.5 * piece.acceleration * piece.length)
-    tau, repeats = 2.0 * math.pi, len(base.first_segment) - 1
-    close = _SAME_PHASE * max(end, 1.0)
-    long = repeats > _STRETCH
-    count = _STRETCH if long else _STRETCH // repeats * repeats
-    first = int((piece.phase + close) / tau) // count * count
-    while True:
-        source = model.system(1.0, first, count) if long else base
-        times, size = 1 if long else count // repeats, source.starts.size - 1
-        which, turn = np.tile(np.arange(size), times), np.arange(times)
-        cuts = np.append(
-            (turn[:, None] * source.starts[-1] + source.starts[:-1]).ravel(), tau * count
-        )
-        marks = (turn[:, None] * size + source.first_segment[:-1]).ravel()
-        begin, stop = piece.phase - tau * first, end - tau * first
-        i = max(int(np.searchsorted(cuts, begin + close, side="right")) - 1, 0)
-        j = min(int(np.searchsorted(cuts, stop - close)), which.size)
-        j = max(j, i + 1)
-        phase = cuts[i : j + 1].copy()
-        phase[0], phase[-1] = max(phase[0], begin), max(min(phase[-1], stop), begin)
-        inner = marks[(marks > i) & (marks < j)] - i
-        yield _Cut(phase, tau * first, np.array([0, *inner, j - i]), which[i:j], source)
-        first += count
-        if tau * first >= end - close:
-            return
-
-
-def _set(runner, piece, system, grid, cut, teeth):
-    """Give a runner the segments of a `_Cut`."""
-    speed = piece.speed_at(cut.offset + cut.phase)
-    total = speed[:-1] + speed[1:]
-    if total.any():
-        length = 2.0 * np.diff(cut.phase) / total
-    else:
-        length = np.array([piece.length])
-    starts, tables = np.concatenate([[0.0], np.cumsum(length)]), ("effect", "stiffness", "low")
-    runner.system = system._replace(
-        starts=starts,
-        first_segment=cut.first,
-        repeats=len(cut.first) - 1,
-        **{name: np.ascontiguousarray(getattr(cut.source, name)[:, cut.which]) for name in tables},
-    )
-    runner.grid = grid._replace(
-        length=length,
-        kind=np.full(length.size, -1),
-        rate=system.near @ system.free,
-        far_rate=system.far @ system.free,
-        block=_blocks(cut, teeth) - _blocks(cut, teeth)[0],
-        **sparse_of(system),
-    )
-    runner.components = len(system.free)
-
-
-def _through(runner, piece, state, cut, samples, limit, teeth):
-    """Run through the intervals of a `_Cut`; return the `Stretch`."""
-    system, count = runner.system, len(cut.first) - 1
-    m, half = len(system.near), state.size // 2
-    raw, summary = (
-        runner.raw(count * samples),
-        np.empty(((runner.grid.block[-1] + 1) * m, SUMMARY_COLUMNS)),
-    )
-    events, spans = np.empty((4 * count * m, EVENT_COLUMNS)), (count, count)
-    bounds = system.starts[cut.first] + _theta(piece, cut.offset + cut.phase[0])
-    # The components between the rates and the constant, at their values.
-    whole = np.append(state, bounds[0] - piece.start if piece.slope else ())
-    runner.scale = np.ones(whole.size)
-    _, events, found, code, _ = runner.go(whole, raw, events, limit, summary, spans)
-    state[:] = whole[: state.size]
-    events, columns = events[: found if code == OK else 0], np.zeros((len(raw), m, 6))
-    if code == OK:
-        runner.fill_meshes(raw, columns, system)
-    rows_of = events[:, [1, -1, 2, 3, 4, 0, 1]]
-    rows_of[:, 0] += bounds[events[:, 0].astype(int)]
-    return Stretch(
-        piece,
-        cut.offset + cut.phase[cut.first],
-        bounds,
-        columns,
-        raw[:, : 2 * half],
-        _blocks(cut, teeth),
-        summary.reshape(-1, m, SUMMARY_COLUMNS),
-        rows_of,
-        code,
-    )
-
-
-def _blocks(cut, teeth):
-    """Return the numbers of the blocks of the intervals of a `_Cut`."""
-    middle = (cut.phase[cut.first[:-1]] + cut.phase[cut.first[1:]]) / 2.0 + cut.offset
-    # All of a mesh period belongs to one of them, that of an instant in it at which no ratio of
-    # teeth lets a block begin, where rounding would decide.
-    return ((np.floor(middle / (2.0 * math.pi)) + _INSTANT) / teeth).astype(int)
-
-
-def _theta(piece, phase):
-    """Return theta at a phase of a piece."""
-    passed = phase - piece.phase
-    if passed <= 0.0:
-        return piece.start
-    return piece.start + 2.0 * passed / (piece.speed + float(piece.speed_at(phase)))

@@ -121,7 +121,7 @@ class Propagator(Matrices):
         maps = np.empty((0, size, size)) if maps is None else maps
         tables = self.taken()
         _, _, m, n, points = tables.curves.shape
-        w = work_of(n, tables.out.shape[2], m, points - 1)
+        w = work_of(n, tables.out.shape[2], m, points - 1, grid.chirp.size > 0)
         w.z[:size] = z * self.scale
         orbit.clear_summary(summary[0])
         summary[1:] = summary[0]

@@ -7,14 +7,14 @@ from gearlib.kernels.polynomial import bernstein_matrix
 from gearlib.kernels.taylor.series import COLUMNS, LINE, ORDER, Law, damping_of, tables
 from gearlib.kernels.taylor.taylor_maps import vary_nonlinear
 from gearlib.kernels.taylor.taylor_record import new_record
-from gearlib.kernels.taylor.taylor_run import run_nonlinear
+from gearlib.kernels.taylor.taylor_run import run_nonlinear, steady_course
 from gearlib.kernels.taylor.taylor_tangents import Slopes
 from gearlib.models.derivatives import START, STEP
 from gearlib.models.propagators.base import Base
 
 #: Truncation error of a step, static deflections: that of rounding.
 TOLERANCE = 1e-16
-_TO_BERNSTEIN = bernstein_matrix(ORDER)
+TO_BERNSTEIN = bernstein_matrix(ORDER)
 
 
 def _no_record(k):
@@ -36,7 +36,9 @@ class Propagator(Base):
 
     def run(self, z, *arguments, first=0):
         """Run from z; see `Base.run`."""
-        done = run_nonlinear(self.law, _TO_BERNSTEIN, *z, *arguments)
+        *rest, summary = arguments
+        course = steady_course(self.law)
+        done = run_nonlinear(self.law, TO_BERNSTEIN, course, *z, *rest, summary[None])
         *z[:], period, events, found, code, steps = done
         # Each coefficient of the series takes what an evaluation of the right-hand side takes.
         return *z, period, events, found, code, steps * ORDER
@@ -78,7 +80,7 @@ class Propagator(Base):
         whole = maps is None
         return vary_nonlinear(
             self.law,
-            _TO_BERNSTEIN,
+            TO_BERNSTEIN,
             *z,
             periods,
             limit,

@@ -1,0 +1,257 @@
+"""`fit`: parameters of a model from measured sets, by least squares with exact derivatives.
+
+Motions are followed, not pixels: run-ups are compared block by block where they are near one orbit,
+jumps by the speed at which they happen. Sensor gain, offset and slow waves are eliminated. What the
+data cannot tell is said in words and never given a number with an interval.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.stats import chi2, qmc
+from scipy.stats import t as student
+
+from gearlib import checks
+from gearlib.models.model import is_model
+from gearlib.rig.fit_report import Fit, Parameter
+from gearlib.rig.run_up_observations import RunUpOrders
+from gearlib.rig.speed_observations import Speeds
+
+#: A derivative below this share of the largest, over the ranges of the parameters, is none.
+_NOTHING = 1e-9
+#: Residuals over their deviations beyond which a start is hopeless.
+_HOPELESS = 1e30
+#: Starts that are improved, of those that are tried.
+_IMPROVED = 2
+#: A profile that rises by less than this, of -2 ln of the likelihood, tells nothing: 95 %.
+LEVEL = float(chi2.ppf(0.95, 1))
+
+
+class Problem(NamedTuple):
+    """Residuals of all observations over the free parameters, these over their ranges."""
+
+    model: Any
+    names: tuple
+    low: np.ndarray
+    high: np.ndarray
+    observations: list
+    differences: bool  #: derivatives by differences, for comparison
+
+    def at(self, share):
+        """Return the model with free parameters at shares of their ranges."""
+        values = self.low + np.asarray(share) * (self.high - self.low)
+        changes = dict(zip(self.names, map(float, values), strict=True))
+        return self.model.replace(**changes)
+
+    def residuals(self, share, exact=True):
+        """Return (residuals, derivatives by shares)."""
+        names = self.names if exact and not self.differences else ()
+        model, parts = self.at(share), []
+        for one in self.observations:
+            found = one.residuals(model, names)
+            if found is None:
+                return None
+            parts.append(found)
+        rest = np.concatenate([one[0] for one in parts])
+        moved = np.vstack([one[1] for one in parts]) * (self.high - self.low if names else 1.0)
+        return rest, moved
+
+
+def fit(model, data, free, *, starts=12, seed=0, derivatives="exact"):
+    """Fit parameters of a model to measured sets.
+
+    Parameters
+    ----------
+    model : GearPair
+        What is known of the rig; free parameters are replaced.
+    data : xarray.Dataset or list of xarray.Dataset
+        As of `gearlib.read_measured`. A time course of ``displacement`` with ``known.course``, rows
+        of s and rpm, is a run-up; scalars jump_up, jump_down are speeds of slow sweeps.
+    free : mapping
+        Name of a parameter -> (lowest, highest), SI units.
+    starts : int, default 12
+        Points of a Latin hypercube that are tried beside the model itself; the best are improved.
+    seed : int
+    derivatives : {"exact", "differences"}
+        The second is there to be compared with.
+
+    Returns
+    -------
+    Fit
+        Parameters with value, stderr, interval of 95 %; correlations, redchi, aicc, bic, the costs
+        of all starts, and `unknown`: what the data cannot tell, in words. `str` is a report.
+
+    Raises
+    ------
+    ValueError
+        Naming the argument, its value and the allowed range.
+    """
+    if not is_model(model):
+        raise ValueError(f"model = {model!r} is not allowed: it must be one such as GearPair")
+    checks.one_of("derivatives", derivatives, ("exact", "differences"))
+    starts = checks.integer("starts", starts, 0, 10_000)
+    seed = checks.integer("seed", seed, 0)
+    names, low, high = _ranges(model, free)
+    sets = list(data) if isinstance(data, (list, tuple)) else [data]
+    observations = [one for each in sets for one in observations_of(model, each)]
+    problem = Problem(model, names, low, high, observations, derivatives == "differences")
+    first = (np.array([getattr(model, name) for name in names]) - low) / (high - low)
+    tried = [first, *qmc.LatinHypercube(len(names), rng=seed).random(starts)]
+    costs = [_cost(problem, share) for share in tried]
+    best = np.argsort(costs)[: _IMPROVED if starts else 1]
+    if not min(costs) < _HOPELESS:
+        raise ValueError("free is not allowed: no start within its ranges could be run to the end")
+    found = [_improved(problem, tried[i]) for i in best]
+    waterfall = sorted([2.0 * one.cost for one in found])
+    return _judged(problem, min(found, key=lambda one: one.cost), waterfall, costs)
+
+
+def observations_of(model, data):
+    """Return what of a measured set can be compared."""
+    if not hasattr(data, "data_vars"):
+        raise checks.refusal("data", data, "datasets with a displacement over time or jump speeds")
+    found = []
+    if "displacement" in data and "time" in getattr(data, "coords", ()):
+        found.append(RunUpOrders(model, data))
+    speeds = {name: data[name] for name in ("jump_up", "jump_down") if name in data}
+    if speeds:
+        found.append(Speeds(speeds))
+    if not found:
+        raise ValueError(
+            f"data = {list(data.variables)!r} is not allowed: it must have a displacement over "
+            "time, jump_up or jump_down"
+        )
+    return found
+
+
+def _ranges(model, free):
+    if not hasattr(free, "items") or not free:
+        raise checks.refusal("free", free, "a mapping of parameters to (lowest, highest)")
+    known = [name for name in model.derivatives if hasattr(model, name) and name != "tuning"]
+    rows = []
+    for name, ends in free.items():
+        checks.one_of("free", name, tuple(known))
+        a, b = checks.numbers(f"free[{name!r}]", ends, 2)
+        value = getattr(model, name)
+        checks.require(
+            a < b and math.isfinite(a) and math.isfinite(b), f"free[{name!r}]", ends, "rising"
+        )
+        checks.require(
+            a <= value <= b,
+            f"free[{name!r}]",
+            ends,
+            f"a range that holds {name} = {value:g} of the model",
+        )
+        for end in (a, b):
+            model.replace(**{name: end})
+        rows.append((name, a, b))
+    names, low, high = zip(*rows, strict=True)
+    return names, np.array(low), np.array(high)
+
+
+def _cost(problem, share):
+    found = problem.residuals(share, exact=False)
+    return _HOPELESS if found is None else float(found[0] @ found[0])
+
+
+def _improved(problem, start):
+    last: dict = {}
+
+    def both(share):
+        key = share.tobytes()
+        if key not in last:
+            last.clear()
+            found = problem.residuals(share)
+            if found is None:
+                size = problem.residuals(start)
+                found = np.full(size[0].size, 1e6), np.zeros_like(size[1])
+            last[key] = found
+        return last[key]
+
+    jacobian = "2-point" if problem.differences else lambda share: both(share)[1]
+    return least_squares(
+        lambda share: both(share)[0],
+        np.clip(start, 1e-6, 1.0 - 1e-6),
+        jac=jacobian,
+        bounds=(0.0, 1.0),
+        x_scale=0.1,
+        ftol=1e-10,
+        xtol=1e-10,
+        gtol=1e-12,
+        max_nfev=60,
+    )
+
+
+def _judged(problem, best, waterfall, costs):
+    """Return the `Fit` of the best point."""
+    rest, moved = best.fun, np.atleast_2d(best.jac)
+    size = np.sqrt((moved**2).sum(axis=0))
+    felt = size > _NOTHING * max(size.max(), 1.0)
+    count = max(rest.size - int(felt.sum()), 1)
+    redchi = float(rest @ rest) / count
+    scale = redchi if not all(one.noise for one in problem.observations) else 1.0
+    width, values = problem.high - problem.low, problem.at(best.x)
+    covariance = np.full((len(width),) * 2, np.nan)
+    if felt.any():
+        own = moved[:, felt]
+        covariance[np.ix_(felt, felt)] = scale * np.linalg.pinv(own.T @ own)
+    factor = float(student.ppf(0.975, count))
+    unknown, parameters = [], []
+    for i, name in enumerate(problem.names):
+        value = float(getattr(values, name))
+        error = float(np.sqrt(covariance[i, i])) * width[i]
+        said = ""
+        if not felt[i]:
+            said = _why(problem, values, name, problem.low[i], problem.high[i])
+        elif error * factor > 0.5 * width[i]:
+            said = (
+                f"{name} is hardly known: its interval of 95 % is as wide as its range, "
+                f"{problem.low[i]:g} to {problem.high[i]:g}"
+            )
+        if said:
+            unknown.append(said)
+        parameters.append(
+            Parameter(
+                name,
+                value,
+                error,
+                factor * error,
+                problem.low[i],
+                problem.high[i],
+                float(getattr(problem.model, name)),
+                felt[i],
+            )
+        )
+    k, n = int(felt.sum()) + 1, rest.size
+    likelihood = n * math.log(max(float(rest @ rest) / n, 1e-300))
+    deviation = np.sqrt(np.diag(covariance))
+    return Fit(
+        values,
+        {one.name: one for one in parameters},
+        covariance / np.outer(deviation, deviation),
+        redchi,
+        likelihood + 2.0 * k + 2.0 * k * (k + 1) / max(n - k - 1, 1),
+        likelihood + k * math.log(n),
+        n,
+        int(best.nfev),
+        np.array(waterfall),
+        np.array(costs),
+        tuple(unknown),
+        problem,
+        best.x,
+    )
+
+
+def _why(problem, model, name, low, high):
+    """Return why nothing in the data hangs on a parameter."""
+    if name != "backlash":
+        return f"{name} is not identifiable: nothing in the data hangs on it"
+    deepest = max((one.deepest(model) for one in problem.observations), default=0.0)
+    bound = max(low, deepest)
+    how = "the far flank is never struck" if deepest > 0.0 else "contact is never lost"
+    return (
+        f"backlash is not identifiable: {how}; it is at least {bound:.4g} m, the largest way into "
+        "the backlash, and nothing tells how much more"
+    )
