@@ -106,7 +106,7 @@ def test_random_ramps_agree_with_forty_digits(seed):
         exact = np.array(found[name], float) * share
         exact = np.exp(-1j * np.outer(own.order / pair.teeth, taus)) @ exact
         peak = own.amplitude * np.exp(1j * own.phase) / np.where(own.order > 0, 2.0, 1.0)
-        assert np.abs(peak.values - exact).max() < 1e-12 * np.abs(exact).max(), name
+        assert np.abs(peak.values - exact).max() < 1e-13 * np.abs(exact).max(), name
 
 
 @pytest.mark.parametrize("tuning", [0.6, 0.9])
