@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from gearlib import checks
-from gearlib.analysis import sampled_signals
+from gearlib.analysis import order_slopes, sampled_signals
 from gearlib.data.result import result_of_many
 from gearlib.kernels.closed_form import course_orders
 from gearlib.kernels.closed_form.mesh_constants import mesh
@@ -85,7 +85,9 @@ def order_map(
         revolution of the gear whose teeth count): amplitude, phase (rad, of a cosine of order times
         the shaft angle from the start of the run), of trains over ``mesh`` too;
         amplitude_error, an estimate; over ``time``: rpm, the mean speed, and overall, the root mean
-        square of all without the mean. Scalars order_resolution and teeth.
+        square of all without the mean. Scalars order_resolution and teeth. Of a run with
+        `sensitivities` also d_amplitude_d_<parameter> and d_phase_d_<parameter>; where samples are
+        summed, not by "speed".
 
     Raises
     ------
@@ -138,6 +140,13 @@ def order_map(
     else:
         found, squares = _exact(pair, run, course, variable, blocks, span, step, count)
         error = _ROUNDING * np.sqrt(squares)[:, None] * np.ones(found.shape)
+    names = order_slopes.names_of(run, variable)
+    if pair is None:
+        names = tuple(name for name in names if name != "speed")
+        slopes = [_sampled(run, f"d_{variable}_d_{name}", 1, *args)[0] for name in names]
+    elif names:
+        shape = blocks, count, step
+        slopes = order_slopes.exact(pair, run, names, _VARIABLES[variable], span, shape)
     order, size = np.arange(count) / revolutions, np.abs(found)
     above = (order > 0.0).reshape(1, -1, *[1] * (size.ndim - 2))
     mean = size**2 if amplitude == "power" else size
@@ -166,6 +175,8 @@ def order_map(
         "order_resolution": ((), 1.0 / revolutions, {"units": "1", "long_name": "order spacing"}),
         "teeth": ((), teeth, {"units": "1", "long_name": "mesh periods in a revolution"}),
     }
+    if names:
+        data |= order_slopes.variables(run, variable, names, found, slopes, amplitude)
     coords = {
         "time": ("time", times + begins, {"units": "s", "long_name": "middle of the block"}),
         "order": ("order", order, {"units": "1", "long_name": "order, waves per revolution"}),
@@ -275,24 +286,11 @@ def _sampled(run, variable, every, blocks, span, step, count):
     return found, squares
 
 
-def _rules():
-    """Return nodes and weights on (0, 1), shape (MOST_NODES + 1, 2, MOST_NODES)."""
-    most = course_orders.MOST_NODES
-    table = np.zeros((most + 1, 2, most))
-    for n in range(1, most + 1):
-        nodes, weights = np.polynomial.legendre.leggauss(n)
-        table[n, :, :n] = 0.5 * (nodes + 1.0), 0.5 * weights
-    return table
-
-
 def _exact(pair, run, course, variable, blocks, span, step, count):
     """Return (coefficients, mean squares), in SI."""
     (speeds, loads, _), asked = course, json.loads(run.attrs["parameters"])
     omega, length = float(pair.mesh_frequency(1.0)), pair.static_deflection
-    unit, constants = np.array([omega, 1.0]), mesh(ratios(pair), 1.0)
-    tunings = speeds * unit
-    tunings[:, 1] = [pair.tuning_at(rpm) if rpm else 0.0 for rpm in speeds[:, 1]]
-    push = 0.0
+    constants, push = mesh(ratios(pair), 1.0), 0.0
     if asked["driven_mass"]:
         push = float(acceleration.of_mesh(pair, asked["driven_mass"], asked["base_radius"])[0])
     phase = run.phase.values
@@ -309,7 +307,7 @@ def _exact(pair, run, course, variable, blocks, span, step, count):
     sums, squares = np.zeros((blocks, 2, count)), np.zeros(blocks)
     natural = math.sqrt(max(constants.high.square, constants.low.square))
     state, what = starts[0, 2:], _VARIABLES[variable]
-    for piece in courses.pieces_of(tunings, loads * unit):
+    for piece in courses.pieces_of(pair, speeds, loads):
         breaks, contact = _breaks(constants, piece, starts, events, contact)
         breaks[0, [course_orders.X, course_orders.V]] = state
         breaks[0, course_orders.KNOWN] = 1.0
@@ -324,7 +322,7 @@ def _exact(pair, run, course, variable, blocks, span, step, count):
             rows,
             what,
             step,
-            _rules(),
+            order_slopes.rules(),
             sums,
             squares,
         )

@@ -145,10 +145,7 @@ def run_up(
         names = derivatives.check(model, sensitivities, base_radius, closed)
     push = _inertia(model, driver, driven_mass, base_radius)
     omega = float(model.mesh_frequency(1.0))
-    unit = np.array([omega, 1.0])
-    tunings = speeds * unit
-    tunings[:, 1] = [model.tuning_at(rpm) if rpm else 0.0 for rpm in speeds[:, 1]]
-    pieces = courses.pieces_of(tunings, loads * unit)
+    pieces = courses.pieces_of(model, speeds, loads)
     meshes, end = runner.meshes, pieces[-1]
     turned = end.phase + end.length * (end.speed + 0.5 * end.acceleration * end.length)
     columns = samples * (meshes * (6 + 4 * len(names)) + model.size)
@@ -171,10 +168,8 @@ def run_up(
     if names:
         course = {"state": state, "driver": driver}
         course |= {"driven_mass": driven_mass, "base_radius": base_radius}
-        more = derivatives.variables(
-            model, names, found, _summaries(found), samples, _SAID, **course
-        )
-        data |= more
+        about = found, _summaries(found), samples, _SAID, code == status.OK
+        data |= derivatives.variables(model, names, *about, **course)
     own = model.coordinates()
     used = {dim for variable in data.values() for dim in variable[0]}
     coords = {name: own[name] for name in own if name in used}

@@ -46,7 +46,7 @@ def check(model, names, base_radius, closed):
     return names
 
 
-def variables(model, names, found, table, samples, about, **course):
+def variables(model, names, found, table, samples, about, ok, **course):
     """Return name -> (dims, values, attributes) of the derivatives of a run-up.
 
     Parameters
@@ -60,14 +60,19 @@ def variables(model, names, found, table, samples, about, **course):
         In each mesh period.
     about : dict
         name -> (CF units, long_name) of the variables of a run-up.
+    ok : bool
+        Whether the run-up is complete; else derivatives are NaN.
     course : dict
         state, driver, driven_mass and base_radius of the run-up.
     """
-    slopes = course_slopes.of_run_up(model, names, found, per=samples, **course)
+    if ok:
+        slopes = course_slopes.of_run_up(model, names, found, table, per=samples, **course)
+    else:
+        slopes = course_slopes.unknown(found, table.shape[1], names, samples)
     omega, length = float(model.mesh_frequency(1.0)), model.static_deflection
     force, meshes = model.scales()["force_scale"], ("mesh",) if model.mesh_names else ()
     scale = np.array([length, length * omega, length * omega**2, force])
-    share = table[..., _TIMES].sum(axis=-1)[..., None]
+    share = table[..., _TIMES].sum(axis=-1)[..., None] if ok else np.nan
     means = np.stack([table[..., i] for i in (FORCE_SUM, *_TIMES)])[..., None] / share
     changes = np.stack([slopes.area, *np.moveaxis(slopes.times[:, :3], 1, 0)])
     changes = (changes - means * slopes.times[:, 3]) / share

@@ -120,10 +120,10 @@ def directions(pair, names):
 def _attributes(about, by):
     """Return (units, long_name) of the derivative of a variable by a parameter."""
     (units, long_name), (below, words) = about, by
-    return _quotient(units, below), f"derivative of the {long_name} by {words}"
+    return quotient(units, below), f"derivative of the {long_name} by {words}"
 
 
-def _quotient(units, below):
+def quotient(units, below):
     """Return the CF units of a quotient."""
     powers: dict = {}
     for text, sign in ((units, 1), (below, -1)):

@@ -15,8 +15,7 @@ from tests.physics.test_run_up import CURVED, DAMPED, random_course, reference
 def course_of(model, speed, load, push, samples):
     """Return (time, coordinates in m) along a course, from rest."""
     omega, runner = float(model.mesh_frequency(1.0)), courses.propagator_of(model)
-    speeds = [(t * omega, model.tuning_at(rpm)) for t, rpm in speed]
-    pieces = courses.pieces_of(np.array(speeds), np.array(load) * [omega, 1.0])
+    pieces = courses.pieces_of(model, np.array(speed, float), np.array(load, float))
     state = runner.start("static" if model.mesh_names else (0.0, 0.0))
     state[state.size // 2 :] *= pieces[0].speed
     inertia, teeth = push / model.static_deflection, 24.0

@@ -66,29 +66,35 @@ def _rate(c):
 
 def _highest(series, sign):
     """Return the largest of sign x on series of some lengths: where a grid has it, refined."""
-    best = -np.inf, None, None
+    found = []
     for c, length in series:
         grid = np.linspace(0.0, float(length), 17)
         values = sign * np.polynomial.polynomial.polyval(grid, [float(one) for one in c])
         i = int(np.argmax(values))
-        best = max(best, (values[i], (c, length), mp.mpf(grid[i])), key=lambda one: one[0])
-    _, (c, length), t = best
-    rate = _rate(c)
-    bend = _rate(rate)
-    for _ in range(_NEWTON + 3):
-        t -= _value(rate, t) / _value(bend, t)
-        if not 0 < t < length:
-            break
-    inside = [t] if 0 < t < length else []
-    return max(sign * _value(c, one) for one in (mp.mpf(0), length, *inside))
+        found.append((values[i], c, length, mp.mpf(grid[i])))
+    best, refined = max(one[0] for one in found), []
+    for value, c, length, t in found:
+        # A turning point next to the end of a series is found from both sides.
+        if value < best - 1e-2 * abs(best):
+            continue
+        rate = _rate(c)
+        bend = _rate(rate)
+        for _ in range(_NEWTON + 3):
+            t -= _value(rate, t) / _value(bend, t)
+            if not 0 < t < length:
+                break
+        inside = [t] if 0 < t < length else []
+        refined += [sign * _value(c, one) for one in (mp.mpf(0), length, *inside)]
+    return max(refined)
 
 
-def run_up(p, speed, load, events, times):
+def run_up(p, speed, load, events, times, orders=()):
     """Return name -> values of a run-up, the names of `gearlib.run_up`.
 
     `p` has the fields of a `GearPair`, driven_mass, base_radius, initial_displacement,
     initial_velocity and speed, a factor of all speeds; `events` are rows (time, from, to) in order,
-    the time roughly; samples are at `times`.
+    the time roughly; samples are at `times`. ``order_displacement`` and so on have the root mean
+    squares of `orders` above 0, of one whole revolution after the other.
     """
     p = {name: value if name == "teeth" else mp.mpf(value) for name, value in p.items()}
     high, m = p["max_stiffness"], p["reduced_mass"]
@@ -100,6 +106,7 @@ def run_up(p, speed, load, events, times):
     code, waiting, arcs, met = events[0][1], list(events), [], []
     for (t, before, rate, new), (end, behind, _, _) in zip(cuts[:-1], cuts[1:], strict=True):
         middle = (before + behind) / 2 / (2 * mp.pi)
+        begin, fast = t, _course(speed, t)[0] * p["speed"] * p["teeth"] * mp.pi / 30
         near = abs(middle - mp.nint(middle)) * 2 < p["contact_ratio"] - 1
         while t < end:
             share, ramp = _course(load, t)
@@ -113,13 +120,15 @@ def run_up(p, speed, load, events, times):
                 _, code, after = waiting.pop(0)
                 place = 0 if 1 in (code, after) else -p["backlash"]
                 length = _waited(c, mp.mpf(events[len(met)][0]) - t, place)
-            arcs.append((t, length, c, code, stiff, line, new))
+            gone = t - begin
+            turn = before + fast * gone + rate * gone**2 / 2, fast + rate * gone, rate
+            arcs.append((t, length, c, code, stiff, line, turn, new))
             x, v = _value(c, length), _value(_rate(c), length)
             t, new = t + length, False
             if after != code:
                 met.append((t, v))
                 x, code = place, after
-    return _recorded(arcs, met, times)
+    return _recorded(arcs, met, times) | _waves(arcs, orders, p["teeth"])
 
 
 def _waited(c, t, place):
@@ -134,7 +143,7 @@ def _recorded(arcs, met, times):
     found = {"event_time": [t for t, _ in met], "event_velocity": [v for _, v in met]}
     names = "displacement", "velocity", "acceleration", "dynamic_force"
     found |= {name: [] for name in names}
-    for begin, length, c, _, stiff, line, _ in arcs:
+    for begin, length, c, _, stiff, line, _, _ in arcs:
         rate = _rate(c)
         for t in times:
             if begin <= t < begin + length:
@@ -147,7 +156,7 @@ def _recorded(arcs, met, times):
         part = arcs[first:stop]
         whole = sum(arc[1] for arc in part)
         area, forces = mp.mpf(0), []
-        for _, length, c, code, stiff, line, _ in part:
+        for _, length, c, code, stiff, line, _, _ in part:
             if code:
                 pull = [stiff * (one - (line if n == 0 else 0)) for n, one in enumerate(c)]
                 forces.append((pull, length))
@@ -163,3 +172,27 @@ def _recorded(arcs, met, times):
         for name, value in row.items():
             own.setdefault(name, []).append(value)
     return found | own
+
+
+def _waves(arcs, orders, teeth):
+    """Return the amplitudes of orders, by Gauss's rule with more nodes than any arc asks for."""
+    span, names = 2 * mp.pi * teeth, ("displacement", "velocity", "acceleration", "dynamic_force")
+    count = int((arcs[-1][6][0] + arcs[-1][6][1] * arcs[-1][1]) / span) if orders else 0
+    sums = {(name, i, n): mp.mpc(0) for name in names for i in range(count) for n in orders}
+    nodes = [(mp.mpf(a), mp.mpf(b)) for a, b in np.transpose(np.polynomial.legendre.leggauss(24))]
+    for _, length, c, _, stiff, line, (phase, fast, rate), _ in arcs:
+        i = int((phase + fast * length / 2) / span)
+        series = c, _rate(c), _rate(_rate(c))
+        for node, weight in nodes if i < count else ():
+            t = length * (1 + node) / 2
+            x, v, a = (_value(one, t) for one in series)
+            share = weight / 2 * length * (fast + rate * t) / span
+            angle = (phase + fast * t + rate * t**2 / 2) / teeth
+            for n in orders:
+                wave = share * mp.expj(-n * angle)
+                for name, value in zip(names, (x, v, a, stiff * (x - line)), strict=True):
+                    sums[name, i, n] += value * wave
+    found = {f"order_{name}": [] for name in names} if orders else {}
+    for (name, _, _), value in sums.items():
+        found[f"order_{name}"].append(mp.sqrt(2) * abs(value))
+    return found

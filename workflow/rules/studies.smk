@@ -25,7 +25,11 @@ def log_of(job):
     return os.path.splitext(file)[0] if "{" in file else job.name
 
 
-for job in [job for study in STUDIES.values() for job in study.jobs]:
+#: Those with anything to study.
+PRESENT = [study for study in STUDIES.values() if study.needs(CONFIG)]
+
+
+for job in [job for study in PRESENT for job in study.jobs]:
 
     rule:
         name:
@@ -54,9 +58,7 @@ for job in [job for study in STUDIES.values() for job in study.jobs]:
             "../scripts/{params.script}.py"
 
 
-for study, table in [
-    (study, one) for study in STUDIES.values() for one in study.tables if one.function
-]:
+for study, table in [(study, one) for study in PRESENT for one in study.tables if one.function]:
     job = table.rule or f"{table.name}_table"
 
     rule:
@@ -83,7 +85,7 @@ for study, table in [
 
 
 for study, drawing in [
-    (study, one) for study in STUDIES.values() for one in study.drawings if one.wanted(CONFIG)
+    (study, one) for study in PRESENT for one in study.drawings if one.wanted(CONFIG)
 ]:
     job = f"draw_{drawing.name or study.name}"
     log = os.path.join(job, *(f"{{{name}}}" for name in drawing.names(CONFIG)))

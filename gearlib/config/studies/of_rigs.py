@@ -115,6 +115,7 @@ MEASURED_STUDY = Study(
         name="measured_orders",
         wanted=lambda c: bool(orders(c)),
     ),
+    needs=lambda c: bool(c.measured),
     unasked=False,
     refusal=_without_sets,
 )

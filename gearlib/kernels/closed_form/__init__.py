@@ -22,6 +22,7 @@ module                 responsibility
 ``sensitivity``        derivatives of what a run records
 ``course_tangents``    derivatives along a course of speed and load
 ``course_orders``      Fourier integrals along such a course, over the mesh phase
+``course_waves``       what these integrals change by
 ``map_rates``          what the map of small deviations changes by
 ``elementary``         exp, sine and cosine as plain arithmetic
 =====================  ==================================================================

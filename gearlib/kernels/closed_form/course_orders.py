@@ -9,7 +9,9 @@ import math
 
 import numpy as np
 
-from gearlib.kernels.closed_form.course_tangents import force_of, later
+from gearlib.kernels.closed_form.arc_tangents import line_of
+from gearlib.kernels.closed_form.damped_oscillator import evolve
+from gearlib.kernels.closed_form.flight import fly
 from gearlib.kernels.codes import BACKLASH
 from gearlib.kernels.jit import inlined, kernel
 
@@ -18,6 +20,24 @@ DISPLACEMENT, VELOCITY, ACCELERATION, FORCE = range(4)
 THETA, PHASE, KNOWN, X, V, CONTACT, LEVEL, BREAK_COLUMNS = range(8)
 #: Nodes of Gauss's rules, from which they begin; most of them, and waves that these resolve.
 LEAST_NODES, MOST_NODES, WAVES = 8, 48, 40.0
+
+
+@inlined
+def later(m, contact, level, x, v, t):
+    """Return the state a time t later."""
+    if contact == BACKLASH:
+        return fly(m.drag, m.pull, x, v, t)
+    lev = m.high if level == 1.0 else m.low
+    rest = line_of(m, contact) + lev.equilibrium
+    u, v = evolve(lev, x - rest, v, t)
+    return u + rest, v
+
+
+@inlined
+def force_of(m, contact, level, x):
+    """Return the elastic force of a mesh over its unit."""
+    lev = m.high if level == 1.0 else m.low
+    return 0.0 if contact == BACKLASH else lev.stiffness * (x - line_of(m, contact))
 
 
 @inlined

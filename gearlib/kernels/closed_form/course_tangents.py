@@ -22,7 +22,8 @@ from gearlib.kernels.closed_form.arc_tangents import (
     switch_phase,
     switch_stiffness,
 )
-from gearlib.kernels.closed_form.damped_oscillator import evolve
+from gearlib.kernels.closed_form.course_orders import ACCELERATION, FORCE, force_of
+from gearlib.kernels.closed_form.course_waves import add_jump, add_waves
 from gearlib.kernels.closed_form.event_by_event import (
     ARC_COLUMNS,
     CONTACT,
@@ -31,7 +32,6 @@ from gearlib.kernels.closed_form.event_by_event import (
     LEVEL,
     VELOCITY,
 )
-from gearlib.kernels.closed_form.flight import fly
 from gearlib.kernels.closed_form.sensitivity import (
     consider,
     event_rates,
@@ -46,28 +46,10 @@ from gearlib.kernels.jit import inlined, kernel
 _END, _SWITCH, _EVENT = range(3)
 #: Instants closer than this, by theta, are one.
 _SAME = 1e-12
-#: Columns of events: theta, contact before and after.
-EVENT_THETA, EVENT_FROM, EVENT_TO = range(3)
+#: Columns of events: number of the interval, theta in it, contact behind.
+_INTERVAL, _AT, _TO = range(3)
 #: Times in normal mesh, backlash, inverse mesh, and all of it.
 TIMES = 4
-
-
-@inlined
-def later(m, contact, level, x, v, t):
-    """Return the state a time t later."""
-    if contact == BACKLASH:
-        return fly(m.drag, m.pull, x, v, t)
-    lev = m.high if level == 1.0 else m.low
-    rest = line_of(m, contact) + lev.equilibrium
-    u, v = evolve(lev, x - rest, v, t)
-    return u + rest, v
-
-
-@inlined
-def force_of(m, contact, level, x):
-    """Return the elastic force of a mesh over its unit."""
-    lev = m.high if level == 1.0 else m.low
-    return 0.0 if contact == BACKLASH else lev.stiffness * (x - line_of(m, contact))
 
 
 @kernel
@@ -100,7 +82,7 @@ def _add_area(m, rates, mass, arc, sign, x, v, tangents, area):
 
 @kernel
 def follow_stretch(
-    m, rates, mass, moves, course, intervals, start, contact, events, tangents, per, filled
+    m, rates, mass, moves, course, intervals, start, contact, events, tangents, per, filled, waves
 ):
     """Take tangents, shape (2, k), through the intervals of a stretch of a run-up.
 
@@ -131,6 +113,8 @@ def follow_stretch(
         Derivatives of samples, shape (n per, 4, k), of events, (e, 2, k); of each revolution: the
         extrema, (r, 4), theirs, (r, 4, k), of times, (r, 4, k), and of the integral of the force
         over its unit, (r, k).
+    waves : Waves
+        Without blocks: no integrals.
 
     Returns
     -------
@@ -144,6 +128,7 @@ def follow_stretch(
     k, e, grazing = tangents.shape[1], 0, False
     scratch, slope, moved = np.empty((2, k)), np.empty(k), np.empty(k)
     event, shift, arc = np.empty((2, k)), np.zeros(k), np.empty(ARC_COLUMNS)
+    listen = waves.sums.shape[0] > 0
     whole = m.half_high == 0.0 or m.whole_low == 0.0
     for i in range(rows.shape[0]):
         row, x, v, t = rows[i], start[i, 0], start[i, 1], 0.0
@@ -169,19 +154,12 @@ def follow_stretch(
                 rate = math.sqrt(max(speed[i] * speed[i] + 2.0 * acceleration * ahead, 0.0))
                 until, what = 2.0 * ahead / (speed[i] + rate) if ahead > 0.0 else 0.0, _SWITCH
             if e < events.shape[0]:
-                inside = events[e, EVENT_THETA] < theta[i + 1] or i + 1 == rows.shape[0]
-                if inside and events[e, EVENT_THETA] - theta[i] <= until:
-                    until, what = max(events[e, EVENT_THETA] - theta[i], t), _EVENT
+                if events[e, _INTERVAL] == i and (events[e, _AT] <= until or what == _END):
+                    until, what = max(events[e, _AT], t), _EVENT
             arc[CONTACT], arc[LEVEL], arc[DISPLACEMENT], arc[VELOCITY] = contact, level, x, v
             lasts = until - t
-            after = int(events[e, EVENT_TO]) if what == _EVENT else contact
+            after = int(events[e, _TO]) if what == _EVENT else contact
             line = line_of(m, flank_of(contact, after))
-            if what == _EVENT and lasts > 0.0:
-                # Its time since the start of the run has fewer digits than that of the arc.
-                end, fast = later(m, contact, level, x, v, lasts)
-                more = (line - end) / fast if fast != 0.0 else 0.0
-                lasts += more if abs(more) < 1e-3 * lasts else 0.0
-                until = t + lasts
             if lasts > 0.0:
                 arc[DURATION] = lasts
                 for j in range(k):
@@ -198,6 +176,12 @@ def follow_stretch(
                         break
                     sample(m, rates, arc, at - t, tangents, scratch, samples[i * per + taken])
                     taken += 1
+                if listen:
+                    fast = speed[i] + acceleration * t
+                    at = phase[i] + 0.5 * (speed[i] + fast) * t
+                    add_waves(
+                        m, rates, moves, arc, at, fast, acceleration, tangents, scratch, waves
+                    )
                 if contact != BACKLASH:
                     _add_area(m, rates, mass, arc, -1.0, x, v, tangents, area[row])
                     for j in range(k):
@@ -217,6 +201,17 @@ def follow_stretch(
                     met[e, 0, j], met[e, 1, j] = event[0, j], event[1, j]
                     slope[j] = line_rate(rates, j, flank_of(contact, after))
                 consider(m, rates, BACKLASH, level, x, slope, best[row], extrema[row])
+                if listen and waves.what == ACCELERATION:
+                    fast = speed[i] + acceleration * t
+                    at = phase[i] + 0.5 * (speed[i] + fast) * t
+                    loss = 2.0 * (lev.a - m.drag) * (abs(after) - abs(contact))
+                    for j in range(k):
+                        # The speed of the event cancels.
+                        moved[j] = fast * (slope[j] - tangents[0, j]) + v * at * moves[1, j]
+                        moved[j] *= loss
+                    add_jump(at, moved, waves)
+                    for j in range(k):
+                        moved[j] = event[0, j]
                 event_times(1.0, contact, after, moved, times[row])
                 if contact != BACKLASH:
                     cross_line(m, rates, lev, contact, 1.0, tangents)
@@ -234,6 +229,11 @@ def follow_stretch(
                     slope[j] = tangents[0, j] + v * shift[j]
                     area[row, j] += fall * shift[j]
                 consider(m, rates, contact, level, x, slope, best[row], extrema[row])
+                if listen and waves.what >= ACCELERATION:
+                    fall = fall if waves.what == FORCE else -fall
+                    for j in range(k):
+                        moved[j] = fall * sign * moves[0, j]
+                    add_jump(place, moved, waves)
                 switch_stiffness(m, rates, switch, contact, x, tangents)
                 level, switch = other, switch + 1
             else:

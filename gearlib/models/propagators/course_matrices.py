@@ -22,6 +22,8 @@ from gearlib.models.trains.system import train_system
 
 #: Phases closer than this share of the whole phase are one.
 _SAME = 1e-12
+#: Columns of a summary, in the order of `recorded_slopes.Tables.best`; a share that two ways round.
+_EXTREMA, _CLOSE = [orbit.X_MAX, orbit.X_MIN, orbit.FORCE_MAX, orbit.FORCE_MIN], 1e-8
 #: A distance this small, as a share of its parts, is zero.
 _ON_LINE = 1e-14
 
@@ -266,10 +268,11 @@ class _Walk(Walk):
             self.tables.times[1 - code, j] += shift
 
 
-def of_matrices(model, names, found, state, per, **push):
+def of_matrices(model, names, found, table, state, per, **push):
     """Return the `Slopes` of a run-up of a piecewise-linear model.
 
-    Parameters as of `gearlib.models.propagators.course_slopes.of_pair`, and the driver.
+    Parameters as of `gearlib.models.propagators.course_slopes.of_pair`, the driver, and `table`,
+    the summaries of the revolutions, shape (r, m, 10).
     """
     k, (rows, bounds) = len(names), rows_of(found)
     by = {one: np.array([float(name == one) for name in names]) for one in COURSE}
@@ -277,8 +280,11 @@ def of_matrices(model, names, found, state, per, **push):
     systems = _Systems(model, along, by, push)
     m, count, half = systems.m, int(rows[-1]) + 1, systems.half
     moving = systems.start(state, along, found[0].piece.speed)
-    best = np.tile(np.array([-np.inf, np.inf, -np.inf, np.inf])[:, None], (count, 1, m))
-    extrema, times = np.zeros((2, count, 4, m, k))
+    # Where the extrema are is looked for only where a curve comes near them.
+    best = np.moveaxis(table[..., _EXTREMA], 2, 1)
+    close = _CLOSE * np.abs(best).max(axis=1, keepdims=True)
+    best = best - close * np.array([1.0, -1.0, 1.0, -1.0])[:, None]
+    extrema, times = np.full((count, 4, m, k), np.nan), np.zeros((count, 4, m, k))
     area, whole, apart = np.zeros((count, m, k)), np.zeros((count, k)), np.zeros((count, m), bool)
     samples, met, grazing, one_sided, at, last = [], [], False, False, 0, None
     for one in found:

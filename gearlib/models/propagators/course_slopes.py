@@ -19,7 +19,9 @@ from gearlib.kernels.closed_form.arc_tangents import (
     SQUARE,
     STIFFNESS,
 )
+from gearlib.kernels.closed_form.course_orders import ACCELERATION
 from gearlib.kernels.closed_form.course_tangents import TIMES, follow_stretch
+from gearlib.kernels.closed_form.course_waves import Waves, add_jump
 from gearlib.kernels.closed_form.mesh_constants import mesh
 from gearlib.models.derivatives import START, STEP
 from gearlib.models.propagators.closed_form import ratios
@@ -44,6 +46,14 @@ class Slopes(NamedTuple):
     one_sided: bool
 
 
+def unknown(found, meshes, names, per):
+    """Return the `Slopes` of a run-up that could not go on: no numbers."""
+    k, m, count = len(names), meshes, int(rows_of(found)[0][-1]) + 1
+    intervals, events = sum(len(one.block) for one in found), sum(len(one.events) for one in found)
+    shapes = (intervals * per, 4, m, k), (events, 2, k), *[(count, 4, m, k)] * 2, (count, m, k)
+    return Slopes._make([*(np.full(shape, math.nan) for shape in shapes), False, False])
+
+
 def rows_of(found):
     """Return (row of the revolution of each interval, whether one begins at each bound)."""
     number = np.concatenate([one.block for one in found])
@@ -51,17 +61,17 @@ def rows_of(found):
     return np.cumsum(new) - 1, np.append(new, False)
 
 
-def of_run_up(model, names, found, driver, **course):
-    """Return the `Slopes` of a run-up; parameters as of `of_pair`, and the driver of a train."""
+def of_run_up(model, names, found, table, driver, **course):
+    """Return the `Slopes` of a run-up; parameters as of `of_pair` and of `of_matrices`."""
     steps = not any(one.piece.slope for one in found)
     if model.propagators["exact"] == "closed_form" and steps:
         return of_pair(model, names, found, **course)
     from gearlib.models.propagators.course_matrices import of_matrices
 
-    return of_matrices(model, names, found, driver=driver, **course)
+    return of_matrices(model, names, found, table, driver=driver, **course)
 
 
-def of_pair(pair, names, found, state, per, driven_mass, base_radius):
+def of_pair(pair, names, found, state, per, driven_mass, base_radius, waves=None):
     """Return the `Slopes` of a run-up of a `GearPair` whose load changes by steps only.
 
     Parameters
@@ -77,6 +87,8 @@ def of_pair(pair, names, found, state, per, driven_mass, base_radius):
         Samples in each interval whose derivatives are asked for.
     driven_mass, base_radius : float
         As of `gearlib.run_up`; the radius may be None.
+    waves : Waves, optional
+        Fourier integrals whose derivatives are filled.
     """
     k, (rows, bounds) = len(names), rows_of(found)
     constants, own = mesh(ratios(pair), 1.0), _Constants(pair, names, driven_mass, base_radius)
@@ -96,12 +108,19 @@ def of_pair(pair, names, found, state, per, driven_mass, base_radius):
     best = np.tile([-math.inf, math.inf, -math.inf, math.inf], (count, 1))
     extrema, times = np.zeros((count, 4, k)), np.zeros((count, TIMES, k))
     area, grazing, at = np.zeros((count, k)), False, 0
-    samples, met = [], []
+    samples, met, before = [], [], 0.0
+    if waves is None:
+        waves = Waves(0, 1.0, 1.0, 1.0, np.zeros((1, 2, 1)), np.zeros((0, 2, 1, k)))
     for one in found:
         n, piece = len(one.block), one.piece
         # Samples of the run at the starts of intervals: their states.
         start = one.samples[:: len(one.samples) // n, 0, :2].copy()
         force, rates = own.of_piece(piece)
+        if at and waves.what == ACCELERATION:
+            # It jumps with the load, at a phase that moves with the speed.
+            phase = float(one.phase[0])
+            add_jump(phase, (before - force) * phase * moves[1], waves)
+        before = force
         samples.append(np.zeros((n * per, 4, k)))
         met.append(np.zeros((len(one.events), 2, k)))
         contact, touches = follow_stretch(
@@ -113,10 +132,11 @@ def of_pair(pair, names, found, state, per, driven_mass, base_radius):
             (rows[at : at + n], bounds[at : at + n + 1]),
             start,
             contact,
-            np.ascontiguousarray(one.events[:, [0, 2, 3]]),
+            np.ascontiguousarray(one.events[:, [5, 6, 3]]),
             tangents,
             per,
             (samples[-1], met[-1], best, extrema, times, area),
+            waves,
         )
         grazing, at = grazing or touches, at + n
     return Slopes(

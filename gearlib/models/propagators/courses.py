@@ -80,15 +80,18 @@ class Stretch(NamedTuple):
         return cls(piece, cut.offset + cut.phase[cut.first], bounds, *own, code)
 
 
-def pieces_of(speeds, loads):
+def pieces_of(model, speeds, loads):
     """Return the pieces of a course.
 
     Parameters
     ----------
     speeds, loads : ndarray, shapes (j, 2), (k, 2)
-        Rows of theta and tuning, of theta and share of the load, theta rising; two rows of loads at
-        one theta are a step. The last value holds from there on; speeds end the course.
+        Rows of seconds and rpm, of seconds and share of the load, seconds rising; two rows of loads
+        at one time are a step. The last value holds from there on; speeds end the course.
     """
+    unit = np.array([float(model.mesh_frequency(1.0)), 1.0])
+    speeds, loads = speeds * unit, loads * unit
+    speeds[:, 1] = [model.tuning_at(rpm) if rpm else 0.0 for rpm in speeds[:, 1]]
     marks = np.union1d(speeds[:, 0], loads[:, 0])
     marks = marks[(marks >= speeds[0, 0]) & (marks <= speeds[-1, 0])]
     found, phase = [], 0.0

@@ -5,7 +5,7 @@ meets; the kernels take the tangents through it.
 """
 
 from copy import copy
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -69,7 +69,8 @@ class Walk:
         self.block = self._block(motion.states[0], tangents)
         self._plan()
         #: The `recorded_slopes.Tables`, and whether an event in them is a grazing.
-        self.tables, self.grazing = None, False
+        self.tables: Any = None
+        self.grazing = False
 
     def _block(self, state, tangents):
         more = self.k * (self.q - 1) if self._rates else 0

@@ -1,0 +1,90 @@
+"""What the orders of a run-up of a pair change by, in closed forms as the orders themselves."""
+
+import json
+import math
+
+import numpy as np
+
+from gearlib.kernels.closed_form.course_orders import MOST_NODES
+from gearlib.kernels.closed_form.course_waves import Waves
+from gearlib.models import acceleration
+from gearlib.models.propagators import course_slopes, courses
+from gearlib.runs.run_arguments import MAX_EVENTS
+from gearlib.runs.sensitivities import quotient
+
+
+def names_of(run, variable):
+    """Return the parameters by which a run-up is differentiated."""
+    begin = f"d_{variable}_d_"
+    return tuple(
+        str(one).removeprefix(begin) for one in run.data_vars if str(one).startswith(begin)
+    )
+
+
+def rules():
+    """Return nodes and weights on (0, 1), shape (MOST_NODES + 1, 2, MOST_NODES)."""
+    table = np.zeros((MOST_NODES + 1, 2, MOST_NODES))
+    for n in range(1, MOST_NODES + 1):
+        nodes, weights = np.polynomial.legendre.leggauss(n)
+        table[n, :, :n] = 0.5 * (nodes + 1.0), 0.5 * weights
+    return table
+
+
+def exact(pair, run, names, what, span, shape):
+    """Return what Fourier coefficients of a run-up change by, complex, shape (k, b, n), SI.
+
+    Parameters
+    ----------
+    pair : GearPair
+    run : xarray.Dataset
+        Of `gearlib.run_up`, whose load changes by steps only; it is run again.
+    names : tuple of str
+        Parameters, k of them.
+    what : int
+        Of displacement, velocity, acceleration, force: which.
+    span : float
+        Mesh phase of a block.
+    shape : tuple of (int, int, float)
+        Blocks b, orders n, and mesh phase that the first order has in a unit.
+    """
+    asked = json.loads(run.attrs["parameters"])
+    pieces = courses.pieces_of(pair, np.array(asked["speed"]), np.array(asked["load"]))
+    driven, radius = asked["driven_mass"], asked["base_radius"]
+    push = acceleration.of_mesh(pair, driven, radius) if driven else np.zeros(1)
+    runner, state = courses.propagator_of(pair), tuple(asked["initial_state"])
+    z = np.array(runner.start(state), float)
+    z[1] *= pieces[0].speed
+    found = list(courses.run_through(runner, pieces, z, 1, MAX_EVENTS, push, float(pair.teeth)))
+    (blocks, count, step), highest = shape, math.sqrt(pair.max_stiffness / pair.mean_stiffness)
+    sums = np.zeros((blocks, 2, count, len(names)))
+    waves = Waves(what, span, step, highest, rules(), sums)
+    course_slopes.of_pair(pair, names, found, state, 0, driven, radius, waves)
+    omega, length = float(pair.mesh_frequency(1.0)), pair.static_deflection
+    scale = (length, length * omega, length * omega**2, pair.load)[what] / span
+    return np.moveaxis(scale * (sums[:, 0] + 1j * sums[:, 1]), -1, 0)
+
+
+def variables(run, variable, names, found, slopes, amplitude):
+    """Return name -> (dims, values, attributes) of the derivatives of an order map.
+
+    `found` are its coefficients, (b, n, ...), `slopes` what they change by with each name.
+    """
+    size, dims = np.abs(found), ("time", "order", *run[variable].dims[1:])
+    factor = {"rms": math.sqrt(2.0), "peak": 2.0, "power": 4.0 * size}[amplitude] * np.ones(
+        size.shape
+    )
+    factor[:, 0] = 2.0 * size[:, 0] if amplitude == "power" else 1.0
+    unit, data = run[variable].attrs["units"], {}
+    for name, slope in zip(names, slopes, strict=True):
+        about = run[f"d_{variable}_d_{name}"].attrs
+        with np.errstate(divide="ignore", invalid="ignore"):
+            along = slope / found
+        above = f"{about['units']} {unit}" if amplitude == "power" else about["units"]
+        words = about["long_name"].removeprefix("derivative of ")
+        for label, values, units in (
+            ("amplitude", factor * size * along.real, quotient(above, "1")),
+            ("phase", along.imag, quotient(f"rad {about['units']}", unit)),
+        ):
+            said = f"derivative of the {label} of {words}"
+            data[f"d_{label}_d_{name}"] = dims, values, {"units": units, "long_name": said}
+    return data
