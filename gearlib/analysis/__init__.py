@@ -13,6 +13,7 @@ name                 responsibility
 ``order_spectrum``   `orders`: mesh force and transmission error over orders of the shaft
 ``order_maps``       `order_map`, `order_track`: orders of a run-up over its speed
 ``order_slopes``     and their derivatives by parameters
+``sampled_signals``  signals over time at equal angles, for `order_map`
 ``trust``            `trust`: chaos or artefact: one point run in several ways
 ===================  ==============================================================
 """
