@@ -13,6 +13,7 @@ import numpy as np
 
 from gearlib import checks
 from gearlib.analysis import order_slopes
+from gearlib.analysis.steady_course import as_run_up
 from gearlib.data.result import result_of_many
 from gearlib.kernels.closed_form import course_orders
 from gearlib.kernels.closed_form.mesh_constants import mesh
@@ -50,8 +51,9 @@ def order_map(run, *, variable="displacement", resolution=1.0, highest=None, amp
     Parameters
     ----------
     run : xarray.Dataset
-        Of `gearlib.run_up` with samples_per_period > 0. One suffices for a `GearPair` under a load
-        without ramps, whose motion is integrated in closed forms; else the samples are summed.
+        Of `gearlib.run_up` with samples_per_period > 0, or of `gearlib.simulate`. One sample
+        suffices for a `GearPair` under a load without ramps, whose motion is integrated in closed
+        forms; else the samples are summed. Times and phases count from the first sample.
     variable : {"displacement", "velocity", "acceleration", "dynamic_force"}
     resolution : float, default 1
         Distance of orders, > 0 and <= 1: a block has as many revolutions as it takes, so that the
@@ -81,9 +83,11 @@ def order_map(run, *, variable="displacement", resolution=1.0, highest=None, amp
     needed = {variable, "time", "speed", "phase", "load_ratio"}
     checks.one_of("variable", variable, tuple(_VARIABLES))
     checks.one_of("amplitude", amplitude, tuple(_AMPLITUDES))
+    run = as_run_up(run)
     if not needed <= set(getattr(run, "variables", ())) or "time" not in run.sizes:
         shown = run.attrs.get("title", type(run).__name__) if hasattr(run, "attrs") else run
-        raise checks.refusal("run", shown, "a dataset of gearlib.run_up with samples_per_period")
+        words = "a dataset of gearlib.run_up with samples_per_period, or of gearlib.simulate"
+        raise checks.refusal("run", shown, words)
     if int(run.status):
         raise ValueError(f"run is not allowed: {run.status.attrs['message']}")
     resolution = checks.number(
@@ -173,7 +177,7 @@ def order_track(run, orders, **options):
     Parameters
     ----------
     run : xarray.Dataset
-        Of `order_map`, or of `gearlib.run_up`, of which it is made.
+        Of `order_map`, or of `gearlib.run_up` or `gearlib.simulate`, of which it is made.
     orders : sequence of float
         Orders of the map.
     **options
