@@ -13,6 +13,7 @@ import numpy as np
 
 from gearlib import checks
 from gearlib.analysis import order_slopes, sampled_signals
+from gearlib.analysis.steady_course import as_run_up
 from gearlib.data.result import result_of_many
 from gearlib.kernels.closed_form import course_orders
 from gearlib.kernels.closed_form.mesh_constants import mesh
@@ -59,8 +60,9 @@ def order_map(
     Parameters
     ----------
     run : xarray.Dataset
-        Of `gearlib.run_up` with samples_per_period > 0. One suffices for a `GearPair` under a load
-        without ramps, whose motion is integrated in closed forms; else the samples are summed.
+        Of `gearlib.run_up` with samples_per_period > 0, or of `gearlib.simulate`. One sample
+        suffices for a `GearPair` under a load without ramps, whose motion is integrated in closed
+        forms; else the samples are summed. Times and phases count from the first sample.
         Or any signal over ``time`` (s) with ``speed`` (min-1), as of `gearlib.read_measured`: it is
         interpolated at equal angles, by cubic splines.
     variable : {"displacement", "velocity", "acceleration", "dynamic_force"}
@@ -97,6 +99,7 @@ def order_map(
     needed, begins = {variable, "time", "speed", "phase", "load_ratio"}, 0.0
     checks.one_of("amplitude", amplitude, tuple(_AMPLITUDES))
     teeth = checks.integer("teeth", teeth, 1)
+    run = as_run_up(run)
     if sampled_signals.is_sampled(run):
         given = {"tacho": tacho, "teeth": teeth}
         run, most, begins = sampled_signals.at_equal_angles(run, variable, highest, **given)
@@ -107,7 +110,8 @@ def order_map(
             raise checks.refusal("tacho", tacho, "None for a run-up, whose shaft angle is known")
     if not needed <= set(getattr(run, "variables", ())) or "time" not in run.sizes:
         shown = run.attrs.get("title", type(run).__name__) if hasattr(run, "attrs") else run
-        raise checks.refusal("run", shown, "a dataset of gearlib.run_up with samples_per_period")
+        words = "a dataset of gearlib.run_up with samples_per_period, or of gearlib.simulate"
+        raise checks.refusal("run", shown, words)
     if int(run.status):
         raise ValueError(f"run is not allowed: {run.status.attrs['message']}")
     resolution = checks.number(
@@ -197,7 +201,7 @@ def order_track(run, orders, **options):
     Parameters
     ----------
     run : xarray.Dataset
-        Of `order_map`, or of `gearlib.run_up`, of which it is made.
+        Of `order_map`, or of `gearlib.run_up` or `gearlib.simulate`, of which it is made.
     orders : sequence of float
         Orders of the map.
     **options
