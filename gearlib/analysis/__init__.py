@@ -12,7 +12,9 @@ name                 responsibility
 ``duty_point``       `duty_point`: what gears do at one torque and speed, in N, m, Hz, rpm
 ``order_spectrum``   `orders`: mesh force and transmission error over orders of the shaft
 ``order_maps``       `order_map`, `order_track`: orders of a run-up over its speed
+``steady_course``    a run at constant speed as a run-up, for its orders
 ``order_slopes``     and their derivatives by parameters
+``sampled_signals``  signals over time at equal angles, for `order_map`
 ``trust``            `trust`: chaos or artefact: one point run in several ways
 ===================  ==============================================================
 """
