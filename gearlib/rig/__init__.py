@@ -15,6 +15,7 @@ module                     responsibility
 ``fit_report``             values, intervals, profiles, the report
 ``run_up_observations``    what is compared of a run-up: mesh orders, jumps
 ``speed_observations``     what is compared of slow sweeps: speeds of jumps
+``branch_observations``    what is compared of slow sweeps: statistics, onset of contact loss
 ``projection``             gain and offset of a sensor, eliminated
 ``synthetic_rigs``         run-ups of a known model as an encoder would have them
 =========================  ==================================================================

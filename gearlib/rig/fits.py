@@ -15,6 +15,7 @@ from scipy.stats import t as student
 
 from gearlib import checks
 from gearlib.models.model import is_model
+from gearlib.rig.branch_observations import STATISTICS, BranchStatistics, Onset
 from gearlib.rig.fit_report import Fit, Parameter
 from gearlib.rig.run_up_observations import RunUpOrders
 from gearlib.rig.speed_observations import Speeds
@@ -76,7 +77,8 @@ def fit(model, data, free, *, starts=12, seed=0, derivatives="exact"):
         What is known of the rig; free parameters are replaced.
     data : xarray.Dataset or list of xarray.Dataset
         As of `gearlib.read_measured`. A time course of ``displacement`` with ``known.course``, rows
-        of s and rpm, is a run-up; scalars jump_up, jump_down are speeds of slow sweeps.
+        of s and rpm, is a run-up; extrema and fractions of time over ``speed`` and ``direction``
+        are those of slow sweeps, scalars jump_up, jump_down, onset_of_contact_loss speeds of them.
     free : mapping
         Name of a parameter -> (lowest, highest), SI units.
     starts : int, default 12
@@ -116,8 +118,18 @@ def fit(model, data, free, *, starts=12, seed=0, derivatives="exact"):
         found.append(_improved(problem, tried[i]))
         if problem.noise and 2.0 * found[-1].cost < _GOOD * found[-1].fun.size:
             break
+    best = min(found, key=lambda one: one.cost)
+    if not best.status:
+        # It has come near, and its evaluations have run out.
+        found.append(_improved(problem, best.x))
+        best = min(found, key=lambda one: one.cost)
     waterfall = sorted(2.0 * one.cost for one in found)
-    return _judged(problem, min(found, key=lambda one: one.cost), waterfall, costs)
+    if best.fun.size < len(names):
+        raise ValueError(
+            f"data is not allowed: {best.fun.size} observations for {len(names)} parameters; they "
+            "must be as many at least"
+        )
+    return _judged(problem, best, waterfall, costs)
 
 
 def observations_of(model, data):
@@ -127,13 +139,20 @@ def observations_of(model, data):
     found = []
     if "displacement" in data and "time" in getattr(data, "coords", ()):
         found.append(RunUpOrders(model, data))
-    speeds = {name: data[name] for name in ("jump_up", "jump_down") if name in data}
+    jumps = {}
+    if "speed" in data.coords and "time" not in data.coords and set(STATISTICS) & set(data):
+        found.append(BranchStatistics(data))
+        jumps = found[-1].jumps
+    speeds = jumps | {name: data[name] for name in ("jump_up", "jump_down") if name in data}
     if speeds:
         found.append(Speeds(speeds))
+    if "onset_of_contact_loss" in data:
+        found.append(Onset(data.onset_of_contact_loss))
     if not found:
         raise ValueError(
             f"data = {list(data.variables)!r} is not allowed: it must have a displacement over "
-            "time, jump_up or jump_down"
+            f"time, one of {', '.join(STATISTICS)} over speed, jump_up, jump_down or "
+            "onset_of_contact_loss"
         )
     return found
 

@@ -7,6 +7,9 @@ squares problem, and only what it leaves is a residual of p (variable projection
 
 import numpy as np
 
+#: Share of a derivative that is left of it by rounding.
+_ROUNDING = 1e-10
+
 
 def projected(measured, modelled, slopes, basis, unknown_gain):
     """Return (residuals, their derivatives, gain).
@@ -44,4 +47,9 @@ def projected(measured, modelled, slopes, basis, unknown_gain):
     # The gain follows the parameters: d(P y) = (1 - P) dF F+ y + ((1 - P) dF F+)^T y.
     first = np.linalg.solve(r.T, np.eye(len(r))[0])
     moved -= np.outer(q @ first, rest @ slopes)
+    # What the gain takes up as a whole leaves rounding, along which a fit would wander.
+    lost = np.linalg.norm(moved, axis=0) < _ROUNDING * abs(weights[0]) * np.linalg.norm(
+        slopes, axis=0
+    )
+    moved[:, lost] = 0.0
     return rest, moved, float(weights[0])

@@ -163,7 +163,7 @@ def test_jumps_of_sweeps_alone_tell_two_parameters():
         ({"free": {"reduced_mass": (4.0, 2.0)}}, "free['reduced_mass'] = (4.0, 2.0)"),
         ({"free": {"contact_ratio": (1.5, 2.5)}}, "contact_ratio = 2.5"),
         ({"free": 7}, "free = 7 is not allowed: it must be a mapping"),
-        ({"data": xr.Dataset()}, "it must have a displacement over time, jump_up or jump_down"),
+        ({"data": xr.Dataset()}, "it must have a displacement over time, one of"),
         ({"model": 7}, "model = 7 is not allowed"),
         ({"starts": -1}, "starts = -1 is not allowed"),
         ({"derivatives": "some"}, "derivatives = 'some' is not allowed"),
