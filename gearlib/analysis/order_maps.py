@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from gearlib import checks
-from gearlib.analysis import order_slopes
+from gearlib.analysis import order_slopes, sampled_signals
 from gearlib.analysis.steady_course import as_run_up
 from gearlib.data.result import result_of_many
 from gearlib.kernels.closed_form import course_orders
@@ -45,7 +45,16 @@ _CLOSE = 1e-9
 _ROUNDING = 1e-10
 
 
-def order_map(run, *, variable="displacement", resolution=1.0, highest=None, amplitude="rms"):
+def order_map(
+    run,
+    *,
+    variable="displacement",
+    resolution=1.0,
+    highest=None,
+    amplitude="rms",
+    tacho=None,
+    teeth=1,
+):
     """Return how strong the orders of a run-up are, block of revolutions by block.
 
     Parameters
@@ -54,15 +63,22 @@ def order_map(run, *, variable="displacement", resolution=1.0, highest=None, amp
         Of `gearlib.run_up` with samples_per_period > 0, or of `gearlib.simulate`. One sample
         suffices for a `GearPair` under a load without ramps, whose motion is integrated in closed
         forms; else the samples are summed. Times and phases count from the first sample.
+        Or any signal over ``time`` (s) with ``speed`` (min-1), as of `gearlib.read_measured`: it is
+        interpolated at equal angles, by cubic splines.
     variable : {"displacement", "velocity", "acceleration", "dynamic_force"}
+        Of a signal its name.
     resolution : float, default 1
         Distance of orders, > 0 and <= 1: a block has as many revolutions as it takes, so that the
         distance obtained, ``order_resolution``, is 1 over a whole number.
     highest : float, optional
-        Highest order; by default 5 per tooth.
+        Highest order; by default 5 per tooth, of a signal the highest with four samples a wave.
     amplitude : {"rms", "peak", "power"}
         Of a sine: its root mean square, its amplitude, its mean square. Order 0 is the mean, or its
         square.
+    tacho : sequence of float, optional
+        Of a signal without speed: times of pulses, one a revolution, s.
+    teeth : int, default 1
+        Of a signal: mesh periods in a revolution.
 
     Returns
     -------
@@ -80,10 +96,18 @@ def order_map(run, *, variable="displacement", resolution=1.0, highest=None, amp
     ValueError
         Naming the argument, its value and the allowed range.
     """
-    needed = {variable, "time", "speed", "phase", "load_ratio"}
-    checks.one_of("variable", variable, tuple(_VARIABLES))
+    needed, begins = {variable, "time", "speed", "phase", "load_ratio"}, 0.0
     checks.one_of("amplitude", amplitude, tuple(_AMPLITUDES))
+    teeth = checks.integer("teeth", teeth, 1)
     run = as_run_up(run)
+    if sampled_signals.is_sampled(run):
+        given = {"tacho": tacho, "teeth": teeth}
+        run, most, begins = sampled_signals.at_equal_angles(run, variable, highest, **given)
+        highest = most if highest is None else highest
+    else:
+        checks.one_of("variable", variable, tuple(_VARIABLES))
+        if tacho is not None:
+            raise checks.refusal("tacho", tacho, "None for a run-up, whose shaft angle is known")
     if not needed <= set(getattr(run, "variables", ())) or "time" not in run.sizes:
         shown = run.attrs.get("title", type(run).__name__) if hasattr(run, "attrs") else run
         words = "a dataset of gearlib.run_up with samples_per_period, or of gearlib.simulate"
@@ -158,7 +182,7 @@ def order_map(run, *, variable="displacement", resolution=1.0, highest=None, amp
     if names:
         data |= order_slopes.variables(run, variable, names, found, slopes, amplitude)
     coords = {
-        "time": ("time", times, {"units": "s", "long_name": "middle of the block"}),
+        "time": ("time", times + begins, {"units": "s", "long_name": "middle of the block"}),
         "order": ("order", order, {"units": "1", "long_name": "order, waves per revolution"}),
     }
     coords |= {name: run[name].variable for name in inner}
@@ -219,6 +243,7 @@ def _course(run):
     ratio = float((phase[-1] - phase[0]) / angle)
     whole = round(ratio)
     teeth = float(whole) if abs(ratio - whole) < 1e-6 * ratio else ratio
+    teeth = float(run.teeth) if "teeth" in run else teeth
     return np.array(asked["speed"]), np.array(asked["load"]), teeth
 
 

@@ -42,6 +42,7 @@ _OF_ONE_DAMPING = (
     "jump_by_method",
     "reducer",
     "train_sweep",
+    "run_ups",
 )
 
 

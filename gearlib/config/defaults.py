@@ -158,6 +158,7 @@ def _made(pair, dampings):
             "eccentricities": [min(0.8 * deflection, 0.2 * pair.backlash)] * 2,
         },
         "branches": {"loci": {"damping": first}},
+        "run_ups": {"damping": first},
         "stability_chart": {"damping": lightest},
         "work_precision": {
             "damping": largest,

@@ -242,6 +242,23 @@ class Branches(Section):
         return self
 
 
+class RunUps(Section):
+    """Run-ups through the resonance and back, beside Fig. 3."""
+
+    start: Start = 0.5
+    stop: Tuning = entry("Tuning at which a run turns.", 1.4)
+    damping: DampingName
+    revolutions: listing(
+        whole(1, 100_000), "Revolutions of each way, up and down: how slowly the speed changes."
+    ) = [80, 320, 1280]
+    orders: whole(1, 20) = entry("Mesh orders of the map of the slowest run.", 4)
+
+    @model_validator(mode="after")
+    def _check(self):
+        check_order("run_ups", self)
+        return self
+
+
 class Certificates(Section):
     """What is proven of the orbits, a file that a second program can check."""
 

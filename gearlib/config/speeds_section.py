@@ -19,7 +19,7 @@ _OTHERS |= {"mesh_stiffness", "rectangle", "dynamic_factor", "campbell", "gear_p
 _OTHERS |= {"gears", "train_sweep", "relief_dynamics"}
 _TUNINGS = {"tuning", "tunings", "shown", "marked", "asked"}
 #: Sections whose start and stop are no ends of a grid.
-_NO_GRID = {"branches"}
+_NO_GRID = {"branches", "run_ups"}
 #: Of a grid; the others are lengths of it.
 _GRID = ("start", "stop", "step", "window", "fine_step", "share_step")
 #: Decimals of the tunings of a grid: with those before the point, a float keeps them all.

@@ -44,7 +44,7 @@ def order_map(found, *, figure=None, vertical="order", levels=None):
             "found is not allowed: it must be a dataset of gearlib.order_map, one mesh"
         )
     unit = found.overall.attrs["units"]
-    reference, name = _REFERENCES[unit]
+    reference, name = _REFERENCES.get(unit, (1.0, unit))
     power = found.attrs["amplitude"] == "power"
     height = found.amplitude.values / (reference**2 if power else reference)
     with np.errstate(divide="ignore"):

@@ -110,8 +110,7 @@ class Fit:
             fixed = self._share.copy()
             fixed[i] = share
             found.append(self._refitted(fixed, others) - least)
-        known = all(one.noise for one in problem.observations)
-        return np.array(found) / (1.0 if known else self.redchi)
+        return np.array(found) / (1.0 if problem.noise else self.redchi)
 
     def _refitted(self, fixed, others):
         def residuals(part):

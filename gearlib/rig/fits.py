@@ -23,8 +23,11 @@ from gearlib.rig.speed_observations import Speeds
 _NOTHING = 1e-9
 #: Residuals over their deviations beyond which a start is hopeless.
 _HOPELESS = 1e30
-#: Starts that are improved, of those that are tried.
-_IMPROVED = 2
+#: Starts that are improved, of those that are tried: until one describes the data as well as their
+#: noise allows; where it is unknown, the first few.
+_MOST, _FEW = 8, 3
+#: Reduced chi-square up to which a model describes the data.
+_GOOD = 2.0
 #: A profile that rises by less than this, of -2 ln of the likelihood, tells nothing: 95 %.
 LEVEL = float(chi2.ppf(0.95, 1))
 
@@ -38,6 +41,11 @@ class Problem(NamedTuple):
     high: np.ndarray
     observations: list
     differences: bool  #: derivatives by differences, for comparison
+
+    @property
+    def noise(self):
+        """Whether the noise of all data is known."""
+        return all(one.noise for one in self.observations)
 
     def at(self, share):
         """Return the model with free parameters at shares of their ranges."""
@@ -72,7 +80,8 @@ def fit(model, data, free, *, starts=12, seed=0, derivatives="exact"):
     free : mapping
         Name of a parameter -> (lowest, highest), SI units.
     starts : int, default 12
-        Points of a Latin hypercube that are tried beside the model itself; the best are improved.
+        Points of a Latin hypercube that are tried beside the model itself. The best are improved,
+        one after the other until one describes the data as well as their noise, where it is known.
     seed : int
     derivatives : {"exact", "differences"}
         The second is there to be compared with.
@@ -100,11 +109,14 @@ def fit(model, data, free, *, starts=12, seed=0, derivatives="exact"):
     first = (np.array([getattr(model, name) for name in names]) - low) / (high - low)
     tried = [first, *qmc.LatinHypercube(len(names), rng=seed).random(starts)]
     costs = [_cost(problem, share) for share in tried]
-    best = np.argsort(costs)[: _IMPROVED if starts else 1]
     if not min(costs) < _HOPELESS:
         raise ValueError("free is not allowed: no start within its ranges could be run to the end")
-    found = [_improved(problem, tried[i]) for i in best]
-    waterfall = sorted([2.0 * one.cost for one in found])
+    found: list = []
+    for i in np.argsort(costs)[: _MOST if problem.noise else _FEW]:
+        found.append(_improved(problem, tried[i]))
+        if problem.noise and 2.0 * found[-1].cost < _GOOD * found[-1].fun.size:
+            break
+    waterfall = sorted(2.0 * one.cost for one in found)
     return _judged(problem, min(found, key=lambda one: one.cost), waterfall, costs)
 
 
@@ -180,7 +192,7 @@ def _improved(problem, start):
         ftol=1e-10,
         xtol=1e-10,
         gtol=1e-12,
-        max_nfev=60,
+        max_nfev=40,
     )
 
 
@@ -191,7 +203,7 @@ def _judged(problem, best, waterfall, costs):
     felt = size > _NOTHING * max(size.max(), 1.0)
     count = max(rest.size - int(felt.sum()), 1)
     redchi = float(rest @ rest) / count
-    scale = redchi if not all(one.noise for one in problem.observations) else 1.0
+    scale = 1.0 if problem.noise else redchi
     width, values = problem.high - problem.low, problem.at(best.x)
     covariance = np.full((len(width),) * 2, np.nan)
     if felt.any():
@@ -223,6 +235,11 @@ def _judged(problem, best, waterfall, costs):
                 float(getattr(problem.model, name)),
                 felt[i],
             )
+        )
+    if problem.noise and redchi > _GOOD:
+        unknown.append(
+            f"the model does not describe the data: they are {math.sqrt(redchi):.3g} times as far "
+            "from it as their noise explains, and no interval holds"
         )
     k, n = int(felt.sum()) + 1, rest.size
     likelihood = n * math.log(max(float(rest @ rest) / n, 1e-300))

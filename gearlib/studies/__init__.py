@@ -13,6 +13,7 @@ name                    responsibility
 ``phase_lag``           lag of the motion behind the mesh stiffness
 ``jump``                where the motion from rest jumps, and what moves the jump
 ``resonance_branches``  the branches behind Fig. 3, and loci of their special points
+``run_ups``             run-ups at several rates, and the orders of the slowest
 ``tongue_chart``        growth and tongues over the tuning and one other parameter
 ``global_picture``      basins, bifurcation diagram with exponents and shares, sections
 ``contact_loss``        what begins at a tuning: parametric or forced motion

@@ -122,7 +122,7 @@ locus.limits locus.max_points locus.to continue_orbit.to tongues.values
 SpurGear.tip_diameter planetary_set.ring schmidt.degenerate
 dynamic_factor.rpm lyapunov_exponents.states orbit_sensitivities.sensitivities
 fold_sensitivities.sensitivities simulate.sensitivities
-order_track.run
+order_track.run order_map.tacho
 run_up.speed run_up.load run_up.acceleration run_up.driver run_up.base_radius run_up.sensitivities
 """.split()
 

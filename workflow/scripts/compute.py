@@ -2,7 +2,6 @@
 
 import inspect
 import sys
-from importlib import import_module
 from pkgutil import resolve_name
 
 from joblog import redirect_output
@@ -19,7 +18,7 @@ def without_blas():
     if "numba" in sys.modules and not {blas, "numba.np.arraymath"} & set(sys.modules):
         sys.modules[blas] = None
         try:
-            import_module("numba.np.arraymath")
+            resolve_name("numba.np.arraymath")
         finally:
             del sys.modules[blas]
 

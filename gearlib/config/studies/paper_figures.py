@@ -4,10 +4,11 @@ import re
 
 from gearlib import tunings
 from gearlib.config import gear_names
-from gearlib.config.experiments import PhaseLag, PhasePlanes, ReportPage, Resonance
+from gearlib.config.experiments import PhaseLag, PhasePlanes, ReportPage, Resonance, RunUps
 from gearlib.config.studies import of_rigs
 from gearlib.config.studies.study import (
     CLAIMS,
+    EXPLANATIONS,
     PAPER,
     STARTS,
     Drawing,
@@ -185,6 +186,40 @@ RESONANCE = Study(
         _of_resonance,
     ),
     refusal=carried,
+)
+
+RUN_UPS = Study(
+    "run_ups",
+    RunUps,
+    EXPLANATIONS,
+    Job(
+        "run_ups",
+        "run_ups:compute",
+        lambda c: {
+            **c.run_ups.model_dump(include={"start", "stop", "damping", "revolutions"}),
+            "pair": c.model_parameters(c.run_ups.damping),
+            "mesh_orders": c.run_ups.orders,
+        },
+    ),
+    Drawing(
+        "run_ups_figure.draw",
+        {
+            "run_ups": "run_ups.nc",
+            "resonance": _beside("resonance", "resonance.nc"),
+            "branches": _beside("branches", lambda c: f"branches/{c.run_ups.damping}.nc"),
+        },
+        "run_ups",
+        "Beside Fig. 3: run-ups, and their orders",
+        lambda c: (
+            f"""Above: largest and smallest displacement in each revolution over the tuning with the
+        damping {c.run_ups.damping}, where the speed rises evenly in so many revolutions and falls
+        again in as many. Grey, where sweeps were asked for: they settle at every speed, and jump at
+        the folds; a run-up jumps behind them, the further the faster. Below: the order map of the
+        mesh force of the slowest one, Fourier integrals over whole revolutions; z: teeth. Smallest
+        model: one degree of freedom with two levels of stiffness, whose run-ups are closed
+        forms."""
+        ),
+    ),
 )
 
 PHASE_PLANES = Study(

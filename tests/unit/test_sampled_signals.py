@@ -1,0 +1,98 @@
+"""Orders of signals over time: a chirp of known waves, a tacho, a run-up, wrong ones."""
+
+import math
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import gearlib
+from tests.paper import PAPER
+
+RATE, SECONDS = 20_000.0, 6.0
+
+
+def chirp(first=600.0, last=1800.0, start=0.0, order=12.0):
+    """Return a signal with waves of orders 3 and `order`, a mean, and the angle of its shaft."""
+    t = start + np.arange(int(RATE * SECONDS)) / RATE
+    speed = first + (last - first) * (t - start) / SECONDS
+    turns = (first + 0.5 * (last - first) * (t - start) / SECONDS) * (t - start) / 60.0
+    x = 0.5 + 2.0 * np.cos(math.tau * 3.0 * turns + 0.4) + np.sin(math.tau * order * turns)
+    data = {"acceleration": ("sample", x, {"units": "m s-2"})}
+    coords = {"time": ("sample", t), "speed": ("sample", speed)}
+    return xr.Dataset(data, coords), turns
+
+
+def test_a_chirp_has_its_orders():
+    data, turns = chirp(start=2.0)
+    found = gearlib.order_map(data, variable="acceleration", amplitude="peak", highest=20)
+    assert found.sizes["time"] == int(turns[-1])
+    # Splines through ten samples of the shortest wave and more.
+    exact = np.zeros(21)
+    exact[[0, 3, 12]] = 0.5, 2.0, 1.0
+    assert np.abs(found.amplitude.values - exact).max() < 2e-5
+    assert np.abs(found.phase.sel(order=3) - 0.4).max() < 1e-5
+    assert np.abs(found.overall - math.sqrt(2.5)).max() < 1e-4
+    middles = 600.0 + 200.0 * (found.time.values - 2.0)
+    np.testing.assert_allclose(found.rpm, middles, rtol=2e-3)
+    track = gearlib.order_track(data, [12], variable="acceleration")
+    assert np.abs(track.amplitude - math.sqrt(0.5)).max() < 2e-5
+
+
+def test_a_wave_between_two_orders_is_seen_by_both():
+    data, _ = chirp(order=12.5)
+    found = gearlib.order_map(data, variable="acceleration", amplitude="peak", highest=20)
+    beside = found.amplitude.sel(order=[12, 13]).max("order")
+    # sin(pi / 2) / (pi / 2), 3.9 dB below, up to what the mirror wave adds.
+    assert np.abs(beside - 2.0 / math.pi).max() < 0.03
+    fine = gearlib.order_map(data, variable="acceleration", amplitude="peak", resolution=0.5)
+    assert np.abs(fine.amplitude.sel(order=12.5) - 1.0).max() < 1e-3
+
+
+def test_a_tacho_stands_for_the_speed():
+    data, turns = chirp()
+    pulses = np.interp(np.arange(int(turns[-1]) + 1), turns, data.time.values)
+    whole = {"variable": "acceleration", "highest": 20}
+    by_speed = gearlib.order_map(data, **whole)
+    by_tacho = gearlib.order_map(data.drop_vars("speed"), tacho=pulses, **whole)
+    gap = np.abs(by_tacho.amplitude.values - by_speed.amplitude.values[: by_tacho.sizes["time"]])
+    # The first and last pulses have neighbours on one side only.
+    assert gap[3:-3].max() < 1e-4
+
+
+def test_samples_of_a_run_up_have_its_orders():
+    pair = PAPER.replace(material_damping=3953.7, backlash_damping=3953.7)
+    first, last = pair.speed(0.9), pair.speed(1.0)
+    run = gearlib.run_up(pair, first, last, duration=0.4, samples_per_period=64)
+    exact = gearlib.order_map(run, highest=72, amplitude="peak")
+    data = run[["displacement", "speed"]]
+    found = gearlib.order_map(data, highest=72, amplitude="peak", teeth=24)
+    assert float(found.teeth) == 24.0
+    n = min(found.sizes["time"], exact.sizes["time"])
+    gap = np.abs(found.amplitude[:n].values - exact.amplitude[:n].values)
+    assert gap.max() < 1e-4 * float(exact.amplitude[:, 1:].max())
+
+
+@pytest.mark.parametrize(
+    ("change", "options", "says"),
+    [
+        ({}, {"highest": 1e4}, "highest = 10000.0 is not allowed: it must be at most"),
+        ({}, {"variable": "x"}, "variable = 'x' is not allowed"),
+        ({}, {"teeth": 0}, "teeth = 0 is not allowed"),
+        ({}, {"tacho": [0.0, 1.0]}, "tacho is not allowed: it must be four times or more"),
+        ({"speed": -1.0}, {}, "speed is not allowed: it must be > 0 at all samples"),
+        ({"acceleration": math.nan}, {}, "acceleration is not allowed"),
+        ({"time": 0.0}, {}, "time is not allowed: it must rise"),
+    ],
+)
+def test_what_has_no_orders_is_refused(change, options, says):
+    data, _ = chirp()
+    for name, value in change.items():
+        values = data[name].values.copy()
+        values[100] = value
+        data = data.assign({name: ("sample", values)})
+    with pytest.raises(ValueError, match="is not allowed") as error:
+        gearlib.order_map(data, **{"variable": "acceleration"} | options)
+    assert says in str(error.value)
+    with pytest.raises(ValueError, match="tacho = None is not allowed for a dataset without"):
+        gearlib.order_map(chirp()[0].drop_vars("speed"), variable="acceleration")
