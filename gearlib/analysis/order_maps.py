@@ -275,6 +275,8 @@ def _sampled(run, variable, every, blocks, span, step, count):
     phase, values = run.phase.values[::every], run[variable].values[::every]
     shape = (blocks, count, *values.shape[1:])
     found, squares = np.zeros(shape, complex), np.zeros((blocks, *values.shape[1:]))
+    base = np.arange(math.isqrt(count - 1) + 1)
+    large = np.arange(0, count, base.size)
     for k in range(blocks):
         i, j = np.searchsorted(phase, (k * span - _CLOSE, (k + 1) * span - _CLOSE))
         own, part = phase[i:j] - k * span, values[i:j]
@@ -283,10 +285,12 @@ def _sampled(run, variable, every, blocks, span, step, count):
         own, part = np.append(own, span), np.concatenate([part, last[None]])
         share = np.gradient(own, edge_order=1)
         share[[0, -1]] *= 0.5
-        part = part * (share / span).reshape(-1, *[1] * (part.ndim - 1))
-        wave = np.exp(-1j * step * np.outer(np.arange(count), own))
-        found[k] = np.tensordot(wave, part, 1)
-        squares[k] = np.tensordot(share / span, np.append(values[i:j], last[None], 0) ** 2, 1)
+        part, share = part.reshape(own.size, -1), share / span
+        # Waves of the order a n + b are products of two; BLAS would wake threads for small sums.
+        low, high = (np.exp(-1j * step * np.outer(few, own)) for few in (base, large))
+        sums = np.einsum("aim,bi->abm", high[:, :, None] * (share[:, None] * part), low)
+        found[k] = sums.reshape(-1, part.shape[1])[:count].reshape(found[k].shape)
+        squares[k] = np.einsum("i,im->m", share, part**2).reshape(squares[k].shape)
     return found, squares
 
 

@@ -7,6 +7,8 @@ from gearlib.figures import style
 
 #: Units of the variables -> (their value in SI, their name): levels are in dB re 1 of them.
 _REFERENCES = {"m": (1e-6, "µm"), "N": (1.0, "N"), "m s-1": (1.0, "m/s"), "m s-2": (1.0, "m/s²")}
+#: Of variables of a run-up whose dataset has lost its units.
+_UNITS = {"displacement": "m", "dynamic_force": "N", "velocity": "m s-1", "acceleration": "m s-2"}
 #: Levels this far below the highest are one colour, dB.
 _RANGE = 80.0
 _MESH_ORDERS = 3
@@ -43,7 +45,7 @@ def order_map(found, *, figure=None, vertical="order", levels=None):
         raise ValueError(
             "found is not allowed: it must be a dataset of gearlib.order_map, one mesh"
         )
-    unit = found.overall.attrs["units"]
+    unit = found.overall.attrs.get("units") or _UNITS[found.attrs["variable"]]
     reference, name = _REFERENCES.get(unit, (1.0, unit))
     power = found.attrs["amplitude"] == "power"
     height = found.amplitude.values / (reference**2 if power else reference)

@@ -43,7 +43,9 @@ def draw(run_ups, *, resonance=None, branches=None):
     axes.set_xlabel(style.TUNING)
     axes.set_ylabel("largest and smallest displacement\n(static deflections)")
     axes.legend(handles=handles, ncols=2)
-    order_map(run_ups, figure=below)
+    # Of what the study says in its attributes numbers alone may be left.
+    known = {"variable": "dynamic_force", "amplitude": "rms"} | run_ups.attrs
+    order_map(run_ups.assign_attrs(known), figure=below)
     return figure
 
 

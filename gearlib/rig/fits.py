@@ -288,6 +288,6 @@ def _why(problem, model, name, low, high):
     bound = max(low, deepest)
     how = "the far flank is never struck" if deepest > 0.0 else "contact is never lost"
     return (
-        f"backlash is not identifiable: {how}; it is at least {bound:.4g} m, the largest way into "
-        "the backlash, and nothing tells how much more"
+        f"backlash is not identifiable: {how} in what is compared; it is at least {bound:.4g} m, "
+        "the largest way into the backlash there, and nothing tells how much more"
     )

@@ -109,9 +109,10 @@ class RunUpOrders:
         )
 
     def deepest(self, model):
-        """Return the largest way of the model into the backlash, m."""
+        """Return the largest way of the model into the backlash in what is compared, m."""
         run = run_up(model, speed=self.course, **self.options)
-        return max(0.0, -float(run.displacement_min.min()))
+        least = run.displacement_min.values[: self.blocks]
+        return max(0.0, -float(least[self.kept[: least.size]].min()))
 
     def _jump(self, i, orders, slopes, gain):
         """Return (residual, derivatives) of the speed of a jump, over a few revolutions.

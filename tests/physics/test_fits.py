@@ -115,10 +115,11 @@ def test_backlash_is_bounded_where_the_far_flank_is_never_struck():
     free = {"material_damping": (1000.0, 9000.0), "backlash": (1e-5, 9e-5)}
     found = gearlib.fit(TRUTH.replace(backlash=6e-5), data, free, starts=0)
     (said,) = found.unknown
-    assert said.startswith("backlash is not identifiable: the far flank is never struck; it is at")
+    assert said.startswith("backlash is not identifiable: the far flank is never struck in what")
     bound = float(said.split("at least ")[1].split(" m")[0])
     run = gearlib.run_up(TRUTH, speed=course(TRUTH, 1.0))
-    assert bound == pytest.approx(-float(run.displacement_min.min()), rel=0.01)
+    # Less than the way at the jumps, which are left out.
+    assert 0.7 * bound < -float(run.displacement_min.min()) and bound < 1.01 * TRUTH.backlash
     assert not found.params["backlash"].identifiable and "not known" in str(found)
     assert found.params["material_damping"].identifiable
     # The profile does not rise above it.
