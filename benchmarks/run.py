@@ -24,7 +24,7 @@ from gearlib import GearPair, OneDegreePair, SixDegreePair, simulate, sweep
 from gearlib.kernels import orbit
 from gearlib.kernels.polynomial import bernstein_matrix
 from gearlib.kernels.taylor.series import ORDER
-from gearlib.kernels.taylor.taylor_run import run_nonlinear
+from gearlib.kernels.taylor.taylor_run import run_nonlinear, steady_course
 from gearlib.pages.explorer.view import look
 
 REPEATS = repeats(7)
@@ -120,7 +120,8 @@ def against_scipy():
 
     def taylor(periods, tolerance):
         law = cubic.law(0.9, tolerance)
-        result = run_nonlinear(law, matrix, 0.0, 0.0, periods, 1, samples, events, 10**6, summary)
+        start, rest = (steady_course(law), 0.0, 0.0, periods, 1), (10**6, summary[None])
+        result = run_nonlinear(law, matrix, *start, samples, events, *rest)
         return np.array(result[:2])
 
     def exact_six(periods):

@@ -182,7 +182,11 @@ def order_map(
     if names:
         data |= order_slopes.variables(run, variable, names, found, slopes, amplitude)
     coords = {
-        "time": ("time", times + begins, {"units": "s", "long_name": "middle of the block"}),
+        "time": (
+            "time",
+            times + begins,
+            {"units": "s", "long_name": "middle of the block", "standard_name": "time"},
+        ),
         "order": ("order", order, {"units": "1", "long_name": "order, waves per revolution"}),
     }
     coords |= {name: run[name].variable for name in inner}

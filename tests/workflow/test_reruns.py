@@ -122,6 +122,7 @@ CHANGES = {
             "sweep_window": DAMPINGS * (1 + 1 + 1),
             "gather_resonance": 1,
             "draw_resonance": 1,
+            "draw_run_ups": 1,
             "draw_report_page": 1,
             "compute_claims": 1,
         },
