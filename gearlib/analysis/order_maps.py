@@ -182,11 +182,7 @@ def order_map(
     if names:
         data |= order_slopes.variables(run, variable, names, found, slopes, amplitude)
     coords = {
-        "time": (
-            "time",
-            times + begins,
-            {"units": "s", "long_name": "middle of the block", "standard_name": "time"},
-        ),
+        "time": ("time", times + begins, {"units": "s", "long_name": "middle of the block"}),
         "order": ("order", order, {"units": "1", "long_name": "order, waves per revolution"}),
     }
     coords |= {name: run[name].variable for name in inner}

@@ -45,7 +45,7 @@ def draw(run_ups, *, resonance=None, branches=None):
     axes.legend(handles=handles, ncols=2)
     # Of what the study says in its attributes numbers alone may be left.
     known = {"variable": "dynamic_force", "amplitude": "rms"} | run_ups.attrs
-    order_map(run_ups.assign_attrs(known), figure=below)
+    order_map(run_ups.rename(block="time").assign_attrs(known), figure=below)
     return figure
 
 

@@ -63,7 +63,8 @@ def compute(pair, start, stop, revolutions, *, mesh_orders, damping):
     coords = {"revolutions": list(revolutions), "direction": list(DIRECTIONS)}
     coords |= {name: orders[name].variable for name in ("time", "order")}
     about = {"units": "1", "long_name": "revolutions of each way"}
-    dataset = xr.Dataset(data, coords)
+    # CF knows times of day only: a block is at seconds since the start of the run.
+    dataset = xr.Dataset(data, coords).rename(time="block")
     dataset["revolutions"].attrs |= about
     found = result("Run-ups of a gear mesh", model, dataset, method="closed forms")
     return found.assign_attrs({name: orders.attrs[name] for name in ("variable", "amplitude")})

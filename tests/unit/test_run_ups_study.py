@@ -53,6 +53,7 @@ def test_the_map_keeps_powers(found):
     course = [(0.0, low), (seconds, high), (2.0 * seconds, low)]
     run = run_up(PAIR, speed=course, samples_per_period=1)
     whole = order_map(run, variable="dynamic_force", highest=48)
+    found = found.rename(block="time")
     assert found.sizes["time"] == 480 < whole.sizes["time"] == 2 * SLOWEST
     # Blocks next to each other: the sum of powers over both is that over all of them.
     starts = np.arange(240) * SLOWEST // 240
