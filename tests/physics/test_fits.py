@@ -13,7 +13,7 @@ from gearlib.rig.run_up_observations import RunUpOrders
 from gearlib.rig.synthetic_rigs import synthetic_rig
 from tests.paper import PAPER
 
-COUNT = int(os.environ.get("GEARLIB_RIGS", "2"))
+COUNT = int(os.environ.get("GEARLIB_RIGS", "1"))
 TRUTH = PAPER.replace(material_damping=3953.7, backlash_damping=3953.7)
 FREE = {
     "material_damping": (1000.0, 9000.0),

@@ -1,5 +1,7 @@
 """Fits to slow sweeps of synthetic rigs: statistics over speed, jumps, onset of contact loss."""
 
+import os
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -55,6 +57,7 @@ def test_points_have_the_derivatives_at_their_speed(tuning):
             assert abs(slope - point.slopes[one][i]) < 1e-8 * (abs(slope) + size), (name, one)
 
 
+@pytest.mark.skipif("GEARLIB_RIGS" not in os.environ, reason="GEARLIB_RIGS: 10 s")
 def test_a_resonance_curve_tells_three_parameters():
     guess = TRUTH.replace(material_damping=4200.0, reduced_mass=3.1, load=3200.0)
     found = gearlib.fit(guess, resonance(TRUTH, 1), FREE, starts=0)
