@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 from gearlib import checks
 from gearlib.analysis.orbits.orbit_sensitivities import orbit_sensitivities
 from gearlib.analysis.orbits.shooting import NoOrbit, periodic_orbit
-from gearlib.models.derivatives import STEP
+from gearlib.models.derivatives import slope_of
 from gearlib.rig.projection import projected
 from gearlib.runs.sweeping import sweep
 
@@ -44,16 +44,15 @@ class Point:
         orbit = periodic_orbit(model, tuning, guess=guess)
         found = orbit_sensitivities(orbit, (*names, "tuning"), samples_per_period=1)
         self.values, self.slopes, self.by_speed = {}, {}, {}
-        twins = [model.complex_step(model.direction(name)) for name in names]
+        moved = [slope_of(lambda twin: twin.speed(1.0), model, one) for one in names]
         for name, kind in STATISTICS.items():
             value, scale = float(found[name]), scales[kind]
             self.values[name] = value * scale
             by_tuning, slopes = float(found[f"d_{name}_d_tuning"]), []
             self.by_speed[name] = by_tuning * scale / rate
-            for one, twin in zip(names, twins, strict=True):
-                moved = -tuning / rate * np.imag(twin.speed(1.0) + 0j) / STEP
-                grown = np.imag(_scales(twin)[kind] + 0j) / STEP
-                own = float(found[f"d_{name}_d_{one}"]) + by_tuning * moved
+            for one, by_rate in zip(names, moved, strict=True):
+                grown = slope_of(lambda twin, kind=kind: _scales(twin)[kind], model, one)
+                own = float(found[f"d_{name}_d_{one}"]) - by_tuning * tuning / rate * by_rate
                 slopes.append(own * scale + value * grown)
             self.slopes[name] = np.array(slopes)
 

@@ -5,12 +5,8 @@ from typing import Any
 
 import numpy as np
 from scipy.optimize import least_squares
-from scipy.stats import chi2
 
 from gearlib import checks
-
-#: -2 ln of the ratio of likelihoods at the ends of an interval of 95 %: a ratio of 0.1465.
-LEVEL = float(chi2.ppf(0.95, 1))
 
 
 @dataclass(frozen=True)

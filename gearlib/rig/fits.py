@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import least_squares
-from scipy.stats import chi2, qmc
+from scipy.stats import qmc
 from scipy.stats import t as student
 
 from gearlib import checks
@@ -29,8 +29,6 @@ _HOPELESS = 1e30
 _MOST, _FEW = 8, 3
 #: Reduced chi-square up to which a model describes the data.
 _GOOD = 2.0
-#: A profile that rises by less than this, of -2 ln of the likelihood, tells nothing: 95 %.
-LEVEL = float(chi2.ppf(0.95, 1))
 
 
 class Problem(NamedTuple):

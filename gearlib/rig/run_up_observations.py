@@ -11,6 +11,8 @@ import math
 import numpy as np
 
 from gearlib import checks
+from gearlib.analysis.order_maps import summed
+from gearlib.analysis.turning import Turning
 from gearlib.rig.projection import projected
 from gearlib.runs.run_up import run_up
 
@@ -44,29 +46,25 @@ class RunUpOrders:
         values = data.displacement.values
         checks.require(np.isfinite(values).all(), "displacement", "NaN", "finite in each sample")
         checks.require(np.ptp(values) > 0.0, "displacement", float(values[0]), "no constant")
-        phase = self._phase(model, data.time.values)
-        self.teeth = model.mesh.teeth
-        self.blocks = int(phase[-1] / (math.tau * self.teeth))
+        turning = Turning(self.course)
+        turned, self.teeth = turning.revolutions(data.time.values), model.mesh.teeth
+        self.blocks = int(turned[-1])
         checks.require(
             self.blocks > 2 * _FIRST, "revolutions", self.blocks, f"more than {2 * _FIRST}"
         )
-        table, self.share = _reduced(phase, values[:, None], self.blocks, self.teeth)
-        self.measured = table[:, :, 0]
+        self.measured, self.share = self._orders(math.tau * self.teeth * turned, values)
         self.jumps = _jumps(np.abs(self.measured[:, 0]))
         self.kept = np.arange(self.blocks) >= _FIRST
         for i in self.jumps:
             self.kept[max(i - _BEFORE, 0) : i + _BEHIND] = False
         #: Speed in rpm of the middle of each block, by the course.
-        self.speeds = _speeds(self.course, self.blocks)
+        self.speeds = turning.at(np.arange(self.blocks) + 0.5)[1]
 
-    def _phase(self, model, times):
-        rows = np.array(self.course, float)
-        rate = rows[:, 1] * (math.pi / 30.0) * model.mesh.teeth
-        slope = np.append(np.diff(rate) / np.diff(rows[:, 0]), 0.0)
-        turned = np.append(0.0, np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(rows[:, 0])))
-        i = np.clip(np.searchsorted(rows[:, 0], times, "right") - 1, 0, len(rows) - 1)
-        t = times - rows[i, 0]
-        return turned[i] + (rate[i] + 0.5 * slope[i] * t) * t
+    def _orders(self, phase, table):
+        """Return (mesh orders, shape (blocks, ORDERS, ...), what noise is lowered by)."""
+        span = math.tau * self.teeth
+        found, _, share = summed(phase, table, self.blocks, span, 1.0, ORDERS + 1)
+        return found[:, 1:], share
 
     def modelled(self, model, names):
         """Return (orders, shape (blocks, ORDERS), their derivatives, the run-up)."""
@@ -82,7 +80,7 @@ class RunUpOrders:
         columns = [run.displacement.values]
         columns += [run[f"d_displacement_d_{name}"].values for name in names]
         table = np.column_stack(columns)
-        found, _ = _reduced(run.phase.values, table, self.blocks, self.teeth)
+        found, _ = self._orders(run.phase.values, table)
         return found[:, :, 0], found[:, :, 1:], run
 
     def residuals(self, model, names):
@@ -142,29 +140,6 @@ class RunUpOrders:
         return (place - own) / width, moved * apart / width
 
 
-def _reduced(phase, table, blocks, teeth):
-    """Return (mesh orders of columns, shape (blocks, ORDERS, c), sums of squares of weights)."""
-    span = math.tau * teeth
-    bounds = np.searchsorted(phase, span * np.arange(blocks + 1) - 1e-9)
-    found, share = np.zeros((blocks, ORDERS, table.shape[1]), complex), np.zeros(blocks)
-    harmonics = np.arange(1, ORDERS + 1)
-    for k in range(blocks):
-        i, j = bounds[k], bounds[k + 1]
-        own, rows = phase[i:j] - k * span, table[i:j]
-        if j < len(phase):
-            rows = np.vstack([rows, table[j]])
-        else:
-            rows = np.vstack([rows, table[j - 1]])
-        own = np.append(own, span)
-        steps = np.diff(own)
-        weight = np.append(0.5 * steps, 0.0)
-        weight[1:] += 0.5 * steps
-        weight /= span
-        found[k] = (weight * np.exp(-1j * np.outer(harmonics, own))) @ rows
-        share[k] = weight @ weight
-    return found, share
-
-
 def _jumps(height):
     """Return the blocks at which a height jumps, each once."""
     step = np.abs(np.log(height[1:] / height[:-1]))
@@ -175,14 +150,3 @@ def _jumps(height):
         if all(abs(i + 1 - one) > _BEHIND for one in found):
             found.append(int(i + 1))
     return sorted(found)
-
-
-def _speeds(course, blocks):
-    """Return the speed in the middle of each revolution, rpm."""
-    rows = np.array(course, float)
-    rate = rows[:, 1] / 60.0
-    turned = np.append(0.0, np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(rows[:, 0])))
-    middle = np.arange(blocks) + 0.5
-    i = np.clip(np.searchsorted(turned, middle, "right") - 1, 0, len(rows) - 2)
-    slope = np.diff(rate)[i] / np.diff(rows[:, 0])[i]
-    return 60.0 * np.sqrt(np.maximum(rate[i] ** 2 + 2.0 * slope * (middle - turned[i]), 0.0))

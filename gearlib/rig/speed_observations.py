@@ -6,7 +6,7 @@ from gearlib.analysis.orbits.continuation import continue_orbit
 from gearlib.analysis.orbits.orbit_sensitivities import fold_sensitivities
 from gearlib.analysis.orbits.shooting import NoOrbit, periodic_orbit
 from gearlib.analysis.orbits.special_points import FOLD
-from gearlib.models.derivatives import STEP
+from gearlib.models.derivatives import slope_of
 
 #: Shares of the tunings of the highest and the lowest jump between which the branch is followed.
 _ABOVE, _BELOW = 1.5, 0.7
@@ -52,8 +52,7 @@ class Speeds:
             if names:
                 table = fold_sensitivities(model, branch, int(at), names)
                 for i, one in enumerate(names):
-                    twin = model.complex_step(model.direction(one))
-                    own = np.imag(twin.speed(1.0) + 0j) / STEP
+                    own = slope_of(lambda twin: twin.speed(1.0), model, one)
                     slopes[i] = rate * float(table[f"d_tuning_d_{one}"]) + place * own
             deviation = self.deviations[name]
             rest.append((place * rate - speed) / deviation)
