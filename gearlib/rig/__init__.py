@@ -12,6 +12,8 @@ module                     responsibility
 ``measured_scores``        how far both agree, as a table
 ``measured_checks``        what columns are refused for, and what is repaired
 ``fits``                   `fit`: parameters by least squares with exact derivatives
+``opening``                better starts, from the beginning of a run-up
+``fitted_curves``          what was compared, as curves that can be drawn
 ``fit_report``             values, intervals, profiles, the report
 ``run_up_observations``    what is compared of a run-up: mesh orders, jumps
 ``speed_observations``     what is compared of slow sweeps: speeds of jumps

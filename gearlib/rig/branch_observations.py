@@ -14,6 +14,7 @@ from gearlib import checks
 from gearlib.analysis.orbits.orbit_sensitivities import orbit_sensitivities
 from gearlib.analysis.orbits.shooting import NoOrbit, periodic_orbit
 from gearlib.models.derivatives import slope_of
+from gearlib.rig.fitted_curves import Curve, Place
 from gearlib.rig.projection import projected
 from gearlib.runs.sweeping import sweep
 
@@ -83,7 +84,7 @@ class BranchStatistics:
                 self._part(int(way), own, speeds)
             else:
                 self.branches += [own[i : i + 1] for i in range(len(own))]
-        self.speeds = speeds
+        self.speeds, self.falls = speeds, ways < 0
 
     def _noise(self, name):
         return float(self.sensor[name].get("noise_std", 0.0))
@@ -121,6 +122,17 @@ class BranchStatistics:
             rest.append(one[0])
             moved.append(one[1])
         return np.concatenate(rest), np.vstack(moved)
+
+    def curves(self, model):
+        """Return the statistics over the speed, each a `Curve`."""
+        apart = self.residuals(model, ())[0].reshape(len(self.names), -1)
+        found = []
+        for name, rest in zip(self.names, apart, strict=True):
+            values, units = self.measured[name], self.sensor[name].get("units", "")
+            fitted = values + rest * (self._noise(name) or np.ptp(values))
+            words = name.replace("_", " ")
+            found.append(Curve(words, units, "speed", self.speeds, values, fitted, self.falls))
+        return found
 
     def deepest(self, model):
         """Return the largest way of the model into the backlash, m."""
@@ -160,6 +172,12 @@ class Onset:
         deviation = self.noise or 1e-3 * self.speed
         moved = -point.slopes["displacement_min"] / point.by_speed["displacement_min"]
         return np.array([(place - self.speed) / deviation]), moved[None] / deviation
+
+    def curves(self, model):
+        """Return the speed measured and that of the model."""
+        deviation = self.noise or 1e-3 * self.speed
+        fitted = self.speed + deviation * float(self.residuals(model, ())[0][0])
+        return [Place(self.kind, self.speed, deviation, fitted)]
 
     def deepest(self, model):
         """Return the largest way into the backlash that the data know, m."""

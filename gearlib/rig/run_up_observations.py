@@ -1,10 +1,11 @@
 """What a fit compares of a measured run-up: mesh orders, block by block, and where it jumps.
 
-Sums over the phase turn samples into the complex amplitudes of the mesh orders of each revolution:
-offset and eccentricity are other orders and do not enter. Around a jump, where the deviations of a
+Regressions turn samples into the complex amplitudes of the mesh orders of each revolution: offset
+and eccentricity are other orders and do not enter. Around a jump, where the deviations of a
 motion grow, nothing is compared but the speed at which it happens.
 """
 
+import copy
 import json
 import math
 
@@ -13,6 +14,7 @@ import numpy as np
 from gearlib import checks
 from gearlib.analysis.order_maps import summed
 from gearlib.analysis.turning import Turning
+from gearlib.rig.fitted_curves import Curve
 from gearlib.rig.projection import projected
 from gearlib.runs.run_up import run_up
 
@@ -20,6 +22,8 @@ from gearlib.runs.run_up import run_up
 SAMPLES = 32
 #: Mesh orders compared.
 ORDERS = 4
+#: Waves once, twice, ... a turn that are the encoder's; samples for each mesh order at least.
+_OF_SHAFT, _DENSE = 3, 2.5
 #: A step of the first mesh order from one revolution to the next that is a jump, as a share.
 _JUMP = 0.15
 #: Revolutions left out before a jump and behind it: in these the motion comes to its new orbit.
@@ -43,28 +47,37 @@ class RunUpOrders:
         sensor = data.displacement.attrs
         self.noise = float(sensor.get("noise_std", 0.0))
         self.gain = bool(sensor.get("unknown_gain", 0))
+        self.units = sensor.get("units", "m")
         values = data.displacement.values
         checks.require(np.isfinite(values).all(), "displacement", "NaN", "finite in each sample")
         checks.require(np.ptp(values) > 0.0, "displacement", float(values[0]), "no constant")
-        turning = Turning(self.course)
-        turned, self.teeth = turning.revolutions(data.time.values), model.mesh.teeth
+        self.turning = Turning(self.course)
+        turned, self.teeth = self.turning.revolutions(data.time.values), model.mesh.teeth
         self.blocks = int(turned[-1])
         checks.require(
             self.blocks > 2 * _FIRST, "revolutions", self.blocks, f"more than {2 * _FIRST}"
         )
-        self.measured, self.share = self._orders(math.tau * self.teeth * turned, values)
+        self.measured, self.share = _regressed(turned, values, self.blocks, self.teeth)
         self.jumps = _jumps(np.abs(self.measured[:, 0]))
         self.kept = np.arange(self.blocks) >= _FIRST
         for i in self.jumps:
             self.kept[max(i - _BEFORE, 0) : i + _BEHIND] = False
         #: Speed in rpm of the middle of each block, by the course.
-        self.speeds = turning.at(np.arange(self.blocks) + 0.5)[1]
+        self.speeds = self.turning.at(np.arange(self.blocks) + 0.5)[1]
 
-    def _orders(self, phase, table):
-        """Return (mesh orders, shape (blocks, ORDERS, ...), what noise is lowered by)."""
-        span = math.tau * self.teeth
-        found, _, share = summed(phase, table, self.blocks, span, 1.0, ORDERS + 1)
-        return found[:, 1:], share
+    def opening(self):
+        """Return the part of the observation before its first jump; None where that is short."""
+        count = min([i - _BEFORE for i in self.jumps] + [self.blocks // 3])
+        if count < 2 * _FIRST:
+            return None
+        end = float(self.turning.at(count + 0.5)[0])
+        rows = [row for row in self.course if row[0] < end]
+        found = copy.copy(self)
+        found.course = [*rows, [end, float(self.turning.at(count + 0.5)[1])]]
+        found.blocks, found.jumps = count, []
+        for name in ("measured", "share", "kept", "speeds"):
+            setattr(found, name, getattr(self, name)[:count])
+        return found
 
     def modelled(self, model, names):
         """Return (orders, shape (blocks, ORDERS), their derivatives, the run-up)."""
@@ -80,7 +93,8 @@ class RunUpOrders:
         columns = [run.displacement.values]
         columns += [run[f"d_displacement_d_{name}"].values for name in names]
         table = np.column_stack(columns)
-        found, _ = self._orders(run.phase.values, table)
+        span = math.tau * self.teeth
+        found = summed(run.phase.values, table, self.blocks, span, 1.0, ORDERS + 1)[0][:, 1:]
         return found[:, :, 0], found[:, :, 1:], run
 
     def residuals(self, model, names):
@@ -89,8 +103,7 @@ class RunUpOrders:
         if found is None:
             return None
         orders, slopes, _ = found
-        deviation = (self.noise or 1.0) * np.sqrt(0.5 * self.share[self.kept])
-        scale = np.repeat(deviation, 2 * ORDERS)
+        scale = np.repeat(self._deviation(), 2 * ORDERS)
 
         def flat(values):
             part = np.stack([values.real, values.imag], 2)[self.kept]
@@ -105,6 +118,24 @@ class RunUpOrders:
             np.concatenate([rest, [one[0] for one in more]]),
             np.vstack([moved, *[one[1] for one in more]]),
         )
+
+    def _deviation(self):
+        """Return the standard deviations of both parts of an order, in each block compared."""
+        return (self.noise or 1.0) * np.sqrt(0.5 * self.share[self.kept])
+
+    def curves(self, model):
+        """Return the amplitudes of the mesh orders over the speed, each a `Curve`."""
+        count = 2 * ORDERS * int(self.kept.sum())
+        apart = self.residuals(model, ())[0][:count].reshape(-1, ORDERS, 2)
+        fitted = np.full(self.measured.shape, complex(np.nan))
+        away = (apart[..., 0] + 1j * apart[..., 1]) * self._deviation()[:, None]
+        fitted[self.kept] = self.measured[self.kept] + away
+        falls = np.gradient(self.speeds) < 0.0
+        rows = zip(2.0 * np.abs(self.measured.T), 2.0 * np.abs(fitted.T), strict=True)
+        return [
+            Curve(f"order {'' if k == 1 else k}z", self.units, "speed", self.speeds, *pair, falls)
+            for k, pair in enumerate(rows, 1)
+        ]
 
     def deepest(self, model):
         """Return the largest way of the model into the backlash in what is compared, m."""
@@ -138,6 +169,37 @@ class RunUpOrders:
         place = self.speeds[j - 1] + share * apart
         own = np.interp(0.5, [0.0, 1.0], [self.speeds[i - 1], self.speeds[i]])
         return (place - own) / width, moved * apart / width
+
+
+def _regressed(turned, values, blocks, teeth):
+    """Return (mesh orders, shape (blocks, ORDERS), what the variance of noise is lowered by).
+
+    Samples lie anywhere: of each revolution a regression on offset, the first waves of the shaft,
+    which are those of the encoder, and mesh orders. The variance of either part of an order is
+    half the share.
+    """
+    bounds = np.searchsorted(turned, np.arange(blocks + 1))
+    least = int(np.diff(bounds).min())
+    count = min(2 * ORDERS, int(least / (_DENSE * teeth)))
+    checks.require(
+        count >= ORDERS,
+        "displacement",
+        f"{least / teeth:.3g} samples in a mesh period",
+        f"of {_DENSE * ORDERS:g} or more",
+    )
+    waves = np.array([*range(1, _OF_SHAFT + 1), *(teeth * np.arange(1, count + 1))])
+    found, share = np.zeros((blocks, ORDERS), complex), np.zeros(blocks)
+    for k in range(blocks):
+        own = slice(bounds[k], bounds[k + 1])
+        turn = np.exp(2j * np.pi * np.outer(turned[own] - k, waves))
+        columns = np.hstack([np.ones((len(turn), 1)), turn.real, turn.imag])
+        inverse = np.linalg.inv(columns.T @ columns)
+        best = inverse @ (columns.T @ values[own])
+        real = np.arange(ORDERS) + 1 + _OF_SHAFT
+        imaginary = real + waves.size
+        found[k] = 0.5 * (best[real] - 1j * best[imaginary])
+        share[k] = 0.5 * np.diag(inverse)[[*real, *imaginary]].mean()
+    return found, share
 
 
 def _jumps(height):

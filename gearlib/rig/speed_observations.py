@@ -7,6 +7,7 @@ from gearlib.analysis.orbits.orbit_sensitivities import fold_sensitivities
 from gearlib.analysis.orbits.shooting import NoOrbit, periodic_orbit
 from gearlib.analysis.orbits.special_points import FOLD
 from gearlib.models.derivatives import slope_of
+from gearlib.rig.fitted_curves import Place
 
 #: Shares of the tunings of the highest and the lowest jump between which the branch is followed.
 _ABOVE, _BELOW = 1.5, 0.7
@@ -58,6 +59,17 @@ class Speeds:
             rest.append((place * rate - speed) / deviation)
             moved.append(slopes / deviation)
         return np.array(rest), np.array(moved).reshape(len(rest), len(names))
+
+    def curves(self, model):
+        """Return each speed measured and that of the model."""
+        found = []
+        for (name, speed), rest in zip(
+            self.speeds.items(), self.residuals(model, ())[0], strict=True
+        ):
+            deviation = self.deviations[name]
+            fitted = np.nan if rest == _NONE else speed + deviation * float(rest)
+            found.append(Place(name.replace("_", " "), speed, deviation, fitted))
+        return found
 
     def deepest(self, model):
         """Return the largest way into the backlash that the data know, m."""
