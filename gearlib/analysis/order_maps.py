@@ -119,7 +119,7 @@ def order_map(
         "resolution", resolution, "a finite number > 0 and <= 1", lambda x: 0.0 < x <= 1.0
     )
     revolutions = math.ceil(1.0 / resolution - 1e-12)
-    speeds, loads, teeth = course = _course(run)
+    speeds, teeth = _course(run)
     span = math.tau * teeth * revolutions
     turned = math.pi / 30.0 * np.trapezoid(speeds[:, 1], speeds[:, 0]) / math.tau
     blocks = int(turned / revolutions + _CLOSE)
@@ -131,7 +131,7 @@ def order_map(
     top = _MESH_ORDERS * teeth if highest is None else highest
     top = checks.finite_positive("highest", top)
     count, step = int(top * revolutions + 1e-9) + 1, 1.0 / (teeth * revolutions)
-    pair = _pair_of(run, loads)
+    pair = pair_of(run)
     if pair is None:
         per = math.tau * (run.phase.size - 1) / float(run.phase[-1] - run.phase[0])
         if top > 0.25 * per * teeth:
@@ -145,7 +145,7 @@ def order_map(
         half = summed(phase[::2], values[::2], *args)[0]
         error = np.abs(found - half)
     else:
-        found, squares = _exact(pair, run, course, variable, blocks, span, step, count)
+        found, squares = integrated(pair, run, variable, blocks, span, step, count)
         error = _ROUNDING * np.sqrt(squares)[:, None] * np.ones(found.shape)
     names = order_slopes.names_of(run, variable)
     if pair is None:
@@ -240,21 +240,21 @@ def order_track(run, orders, **options):
 
 
 def _course(run):
-    """Return (rows of s and rpm, rows of s and shares of the load, mesh periods a revolution)."""
-    asked = json.loads(run.attrs["parameters"])
+    """Return (rows of s and rpm, mesh periods a revolution)."""
     speed, t, phase = (run[name].values for name in ("speed", "time", "phase"))
     angle = math.pi / 60.0 * ((speed[1:] + speed[:-1]) * np.diff(t)).sum()
     ratio = float((phase[-1] - phase[0]) / angle)
     whole = round(ratio)
     teeth = float(whole) if abs(ratio - whole) < 1e-6 * ratio else ratio
     teeth = float(run.teeth) if "teeth" in run else teeth
-    return np.array(asked["speed"]), np.array(asked["load"]), teeth
+    return np.array(json.loads(run.attrs["parameters"])["speed"]), teeth
 
 
-def _pair_of(run, loads):
+def pair_of(run):
     """Return the `GearPair` of a run-up in closed forms, None where there is none."""
     values = json.loads(run.attrs.get("gear_pair", "{}"))
-    ramps = any(a[0] < b[0] and a[1] != b[1] for a, b in itertools.pairwise(loads.tolist()))
+    loads = json.loads(run.attrs["parameters"])["load"]
+    ramps = any(a[0] < b[0] and a[1] != b[1] for a, b in itertools.pairwise(loads))
     if values.keys() != declared(GearPair).keys() or ramps:
         return None
     return GearPair(**{name: float(x) if x == "inf" else x for name, x in values.items()})
@@ -304,9 +304,10 @@ def summed(phase, values, blocks, span, step, count):
     return found, squares, shares
 
 
-def _exact(pair, run, course, variable, blocks, span, step, count):
-    """Return (coefficients, mean squares), in SI."""
-    (speeds, loads, _), asked = course, json.loads(run.attrs["parameters"])
+def integrated(pair, run, variable, blocks, span, step, count):
+    """Return (coefficients, mean squares) of a `GearPair` as of `summed`, in SI."""
+    asked = json.loads(run.attrs["parameters"])
+    speeds, loads = np.array(asked["speed"]), np.array(asked["load"])
     omega, length = float(pair.mesh_frequency(1.0)), pair.static_deflection
     constants, push = mesh(ratios(pair), 1.0), 0.0
     if asked["driven_mass"]:
