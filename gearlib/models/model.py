@@ -134,6 +134,19 @@ class Model:
         """Return what changes with one of `derivatives`, for `complex_step`: a dict."""
         return {name: 1.0}
 
+    @property
+    def settable(self):
+        """Those of `derivatives` that can be given, one by one, as `with_values` takes them."""
+        return derivatives.settable(self)
+
+    def value(self, name):
+        """Return the value of one of `settable`."""
+        return derivatives.value(self, name)
+
+    def with_values(self, changes):
+        """Return the model with some of `settable` changed, and checked: name -> value."""
+        return derivatives.with_values(self, changes)
+
     def along_branch(self, name):
         """Return the same for a parameter over which orbits are followed; None: not known."""
         return {name: 1.0} if name == "tuning" else None
