@@ -31,7 +31,9 @@ STATISTICS = {
 #: A step from one point to the next that is a jump: share of the value, and times the step before.
 _JUMP, _STEEP = 0.15, 3.0
 #: Mesh periods at each speed: what deviates dies out, Newton's method does the rest.
-_SETTLING = {"periods": 200, "record_periods": 1}
+SETTLING = {"periods": 200, "record_periods": 1}
+#: Samples of a mesh period for its orders, whose aliases fall with the third power.
+_SAMPLES = 1024
 #: Around a measured onset of contact loss, where that of the model is looked for: shares of it.
 _AROUND = np.linspace(0.7, 1.3, 61)
 
@@ -39,11 +41,13 @@ _AROUND = np.linspace(0.7, 1.3, 61)
 class Point:
     """An orbit at a speed in SI, with derivatives at this speed."""
 
-    def __init__(self, model, speed, guess, names):
+    def __init__(self, model, speed, guess, names, orders=0):
         rate = float(model.speed(1.0))
         tuning, scales = speed / rate, _scales(model)
         orbit = periodic_orbit(model, tuning, guess=guess)
-        found = orbit_sensitivities(orbit, (*names, "tuning"), samples_per_period=1)
+        found = orbit_sensitivities(
+            orbit, (*names, "tuning"), samples_per_period=_SAMPLES if orders else 1
+        )
         self.values, self.slopes, self.by_speed = {}, {}, {}
         moved = [slope_of(lambda twin: twin.speed(1.0), model, one) for one in names]
         for name, kind in STATISTICS.items():
@@ -56,6 +60,17 @@ class Point:
                 own = float(found[f"d_{name}_d_{one}"]) - by_tuning * tuning / rate * by_rate
                 slopes.append(own * scale + value * grown)
             self.slopes[name] = np.array(slopes)
+        if orders:
+            wave = np.exp(-1j * np.outer(np.arange(1, orders + 1), found.phase.values)) / _SAMPLES
+            scale, own = scales["length"], wave @ found.displacement.values
+            by_tuning = wave @ found.d_displacement_d_tuning.values
+            #: Complex amplitudes of the displacement, m, from the first order of the mesh on.
+            self.orders, slopes = own * scale, []
+            for one, by_rate in zip(names, moved, strict=True):
+                grown = slope_of(lambda twin: _scales(twin)["length"], model, one)
+                slope = wave @ found[f"d_displacement_d_{one}"].values
+                slopes.append((slope - by_tuning * tuning / rate * by_rate) * scale + own * grown)
+            self.order_slopes = np.array(slopes).reshape(-1, orders).T
 
 
 class BranchStatistics:
@@ -152,7 +167,7 @@ class Onset:
     def residuals(self, model, names):
         """Return (residual, derivatives), None where the model never loses contact near it."""
         speeds = self.speed * _AROUND
-        run = sweep(model, speeds / float(model.speed(1.0)), direction="up", **_SETTLING)
+        run = sweep(model, speeds / float(model.speed(1.0)), direction="up", **SETTLING)
         least = run.displacement_min.values
         steps = np.flatnonzero((least[1:] > 0.0) != (least[:-1] > 0.0))
         if not steps.size:
@@ -188,7 +203,7 @@ def _followed(model, speeds, names):
     """Return the points of one branch from its first speed on."""
     tunings = speeds / float(model.speed(1.0))
     rising = len(speeds) < 2 or tunings[-1] > tunings[0]
-    run = sweep(model, np.sort(tunings), direction="up" if rising else "down", **_SETTLING)
+    run = sweep(model, np.sort(tunings), direction="up" if rising else "down", **SETTLING)
     order = slice(None) if rising else slice(None, None, -1)
     states = run.final_state.values[order]
     end = _jump(run.displacement_max.values[order][None], [0.0])

@@ -18,8 +18,8 @@ from gearlib.models.model import is_model
 from gearlib.rig import opening
 from gearlib.rig.branch_observations import STATISTICS, BranchStatistics, Onset
 from gearlib.rig.fit_report import Fit, Parameter
-from gearlib.rig.run_up_observations import RunUpOrders
 from gearlib.rig.speed_observations import Speeds
+from gearlib.rig.steady_observations import courses_of
 
 #: A derivative below this share of the largest, over the ranges of the parameters, is none.
 _NOTHING = 1e-9
@@ -159,7 +159,7 @@ def observations_of(model, data):
         raise checks.refusal("data", data, "datasets with a displacement over time or jump speeds")
     found = []
     if "displacement" in data and "time" in getattr(data, "coords", ()):
-        found.append(RunUpOrders(model, data))
+        found += courses_of(model, data)
     jumps = {}
     if "speed" in data.coords and "time" not in data.coords and set(STATISTICS) & set(data):
         found.append(BranchStatistics(data))
@@ -242,7 +242,8 @@ def _judged(problem, best, waterfall, costs, endless=()):
     size = np.sqrt((moved**2).sum(axis=0))
     felt = size > _NOTHING * max(size.max(), 1.0)
     felt &= [name not in endless for name in problem.names]
-    count = max(rest.size - int(felt.sum()), 1)
+    taken = sum(getattr(one, "eliminated", 0) for one in problem.observations)
+    count = max(rest.size - taken - int(felt.sum()), 1)
     redchi = float(rest @ rest) / count
     scale = 1.0 if problem.noise else redchi
     width, values = problem.high - problem.low, problem.at(best.x)

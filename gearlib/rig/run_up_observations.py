@@ -1,12 +1,10 @@
 """What a fit compares of a measured run-up: mesh orders, block by block, and where it jumps.
 
-Regressions turn samples into the complex amplitudes of the mesh orders of each revolution: offset
-and eccentricity are other orders and do not enter. Around a jump, where the deviations of a
-motion grow, nothing is compared but the speed at which it happens.
+Around a jump, where the deviations of a motion grow, nothing is compared but the speed at which it
+happens.
 """
 
 import copy
-import json
 import math
 
 import numpy as np
@@ -15,15 +13,11 @@ from gearlib import checks
 from gearlib.analysis.order_maps import summed
 from gearlib.analysis.turning import Turning
 from gearlib.rig.fitted_curves import Curve
-from gearlib.rig.projection import projected
+from gearlib.rig.order_observations import ORDERS, MeshOrders, regressed
 from gearlib.runs.run_up import run_up
 
 #: Samples of the model in a mesh period: of waves that fall with the third power of their order.
 SAMPLES = 32
-#: Mesh orders compared.
-ORDERS = 4
-#: Waves once, twice, ... a turn that are the encoder's; samples for each mesh order at least.
-_OF_SHAFT, _DENSE = 3, 2.5
 #: A step of the first mesh order from one revolution to the next that is a jump, as a share.
 _JUMP = 0.15
 #: Revolutions left out before a jump and behind it: in these the motion comes to its new orbit.
@@ -32,32 +26,27 @@ _BEFORE, _BEHIND = 4, 24
 _FIRST = 6
 
 
-class RunUpOrders:
+class RunUpOrders(MeshOrders):
     """A measured time course of a run-up."""
 
     kind = "run-up"
 
     def __init__(self, model, data):
-        known = json.loads(data.attrs.get("known", "{}"))
-        if "course" not in known:
+        super().__init__(model, data)
+        if "course" not in self.known:
             raise ValueError(
                 "known.course is missing: a run-up needs its course of speed, rows of s and rpm"
             )
-        self.course, self.options = known["course"], known.get("options", {})
-        sensor = data.displacement.attrs
-        self.noise = float(sensor.get("noise_std", 0.0))
-        self.gain = bool(sensor.get("unknown_gain", 0))
-        self.units = sensor.get("units", "m")
-        values = data.displacement.values
-        checks.require(np.isfinite(values).all(), "displacement", "NaN", "finite in each sample")
-        checks.require(np.ptp(values) > 0.0, "displacement", float(values[0]), "no constant")
+        self.course, self.options = self.known["course"], self.known.get("options", {})
         self.turning = Turning(self.course)
-        turned, self.teeth = self.turning.revolutions(data.time.values), model.mesh.teeth
-        self.blocks = int(turned[-1])
+        turns = self.turning.revolutions(data.time.values)
+        self.blocks = int(turns[-1])
         checks.require(
             self.blocks > 2 * _FIRST, "revolutions", self.blocks, f"more than {2 * _FIRST}"
         )
-        self.measured, self.share = _regressed(turned, values, self.blocks, self.teeth)
+        self.measured, self.share = regressed(
+            turns, self.values, np.arange(self.blocks + 1), self.teeth
+        )
         self.jumps = _jumps(np.abs(self.measured[:, 0]))
         self.kept = np.arange(self.blocks) >= _FIRST
         for i in self.jumps:
@@ -80,7 +69,7 @@ class RunUpOrders:
         return found
 
     def modelled(self, model, names):
-        """Return (orders, shape (blocks, ORDERS), their derivatives, the run-up)."""
+        """Return (orders, shape (blocks, ORDERS), their derivatives), None of a run that stops."""
         run = run_up(
             model,
             speed=self.course,
@@ -95,46 +84,22 @@ class RunUpOrders:
         table = np.column_stack(columns)
         span = math.tau * self.teeth
         found = summed(run.phase.values, table, self.blocks, span, 1.0, ORDERS + 1)[0][:, 1:]
-        return found[:, :, 0], found[:, :, 1:], run
-
-    def residuals(self, model, names):
-        """Return (residuals, derivatives), None where the model could not go on."""
-        found = self.modelled(model, names)
-        if found is None:
-            return None
-        orders, slopes, _ = found
-        scale = np.repeat(self._deviation(), 2 * ORDERS)
-
-        def flat(values):
-            part = np.stack([values.real, values.imag], 2)[self.kept]
-            return part.reshape(len(scale), *values.shape[2:]) / scale.reshape(
-                -1, *[1] * (values.ndim - 2)
-            )
-
-        measured, none = flat(self.measured), np.zeros((scale.size, 0))
-        rest, moved, gain = projected(measured, flat(orders), flat(slopes), none, self.gain)
-        more = [self._jump(i, orders, slopes, gain or 1.0) for i in self.jumps]
-        return (
-            np.concatenate([rest, [one[0] for one in more]]),
-            np.vstack([moved, *[one[1] for one in more]]),
-        )
-
-    def _deviation(self):
-        """Return the standard deviations of both parts of an order, in each block compared."""
-        return (self.noise or 1.0) * np.sqrt(0.5 * self.share[self.kept])
+        return found[:, :, 0], found[:, :, 1:]
 
     def curves(self, model):
         """Return the amplitudes of the mesh orders over the speed, each a `Curve`."""
-        count = 2 * ORDERS * int(self.kept.sum())
-        apart = self.residuals(model, ())[0][:count].reshape(-1, ORDERS, 2)
-        fitted = np.full(self.measured.shape, complex(np.nan))
-        away = (apart[..., 0] + 1j * apart[..., 1]) * self._deviation()[:, None]
-        fitted[self.kept] = self.measured[self.kept] + away
         falls = np.gradient(self.speeds) < 0.0
-        rows = zip(2.0 * np.abs(self.measured.T), 2.0 * np.abs(fitted.T), strict=True)
+        pairs = zip(self.measured.T, self.fitted(model).T, strict=True)
         return [
-            Curve(f"order {'' if k == 1 else k}z", self.units, "speed", self.speeds, *pair, falls)
-            for k, pair in enumerate(rows, 1)
+            Curve(
+                f"order {'' if k == 1 else k}z",
+                self.units,
+                "speed",
+                self.speeds,
+                *(2.0 * np.abs(one) for one in pair),
+                falls,
+            )
+            for k, pair in enumerate(pairs, 1)
         ]
 
     def deepest(self, model):
@@ -143,7 +108,7 @@ class RunUpOrders:
         least = run.displacement_min.values[: self.blocks]
         return max(0.0, -float(least[self.kept[: least.size]].min()))
 
-    def _jump(self, i, orders, slopes, gain):
+    def jump(self, i, orders, slopes, gain):
         """Return (residual, derivatives) of the speed of a jump, over a few revolutions.
 
         Where the first mesh order of the model crosses the middle of the levels measured.
@@ -169,37 +134,6 @@ class RunUpOrders:
         place = self.speeds[j - 1] + share * apart
         own = np.interp(0.5, [0.0, 1.0], [self.speeds[i - 1], self.speeds[i]])
         return (place - own) / width, moved * apart / width
-
-
-def _regressed(turned, values, blocks, teeth):
-    """Return (mesh orders, shape (blocks, ORDERS), what the variance of noise is lowered by).
-
-    Samples lie anywhere: of each revolution a regression on offset, the first waves of the shaft,
-    which are those of the encoder, and mesh orders. The variance of either part of an order is
-    half the share.
-    """
-    bounds = np.searchsorted(turned, np.arange(blocks + 1))
-    least = int(np.diff(bounds).min())
-    count = min(2 * ORDERS, int(least / (_DENSE * teeth)))
-    checks.require(
-        count >= ORDERS,
-        "displacement",
-        f"{least / teeth:.3g} samples in a mesh period",
-        f"of {_DENSE * ORDERS:g} or more",
-    )
-    waves = np.array([*range(1, _OF_SHAFT + 1), *(teeth * np.arange(1, count + 1))])
-    found, share = np.zeros((blocks, ORDERS), complex), np.zeros(blocks)
-    for k in range(blocks):
-        own = slice(bounds[k], bounds[k + 1])
-        turn = np.exp(2j * np.pi * np.outer(turned[own] - k, waves))
-        columns = np.hstack([np.ones((len(turn), 1)), turn.real, turn.imag])
-        inverse = np.linalg.inv(columns.T @ columns)
-        best = inverse @ (columns.T @ values[own])
-        real = np.arange(ORDERS) + 1 + _OF_SHAFT
-        imaginary = real + waves.size
-        found[k] = 0.5 * (best[real] - 1j * best[imaginary])
-        share[k] = 0.5 * np.diag(inverse)[[*real, *imaginary]].mean()
-    return found, share
 
 
 def _jumps(height):
