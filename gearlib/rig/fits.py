@@ -15,8 +15,9 @@ from scipy.stats import t as student
 
 from gearlib import checks
 from gearlib.models.model import is_model
-from gearlib.rig.branch_observations import STATISTICS, BranchStatistics, Onset
+from gearlib.rig.branch_observations import BranchStatistics, Onset, channels
 from gearlib.rig.fit_report import Fit, Parameter
+from gearlib.rig.orbit_at_speed import STATISTICS
 from gearlib.rig.run_up_observations import RunUpOrders
 from gearlib.rig.speed_observations import Speeds
 
@@ -138,8 +139,8 @@ def observations_of(model, data):
     if "displacement" in data and "time" in getattr(data, "coords", ()):
         found.append(RunUpOrders(model, data))
     jumps = {}
-    if "speed" in data.coords and "time" not in data.coords and set(STATISTICS) & set(data):
-        found.append(BranchStatistics(data))
+    if "speed" in data.coords and "time" not in data.coords and channels(model, data):
+        found.append(BranchStatistics(data, model))
         jumps = found[-1].jumps
     speeds = jumps | {name: data[name] for name in ("jump_up", "jump_down") if name in data}
     if speeds:
