@@ -271,6 +271,20 @@ def _value(model, name):
     return None
 
 
+def moved_field(model, name, share):
+    """Return (model with one of its fields changed by a share of it, by how much)."""
+    value = _value(model, name)
+    step = share * (abs(value) or 1.0)
+    if name in {field.name for field in dataclasses.fields(model)}:
+        return _with(model, name, value + step), step
+    return _with(model, "pair", _with(model.pair, name, value + step)), step
+
+
+def _with(model, name, value):
+    values = {one.name: getattr(model, one.name) for one in dataclasses.fields(model)}
+    return derivatives.unchecked(type(model), **values | {name: value})
+
+
 def between(a: Any, b: Any, share):
     """Return a model, or a part of one, between two; where they do not match that of the second."""
     if dataclasses.is_dataclass(a) and type(a) is type(b):

@@ -7,9 +7,15 @@ up to its first fold, where the motion jumps.
 
 import numpy as np
 
-from gearlib.analysis.orbits import following
-from gearlib.analysis.orbits.following import Fold, Onset, extrema_slopes, solve
-from gearlib.analysis.orbits.tracing import Lost, advance, correct, tangent
+from gearlib.analysis.orbits.following import (
+    Failed,
+    Fold,
+    Onset,
+    extrema_slopes,
+    moved_field,
+    solve,
+)
+from gearlib.analysis.orbits.tracing import Lost, advance, tangent
 from gearlib.data import status
 from gearlib.kernels import orbit as columns
 from gearlib.runs.run_arguments import MAX_EVENTS
@@ -19,8 +25,8 @@ _TUNINGS = np.geomspace(0.5, 1.8, 160)
 _RESONANCE = (_TUNINGS > 0.65) & (_TUNINGS < 1.5)
 #: Steps along a branch: first, largest, how they grow, the shortest, most of them.
 _FIRST, _LARGEST, _GROWTH, _LEAST, _MOST = 0.02, 0.25, 1.6, 1e-5, 600
-#: The top of a branch is found to this share of a step: its height to the square of it.
-_TOP, _TRIES = 1e-7, 60
+#: Step of differences.
+_DIFFERENCE = 1e-6
 _ROUNDING = 1e-12
 
 
@@ -155,16 +161,58 @@ def walk(branch, y, way):
             h = min(_GROWTH * h, _LARGEST * max(1.0, 0.25 * np.abs(y[:2]).max()))
 
 
-def top(model, y, which, fold=None):
-    """Return (y, whether it lies at the fold) where an extremum is largest along a branch.
+class Top:
+    """Unknowns and equations as in `following`: where an extremum is largest along the branch.
 
-    From the fold where the branch ends, or else from y on towards smaller tunings; `which` is that
-    of `extrema_slopes`. None where it is not found.
+    `which` is its number, as of `extrema_slopes`. What it grows by along the branch is exact, the
+    derivatives of that are differences: they decide how fast Newton's method converges, not where
+    to.
+    """
+
+    def __init__(self, which):
+        self.which = which
+
+    def tuning(self, model, y):
+        """As of `following.Fold`."""
+        return y[-1]
+
+    def growth(self, model, y):
+        """Return (orbit, growth along the branch, in a direction that changes nowhere)."""
+        try:
+            orbit = Branch(model).evaluate(y)
+        except Lost as error:
+            raise Failed(str(error)) from None
+        along = np.cross(*orbit.jacobian)
+        return orbit, orbit.slopes()[self.which] @ along / np.linalg.norm(along)
+
+    def evaluate(self, model, y, names=()):
+        """As of `following.Fold`."""
+        orbit, value = self.growth(model, y)
+        row = [
+            (self.growth(model, y + step)[1] - value) / _DIFFERENCE
+            for step in _DIFFERENCE * np.eye(3)
+        ]
+        matrix = np.vstack([orbit.jacobian, row])
+        moved = np.zeros((3, len(names)))
+        if names:
+            along = orbit.propagator.directions(model, names)
+            _, moved[:2], _ = orbit.propagator.map_slopes(y[:2], along, 1, MAX_EVENTS)
+            for i, name in enumerate(names):
+                field, step = moved_field(model, name, _DIFFERENCE)
+                moved[2, i] = (self.growth(field, y)[1] - value) / step
+        return np.append(orbit.miss, value), matrix, moved
+
+
+def top(model, which, start, fold=None):
+    """Return y where an extremum is largest along the stable branch, `which` as of `Top`.
+
+    That is its fold, if there is one at which it still grows; else from `start` on towards smaller
+    tunings. None where it is not found.
     """
     branch = Branch(model)
     try:
         if fold is None:
-            orbit = branch.evaluate(y)
+            orbit = branch.evaluate(start)
             along = tangent(orbit.jacobian, np.array([0.0, 0.0, -1.0]))
             if orbit.slopes()[which] @ along < 0.0:
                 along = -along
@@ -174,9 +222,9 @@ def top(model, y, which, fold=None):
             along = tangent(matrix[:2], matrix[2])
             orbit = branch.evaluate(fold)
             if orbit.slopes()[which] @ along <= 0.0:
-                return fold, True
-        return _climb(branch, orbit, along, which), False
-    except (Lost, following.Failed):
+                return fold
+        return _climb(branch, orbit, along, which)
+    except (Lost, Failed):
         return None
 
 
@@ -193,26 +241,13 @@ def _climb(branch, orbit, along, which):
             continue
         new_rise = new.slopes()[which] @ ahead
         if new_rise <= 0.0:
-            return _highest(branch, y, along, (rise, new_rise), np.dot(new_y - y, along), which)
+            share = rise / (rise - new_rise)
+            guess, near = y + share * (new_y - y), np.abs(new_y - y).max()
+            found = solve(Top(which), branch.model, guess, near)
+            if found is None:
+                raise Lost("the top was not found")
+            return found[0]
         y, along, rise = new_y, ahead, new_rise
         h = min(_GROWTH * h, _LARGEST)
     raise Lost("the branch has no top")
 
-
-def _highest(branch, y, along, rises, length, which):
-    """Return y between two points of a branch where the growth is zero: regula falsi, Illinois."""
-    (low, high), (a, b), side = rises, (0.0, length), 0
-    guess = y
-    for _ in range(_TRIES):
-        s = (a * high - b * low) / (high - low)
-        guess, orbit, _ = correct(branch, y + s * along, along)
-        value = orbit.slopes()[which] @ tangent(orbit.jacobian, along)
-        if value > 0.0:
-            moved, a, low = s - a, s, value
-            high, side = (0.5 * high if side > 0 else high), 1
-        else:
-            moved, b, high = b - s, s, value
-            low, side = (0.5 * low if side < 0 else low), -1
-        if moved < _TOP * length or b - a < _TOP * length:
-            break
-    return guess
