@@ -191,7 +191,7 @@ class Followed:
             by_tuning = following.tuning_slopes(model, tuning, names)
         propagator = model.propagator(tuning)
         along = _with_tuning(propagator, model, names, by_tuning)
-        slopes = extrema_slopes(propagator, y[:2], along, moved[:2])
+        slopes, _ = extrema_slopes(propagator, y[:2], along, moved[:2])
         row, scale = _measure(name, model)
         grown = np.array([np.imag(_measure(name, twin)[1] + 0j) / STEP for twin in twins])
         _, summary, _ = propagator.record(y[:2], 1, MAX_EVENTS)

@@ -69,8 +69,11 @@ class _Condition:
         """Return the tuning of unknowns."""
         return y[-1]
 
-    def evaluate(self, model, y, names=()):
-        """Return residuals (n,), their derivatives by y (n, n) and by parameters (n, k)."""
+    def evaluate(self, model, y, names=(), last=None):
+        """Return residuals (n,), their derivatives by y (n, n) and by parameters (n, k).
+
+        `last` is (y, residuals, derivatives) of a point nearby, for conditions without exact ones.
+        """
         z, propagator = y[:2], model.propagator(y[2])
         along = propagator.directions(model, ("tuning", *names))
         matrix, moved, code = propagator.map_slopes(z, along, self.period, MAX_EVENTS)
@@ -104,10 +107,8 @@ class Onset(_Condition):
         along = [propagator.nowhere, propagator.nowhere, *along]
         tangents = np.zeros((2, len(along)))
         tangents[0, 0] = tangents[1, 1] = 1.0
-        line = propagator.model.flank_lines[0]
-        return summary[columns.X_MIN] - line, extrema_slopes(
-            propagator, z, along, tangents, self.period
-        )[1]
+        rows, _ = extrema_slopes(propagator, z, along, tangents, self.period)
+        return summary[columns.X_MIN] - propagator.model.flank_lines[0], rows[1]
 
 
 class At:
@@ -120,7 +121,7 @@ class At:
         """As of `_Condition`."""
         return float(model.tuning_at(self.speed))
 
-    def evaluate(self, model, y, names=()):
+    def evaluate(self, model, y, names=(), last=None):
         """As of `_Condition`; unknowns are those without free rotation."""
         tuning, (reduce, lift) = self.tuning(model, y), model.reduction()
         propagator, z = model.propagator(tuning), lift @ y
@@ -153,27 +154,27 @@ def speed_slopes(model, names):
 
 
 def extrema_slopes(propagator, z, along, tangents, period=1):
-    """Return derivatives of largest and least displacement and mesh force, shape (4, k)."""
+    """Return derivatives of largest and least displacement and force, (4, k), and of the end."""
     k = len(along)
     tables = np.empty((0, 4, k)), np.empty((0, 2, k)), np.empty((4, k)), np.empty((4, k))
     spans = period, period, MAX_EVENTS
-    _, code, *_ = propagator.differentiate(z, along, tangents.copy(), spans, tables)
-    return _checked(tables[2], code)
+    _, code, *_, ends = propagator.differentiate(z, along, tangents.copy(), spans, tables)
+    return _checked(tables[2], code), ends
 
 
-def solve(condition, model, guess, near=math.inf):
+def solve(condition, model, guess, near=math.inf, last=None):
     """Return (y, derivatives of the equations) near a guess, None where there is no solution."""
     y = guess
     for _ in range(_MAX_NEWTON):
         try:
-            miss, matrix, _ = condition.evaluate(model, y)
+            miss, matrix, _ = condition.evaluate(model, y, last=last)
             step = np.linalg.solve(matrix, -miss)
         except (Failed, np.linalg.LinAlgError, ValueError):
             return None
         size = np.abs(step).max()
         if not size < _FARTHEST:
             return None
-        y = y + step
+        last, y = (y, miss, matrix), y + step
         if size < _CLOSE * max(1.0, np.abs(y).max()):
             return (y, matrix) if np.abs(y - guess).max() <= near else None
         if condition.tuning(model, y) <= 0.0:
@@ -212,7 +213,7 @@ class Start:
             guess = _ahead(known, first, share)
             here = model if share == 1.0 else between(self.model, model, share)
             near = _OFF + _SHARE * np.abs(guess - y).max()
-            found = solve(self.condition, here, guess, near)
+            found = solve(self.condition, here, guess, near, (None, None, matrix))
             if found is None or _determinant(found[1]) * self._size <= 0.0:
                 h *= 0.5
                 if h < _SHORTEST:

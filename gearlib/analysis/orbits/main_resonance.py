@@ -65,7 +65,7 @@ class _Orbit:
         """Return derivatives of the extrema by the unknowns, (4, 3), as of `extrema_slopes`."""
         nowhere = self.propagator.nowhere
         along = [nowhere, nowhere, *self._tuning]
-        return extrema_slopes(self.propagator, self.y[:2], along, np.eye(2, 3), self.period)
+        return extrema_slopes(self.propagator, self.y[:2], along, np.eye(2, 3), self.period)[0]
 
     def extrema(self):
         """Return largest and least displacement and force."""
@@ -177,30 +177,41 @@ class Top:
         return y[-1]
 
     def growth(self, model, y):
-        """Return (orbit, growth along the branch, in a direction that changes nowhere)."""
-        try:
-            orbit = Branch(model).evaluate(y)
-        except Lost as error:
-            raise Failed(str(error)) from None
-        along = np.cross(*orbit.jacobian)
-        return orbit, orbit.slopes()[self.which] @ along / np.linalg.norm(along)
+        """Return (residuals of the orbit, their derivatives, growth along the branch).
 
-    def evaluate(self, model, y, names=()):
+        The direction along the branch is one that changes nowhere.
+        """
+        if not y[2] > 0.0:
+            raise Failed("no tuning is left")
+        propagator = model.propagator(y[2])
+        along = [propagator.nowhere] * 2 + list(propagator.directions(model, ("tuning",)))
+        slopes, ends = extrema_slopes(propagator, y[:2], np.array(along), np.eye(2, 3))
+        end, _, _ = propagator.maps(y[:2], 1, MAX_EVENTS)
+        (a, b, c), (d, e, f) = rows = ends - np.eye(2, 3)
+        ahead = np.array([b * f - c * e, c * d - a * f, a * e - b * d])
+        return end - y[:2], rows, slopes[self.which] @ ahead / np.sqrt(ahead @ ahead)
+
+    def evaluate(self, model, y, names=(), last=None):
         """As of `following.Fold`."""
-        orbit, value = self.growth(model, y)
-        row = [
-            (self.growth(model, y + step)[1] - value) / _DIFFERENCE
-            for step in _DIFFERENCE * np.eye(3)
-        ]
-        matrix = np.vstack([orbit.jacobian, row])
+        miss, rows, value = self.growth(model, y)
+        if last is None:
+            steps = _DIFFERENCE * np.eye(3)
+            row = [(self.growth(model, y + one)[2] - value) / _DIFFERENCE for one in steps]
+        else:
+            # That of the point before, made to fit both.
+            row = last[2][2]
+            if last[0] is not None:
+                way = y - last[0]
+                row = row + (value - last[1][2] - row @ way) / (way @ way) * way
         moved = np.zeros((3, len(names)))
         if names:
-            along = orbit.propagator.directions(model, names)
-            _, moved[:2], _ = orbit.propagator.map_slopes(y[:2], along, 1, MAX_EVENTS)
+            propagator = model.propagator(y[2])
+            along = propagator.directions(model, names)
+            _, moved[:2], _ = propagator.map_slopes(y[:2], along, 1, MAX_EVENTS)
             for i, name in enumerate(names):
                 field, step = moved_field(model, name, _DIFFERENCE)
-                moved[2, i] = (self.growth(field, y)[1] - value) / step
-        return np.append(orbit.miss, value), matrix, moved
+                moved[2, i] = (self.growth(field, y)[2] - value) / step
+        return np.append(miss, value), np.vstack([rows, row]), moved
 
 
 def top(model, which, start, fold=None):
