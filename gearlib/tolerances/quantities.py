@@ -114,7 +114,7 @@ class Followed:
         self.nominal = values
         self.gradient = np.full((len(values), len(self.names)), np.nan)
         for i, (name, place) in enumerate(zip(self.quantities, places, strict=True)):
-            if place is not None:
+            if place is not None and self.names:
                 self.gradient[i] = self._slopes(name, place)
 
     def __call__(self, model):
@@ -251,7 +251,7 @@ def _measured(name, model, summary):
     for mesh in range(len(table)):
         row, scale = _measure(name, model, mesh)
         values.append(row @ table[mesh, :4] * scale)
-    if name == "transmission_error":
+    if name == "transmission_error":  # of one mesh, also where others have the same
         mesh = model.mesh_names.index(model.reference) if model.mesh_names else 0
     else:
         mesh = int(np.argmin(values) if name == "contact_margin" else np.nanargmax(values))

@@ -35,8 +35,9 @@ WORDS = ("found", "not in the nominal design", "vanished", "not followed")
 
 #: Corrections; how far one may lead; below what the next would be rounding.
 _MAX_NEWTON, _FARTHEST, _CLOSE = 12, 1.0, 1e-7
-#: How far from a guess a solution may lie: so much, and so much of the way from the last one.
-_OFF, _SHARE = 0.05, 0.5
+#: How far from a guess a solution may lie: so much, without derivatives for the guess so much,
+#: and so much of the way from the last one.
+_OFF, _UNGUIDED, _SHARE = 0.05, 2.0, 0.5
 #: Shortest step, as a share of the way.
 _SHORTEST = 1.0 / 256.0
 #: Share of its value at the start below which the determinant of the derivatives is next to zero.
@@ -215,7 +216,8 @@ class Start:
             share = min(1.0, s + h)
             guess = _ahead(known, first, share)
             here = model if share == 1.0 else between(self.model, model, share)
-            near = _OFF + _SHARE * np.abs(guess - y).max()
+            off = _OFF if self.fields else _UNGUIDED
+            near = off + _SHARE * np.abs(guess - y).max()
             found = solve(self.condition, here, guess, near, (None, None, matrix))
             if found is None or _determinant(found[1]) * self._size <= 0.0:
                 h *= 0.5
