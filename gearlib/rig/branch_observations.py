@@ -1,4 +1,4 @@
-"""What a fit compares of slow sweeps point by point: statistics on a named branch, onset of loss.
+"""What a fit compares of slow sweeps point by point: statistics on a named branch.
 
 A branch is followed from its own end: of a sweep that jumps the points before the jump are reached
 from the first speed, those behind it from the last one, back. So each has its own branch, also
@@ -8,7 +8,6 @@ it. The jump itself is compared as a speed.
 
 import numpy as np
 import xarray as xr
-from scipy.optimize import brentq
 
 from gearlib import checks
 from gearlib.analysis.orbits.shooting import NoOrbit
@@ -20,8 +19,6 @@ from gearlib.runs.sweeping import sweep
 _JUMP, _STEEP = 0.15, 3.0
 #: Mesh periods at each speed: what deviates dies out, Newton's method does the rest.
 _SETTLING = {"periods": 200, "record_periods": 1}
-#: Around a measured onset of contact loss, where that of the model is looked for: shares of it.
-_AROUND = np.linspace(0.7, 1.3, 61)
 
 
 def channels(model, data):
@@ -115,51 +112,7 @@ class BranchStatistics:
     def deepest(self, model):
         """Return the largest way of the model into the backlash, m."""
         points = [one for own in self.branches for one in _followed(model, self.speeds[own], ())]
-        return max(0.0, *(-least(one)[0] for one in points))
-
-
-class Onset:
-    """The speed at which contact is first lost: there the least displacement is zero."""
-
-    kind = "onset of contact loss"
-
-    def __init__(self, variable):
-        self.speed = float(variable)
-        self.noise = float(variable.attrs.get("noise_std", 0.0))
-
-    def residuals(self, model, names):
-        """Return (residual, derivatives), None where the model never loses contact near it."""
-        speeds = self.speed * _AROUND
-        run = sweep(model, speeds / float(model.speed(1.0)), direction="up", **_SETTLING)
-        above = run.displacement_min.values.reshape(speeds.size, -1).min(axis=1)
-        steps = np.flatnonzero((above[1:] > 0.0) != (above[:-1] > 0.0))
-        if not steps.size:
-            return None
-        i = steps[np.abs(speeds[steps] - self.speed).argmin()]
-        state = run.final_state.values[i]
-
-        def at(speed):
-            return least(OrbitAtSpeed(model, speed, state, ()))[0]
-
-        try:
-            place = brentq(at, speeds[i], speeds[i + 1], xtol=1e-12 * self.speed, rtol=1e-14)
-            _, slopes, by_speed = least(OrbitAtSpeed(model, place, state, names))
-        except (NoOrbit, ValueError):
-            # Contact is lost by a jump: there is no grazing.
-            return None
-        deviation = self.noise or 1e-3 * self.speed
-        moved = -slopes / by_speed
-        return np.array([(place - self.speed) / deviation]), moved[None] / deviation
-
-    def deepest(self, model):
-        """Return the largest way into the backlash that the data know, m."""
-        return 0.0
-
-
-def least(orbit):
-    """Return what `OrbitAtSpeed.of` does of the least displacement of all meshes."""
-    every = range(max(len(orbit.model.mesh_names), 1))
-    return min((orbit.of("displacement_min", mesh) for mesh in every), key=lambda one: one[0])
+        return max(0.0, *(-one.least[0] for one in points))
 
 
 def _followed(model, speeds, names, samples=1):

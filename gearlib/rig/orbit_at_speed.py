@@ -118,6 +118,12 @@ class OrbitAtSpeed:
         slopes = slopes * scale + value * grown
         return float(value * scale), slopes[:-1], slopes[-1]
 
+    @property
+    def least(self):
+        """What `of` returns of the least displacement of all meshes."""
+        every = (self.of("displacement_min", mesh) for mesh in range(self._meshes))
+        return min(every, key=lambda one: one[0])
+
     def _order(self, number, mesh):
         """Return (amplitude of a mesh order of the displacement, its derivatives)."""
         x, moved = self._samples[:, mesh], self._sample_slopes[:, mesh]

@@ -7,8 +7,9 @@ import pytest
 import xarray as xr
 
 import gearlib
-from gearlib.rig.branch_observations import BranchStatistics, Onset
+from gearlib.rig.branch_observations import BranchStatistics
 from gearlib.rig.orbit_at_speed import STATISTICS, OrbitAtSpeed
+from gearlib.rig.speed_observations import Speeds
 from tests.paper import PAPER
 
 #: Speeds of each direction.
@@ -99,7 +100,8 @@ def test_onset_of_contact_loss_is_a_grazing():
     speed, names = pair.speed(0.83), ("reduced_mass", "material_damping", "stiffness_ratio", "load")
 
     def onset(pair, names=()):
-        rest, moved = Onset(xr.DataArray(speed, attrs={"noise_std": 1.0})).residuals(pair, names)
+        data = {"onset_of_contact_loss": xr.DataArray(speed, attrs={"noise_std": 1.0})}
+        rest, moved = Speeds(data).residuals(pair, names)
         return float(rest[0]) + speed, moved[0] if names else None
 
     place, slopes = onset(pair, names)
