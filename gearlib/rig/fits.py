@@ -16,9 +16,10 @@ from scipy.stats import t as student
 from gearlib import checks
 from gearlib.models.model import is_model
 from gearlib.rig import opening
-from gearlib.rig.branch_observations import STATISTICS, BranchStatistics, Onset
+from gearlib.rig.branch_observations import BranchStatistics, channels
 from gearlib.rig.fit_report import Fit, Parameter
-from gearlib.rig.speed_observations import Speeds
+from gearlib.rig.orbit_at_speed import STATISTICS
+from gearlib.rig.speed_observations import SPEEDS, Speeds
 from gearlib.rig.steady_observations import courses_of
 
 #: A derivative below this share of the largest, over the ranges of the parameters, is none.
@@ -161,14 +162,12 @@ def observations_of(model, data):
     if "displacement" in data and "time" in getattr(data, "coords", ()):
         found += courses_of(model, data)
     jumps = {}
-    if "speed" in data.coords and "time" not in data.coords and set(STATISTICS) & set(data):
-        found.append(BranchStatistics(data))
+    if "speed" in data.coords and "time" not in data.coords and channels(model, data):
+        found.append(BranchStatistics(data, model))
         jumps = found[-1].jumps
-    speeds = jumps | {name: data[name] for name in ("jump_up", "jump_down") if name in data}
+    speeds = jumps | {name: data[name] for name in SPEEDS if name in data}
     if speeds:
         found.append(Speeds(speeds))
-    if "onset_of_contact_loss" in data:
-        found.append(Onset(data.onset_of_contact_loss))
     if not found:
         raise ValueError(
             f"data = {list(data.variables)!r} is not allowed: it must have a displacement over "

@@ -4,8 +4,9 @@ import numpy as np
 
 from gearlib import checks
 from gearlib.analysis.orbits.shooting import NoOrbit
-from gearlib.rig.branch_observations import SETTLING, Point
+from gearlib.rig.branch_observations import SETTLING
 from gearlib.rig.fitted_curves import Curve
+from gearlib.rig.orbit_at_speed import OrbitAtSpeed
 from gearlib.rig.order_observations import ORDERS, MeshOrders, regressed
 from gearlib.rig.run_up_observations import RunUpOrders
 from gearlib.runs.sweeping import sweep
@@ -14,6 +15,8 @@ from gearlib.runs.sweeping import sweep
 _WAYS = {0: ("cold", 1.0), 1: ("up", 0.5), -1: ("down", 1.6)}
 #: Tunings of such a sweep, points of a mesh period that is drawn.
 _STEPS, _POINTS = 40, 200
+#: Samples of a mesh period for its orders, whose aliases fall with the third power.
+_SAMPLES = 512
 
 
 class SteadyOrders(MeshOrders):
@@ -38,7 +41,7 @@ class SteadyOrders(MeshOrders):
         tunings = np.linspace(self.first * tuning, tuning, 1 if self.first == 1.0 else _STEPS)
         run = sweep(model, np.sort(tunings), direction=self.direction, **SETTLING)
         state = run.final_state.values[0 if self.direction == "down" else -1]
-        return Point(model, self.speed, state, names, orders=ORDERS)
+        return OrbitAtSpeed(model, self.speed, state, names, _SAMPLES)
 
     def modelled(self, model, names):
         """Return (orders, shape (1, ORDERS), their derivatives), None without an orbit."""
@@ -46,7 +49,8 @@ class SteadyOrders(MeshOrders):
             point = self._point(model, names)
         except (NoOrbit, ValueError):
             return None
-        return point.orders[None], point.order_slopes[None]
+        orders, slopes = point.waves(ORDERS)
+        return orders[None], slopes[None]
 
     def curves(self, model):
         """Return the course over a mesh period, a `Curve`."""
@@ -58,7 +62,7 @@ class SteadyOrders(MeshOrders):
 
     def deepest(self, model):
         """Return the largest way of the model into the backlash, m."""
-        return max(0.0, -self._point(model, ()).values["displacement_min"])
+        return max(0.0, -self._point(model, ()).least[0])
 
 
 def courses_of(model, data):
