@@ -75,6 +75,10 @@ def test_orders_are_those_of_samples_at_any_times(rate):
     rest = one.residuals(TRUTH, ())[0]
     # An eccentricity as large as the signal, and an offset, leave the noise alone.
     assert 0.6 < rest @ rest / rest.size < 1.4
+    # What is drawn of a fit are the orders of its model.
+    own = one.compared(TRUTH, ())[0]
+    np.testing.assert_allclose(one.fitted(TRUTH)[one.kept], own[one.kept], rtol=1e-9)
+    assert np.isnan(one.fitted(TRUTH)[~one.kept]).all()
     with pytest.raises(ValueError, match="5.75 samples in a mesh period.* of 10 or more"):
         RunUpOrders(TRUTH, run_up(0.0, 1, rate=7e3))
 
