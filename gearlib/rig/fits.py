@@ -193,23 +193,29 @@ def _improved(problem, start):
             last.clear()
             found = problem.residuals(share)
             if found is None:
-                size = problem.residuals(start)
-                found = np.full(size[0].size, 1e6), np.zeros_like(size[1])
+                found = np.full(problem.size, 1e6), np.zeros((problem.size, len(problem.names)))
             last[key] = found
         return last[key]
 
-    jacobian = "2-point" if problem.differences else lambda share: both(share)[1]
-    return least_squares(
-        lambda share: both(share)[0],
-        np.clip(start, 1e-6, 1.0 - 1e-6),
-        jac=jacobian,
-        bounds=(0.0, 1.0),
-        x_scale=0.1,
-        ftol=1e-10,
-        xtol=1e-10,
-        gtol=1e-12,
-        max_nfev=40,
-    )
+    def least(start, **how):
+        return least_squares(
+            lambda share: both(share)[0],
+            np.clip(start, 1e-6, 1.0 - 1e-6),
+            jac="2-point" if problem.differences else lambda share: both(share)[1],
+            bounds=(0.0, 1.0),
+            x_scale=0.1,
+            **how,
+        )
+
+    spent = 0
+    if any(one.kind == "branches" for one in problem.observations):
+        # Points beyond the folds of a model pull nowhere: first the largest residuals count less.
+        size = 1.0 if problem.noise else float(np.median(np.abs(both(start)[0]))) or 1.0
+        rough = least(start, loss="soft_l1", f_scale=size, ftol=1e-4, max_nfev=30)
+        start, spent = rough.x, rough.nfev
+    found = least(start, ftol=1e-10, xtol=1e-10, gtol=1e-12, max_nfev=40)
+    found.nfev += spent
+    return found
 
 
 def _judged(problem, best, waterfall, costs):
