@@ -11,6 +11,7 @@ import xarray as xr
 
 from gearlib import checks
 from gearlib.analysis.orbits.shooting import NoOrbit
+from gearlib.rig.fitted_curves import Curve
 from gearlib.rig.orbit_at_speed import ORDER, SAMPLES, SHARING, STATISTICS, OrbitAtSpeed
 from gearlib.rig.projection import projected
 from gearlib.runs.sweeping import sweep
@@ -18,7 +19,7 @@ from gearlib.runs.sweeping import sweep
 #: A step from one point to the next that is a jump: share of the value, and times the step before.
 _JUMP, _STEEP = 0.15, 3.0
 #: Mesh periods at each speed: what deviates dies out, Newton's method does the rest.
-_SETTLING = {"periods": 200, "record_periods": 1}
+SETTLING = {"periods": 200, "record_periods": 1}
 
 
 def channels(model, data):
@@ -68,7 +69,7 @@ class BranchStatistics:
                 self._part(int(way), own, speeds)
             else:
                 self.branches += [own[i : i + 1] for i in range(len(own))]
-        self.speeds = speeds
+        self.speeds, self.falls = speeds, ways < 0
 
     def _noise(self, name):
         return float(self.sensor[name].get("noise_std", 0.0))
@@ -109,6 +110,17 @@ class BranchStatistics:
             moved.append(one[1])
         return np.concatenate(rest), np.vstack(moved)
 
+    def curves(self, model):
+        """Return the statistics over the speed, each a `Curve`."""
+        apart = self.residuals(model, ())[0].reshape(len(self.names), -1)
+        found = []
+        for name, rest in zip(self.names, apart, strict=True):
+            values, units = self.measured[name], self.sensor[name].get("units", "")
+            fitted = values + rest * (self._noise(name) or np.ptp(values))
+            words = name.replace("_", " ")
+            found.append(Curve(words, units, "speed", self.speeds, values, fitted, self.falls))
+        return found
+
     def deepest(self, model):
         """Return the largest way of the model into the backlash, m."""
         points = [one for own in self.branches for one in _followed(model, self.speeds[own], ())]
@@ -119,7 +131,7 @@ def _followed(model, speeds, names, samples=1):
     """Return the points of one branch from its first speed on."""
     tunings = speeds / float(model.speed(1.0))
     rising = len(speeds) < 2 or tunings[-1] > tunings[0]
-    run = sweep(model, np.sort(tunings), direction="up" if rising else "down", **_SETTLING)
+    run = sweep(model, np.sort(tunings), direction="up" if rising else "down", **SETTLING)
     order = slice(None) if rising else slice(None, None, -1)
     states = run.final_state.values[order]
     heights = run.displacement_max.values[order].reshape(len(speeds), -1).T

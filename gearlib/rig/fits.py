@@ -10,16 +10,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import least_squares
-from scipy.stats import qmc
+from scipy.stats import chi2, qmc
 from scipy.stats import t as student
 
 from gearlib import checks
 from gearlib.models.model import is_model
+from gearlib.rig import opening
 from gearlib.rig.branch_observations import BranchStatistics, channels
 from gearlib.rig.fit_report import Fit, Parameter
 from gearlib.rig.orbit_at_speed import STATISTICS
-from gearlib.rig.run_up_observations import RunUpOrders
 from gearlib.rig.speed_observations import SPEEDS, Speeds
+from gearlib.rig.steady_observations import courses_of
 
 #: A derivative below this share of the largest, over the ranges of the parameters, is none.
 _NOTHING = 1e-9
@@ -28,6 +29,10 @@ _HOPELESS = 1e30
 #: Starts that are improved, of those that are tried: until one describes the data as well as their
 #: noise allows; where it is unknown, the first few.
 _MOST, _FEW = 8, 3
+#: -2 ln of the ratio of likelihoods at the ends of an interval of 95 %.
+LEVEL = float(chi2.ppf(0.95, 1))
+#: Times the least sum of squares from which another fit cannot come near it.
+_FAR = 30.0
 #: Reduced chi-square up to which a model describes the data.
 _GOOD = 2.0
 
@@ -109,6 +114,7 @@ def fit(model, data, free, *, starts=12, seed=0, derivatives="exact"):
     problem = Problem(model, names, low, high, observations, derivatives == "differences")
     first = (np.array([getattr(model, name) for name in names]) - low) / (high - low)
     tried = [first, *qmc.LatinHypercube(len(names), rng=seed).random(starts)]
+    tried += opening.starts(problem, tried, seed, _improved) if starts else []
     costs = [_cost(problem, share) for share in tried]
     if not min(costs) < _HOPELESS:
         raise ValueError("free is not allowed: no start within its ranges could be run to the end")
@@ -128,7 +134,24 @@ def fit(model, data, free, *, starts=12, seed=0, derivatives="exact"):
             f"data is not allowed: {best.fun.size} observations for {len(names)} parameters; they "
             "must be as many at least"
         )
-    return _judged(problem, best, waterfall, costs)
+    found = _judged(problem, best, waterfall, costs)
+    endless = tuple(name for name in ("backlash",) if _is_endless(found, name))
+    return _judged(problem, best, waterfall, costs, endless) if endless else found
+
+
+def _is_endless(found, name):
+    """Return whether the data allow a backlash that is never crossed as well as the best one."""
+    problem, names = found._problem, found._problem.names
+    if name not in names or not found.params[name].identifiable:
+        return False
+    i, share = names.index(name), found._share.copy()
+    share[i] = 1.0
+    model = problem.at(share)
+    rest = problem.residuals(share, exact=False)
+    if rest is None or rest[0] @ rest[0] > _FAR * found.redchi * found.ndata:
+        return False
+    deepest = max((one.deepest(model) for one in problem.observations), default=0.0)
+    return deepest < problem.high[i] and found.profile(name, [problem.high[i]])[0] < LEVEL
 
 
 def observations_of(model, data):
@@ -137,7 +160,7 @@ def observations_of(model, data):
         raise checks.refusal("data", data, "datasets with a displacement over time or jump speeds")
     found = []
     if "displacement" in data and "time" in getattr(data, "coords", ()):
-        found.append(RunUpOrders(model, data))
+        found += courses_of(model, data)
     jumps = {}
     if "speed" in data.coords and "time" not in data.coords and channels(model, data):
         found.append(BranchStatistics(data, model))
@@ -218,12 +241,14 @@ def _improved(problem, start):
     return found
 
 
-def _judged(problem, best, waterfall, costs):
-    """Return the `Fit` of the best point."""
+def _judged(problem, best, waterfall, costs, endless=()):
+    """Return the `Fit` of the best point; endless: parameters with no highest value."""
     rest, moved = best.fun, np.atleast_2d(best.jac)
     size = np.sqrt((moved**2).sum(axis=0))
     felt = size > _NOTHING * max(size.max(), 1.0)
-    count = max(rest.size - int(felt.sum()), 1)
+    felt &= [name not in endless for name in problem.names]
+    taken = sum(getattr(one, "eliminated", 0) for one in problem.observations)
+    count = max(rest.size - taken - int(felt.sum()), 1)
     redchi = float(rest @ rest) / count
     scale = 1.0 if problem.noise else redchi
     width, values = problem.high - problem.low, problem.at(best.x)
@@ -238,7 +263,8 @@ def _judged(problem, best, waterfall, costs):
         error = float(np.sqrt(covariance[i, i])) * width[i]
         said = ""
         if not felt[i]:
-            said = _why(problem, values, name, problem.low[i], problem.high[i])
+            ends = problem.low[i], problem.high[i]
+            said = _why(problem, values, name, *ends, struck=name in endless)
         elif error * factor > 0.5 * width[i]:
             said = (
                 f"{name} is hardly known: its interval of 95 % is as wide as its range, "
@@ -283,12 +309,14 @@ def _judged(problem, best, waterfall, costs):
     )
 
 
-def _why(problem, model, name, low, high):
+def _why(problem, model, name, low, high, struck=False):
     """Return why nothing in the data hangs on a parameter."""
     if name != "backlash":
         return f"{name} is not identifiable: nothing in the data hangs on it"
+    value, model = model.backlash, model.replace(backlash=high)
     deepest = max((one.deepest(model) for one in problem.observations), default=0.0)
-    bound = max(low, deepest)
+    # Where a little less describes the data as well, no more than that is known.
+    bound = max(low, min(deepest, value) if struck else deepest)
     how = "the far flank is never struck" if deepest > 0.0 else "contact is never lost"
     return (
         f"backlash is not identifiable: {how} in what is compared; it is at least {bound:.4g} m, "

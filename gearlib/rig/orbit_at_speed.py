@@ -124,14 +124,28 @@ class OrbitAtSpeed:
         every = (self.of("displacement_min", mesh) for mesh in range(self._meshes))
         return min(every, key=lambda one: one[0])
 
-    def _order(self, number, mesh):
-        """Return (amplitude of a mesh order of the displacement, its derivatives)."""
+    def _wave(self, number, mesh):
+        """Return (complex amplitude of a mesh order of the displacement, its derivatives)."""
         x, moved = self._samples[:, mesh], self._sample_slopes[:, mesh]
         phase = math.tau * np.arange(len(x)) * self.orbit.period / len(x)
-        wave = np.exp(-1j * number * phase) * (2.0 / len(x))
-        found = wave @ x
+        wave = np.exp(-1j * number * phase) / len(x)
+        return wave @ x, wave @ moved
+
+    def waves(self, count, mesh=0):
+        """Return the complex amplitudes of the first mesh orders, m, and their derivatives.
+
+        Shapes (count,) and (count, k). The displacement is twice the real part of their sum.
+        """
+        rows = [self._wave(number, mesh) for number in range(1, count + 1)]
+        found, moved = np.array([one for one, _ in rows]), np.array([one for _, one in rows])
+        scale, grown = self._scales["length"]
+        return found * scale, (moved * scale + found[:, None] * grown)[:, :-1]
+
+    def _order(self, number, mesh):
+        """Return (amplitude of a mesh order of the displacement, its derivatives)."""
+        found, moved = self._wave(number, mesh)
         size = abs(found)
-        return size, (found.conjugate() * (wave @ moved)).real / size
+        return 2.0 * size, 2.0 * (found.conjugate() * moved).real / size
 
     def _sharing(self, mesh):
         """Return (load sharing, its derivatives; that by the speed is not known)."""

@@ -15,6 +15,7 @@ from gearlib.analysis.orbits.orbit_sensitivities import fold_sensitivities
 from gearlib.analysis.orbits.shooting import NoOrbit, periodic_orbit
 from gearlib.analysis.orbits.special_points import FOLD
 from gearlib.analysis.orbits.tracing import Lost
+from gearlib.rig.fitted_curves import Place
 from gearlib.rig.orbit_at_speed import OrbitAtSpeed
 from gearlib.runs.sweeping import sweep
 
@@ -71,6 +72,16 @@ class Speeds:
                     moved[i] / self.deviations[name],
                 )
         return rest, moved
+
+    def curves(self, model):
+        """Return each speed measured and that of the model."""
+        rows = zip(self.speeds.items(), self.residuals(model, ())[0], strict=True)
+        found = []
+        for (name, speed), rest in rows:
+            deviation = self.deviations[name]
+            fitted = np.nan if rest == _NONE else speed + deviation * float(rest)
+            found.append(Place(name.replace("_", " "), speed, deviation, fitted))
+        return found
 
     def deepest(self, model):
         """Return the largest way into the backlash that the data know, m."""

@@ -60,7 +60,7 @@ def synthetic_rig(model, course, seed, *, noise=0.05, bits=12, samples_per_perio
         time=("sample", run.time.values, {"units": "s", "long_name": "time"}),
         speed=("sample", run.speed.values, {"units": "min-1", "long_name": "speed"}),
     )
-    known = {"course": [list(map(float, row)) for row in course]}
+    known = {"course": [list(map(float, row)) for row in course], "phase": 0.0}
     found.attrs = {
         "title": "Synthetic rig",
         "source": "synthetic",
