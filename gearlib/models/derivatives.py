@@ -80,11 +80,6 @@ def with_values(model, changes):
     return model.replace(**fields)
 
 
-def slope_of(value, model, name):
-    """Return what a function of a model, of its fields alone, changes by with a parameter."""
-    return (value(model.complex_step(model.direction(name))) + 0j).imag / STEP
-
-
 def unchecked(kind, **values):
     """Return a frozen dataclass of numbers that its checks do not know."""
     made = object.__new__(kind)

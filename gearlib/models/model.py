@@ -249,6 +249,11 @@ class Model:
         """Return the tuning nu at a speed in rpm of the gear whose teeth count (float or array)."""
         return speed / self.speed(1.0)
 
+    @property
+    def periods_per_revolution(self):
+        """Mesh periods in a revolution of the gear whose teeth count; whole, or a ratio."""
+        return float(self.mesh_frequency(1.0)) * 60.0 / (math.tau * float(self.speed(1.0)))
+
     def speed_scales(self, tuning):
         """Return the variables of datasets that depend on the tuning (float or array)."""
         if self.speed is None:

@@ -22,7 +22,7 @@ _JUMP, _STEEP = 0.15, 3.0
 SETTLING = {"periods": 200, "record_periods": 1}
 
 
-def channels(model, data):
+def channels(model, data, known=(*STATISTICS, SHARING, ORDER)):
     """Return name of a variable -> (what it is of `OrbitAtSpeed.of`, number of its mesh).
 
     Of trains the mesh comes after what is measured, ``load_sharing_sun_1``.
@@ -31,9 +31,9 @@ def channels(model, data):
     for name in map(str, data.data_vars):
         for j, mesh in enumerate(meshes or [""]):
             what = name.removesuffix(f"_{mesh}") if mesh else name
-            order = what.removeprefix(f"{ORDER}_")
-            known = what in STATISTICS or (what == SHARING and mesh)
-            if (what != name or not mesh) and (known or (order != what and order.isdigit())):
+            number = what.removeprefix(f"{ORDER}_")
+            kind = ORDER if number.isdigit() and int(number) > 0 else what
+            if kind in known and (what != name or not mesh) and (mesh or what != SHARING):
                 found[name] = what, j
     return found
 
@@ -70,6 +70,11 @@ class BranchStatistics:
             else:
                 self.branches += [own[i : i + 1] for i in range(len(own))]
         self.speeds, self.falls = speeds, ways < 0
+
+    @property
+    def size(self):
+        """How many residuals there are."""
+        return len(self.names) * len(self.speeds)
 
     def _noise(self, name):
         return float(self.sensor[name].get("noise_std", 0.0))

@@ -15,6 +15,7 @@ from scipy.stats import t as student
 
 from gearlib import checks
 from gearlib.models.model import is_model
+from gearlib.models.propagators.courses import propagator_of
 from gearlib.rig import opening
 from gearlib.rig.branch_observations import BranchStatistics, channels
 from gearlib.rig.fit_report import Fit, Parameter
@@ -55,8 +56,12 @@ class Problem(NamedTuple):
     def at(self, share):
         """Return the model with free parameters at shares of their ranges."""
         values = self.low + np.asarray(share) * (self.high - self.low)
-        changes = dict(zip(self.names, map(float, values), strict=True))
-        return self.model.replace(**changes)
+        return self.model.with_values(dict(zip(self.names, map(float, values), strict=True)))
+
+    @property
+    def size(self):
+        """How many residuals there are."""
+        return sum(one.size for one in self.observations)
 
     def residuals(self, share, exact=True):
         """Return (residuals, derivatives by shares)."""
@@ -77,14 +82,17 @@ def fit(model, data, free, *, starts=12, seed=0, derivatives="exact"):
 
     Parameters
     ----------
-    model : GearPair
-        What is known of the rig; free parameters are replaced.
+    model : GearPair, OneDegreePair, SixDegreePair or GearTrain
+        What is known of the rig; free parameters are replaced. Run-ups have derivatives where they
+        go by closed forms.
     data : xarray.Dataset or list of xarray.Dataset
         As of `gearlib.read_measured`. A time course of ``displacement`` with ``known.course``, rows
         of s and rpm, is a run-up; extrema and fractions of time over ``speed`` and ``direction``
         are those of slow sweeps, scalars jump_up, jump_down, onset_of_contact_loss speeds of them.
+        So are amplitudes of mesh orders of the displacement, ``order_amplitude_1`` and so on; of a
+        train the mesh stands behind, ``order_amplitude_1_sun_2``, ``load_sharing_sun_2``.
     free : mapping
-        Name of a parameter -> (lowest, highest), SI units.
+        Name of a parameter, of ``model.settable`` -> (lowest, highest), SI units.
     starts : int, default 12
         Points of a Latin hypercube that are tried beside the model itself. The best are improved,
         one after the other until one describes the data as well as their noise, where it is known.
@@ -105,6 +113,14 @@ def fit(model, data, free, *, starts=12, seed=0, derivatives="exact"):
     """
     if not is_model(model):
         raise ValueError(f"model = {model!r} is not allowed: it must be one such as GearPair")
+    if model.speed is None:
+        raise ValueError(
+            f"model of type {type(model).__name__} is not allowed: nothing turns in it"
+        )
+    if model.mesh_names and model.reference_frequency is None:
+        # At a speed in rpm nothing hangs on what tunings are counted in.
+        hertz = float(model.mesh_frequency(1.0)) / math.tau
+        model = model.replace(reference_frequency=hertz)
     checks.one_of("derivatives", derivatives, ("exact", "differences"))
     starts = checks.integer("starts", starts, 0, 10_000)
     seed = checks.integer("seed", seed, 0)
@@ -112,7 +128,8 @@ def fit(model, data, free, *, starts=12, seed=0, derivatives="exact"):
     sets = list(data) if isinstance(data, (list, tuple)) else [data]
     observations = [one for each in sets for one in observations_of(model, each)]
     problem = Problem(model, names, low, high, observations, derivatives == "differences")
-    first = (np.array([getattr(model, name) for name in names]) - low) / (high - low)
+    _check(problem)
+    first = (np.array([model.value(name) for name in names]) - low) / (high - low)
     tried = [first, *qmc.LatinHypercube(len(names), rng=seed).random(starts)]
     tried += opening.starts(problem, tried, seed, _improved) if starts else []
     costs = [_cost(problem, share) for share in tried]
@@ -129,14 +146,32 @@ def fit(model, data, free, *, starts=12, seed=0, derivatives="exact"):
         found.append(_improved(problem, best.x))
         best = min(found, key=lambda one: one.cost)
     waterfall = sorted(2.0 * one.cost for one in found)
-    if best.fun.size < len(names):
-        raise ValueError(
-            f"data is not allowed: {best.fun.size} observations for {len(names)} parameters; they "
-            "must be as many at least"
-        )
     found = _judged(problem, best, waterfall, costs)
     endless = tuple(name for name in ("backlash",) if _is_endless(found, name))
     return _judged(problem, best, waterfall, costs, endless) if endless else found
+
+
+def _check(problem):
+    """Refuse fewer data than parameters, and a model without the derivatives that are needed."""
+    if problem.size < len(problem.names):
+        raise ValueError(
+            f"data is not allowed: {problem.size} observations for {len(problem.names)} "
+            "parameters; they must be as many at least"
+        )
+    model = problem.model
+    name, allowed = type(model).__name__, "a GearPair, OneDegreePair, SixDegreePair or GearTrain"
+    on_the_way = [one.kind == "run-up" for one in problem.observations]
+    by_steps = any(on_the_way) and not problem.differences
+    if by_steps and (model.gyroscopic or propagator_of(model).words != "closed forms"):
+        raise ValueError(
+            f"model of type {name} is not allowed in a fit to a run-up: it must be {allowed} "
+            "whose motion between events has closed forms; or derivatives = 'differences'"
+        )
+    if model.kind().differentiate is None and not all(on_the_way):
+        raise ValueError(
+            f"model of type {name} is not allowed: its orbits have no derivatives; it must be "
+            f"{allowed}"
+        )
 
 
 def _is_endless(found, name):
@@ -159,8 +194,12 @@ def observations_of(model, data):
     if not hasattr(data, "data_vars"):
         raise checks.refusal("data", data, "datasets with a displacement over time or jump speeds")
     found = []
-    if "displacement" in data and "time" in getattr(data, "coords", ()):
-        found += courses_of(model, data)
+    if "time" in getattr(data, "coords", ()):
+        for name, (what, mesh) in channels(model, data, ("displacement",)).items():
+            courses = courses_of(model, data.rename({name: what}))
+            for one in courses:
+                one.mesh = mesh
+            found += courses
     jumps = {}
     if "speed" in data.coords and "time" not in data.coords and channels(model, data):
         found.append(BranchStatistics(data, model))
@@ -180,12 +219,12 @@ def observations_of(model, data):
 def _ranges(model, free):
     if not hasattr(free, "items") or not free:
         raise checks.refusal("free", free, "a mapping of parameters to (lowest, highest)")
-    known = [name for name in model.derivatives if hasattr(model, name) and name != "tuning"]
+    known = model.settable
     rows = []
     for name, ends in free.items():
-        checks.one_of("free", name, tuple(known))
+        checks.one_of("free", name, known)
         a, b = checks.numbers(f"free[{name!r}]", ends, 2)
-        value = getattr(model, name)
+        value = model.value(name)
         checks.require(
             a < b and math.isfinite(a) and math.isfinite(b), f"free[{name!r}]", ends, "rising"
         )
@@ -196,7 +235,7 @@ def _ranges(model, free):
             f"a range that holds {name} = {value:g} of the model",
         )
         for end in (a, b):
-            model.replace(**{name: end})
+            model.with_values({name: end})
         rows.append((name, a, b))
     names, low, high = zip(*rows, strict=True)
     return names, np.array(low), np.array(high)
@@ -216,23 +255,29 @@ def _improved(problem, start):
             last.clear()
             found = problem.residuals(share)
             if found is None:
-                size = problem.residuals(start)
-                found = np.full(size[0].size, 1e6), np.zeros_like(size[1])
+                found = np.full(problem.size, 1e6), np.zeros((problem.size, len(problem.names)))
             last[key] = found
         return last[key]
 
-    jacobian = "2-point" if problem.differences else lambda share: both(share)[1]
-    return least_squares(
-        lambda share: both(share)[0],
-        np.clip(start, 1e-6, 1.0 - 1e-6),
-        jac=jacobian,
-        bounds=(0.0, 1.0),
-        x_scale=0.1,
-        ftol=1e-10,
-        xtol=1e-10,
-        gtol=1e-12,
-        max_nfev=40,
-    )
+    def least(start, **how):
+        return least_squares(
+            lambda share: both(share)[0],
+            np.clip(start, 1e-6, 1.0 - 1e-6),
+            jac="2-point" if problem.differences else lambda share: both(share)[1],
+            bounds=(0.0, 1.0),
+            x_scale=0.1,
+            **how,
+        )
+
+    spent = 0
+    if any(one.kind == "branches" for one in problem.observations):
+        # Points beyond the folds of a model pull nowhere: first the largest residuals count less.
+        size = 1.0 if problem.noise else float(np.median(np.abs(both(start)[0]))) or 1.0
+        rough = least(start, loss="soft_l1", f_scale=size, ftol=1e-4, max_nfev=30)
+        start, spent = rough.x, rough.nfev
+    found = least(start, ftol=1e-10, xtol=1e-10, gtol=1e-12, max_nfev=40)
+    found.nfev += spent
+    return found
 
 
 def _judged(problem, best, waterfall, costs, endless=()):
@@ -253,7 +298,7 @@ def _judged(problem, best, waterfall, costs, endless=()):
     factor = float(student.ppf(0.975, count))
     unknown, parameters = [], []
     for i, name in enumerate(problem.names):
-        value = float(getattr(values, name))
+        value = float(values.value(name))
         error = float(np.sqrt(covariance[i, i])) * width[i]
         said = ""
         if not felt[i]:
@@ -274,7 +319,7 @@ def _judged(problem, best, waterfall, costs, endless=()):
                 factor * error,
                 problem.low[i],
                 problem.high[i],
-                float(getattr(problem.model, name)),
+                float(problem.model.value(name)),
                 felt[i],
             )
         )
@@ -307,7 +352,7 @@ def _why(problem, model, name, low, high, struck=False):
     """Return why nothing in the data hangs on a parameter."""
     if name != "backlash":
         return f"{name} is not identifiable: nothing in the data hangs on it"
-    value, model = model.backlash, model.replace(backlash=high)
+    value, model = model.value(name), model.with_values({name: high})
     deepest = max((one.deepest(model) for one in problem.observations), default=0.0)
     # Where a little less describes the data as well, no more than that is known.
     bound = max(low, min(deepest, value) if struck else deepest)

@@ -9,7 +9,7 @@ from gearlib.analysis.orbits.shooting import NoOrbit, periodic_orbit
 from gearlib.data import summary
 from gearlib.data.status import OK
 from gearlib.kernels import orbit as columns
-from gearlib.models.derivatives import slope_of
+from gearlib.models.derivatives import STEP
 from gearlib.models.trains.statics import branches
 from gearlib.runs import sensitivities
 from gearlib.runs.run_arguments import MAX_EVENTS
@@ -56,12 +56,16 @@ class OrbitAtSpeed:
         table = summary.variables(model, (), done.table, done.end, codes, n)
         self._values = {name: np.atleast_1d(values) for name, (_, values) in table.items()}
         self._samples = self._of_meshes(done.samples, columns.SAMPLE_COLUMNS)
-        by_rate = np.array([slope_of(lambda one: one.speed(1.0), model, name) for name in names])
+        twins = [model.complex_step(model.direction(name)) for name in names]
+
+        def slopes(of):
+            return np.array([(of(twin) + 0j).imag / STEP for twin in twins])
+
+        by_rate = slopes(lambda one: one.speed(1.0))
         #: What the tuning at this speed changes by with parameters, and with the speed.
         self._moved = np.append(-speed / rate**2 * by_rate, 1.0 / rate)
         self._scales = {
-            kind: (of(model), np.array([*(slope_of(of, model, one) for one in names), 0.0]))
-            for kind, of in _SCALES.items()
+            kind: (of(model), np.append(slopes(of), 0.0)) for kind, of in _SCALES.items()
         }
         self._differentiate(samples, len(done.events))
 

@@ -24,6 +24,8 @@ class MeshOrders:
 
     #: Blocks at which the motion jumps.
     jumps: list = []
+    #: Number of the mesh whose displacement it is.
+    mesh = 0
 
     def __init__(self, model, data):
         self.known = json.loads(data.attrs.get("known", "{}"))
@@ -47,7 +49,17 @@ class MeshOrders:
         self.noise = float(sensor.get("noise_std", 0.0))
         #: Standard deviation of a sample; a scale where it is unknown.
         self.deviation = self.noise or size
-        self.teeth = model.mesh.teeth
+        self.teeth = checks.number(
+            "mesh periods of a revolution",
+            round(model.periods_per_revolution, 9),
+            "a whole number, as of a train whose carrier stands",
+            float.is_integer,
+        )
+
+    @property
+    def size(self):
+        """How many residuals there are."""
+        return 2 * int(self.kept.sum()) * self.measured.shape[1] + len(self.jumps)
 
     @property
     def eliminated(self):

@@ -79,9 +79,10 @@ class RunUpOrders(MeshOrders):
         )
         if int(run.status):
             return None
-        columns = [run.displacement.values]
-        columns += [run[f"d_displacement_d_{name}"].values for name in names]
-        table = np.column_stack(columns)
+        columns = ["displacement", *(f"d_displacement_d_{name}" for name in names)]
+        count = run.sizes["time"]
+        table = [run[name].values.reshape(count, -1)[:, self.mesh] for name in columns]
+        table = np.column_stack(table)
         span = math.tau * self.teeth
         found = summed(run.phase.values, table, self.blocks, span, 1.0, ORDERS + 1)[0][:, 1:]
         return found[:, :, 0], found[:, :, 1:]

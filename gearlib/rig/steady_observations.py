@@ -49,7 +49,7 @@ class SteadyOrders(MeshOrders):
             point = self._point(model, names)
         except (NoOrbit, ValueError):
             return None
-        orders, slopes = point.waves(ORDERS)
+        orders, slopes = point.waves(ORDERS, self.mesh)
         return orders[None], slopes[None]
 
     def curves(self, model):
