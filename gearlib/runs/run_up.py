@@ -292,6 +292,8 @@ def _statistics(model, found, omega):
     length, force = model.static_deflection, model.scales()["force_scale"]
     # The time of each mesh as its contacts count it: shares of one are 1 to the last place.
     share = rows[..., [orbit.TIME_NORMAL, orbit.TIME_BACKLASH, orbit.TIME_INVERSE]].sum(axis=-1)
+    # Of a run that was stopped nothing was counted.
+    share[share == 0.0] = np.nan
     columns = {
         "displacement_max": rows[..., orbit.X_MAX] * length,
         "displacement_min": rows[..., orbit.X_MIN] * length,
