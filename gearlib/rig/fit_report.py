@@ -47,6 +47,11 @@ class Fit:
     _problem: Any
     _share: Any
 
+    @property
+    def noise(self):
+        """Whether the noise of all data is known."""
+        return self._problem.noise
+
     def __str__(self):
         lines = [
             "[[Fit Statistics]]",

@@ -35,7 +35,7 @@ LEVEL = float(chi2.ppf(0.95, 1))
 #: Times the least sum of squares from which another fit cannot come near it.
 _FAR = 30.0
 #: Reduced chi-square up to which a model describes the data.
-_GOOD = 2.0
+DESCRIBED = 2.0
 
 
 class Problem(NamedTuple):
@@ -125,8 +125,7 @@ def fit(model, data, free, *, starts=12, seed=0, derivatives="exact"):
     starts = checks.integer("starts", starts, 0, 10_000)
     seed = checks.integer("seed", seed, 0)
     names, low, high = _ranges(model, free)
-    sets = list(data) if isinstance(data, (list, tuple)) else [data]
-    observations = [one for each in sets for one in observations_of(model, each)]
+    observations = [one for each in _sets(data) for one in observations_of(model, each)]
     problem = Problem(model, names, low, high, observations, derivatives == "differences")
     _check(problem)
     first = (np.array([model.value(name) for name in names]) - low) / (high - low)
@@ -138,7 +137,7 @@ def fit(model, data, free, *, starts=12, seed=0, derivatives="exact"):
     found: list = []
     for i in np.argsort(costs)[: _MOST if problem.noise else _FEW]:
         found.append(_improved(problem, tried[i]))
-        if problem.noise and 2.0 * found[-1].cost < _GOOD * found[-1].fun.size:
+        if problem.noise and 2.0 * found[-1].cost < DESCRIBED * found[-1].fun.size:
             break
     best = min(found, key=lambda one: one.cost)
     if not best.status:
@@ -161,8 +160,7 @@ def _check(problem):
     model = problem.model
     name, allowed = type(model).__name__, "a GearPair, OneDegreePair, SixDegreePair or GearTrain"
     on_the_way = [one.kind == "run-up" for one in problem.observations]
-    by_steps = any(on_the_way) and not problem.differences
-    if by_steps and (model.gyroscopic or propagator_of(model).words != "closed forms"):
+    if any(on_the_way) and not problem.differences and _by_steps(model):
         raise ValueError(
             f"model of type {name} is not allowed in a fit to a run-up: it must be {allowed} "
             "whose motion between events has closed forms; or derivatives = 'differences'"
@@ -172,6 +170,21 @@ def _check(problem):
             f"model of type {name} is not allowed: its orbits have no derivatives; it must be "
             f"{allowed}"
         )
+
+
+def _by_steps(model):
+    """Return whether a model has no exact derivatives of run-ups."""
+    return model.gyroscopic or propagator_of(model).words != "closed forms"
+
+
+def goes_by_steps(model, data):
+    """Return whether run-ups among the data have no exact derivatives for a model."""
+    every = [one for each in _sets(data) for one in observations_of(model, each)]
+    return any(one.kind == "run-up" for one in every) and _by_steps(model)
+
+
+def _sets(data):
+    return list(data) if isinstance(data, (list, tuple)) else [data]
 
 
 def _is_endless(found, name):
@@ -260,6 +273,10 @@ def _improved(problem, start):
         return last[key]
 
     def least(start, **how):
+        for one in problem.observations:
+            if one.kind == "speeds":
+                one.forget()
+        last.clear()
         return least_squares(
             lambda share: both(share)[0],
             np.clip(start, 1e-6, 1.0 - 1e-6),
@@ -323,7 +340,7 @@ def _judged(problem, best, waterfall, costs, endless=()):
                 felt[i],
             )
         )
-    if problem.noise and redchi > _GOOD:
+    if problem.noise and redchi > DESCRIBED:
         unknown.append(
             f"the model does not describe the data: they are {math.sqrt(redchi):.3g} times as far "
             "from it as their noise explains, and no interval holds"
