@@ -7,6 +7,7 @@ import click
 from gearlib.cli import (
     drawing_options,
     drawn_gears,
+    fitting,
     model_options,
     output,
     progress,
@@ -395,5 +396,5 @@ def explore(mapping, damping, port, show):
     serving.serve(mapping, damping, port, show)
 
 
-main.add_command(workflow_commands.paper)
-main.add_command(workflow_commands.workflow)
+for command in (fitting.fit, workflow_commands.paper, workflow_commands.workflow):
+    main.add_command(command)
