@@ -57,14 +57,15 @@ def fit(found, *, figure=None):
 
 
 def _draw_curve(axes, curve):
+    measured, fitted = curve.heights
     scale, unit = 1.0, curve.units
     if unit == "m":
-        scale, unit = style.length_unit(np.nanmax(np.abs(curve.measured)))
-    style.dots(axes, curve.at, curve.measured / scale, ".", _MEASURED, 2.5, label="measured")
+        scale, unit = style.length_unit(np.nanmax(np.abs(measured)))
+    style.dots(axes, curve.at, measured / scale, ".", _MEASURED, 2.5, label="measured")
     label = "fitted"
     for part, line in ((~curve.falls, "-"), (curve.falls, ":")):
         if part.any():
-            y = np.where(part, curve.fitted / scale, np.nan)
+            y = np.where(part, fitted / scale, np.nan)
             axes.plot(curve.at, y, color=_FITTED, ls=line, lw=0.9, label=label)
             label = None
     axes.set_xlabel("speed (rpm)" if curve.over == "speed" else "mesh periods")

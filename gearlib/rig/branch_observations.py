@@ -123,7 +123,7 @@ class BranchStatistics:
             values, units = self.measured[name], self.sensor[name].get("units", "")
             fitted = values + rest * (self._noise(name) or np.ptp(values))
             words = name.replace("_", " ")
-            found.append(Curve(words, units, "speed", self.speeds, values, fitted, self.falls))
+            found.append(Curve(words, units, "speed", self.speeds, (values, fitted), self.falls))
         return found
 
     def deepest(self, model):

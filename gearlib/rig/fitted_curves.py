@@ -12,8 +12,7 @@ class Curve(NamedTuple):
     units: str
     over: str  #: speed (rpm) or phase (mesh periods)
     at: np.ndarray
-    measured: np.ndarray
-    fitted: np.ndarray  #: seen by the sensor, with its gain and offset; NaN where left out
+    heights: tuple  #: (measured, fitted) as the sensor sees them; NaN where left out
     falls: np.ndarray  #: whether the speed falls
 
 

@@ -22,6 +22,10 @@ _OF_SHAFT, _DENSE = 3, 2.5
 class MeshOrders:
     """A measured time course; `modelled`, `blocks` and `measured` are those of its kind."""
 
+    #: Mesh orders, shape (blocks, orders), what lowers the variance of noise, what is compared.
+    measured: np.ndarray
+    share: np.ndarray
+    kept: np.ndarray
     #: Blocks at which the motion jumps.
     jumps: list = []
     #: Number of the mesh whose displacement it is.
@@ -65,6 +69,14 @@ class MeshOrders:
     def eliminated(self):
         """How many numbers are taken from the data besides the parameters."""
         return int(self.gain) + int(self.phase is None)
+
+    def modelled(self, model, names):
+        """Return (orders of a model, their derivatives), None where it could not go on."""
+        raise NotImplementedError
+
+    def jump(self, i, orders, slopes, gain):
+        """Return (residual, its derivatives) of the jump at a block."""
+        raise NotImplementedError
 
     def compared(self, model, names):
         """Return (orders, their derivatives) at the phase of the rig, None as `modelled`."""

@@ -89,19 +89,12 @@ class RunUpOrders(MeshOrders):
 
     def curves(self, model):
         """Return the amplitudes of the mesh orders over the speed, each a `Curve`."""
-        falls = np.gradient(self.speeds) < 0.0
-        pairs = zip(self.measured.T, self.fitted(model).T, strict=True)
-        return [
-            Curve(
-                f"order {'' if k == 1 else k}z",
-                self.units,
-                "speed",
-                self.speeds,
-                *(2.0 * np.abs(one) for one in pair),
-                falls,
-            )
-            for k, pair in enumerate(pairs, 1)
-        ]
+        falls, found = np.gradient(self.speeds) < 0.0, []
+        for k, (own, fitted) in enumerate(zip(self.measured.T, self.fitted(model).T, strict=True)):
+            words = f"order {k + 1 if k else ''}z"
+            heights = 2.0 * np.abs(own), 2.0 * np.abs(fitted)
+            found.append(Curve(words, self.units, "speed", self.speeds, heights, falls))
+        return found
 
     def deepest(self, model):
         """Return the largest way of the model into the backlash in what is compared, m."""

@@ -56,9 +56,9 @@ class SteadyOrders(MeshOrders):
         """Return the course over a mesh period, a `Curve`."""
         phase = np.linspace(0.0, 1.0, _POINTS)
         waves = np.exp(2j * np.pi * np.outer(phase, np.arange(1, ORDERS + 1)))
-        rows = [2.0 * (waves @ one[0]).real for one in (self.measured, self.fitted(model))]
+        own, fitted = (2.0 * (waves @ one[0]).real for one in (self.measured, self.fitted(model)))
         words = f"displacement at {self.speed:.5g} rpm"
-        return [Curve(words, self.units, "phase", phase, *rows, np.zeros(_POINTS, bool))]
+        return [Curve(words, self.units, "phase", phase, (own, fitted), np.zeros(_POINTS, bool))]
 
     def deepest(self, model):
         """Return the largest way of the model into the backlash, m."""
@@ -67,11 +67,11 @@ class SteadyOrders(MeshOrders):
 
 def courses_of(model, data):
     """Return what is compared of time courses: each condition is a course of its own."""
-    groups = [slice(None)]
+    parts = [data]
     if "condition" in data.coords:
         names = data.condition.values
         groups = [np.flatnonzero(names == one) for one in dict.fromkeys(names.tolist())]
-    parts = [data.isel(sample=own) for own in groups] if len(groups) > 1 else [data]
+        parts = [data.isel(sample=own) for own in groups]
     steady = ["speed" in one.coords and np.ptp(one.speed.values) == 0.0 for one in parts]
     if len(parts) > 1 and not all(steady):
         raise ValueError(

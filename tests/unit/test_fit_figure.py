@@ -35,8 +35,8 @@ def test_measured_and_fitted_lie_over_each_other(found):
         measured, up, down = axes.lines
         np.testing.assert_array_equal(measured.get_xdata(), curve.at)
         shown = np.where(curve.falls, down.get_ydata(), up.get_ydata())
-        scale = measured.get_ydata() / curve.measured
-        np.testing.assert_allclose(shown / scale, curve.fitted)
+        scale = measured.get_ydata() / curve.heights[0]
+        np.testing.assert_allclose(shown / scale, curve.heights[1])
         assert (np.isnan(up.get_ydata()) | np.isnan(down.get_ydata())).all()
     assert last.get_yscale() == "log"
 
