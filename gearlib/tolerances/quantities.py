@@ -99,7 +99,8 @@ class Followed:
             )
         self.starts: dict = {}
         if duty:
-            orbit = periodic_orbit(model, check_speed(model, "speed", speed))
+            tuning = check_speed(model, "speed", speed)
+            orbit = periodic_orbit(model, tuning, period=model.repeats)
             self.starts["duty"] = Start(At(float(speed), orbit.period), model, orbit.state)
         if followed:
             found = Resonance(model)
