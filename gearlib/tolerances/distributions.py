@@ -124,7 +124,8 @@ def _marginal(key, given, parameter):
             for name, value in given.items()
         }
         one = _plain(key, numbers)
-    _check_range(key, one, parameter)
+    ends = ("{}.min", "{}.max") if "min" in given else ("least {}", "largest {}")
+    _check_range(key, one, parameter, ends)
     return one
 
 
@@ -176,14 +177,14 @@ def _named(key, given):
     return Marginal(frozen.ppf, middle, mean, std, tuple(map(float, frozen.support())))
 
 
-def _check_range(key, one, parameter):
+def _check_range(key, one, parameter, ends):
     """Refuse what a parameter can never be; the ends of a tail are a matter of each sample."""
     kind = getattr(parameter, "kind", None)
     if isinstance(kind, parameters.Number):
-        kind.check(key, one.centre)
-        for name, end in zip(("least", "largest"), one.ends, strict=True):
+        for name, end in zip(ends, one.ends, strict=True):
             if math.isfinite(end):
-                kind.check(f"{name} value of {key}", end)
+                kind.check(name.format(key), end)
+        kind.check(key, one.centre)
 
 
 def _correlations(marginals, given):

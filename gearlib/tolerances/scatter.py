@@ -303,6 +303,9 @@ def gather(shards):
         coords["quantile"] = list(bands.QUANTILES)
         if "motion_probability" in data:
             coords["motion"] = list(bands.MOTIONS)
+        if over == "tuning":
+            words = "quantiles of the peak-to-peak displacement, in the length unit of the model"
+            data["height_band"] = _described(*data["height_band"], "1", words)
     for name in QUANTITIES:
         if name in data:
             data |= _moments(name, data)
