@@ -1,0 +1,301 @@
+"""Special points followed from one model to others: folds, onsets of contact loss, single orbits.
+
+Each is the solution y of as many equations, the shooting equation and at most one more:
+
+==========  ===============================  =====================================================
+condition   unknowns y                       equations
+==========  ===============================  =====================================================
+`Fold`      state and tuning                 z = P(z), det(M - I) = 0
+`Onset`     state and tuning                 z = P(z), the least displacement is 0
+`At`        state; the speed is given        z = P(z)
+==========  ===============================  =====================================================
+
+Of one model they are solved by Newton's method, with exact derivatives. To another model the way
+goes along the straight line between the parameters: the first guess by the derivatives at the
+start; where Newton's method does not come to a solution near the guess, the step is halved. Where
+the derivative of the equations becomes singular on the way two solutions have met: the special
+point is gone.
+"""
+
+import dataclasses
+import math
+from typing import Any
+
+import numpy as np
+
+from gearlib.data import status
+from gearlib.kernels import orbit as columns
+from gearlib.models import derivatives
+from gearlib.runs.run_arguments import MAX_EVENTS
+
+#: What became of a special point; `WORDS` has them in words.
+FOUND, NOT_NOMINAL, VANISHED, LOST = range(4)
+WORDS = ("found", "not in the nominal design", "vanished", "not followed")
+
+#: Corrections; how far one may lead; below what the next would be rounding.
+_MAX_NEWTON, _FARTHEST, _CLOSE = 12, 1.0, 1e-7
+#: How far from a guess a solution may lie: so much, and so much of the way from the last one.
+_OFF, _SHARE = 0.05, 0.5
+#: Shortest step, as a share of the way.
+_SHORTEST = 1.0 / 256.0
+#: Share of its value at the start below which the determinant of the derivatives is next to zero.
+_SINGULAR = 0.3
+
+
+class Failed(ArithmeticError):
+    """The motion could not go on, or an equation has no derivative here."""
+
+
+def _end(propagator, z, period):
+    end, _, code = propagator.maps(z, period, MAX_EVENTS)
+    if code != status.OK:
+        raise Failed(status.MESSAGES[code])
+    return end
+
+
+def _checked(values, code):
+    if code != status.OK or not np.isfinite(values).all():
+        raise Failed("there are no derivatives")
+    return values
+
+
+class _Condition:
+    """Equations of models with one degree of freedom, over state and tuning."""
+
+    def __init__(self, period=1):
+        self.period = period
+
+    def tuning(self, model, y):
+        """Return the tuning of unknowns."""
+        return y[-1]
+
+    def evaluate(self, model, y, names=(), last=None):
+        """Return residuals (n,), their derivatives by y (n, n) and by parameters (n, k).
+
+        `last` is (y, residuals, derivatives) of a point nearby, for conditions without exact ones.
+        """
+        z, propagator = y[:2], model.propagator(y[2])
+        along = propagator.directions(model, ("tuning", *names))
+        matrix, moved, code = propagator.map_slopes(z, along, self.period, MAX_EVENTS)
+        _checked(moved, code)
+        value, row = self.condition(propagator, z, along)
+        rows = np.vstack([np.hstack([matrix - np.eye(2), moved]), row])
+        miss = np.append(_end(propagator, z, self.period) - z, value)
+        return miss, rows[:, :3], rows[:, 3:]
+
+
+class Fold(_Condition):
+    """A multiplier is 1, and the branch turns round."""
+
+    def condition(self, propagator, z, along):
+        """Return the value of the last equation and its derivatives, shape (3 + k,)."""
+        # By the state, then by the parameters.
+        along = [propagator.nowhere, propagator.nowhere, *along]
+        tangents = np.zeros((2, len(along)))
+        tangents[0, 0] = tangents[1, 1] = 1.0
+        matrix, rates, code = propagator.map_rates(z, along, tangents, self.period, MAX_EVENTS)
+        (a, b), (c, d) = _checked(matrix, code) - np.eye(2)
+        return a * d - b * c, np.tensordot(_checked(rates, code), [[d, -c], [-b, a]])
+
+
+class Onset(_Condition):
+    """The orbit just comes to the flank line: where contact is lost first."""
+
+    def condition(self, propagator, z, along):
+        """As of `Fold`."""
+        _, summary, _ = propagator.record(z, self.period, MAX_EVENTS)
+        along = [propagator.nowhere, propagator.nowhere, *along]
+        tangents = np.zeros((2, len(along)))
+        tangents[0, 0] = tangents[1, 1] = 1.0
+        rows, _ = extrema_slopes(propagator, z, along, tangents, self.period)
+        return summary[columns.X_MIN] - propagator.model.flank_lines[0], rows[1]
+
+
+class At:
+    """An orbit at a speed in rpm; also of a train."""
+
+    def __init__(self, speed, period=1):
+        self.speed, self.period = speed, period
+
+    def tuning(self, model, y):
+        """As of `_Condition`."""
+        return float(model.tuning_at(self.speed))
+
+    def evaluate(self, model, y, names=(), last=None):
+        """As of `_Condition`; unknowns are those without free rotation."""
+        tuning, (reduce, lift) = self.tuning(model, y), model.reduction()
+        propagator, z = model.propagator(tuning), lift @ y
+        if not names:
+            end, maps, code = propagator.maps(z, self.period, MAX_EVENTS)
+            matrix, moved = np.eye(len(z)), np.zeros((len(z), 0))
+            for one in maps:
+                matrix = one @ matrix
+            _checked(matrix, code)
+        else:
+            along = propagator.directions(model, ("tuning", *names))
+            matrix, moved, code = propagator.map_slopes(z, along, self.period, MAX_EVENTS)
+            _checked(moved, code)
+            moved = moved[:, 1:] + np.outer(moved[:, 0], tuning_slopes(model, tuning, names))
+            end = _end(propagator, z, self.period)
+        square = reduce @ matrix @ lift - np.eye(len(y))
+        return reduce @ (end - z), square, reduce @ moved
+
+
+def tuning_slopes(model, tuning, names):
+    """Return how the tuning of a speed in rpm changes by parameters, shape (k,)."""
+    rate = float(model.speed(1.0))
+    return np.array([-tuning / rate * one for one in speed_slopes(model, names)])
+
+
+def speed_slopes(model, names):
+    """Return how the speed in rpm of tuning 1 changes by parameters, shape (k,)."""
+    twins = (model.complex_step(model.direction(name)) for name in names)
+    return np.array([np.imag(twin.speed(1.0) + 0j) / derivatives.STEP for twin in twins])
+
+
+def extrema_slopes(propagator, z, along, tangents, period=1):
+    """Return derivatives of largest and least displacement and force, (4, k), and of the end."""
+    k = len(along)
+    tables = np.empty((0, 4, k)), np.empty((0, 2, k)), np.empty((4, k)), np.empty((4, k))
+    spans = period, period, MAX_EVENTS
+    _, code, *_, ends = propagator.differentiate(z, along, tangents.copy(), spans, tables)
+    return _checked(tables[2], code), ends
+
+
+def solve(condition, model, guess, near=math.inf, last=None):
+    """Return (y, derivatives of the equations) near a guess, None where there is no solution."""
+    y = guess
+    for _ in range(_MAX_NEWTON):
+        try:
+            miss, matrix, _ = condition.evaluate(model, y, last=last)
+            step = np.linalg.solve(matrix, -miss)
+        except (Failed, np.linalg.LinAlgError, ValueError):
+            return None
+        size = np.abs(step).max()
+        if not size < _FARTHEST:
+            return None
+        last, y = (y, miss, matrix), y + step
+        if size < _CLOSE * max(1.0, np.abs(y).max()):
+            return (y, matrix) if np.abs(y - guess).max() <= near else None
+        if condition.tuning(model, y) <= 0.0:
+            return None
+    return None
+
+
+class Start:
+    """A special point of one model, from which those of its neighbours are followed.
+
+    ArithmeticError where Newton's method does not find it.
+    """
+
+    def __init__(self, condition, model, guess):
+        found = solve(condition, model, np.asarray(guess, float))
+        if found is None:
+            raise Failed("no such point is near the guess")
+        self.condition, self.model = condition, model
+        self.y, self.matrix = found
+        self.fields = _fields(model)
+        self._slopes = self.slopes(self.fields)
+        self._size = _determinant(self.matrix)
+
+    def slopes(self, names):
+        """Return the exact derivatives of y by parameters, shape (n, k)."""
+        return slopes(self.condition, self.model, self.y, names)
+
+    def at(self, model):
+        """Return (y, `FOUND`) of another model; (None, code) where there is none."""
+        change = np.array([_value(model, one) - _value(self.model, one) for one in self.fields])
+        first = self._slopes @ np.where(np.isfinite(change), change, 0.0)
+        known, h, matrix = [(0.0, self.y)], 1.0, self.matrix
+        while known[-1][0] < 1.0:
+            s, y = known[-1]
+            share = min(1.0, s + h)
+            guess = _ahead(known, first, share)
+            here = model if share == 1.0 else between(self.model, model, share)
+            near = _OFF + _SHARE * np.abs(guess - y).max()
+            found = solve(self.condition, here, guess, near, (None, None, matrix))
+            if found is None or _determinant(found[1]) * self._size <= 0.0:
+                h *= 0.5
+                if h < _SHORTEST:
+                    gone = abs(_determinant(matrix)) < _SINGULAR * abs(self._size)
+                    return None, VANISHED if gone else LOST
+                continue
+            known.append((share, found[0]))
+            matrix = found[1]
+        return known[-1][1], FOUND
+
+
+def slopes(condition, model, y, names):
+    """Return the derivatives of the solution y of a model by parameters, shape (n, k)."""
+    _, matrix, moved = condition.evaluate(model, y, tuple(names))
+    return np.linalg.solve(matrix, -moved)
+
+
+def _ahead(known, first, share):
+    """Return the guess at a share of the way from what is known of it."""
+    (s0, y0), (s, y) = known[0], known[-1]
+    if len(known) == 1:
+        return y0 + share * first
+    if len(known) == 2:
+        bend = (y - y0 - first * s) / s**2
+        return y0 + first * share + bend * share**2
+    before, last = known[-2]
+    return y + (y - last) * ((share - s) / (s - before))
+
+
+def _determinant(matrix):
+    return np.linalg.det(matrix) / np.prod(np.linalg.norm(matrix, axis=1))
+
+
+def _fields(model):
+    """Return the numbers of a model by which there are derivatives, those that are not infinite."""
+    found = []
+    for name in model.derivatives:
+        value = _value(model, name)
+        if value is None or not math.isfinite(value):
+            continue
+        try:
+            model.direction(name)
+        except ValueError:
+            # A switch of the stiffness that is not there.
+            continue
+        found.append(name)
+    return tuple(found)
+
+
+def _value(model, name):
+    """Return the value of a field of a model or of its pair, None where it has none."""
+    for one in (model, model.mesh):
+        if one is not None and name in {field.name for field in dataclasses.fields(one)}:
+            value = getattr(one, name)
+            return float(value) if isinstance(value, (int, float)) else None
+    return None
+
+
+def moved_field(model, name, share):
+    """Return (model with one of its fields changed by a share of it, by how much)."""
+    value = _value(model, name)
+    step = share * (abs(value) or 1.0)
+    if name in {field.name for field in dataclasses.fields(model)}:
+        return _with(model, name, value + step), step
+    return _with(model, "pair", _with(model.pair, name, value + step)), step
+
+
+def _with(model, name, value):
+    values = {one.name: getattr(model, one.name) for one in dataclasses.fields(model)}
+    return derivatives.unchecked(type(model), **values | {name: value})
+
+
+def between(a: Any, b: Any, share):
+    """Return a model, or a part of one, between two; where they do not match that of the second."""
+    if dataclasses.is_dataclass(a) and type(a) is type(b):
+        values = {
+            one.name: between(getattr(a, one.name), getattr(b, one.name), share)
+            for one in dataclasses.fields(b)
+        }
+        return derivatives.unchecked(type(b), **values)
+    if isinstance(a, tuple) and isinstance(b, tuple) and len(a) == len(b):
+        return tuple(between(x, y, share) for x, y in zip(a, b, strict=True))
+    if isinstance(a, float) and isinstance(b, float) and math.isfinite(a - b):
+        return a + share * (b - a)
+    return b

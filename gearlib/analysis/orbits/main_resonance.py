@@ -1,0 +1,264 @@
+"""The main resonance of a mesh: where contact is lost, both jumps, the largest motion.
+
+The orbit that never loses contact is linear: it is known at every tuning, and shows between which
+two contact is lost about the resonance. From both the branch is walked along into the resonance,
+up to its first fold, where the motion jumps.
+"""
+
+import numpy as np
+
+from gearlib.analysis.orbits.following import (
+    Failed,
+    Fold,
+    Onset,
+    extrema_slopes,
+    moved_field,
+    solve,
+)
+from gearlib.analysis.orbits.tracing import Lost, advance, tangent
+from gearlib.data import status
+from gearlib.kernels import orbit as columns
+from gearlib.runs.run_arguments import MAX_EVENTS
+
+#: Tunings at which the linear orbit is looked at; of these the resonance is where it is highest.
+_TUNINGS = np.geomspace(0.5, 1.8, 160)
+_RESONANCE = (_TUNINGS > 0.65) & (_TUNINGS < 1.5)
+#: Steps along a branch: first, largest, how they grow, the shortest, most of them.
+_FIRST, _LARGEST, _GROWTH, _LEAST, _MOST = 0.02, 0.25, 1.6, 1e-5, 600
+#: Step of differences.
+_DIFFERENCE = 1e-6
+_ROUNDING = 1e-12
+
+
+class Branch:
+    """The shooting equation of a model over state and tuning, as a problem of `tracing`."""
+
+    def __init__(self, model, period=1):
+        self.model, self.period = model, period
+
+    def evaluate(self, y):
+        """Return the `_Orbit` at y."""
+        if not y[2] > 0.0:
+            raise Lost("no tuning is left")
+        return _Orbit(self.model, y, self.period)
+
+
+class _Orbit:
+    def __init__(self, model, y, period):
+        self.y, self.period, self.propagator = y, period, model.propagator(y[2])
+        z, propagator = y[:2], self.propagator
+        self._tuning = propagator.directions(model, ("tuning",))
+        matrix, moved, code = propagator.map_slopes(z, self._tuning, period, MAX_EVENTS)
+        end, _, done = propagator.maps(z, period, MAX_EVENTS)
+        if code != status.OK or done != status.OK or not np.isfinite(moved).all():
+            raise Lost("the motion could not go on")
+        self.miss = end - z
+        self.jacobian = np.hstack([matrix - np.eye(2), moved])
+        self.small = np.abs(self.miss).max() <= _ROUNDING * max(1.0, 1e-2 * np.abs(z).max())
+
+    @property
+    def turning(self):
+        """The function that is zero at folds."""
+        return np.linalg.det(self.jacobian[:, :2])
+
+    def slopes(self):
+        """Return derivatives of the extrema by the unknowns, (4, 3), as of `extrema_slopes`."""
+        nowhere = self.propagator.nowhere
+        along = [nowhere, nowhere, *self._tuning]
+        return extrema_slopes(self.propagator, self.y[:2], along, np.eye(2, 3), self.period)[0]
+
+    def extrema(self):
+        """Return largest and least displacement and force."""
+        return self.propagator.record(self.y[:2], self.period, MAX_EVENTS)[1][:4]
+
+
+def linear_orbits(model):
+    """Return states (k, 2), largest and least displacement (k,) of the orbit in contact."""
+    linear = model.replace(backlash=0.0)
+    states, extrema = np.empty((len(_TUNINGS), 2)), np.empty((len(_TUNINGS), 2))
+    for i, tuning in enumerate(_TUNINGS):
+        propagator = linear.propagator(tuning)
+        end, maps, _ = propagator.maps(np.zeros(2), 1, MAX_EVENTS)
+        states[i] = np.linalg.solve(np.eye(2) - maps[0], end)
+        _, summary, _ = propagator.record(states[i], 1, MAX_EVENTS)
+        extrema[i] = summary[[columns.X_MAX, columns.X_MIN]]
+    return states, extrema - linear.flank_lines[0]
+
+
+class Resonance:
+    """The special points of the main resonance of a model with one degree of freedom.
+
+    Each is y = (displacement, dx/dtau, tuning), None where there is none: ``onset`` where contact
+    is lost going up, ``upper`` coming down, ``jump_up`` and ``jump_down``. ``start`` is the orbit
+    at which the resonance is entered from above.
+    """
+
+    def __init__(self, model):
+        self.model = model
+        states, extrema = linear_orbits(model)
+        height = np.where(_RESONANCE, extrema[:, 0] - extrema[:, 1], -np.inf)
+        peak = int(height.argmax())
+        lost = extrema[:, 1] < 0.0
+        low = high = peak
+        self.onset = self.upper = self.jump_up = self.jump_down = None
+        if lost[peak]:
+            low = peak - int(np.argmin(lost[: peak + 1][::-1])) if not lost[: peak + 1].all() else -1
+            high = peak + int(np.argmin(lost[peak:])) if not lost[peak:].all() else -1
+        found = np.column_stack([states, _TUNINGS])
+        if low != high:
+            self.onset = _onset(model, found, extrema[:, 1], low, low + 1) if low >= 0 else None
+            self.upper = _onset(model, found, extrema[:, 1], high, high - 1) if high >= 0 else None
+        self.start = found[peak] if low == high else self.upper
+        if self.onset is not None:
+            self.jump_up = self._fold(self.onset, 1.0, self.upper)
+        if self.upper is not None:
+            self.jump_down = self._fold(self.upper, -1.0, self.onset)
+
+    def _fold(self, y, way, other):
+        """Return the first fold from the end of the linear orbit on one side."""
+        before = None
+        for here, along in walk(Branch(self.model), y, way):
+            if before is not None and before.turning * here.turning < 0.0:
+                share = before.turning / (before.turning - here.turning)
+                guess = before.y + share * (here.y - before.y)
+                near = np.abs(here.y - before.y).max()
+                found = solve(Fold(), self.model, guess, near)
+                return None if found is None else found[0]
+            if other is not None and (here.y[2] - other[2]) * way > 0.0 and not _lost(here):
+                # It has come out on the other side.
+                return None
+            before = here
+        return None
+
+
+def _lost(orbit):
+    return orbit.extrema()[columns.X_MIN] < orbit.propagator.model.flank_lines[0]
+
+
+def _onset(model, found, least, outer, inner):
+    share = least[outer] / (least[outer] - least[inner])
+    guess = found[outer] + share * (found[inner] - found[outer])
+    solved = solve(Onset(), model, guess)
+    return None if solved is None else solved[0]
+
+
+def walk(branch, y, way):
+    """Yield (orbit, tangent) along a branch from y on, towards larger (1) or smaller tunings."""
+    orbit = branch.evaluate(y)
+    along, h = tangent(orbit.jacobian, np.array([0.0, 0.0, way])), _FIRST
+    yield orbit, along
+    for _ in range(_MOST):
+        try:
+            y, orbit, new, corrections = advance(branch, y, along, h)
+        except Lost:
+            h *= 0.5
+            if h < _LEAST:
+                return
+            continue
+        along = new
+        yield orbit, along
+        if corrections <= 3:
+            h = min(_GROWTH * h, _LARGEST * max(1.0, 0.25 * np.abs(y[:2]).max()))
+
+
+class Top:
+    """Unknowns and equations as in `following`: where an extremum is largest along the branch.
+
+    `which` is its number, as of `extrema_slopes`. What it grows by along the branch is exact, the
+    derivatives of that are differences: they decide how fast Newton's method converges, not where
+    to.
+    """
+
+    def __init__(self, which):
+        self.which = which
+
+    def tuning(self, model, y):
+        """As of `following.Fold`."""
+        return y[-1]
+
+    def growth(self, model, y):
+        """Return (residuals of the orbit, their derivatives, growth along the branch).
+
+        The direction along the branch is one that changes nowhere.
+        """
+        if not y[2] > 0.0:
+            raise Failed("no tuning is left")
+        propagator = model.propagator(y[2])
+        along = [propagator.nowhere] * 2 + list(propagator.directions(model, ("tuning",)))
+        slopes, ends = extrema_slopes(propagator, y[:2], np.array(along), np.eye(2, 3))
+        end, _, _ = propagator.maps(y[:2], 1, MAX_EVENTS)
+        (a, b, c), (d, e, f) = rows = ends - np.eye(2, 3)
+        ahead = np.array([b * f - c * e, c * d - a * f, a * e - b * d])
+        return end - y[:2], rows, slopes[self.which] @ ahead / np.sqrt(ahead @ ahead)
+
+    def evaluate(self, model, y, names=(), last=None):
+        """As of `following.Fold`."""
+        miss, rows, value = self.growth(model, y)
+        if last is None:
+            steps = _DIFFERENCE * np.eye(3)
+            row = [(self.growth(model, y + one)[2] - value) / _DIFFERENCE for one in steps]
+        else:
+            # That of the point before, made to fit both.
+            row = last[2][2]
+            if last[0] is not None:
+                way = y - last[0]
+                row = row + (value - last[1][2] - row @ way) / (way @ way) * way
+        moved = np.zeros((3, len(names)))
+        if names:
+            propagator = model.propagator(y[2])
+            along = propagator.directions(model, names)
+            _, moved[:2], _ = propagator.map_slopes(y[:2], along, 1, MAX_EVENTS)
+            for i, name in enumerate(names):
+                field, step = moved_field(model, name, _DIFFERENCE)
+                moved[2, i] = (self.growth(field, y)[2] - value) / step
+        return np.append(miss, value), np.vstack([rows, row]), moved
+
+
+def top(model, which, start, fold=None):
+    """Return y where an extremum is largest along the stable branch, `which` as of `Top`.
+
+    That is its fold, if there is one at which it still grows; else from `start` on towards smaller
+    tunings. None where it is not found.
+    """
+    branch = Branch(model)
+    try:
+        if fold is None:
+            orbit = branch.evaluate(start)
+            along = tangent(orbit.jacobian, np.array([0.0, 0.0, -1.0]))
+            if orbit.slopes()[which] @ along < 0.0:
+                along = -along
+        else:
+            _, matrix, _ = Fold().evaluate(model, fold)
+            # Into the stable side, where no multiplier is beyond 1.
+            along = tangent(matrix[:2], matrix[2])
+            orbit = branch.evaluate(fold)
+            if orbit.slopes()[which] @ along <= 0.0:
+                return fold
+        return _climb(branch, orbit, along, which)
+    except (Lost, Failed):
+        return None
+
+
+def _climb(branch, orbit, along, which):
+    """Return y where an extremum stops to grow along a branch."""
+    y, rise, h = orbit.y, orbit.slopes()[which] @ along, _FIRST
+    for _ in range(_MOST):
+        try:
+            new_y, new, ahead, _ = advance(branch, y, along, h)
+        except Lost:
+            h *= 0.5
+            if h < _LEAST:
+                raise
+            continue
+        new_rise = new.slopes()[which] @ ahead
+        if new_rise <= 0.0:
+            share = rise / (rise - new_rise)
+            guess, near = y + share * (new_y - y), np.abs(new_y - y).max()
+            found = solve(Top(which), branch.model, guess, near)
+            if found is None:
+                raise Lost("the top was not found")
+            return found[0]
+        y, along, rise = new_y, ahead, new_rise
+        h = min(_GROWTH * h, _LARGEST)
+    raise Lost("the branch has no top")
+
