@@ -20,12 +20,16 @@ from gearlib.runs.run_arguments import check_either, check_memory, check_speed, 
 from gearlib.runs.sweeping import check_tunings
 from gearlib.tolerances import bands
 from gearlib.tolerances.designs import MOST, Designs, counted
-from gearlib.tolerances.quantities import QUANTITIES, Followed
+from gearlib.tolerances.quantities import CODES, QUANTITIES, Followed
 
 #: Samples that a thread takes at a time.
 _SOME = 4
 #: Code of a sample that there is not.
 _NO_DESIGN = -1
+_FLAGS = {
+    "flag_values": np.arange(_NO_DESIGN, len(CODES), dtype=np.int8),
+    "flag_meanings": " ".join(("no_design", *CODES)),
+}
 #: Where seeded starts lie unless told: displacement and dx/dtau, static deflections.
 BOX = ((-6.0, 6.0), (-6.0, 6.0))
 
@@ -36,6 +40,7 @@ def scatter(
     quantities=("jump_up", "jump_down"),
     n=1024,
     *,
+    speed=None,
     speeds=None,
     tunings=None,
     directions=("up", "down"),
@@ -63,6 +68,8 @@ def scatter(
         Of each design, of `gearlib.tolerances.quantities.QUANTITIES`; () for none.
     n : int, default 1024
         Samples, points of a scrambled Sobol' sequence: of powers of two they are balanced.
+    speed : float, optional
+        Of the duty point, rpm, where quantities are asked for there.
     speeds, tunings : array_like of float, optional
         In rpm, or tunings of the nominal model, at which every design is run: bands over speed.
         Tunings become speeds, which all designs share, where anything turns.
@@ -98,6 +105,7 @@ def scatter(
     n = checks.integer("n", n, 1, MOST)
     asked = {
         "quantities": tuple(quantities),
+        "speed": speed,
         "speeds": speeds,
         "tunings": tunings,
         "directions": tuple(directions),
@@ -119,6 +127,7 @@ def shard(
     last,
     *,
     quantities=("jump_up", "jump_down"),
+    speed=None,
     speeds=None,
     tunings=None,
     directions=("up", "down"),
@@ -161,7 +170,7 @@ def shard(
             data |= _of_points(ran, over)
             coords |= {"direction": list(asked.directions), over: asked.rates}
         if quantities:
-            found, own = _followed(designs, values, tuple(quantities), threads, newly)
+            found, own = _followed(designs, values, tuple(quantities), speed, threads, newly)
             data |= found
             refusals = refusals or own
     data["refusal"] = (("sample",), np.array(refusals, dtype=object))
@@ -173,6 +182,7 @@ def shard(
     if asked is not None:
         said |= {"periods": periods, "record_periods": record_periods, "box": box}
     if quantities:
+        said |= {"quantities": list(quantities)} | ({} if speed is None else {"speed": speed})
         coords["parameter"] = list(designs.names)
     title = "Scatter of a gear mesh by its tolerances"
     return result(title, nominal, data, coords, method="scatter", **said)
@@ -227,10 +237,10 @@ def _of_points(ran, over):
     return {name: (dims, one) for name, one in zip(names, ran, strict=True)}
 
 
-def _followed(designs, values, names, threads, done):
+def _followed(designs, values, names, speed, threads, done):
     """Return the variables of quantities, and why there is no design."""
     fields, jacobian = designs.fields
-    follow = Followed(designs.nominal, fields, names)
+    follow = Followed(designs.nominal, fields, names, speed=speed)
     found = np.full((len(values), len(names)), np.nan)
     codes = np.full(found.shape, _NO_DESIGN, np.int8)
     refusals = [""] * len(values)
@@ -252,9 +262,9 @@ def _followed(designs, values, names, threads, done):
     for i, name in enumerate(names):
         units, words = QUANTITIES[name]
         data[name] = _described(("sample",), found[:, i], units, words)
-        status = _described(("sample",), codes[:, i], "1", f"whether there is: {words}")
+        status = _described(("sample",), codes[:, i], "1", f"whether there is: {words}", **_FLAGS)
         data[f"{name}_status"] = status
-        scalars = {"nominal": (follow.nominal[i], f"{words}, of the nominal design")}
+        scalars = {"nominal": (follow.nominal[i], f"of the nominal design: {words}")}
         if fields:
             spread = float(np.sqrt(gradient[i] @ covariance @ gradient[i]))
             scalars["first_order"] = (spread, f"standard deviation in first order: {words}")
