@@ -4,7 +4,13 @@ All displacements are in static deflections F / C_s, all times are mesh phase (r
 velocities are dx/dtau; the scale variables lead to SI.
 """
 
-from gearlib.data import contact_states, duty_variables, layout_variables, status
+from gearlib.data import (
+    contact_states,
+    duty_variables,
+    layout_variables,
+    scatter_variables,
+    status,
+)
 
 #: name -> (CF units, long_name)
 DESCRIPTIONS = {
@@ -39,6 +45,7 @@ DESCRIPTIONS = {
     "body": ("1", "name of the body"),
     "axis": ("1", "direction of the motion; rotation: as arc length on the base circle"),
     **layout_variables.DESCRIPTIONS,
+    **scatter_variables.DESCRIPTIONS,
     "mesh_force": ("N", "static mesh force, negative on the coast side"),
     "mean_force": ("1", "mean of the mesh force over time, over the load"),
     "dynamic_factor": ("1", "largest mesh force over its static value"),
