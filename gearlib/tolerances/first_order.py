@@ -104,7 +104,7 @@ def first_order(
         there = np.isfinite(found[:, i])
         # Of the designs' deviation only what first order misses is left to chance.
         rest, line = (found[:, i] - linear)[there], linear[there] - follow.nominal[i]
-        sampled = there[:n][there]
+        sampled = np.flatnonzero(there) < n
         between = np.cov(rest[sampled], line[sampled])
         variance = form.deviations[i] ** 2
         whole = np.sqrt(variance + between[0, 0] + 2.0 * between[0, 1])
