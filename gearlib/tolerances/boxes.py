@@ -20,7 +20,7 @@ from gearlib import checks
 from gearlib.analysis.orbits.shooting import NoOrbit, periodic_orbit
 from gearlib.analysis.proofs.balls import flint, precision
 from gearlib.analysis.proofs.certificate_files import Uncertain
-from gearlib.analysis.proofs.closed_laws import ClosedLaws
+from gearlib.analysis.proofs.closed_laws import ClosedLaw, ClosedLaws
 from gearlib.analysis.proofs.multipliers import verdict
 from gearlib.analysis.proofs.orbits import certify
 from gearlib.analysis.proofs.path import Path
@@ -139,6 +139,30 @@ def certify_box(model, box, speed, *, pieces=2000):
     )
 
 
+class _Laws(ClosedLaws):
+    """The laws of a pair in contact, time counted in mesh phase: every parameter appears seldom.
+
+    x'' + 2 k / (2 m omega) x' + C / (m omega^2) x = 1, with F / (m omega^2) the unit of x.
+    """
+
+    def __init__(self, pair, speed):
+        self.frequency = flint().arb(speed) * pair.teeth * flint().arb.pi() / 30
+        super().__init__(pair, 1)
+
+    def _of_pair(self, pair):
+        arb, rate = flint().arb, self.frequency
+        # In the unit of the displacement the far flank lies anywhere: only the near one is met.
+        self.lines = None, arb(0)
+        high = arb(pair.max_stiffness) / (pair.reduced_mass * rate * rate)
+        low, damping = (
+            high * pair.stiffness_ratio,
+            pair.material_damping / (2 * pair.reduced_mass * rate),
+        )
+        self._laws[NORMAL] = [ClosedLaw(c, damping, 1) for c in (high, low)]
+        ratio, pi = arb(pair.contact_ratio), arb.pi()
+        self.segments = [(arb(0), 0), (pi * (ratio - 1), 1), (pi * (3 - ratio), 0)]
+
+
 class _OfPair:
     """Boxes of the fields of a `GearPair`."""
 
@@ -177,11 +201,7 @@ class _OfPair:
         for name, (low, high) in zip(self.names, piece.tolist(), strict=True):
             values[name] = arb(low).union(arb(high))
         pair = unchecked(GearPair, **values)
-        kappa = arb(pair.stiffness_ratio)
-        mean = kappa + (1 - kappa) * (arb(pair.contact_ratio) - 1)
-        natural = (arb(pair.max_stiffness) * mean / pair.reduced_mass).sqrt()
-        tuning = arb(self.speed) * pair.teeth * arb.pi() / 30 / natural
-        path, scale = Path(ClosedLaws(pair, tuning), (NORMAL,), (), 1), 1 / tuning
+        path, scale = Path(_Laws(pair, self.speed), (NORMAL,), (), 1), arb(1)
         # Without events the equations are linear.
         residuals, rows = path.equations([arb(0), arb(0)], scale, _BITS)
         state = arb_mat(rows).solve(arb_mat([[-one] for one in residuals])).entries()
