@@ -236,10 +236,16 @@ class _OfTrain:
         corners = [self._at(point) for point in itertools.product(*ends.tolist())]
         middle = self._at(ends.mean(axis=1))
         check_speed(middle, "speed", speed)
-        mean = np.mean([_affine(one, middle) for one in corners], axis=0)
-        scale = np.abs([_affine(one, middle) for one in corners]).max(axis=0)
-        if (np.abs(_affine(middle, middle) - mean) > 1e-9 * np.maximum(scale, 1e-300)).any():
-            raise checks.refusal("model", model, "one whose errors and torques are affine in these")
+        bare = _bare(middle)
+        for one in corners:
+            if _bare(one) != bare:
+                words = "trains that differ in errors of assembly and torques alone"
+                raise checks.refusal("model", type(one).__name__, words)
+        table = np.array([_affine(one) for one in corners])
+        scale = np.maximum(np.abs(table).max(axis=0), 1e-300)
+        if (np.abs(_affine(middle) - table.mean(axis=0)) > 1e-9 * scale).any():
+            words = "one whose errors and torques change in proportion"
+            raise checks.refusal("model", type(middle).__name__, words)
 
     def _at(self, point):
         """Return the train at a point."""
@@ -272,30 +278,28 @@ class _OfTrain:
         return bool(found) and found.stability == "stable"
 
 
-def _affine(train, other):
-    """Return errors and torques of a train, (m + b,); ValueError if it differs otherwise."""
-    errors = [mesh.error for mesh in train.meshes]
-    torques = [body.torque for body in train.bodies]
-    bare = _changed(train, {}, errors=0.0, torques=0.0)
-    if bare.as_dict() != _changed(other, {}, errors=0.0, torques=0.0).as_dict():
-        raise checks.refusal("model", train, "trains that differ in errors of assembly and torques")
-    return np.array(errors + torques)
+def _bare(train):
+    """Return what is left of a train without errors of assembly and torques, to compare."""
+    meshes = tuple(_with(mesh, error=0.0) for mesh in train.meshes)
+    bodies = tuple(_with(body, torque=0.0, offset=(0.0, 0.0)) for body in train.bodies)
+    return _with(train, meshes=meshes, bodies=bodies).as_dict()
 
 
-def _changed(train, changes, errors=None, torques=None):
+def _affine(train):
+    """Return what forces and gaps of a train are affine in."""
+    _, waves, constants = train.excitation
+    return np.concatenate([waves.ravel(), constants.ravel(), train.structure.load])
+
+
+def _changed(train, changes):
     """Return a train with a load and errors of meshes changed."""
-    share = changes.get("load", train.load) / train.load if torques is None else torques
+    share = changes.get("load", train.load) / train.load
     own = {name.removeprefix("error of mesh "): value for name, value in changes.items()}
-    meshes, bodies = [], []
-    for mesh in train.meshes:
-        error = own.get(mesh.name, mesh.error) if errors is None else errors
-        meshes.append(_with(mesh, error=error))
-    for body in train.bodies:
-        bodies.append(_with(body, torque=body.torque * share))
-    return _with(train, meshes=tuple(meshes), bodies=tuple(bodies))
+    meshes = tuple(_with(mesh, error=own.get(mesh.name, mesh.error)) for mesh in train.meshes)
+    bodies = tuple(_with(body, torque=body.torque * share) for body in train.bodies)
+    return _with(train, meshes=meshes, bodies=bodies)
 
 
 def _with(part, **changes):
-    return unchecked(
-        type(part), **{one.name: getattr(part, one.name) for one in fields(part)} | changes
-    )
+    values = {one.name: getattr(part, one.name) for one in fields(part)}
+    return unchecked(type(part), **values | changes)
