@@ -15,7 +15,7 @@ from gearlib.runs.run_arguments import MAX_EVENTS, Rows, Span
 from gearlib.runs.sweeping import sweep
 from gearlib.tolerances.designs import part_of
 
-#: How each speed is come to: carried up or down from the one before, from rest, from a seeded start.
+#: How each speed is come to: carried up or down from the one before, from rest, or seeded.
 DIRECTIONS = ("up", "down", "cold", "seeded")
 #: Quantiles of the bands.
 QUANTILES = (0.05, 0.5, 0.95)

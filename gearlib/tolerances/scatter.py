@@ -315,7 +315,7 @@ def gather(shards):
             coords["motion"] = list(bands.MOTIONS)
         if over == "tuning":
             words = "quantiles of the peak-to-peak displacement, in the length unit of the model"
-            data["height_band"] = _described(*data["height_band"], "1", words)
+            data["height_band"] = _described(*data["height_band"][:2], "1", words)
     for name in QUANTITIES:
         if name in data:
             data |= _moments(name, data)
