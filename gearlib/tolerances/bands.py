@@ -146,7 +146,7 @@ def statistics(points, directions, over):
     per = np.where(count > 0, count, np.nan)
     both = ("direction", over)
     found = {
-        "runs": (both, count.astype(np.int32)),
+        "run_count": (both, count.astype(np.int32)),
         "failed_runs": (both, (points.status > 0).sum(axis=0).astype(np.int32)),
         "contact_loss_probability": (both, (ran & (points.lost > 0)).sum(axis=0) / per),
         "unsettled_share": (both, (ran & (points.settled == 0)).sum(axis=0) / per),

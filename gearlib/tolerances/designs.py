@@ -53,8 +53,11 @@ class OfModel:
         names = [name for name in model.derivatives if "initial_" not in name and name != "tuning"]
         own = numbers(type(model)) if dataclasses.is_dataclass(model) else {}
         own = (numbers(PairParameters) if model.mesh else {}) | own
-        if model.train is None:
+        if model.train is not model:
             names += [name for name in own if name not in names]
+            fields = dataclasses.fields(model) if dataclasses.is_dataclass(model) else ()
+            plain = [one.name for one in fields if type(getattr(model, one.name)) is float]
+            names += [name for name in plain if name not in names]
         if not model.mesh:
             names = [name for name in names if name not in RATIOS]
         self.known = {name: own.get(name) for name in names}
@@ -62,7 +65,7 @@ class OfModel:
 
     def own(self, name):
         """Return the value that the model has of a parameter, None where it is no number."""
-        if self.model.train is not None:
+        if self.model.train is self.model:
             return self.model.load if name == "load" else None
         field, _, index = name.partition("[")
         value: Any = getattr(self.model, field, None)
@@ -71,7 +74,7 @@ class OfModel:
     def __call__(self, changes):
         """Return the model with parameters changed; ratios come last, with what they rest on."""
         model = self.model
-        if model.train is not None:
+        if model.train is model:
             return _train(model, changes)
         plain: dict = {}
         for name, value in changes.items():

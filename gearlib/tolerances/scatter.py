@@ -94,7 +94,7 @@ def scatter(
         ``_deviation`` of those found, and ``_first_order``, the deviation by exact derivatives at
         the nominal design; ``<quantity>_effect`` over ``parameter``, what one standard deviation of
         it comes to in first order. Over ``direction`` and ``speed``: contact_loss_probability,
-        unsettled_share, runs, failed_runs; with ``quantile`` height_band and factor_band. Over
+        unsettled_share, run_count, failed_runs; with ``quantile`` height_band and factor_band. Over
         ``speed``: two_motions_probability, with seeded starts motion_probability.
 
     Raises
@@ -104,11 +104,11 @@ def scatter(
     """
     n = checks.integer("n", n, 1, MOST)
     asked = {
-        "quantities": tuple(quantities),
+        "quantities": quantities,
         "speed": speed,
         "speeds": speeds,
         "tunings": tunings,
-        "directions": tuple(directions),
+        "directions": directions,
         "periods": periods,
         "record_periods": record_periods,
         "box": box,
@@ -142,8 +142,7 @@ def shard(
     n = checks.integer("n", n, 1, MOST)
     first = checks.integer("first", first, 0, n - 1)
     last = checks.integer("last", last, first + 1, n)
-    for name in quantities:
-        checks.one_of("quantities", name, tuple(QUANTITIES))
+    quantities = _names("quantities", quantities, tuple(QUANTITIES))
     threads = os.cpu_count() if threads is None else checks.integer("threads", threads, 1)
     designs = Designs(model, tolerances, seed)
     nominal = designs.nominal
@@ -170,7 +169,7 @@ def shard(
             data |= _of_points(ran, over)
             coords |= {"direction": list(asked.directions), over: asked.rates}
         if quantities:
-            found, own = _followed(designs, values, tuple(quantities), speed, threads, newly)
+            found, own = _followed(designs, values, quantities, speed, threads, newly)
             data |= found
             refusals = refusals or own
     data["refusal"] = (("sample",), np.array(refusals, dtype=object))
@@ -199,11 +198,8 @@ def _asked(model, speeds, tunings, directions, periods, record_periods, box):
     else:
         check = functools.partial(check_speed, model)
         rates = check_tunings("speeds", speeds, check, model.tuning_at)
-    directions = tuple(checks.sequence("directions", directions))
-    for name in directions:
-        checks.one_of("directions", name, bands.DIRECTIONS)
-    if not directions or len(set(directions)) < len(directions):
-        raise checks.refusal("directions", directions, "one at least, each once")
+    directions = _names("directions", directions, bands.DIRECTIONS)
+    checks.require(directions, "directions", directions, "one at least")
     if "seeded" in directions and model.size > 2:
         raise checks.refusal("directions", directions, "without 'seeded' for more coordinates")
     periods = checks.integer("periods", periods, 1)
@@ -212,6 +208,18 @@ def _asked(model, speeds, tunings, directions, periods, record_periods, box):
     for low, high in ends:
         checks.require(-np.inf < low < high < np.inf, "box", box, "finite ends, rising")
     return bands.Asked(np.sort(rates), directions, periods, recorded, tuple(map(tuple, ends)))
+
+
+def _names(key, given, allowed):
+    """Return names as a tuple, each once."""
+    if isinstance(given, str) or not hasattr(given, "__iter__"):
+        words = f"a sequence of {', '.join(map(repr, allowed))}"
+        raise checks.refusal(key, given, words)
+    found = tuple(given)
+    for name in found:
+        checks.one_of(key, name, allowed)
+    checks.require(len(set(found)) == len(found), key, given, "names, each once")
+    return found
 
 
 def variable_of(name):
