@@ -20,4 +20,11 @@ DESCRIPTIONS = {
     "lost": ("1", "whether contact is lost"),
     "settled": ("1", "whether the motion has settled"),
     "run_status": ("1", "how the run ended, -1 where there is no such design"),
+    "quantity": ("1", "name of the quantity"),
+    "bound": ("1", "end of the interval"),
+    "first_index": ("1", "share of the variance by the parameter alone"),
+    "total_index": ("1", "share of the variance by the parameter alone and with others"),
+    "first_index_interval": ("1", "bootstrapped interval of the share by the parameter alone"),
+    "total_index_interval": ("1", "bootstrapped interval of the share with others"),
+    "missing_designs": ("1", "designs without the quantity"),
 }

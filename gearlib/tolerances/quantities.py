@@ -4,6 +4,8 @@ Special points are followed one by one, `gearlib.analysis.orbits.following`, not
 Where one is lost on the way the main resonance of the design is searched anew.
 """
 
+import math
+from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
 import numpy as np
@@ -12,6 +14,7 @@ from gearlib import checks
 from gearlib.analysis.orbits import following
 from gearlib.analysis.orbits.following import At, Fold, Onset, Start, extrema_slopes
 from gearlib.analysis.orbits.main_resonance import Branch, Resonance, Top, top
+from gearlib.analysis.orbits.shooting import periodic_orbit
 from gearlib.kernels import orbit as columns
 from gearlib.models.derivatives import STEP
 from gearlib.runs.run_arguments import MAX_EVENTS, check_speed
@@ -27,15 +30,22 @@ QUANTITIES = {
     "force": ("N", "largest mesh force at the duty point"),
     "transmission_error": ("m", "transmission error from peak to peak at the duty point"),
     "contact_margin": ("m", "least displacement at the duty point, below 0 contact is lost"),
+    "load_sharing": ("1", "largest mean force of a mesh over that of its branches, duty point"),
 }
 #: What a code says, 0 first.
 CODES = ("found", "there_is_none", "not_followed")
 FOUND, NONE, LOST = range(len(CODES))
+#: Code of a design that there is not.
+NO_DESIGN = -1
+#: Designs that a thread takes at a time.
+_SOME = 16
 
 _SPEEDS = {"jump_up": Fold, "jump_down": Fold, "onset_of_contact_loss": Onset}
 _NAMES = {"onset_of_contact_loss": "onset"}
 _PEAKS = {"peak": columns.X_MAX, "peak_dynamic_factor": columns.FORCE_MAX}
-_DUTY = ("dynamic_factor", "force", "transmission_error", "contact_margin")
+_DUTY = ("dynamic_factor", "force", "transmission_error", "contact_margin", "load_sharing")
+#: Share of a value over which differences are taken.
+_STEP = 1e-5
 
 
 class _Place(NamedTuple):
@@ -51,7 +61,8 @@ class Followed:
     Parameters
     ----------
     model : Model
-        The nominal design, with one degree of freedom.
+        The nominal design; of a train quantities of the duty point, those of the mesh which is
+        worst, the transmission error that of the reference mesh.
     names : sequence of str
         Parameters, as of ``model.derivatives``.
     quantities : sequence of str
@@ -64,7 +75,8 @@ class Followed:
     nominal : ndarray, shape (q,)
         NaN where the nominal design has none.
     gradient : ndarray, shape (q, k)
-        Exact derivatives by the parameters, SI.
+        Derivatives by the parameters, SI: exact, but those of the load sharing and the dynamic
+        factors of trains, which are central differences.
 
     Raises
     ------
@@ -77,23 +89,29 @@ class Followed:
         self.quantities = tuple(quantities)
         for name in self.quantities:
             checks.one_of("quantities", name, tuple(QUANTITIES))
-        if model.size != 2 or model.kind().map_rates is None or model.repeats != 1:
-            raise ValueError(
-                f"model = {type(model).__name__} is not allowed: special points are followed of "
-                "models with one degree of freedom and derivatives"
-            )
         duty = set(_DUTY) & set(self.quantities)
         if duty and speed is None:
             raise ValueError(f"speed = None is not allowed: {min(duty)} is one of the duty point")
+        if "load_sharing" in duty and not model.mesh_names:
+            raise ValueError("quantities = 'load_sharing' is not allowed: it is one of trains")
+        followed = set(self.quantities) - duty
+        special = model.size == 2 and model.repeats == 1 and model.kind().map_rates is not None
+        if followed and not special or model.kind().map_slopes is None:
+            raise ValueError(
+                f"quantities = {min(followed or duty)!r} is not allowed for this "
+                f"{type(model).__name__}: special points are followed of models with one degree of "
+                "freedom and derivatives, orbits at the duty point of models with derivatives"
+            )
         self.starts: dict = {}
         if duty:
             tuning = check_speed(model, "speed", speed)
-            self.starts["duty"] = _start(At(float(speed)), model, settled(model, tuning))
-        if set(self.quantities) - set(_DUTY):
+            orbit = periodic_orbit(model, tuning, period=model.repeats)
+            self.starts["duty"] = Start(At(float(speed), orbit.period), model, orbit.state)
+        if followed:
             found = Resonance(model)
             for name, kind in (("onset", Onset), ("jump_up", Fold), ("jump_down", Fold)):
                 self.starts[name] = _start(kind(), model, getattr(found, name))
-            for name in set(_PEAKS) & set(self.quantities):
+            for name in set(_PEAKS) & followed:
                 which = _PEAKS[name]
                 place = top(model, which, found.start, found.jump_down)
                 at_fold = place is found.jump_down is not None
@@ -102,7 +120,7 @@ class Followed:
         self.nominal = values
         self.gradient = np.full((len(values), len(self.names)), np.nan)
         for i, (name, place) in enumerate(zip(self.quantities, places, strict=True)):
-            if place is not None:
+            if place is not None and self.names:
                 self.gradient[i] = self._slopes(name, place)
 
     def __call__(self, model):
@@ -160,18 +178,28 @@ class Followed:
             known["search"] = Resonance(model)
         return known["search"]
 
+    def _orbit(self, name, model, place):
+        """Return (propagator, state, mesh periods) of the orbit of a quantity."""
+        if name in _PEAKS:
+            return model.propagator(place.y[2]), place.y[:2], 1
+        condition = self.starts["duty"].condition
+        return model.propagator(condition.tuning(model, place.y)), place.y, condition.period
+
     def _value(self, name, model, place):
-        y = place.y
         if name in _SPEEDS:
-            return float(model.speed(y[2]))
-        propagator = model.propagator(y[2] if name in _PEAKS else self.starts["duty"].condition.tuning(model, y))
-        _, summary, _ = propagator.record(y[:2], 1, MAX_EVENTS)
-        row, scale = _measure(name, model)
-        return float(row @ summary[:4] * scale)
+            return float(model.speed(place.y[2]))
+        propagator, z, period = self._orbit(name, model, place)
+        _, summary, _ = propagator.record(z, period, MAX_EVENTS)
+        if name == "load_sharing":
+            more = model.more_summary((), summary, 2.0 * math.pi * period)
+            return float(more[name][1].max())
+        return float(_measured(name, model, summary)[1])
 
     def _slopes(self, name, place):
         """Return the derivatives of a quantity of the nominal design by its parameters, (k,)."""
         model, names, y = self.model, self.names, place.y
+        if name == "load_sharing" or name == "dynamic_factor" and model.mesh_names:
+            return self._differences(name)
         if name in _PEAKS and place.kind == name:
             # At the top the way along the branch does not count: any will do.
             found = Branch(model).evaluate(y)
@@ -180,29 +208,36 @@ class Followed:
             moved = -np.linalg.lstsq(found.jacobian, ahead, rcond=None)[0]
         else:
             moved = self.starts[place.kind].slopes(names)
-        twins = [model.complex_step(model.direction(one)) for one in names]
         if name in _SPEEDS:
             rate = float(model.speed(1.0))
             return rate * moved[2] + y[2] * following.speed_slopes(model, names)
+        propagator, z, period = self._orbit(name, model, place)
         if name in _PEAKS:
-            tuning, by_tuning = y[2], moved[2]
+            by_tuning = moved[2]
         else:
-            tuning = self.starts["duty"].condition.tuning(model, y)
-            by_tuning = following.tuning_slopes(model, tuning, names)
-        propagator = model.propagator(tuning)
+            by_tuning = following.tuning_slopes(model, propagator.tuning, names)
         along = _with_tuning(propagator, model, names, by_tuning)
-        slopes, _ = extrema_slopes(propagator, y[:2], along, moved[:2])
-        row, scale = _measure(name, model)
-        grown = np.array([np.imag(_measure(name, twin)[1] + 0j) / STEP for twin in twins])
-        _, summary, _ = propagator.record(y[:2], 1, MAX_EVENTS)
-        return row @ slopes * scale + row @ summary[:4] * grown
+        slopes, _ = extrema_slopes(propagator, z, along, moved[: len(z)], period)
+        _, summary, _ = propagator.record(z, period, MAX_EVENTS)
+        mesh, value = _measured(name, model, summary)
+        rows = slopes.reshape(4, -1, len(names))[:, mesh]
+        row, scale = _measure(name, model, mesh)
+        twins = [model.complex_step(model.direction(one)) for one in names]
+        grown = np.array([np.imag(_measure(name, twin, mesh)[1] + 0j) / STEP for twin in twins])
+        return row @ rows * scale + value / scale * grown
 
-
-def settled(model, tuning):
-    """Return the state of the orbit on which the motion from rest settles."""
-    from gearlib.analysis.orbits.shooting import periodic_orbit
-
-    return periodic_orbit(model, tuning).state
+    def _differences(self, name):
+        """Return the same by central differences of orbits that are followed."""
+        found = []
+        for one in self.names:
+            ends = []
+            for share in (_STEP, -_STEP):
+                model, step = following.moved(self.model, one, share)
+                place, _ = self._at(model, "duty", {})
+                ends.append((self._value(name, model, place), step))
+            (a, right), (b, left) = ends
+            found.append((a - b) / (right - left))
+        return np.array(found)
 
 
 def _start(condition, model, guess):
@@ -216,19 +251,32 @@ def _stable(model, y):
     return Branch(model).evaluate(y).turning > 0.0
 
 
-def _measure(name, model):
-    """Return what a quantity is of the extrema, (4,), and its scale in SI."""
+def _measured(name, model, summary):
+    """Return (number of the mesh that counts, value) of a quantity from a summary, SI."""
+    table, values = np.atleast_2d(summary), []
+    for mesh in range(len(table)):
+        row, scale = _measure(name, model, mesh)
+        values.append(row @ table[mesh, :4] * scale)
+    if name == "transmission_error":  # of one mesh, also where others have the same
+        mesh = model.mesh_names.index(model.reference) if model.mesh_names else 0
+    else:
+        mesh = int(np.argmin(values) if name == "contact_margin" else np.nanargmax(values))
+    return mesh, values[mesh]
+
+
+def _measure(name, model, mesh):
+    """Return what a quantity is of the extrema of a mesh, (4,), and its scale in SI."""
     row = np.zeros(4)
     if name in ("peak", "transmission_error"):
         row[columns.X_MAX] = 1.0
-    if name == "transmission_error":
-        row[columns.X_MIN] = -1.0
-    if name == "contact_margin":
-        row[columns.X_MIN] = 1.0
-    if not row.any():
-        row[columns.FORCE_MAX] = 1.0
-        return row, model.load if name == "force" else 1.0
-    return row, model.static_deflection
+    if name in ("contact_margin", "transmission_error"):
+        row[columns.X_MIN] = 1.0 if name == "contact_margin" else -1.0
+    if row.any():
+        return row, model.static_deflection
+    row[columns.FORCE_MAX] = 1.0
+    if name == "force":
+        return row, model.load
+    return row, 1.0 / model.mean_forces[mesh] if model.mesh_names else 1.0
 
 
 def _with_tuning(propagator, model, names, by_tuning):
@@ -238,3 +286,27 @@ def _with_tuning(propagator, model, names, by_tuning):
     if isinstance(own, dict):
         return [{**one, "tuning": slope} for one, slope in zip(along, by_tuning, strict=True)]
     return along + np.outer(by_tuning, own)
+
+
+def of_designs(follow, designs, values, threads=None, done=lambda count: None):
+    """Return (values (n, q), codes (n, q), refusals) of many designs.
+
+    follow: `Followed`; designs: `gearlib.tolerances.designs.Designs`; values: of what scatters,
+    shape (n, k). Where there is no design the values are NaN, the codes -1 and the text says why.
+    """
+    count = len(follow.quantities)
+    found = np.full((len(values), count), np.nan)
+    codes = np.full(found.shape, NO_DESIGN, np.int8)
+    refusals = [""] * len(values)
+
+    def some(first):
+        own = slice(first, first + _SOME)
+        models, refusals[own] = designs.built(values[own])
+        for i, model in enumerate(models, first):
+            if model is not None:
+                found[i], codes[i] = follow(model)
+        done(len(models))
+
+    with ThreadPoolExecutor(threads) as pool:
+        list(pool.map(some, range(0, len(values), _SOME)))
+    return found, codes, refusals

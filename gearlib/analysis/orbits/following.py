@@ -26,6 +26,7 @@ import numpy as np
 from gearlib.data import status
 from gearlib.kernels import orbit as columns
 from gearlib.models import derivatives
+from gearlib.models.trains import train_slopes
 from gearlib.runs.run_arguments import MAX_EVENTS
 
 #: What became of a special point; `WORDS` has them in words.
@@ -34,8 +35,9 @@ WORDS = ("found", "not in the nominal design", "vanished", "not followed")
 
 #: Corrections; how far one may lead; below what the next would be rounding.
 _MAX_NEWTON, _FARTHEST, _CLOSE = 12, 1.0, 1e-7
-#: How far from a guess a solution may lie: so much, and so much of the way from the last one.
-_OFF, _SHARE = 0.05, 0.5
+#: How far from a guess a solution may lie: so much, without derivatives for the guess so much,
+#: and so much of the way from the last one.
+_OFF, _UNGUIDED, _SHARE = 0.05, 2.0, 0.5
 #: Shortest step, as a share of the way.
 _SHORTEST = 1.0 / 256.0
 #: Share of its value at the start below which the determinant of the derivatives is next to zero.
@@ -122,23 +124,21 @@ class At:
         return float(model.tuning_at(self.speed))
 
     def evaluate(self, model, y, names=(), last=None):
-        """As of `_Condition`; unknowns are those without free rotation."""
+        """As of `_Condition`; a free rotation stays as it is."""
         tuning, (reduce, lift) = self.tuning(model, y), model.reduction()
-        propagator, z = model.propagator(tuning), lift @ y
-        if not names:
-            end, maps, code = propagator.maps(z, self.period, MAX_EVENTS)
-            matrix, moved = np.eye(len(z)), np.zeros((len(z), 0))
-            for one in maps:
-                matrix = one @ matrix
-            _checked(matrix, code)
-        else:
+        propagator, unit = model.propagator(tuning), np.eye(len(y))
+        bent = lift @ reduce
+        end, maps, code = propagator.maps(y, self.period, MAX_EVENTS)
+        _checked(maps, code)
+        matrix, moved = bent, np.zeros((len(y), 0))
+        for one in maps:
+            matrix = one @ matrix
+        if names:
             along = propagator.directions(model, ("tuning", *names))
-            matrix, moved, code = propagator.map_slopes(z, along, self.period, MAX_EVENTS)
+            _, moved, code = propagator.map_slopes(y, along, self.period, MAX_EVENTS)
             _checked(moved, code)
             moved = moved[:, 1:] + np.outer(moved[:, 0], tuning_slopes(model, tuning, names))
-            end = _end(propagator, z, self.period)
-        square = reduce @ matrix @ lift - np.eye(len(y))
-        return reduce @ (end - z), square, reduce @ moved
+        return bent @ (end - y), bent @ matrix - unit, bent @ moved
 
 
 def tuning_slopes(model, tuning, names):
@@ -154,9 +154,13 @@ def speed_slopes(model, names):
 
 
 def extrema_slopes(propagator, z, along, tangents, period=1):
-    """Return derivatives of largest and least displacement and force, (4, k), and of the end."""
-    k = len(along)
-    tables = np.empty((0, 4, k)), np.empty((0, 2, k)), np.empty((4, k)), np.empty((4, k))
+    """Return derivatives of largest and least displacement and force, (4 m, k), and the end."""
+    model, k = propagator.model, len(along)
+    m = max(len(model.mesh_names), 1)
+    samples = model.empty_record()[0].shape[1] - m * (columns.SAMPLE_COLUMNS - 4)
+    # Of trains extrema are looked for where there are samples.
+    shapes = (period, samples, k), (0, 2, k), (4 * m, k), (4 * m, k)
+    tables = tuple(map(np.empty, shapes))
     spans = period, period, MAX_EVENTS
     _, code, *_, ends = propagator.differentiate(z, along, tangents.copy(), spans, tables)
     return _checked(tables[2], code), ends
@@ -212,7 +216,8 @@ class Start:
             share = min(1.0, s + h)
             guess = _ahead(known, first, share)
             here = model if share == 1.0 else between(self.model, model, share)
-            near = _OFF + _SHARE * np.abs(guess - y).max()
+            off = _OFF if self.fields else _UNGUIDED
+            near = off + _SHARE * np.abs(guess - y).max()
             found = solve(self.condition, here, guess, near, (None, None, matrix))
             if found is None or _determinant(found[1]) * self._size <= 0.0:
                 h *= 0.5
@@ -233,7 +238,7 @@ def slopes(condition, model, y, names):
 
 def _ahead(known, first, share):
     """Return the guess at a share of the way from what is known of it."""
-    (s0, y0), (s, y) = known[0], known[-1]
+    y0, (s, y) = known[0][1], known[-1]
     if len(known) == 1:
         return y0 + share * first
     if len(known) == 2:
@@ -272,8 +277,10 @@ def _value(model, name):
     return None
 
 
-def moved_field(model, name, share):
-    """Return (model with one of its fields changed by a share of it, by how much)."""
+def moved(model, name, share):
+    """Return (model with one parameter changed by about a share of it, by how much)."""
+    if model.train is not None:
+        return _moved_train(model, model.direction(name), share)
     value = _value(model, name)
     step = share * (abs(value) or 1.0)
     if name in {field.name for field in dataclasses.fields(model)}:
@@ -281,9 +288,35 @@ def moved_field(model, name, share):
     return _with(model, "pair", _with(model.pair, name, value + step)), step
 
 
-def _with(model, name, value):
-    values = {one.name: getattr(model, one.name) for one in dataclasses.fields(model)}
-    return derivatives.unchecked(type(model), **values | {name: value})
+def _with(part, name, value):
+    values = {one.name: getattr(part, one.name) for one in dataclasses.fields(part)}
+    return derivatives.unchecked(type(part), **values | {name: value})
+
+
+def _moved_train(train, slopes, share):
+    """Return the same of a train, along a direction of `Model.direction`."""
+    parts = {kind: dict(own) for kind, own in train_slopes.elements(train).items()}
+    size = max(
+        abs(value) / abs(slope)
+        for (kind, label, field, *axis), slope in slopes.items()
+        if slope
+        for value in np.ravel(getattr(parts[kind][label], field))
+    )
+    # An error of assembly that is none: as a share of the static deflection.
+    step = share * (size or train.static_deflection)
+    for (kind, label, field, *axis), slope in slopes.items():
+        old = getattr(parts[kind][label], field)
+        new = (
+            old + step * slope
+            if not isinstance(old, tuple)
+            else tuple(
+                one + step * slope if not axis or i == axis[0] else one for i, one in enumerate(old)
+            )
+        )
+        parts[kind][label] = _with(parts[kind][label], field, new)
+    parts = {kind: tuple(own.values()) for kind, own in parts.items()}
+    train = _with(train, "bodies", parts["body"])
+    return _with(_with(train, "shafts", parts["shaft"]), "meshes", parts["mesh"]), step
 
 
 def between(a: Any, b: Any, share):

@@ -12,9 +12,9 @@ from gearlib.analysis.orbits.following import (
     Fold,
     Onset,
     extrema_slopes,
-    moved_field,
     solve,
 )
+from gearlib.analysis.orbits.following import moved as differing
 from gearlib.analysis.orbits.tracing import Lost, advance, tangent
 from gearlib.data import status
 from gearlib.kernels import orbit as columns
@@ -102,7 +102,9 @@ class Resonance:
         low = high = peak
         self.onset = self.upper = self.jump_up = self.jump_down = None
         if lost[peak]:
-            low = peak - int(np.argmin(lost[: peak + 1][::-1])) if not lost[: peak + 1].all() else -1
+            low = (
+                peak - int(np.argmin(lost[: peak + 1][::-1])) if not lost[: peak + 1].all() else -1
+            )
             high = peak + int(np.argmin(lost[peak:])) if not lost[peak:].all() else -1
         found = np.column_stack([states, _TUNINGS])
         if low != high:
@@ -117,7 +119,7 @@ class Resonance:
     def _fold(self, y, way, other):
         """Return the first fold from the end of the linear orbit on one side."""
         before = None
-        for here, along in walk(Branch(self.model), y, way):
+        for here in walk(Branch(self.model), y, way):
             if before is not None and before.turning * here.turning < 0.0:
                 share = before.turning / (before.turning - here.turning)
                 guess = before.y + share * (here.y - before.y)
@@ -143,10 +145,10 @@ def _onset(model, found, least, outer, inner):
 
 
 def walk(branch, y, way):
-    """Yield (orbit, tangent) along a branch from y on, towards larger (1) or smaller tunings."""
+    """Yield orbits along a branch from y on, towards larger (1) or smaller tunings."""
     orbit = branch.evaluate(y)
     along, h = tangent(orbit.jacobian, np.array([0.0, 0.0, way])), _FIRST
-    yield orbit, along
+    yield orbit
     for _ in range(_MOST):
         try:
             y, orbit, new, corrections = advance(branch, y, along, h)
@@ -156,7 +158,7 @@ def walk(branch, y, way):
                 return
             continue
         along = new
-        yield orbit, along
+        yield orbit
         if corrections <= 3:
             h = min(_GROWTH * h, _LARGEST * max(1.0, 0.25 * np.abs(y[:2]).max()))
 
@@ -209,7 +211,7 @@ class Top:
             along = propagator.directions(model, names)
             _, moved[:2], _ = propagator.map_slopes(y[:2], along, 1, MAX_EVENTS)
             for i, name in enumerate(names):
-                field, step = moved_field(model, name, _DIFFERENCE)
+                field, step = differing(model, name, _DIFFERENCE)
                 moved[2, i] = (self.growth(field, y)[2] - value) / step
         return np.append(miss, value), np.vstack([rows, row]), moved
 
@@ -261,4 +263,3 @@ def _climb(branch, orbit, along, which):
         y, along, rise = new_y, ahead, new_rise
         h = min(_GROWTH * h, _LARGEST)
     raise Lost("the branch has no top")
-
