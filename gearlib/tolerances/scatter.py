@@ -7,7 +7,6 @@ out by itself, and statistics are taken of all of them together.
 import functools
 import json
 import os
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import xarray as xr
@@ -20,14 +19,10 @@ from gearlib.runs.run_arguments import check_either, check_memory, check_speed, 
 from gearlib.runs.sweeping import check_tunings
 from gearlib.tolerances import bands
 from gearlib.tolerances.designs import MOST, Designs, counted
-from gearlib.tolerances.quantities import CODES, QUANTITIES, Followed
+from gearlib.tolerances.quantities import CODES, NO_DESIGN, QUANTITIES, Followed, of_designs
 
-#: Samples that a thread takes at a time.
-_SOME = 4
-#: Code of a sample that there is not.
-_NO_DESIGN = -1
 _FLAGS = {
-    "flag_values": np.arange(_NO_DESIGN, len(CODES), dtype=np.int8),
+    "flag_values": np.arange(NO_DESIGN, len(CODES), dtype=np.int8),
     "flag_meanings": " ".join(("no_design", *CODES)),
 }
 #: Where seeded starts lie unless told: displacement and dx/dtau, static deflections.
@@ -249,20 +244,7 @@ def _followed(designs, values, names, speed, threads, done):
     """Return the variables of quantities, and why there is no design."""
     fields, jacobian = designs.fields
     follow = Followed(designs.nominal, fields, names, speed=speed)
-    found = np.full((len(values), len(names)), np.nan)
-    codes = np.full(found.shape, _NO_DESIGN, np.int8)
-    refusals = [""] * len(values)
-
-    def some(first):
-        own = slice(first, first + _SOME)
-        models, refusals[own] = designs.built(values[own])
-        for i, model in enumerate(models, first):
-            if model is not None:
-                found[i], codes[i] = follow(model)
-        done(len(models))
-
-    with ThreadPoolExecutor(threads) as pool:
-        list(pool.map(some, range(0, len(values), _SOME)))
+    found, codes, refusals = of_designs(follow, designs, values, threads, done)
     gradient = np.asarray(follow.gradient) @ jacobian
     covariance = designs.tolerances.covariance
     deviations = np.sqrt(np.diag(covariance))
