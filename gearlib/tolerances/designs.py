@@ -262,7 +262,7 @@ class Designs:
             return pairs, None, [""] * len(values)
         models, refusals = self.built(values)
         there = [model for model in models if model is not None]
-        if not there or any(type(model) is not GearPair for model in there):
+        if not there or not all(map(_plain, there)):
             return None, models, refusals
         columns = {
             name: np.array([getattr(model, name) for model in there])
@@ -274,7 +274,7 @@ class Designs:
 
     def _pairs_at_once(self, values):
         """Return the same from columns of values, None where some of them may be refused."""
-        if not isinstance(self.source, OfModel) or type(self.nominal) is not GearPair:
+        if not isinstance(self.source, OfModel) or not _plain(self.nominal):
             return None
         fields = {
             name: np.full(len(values), float(getattr(self.source.model, name)))
@@ -283,7 +283,8 @@ class Designs:
         given = dict(zip(self.names, np.ascontiguousarray(values.T), strict=True))
         # Every range is an interval, and the rest is a matter of scales: extremes stand for all.
         for name, column in given.items():
-            kind = getattr(self.source.known[name], "kind", parameters.NONNEGATIVE)
+            one = self.source.known[name]
+            kind = one.kind if one else parameters.NONNEGATIVE
             if not all(kind.accepts(float(end)) for end in (column.min(), column.max())):
                 return None
         fields |= {name: column for name, column in given.items() if name not in RATIOS}
@@ -321,7 +322,7 @@ class Designs:
         if isinstance(self.source, OfModel) and not set(self.names) & set(RATIOS):
             own = tuple(name for name in self.names if name in known)
             return own, np.array([[float(a == b) for b in self.names] for a in own])
-        if not isinstance(self.nominal, GearPair):
+        if not _plain(self.nominal):
             return (), np.zeros((0, len(self.names)))
         mine = [name for name in numbers(PairParameters) if name in known]
         centres, rows = self.tolerances.centres, []
@@ -334,6 +335,11 @@ class Designs:
         jacobian = np.array(rows).T
         moved = np.abs(jacobian).max(axis=1) > 0.0
         return tuple(np.array(mine)[moved].tolist()), jacobian[moved]
+
+
+def _plain(model):
+    """Return whether a model is its own gear pair."""
+    return model.mesh is model
 
 
 def part_of(pairs, own):
