@@ -11,6 +11,7 @@ room             responsibility
 ``analysis``     periodic orbits, instability tongues, harmonics, attractors, `trust`
 ``studies``      what stands behind one figure or table: scenes, the jump, the paper's statements
 ``rig``          measured sets and fits: `read_measured`, `fit`
+``tolerances``   tolerances of a drawing: `scatter`
 ``figures``      one file per figure, functions that return a `Figure`
 ``pages``        the page of the report, the explorer with its sliders
 ``cli``          the command ``gearlib``
@@ -69,6 +70,7 @@ _PUBLIC = {
     "poincare_section": "analysis.global_dynamics.poincare",
     "read_measured": "rig.measured",
     "run_up": "runs.run_up",
+    "scatter": "tolerances.scatter",
     "schmidt": "analysis.harmonics.schmidt",
     "simulate": "runs.simulation",
     "split_power_reducer": "models.trains.reducer_train",
@@ -122,6 +124,7 @@ __all__ = [
     "poincare_section",
     "read_measured",
     "run_up",
+    "scatter",
     "schmidt",
     "simulate",
     "split_power_reducer",

@@ -7,7 +7,7 @@ DESCRIPTIONS = {
     "quantile": ("1", "share of the designs below"),
     "motion": ("1", "motion of a design on which a seeded start ends, of those met up and down"),
     "refusal": ("1", "why there is no such design, empty where there is one"),
-    "runs": ("1", "designs that ran"),
+    "run_count": ("1", "designs that ran"),
     "failed_runs": ("1", "designs whose run could not go on"),
     "contact_loss_probability": ("1", "share of the designs that lose contact"),
     "unsettled_share": ("1", "share of the designs whose motion has not settled"),

@@ -15,7 +15,7 @@ from gearlib.runs.run_arguments import MAX_EVENTS, Rows, Span
 from gearlib.runs.sweeping import sweep
 from gearlib.tolerances.designs import part_of
 
-#: How each speed is come to: carried up or down from the one before, from rest, from a seeded start.
+#: How each speed is come to: carried up or down from the one before, from rest, or seeded.
 DIRECTIONS = ("up", "down", "cold", "seeded")
 #: Quantiles of the bands.
 QUANTILES = (0.05, 0.5, 0.95)
@@ -146,7 +146,7 @@ def statistics(points, directions, over):
     per = np.where(count > 0, count, np.nan)
     both = ("direction", over)
     found = {
-        "runs": (both, count.astype(np.int32)),
+        "run_count": (both, count.astype(np.int32)),
         "failed_runs": (both, (points.status > 0).sum(axis=0).astype(np.int32)),
         "contact_loss_probability": (both, (ran & (points.lost > 0)).sum(axis=0) / per),
         "unsettled_share": (both, (ran & (points.settled == 0)).sum(axis=0) / per),

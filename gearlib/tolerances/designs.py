@@ -7,6 +7,7 @@ function that returns a model and takes what scatters as keyword arguments.
 import dataclasses
 import inspect
 import re
+from typing import Any
 
 import numpy as np
 from scipy.stats import qmc
@@ -14,11 +15,12 @@ from scipy.stats import qmc
 from gearlib import checks, parameters
 from gearlib.models.derivatives import unchecked
 from gearlib.models.described_pair import of_drawing
-from gearlib.models.geometry.gear import SpurGear
 from gearlib.models.geometry.mesh import Mesh
 from gearlib.models.model import is_model
 from gearlib.models.pair import GearPair
 from gearlib.models.pair_parameters import PairParameters
+from gearlib.models.tolerated import OF_LOAD, RATIOS, numbers
+from gearlib.models.tolerated import of_drawing as names_of_drawing
 from gearlib.models.trains import train_slopes
 from gearlib.tolerances import distributions
 
@@ -31,19 +33,9 @@ _BLOCK = 1024
 STARTS = 2
 #: Share of a standard deviation over which differences of a drawing are taken.
 _APART = 1e-3
-#: Ratios of a pair -> the field that each sets.
-RATIOS = {
-    "damping_ratio": "material_damping",
-    "backlash_damping_ratio": "backlash_damping",
-    "backlash_ratio": "backlash",
-}
+#: Damping in contact, of which there is one.
+_DAMPINGS = {"damping_ratio", "material_damping", "logarithmic_decrement"}
 _NUMBER = re.compile(r"(?<![\w.])-?\d+(\.\d+)?(e[-+]?\d+)?(?!\w)")
-
-
-def _numbers(thing):
-    """Return name -> `Parameter` of the real numbers that something declares."""
-    found = parameters.declared(thing)
-    return {name: one for name, one in found.items() if isinstance(one.kind, parameters.Number)}
 
 
 def ratio_fields(pair, name, value):
@@ -59,19 +51,30 @@ class OfModel:
     def __init__(self, model):
         self.model = model
         names = [name for name in model.derivatives if "initial_" not in name and name != "tuning"]
-        own = _numbers(type(model)) if dataclasses.is_dataclass(model) else {}
-        own = (_numbers(PairParameters) if model.mesh else {}) | own
-        if model.train is None:
+        own = numbers(type(model)) if dataclasses.is_dataclass(model) else {}
+        own = (numbers(PairParameters) if model.mesh else {}) | own
+        if model.train is not model:
             names += [name for name in own if name not in names]
+            fields = dataclasses.fields(model) if dataclasses.is_dataclass(model) else ()
+            plain = [one.name for one in fields if type(getattr(model, one.name)) is float]
+            names += [name for name in plain if name not in names]
         if not model.mesh:
             names = [name for name in names if name not in RATIOS]
         self.known = {name: own.get(name) for name in names}
         self.described = parameters.named(type(model)) | dict(model.derivatives)
 
+    def own(self, name):
+        """Return the value that the model has of a parameter, None where it is no number."""
+        if self.model.train is self.model:
+            return self.model.load if name == "load" else None
+        field, _, index = name.partition("[")
+        value: Any = getattr(self.model, field, None)
+        return value[int(index[:-1])] if index else value
+
     def __call__(self, changes):
         """Return the model with parameters changed; ratios come last, with what they rest on."""
         model = self.model
-        if model.train is not None:
+        if model.train is model:
             return _train(model, changes)
         plain: dict = {}
         for name, value in changes.items():
@@ -135,15 +138,18 @@ class DrawnPair:
         self.mesh = checks.drawn_mesh(mesh)
         self.backlash = checks.one_of("backlash", backlash, ("drawing", None))
         self.options = options
-        of_load = _numbers(Mesh) | _LOAD
-        self.known = {name: of_load[name] for name in of_load}
-        for gear in ("pinion", "wheel"):
-            own = _numbers(SpurGear)
-            self.known |= {f"{gear}.{name}": one for name, one in own.items()}
+        self.known = names_of_drawing()
         self.described = {
             name: (parameters.cf_units(one.kind.unit), _words(name, one))
             for name, one in self.known.items()
         }
+
+    def own(self, name):
+        """Return what the drawing has of a name, None where it has nothing."""
+        part, _, field = name.rpartition(".")
+        if not part and name in OF_LOAD:
+            return self.options.get(name)
+        return getattr(getattr(self.mesh, part) if part else self.mesh, field)
 
     def __call__(self, changes):
         """Return the model of the gears with parts of the drawing changed."""
@@ -151,9 +157,11 @@ class DrawnPair:
         own: dict = {"backlash": self.mesh.backlash if self.backlash == "drawing" else None}
         own["centre_distance"] = self.mesh.centre_distance
         options = dict(self.options)
+        if _DAMPINGS & {*changes}:
+            options = {name: x for name, x in options.items() if name not in _DAMPINGS}
         for name, value in changes.items():
             part, _, field = name.rpartition(".")
-            (gears[part] if part else options if name in _LOAD else own)[field] = value
+            (gears[part] if part else options if name in OF_LOAD else own)[field] = value
         both = {part: _gear(getattr(self.mesh, part), new) for part, new in gears.items()}
         return of_drawing(Mesh(**both, **own), **options)
 
@@ -170,24 +178,9 @@ def _gear(gear, changes):
     return dataclasses.replace(gear, **changes)
 
 
-#: Of the load and the damping of drawn gears.
-_LOAD = {
-    "torque": parameters.Parameter(parameters.DRIVING_TORQUE, "Torque of the pinion", "T", 0.0),
-    "damping_ratio": parameters.Parameter(
-        parameters.NONNEGATIVE, "Damping ratio in contact", "beta", 0.0
-    ),
-    "material_damping": parameters.Parameter(
-        parameters.DAMPING, "Damping of the material in contact", "k_1", 0.0
-    ),
-    "backlash_damping_ratio": parameters.Parameter(
-        parameters.NONNEGATIVE, "Damping ratio in the backlash", "beta_m", 0.0
-    ),
-}
-
-
 def _words(name, parameter):
     part = name.rpartition(".")[0]
-    words = re.match(r"[^;,=]*", parameter.words)[0].strip()
+    words = parameter.words.split(";")[0].split(",")[0].strip()
     words = words[:1].lower() + words[1:] if words else name.rpartition(".")[2].replace("_", " ")
     return f"{words} of the {part}" if part else words
 
@@ -208,6 +201,10 @@ class OfFunction:
             for name, one in self.known.items()
         }
 
+    def own(self, name):
+        """Return None: a function has no values."""
+        return None
+
     def __call__(self, changes):
         """Return the model of these arguments."""
         return self.function(**changes)
@@ -226,7 +223,7 @@ class Designs:
         else:
             words = "a model such as GearPair, a DrawnPair or a function that returns a model"
             raise checks.refusal("model", model, words)
-        self.tolerances = distributions.read(tolerances, self.source.known)
+        self.tolerances = distributions.read(tolerances, self.source.known, self.source.own)
         self.names = self.tolerances.names
         self.seed = checks.integer("seed", seed, 0)
         self.nominal = self.model(self.tolerances.centres)
@@ -265,11 +262,11 @@ class Designs:
             return pairs, None, [""] * len(values)
         models, refusals = self.built(values)
         there = [model for model in models if model is not None]
-        if not there or any(type(model) is not GearPair for model in there):
+        if not there or not all(map(_plain, there)):
             return None, models, refusals
         columns = {
             name: np.array([getattr(model, name) for model in there])
-            for name in _numbers(PairParameters)
+            for name in numbers(PairParameters)
         }
         pairs = unchecked(GearPair, teeth=there[0].teeth, **columns)
         alike = all(model.teeth == pairs.teeth for model in there)
@@ -277,16 +274,17 @@ class Designs:
 
     def _pairs_at_once(self, values):
         """Return the same from columns of values, None where some of them may be refused."""
-        if not isinstance(self.source, OfModel) or type(self.nominal) is not GearPair:
+        if not isinstance(self.source, OfModel) or not _plain(self.nominal):
             return None
         fields = {
             name: np.full(len(values), float(getattr(self.source.model, name)))
-            for name in _numbers(PairParameters)
+            for name in numbers(PairParameters)
         }
         given = dict(zip(self.names, np.ascontiguousarray(values.T), strict=True))
         # Every range is an interval, and the rest is a matter of scales: extremes stand for all.
         for name, column in given.items():
-            kind = getattr(self.source.known[name], "kind", parameters.NONNEGATIVE)
+            one = self.source.known[name]
+            kind = one.kind if one else parameters.NONNEGATIVE
             if not all(kind.accepts(float(end)) for end in (column.min(), column.max())):
                 return None
         fields |= {name: column for name, column in given.items() if name not in RATIOS}
@@ -324,25 +322,30 @@ class Designs:
         if isinstance(self.source, OfModel) and not set(self.names) & set(RATIOS):
             own = tuple(name for name in self.names if name in known)
             return own, np.array([[float(a == b) for b in self.names] for a in own])
-        if not isinstance(self.nominal, GearPair):
+        if not _plain(self.nominal):
             return (), np.zeros((0, len(self.names)))
-        numbers = [name for name in _numbers(PairParameters) if name in known]
+        mine = [name for name in numbers(PairParameters) if name in known]
         centres, rows = self.tolerances.centres, []
         for i, one in enumerate(self.tolerances.marginals.values()):
             step = np.zeros(centres.size)
             step[i] = _APART * one.std
             ahead, behind = self.model(centres + step), self.model(centres - step)
-            change = [getattr(ahead, name) - getattr(behind, name) for name in numbers]
+            change = [getattr(ahead, name) - getattr(behind, name) for name in mine]
             rows.append(np.nan_to_num(np.array(change)) / (2.0 * step[i]))
         jacobian = np.array(rows).T
         moved = np.abs(jacobian).max(axis=1) > 0.0
-        return tuple(np.array(numbers)[moved].tolist()), jacobian[moved]
+        return tuple(np.array(mine)[moved].tolist()), jacobian[moved]
+
+
+def _plain(model):
+    """Return whether a model is its own gear pair."""
+    return model.mesh is model
 
 
 def part_of(pairs, own):
     """Return some of many pairs, one `GearPair` with arrays for numbers, by a slice."""
-    numbers = {name: getattr(pairs, name)[own] for name in _numbers(PairParameters)}
-    return unchecked(GearPair, teeth=pairs.teeth, **numbers)
+    columns = {name: getattr(pairs, name)[own] for name in numbers(PairParameters)}
+    return unchecked(GearPair, teeth=pairs.teeth, **columns)
 
 
 def within_scales(pairs):

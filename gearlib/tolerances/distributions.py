@@ -10,16 +10,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy import special, stats
 
-from gearlib import checks, parameters
+from gearlib import checks
+from gearlib.models import tolerated
 
-#: The keys of the plain kinds.
-KINDS = ({"mean", "std"}, {"min", "max"}, {"nominal", "upper", "lower"})
 #: The key of the correlations among the tolerances.
 CORRELATIONS = "correlations"
-_WORDS = (
-    "one of {mean, std}, {min, max}, {nominal, upper, lower} with deviations from the nominal "
-    "value, or {distribution: a name of scipy.stats, and its parameters}"
-)
 #: Nodes of Gauss and Hermite for covariances of what is not normal.
 _NODES = 64
 
@@ -82,7 +77,7 @@ class Tolerances:
         return found
 
 
-def read(tolerances, known):
+def read(tolerances, known, own=lambda name: None):
     """Return the `Tolerances` of a mapping.
 
     Parameters
@@ -94,6 +89,8 @@ def read(tolerances, known):
         scores.
     known : mapping
         Name -> `gearlib.parameters.Parameter`, or None where nothing is declared of it.
+    own : callable, optional
+        Returns the value that the model has of a name, for what is left out; None: it has none.
 
     Raises
     ------
@@ -101,54 +98,32 @@ def read(tolerances, known):
         Naming the key, its value and the allowed range.
     """
     if not hasattr(tolerances, "items") or not set(tolerances) - {CORRELATIONS}:
-        raise checks.refusal("tolerances", tolerances, f"a mapping of parameters to {_WORDS}")
+        raise checks.refusal(
+            "tolerances", tolerances, f"a mapping of parameters to {tolerated.WORDS}"
+        )
     found = {}
     for name, given in tolerances.items():
         if name != CORRELATIONS:
             checks.one_of("tolerances", name, tuple(known))
-            found[name] = _marginal(f"tolerances.{name}", given, known[name])
+            key = f"tolerances.{name}"
+            if hasattr(given, "items") and "distribution" in given:
+                one = _named(key, dict(given))
+            else:
+                whole = tolerated.complete(key, given, own(name))
+                one, given = _plain(whole), whole
+            tolerated.check_range(key, given, known[name], (one.centre, *one.ends))
+            found[name] = one
     return Tolerances(found, _correlations(found, tolerances.get(CORRELATIONS, ())))
 
 
-def _marginal(key, given, parameter):
-    if not hasattr(given, "items"):
-        raise checks.refusal(key, given, _WORDS)
-    given = dict(given)
-    if "distribution" in given:
-        one = _named(key, given)
-    elif set(given) not in KINDS:
-        raise checks.refusal(key, given, _WORDS)
-    else:
-        numbers = {
-            name: checks.number(f"{key}.{name}", value, "finite", math.isfinite)
-            for name, value in given.items()
-        }
-        one = _plain(key, numbers)
-    ends = ("{}.min", "{}.max") if "min" in given else ("least {}", "largest {}")
-    _check_range(key, one, parameter, ends)
-    return one
-
-
-def _plain(key, given):
-    if "std" in given:
-        mean, std = given["mean"], given["std"]
-        checks.require(std > 0.0, f"{key}.std", std, "a finite number > 0")
-        return Marginal(
-            lambda u: mean + std * special.ndtri(u), mean, mean, std, (-math.inf, math.inf)
-        )
-    if "min" in given:
-        low, high = given["min"], given["max"]
-        checks.require(low < high, f"{key}.max", high, f"> min = {low!r}")
-        return _uniform(low, high, (low + high) / 2.0)
-    nominal, upper, lower = (given[name] for name in ("nominal", "upper", "lower"))
-    checks.require(lower < upper, f"{key}.upper", upper, f"> lower = {lower!r}")
-    return _uniform(nominal + lower, nominal + upper, nominal)
-
-
-def _uniform(low, high, centre):
+def _plain(whole):
+    centre, low, high = tolerated.extent(whole)
+    if "std" in whole:
+        std = whole["std"]
+        return Marginal(lambda u: centre + std * special.ndtri(u), centre, centre, std, (low, high))
     width = high - low
-    middle = low + width / 2.0
-    return Marginal(lambda u: low + width * u, centre, middle, width / math.sqrt(12.0), (low, high))
+    middle, std = low + width / 2.0, width / math.sqrt(12.0)
+    return Marginal(lambda u: low + width * u, centre, middle, std, (low, high))
 
 
 def _named(key, given):
@@ -175,16 +150,6 @@ def _named(key, given):
         words = f"parameters of {name!r} with a finite mean and a finite deviation > 0"
         raise checks.refusal(key, given, words)
     return Marginal(frozen.ppf, middle, mean, std, tuple(map(float, frozen.support())))
-
-
-def _check_range(key, one, parameter, ends):
-    """Refuse what a parameter can never be; the ends of a tail are a matter of each sample."""
-    kind = getattr(parameter, "kind", None)
-    if isinstance(kind, parameters.Number):
-        for name, end in zip(ends, one.ends, strict=True):
-            if math.isfinite(end):
-                kind.check(name.format(key), end)
-        kind.check(key, one.centre)
 
 
 def _correlations(marginals, given):

@@ -7,7 +7,7 @@ out by itself, and statistics are taken of all of them together.
 import functools
 import json
 import os
-from concurrent.futures import ThreadPoolExecutor
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -20,14 +20,10 @@ from gearlib.runs.run_arguments import check_either, check_memory, check_speed, 
 from gearlib.runs.sweeping import check_tunings
 from gearlib.tolerances import bands
 from gearlib.tolerances.designs import MOST, Designs, counted
-from gearlib.tolerances.quantities import CODES, QUANTITIES, Followed
+from gearlib.tolerances.quantities import CODES, NO_DESIGN, QUANTITIES, Followed, of_designs
 
-#: Samples that a thread takes at a time.
-_SOME = 4
-#: Code of a sample that there is not.
-_NO_DESIGN = -1
 _FLAGS = {
-    "flag_values": np.arange(_NO_DESIGN, len(CODES), dtype=np.int8),
+    "flag_values": np.arange(NO_DESIGN, len(CODES), dtype=np.int8),
     "flag_meanings": " ".join(("no_design", *CODES)),
 }
 #: Where seeded starts lie unless told: displacement and dx/dtau, static deflections.
@@ -94,7 +90,7 @@ def scatter(
         ``_deviation`` of those found, and ``_first_order``, the deviation by exact derivatives at
         the nominal design; ``<quantity>_effect`` over ``parameter``, what one standard deviation of
         it comes to in first order. Over ``direction`` and ``speed``: contact_loss_probability,
-        unsettled_share, runs, failed_runs; with ``quantile`` height_band and factor_band. Over
+        unsettled_share, run_count, failed_runs; with ``quantile`` height_band and factor_band. Over
         ``speed``: two_motions_probability, with seeded starts motion_probability.
 
     Raises
@@ -102,53 +98,39 @@ def scatter(
     ValueError
         Naming the argument, its value and the allowed range.
     """
+    asked = Question(
+        quantities, speed, speeds, tunings, directions, periods, record_periods, box, seed
+    )
     n = checks.integer("n", n, 1, MOST)
-    asked = {
-        "quantities": tuple(quantities),
-        "speed": speed,
-        "speeds": speeds,
-        "tunings": tunings,
-        "directions": tuple(directions),
-        "periods": periods,
-        "record_periods": record_periods,
-        "box": box,
-        "seed": seed,
-        "threads": threads,
-        "progress": progress,
-    }
-    return gather([shard(model, tolerances, n, 0, n, **asked)])
+    more = {"threads": threads, "progress": progress}
+    return gather([shard(model, tolerances, n, 0, n, **asked._asdict(), **more)])
 
 
-def shard(
-    model,
-    tolerances,
-    n,
-    first,
-    last,
-    *,
-    quantities=("jump_up", "jump_down"),
-    speed=None,
-    speeds=None,
-    tunings=None,
-    directions=("up", "down"),
-    periods=120,
-    record_periods=20,
-    box=BOX,
-    seed=0,
-    threads=None,
-    progress=None,
-):
+class Question(NamedTuple):
+    """What is asked of every design, as of `scatter`."""
+
+    quantities: tuple = ("jump_up", "jump_down")
+    speed: float | None = None
+    speeds: Any = None
+    tunings: Any = None
+    directions: tuple = ("up", "down")
+    periods: int = 120
+    record_periods: int = 20
+    box: tuple = BOX
+    seed: int = 0
+
+
+def shard(model, tolerances, n, first, last, *, threads=None, progress=None, **question):
     """Return what `gather` takes of the samples first ... last - 1; arguments as of `scatter`."""
+    asked = Question(**question)
     n = checks.integer("n", n, 1, MOST)
     first = checks.integer("first", first, 0, n - 1)
     last = checks.integer("last", last, first + 1, n)
-    for name in quantities:
-        checks.one_of("quantities", name, tuple(QUANTITIES))
+    quantities = _names("quantities", asked.quantities, tuple(QUANTITIES))
     threads = os.cpu_count() if threads is None else checks.integer("threads", threads, 1)
-    designs = Designs(model, tolerances, seed)
-    nominal = designs.nominal
-    asked = _asked(nominal, speeds, tunings, directions, periods, record_periods, box)
-    if asked is None and not quantities:
+    designs = Designs(model, tolerances, asked.seed)
+    runs = _runs(designs.nominal, asked)
+    if runs is None and not quantities:
         raise checks.refusal("quantities", quantities, "one at least where no speeds are given")
     points = designs.points(first, last)
     values = designs.values(points)
@@ -158,38 +140,36 @@ def shard(
         done[0] += count
         tell(count)
 
-    stages = (asked is not None) + bool(quantities)
+    stages = (runs is not None) + bool(quantities)
     data, coords = _of_parameters(designs, values), {"sample": np.arange(first, last)}
+    said = {"tolerances": json.loads(json.dumps(tolerances, default=float))}
+    said |= {"samples": n, "seed": designs.seed}
     refusals = None
     with notebook.bar("samples", stages * (last - first), lambda: done[0]):
-        if asked is not None:
-            count = asked.rates.size * len(asked.directions)
+        if runs is not None:
+            count = runs.rates.size * len(runs.directions)
             check_memory(f"{last - first:,} samples", last - first, 2 * count, "samples")
-            ran, refusals = bands.run(designs, points, values, asked, threads, newly)
-            over = "tuning" if nominal.speed is None else "speed"
+            ran, refusals = bands.run(designs, points, values, runs, threads, newly)
+            over = "tuning" if designs.nominal.speed is None else "speed"
             data |= _of_points(ran, over)
-            coords |= {"direction": list(asked.directions), over: asked.rates}
+            coords |= {"direction": list(runs.directions), over: runs.rates}
+            said |= {"periods": runs.periods, "record_periods": runs.recorded, "box": runs.box}
         if quantities:
-            found, own = _followed(designs, values, tuple(quantities), speed, threads, newly)
-            data |= found
-            refusals = refusals or own
+            follow = Followed(designs.nominal, designs.fields[0], quantities, speed=asked.speed)
+            found = of_designs(follow, designs, values, threads, newly)
+            data |= _of_quantities(designs, follow, found)
+            refusals = refusals or found[2]
+            coords["parameter"] = list(designs.names)
+            said |= {"quantities": list(quantities)}
+            said |= {} if asked.speed is None else {"speed": asked.speed}
     data["refusal"] = (("sample",), np.array(refusals, dtype=object))
-    said = {
-        "tolerances": json.loads(json.dumps(tolerances, default=float)),
-        "samples": n,
-        "seed": designs.seed,
-    }
-    if asked is not None:
-        said |= {"periods": periods, "record_periods": record_periods, "box": box}
-    if quantities:
-        said |= {"quantities": list(quantities)} | ({} if speed is None else {"speed": speed})
-        coords["parameter"] = list(designs.names)
     title = "Scatter of a gear mesh by its tolerances"
-    return result(title, nominal, data, coords, method="scatter", **said)
+    return result(title, designs.nominal, data, coords, method="scatter", **said)
 
 
-def _asked(model, speeds, tunings, directions, periods, record_periods, box):
+def _runs(model, asked):
     """Return what is run, a `bands.Asked`; None without speeds."""
+    speeds, tunings, box = asked.speeds, asked.tunings, asked.box
     if speeds is None and tunings is None:
         return None
     check_either(model, "tunings", tunings, "speeds", speeds)
@@ -199,19 +179,28 @@ def _asked(model, speeds, tunings, directions, periods, record_periods, box):
     else:
         check = functools.partial(check_speed, model)
         rates = check_tunings("speeds", speeds, check, model.tuning_at)
-    directions = tuple(checks.sequence("directions", directions))
-    for name in directions:
-        checks.one_of("directions", name, bands.DIRECTIONS)
-    if not directions or len(set(directions)) < len(directions):
-        raise checks.refusal("directions", directions, "one at least, each once")
+    directions = _names("directions", asked.directions, bands.DIRECTIONS)
+    checks.require(directions, "directions", directions, "one at least")
     if "seeded" in directions and model.size > 2:
         raise checks.refusal("directions", directions, "without 'seeded' for more coordinates")
-    periods = checks.integer("periods", periods, 1)
-    recorded = checks.integer("record_periods", record_periods, 1, periods)
+    periods = checks.integer("periods", asked.periods, 1)
+    recorded = checks.integer("record_periods", asked.record_periods, 1, periods)
     ends = [checks.numbers("box", one, 2) for one in checks.many("box", box, 2)]
     for low, high in ends:
         checks.require(-np.inf < low < high < np.inf, "box", box, "finite ends, rising")
     return bands.Asked(np.sort(rates), directions, periods, recorded, tuple(map(tuple, ends)))
+
+
+def _names(key, given, allowed):
+    """Return names as a tuple, each once."""
+    if isinstance(given, str) or not hasattr(given, "__iter__"):
+        words = f"a sequence of {', '.join(map(repr, allowed))}"
+        raise checks.refusal(key, given, words)
+    found = tuple(given)
+    for name in found:
+        checks.one_of(key, name, allowed)
+    checks.require(len(set(found)) == len(found), key, given, "names, each once")
+    return found
 
 
 def variable_of(name):
@@ -237,31 +226,17 @@ def _of_points(ran, over):
     return {name: (dims, one) for name, one in zip(names, ran, strict=True)}
 
 
-def _followed(designs, values, names, speed, threads, done):
-    """Return the variables of quantities, and why there is no design."""
+def _of_quantities(designs, follow, found):
+    """Return the variables of quantities, what is found of them as of `of_designs`."""
+    values, codes, _ = found
     fields, jacobian = designs.fields
-    follow = Followed(designs.nominal, fields, names, speed=speed)
-    found = np.full((len(values), len(names)), np.nan)
-    codes = np.full(found.shape, _NO_DESIGN, np.int8)
-    refusals = [""] * len(values)
-
-    def some(first):
-        own = slice(first, first + _SOME)
-        models, refusals[own] = designs.built(values[own])
-        for i, model in enumerate(models, first):
-            if model is not None:
-                found[i], codes[i] = follow(model)
-        done(len(models))
-
-    with ThreadPoolExecutor(threads) as pool:
-        list(pool.map(some, range(0, len(values), _SOME)))
     gradient = np.asarray(follow.gradient) @ jacobian
     covariance = designs.tolerances.covariance
     deviations = np.sqrt(np.diag(covariance))
     data = {}
-    for i, name in enumerate(names):
+    for i, name in enumerate(follow.quantities):
         units, words = QUANTITIES[name]
-        data[name] = _described(("sample",), found[:, i], units, words)
+        data[name] = _described(("sample",), values[:, i], units, words)
         status = _described(("sample",), codes[:, i], "1", f"whether there is: {words}", **_FLAGS)
         data[f"{name}_status"] = status
         scalars = {"nominal": (follow.nominal[i], f"of the nominal design: {words}")}
@@ -277,7 +252,7 @@ def _followed(designs, values, names, speed, threads, done):
             data[f"{name}_effect"] = effect
         for end, (value, said) in scalars.items():
             data[f"{name}_{end}"] = _described((), float(value), units, said)
-    return data, refusals
+    return data
 
 
 def gather(shards):
@@ -315,7 +290,7 @@ def gather(shards):
             coords["motion"] = list(bands.MOTIONS)
         if over == "tuning":
             words = "quantiles of the peak-to-peak displacement, in the length unit of the model"
-            data["height_band"] = _described(*data["height_band"], "1", words)
+            data["height_band"] = _described(*data["height_band"][:2], "1", words)
     for name in QUANTITIES:
         if name in data:
             data |= _moments(name, data)

@@ -84,7 +84,7 @@ def test_probabilities_of_motions_are_shares_of_the_designs(whole):
     lost = whole.contact_loss_probability
     # What is carried down from the resonance loses contact at least as often.
     assert (lost.sel(direction="down") >= lost.sel(direction="up") - 0.02).all()
-    assert int(whole.failed_runs.sum()) == 0 and (whole.runs == 200).all()
+    assert int(whole.failed_runs.sum()) == 0 and (whole.run_count == 200).all()
 
 
 def test_units_do_not_count():
@@ -120,7 +120,7 @@ def test_samples_that_cannot_be_built_are_counted_and_told():
     found = scatter(PAIR, given, n=128, tunings=[0.9], quantities=())
     count = int((found.refusal != "").sum())
     assert count == int((found.contact_ratio > 2.0).sum()) > 10
-    assert (found.runs == 128 - count).all() and not found.failed_runs.any()
+    assert (found.run_count == 128 - count).all() and not found.failed_runs.any()
     (text,) = refused(found)
     assert text.startswith(f"{count} of 128 samples cannot be built, such as: contact_ratio = 2.")
 
@@ -165,3 +165,29 @@ def test_other_models_go_one_by_one():
     assert np.allclose(found.height_band.sel(direction="up"), expected, rtol=1e-6)
     assert found.height_band.attrs["units"] == "1" and "tuning" in found.dims
     assert math.isfinite(float(found.factor_band.max()))
+
+
+def test_quantities_go_with_the_samples_and_their_first_order():
+    given = {"max_stiffness": {"std": "1 %"}, "contact_ratio": {"mean": 1.9, "std": 0.06}}
+    names = ("jump_up", "onset_of_contact_loss")
+    found = scatter(PAIR, given, names, n=32)
+    parts = [shard(PAIR, given, 32, *ends, quantities=names) for ends in ((5, 32), (0, 5))]
+    assert gather(parts).identical(found)
+    there = found.refusal.values == ""
+    assert 0 < there.sum() < 32
+    for name in names:
+        assert np.array_equal(found[f"{name}_status"].values == -1, ~there)
+    i = int(np.argmax(there))
+    designs = Designs(PAIR, given)
+    model = designs.model(designs.values(designs.points(i, i + 1))[0])
+    # Onset: first with contact, then without.
+    speed = float(found.onset_of_contact_loss[i])
+    up = [speed * (1.0 - 1e-4), speed * (1.0 + 1e-4)]
+    run = gearlib.sweep(model, speeds=up, periods=600, record_periods=20, direction="down")
+    assert run.bounces.values.astype(bool).sum() == 1
+    # Of a natural frequency: half the share of the stiffness.
+    nominal = scatter(PAIR, {"max_stiffness": {"std": "1 %"}, "load": {"std": "1 %"}}, names, n=64)
+    for name in names:
+        share = float(nominal[f"{name}_effect"][0] / nominal[f"{name}_nominal"])
+        ratio = float(nominal[f"{name}_first_order"] / nominal[f"{name}_deviation"])
+        assert 0.004 < share < 0.006 and abs(ratio - 1.0) < 0.05

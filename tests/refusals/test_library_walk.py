@@ -105,6 +105,10 @@ CALLED = {
     gearlib.order_track: {"run": RUN_UP, "orders": (1.0,)},
     gearlib.harmonic_balance: {"pair": DAMPED, "tuning": NU, "harmonics": 16},
     gearlib.read_measured: {"path": ""},
+    gearlib.scatter: {
+        **{"model": PAPER, "tolerances": {"load": {"std": "1 %"}}, "n": 2, "quantities": ()},
+        **{"tunings": [NU], "periods": 2, "record_periods": 1},
+    },
     gearlib.fit: {"model": DAMPED, "data": JUMP, "free": {"reduced_mass": (3.0, 3.2)}},
 }
 #: What says the same in another way.
@@ -123,6 +127,7 @@ SpurGear.tip_diameter planetary_set.ring schmidt.degenerate
 dynamic_factor.rpm lyapunov_exponents.states orbit_sensitivities.sensitivities
 fold_sensitivities.sensitivities simulate.sensitivities
 order_track.run order_map.tacho
+scatter.speed scatter.box scatter.progress
 run_up.speed run_up.load run_up.acceleration run_up.driver run_up.base_radius run_up.sensitivities
 """.split()
 

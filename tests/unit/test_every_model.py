@@ -115,7 +115,15 @@ def turns(pair):
     return gearlib.run_up(pair, 2000.0, 2500.0, duration=0.1, samples_per_period=40)
 
 
+def scattered(pair):
+    """Scatter the load of a model, or its stiffness."""
+    name = "load" if hasattr(pair, "load") else "stiffness"
+    runs = {"tunings": [NU], "periods": 2, "record_periods": 1, "quantities": ()}
+    return gearlib.scatter(pair, {name: {"upper": "1 %", "lower": "-1 %"}}, n=2, **runs)
+
+
 CALLS = {
+    "scatter": scattered,
     "simulate": lambda pair: simulate(pair, NU, periods=2),
     "sweep": lambda pair: sweep(pair, [NU], periods=2, record_periods=1, direction="up"),
     "basins": lambda pair: basins(pair, NU, ([0.0], [0.0]), periods=60),

@@ -9,7 +9,7 @@ from scipy import stats
 import gearlib
 from gearlib.parameters import declared
 from gearlib.tolerances import distributions
-from gearlib.tolerances.designs import DrawnPair, Designs, counted
+from gearlib.tolerances.designs import Designs, DrawnPair, counted
 from tests.geometry.drawings import fzg_c
 from tests.paper import PAPER
 
@@ -52,6 +52,15 @@ def test_a_marginal_is_that_of_scipy(given, law):
 def test_the_nominal_value_is_that_of_the_drawing_not_the_middle_of_its_limits():
     found, _ = drawn({"free": {"nominal": 3.0, "upper": 0.5, "lower": -1.0}})
     assert found.centres == [3.0] and found.marginals["free"].mean == 2.75
+
+
+def test_what_is_left_out_is_the_value_of_the_model_and_deviations_may_be_shares_of_it():
+    given = {"load": {"std": "5 %"}, "backlash": {"upper": "25 %", "lower": -4e-6}}
+    load, gap = Designs(PAIR, given).tolerances.marginals.values()
+    assert load.mean == PAIR.load and math.isclose(load.std, 0.05 * PAIR.load)
+    assert gap.centre == 40e-6 and np.allclose(gap.ends, (36e-6, 50e-6))
+    with pytest.raises(ValueError, match="tolerances.load = {'std': 1.0} is not allowed"):
+        distributions.read({"load": {"std": 1.0}}, KNOWN)
 
 
 def test_a_mirrored_tolerance_gives_mirrored_values():
