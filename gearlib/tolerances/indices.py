@@ -16,7 +16,7 @@ from gearlib.tolerances.designs import Designs
 from gearlib.tolerances.quantities import Followed, of_designs
 
 #: Between the two draws of which the interval is reported.
-_RESAMPLES = 500
+_RESAMPLES = 200
 _BOUNDS = ("low", "high")
 
 

@@ -46,6 +46,8 @@ _PEAKS = {"peak": columns.X_MAX, "peak_dynamic_factor": columns.FORCE_MAX}
 _DUTY = ("dynamic_factor", "force", "transmission_error", "contact_margin", "load_sharing")
 #: Share of a value over which differences are taken.
 _STEP = 1e-5
+#: Share of a standard deviation over which differences are taken.
+_APART = 1e-3
 
 
 class _Place(NamedTuple):
@@ -126,6 +128,23 @@ class Followed:
     def __call__(self, model):
         """Return the values of a design, (q,), and their codes, (q,) int8; NaN if not found."""
         return self._of(model)[:2]
+
+    def contacts(self, model):
+        """Return how often contact is gained and lost on the orbit of each quantity.
+
+        -1: there is none, or it touches the flank line by its definition.
+        """
+        found = []
+        for name, place in zip(self.quantities, self._of(model)[2], strict=True):
+            if place is None or _SPEEDS.get(name) is Onset:
+                found.append(-1)
+                continue
+            if name in _SPEEDS:
+                propagator, z, period = model.propagator(place.y[2]), place.y[:2], 1
+            else:
+                propagator, z, period = self._orbit(name, model, place)
+            found.append(len(propagator.record(z, period, MAX_EVENTS)[0]))
+        return np.array(found)
 
     def _of(self, model):
         known: dict = {}
@@ -310,3 +329,21 @@ def of_designs(follow, designs, values, threads=None, done=lambda count: None):
     with ThreadPoolExecutor(threads) as pool:
         list(pool.map(some, range(0, len(values), _SOME)))
     return found, codes, refusals
+
+
+def gradient(follow, designs):
+    """Return the derivatives of quantities by what scatters, shape (q, k).
+
+    They are exact where what scatters are parameters of the model, by the formulas of the drawing
+    where it is a drawing; else central differences of designs that are followed.
+    """
+    fields, jacobian = designs.fields
+    if fields:
+        return follow.gradient @ jacobian
+    centres, columns = designs.tolerances.centres, []
+    for i, one in enumerate(designs.tolerances.marginals.values()):
+        step = np.zeros(centres.size)
+        step[i] = _APART * one.std
+        ends = [follow(designs.model(centres + sign * step))[0] for sign in (1.0, -1.0)]
+        columns.append((ends[0] - ends[1]) / (2.0 * step[i]))
+    return np.array(columns).T
