@@ -7,6 +7,7 @@ module             responsibility
 ``drawn_gears``    two gears by their drawing, and the table of what they come to
 ``model_options``  from options and a configuration to a model
 ``speed_options``  speeds in rpm where a command counts in tunings
+``scatter_command``  how much scatters with tolerances
 ``workflow_commands``  the workflow, of an installed package too
 ``output``         what a command prints and writes, and how it ends
 ``refusals``       wrong input: a sentence, exit code 2

@@ -11,6 +11,7 @@ from gearlib.cli import (
     output,
     progress,
     refusals,
+    scatter_command,
     speed_options,
     workflow_commands,
 )
@@ -395,5 +396,5 @@ def explore(mapping, damping, port, show):
     serving.serve(mapping, damping, port, show)
 
 
-main.add_command(workflow_commands.paper)
-main.add_command(workflow_commands.workflow)
+for one in (scatter_command.scatter, workflow_commands.paper, workflow_commands.workflow):
+    main.add_command(one)

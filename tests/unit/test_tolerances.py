@@ -120,6 +120,11 @@ def test_what_is_no_tolerance_is_refused_in_a_sentence(given, words):
         distributions.read(given, KNOWN)
 
 
+def test_a_distribution_may_begin_at_what_it_never_meets():
+    given = {"load": {"distribution": "lognorm", "s": 0.1, "scale": 3300.0}}
+    assert math.isclose(distributions.read(given, KNOWN).centres[0], 3300.0)
+
+
 def test_correlations_that_cannot_be_are_refused():
     names = ("load", "backlash", "reduced_mass")
     given = {name: {"mean": 1.0, "std": 0.1} for name in names}
