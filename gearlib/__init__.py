@@ -11,7 +11,7 @@ room             responsibility
 ``analysis``     periodic orbits, instability tongues, harmonics, attractors, `trust`
 ``studies``      what stands behind one figure or table: scenes, the jump, the paper's statements
 ``rig``          measured sets and fits: `read_measured`, `fit`
-``tolerances``   tolerances of a drawing: `scatter`
+``tolerances``   tolerances of a drawing: `scatter`, `sobol_indices`, `certify_box`
 ``figures``      one file per figure, functions that return a `Figure`
 ``pages``        the page of the report, the explorer with its sliders
 ``cli``          the command ``gearlib``
@@ -47,6 +47,7 @@ _PUBLIC = {
     "basins": "analysis.global_dynamics.basins",
     "bifurcation_diagram": "analysis.global_dynamics.bifurcation",
     "certify": "analysis.proofs.orbits",
+    "certify_box": "tolerances.boxes",
     "certify_fold": "analysis.proofs.points",
     "certify_grazing": "analysis.proofs.points",
     "certify_motion": "analysis.proofs.proven_motions",
@@ -54,6 +55,7 @@ _PUBLIC = {
     "certify_tongues": "analysis.proofs.tongue_edges",
     "continue_orbit": "analysis.orbits.continuation",
     "duty_point": "analysis.duty_point",
+    "first_order_scatter": "tolerances.linear_scatter",
     "fit": "rig.fits",
     "fold_sensitivities": "analysis.orbits.orbit_sensitivities",
     "harmonic_balance": "analysis.harmonics.harmonic_balance",
@@ -61,10 +63,10 @@ _PUBLIC = {
     "locus": "analysis.orbits.loci",
     "lyapunov_exponents": "analysis.global_dynamics.exponents",
     "methods": "integrators",
+    "orbit_sensitivities": "analysis.orbits.orbit_sensitivities",
     "order_map": "analysis.order_maps",
     "order_track": "analysis.order_maps",
     "orders": "analysis.order_spectrum",
-    "orbit_sensitivities": "analysis.orbits.orbit_sensitivities",
     "periodic_orbit": "analysis.orbits.shooting",
     "planetary": "models.trains.ready_made",
     "poincare_section": "analysis.global_dynamics.poincare",
@@ -73,9 +75,11 @@ _PUBLIC = {
     "scatter": "tolerances.scatter",
     "schmidt": "analysis.harmonics.schmidt",
     "simulate": "runs.simulation",
+    "sobol_indices": "tolerances.indices",
     "split_power_reducer": "models.trains.reducer_train",
     "sweep": "runs.sweeping",
     "switch_branch": "analysis.orbits.continuation",
+    "tighten": "tolerances.tightening",
     "tongues": "analysis.tongues",
     "trust": "analysis.trust",
     "two_stage": "models.trains.ready_made",
@@ -101,6 +105,7 @@ __all__ = [
     "basins",
     "bifurcation_diagram",
     "certify",
+    "certify_box",
     "certify_fold",
     "certify_grazing",
     "certify_motion",
@@ -108,6 +113,7 @@ __all__ = [
     "certify_tongues",
     "continue_orbit",
     "duty_point",
+    "first_order_scatter",
     "fit",
     "fold_sensitivities",
     "harmonic_balance",
@@ -127,9 +133,11 @@ __all__ = [
     "scatter",
     "schmidt",
     "simulate",
+    "sobol_indices",
     "split_power_reducer",
     "sweep",
     "switch_branch",
+    "tighten",
     "tongues",
     "trust",
     "two_stage",

@@ -8,7 +8,10 @@ module               responsibility
 ``bands``            runs of many designs over speed: bands, loss of contact, branches
 ``quantities``       jumps, onset, peak and duty point, followed from design to design
 ``scatter``          `gearlib.scatter`, and its shards
-``indices``          Sobol' indices with bootstrapped intervals
+``indices``          `sobol_indices`, with bootstrapped intervals
+``linear_scatter``   `first_order_scatter`: by derivatives alone, beside samples
+``tightening``       `tighten`: which tolerance must shrink, and by how much
+``boxes``            `certify_box`: a box of parameters, proven
 ``tolerance_study``  what the workflow asks of them,
 ``tolerance_table``  and its table
 ===================  ================================================================

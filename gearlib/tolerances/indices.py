@@ -13,7 +13,7 @@ from scipy.stats import qmc
 from gearlib import checks, notebook
 from gearlib.data.result import result
 from gearlib.tolerances.designs import Designs
-from gearlib.tolerances.quantities import Followed, of_designs
+from gearlib.tolerances.quantities import QUANTITIES, Followed, names_of, of_designs
 
 #: Between the two draws of which the interval is reported.
 _RESAMPLES = 200
@@ -60,14 +60,16 @@ def sobol_indices(
     """
     n = checks.integer("n", n, 2, 2**24)
     checks.require(n & (n - 1) == 0, "n", n, "a power of 2")
-    level = checks.number("confidence", confidence, "> 0 and < 1", lambda p: 0.0 < p < 1.0)
+    level = checks.number(
+        "confidence", confidence, "a finite number > 0 and < 1", lambda p: 0.0 < p < 1.0
+    )
     designs = Designs(model, tolerances, seed)
     if designs.tolerances.correlations:
         raise ValueError(
             "tolerances.correlations is not allowed: shares of the variance are those of "
             "independent parameters"
         )
-    quantities = tuple(checks.sequence("quantities", quantities))
+    quantities = names_of("quantities", quantities, tuple(QUANTITIES))
     fields, _ = designs.fields
     follow = Followed(designs.nominal, fields, quantities, speed=speed)
     k = len(designs.names)
@@ -119,11 +121,16 @@ def _indices(table, level, seed, name):
     table = table[:, rows]
 
     def of(rows):
-        parts = table[0:1, rows], table[1:2, rows], table[2:, None, rows]
+        # Twice, since of one parameter and one quantity scipy makes no arrays.
+        parts = (
+            table[[0, 0]][:, rows],
+            table[[1, 1]][:, rows],
+            table[2:, None][:, [0, 0]][..., rows],
+        )
         found = stats.sobol_indices(
             func=dict(zip(("f_A", "f_B", "f_AB"), parts, strict=True)), n=rows.size
         )
-        return np.array([np.atleast_1d(found.first_order), np.atleast_1d(found.total_order)])
+        return np.array([found.first_order, found.total_order]).reshape(2, 2, -1)[:, 0]
 
     every = np.arange(there.size)
     interval = stats.bootstrap(

@@ -76,9 +76,11 @@ class Followed:
 
     def __init__(self, model, names, quantities, *, speed=None):
         self.model, self.names = model, tuple(names)
-        self.quantities = tuple(quantities)
-        for name in self.quantities:
-            checks.one_of("quantities", name, tuple(QUANTITIES))
+        self.quantities = names_of("quantities", quantities, tuple(QUANTITIES))
+        if model.speed is None:
+            raise ValueError(
+                f"model = {type(model).__name__} is not allowed: nothing turns in this model"
+            )
         duty = set(_DUTY) & set(self.quantities)
         if duty and speed is None:
             raise ValueError(f"speed = None is not allowed: {min(duty)} is one of the duty point")
@@ -247,6 +249,18 @@ class Followed:
         return np.array(found)
 
 
+def names_of(key, given, allowed):
+    """Return names as a tuple, each once."""
+    if isinstance(given, str) or not hasattr(given, "__iter__"):
+        words = f"a sequence of {', '.join(map(repr, allowed))}"
+        raise checks.refusal(key, given, words)
+    found = tuple(given)
+    for name in found:
+        checks.one_of(key, name, allowed)
+    checks.require(len(set(found)) == len(found), key, given, "names, each once")
+    return found
+
+
 def _start(condition, model, guess):
     if guess is None:
         return None
@@ -301,6 +315,8 @@ def of_designs(follow, designs, values, threads=None, done=lambda count: None):
     follow: `Followed`; designs: `gearlib.tolerances.designs.Designs`; values: of what scatters,
     shape (n, k). Where there is no design the values are NaN, the codes -1 and the text says why.
     """
+    if threads is not None:
+        threads = checks.integer("threads", threads, 1)
     count = len(follow.quantities)
     found = np.full((len(values), count), np.nan)
     codes = np.full(found.shape, NO_DESIGN, np.int8)

@@ -20,7 +20,14 @@ from gearlib.runs.run_arguments import check_either, check_memory, check_speed, 
 from gearlib.runs.sweeping import check_tunings
 from gearlib.tolerances import bands
 from gearlib.tolerances.designs import MOST, Designs, counted
-from gearlib.tolerances.quantities import CODES, NO_DESIGN, QUANTITIES, Followed, of_designs
+from gearlib.tolerances.quantities import (
+    CODES,
+    NO_DESIGN,
+    QUANTITIES,
+    Followed,
+    names_of,
+    of_designs,
+)
 
 _FLAGS = {
     "flag_values": np.arange(NO_DESIGN, len(CODES), dtype=np.int8),
@@ -126,7 +133,7 @@ def shard(model, tolerances, n, first, last, *, threads=None, progress=None, **q
     n = checks.integer("n", n, 1, MOST)
     first = checks.integer("first", first, 0, n - 1)
     last = checks.integer("last", last, first + 1, n)
-    quantities = _names("quantities", asked.quantities, tuple(QUANTITIES))
+    quantities = names_of("quantities", asked.quantities, tuple(QUANTITIES))
     threads = os.cpu_count() if threads is None else checks.integer("threads", threads, 1)
     designs = Designs(model, tolerances, asked.seed)
     runs = _runs(designs.nominal, asked)
@@ -179,7 +186,7 @@ def _runs(model, asked):
     else:
         check = functools.partial(check_speed, model)
         rates = check_tunings("speeds", speeds, check, model.tuning_at)
-    directions = _names("directions", asked.directions, bands.DIRECTIONS)
+    directions = names_of("directions", asked.directions, bands.DIRECTIONS)
     checks.require(directions, "directions", directions, "one at least")
     if "seeded" in directions and model.size > 2:
         raise checks.refusal("directions", directions, "without 'seeded' for more coordinates")
@@ -189,18 +196,6 @@ def _runs(model, asked):
     for low, high in ends:
         checks.require(-np.inf < low < high < np.inf, "box", box, "finite ends, rising")
     return bands.Asked(np.sort(rates), directions, periods, recorded, tuple(map(tuple, ends)))
-
-
-def _names(key, given, allowed):
-    """Return names as a tuple, each once."""
-    if isinstance(given, str) or not hasattr(given, "__iter__"):
-        words = f"a sequence of {', '.join(map(repr, allowed))}"
-        raise checks.refusal(key, given, words)
-    found = tuple(given)
-    for name in found:
-        checks.one_of(key, name, allowed)
-    checks.require(len(set(found)) == len(found), key, given, "names, each once")
-    return found
 
 
 def variable_of(name):

@@ -5,6 +5,8 @@ is the root of one equation. Whether the answer is right is asked of designs tha
 followed, before and after.
 """
 
+import math
+
 import numpy as np
 from scipy.optimize import brentq
 from scipy.stats import binomtest
@@ -12,7 +14,7 @@ from scipy.stats import binomtest
 from gearlib import checks, notebook
 from gearlib.data.result import result
 from gearlib.tolerances.designs import MOST, Designs
-from gearlib.tolerances.first_order import Linear
+from gearlib.tolerances.linear_scatter import Linear
 from gearlib.tolerances.quantities import QUANTITIES, Followed, gradient, of_designs
 
 
@@ -63,7 +65,8 @@ def tighten(
         beyond the limit.
     """
     n = checks.integer("n", n, 2, MOST)
-    risk = checks.number("risk", risk, "> 0 and < 0.5", lambda p: 0.0 < p < 0.5)
+    risk = checks.number("risk", risk, "a finite number > 0 and < 0.5", lambda p: 0.0 < p < 0.5)
+    limit = checks.number("limit", limit, "a finite number", math.isfinite)
     checks.one_of("quantity", quantity, tuple(QUANTITIES))
     sign = 1.0 if checks.one_of("keep", keep, ("above", "below")) == "above" else -1.0
     designs = Designs(model, tolerances, seed)

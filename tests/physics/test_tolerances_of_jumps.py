@@ -7,8 +7,8 @@ import pytest
 
 import gearlib
 from gearlib.tolerances.boxes import certify_box
-from gearlib.tolerances.first_order import BENDS, CUSP, HOLDS, first_order
 from gearlib.tolerances.indices import sobol_indices
+from gearlib.tolerances.linear_scatter import BENDS, CUSP, HOLDS, first_order_scatter
 from gearlib.tolerances.quantities import Followed
 from gearlib.tolerances.tightening import tighten
 from tests.paper import PAPER
@@ -62,7 +62,7 @@ def test_designs_without_a_jump_are_counted():
 def test_first_order_holds_where_tolerances_are_small():
     names = ("max_stiffness", "stiffness_ratio", "reduced_mass", "backlash", "material_damping")
     quantities = ("jump_up", "jump_down", "onset_of_contact_loss", "peak")
-    found = first_order(DAMPED, scattered(DAMPED, 0.005, names), quantities, 128, threads=1)
+    found = first_order_scatter(DAMPED, scattered(DAMPED, 0.005, names), quantities, 128, threads=1)
     assert found.first_order_verdict.values.tolist() == [HOLDS] * 4
     assert found.deviation_ratio.values == pytest.approx(1.0, abs=0.05)
     for name in quantities:
@@ -77,13 +77,13 @@ def test_first_order_holds_where_tolerances_are_small():
 
 def test_first_order_says_where_it_does_not_hold():
     model = DAMPED.replace(material_damping=8.4e3)
-    found = first_order(
+    found = first_order_scatter(
         model, scattered(model, 0.01, ("material_damping",)), ("jump_up",), 32, threads=1
     )
     assert int(found.first_order_verdict[0]) == CUSP
     assert "next to a cusp" in found.attrs["said"]
     wide = {"reduced_mass": {"min": 0.3, "max": 6.0}}
-    found = first_order(PAPER, wide, ("onset_of_contact_loss",), 32, threads=1)
+    found = first_order_scatter(PAPER, wide, ("onset_of_contact_loss",), 32, threads=1)
     assert int(found.first_order_verdict[0]) == BENDS
     assert found.deviation_ratio.values[0] < 0.9
 

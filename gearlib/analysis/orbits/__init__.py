@@ -11,6 +11,8 @@ module                   responsibility
 ``continuation``         `continue_orbit`, `switch_branch`: branches of orbits
 ``touching``             how far an orbit's turning points lie from the flank lines
 ``loci``                 `locus`: folds and grazings over two parameters
+``following``            folds, onsets and orbits followed from one model to others
+``main_resonance``       where contact is lost, both jumps, the top of a branch
 ``orbit_sensitivities``  derivatives of orbits, multipliers and folds by parameters
 =======================  ==========================================================
 """

@@ -1,4 +1,4 @@
-"""`first_order`: how quantities scatter by their derivatives alone, beside samples of them.
+"""`first_order_scatter`: how quantities scatter by their derivatives alone, beside samples of them.
 
 With the exact derivatives g at the nominal design a quantity is q + g (p - p0). Its distribution
 follows from that of the parameters without another design. What this misses is measured by designs
@@ -13,7 +13,7 @@ from gearlib import checks, notebook
 from gearlib.data.result import result
 from gearlib.data.status import flags_of
 from gearlib.tolerances.designs import MOST, Designs
-from gearlib.tolerances.quantities import QUANTITIES, Followed, gradient, of_designs
+from gearlib.tolerances.quantities import QUANTITIES, Followed, gradient, names_of, of_designs
 
 QUANTILES = (0.05, 0.5, 0.95)
 #: Points of the linear form, whose quantiles are told.
@@ -35,7 +35,7 @@ _SENTENCES = (
 _TOLD = "its deviation is {ratio:.3f} times that of the designs, of which it misses {missed:.1%}"
 
 
-def first_order(
+def first_order_scatter(
     model,
     tolerances,
     quantities=("jump_up", "jump_down"),
@@ -71,7 +71,7 @@ def first_order(
     """
     n = checks.integer("n", n, 2, MOST)
     designs = Designs(model, tolerances, seed)
-    quantities = tuple(checks.sequence("quantities", quantities))
+    quantities = names_of("quantities", quantities, tuple(QUANTITIES))
     follow = Followed(designs.nominal, designs.fields[0], quantities, speed=speed)
     slopes, k = gradient(follow, designs), len(designs.names)
     form = Linear(follow.nominal, slopes, designs)
