@@ -25,10 +25,11 @@ from gearlib.config.types import (
     numbers,
     whole,
 )
+from gearlib.data.scatter_variables import QUANTITIES
 from gearlib.models import tolerated
 
-#: Those of `gearlib.tolerances.quantities.QUANTITIES` that ask no duty point.
-_QUANTITIES = ("jump_up", "jump_down", "onset_of_contact_loss", "peak", "peak_dynamic_factor")
+#: Those that ask no duty point.
+_QUANTITIES = tuple(name for name in QUANTITIES if "duty point" not in QUANTITIES[name][1])
 _KEYS = ("mean", "std", "min", "max", "nominal", "upper", "lower")
 _SHARE = "%"
 

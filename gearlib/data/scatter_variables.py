@@ -39,3 +39,17 @@ DESCRIPTIONS = {
     "probability_interval": ("1", "95 % interval of the share of the designs beyond the limit"),
     "first_order_probability": ("1", "the same in first order"),
 }
+
+#: The same of the quantities of each design, see `gearlib.tolerances.quantities`.
+QUANTITIES = {
+    "jump_up": ("min-1", "speed of the jump of the main resonance, running up"),
+    "jump_down": ("min-1", "speed of the jump of the main resonance, running down"),
+    "onset_of_contact_loss": ("min-1", "speed at which contact is first lost, running up"),
+    "peak": ("m", "largest displacement of the main resonance"),
+    "peak_dynamic_factor": ("1", "largest dynamic factor K_v of the main resonance"),
+    "dynamic_factor": ("1", "dynamic factor K_v at the duty point"),
+    "force": ("N", "largest mesh force at the duty point"),
+    "transmission_error": ("m", "transmission error from peak to peak at the duty point"),
+    "contact_margin": ("m", "least displacement at the duty point, below 0 contact is lost"),
+    "load_sharing": ("1", "largest mean force of a mesh over that of its branches, duty point"),
+}

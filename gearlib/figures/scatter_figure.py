@@ -5,6 +5,7 @@ import math
 import numpy as np
 from matplotlib.patches import Patch
 
+from gearlib.data.scatter_variables import QUANTITIES
 from gearlib.figures import style
 
 _HEIGHT, _ROW = 5.0, 1.7
@@ -30,8 +31,8 @@ def bands(scattered, *, axes=None):
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=[3, 2])
     over = "tuning" if "tuning" in scattered.dims else "speed"
     x, band = scattered[over].values, scattered.height_band
-    scale, unit = 1.0, band.attrs["units"]
-    if unit == "m":
+    scale, unit = 1.0, "length units of the model"
+    if over == "speed":
         scale, unit = style.length_unit(float(np.nanmax(band)))
     looks = style.looks(map(str, scattered.direction.values))
     for name, look in looks.items():
@@ -62,7 +63,7 @@ def bands(scattered, *, axes=None):
 @style.styled()
 def quantities(scattered, *, indices=None):
     """Draw a histogram of each quantity, and its Sobol' indices beside; return the figure."""
-    names = [str(name).removesuffix("_status") for name in scattered if _is_status(name)]
+    names = [name for name in QUANTITIES if name in scattered]
     figure = style.page(_ROW * len(names))
     grid = figure.subplots(len(names), 1 if indices is None else 2, squeeze=False)
     for row, name in zip(grid, names, strict=True):
@@ -73,14 +74,11 @@ def quantities(scattered, *, indices=None):
     return figure
 
 
-def _is_status(name):
-    return str(name).endswith("_status") and str(name) != "run_status"
-
-
 def _histogram(axes, scattered, name):
     one = scattered[name]
     values = one.values[scattered[f"{name}_status"].values == 0]
-    scale, unit = 1.0, {"min-1": "rpm", "1": ""}.get(one.attrs["units"], one.attrs["units"])
+    units = QUANTITIES[name][0]
+    scale, unit = 1.0, {"min-1": "rpm", "1": ""}.get(units, units)
     if unit == "m" and values.size:
         scale, unit = style.length_unit(float(np.abs(values).max()))
     words = name.replace("_", " ") + (f" ({unit})" if unit else "")

@@ -42,6 +42,13 @@ OF_LOAD = {
         parameters.NONNEGATIVE, "Damping ratio in the backlash", "beta_m"
     ),
 }
+#: First mesh harmonic of the deviation of the flanks of drawn gears.
+OF_FLANKS = {
+    f"deviation_{name}": _declared(
+        parameters.ERROR, f"First mesh harmonic of the deviation of the flanks, its {name}", "f"
+    )
+    for name in ("cosine", "sine")
+}
 
 
 def numbers(thing):
@@ -58,7 +65,7 @@ def of_pair():
 
 def of_drawing():
     """Return name -> `Parameter` of two drawn gears: ``pinion.shift``, ``centre_distance``."""
-    found = numbers(Mesh) | OF_LOAD
+    found = numbers(Mesh) | OF_LOAD | OF_FLANKS
     for gear in ("pinion", "wheel"):
         found |= {f"{gear}.{name}": one for name, one in numbers(SpurGear).items()}
     return found

@@ -4,6 +4,7 @@
 module               responsibility
 ===================  ================================================================
 ``distributions``    how parameters scatter: limits, deviations, named distributions
+``quality_classes``  tolerances by the classes that a drawing names
 ``designs``          from points of the unit cube to parameters and models
 ``bands``            runs of many designs over speed: bands, loss of contact, branches
 ``quantities``       jumps, onset, peak and duty point, followed from design to design

@@ -16,10 +16,12 @@ from gearlib import checks, parameters
 from gearlib.models.derivatives import unchecked
 from gearlib.models.described_pair import of_drawing
 from gearlib.models.geometry.mesh import Mesh
+from gearlib.models.harmonics import Harmonics
 from gearlib.models.model import is_model
+from gearlib.models.one_degree import OneDegreePair
 from gearlib.models.pair import GearPair
 from gearlib.models.pair_parameters import PairParameters
-from gearlib.models.tolerated import OF_LOAD, RATIOS, numbers
+from gearlib.models.tolerated import OF_FLANKS, OF_LOAD, RATIOS, numbers
 from gearlib.models.tolerated import of_drawing as names_of_drawing
 from gearlib.models.trains import train_slopes
 from gearlib.tolerances import distributions
@@ -147,7 +149,7 @@ class DrawnPair:
     def own(self, name):
         """Return what the drawing has of a name, None where it has nothing."""
         part, _, field = name.rpartition(".")
-        if not part and name in OF_LOAD:
+        if not part and name in OF_LOAD | OF_FLANKS:
             return self.options.get(name)
         return getattr(getattr(self.mesh, part) if part else self.mesh, field)
 
@@ -159,11 +161,18 @@ class DrawnPair:
         options = dict(self.options)
         if _DAMPINGS & {*changes}:
             options = {name: x for name, x in options.items() if name not in _DAMPINGS}
+        wave = [changes.get(name, 0.0) for name in OF_FLANKS]
+        waved = bool(OF_FLANKS.keys() & changes.keys())
+        changes = {name: value for name, value in changes.items() if name not in OF_FLANKS}
         for name, value in changes.items():
             part, _, field = name.rpartition(".")
             (gears[part] if part else options if name in OF_LOAD else own)[field] = value
         both = {part: _gear(getattr(self.mesh, part), new) for part, new in gears.items()}
-        return of_drawing(Mesh(**both, **own), **options)
+        model = of_drawing(Mesh(**both, **own), **options)
+        if not waved:
+            return model
+        checks.require(_plain(model), "deviation_cosine", wave[0], "left out beside tip relief")
+        return OneDegreePair(pair=model, deviation=Harmonics((wave[0],), (wave[1],)))
 
 
 def _gear(gear, changes):

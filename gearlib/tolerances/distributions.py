@@ -149,7 +149,8 @@ def _named(key, given):
     if not all(map(math.isfinite, (middle, mean, std))) or std <= 0.0:
         words = f"parameters of {name!r} with a finite mean and a finite deviation > 0"
         raise checks.refusal(key, given, words)
-    return Marginal(frozen.ppf, middle, mean, std, tuple(map(float, frozen.support())))
+    # Ends of a support need not be met, as 0 of a lognormal one.
+    return Marginal(frozen.ppf, middle, mean, std, (-math.inf, math.inf))
 
 
 def _correlations(marginals, given):

@@ -15,23 +15,11 @@ from gearlib.analysis.orbits import following
 from gearlib.analysis.orbits.following import At, Fold, Onset, Start, extrema_slopes
 from gearlib.analysis.orbits.main_resonance import Branch, Resonance, Top, top
 from gearlib.analysis.orbits.shooting import periodic_orbit
+from gearlib.data.scatter_variables import QUANTITIES
 from gearlib.kernels import orbit as columns
 from gearlib.models.derivatives import STEP
 from gearlib.runs.run_arguments import MAX_EVENTS, check_speed
 
-#: name -> (CF units, long_name)
-QUANTITIES = {
-    "jump_up": ("min-1", "speed of the jump of the main resonance, running up"),
-    "jump_down": ("min-1", "speed of the jump of the main resonance, running down"),
-    "onset_of_contact_loss": ("min-1", "speed at which contact is first lost, running up"),
-    "peak": ("m", "largest displacement of the main resonance"),
-    "peak_dynamic_factor": ("1", "largest dynamic factor K_v of the main resonance"),
-    "dynamic_factor": ("1", "dynamic factor K_v at the duty point"),
-    "force": ("N", "largest mesh force at the duty point"),
-    "transmission_error": ("m", "transmission error from peak to peak at the duty point"),
-    "contact_margin": ("m", "least displacement at the duty point, below 0 contact is lost"),
-    "load_sharing": ("1", "largest mean force of a mesh over that of its branches, duty point"),
-}
 #: What a code says, 0 first.
 CODES = ("found", "there_is_none", "not_followed")
 FOUND, NONE, LOST = range(len(CODES))

@@ -2,21 +2,18 @@
 
 import numpy as np
 
+from gearlib.data.scatter_variables import QUANTITIES
+
 #: Ends of the names of what is told of a quantity.
 TOLD = ("nominal", "mean", "deviation", "first_order")
 _QUANTILES = (5, 50, 95)
-
-
-def names_of(scattered):
-    """Return the names of the quantities of `gearlib.scatter`."""
-    return [name.removesuffix("_status") for name in scattered if str(name).endswith("_status")]
 
 
 def rows(scattered):
     """Yield the names of the columns, and a row for each quantity of `gearlib.scatter`."""
     quantiles = [f"quantile_{share}" for share in _QUANTILES]
     yield ["quantity", "unit", *TOLD, *quantiles, "found", "samples"]
-    for name in names_of(scattered):
+    for name in filter(scattered.__contains__, QUANTITIES):
         there = scattered[f"{name}_status"].values == 0
         values = scattered[name].values[there]
         spread = np.percentile(values, _QUANTILES) if values.size else [np.nan] * 3

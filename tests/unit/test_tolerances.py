@@ -10,6 +10,7 @@ import gearlib
 from gearlib.parameters import declared
 from gearlib.tolerances import distributions
 from gearlib.tolerances.designs import Designs, DrawnPair, counted
+from gearlib.tolerances.quality_classes import by_class, distance_limits, thickness_limits
 from tests.geometry.drawings import fzg_c
 from tests.paper import PAPER
 
@@ -118,6 +119,11 @@ def correlated(rho):
 def test_what_is_no_tolerance_is_refused_in_a_sentence(given, words):
     with pytest.raises(ValueError, match=words):
         distributions.read(given, KNOWN)
+
+
+def test_a_distribution_may_begin_at_what_it_never_meets():
+    given = {"load": {"distribution": "lognorm", "s": 0.1, "scale": 3300.0}}
+    assert math.isclose(distributions.read(given, KNOWN).centres[0], 3300.0)
 
 
 def test_correlations_that_cannot_be_are_refused():
@@ -233,3 +239,73 @@ def test_refusals_are_counted_by_what_they_have_in_common():
     ((count, example),) = counted(refusals)
     assert count == sum(model is None for model in models) and 60 < count < 100
     assert example.startswith("contact_ratio = 2.") and "must be" in example
+
+
+@pytest.mark.parametrize(
+    ("diameter", "designation", "limits"),
+    [
+        # The example of the standard, and of textbooks.
+        (0.1, "27cd", (-170, -70)),
+        (0.1, "cd25", (-110, -70)),
+        (0.05, "26 cd", (-104, -54)),
+        (0.0501, "30a", (-580, -180)),
+        (0.01, "21h", (-3, 0)),
+        (2.5, "30h", (-1300, 0)),
+        (0.2, "28e", (-256, -56)),
+        (0.3, "26bc", (-290, -190)),
+    ],
+)
+def test_allowances_of_the_thickness_are_those_of_din_3967(diameter, designation, limits):
+    found = thickness_limits(diameter, designation)
+    assert np.allclose(found, np.array(limits) * 1e-6, rtol=1e-12)
+
+
+def test_tables_of_the_thickness_grow_evenly():
+    """Preferred numbers: a series wider, or a row larger, is never less."""
+    rows = [0.005, 0.03, 0.1, 0.2, 0.4, 0.8, 1.2, 2.0]
+    widths = [[np.ptp(thickness_limits(d, f"{number}h")) for number in range(21, 31)] for d in rows]
+    assert (np.diff(widths, axis=0) > 0.0).all() and (np.diff(widths, axis=1) > 0.0).all()
+    ends = [[thickness_limits(d, f"21{s}")[1] for s in ("a", "c", "f", "g", "h")] for d in rows]
+    assert (np.diff(ends, axis=1) > 0.0).all() and (np.diff(ends, axis=0) <= 0.0).all()
+
+
+def test_centre_distances_follow_the_degrees_of_iso_286():
+    assert np.allclose(distance_limits(0.0915, "js7"), (-17.5e-6, 17.5e-6))
+    # i = 0.45 D^(1/3) + 0.001 D um of the geometric mean D in mm; IT 6 to 11 are 10, 16, ... 100 i.
+    for low, high in ((50, 80), (80, 120), (180, 250), (400, 500)):
+        unit = 0.45 * math.sqrt(low * high) ** (1 / 3) + 0.001 * math.sqrt(low * high)
+        for degree, times in zip(range(6, 12), (10, 16, 25, 40, 64, 100), strict=True):
+            half = distance_limits(high * 1e-3, f"js{degree}")[1]
+            assert math.isclose(2e6 * half, times * unit, rel_tol=0.04)
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: thickness_limits(0.1, "27x"), "thickness = '27x' .* such as '27cd'"),
+        (lambda: thickness_limits(0.1, "31cd"), "thickness = '31cd' .* from 21 to 30"),
+        (lambda: thickness_limits(3.0, "27cd"), "diameter = 3.0 .* <= 2.5 m"),
+        (lambda: distance_limits(0.1, "h7"), "centre_distance = 'h7' .* 'js5'"),
+        (lambda: distance_limits(1.0, "js7"), "centre_distance = 1.0 .* from 0.01 to 0.5 m"),
+        (lambda: by_class(fzg_c(), form=True), "quality = None"),
+        (lambda: by_class(7, form=True), "mesh = 7"),
+    ],
+)
+def test_what_no_table_has_is_refused(call, words):
+    with pytest.raises(ValueError, match=words):
+        call()
+
+
+def test_a_drawing_scatters_by_its_classes():
+    mesh = fzg_c(quality=7)
+    given = by_class(mesh, thickness=("26cd", "26c"), centre_distance="js8", form=True)
+    gears = DrawnPair(mesh, torque=302.0, damping_ratio=0.06, backlash=None)
+    designs = Designs(gears, given)
+    models, refusals = designs.built(designs.values(designs.points(0, 16)))
+    assert not any(refusals)
+    gaps = np.array([model.backlash for model in models])
+    # By the sum of both allowances, 54 + 85 to 60 + 60 um more, and the distance.
+    assert 100e-6 < gaps.min() < gaps.max() < 280e-6
+    half = mesh.pinion.form_deviation / 2.0
+    waves = [abs(model.deviation.cosines[0]) for model in models]
+    assert 0.5 * half < max(waves) <= half
