@@ -274,7 +274,7 @@ def _improved(problem, start):
 
     def least(start, **how):
         for one in problem.observations:
-            if one.kind == "speeds":
+            if isinstance(one, Speeds):
                 one.forget()
         last.clear()
         return least_squares(
@@ -287,7 +287,7 @@ def _improved(problem, start):
         )
 
     spent = 0
-    if any(one.kind == "branches" for one in problem.observations):
+    if any(isinstance(one, BranchStatistics) for one in problem.observations):
         # Points beyond the folds of a model pull nowhere: first the largest residuals count less.
         size = 1.0 if problem.noise else float(np.median(np.abs(both(start)[0]))) or 1.0
         rough = least(start, loss="soft_l1", f_scale=size, ftol=1e-4, max_nfev=30)
